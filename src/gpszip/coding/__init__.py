@@ -1,0 +1,1 @@
+"""Range coder, models and the coding of walks."""

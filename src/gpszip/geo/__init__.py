@@ -1,0 +1,1 @@
+"""Planes, gaps, spikes and stops."""

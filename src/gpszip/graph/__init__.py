@@ -1,0 +1,1 @@
+"""Road graphs on arrays: canonical shortest paths and near nodes."""

@@ -1,0 +1,1 @@
+"""Readers and writers of logs and maps, one file for each format."""

@@ -1,0 +1,1 @@
+"""Compiled loops on arrays and scalars; the only place that imports numba."""

@@ -1,0 +1,1 @@
+"""Maps from segment means and from description length."""

@@ -1,0 +1,1 @@
+"""Matching of tracks on a known map."""

@@ -1,0 +1,11 @@
+"""Frozen values that every room of the house shares: arrays with names and units."""
+
+from gpszip.model.executor import Executor
+from gpszip.model.frame import Frame, Plane
+from gpszip.model.lattice import LatticeWalk, LatticeWalks
+from gpszip.model.road_map import RoadMap
+from gpszip.model.segment_mean import SegmentMean
+from gpszip.model.track import Track
+from gpszip.model.walk import Walk
+
+__all__ = ["Executor", "Frame", "LatticeWalk", "LatticeWalks", "Plane", "RoadMap", "SegmentMean", "Track", "Walk"]

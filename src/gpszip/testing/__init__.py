@@ -1,0 +1,1 @@
+"""Generators and strategies for tests, ours and yours."""
