@@ -1,0 +1,54 @@
+# `make test` and `make demo` need Python 3.11 or later, pip and make; everything else they fetch into .venv.
+
+VENV ?= .venv
+BIN := $(VENV)/bin
+WORKERS ?= 2
+
+# The first Python on the PATH that is new enough. PYTHON=... names another one.
+CANDIDATES := python3 python3.11 python3.12 python3.13 python3.14 python
+PYTHON ?= $(shell for p in $(CANDIDATES); do \
+	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
+
+.DEFAULT_GOAL := help
+.PHONY: help test lint types imports pytest format demo clean
+
+help:
+	@echo "make test     check everything: ruff, mypy, import-linter, pytest"
+	@echo "make demo     compress a generated robot patrol and draw the map that it learned, in demo/"
+	@echo "make format   lay out the code and mend what ruff can mend"
+	@echo "make clean    remove the environment, the demo and all caches"
+
+test: lint types imports pytest
+
+lint: $(VENV)/.dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(VENV)/.dev
+	$(BIN)/mypy
+
+imports: $(VENV)/.dev
+	$(BIN)/lint-imports
+
+pytest: $(VENV)/.dev
+	$(BIN)/pytest -n $(WORKERS)
+
+format: $(VENV)/.dev
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+demo: $(VENV)/.plot
+	$(BIN)/gpszip demo --out demo --force
+
+clean:
+	rm -rf $(VENV) demo build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# A stamp for each extra: made anew when the project's dependencies change.
+$(VENV)/.%: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[$*]'
+	@touch $@
+
+$(BIN)/python:
+	@test -n "$(PYTHON)" || { echo "GPSZip needs Python 3.11 or later; name one with make PYTHON=/path/to/python3.11" >&2; exit 1; }
+	$(PYTHON) -m venv $(VENV)
