@@ -1,0 +1,168 @@
+"""Hypothesis strategies for tracks, in our own tests and for those who build on GPSZip.
+
+They make what real logs hold: uneven times, stand-stills, the same way driven again, jumps, epoch seconds and UTM metres.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.errors import MissingExtraError
+from gpszip.model import Track
+
+if TYPE_CHECKING:
+    from hypothesis.strategies import DrawFn, SearchStrategy
+
+__all__ = ["degrees", "track_lists", "tracks"]
+
+
+def tracks(*, dimension: int | None = None, min_points: int = 1, max_points: int = 60, far: bool = True) -> SearchStrategy[Track]:
+    """Draw tracks on a plane.
+
+    Parameters
+    ----------
+    dimension : int, optional
+        Number of coordinates; left out, 1 to 3.
+    min_points, max_points : int
+        Bounds on the number of samples.
+    far : bool
+        Whether times may lie at epoch seconds (1e9) and positions at UTM metres (1e7) instead of near 0.
+
+    Returns
+    -------
+    SearchStrategy of Track
+
+    Raises
+    ------
+    MissingExtraError
+        If hypothesis is not installed.
+    """
+    st = _strategies()
+
+    @st.composite  # type: ignore[untyped-decorator, unused-ignore]
+    def draw_track(draw: DrawFn) -> Track:
+        count = draw(st.integers(min_points, max_points))
+        axes = dimension or draw(st.integers(1, 3))
+        times = draw(_times(st, count))
+        positions = draw(_positions(st, count, axes))
+        shift = draw(st.booleans()) if far else False
+        return Track(draw(_names(st)), times + shift * 1.7e9, positions + shift * 5e6)
+
+    strategy: SearchStrategy[Track] = draw_track()
+    return strategy
+
+
+def track_lists(*, dimension: int = 2, max_tracks: int = 4, max_points: int = 40, far: bool = True) -> SearchStrategy[list[Track]]:
+    """Draw one to ``max_tracks`` tracks of one plane with different names.
+
+    Parameters
+    ----------
+    dimension : int
+        Number of coordinates.
+    max_tracks, max_points : int
+        Bounds on the number of tracks, and of samples in each.
+    far : bool
+        As for :func:`tracks`.
+
+    Returns
+    -------
+    SearchStrategy of list of Track
+
+    Raises
+    ------
+    MissingExtraError
+        If hypothesis is not installed.
+    """
+    one = tracks(dimension=dimension, max_points=max_points, far=far)
+    several: SearchStrategy[list[Track]] = _strategies().lists(one, min_size=1, max_size=max_tracks, unique_by=lambda track: track.id)
+    return several
+
+
+def degrees(*, max_points: int = 40) -> SearchStrategy[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Draw logs in degrees, also across the antimeridian and near the poles.
+
+    Parameters
+    ----------
+    max_points : int
+        Bound on the number of samples.
+
+    Returns
+    -------
+    SearchStrategy of (float64 array of shape (n,), float64 array of shape (n, 2))
+        Seconds, and latitude in [-89, 89] and longitude in [-180, 180).
+
+    Raises
+    ------
+    MissingExtraError
+        If hypothesis is not installed.
+    """
+    st = _strategies()
+
+    @st.composite  # type: ignore[untyped-decorator, unused-ignore]
+    def draw_log(draw: DrawFn) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        count = draw(st.integers(1, max_points))
+        times = draw(_times(st, count))
+        lat = draw(st.sampled_from([0.0, 48.1, -33.9, 78.2]))
+        lon = draw(st.sampled_from([0.0, 11.6, 179.9995, -180.0, 151.2]))
+        metres = draw(_positions(st, count, 2))
+        north = np.clip(lat + metres[:, 1] / 111_320.0, -89.0, 89.0)
+        east = lon + metres[:, 0] / (111_320.0 * np.cos(np.radians(lat)))
+        return times, np.column_stack([north, (east + 180.0) % 360.0 - 180.0])
+
+    strategy: SearchStrategy[tuple[NDArray[np.float64], NDArray[np.float64]]] = draw_log()
+    return strategy
+
+
+def _strategies() -> Any:
+    try:
+        import hypothesis.strategies
+    except ImportError as error:
+        raise MissingExtraError("testing", "drawing random tracks") from error
+    return hypothesis.strategies
+
+
+def _names(st: Any) -> Any:
+    return st.sampled_from(["0", "000", "walk 3", "1234567890123456789", "Ümläut", "a/0"]) | st.text(
+        st.characters(exclude_categories=("C", "Z"), exclude_characters='/,"'), min_size=1, max_size=8
+    )
+
+
+def _times(st: Any, count: int) -> Any:
+    """Increasing milliseconds as seconds: even, uneven, or with holes of hours."""
+    steps = st.one_of(
+        st.integers(1, 60_000).map(lambda step: [step] * (count - 1)),
+        st.lists(st.integers(1, 5000) | st.integers(1, 50_000_000), min_size=count - 1, max_size=count - 1),
+    )
+    return steps.map(lambda values: np.cumsum([0, *values]) / 1000.0)
+
+
+def _positions(st: Any, count: int, axes: int) -> Any:
+    """A way in runs: each goes on at a speed, stands, drives back over what was driven, or jumps."""
+    run = st.tuples(
+        st.sampled_from(["go", "stand", "back", "jump"]),
+        st.integers(1, 12),
+        st.lists(st.integers(-3000, 3000), min_size=axes, max_size=axes),
+    )
+    return st.lists(run, min_size=1, max_size=12).map(lambda runs: _drive(runs, count, axes))
+
+
+def _drive(runs: list[tuple[str, int, list[int]]], count: int, axes: int) -> NDArray[np.float64]:
+    """Play the runs, over and over, until there are enough positions; centimetres become metres."""
+    way = [np.zeros(axes)]
+    while len(way) < count:
+        for kind, length, velocity in runs:
+            here, step = way[-1], np.array(velocity) / 100.0
+            if kind == "go":
+                way += [here + step * (i + 1) for i in range(length)]
+            elif kind == "stand":
+                way += [here] * length
+            elif kind == "back":
+                way += way[-2 : -length - 2 : -1]
+            else:
+                way.append(here + step * 1000.0)
+        if len(way) == 1:
+            way.append(way[0])
+    return np.array(way[:count])
