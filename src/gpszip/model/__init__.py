@@ -3,9 +3,25 @@
 from gpszip.model.executor import Executor
 from gpszip.model.frame import Frame, Plane
 from gpszip.model.lattice import LatticeWalk, LatticeWalks
+from gpszip.model.options import Options
+from gpszip.model.report import Listener, Progress, Report
 from gpszip.model.road_map import RoadMap
 from gpszip.model.segment_mean import SegmentMean
 from gpszip.model.track import Track
 from gpszip.model.walk import Walk
 
-__all__ = ["Executor", "Frame", "LatticeWalk", "LatticeWalks", "Plane", "RoadMap", "SegmentMean", "Track", "Walk"]
+__all__ = [
+    "Executor",
+    "Frame",
+    "LatticeWalk",
+    "LatticeWalks",
+    "Listener",
+    "Options",
+    "Plane",
+    "Progress",
+    "Report",
+    "RoadMap",
+    "SegmentMean",
+    "Track",
+    "Walk",
+]

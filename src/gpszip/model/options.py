@@ -1,0 +1,92 @@
+"""How a log is to be compressed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from gpszip.errors import OptionError
+
+__all__ = ["Options"]
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a log is to be compressed. The defaults suit a first look.
+
+    Parameters
+    ----------
+    rmse : float, optional
+        Largest root mean square of all synchronised distances in metres.
+    max_error : float, optional
+        Largest synchronised distance in metres. Give one of the two bounds; without any, one is estimated from the log.
+    gap : float, optional
+        Silences longer than this, in seconds, are gaps; ``math.inf`` for none. Estimated from the log by default.
+    k, m : int, optional
+        Parts and segments of the thesis's model (Algorithm 1), which is used where either is given. The other is searched:
+        m as in Algorithm 3, k as the smallest that holds the bound.
+    times : bool
+        Keep the time of every knot.
+    layer : str, optional
+        ``"bz2"`` packs the archive once more, as the thesis did.
+    effort : int
+        From 1, quick, to 9, small.
+
+    Raises
+    ------
+    OptionError
+        If two options contradict each other or one is out of range.
+
+    Examples
+    --------
+    >>> Options(rmse=5.0).effort
+    5
+    >>> Options(rmse=5.0, max_error=10.0)
+    Traceback (most recent call last):
+    gpszip.errors.OptionError: rmse and max_error were both given; give one
+    """
+
+    rmse: float | None = None
+    max_error: float | None = None
+    gap: float | None = None
+    k: int | None = None
+    m: int | None = None
+    times: bool = True
+    layer: str | None = None
+    effort: int = 5
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the error is bounded by the user."""
+        return self.rmse is not None or self.max_error is not None
+
+    @property
+    def thesis(self) -> bool:
+        """Whether the thesis's model of independent segments is asked for."""
+        return self.k is not None or self.m is not None
+
+    def __post_init__(self) -> None:
+        if self.rmse is not None and self.max_error is not None:
+            raise OptionError("rmse and max_error were both given; give one")
+        for name, value in (("rmse", self.rmse), ("max_error", self.max_error)):
+            if value is not None and not 0 < value < math.inf:
+                raise OptionError(f"{name} is {value:g}; it must be a positive number of metres")
+        if self.gap is not None and not self.gap > 0:
+            raise OptionError(f"gap is {self.gap:g}; it must be a positive number of seconds, or infinite for no gaps")
+        _check_thesis(self)
+        if self.layer not in {None, "bz2"}:
+            raise OptionError(f"layer is {self.layer!r}; the only layer is 'bz2'")
+        if not 1 <= self.effort <= 9:
+            raise OptionError(f"effort is {self.effort}; it goes from 1 to 9")
+
+
+def _check_thesis(options: Options) -> None:
+    k, m = options.k, options.m
+    if k is not None and k < 1:
+        raise OptionError(f"k is {k}; a track has at least 1 part")
+    if m is not None and m < 1:
+        raise OptionError(f"m is {m}; a map has at least 1 segment")
+    if k is not None and m is not None and m > k:
+        raise OptionError(f"m is {m}; there can't be more segments than parts, and k is {k}")
+    if m is not None and k is None and not options.bounded:
+        raise OptionError("m was given alone; give k, or a bound from which k is found")
