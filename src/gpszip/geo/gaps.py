@@ -1,0 +1,86 @@
+"""Gaps: intervals so long that nothing is known of the way between their ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gpszip.model import Track
+
+__all__ = ["estimate_gap", "gap_parts"]
+
+#: No shorter interval is a gap: a robot or a car can be followed through it.
+_SHORTEST = 10.0
+
+#: A track needs this many intervals for its own rhythm to count.
+_ENOUGH = 20
+
+
+def estimate_gap(tracks: Sequence[Track]) -> float:
+    """Length of interval above which a log has a gap, from the log's own sampling.
+
+    With the median and the 95th percentile of all intervals it is
+
+        ``max(10 s, 10 * median, min(5 * percentile, 60 * median))``
+
+    so that ten missed samples are a gap where the log is regular, and more of them where its rhythm varies; the cap
+    keeps a log of short bursts, whose 95th percentile is a pause itself, from having none. No gap is shorter than ten usual
+    intervals of any track, so that the slow vehicles of a mixed fleet stay whole.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        The log.
+
+    Returns
+    -------
+    float
+        Seconds, whole milliseconds; infinite if no interval of the log is longer, or there is none.
+
+    Examples
+    --------
+    >>> regular = Track("a", range(100), [[t, 0.0] for t in range(100)])
+    >>> pause = Track("b", [0, 1, 2, 3, 500], [[0.0, 0.0]] * 5)
+    >>> estimate_gap([regular]), estimate_gap([regular, pause])
+    (inf, 10.0)
+    """
+    steps = [_milliseconds(track.times) for track in tracks if len(track) > 1]
+    if not steps:
+        return float("inf")
+    pooled = np.concatenate(steps)
+    median, high = np.quantile(pooled, [0.5, 0.95])
+    usual = max((float(np.median(own)) for own in steps if len(own) >= _ENOUGH), default=0.0)
+    gap = round(max(1000 * _SHORTEST, 10 * median, 10 * usual, min(5 * high, 60 * median)))
+    return gap / 1000 if pooled.max() > gap else float("inf")
+
+
+def gap_parts(times: ArrayLike, gap: float) -> NDArray[np.bool_]:
+    """Intervals longer than a gap.
+
+    Times count in whole milliseconds, so that the answer doesn't hang on where a log's zero is.
+
+    Parameters
+    ----------
+    times : array_like, shape (n,)
+        Seconds, increasing.
+    gap : float
+        Seconds, may be infinite.
+
+    Returns
+    -------
+    bool array, shape (n - 1,)
+
+    Examples
+    --------
+    >>> gap_parts([0.0, 1.0, 31.0, 61.5], 30.0).tolist()
+    [False, False, True]
+    """
+    longer: NDArray[np.bool_] = _milliseconds(np.asarray(times, dtype=np.float64)) > np.rint(gap * 1000)
+    return longer
+
+
+def _milliseconds(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    rounded: NDArray[np.float64] = np.rint(np.diff(times) * 1000)
+    return rounded

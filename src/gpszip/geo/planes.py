@@ -1,0 +1,229 @@
+"""Metric planes for positions in degrees: transverse Mercator on WGS84, as many as the data needs.
+
+One plane carries everything within :data:`REACH` of its centre, where lengths are true to 0.2 %. Data that is wider lies on
+several planes side by side in x, see :class:`gpszip.model.Plane`.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gpszip.model import Plane
+
+if TYPE_CHECKING:
+    from pyproj import Transformer
+
+__all__ = ["REACH", "choose_plane", "plane_changes", "plane_index", "to_geographic", "to_plane"]
+
+#: Distance in metres from a plane's centre within which positions lie on it.
+REACH = 400_000.0
+
+_EARTH_RADIUS = 6_371_000.0
+_UNITS = 1e7  # a centre's units in one degree
+
+Floats = NDArray[np.float64]
+
+
+def choose_plane(lat: ArrayLike, lon: ArrayLike) -> Plane:
+    """Find planes on which all of the samples lie.
+
+    Plane 0 is centred on the median of the samples, taken as directions from the earth's centre: one stray sample doesn't
+    move it, and neither the poles nor the antimeridian are special. The first sample that is out of reach of every
+    centre opens a plane of its own, and so on.
+
+    Parameters
+    ----------
+    lat, lon : array_like, shape (n,)
+        Degrees, finite, n >= 1.
+
+    Returns
+    -------
+    Plane
+
+    Examples
+    --------
+    >>> choose_plane([52.5, 52.5, 52.5], [13.3, 13.4, 13.5])
+    Plane(centers=((525000000, 134000000),))
+    >>> choose_plane([52.5, 52.5, -33.9], [13.4, 13.4, 151.2]).centers
+    ((525000000, 134000000), (-339000000, 1512000000))
+    """
+    lat, lon = np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64)
+    directions = _directions(lat, lon)
+    centers = _median_center(directions)
+    rest = np.flatnonzero(~_within(directions, centers[0])) if centers else np.arange(len(lat))
+    if centers and len(rest) == len(lat):  # the middle of far-off clusters is nowhere near any of them
+        centers = []
+    while len(rest):
+        centers.append(_quantised(lat[rest[0]], lon[rest[0]]))
+        rest = rest[1:][~_within(directions[rest[1:]], centers[-1])]
+    return Plane(tuple(centers))
+
+
+def to_plane(lat: ArrayLike, lon: ArrayLike, plane: Plane) -> Floats:
+    """Project degrees to metres.
+
+    A sample lies on the first plane within reach, or on the nearest one.
+
+    Parameters
+    ----------
+    lat, lon : array_like, shape (n,)
+        Degrees.
+    plane : Plane
+        Of :func:`choose_plane`.
+
+    Returns
+    -------
+    float64 array, shape (n, 2)
+        Metres to the east and north of the centre; on plane i moved by ``i * Plane.SPREAD`` in x.
+
+    Examples
+    --------
+    >>> plane = choose_plane([0.0], [0.0])
+    >>> to_plane([0.0, 0.001], [0.0, 0.0], plane).round(1).tolist()
+    [[0.0, 0.0], [0.0, 110.6]]
+    """
+    lat, lon = np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64)
+    positions = np.empty((len(lat), 2))
+    if len(plane.centers) == 1:
+        positions[:, 0], positions[:, 1] = _projection(plane.centers[0]).transform(lon, lat)
+        return positions
+    index = _assign(_directions(lat, lon), plane)
+    for i in np.unique(index).tolist():
+        here = index == i
+        x, y = _projection(plane.centers[i]).transform(lon[here], lat[here])
+        positions[here, 0], positions[here, 1] = x + i * Plane.SPREAD, y
+    return positions
+
+
+def to_geographic(positions: ArrayLike, plane: Plane) -> tuple[Floats, Floats]:
+    """Latitude and longitude of positions on the planes.
+
+    Parameters
+    ----------
+    positions : array_like, shape (n, 2)
+        Metres.
+    plane : Plane
+        The planes on which they lie.
+
+    Returns
+    -------
+    lat, lon : float64 array, shape (n,)
+        Degrees; lon in [-180, 180].
+
+    Examples
+    --------
+    >>> plane = choose_plane([60.0], [25.0])
+    >>> lat, lon = to_geographic([[0.0, 0.0]], plane)
+    >>> lat.round(9).tolist(), lon.round(9).tolist()
+    ([60.0], [25.0])
+    """
+    positions = np.asarray(positions, dtype=np.float64)
+    index = plane_index(positions, plane)
+    lat, lon = np.empty(len(positions)), np.empty(len(positions))
+    for i in np.unique(index).tolist():
+        here = index == i
+        x = positions[here, 0] - i * Plane.SPREAD
+        lon[here], lat[here] = _projection(plane.centers[i]).transform(x, positions[here, 1], direction="INVERSE")
+    return lat, lon
+
+
+def plane_index(positions: ArrayLike, plane: Plane) -> NDArray[np.int64]:
+    """Which of the planes each position lies on.
+
+    Parameters
+    ----------
+    positions : array_like, shape (n, 2)
+        Metres.
+    plane : Plane
+        The planes.
+
+    Returns
+    -------
+    int64 array, shape (n,)
+        In [0, number of planes).
+
+    Examples
+    --------
+    >>> plane_index([[5.0, 0.0], [Plane.SPREAD - 7.0, 0.0]], Plane(((0, 0), (0, 900000000)))).tolist()
+    [0, 1]
+    """
+    x = np.asarray(positions, dtype=np.float64)[:, 0]
+    return np.clip(np.rint(x / Plane.SPREAD), 0, len(plane.centers) - 1).astype(np.int64)
+
+
+def plane_changes(positions: ArrayLike, plane: Plane | None) -> NDArray[np.bool_]:
+    """Steps from one plane to another: no way on the planes leads along them, so they are gaps.
+
+    Parameters
+    ----------
+    positions : array_like, shape (n, d)
+        Metres.
+    plane : Plane or None
+        The planes; None for a log in x and y.
+
+    Returns
+    -------
+    bool array, shape (n - 1,)
+
+    Examples
+    --------
+    >>> plane_changes([[5.0, 0.0], [6.0, 0.0], [Plane.SPREAD, 0.0]], Plane(((0, 0), (0, 900000000)))).tolist()
+    [False, True]
+    """
+    if plane is None or len(plane.centers) == 1:
+        return np.zeros(max(len(np.asarray(positions)) - 1, 0), dtype=np.bool_)
+    changed: NDArray[np.bool_] = np.diff(plane_index(positions, plane)) != 0
+    return changed
+
+
+@lru_cache(maxsize=256)
+def _projection(center: tuple[int, int]) -> Transformer:
+    from pyproj import Transformer
+
+    lat, lon = center[0] / _UNITS, center[1] / _UNITS
+    return Transformer.from_pipeline(
+        f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=tmerc +lat_0={lat:.7f} +lon_0={lon:.7f} +ellps=WGS84"
+    )
+
+
+def _directions(lat: Floats, lon: Floats) -> Floats:
+    north, east = np.radians(lat), np.radians(lon)
+    flat = np.cos(north)
+    return np.stack([flat * np.cos(east), flat * np.sin(east), np.sin(north)], axis=1)
+
+
+def _quantised(lat: float, lon: float) -> tuple[int, int]:
+    return round(float(lat) * _UNITS), round(float(lon) * _UNITS)
+
+
+def _median_center(directions: Floats) -> list[tuple[int, int]]:
+    x, y, z = np.median(directions, axis=0)
+    if np.hypot(np.hypot(x, y), z) < 0.5:  # all over the globe: there is no middle
+        return []
+    return [_quantised(np.degrees(np.arctan2(z, np.hypot(x, y))), np.degrees(np.arctan2(y, x)))]
+
+
+def _cosines(directions: Floats, center: tuple[int, int]) -> Floats:
+    axis = _directions(np.array([center[0] / _UNITS]), np.array([center[1] / _UNITS]))[0]
+    cosines: Floats = directions @ axis
+    return cosines
+
+
+def _within(directions: Floats, center: tuple[int, int]) -> NDArray[np.bool_]:
+    near: NDArray[np.bool_] = _cosines(directions, center) >= np.cos(REACH / _EARTH_RADIUS)
+    return near
+
+
+def _assign(directions: Floats, plane: Plane) -> NDArray[np.int64]:
+    index = np.full(len(directions), -1, dtype=np.int64)
+    for i, center in enumerate(plane.centers):
+        open_ = np.flatnonzero(index < 0)
+        index[open_[_within(directions[open_], center)]] = i
+    lost = np.flatnonzero(index < 0)
+    if len(lost):
+        index[lost] = np.argmax(np.stack([_cosines(directions[lost], center) for center in plane.centers]), axis=0)
+    return index

@@ -1,0 +1,90 @@
+"""What was read from logs: the tracks, and an account of everything that is not in them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gpszip.model.track import Track
+
+__all__ = ["LeftOut", "Reading", "Repair"]
+
+
+@dataclass(frozen=True)
+class Repair:
+    """Something that was mended while reading.
+
+    Parameters
+    ----------
+    what : str
+        What was wrong and what was done, such as ``rows without a position dropped``.
+    count : int
+        How many points (or tracks) it concerned.
+    where : str
+        Name of the log, with the first row concerned where that is known.
+    drops : bool
+        Whether the ``count`` points are in no track for it.
+    """
+
+    what: str
+    count: int
+    where: str
+    drops: bool = True
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A whole log, or a part of one, that was not read.
+
+    Parameters
+    ----------
+    name : str
+        Name of what was left out.
+    reason : str
+        Why.
+    """
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """Tracks on one common plane with an account of how they came about.
+
+    Every point that was read is either in a track or counted by a repair that drops: ``points == kept + lost``.
+
+    Parameters
+    ----------
+    tracks : tuple of Track
+        In the order in which the logs first name them.
+    points : int
+        Number of points (rows) found in the logs that were read.
+    bytes : int
+        Size of these logs as they are stored: of a gzip file, the packed size.
+    geographic : bool
+        Whether the logs came with latitude and longitude.
+    repairs : tuple of Repair
+        What was mended.
+    left_out : tuple of LeftOut
+        What was not read.
+    dropped : tuple of str
+        Columns of the logs that are not kept.
+    """
+
+    tracks: tuple[Track, ...]
+    points: int
+    bytes: int
+    geographic: bool
+    repairs: tuple[Repair, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+    dropped: tuple[str, ...] = ()
+
+    @property
+    def kept(self) -> int:
+        """Number of points in the tracks."""
+        return sum(len(track) for track in self.tracks)
+
+    @property
+    def lost(self) -> int:
+        """Number of points that repairs dropped."""
+        return sum(repair.count for repair in self.repairs if repair.drops)
