@@ -1,0 +1,29 @@
+from hypothesis import given, settings
+from oracle.paths import fewest_waypoints, maps_with_walks
+
+from gpszip.coding.waypoints import bisect, expand, shorten
+
+
+@given(maps_with_walks())
+@settings(max_examples=300, deadline=None)
+def test_compressed_walks_come_back_exactly(case):
+    graph, route = case
+    for compress in (shorten, bisect):
+        for breadth in (None, 1, 3):
+            back = expand(graph, compress(graph, route, breadth=breadth), len(route.edges), breadth=breadth)
+            assert back.nodes.tolist() == route.nodes.tolist()
+            assert back.edges.tolist() == route.edges.tolist()
+
+
+@given(maps_with_walks())
+@settings(max_examples=200, deadline=None)
+def test_greedy_waypoints_are_as_few_as_any(case):
+    graph, route = case
+    assert len(shorten(graph, route)) == fewest_waypoints(graph, route)
+
+
+@given(maps_with_walks(hops=60))
+@settings(max_examples=200, deadline=None)
+def test_bisection_never_beats_greedy(case):
+    graph, route = case
+    assert len(shorten(graph, route)) <= len(bisect(graph, route)) <= len(route.nodes)
