@@ -1,0 +1,144 @@
+"""Walks on a lattice to bytes and back: what an archive keeps of its tracks."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.errors import CorruptArchiveError
+from gpszip.kernels.range_coder import finish, reader, writer
+from gpszip.kernels.walk_coder import code_walks
+from gpszip.kernels.walk_model import new_model
+from gpszip.model import LatticeWalk, LatticeWalks
+
+__all__ = ["decode", "encode", "number_by_visit"]
+
+_TIMED, _GAPPED = 1, 2
+#: An archive holds at most this many knots for each byte, so that forged counts can't ask for memory.
+_KNOTS_PER_BYTE = 512
+_KNOTS_AT_LEAST = 4096
+
+
+def number_by_visit(walks: LatticeWalks) -> LatticeWalks:
+    """Number the nodes in the order in which the walks first visit them; drop those that none visits.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> walk = LatticeWalk(np.array([2, 0], np.int32), np.array([0, 1]), np.array([False]))
+    >>> numbered = number_by_visit(LatticeWalks(np.array([[5, 5], [6, 6], [7, 7]]), (walk,)))
+    >>> numbered.nodes.tolist(), numbered.walks[0].nodes.tolist()
+    ([[7, 7], [5, 5]], [0, 1])
+    """
+    visited = np.concatenate([walk.nodes for walk in walks.walks]) if walks.walks else np.zeros(0, np.int32)
+    used, first = np.unique(visited, return_index=True)
+    order = used[np.argsort(first)]
+    number = np.full(len(walks.nodes), -1, np.int32)
+    number[order] = np.arange(len(order), dtype=np.int32)
+    renumbered = tuple(LatticeWalk(number[walk.nodes], walk.cells, walk.gaps) for walk in walks.walks)
+    return LatticeWalks(walks.nodes[order], renumbered, walks.timed)
+
+
+def encode(walks: LatticeWalks) -> bytes:
+    """Code walks with an adaptive model into bytes.
+
+    Parameters
+    ----------
+    walks : LatticeWalks
+        Each walk has at least one knot; nodes are numbered in the order of their first visit.
+
+    Returns
+    -------
+    bytes
+        A varint of the number of knots times 4 plus flags (1: times, 2: gaps), then the range coder's bytes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> walk = LatticeWalk(np.array([0, 1, 0], np.int32), np.array([0, 9, 18]), np.zeros(2, bool))
+    >>> data = encode(LatticeWalks(np.array([[0, 0], [30, 4]]), (walk,)))
+    >>> decode(data, dimension=2, tracks=1).walks[0].cells.tolist()
+    [0, 9, 18]
+    """
+    nodes, cells, gaps, begins = _flat(walks)
+    dimension = walks.nodes.shape[1]
+    capacity = 64 + 16 * len(nodes) + 16 * walks.nodes.size
+    while True:
+        model = new_model(len(nodes), dimension)
+        model.places[: len(walks.nodes)] = walks.nodes
+        coder = writer(capacity)
+        code_walks(coder, model, nodes, cells, gaps, begins, len(walks.walks), walks.timed, bool(gaps.any()))
+        payload = finish(coder)
+        if payload is not None:
+            break
+        capacity *= 4
+    least = -(-(len(nodes) - _KNOTS_AT_LEAST) // _KNOTS_PER_BYTE)
+    flags = _TIMED * walks.timed + _GAPPED * bool(gaps.any())
+    return _varint(4 * len(nodes) + flags) + payload + bytes(max(least - len(payload), 0))
+
+
+def decode(data: bytes, dimension: int, tracks: int) -> LatticeWalks:
+    """Read what :func:`encode` wrote.
+
+    Parameters
+    ----------
+    data : bytes
+        Untrusted bytes; memory stays below about 130 kB for each of them, plus 1 MB.
+    dimension, tracks : int
+        Number of coordinates and of tracks.
+
+    Raises
+    ------
+    CorruptArchiveError
+        If the bytes are no walks of so many tracks.
+    """
+    count, start = _read_varint(data)
+    knots = count >> 2
+    payload = data[start:]
+    if knots > _KNOTS_AT_LEAST + _KNOTS_PER_BYTE * len(payload) or knots < tracks or (tracks == 0) != (knots == 0):
+        raise CorruptArchiveError(f"{knots} knots of {tracks} tracks can't lie in {len(payload)} bytes of walks")
+    timed, gapped = bool(count & _TIMED), bool(count & _GAPPED)
+    model = new_model(knots, dimension)
+    nodes, cells = np.zeros(knots, np.int64), np.zeros(knots, np.int64)
+    gaps, begins = np.zeros(knots, np.int8), np.zeros(knots, np.int8)
+    found = int(code_walks(reader(payload), model, nodes, cells, gaps, begins, tracks, timed, gapped))
+    if found < 0:
+        raise CorruptArchiveError("the walks end before all tracks are read")
+    if timed and (np.diff(cells)[begins[1:] == 0] <= 0).any():
+        raise CorruptArchiveError("times of the walks go back")
+    bounds = np.append(np.flatnonzero(begins), knots)
+    walks = tuple(
+        LatticeWalk(nodes[a:b].astype(np.int32), cells[a:b].copy(), gaps[a + 1 : b] == 1)
+        for a, b in zip(bounds[:-1], bounds[1:], strict=True)
+    )
+    return LatticeWalks(model.places[:found].copy(), walks, timed)
+
+
+def _flat(walks: LatticeWalks) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int8], NDArray[np.int8]]:
+    """All knots of all walks in a row: nodes, cells, whether a gap leads there, whether a track begins there."""
+    if not walks.walks:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.int8), np.zeros(0, np.int8)
+    nodes = np.concatenate([walk.nodes for walk in walks.walks]).astype(np.int64)
+    cells = np.concatenate([walk.cells for walk in walks.walks]).astype(np.int64)
+    gaps = np.concatenate([np.append(False, walk.gaps) for walk in walks.walks]).astype(np.int8)
+    begins = np.zeros(len(nodes), np.int8)
+    begins[np.cumsum([0] + [len(walk.nodes) for walk in walks.walks[:-1]])] = 1
+    return nodes, cells, gaps, begins
+
+
+def _varint(value: int) -> bytes:
+    out = bytearray()
+    while value >= 128:
+        out.append(value & 127 | 128)
+        value >>= 7
+    out.append(value)
+    return bytes(out)
+
+
+def _read_varint(data: bytes) -> tuple[int, int]:
+    value = 0
+    for i, byte in enumerate(data[:9]):
+        value |= (byte & 127) << (7 * i)
+        if byte < 128:
+            return value, i + 1
+    raise CorruptArchiveError("the walks have no count")

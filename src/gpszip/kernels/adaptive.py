@@ -1,0 +1,245 @@
+"""Adaptive models over the range coder: bits, integers of any size, weighted choices and mixtures of distributions.
+
+All arithmetic is on integers, so that every machine codes and decodes the same bytes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.kernels.jit import jit
+from gpszip.kernels.range_coder import Coder, code_bits, code_interval, target
+
+__all__ = [
+    "HISTOGRAM",
+    "ONE_SIDED",
+    "PARTS",
+    "SIZES",
+    "TWO_SIDED",
+    "WEIGHT",
+    "code_bit",
+    "code_choice",
+    "code_mixture",
+    "code_size",
+    "code_whole",
+]
+
+#: Fixed-point denominators: centres and scales of a distribution, weights of a mixture, probabilities.
+PARTS = 16
+WEIGHT = 1 << 16
+_UNIT = 24
+_WHOLE = 1 << _UNIT
+
+#: Kinds of distributions in a mixture.
+TWO_SIDED, ONE_SIDED, HISTOGRAM = 0, 1, 2
+
+#: Bit contexts that one integer of any size takes.
+SIZES = 48 + 8 * 48
+
+_REACH = 16
+_STEPS = 64
+_Z = np.arange(-_REACH * _STEPS, _REACH * _STEPS + 1) / _STEPS
+_LOGISTIC = np.round(_WHOLE / (1.0 + np.exp(-_Z))).astype(np.int64)
+_LOGISTIC[0], _LOGISTIC[-1] = 0, _WHOLE
+_EXPONENTIAL = np.round(_WHOLE * -np.expm1(-np.arange(_REACH * _STEPS + 1) / _STEPS)).astype(np.int64)
+_EXPONENTIAL[-1] = _WHOLE
+
+
+@jit
+def code_bit(coder: Coder, counts: NDArray[np.int32], context: int, bit: int) -> int:
+    """Code a bit with the counts of its context, shape (contexts, 2), and learn it."""
+    zeros, ones = np.int64(counts[context, 0]), np.int64(counts[context, 1])
+    total = zeros + ones
+    if coder.cursor[1] == 1:
+        bit = 1 if target(coder, total) >= zeros else 0
+    if bit:
+        code_interval(coder, zeros, ones, total)
+    else:
+        code_interval(coder, 0, zeros, total)
+    counts[context, bit] += 20
+    if total > 4000:
+        counts[context, 0] = max(counts[context, 0] // 2, 1)
+        counts[context, 1] = max(counts[context, 1] // 2, 1)
+    return bit
+
+
+@jit
+def code_size(coder: Coder, counts: NDArray[np.int32], context: int, value: int) -> int:
+    """Code an integer >= 0 by Exp-Golomb bins; it takes ``SIZES`` contexts from ``context`` on."""
+    writing = coder.cursor[1] == 0
+    exponent = 0
+    while exponent < 47:
+        more = 1 if writing and (value + 1) >> (exponent + 1) > 0 else 0
+        if code_bit(coder, counts, context + exponent, more) == 0:
+            break
+        exponent += 1
+    rest = value + 1 - (np.int64(1) << exponent) if writing else np.int64(0)
+    node = 1
+    coded = np.int64(0)
+    for shift in range(exponent - 1, -1, -1):
+        bit = (rest >> shift) & 1 if writing else np.int64(0)
+        if node < 8:
+            bit = code_bit(coder, counts, context + 48 + 8 * exponent + node, bit)
+            node = 2 * node + bit
+        else:
+            bit = code_bits(coder, bit, 1)
+        coded = 2 * coded + bit
+    return (np.int64(1) << exponent) + coded - 1
+
+
+@jit
+def code_whole(coder: Coder, counts: NDArray[np.int32], context: int, value: int) -> int:
+    """Code an integer of either sign; it takes ``SIZES`` contexts from ``context`` on."""
+    folded = 2 * value if value >= 0 else -2 * value - 1
+    folded = code_size(coder, counts, context, folded)
+    return folded // 2 if folded % 2 == 0 else -(folded + 1) // 2
+
+
+@jit
+def code_choice(coder: Coder, weights: NDArray[np.int64], count: int, choice: int) -> int:
+    """Code which of ``count`` weighted things it is; weights are at least 1, their sum at most 2**41."""
+    total = np.int64(0)
+    for i in range(count):
+        total += weights[i]
+    if coder.cursor[1] == 1:
+        at = target(coder, total)
+        choice = 0
+        while choice < count - 1 and at >= weights[choice]:
+            at -= weights[choice]
+            choice += 1
+    start = np.int64(0)
+    for i in range(choice):
+        start += weights[i]
+    code_interval(coder, start, weights[choice], total)
+    return choice
+
+
+@jit
+def _below(value: int, kind: int, center: int, scale: int, low: int) -> int:
+    """Probability, in units of 2**-24, that a distribution puts below ``value`` - 1/2."""
+    if kind == 1:
+        z = ((value - low) * PARTS << 16) // scale
+        if z >= (_REACH << 16):
+            return np.int64(_WHOLE)
+        at = z >> 10
+        return _EXPONENTIAL[at] + ((_EXPONENTIAL[at + 1] - _EXPONENTIAL[at]) * (z & 1023) >> 10)
+    z = ((value * PARTS - PARTS // 2 - center) << 16) // scale + (_REACH << 16)
+    if z < 0:
+        return np.int64(0)
+    if z >= (2 * _REACH << 16):
+        return np.int64(_WHOLE)
+    at = z >> 10
+    return _LOGISTIC[at] + ((_LOGISTIC[at + 1] - _LOGISTIC[at]) * (z & 1023) >> 10)
+
+
+@jit
+def _share(
+    value: int,
+    i: int,
+    kinds: NDArray[np.int64],
+    centers: NDArray[np.int64],
+    scales: NDArray[np.int64],
+    low: int,
+    bases: NDArray[np.int64],
+    cumulative: NDArray[np.int64],
+) -> int:
+    if kinds[i] == HISTOGRAM:
+        return cumulative[min(value - low, len(cumulative) - 1)]
+    below = _below(value, kinds[i], centers[i], scales[i], low)
+    base = bases[i]
+    if base == 0:
+        return below
+    return ((below - base) << _UNIT) // (_WHOLE - base)
+
+
+@jit
+def _prepare(
+    kinds: NDArray[np.int64],
+    centers: NDArray[np.int64],
+    scales: NDArray[np.int64],
+    count: int,
+    low: int,
+    histogram: NDArray[np.int64],
+    bases: NDArray[np.int64],
+    cumulative: NDArray[np.int64],
+) -> None:
+    for i in range(count):
+        bases[i] = 0
+        if kinds[i] == TWO_SIDED:
+            bases[i] = min(_below(low, kinds[i], centers[i], scales[i], low), _WHOLE - 64)
+        elif kinds[i] == HISTOGRAM:
+            total = np.int64(0)
+            for j in range(len(histogram)):
+                total += histogram[j]
+            running = np.int64(0)
+            for j in range(len(histogram)):
+                cumulative[j] = (running << _UNIT) // total
+                running += histogram[j]
+            cumulative[len(histogram)] = _WHOLE
+
+
+@jit
+def code_mixture(
+    coder: Coder,
+    value: int,
+    low: int,
+    high: int,
+    kinds: NDArray[np.int64],
+    centers: NDArray[np.int64],
+    scales: NDArray[np.int64],
+    count: int,
+    weights: NDArray[np.int64],
+    histogram: NDArray[np.int64],
+    step: int,
+) -> int:
+    """Code an integer in [low, high) with a mixture of ``count`` distributions, and learn.
+
+    Parameters
+    ----------
+    kinds, centers, scales : int64 arrays
+        Shape, centre and scale of each distribution, the last two in sixteenths. A two-sided one is logistic, a one-sided
+        one falls exponentially from ``low``, a histogram counts the values that came.
+    weights : int64 array
+        Weights of the distributions, changed in place; their sum is at most ``WEIGHT``.
+    histogram : int64 array
+        Counts of ``low``, ``low`` + 1, ..., changed in place; used where a kind asks for it.
+    step : int
+        How far the weights move towards their posterior, of 65,536.
+    """
+    bases = np.empty(count, np.int64)
+    cumulative = np.empty(len(histogram) + 1, np.int64)
+    _prepare(kinds, centers, scales, count, low, histogram, bases, cumulative)
+    sum_weights = np.int64(0)
+    for i in range(count):
+        sum_weights += weights[i]
+    total = (sum_weights << _UNIT) + (high - low)
+    if coder.cursor[1] == 1:
+        at = target(coder, total)
+        first, last = low, high
+        while last - first > 1:
+            middle = (first + last) >> 1
+            start = middle - low
+            for i in range(count):
+                start += weights[i] * _share(middle, i, kinds, centers, scales, low, bases, cumulative)
+            if start <= at:
+                first = middle
+            else:
+                last = middle
+        value = first
+    start = np.int64(value - low)
+    width = np.int64(1)
+    chances = np.empty(count, np.int64)
+    for i in range(count):
+        a = _share(value, i, kinds, centers, scales, low, bases, cumulative)
+        b = np.int64(_WHOLE) if value + 1 == high else _share(value + 1, i, kinds, centers, scales, low, bases, cumulative)
+        chances[i] = weights[i] * (b - a)
+        start += weights[i] * a
+        width += chances[i]
+    code_interval(coder, start, width, total)
+    for i in range(count):
+        posterior = np.int64((chances[i] >> 8) * sum_weights // max(width >> 8, np.int64(1)))
+        weights[i] = max(weights[i] + (((posterior - weights[i]) * step) >> 16), np.int64(16))
+    if value - low < len(histogram):
+        histogram[value - low] += 32
+    return value
