@@ -1,9 +1,9 @@
 import numpy as np
 from hypothesis import given, settings
-from oracle.paths import all_simple_paths, canonical_paths, random_maps
 
 from gpszip.graph.road_graph import UNITS
 from gpszip.graph.trees import distances_from, shortest_tree
+from oracle.paths import all_simple_paths, canonical_paths, random_maps
 
 
 @given(random_maps())

@@ -1,7 +1,7 @@
 from hypothesis import given, settings
-from oracle.paths import fewest_waypoints, maps_with_walks
 
 from gpszip.coding.waypoints import bisect, expand, shorten
+from oracle.paths import fewest_waypoints, maps_with_walks
 
 
 @given(maps_with_walks())

@@ -13,7 +13,6 @@ from gpszip.errors import CorruptArchiveError
 from gpszip.graph.road_graph import RoadGraph
 from gpszip.graph.route import JUMP, STAY, Route, arcs_along, arcs_between
 from gpszip.graph.trees import arcs_of, search_on
-from gpszip.kernels.shortest_paths import NO_PATH, TOO_LONG, bisected_knots, greedy_knots, join_waypoints
 
 __all__ = ["Hop", "Waypoints", "bisect", "expand", "shorten"]
 
@@ -81,6 +80,8 @@ def shorten(graph: RoadGraph, route: Route, *, breadth: int | None = None) -> Wa
     >>> shorten(graph, route_along(graph, [0, 1, 2, 3, 3, 2, 1])).nodes.tolist()
     [0, 3, 3, 1]
     """
+    from gpszip.kernels.shortest_paths import greedy_knots
+
     return _compress(graph, route, greedy_knots, breadth)
 
 
@@ -101,6 +102,8 @@ def bisect(graph: RoadGraph, route: Route, *, breadth: int | None = None) -> Way
     >>> bisect(graph, route_along(graph, [0, 1, 2, 3, 2])).nodes.tolist()
     [0, 2, 3, 2]
     """
+    from gpszip.kernels.shortest_paths import bisected_knots
+
     return _compress(graph, route, bisected_knots, breadth)
 
 
@@ -131,6 +134,8 @@ def expand(graph: RoadGraph, waypoints: Waypoints, limit: int, *, breadth: int |
     >>> expand(graph, shorten(graph, route_along(graph, [0, 1, 2, 3, 3, 2, 1])), 6).nodes.tolist()
     [0, 1, 2, 3, 3, 2, 1]
     """
+    from gpszip.kernels.shortest_paths import NO_PATH, TOO_LONG, join_waypoints
+
     _check(graph, waypoints)
     if not len(waypoints):
         return Route(np.zeros(0, np.int32), np.zeros(0, np.int32))
@@ -171,6 +176,8 @@ def _check(graph: RoadGraph, waypoints: Waypoints) -> None:
 
 
 def _literals(graph: RoadGraph, waypoints: Waypoints) -> NDArray[np.int32]:
+    from gpszip.kernels.shortest_paths import NO_PATH
+
     literals = np.array([NO_PATH, 0, STAY, JUMP], dtype=np.int32)[waypoints.hops]
     direct = np.flatnonzero(waypoints.hops == Hop.EDGE)
     first, count = arcs_between(graph, waypoints.nodes[direct], waypoints.nodes[direct + 1])

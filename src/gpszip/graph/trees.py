@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.graph.road_graph import UNITS, RoadGraph
 from gpszip.graph.route import Route
-from gpszip.kernels.shortest_paths import FARTHEST, Arcs, Search, new_search, settle_all, settle_next, start
+
+if TYPE_CHECKING:
+    from gpszip.kernels.shortest_paths import Arcs, Search
 
 __all__ = ["Tree", "TreeStore", "arcs_of", "distances_from", "search_on", "shortest_tree"]
+
+_FARTHEST = 1 << 62
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +63,8 @@ class Tree:
 
 def arcs_of(graph: RoadGraph) -> Arcs:
     """The graph as the kernels take it."""
+    from gpszip.kernels.shortest_paths import Arcs
+
     return Arcs(graph.offsets, graph.targets, graph.weights, graph.edges, graph.ranks)
 
 
@@ -66,6 +73,8 @@ def search_on(graph: RoadGraph, breadth: int | None = None) -> Search:
 
     Each search settles at most ``breadth`` nodes, by default all.
     """
+    from gpszip.kernels.shortest_paths import new_search
+
     return new_search(len(graph), len(graph.targets), len(graph) if breadth is None else breadth)
 
 
@@ -90,9 +99,10 @@ def shortest_tree(graph: RoadGraph, source: int, *, radius: float | None = None,
     >>> tree.distance(2), tree.route(2).nodes.tolist()
     (7.0, [0, 1, 2])
     """
+    from gpszip.kernels.shortest_paths import grow
+
     search = search_on(graph) if search is None else search
-    start(search, source)
-    _grow(arcs_of(graph), search, _units(radius))
+    grow(arcs_of(graph), search, source, _units(radius))
     reached = np.sort(search.order[: search.state[2]])
     parents = search.parent[reached]
     edges = np.where(parents < 0, -1, graph.edges[search.arc[reached]]) if len(graph.edges) else parents
@@ -128,6 +138,8 @@ def distances_from(
     >>> distances_from(road_graph([[0, 0], [4, 0], [9, 9]], [[0, 1]]), 0, [1, 2]).tolist()
     [4.0, inf]
     """
+    from gpszip.kernels.shortest_paths import settle_all
+
     search = search_on(graph) if search is None else search
     units = settle_all(arcs_of(graph), search, source, np.asarray(targets, dtype=np.int32), _units(radius))
     return np.where(units < 0, np.inf, units / UNITS)
@@ -173,13 +185,8 @@ class TreeStore:
         return tree
 
 
-def _grow(arcs: Arcs, search: Search, radius: int) -> None:
-    while settle_next(arcs, search, radius) >= 0:
-        pass
-
-
 def _units(radius: float | None) -> int:
-    return FARTHEST if radius is None else int(min(radius * UNITS, float(FARTHEST)))
+    return _FARTHEST if radius is None else int(min(radius * UNITS, float(_FARTHEST)))
 
 
 def _bytes(tree: Tree) -> int:

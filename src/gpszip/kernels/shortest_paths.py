@@ -23,6 +23,7 @@ __all__ = [
     "bisected_knots",
     "extend",
     "greedy_knots",
+    "grow",
     "join_waypoints",
     "new_search",
     "settle",
@@ -186,6 +187,14 @@ def settle(arcs: Arcs, search: Search, node: int, radius: int) -> bool:
         if settle_next(arcs, search, radius) < 0:
             return False
     return True
+
+
+@jit
+def grow(arcs: Arcs, search: Search, source: int, radius: int) -> None:
+    """Settle everything within ``radius`` of ``source``."""
+    start(search, source)
+    while settle_next(arcs, search, radius) >= 0:
+        pass
 
 
 @jit
