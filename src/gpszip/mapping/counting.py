@@ -1,0 +1,67 @@
+"""Roads from walks: which edges were travelled, how often, and in which direction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gpszip.model import LatticeWalk, Plane, RoadMap, Walk
+
+__all__ = ["count_edges", "tally_edges"]
+
+
+def count_edges(nodes: ArrayLike, walks: Sequence[Walk | LatticeWalk], *, plane: Plane | None = None) -> RoadMap:
+    """Make a road map of what the walks travelled.
+
+    Parameters
+    ----------
+    nodes : array_like, shape (V, d)
+        Positions in metres, of all nodes that the walks name.
+    walks : sequence of Walk or LatticeWalk
+        Their stops and gaps are no travel and don't count.
+    plane : Plane, optional
+        Where the nodes lie on the earth.
+
+    Returns
+    -------
+    RoadMap
+        All nodes, and each pair of nodes between which someone travelled.
+
+    Examples
+    --------
+    >>> walk = Walk("0", np.array([0, 1, 1, 0, 2]), None, np.array([False, False, False, True]))
+    >>> road_map = count_edges([[0, 0], [5, 0], [9, 9]], [walk])
+    >>> road_map.edges.tolist(), road_map.forward.tolist(), road_map.backward.tolist()
+    ([[0, 1]], [1], [1])
+    """
+    hops = [_travelled(walk) for walk in walks]
+    pairs = np.concatenate(hops) if hops else np.zeros((0, 2), np.int32)
+    return tally_edges(nodes, pairs, np.ones(len(pairs), np.int64), plane=plane)
+
+
+def tally_edges(nodes: ArrayLike, pairs: NDArray[np.int32], counts: NDArray[np.int64], *, plane: Plane | None = None) -> RoadMap:
+    """Make a road map of directed pairs of different nodes, shape (p, 2), each travelled as often as its count says.
+
+    Examples
+    --------
+    >>> road_map = tally_edges([[0, 0], [5, 0]], np.array([[0, 1], [1, 0]]), np.array([3, 4]))
+    >>> road_map.forward.tolist(), road_map.backward.tolist()
+    ([3], [4])
+    """
+    positions = np.asarray(nodes, dtype=np.float64)
+    low, high = pairs.min(axis=1).astype(np.int64), pairs.max(axis=1).astype(np.int64)
+    keys, places = np.unique(low * len(positions) + high, return_inverse=True)
+    edges = np.stack(np.divmod(keys, max(len(positions), 1)), axis=1).astype(np.int32)
+    backwards = pairs[:, 0] > pairs[:, 1]
+    # Not bincount, which adds weights as floating point numbers.
+    directed = np.zeros((2, len(keys)), dtype=np.int64)
+    np.add.at(directed, (backwards.astype(np.intp), places), counts)
+    return RoadMap(positions, edges, directed[0], directed[1], plane)
+
+
+def _travelled(walk: Walk | LatticeWalk) -> NDArray[np.int32]:
+    hops = np.stack((walk.nodes[:-1], walk.nodes[1:]), axis=1)
+    travelled: NDArray[np.int32] = hops[~walk.gaps & (hops[:, 0] != hops[:, 1])]
+    return travelled

@@ -1,0 +1,119 @@
+"""The thesis's map of a segment mean (section 6.5, algorithm 5), and the track as a walk on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.mapping.counting import tally_edges
+from gpszip.model import RoadMap, SegmentMean, Track, Walk
+
+__all__ = ["SegmentMap", "make_map", "walk_of"]
+
+
+@dataclass(frozen=True, eq=False)
+class SegmentMap:
+    """A (k,m)-segment map (thesis, definition 4.1.8): m segments and the transitions between them.
+
+    Parameters
+    ----------
+    road_map : RoadMap
+        Its 2m nodes are the starts of the segments, then their ends: segment l leads from node l to node m + l.
+    segments : int32 array, shape (m, 2)
+        Start and end node of each segment.
+    traversals : int64 array, shape (m,)
+        How many parts run along each segment; 0 for one that no part is labelled with.
+    transitions : int32 array, shape (a, 2)
+        Each different transition once, from the end of a segment to the start of one that followed it, sorted.
+    passages : int64 array, shape (a,)
+        How often each transition was made.
+    """
+
+    road_map: RoadMap
+    segments: NDArray[np.int32]
+    traversals: NDArray[np.int64]
+    transitions: NDArray[np.int32]
+    passages: NDArray[np.int64]
+
+
+def make_map(mean: SegmentMean) -> SegmentMap:
+    """Connect the segments by the transitions that were made (Make_map, algorithm 5).
+
+    Line 4 of the algorithm as printed asks for the pair of labels among the edges; what is meant, and done, is the pair
+    of the nodes that the text of section 6.5 gives: the end of one segment and the start of the next.
+
+    A segment followed by itself makes a transition from its end back to its start. On the road map that is the
+    segment's own edge, travelled backwards.
+
+    Parameters
+    ----------
+    mean : SegmentMean
+        Parts and segments.
+
+    Examples
+    --------
+    >>> starts, ends = np.array([[0.0, 0.0], [9.0, 1.0]]), np.array([[9.0, 0.0], [0.0, 1.0]])
+    >>> mean = SegmentMean(np.arange(0, 13, 4), np.array([0, 1, 0]), starts, ends, cost=0.0)
+    >>> segment_map = make_map(mean)
+    >>> segment_map.segments.tolist(), segment_map.traversals.tolist()
+    ([[0, 2], [1, 3]], [2, 1])
+    >>> segment_map.transitions.tolist(), segment_map.road_map.edges.tolist()
+    ([[2, 1], [3, 0]], [[0, 2], [0, 3], [1, 2], [1, 3]])
+    """
+    m, labels = mean.m, mean.labels.astype(np.int64)
+    segments = np.stack((np.arange(m), np.arange(m, 2 * m)), axis=1).astype(np.int32)
+    traversals = np.bincount(labels, minlength=m).astype(np.int64)
+    keys, passages = np.unique(labels[:-1] * m + labels[1:], return_counts=True)
+    transitions = np.stack((m + keys // m, keys % m), axis=1).astype(np.int32)
+    positions = np.concatenate((mean.starts, mean.ends))
+    road_map = tally_edges(positions, np.concatenate((segments, transitions)), np.concatenate((traversals, passages)))
+    return SegmentMap(road_map, segments, traversals, transitions, passages.astype(np.int64))
+
+
+def walk_of(mean: SegmentMean, track: Track) -> Walk:
+    """Follow a track on the map of its segment mean, nodes numbered as by :func:`make_map`.
+
+    Each part enters its segment's start at the time of its first sample and leaves the end at that of its last, so that
+    the position interpolated between the knots is f(t) of the segment mean at every sample. A part of a single sample,
+    whose f(t) is the start, leaves the end halfway to the next sample, where there is none to be asked for. The track's
+    last part, if single, ends the walk at its start; and where not even half a step can be told apart in double
+    precision, the end is left out and the hop to the next start is marked as a gap, being no edge of the map.
+
+    Parameters
+    ----------
+    mean : SegmentMean
+        Parts and segments of the track.
+    track : Track
+        The track that they were found for.
+
+    Raises
+    ------
+    ValueError
+        If the mean is that of a track with another number of samples.
+
+    Examples
+    --------
+    >>> track = Track("0", np.arange(5.0), np.zeros((5, 2)))
+    >>> mean = SegmentMean(np.array([0, 2, 3, 5]), np.array([0, 1, 0]), np.zeros((2, 2)), np.ones((2, 2)), cost=0.0)
+    >>> walk = walk_of(mean, track)
+    >>> walk.nodes.tolist(), walk.times.tolist()
+    ([0, 2, 1, 3, 0, 2], [0.0, 1.0, 2.0, 2.5, 3.0, 4.0])
+    """
+    if mean.boundaries[-1] != len(track):
+        raise ValueError(f"the segment mean has {mean.boundaries[-1]} samples, track {track.id!r} {len(track)}")
+    enter, leave, kept = _part_times(mean, track)
+    present = np.stack((np.ones(mean.k, np.bool_), kept), axis=1).ravel()
+    nodes = np.stack((mean.labels, mean.m + mean.labels), axis=1).ravel()[present].astype(np.int32)
+    times = np.stack((enter, leave), axis=1).ravel()[present]
+    gaps = (nodes[:-1] < mean.m) & (nodes[1:] < mean.m)
+    return Walk(track.id, nodes, times, gaps)
+
+
+def _part_times(mean: SegmentMean, track: Track) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+    firsts, lasts = mean.boundaries[:-1], mean.boundaries[1:] - 1
+    enter, leave = track.times[firsts], track.times[lasts]
+    following = np.append(enter[1:], enter[-1])
+    leave = np.where(firsts == lasts, enter + (following - enter) / 2, leave)
+    return enter, leave, (leave > enter) & ((leave < following) | (lasts == len(track) - 1))
