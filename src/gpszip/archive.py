@@ -1,0 +1,392 @@
+"""An archive: a road map, the walks of all tracks on it, and the questions that they answer."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gpszip.container.contents import Contents, Group
+from gpszip.container.reader import from_bytes, load
+from gpszip.container.writer import save, to_bytes
+from gpszip.errors import OptionError
+from gpszip.model.frame import Frame, quantum
+from gpszip.model.lattice import LatticeWalks
+from gpszip.model.road_map import RoadMap
+from gpszip.model.track import Track
+from gpszip.model.walk import Walk
+
+__all__ = ["Archive", "new_archive", "open_archive"]
+
+#: Groups of walks take at least this many bytes, so that cutting an archive in groups costs next to nothing.
+_GROUP_BYTES = 1 << 16
+
+
+@dataclass(frozen=True, eq=False)
+class Archive:
+    """What was learned from tracks: a road map and one walk on it for each track.
+
+    Everything is decoded when it is first asked for, and from then on kept. Get one from :func:`gpszip.compress` or
+    :func:`gpszip.open`.
+
+    Parameters
+    ----------
+    contents : Contents
+        What the file holds.
+
+    Examples
+    --------
+    >>> from gpszip.model import LatticeWalk
+    >>> walk = LatticeWalk(np.array([0, 1], np.int32), np.array([0, 10]), np.array([False]))
+    >>> archive = new_archive(Frame((0, 0), 0, 128, 128), ["walk-3"], LatticeWalks(np.array([[0, 0], [5, 0]]), (walk,)))
+    >>> archive.tracks, archive.position("walk-3", 4.0).tolist()
+    (('walk-3',), [2.0, 0.0])
+    """
+
+    contents: Contents
+    _decoded: dict[int, LatticeWalks] = field(default_factory=dict, repr=False)
+
+    def __repr__(self) -> str:
+        return f"<Archive of {len(self.ids)} tracks>"
+
+    @property
+    def frame(self) -> Frame:
+        """The lattice on which nodes and times are kept."""
+        return self.contents.frame
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Names of the tracks."""
+        return self.contents.ids
+
+    @property
+    def tracks(self) -> tuple[str, ...]:
+        """Names of the tracks, the same as ``ids``."""
+        return self.contents.ids
+
+    @property
+    def timed(self) -> bool:
+        """Whether the times of the knots are kept."""
+        return self._group(0).timed
+
+    @cached_property
+    def lattice(self) -> LatticeWalks:
+        """Map and walks as integers on the lattice of ``frame``."""
+        from gpszip.mapping.lattice_map import join_lattices
+
+        groups = [self._group(number) for number in range(len(self.contents.groups))]
+        return groups[0] if len(groups) == 1 else join_lattices(groups)
+
+    @cached_property
+    def road_map(self) -> RoadMap:
+        """Nodes and ways that the tracks share, in metres."""
+        from gpszip.mapping.lattice_map import road_map_of
+
+        return road_map_of(self.lattice, self.frame)
+
+    @cached_property
+    def walks(self) -> tuple[Walk, ...]:
+        """One walk over the nodes of ``road_map`` for each track, in the order of ``tracks``."""
+        from gpszip.mapping.lattice_map import walks_of
+
+        return walks_of(self.lattice, self.frame, self.ids)
+
+    def walk(self, track: str) -> Walk:
+        """Walk of one track over the nodes of ``road_map``.
+
+        Raises
+        ------
+        OptionError
+            If there is no such track.
+        """
+        return self.walks[self._number(track)]
+
+    def position(self, track: str, when: ArrayLike, *, geographic: bool = False) -> NDArray[np.float64]:
+        """Where a track was at given instants.
+
+        Parameters
+        ----------
+        track : str
+            Name of the track.
+        when : array_like, any shape
+            Seconds in the log's own zero, in any order.
+        geographic : bool, default False
+            Answer in degrees, latitude first, instead of metres on the plane.
+
+        Returns
+        -------
+        float64 array, shape (..., d)
+            One position for each instant; NaN where no travel is claimed: before, after and in gaps.
+
+        Raises
+        ------
+        OptionError
+            If there is no such track, the archive keeps no times, or degrees are asked of a log in x and y.
+        """
+        from gpszip.mapping.fitting import positions_at
+
+        plane = self.frame.plane
+        if geographic and plane is None:
+            raise OptionError("this archive's log came in x and y, on no known place of the earth; ask without geographic")
+        walk, nodes = self._alone(track)
+        instants = np.asarray(when, dtype=np.float64)
+        found = positions_at(walk, nodes, instants.reshape(-1))
+        if geographic and plane is not None:
+            from gpszip.geo.planes import to_geographic
+
+            claimed = ~np.isnan(found[:, 0])
+            found[claimed] = np.stack(to_geographic(found[claimed], plane), axis=1)
+        return found.reshape(*instants.shape, self.frame.dimension)
+
+    def paths(self) -> list[tuple[str, NDArray[np.float64]]]:
+        """Ways without times, the only ones that an archive without times has.
+
+        Returns
+        -------
+        list of (str, float64 array of shape (n, d))
+            Name and positions in metres of the knots of each piece, named as by :meth:`decompress`.
+        """
+        nodes = self.road_map.nodes
+        return [(name, nodes[walk.nodes[knots]]) for walk in self.walks for name, knots in _pieces(walk)]
+
+    def decompress(self) -> list[Track]:
+        """Tracks of the knots, between which every track is linear in time.
+
+        A track with gaps comes back as its pieces between them, named ``id/0``, ``id/1`` and so on; any other keeps its id.
+
+        Raises
+        ------
+        OptionError
+            If the archive keeps no times: a track has some. :meth:`paths` has the ways alone.
+        """
+        nodes, plane = self.road_map.nodes, self.frame.plane
+        out: list[Track] = []
+        for walk in self.walks:
+            times = _times(walk)
+            out += [Track(name, times[knots], nodes[walk.nodes[knots]], plane=plane) for name, knots in _pieces(walk)]
+        return out
+
+    def sample(self, every: float | None = None, *, at: ArrayLike | None = None, track: str | None = None) -> list[Track]:
+        """Tracks sampled anew.
+
+        Parameters
+        ----------
+        every : float, optional
+            Seconds: at each whole multiple of it.
+        at : array_like, shape (n,), optional
+            At these instants, seconds in the log's own zero. Give one of ``every`` and ``at``.
+        track : str, optional
+            Only this track.
+
+        Returns
+        -------
+        list of Track
+            Named as by :meth:`decompress`; pieces that none of the instants meets are left out.
+
+        Raises
+        ------
+        OptionError
+            If none or both of ``every`` and ``at`` are given, a value is no time, or the archive keeps no times.
+        """
+        instants = _instants(every, at)
+        out: list[Track] = []
+        for walk in self.walks if track is None else (self.walk(track),):
+            out += self._sampled(walk, every, instants)
+        return out
+
+    def info(self, *, decode: bool = False) -> dict[str, Any]:
+        """What the archive is, as plain values.
+
+        Parameters
+        ----------
+        decode : bool, default False
+            Decode the walks, too, for the counts of nodes, edges and parts and for the span of time.
+        """
+        frame = self.frame
+        facts: dict[str, Any] = {
+            "tracks": len(self.ids),
+            "bytes": len(self.to_bytes()),
+            "groups": len(self.contents.groups),
+            "dimension": frame.dimension,
+            "geographic": frame.plane is not None,
+            "node_quantum_m": quantum(frame.space),
+            "time_quantum_s": quantum(frame.time),
+            "layer": self.contents.layer,
+            "map_hash": None if self.contents.map_hash is None else self.contents.map_hash.hex(),
+        }
+        return {**facts, **self._counts()} if decode else facts
+
+    def to_bytes(self) -> bytes:
+        """Bytes of the file."""
+        return to_bytes(self.contents)
+
+    def save(self, path: str | os.PathLike[str], *, force: bool = False) -> int:
+        """Write the archive to a file that is there whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            The file, usually named ``*.gpsz``.
+        force : bool, default False
+            Replace an existing file.
+
+        Returns
+        -------
+        int
+            Size of the file in bytes.
+
+        Raises
+        ------
+        OutputError
+            If the file exists or can't be written.
+        """
+        return save(self.contents, path, force=force)
+
+    def _group(self, number: int) -> LatticeWalks:
+        if number not in self._decoded:
+            from gpszip.coding.walks import decode
+
+            group = self.contents.groups[number]
+            self._decoded[number] = decode(group.payload, self.frame.dimension, group.tracks)
+        return self._decoded[number]
+
+    def _number(self, track: str) -> int:
+        try:
+            return self._numbers[track]
+        except KeyError:
+            some = ", ".join(map(repr, self.ids[:5])) + (", ..." if len(self.ids) > 5 else "")
+            raise OptionError(f"there is no track {track!r} in the archive; it has {some}") from None
+
+    @cached_property
+    def _numbers(self) -> dict[str, int]:
+        return {name: number for number, name in enumerate(self.ids)}
+
+    def _alone(self, track: str) -> tuple[Walk, NDArray[np.float64]]:
+        """Walk of one track, and the nodes that it goes by, decoding no more than its group."""
+        from gpszip.mapping.lattice_map import node_positions, walks_of
+
+        number = self._number(track)
+        which = next(i for i, group in enumerate(self.contents.groups) if number < group.first_track + group.tracks)
+        group = self._group(which)
+        own = LatticeWalks(group.nodes, (group.walks[number - self.contents.groups[which].first_track],), group.timed)
+        return walks_of(own, self.frame, [track])[0], node_positions(own, self.frame)
+
+    def _sampled(self, walk: Walk, every: float | None, instants: NDArray[np.float64]) -> list[Track]:
+        from gpszip.mapping.fitting import SLACK, positions_at
+
+        nodes, times = self.road_map.nodes, _times(walk)
+        out: list[Track] = []
+        for name, knots in _pieces(walk):
+            first, last = times[knots][[0, -1]] + (-SLACK, SLACK)
+            when = instants if every is None else np.arange(math.ceil(first / every), math.floor(last / every) + 1) * every
+            when = when[(when >= first) & (when <= last)]
+            if len(when):
+                out.append(Track(name, when, positions_at(walk, nodes, when), plane=self.frame.plane))
+        return out
+
+    def _counts(self) -> dict[str, Any]:
+        timed = [walk.times for walk in self.walks if walk.times is not None]
+        return {
+            "nodes": len(self.road_map.nodes),
+            "edges": len(self.road_map.edges),
+            "parts": sum(len(walk.gaps) for walk in self.walks),
+            "gaps": sum(int(walk.gaps.sum()) for walk in self.walks),
+            "timed": self.timed,
+            "t_start": min((float(times[0]) for times in timed), default=None),
+            "t_end": max((float(times[-1]) for times in timed), default=None),
+        }
+
+
+def new_archive(frame: Frame, ids: Sequence[str], lattice: LatticeWalks, *, layer: str | None = None) -> Archive:
+    """Code map and walks as an archive.
+
+    Parameters
+    ----------
+    frame : Frame
+        The lattice.
+    ids : sequence of str
+        Name of each walk.
+    lattice : LatticeWalks
+        Nodes in the order in which the walks first visit them.
+    layer : str, optional
+        ``"bz2"`` packs the walks once more.
+
+    Returns
+    -------
+    Archive
+        One that has decoded nothing yet: what it answers comes from the bytes.
+    """
+    from gpszip.coding.walks import encode
+
+    payload = encode(lattice)
+    groups = [Group(0, len(ids), payload)]
+    if len(payload) >= 2 * _GROUP_BYTES and len(ids) > 1:
+        groups = _groups(lattice, len(payload) // _GROUP_BYTES)
+    return Archive(Contents(frame, tuple(ids), tuple(groups), layer=layer))
+
+
+def open_archive(source: str | os.PathLike[str] | bytes) -> Archive:
+    """Open an archive from a file or from its bytes.
+
+    Parameters
+    ----------
+    source : path or bytes
+        A ``.gpsz`` file or all that is in it.
+
+    Raises
+    ------
+    InputError
+        If there is no such file or it can't be read.
+    CorruptArchiveError
+        If it is no whole archive. Bytes that pass all checksums and still are no walks are found when they are decoded.
+    """
+    return Archive(from_bytes(source) if isinstance(source, bytes) else load(Path(source)))
+
+
+def _groups(lattice: LatticeWalks, count: int) -> list[Group]:
+    """Cut the walks in at most so many runs of about as many knots each."""
+    from gpszip.coding.walks import encode, number_by_visit
+
+    ends = np.cumsum([len(walk.nodes) for walk in lattice.walks])
+    cuts = np.unique(np.searchsorted(ends, ends[-1] * np.arange(1, count) / count, side="right"))
+    bounds = [0, *(int(cut) for cut in cuts if 0 < cut < len(ends)), len(ends)]
+    out = []
+    for first, after in pairwise(bounds):
+        walks = lattice.walks[first:after]
+        span = (min(int(walk.cells[0]) for walk in walks), max(int(walk.cells[-1]) for walk in walks))
+        payload = encode(number_by_visit(LatticeWalks(lattice.nodes, walks, lattice.timed)))
+        out.append(Group(first, after - first, payload, span))
+    return out
+
+
+def _times(walk: Walk) -> NDArray[np.float64]:
+    if walk.times is None:
+        raise OptionError("the archive keeps no times, so that its tracks can't be had; paths() has their ways")
+    return walk.times
+
+
+def _pieces(walk: Walk) -> list[tuple[str, slice]]:
+    """Name and knots of each piece between gaps."""
+    cuts = [0, *(np.flatnonzero(walk.gaps) + 1).tolist(), len(walk.nodes)]
+    if len(cuts) == 2:
+        return [(walk.id, slice(0, cuts[1]))]
+    return [(f"{walk.id}/{i}", slice(a, b)) for i, (a, b) in enumerate(pairwise(cuts))]
+
+
+def _instants(every: float | None, at: ArrayLike | None) -> NDArray[np.float64]:
+    if (every is None) == (at is None):
+        raise OptionError("give either every or at")
+    if every is not None and not (every > 0 and math.isfinite(every)):
+        raise OptionError(f"every is {every:g}; it must be a positive number of seconds")
+    instants = np.unique(np.asarray([] if at is None else at, dtype=np.float64).reshape(-1))
+    if not np.isfinite(instants).all():
+        raise OptionError("at holds values that are no times")
+    return instants
