@@ -1,0 +1,60 @@
+import numpy as np
+import pytest
+
+from gpszip.graph.road_graph import road_graph
+from gpszip.graph.route import JUMP, STAY, Route, arcs_along, arcs_between, route_along
+
+GRAPH = road_graph(
+    [[0, 0], [1, 0], [2, 0], [9, 9]], [[1, 0], [1, 2], [0, 1], [2, 2], [1, 0]], lengths=[3, 1, 2, 1, 2], oneway=[0, 0, 0, 0, 1]
+)
+
+
+def test_nodes_alone_take_the_shortest_of_parallel_edges_then_the_first():
+    assert route_along(GRAPH, [0, 1, 0, 1, 2]).edges.tolist() == [2, 2, 2, 1]
+
+
+def test_a_node_twice_in_a_row_is_a_stay_and_a_gap_a_jump():
+    route = route_along(GRAPH, [2, 2, 3, 3], [False, True, True])
+    assert route.edges.tolist() == [STAY, JUMP, JUMP]
+    assert route.gaps.tolist() == [False, True, True]
+
+
+def test_a_walk_of_one_node_has_no_edges():
+    assert len(route_along(GRAPH, [1]).edges) == 0
+
+
+def test_a_hop_without_an_edge_is_refused():
+    with pytest.raises(ValueError, match="from node 2 to node 0"):
+        route_along(GRAPH, [0, 1, 2, 0])
+
+
+def test_parallel_arcs_follow_each_other():
+    first, count = arcs_between(GRAPH, [1, 0, 2, 0, 3], [0, 1, 2, 2, 3])
+    assert count.tolist() == [3, 2, 1, 0, 0]
+    assert [GRAPH.edges[f : f + c].tolist() for f, c in zip(first, count, strict=True)] == [[0, 2, 4], [0, 2], [3], [], []]
+
+
+def test_arcs_along_a_route_name_source_target_and_edge():
+    route = Route(np.array([0, 1, 0, 0, 1, 2, 2, 3], np.int32), np.array([0, 4, STAY, 2, 1, 3, JUMP], np.int32))
+    arcs = arcs_along(GRAPH, route)
+    moving = route.edges >= 0
+    assert arcs[~moving].tolist() == [-1, -1]
+    assert GRAPH.edges[arcs[moving]].tolist() == route.edges[moving].tolist()
+    assert GRAPH.targets[arcs[moving]].tolist() == route.nodes[1:][moving].tolist()
+    sources = np.searchsorted(GRAPH.offsets, arcs[moving], side="right") - 1
+    assert sources.tolist() == route.nodes[:-1][moving].tolist()
+
+
+@pytest.mark.parametrize(
+    ("nodes", "edges"),
+    [
+        ([0, 1], [4]),  # against a one-way edge
+        ([0, 1], [1]),  # an edge elsewhere
+        ([2, 0], [0]),  # arrives, but leaves from another node
+        ([0, 2], [0]),  # leaves, but arrives at another node
+        ([0, 1], [STAY]),
+    ],
+)
+def test_a_hop_over_an_edge_that_does_not_lead_there_is_refused(nodes, edges):
+    with pytest.raises(ValueError, match="hop 0 of the route"):
+        arcs_along(GRAPH, Route(np.array(nodes, np.int32), np.array(edges, np.int32)))
