@@ -1,0 +1,186 @@
+"""One track or one time range out of a large archive, reading only its end, its beginning and the group asked for."""
+
+from __future__ import annotations
+
+import os
+from bisect import bisect_right
+from dataclasses import dataclass, replace
+from typing import BinaryIO
+
+from gpszip.container.contents import Contents, Group, complaint
+from gpszip.container.expansion import unpack_bz2
+from gpszip.container.frame_record import read_frame
+from gpszip.container.group_index import Entry, read_end, read_group, read_index
+from gpszip.container.layout import END_BYTES, HEAD_BYTES, Cursor, Form, Kind, read_head
+from gpszip.container.names import read_names
+from gpszip.container.reader import Piece, finished, from_bytes, layer_limit, read_piece
+from gpszip.errors import CorruptArchiveError
+from gpszip.model.frame import Frame
+
+__all__ = ["Catalog", "group_of", "groups_between", "open_catalog", "read_entry"]
+
+
+@dataclass(frozen=True)
+class Catalog:
+    """What there is in an archive and where, without the walks.
+
+    Parameters
+    ----------
+    frame : Frame
+        Where positions and times lie.
+    ids : tuple of str
+        Names of all tracks.
+    map_hash : bytes or None
+        Names the map, where it is kept elsewhere.
+    entries : tuple of Entry
+        Where each group lies; empty if ``whole`` is there.
+    layered : bool
+        Whether payloads are wrapped.
+    size : int
+        Bytes of the file.
+    whole : Contents or None
+        Everything, in an archive of a single group, which has no index.
+    """
+
+    frame: Frame
+    ids: tuple[str, ...]
+    map_hash: bytes | None
+    entries: tuple[Entry, ...]
+    layered: bool
+    size: int
+    whole: Contents | None = None
+
+
+def open_catalog(file: BinaryIO) -> Catalog:
+    """Read what an archive holds from its two ends.
+
+    Parameters
+    ----------
+    file : binary file
+        With ``seek`` and ``read``. Of an archive of several groups no group is read.
+
+    Raises
+    ------
+    CorruptArchiveError
+        If what was read is wrong. Groups are checked when they are read.
+
+    Examples
+    --------
+    >>> import io
+    >>> open_catalog(io.BytesIO(bytes.fromhex("a75a81807800000077616c6b73d112ee6a"))).ids
+    ('0',)
+    """
+    size = file.seek(0, os.SEEK_END)
+    head = read_head(_read(file, 0, min(size, HEAD_BYTES)))
+    index_offset = 0
+    if head.form is Form.SECTIONS and not head.low & 1:
+        index_offset = _index_offset(file, size)
+    if not index_offset:
+        contents = from_bytes(_read(file, 0, size))
+        return Catalog(contents.frame, contents.ids, contents.map_hash, (), bool(contents.layer), size, contents)
+    entries = _entries(file, index_offset, size - END_BYTES)
+    return _opened(_opening(file, entries[0].offset), entries, bool(head.high), size)
+
+
+def read_entry(file: BinaryIO, catalog: Catalog, number: int) -> Group:
+    """Read one group.
+
+    Parameters
+    ----------
+    file : binary file
+        The one that the catalog was read from.
+    catalog : Catalog
+        What :func:`open_catalog` returned.
+    number : int
+        Which group, see :func:`group_of` and :func:`groups_between`.
+
+    Raises
+    ------
+    CorruptArchiveError
+        If the group is damaged or another one than the index says.
+    """
+    if catalog.whole is not None:
+        return catalog.whole.groups[number]
+    line = catalog.entries[number]
+    piece = _lone_piece(file, line.offset, line.offset + line.size, Kind.WALKS)
+    group = read_group(piece.cursor())
+    if (group.first_track, group.tracks, group.span) != (line.first_track, line.tracks, line.span):
+        raise CorruptArchiveError("the index and the group differ", line.offset)
+    if not catalog.layered:
+        return group
+    return replace(group, payload=unpack_bz2(group.payload, layer_limit(catalog.size), line.offset))
+
+
+def group_of(catalog: Catalog, track: int) -> int:
+    """Number of the group that holds a track, given the track's place in ``catalog.ids``."""
+    if not 0 <= track < len(catalog.ids):
+        raise IndexError(f"track {track} of {len(catalog.ids)}")
+    return max(bisect_right([line.first_track for line in catalog.entries], track) - 1, 0)
+
+
+def groups_between(catalog: Catalog, first: int, last: int) -> tuple[int, ...]:
+    """Numbers of the groups that may have knots in the time cells ``first`` to ``last``; those that tell no span may."""
+    if catalog.whole is not None:
+        return (0,)
+    spans = enumerate(line.span for line in catalog.entries)
+    return tuple(number for number, span in spans if span is None or (span[0] <= last and first <= span[1]))
+
+
+def _read(file: BinaryIO, start: int, stop: int) -> bytes:
+    file.seek(start)
+    data = file.read(stop - start)
+    if len(data) != stop - start:
+        raise CorruptArchiveError("the file became shorter while it was read", start + len(data))
+    return data
+
+
+def _lone_piece(file: BinaryIO, start: int, stop: int, kind: Kind) -> Piece:
+    cursor = Cursor(_read(file, start, stop), base=start)
+    piece = read_piece(cursor)
+    cursor.finish(f"the section {kind.name.lower()}")
+    if piece.kind != kind:
+        raise CorruptArchiveError(f"a section of kind {piece.kind} where {kind.name.lower()} belongs", start)
+    return piece
+
+
+def _index_offset(file: BinaryIO, size: int) -> int:
+    start = size - END_BYTES
+    if start < HEAD_BYTES:
+        raise CorruptArchiveError("the archive ends within its head", size)
+    offset, _ = read_end(_lone_piece(file, start, size, Kind.END).cursor())
+    if offset and not HEAD_BYTES < offset < start:
+        raise CorruptArchiveError(f"the index is said to lie at byte {offset}", start)
+    return offset
+
+
+def _entries(file: BinaryIO, start: int, stop: int) -> tuple[Entry, ...]:
+    entries = finished(_lone_piece(file, start, stop, Kind.INDEX), read_index)
+    end = HEAD_BYTES
+    for line in entries:
+        if line.offset < end or line.offset + line.size > start:
+            raise CorruptArchiveError(f"the index says that a group lies at byte {line.offset}", start)
+        end = line.offset + line.size
+    if not entries:
+        raise CorruptArchiveError("an index of no groups", start)
+    return entries
+
+
+def _opening(file: BinaryIO, stop: int) -> list[Piece]:
+    cursor = Cursor(_read(file, HEAD_BYTES, stop), base=HEAD_BYTES)
+    found: list[Piece] = []
+    while cursor.left:
+        found.append(read_piece(cursor))
+    if [piece.kind for piece in found[:2]] != [Kind.FRAME, Kind.NAMES]:
+        raise CorruptArchiveError("an archive begins with its frame and its names", HEAD_BYTES)
+    return found
+
+
+def _opened(found: list[Piece], entries: tuple[Entry, ...], layered: bool, size: int) -> Catalog:
+    frame = finished(found[0], read_frame)
+    ids = finished(found[1], lambda cursor: read_names(cursor, size))
+    map_hash = next((piece.body for piece in found if piece.kind == Kind.MAP_HASH), None)
+    groups = tuple(Group(line.first_track, line.tracks, b"", line.span) for line in entries)
+    wrong = complaint(Contents(frame, ids, groups, map_hash))
+    if wrong:
+        raise CorruptArchiveError(wrong, HEAD_BYTES)
+    return Catalog(frame, ids, map_hash, entries, layered, size)

@@ -1,0 +1,136 @@
+"""What an archive holds, before any of it is understood as map or walk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from gpszip.model.frame import Frame, Plane
+
+__all__ = ["LONE_ID", "MAP_HASH_BYTES", "Contents", "Group", "Section", "complaint", "one_group"]
+
+#: Name of the track of a log that names none.
+LONE_ID = "0"
+
+#: Bytes of the hash that stands for a map kept elsewhere.
+MAP_HASH_BYTES = 16
+
+_LARGEST = 1 << 62
+_DIMENSIONS = 15
+_CENTERS = 4096
+_RESERVED_KINDS = (0, 1, 2, 3, 4, 6, 7)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Walks that are decoded together and without any others.
+
+    Parameters
+    ----------
+    first_track : int
+        Number of the first track, counted from 0.
+    tracks : int
+        Number of tracks.
+    payload : bytes
+        The coded walks, opaque to the container.
+    span : (int, int), optional
+        First and last time cell of the group's knots. An archive of a single group does not keep it.
+    """
+
+    first_track: int
+    tracks: int
+    payload: bytes
+    span: tuple[int, int] | None = None
+
+
+@dataclass(frozen=True)
+class Section:
+    """Bytes of a kind that the container does not look into: kept attributes, or what a later version added."""
+
+    kind: int
+    body: bytes
+
+
+@dataclass(frozen=True)
+class Contents:
+    """Everything in an archive.
+
+    Parameters
+    ----------
+    frame : Frame
+        Where positions and times lie.
+    ids : tuple of str
+        Names of the tracks in the order in which the walks are coded.
+    groups : tuple of Group
+        At least one; together they hold each track once, in order.
+    map_hash : bytes of length 16, optional
+        Names the map, where it is kept elsewhere.
+    extras : tuple of Section, optional
+        Further sections in their order.
+    layer : {None, "bz2"}, default None
+        What the payloads are wrapped in inside the file; in ``groups`` they are unwrapped.
+    """
+
+    frame: Frame
+    ids: tuple[str, ...]
+    groups: tuple[Group, ...]
+    map_hash: bytes | None = None
+    extras: tuple[Section, ...] = ()
+    layer: str | None = None
+
+
+def one_group(frame: Frame, ids: tuple[str, ...], payload: bytes, layer: str | None = None) -> Contents:
+    """Contents of an archive whose walks are all coded together.
+
+    Examples
+    --------
+    >>> from gpszip.model.frame import Frame, Plane
+    >>> one_group(Frame((0, 0), 0, 128, 128), ("0",), b"walks").groups[0].tracks
+    1
+    """
+    return Contents(frame, ids, (Group(0, len(ids), payload),), layer=layer)
+
+
+def complaint(contents: Contents) -> str | None:
+    """What keeps the contents from being an archive; None if nothing does."""
+    return _frame_complaint(contents.frame) or _groups_complaint(contents.groups, len(contents.ids)) or _rest_complaint(contents)
+
+
+def _frame_complaint(frame: Frame) -> str | None:
+    if not 1 <= frame.dimension <= _DIMENSIONS:
+        return f"{frame.dimension} axes; an archive has 1 to {_DIMENSIONS}"
+    if any(abs(value) >= _LARGEST for value in (*frame.origin, frame.epoch)):
+        return "origin or epoch beyond 2^62 thousandths"
+    if not (0 <= frame.space < 256 and 0 <= frame.time < 256):
+        return f"quanta {frame.space} and {frame.time}; an archive can name 0 to 255"
+    return None if frame.plane is None else _plane_complaint(frame.plane)
+
+
+def _plane_complaint(plane: Plane) -> str | None:
+    centers = plane.centers
+    if not 1 <= len(centers) <= _CENTERS:
+        return f"{len(centers)} planes; an archive has 1 to {_CENTERS}"
+    if any(abs(lat) > 900_000_000 or abs(lon) > 1_800_000_000 for lat, lon in centers):
+        return "the centre of a plane is not on the earth"
+    return None
+
+
+def _groups_complaint(groups: tuple[Group, ...], tracks: int) -> str | None:
+    if not groups:
+        return "no walks"
+    following = 0
+    for number, group in enumerate(groups):
+        if group.first_track != following or group.tracks < (1 if len(groups) > 1 else 0):
+            return f"group {number} holds {group.tracks} tracks from {group.first_track}; track {following} is next"
+        following += group.tracks
+        if group.span is not None and not -_LARGEST < group.span[0] <= group.span[1] < _LARGEST:
+            return f"group {number} spans the cells {group.span[0]} to {group.span[1]}"
+    return None if following == tracks else f"walks of {following} tracks, names of {tracks}"
+
+
+def _rest_complaint(contents: Contents) -> str | None:
+    if contents.map_hash is not None and len(contents.map_hash) != MAP_HASH_BYTES:
+        return f"the map's hash has {len(contents.map_hash)} bytes, not {MAP_HASH_BYTES}"
+    wrong = [section.kind for section in contents.extras if section.kind in _RESERVED_KINDS or not 0 <= section.kind < 256]
+    if wrong:
+        return f"further sections can't be of kind {wrong[0]}"
+    return None if contents.layer in {None, "bz2"} else f"no layer is called {contents.layer!r}; there is 'bz2'"

@@ -1,0 +1,142 @@
+"""Track ids as bytes: text that comes back verbatim, numbered ones for almost nothing."""
+
+from __future__ import annotations
+
+from gpszip.container.expansion import deflate, inflate, pack_lzma, unpack_lzma
+from gpszip.container.layout import Cursor, varint
+from gpszip.errors import CorruptArchiveError, InputError
+
+__all__ = ["TEXT_LIMIT", "names_bytes", "read_names"]
+
+#: Compressed names expand to at most this many bytes of text; longer lists are stored as they are.
+TEXT_LIMIT = 1 << 24
+
+#: Number of tracks that a file may name: these, and so many for each of its bytes.
+_FREE_TRACKS = 1 << 16
+_TRACKS_PER_BYTE = 8
+
+_COUNTED, _PADDED, _LISTED, _PACKED = range(4)
+_DEFLATED, _LZMA = range(2)
+_NUMBER_LIMIT = 1 << 63
+_WIDTH_LIMIT = 64
+
+
+def names_bytes(ids: tuple[str, ...]) -> bytes:
+    """Code track ids in the shortest of the ways of docs/format.md.
+
+    Parameters
+    ----------
+    ids : tuple of str
+        Any text without lone surrogates.
+
+    Raises
+    ------
+    InputError
+        If an id is no text that UTF-8 can carry.
+
+    Examples
+    --------
+    >>> names_bytes(("000", "001", "002")).hex()
+    '0d0003'
+    """
+    raw = [_encoded(name) for name in ids]
+    numbered = _numbered(ids)
+    if numbered is not None:
+        return numbered
+    return min((_head(len(ids), method) + body for method, body in _texts(raw)), key=len)
+
+
+def read_names(cursor: Cursor, file_size: int) -> tuple[str, ...]:
+    """Undo :func:`names_bytes`; reads as far as the names go.
+
+    Parameters
+    ----------
+    cursor : Cursor
+        At the first byte of the names.
+    file_size : int
+        Size of the archive in bytes, from which follows how many tracks are believed.
+    """
+    head = cursor.varint("the number of tracks")
+    count, method = head >> 2, head & 3
+    if count > _FREE_TRACKS + _TRACKS_PER_BYTE * file_size:
+        raise cursor.fail(f"{count} tracks in {file_size} bytes")
+    if method in {_COUNTED, _PADDED}:
+        return _read_numbered(cursor, count, method == _PADDED)
+    return _read_listed(cursor, count) if method == _LISTED else _read_packed(cursor, count)
+
+
+def _encoded(name: str) -> bytes:
+    try:
+        return name.encode()
+    except UnicodeEncodeError:
+        raise InputError(f"track id {name!r:.80} holds a lone surrogate, which is no text; rename the track") from None
+
+
+def _head(count: int, method: int) -> bytes:
+    return varint(count << 2 | method)
+
+
+def _numbered(ids: tuple[str, ...]) -> bytes | None:
+    if not ids:
+        return _head(0, _COUNTED) + varint(0)
+    first = ids[0]
+    if not (first.isascii() and first.isdigit() and len(first) <= _WIDTH_LIMIT) or int(first) + len(ids) >= _NUMBER_LIMIT:
+        return None
+    start, width = int(first), len(first)
+    if all(name == str(start + i) for i, name in enumerate(ids)):
+        return _head(len(ids), _COUNTED) + varint(start)
+    if all(name == str(start + i).zfill(width) for i, name in enumerate(ids)):
+        return _head(len(ids), _PADDED) + varint(start) + varint(width)
+    return None
+
+
+def _read_numbered(cursor: Cursor, count: int, padded: bool) -> tuple[str, ...]:
+    start = cursor.varint("the first track's number")
+    width = cursor.varint("the width of numbers") if padded else 0
+    if width > _WIDTH_LIMIT:
+        raise cursor.fail(f"numbers padded to {width} digits")
+    return tuple(str(start + i).zfill(width) for i in range(count))
+
+
+def _texts(raw: list[bytes]) -> list[tuple[int, bytes]]:
+    ways = [(_LISTED, b"".join(varint(len(name)) + name for name in raw))]
+    # UTF-8 never holds the byte 255, so it can stand for a newline within an id
+    text = b"\n".join(name.replace(b"\n", b"\xff") for name in raw)
+    if len(text) <= TEXT_LIMIT:
+        ways += [(_PACKED, bytes([code]) + varint(len(body)) + body) for code, body in _packed(text)]
+    return ways
+
+
+def _packed(text: bytes) -> list[tuple[int, bytes]]:
+    return [(_DEFLATED, deflate(text)), (_LZMA, pack_lzma(text))]
+
+
+def _read_listed(cursor: Cursor, count: int) -> tuple[str, ...]:
+    if count > cursor.left:
+        raise cursor.fail(f"{count} names in {cursor.left} bytes")
+    return tuple(_text(cursor.take(cursor.varint("a name's length"), "a name"), cursor) for _ in range(count))
+
+
+def _read_packed(cursor: Cursor, count: int) -> tuple[str, ...]:
+    code = cursor.byte("how names are packed")
+    body = cursor.take(cursor.varint("the length of names"), "the names")
+    text = _unpacked(code, body, cursor)
+    if not count or text.count(b"\n") != count - 1:
+        raise cursor.fail(f"names are not those of {count} tracks")
+    return tuple(_text(name.replace(b"\xff", b"\n"), cursor) for name in text.split(b"\n"))
+
+
+def _unpacked(code: int, body: bytes, cursor: Cursor) -> bytes:
+    offset = cursor.base + cursor.at - len(body)
+    if code == _DEFLATED:
+        return inflate(body, TEXT_LIMIT, offset)
+    if code == _LZMA:
+        return unpack_lzma(body, TEXT_LIMIT, offset)
+    raise CorruptArchiveError(f"names are packed in an unknown way, {code}", offset)
+
+
+def _text(raw: bytes, cursor: Cursor) -> str:
+    try:
+        return raw.decode()
+    except UnicodeDecodeError:
+        raise cursor.fail("a track's name is no text") from None

@@ -1,0 +1,275 @@
+"""From the untrusted bytes of an archive to its contents; anything wrong is a CorruptArchiveError with its offset."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TypeVar
+
+from gpszip.container.contents import LONE_ID, Contents, Group, Section, complaint
+from gpszip.container.expansion import unpack_bz2
+from gpszip.container.frame_record import read_frame, read_short_frame
+from gpszip.container.group_index import entry, index_body, read_end, read_group
+from gpszip.container.layout import CHECKSUM_BYTES, HEAD_BYTES, MARKER, SMALL_LIMIT, Cursor, Form, Head, Kind, checksum, read_head
+from gpszip.container.names import read_names
+from gpszip.errors import CorruptArchiveError, InputError
+
+__all__ = [
+    "LAYER_FREE",
+    "LAYER_RATIO",
+    "Piece",
+    "assemble",
+    "finished",
+    "from_bytes",
+    "layer_limit",
+    "load",
+    "pieces",
+    "read_file",
+    "read_piece",
+]
+
+#: All layered payloads of an archive expand to at most this many bytes, and so many for each byte of the file.
+LAYER_FREE = 1 << 26
+LAYER_RATIO = 16
+
+T = TypeVar("T")
+
+#: Sections that are believed, and one more for so many bytes of the file.
+_SECTIONS = 1 << 12
+_BYTES_PER_SECTION = 1 << 10
+
+_ONCE = {Kind.FRAME, Kind.NAMES, Kind.MAP_HASH, Kind.INDEX}
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A section where it lies in the bytes.
+
+    Parameters
+    ----------
+    kind : int
+        What it holds.
+    offset, size : int
+        First byte and number of bytes with all framing.
+    body : bytes
+        What is inside.
+    seal : bytes
+        Its own checksum; empty where it has none.
+    body_offset : int
+        First byte of the body.
+    """
+
+    kind: int
+    offset: int
+    size: int
+    body: bytes
+    seal: bytes
+    body_offset: int
+
+    def cursor(self) -> Cursor:
+        """The body, to read it."""
+        return Cursor(self.body, base=self.body_offset)
+
+
+def layer_limit(size: int) -> int:
+    """Bytes to which the layers of an archive of this size may expand."""
+    return LAYER_FREE + LAYER_RATIO * size
+
+
+def from_bytes(data: bytes) -> Contents:
+    """Read a whole archive and check all of it.
+
+    Parameters
+    ----------
+    data : bytes
+        A whole file.
+
+    Raises
+    ------
+    CorruptArchiveError
+        If any byte is wrong, missing or too many.
+
+    Examples
+    --------
+    >>> from_bytes(bytes.fromhex("a75a81807800000077616c6b73d112ee6a")).groups[0].payload
+    b'walks'
+    """
+    head = read_head(data)
+    if head.form is not Form.SECTIONS:
+        return _read_compact(data, head)
+    found = pieces(data, head)
+    return assemble(found, bool(head.high), len(data))
+
+
+def load(path: str | os.PathLike[str]) -> Contents:
+    """Read an archive from a file.
+
+    Raises
+    ------
+    InputError
+        If there is no such file or it can't be read.
+    CorruptArchiveError
+        If it is no whole archive.
+    """
+    return from_bytes(read_file(path))
+
+
+def read_file(path: str | os.PathLike[str]) -> bytes:
+    """All bytes of a regular file, or an InputError in one line."""
+    source = Path(path)
+    if source.is_dir():
+        raise InputError(f"{source}: is a folder, not an archive")
+    if source.exists() and not source.is_file():
+        raise InputError(f"{source}: is no regular file")
+    try:
+        return source.read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{source}: no such file") from None
+    except OSError as error:
+        raise InputError(f"{source}: can't be read: {error.strerror or error}") from None
+
+
+def pieces(data: bytes, head: Head) -> list[Piece]:
+    """Cut an archive of sections into them, checking every checksum; the end mark is checked and left out."""
+    if head.low & 1:
+        return _small_pieces(data)
+    cursor = Cursor(data, HEAD_BYTES)
+    found: list[Piece] = []
+    while True:
+        piece = read_piece(cursor)
+        if piece.kind == Kind.END:
+            break
+        found.append(piece)
+        if len(found) > _SECTIONS + len(data) // _BYTES_PER_SECTION:
+            raise cursor.fail("too many sections")
+    _check_end(data, piece, found)
+    cursor.finish("the archive")
+    return found
+
+
+def read_piece(cursor: Cursor) -> Piece:
+    """Read one section of a large archive: marker, kind, length, body, checksum."""
+    offset = cursor.at
+    if cursor.take(len(MARKER), "a section's marker") != MARKER:
+        cursor.at = offset
+        raise cursor.fail("no section begins here")
+    start = cursor.at
+    kind, body_offset, body = _kind_and_body(cursor)
+    content = memoryview(cursor.data)[start : cursor.at]
+    seal = cursor.take(CHECKSUM_BYTES, "a section's checksum")
+    if checksum(content) != seal:
+        raise CorruptArchiveError(f"the checksum of a section of kind {kind} is wrong", cursor.base + offset)
+    return Piece(kind, cursor.base + offset, cursor.at - offset, body, seal, body_offset)
+
+
+def assemble(found: list[Piece], layered: bool, file_size: int) -> Contents:
+    """Contents from the sections of an archive, each checked against the others."""
+    _check_order(found)
+    frame_piece, names_piece = found[0], found[1]
+    frame = finished(frame_piece, read_frame)
+    ids = finished(names_piece, lambda cursor: read_names(cursor, file_size))
+    walks = [piece for piece in found if piece.kind == Kind.WALKS]
+    groups = tuple(read_group(piece.cursor()) for piece in walks)
+    _check_index(found, walks, groups)
+    contents = Contents(
+        frame,
+        ids,
+        _unwrapped(groups, walks, file_size) if layered else groups,
+        next((piece.body for piece in found if piece.kind == Kind.MAP_HASH), None),
+        tuple(Section(piece.kind, piece.body) for piece in found if piece.kind not in {*_ONCE, Kind.WALKS}),
+        "bz2" if layered else None,
+    )
+    return _believed(contents, found[-1].offset)
+
+
+def finished(piece: Piece, read: Callable[[Cursor], T]) -> T:
+    """What ``read`` makes of a section, all of it."""
+    cursor = piece.cursor()
+    value = read(cursor)
+    cursor.finish(f"a section of kind {piece.kind}")
+    return value
+
+
+def _read_compact(data: bytes, head: Head) -> Contents:
+    end = len(data) - CHECKSUM_BYTES
+    if end < HEAD_BYTES:
+        raise CorruptArchiveError("the archive ends within its head", len(data))
+    if checksum(memoryview(data)[:end]) != data[end:]:
+        raise CorruptArchiveError("the archive's checksum is wrong: bytes are missing or changed", end)
+    cursor = Cursor(data, HEAD_BYTES, end)
+    frame = read_short_frame(cursor, head.low, bool(head.high))
+    ids = (LONE_ID,) if head.form is Form.LONE else read_names(cursor, len(data))
+    at, payload = cursor.at, cursor.rest()
+    layered = head.form is Form.LAYERED
+    if layered:
+        payload = unpack_bz2(payload, layer_limit(len(data)), at)
+    return _believed(Contents(frame, ids, (Group(0, len(ids), payload),), layer="bz2" if layered else None), HEAD_BYTES)
+
+
+def _believed(contents: Contents, offset: int) -> Contents:
+    wrong = complaint(contents)
+    if wrong:
+        raise CorruptArchiveError(wrong, offset)
+    return contents
+
+
+def _small_pieces(data: bytes) -> list[Piece]:
+    end = len(data) - CHECKSUM_BYTES
+    if len(data) >= SMALL_LIMIT:
+        raise CorruptArchiveError(f"an archive of {len(data)} bytes needs a checksum for each section", 2)
+    if end < HEAD_BYTES or checksum(memoryview(data)[:end]) != data[end:]:
+        raise CorruptArchiveError("the archive's checksum is wrong: bytes are missing or changed", max(end, 0))
+    cursor = Cursor(data, HEAD_BYTES, end)
+    found: list[Piece] = []
+    while cursor.left:
+        offset = cursor.at
+        kind, body_offset, body = _kind_and_body(cursor)
+        found.append(Piece(kind, offset, cursor.at - offset, body, b"", body_offset))
+    return found
+
+
+def _kind_and_body(cursor: Cursor) -> tuple[int, int, bytes]:
+    kind = cursor.byte("a section's kind")
+    length = cursor.varint("a section's length")
+    body_offset = cursor.base + cursor.at
+    return kind, body_offset, cursor.take(length, f"a section of kind {kind}")
+
+
+def _check_end(data: bytes, end: Piece, found: list[Piece]) -> None:
+    index_offset, digest = read_end(end.cursor())
+    if checksum(data[:HEAD_BYTES] + b"".join(piece.seal for piece in found)) != digest:
+        raise CorruptArchiveError("sections are missing, added or out of order", end.offset)
+    if index_offset != next((piece.offset for piece in found if piece.kind == Kind.INDEX), 0):
+        raise CorruptArchiveError("the end mark points to no index", end.offset)
+
+
+def _check_order(found: list[Piece]) -> None:
+    kinds = [piece.kind for piece in found]
+    if kinds[:2] != [Kind.FRAME, Kind.NAMES]:
+        raise CorruptArchiveError("an archive begins with its frame and its names", HEAD_BYTES)
+    for piece in found:
+        if piece.kind in {0, Kind.END} or (piece.kind in _ONCE and kinds.count(piece.kind) > 1):
+            raise CorruptArchiveError(f"a section of kind {piece.kind} has no place here", piece.offset)
+
+
+def _check_index(found: list[Piece], walks: list[Piece], groups: tuple[Group, ...]) -> None:
+    index = next((piece for piece in found if piece.kind == Kind.INDEX), None)
+    if index is None:
+        if len(groups) > 1 and walks[0].seal:
+            raise CorruptArchiveError("several groups and no index", walks[0].offset)
+        return
+    lines = tuple(entry(group, piece.offset, piece.size) for group, piece in zip(groups, walks, strict=True))
+    if index.body != index_body(lines):
+        raise CorruptArchiveError("the index and the groups differ", index.offset)
+
+
+def _unwrapped(groups: tuple[Group, ...], walks: list[Piece], file_size: int) -> tuple[Group, ...]:
+    left = layer_limit(file_size)
+    out: list[Group] = []
+    for group, piece in zip(groups, walks, strict=True):
+        payload = unpack_bz2(group.payload, left, piece.offset)
+        left -= len(payload)
+        out.append(replace(group, payload=payload))
+    return tuple(out)

@@ -1,0 +1,148 @@
+"""What is left of a torn archive: every whole section of it."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from gpszip.container.contents import Contents, Group, Section, complaint
+from gpszip.container.expansion import unpack_bz2
+from gpszip.container.frame_record import read_frame
+from gpszip.container.group_index import read_group
+from gpszip.container.layout import HEAD_BYTES, MARKER, Cursor, Form, Kind, read_head
+from gpszip.container.names import read_names
+from gpszip.container.reader import Piece, from_bytes, layer_limit, read_file, read_piece
+from gpszip.errors import CorruptArchiveError
+
+__all__ = ["Recovered", "recover", "recover_bytes", "whole_pieces"]
+
+#: Checksums of forged sections that lie within each other are tried over so many bytes for each byte of the file.
+_WORK = 8
+_FREE_WORK = 1 << 20
+
+
+@dataclass(frozen=True)
+class Recovered:
+    """Contents that can be saved again, and what they lack.
+
+    Parameters
+    ----------
+    contents : Contents
+        Whole groups with the names of their tracks.
+    lost : tuple of str
+        One sentence for each thing that is missing; empty for a whole archive.
+    """
+
+    contents: Contents
+    lost: tuple[str, ...]
+
+
+def recover(path: str | os.PathLike[str]) -> Recovered:
+    """Save every whole section of a torn archive.
+
+    Parameters
+    ----------
+    path : path
+        The torn file, which stays as it is.
+
+    Raises
+    ------
+    CorruptArchiveError
+        If nothing can be saved: the frame or all walks are gone. Small archives have one checksum and are whole or lost.
+    InputError
+        If the file can't be read.
+    """
+    return recover_bytes(read_file(path))
+
+
+def recover_bytes(data: bytes) -> Recovered:
+    """Save every whole section of the bytes of a torn archive, see :func:`recover`."""
+    try:
+        return Recovered(from_bytes(data), ())
+    except CorruptArchiveError as error:
+        reason = error
+    head = read_head(data)
+    if head.form is not Form.SECTIONS or head.low & 1:
+        raise reason
+    found = {piece.offset: piece for piece in whole_pieces(data)}
+    return _joined(list(found.values()), bool(head.high), len(data), str(reason))
+
+
+def whole_pieces(data: bytes) -> Iterator[Piece]:
+    """Yield the sections of a large archive whose checksum is right, whatever lies between them."""
+    work = _FREE_WORK + _WORK * len(data)
+    at = data.find(MARKER, HEAD_BYTES)
+    while at >= 0 and work > 0:
+        cursor = Cursor(data, at)
+        try:
+            piece = read_piece(cursor)
+        except CorruptArchiveError:
+            work -= cursor.at - at
+            at = data.find(MARKER, at + 1)
+        else:
+            yield piece
+            at = data.find(MARKER, cursor.at)
+
+
+def _joined(found: list[Piece], layered: bool, size: int, reason: str) -> Recovered:
+    frames = [piece for piece in found if piece.kind == Kind.FRAME]
+    if not frames:
+        raise CorruptArchiveError(f"nothing can be saved, as the frame is lost: {reason}")
+    lost = [reason]
+    groups = _groups(found, layered, size)
+    if not groups:
+        raise CorruptArchiveError(f"nothing can be saved, as all walks are lost: {reason}")
+    ids = _names(found, groups, size, lost)
+    kept = tuple(ids[track] for group in groups for track in range(group.first_track, group.first_track + group.tracks))
+    if len(kept) < len(ids):
+        lost.append(f"{len(ids) - len(kept)} of {len(ids)} tracks")
+    hashes = [piece.body for piece in found if piece.kind == Kind.MAP_HASH]
+    extras = tuple(Section(piece.kind, piece.body) for piece in found if piece.kind == Kind.ATTRIBUTES or piece.kind > Kind.END)
+    contents = Contents(
+        read_frame(frames[0].cursor()), kept, _renumbered(groups), hashes[0] if hashes else None, extras, "bz2" if layered else None
+    )
+    wrong = complaint(contents)
+    if wrong:
+        raise CorruptArchiveError(wrong)
+    return Recovered(contents, tuple(lost))
+
+
+def _groups(found: list[Piece], layered: bool, size: int) -> list[Group]:
+    groups: list[Group] = []
+    left, following = layer_limit(size), 0
+    for piece in found:
+        if piece.kind != Kind.WALKS:
+            continue
+        group = read_group(piece.cursor())
+        if group.first_track < following or not group.tracks:
+            continue
+        if layered:
+            group = replace(group, payload=unpack_bz2(group.payload, left, piece.offset))
+            left -= len(group.payload)
+        groups.append(group)
+        following = group.first_track + group.tracks
+    return groups
+
+
+def _names(found: list[Piece], groups: list[Group], size: int, lost: list[str]) -> tuple[str, ...]:
+    needed = groups[-1].first_track + groups[-1].tracks
+    for piece in found:
+        if piece.kind == Kind.NAMES:
+            ids = read_names(piece.cursor(), size)
+            if len(ids) < needed:
+                raise CorruptArchiveError(f"walks of {needed} tracks, names of {len(ids)}", piece.offset)
+            return ids
+    if needed > 8 * size:
+        raise CorruptArchiveError(f"walks of {needed} tracks in {size} bytes")
+    lost.append("the names of all tracks; they are numbered instead")
+    return tuple(map(str, range(needed)))
+
+
+def _renumbered(groups: list[Group]) -> tuple[Group, ...]:
+    out: list[Group] = []
+    following = 0
+    for group in groups:
+        out.append(replace(group, first_track=following))
+        following += group.tracks
+    return tuple(out)

@@ -1,0 +1,207 @@
+"""From contents to the bytes of an archive, and to a file that is there whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import tempfile
+from pathlib import Path
+
+from gpszip.container.contents import LONE_ID, Contents, Group, complaint
+from gpszip.container.expansion import pack_bz2
+from gpszip.container.frame_record import fits_head, frame_bytes, is_whole, short_frame_bytes, short_shape
+from gpszip.container.group_index import Entry, end_body, entry, group_body, index_body
+from gpszip.container.layout import CHECKSUM_BYTES, HEAD_BYTES, SMALL_LIMIT, Form, Head, Kind, checksum, head_bytes, section_bytes, varint
+from gpszip.container.names import names_bytes
+from gpszip.container.reader import layer_limit
+from gpszip.errors import OptionError, OutputError
+
+__all__ = ["save", "to_bytes"]
+
+
+def to_bytes(contents: Contents) -> bytes:
+    """Bytes of an archive; the same contents give the same bytes.
+
+    Parameters
+    ----------
+    contents : Contents
+        One group with nothing beside it takes the compact form, of at most 28 bytes beside names and payload.
+
+    Raises
+    ------
+    OptionError
+        If the contents contradict each other.
+    InputError
+        If a track's id is no text.
+
+    Examples
+    --------
+    >>> from gpszip.container.contents import one_group
+    >>> from gpszip.model.frame import Frame
+    >>> to_bytes(one_group(Frame((0, 0), 0, 128, 120), ("0",), b"walks")).hex()
+    'a75a81807800000077616c6b73d112ee6a'
+    """
+    wrong = complaint(contents)
+    if wrong:
+        raise OptionError(f"this can't be written as an archive: {wrong}")
+    wrapped = _wrapped(contents)
+    if len(contents.groups) == 1:
+        whole = _compact(contents, wrapped[0]) if _is_plain(contents) else _small(contents, wrapped)
+        if _is_plain(contents) or len(whole) < SMALL_LIMIT:
+            return whole
+    return _large(contents, wrapped)
+
+
+def save(contents: Contents, path: str | os.PathLike[str], *, force: bool = False) -> int:
+    """Write an archive so that the file is there whole or not at all.
+
+    Parameters
+    ----------
+    contents : Contents
+        What to write.
+    path : path
+        The new file, in a folder that exists.
+    force : bool, default False
+        Whether a file of that name is replaced.
+
+    Returns
+    -------
+    int
+        Size of the file in bytes.
+
+    Raises
+    ------
+    OutputError
+        If the file exists, or can't be written.
+    """
+    target = Path(path)
+    if target.is_dir():
+        raise OutputError(f"{target}: is a folder; name a file in it")
+    if not force and os.path.lexists(target):
+        raise _exists(target)
+    data = to_bytes(contents)
+    try:
+        _replace(target, data, force)
+    except FileExistsError:
+        raise _exists(target) from None
+    except FileNotFoundError:
+        raise OutputError(f"{target}: the folder {target.parent} does not exist; create it first") from None
+    except OSError as error:
+        raise OutputError(f"{target}: can't be written: {error.strerror or error}") from None
+    return len(data)
+
+
+def _exists(target: Path) -> OutputError:
+    return OutputError(f"{target}: exists already; --force overwrites it")
+
+
+def _replace(target: Path, data: bytes, force: bool) -> None:
+    handle, name = tempfile.mkstemp(prefix=f".{target.name[:64]}.", suffix=".part", dir=target.parent)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fchmod(file.fileno(), _mode(target))
+            os.fsync(file.fileno())
+        _publish(name, target, force)
+    except BaseException:
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(name)  # noqa: PTH108  # one call, as it must work while another error is on its way
+        raise
+    _sync_folder(target.parent)
+
+
+def _publish(name: str, target: Path, force: bool) -> None:
+    if force:
+        Path(name).replace(target)
+        return
+    try:
+        # unlike a rename, a link never takes the place of a file that another process made meanwhile
+        target.hardlink_to(name)
+    except FileExistsError:
+        raise
+    except OSError:
+        Path(name).replace(target)
+    else:
+        Path(name).unlink()
+
+
+def _mode(target: Path) -> int:
+    if target.exists():
+        return target.stat().st_mode & 0o777
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask
+
+
+def _sync_folder(folder: Path) -> None:
+    # some systems don't open folders; the file itself is on disk by now
+    with contextlib.suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def _is_plain(contents: Contents) -> bool:
+    return contents.map_hash is None and not contents.extras and fits_head(contents.frame)
+
+
+def _wrapped(contents: Contents) -> list[bytes]:
+    if contents.layer is None:
+        return [group.payload for group in contents.groups]
+    wrapped = [pack_bz2(group.payload) for group in contents.groups]
+    total = sum(len(group.payload) for group in contents.groups)
+    if total > layer_limit(sum(map(len, wrapped))):
+        raise OptionError(f"{total} bytes of walks are too many for the bz2 layer; leave it out")
+    return wrapped
+
+
+def _compact(contents: Contents, payload: bytes) -> bytes:
+    form = Form.NAMED if contents.layer is None else Form.LAYERED
+    names = names_bytes(contents.ids)
+    if contents.layer is None and contents.ids == (LONE_ID,):
+        form, names = Form.LONE, b""
+    frame = contents.frame
+    head = head_bytes(Head(form, short_shape(frame), int(is_whole(frame))))
+    return _sealed(head + short_frame_bytes(frame) + names + payload)
+
+
+def _sealed(data: bytes) -> bytes:
+    return data + checksum(data)
+
+
+def _opening(contents: Contents) -> list[tuple[int, bytes]]:
+    sections = [(int(Kind.FRAME), frame_bytes(contents.frame)), (int(Kind.NAMES), names_bytes(contents.ids))]
+    if contents.map_hash is not None:
+        sections.append((int(Kind.MAP_HASH), contents.map_hash))
+    return sections
+
+
+def _small(contents: Contents, wrapped: list[bytes]) -> bytes:
+    lone = contents.groups[0]
+    walks = (int(Kind.WALKS), group_body(Group(lone.first_track, lone.tracks, b""), wrapped[0]))
+    sections = [*_opening(contents), walks, *((extra.kind, extra.body) for extra in contents.extras)]
+    head = head_bytes(Head(Form.SECTIONS, 1, int(contents.layer is not None)))
+    return _sealed(head + b"".join(bytes([kind]) + varint(len(body)) + body for kind, body in sections))
+
+
+def _large(contents: Contents, wrapped: list[bytes]) -> bytes:
+    head = head_bytes(Head(Form.SECTIONS, 0, int(contents.layer is not None)))
+    parts = [section_bytes(kind, body) for kind, body in _opening(contents)]
+    entries: list[Entry] = []
+    offset = HEAD_BYTES + sum(map(len, parts))
+    for group, payload in zip(contents.groups, wrapped, strict=True):
+        kept = group if len(contents.groups) > 1 else Group(group.first_track, group.tracks, b"")
+        section = section_bytes(Kind.WALKS, group_body(kept, payload))
+        entries.append(entry(kept, offset, len(section)))
+        parts.append(section)
+        offset += len(section)
+    parts += [section_bytes(extra.kind, extra.body) for extra in contents.extras]
+    index_offset = 0
+    if len(entries) > 1:
+        index_offset = HEAD_BYTES + sum(map(len, parts))
+        parts.append(section_bytes(Kind.INDEX, index_body(tuple(entries))))
+    digest = checksum(head + b"".join(part[-CHECKSUM_BYTES:] for part in parts))
+    return head + b"".join(parts) + section_bytes(Kind.END, end_body(index_offset, digest))

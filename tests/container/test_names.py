@@ -1,0 +1,110 @@
+import lzma
+import random
+
+import pytest
+
+from gpszip.container.layout import Cursor
+from gpszip.container.names import names_bytes, read_names
+from gpszip.errors import CorruptArchiveError
+from oracle.archives import number
+
+HOSTILE = {
+    "none": (),
+    "empty": ("",),
+    "two empty": ("", ""),
+    "newline": ("a\nb", "\n", "\n\n"),
+    "nul": ("\0", "a\0b"),
+    "same": ("x", "x", "x"),
+    "digits of other scripts": ("٣", "٤"),
+    "superscript": ("²",),
+    "huge number": ("9" * 500,),
+    "19 digits": ("1399383849620000002", "1399383849620000003"),
+    "64 bits": ("18446744073709551615",),
+    "padded past 64": ("0" * 65,),
+    "minus": ("-1", "0", "1"),
+    "gap": ("000", "001", "003"),
+    "widths": ("08", "09", "10"),
+    "grown": ("8", "9", "10"),
+    "padded grown": ("099", "100", "101"),
+    "astral": ("\U0001f6b6 walk", "\U0010ffff"),
+    "slashes": ("../../etc/passwd", "a/b", "a/0"),
+    "one megabyte": ("z" * 1_000_000,),
+    "one random megabyte": ("".join(chr(random.Random(4).randrange(32, 0x2FFF)) for _ in range(350_000)),),
+}
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_names_come_back(name):
+    ids = HOSTILE[name]
+    data = names_bytes(ids)
+    cursor = Cursor(data + b"payload")
+    assert read_names(cursor, len(data) + 7) == ids
+    assert cursor.rest() == b"payload"
+
+
+@pytest.mark.parametrize(
+    ("ids", "most"),
+    [
+        (("0",), 2),
+        (("walk",), 6),
+        (tuple(f"{i:03}" for i in range(20)), 4),
+        (tuple(str(i) for i in range(1, 500)), 4),
+        (tuple(f"{i:05}" for i in range(70, 9000)), 6),
+    ],
+)
+def test_numbered_and_short_names_cost_few_bytes(ids, most):
+    assert len(names_bytes(ids)) <= most
+
+
+def _lists():
+    rng = random.Random(1)
+    words = ["taxi", "bus", "porto", "walk", "run", "u005", "indoor_45_", "rec-"]
+    yield tuple(f"{rng.choice(words)}{rng.randrange(1000)}" for _ in range(100))
+    yield tuple(str(1_399_383_849_620_000_002 + rng.randrange(10**12)) for _ in range(148))
+    yield tuple(f"indoor_{angle}_{i}" for angle in (45, 60) for i in range(12, 20))
+    yield tuple(sorted(f"{rng.randrange(3000):04}" for _ in range(120)))
+    yield tuple("".join(rng.choice("abcdefghijklm") for _ in range(8)) for _ in range(500))
+    yield tuple(f"2014-05-{1 + i // 24:02}T{i % 24:02}:00:00Z" for i in range(700))
+    yield tuple(rng.randbytes(16).hex() for _ in range(30))
+
+
+@pytest.mark.parametrize("ids", list(_lists()), ids=lambda ids: ids[0])
+def test_names_cost_no_more_than_lzma(ids):
+    rival = lzma.compress("\n".join(ids).encode(), format=lzma.FORMAT_RAW, filters=[{"id": lzma.FILTER_LZMA2, "preset": 9}])
+    assert len(names_bytes(ids)) <= len(rival) + 3
+
+
+def _bomb(packer):
+    return packer.compress(bytes(200_000_000)) + packer.flush()
+
+
+FORGED = {
+    "nothing": b"",
+    "too many tracks": number((1 << 40) << 2) + b"\0",
+    "count past 64 bits": b"\xff" * 12,
+    "long varint": b"\x80\x00",
+    "width": number(4 | 1) + b"\0" + number(1 << 30),
+    "listed past the end": number(2 << 2 | 2) + b"\x01a\x05b",
+    "listed more than bytes": number(60_000 << 2 | 2) + b"\0\0",
+    "listed no text": number(1 << 2 | 2) + b"\x01\xff",
+    "listed surrogate": number(1 << 2 | 2) + b"\x03\xed\xa0\x80",
+    "unknown packing": number(1 << 2 | 3) + b"\xee\x01a",
+    "packed past the end": number(1 << 2 | 3) + b"\x00\x7fabc",
+    "not deflate": number(1 << 2 | 3) + b"\x00\x03\xff\xff\xff",
+    "not lzma": number(1 << 2 | 3) + b"\x01\x03\xff\xff\xff",
+    "half a deflate stream": number(1 << 2 | 3) + b"\x00\x02\x4b\x4c",
+    "no tracks packed": number(0 << 2 | 3) + b"\x00\x02\x03\x00",
+    "other count": number(5 << 2 | 3) + b"\x00\x03\x4b\x04\x00",
+    "garbage after the stream": number(1 << 2 | 3) + b"\x00\x04\x4b\x04\x00\x00",
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_forged_names_are_refused(name):
+    with pytest.raises(CorruptArchiveError) as caught:
+        read_names(Cursor(FORGED[name], base=100), len(FORGED[name]))
+    assert caught.value.offset >= 100
+
+
+def test_whole_stream_in_the_same_shape_is_read():
+    assert read_names(Cursor(number(1 << 2 | 3) + b"\x00\x03\x4b\x04\x00"), 8) == ("a",)

@@ -1,0 +1,86 @@
+import pytest
+
+from gpszip.container.contents import Contents, Group, Section, one_group
+from gpszip.container.reader import from_bytes
+from gpszip.container.verify import verify_bytes
+from gpszip.container.writer import to_bytes
+from gpszip.errors import InputError, OptionError
+from gpszip.model.frame import Frame, Plane
+from oracle import archives
+
+ARCHIVES = archives.small_archives()
+
+
+@pytest.mark.parametrize("name", ARCHIVES)
+def test_contents_come_back(name):
+    contents = ARCHIVES[name]
+    data = to_bytes(contents)
+    assert from_bytes(data) == contents
+    assert to_bytes(from_bytes(data)) == data
+    assert verify_bytes(data).ok
+
+
+@pytest.mark.parametrize(
+    ("frame", "most"),
+    [(archives.FAR, 22), (archives.FAR_ODD, 25), (archives.DEGREES, 21), (archives.DEGREES_ODD, 25), (archives.DEGREES_FINE, 28)],
+)
+def test_overhead_of_one_track(frame, most):
+    payload = b"x" * 100
+    assert len(to_bytes(one_group(frame, ("0",), payload))) - len(payload) <= most
+
+
+def test_shift_changes_only_origin_epoch_and_checksum():
+    ours = Frame((1_000, 2_000), 3_000, 128, 128)
+    moved = Frame((10_000_001_000, 10_000_002_000), 1_000_000_003_000, 128, 128)
+    one, two = (to_bytes(one_group(frame, ("a", "b"), b"payload")) for frame in (ours, moved))
+    assert one[:5] == two[:5]
+    assert one[8:-4] == two[18:-4]
+
+
+def test_single_group_forgets_its_span():
+    contents = Contents(archives.FLAT, ("0",), (Group(0, 1, b"p", (3, 4)),))
+    assert from_bytes(to_bytes(contents)).groups[0].span is None
+
+
+def test_large_single_group_with_extras():
+    contents = Contents(archives.FLAT, ("0",), (Group(0, 1, bytes(range(256)) * 300),), None, (Section(5, b"kept"),))
+    data = to_bytes(contents)
+    assert from_bytes(data) == contents
+    assert verify_bytes(data).form == "large"
+
+
+@pytest.mark.parametrize(
+    "contents",
+    [
+        one_group(Frame((), 0, 0, 0), ("0",), b""),
+        one_group(Frame((0,) * 16, 0, 0, 0), ("0",), b""),
+        one_group(Frame((1 << 62, 0), 0, 0, 0), ("0",), b""),
+        one_group(Frame((0, 0), -(1 << 62), 0, 0), ("0",), b""),
+        one_group(Frame((0, 0), 0, 256, 0), ("0",), b""),
+        one_group(Frame((0, 0), 0, 0, -1), ("0",), b""),
+        one_group(Frame((0, 0), 0, 0, 0, Plane(())), ("0",), b""),
+        one_group(Frame((0, 0), 0, 0, 0, Plane(((900_000_001, 0),))), ("0",), b""),
+        one_group(archives.FLAT, ("0",), b"", "zip"),
+        Contents(archives.FLAT, ("0",), ()),
+        Contents(archives.FLAT, ("0", "1"), (Group(0, 1, b""),)),
+        Contents(archives.FLAT, ("0", "1"), (Group(0, 1, b""), Group(0, 1, b""))),
+        Contents(archives.FLAT, ("0",), (Group(0, 1, b""), Group(1, 0, b""))),
+        Contents(archives.FLAT, ("0",), (Group(0, 1, b"", (2, 1)),)),
+        Contents(archives.FLAT, ("0",), (Group(0, 1, b""),), b"short"),
+        Contents(archives.FLAT, ("0",), (Group(0, 1, b""),), None, (Section(3, b""),)),
+        Contents(archives.FLAT, ("0",), (Group(0, 1, b""),), None, (Section(256, b""),)),
+    ],
+)
+def test_contradictions_are_refused(contents):
+    with pytest.raises(OptionError, match="can't be written"):
+        to_bytes(contents)
+
+
+def test_payload_that_no_reader_would_expand_is_refused():
+    with pytest.raises(OptionError, match="leave it out"):
+        to_bytes(one_group(archives.FLAT, ("0",), bytes((1 << 26) + 100_000), "bz2"))
+
+
+def test_surrogates_are_refused():
+    with pytest.raises(InputError, match="surrogate"):
+        to_bytes(one_group(archives.FLAT, ("\ud800",), b""))

@@ -1,0 +1,79 @@
+"""Archives to attack, and the means to forge them past their checksums."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+
+from gpszip.container.contents import Contents, Group, Section, one_group
+from gpszip.model.frame import Frame, Plane
+
+FLAT = Frame((0, -5), 7, 128, 120)
+FAR = Frame((10_000_000_000, -9_999_999_000), 1_200_000_000_000, 128, 120)
+FAR_ODD = Frame((10_000_000_001, -9_999_999_999), 1_200_000_000_001, 128, 120)
+DEGREES = Frame((431_000, -262_000), 1_200_000_000_000, 150, 130, Plane(((476_200_000, -1_223_500_000),)))
+DEGREES_ODD = Frame((431_123, -262_045), 1_200_000_000_123, 150, 130, Plane(((476_200_000, -1_223_500_000),)))
+DEGREES_FINE = Frame((31_000, -262_000), 1_200_000_000_000, 150, 130, Plane(((476_212_345, -1_223_512_345),)))
+WIDE = Frame((0, 0), 0, 1, 2, Plane(((1, 2), (-900_000_000, 1_800_000_000))))
+TALL = Frame((1, 2, 3), 0, 255, 0)
+
+
+def several(layer: str | None = None) -> Contents:
+    groups = (
+        Group(0, 2, b"first group", (-5, 100)),
+        Group(2, 1, b"second group", (50, 50)),
+        Group(3, 3, b"third\xa7SECgroup", None),
+    )
+    ids = ("a", "b", "c", "00", "01", "ü\n\0")
+    return Contents(DEGREES, ids, groups, bytes(range(16)), (Section(5, b"kept"), Section(99, b"")), layer)
+
+
+def small_archives() -> dict[str, Contents]:
+    """One archive of every form."""
+    return {
+        "lone": one_group(FLAT, ("0",), b"walks of one track"),
+        "named": one_group(FAR_ODD, ("walk", "bike\n"), b"walks"),
+        "numbered": one_group(TALL, ("000", "001"), b""),
+        "degrees": one_group(DEGREES, ("u005",), b"\0\0\0"),
+        "layered": one_group(FLAT, ("0",), b"walks " * 20, "bz2"),
+        "small": Contents(WIDE, ("0",), (Group(0, 1, b"walks"),), bytes(16), (Section(5, b"kept"),)),
+        "small layered": Contents(FLAT, ("0",), (Group(0, 1, b"walks"),), None, (Section(200, b"new"),), "bz2"),
+        "no tracks": one_group(FLAT, (), b"a map alone"),
+        "large": several(),
+        "large layered": several("bz2"),
+    }
+
+
+def crc(data: bytes) -> bytes:
+    return struct.pack("<I", zlib.crc32(data))
+
+
+def number(value: int) -> bytes:
+    """Varint of any size, also too large a one."""
+    return bytes([value & 127 | 128]) + number(value >> 7) if value > 127 else bytes([value])
+
+
+def compact(third: int, body: bytes) -> bytes:
+    """Archive with one checksum, which is right whatever the body is."""
+    data = b"\xa7Z" + bytes([third]) + body
+    return data + crc(data)
+
+
+def section(kind: int, body: bytes, length: int | None = None) -> bytes:
+    content = bytes([kind]) + number(len(body) if length is None else length) + body
+    return b"\xa7SEC" + content + crc(content)
+
+
+def large(sections: list[bytes], index_offset: int | None = None, third: int = 0x19) -> bytes:
+    """Archive of sections with the right digest, whatever the sections are."""
+    head = b"\xa7Z" + bytes([third])
+    offset = 0
+    if index_offset is None:
+        at = 3
+        for part in sections:
+            offset = at if part[4] == 6 else offset
+            at += len(part)
+    else:
+        offset = index_offset
+    digest = crc(head + b"".join(part[-4:] for part in sections))
+    return head + b"".join(sections) + section(7, offset.to_bytes(6, "little") + digest)
