@@ -24,16 +24,21 @@ from gpszip.kernels.adaptive import (
 )
 from gpszip.kernels.heading import direction, rotate, rotate_back
 from gpszip.kernels.jit import jit
-from gpszip.kernels.range_coder import Coder, code_interval, target
+from gpszip.kernels.range_coder import Coder, code_interval, target, used_bits
 from gpszip.kernels.walk_model import (
     FLAGS,
-    HALVES,
+    GAP_BITS,
+    KIND_BITS,
     NODES,
     PACE,
     PACE_SLOW,
+    PLACE_BITS,
+    SPAN_BITS,
+    START_BITS,
     STEP_LENGTH,
     WalkModel,
     add_node,
+    book,
     follow,
     half_edge,
     length,
@@ -410,25 +415,33 @@ def _code_part(
 ) -> tuple[int, int, int]:
     """Code one part from u: return its kind, the node it ends at and its cells."""
     back = arrived ^ 1 if arrived >= 0 else -1
+    bits = used_bits(coder)
     kind = _code_kind(coder, model, u, arrived, back, _kind(model, u, back, node), last)
     expected = np.empty(3, np.int64)
+    known = 0
     if kind <= _KNOWN:
         half = back if kind == _BACK else _code_way(coder, model, u, arrived, back, node)
         node = model.into[half]
-        if timed:
-            known = _guess_spans(model, half, length(model.places, u, node), expected)
-            cells = _code_span(coder, model, _T_KNOWN, expected, known, cells)
-        return kind, node, cells
+        known = _guess_spans(model, half, length(model.places, u, node), expected)
+    kind_bits = used_bits(coder) - bits
     if timed:
-        cells = _code_span(coder, model, (_T_LINK, _T_NEW, _T_STAY)[kind - _LINK], expected, 0, cells)
-    if kind == _STAY:
-        return kind, u, cells
+        bits = used_bits(coder)
+        cells = _code_span(coder, model, (_T_KNOWN, _T_KNOWN, _T_LINK, _T_NEW, _T_STAY)[kind], expected, known, cells)
+        book(model, SPAN_BITS + kind, used_bits(coder) - bits)
     reach = _reach_of(model, cells, timed)
-    if kind == _LINK:
-        return kind, _code_link(coder, model, u, before, node, reach), cells
-    node = model.scalars[NODES]
-    _code_step(coder, model, u, before, node, reach, True)
-    return kind, add_node(model), cells
+    bits = used_bits(coder)
+    if kind == _STAY:
+        node = u
+    elif kind == _LINK:
+        node = _code_link(coder, model, u, before, node, reach)
+        kind_bits += used_bits(coder) - bits
+    elif kind == _NEW:
+        node = model.scalars[NODES]
+        _code_step(coder, model, u, before, node, reach, True)
+        add_node(model)
+        book(model, PLACE_BITS, used_bits(coder) - bits)
+    book(model, KIND_BITS + kind, kind_bits)
+    return kind, node, cells
 
 
 @jit
@@ -477,7 +490,9 @@ def code_walks(
             if timed:
                 cells[j] = start + _code_far(coder, model, 3, cells[j] - start)
                 start = cells[j]
+            bits = used_bits(coder)
             u = _code_start(coder, model, u, nodes[j])
+            book(model, START_BITS, used_bits(coder) - bits)
             nodes[j] = u
             weigh(model, u, _WEIGHTS_END)
             before, arrived, last = -1, -1, _NEW
@@ -489,7 +504,9 @@ def code_walks(
                 gap = code_bit(coder, model.flags, _F_GAP + (1 if last == _STAY else 0), gaps[j])
             gaps[j] = gap
             if gap:
+                bits = used_bits(coder)
                 node, span = _code_gap(coder, model, u, nodes[j], span, timed)
+                book(model, GAP_BITS, used_bits(coder) - bits)
                 before, arrived, last = -1, -1, _NEW
             else:
                 last, node, span = _code_part(coder, model, u, before, arrived, last, nodes[j], span, timed)

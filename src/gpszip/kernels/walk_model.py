@@ -11,9 +11,16 @@ from gpszip.kernels.adaptive import PARTS, SIZES, WEIGHT
 from gpszip.kernels.jit import jit
 
 __all__ = [
+    "ACCOUNTS",
     "FLAGS",
+    "GAP_BITS",
+    "KIND_BITS",
+    "PLACE_BITS",
+    "SPAN_BITS",
+    "START_BITS",
     "WalkModel",
     "add_node",
+    "book",
     "follow",
     "half_edge",
     "length",
@@ -26,6 +33,10 @@ __all__ = [
 
 #: Numbers kept in ``WalkModel.scalars``.
 NODES, HALVES, PACE, PACE_SLOW, STEP_LENGTH = 0, 1, 2, 3, 4
+
+#: Rows of the ledger: kinds of steps (back, known, link, new, stay), their durations, places of new nodes, starts, gaps.
+ACCOUNTS = 13
+KIND_BITS, SPAN_BITS, PLACE_BITS, START_BITS, GAP_BITS = 0, 5, 10, 11, 12
 
 #: Bit contexts, ahead of those of whole numbers.
 FLAGS = 512
@@ -59,6 +70,7 @@ class WalkModel(NamedTuple):
     scalars: NDArray[np.int64]
     offers: NDArray[np.int64]  # by place relative to the expected one: nodes there, and nodes chosen
     hits: NDArray[np.int64]
+    ledger: NDArray[np.float64]  # bits written and how often, by ``ACCOUNTS``; nothing is decided by it
 
 
 def new_model(knots: int, dimension: int) -> WalkModel:
@@ -83,7 +95,15 @@ def new_model(knots: int, dimension: int) -> WalkModel:
         scalars=np.zeros(8, np.int64),
         offers=np.full((10, 8), 40, np.int64),
         hits=np.full((10, 8), 1, np.int64),
+        ledger=np.zeros((ACCOUNTS, 2)),
     )
+
+
+@jit
+def book(model: WalkModel, account: int, bits: float) -> None:
+    """Enter written bits into the ledger."""
+    model.ledger[account, 0] += bits
+    model.ledger[account, 1] += 1.0
 
 
 @jit

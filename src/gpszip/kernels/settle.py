@@ -1,0 +1,349 @@
+"""The E-step of the connected map: knots of one window of a walk are chosen anew, all at once, at their marginal price.
+
+Within a window the walk's own uses are taken out of the counts. Then a dynamic program over slots and candidate nodes may insert,
+delete, move and relabel knots: a node that others use is free, one that nobody uses pays for its place, and every step
+pays what it would cost to code.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.kernels.draft import HALVES, NODES, Draft, count_step, drop, near, room, steps, take_node
+from gpszip.kernels.jit import jit
+from gpszip.kernels.moments import free_cost, span_moments
+
+__all__ = ["CANDIDATES", "settle_piece"]
+
+#: Prices in bits, in the order of the array ``prices``.
+ERROR, TIME, STAY_TIME, NEW, PLACE, LINK, STAY, JUMP, ESCAPE = 0, 1, 2, 3, 4, 5, 6, 7, 8
+
+CANDIDATES = 8
+_TOO_DEAR = 45.0
+_FRESH = -2
+
+
+@jit
+def _step_price(draft: Draft, u: int, v: int, prices: NDArray[np.float64]) -> float:
+    """Bits of a step between two nodes that others use."""
+    weight = steps(draft, u, v) + 0.5 * steps(draft, v, u)
+    if weight <= 0.0:
+        return prices[LINK]
+    return min(np.log2((draft.leaving[u] + 1.0) / weight) + prices[ESCAPE], prices[LINK])
+
+
+@jit
+def _find_candidates(
+    draft: Draft,
+    places: NDArray[np.float64],
+    at: NDArray[np.int64],
+    first: int,
+    last: int,
+    most: int,
+    candidates: NDArray[np.int64],
+    counts: NDArray[np.int64],
+) -> None:
+    """List the nodes that each slot may take: the nearest, its present one, and a fresh one at its own place."""
+    distances = np.empty(most + 1)
+    for slot in range(first, last + 1):
+        row = slot - first
+        count = near(draft, places[slot], most, candidates[row], distances)
+        own = at[slot]
+        if own >= 0:
+            known = False
+            for i in range(count):
+                known |= candidates[row, i] == own
+            if not known:
+                candidates[row, count] = own
+                count += 1
+        candidates[row, count] = _FRESH
+        counts[row] = count + 1
+
+
+@jit
+def _index_locals(
+    draft: Draft, candidates: NDArray[np.int64], counts: NDArray[np.int64], marks: NDArray[np.int64], members: NDArray[np.int64]
+) -> int:
+    """Number the used nodes among the candidates from 1 on; 0 stands for all that nobody uses."""
+    count = 0
+    for row in range(len(counts)):
+        for i in range(counts[row]):
+            node = candidates[row, i]
+            if node >= 0 and draft.uses[node] > 0 and marks[node] == 0:
+                count += 1
+                marks[node] = count
+                members[count] = node
+    return count
+
+
+@jit
+def _price_steps(
+    draft: Draft, members: NDArray[np.int64], count: int, marks: NDArray[np.int64], prices: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Bits of the steps between all used candidates; row and column 0 are for fresh nodes."""
+    table = np.full((count + 1, count + 1), prices[LINK])
+    table[:, 0] = prices[NEW] + prices[PLACE]
+    for i in range(1, count + 1):
+        u = members[i]
+        half = draft.head[u]
+        while half >= 0:
+            v = draft.into[half]
+            if marks[v] > 0:
+                table[i, marks[v]] = _step_price(draft, u, v, prices)
+            half = draft.following[half]
+        table[i, i] = prices[STAY]
+    return table
+
+
+@jit
+def _relax(
+    draft: Draft,
+    sums: NDArray[np.int64],
+    ticks: NDArray[np.int64],
+    centers: NDArray[np.int64],
+    places: NDArray[np.float64],
+    place_unit: float,
+    first: int,
+    last: int,
+    widest: int,
+    candidates: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    marks: NDArray[np.int64],
+    table: NDArray[np.float64],
+    prices: NDArray[np.float64],
+    best: NDArray[np.float64],
+    parent_row: NDArray[np.int64],
+    parent_choice: NDArray[np.int64],
+) -> None:
+    """Fill ``best`` (bits to reach each candidate of each slot) and its parents, from the rows that are set already."""
+    dimension = places.shape[1]
+    rows = last - first + 1
+    m, n = np.empty(dimension), np.empty(dimension)
+    width = candidates.shape[1]
+    spot = np.empty((rows, width, dimension))
+    local = np.zeros((rows, width), np.int64)
+    cheapest = np.full(rows, np.inf)
+    for row in range(rows):
+        for i in range(counts[row]):
+            node = candidates[row, i]
+            spot[row, i] = places[first + row] if node == _FRESH else draft.places[node]
+            local[row, i] = 0 if node == _FRESH else marks[node]
+    for i in range(counts[0]):
+        cheapest[0] = min(cheapest[0], best[0, i])
+    error = prices[ERROR]
+    ends = np.empty(width)
+    b = np.empty(dimension)
+    for row in range(1, rows):
+        g = first + row
+        for origin in range(row - 1, max(row - widest, 0) - 1, -1):
+            a = first + origin
+            w, u1, u2, q = span_moments(sums, a, g, ticks[a], ticks[g], centers[a], place_unit, m, n)
+            least = error * free_cost(w, u1, u2, q, m, n)
+            if least > _TOO_DEAR and origin < row - 1:
+                break
+            worst = 0.0
+            for c in range(counts[row]):
+                worst = max(worst, best[row, c])
+            if cheapest[origin] + least + prices[TIME] >= worst:
+                continue
+            for c in range(counts[row]):
+                total = 0.0
+                for axis in range(dimension):
+                    y = spot[row, c, axis] - centers[a, axis] / place_unit
+                    total += u2 * y * y - 2.0 * y * n[axis]
+                ends[c] = total
+            for o in range(counts[origin]):
+                reached = best[origin, o]
+                if reached + least + prices[TIME] >= worst:
+                    continue
+                begin = q
+                for axis in range(dimension):
+                    x = spot[origin, o, axis] - centers[a, axis] / place_unit
+                    begin += (w - 2.0 * u1 + u2) * x * x - 2.0 * x * (m[axis] - n[axis])
+                    b[axis] = 2.0 * (u1 - u2) * x
+                u = local[origin, o]
+                for c in range(counts[row]):
+                    cost = reached + prices[TIME]
+                    if candidates[origin, o] == candidates[row, c] and candidates[row, c] >= 0:
+                        cost += prices[STAY] + prices[STAY_TIME] - prices[TIME]
+                    else:
+                        cost += table[u, local[row, c]]
+                    if cost >= best[row, c]:
+                        continue
+                    square = begin + ends[c]
+                    for axis in range(dimension):
+                        square += b[axis] * (spot[row, c, axis] - centers[a, axis] / place_unit)
+                    cost += error * max(square, 0.0)
+                    if cost < best[row, c]:
+                        best[row, c] = cost
+                        parent_row[row, c] = origin
+                        parent_choice[row, c] = o
+        for c in range(counts[row]):
+            cheapest[row] = min(cheapest[row], best[row, c])
+
+
+@jit
+def _take_out(draft: Draft, at: NDArray[np.int64], first: int, last: int, with_first: bool, with_last: bool) -> None:
+    """Take the window's steps, and the uses of its free knots, out of the counts."""
+    before = at[first]
+    if with_first:
+        draft.uses[before] -= 1
+    for slot in range(first + 1, last + 1):
+        node = at[slot]
+        if node >= 0:
+            count_step(draft, before, node, -1)
+            if slot < last or with_last:
+                draft.uses[node] -= 1
+            before = node
+
+
+@jit
+def _put_back(
+    draft: Draft,
+    at: NDArray[np.int64],
+    places: NDArray[np.float64],
+    first: int,
+    last: int,
+    rows: NDArray[np.int64],
+    nodes: NDArray[np.int64],
+    count: int,
+    with_first: bool,
+    with_last: bool,
+) -> None:
+    """Enter the chosen knots (``count`` rows and nodes, last first) and drop what nobody uses any more."""
+    old = at[first : last + 1].copy()
+    at[first : last + 1] = -1
+    before = -1
+    for i in range(count - 1, -1, -1):
+        slot = first + rows[i]
+        node = nodes[i]
+        if node == _FRESH:
+            node = take_node(draft, places[slot])
+        at[slot] = node
+        if (slot > first or with_first) and (slot < last or with_last):
+            draft.uses[node] += 1
+        if before >= 0:
+            count_step(draft, before, node, 1)
+        before = node
+    for i in range(len(old)):
+        if old[i] >= 0 and draft.uses[old[i]] == 0:
+            draft.uses[old[i]] = -1
+            drop(draft, old[i])
+
+
+@jit
+def _settle_window(
+    draft: Draft,
+    sums: NDArray[np.int64],
+    ticks: NDArray[np.int64],
+    centers: NDArray[np.int64],
+    places: NDArray[np.float64],
+    place_unit: float,
+    at: NDArray[np.int64],
+    first: int,
+    last: int,
+    open_first: bool,
+    open_last: bool,
+    most: int,
+    widest: int,
+    prices: NDArray[np.float64],
+    marks: NDArray[np.int64],
+) -> None:
+    rows = last - first + 1
+    _take_out(draft, at, first, last, open_first, open_last)
+    candidates = np.empty((rows, most + 2), np.int64)
+    counts = np.empty(rows, np.int64)
+    _find_candidates(draft, places, at, first, last, most, candidates, counts)
+    if not open_first:
+        candidates[0, 0] = at[first]
+        counts[0] = 1
+    if not open_last:
+        candidates[rows - 1, 0] = at[last]
+        counts[rows - 1] = 1
+    members = np.empty(rows * (most + 2) + 1, np.int64)
+    used = _index_locals(draft, candidates, counts, marks, members)
+    table = _price_steps(draft, members, used, marks, prices)
+    best = np.full((rows, most + 2), np.inf)
+    parent_row = np.full((rows, most + 2), -1, np.int64)
+    parent_choice = np.zeros((rows, most + 2), np.int64)
+    for i in range(counts[0]):
+        node = candidates[0, i]
+        lone = open_first and (node == _FRESH or draft.uses[node] == 0)
+        best[0, i] = prices[JUMP] + prices[PLACE] if lone else 0.0
+    _relax(
+        draft, sums, ticks, centers, places, place_unit, first, last, widest, candidates, counts, marks, table, prices, best,
+        parent_row, parent_choice,
+    )  # fmt: skip
+    for i in range(1, used + 1):
+        marks[members[i]] = 0
+    choice = 0
+    for i in range(1, counts[rows - 1]):
+        if best[rows - 1, i] < best[rows - 1, choice]:
+            choice = i
+    path_rows, path_nodes = np.empty(rows, np.int64), np.empty(rows, np.int64)
+    count = 0
+    row = rows - 1
+    while row >= 0:
+        path_rows[count] = row
+        path_nodes[count] = candidates[row, choice]
+        count += 1
+        row, choice = parent_row[row, choice], parent_choice[row, choice]
+    _put_back(draft, at, places, first, last, path_rows, path_nodes, count, open_first, open_last)
+
+
+@jit
+def settle_piece(
+    draft: Draft,
+    sums: NDArray[np.int64],
+    ticks: NDArray[np.int64],
+    centers: NDArray[np.int64],
+    places: NDArray[np.float64],
+    place_unit: float,
+    at: NDArray[np.int64],
+    begin: int,
+    start: int,
+    end: int,
+    phase: int,
+    window: int,
+    most: int,
+    widest: int,
+    prices: NDArray[np.float64],
+    marks: NDArray[np.int64],
+) -> int:
+    """Settle the windows of a piece, slots ``begin`` to ``end``, from slot ``start`` on.
+
+    Parameters
+    ----------
+    at : int64 array, shape (slots,)
+        Node of each slot, -1 where there is no knot; changed in place.
+    phase, window : int
+        Knots in the first window and in the others.
+    most, widest : int
+        Near nodes to try at a slot, and slots that a part may span.
+
+    Returns
+    -------
+    int
+        Slot from which to go on once the draft has been given more room; ``end`` when all is done.
+    """
+    first = start
+    size = phase
+    while first < end:
+        last = first
+        knots = 0
+        while last < end and (knots < size or at[last] < 0):
+            last += 1
+            if at[last] >= 0:
+                knots += 1
+                if knots >= size:
+                    break
+        if room(draft) < last - first + 8:
+            return first
+        _settle_window(
+            draft, sums, ticks, centers, places, place_unit, at, first, last, first == begin, last == end, most, widest, prices,
+            marks,
+        )  # fmt: skip
+        first = last
+        size = window
+    return end

@@ -1,0 +1,134 @@
+"""A draft of the connected map: nodes, and the knots of all walks on a time grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.linalg import splu
+
+from gpszip.coding.walks import number_by_visit
+from gpszip.kernels.draft import Draft, enter_nodes, enter_walks
+from gpszip.kernels.moments import part_costs, part_moments
+from gpszip.kernels.rounding import round_places
+from gpszip.mapping.slots import Slots
+from gpszip.model import LatticeWalk, LatticeWalks
+
+__all__ = ["Parts", "draft_of", "list_parts", "normal_equations", "place_nodes", "round_nodes", "squared_error", "walks_of"]
+
+#: Pull of every node to where it is, so that one that no sample binds stays there.
+_ANCHOR = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Parts:
+    """The parts between consecutive knots of all pieces.
+
+    ``froms`` and ``tos`` are slots, ``starts`` and ``ends`` nodes, all int64 arrays of shape (k,); ``moments`` has the
+    columns W, U1, U2, Q, M..., N... about the places ``centers``, in quanta.
+    """
+
+    froms: NDArray[np.int64]
+    tos: NDArray[np.int64]
+    starts: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    moments: NDArray[np.float64]
+    centers: NDArray[np.float64]
+
+
+def list_parts(slots: Slots, at: NDArray[np.int64]) -> Parts:
+    """List the parts of a draft with the moments of their samples."""
+    knots = np.flatnonzero(at >= 0)
+    piece = np.searchsorted(slots.lasts, knots)
+    inside = piece[1:] == piece[:-1]
+    froms, tos = knots[:-1][inside], knots[1:][inside]
+    moments = part_moments(slots.sums, froms, tos, slots.ticks, slots.centers, slots.place_unit)
+    return Parts(froms, tos, at[froms], at[tos], moments, slots.centers[froms] / slots.place_unit)
+
+
+def squared_error(parts: Parts, places: NDArray[np.float64]) -> float:
+    """Sum of squared synchronised distances in squared quanta, the thesis's tau."""
+    return float(part_costs(parts.moments, places[parts.starts], places[parts.ends], parts.centers).sum())
+
+
+def normal_equations(parts: Parts, places: NDArray[np.float64]) -> tuple[csr_array, NDArray[np.float64]]:
+    """Return K and r whose solution K x = r places all nodes at least squared error."""
+    dimension = places.shape[1]
+    w, u1, u2 = parts.moments[:, 0], parts.moments[:, 1], parts.moments[:, 2]
+    m = parts.moments[:, 4 : 4 + dimension] + parts.centers * w[:, None]
+    n = parts.moments[:, 4 + dimension :] + parts.centers * u1[:, None]
+    rows = np.concatenate([parts.starts, parts.ends, parts.starts, parts.ends])
+    columns = np.concatenate([parts.starts, parts.ends, parts.ends, parts.starts])
+    values = np.concatenate([w - 2 * u1 + u2, u2, u1 - u2, u1 - u2])
+    count = len(places)
+    every = np.arange(count)
+    anchor = np.full(count, _ANCHOR)
+    stiffness = csr_array(
+        coo_array(
+            (np.concatenate([values, anchor]), (np.concatenate([rows, every]), np.concatenate([columns, every]))), shape=(count, count)
+        )
+    )
+    right = _ANCHOR * places
+    np.add.at(right, parts.starts, m - n)
+    np.add.at(right, parts.ends, n)
+    return stiffness, right
+
+
+def place_nodes(stiffness: csr_array, right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Solve the M-step: the places of all nodes at once (one sparse symmetric positive definite system)."""
+    solver = splu(stiffness.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    return np.asarray(solver.solve(right))
+
+
+def round_nodes(stiffness: csr_array, right: NDArray[np.float64], places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Round places to whole quanta, each given its neighbours."""
+    rounded = places.copy()
+    round_places(stiffness.indptr, stiffness.indices, stiffness.data, right, rounded, 4)
+    return rounded
+
+
+def walks_of(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int) -> LatticeWalks:
+    """Return the draft as walks on the lattice, nodes numbered by visit; ``places`` are whole."""
+    knots = np.flatnonzero(at >= 0)
+    piece = np.searchsorted(slots.lasts, knots)
+    owner = slots.owners[piece]
+    bounds = np.searchsorted(owner, np.arange(tracks + 1))
+    walks = tuple(
+        LatticeWalk(at[knots[a:b]].astype(np.int32), slots.cells[knots[a:b]], np.diff(piece[a:b]) > 0)
+        for a, b in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True)
+    )
+    return number_by_visit(LatticeWalks(np.rint(places).astype(np.int64), walks))
+
+
+def empty_draft(dimension: int, nodes: int, steps: int, reach: float) -> Draft:
+    """Return a draft with room for so many nodes and steps; near nodes are those within ``reach`` quanta."""
+    table = 1 << int(max(4 * steps, 64)).bit_length()
+    return Draft(
+        places=np.zeros((nodes, dimension)),
+        uses=np.zeros(nodes, np.int64),
+        free=np.zeros(nodes, np.int64),
+        leaving=np.zeros(nodes),
+        head=np.full(nodes, -1, np.int64),
+        following=np.zeros(2 * steps, np.int64),
+        into=np.zeros(2 * steps, np.int64),
+        slot_of=np.zeros(2 * steps, np.int64),
+        keys=np.full(table, -1, np.int64),
+        counts=np.zeros(table, np.int64),
+        buckets=np.full(1 << int(2 * nodes).bit_length(), -1, np.int64),
+        chained=np.full(nodes, -1, np.int64),
+        cell=np.array([reach]),
+        scalars=np.zeros(4, np.int64),
+    )
+
+
+def draft_of(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], reach: float, spare: int) -> Draft:
+    """Return a draft of the present walks with ``spare`` room for more nodes and steps."""
+    knots = int((at >= 0).sum())
+    draft = empty_draft(places.shape[1], len(places) + spare, knots + spare, reach)
+    draft.places[: len(places)] = places
+    draft.scalars[0] = len(places)
+    enter_nodes(draft, len(places))
+    enter_walks(draft, at, slots.lasts)
+    return draft

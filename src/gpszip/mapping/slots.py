@@ -1,0 +1,167 @@
+"""The time grid of the connected map: samples reduced to exact sums at the slots where knots may lie."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.kernels.moments import prefix_sums
+from gpszip.model import Frame, Track
+from gpszip.model.frame import quantum
+
+__all__ = ["Slots", "lay_slots"]
+
+#: Time ticks of a cell, and position ticks of a quantum where the log's extent allows it.
+_TIME_TICKS = 256
+_PLACE_TICKS = 64
+#: Every cell carries a slot while there are at most this many for each sample; else only those next to samples.
+_CELLS_PER_SAMPLE = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Slots:
+    """All slots of all tracks in a row, and the sums that price any part between two of them.
+
+    Parameters
+    ----------
+    cells : int64 array, shape (S,)
+        Time cell of each slot.
+    ticks : int64 array, shape (S,)
+        The same instants in ticks.
+    places : float64 array, shape (S, d)
+        Where the log is at each slot, in quanta from the origin.
+    centers : int64 array, shape (S, d)
+        The same, in ticks.
+    sums : int64 array, shape (S, 2d + 4)
+        Sums over all samples before each slot.
+    place_unit : float
+        Position ticks of a quantum.
+    firsts, lasts : int64 arrays, shape (P,)
+        First and last slot of each piece; pieces are what lies between gaps.
+    owners : int64 array, shape (P,)
+        Track of each piece.
+    samples : int
+        Number of samples.
+    """
+
+    cells: NDArray[np.int64]
+    ticks: NDArray[np.int64]
+    places: NDArray[np.float64]
+    centers: NDArray[np.int64]
+    sums: NDArray[np.int64]
+    place_unit: float
+    firsts: NDArray[np.int64]
+    lasts: NDArray[np.int64]
+    owners: NDArray[np.int64]
+    samples: int
+
+
+def lay_slots(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], frame: Frame) -> Slots:
+    """Lay the slots of a frame's time grid over the tracks.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        At least one.
+    gaps : sequence of bool array
+        For each track, which of its n - 1 steps between samples are gaps.
+    frame : Frame
+        Origin, epoch and quanta.
+
+    Returns
+    -------
+    Slots
+        Each piece starts at or before its first sample and ends at or after its last, and spans at least one cell.
+    """
+    times = [_in_cells(track, frame) for track in tracks]
+    spans = [_pieces(t, gap) for t, gap in zip(times, gaps, strict=True)]
+    places = np.concatenate([_in_quanta(track, frame) for track in tracks])
+    offsets = np.cumsum([0] + [len(t) for t in times])
+    every = np.concatenate(times)
+    cells, ends, froms, firsts, lasts, owners = [], [], [], [], [], []
+    count = 0
+    for owner, (offset, pieces) in enumerate(zip(offsets[:-1], spans, strict=True)):
+        for a, b, low, high in pieces:
+            grid = _slot_cells(every[offset + a : offset + b], low, high)
+            end = offset + a + np.searchsorted(every[offset + a : offset + b], grid - 1e-9)
+            end[0], end[-1] = offset + a, offset + b
+            cells.append(grid)
+            ends.append(end)
+            froms.append(np.full((len(grid), 2), (offset + a, offset + b)))
+            firsts.append(count)
+            count += len(grid)
+            lasts.append(count - 1)
+            owners.append(owner)
+    cell = np.concatenate(cells)
+    spots = _smooth_places(every, places, cell, np.concatenate(froms))
+    unit = _place_ticks(places)
+    sums = prefix_sums(
+        np.rint(every * _TIME_TICKS).astype(np.int64), np.rint(places * unit).astype(np.int64), np.concatenate(ends).astype(np.int64)
+    )
+    return Slots(
+        cell, cell * _TIME_TICKS, spots, np.rint(spots * unit).astype(np.int64), sums, float(unit),
+        np.array(firsts), np.array(lasts), np.array(owners), len(every),
+    )  # fmt: skip
+
+
+def _in_cells(track: Track, frame: Frame) -> NDArray[np.float64]:
+    # microseconds first: a log that was shifted by a round number gives the very same cells
+    seconds = np.rint((track.times - frame.epoch / 1000) * 1e6) / 1e6
+    return np.asarray(seconds / quantum(frame.time))
+
+
+def _in_quanta(track: Track, frame: Frame) -> NDArray[np.float64]:
+    metres = np.rint((track.positions - np.array(frame.origin) / 1000) * 1e6) / 1e6
+    return np.asarray(metres / quantum(frame.space))
+
+
+def _pieces(times: NDArray[np.float64], gap: NDArray[np.bool_]) -> list[tuple[int, int, int, int]]:
+    """Sample range and first and last cell of each piece; a gap that no whole cell fits in is none."""
+    pieces: list[tuple[int, int, int, int]] = []
+    bounds = np.concatenate([[0], np.flatnonzero(gap) + 1, [len(times)]])
+    for a, b in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True):
+        low = int(np.floor(times[a] + 1e-6))
+        high = max(int(np.ceil(times[b - 1] - 1e-6)), low + 1)
+        if pieces and low <= pieces[-1][3]:
+            before = pieces.pop()
+            pieces.append((before[0], b, before[2], max(high, before[3])))
+        else:
+            pieces.append((a, b, low, high))
+    return pieces
+
+
+def _slot_cells(times: NDArray[np.float64], low: int, high: int) -> NDArray[np.int64]:
+    if high - low < _CELLS_PER_SAMPLE * len(times) + 64:
+        return np.arange(low, high + 1, dtype=np.int64)
+    near = np.concatenate([np.floor(times), np.ceil(times), [low, high]]).astype(np.int64)
+    return np.unique(near[(near >= low) & (near <= high)])
+
+
+def _smooth_places(
+    times: NDArray[np.float64], places: NDArray[np.float64], cells: NDArray[np.int64], ranges: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Mean of the samples within half a cell of each slot where there are three or more, else the straight line's position."""
+    out = np.empty((len(cells), places.shape[1]))
+    total = np.concatenate([np.zeros((1, places.shape[1])), np.cumsum(places, axis=0)])
+    edges = np.flatnonzero(np.diff(ranges[:, 0], prepend=-1))
+    for a, b in zip(edges.tolist(), [*edges[1:].tolist(), len(cells)], strict=True):
+        first, last = ranges[a]
+        t, at = times[first:last], cells[a:b].astype(float)
+        for axis in range(places.shape[1]):
+            out[a:b, axis] = np.interp(at, t, places[first:last, axis])
+        low, high = first + np.searchsorted(t, at - 0.5), first + np.searchsorted(t, at + 0.5)
+        many = np.flatnonzero(high - low >= 3)
+        out[a + many] = (total[high[many]] - total[low[many]]) / (high - low)[many, None]
+    return out
+
+
+def _place_ticks(places: NDArray[np.float64]) -> int:
+    """Ticks of a quantum such that the squares of a whole log's positions, summed over a long part, stay within 62 bits."""
+    extent = float(np.ptp(places, axis=0).max()) + 1.0
+    unit = _PLACE_TICKS
+    while unit > 1 and (extent * unit) ** 2 * min(len(places), 100_000) > 2.0**62:
+        unit //= 2
+    return unit
