@@ -1,0 +1,195 @@
+"""From raw columns to pieces of tracks: rows that can't be used are dropped, order in time is seen to, and all is counted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.errors import InputError, OptionError
+from gpszip.io.raw_log import RawLog, unused
+from gpszip.model.reading import Repair
+
+__all__ = ["Piece", "mend"]
+
+#: More than this share of positions off the globe is not noise, but another kind of coordinates.
+_STRAYS = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A track, or the part of one that a log holds; times strictly increase.
+
+    Parameters
+    ----------
+    id : str or None
+        Name of the track; None where the log names none.
+    times : float64 array, shape (n,)
+        Seconds.
+    coordinates : float64 array, shape (n, d)
+        Metres, or latitude and longitude in degrees.
+    attributes : mapping of str to array, shape (n,)
+        Further columns.
+    where : str
+        Name of the log.
+    label : bool
+        Whether the id is a title that other tracks may share.
+    """
+
+    id: str | None
+    times: NDArray[np.float64]
+    coordinates: NDArray[np.float64]
+    attributes: Mapping[str, NDArray[np.generic]]
+    where: str
+    label: bool
+
+    def take(self, rows: NDArray[np.bool_] | slice) -> Piece:
+        """Keep some of the samples."""
+        kept = {name: values[rows] for name, values in self.attributes.items()}
+        return replace(self, times=self.times[rows], coordinates=self.coordinates[rows], attributes=kept)
+
+
+def mend(raw: RawLog, *, sort: bool = False, split: bool = False) -> tuple[list[Piece], list[Repair]]:
+    """Cut a log into its tracks and make their times increase.
+
+    Parameters
+    ----------
+    raw : RawLog
+        As a reader found it.
+    sort : bool
+        Put the points of each track in the order of their times.
+    split : bool
+        Start a new track, ``ID-2`` and so on, where time goes back.
+
+    Returns
+    -------
+    list of Piece
+        In the order in which the log first names them.
+    list of Repair
+        What was dropped or changed. The points of the pieces and those that these repairs drop are the rows of the log.
+
+    Raises
+    ------
+    InputError
+        If no row can be used, positions are not on the globe, or time goes back and neither ``sort`` nor ``split`` is set.
+    """
+    if sort and split:
+        raise OptionError("--sort and --split exclude each other")
+    repairs: list[Repair] = []
+    rows = _usable(raw, repairs)
+    if raw.geographic:
+        rows = _on_globe(raw, rows, repairs)
+    rows, starts = _in_order(raw, rows, sort, split, repairs)
+    rows, starts = _distinct(raw, rows, starts, repairs)
+    return _pieces(raw, rows, starts), repairs
+
+
+def _usable(raw: RawLog, repairs: list[Repair]) -> NDArray[np.intp]:
+    timed: NDArray[np.bool_] = np.isfinite(raw.times)
+    placed: NDArray[np.bool_] = np.asarray(np.isfinite(raw.coordinates).all(axis=1))
+    _require(raw, timed, "time")
+    _require(raw, placed, "position")
+    _require(raw, timed & placed, "time and position")
+    _count(raw, f"{raw.word}s without a time dropped", np.flatnonzero(~timed), repairs)
+    _count(raw, f"{raw.word}s without a position dropped", np.flatnonzero(timed & ~placed), repairs)
+    return np.flatnonzero(timed & placed)
+
+
+def _require(raw: RawLog, good: NDArray[np.bool_], what: str) -> None:
+    if not good.any():
+        raise InputError(
+            f"{raw.name}: no {raw.word} has a {what} that can be read; say which columns hold them with --columns t=COLUMN,..."
+        )
+
+
+def _count(raw: RawLog, what: str, rows: NDArray[np.intp], repairs: list[Repair]) -> None:
+    if len(rows):
+        repairs.append(Repair(what, len(rows), f"{raw.name}: {raw.word} {raw.first + int(rows.min())}"))
+
+
+def _on_globe(raw: RawLog, rows: NDArray[np.intp], repairs: list[Repair]) -> NDArray[np.intp]:
+    """Check degrees; longitudes from 180 to 360 count, too."""
+    lat, lon = raw.coordinates[rows, 0], raw.coordinates[rows, 1]
+    off = (np.abs(lat) > 90) | (lon < -180) | (lon > 360)
+    if off.sum() > _STRAYS * len(rows):
+        first = int(off.argmax())
+        where = f"{raw.name}: {raw.word} {raw.first + int(rows[first])}: latitude {lat[first]:g}, longitude {lon[first]:g}"
+        if (np.abs(lon) <= 90).all() and (np.abs(lat) <= 180).all():
+            raise InputError(f"{where}: they look swapped; name them: --columns lat=COLUMN,lon=COLUMN")
+        raise InputError(f"{where}: not degrees; if they are metres, name them so: --columns x=COLUMN,y=COLUMN")
+    _count(raw, f"{raw.word}s off the globe dropped", rows[off], repairs)
+    kept: NDArray[np.intp] = rows[~off]
+    return kept
+
+
+def _in_order(
+    raw: RawLog, rows: NDArray[np.intp], sort: bool, split: bool, repairs: list[Repair]
+) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Rows grouped by track with increasing times, and where a new piece starts."""
+    if raw.codes is not None and (np.diff(raw.codes[rows]) < 0).any():
+        rows = rows[np.argsort(raw.codes[rows], kind="stable")]
+    starts = _starts(raw, rows)
+    back = _goes_back(raw, rows, starts)
+    if not back.any():
+        return rows, starts
+    where = f"{raw.name}: {raw.word} {raw.first + int(rows[int(back.argmax())])}"
+    if sort:
+        repairs.append(Repair("points put in the order of time", int(back.sum()), where, drops=False))
+        by_track = raw.codes[rows] if raw.codes is not None else np.zeros(len(rows), dtype=np.int8)
+        return rows[np.lexsort((raw.times[rows], by_track))], starts
+    if split:
+        repairs.append(Repair("tracks started where time goes back", int(back.sum()), where, drops=False))
+        return rows, starts | back
+    at = int(back.argmax())
+    step = raw.times[rows[at - 1]] - raw.times[rows[at]]
+    raise InputError(f"{where}: time goes back {step:.6g} s; --sort orders the points, --split starts a new track")
+
+
+def _starts(raw: RawLog, rows: NDArray[np.intp]) -> NDArray[np.bool_]:
+    starts = np.zeros(len(rows), dtype=np.bool_)
+    starts[:1] = True
+    if raw.codes is not None:
+        starts[1:] = np.diff(raw.codes[rows]) != 0
+    return starts
+
+
+def _goes_back(raw: RawLog, rows: NDArray[np.intp], starts: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    back = np.zeros(len(rows), dtype=np.bool_)
+    back[1:] = np.diff(raw.times[rows]) < 0
+    return back & ~starts
+
+
+def _distinct(
+    raw: RawLog, rows: NDArray[np.intp], starts: NDArray[np.bool_], repairs: list[Repair]
+) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+    """Keep the first of several rows of the same time."""
+    keep = starts.copy()
+    keep[1:] |= np.diff(raw.times[rows]) != 0
+    if keep.all():
+        return rows, starts
+    kept_row = rows[np.maximum.accumulate(np.where(keep, np.arange(len(rows)), 0))]
+    same = (raw.coordinates[rows] == raw.coordinates[kept_row]).all(axis=1)
+    _count(raw, f"repeated {raw.word}s dropped", rows[~keep & same], repairs)
+    _count(raw, f"{raw.word}s at another position, but the same time dropped", rows[~keep & ~same], repairs)
+    return rows[keep], starts[keep]
+
+
+def _pieces(raw: RawLog, rows: NDArray[np.intp], starts: NDArray[np.bool_]) -> list[Piece]:
+    bounds = [*np.flatnonzero(starts).tolist(), len(rows)]
+    times, coordinates = raw.times[rows], raw.coordinates[rows]
+    attributes = {name: values[rows] for name, values in raw.attributes.items()}
+    whole = Piece(None, times, coordinates, attributes, raw.name, raw.labels)
+    pieces: list[Piece] = []
+    seen: set[str] = set()
+    for first, last in pairwise(bounds):
+        piece = whole.take(slice(first, last))
+        if raw.codes is not None:
+            name = raw.ids[int(raw.codes[rows[first]])]
+            name = unused(name, seen.union(raw.ids)) if name in seen else name
+            seen.add(name)
+            piece = replace(piece, id=name)
+        pieces.append(piece)
+    return pieces

@@ -1,0 +1,98 @@
+"""Logs as Parquet: a file, or a folder of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, BinaryIO
+
+import pyarrow as pa
+
+from gpszip.errors import InputError
+from gpszip.io.columns import find_roles
+from gpszip.io.raw_log import RawLog, Request
+from gpszip.io.source import Source
+from gpszip.io.table import table_log
+from gpszip.io.track_table import track_tables
+from gpszip.model import Track
+
+__all__ = ["read_parquet", "sniff_parquet", "write_parquet"]
+
+
+def sniff_parquet(head: bytes) -> bool:
+    """Whether a file that starts like this is Parquet."""
+    return head[:4] == b"PAR1"
+
+
+def read_parquet(source: Source, request: Request) -> RawLog:
+    """Read a log from a Parquet file or a folder of them (with keys of partitions as columns).
+
+    Parameters
+    ----------
+    source : Source
+        The file, folder or stream.
+    request : Request
+        Columns, unit of time and attributes.
+
+    Returns
+    -------
+    RawLog
+
+    Raises
+    ------
+    InputError
+        If it is damaged, has no row, or no column for time or position.
+    """
+    try:
+        dataset = _dataset(source)
+        names = [str(name) for name in dataset.schema.names]
+        titles = _titles(names, request, source.name)
+        roles = find_roles(titles, request.columns if isinstance(request.columns, Mapping) else None, request.keep, source.name)
+        table = dataset.to_table(columns=[names[i] for i in roles.used])
+    except (pa.ArrowException, OSError) as error:
+        raise InputError(f"{source.name}: damaged Parquet file: {str(error).splitlines()[0]}") from None
+    if table.num_rows == 0:
+        raise InputError(f"{source.name}: columns, but no rows")
+    return table_log(table.columns, titles, roles, request, source.name)
+
+
+def write_parquet(tracks: Iterable[Track], sink: BinaryIO, decimals: int) -> None:
+    """Write tracks with the columns that :func:`gpszip.io.csv_log.write_csv` has.
+
+    Parameters
+    ----------
+    tracks : iterable of Track
+        All in x and y, or all on the earth.
+    sink : binary file
+        Where to.
+    decimals : int
+        Of metres; degrees have five more, seconds have six.
+    """
+    import pyarrow.parquet as pq
+
+    tables = track_tables(tracks, decimals)
+    first = next(tables)
+    with pq.ParquetWriter(sink, first.schema) as writer:
+        writer.write_table(first)
+        for table in tables:
+            writer.write_table(table)
+
+
+def _dataset(source: Source) -> Any:
+    import pyarrow.dataset as ds
+    import pyarrow.parquet as pq
+
+    if source.folder:
+        files = sorted(str(file) for file in source.path.rglob("*.parquet"))  # type: ignore[union-attr]
+        return ds.dataset(files, format="parquet", partitioning=ds.partitioning(flavor="hive"), partition_base_dir=str(source.path))
+    if source.path is not None and not source.packed:
+        return ds.dataset(str(source.path), format="parquet")
+    return ds.dataset(pq.read_table(pa.BufferReader(source.read())))
+
+
+def _titles(names: list[str], request: Request, where: str) -> list[str]:
+    if not isinstance(request.columns, tuple):
+        return names
+    if len(request.columns) > len(names):
+        raise InputError(f"{where}: has {len(names)} columns, but --columns names {len(request.columns)}")
+    given = [title if title not in ("", "-", "_") else names[i] for i, title in enumerate(request.columns)]
+    return [*given, *names[len(given) :]]

@@ -1,0 +1,95 @@
+"""What a reader of one format hands over: columns, before anything is mended."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Mapping
+from dataclasses import dataclass, field
+from itertools import count
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.model.reading import LeftOut, Repair
+
+__all__ = ["RawLog", "Request", "unused"]
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a reader is asked for.
+
+    Parameters
+    ----------
+    columns : str, sequence of str, or mapping of str to str, optional
+        Names of the columns by position, or the column for each role (``{"t": "when", "x": "east"}``).
+    time_unit : str, optional
+        ``s``, ``ms``, ``us`` or ``ns``; found from the size of the numbers where left out.
+    keep : tuple of str
+        Further columns to keep as attributes.
+    """
+
+    columns: Mapping[str, str] | tuple[str, ...] | None = None
+    time_unit: str | None = None
+    keep: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class RawLog:
+    """One log as its columns; rows that can't be used hold NaN.
+
+    Parameters
+    ----------
+    name : str
+        Name of the log in messages.
+    ids : tuple of str
+        Names of the tracks, in the order in which they first appear; empty for a log that names none.
+    codes : int array, shape (n,), or None
+        Index into ``ids`` of each row; None where all rows are one track.
+    times : float64 array, shape (n,)
+        Seconds.
+    coordinates : float64 array, shape (n, d)
+        Metres, or latitude and longitude in degrees.
+    geographic : bool
+        Whether the coordinates are degrees.
+    attributes : mapping of str to array, shape (n,)
+        Columns that were asked for.
+    first : int
+        Number by which messages call the first row.
+    word : str
+        What messages call a row: ``row`` or ``point``.
+    labels : bool
+        Whether ids are titles, of which two tracks may share one, rather than names of vehicles.
+    dropped : tuple of str
+        Columns that are not kept.
+    repairs : tuple of Repair
+        What the reader itself had to drop; such points are not among the n rows.
+    left_out : tuple of LeftOut
+        Parts of the log that hold no track.
+    """
+
+    name: str
+    ids: tuple[str, ...]
+    codes: NDArray[np.integer] | None
+    times: NDArray[np.float64]
+    coordinates: NDArray[np.float64]
+    geographic: bool
+    attributes: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
+    first: int = 1
+    word: str = "row"
+    labels: bool = False
+    dropped: tuple[str, ...] = ()
+    repairs: tuple[Repair, ...] = ()
+    left_out: tuple[LeftOut, ...] = ()
+
+
+def unused(name: str, taken: Container[str]) -> str:
+    """Return the name, or the first of ``name-2``, ``name-3``, ... that is not taken.
+
+    Examples
+    --------
+    >>> unused("walk", {"walk", "walk-2"})
+    'walk-3'
+    """
+    if name not in taken:
+        return name
+    return next(other for number in count(2) if (other := f"{name}-{number}") not in taken)

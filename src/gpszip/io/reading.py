@@ -1,0 +1,242 @@
+"""Reading logs: several files of several formats become tracks on one plane, with an account of what was mended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.errors import InputError
+from gpszip.geo.planes import choose_plane, to_plane
+from gpszip.geo.spikes import find_spikes
+from gpszip.io.columns import parse_columns
+from gpszip.io.formats import format_for_reading, format_named
+from gpszip.io.mending import Piece, mend
+from gpszip.io.raw_log import RawLog, Request, unused
+from gpszip.io.source import Source, expand
+from gpszip.model import Plane, Track
+from gpszip.model.reading import LeftOut, Reading, Repair
+
+__all__ = ["read_logs"]
+
+
+@dataclass
+class _Account:
+    """What has been read so far."""
+
+    pieces: list[list[Piece]] = field(default_factory=list)
+    stems: list[str] = field(default_factory=list)
+    raws: list[tuple[str, bool, int]] = field(default_factory=list)
+    repairs: list[Repair] = field(default_factory=list)
+    left_out: list[LeftOut] = field(default_factory=list)
+    dropped: dict[str, None] = field(default_factory=dict)
+    errors: list[InputError] = field(default_factory=list)
+    points: int = 0
+    bytes: int = 0
+
+
+def read_logs(
+    sources: str | Path | BinaryIO | Iterable[str | Path | BinaryIO],
+    *,
+    format: str | None = None,
+    columns: str | Sequence[str] | Mapping[str, str] | None = None,
+    time_unit: str | None = None,
+    clean: bool = False,
+    sort: bool = False,
+    split: bool = False,
+    keep: Sequence[str] = (),
+    skip_bad: bool = False,
+) -> Reading:
+    r"""Read position logs.
+
+    Rows without a time or a position, and rows at a time that the track already has, are dropped and counted. A log that
+    names no tracks is track ``0``; of several logs, each such is named after its file. Tracks of the same name in
+    several files are one track where their times don't overlap; otherwise, and where names are titles (GPX), the later
+    one becomes ``NAME-2``, which is counted.
+
+    Parameters
+    ----------
+    sources : str, Path, binary stream, or iterable of these
+        Files, patterns (``walks/*.gpx``), folders of Parquet, ``-`` for standard input.
+    format : str, optional
+        ``csv``, ``parquet``, ``gpx`` or ``geojson``; told from the content where left out.
+    columns : str, sequence of str, or mapping of str to str, optional
+        ``t,x,y`` names the columns by position, ``t=when,x=east,y=north`` by name.
+    time_unit : str, optional
+        ``s``, ``ms``, ``us`` or ``ns`` of times that are numbers; told from their size where left out.
+    clean : bool
+        Drop spikes, see :func:`gpszip.geo.spikes.find_spikes`.
+    sort, split : bool
+        What to do where time goes back: put the points in order, or start a new track.
+    keep : sequence of str
+        Further columns to keep, as attributes of the tracks.
+    skip_bad : bool
+        Leave out logs that can't be read, instead of raising.
+
+    Returns
+    -------
+    Reading
+        Tracks on one common plane.
+
+    Raises
+    ------
+    InputError
+        If a log can't be read or used, or logs in degrees and in metres come together.
+    OptionError
+        If the format, the unit or the columns don't exist.
+
+    Examples
+    --------
+    >>> import io
+    >>> reading = read_logs(io.BytesIO(b"track_id,t,x,y\n007,0,0,0\n007,1,1,0\n007,1,1,0\n"))
+    >>> [(track.id, len(track)) for track in reading.tracks], reading.points, reading.lost
+    ([('007', 2)], 3, 1)
+    """
+    request = Request(parse_columns(columns), time_unit, (keep,) if isinstance(keep, str) else tuple(keep))
+    account = _Account()
+    for source in expand(sources):
+        try:
+            raw = _read(source, format, request)
+            _add(account, raw, *mend(raw, sort=sort, split=split), source)
+        except InputError as error:
+            if not skip_bad:
+                raise
+            account.errors.append(error)
+    _account_for_errors(account)
+    tracks, plane_known = _tracks(account, clean)
+    return Reading(
+        tracks=tracks,
+        points=account.points,
+        bytes=account.bytes,
+        geographic=plane_known,
+        repairs=tuple(account.repairs),
+        left_out=tuple(account.left_out),
+        dropped=tuple(account.dropped),
+    )
+
+
+def _read(source: Source | InputError, format_: str | None, request: Request) -> RawLog:
+    if isinstance(source, InputError):
+        raise source
+    found = format_named(format_) if format_ is not None else format_for_reading(source)
+    return found.read(source, request)
+
+
+def _add(account: _Account, raw: RawLog, pieces: list[Piece], repairs: list[Repair], source: Source | InputError) -> None:
+    assert isinstance(source, Source)
+    own = (raw.name, raw.geographic, raw.coordinates.shape[1])
+    if account.raws and account.raws[0][1:] != own[1:]:
+        raise InputError(f"{own[0]}: holds {_kind(own)}, but {account.raws[0][0]} {_kind(account.raws[0])}; read them apart")
+    account.raws.append(own)
+    account.pieces.append(pieces)
+    account.stems.append(source.stem)
+    account.repairs += [*raw.repairs, *repairs]
+    account.left_out += raw.left_out
+    account.dropped |= dict.fromkeys(raw.dropped)
+    account.points += len(raw.times) + sum(repair.count for repair in raw.repairs if repair.drops)
+    account.bytes += source.size
+
+
+def _kind(raw: tuple[str, bool, int]) -> str:
+    return "lat,lon" if raw[1] else ",".join("xyz"[: raw[2]])
+
+
+def _account_for_errors(account: _Account) -> None:
+    if not account.raws:
+        if len(account.errors) > 1:
+            raise InputError(f"none of {len(account.errors)} logs can be read; the first: {account.errors[0]}")
+        raise account.errors[0] if account.errors else InputError("no log given; name a file, a pattern or - for standard input")
+    for error in account.errors:
+        name, _, reason = str(error).partition(": ")
+        account.left_out.append(LeftOut(name, reason))
+
+
+def _tracks(account: _Account, clean: bool) -> tuple[tuple[Track, ...], bool]:
+    pieces = _joined(_named(account), account.repairs)
+    geographic = account.raws[0][1]
+    positions, plane = _projected(pieces, geographic)
+    if clean:
+        pieces, cleaned = _cleaned(pieces, positions, account.repairs)
+        positions, plane = _projected(pieces, geographic) if cleaned else (positions, plane)
+    return tuple(
+        Track(str(piece.id), piece.times, own, attributes=piece.attributes, plane=plane)
+        for piece, own in zip(pieces, positions, strict=True)
+    ), geographic
+
+
+def _named(account: _Account) -> list[Piece]:
+    """Give tracks without a name the file's, where there are several files."""
+    alone = len(account.pieces) == 1
+    named: list[Piece] = []
+    for pieces, stem in zip(account.pieces, account.stems, strict=True):
+        taken: set[str] = set()
+        for piece in pieces:
+            name = piece.id if piece.id is not None else unused("0" if alone else stem, taken)
+            taken.add(name)
+            named.append(replace(piece, id=name, label=piece.label or piece.id is None))
+    return named
+
+
+def _joined(pieces: Sequence[Piece], repairs: list[Repair]) -> list[Piece]:
+    same: dict[str, list[Piece]] = {}
+    for piece in pieces:
+        same.setdefault(str(piece.id), []).append(piece)
+    if len(same) == len(pieces):
+        return list(pieces)
+    taken, result = set(same), []
+    for name, group in same.items():
+        whole, others = _chain(group)
+        result.append(_concatenated(whole, repairs))
+        for other in others:
+            new = unused(name, taken)
+            taken.add(new)
+            result.append(replace(other, id=new))
+            repairs.append(Repair(f"track renamed to {new!r}, as there is another {name!r}", 1, other.where, drops=False))
+    return result
+
+
+def _chain(group: list[Piece]) -> tuple[list[Piece], list[Piece]]:
+    """Split pieces of one name in those that follow each other in time and the others."""
+    if any(piece.label for piece in group):
+        return group[:1], group[1:]
+    chain: list[Piece] = []
+    others: list[Piece] = []
+    for piece in sorted(group, key=lambda piece: float(piece.times[0])):
+        free = not chain or piece.times[0] >= chain[-1].times[-1]
+        (chain if free else others).append(piece)
+    return chain, others
+
+
+def _concatenated(chain: list[Piece], repairs: list[Repair]) -> Piece:
+    if len(chain) == 1:
+        return chain[0]
+    times = np.concatenate([piece.times for piece in chain])
+    keep = np.append(True, np.diff(times) > 0)
+    if not keep.all():
+        repairs.append(Repair("points at a time that another file has, too, dropped", int((~keep).sum()), chain[0].where))
+    attributes = {name: np.concatenate([piece.attributes[name] for piece in chain]) for name in chain[0].attributes}
+    coordinates = np.concatenate([piece.coordinates for piece in chain])
+    return replace(chain[0], times=times, coordinates=coordinates, attributes=attributes).take(keep)
+
+
+def _projected(pieces: Sequence[Piece], geographic: bool) -> tuple[list[NDArray[np.float64]], Plane | None]:
+    if not geographic:
+        return [piece.coordinates for piece in pieces], None
+    degrees = np.concatenate([piece.coordinates for piece in pieces])
+    plane = choose_plane(degrees[:, 0], degrees[:, 1])
+    positions = to_plane(degrees[:, 0], degrees[:, 1], plane)
+    return np.split(positions, np.cumsum([len(piece.times) for piece in pieces])[:-1]), plane
+
+
+def _cleaned(pieces: Sequence[Piece], positions: Sequence[NDArray[np.float64]], repairs: list[Repair]) -> tuple[list[Piece], bool]:
+    cleaned = []
+    for piece, own in zip(pieces, positions, strict=True):
+        spikes = find_spikes(piece.times, own)
+        if spikes.any():
+            repairs.append(Repair("spikes dropped", int(spikes.sum()), f"{piece.where}: track {piece.id!r}"))
+        cleaned.append(piece.take(~spikes) if spikes.any() else piece)
+    return cleaned, any(old is not new for old, new in zip(pieces, cleaned, strict=True))

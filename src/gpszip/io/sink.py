@@ -1,0 +1,65 @@
+"""Output that appears whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from gpszip.errors import OutputError
+
+__all__ = ["replacing", "writing"]
+
+
+@contextmanager
+def replacing(path: str | Path) -> Iterator[Path]:
+    """Give a temporary file in the same folder, with the same suffix; once filled without an error it takes the name.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file to write; replaced if it exists.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written.
+    """
+    target = Path(path)
+    try:
+        with tempfile.TemporaryDirectory(prefix=".gpszip-", dir=target.parent) as room:
+            whole = Path(room) / target.name
+            yield whole
+            with whole.open("rb") as file:
+                os.fsync(file.fileno())
+            whole.replace(target)
+    except OSError as error:
+        raise OutputError(f"{target}: can't be written: {error.strerror or error}") from error
+
+
+@contextmanager
+def writing(sink: str | Path | BinaryIO) -> Iterator[BinaryIO]:
+    """Open a file, ``-`` for standard output, or a stream that is open already, for writing bytes.
+
+    Parameters
+    ----------
+    sink : str, Path or binary stream
+        Where to.
+
+    Raises
+    ------
+    OutputError
+        If it can't be written.
+    """
+    if not isinstance(sink, (str, Path)):
+        yield sink
+    elif str(sink) == "-":
+        yield sys.stdout.buffer
+        sys.stdout.buffer.flush()
+    else:
+        with replacing(sink) as path, path.open("wb") as file:
+            yield file
