@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -12,7 +13,7 @@ from typing import BinaryIO
 
 from gpszip.errors import OutputError
 
-__all__ = ["replacing", "writing"]
+__all__ = ["pouring", "replacing", "writing"]
 
 
 @contextmanager
@@ -63,3 +64,20 @@ def writing(sink: str | Path | BinaryIO) -> Iterator[BinaryIO]:
     else:
         with replacing(sink) as path, path.open("wb") as file:
             yield file
+
+
+@contextmanager
+def pouring(suffix: str) -> Iterator[Path]:
+    """Give a temporary file; once filled without an error it goes to standard output.
+
+    Parameters
+    ----------
+    suffix : str
+        Of the temporary file.
+    """
+    with tempfile.TemporaryDirectory(prefix="gpszip-") as room:
+        whole = Path(room) / f"out{suffix}"
+        yield whole
+        with whole.open("rb") as file:
+            shutil.copyfileobj(file, sys.stdout.buffer)
+        sys.stdout.buffer.flush()
