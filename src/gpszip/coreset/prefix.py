@@ -1,0 +1,60 @@
+"""Moments of any stretch of a track in constant time, exact at epoch seconds and UTM metres.
+
+The set-up on tracks of the sums in :mod:`gpszip.kernels.sums`, where the method is told.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.errors import OptionError
+from gpszip.kernels import sums as kernel
+from gpszip.kernels.sums import Sums as PartSums
+from gpszip.model import Track
+
+__all__ = ["PartSums", "part_moments", "part_sums"]
+
+
+def part_sums(track: Track) -> PartSums:
+    """Count a track in ticks of 1 ms and 1 mm, or finer where it is fast or small, and sum it up.
+
+    Examples
+    --------
+    >>> sums = part_sums(Track("far", [1e9, 1e9 + 1, 1e9 + 2], [[5e6], [5e6 + 3], [5e6 + 4]]))
+    >>> sums.time_tick, sums.first_time
+    (0.001, 1000000000.0)
+    """
+    return kernel.part_sums(track.times, track.positions, track.weights)
+
+
+def part_moments(sums: PartSums, boundaries: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Moments of consecutive parts, each in its own time from 0 to 1 and about its own first sample.
+
+    Parameters
+    ----------
+    sums : PartSums
+        A track, from :func:`part_sums`.
+    boundaries : int64 array, shape (k + 1,)
+        Increasing sample numbers; part j holds samples ``boundaries[j]`` to ``boundaries[j + 1] - 1``.
+
+    Returns
+    -------
+    float64 array, shape (k, 2 d + 4)
+        ``W, U1, U2, Q, M_1..M_d, N_1..N_d``: sums of w, w u, w u^2, w |r|^2, w r and w u r, with r in place ticks.
+
+    Raises
+    ------
+    OptionError
+        If the boundaries don't increase or leave the track.
+
+    Examples
+    --------
+    >>> sums = part_sums(Track("walk", [0, 1, 2], [[0], [1], [2]]))
+    >>> part_moments(sums, np.array([0, 3]))[0, :3].tolist()
+    [3.0, 1.5, 1.25]
+    """
+    boundaries = np.asarray(boundaries, dtype=np.int64)
+    if len(boundaries) < 1 or boundaries[0] < 0 or boundaries[-1] > len(sums.t) or (np.diff(boundaries) < 1).any():
+        raise OptionError(f"boundaries must increase from 0 or more to {len(sums.t)} or less")
+    return kernel.part_moments(sums, boundaries)

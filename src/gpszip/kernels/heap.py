@@ -1,0 +1,43 @@
+"""A binary heap on two arrays: the smallest key first."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.kernels.jit import jit
+
+__all__ = ["pop", "push"]
+
+
+@jit
+def push(keys: NDArray[np.float64], items: NDArray[np.int64], size: int, key: float, item: int) -> int:
+    """Add an item; return the new size."""
+    i = size
+    while i > 0:
+        parent = (i - 1) // 2
+        if keys[parent] <= key:
+            break
+        keys[i], items[i] = keys[parent], items[parent]
+        i = parent
+    keys[i], items[i] = key, item
+    return size + 1
+
+
+@jit
+def pop(keys: NDArray[np.float64], items: NDArray[np.int64], size: int) -> tuple[int, int]:
+    """Take the item with the smallest key; return it and the new size."""
+    first = items[0]
+    size -= 1
+    key, item = keys[size], items[size]
+    i = 0
+    while 2 * i + 1 < size:
+        child = 2 * i + 1
+        if child + 1 < size and keys[child + 1] < keys[child]:
+            child += 1
+        if keys[child] >= key:
+            break
+        keys[i], items[i] = keys[child], items[child]
+        i = child
+    keys[i], items[i] = key, item
+    return first, size

@@ -1,0 +1,248 @@
+"""The 2-segment mean against m given segments, and the boundary shifts made of it (thesis, algorithm 2 and section 6.3).
+
+A window [a, b) is cut at c. The left part's moments grow about sample a, the right part's about sample b - 1 with time
+running backward, where a segment from A to B is the segment from B to A. So no sum is ever larger than its own part,
+and all costs of a cut against m segments are one product of its moments with a matrix (equation 6.14).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.kernels.jit import jit
+from gpszip.kernels.sums import Sums, add_sample, free_cost
+
+__all__ = ["coefficients", "cut", "cuts", "lowest", "relax", "shift"]
+
+#: Share of the squared extent by which rounding could lift a lower bound above a true cost.
+_SLACK = 1e-9
+
+
+@jit
+def coefficients(
+    heads: NDArray[np.float64], tails: NDArray[np.float64], p: NDArray[np.float64], origin: int, out: NDArray[np.float64]
+) -> None:
+    """Write the vectors s of equation 6.13 for segments from heads to tails, as columns of ``out``, shape (2 d + 3, m)."""
+    m, d = heads.shape
+    for s in range(m):
+        out[0, s], out[1, s], out[2, s] = 0.0, 0.0, 0.0
+        for c in range(d):
+            a = heads[s, c] - p[origin, c]
+            v = tails[s, c] - heads[s, c]
+            out[0, s] += a * a
+            out[1, s] += 2.0 * a * v
+            out[2, s] += v * v
+            out[3 + c, s] = -2.0 * a
+            out[3 + d + c, s] = -2.0 * v
+
+
+@jit
+def lowest(row: NDArray[np.float64], length: float, s: NDArray[np.float64], costs: NDArray[np.float64]) -> float:
+    """Write the costs of a part against all segments (equation 6.14); return the lowest."""
+    m, d = len(costs), (len(row) - 4) // 2
+    inverse = 1.0 / length if length > 0 else 0.0
+    w, u1, u2, q = row[0], row[1] * inverse, row[2] * inverse * inverse, row[3]
+    if d == 2:
+        m1, m2, n1, n2 = row[4], row[5], row[6] * inverse, row[7] * inverse
+        for j in range(m):
+            costs[j] = q + w * s[0, j] + u1 * s[1, j] + u2 * s[2, j] + m1 * s[3, j] + m2 * s[4, j] + n1 * s[5, j] + n2 * s[6, j]
+    else:
+        for j in range(m):
+            costs[j] = q + w * s[0, j] + u1 * s[1, j] + u2 * s[2, j]
+        for c in range(d):
+            for j in range(m):
+                costs[j] += row[4 + c] * s[3 + c, j] + row[4 + d + c] * inverse * s[3 + d + c, j]
+    best: float = costs[0]
+    for j in range(1, m):
+        best = min(best, costs[j])
+    return best
+
+
+@jit
+def _sum_left(sums: Sums, a: int, c: int, row: NDArray[np.float64]) -> None:
+    row[:] = 0.0
+    for i in range(a, c):
+        add_sample(row, sums.t[i] - sums.t[a], sums.w[i], sums.p, i, a)
+
+
+@jit
+def _sum_right(sums: Sums, c: int, b: int, row: NDArray[np.float64]) -> None:
+    row[:] = 0.0
+    for i in range(b - 1, c - 1, -1):
+        add_sample(row, sums.t[b - 1] - sums.t[i], sums.w[i], sums.p, i, b - 1)
+
+
+@jit
+def _right_table(sums: Sums, a: int, b: int, table: NDArray[np.float64]) -> None:
+    table[b - a] = 0.0
+    for i in range(b - 1, a - 1, -1):
+        table[i - a] = table[i - a + 1]
+        add_sample(table[i - a], sums.t[b - 1] - sums.t[i], sums.w[i], sums.p, i, b - 1)
+
+
+@jit
+def _left_cost(sums: Sums, a: int, c: int, row: NDArray[np.float64], s: NDArray[np.float64], costs: NDArray[np.float64]) -> float:
+    if c == a:
+        costs[:] = 0.0
+        return 0.0
+    return lowest(row, sums.t[c - 1] - sums.t[a], s, costs)
+
+
+@jit
+def _right_cost(sums: Sums, c: int, b: int, row: NDArray[np.float64], s: NDArray[np.float64], costs: NDArray[np.float64]) -> float:
+    if c == b:
+        costs[:] = 0.0
+        return 0.0
+    return lowest(row, sums.t[b - 1] - sums.t[c], s, costs)
+
+
+@jit
+def cut(
+    sums: Sums,
+    a: int,
+    b: int,
+    shortest: int,
+    starts: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    now: int,
+    left_now: int,
+    right_now: int,
+    table: NDArray[np.float64],
+    naive: bool,
+) -> tuple[float, int, int, int]:
+    """Cut [a, b) where two of the segments fit best; return the cost, the cut and both labels.
+
+    The present state, ``now`` with its labels, is the first candidate; a negative ``now`` says that there is none.
+    ``naive`` sums every candidate up anew and bounds nothing (section 6.3.1); the result is the same.
+    """
+    m, d = starts.shape
+    s_left, s_right = np.empty((2 * d + 3, m)), np.empty((2 * d + 3, m))
+    coefficients(starts, ends, sums.p, a, s_left)
+    coefficients(ends, starts, sums.p, b - 1, s_right)
+    lefts, rights = np.empty(m), np.empty(m)
+    row, other = np.zeros(2 * d + 4), np.empty(2 * d + 4)
+    best, at, left, right = np.inf, now, left_now, right_now
+    if now >= 0:
+        _sum_left(sums, a, now, row)
+        _sum_right(sums, now, b, other)
+        _left_cost(sums, a, now, row, s_left, lefts)
+        _right_cost(sums, now, b, other, s_right, rights)
+        best = lefts[left_now] + rights[right_now]
+        row[:] = 0.0
+    if not naive:
+        _right_table(sums, a, b, table)
+    for c in range(a, b + 1 - shortest):
+        if naive:
+            _sum_left(sums, a, c, row)
+            _sum_right(sums, c, b, other)
+        else:
+            if c > a:
+                add_sample(row, sums.t[c - 1] - sums.t[a], sums.w[c - 1], sums.p, c - 1, a)
+            other = table[c - a]
+        if c - a < shortest:
+            continue
+        if naive:
+            bound = 0.0
+        else:
+            free = free_cost(row)
+            slack = _SLACK * (row[3] + other[3])
+            if free - slack >= best:
+                break
+            bound = free_cost(other) - slack
+            if free + bound >= best:
+                continue
+        cost = _left_cost(sums, a, c, row, s_left, lefts)
+        if cost + bound >= best and not naive:
+            continue
+        cost += _right_cost(sums, c, b, other, s_right, rights)
+        if cost < best:
+            best, at, left, right = cost, c, int(np.argmin(lefts)), int(np.argmin(rights))
+    return best, at, left, right
+
+
+@jit
+def _widest(boundaries: NDArray[np.int64], first: int, last: int, step: int) -> np.int64:
+    widest = np.int64(0)
+    for j in range(first, last, step):
+        widest = max(widest, boundaries[j + 1] - boundaries[j - 1])
+    return widest
+
+
+@jit
+def shift(
+    sums: Sums,
+    boundaries: NDArray[np.int64],
+    labels: NDArray[np.int32],
+    starts: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    first: int,
+    last: int,
+    step: int,
+    shortest: int,
+    naive: bool,
+) -> None:
+    """Shift boundaries first, first + step, ... below last, one after the other, in place, with the labels beside them."""
+    table = np.empty((_widest(boundaries, first, last, step) * (2 if step == 1 else 1) + 1, 2 * sums.p.shape[1] + 4))
+    for j in range(first, last, step):
+        a, b = boundaries[j - 1], boundaries[j + 1]
+        if b - a >= len(table):
+            table = np.empty((2 * (b - a), table.shape[1]))
+        _, at, left, right = cut(sums, a, b, shortest, starts, ends, boundaries[j], labels[j - 1], labels[j], table, naive)
+        boundaries[j], labels[j - 1], labels[j] = at, left, right
+
+
+@jit
+def relax(sums: Sums, boundaries: NDArray[np.int64], first: int, shortest: int) -> float:
+    """Shift every second boundary from ``first`` to where two lines of their own fit best, in place; return the gain."""
+    table = np.empty((_widest(boundaries, first, len(boundaries) - 1, 2) + 1, 2 * sums.p.shape[1] + 4))
+    row = np.empty(table.shape[1])
+    gain = 0.0
+    for j in range(first, len(boundaries) - 1, 2):
+        a, b, at = boundaries[j - 1], boundaries[j + 1], boundaries[j]
+        _right_table(sums, a, b, table)
+        _sum_left(sums, a, at, row)
+        now = free_cost(row) + free_cost(table[at - a])
+        best = now
+        row[:] = 0.0
+        for c in range(a + 1, b + 1 - shortest):
+            add_sample(row, sums.t[c - 1] - sums.t[a], sums.w[c - 1], sums.p, c - 1, a)
+            if c - a < shortest:
+                continue
+            left = free_cost(row)
+            if left >= best:
+                break
+            cost = left + free_cost(table[c - a])
+            if cost < best:
+                best, at = cost, c
+        boundaries[j] = at
+        gain += now - best
+    return gain
+
+
+@jit
+def cuts(
+    sums: Sums,
+    boundaries: NDArray[np.int64],
+    labels: NDArray[np.int32],
+    starts: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    shortest: int,
+) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int32], NDArray[np.int32]]:
+    """Cut every part in two; return the gains (-inf where too short), the cuts and both labels."""
+    k = len(labels)
+    gains, at = np.full(k, -np.inf), np.zeros(k, np.int64)
+    left, right = np.zeros(k, np.int32), np.zeros(k, np.int32)
+    m, d = starts.shape
+    s, costs, row = np.empty((2 * d + 3, m)), np.empty(m), np.empty(2 * d + 4)
+    for j in range(k):
+        a, b = boundaries[j], boundaries[j + 1]
+        if b - a < 2 * shortest:
+            continue
+        table = np.empty((b - a + 1, 2 * d + 4))
+        best, at[j], left[j], right[j] = cut(sums, a, b, shortest, starts, ends, -1, 0, 0, table, False)
+        coefficients(starts, ends, sums.p, a, s)
+        _sum_left(sums, a, b, row)
+        lowest(row, sums.t[b - 1] - sums.t[a], s, costs)
+        gains[j] = costs[labels[j]] - best
+    return gains, at, left, right

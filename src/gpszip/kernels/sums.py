@@ -1,0 +1,242 @@
+"""Moments of any part of a track in constant time, exact however far its clock and its plane lie from zero.
+
+Times and positions become whole ticks counted from the first sample. Prefix sums of ticks and of their products are
+kept in 64-bit integers that wrap around. A part's moments are re-centred on its own first sample while they are still
+integers; what comes out fits in 63 bits, so the wrapping cancels and not a bit is lost. Where it would not fit, and
+for weighted tracks, moments are added up from blocks of samples, each in floats about its own first sample.
+
+Rows of moments are ``[W, X1, X2, Q, M_1..M_d, N_1..N_d]``: with x the time and r the position since the part's first
+sample, ``W = sum w``, ``X1 = sum w x``, ``X2 = sum w x^2``, ``Q = sum w |r|^2``, ``M = sum w r``, ``N = sum w x r``.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.kernels.jit import jit
+
+__all__ = ["BLOCK", "Sums", "add_sample", "append_row", "free_cost", "moments", "part_moments", "part_sums", "raw_moments"]
+
+#: Samples in a block.
+BLOCK = 256
+
+#: Largest value that re-centred integers may reach; a quarter of what 64 bits hold.
+_GUARD = float(1 << 61)
+
+#: Ticks that a float still counts one by one.
+_COUNTABLE = float(1 << 51)
+
+#: Places where a tick begins lie off every decimal grid, so that noise in a last digit can't move a sample.
+_ROUNDING = 0.5037
+
+
+class Sums(NamedTuple):
+    """A track in ticks, with its prefix sums.
+
+    Parameters
+    ----------
+    t : float64 array, shape (n,)
+        Whole time ticks since the first sample.
+    p : float64 array, shape (n, d)
+        Whole place ticks from the first sample.
+    w : float64 array, shape (n,)
+        Weights.
+    prefix : int64 array, shape (n + 1, 2 d + 3)
+        Wrapping sums of t, t^2, |p|^2, p and t p; no rows for a weighted track.
+    blocks : float64 array, shape (ceil(n / 256), 2 d + 4)
+        Moments of each block of samples about its first.
+    extent : float
+        No two samples are farther apart, in place ticks.
+    time_tick, place_tick : float
+        Sizes of the ticks in seconds and metres.
+    first_time : float
+        Time of the first sample in seconds.
+    first_place : float64 array, shape (d,)
+        Position of the first sample in metres.
+    """
+
+    t: NDArray[np.float64]
+    p: NDArray[np.float64]
+    w: NDArray[np.float64]
+    prefix: NDArray[np.int64]
+    blocks: NDArray[np.float64]
+    extent: float
+    time_tick: float
+    place_tick: float
+    first_time: float
+    first_place: NDArray[np.float64]
+
+
+def part_sums(times: NDArray[np.float64], positions: NDArray[np.float64], weights: NDArray[np.float64] | None = None) -> Sums:
+    """Count a track in ticks and sum them up; ticks are decimal and fit the track's own resolution."""
+    seconds, metres = times - times[0], positions - positions[0]
+    time_tick = _time_tick(seconds)
+    place_tick = _place_tick(metres)
+    t, p = _ticks(seconds, time_tick), _ticks(metres, place_tick)
+    w = np.ones(len(t)) if weights is None else np.asarray(weights, dtype=np.float64)
+    extent = float(np.sqrt(np.square(np.ptp(p, axis=0)).sum()))
+    prefix = _prefix(t, p) if weights is None else np.empty((0, 2 * p.shape[1] + 3), dtype=np.int64)
+    return Sums(t, p, w, prefix, _blocks(t, p, w), extent, time_tick, place_tick, float(times[0]), np.array(positions[0]))
+
+
+def _time_tick(seconds: NDArray[np.float64]) -> float:
+    """1 ms, or finer where samples follow each other fast."""
+    if len(seconds) < 2:
+        return 1e-3
+    shortest = float(np.diff(seconds).min())
+    return max(min(1e-3, _decimal(shortest, 2.5)), _decimal(float(seconds[-1]) / _COUNTABLE, -1.0))
+
+
+def _place_tick(metres: NDArray[np.float64]) -> float:
+    """1 mm, or finer where the track is small."""
+    extent = float(np.abs(metres).max())
+    return 1e-3 if extent == 0 else max(min(1e-3, _decimal(extent, 7.3)), _decimal(extent / _COUNTABLE, -1.0))
+
+
+def _decimal(size: float, digits: float) -> float:
+    """Largest power of ten that is ``digits`` orders below ``size``."""
+    return float(10.0 ** np.floor(np.log10(max(size, 1e-300)) - digits))
+
+
+def _ticks(values: NDArray[np.float64], tick: float) -> NDArray[np.float64]:
+    counted: NDArray[np.float64] = np.floor(values / tick + _ROUNDING)
+    return counted
+
+
+def _prefix(t: NDArray[np.float64], p: NDArray[np.float64]) -> NDArray[np.int64]:
+    n, d = p.shape
+    time, place = t.astype(np.int64), p.astype(np.int64)
+    prefix = np.zeros((n + 1, 2 * d + 3), dtype=np.int64)
+    prefix[1:, 0] = time
+    prefix[1:, 1] = time * time
+    prefix[1:, 2] = (place * place).sum(axis=1)
+    prefix[1:, 3 : 3 + d] = place
+    prefix[1:, 3 + d :] = place * time[:, None]
+    np.cumsum(prefix, axis=0, out=prefix)
+    return prefix
+
+
+@jit
+def _blocks(t: NDArray[np.float64], p: NDArray[np.float64], w: NDArray[np.float64]) -> NDArray[np.float64]:
+    n, d = p.shape
+    rows = np.zeros(((n + BLOCK - 1) // BLOCK, 2 * d + 4))
+    for i in range(n):
+        first = i // BLOCK * BLOCK
+        add_sample(rows[i // BLOCK], t[i] - t[first], w[i], p, i, first)
+    return rows
+
+
+@jit
+def add_sample(row: NDArray[np.float64], x: float, w: float, p: NDArray[np.float64], i: int, origin: int) -> None:
+    """Add sample i, x time ticks from the origin, to a row of moments about sample ``origin``."""
+    d = p.shape[1]
+    row[0] += w
+    row[1] += w * x
+    row[2] += w * x * x
+    for c in range(d):
+        r = p[i, c] - p[origin, c]
+        row[3] += w * r * r
+        row[4 + c] += w * r
+        row[4 + d + c] += w * x * r
+
+
+@jit
+def append_row(row: NDArray[np.float64], later: NDArray[np.float64], x: float, p: NDArray[np.float64], first: int, origin: int) -> None:
+    """Add the moments ``later`` about sample ``first``, x time ticks after the origin, to those about ``origin``."""
+    d = p.shape[1]
+    row[0] += later[0]
+    row[1] += later[1] + x * later[0]
+    row[2] += later[2] + 2.0 * x * later[1] + x * x * later[0]
+    row[3] += later[3]
+    for c in range(d):
+        r = p[first, c] - p[origin, c]
+        row[3] += 2.0 * r * later[4 + c] + r * r * later[0]
+        row[4 + c] += later[4 + c] + r * later[0]
+        row[4 + d + c] += later[4 + d + c] + x * later[4 + c] + r * (later[1] + x * later[0])
+
+
+@jit
+def _from_prefix(sums: Sums, a: int, b: int, out: NDArray[np.float64]) -> None:
+    prefix, p, d = sums.prefix, sums.p, sums.p.shape[1]
+    w = np.int64(b - a)
+    t0 = np.int64(sums.t[a])
+    t1 = prefix[b, 0] - prefix[a, 0]
+    x1 = t1 - t0 * w
+    x2 = prefix[b, 1] - prefix[a, 1] - 2 * t0 * t1 + t0 * t0 * w
+    q = prefix[b, 2] - prefix[a, 2]
+    for c in range(d):
+        p0 = np.int64(p[a, c])
+        p1 = prefix[b, 3 + c] - prefix[a, 3 + c]
+        tp = prefix[b, 3 + d + c] - prefix[a, 3 + d + c]
+        q += p0 * p0 * w - 2 * p0 * p1
+        out[4 + c] = p1 - p0 * w
+        out[4 + d + c] = tp - t0 * p1 - p0 * x1
+    out[0], out[1], out[2], out[3] = w, x1, x2, q
+
+
+@jit
+def _from_blocks(sums: Sums, a: int, b: int, out: NDArray[np.float64]) -> None:
+    out[:] = 0.0
+    i = a
+    while i < b:
+        if i % BLOCK == 0 and i + BLOCK <= b:
+            append_row(out, sums.blocks[i // BLOCK], sums.t[i] - sums.t[a], sums.p, i, a)
+            i += BLOCK
+        else:
+            add_sample(out, sums.t[i] - sums.t[a], sums.w[i], sums.p, i, a)
+            i += 1
+
+
+@jit
+def raw_moments(sums: Sums, a: int, b: int, out: NDArray[np.float64]) -> None:
+    """Write the moments of samples a to b - 1 about sample a, with x in time ticks."""
+    reach = max(sums.t[b - 1] - sums.t[a], sums.extent)
+    if len(sums.prefix) > 0 and (b - a) * reach * reach < _GUARD:
+        _from_prefix(sums, a, b, out)
+    else:
+        _from_blocks(sums, a, b, out)
+
+
+@jit
+def moments(sums: Sums, a: int, b: int, out: NDArray[np.float64]) -> None:
+    """Write the moments of samples a to b - 1 about sample a, with x running from 0 at sample a to 1 at sample b - 1."""
+    raw_moments(sums, a, b, out)
+    d = sums.p.shape[1]
+    length = sums.t[b - 1] - sums.t[a]
+    inverse = 1.0 / length if length > 0 else 0.0
+    out[1] *= inverse
+    out[2] *= inverse * inverse
+    for c in range(4 + d, 4 + 2 * d):
+        out[c] *= inverse
+
+
+@jit
+def part_moments(sums: Sums, boundaries: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the moments of every part in its own normalised time, shape (k, 2 d + 4)."""
+    rows = np.empty((len(boundaries) - 1, 2 * sums.p.shape[1] + 4))
+    for j in range(len(rows)):
+        moments(sums, boundaries[j], boundaries[j + 1], rows[j])
+    return rows
+
+
+@jit
+def free_cost(row: NDArray[np.float64]) -> float:
+    """Return the cost of the samples against their own best line (theory of least squares, centred)."""
+    if row[0] <= 0:
+        return 0.0
+    d = (len(row) - 4) // 2
+    mean = row[1] / row[0]
+    stt = row[2] - mean * row[1]
+    spp = row[3]
+    stp = 0.0
+    for c in range(d):
+        spp -= row[4 + c] * row[4 + c] / row[0]
+        s = row[4 + d + c] - mean * row[4 + c]
+        stp += s * s
+    if stt > 1e-14 * row[2]:
+        spp -= stp / stt
+    cost: float = max(spp, 0.0)
+    return cost

@@ -1,0 +1,163 @@
+"""The (k,m)-segment mean by expectation and maximisation (thesis, algorithm 1)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.errors import OptionError
+from gpszip.kernels.sums import Sums
+from gpszip.model import Executor, SegmentMean, Track
+from gpszip.segmentation import estep
+from gpszip.segmentation.bottom_up import bottom_up, relaxed
+from gpszip.segmentation.clustering import k_means, ward
+from gpszip.segmentation.douglas_peucker import douglas_peucker
+from gpszip.segmentation.mstep import maximize, segments_of
+from gpszip.segmentation.state import State, sums_of, to_segment_mean, total_cost
+
+__all__ = ["Clustering", "Expectation", "Initial", "segment_mean"]
+
+Initial = Literal["bottom-up", "douglas-peucker"]
+Clustering = Literal["ward", "k-means++"]
+Expectation = Literal["odd-even", "linear", "naive", "exact"]
+
+#: A round of expectation and maximisation.
+_Round = Callable[[State], State]
+
+#: Share of tau below which a round's gain is rounding.
+_ROUNDING = 1e-12
+
+
+def segment_mean(
+    track: Track,
+    k: int,
+    m: int,
+    *,
+    initial: Initial = "bottom-up",
+    clustering: Clustering = "ward",
+    expectation: Expectation = "odd-even",
+    iterations: int = 100,
+    shortest: int = 1,
+    rng: np.random.Generator | None = None,
+    executor: Executor | None = None,
+) -> SegmentMean:
+    """Approximate a track by k parts, each travelled along one of m directed segments.
+
+    The thesis's Algorithm 1. It starts from a partition and a clustering, and alternates between the expectation step
+    (better parts and labels for given segments) and the maximisation step (best segments for given parts) until
+    neither lowers the fitting cost tau, which therefore never rises. With m = k each part has its own segment and the
+    boundaries are shifted between free lines instead.
+
+    Parameters
+    ----------
+    track : Track
+        n samples in d dimensions, weighted or not.
+    k, m : int
+        Numbers of parts and of segments, 1 <= m <= k <= n.
+    initial : {'bottom-up', 'douglas-peucker'}, default 'bottom-up'
+        How the first partition is made.
+    clustering : {'ward', 'k-means++'}, default 'ward'
+        How the first labels are found.
+    expectation : {'odd-even', 'linear', 'naive', 'exact'}, default 'odd-even'
+        Form of the expectation step: sections 6.3.3, 6.3.2, 6.3.1, or the best partition of the whole track, which is
+        slower and ends with a lower cost.
+    iterations : int, default 100
+        Rounds at most.
+    shortest : int, default 1
+        Samples below which no boundary is shifted.
+    rng : numpy.random.Generator, optional
+        Source of chance; needed by 'k-means++'.
+    executor : Executor, optional
+        Runs batches of parts of the 'odd-even' and 'exact' steps; the result is the same for any number of workers.
+
+    Returns
+    -------
+    SegmentMean
+        Boundaries, labels, segments in metres, and the cost after every round in square metres. Times and positions
+        are counted in ticks of 1 ms and 1 mm, or finer where the track is fast or small.
+
+    Raises
+    ------
+    OptionError
+        If k, m or another option doesn't fit the track.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> there, back = np.linspace(0, 10, 6), np.linspace(10, 0, 6)
+    >>> x = np.concatenate([there, back, there, back])
+    >>> mean = segment_mean(Track("lane", np.arange(24.0), x[:, None]), k=4, m=2)
+    >>> mean.boundaries.tolist(), mean.labels.tolist(), round(mean.cost, 9)
+    ([0, 6, 12, 18, 24], [0, 1, 0, 1], 0.0)
+    """
+    _check(track, k, m, shortest)
+    _check_choices(initial, clustering, expectation, rng)
+    sums = sums_of(track)
+    boundaries = bottom_up(sums, k, shortest=shortest) if initial == "bottom-up" else douglas_peucker(sums, k)
+    state = _clustered(sums, boundaries, m, rng if clustering == "k-means++" else None)
+    step = partial(_free_round, sums, shortest) if m == k else _round(sums, expectation, shortest, executor)
+    return _iterate(sums, state, step, iterations)
+
+
+def _check(track: Track, k: int, m: int, shortest: int) -> None:
+    if not 1 <= m <= k:
+        raise OptionError(f"k = {k} parts can't have m = {m} different segments; choose 1 <= m <= k")
+    if shortest < 1 or k * shortest > len(track):
+        parts = len(track) // max(shortest, 1)
+        raise OptionError(
+            f"track {track.id!r} has {len(track)} samples, too few for k = {k} parts of {shortest} or more; choose k <= {parts}"
+        )
+
+
+def _check_choices(initial: str, clustering: str, expectation: str, rng: np.random.Generator | None) -> None:
+    chosen = {"initial": (initial, Initial), "clustering": (clustering, Clustering), "expectation": (expectation, Expectation)}
+    for name, (value, choices) in chosen.items():
+        if value not in get_args(choices):
+            raise OptionError(f"{name} = {value!r} is unknown; choose one of {', '.join(get_args(choices))}")
+    if clustering == "k-means++" and rng is None:
+        raise OptionError("clustering 'k-means++' draws at random; pass rng=numpy.random.default_rng(seed)")
+
+
+def _clustered(sums: Sums, boundaries: NDArray[np.int64], m: int, rng: np.random.Generator | None) -> State:
+    labels = _labels(sums, boundaries, m, rng)
+    return State(boundaries, labels, *segments_of(sums, boundaries, labels, m))
+
+
+def _labels(sums: Sums, boundaries: NDArray[np.int64], m: int, rng: np.random.Generator | None) -> NDArray[np.int32]:
+    k = len(boundaries) - 1
+    if m in {1, k}:
+        return np.arange(k, dtype=np.int32) if m == k else np.zeros(k, dtype=np.int32)
+    return ward(sums, boundaries, m) if rng is None else k_means(sums, boundaries, m, rng)
+
+
+def _round(sums: Sums, expectation: str, shortest: int, executor: Executor | None) -> _Round:
+    steps: dict[str, _Round] = {
+        "odd-even": partial(estep.odd_even, sums, shortest=shortest, executor=executor),
+        "linear": partial(estep.linear, sums, shortest=shortest),
+        "naive": partial(estep.naive, sums, shortest=shortest),
+        "exact": partial(estep.exact, sums, shortest=shortest, executor=executor),
+    }
+    expect = steps[expectation]
+    return lambda state: maximize(sums, expect(state))
+
+
+def _free_round(sums: Sums, shortest: int, state: State) -> State:
+    """Expectation and maximisation at once, where every part has a segment of its own."""
+    boundaries = relaxed(sums, state.boundaries, shortest=shortest, sweeps=1)
+    return State(boundaries, state.labels, *segments_of(sums, boundaries, state.labels, len(state.starts)))
+
+
+def _iterate(sums: Sums, state: State, step: _Round, iterations: int) -> SegmentMean:
+    costs = [total_cost(sums, state)]
+    for _ in range(iterations):
+        candidate = step(state)
+        cost = total_cost(sums, candidate)
+        if not cost < costs[-1] * (1 - _ROUNDING):
+            break
+        state = candidate
+        costs.append(cost)
+    return to_segment_mean(sums, state, costs)

@@ -1,0 +1,96 @@
+"""A memory of solved (k, m), in this process and, on request, in a folder (thesis, section 6.4, 'Memoizer')."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from gpszip.errors import InputError
+from gpszip.model import SegmentMean, Track
+
+__all__ = ["Memo", "digest"]
+
+_FIELDS = ("boundaries", "labels", "starts", "ends", "cost", "costs")
+
+
+def digest(track: Track, options: Mapping[str, object]) -> str:
+    """Name of a track and the options that it is solved with: the same data and options, the same 32 hex digits."""
+    known = hashlib.blake2b(json.dumps(dict(options), sort_keys=True, default=str).encode(), digest_size=16)
+    for array in (track.times, track.positions, track.weights):
+        known.update(b"-" if array is None else str(array.shape).encode() + array.tobytes())
+    return known.hexdigest()
+
+
+class Memo:
+    """Solved segment means by track, options, k and m.
+
+    Parameters
+    ----------
+    folder : path, optional
+        Where solutions persist, one ``.npz`` file each; made if it doesn't exist. Several processes may share it.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str] | None = None) -> None:
+        self._solved: dict[tuple[str, int, int], SegmentMean] = {}
+        self._folder = None if folder is None else Path(folder)
+
+    def get(self, key: str, k: int, m: int) -> SegmentMean | None:
+        """Return what was solved under this key of :func:`digest`, or None.
+
+        Raises
+        ------
+        InputError
+            If the folder's file for it can't be read whole.
+        """
+        if (key, k, m) not in self._solved and self._folder is not None:
+            path = self._path(self._folder, key, k, m)
+            if path.exists():
+                self._solved[key, k, m] = _read(path, k, m)
+        return self._solved.get((key, k, m))
+
+    def put(self, key: str, mean: SegmentMean) -> None:
+        """Remember a solution, on disk too if there is a folder."""
+        self._solved[key, mean.k, mean.m] = mean
+        if self._folder is not None:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            _write(self._path(self._folder, key, mean.k, mean.m), mean)
+
+    @staticmethod
+    def _path(folder: Path, key: str, k: int, m: int) -> Path:
+        return folder / f"{key}-k{k}-m{m}.npz"
+
+
+def _write(path: Path, mean: SegmentMean) -> None:
+    """Write beside the target and rename, so that no reader ever sees half a file."""
+    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            arrays: dict[str, Any] = {field: np.asarray(getattr(mean, field)) for field in _FIELDS}
+            np.savez(file, **arrays)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def _read(path: Path, k: int, m: int) -> SegmentMean:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            values = [file[field] for field in _FIELDS]
+        boundaries, labels, starts, ends, cost, costs = values
+        mean = SegmentMean(boundaries, labels, starts, ends, float(cost), tuple(costs.tolist()))
+    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path}: not a whole memo of a segment mean ({error}); delete it to solve anew") from error
+    if (len(boundaries), len(labels), len(starts), starts.shape) != (k + 1, k, m, ends.shape):
+        raise InputError(f"{path}: holds another segment mean than its name says; delete it to solve anew")
+    return mean

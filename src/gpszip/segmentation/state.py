@@ -1,0 +1,79 @@
+"""What the expectation-maximisation turns over: boundaries, labels and segments, counted in a track's own ticks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.kernels.sums import Sums, part_moments, part_sums
+from gpszip.model import SegmentMean, Track
+
+__all__ = ["State", "costs_of_parts", "sums_of", "to_metres", "to_segment_mean", "to_ticks", "total_cost"]
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A (k,m)-segment in ticks.
+
+    Parameters
+    ----------
+    boundaries : int64 array, shape (k + 1,)
+        First sample of each part, and the number of samples.
+    labels : int32 array, shape (k,)
+        Segment of each part.
+    starts, ends : float64 array, shape (m, d)
+        End points of the segments in place ticks from the first sample.
+    """
+
+    boundaries: NDArray[np.int64]
+    labels: NDArray[np.int32]
+    starts: NDArray[np.float64]
+    ends: NDArray[np.float64]
+
+
+def sums_of(track: Track) -> Sums:
+    """Count a track in ticks and sum them up."""
+    return part_sums(track.times, track.positions, track.weights)
+
+
+def to_ticks(sums: Sums, metres: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Place ticks from the first sample of positions in metres."""
+    ticks: NDArray[np.float64] = (np.asarray(metres, dtype=np.float64) - sums.first_place) / sums.place_tick
+    return ticks
+
+
+def to_metres(sums: Sums, ticks: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Positions in metres of place ticks from the first sample."""
+    metres: NDArray[np.float64] = sums.first_place + ticks * sums.place_tick
+    return metres
+
+
+def costs_of_parts(sums: Sums, state: State) -> NDArray[np.float64]:
+    """Fitting cost of each part in squared place ticks (theory: Q - 2 (a M + v N) + W a^2 + 2 U1 a v + U2 v^2)."""
+    rows = part_moments(sums, state.boundaries)
+    d = sums.p.shape[1]
+    a = state.starts[state.labels] - sums.p[state.boundaries[:-1]]
+    v = (state.ends - state.starts)[state.labels]
+    fitted = rows[:, 0] * _dot(a, a) + 2 * rows[:, 1] * _dot(a, v) + rows[:, 2] * _dot(v, v)
+    crossed = _dot(rows[:, 4 : 4 + d], a) + _dot(rows[:, 4 + d :], v)
+    costs: NDArray[np.float64] = np.maximum(rows[:, 3] - 2 * crossed + fitted, 0.0)
+    return costs
+
+
+def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    product: NDArray[np.float64] = (a * b).sum(axis=1)
+    return product
+
+
+def total_cost(sums: Sums, state: State) -> float:
+    """Fitting cost tau in squared place ticks."""
+    return float(costs_of_parts(sums, state).sum())
+
+
+def to_segment_mean(sums: Sums, state: State, costs: list[float]) -> SegmentMean:
+    """Put a state and the costs on the way to it, both in ticks, into metres."""
+    in_metres = tuple(cost * sums.place_tick**2 for cost in costs)
+    starts, ends = to_metres(sums, state.starts), to_metres(sums, state.ends)
+    return SegmentMean(state.boundaries, state.labels, starts, ends, in_metres[-1], in_metres)
