@@ -1,0 +1,239 @@
+"""The connected map: parts end in nodes that walks share, found by description length.
+
+One objective decides everything: J = bits + price x squared error. Each round moves knots and relabels them window by window
+(E-step), places all nodes by one sparse solve (M-step) and merges nodes where that saves bits.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from gpszip.coding.walks import encode_with_ledger
+from gpszip.kernels.chain import settle_chain
+from gpszip.kernels.draft import keep_disjoint, lead_clusters
+from gpszip.kernels.settle import settle_piece
+from gpszip.kernels.walk_model import KIND_BITS, PLACE_BITS, SPAN_BITS
+from gpszip.mapping.drafting import (
+    draft_of,
+    empty_draft,
+    list_parts,
+    normal_equations,
+    place_nodes,
+    round_nodes,
+    squared_error,
+    walks_of,
+)
+from gpszip.mapping.slots import Slots
+from gpszip.model import LatticeWalks
+
+__all__ = ["Outcome", "Plan", "fit"]
+
+#: Steps of the walks' kinds in the coder's ledger.
+_BACK, _KNOWN, _LINK, _NEW, _STAY = range(5)
+_NEAR_NODES = 5
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How one search for a map goes about it.
+
+    Parameters
+    ----------
+    target : float
+        Root mean square error to reach, in quanta.
+    leader : float
+        Radius, in targets, within which the first knots are gathered into shared nodes; 0 leaves each its own.
+    rounds : int
+        Number of rounds of E-step, M-step and merging.
+    window : int
+        Knots that the E-step chooses at once.
+    widest : int
+        Slots that a part may span.
+    reach : float
+        Radius, in targets, within which a knot may take a node.
+    """
+
+    target: float
+    leader: float = 1.0
+    rounds: int = 12
+    window: int = 24
+    widest: int = 300
+    reach: float = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """A map with its walks: the coded size in bytes and the root mean square error in quanta."""
+
+    walks: LatticeWalks
+    size: int
+    error: float
+
+
+def fit(slots: Slots, tracks: int, plan: Plan) -> Outcome | None:
+    """Learn a map and walks of few bytes whose error is within the plan's target.
+
+    Returns
+    -------
+    Outcome or None
+        The smallest that was met on the way; None if no round met the target.
+    """
+    at, places, price, bits = _private_chains(slots, plan)
+    at, places = _gather(slots, at, places, plan)
+    best: Outcome | None = None
+    for turn in range(plan.rounds):
+        at, places = _settle(slots, at, places, plan, bits, turn)
+        at, places = _merge(slots, at, places, plan, bits)
+        outcome, ledger = _realise(slots, at, places, tracks)
+        if outcome.error <= plan.target and (best is None or outcome.size < best.size):
+            best = outcome
+        if turn >= 1:
+            miss = outcome.error / (0.995 * plan.target)
+            price *= miss ** (2.5 if miss > 1 else 1.5)
+        import os
+        if os.environ.get("GZ"):
+            print(turn, outcome.size, round(outcome.error/plan.target,3), len(outcome.walks.nodes), (at>=0).sum(), np.round(ledger[:,0]/8,1), ledger[:,1].astype(int), np.round(bits,2))
+        bits = _prices(ledger, price, len(outcome.walks.nodes))
+    return best
+
+
+def _private_chains(slots: Slots, plan: Plan) -> tuple[NDArray[np.int64], NDArray[np.float64], float, NDArray[np.float64]]:
+    """Give every piece the cheapest chain of its own, at a price that meets the target."""
+    price = 0.3 * len(slots.cells) / (slots.samples * plan.target**2)
+    at = np.full(len(slots.cells), -1, np.int64)
+    for _ in range(4):
+        for first, last in zip(slots.firsts.tolist(), slots.lasts.tolist(), strict=True):
+            settle_chain(
+                slots.sums, slots.ticks, slots.centers, slots.places, slots.place_unit, first, last, price, 7.0, plan.widest, at
+            )
+        at[at >= 0] = np.arange((at >= 0).sum())
+        places = _place(slots, at, slots.places[at >= 0])
+        error = np.sqrt(squared_error(list_parts(slots, at), places) / slots.samples)
+        miss = max(error, 1e-3) / (0.93 * plan.target)
+        if 0.95 < miss < 1.05:
+            break
+        price *= min(max(miss**1.6, 0.02), 50.0)
+    return at, places, price, _prices(None, price, len(places))
+
+
+def _gather(
+    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], plan: Plan
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Let knots that are near each other share a node."""
+    if plan.leader <= 0:
+        return at, places
+    knots = int((at >= 0).sum())
+    draft = empty_draft(places.shape[1], knots, 8, plan.leader * plan.target)
+    spots = slots.places.copy()
+    spots[at >= 0] = places[at[at >= 0]]
+    lead_clusters(draft, spots, at)
+    nodes = draft.places[: int(draft.scalars[0])]
+    return at, _place(slots, at, nodes)
+
+
+def _place(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64]) -> NDArray[np.float64]:
+    return place_nodes(*normal_equations(list_parts(slots, at), places))
+
+
+def _compact(at: NDArray[np.int64], places: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Drop the nodes without a knot."""
+    knots = at >= 0
+    used, inverse = np.unique(at[knots], return_inverse=True)
+    at = at.copy()
+    at[knots] = inverse
+    return at, places[used]
+
+
+def _settle(
+    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], plan: Plan, bits: NDArray[np.float64], turn: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """E-step over all pieces, then the places."""
+    reach = plan.reach * plan.target
+    spare = int((at >= 0).sum()) + 4096
+    draft = draft_of(slots, at, places, reach, spare)
+    marks = np.zeros(len(draft.places), np.int64)
+    order = np.arange(len(slots.firsts))
+    phase = 1 + (turn * 7) % plan.window
+    for piece in order[:: 1 if turn % 2 == 0 else -1].tolist():
+        first, last = int(slots.firsts[piece]), int(slots.lasts[piece])
+        start = first
+        while start < last:
+            start = settle_piece(
+                draft, slots.sums, slots.ticks, slots.centers, slots.places, slots.place_unit, at, first, start, last, phase,
+                plan.window, _NEAR_NODES, plan.widest, bits, marks,
+            )  # fmt: skip
+            if start < last:
+                at, places = _compact(at, draft.places)
+                draft = draft_of(slots, at, places, reach, 2 * spare + 2 * plan.widest * plan.window)
+                marks = np.zeros(len(draft.places), np.int64)
+    at, places = _compact(at, draft.places)
+    return at, _place(slots, at, places)
+
+
+def _merge(
+    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], plan: Plan, bits: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Unite nodes whose error apart costs fewer bits than the second node."""
+    parts = list_parts(slots, at)
+    stiffness, _ = normal_equations(parts, places)
+    pairs = cKDTree(places).query_pairs(4 * plan.target, output_type="ndarray")
+    if len(pairs) == 0:
+        return at, places
+    own = stiffness.diagonal()
+    square = ((places[pairs[:, 0]] - places[pairs[:, 1]]) ** 2).sum(axis=1)
+    harm = bits[0] * square * own[pairs[:, 0]] * own[pairs[:, 1]] / (own[pairs[:, 0]] + own[pairs[:, 1]])
+    count = len(places)
+    ones = np.ones(len(parts.starts))
+    one_way = csr_array((ones, (parts.starts, parts.ends)), shape=(count, count))
+    linked = ((one_way + one_way.T) > 0).astype(np.float64)
+    shared = (linked @ linked).tocsr()[pairs[:, 0], pairs[:, 1]]
+    gain = 0.7 * (bits[3] + bits[4]) + 0.7 * bits[5] * np.asarray(shared).ravel() - harm
+    good = np.flatnonzero(gain > 0)
+    if len(good) == 0:
+        return at, places
+    order = good[np.argsort(-gain[good], kind="stable")]
+    target = np.arange(count)
+    keep_disjoint(pairs[order].astype(np.int64), target)
+    at = np.where(at >= 0, target[at], -1)
+    at, places = _compact(at, places)
+    return at, _place(slots, at, places)
+
+
+def _realise(
+    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int
+) -> tuple[Outcome, NDArray[np.float64]]:
+    """Round the places, code the walks and measure what came out."""
+    parts = list_parts(slots, at)
+    rounded = round_nodes(*normal_equations(parts, places), places)
+    walks = walks_of(slots, at, rounded, tracks)
+    data, ledger = encode_with_ledger(walks)
+    error = np.sqrt(squared_error(parts, rounded) / slots.samples)
+    return Outcome(walks, len(data), float(error)), ledger
+
+
+def _prices(ledger: NDArray[np.float64] | None, price: float, nodes: int) -> NDArray[np.float64]:
+    """Prices of the E-step in bits, from what the coder last paid."""
+    spent = np.zeros((13, 2)) if ledger is None else ledger
+
+    def mean(rows: list[int], guess: float) -> float:
+        return float((spent[rows, 0].sum() + 4 * guess) / (spent[rows, 1].sum() + 4))
+
+    moving = [SPAN_BITS + kind for kind in (_BACK, _KNOWN, _LINK, _NEW)]
+    return np.array(
+        [
+            price,
+            mean(moving, 4.0),
+            mean([SPAN_BITS + _STAY], 6.0),
+            mean([KIND_BITS + _NEW], 1.0),
+            mean([PLACE_BITS], 9.0),
+            mean([KIND_BITS + _LINK], 8.0),
+            mean([KIND_BITS + _STAY], 4.0),
+            np.log2(nodes + 2.0),
+            0.2,
+        ]
+    )
