@@ -1,0 +1,78 @@
+"""gpszip compress: logs in, one archive out."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import click
+
+from gpszip.cli.options import Settings, common, force, output
+from gpszip.cli.outcome import Outcome
+from gpszip.cli.units import DURATION, LENGTH, Quantity
+
+__all__ = ["command"]
+
+_GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
+
+
+@click.command("compress", short_help="Learn the map of logs and store them as walks on it.")
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True)
+@output("walks.gpsz")
+@click.option("--rmse", type=LENGTH, metavar="LENGTH", help="Largest root mean square error, such as 5m.")
+@click.option("--max-error", type=LENGTH, metavar="LENGTH", help="Largest error of any point, such as 10m.")
+@click.option("--gap", type=_GAP, metavar="DURATION", help="Silences longer than this claim no travel, or none. Estimated where left out.")
+@click.option("--effort", type=click.IntRange(1, 9), default=5, show_default=True, help="From 1, quick, to 9, small.")
+@click.option("--k", type=click.IntRange(1), help="Number of parts: the thesis's (k,m)-segment mean instead of a bound.")
+@click.option("--m", type=click.IntRange(1), help="Number of segments that the k parts share; searched where left out.")
+@click.option("--times/--no-times", default=True, help="Keep the times, or the shape only.")
+@click.option("--layer", type=click.Choice(["bz2"]), help="Pack the archive once more, as the thesis did.")
+@click.option("--clean", is_flag=True, help="Drop spikes: single points that no vehicle could have reached.")
+@click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
+@click.option("--split", is_flag=True, help="Begin a new track where time goes back.")
+@click.option("--skip-bad", is_flag=True, help="Leave out logs and rows that can't be read, name them, end with exit code 3.")
+@click.option(
+    "--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north, or names in order for a log without a header."
+)
+@click.option("--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Unit of a time column; found from its size where left out.")
+@click.option("--keep", metavar="COLUMNS", help="Further columns to keep, such as alt,speed.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@force
+@common
+@click.pass_obj
+def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bool, quiet: bool, **choices: Any) -> Outcome:
+    """Read every LOG (CSV, GPX, GeoJSON or Parquet; - is standard input), learn the ways that they repeat, and write one archive.
+
+    Without --rmse or --max-error a bound that suits the log is estimated, and printed.
+    """
+    from gpszip.cli.output import check_output, write_archive
+
+    options = _options(choices)
+    check_output(target, force=force, binary=True)
+    from gpszip import pipeline
+    from gpszip.cli.progress import progress
+    from gpszip.cli.summary import show_summary
+
+    with progress(quiet=quiet or settings.json) as listener:
+        reading = pipeline.read(logs, **_reading(choices))
+        archive, report = pipeline.compress(reading.tracks, options, progress=listener)
+    write_archive(target, archive, force=force)
+    if settings.json or not quiet:
+        show_summary(target, reading, report, as_json=settings.json)
+    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+
+
+def _options(choices: dict[str, Any]) -> Any:
+    """The pipeline's options; those that contradict each other are refused before anything is read."""
+    from gpszip.errors import OptionError
+    from gpszip.model import Options
+
+    if choices["keep"]:
+        raise OptionError("--keep: this version keeps no further columns; leave the option out, and keep the log for them")
+    names = ("rmse", "max_error", "gap", "effort", "k", "m", "times", "layer")
+    return Options(**{name: choices[name] for name in names})
+
+
+def _reading(choices: dict[str, Any]) -> dict[str, Any]:
+    names = ("columns", "time_unit", "clean", "sort", "split", "skip_bad")
+    return {name: choices[name] for name in names}

@@ -1,0 +1,68 @@
+"""gpszip decompress: from an archive back to a log."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpszip.cli.options import Settings, archive_argument, common, force, output
+from gpszip.cli.outcome import Outcome
+from gpszip.cli.units import DURATION
+
+if TYPE_CHECKING:
+    from gpszip.archive import Archive
+    from gpszip.model import Track
+
+__all__ = ["command"]
+
+
+@click.command("decompress", short_help="Write the tracks of an archive as a log.")
+@archive_argument
+@output("walks.csv")
+@click.option("--every", type=DURATION, metavar="DURATION", help="Positions at each multiple of this, such as 1s, instead of knots.")
+@click.option("--at", metavar="TIMES", help="Positions at these times: 10,20.5,30, or a file with one time in each line.")
+@click.option("--track", metavar="ID", help="Only this track.")
+@click.option("--format", "kind", metavar="FORMAT", help="Instead of the output's suffix: csv, gpx, geojson or parquet.")
+@force
+@common
+@click.pass_obj
+def command(
+    settings: Settings, archive: str, target: str, every: float | None, at: str | None, track: str | None, kind: str | None, force: bool
+) -> Outcome:
+    """Write the tracks of ARCHIVE as CSV, GPX, GeoJSON or Parquet: the knots, between which each track is linear in time."""
+    from gpszip.cli.archives import opened
+    from gpszip.cli.output import check_output, say, show_json
+    from gpszip.cli.times import parse_times
+    from gpszip.errors import OptionError
+    from gpszip.io.formats import format_for_writing
+    from gpszip.io.writing import write_tracks
+
+    if every is not None and at is not None:
+        raise OptionError("--every and --at were both given; give one")
+    times = None if at is None else parse_times(at)
+    check_output(target, force=force, binary=format_for_writing(target, kind).name == "parquet")
+    with opened(archive) as source:
+        tracks = _tracks(source, every, times, track)
+    if not tracks:
+        raise OptionError(_nothing(archive, track))
+    write_tracks(tracks, target, kind)
+    points = sum(len(one) for one in tracks)
+    if settings.json:
+        show_json({"output": target, "pieces": len(tracks), "points": points}, err=target == "-")
+    elif target != "-":
+        say(f"{target}: {points:,} {'knots' if every is None and at is None else 'positions'}, pieces {len(tracks):,}")
+    return Outcome.DONE
+
+
+def _tracks(archive: Archive, every: float | None, times: Any, track: str | None) -> list[Track]:
+    if every is None and times is None:
+        pieces = archive.decompress()
+        return pieces if track is None else [piece for piece in pieces if piece.id == track or piece.id.rsplit("/", 1)[0] == track]
+    return archive.sample(every, at=times, track=track)
+
+
+def _nothing(archive: str, track: str | None) -> str:
+    if track is None:
+        return f"{archive}: no travel is claimed at any of these times; gpszip info --detail shows the time range"
+    return f"{archive}: nothing of a track {track!r}; gpszip info lists the tracks"

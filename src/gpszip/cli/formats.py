@@ -1,0 +1,31 @@
+"""gpszip formats: say what can be read and written."""
+
+from __future__ import annotations
+
+import click
+
+from gpszip.cli.options import Settings, common
+from gpszip.cli.outcome import Outcome
+
+__all__ = ["command"]
+
+
+@click.command("formats", short_help="Say what can be read and written.")
+@common
+@click.pass_obj
+def command(settings: Settings) -> Outcome:
+    """List the formats of logs and maps. What a log is shows in its content, whatever its name; any may be packed with gzip."""
+    from gpszip.cli.output import show_json
+    from gpszip.io.formats import FORMATS
+    from gpszip.io.maps import MAP_FORMATS
+
+    if settings.json:
+        logs = [{"name": one.name, "suffixes": one.suffixes, "about": one.about, "write": one.write is not None} for one in FORMATS]
+        show_json({"logs": logs, "maps": list(MAP_FORMATS)})
+        return Outcome.DONE
+    click.echo("logs")
+    for one in FORMATS:
+        does = "read" if one.write is None else "read, write"
+        click.echo(f"  {one.name:<9}{' '.join(one.suffixes):<22}{does:<13}{one.about}")
+    click.echo(f"maps\n  write    {' '.join(MAP_FORMATS)}")
+    return Outcome.DONE

@@ -1,0 +1,126 @@
+"""gpszip info: say what an archive holds."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpszip.cli.options import Settings, archive_argument, common
+from gpszip.cli.outcome import Outcome
+
+if TYPE_CHECKING:
+    from gpszip.archive import Archive
+
+__all__ = ["command"]
+
+_EPOCH_SECONDS = (1e8, 1e11)  # what lies between is seconds since 1970, as for a log's time column
+
+
+@click.command("info", short_help="Say what an archive holds.")
+@archive_argument
+@click.option("--detail", is_flag=True, help="Decode the walks, too: nodes, edges, parts, gaps, bounds, time range.")
+@common
+@click.pass_obj
+def command(settings: Settings, archive: str, detail: bool) -> Outcome:
+    """Say what ARCHIVE holds: tracks, sizes, plane, and how finely places and times are kept."""
+    from gpszip.cli.archives import archive_bytes, naming
+    from gpszip.cli.output import show_json
+
+    data = archive_bytes(archive)
+    with naming(archive, data):
+        facts = _facts(data, detail=detail)
+    if settings.json:
+        show_json({"archive": archive, **facts})
+        return Outcome.DONE
+    rows = _rows(facts)
+    width = max(len(label) for label, _ in rows)
+    for label, text in rows:
+        click.echo(f"{label:<{width}}  {text}")
+    if not detail:
+        click.echo("nodes, ways, bounds and times: gpszip info --detail")
+    return Outcome.DONE
+
+
+def _facts(data: bytes, *, detail: bool) -> dict[str, Any]:
+    from gpszip.archive import open_archive
+    from gpszip.container.verify import verify_bytes
+
+    archive = open_archive(data)
+    verdict = verify_bytes(data)
+    facts = archive.info(decode=detail)
+    facts["bytes"] = len(data)
+    facts |= {"version": verdict.version, "form": verdict.form, "ids": list(archive.ids)}
+    facts |= {"sections": [{"kind": one.kind, "bytes": one.size} for one in verdict.sections]}
+    frame = archive.frame
+    facts["epoch"] = frame.epoch / 1000
+    facts["origin"] = [value / 1000 for value in frame.origin]
+    facts["planes"] = [[lat / 1e7, lon / 1e7] for lat, lon in frame.plane.centers] if frame.plane else []
+    return facts | {"bounds": _bounds(archive)} if detail else facts
+
+
+def _bounds(archive: Archive) -> dict[str, list[float]]:
+    """Smallest and largest coordinates of the map, in degrees where it lies on the earth."""
+    import numpy as np
+
+    nodes, plane = archive.road_map.nodes, archive.frame.plane
+    if not len(nodes):
+        return {}
+    if plane is None:
+        names = ("x", "y", "z")[: nodes.shape[1]] if nodes.shape[1] <= 3 else tuple(f"x{axis}" for axis in range(nodes.shape[1]))
+        columns = list(nodes.T)
+    else:
+        from gpszip.geo.planes import to_geographic
+
+        names, columns = ("lat", "lon"), list(to_geographic(nodes, plane))
+    return {name: [float(np.min(column)), float(np.max(column))] for name, column in zip(names, columns, strict=True)}
+
+
+def _rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
+    """Label and text of each line for a person."""
+    from gpszip.cli.units import format_length
+
+    layer = f", packed with {facts['layer']}" if facts["layer"] else ""
+    rows = [
+        ("format", f"version {facts['version']}, {facts['form']}{layer}"),
+        ("size", f"{facts['bytes']:,} bytes, groups {facts['groups']:,}"),
+        ("tracks", f"{facts['tracks']:,}{_some(facts['ids'])}"),
+    ]
+    if "nodes" in facts:
+        rows += _detail_rows(facts)
+    rows.append(("positions", f"{_axes(facts)}, to {format_length(facts['node_quantum_m'])}"))
+    rows += [(f"plane {i}", f"about latitude {lat:.5f}, longitude {lon:.5f}") for i, (lat, lon) in enumerate(facts["planes"])]
+    rows.append(("times", f"to {facts['time_quantum_s']:.3g} s, from epoch {_instant(facts['epoch'])}"))
+    if facts["map_hash"]:
+        rows.append(("map", f"kept elsewhere, {facts['map_hash']}"))
+    rows.append(("not kept", "further columns, and the exact instants of the samples"))
+    return rows
+
+
+def _detail_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
+    rows = [
+        ("map", f"nodes {facts['nodes']:,}, ways {facts['edges']:,}"),
+        ("walks", f"parts {facts['parts']:,}, gaps {facts['gaps']:,}"),
+        ("bounds", "; ".join(f"{name} {low:.7g} to {high:.7g}" for name, (low, high) in facts["bounds"].items())),
+    ]
+    if facts["t_start"] is None:
+        return [*rows, ("time range", "times are not kept")]
+    return [*rows, ("time range", f"{_instant(facts['t_start'])} to {_instant(facts['t_end'])}")]
+
+
+def _some(ids: list[str]) -> str:
+    shown = ", ".join(ids[:5])
+    return f" ({shown}{', ...' if len(ids) > 5 else ''})" if ids else ""
+
+
+def _axes(facts: dict[str, Any]) -> str:
+    return "latitude and longitude" if facts["geographic"] else f"{facts['dimension']} coordinates on a plane of the log's own"
+
+
+def _instant(seconds: float) -> str:
+    """Seconds in the log's own zero, and the date where that is 1970."""
+    plain = f"{seconds:.3f}".rstrip("0").rstrip(".")
+    if not _EPOCH_SECONDS[0] <= seconds < _EPOCH_SECONDS[1]:
+        return f"{plain} s"
+    return f"{plain} s ({datetime.fromtimestamp(seconds, UTC):%Y-%m-%d %H:%M:%S} UTC)"

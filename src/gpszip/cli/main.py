@@ -1,0 +1,144 @@
+"""The entry point, and the only place that turns an outcome into an exit code."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import traceback
+
+import click
+
+from gpszip.cli.options import Settings
+from gpszip.cli.outcome import Outcome
+from gpszip.cli.output import say, show_json
+from gpszip.errors import BoundError, CorruptArchiveError, GPSZipError, MapError, OptionError
+
+__all__ = ["cli", "main", "run"]
+
+_HELP = """Learn the map that position logs repeat, and store the logs as walks on it.
+
+\b
+gpszip compress walks/*.gpx -o walks.gpsz --rmse 5m
+gpszip decompress walks.gpsz -o walks.csv
+gpszip map walks.gpsz -o map.geojson
+"""
+
+_COMMANDS = ("compress", "decompress", "map", "info", "verify", "recover", "warm", "demo", "formats")
+
+_DONE, _FAILED, _USAGE, _LEFT_OUT, _CORRUPT, _MAP, _BOUND, _INTERRUPTED = 0, 1, 2, 3, 4, 5, 6, 130
+
+_CODES: dict[type[GPSZipError], int] = {
+    OptionError: _USAGE,
+    CorruptArchiveError: _CORRUPT,
+    MapError: _MAP,
+    BoundError: _BOUND,
+}
+
+
+class _LazyGroup(click.Group):
+    """Commands that are imported when they are named."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        return list(_COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
+        if cmd_name not in _COMMANDS:
+            return None
+        command: click.Command = importlib.import_module(f"gpszip.cli.{cmd_name}").command
+        return command
+
+
+def _version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
+    if wanted and not context.resilient_parsing:
+        from gpszip import __version__
+
+        click.echo(f"gpszip {__version__}")
+        context.exit()
+
+
+@click.command(
+    cls=_LazyGroup,
+    help=_HELP,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+    epilog="Exit codes: 0 done, 1 failed, 2 usage, 3 done but inputs were left out, 4 corrupt archive, "
+    "5 map missing or wrong, 6 bound not met, 130 interrupted.",
+)
+@click.option("--version", is_flag=True, expose_value=False, is_eager=True, callback=_version, help="Show the version and exit.")
+@click.option("--debug", is_flag=True, expose_value=False, help="Show the traceback of an error.")
+def cli() -> None:
+    """Learn the map that position logs repeat, and store the logs as walks on it."""
+
+
+def run() -> None:
+    """Run the command line and leave the interpreter with its exit code."""
+    sys.exit(main(sys.argv[1:]))
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command line.
+
+    Parameters
+    ----------
+    arguments : list of str
+        What the user typed after ``gpszip``.
+
+    Returns
+    -------
+    int
+        The exit code.
+    """
+    settings = Settings.of(arguments)
+    try:
+        outcome = cli.main(arguments, prog_name="gpszip", standalone_mode=False, obj=settings)
+    except BaseException as error:
+        if settings.debug:
+            traceback.print_exc()
+        return _fail(error, settings)
+    return _LEFT_OUT if outcome is Outcome.LEFT_OUT else _DONE
+
+
+def _fail(error: BaseException, settings: Settings) -> int:
+    """Say what is wrong in one line and choose the exit code."""
+    code, text = _explain(error)
+    if settings.json and text:
+        show_json({"error": {"kind": type(error).__name__, "message": text, "exit_code": code}}, err=True)
+    elif text:
+        say(f"gpszip: {text}")
+    return code
+
+
+def _explain(error: BaseException) -> tuple[int, str]:
+    """Exit code and message of an error; no message where it has been shown."""
+    code, text = _FAILED, f"a fault of GPSZip's own: {type(error).__name__}: {error}; please report it with what --debug shows"
+    if isinstance(error, SystemExit):
+        code, text = (error.code if isinstance(error.code, int) else _FAILED), ""
+    elif isinstance(error, click.exceptions.NoArgsIsHelpError):
+        error.show()
+        code, text = _USAGE, ""
+    elif isinstance(error, click.ClickException):
+        code, text = _USAGE, _usage(error)
+    elif isinstance(error, click.Abort | KeyboardInterrupt):
+        code, text = _INTERRUPTED, "interrupted; nothing was written"
+    elif isinstance(error, GPSZipError):
+        code, text = next((code for kind, code in _CODES.items() if isinstance(error, kind)), _FAILED), str(error)
+    elif isinstance(error, OSError):
+        text = _system(error)
+    elif isinstance(error, MemoryError):
+        text = "not enough memory; compress fewer tracks at once"
+    return code, " ".join(text.split())
+
+
+def _usage(error: click.ClickException) -> str:
+    where = getattr(error, "ctx", None)
+    return f"{error.format_message().rstrip('.')}; see {where.command_path if where else 'gpszip'} --help"
+
+
+def _system(error: OSError) -> str:
+    hints: list[tuple[type[OSError], str]] = [
+        (FileNotFoundError, "no such file; check the path"),
+        (IsADirectoryError, "is a folder; name a file"),
+        (NotADirectoryError, "a file stands where a folder should be; check the path"),
+        (PermissionError, "no permission; check the owner and mode"),
+    ]
+    reason = next((hint for kind, hint in hints if isinstance(error, kind)), error.strerror or str(error))
+    return f"{error.filename}: {reason}" if error.filename else reason

@@ -1,0 +1,36 @@
+"""gpszip map: write the map that an archive has learned."""
+
+from __future__ import annotations
+
+import click
+
+from gpszip.cli.options import Settings, archive_argument, common, force, output
+from gpszip.cli.outcome import Outcome
+
+__all__ = ["command"]
+
+
+@click.command("map", short_help="Write the map that an archive has learned.")
+@archive_argument
+@output("map.geojson")
+@click.option("--min-traversals", type=click.IntRange(1), default=1, metavar="N", help="Leave out ways that were travelled less often.")
+@click.option("--format", "kind", metavar="FORMAT", help="Instead of the output's suffix: geojson, graphml, gpkg or csv.")
+@force
+@common
+@click.pass_obj
+def command(settings: Settings, archive: str, target: str, min_traversals: int, kind: str | None, force: bool) -> Outcome:
+    """Write the road map of ARCHIVE as GeoJSON, GraphML, GeoPackage or CSV, with how often each way was travelled."""
+    from gpszip.cli.archives import opened
+    from gpszip.cli.output import check_output, say, show_json
+    from gpszip.io.maps import write_map
+
+    check_output(target, force=force, binary=kind == "gpkg")
+    with opened(archive) as source:
+        road_map = source.road_map
+    write_map(road_map, target, min_traversals, format=kind)
+    ways = int((road_map.forward + road_map.backward >= min_traversals).sum())
+    if settings.json:
+        show_json({"output": target, "edges": ways}, err=target == "-")
+    elif target != "-":
+        say(f"{target}: ways {ways:,}" + ("" if ways else f"; none was travelled {min_traversals:,} times, ask for fewer"))
+    return Outcome.DONE

@@ -1,0 +1,68 @@
+"""What every command has in common: its settings, --json, --debug, -o and --force."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import click
+
+__all__ = ["Settings", "archive_argument", "common", "force", "output"]
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a run talks to its user.
+
+    Parameters
+    ----------
+    json : bool
+        Results and errors as JSON instead of text.
+    debug : bool
+        Errors with their traceback.
+    """
+
+    json: bool = False
+    debug: bool = False
+
+    @classmethod
+    def of(cls, arguments: list[str]) -> Settings:
+        """Look for the two flags without parsing, since errors of parsing follow them, too."""
+        flags = arguments[: arguments.index("--")] if "--" in arguments else arguments
+        return cls(json="--json" in flags, debug="--debug" in flags)
+
+
+def common(command: F) -> F:
+    """Give a command --json and --debug, which :class:`Settings` carries."""
+    command = click.option("--debug", is_flag=True, expose_value=False, help="Show the traceback of an error.")(command)
+    return click.option("--json", is_flag=True, expose_value=False, help="Write results and errors as JSON.")(command)
+
+
+def force(command: F) -> F:
+    """Give a command --force."""
+    return click.option("--force", is_flag=True, help="Replace the output if it exists.")(command)
+
+
+def output(example: str) -> Callable[[F], F]:
+    """Give a command -o, which it needs, with a file name as example."""
+
+    def decorate(command: F) -> F:
+        text = f"File to write, such as {example}; - is standard output."
+        return click.option("-o", "--output", "target", metavar="FILE", help=text, callback=_required(example))(command)
+
+    return decorate
+
+
+def _required(example: str) -> Callable[[click.Context, click.Parameter, str | None], str]:
+    def check(context: click.Context, _: click.Parameter, value: str | None) -> str:
+        if not value:
+            raise click.UsageError(f"no output was named; add -o {example}", context)
+        return value
+
+    return check
+
+
+archive_argument = click.argument("archive", metavar="ARCHIVE")

@@ -1,0 +1,15 @@
+"""How a command ends that did not fail."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+__all__ = ["Outcome"]
+
+
+class Outcome(Enum):
+    """How a command ended."""
+
+    DONE = "done"
+    #: Done, but some inputs could not be used and were named.
+    LEFT_OUT = "left out"

@@ -1,0 +1,84 @@
+"""Where results go: a file or standard output for data, standard error for words."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpszip.errors import OutputError
+
+if TYPE_CHECKING:
+    from gpszip.archive import Archive
+
+__all__ = ["STDOUT", "check_output", "say", "show_json", "write_archive"]
+
+STDOUT = "-"
+
+
+def check_output(target: str, *, force: bool, binary: bool = False) -> None:
+    """Refuse, before any work is done, an output that can't or must not be written.
+
+    Raises
+    ------
+    OutputError
+        If the file exists and ``force`` is not given, its folder can't be written to, or binary data would go to a terminal.
+    """
+    if target == STDOUT:
+        if binary and sys.stdout.isatty():
+            raise OutputError("standard output: an archive is no text for a terminal; name a file with -o or redirect with > FILE")
+        return
+    path = Path(target)
+    if path.is_dir():
+        raise OutputError(f"{target}: is a folder; name a file in it, such as -o {path / ('out.gpsz' if binary else 'out.csv')}")
+    if path.exists() and not force:
+        raise OutputError(f"{target}: exists already; add --force to replace it, or name another file with -o")
+    _check_folder(path.parent)
+
+
+def _check_folder(folder: Path) -> None:
+    """Create a file and remove it again: the only test that all file systems and users answer truly."""
+    if not folder.is_dir():
+        reason = "is no folder" if folder.exists() else "no such folder; make it first or name another one"
+        raise OutputError(f"{folder}: {reason}")
+    try:
+        handle, name = tempfile.mkstemp(prefix=".gpszip-", dir=folder)
+    except OSError as error:
+        raise OutputError(f"{folder}: can't write to this folder ({error.strerror}); name another one with -o") from error
+    os.close(handle)
+    Path(name).unlink()
+
+
+def write_archive(target: str, archive: Archive, *, force: bool) -> None:
+    """Save an archive to a file or put it on standard output."""
+    if target == STDOUT:
+        sys.stdout.buffer.write(archive.to_bytes())
+        sys.stdout.buffer.flush()
+    else:
+        archive.save(target, force=force)
+
+
+def say(text: str) -> None:
+    """One line for the person, who reads standard error; standard output carries data only."""
+    click.echo(text, err=True)
+
+
+def show_json(value: Any, *, err: bool = False) -> None:
+    """One line of strict JSON: numbers that it has no word for become null."""
+    click.echo(json.dumps(_plain(value), ensure_ascii=False), err=err)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,39 @@
+"""gpszip recover: save what is whole in a torn archive."""
+
+from __future__ import annotations
+
+import click
+
+from gpszip.cli.options import Settings, archive_argument, common, force, output
+from gpszip.cli.outcome import Outcome
+
+__all__ = ["command"]
+
+
+@click.command("recover", short_help="Save what is whole in a torn archive.")
+@archive_argument
+@output("saved.gpsz")
+@force
+@common
+@click.pass_obj
+def command(settings: Settings, archive: str, target: str, force: bool) -> Outcome:
+    """Save every whole part of a torn ARCHIVE as a new one, and name what is lost (exit code 3).
+
+    An archive of one group of walks (under 128 KiB) has one checksum and is whole or lost.
+    """
+    from gpszip.archive import Archive
+    from gpszip.cli.archives import archive_bytes, naming
+    from gpszip.cli.output import check_output, say, show_json, write_archive
+    from gpszip.container.recover import recover_bytes
+
+    check_output(target, force=force, binary=True)
+    data = archive_bytes(archive)
+    with naming(archive, data):
+        recovered = recover_bytes(data)
+    write_archive(target, Archive(recovered.contents), force=force)
+    tracks = len(recovered.contents.ids)
+    if settings.json:
+        show_json({"output": target, "tracks": tracks, "lost": list(recovered.lost)}, err=target == "-")
+    else:
+        say(f"{target}: saved tracks {tracks:,}; lost: {'; '.join(recovered.lost) or 'nothing'}")
+    return Outcome.LEFT_OUT if recovered.lost else Outcome.DONE

@@ -1,0 +1,73 @@
+"""The one line, or the JSON object, that says what a compression did."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gpszip.cli.output import STDOUT, say, show_json
+from gpszip.cli.units import format_bytes, format_duration, format_length
+from gpszip.model import Report
+from gpszip.model.reading import Reading
+
+__all__ = ["describe", "show_summary", "summarise"]
+
+
+def show_summary(target: str, reading: Reading, report: Report, *, as_json: bool) -> None:
+    """Show what was done: text for the person on standard error, JSON on standard output unless that carries the archive."""
+    if as_json:
+        show_json({"output": target, **summarise(reading, report)}, err=target == STDOUT)
+        return
+    for left in reading.left_out:
+        say(f"gpszip: left out {left.name}: {left.reason}")
+    say(f"{'standard output' if target == STDOUT else target}: {describe(reading, report)}")
+
+
+def describe(reading: Reading, report: Report) -> str:
+    """One line: points, bytes in and out, ratio, errors, seconds, then what is not in the archive."""
+    ratio = reading.bytes / max(report.bytes_out, 1)
+    facts = [
+        f"{report.points:,} points in {_count(report.tracks, 'track')}",
+        f"{format_bytes(reading.bytes)} -> {format_bytes(report.bytes_out)} (1:{ratio:,.{0 if ratio >= 10 else 1}f})",
+        f"RMSE {format_length(report.rmse)}",
+        f"maximum {format_length(report.max_error)}",
+        f"{report.seconds:.1f} s",
+    ]
+    return "; ".join([", ".join(facts), *_remarks(reading, report)])
+
+
+def _remarks(reading: Reading, report: Report) -> list[str]:
+    remarks = [f"bound {report.bound}"] if report.bound else []
+    if report.gap != float("inf"):
+        remarks.append(f"gaps over {format_duration(report.gap)}")
+    remarks += report.notes
+    remarks += [f"{repair.where}: {repair.count:,} {repair.what}" for repair in reading.repairs]
+    if reading.dropped:
+        remarks.append(f"not kept: {', '.join(reading.dropped)}")
+    return remarks
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number:,} {word}" + ("" if number == 1 else "s")
+
+
+def summarise(reading: Reading, report: Report) -> dict[str, Any]:
+    """The same as values for programs; lengths in metres, times in seconds, sizes in bytes."""
+    return {
+        "points": report.points,
+        "tracks": report.tracks,
+        "bytes_in": reading.bytes,
+        "bytes_out": report.bytes_out,
+        "ratio": reading.bytes / max(report.bytes_out, 1),
+        "rmse": report.rmse,
+        "max_error": report.max_error,
+        "bound": report.bound,
+        "gap": report.gap,
+        "seconds": round(report.seconds, 3),
+        "parts": report.parts,
+        "nodes": report.nodes,
+        "edges": report.edges,
+        "notes": list(report.notes),
+        "repairs": [{"what": one.what, "count": one.count, "where": one.where, "drops": one.drops} for one in reading.repairs],
+        "left_out": [{"name": one.name, "reason": one.reason} for one in reading.left_out],
+        "dropped": list(reading.dropped),
+    }

@@ -1,0 +1,30 @@
+"""gpszip warm: compile everything now, so that the first log needn't wait."""
+
+from __future__ import annotations
+
+import time
+
+import click
+
+from gpszip.cli.options import Settings, common
+from gpszip.cli.outcome import Outcome
+
+__all__ = ["command"]
+
+
+@click.command("warm", short_help="Compile everything now, so that the first log needn't wait.")
+@common
+@click.pass_obj
+def command(settings: Settings) -> Outcome:
+    """Compile all kernels into the cache, once for each installation."""
+    from gpszip import pipeline
+    from gpszip.cli.output import say, show_json
+
+    start = time.perf_counter()
+    pipeline.warm()
+    seconds = time.perf_counter() - start
+    if settings.json:
+        show_json({"seconds": round(seconds, 3)})
+    else:
+        say(f"compiled in {seconds:.1f} s")
+    return Outcome.DONE

@@ -1,0 +1,193 @@
+"""decompress, map, info, verify and recover on archives made by hand."""
+
+import csv
+import io
+import json
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+
+def rows(text):
+    return list(csv.DictReader(io.StringIO(text)))
+
+
+def test_decompress_writes_knots_in_pieces(gpszip, archive):
+    done = gpszip("decompress", archive, "-o", "knots.csv")
+    assert (done.code, done.out) == (0, "")
+    assert "7 knots" in done.err
+    knots = rows(Path("knots.csv").read_text())
+    assert [row["track_id"] for row in knots] == ["a/0"] * 3 + ["a/1"] * 2 + ["b c"] * 2
+    assert [float(row["t"]) for row in knots] == [0, 10, 20, 90, 100, 5, 25]
+    assert (float(knots[2]["x"]), float(knots[2]["y"])) == (100, 50)
+
+
+def test_decompress_to_standard_output_is_data_only(gpszip, archive):
+    done = gpszip("decompress", archive, "-o", "-", "--every", "5s", "--track", "b c")
+    assert (done.code, done.err) == (0, "")
+    assert [(row["track_id"], float(row["t"]), float(row["x"])) for row in rows(done.out)] == [
+        ("b c", 5, 0),
+        ("b c", 10, 25),
+        ("b c", 15, 50),
+        ("b c", 20, 75),
+        ("b c", 25, 100),
+    ]
+
+
+def test_decompress_at_times_claims_nothing_in_gaps(gpszip, archive):
+    done = gpszip("decompress", archive, "-o", "-", "--at", "15,50,95", "--track", "a")
+    assert [(row["track_id"], float(row["t"])) for row in rows(done.out)] == [("a/0", 15), ("a/1", 95)]
+
+
+def test_decompress_at_times_of_a_file(gpszip, archive, tmp_path):
+    (tmp_path / "when.csv").write_text("t,note\n15,x\n\n95,y\n")
+    done = gpszip("decompress", archive, "-o", "-", "--at", "when.csv")
+    assert [float(row["t"]) for row in rows(done.out)] == [15, 95, 15]
+
+
+def test_decompress_only_one_track(gpszip, archive):
+    done = gpszip("decompress", archive, "-o", "-", "--track", "a")
+    assert {row["track_id"] for row in rows(done.out)} == {"a/0", "a/1"}
+
+
+@pytest.mark.parametrize("suffix", ["gpx", "geojson", "parquet"])
+def test_decompress_writes_other_formats(gpszip, earthly, suffix, tmp_path):
+    import gpszip as package
+
+    done = gpszip("decompress", earthly, "-o", f"out.{suffix}")
+    assert done.code == 0, done.err
+    assert sum(len(track) for track in package.read(tmp_path / f"out.{suffix}")) == 7
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"),
+    [
+        (["--every", "1s", "--at", "5"], 2, "give one"),
+        (["--every", "5m"], 2, "write min for minutes"),
+        (["--at", "noon"], 2, "'noon' is no time"),
+        (["--at", "500"], 2, "gpszip info --detail shows the time range"),
+        (["--track", "zz"], 2, "gpszip info lists the tracks"),
+        (["--every", "1s", "--track", "zz"], 2, "no track 'zz'"),
+    ],
+)
+def test_decompress_says_how_to_mend_mistakes(gpszip, archive, arguments, code, message):
+    done = gpszip("decompress", archive, "-o", "out.csv", *arguments)
+    assert done.code == code
+    assert message in done.err
+    assert len(done.err.splitlines()) == 1
+    assert not Path("out.csv").exists()
+
+
+def test_decompress_without_times(gpszip, timeless):
+    done = gpszip("decompress", timeless, "-o", "out.csv")
+    assert done.code == 2
+    assert "keeps no times" in done.err
+
+
+def test_map_of_a_place_on_earth(gpszip, earthly):
+    done = gpszip("map", earthly, "-o", "-")
+    features = json.loads(done.out)["features"]
+    assert len(features) == 3
+    lon, lat = features[0]["geometry"]["coordinates"][0]
+    assert (round(lat, 3), round(lon, 3)) == (48.0, 11.0)
+
+
+def test_map_of_busy_ways_only(gpszip, archive):
+    done = gpszip("map", archive, "-o", "map.geojson", "--min-traversals", "2", "--json")
+    assert done.json == {"output": "map.geojson", "edges": 1}
+    assert len(json.loads(Path("map.geojson").read_text())["features"]) == 1
+
+
+@pytest.mark.parametrize("suffix", ["graphml", "gpkg", "csv"])
+def test_map_in_other_formats(gpszip, archive, suffix):
+    done = gpszip("map", archive, "-o", f"map.{suffix}")
+    assert done.code == 0, done.err
+    assert Path(f"map.{suffix}").stat().st_size > 50
+
+
+def test_map_of_unknown_format(gpszip, archive):
+    done = gpszip("map", archive, "-o", "map.xyz")
+    assert done.code == 1
+    assert ".geojson, .json, .graphml, .gpkg, .csv" in done.err
+
+
+def test_info_for_people(gpszip, archive):
+    done = gpszip("info", archive, "--detail")
+    assert done.code == 0
+    assert "2 (a, b c)" in done.out
+    assert "nodes 3, ways 3" in done.out
+    assert "parts 5, gaps 1" in done.out
+    assert "0 s to 100 s" in done.out
+
+
+def test_info_for_programs(gpszip, earthly):
+    facts = gpszip("info", earthly, "--json", "--detail").json
+    assert facts["tracks"] == 2
+    assert facts["ids"] == ["a", "b c"]
+    assert facts["bytes"] == earthly.stat().st_size
+    assert facts["planes"] == [[48.0, 11.0]]
+    assert (facts["t_start"], facts["t_end"]) == (0, 100)
+    assert facts["bounds"]["lat"][0] == pytest.approx(48.0)
+    assert facts["bounds"]["lat"][1] == pytest.approx(48.00045, abs=1e-5)
+
+
+def test_info_knows_what_is_not_kept(gpszip, timeless):
+    assert "times are not kept" in gpszip("info", timeless, "--detail").out
+
+
+def test_verify_whole(gpszip, archive):
+    done = gpszip("verify", archive, "--json")
+    assert done.code == 0
+    assert done.json["whole"] is True
+
+
+@pytest.mark.parametrize("command", ["verify", "info", "map", "decompress"])
+def test_corrupt_archives_end_with_4(gpszip, archive, command):
+    data = bytearray(archive.read_bytes())
+    data[len(data) // 2] ^= 4
+    archive.write_bytes(data)
+    arguments = ["-o", "out.geojson"] if command in {"map", "decompress"} else []
+    done = gpszip(command, archive, *arguments)
+    assert done.code == 4
+    assert done.err.startswith(f"gpszip: {archive}: ")
+    assert "fetch or make it again" in done.err
+    assert len(done.err.splitlines()) == 1
+    assert not Path("out.geojson").exists()
+
+
+@pytest.mark.parametrize("data", [b"", b"t,x,y\n0,1,2\n", b"\xa7Z"])
+def test_what_is_no_archive(gpszip, tmp_path, data):
+    (tmp_path / "odd.gpsz").write_bytes(data)
+    done = gpszip("info", "odd.gpsz", "--json")
+    assert done.code == 4
+    error = json.loads(done.err)["error"]
+    assert error["kind"] == "CorruptArchiveError"
+    assert error["exit_code"] == 4
+
+
+def test_archive_from_standard_input(shell, archive):
+    done = shell("verify", "-", "--json", data=archive.read_bytes())
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["tracks"] == 2
+
+
+def test_recover_of_a_whole_archive_loses_nothing(gpszip, archive):
+    done = gpszip("recover", archive, "-o", "saved.gpsz")
+    assert done.code == 0
+    assert "lost: nothing" in done.err
+    assert Path("saved.gpsz").read_bytes() == archive.read_bytes()
+
+
+def test_no_such_archive(gpszip):
+    done = gpszip("info", "nowhere.gpsz")
+    assert done.code == 1
+    assert done.err == "gpszip: nowhere.gpsz: no such file\n"
+
+
+def test_output_has_the_usual_mode(gpszip, archive):
+    gpszip("decompress", archive, "-o", "knots.csv")
+    mask = os.umask(0)
+    os.umask(mask)
+    assert stat.S_IMODE(Path("knots.csv").stat().st_mode) == 0o666 & ~mask

@@ -1,0 +1,65 @@
+import subprocess
+import sys
+import typing
+
+import pytest
+
+import gpszip
+
+PUBLIC = [
+    "Archive",
+    "BoundError",
+    "CorruptArchiveError",
+    "GPSZipError",
+    "InputError",
+    "MapError",
+    "MissingExtraError",
+    "OptionError",
+    "OutputError",
+    "RoadMap",
+    "SegmentMean",
+    "Track",
+    "TrackError",
+    "UnknownFormatError",
+    "Walk",
+    "__version__",
+    "compress",
+    "decompress",
+    "open",
+    "read",
+    "segment_mean",
+]
+
+
+def test_public_names_are_these_and_no_others():
+    assert gpszip.__all__ == PUBLIC == sorted(PUBLIC)
+    assert dir(gpszip) == PUBLIC
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_every_public_name_is_there_and_documented(name):
+    value = getattr(gpszip, name)
+    assert name == "__version__" or value.__doc__
+
+
+def test_other_names_are_not():
+    with pytest.raises(AttributeError, match="no attribute 'Zip'"):
+        gpszip.Zip  # noqa: B018
+
+
+def test_errors_have_one_root():
+    errors = [getattr(gpszip, name) for name in PUBLIC if name.endswith("Error")]
+    assert all(issubclass(error, gpszip.GPSZipError) for error in errors)
+
+
+@pytest.mark.parametrize("name", ["compress", "decompress", "open", "read", "segment_mean"])
+def test_signatures_are_typed(name):
+    function = getattr(gpszip, name)
+    parameters = function.__code__.co_varnames[: function.__code__.co_argcount + function.__code__.co_kwonlyargcount]
+    assert set(parameters) | {"return"} <= set(typing.get_overloads(function) or function.__annotations__)
+
+
+def test_importing_gpszip_imports_nothing_heavy():
+    code = "import gpszip, sys; print([name for name in ('numpy', 'numba', 'scipy', 'pyarrow', 'pyproj') if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
