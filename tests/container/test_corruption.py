@@ -92,6 +92,7 @@ WALKS = b"\x00\x01\x00walks"
 SMALL = b"\x01\x06" + FRAME + b"\x02\x02" + NAMES + b"\x03\x08" + WALKS
 OPENING = [section(1, FRAME), section(2, NAMES)]
 TWO = [section(1, FRAME), section(2, b"\x08\0"), section(3, WALKS), section(3, b"\1" + WALKS[1:])]
+BOMB = bz2.compress(bytes(30_000_000))
 DEEP = bytes([128, 120]) + b"\0\0\0"
 
 FORGED = {
@@ -143,7 +144,7 @@ FORGED = {
     "large: many sections": large([*OPENING, section(3, WALKS)] + [section(9, b"")] * 5_000),
     "large: layer bombs": large(
         [section(1, FRAME), section(2, number(400 << 2) + b"\0")]
-        + [section(3, number(i) + b"\1\0" + bz2.compress(bytes(30_000_000))) for i in range(400)],
+        + [section(3, number(i) + b"\1\0" + BOMB) for i in range(400)],
         third=0x99,
     ),
 }
