@@ -35,6 +35,7 @@ class _Account:
     left_out: list[LeftOut] = field(default_factory=list)
     dropped: dict[str, None] = field(default_factory=dict)
     errors: list[InputError] = field(default_factory=list)
+    sources: int = 0
     points: int = 0
     bytes: int = 0
 
@@ -99,6 +100,7 @@ def read_logs(
     request = Request(parse_columns(columns), time_unit, (keep,) if isinstance(keep, str) else tuple(keep))
     account = _Account()
     for source in expand(sources):
+        account.sources += 1
         try:
             raw = _read(source, format, request)
             _add(account, raw, *mend(raw, sort=sort, split=split), source)
@@ -170,7 +172,7 @@ def _tracks(account: _Account, clean: bool) -> tuple[tuple[Track, ...], bool]:
 
 def _named(account: _Account) -> list[Piece]:
     """Give tracks without a name the file's, where there are several files."""
-    alone = len(account.pieces) == 1
+    alone = account.sources == 1
     named: list[Piece] = []
     for pieces, stem in zip(account.pieces, account.stems, strict=True):
         taken: set[str] = set()

@@ -18,7 +18,8 @@ from gpszip.model.reading import Repair
 __all__ = ["table_log"]
 
 #: Columns of these names may number the rows instead of naming the track.
-_PERHAPS_ROW_NUMBERS = ("id", "name", "uuid", "uid", "oid", "object_id", "objectid")
+_PERHAPS_ROW_NUMBERS = ("id", "uuid", "uid", "oid", "object_id", "objectid")
+_UUID = 36  # letters
 
 
 def table_log(
@@ -76,7 +77,7 @@ def table_log(
         name=where,
         ids=ids,
         codes=index,
-        times=_times(column, names, roles, request, where),
+        times=_times(column, names, roles, request, where, decimal_comma),
         coordinates=np.stack(axes, axis=1),
         geographic=roles.geographic,
         attributes={name: values(column[i]) for name, i in roles.keep.items()},
@@ -87,14 +88,17 @@ def table_log(
 
 
 def _numbers_rows(name: str, ids: Sequence[str], rows: int) -> bool:
-    return rows > 2 and len(ids) == rows and name.strip().lower() in _PERHAPS_ROW_NUMBERS
+    numbered = rows > 2 and len(ids) == rows and name.strip().lower() in _PERHAPS_ROW_NUMBERS
+    return numbered and all(text.isdigit() or len(text) == _UUID for text in ids)
 
 
-def _times(column: dict[int, Any], names: Sequence[str], roles: Roles, request: Request, where: str) -> Any:
+def _times(column: dict[int, Any], names: Sequence[str], roles: Roles, request: Request, where: str, decimal_comma: bool) -> Any:
     time = roles.time[-1]
     cells = column[time]
     if len(roles.time) == 2:
         cells = _joined(column[roles.time[0]], cells)
+    if decimal_comma and pa.types.is_string(cells.type):
+        cells = pc.replace_substring(cells, ",", ".")
     unit = unit_seconds(request.time_unit) if request.time_unit else time_unit_of(names[time])
     return seconds(cells, unit, f"{where}: column {names[time]!r}")
 
