@@ -30,8 +30,7 @@ _COVER = 5e-4
 
 def node_positions(lattice: LatticeWalks, frame: Frame) -> NDArray[np.float64]:
     """Positions of the nodes in metres, shape (V, d)."""
-    positions: NDArray[np.float64] = np.asarray(frame.origin, dtype=np.float64) / 1000 + lattice.nodes * quantum(frame.space)
-    return positions
+    return np.asarray(frame.origin, dtype=np.float64) / 1000 + lattice.nodes * quantum(frame.space)
 
 
 def knot_times(cells: NDArray[np.int64], frame: Frame) -> NDArray[np.float64]:
@@ -42,7 +41,7 @@ def knot_times(cells: NDArray[np.int64], frame: Frame) -> NDArray[np.float64]:
     >>> knot_times(np.array([0, 3]), Frame(origin=(0, 0), epoch=1500, space=128, time=136))
     array([1.5, 7.5])
     """
-    return frame.epoch / 1000 + cells * quantum(frame.time)
+    return frame.epoch / 1000 + cells.astype(np.float64) * quantum(frame.time)
 
 
 def road_map_of(lattice: LatticeWalks, frame: Frame) -> RoadMap:

@@ -1,0 +1,197 @@
+"""The main path: read logs, compress them to an archive, open it again, and ask it.
+
+Everything here is one call into :mod:`gpszip.pipeline`, which reads like the table of contents of the rest.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from gpszip import pipeline
+from gpszip.archive import Archive, open_archive
+from gpszip.model import Executor, Listener, Options, SegmentMean, Track
+
+__all__ = ["compress", "decompress", "open", "read", "segment_mean"]
+
+
+def read(sources: Any, **options: Any) -> list[Track]:
+    r"""Read tracks from logs.
+
+    Parameters
+    ----------
+    sources : path, str or sequence of them
+        Files and globs: CSV, GPX, GeoJSON, Parquet, known by their content.
+    **options
+        What :func:`gpszip.io.reading.read_logs` takes.
+
+    Returns
+    -------
+    list of Track
+        All on one plane, in metres and seconds.
+
+    Raises
+    ------
+    InputError
+        If a log can't be read, or holds no track.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     log = pathlib.Path(folder, "walk.csv")
+    ...     _ = log.write_text("t,x,y\n0,0,0\n1,1,0\n2,2,0\n")
+    ...     tracks = read(log)
+    >>> tracks[0].positions.tolist()
+    [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]
+    """
+    return list(pipeline.read(sources, **options).tracks)
+
+
+def compress(
+    tracks: Sequence[Track] | Track,
+    *,
+    rmse: float | None = None,
+    max_error: float | None = None,
+    gap: float | None = None,
+    k: int | None = None,
+    m: int | None = None,
+    times: bool = True,
+    layer: str | None = None,
+    effort: int = 5,
+    executor: Executor | None = None,
+    progress: Listener | None = None,
+) -> Archive:
+    """Learn the map that tracks repeat, and store each of them as a walk on it.
+
+    Parameters
+    ----------
+    tracks : sequence of Track, or one Track
+        On one plane, with different ids; they are not modified.
+    rmse, max_error : float, optional
+        Bound on the root mean square, or on the largest, distance in metres between a sample and the decoded position
+        at its time. Give one; without any, a sensible one is estimated.
+    gap : float, optional
+        Silences longer than this, in seconds, claim no travel; ``math.inf`` for none. Estimated by default.
+    k, m : int, optional
+        Use the thesis's model of k parts on m independent segments (Algorithm 1) instead; one track only.
+    times : bool, default True
+        Keep the times of the knots.
+    layer : str, optional
+        ``"bz2"`` packs the archive once more, as the thesis did.
+    effort : int, default 5
+        From 1, quick, to 9, small.
+    executor : Executor, optional
+        Spreads the work; the archive is the same for any number of workers.
+    progress : callable, optional
+        Called with :class:`~gpszip.model.report.Progress` events.
+
+    Returns
+    -------
+    Archive
+        Its bytes hold the bound at every sample.
+
+    Raises
+    ------
+    OptionError
+        If options contradict each other or the tracks.
+    BoundError
+        If the bound can't be held.
+
+    Examples
+    --------
+    >>> track = Track("lane", range(20), [[abs(t % 8 - 4.0), 0.0] for t in range(20)])
+    >>> archive = compress(track, max_error=0.1)
+    >>> abs(archive.position("lane", 5.5)[0] - 1.5) < 0.1
+    np.True_
+    """
+    options = Options(rmse, max_error, gap, k, m, times, layer, effort)
+    return pipeline.compress(tracks, options, executor=executor, progress=progress)[0]
+
+
+def decompress(
+    archive: Archive | str | os.PathLike[str] | bytes, *, every: float | None = None, at: ArrayLike | None = None
+) -> list[Track]:
+    """Give back the tracks of an archive.
+
+    Parameters
+    ----------
+    archive : Archive, path or bytes
+        What :func:`compress` returned or saved.
+    every : float, optional
+        Sample at the whole multiples of so many seconds.
+    at : array_like, optional
+        Sample at these instants in seconds. Without any, the knots are given, between which tracks are linear in time.
+
+    Returns
+    -------
+    list of Track
+        Named by their ids; the pieces of a track with gaps ``id/0``, ``id/1`` and so on.
+
+    Examples
+    --------
+    >>> archive = compress(Track("lane", [0, 4, 8], [[0.0], [4.0], [8.0]]), max_error=0.1)
+    >>> [track.positions.round().tolist() for track in decompress(archive, every=3.0)]
+    [[[0.0], [3.0], [6.0]]]
+    """
+    return pipeline.decompress(archive if isinstance(archive, Archive) else open(archive), every=every, at=at)
+
+
+def open(source: str | os.PathLike[str] | bytes) -> Archive:
+    """Open an archive.
+
+    Parameters
+    ----------
+    source : path or bytes
+        A ``.gpsz`` file, or all that is in one.
+
+    Raises
+    ------
+    InputError
+        If there is no such file or it can't be read.
+    CorruptArchiveError
+        If it is no whole archive.
+
+    Examples
+    --------
+    >>> data = compress(Track("lane", [0, 4, 8], [[0.0], [4.0], [8.0]]), max_error=0.1).to_bytes()
+    >>> open(data).tracks
+    ('lane',)
+    """
+    return open_archive(source)
+
+
+def segment_mean(track: Track, k: int | None = None, m: int | None = None, *, executor: Executor | None = None) -> SegmentMean:
+    """Approximate a track by k parts, each travelled along one of m segments: the thesis's Algorithm 1.
+
+    Parameters
+    ----------
+    track : Track
+        n samples.
+    k, m : int, optional
+        Numbers of parts and of segments, 1 <= m <= k <= n. Those left out are found at the elbow of the fitting cost
+        (Algorithms 3 and 4).
+    executor : Executor, optional
+        Spreads the work.
+
+    Returns
+    -------
+    SegmentMean
+        Boundaries, labels, segments in metres, and the fitting cost in square metres.
+
+    Raises
+    ------
+    OptionError
+        If k or m don't fit the track.
+
+    Examples
+    --------
+    >>> track = Track("lane", range(24), [[x] for x in 2 * [0, 2, 4, 6, 8, 10, 10, 8, 6, 4, 2, 0]])
+    >>> mean = segment_mean(track, k=4, m=2)
+    >>> mean.labels.tolist(), round(mean.cost, 6)
+    ([0, 1, 0, 1], 0.0)
+    """
+    return pipeline.segment_mean(track, k, m, executor=executor)

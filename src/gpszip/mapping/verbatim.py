@@ -1,0 +1,62 @@
+"""Walks with a knot at every sample: large, and within any bound. The last resort where no map can be learned."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.mapping.lattice_map import frame_for, join_lattices, to_lattice
+from gpszip.model import Frame, LatticeWalks, Track, Walk
+from gpszip.model.frame import quantum_index
+
+__all__ = ["keep_samples"]
+
+
+def keep_samples(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], error: float) -> tuple[Frame, LatticeWalks]:
+    """Round every sample to a lattice so fine that none lies farther than ``error`` from its walk.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        At least one, on one plane.
+    gaps : sequence of bool array, shape (n - 1,)
+        For each track, the steps that are gaps.
+    error : float
+        Largest synchronised distance in metres.
+
+    Returns
+    -------
+    Frame, LatticeWalks
+        The lattice, and one node for each place that a sample rounds to.
+
+    Examples
+    --------
+    >>> frame, lattice = keep_samples([Track("a", [0, 1, 2], [[0.0], [5.0], [0.2]])], [np.zeros(2, bool)], 1.0)
+    >>> lattice.nodes.tolist(), lattice.walks[0].nodes.tolist()
+    ([[0], [5]], [0, 1, 0])
+    """
+    positions = np.concatenate([track.positions for track in tracks])
+    bounds = np.cumsum([0] + [len(track) for track in tracks])
+    knots = np.arange(len(positions), dtype=np.int32)
+    walks = [
+        Walk(track.id, knots[first : first + len(track)], track.times, gap)
+        for track, gap, first in zip(tracks, gaps, bounds.tolist(), strict=False)
+    ]
+    # Half a quantum of each axis, and half a quantum of time at full speed, stay within the error together.
+    space = quantum_index(error / math.sqrt(positions.shape[1]))
+    frame = frame_for(positions, walks, space=space, time=quantum_index(_time_step(tracks, gaps, error)), plane=tracks[0].plane)
+    return frame, join_lattices([to_lattice(positions, walks, frame)])
+
+
+def _time_step(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], error: float) -> float:
+    """A third of the error at the highest speed, and no more than half of the shortest step, so that each knot has its own cell."""
+    longest = math.inf
+    for track, gap in zip(tracks, gaps, strict=True):
+        steps = np.diff(track.times)
+        way = np.linalg.norm(np.diff(track.positions, axis=0), axis=1)
+        moving = (way > 0) & ~gap
+        longest = min(longest, float(steps.min(initial=2.0)) / 2, float((error / 3 * steps[moving] / way[moving]).min(initial=math.inf)))
+    return longest

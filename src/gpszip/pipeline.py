@@ -1,0 +1,302 @@
+"""The use cases, each composed of the rooms below: read, compress, decompress, segment_mean, warm.
+
+Nothing here prints. Whoever wants to see how far a long computation is passes a listener, and gets
+:class:`~gpszip.model.report.Progress` events.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gpszip.archive import Archive, new_archive, open_archive
+from gpszip.errors import BoundError, InputError, OptionError
+from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Options, Progress, Report, SegmentMean, Track
+
+if TYPE_CHECKING:
+    from gpszip.mapping.fitting import Fit
+    from gpszip.model.reading import Reading
+
+__all__ = ["compress", "decompress", "read", "segment_mean", "warm"]
+
+#: Share of the bound below which no target is tried.
+_LEAST_AIM = 0.1
+
+#: The root mean square error that goes with a maximum, to begin with.
+_RMSE_OF_MAXIMUM = 0.4
+
+#: Where a target was missed, the next one lies this much below what should do.
+_TIGHTER = 0.98
+
+#: A bound counts as held up to the rounding of its own measurement.
+_ROUNDING = 1e-9
+
+
+#: How far k and m are searched where the user leaves it open.
+_FEWEST_PARTS, _MOST_PARTS, _MOST_SEGMENTS = 10, 300, 100
+
+
+@dataclass(frozen=True, eq=False)
+class _Job:
+    """What is compressed, and how."""
+
+    tracks: tuple[Track, ...]
+    gaps: tuple[NDArray[np.bool_], ...]
+    options: Options
+    executor: Executor | None
+    listener: Listener | None
+
+    @property
+    def ids(self) -> list[str]:
+        return [track.id for track in self.tracks]
+
+    def tell(self, stage: str, done: float) -> None:
+        if self.listener is not None:
+            self.listener(Progress(stage, done))
+
+
+def read(sources: Any, **options: Any) -> Reading:
+    """Read logs; all that :func:`gpszip.io.reading.read_logs` takes."""
+    from gpszip.io.reading import read_logs
+
+    return read_logs(sources, **options)
+
+
+def compress(
+    tracks: Sequence[Track] | Track,
+    options: Options | None = None,
+    *,
+    executor: Executor | None = None,
+    progress: Listener | None = None,
+) -> tuple[Archive, Report]:
+    """Learn the map of tracks and store them as walks on it.
+
+    The archive's bytes are decoded again and measured at every sample. Where they don't hold the bound, learning is
+    repeated with a tighter target; an archive that breaks its bound is never returned.
+
+    Parameters
+    ----------
+    tracks : sequence of Track, or one Track
+        On one plane, with different ids; they are not modified.
+    options : Options, optional
+        How. Without a bound, a sensible RMSE is estimated from the log.
+    executor : Executor, optional
+        Spreads the work; the archive is the same for any number of workers.
+    progress : callable, optional
+        Called with :class:`~gpszip.model.report.Progress` events.
+
+    Returns
+    -------
+    Archive
+        What was learned; everything that it answers comes from its bytes.
+    Report
+        What was done and measured.
+
+    Raises
+    ------
+    InputError
+        If there are no tracks.
+    OptionError
+        If tracks don't go together, or the options don't fit them.
+    BoundError
+        If the bound can't be held.
+    """
+    start = time.perf_counter()
+    options = options or Options()
+    whole = _checked(tracks)
+    gap, gaps = _gaps(whole, options.gap)
+    options, notes = _bounded(whole, gaps, options)
+    archive, fit = _within_bound(_Job(whole, gaps, options, executor, progress))
+    if not options.times:
+        archive = new_archive(archive.frame, archive.ids, _without_times(archive.lattice), layer=options.layer)
+        notes += ("times were left out after measuring: positions at a time can't be had from the archive",)
+    return archive, _report(archive, fit, options, notes, gap, time.perf_counter() - start)
+
+
+def decompress(archive: Archive, *, every: float | None = None, at: ArrayLike | None = None) -> list[Track]:
+    """Give back the tracks of an archive.
+
+    Parameters
+    ----------
+    archive : Archive
+        With times.
+    every : float, optional
+        Sample at the whole multiples of so many seconds.
+    at : array_like, optional
+        Sample at these instants in seconds. Without any, the knots of the walks are given.
+    """
+    return archive.decompress() if every is None and at is None else archive.sample(every, at=at)
+
+
+def segment_mean(track: Track, k: int | None = None, m: int | None = None, *, executor: Executor | None = None) -> SegmentMean:
+    """Approximate a track by k parts on m segments; those left out are searched.
+
+    k is searched up to a tenth of the samples and 300, m up to k and 100.
+    """
+    from gpszip.segmentation.em import segment_mean as with_both
+    from gpszip.segmentation.search import find_parameters
+
+    if k is not None and m is not None:
+        return with_both(track, k, m, executor=executor)
+    most = max(m or 1, min(len(track), max(_FEWEST_PARTS, min(len(track) // 10, _MOST_PARTS))))
+    ks = (m or 1, most) if k is None else (k, k)
+    ms = (1, min(ks[1], _MOST_SEGMENTS)) if m is None else (m, m)
+    return find_parameters(track, ks, ms, executor=executor).mean
+
+
+def warm() -> None:
+    """Compile everything now, into the cache, so that the first log needn't wait."""
+    turn = np.linspace(0, 4 * math.pi, 120)
+    loop = np.stack((40 * np.cos(turn), 30 * np.sin(turn)), axis=1)
+    tracks = [Track("0", np.arange(120.0), loop), Track("1", np.append(np.arange(119.0), 1e4), loop[::-1] + 0.1)]
+    for options in (Options(rmse=1.0), Options(max_error=2.0)):
+        archive, _ = compress(tracks, options)
+        decompress(open_archive(archive.to_bytes()))
+    compress(tracks[:1], Options(k=8, m=4))
+
+
+def _checked(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
+    whole = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
+    if not whole:
+        raise InputError("no tracks: there is nothing to compress")
+    first, seen = whole[0], set[str]()
+    for track in whole:
+        if track.dimension != first.dimension:
+            raise OptionError(f"track {track.id!r} has {track.dimension} coordinates, {first.id!r} {first.dimension}; compress them apart")
+        if track.plane != first.plane:
+            raise OptionError(f"tracks {first.id!r} and {track.id!r} lie on different planes; read them together")
+        if track.id in seen:
+            raise OptionError(f"two tracks are called {track.id!r}; give each its own id")
+        seen.add(track.id)
+    return whole
+
+
+def _gaps(tracks: Sequence[Track], gap: float | None) -> tuple[float, tuple[NDArray[np.bool_], ...]]:
+    """Seconds above which a step is a gap, and the steps of each track that are."""
+    from gpszip.geo.gaps import estimate_gap, gap_parts
+    from gpszip.geo.planes import plane_changes
+
+    length = estimate_gap(tracks) if gap is None else gap
+    return length, tuple(gap_parts(track.times, length) | plane_changes(track.positions, track.plane) for track in tracks)
+
+
+def _bounded(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], options: Options) -> tuple[Options, tuple[str, ...]]:
+    """Options that have a bound, unless the number of parts stands for one."""
+    from gpszip.mapping.noise import sensible_rmse
+
+    if options.bounded or options.thesis:
+        return options, ()
+    rmse = sensible_rmse(tracks, gaps)
+    return replace(options, rmse=rmse), (f"no bound was given: RMSE {rmse:g} m was estimated from the log",)
+
+
+def _within_bound(job: _Job) -> tuple[Archive, Fit]:
+    """Learn, write, read back and measure, until the bound is held."""
+    target: Options | None = job.options
+    while target is not None:
+        learned = _learned(job, target)
+        if learned is None:
+            break
+        archive, fit = _written(job, *learned)
+        over = _excess(fit, job.options)
+        if over <= 1 + _ROUNDING:
+            return archive, fit
+        target = _tightened(target, over, job.options)
+    return _last_resort(job)
+
+
+def _last_resort(job: _Job) -> tuple[Archive, Fit]:
+    """Keep every sample, unless the user has said how many parts there are to be."""
+    from gpszip.mapping.verbatim import keep_samples
+
+    bound = job.options.rmse or job.options.max_error
+    if job.options.k is None and bound is not None:
+        archive, fit = _written(job, *keep_samples(job.tracks, job.gaps, bound))
+        if _excess(fit, job.options) <= 1 + _ROUNDING:
+            return archive, fit
+    raise BoundError(f"{_bound(job.options)} can't be held; allow a larger error" + (", or more parts" if job.options.k else ""))
+
+
+def _written(job: _Job, frame: Frame, lattice: LatticeWalks) -> tuple[Archive, Fit]:
+    archive = new_archive(frame, job.ids, lattice, layer=job.options.layer)
+    job.tell("measure", 0.0)
+    fit = _measured(job.tracks, archive)
+    job.tell("measure", 1.0)
+    return archive, fit
+
+
+def _learned(job: _Job, target: Options) -> tuple[Frame, LatticeWalks] | None:
+    if target.thesis:
+        from gpszip.mapping import independent
+
+        return independent.learn(job.tracks, job.gaps, target, executor=job.executor, progress=job.listener)
+    from gpszip.mapping import connected
+
+    return connected.learn(
+        job.tracks,
+        job.gaps,
+        rmse=target.rmse or _RMSE_OF_MAXIMUM * (target.max_error or 0.0),
+        effort=target.effort,
+        executor=job.executor,
+        progress=lambda done, whole: job.tell("learn", done / whole),
+    )
+
+
+def _measured(tracks: Sequence[Track], archive: Archive) -> Fit:
+    """Decode an archive's bytes and compare them with every sample."""
+    from gpszip.mapping.fitting import fit
+
+    read_back = open_archive(archive.to_bytes())
+    found = fit(tracks, read_back.walks, read_back.road_map.nodes)
+    if found.uncovered:
+        raise BoundError(f"{found.uncovered} of {found.points} samples lie outside of the walks; please report it with the log")
+    return found
+
+
+def _excess(fit: Fit, options: Options) -> float:
+    """What was reached as a multiple of what was asked for; 0 where nothing was."""
+    if options.rmse is not None:
+        return fit.rmse / options.rmse
+    return fit.max_error / options.max_error if options.max_error is not None else 0.0
+
+
+def _tightened(target: Options, over: float, asked: Options) -> Options | None:
+    """Aim lower by what was missed; None where that is of no more use."""
+    factor = max(_TIGHTER / over, 0.5)
+    rmse, max_error = (None if bound is None else bound * factor for bound in (target.rmse, target.max_error))
+    aim = (rmse or max_error or 0.0) / (asked.rmse or asked.max_error or 1.0)
+    return None if aim < _LEAST_AIM or asked.k is not None else replace(target, rmse=rmse, max_error=max_error)
+
+
+def _without_times(lattice: LatticeWalks) -> LatticeWalks:
+    walks = tuple(LatticeWalk(walk.nodes, np.zeros_like(walk.cells), walk.gaps) for walk in lattice.walks)
+    return LatticeWalks(lattice.nodes, walks, timed=False)
+
+
+def _bound(options: Options) -> str:
+    if options.rmse is not None:
+        return f"RMSE <= {options.rmse:g} m"
+    return "" if options.max_error is None else f"maximum <= {options.max_error:g} m"
+
+
+def _report(archive: Archive, fit: Fit, options: Options, notes: tuple[str, ...], gap: float, seconds: float) -> Report:
+    return Report(
+        points=fit.points,
+        tracks=len(archive.ids),
+        parts=sum(len(walk.gaps) for walk in archive.lattice.walks),
+        nodes=len(archive.road_map.nodes),
+        edges=len(archive.road_map.edges),
+        bytes_out=len(archive.to_bytes()),
+        rmse=fit.rmse,
+        max_error=fit.max_error,
+        seconds=seconds,
+        gap=gap,
+        bound=_bound(options),
+        notes=notes,
+    )
