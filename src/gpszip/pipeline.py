@@ -207,6 +207,8 @@ def _within_bound(job: _Job) -> tuple[Archive, Fit]:
         over = _excess(fit, job.options)
         if over <= 1 + _ROUNDING:
             return archive, fit
+        if fit.uncovered:
+            break
         target = _tightened(target, over, job.options)
     return _last_resort(job)
 
@@ -253,14 +255,13 @@ def _measured(tracks: Sequence[Track], archive: Archive) -> Fit:
     from gpszip.mapping.fitting import fit
 
     read_back = open_archive(archive.to_bytes())
-    found = fit(tracks, read_back.walks, read_back.road_map.nodes)
-    if found.uncovered:
-        raise BoundError(f"{found.uncovered} of {found.points} samples lie outside of the walks; please report it with the log")
-    return found
+    return fit(tracks, read_back.walks, read_back.road_map.nodes)
 
 
 def _excess(fit: Fit, options: Options) -> float:
-    """What was reached as a multiple of what was asked for; 0 where nothing was."""
+    """What was reached as a multiple of what was asked for; 0 where nothing was, infinite where a sample has no position."""
+    if fit.uncovered:
+        return math.inf
     if options.rmse is not None:
         return fit.rmse / options.rmse
     return fit.max_error / options.max_error if options.max_error is not None else 0.0
