@@ -45,7 +45,9 @@ def check_output(target: str, *, force: bool, binary: bool = False) -> None:
 def _check_folder(folder: Path) -> None:
     """Create a file and remove it again: the only test that all file systems and users answer truly."""
     if not folder.is_dir():
-        reason = "is no folder" if folder.exists() else "no such folder; make it first or name another one"
+        reason = (
+            "is a file, not a folder; name another one with -o" if folder.exists() else "no such folder; make it first or name another one"
+        )
         raise OutputError(f"{folder}: {reason}")
     try:
         handle, name = tempfile.mkstemp(prefix=".gpszip-", dir=folder)

@@ -26,7 +26,7 @@ def describe(reading: Reading, report: Report) -> str:
     """One line: points, bytes in and out, ratio, errors, seconds, then what is not in the archive."""
     ratio = reading.bytes / max(report.bytes_out, 1)
     facts = [
-        f"{report.points:,} points in {_count(report.tracks, 'track')}",
+        f"{_count(report.points, 'point')} in {_count(report.tracks, 'track')}",
         f"{format_bytes(reading.bytes)} -> {format_bytes(report.bytes_out)} (1:{ratio:,.{0 if ratio >= 10 else 1}f})",
         f"RMSE {format_length(report.rmse)}",
         f"maximum {format_length(report.max_error)}",
@@ -36,9 +36,7 @@ def describe(reading: Reading, report: Report) -> str:
 
 
 def _remarks(reading: Reading, report: Report) -> list[str]:
-    remarks = [f"bound {report.bound}"] if report.bound else []
-    if report.gap != float("inf"):
-        remarks.append(f"gaps over {format_duration(report.gap)}")
+    remarks = [] if report.gap == float("inf") else [f"gaps over {format_duration(report.gap)}"]
     remarks += report.notes
     remarks += [f"{repair.where}: {repair.count:,} {repair.what}" for repair in reading.repairs]
     if reading.dropped:

@@ -25,7 +25,7 @@ __all__ = ["draw_comparison", "draw_map"]
 _WAY = "#0072B2"
 _LOG = "#E69F00"
 _INK = "#222222"
-_THINNEST, _WIDEST = 0.8, 5.5  # points
+_THINNEST, _ONCE, _WIDEST = 0.5, 1.1, 6.0  # points
 _MOST_DOTS = 200_000
 _DPI = 150
 
@@ -53,7 +53,9 @@ def draw_map(source: Archive | RoadMap, target: Axes | str | Path, *, title: str
         _finish(target, title or _title(road_map), road_map.nodes)
         return
     figure = _figure(*_size(road_map.nodes))
-    draw_map(road_map, figure.add_subplot(), title=title)
+    axes = figure.add_subplot()
+    draw_map(road_map, axes, title=title)
+    _legend(axes, _way_samples(road_map))
     figure.savefig(target, dpi=_DPI)
 
 
@@ -83,14 +85,14 @@ def draw_comparison(tracks: Iterable[Track], source: Archive | RoadMap, path: st
     width, height = _size(extent)
     figure = _figure(width + height, height)
     whole, near = figure.subplots(1, 2, width_ratios=(width, height))
-    for axes, dot in ((whole, 0.3), (near, 5.0)):
+    for axes, dot in ((whole, 1.5), (near, 5.0)):
         axes.scatter(samples[:, 0], samples[:, 1], s=dot, color=_LOG, alpha=0.5, linewidths=0, rasterized=True, zorder=1)
         _draw_ways(axes, road_map)
     _finish(whole, title or _title(road_map), extent)
     _frame(whole, center, reach)
     window = np.array([center - reach, center + reach])
     _finish(near, "the marked square, from near", window, tight=True)
-    whole.legend(handles=_legend(road_map), loc="upper left", bbox_to_anchor=(0, 0), ncols=4, frameon=False, fontsize=9)
+    _legend(whole, [_dot_sample(), *_way_samples(road_map)])
     figure.savefig(path, dpi=_DPI)
 
 
@@ -142,7 +144,7 @@ def _travels(road_map: RoadMap) -> NDArray[np.int64]:
 
 def _line_width(travels: NDArray[np.int64] | int, most: int) -> Any:
     """As the square root: a way travelled a hundred times must not hide its neighbours."""
-    return _THINNEST + (_WIDEST - _THINNEST) * np.sqrt(np.maximum(travels, 1) - 1) / max(math.sqrt(most - 1), 1.0)
+    return np.maximum(np.sqrt(travels) * min(_ONCE, _WIDEST / math.sqrt(max(most, 1))), _THINNEST)
 
 
 def _draw_ways(axes: Axes, road_map: RoadMap) -> None:
@@ -218,11 +220,20 @@ def _frame(axes: Axes, center: NDArray[np.float64], reach: float) -> None:
     axes.add_patch(Rectangle((center[0] - reach, center[1] - reach), 2 * reach, 2 * reach, fill=False, edgecolor=_INK, zorder=4))
 
 
-def _legend(road_map: RoadMap) -> list[Any]:
+def _legend(axes: Axes, samples: list[Any]) -> None:
+    axes.legend(handles=samples, loc="upper left", bbox_to_anchor=(0, 0), ncols=len(samples), frameon=False, fontsize=9)
+
+
+def _dot_sample() -> Any:
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], linestyle="", marker="o", markersize=4, color=_LOG, label="sample of the log")
+
+
+def _way_samples(road_map: RoadMap) -> list[Any]:
+    """Lines that say how wide a way is that was travelled once, and most often, and between."""
     from matplotlib.lines import Line2D
 
     most = int(_travels(road_map).max()) if len(road_map.edges) else 1
     counts = sorted({1, max(round(most / 4), 1), most})
-    dots = Line2D([], [], linestyle="", marker="o", markersize=4, color=_LOG, label="sample of the log")
-    ways = [Line2D([], [], color=_WAY, linewidth=float(_line_width(n, most)), label=f"way travelled {n:,} x") for n in counts]
-    return [dots, *ways]
+    return [Line2D([], [], color=_WAY, linewidth=float(_line_width(n, most)), label=f"way travelled {n:,} x") for n in counts]

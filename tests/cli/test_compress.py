@@ -1,0 +1,150 @@
+"""compress, as a user runs it, on small generated logs."""
+
+import gzip
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gpszip as package
+from gpszip.testing import city, patrol
+
+
+def distances(log, archive):
+    """Synchronised distance of every sample of a log to what the archive says."""
+    opened = package.open(archive)
+    found = [np.linalg.norm(opened.position(track.id, track.times) - track.positions, axis=1) for track in package.read(log)]
+    return np.concatenate(found)
+
+
+def test_rmse_is_held_and_told(gpszip, log):
+    done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "50cm", "--json")
+    assert done.code == 0, done.err
+    off = distances(log, "walk.gpsz")
+    assert np.sqrt((off**2).mean()) <= 0.5
+    assert done.json["rmse"] == pytest.approx(np.sqrt((off**2).mean()), rel=1e-6)
+    assert done.json["max_error"] == pytest.approx(off.max(), rel=1e-6)
+    assert done.json["bytes_out"] == Path("walk.gpsz").stat().st_size
+    assert done.json["bytes_in"] == log.stat().st_size
+    assert done.json["points"] == 200
+
+
+def test_max_error_is_held(gpszip, log):
+    done = gpszip("compress", log, "-o", "walk.gpsz", "--max-error", "1m", "--json")
+    assert done.json["max_error"] <= 1
+    assert distances(log, "walk.gpsz").max() <= 1
+
+
+def test_one_line_says_what_was_done(gpszip, log):
+    done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "50cm")
+    assert done.out == ""
+    assert len(done.err.splitlines()) == 1
+    size = Path("walk.gpsz").stat().st_size
+    for part in ("walk.gpsz: 200 points in 1 track", f"-> {size} B", "RMSE 0.", "maximum ", " s"):
+        assert part in done.err
+
+
+def test_quiet_says_nothing(gpszip, log):
+    done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "50cm", "--quiet")
+    assert (done.code, done.out, done.err) == (0, "", "")
+
+
+def test_without_a_bound_one_is_estimated_and_told(gpszip, log):
+    done = gpszip("compress", log, "-o", "walk.gpsz")
+    assert done.code == 0
+    assert "no bound was given" in done.err
+
+
+def test_without_times_the_archive_is_smaller(gpszip, log):
+    gpszip("compress", log, "-o", "timed.gpsz", "--rmse", "50cm")
+    assert gpszip("compress", log, "-o", "shape.gpsz", "--rmse", "50cm", "--no-times").code == 0
+    assert Path("shape.gpsz").stat().st_size < Path("timed.gpsz").stat().st_size
+    assert "times are not kept" in gpszip("info", "shape.gpsz", "--detail").out
+
+
+def test_layer_is_taken_off_again(gpszip, log):
+    gpszip("compress", log, "-o", "plain.gpsz", "--rmse", "50cm")
+    gpszip("compress", log, "-o", "layered.gpsz", "--rmse", "50cm", "--layer", "bz2")
+    knots = [gpszip("decompress", name, "-o", "-").out for name in ("plain.gpsz", "layered.gpsz")]
+    assert knots[0] == knots[1] != ""
+    assert "bz2" in gpszip("info", "layered.gpsz").out
+
+
+def test_standard_input_to_standard_output(shell, log):
+    packed = gzip.compress(log.read_bytes())
+    done = shell("compress", "-", "-o", "-", "--rmse", "50cm", data=packed)
+    assert done.returncode == 0, done.stderr
+    assert package.open(done.stdout).tracks == ("0",)
+    assert b"RMSE" in done.stderr
+
+
+def test_degrees_come_back_as_degrees(gpszip, tmp_path):
+    rows = ["vehicle,timestamp,Lat,Lon"]
+    for name, (times, degrees) in city(2, vehicles=2, period=15.0, duration=300.0).items():
+        rows += [f"{name},{1.7e9 + t:.0f},{lat:.7f},{lon:.7f}" for t, (lat, lon) in zip(times, degrees, strict=True)]
+    (tmp_path / "fleet.csv").write_text("\n".join(rows))
+    assert gpszip("compress", "fleet.csv", "-o", "fleet.gpsz", "--max-error", "30m", "--gap", "none").code == 0
+    lines = gpszip("decompress", "fleet.gpsz", "-o", "-", "--track", "bus-1").out.splitlines()
+    assert lines[0] == "track_id,t,lat,lon"
+    first, last = (line.split(",") for line in (lines[1], lines[-1]))
+    assert float(first[1]) == pytest.approx(1.7e9, abs=1e-3)
+    assert float(last[1]) == pytest.approx(1.7e9 + 285, abs=60)
+    assert float(first[2]) == pytest.approx(37.98, abs=0.01)
+
+
+def test_the_same_log_gives_the_same_bytes(gpszip, log):
+    for name in ("one.gpsz", "two.gpsz"):
+        gpszip("compress", log, "-o", name, "--rmse", "50cm")
+    assert Path("one.gpsz").read_bytes() == Path("two.gpsz").read_bytes()
+
+
+def test_left_out_logs_are_named_and_end_with_3(gpszip, log, tmp_path):
+    (tmp_path / "bad.csv").write_text("a,b\n1,2\n")
+    done = gpszip("compress", log, "bad.csv", "nowhere.csv", "-o", "walk.gpsz", "--rmse", "1m", "--skip-bad")
+    assert done.code == 3
+    assert "left out bad.csv" in done.err
+    assert "left out nowhere.csv" in done.err
+    assert len(package.open("walk.gpsz").tracks) == 1
+
+
+def test_what_was_mended_is_counted(gpszip, tmp_path):
+    (tmp_path / "holes.csv").write_text("t,x,y,speed\n0,0,0,1\n1,,1,1\n2,2,2,1\n2,2,2,1\n3,3,3,1\n")
+    done = gpszip("compress", "holes.csv", "-o", "holes.gpsz", "--rmse", "1m", "--json")
+    assert done.json["points"] == 3
+    assert sum(repair["count"] for repair in done.json["repairs"] if repair["drops"]) == 2
+    assert done.json["dropped"] == ["speed"]
+    told = gpszip("compress", "holes.csv", "-o", "holes.gpsz", "--rmse", "1m", "--force").err
+    assert "not kept: speed" in told
+
+
+def test_bound_that_cannot_be_met_ends_with_6_and_no_file(gpszip, log):
+    done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "1e-9")
+    assert done.code == 6
+    assert "can't be held" in done.err
+    assert len(done.err.splitlines()) == 1
+    assert not Path("walk.gpsz").exists()
+
+
+def test_interruption_ends_with_130_and_leaves_nothing(tmp_path):
+    track = patrol(200_000)
+    np.savetxt(tmp_path / "long.csv", np.column_stack([track.times, track.positions]), "%.3f", ",", header="t,x,y", comments="")
+    script = "from gpszip.cli.main import run; run()"
+    command = [sys.executable, "-c", script, "compress", "long.csv", "-o", "long.gpsz", "--max-error", "2cm", "--effort", "9"]
+    process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE)
+    time.sleep(2.0)
+    assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert told.decode().strip() == "gpszip: interrupted; nothing was written"
+    assert [path.name for path in tmp_path.iterdir()] == ["long.csv"]
+
+
+def test_json_goes_where_no_data_goes(shell, log):
+    done = shell("compress", log, "-o", "-", "--rmse", "50cm", "--json")
+    assert json.loads(done.stderr)["bytes_out"] == len(done.stdout)

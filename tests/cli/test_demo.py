@@ -1,0 +1,47 @@
+import builtins
+import json
+from pathlib import Path
+
+import gpszip as package
+
+FILES = {"patrol.csv", "patrol.gpsz", "knots.csv", "map.geojson", "map.png", "comparison.png"}
+
+
+def test_demo_writes_log_archive_map_and_pictures(gpszip):
+    done = gpszip("demo", "--points", "4000", "--out", "show")
+    assert done.code == 0, done.err
+    assert {path.name for path in Path("show").iterdir()} == FILES
+    assert "4,000 points" in done.out
+    assert len(package.read("show/patrol.csv")[0]) == 4000
+    assert json.loads(Path("show/map.geojson").read_text())["features"]
+
+
+def test_demo_holds_its_bound_and_repeats_itself(gpszip):
+    first = gpszip("demo", "--points", "2000", "--out", "one", "--json").json
+    assert first["rmse"] <= 0.24
+    gpszip("demo", "--points", "2000", "--out", "two")
+    assert Path("one/patrol.gpsz").read_bytes() == Path("two/patrol.gpsz").read_bytes()
+
+
+def test_demo_replaces_nothing_unless_told(gpszip):
+    Path("show").mkdir()
+    Path("show/patrol.csv").write_text("precious")
+    done = gpszip("demo", "--points", "500", "--out", "show")
+    assert done.code == 1
+    assert "--force" in done.err
+    assert Path("show/patrol.csv").read_text() == "precious"
+
+
+def test_demo_without_matplotlib_names_the_extra(gpszip, monkeypatch):
+    real = builtins.__import__
+
+    def missing(name, *args, **kwargs):
+        if name.startswith("matplotlib"):
+            raise ImportError(name)
+        return real(name, *args, **kwargs)
+
+    monkeypatch.setattr(builtins, "__import__", missing)
+    done = gpszip("demo", "--points", "500", "--out", "show")
+    assert done.code == 0
+    assert "pip install 'gpszip[plot]'" in done.err
+    assert {path.name for path in Path("show").iterdir()} == {name for name in FILES if not name.endswith("png")}

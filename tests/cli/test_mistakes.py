@@ -1,0 +1,161 @@
+"""A new user's mistakes: each ends with one line that says what, where, and how to mend it."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+
+def mistake(run, code, *words):
+    """Check that a run failed with this code and one line that holds these words, and no traceback."""
+    assert run.code == code, run.err
+    assert run.out == ""
+    lines = run.err.strip().splitlines()
+    assert len(lines) == 1
+    assert lines[0].startswith("gpszip: ")
+    for word in words:
+        assert word in lines[0], lines[0]
+
+
+LOGS = {
+    "no time": ("x,y\n0,0\n1,1\n", "no time", "--columns"),
+    "no position": ("t,height\n0,0\n1,1\n", "no position", "x,y or lat,lon"),
+    "other columns": ("first,second,third\n0,0,0\n1,1,1\n", "columns found: first, second, third", "--columns"),
+    "empty file": ("", "empty"),
+    "header only": ("t,x,y\n", "no rows"),
+    "text in a column": ("t,x,y\n0,zero,0\n1,one,1\n", "x"),
+    "time goes back": ("t,x,y\n5,0,0\n1,1,1\n", "row 3: time goes back 4 s", "--sort", "--split"),
+    "latitude of 480": ("t,lat,lon\n0,480,11\n1,481,12\n", "lat"),
+    "prose": ("Dear diary, today I went for a walk.\n", "needed: t"),
+}
+
+
+@pytest.mark.parametrize("name", LOGS)
+def test_logs_that_are_none(gpszip, tmp_path, name):
+    text, *words = LOGS[name]
+    (tmp_path / "log.csv").write_text(text)
+    mistake(gpszip("compress", "log.csv", "-o", "log.gpsz", "--rmse", "5m"), 1, "log.csv", *words)
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+def test_wrong_column_named(gpszip, log):
+    mistake(gpszip("compress", log, "-o", "out.gpsz", "--columns", "t=when,x=x,y=y"), 1, "when", "t, x, y")
+
+
+def test_no_such_file(gpszip):
+    mistake(gpszip("compress", "nowhere.csv", "-o", "out.gpsz"), 1, "nowhere.csv: no such file")
+
+
+def test_pattern_without_files(gpszip):
+    mistake(gpszip("compress", "*.csv", "-o", "out.gpsz"), 1, "no file matches")
+
+
+def test_folder_as_log(gpszip, tmp_path):
+    (tmp_path / "logs").mkdir()
+    mistake(gpszip("compress", "logs", "-o", "out.gpsz"), 1, "is a folder", "logs/*.csv")
+
+
+def test_archive_as_log(gpszip, archive):
+    mistake(gpszip("compress", archive, "-o", "out.gpsz"), 1, "gpszip decompress")
+
+
+def test_log_as_archive(gpszip, log):
+    mistake(gpszip("decompress", log, "-o", "out.csv"), 4, "name a file that gpszip compress has written")
+
+
+def test_one_point_is_no_mistake(gpszip, tmp_path):
+    (tmp_path / "one.csv").write_text("t,x,y\n7,3,4\n")
+    done = gpszip("compress", "one.csv", "-o", "one.gpsz", "--rmse", "1m")
+    assert done.code == 0, done.err
+    assert gpszip("decompress", "one.gpsz", "-o", "-").out.splitlines()[1].startswith("0,7")
+
+
+def test_output_exists(gpszip, log):
+    Path("out.gpsz").write_text("precious")
+    mistake(gpszip("compress", log, "-o", "out.gpsz", "--rmse", "5m"), 1, "out.gpsz: exists already", "--force")
+    assert Path("out.gpsz").read_text() == "precious"
+    assert gpszip("compress", log, "-o", "out.gpsz", "--rmse", "5m", "--force").code == 0
+    assert Path("out.gpsz").read_bytes() != b"precious"
+
+
+def test_output_is_refused_before_any_work(gpszip):
+    Path("out.gpsz").write_text("precious")
+    mistake(gpszip("compress", "nowhere.csv", "-o", "out.gpsz"), 1, "exists already")
+
+
+def test_output_in_no_folder(gpszip, log):
+    mistake(gpszip("compress", log, "-o", "nowhere/out.gpsz"), 1, "nowhere: no such folder", "make it first")
+
+
+def test_output_below_a_file(gpszip, log):
+    mistake(gpszip("compress", log, "-o", f"{log}/out.gpsz"), 1, "is a file, not a folder")
+
+
+def test_output_is_a_folder(gpszip, log, tmp_path):
+    mistake(gpszip("compress", log, "-o", tmp_path), 1, "is a folder; name a file in it")
+
+
+@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder that nobody may write to")
+def test_output_where_nobody_may_write(gpszip, log):
+    mistake(gpszip("compress", log, "-o", "/proc/out.gpsz"), 1, "can't write to this folder", "-o")
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="the superuser may write everywhere")
+def test_output_without_permission(gpszip, log, tmp_path):
+    (tmp_path / "locked").mkdir(mode=0o500)
+    mistake(gpszip("compress", log, "-o", "locked/out.gpsz"), 1, "can't write to this folder")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], ["no output was named", "-o walks.gpsz"]),
+        (["-o", "a.gpsz", "--rmse", "5yd"], ["'yd' is no unit of length", "m, mm, cm"]),
+        (["-o", "a.gpsz", "--gap", "5m"], ["write min for minutes"]),
+        (["-o", "a.gpsz", "--rmse", "-5"], ["greater than 0"]),
+        (["-o", "a.gpsz", "--rmse", "5m", "--max-error", "9m"], ["give one"]),
+        (["-o", "a.gpsz", "--effort", "11"], ["1<=x<=9"]),
+        (["-o", "a.gpsz", "--m", "3"], ["m was given alone"]),
+        (["-o", "a.gpsz", "--k", "3", "--m", "5"], ["more segments than parts"]),
+        (["-o", "a.gpsz", "--keep", "alt"], ["keeps no further columns"]),
+        (["-o", "a.gpsz", "--max-eror", "9m"], ["--max-eror", "--max-error"]),
+    ],
+    ids=lambda value: " ".join(value[2:]) if isinstance(value, list) else None,
+)
+def test_usage(gpszip, log, arguments, words):
+    mistake(gpszip("compress", log, *arguments), 2, *words)
+    assert list(log.parent.iterdir()) == [log]
+
+
+def test_no_such_command(gpszip):
+    mistake(gpszip("squeeze"), 2, "No such command 'squeeze'", "gpszip --help")
+
+
+def test_errors_as_json(gpszip):
+    done = gpszip("compress", "nowhere.csv", "-o", "out.gpsz", "--json")
+    assert json.loads(done.err) == {"error": {"kind": "InputError", "message": "nowhere.csv: no such file", "exit_code": 1}}
+    done = gpszip("compress", "--json", "--squeeze")
+    assert json.loads(done.err)["error"]["exit_code"] == 2
+
+
+def test_traceback_only_when_asked_for(gpszip):
+    assert "Traceback" not in gpszip("info", "nowhere.gpsz").err
+    told = gpszip("info", "nowhere.gpsz", "--debug").err
+    assert "Traceback" in told
+    assert told.splitlines()[-1] == "gpszip: nowhere.gpsz: no such file"
+
+
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs a terminal")
+def test_an_archive_is_not_poured_on_a_terminal(log):
+    master, slave = os.openpty()
+    script = "from gpszip.cli.main import run; run()"
+    done = subprocess.run(
+        [sys.executable, "-c", script, "compress", str(log), "-o", "-"], stdout=slave, stderr=subprocess.PIPE, check=False, timeout=60
+    )
+    os.close(slave)
+    os.close(master)
+    assert done.returncode == 1
+    assert b"redirect with > FILE" in done.stderr
