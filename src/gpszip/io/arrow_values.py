@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OptionError
 
-__all__ = ["codes", "looks_like_number", "looks_like_time", "numbers", "seconds", "values"]
+__all__ = ["codes", "looks_like_number", "looks_like_time", "numbers", "seconds", "unit_seconds", "values"]
 
 _NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?$"
 _ZONE = r"[zZ]|[+-]\d{2}:?\d{2}|[+-]\d{2}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from gpszip.errors import InputError, OptionError
@@ -193,8 +193,8 @@ def _is_geographic(axes: Mapping[str, int | None], fixed: Mapping[str, int]) -> 
     return (axes["lat"] is not None and axes["lon"] is not None) or axes["x"] is None or axes["y"] is None
 
 
-def _time(plain: Sequence[str], find: object) -> tuple[int, ...]:
-    found = find("t", _TIME)  # type: ignore[operator]
+def _time(plain: Sequence[str], find: Callable[[str, Sequence[str]], int | None]) -> tuple[int, ...]:
+    found = find("t", _TIME)
     if found is None:
         return ()
     if plain[found] in ("t", "time", "time_of_day", "time_utc", "utc_time", "local_time") and "date" in plain:

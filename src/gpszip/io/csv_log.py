@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import codecs
 import csv
 import io
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, BinaryIO
 
 import pyarrow as pa
@@ -51,7 +52,7 @@ def sniff_csv(head: bytes) -> bool:
     if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return True
     odd = sum(head.count(byte) for byte in range(32) if byte not in (9, 10, 13, 12, 26))
-    return b"\0" not in head and odd * 100 <= len(head)
+    return b"\0" not in head and odd * 20 <= len(head)
 
 
 def read_csv(source: Source, request: Request) -> RawLog:
@@ -180,14 +181,32 @@ def _has_decimal_comma(cells: Sequence[str]) -> bool:
 def _table(source: Source, dialect: _Dialect, roles: Roles) -> tuple[Any, int]:
     text = {str(i): pa.string() for i in (*roles.axes, *roles.time)}
     try:
-        return _parse(source, dialect, roles, text | _types(dialect, roles))
-    except pa.ArrowInvalid:  # some cell is no number: read texts, and let each cell speak for itself
-        pass
+        return _parse(source, dialect, roles, text | _types(dialect, roles), None), 0
+    except (pa.ArrowInvalid, UnicodeDecodeError):
+        pass  # some row or cell is not like the others: read texts, and let each speak for itself
+    skipped: list[None] = []
+
+    def skip(_row: Any) -> str:
+        skipped.append(None)
+        return "skip"
+
     try:
-        return _parse(source, dialect, roles, text)
-    except pa.ArrowInvalid as error:
-        reason = "it is not UTF-8 text; save it as UTF-8" if "UTF8" in str(error) else str(error).splitlines()[0]
-        raise InputError(f"{source.name}: can't be read as a table: {reason}") from None
+        return _parse(source, replace(dialect, encoding=_whole_encoding(source, dialect)), roles, text, skip), len(skipped)
+    except (pa.ArrowInvalid, UnicodeDecodeError) as error:
+        raise InputError(f"{source.name}: can't be read as a table: {str(error).splitlines()[0][:120]}") from None
+
+
+def _whole_encoding(source: Source, dialect: _Dialect) -> str:
+    """Look through all of the log: the first letter that is not UTF-8 may come late."""
+    decoder = codecs.getincrementaldecoder(dialect.encoding)()
+    with source.open() as stream:
+        try:
+            while block := stream.read(1 << 20):
+                decoder.decode(block)
+            decoder.decode(b"", final=True)
+        except UnicodeDecodeError:
+            return "latin-1"
+    return dialect.encoding
 
 
 def _types(dialect: _Dialect, roles: Roles) -> dict[str, Any]:
@@ -201,26 +220,15 @@ def _types(dialect: _Dialect, roles: Roles) -> dict[str, Any]:
     return fast
 
 
-def _parse(source: Source, dialect: _Dialect, roles: Roles, types: Mapping[str, Any]) -> tuple[Any, int]:
-    bad = 0
-
-    def skip(_row: Any) -> str:
-        nonlocal bad
-        bad += 1
-        return "skip"
-
+def _parse(source: Source, dialect: _Dialect, roles: Roles, types: Mapping[str, Any], skip: Callable[[Any], str] | None) -> Any:
     if roles.id is not None:
         types = {**types, str(roles.id): pa.dictionary(pa.int32(), pa.string())}
+    names = [str(i) for i in range(len(dialect.names))]
     with source.open() as stream:
         try:
-            table = pc.read_csv(
+            return pc.read_csv(
                 stream,
-                pc.ReadOptions(
-                    column_names=[str(i) for i in range(len(dialect.names))],
-                    skip_rows=dialect.header,
-                    encoding=dialect.encoding,
-                    block_size=1 << 22,
-                ),
+                pc.ReadOptions(column_names=names, skip_rows=dialect.header, encoding=dialect.encoding, block_size=1 << 22),
                 pc.ParseOptions(delimiter=dialect.delimiter, newlines_in_values=True, invalid_row_handler=skip),
                 pc.ConvertOptions(include_columns=[str(i) for i in roles.used], column_types=types),
             )
@@ -228,4 +236,3 @@ def _parse(source: Source, dialect: _Dialect, roles: Roles, types: Mapping[str, 
             raise InputError(
                 f"{source.name}: damaged gzip file ({error}); fetch it again, or unpack what is left of it with zcat"
             ) from None
-    return table, bad

@@ -79,14 +79,14 @@ def read_geojson(source: Source, request: Request) -> RawLog:
         data = json.loads(source.read().decode("utf-8-sig"))
     except (ValueError, RecursionError) as error:
         raise InputError(f"{source.name}: damaged JSON file: {str(error)[:120]}") from None
-    features = [feature for feature in _features(data) if isinstance(feature, Mapping)]
     metric = isinstance(data, Mapping) and data.get("gpszip") == METRES["gpszip"]
     try:
+        features = [feature for feature in _features(data) if isinstance(feature, Mapping)]
         lines = _collect(features, source.name)
         if lines.names:
             return _line_log(lines, source, request, metric, _left_out(features, source.name))
         return _point_log(features, source, request, metric)
-    except (TypeError, AttributeError, ValueError, pa.ArrowException) as error:
+    except (TypeError, AttributeError, ValueError, LookupError, pa.ArrowException) as error:
         raise InputError(f"{source.name}: not as GeoJSON should be: {str(error).splitlines()[0][:120]}") from None
 
 
@@ -198,7 +198,7 @@ def _checked(times: Any, coordinates: Sequence[Sequence[float]], where: str) -> 
 
 def _line_log(lines: _Lines, source: Source, request: Request, metric: bool, left_out: tuple[LeftOut, ...]) -> RawLog:
     flat = [position for piece in lines.coordinates for position in piece]
-    width = min(3, *(len(position) for position in flat))
+    width = _width(flat)
     table = np.array([position[:width] for position in flat], dtype=np.float64)
     unit = unit_seconds(request.time_unit) if request.time_unit else None
     times = seconds(_column([time for piece in lines.times for time in piece]), unit, f"{source.name}: times")
@@ -229,7 +229,7 @@ def _point_log(features: Sequence[Mapping[str, Any]], source: Source, request: R
         raise InputError(f"{source.name}: no LineString and no Point in it")
     keys = list(dict.fromkeys(key for feature in points for key in _properties(feature)))
     positions = [feature["geometry"]["coordinates"] for feature in points]
-    axes = ["x", "y", "z"][: min(3, *map(len, positions))] if metric else ["lon", "lat"]
+    axes = ["x", "y", "z"][: _width(positions)] if metric else ["lon", "lat"]
     names = [*axes, *(key for key in keys if key not in axes)]
     own = {"x": "x", "y": "y"} if metric else {"lat": "lat", "lon": "lon"}
     by_role = request.columns if isinstance(request.columns, Mapping) else {}
@@ -237,6 +237,13 @@ def _point_log(features: Sequence[Mapping[str, Any]], source: Source, request: R
     columns = [[position[i] for position in positions] for i in range(len(axes))]
     columns += [[_properties(feature).get(name) for feature in points] for name in names[len(axes) :]]
     return table_log([_column(columns[i]) for i in roles.used], names, roles, request, source.name)
+
+
+def _width(positions: Sequence[Sequence[float]]) -> int:
+    least = min(3, *map(len, positions))
+    if least < 2:
+        raise ValueError("a position has fewer than two numbers")
+    return least
 
 
 def _column(values: list[Any]) -> Any:

@@ -26,26 +26,8 @@ __all__ = ["read_gpx", "sniff_gpx", "write_gpx"]
 _ROOT = re.compile(rb"^(\xef\xbb\xbf)?\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<(\w+:)?gpx[\s>]", re.DOTALL)
 _DANGER = re.compile(rb"<!DOCTYPE|<!ENTITY|<OGR\w*DataSource", re.IGNORECASE)
 _HEIGHTS = ("alt", "altitude", "ele", "elevation", "height")
-_OWN = {"track_fid", "track_seg_id", "track_seg_point_id", "time"}
-#: Fields that GDAL lists for every file, whether it has them or not.
-_ALWAYS = {
-    *(f"link{i}_{part}" for i in (1, 2) for part in ("href", "text", "type")),
-    "magvar",
-    "geoidheight",
-    "name",
-    "cmt",
-    "desc",
-    "src",
-    "sym",
-    "type",
-    "fix",
-    "sat",
-    "hdop",
-    "vdop",
-    "pdop",
-    "ageofdgpsdata",
-    "dgpsid",
-}
+#: Fields of a track point besides its place and time that can be kept, as GDAL names them.
+_FIELDS = ("ele", "magvar", "geoidheight", "name", "cmt", "desc", "src", "sym", "type", "fix", "sat", "hdop", "vdop", "pdop")
 _YEAR_1, _YEAR_10000 = -62_135_596_800_000, 253_402_300_800_000  # milliseconds
 _POINT = np.dtype([("order", "u1"), ("kind", "<u4"), ("lon", "<f8"), ("lat", "<f8")])
 
@@ -69,7 +51,7 @@ def read_gpx(source: Source, request: Request) -> RawLog:
     source : Source
         The file or stream.
     request : Request
-        Attributes to keep: ``ele``, or a field of the points or of their extensions.
+        Attributes to keep: ``ele`` or another field of the points, but not of their extensions.
 
     Returns
     -------
@@ -84,7 +66,7 @@ def read_gpx(source: Source, request: Request) -> RawLog:
     data = source.read()
     if found := _DANGER.search(data):
         raise InputError(f"{source.name}: holds {found[0].decode()!r}, which no GPX file needs; remove it")
-    fields, keep = _fields(data, request, source.name)
+    keep = _fields(data, request, source.name)
     columns, geometry = _points(data, ["track_fid", "time", *dict.fromkeys(keep.values())], source.name)
     if not len(geometry):
         raise InputError(f"{source.name}: no track points{_others(data)}; GPSZip reads tracks (trk)")
@@ -93,17 +75,18 @@ def read_gpx(source: Source, request: Request) -> RawLog:
     if np.isnan(times).all():
         raise InputError(f"{source.name}: no point has a time; GPSZip needs the times of the points")
     fids, codes = np.unique(columns["track_fid"], return_inverse=True)
+    ids = _ids(data, fids, source.stem)
     return RawLog(
         name=source.name,
-        ids=_ids(data, fids, source.stem),
-        codes=codes.astype(np.int32),
+        ids=ids,
+        codes=codes.astype(np.int32) if ids else None,
         times=times,
         coordinates=np.stack([points["lat"], points["lon"]], axis=1),
         geographic=True,
         attributes={name: _kept(columns[field]) for name, field in keep.items()},
         word="point",
         labels=True,
-        dropped=tuple(field for field in fields if field not in keep.values()),
+        dropped=_dropped(data, keep.values()),
         left_out=_left_out(data, source.name),
     )
 
@@ -136,20 +119,18 @@ def write_gpx(tracks: Iterable[Track], sink: BinaryIO, decimals: int) -> None:
     sink.write(b"</gpx>\n")
 
 
-def _fields(data: bytes, request: Request, where: str) -> tuple[list[str], dict[str, str]]:
-    import pyogrio
+def _fields(data: bytes, request: Request, where: str) -> dict[str, str]:
+    keep = {name: "ele" if name in _HEIGHTS else name for name in request.keep}
+    for name, field in keep.items():
+        if field not in _FIELDS or f"<{field}".encode() not in data:
+            there = [known for known in _FIELDS if f"<{known}".encode() in data]
+            raise InputError(f"{where}: no {name!r} to keep; its points have: {', '.join(there) or 'place and time only'}")
+    return keep
 
-    try:
-        names = [str(name) for name in pyogrio.read_info(data, layer="track_points")["fields"]]
-    except pyogrio.errors.DataSourceError as error:
-        raise InputError(f"{where}: damaged GPX file: {str(error).split('; It might')[0][:200]}") from None
-    keep = {}
-    for name in request.keep:
-        field = "ele" if name in _HEIGHTS else name
-        if field not in names:
-            raise InputError(f"{where}: its points have no {name!r}; they have: {', '.join(n for n in names if n not in _ALWAYS)}")
-        keep[name] = field
-    return [name for name in names if name not in _OWN | _ALWAYS and (name != "ele" or b"<ele" in data)], keep
+
+def _dropped(data: bytes, kept: Iterable[str]) -> tuple[str, ...]:
+    present = [name for name in ("ele", "extensions") if f"<{name}".encode() in data]
+    return tuple(name for name in present if name not in set(kept))
 
 
 def _points(data: bytes, fields: Sequence[str], where: str) -> tuple[dict[str, NDArray[Any]], NDArray[np.object_]]:
@@ -158,7 +139,7 @@ def _points(data: bytes, fields: Sequence[str], where: str) -> tuple[dict[str, N
     try:
         meta, _, geometry, arrays = pyogrio.raw.read(data, layer="track_points", columns=fields, datetime_as_string=True)
     except pyogrio.errors.DataSourceError as error:
-        raise InputError(f"{where}: damaged GPX file: {str(error)[:200]}") from None
+        raise InputError(f"{where}: damaged GPX file: {str(error).split('; It might')[0][:200]}") from None
     return dict(zip(meta["fields"].tolist(), arrays, strict=True)), geometry
 
 

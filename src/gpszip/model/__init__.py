@@ -4,6 +4,7 @@ from gpszip.model.executor import Executor
 from gpszip.model.frame import Frame, Plane
 from gpszip.model.lattice import LatticeWalk, LatticeWalks
 from gpszip.model.options import Options
+from gpszip.model.reading import LeftOut, Reading, Repair
 from gpszip.model.report import Listener, Progress, Report
 from gpszip.model.road_map import RoadMap
 from gpszip.model.segment_mean import SegmentMean
@@ -15,10 +16,13 @@ __all__ = [
     "Frame",
     "LatticeWalk",
     "LatticeWalks",
+    "LeftOut",
     "Listener",
     "Options",
     "Plane",
     "Progress",
+    "Reading",
+    "Repair",
     "Report",
     "RoadMap",
     "SegmentMean",

@@ -1,0 +1,101 @@
+import csv
+import json
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pyogrio
+import pytest
+
+from gpszip.errors import OutputError
+from gpszip.io.maps import MAP_FORMATS, write_map
+from gpszip.model import Plane, RoadMap
+
+
+def square(d=2, plane=None):
+    nodes = np.array([[0.0, 0, 1], [300, 0, 2], [300, 400, 3], [0, 400, 4]])[:, :d]
+    edges = np.array([[0, 1], [0, 2], [1, 2], [2, 3]], dtype=np.int32)
+    return RoadMap(nodes, edges, np.array([3, 0, 2, 0]), np.array([0, 1, 2, 0]), plane)
+
+
+BERLIN = Plane(((525000000, 134000000),))
+
+
+def test_geojson_has_a_line_for_each_edge_with_its_traversals(tmp_path):
+    write_map(square(plane=BERLIN), tmp_path / "map.geojson", nodes=True)
+    data = json.loads((tmp_path / "map.geojson").read_text())
+    lines = [feature for feature in data["features"] if feature["geometry"]["type"] == "LineString"]
+    assert [line["properties"] for line in lines] == [
+        {"u": 0, "v": 1, "forward": 3, "backward": 0, "length": 300.0},
+        {"u": 0, "v": 2, "forward": 0, "backward": 1, "length": 500.0},
+        {"u": 1, "v": 2, "forward": 2, "backward": 2, "length": 400.0},
+        {"u": 2, "v": 3, "forward": 0, "backward": 0, "length": 300.0},
+    ]
+    assert lines[0]["geometry"]["coordinates"][0] == [13.4, 52.5]
+    assert lines[0]["geometry"]["coordinates"][1] == pytest.approx([13.40442, 52.5], abs=1e-5)
+    assert [f["properties"]["node"] for f in data["features"] if f["geometry"]["type"] == "Point"] == [0, 1, 2, 3]
+    assert "gpszip" not in data
+
+
+def test_geojson_of_metres_says_so(tmp_path):
+    write_map(square(d=3), tmp_path / "map.geojson")
+    data = json.loads((tmp_path / "map.geojson").read_text())
+    assert data["gpszip"] == {"coordinates": "metres"}
+    assert data["features"][0]["geometry"]["coordinates"] == [[0, 0, 1], [300, 0, 2]]
+
+
+def test_rarely_travelled_edges_can_be_left_out(tmp_path):
+    for least, count in ((0, 4), (1, 3), (3, 2), (4, 1), (9, 0)):
+        write_map(square(), tmp_path / "map.json", min_traversals=least)
+        assert len(json.loads((tmp_path / "map.json").read_text())["features"]) == count
+
+
+@pytest.mark.parametrize(("d", "plane"), [(2, None), (3, None), (2, BERLIN)])
+def test_geopackage_opens_as_any_other(tmp_path, d, plane):
+    write_map(square(d, plane), tmp_path / "map.gpkg")
+    meta, _, geometry, columns = pyogrio.raw.read(tmp_path / "map.gpkg", layer="edges")
+    values = dict(zip(meta["fields"].tolist(), columns, strict=True))
+    assert values["forward"].tolist() == [3, 0, 2, 0]
+    assert values["length"].tolist()[0] == (300.0 if d == 2 else 300.002)
+    ends = np.frombuffer(geometry[1][9:], "<f8").reshape(2, d)
+    assert np.allclose(ends, square(d).nodes[[0, 2]]) == (plane is None)
+    assert (meta["crs"] == "EPSG:4326") == (plane is not None)
+
+
+def test_graphml_is_a_graph(tmp_path):
+    write_map(square(), tmp_path / "map.graphml", min_traversals=2)
+    space = {"g": "http://graphml.graphdrawing.org/xmlns"}
+    root = ET.parse(tmp_path / "map.graphml").getroot()  # our own file
+    assert [node.get("id") for node in root.findall(".//g:node", space)] == ["0", "1", "2"]
+    edges = root.findall(".//g:edge", space)
+    assert [(edge.get("source"), edge.get("target")) for edge in edges] == [("0", "1"), ("1", "2")]
+    assert [data.text for data in edges[1]] == ["2", "2", "400.0"]
+    keys = {key.get("id") for key in root.findall("g:key", space)}
+    assert {data.get("key") for data in root.findall(".//g:data", space)} == keys
+
+
+def test_csv_holds_the_places_of_both_ends(tmp_path):
+    write_map(square(), tmp_path / "map.csv")
+    with (tmp_path / "map.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert rows[1] == {
+        **{"u": "0", "v": "2", "forward": "0", "backward": "1", "length": "500"},
+        **{"u_x": "0", "u_y": "0", "v_x": "300", "v_y": "400"},
+    }
+
+
+@pytest.mark.parametrize("suffix", MAP_FORMATS)
+def test_a_map_without_edges_is_a_valid_file(tmp_path, suffix):
+    still = RoadMap(np.zeros((1, 2)), np.zeros((0, 2), dtype=np.int32), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+    write_map(still, tmp_path / f"map{suffix}")
+    assert (tmp_path / f"map{suffix}").stat().st_size > 0
+
+
+def test_standard_output(capfdbinary):
+    write_map(square(), "-", format="csv")
+    assert capfdbinary.readouterr().out.startswith(b"u,v,forward,backward,length,u_x,u_y,v_x,v_y\n0,1,3,0,300,")
+
+
+def test_unknown_formats_are_named(tmp_path):
+    with pytest.raises(OutputError, match=r"end it with one of \.geojson"):
+        write_map(square(), tmp_path / "map.dwg")
+    assert list(tmp_path.iterdir()) == []
