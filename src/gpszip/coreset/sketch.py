@@ -19,6 +19,9 @@ __all__ = ["best_line", "cost", "costs", "delete", "empty", "fitting_matrix", "f
 #: Share of the weight times the squared duration below which the times have no spread to fit a slope to.
 _SINGULAR = 1e-24
 
+#: Share of a block's weight that repeated deletions may lose.
+_ROUNDING = 1e-6
+
 
 def empty(dimension: int) -> Sketch:
     """Sketch of no samples.
@@ -99,11 +102,11 @@ def delete(
     OptionError
         If the block holds less weight than is to be taken out.
     """
-    if weight > block.weight or block.count < 1:
+    left = block.weight - weight
+    if block.count < 1 or left < -_ROUNDING * block.weight or (block.count > 1 and left <= 0):
         raise OptionError(f"a sample of weight {weight:g} can't be taken out of a block of weight {block.weight:g}")
     if block.count == 1:
         return empty(block.dimension)
-    left = block.weight - weight
     share = weight / left
     dt, dp = time - block.time, np.asarray(position, dtype=np.float64) - block.place
     h = weight * block.weight / left

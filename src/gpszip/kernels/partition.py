@@ -41,7 +41,7 @@ def penalised(
             reach = min(reach, total[a] + free)
             bound = free + penalty - _SLACK * row[3]
             if b - a >= shortest and total[a] + bound < best:
-                cost = total[a] + penalty + lowest(row, x, s, costs)
+                cost = total[a] + penalty + lowest(row, x, 1.0, s, costs)
                 if cost < best:
                     best, origin[b], label[b] = cost, a, np.argmin(costs)
             if joined[a] + bound >= best:
@@ -65,7 +65,7 @@ def _label_costs(
             x = sums.t[b - 1] - sums.t[a]
             add_sample(row, x, sums.w[a], sums.p, a, b - 1)
             if b - a >= shortest:
-                table[b, a] = lowest(row, x, s, costs)
+                table[b, a] = lowest(row, x, 1.0, s, costs)
                 labels[b, a] = np.argmin(costs)
     return table, labels
 

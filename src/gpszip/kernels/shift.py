@@ -38,21 +38,29 @@ def coefficients(
 
 
 @jit
-def lowest(row: NDArray[np.float64], length: float, s: NDArray[np.float64], costs: NDArray[np.float64]) -> float:
-    """Write the costs of a part against all segments (equation 6.14); return the lowest."""
+def lowest(row: NDArray[np.float64], length: float, still: float, s: NDArray[np.float64], costs: NDArray[np.float64]) -> float:
+    """Write the costs of a part against all segments (equation 6.14); return the lowest.
+
+    A part without duration stands at a share ``still`` of the segment: 0, and 1 where time runs backward.
+    """
     m, d = len(costs), (len(row) - 4) // 2
     inverse = 1.0 / length if length > 0 else 0.0
-    w, u1, u2, q = row[0], row[1] * inverse, row[2] * inverse * inverse, row[3]
+    still = 0.0 if length > 0 else still
+    w, q = row[0], row[3]
+    u1, u2 = row[1] * inverse + w * still, row[2] * inverse * inverse + w * still
     if d == 2:
-        m1, m2, n1, n2 = row[4], row[5], row[6] * inverse, row[7] * inverse
+        m1, m2 = row[4], row[5]
+        n1, n2 = row[6] * inverse + m1 * still, row[7] * inverse + m2 * still
         for j in range(m):
             costs[j] = q + w * s[0, j] + u1 * s[1, j] + u2 * s[2, j] + m1 * s[3, j] + m2 * s[4, j] + n1 * s[5, j] + n2 * s[6, j]
     else:
         for j in range(m):
             costs[j] = q + w * s[0, j] + u1 * s[1, j] + u2 * s[2, j]
         for c in range(d):
+            first = row[4 + c]
+            second = row[4 + d + c] * inverse + first * still
             for j in range(m):
-                costs[j] += row[4 + c] * s[3 + c, j] + row[4 + d + c] * inverse * s[3 + d + c, j]
+                costs[j] += first * s[3 + c, j] + second * s[3 + d + c, j]
     best: float = costs[0]
     for j in range(1, m):
         best = min(best, costs[j])
@@ -86,7 +94,7 @@ def _left_cost(sums: Sums, a: int, c: int, row: NDArray[np.float64], s: NDArray[
     if c == a:
         costs[:] = 0.0
         return 0.0
-    return lowest(row, sums.t[c - 1] - sums.t[a], s, costs)
+    return lowest(row, sums.t[c - 1] - sums.t[a], 0.0, s, costs)
 
 
 @jit
@@ -94,7 +102,7 @@ def _right_cost(sums: Sums, c: int, b: int, row: NDArray[np.float64], s: NDArray
     if c == b:
         costs[:] = 0.0
         return 0.0
-    return lowest(row, sums.t[b - 1] - sums.t[c], s, costs)
+    return lowest(row, sums.t[b - 1] - sums.t[c], 1.0, s, costs)
 
 
 @jit
@@ -243,6 +251,6 @@ def cuts(
         best, at[j], left[j], right[j] = cut(sums, a, b, shortest, starts, ends, -1, 0, 0, table, False)
         coefficients(starts, ends, sums.p, a, s)
         _sum_left(sums, a, b, row)
-        lowest(row, sums.t[b - 1] - sums.t[a], s, costs)
+        lowest(row, sums.t[b - 1] - sums.t[a], 0.0, s, costs)
         gains[j] = costs[labels[j]] - best
     return gains, at, left, right

@@ -65,24 +65,23 @@ def _nearest(
 
 
 @jit
-def ward(h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64], m: int) -> NDArray[np.int64]:
-    """Join k groups to m, in place; return the group that each belongs to in the end. Time k^2, memory k."""
+def ward(h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Join k groups to one, in place; return the k - 1 pairs (into, from) in order and their costs. Time k^2, memory k."""
     k = len(h)
     live, count = np.arange(k), k
-    home = np.arange(k)
+    pairs, costs = np.empty((k - 1, 2), np.int64), np.empty(k - 1)
     near, gap = np.empty(k, np.int64), np.empty(k)
     for i in range(k):
         near[i], gap[i] = _nearest(h, a, v, live, count, i)
-    while count > m:
+    for step in range(k - 1):
         i = live[0]
         for g in range(1, count):
             if gap[live[g]] < gap[i]:
                 i = live[g]
-        j = near[i]
-        if j < i:
-            i, j = j, i
+        costs[step] = gap[i]
+        i, j = min(i, near[i]), max(i, near[i])
+        pairs[step, 0], pairs[step, 1] = i, j
         _join(h, a, v, i, j)
-        home[j] = i
         kept = 0
         for g in range(count):
             if live[g] != j:
@@ -97,9 +96,7 @@ def ward(h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64],
                 cost = _increase(h, a, v, other, i)
                 if cost < gap[other]:
                     near[other], gap[other] = i, cost
-    for i in range(k):  # a group's home always has a lower index
-        home[i] = home[home[i]]
-    return home
+    return pairs, costs
 
 
 @jit

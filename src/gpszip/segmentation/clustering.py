@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from gpszip.kernels import ward as kernel
@@ -29,45 +31,47 @@ def ward(sums: Sums, boundaries: NDArray[np.int64], m: int) -> NDArray[np.int32]
     int32 array, shape (k,)
         Labels in the order of their first parts.
     """
-    lines = own_lines(sums, boundaries)
-    home = np.arange(len(lines[0]))
-    while len(lines[0]) > max(m, _ALL_PAIRS):
-        lines, joined = _join_near(lines, max(m, _ALL_PAIRS))
-        home = joined[home]
-    return _renumbered(_agglomerated(lines, m)[home])
+    pairs, costs = _joins(own_lines(sums, boundaries))
+    k = len(boundaries) - 1
+    cheapest = pairs[np.argsort(costs, kind="stable")[: k - m]]
+    links = coo_array((np.ones(len(cheapest)), (cheapest[:, 0], cheapest[:, 1])), shape=(k, k))
+    return _renumbered(connected_components(links, directed=False)[1])
 
 
-def _agglomerated(lines: Lines, m: int) -> NDArray[np.int64]:
-    normal, starts, slopes = (part.copy() for part in lines)
-    return kernel.ward(normal, starts, slopes, m)
+def _joins(lines: Lines) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """All joins down to one group, as pairs of parts, and what each costs.
+
+    Groups that are each other's nearest join sooner or later in any case, so all such pairs can be joined at once; the
+    costs tell which joins come first.
+    """
+    normal, starts, slopes = lines
+    left, pairs, costs = np.arange(len(normal)), [], []
+    while len(left) > _ALL_PAIRS:
+        nearest, gaps = _nearest_pairs((normal[left], starts[left], slopes[left]))
+        pairs.append(left[nearest])
+        costs.append(gaps)
+        kernel.join_pairs(normal, starts, slopes, pairs[-1])
+        left = np.setdiff1d(left, pairs[-1][:, 1], assume_unique=True)
+    last, gaps = kernel.ward(normal[left], starts[left], slopes[left])
+    return np.concatenate([*pairs, left[last]]), np.concatenate([*costs, np.maximum.accumulate(gaps)])
 
 
-def _join_near(lines: Lines, enough: int) -> tuple[Lines, NDArray[np.intp]]:
-    """Join pairs that are each other's nearest; return the groups left and where each group went."""
-    normal, starts, slopes = (part.copy() for part in lines)
-    pairs = _nearest_pairs(lines)[: len(normal) - enough]
-    kernel.join_pairs(normal, starts, slopes, pairs)
-    home = np.arange(len(normal))
-    home[pairs[:, 1]] = pairs[:, 0]
-    left, joined = np.unique(home, return_inverse=True)
-    return (normal[left], starts[left], slopes[left]), joined
-
-
-def _nearest_pairs(lines: Lines) -> NDArray[np.int64]:
-    """Disjoint pairs (i, j), i < j, cheapest first: mutual nearest neighbours among those with near end points."""
+def _nearest_pairs(lines: Lines) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Disjoint pairs (i, j), i < j, of mutual nearest neighbours among those with near end points; and their costs."""
     _, starts, slopes = lines
     ends = np.hstack([starts, starts + slopes])
     near = np.asarray(KDTree(ends).query(ends, min(_NEIGHBOURS, len(ends)))[1], dtype=np.int64)
-    groups = np.arange(len(ends))[:, None]
-    cost = np.where(near == groups, np.inf, kernel.increases(*lines, near))
+    groups = np.arange(len(ends))
+    cost = np.where(near == groups[:, None], np.inf, kernel.increases(*lines, near))
     best = cost.argmin(axis=1)
-    nearest, gap = near[groups[:, 0], best], cost[groups[:, 0], best]
-    mutual = np.flatnonzero((nearest[nearest] == groups[:, 0]) & (groups[:, 0] < nearest))
-    if len(mutual) == 0:
-        mutual = np.array([np.minimum(gap.argmin(), nearest[gap.argmin()])])
-        nearest[mutual[0]] = max(gap.argmin(), nearest[gap.argmin()])
-    mutual = mutual[np.argsort(gap[mutual], kind="stable")]
-    return np.column_stack([mutual, nearest[mutual]])
+    nearest, gap = near[groups, best], cost[groups, best]
+    cheapest = int(gap.argmin())
+    nearest[nearest[cheapest]], gap[nearest[cheapest]] = (
+        cheapest,
+        gap[cheapest],
+    )  # at least one pair is mutual, even where rounding or the tree made none
+    mutual = np.flatnonzero((nearest[nearest] == groups) & (groups < nearest))
+    return np.column_stack([mutual, nearest[mutual]]), gap[mutual]
 
 
 def k_means(sums: Sums, boundaries: NDArray[np.int64], m: int, rng: np.random.Generator, *, rounds: int = 50) -> NDArray[np.int32]:

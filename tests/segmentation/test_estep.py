@@ -1,0 +1,178 @@
+"""Expectation, maximisation and whole partitions, against plain twins and each other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gpszip.model import Track
+from gpszip.run import Threads
+from gpszip.segmentation import estep
+from gpszip.segmentation import partition as partitions
+from gpszip.segmentation.mstep import maximize
+from gpszip.segmentation.partition import exact_partition, penalised_partition
+from gpszip.segmentation.state import State, costs_of_parts, sums_of, to_metres, total_cost
+from gpszip.segmentation.two_segment_mean import two_segment_mean
+from oracle import segmentation as oracle
+
+
+def random_problem(seed, n=None, k=None, m=None, d=None):
+    """A track, its sums and a random state, often with one-sample parts and unused labels."""
+    rng = np.random.default_rng(seed)
+    n, d = n or int(rng.integers(2, 40)), d or int(rng.integers(1, 4))
+    k = k or int(rng.integers(1, n + 1))
+    m = m or int(rng.integers(1, k + 1))
+    weights = rng.uniform(0.2, 3.0, n) if rng.random() < 0.5 else None
+    times = np.cumsum(rng.uniform(0.5, 2.0, n)).round(3)
+    track = Track("t", times, rng.normal(0, 3, (n, d)).cumsum(axis=0).round(3), weights=weights)
+    boundaries = np.array([0, *np.sort(rng.choice(np.arange(1, n), k - 1, replace=False)), n], dtype=np.int64)
+    sums = sums_of(track)
+    points = rng.normal(0, 5, (2, m, d)).round(3) / sums.place_tick
+    return track, sums, State(boundaries, rng.integers(0, m, k).astype(np.int32), *points)
+
+
+def in_metres(sums, state):
+    return to_metres(sums, state.starts), to_metres(sums, state.ends)
+
+
+def cost_of(track, sums, state):
+    return oracle.cost(track, state.boundaries, state.labels, *in_metres(sums, state))
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_cost_is_the_sum_over_residuals(seed):
+    track, sums, state = random_problem(seed)
+    assert total_cost(sums, state) * sums.place_tick**2 == pytest.approx(cost_of(track, sums, state), rel=1e-8, abs=1e-8)
+
+
+def test_naive_and_linear_are_identical_on_hundreds_of_problems():
+    moved = 0
+    for seed in range(400):
+        _, sums, state = random_problem(seed)
+        one, other = estep.naive(sums, state), estep.linear(sums, state)
+        assert one.boundaries.tolist() == other.boundaries.tolist(), seed
+        assert one.labels.tolist() == other.labels.tolist(), seed
+        moved += one.boundaries.tolist() != state.boundaries.tolist()
+    assert moved > 200
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_every_form_equals_its_twin(seed):
+    track, sums, state = random_problem(seed, d=2)
+    k = len(state.labels)
+    segments = in_metres(sums, state)
+    walked = oracle.shifted(track, state.boundaries, state.labels, *segments, range(1, k))
+    even = oracle.shifted(track, state.boundaries, state.labels, *segments, range(2, k, 2))
+    both = oracle.shifted(track, *even, *segments, range(1, k, 2))
+    for form, (boundaries, labels) in ((estep.linear, walked), (estep.odd_even, both)):
+        found = form(sums, state)
+        expected = oracle.cost(track, boundaries, labels, *segments)
+        assert cost_of(track, sums, found) == pytest.approx(expected, rel=1e-9)  # labels may differ where one sample costs the same
+
+
+def test_no_form_raises_the_cost():
+    for seed in range(200):
+        _, sums, state = random_problem(seed)
+        before = total_cost(sums, state)
+        for form in (estep.naive, estep.linear, estep.odd_even, estep.exact):
+            after = form(sums, state)
+            assert total_cost(sums, after) <= before * (1 + 1e-12), (seed, form)
+            assert (len(after.boundaries), after.boundaries[0], after.boundaries[-1]) == (len(state.labels) + 1, 0, len(sums.t))
+            assert np.diff(after.boundaries).min() >= 1
+
+
+@pytest.mark.parametrize("shortest", [2, 4])
+def test_boundaries_keep_the_shortest_length(shortest):
+    for seed in range(30):
+        _, sums, state = random_problem(seed, n=40, k=8)
+        state = replace(state, boundaries=np.arange(0, 41, 5))
+        for form in (estep.linear, estep.odd_even, estep.exact):
+            assert np.diff(form(sums, state, shortest=shortest).boundaries).min() >= shortest
+
+
+def test_threads_change_nothing(monkeypatch):
+    monkeypatch.setattr(estep, "_BATCH", 3)
+    for seed in range(20):
+        _, sums, state = random_problem(seed, n=120, k=41 + seed % 2, m=6)
+        alone, together = estep.odd_even(sums, state), estep.odd_even(sums, state, executor=Threads(2))
+        assert alone.boundaries.tolist() == together.boundaries.tolist()
+        assert alone.labels.tolist() == together.labels.tolist()
+
+
+def test_maximize_is_pooled_least_squares_and_never_raises_the_cost():
+    for seed in range(200):
+        track, sums, state = random_problem(seed)
+        after = maximize(sums, state)
+        assert total_cost(sums, after) <= total_cost(sums, state) * (1 + 1e-12), seed
+        parts = list(zip(state.boundaries[:-1], state.boundaries[1:], strict=True))
+        least = sum(oracle.pooled_cost(track, [parts[j] for j in np.flatnonzero(state.labels == label)]) for label in set(state.labels))
+        assert total_cost(sums, after) * sums.place_tick**2 == pytest.approx(least, rel=1e-6, abs=1e-6), seed
+
+
+def test_an_unused_segment_takes_the_line_of_the_worst_part():
+    _, sums, state = random_problem(3, n=30, k=5, m=3)
+    state = replace(state, labels=np.array([0, 0, 2, 0, 2], dtype=np.int32))
+    after = maximize(sums, state)
+    own = maximize(
+        sums, State(state.boundaries, np.arange(5, dtype=np.int32), np.zeros((5, sums.p.shape[1])), np.zeros((5, sums.p.shape[1])))
+    )
+    gain = costs_of_parts(sums, after) - costs_of_parts(sums, own)
+    worst = int(gain.argmax())
+    assert gain[worst] > 0
+    np.testing.assert_allclose([after.starts[1], after.ends[1]], [own.starts[worst], own.ends[worst]])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_two_segment_mean_tries_every_cut_and_both_ends(seed):
+    track, sums, state = random_problem(seed, d=2)
+    segments = in_metres(sums, state)
+    for shortest in (0, 1):
+        found = two_segment_mean(track, *segments, shortest=shortest)
+        expected = oracle.best_cut(track, 0, len(track), *segments, shortest=shortest)
+        assert found.cost == pytest.approx(expected[0], rel=1e-9)
+    if len(track) > 4:
+        one = two_segment_mean(track, [track.positions[0]], [track.positions[-1]])
+        assert one.boundary in range(len(track) + 1)
+
+
+def test_a_straight_track_needs_only_one_of_two_segments():
+    track = Track("straight", np.arange(5), np.arange(5)[:, None])
+    found = two_segment_mean(track, [[9.0], [0.0]], [[9.0], [4.0]])
+    assert found.cost == pytest.approx(0, abs=1e-12)
+    assert found.boundary in {0, 5}
+
+
+@pytest.mark.parametrize("seed", range(30))
+@pytest.mark.parametrize("shortest", [1, 3])
+def test_pruning_the_penalised_partition_loses_nothing(seed, shortest):
+    track, sums, state = random_problem(seed, n=25, m=3)
+    segments = in_metres(sums, state)
+    for penalty in (0.0, 0.5, 20.0, 1e4):
+        boundaries, labels = penalised_partition(sums, state.starts, state.ends, penalty / sums.place_tick**2, shortest=shortest)
+        found = oracle.cost(track, boundaries, labels, *segments) + penalty * len(labels)
+        assert found == pytest.approx(oracle.penalised_cost(track, *segments, penalty, shortest), rel=1e-8, abs=1e-8)
+        assert np.diff(boundaries).min() >= shortest
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_exact_partition_is_the_best_of_all(seed):
+    track, sums, state = random_problem(seed, n=11, m=3)
+    segments = in_metres(sums, state)
+    for k in (1, 2, 4, 11):
+        boundaries, labels = exact_partition(sums, state.starts, state.ends, k)
+        assert len(labels) == k
+        assert oracle.cost(track, boundaries, labels, *segments) == pytest.approx(oracle.best_partition(track, *segments, k), rel=1e-8)
+
+
+def test_a_long_track_is_cut_into_exactly_k_parts_too(monkeypatch):
+    for seed in range(10):
+        _, sums, state = random_problem(seed, n=60, k=12, m=4)
+        best = replace(state, **dict(zip(("boundaries", "labels"), exact_partition(sums, state.starts, state.ends, 12), strict=True)))
+        monkeypatch.setattr(partitions, "_TABLE", 0)
+        near = replace(state, **dict(zip(("boundaries", "labels"), exact_partition(sums, state.starts, state.ends, 12), strict=True)))
+        monkeypatch.undo()
+        assert len(near.labels) == 12
+        assert total_cost(sums, best) * (1 - 1e-9) <= total_cost(sums, near) <= 1.2 * total_cost(sums, best)
+        assert total_cost(sums, best) <= total_cost(sums, estep.odd_even(sums, state)) * (1 + 1e-9)
