@@ -1,8 +1,9 @@
 import numpy as np
 from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from gpszip.graph.road_graph import UNITS
-from gpszip.graph.trees import distances_from, shortest_tree
+from gpszip.graph.trees import distances_from, search_on, shortest_tree
 from oracle.paths import all_simple_paths, canonical_paths, random_maps
 
 
@@ -55,3 +56,11 @@ def test_a_radius_cuts_the_tree_and_nothing_else(graph):
         everyone = np.arange(len(graph))
         expected = [distance if distance <= radius else np.inf for distance in map(whole.distance, everyone)]
         assert distances_from(graph, 0, everyone, radius=radius).tolist() == expected
+
+
+@given(random_maps(), st.integers(1, 6))
+@settings(max_examples=200, deadline=None)
+def test_a_breadth_takes_the_nearest_nodes_and_those_as_far_as_the_last(graph, breadth):
+    whole, cut = shortest_tree(graph, 0), shortest_tree(graph, 0, search=search_on(graph, breadth))
+    last = np.sort(whole.distances)[min(breadth, len(whole.distances)) - 1]
+    assert cut.nodes.tolist() == whole.nodes[whole.distances <= last].tolist()

@@ -64,8 +64,9 @@ def shorten(graph: RoadGraph, route: Route, *, breadth: int | None = None) -> Wa
     route : Route
         The walk; may stay, jump, turn round, and take the longer of parallel edges.
     breadth : int, optional
-        Number of nodes that the search for one path may visit, here and in :func:`expand`, so that the time to
-        decompress is bounded; by default all. A few waypoints more than the smallest number are the price.
+        A path may end at one of this many nodes nearest to its start, or one as far as the last of them, at least 1. The
+        same number given to :func:`expand` bounds the time to decompress; by default all nodes count. The price is a few
+        waypoints more than the smallest number.
 
     Raises
     ------

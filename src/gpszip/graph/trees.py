@@ -71,11 +71,11 @@ def arcs_of(graph: RoadGraph) -> Arcs:
 def search_on(graph: RoadGraph, breadth: int | None = None) -> Search:
     """Work arrays for searches on this graph, one after another; not to be shared between threads.
 
-    Each search settles at most ``breadth`` nodes, by default all.
+    Each search settles the nearest ``breadth`` nodes, and all that are as far as the last of them; by default all there are.
     """
     from gpszip.kernels.shortest_paths import new_search
 
-    return new_search(len(graph), len(graph.targets), len(graph) if breadth is None else breadth)
+    return new_search(len(graph), len(graph.targets), max(len(graph), 1) if breadth is None else breadth)
 
 
 def shortest_tree(graph: RoadGraph, source: int, *, radius: float | None = None, search: Search | None = None) -> Tree:

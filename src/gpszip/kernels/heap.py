@@ -1,8 +1,9 @@
-"""A binary heap on two arrays: the smallest key first."""
+"""A binary heap on two arrays of numbers: the smallest key first."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
+
 from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
@@ -11,7 +12,7 @@ __all__ = ["pop", "push"]
 
 
 @jit
-def push(keys: NDArray[np.float64], items: NDArray[np.int64], size: int, key: float, item: int) -> int:
+def push(keys: NDArray[Any], items: NDArray[Any], size: int, key: float, item: int) -> int:
     """Add an item; return the new size."""
     i = size
     while i > 0:
@@ -25,7 +26,7 @@ def push(keys: NDArray[np.float64], items: NDArray[np.int64], size: int, key: fl
 
 
 @jit
-def pop(keys: NDArray[np.float64], items: NDArray[np.int64], size: int) -> tuple[int, int]:
+def pop(keys: NDArray[Any], items: NDArray[Any], size: int) -> tuple[int, int]:
     """Take the item with the smallest key; return it and the new size."""
     first = items[0]
     size -= 1

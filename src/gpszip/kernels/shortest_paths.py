@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.kernels.heap import pop, push
 from gpszip.kernels.jit import jit
 
 __all__ = [
@@ -54,7 +55,7 @@ class Search(NamedTuple):
     """Work arrays of one search after another; ``stamp`` says which entries belong to the present one.
 
     ``state`` holds the stamp of the present search, the size of the heap, the number of settled nodes in ``order``,
-    and how many a search may settle at most.
+    and how many a search may settle, at least 1; others as far as the last of them are settled too.
     """
 
     distance: NDArray[np.int64]
@@ -68,7 +69,7 @@ class Search(NamedTuple):
 
 
 def new_search(nodes: int, arcs: int, breadth: int) -> Search:
-    """Work arrays for graphs with at most this many nodes and arcs, and searches that settle ``breadth`` nodes at most."""
+    """Work arrays for graphs with at most this many nodes and arcs, and searches that settle ``breadth`` nodes."""
     return Search(
         np.zeros(nodes, np.int64),
         np.zeros(nodes, np.int32),
@@ -79,42 +80,6 @@ def new_search(nodes: int, arcs: int, breadth: int) -> Search:
         np.zeros(arcs + 1, np.int32),
         np.array([0, 0, 0, breadth], np.int64),
     )
-
-
-@jit
-def _push(search: Search, key: int, node: int) -> None:
-    keys, heap, state = search.keys, search.heap, search.state
-    place = state[1]
-    state[1] += 1
-    while place > 0:
-        above = (place - 1) >> 1
-        if keys[above] <= key:
-            break
-        keys[place] = keys[above]
-        heap[place] = heap[above]
-        place = above
-    keys[place] = key
-    heap[place] = node
-
-
-@jit
-def _pop(search: Search) -> None:
-    keys, heap, state = search.keys, search.heap, search.state
-    state[1] -= 1
-    size = state[1]
-    key, node = keys[size], heap[size]
-    place = 0
-    while 2 * place + 1 < size:
-        below = 2 * place + 1
-        if below + 1 < size and keys[below + 1] < keys[below]:
-            below += 1
-        if keys[below] >= key:
-            break
-        keys[place] = keys[below]
-        heap[place] = heap[below]
-        place = below
-    keys[place] = key
-    heap[place] = node
 
 
 @jit
@@ -141,11 +106,11 @@ def _relax(arcs: Arcs, search: Search, node: int) -> None:
         if known and length > search.distance[target]:
             continue
         if known and length == search.distance[target]:
-            parent = search.parent[target]
-            if parent == node or not _comes_first(arcs, search, node, parent, target):
+            # Of parallel arcs the first stays: their paths never part.
+            if not _comes_first(arcs, search, node, search.parent[target], target):
                 continue
         else:
-            _push(search, length, target)
+            search.state[1] = push(search.keys, search.heap, search.state[1], length, target)
         search.stamp[target] = stamp
         search.distance[target] = length
         search.parent[target] = node
@@ -156,21 +121,26 @@ def _relax(arcs: Arcs, search: Search, node: int) -> None:
 def start(search: Search, source: int) -> None:
     """Forget the last search and begin one at ``source``."""
     search.state[0] += 2  # stamp: reached; stamp + 1: settled
-    search.state[1] = 0
+    search.state[1] = push(search.keys, search.heap, 0, 0, source)
     search.state[2] = 0
     search.stamp[source] = search.state[0]
     search.distance[source] = 0
     search.parent[source] = -1
     search.arc[source] = -1
-    _push(search, 0, source)
+
+
+@jit
+def _within_breadth(search: Search) -> bool:
+    # Nodes as far as the last one allowed still count: which of them comes first is an accident of the heap.
+    settled, breadth = search.state[2], search.state[3]
+    return bool(settled < breadth or search.keys[0] == search.distance[search.order[breadth - 1]])
 
 
 @jit
 def settle_next(arcs: Arcs, search: Search, radius: int) -> int:
     """Settle the nearest open node within ``radius`` and return it, or -1 if there is none."""
-    while search.state[1] > 0 and search.keys[0] <= radius and search.state[2] < search.state[3]:
-        node = search.heap[0]
-        _pop(search)
+    while search.state[1] > 0 and search.keys[0] <= radius and _within_breadth(search):
+        node, search.state[1] = pop(search.keys, search.heap, search.state[1])
         if search.stamp[node] == search.state[0]:
             search.stamp[node] += 1
             search.order[search.state[2]] = node
