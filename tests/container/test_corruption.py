@@ -143,8 +143,7 @@ FORGED = {
     "large: span past 64 bits": large([*OPENING, section(3, b"\0\1" + number((1 << 64) - 1) + number((1 << 64) - 2))]),
     "large: many sections": large([*OPENING, section(3, WALKS)] + [section(9, b"")] * 5_000),
     "large: layer bombs": large(
-        [section(1, FRAME), section(2, number(400 << 2) + b"\0")]
-        + [section(3, number(i) + b"\1\0" + BOMB) for i in range(400)],
+        [section(1, FRAME), section(2, number(400 << 2) + b"\0")] + [section(3, number(i) + b"\1\0" + BOMB) for i in range(400)],
         third=0x99,
     ),
 }
@@ -190,4 +189,4 @@ def test_names_that_would_fill_the_memory(way):
     names = number(100_000_001 << 2 | 3), number(60_000 << 2 | 3)
     for head in names:
         with pytest.raises(CorruptArchiveError):
-            from_bytes(compact(1 | 1 << 3, DEEP + head + bytes([way == "lzma"]) + number(len(packed)) + packed))
+            from_bytes(compact(1 | 1 << 3, DEEP + head + number(len(packed) << 2 | (way == "lzma")) + packed))

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from gpszip.container.expansion import deflate, inflate, pack_lzma, unpack_lzma
 from gpszip.container.layout import Cursor, varint
-from gpszip.errors import CorruptArchiveError, InputError
+from gpszip.container.number_steps import read_steps, steps_bytes
+from gpszip.container.text_model import MODEL_LIMIT, model_bytes, read_model
+from gpszip.errors import InputError
 
 __all__ = ["TEXT_LIMIT", "names_bytes", "read_names"]
 
@@ -16,7 +18,7 @@ _FREE_TRACKS = 1 << 16
 _TRACKS_PER_BYTE = 8
 
 _COUNTED, _PADDED, _LISTED, _PACKED = range(4)
-_DEFLATED, _LZMA = range(2)
+_DEFLATED, _LZMA, _MODEL, _STEPS = range(4)
 _NUMBER_LIMIT = 1 << 63
 _WIDTH_LIMIT = 64
 
@@ -43,7 +45,7 @@ def names_bytes(ids: tuple[str, ...]) -> bytes:
     numbered = _numbered(ids)
     if numbered is not None:
         return numbered
-    return min((_head(len(ids), method) + body for method, body in _texts(raw)), key=len)
+    return min((_head(len(ids), method) + body for method, body in _texts(ids, raw)), key=len)
 
 
 def read_names(cursor: Cursor, file_size: int) -> tuple[str, ...]:
@@ -98,17 +100,21 @@ def _read_numbered(cursor: Cursor, count: int, padded: bool) -> tuple[str, ...]:
     return tuple(str(start + i).zfill(width) for i in range(count))
 
 
-def _texts(raw: list[bytes]) -> list[tuple[int, bytes]]:
+def _texts(ids: tuple[str, ...], raw: list[bytes]) -> list[tuple[int, bytes]]:
     ways = [(_LISTED, b"".join(varint(len(name)) + name for name in raw))]
     # UTF-8 never holds the byte 255, so it can stand for a newline within an id
     text = b"\n".join(name.replace(b"\n", b"\xff") for name in raw)
     if len(text) <= TEXT_LIMIT:
-        ways += [(_PACKED, bytes([code]) + varint(len(body)) + body) for code, body in _packed(text)]
+        ways += [(_PACKED, varint(len(body) << 2 | code) + body) for code, body in _packed(ids, text)]
     return ways
 
 
-def _packed(text: bytes) -> list[tuple[int, bytes]]:
-    return [(_DEFLATED, deflate(text)), (_LZMA, pack_lzma(text))]
+def _packed(ids: tuple[str, ...], text: bytes) -> list[tuple[int, bytes]]:
+    ways = [(_DEFLATED, deflate(text)), (_LZMA, pack_lzma(text))]
+    if len(text) < MODEL_LIMIT:
+        ways.append((_MODEL, model_bytes(text + b"\n")))
+    steps = steps_bytes(ids)
+    return ways if steps is None else [*ways, (_STEPS, steps)]
 
 
 def _read_listed(cursor: Cursor, count: int) -> tuple[str, ...]:
@@ -118,21 +124,23 @@ def _read_listed(cursor: Cursor, count: int) -> tuple[str, ...]:
 
 
 def _read_packed(cursor: Cursor, count: int) -> tuple[str, ...]:
-    code = cursor.byte("how names are packed")
-    body = cursor.take(cursor.varint("the length of names"), "the names")
-    text = _unpacked(code, body, cursor)
-    if not count or text.count(b"\n") != count - 1:
+    if not count:
+        raise cursor.fail("no names are packed")
+    shape = cursor.varint("the length of names")
+    body = cursor.take(shape >> 2, "the names")
+    offset = cursor.base + cursor.at - len(body)
+    if shape & 3 == _STEPS:
+        return read_steps(body, count, offset)
+    text = _unpacked(shape & 3, body, count, offset)
+    if text.count(b"\n") != count - 1:
         raise cursor.fail(f"names are not those of {count} tracks")
     return tuple(_text(name.replace(b"\xff", b"\n"), cursor) for name in text.split(b"\n"))
 
 
-def _unpacked(code: int, body: bytes, cursor: Cursor) -> bytes:
-    offset = cursor.base + cursor.at - len(body)
-    if code == _DEFLATED:
-        return inflate(body, TEXT_LIMIT, offset)
-    if code == _LZMA:
-        return unpack_lzma(body, TEXT_LIMIT, offset)
-    raise CorruptArchiveError(f"names are packed in an unknown way, {code}", offset)
+def _unpacked(code: int, body: bytes, count: int, offset: int) -> bytes:
+    if code == _MODEL:
+        return read_model(body, count, offset)[:-1]
+    return (inflate if code == _DEFLATED else unpack_lzma)(body, TEXT_LIMIT, offset)
 
 
 def _text(raw: bytes, cursor: Cursor) -> str:

@@ -119,11 +119,11 @@ def load(path: str | os.PathLike[str]) -> Contents:
 def read_file(path: str | os.PathLike[str]) -> bytes:
     """All bytes of a regular file, or an InputError in one line."""
     source = Path(path)
-    if source.is_dir():
-        raise InputError(f"{source}: is a folder, not an archive")
-    if source.exists() and not source.is_file():
-        raise InputError(f"{source}: is no regular file")
     try:
+        if source.is_dir():
+            raise InputError(f"{source}: is a folder, not an archive")
+        if source.exists() and not source.is_file():
+            raise InputError(f"{source}: is no regular file")
         return source.read_bytes()
     except FileNotFoundError:
         raise InputError(f"{source}: no such file") from None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-import tempfile
+import secrets
 from pathlib import Path
 
 from gpszip.container.contents import LONE_ID, Contents, Group, complaint
@@ -75,7 +75,7 @@ def save(contents: Contents, path: str | os.PathLike[str], *, force: bool = Fals
         If the file exists, or can't be written.
     """
     target = Path(path)
-    if target.is_dir():
+    if os.path.isdir(target):  # noqa: PTH112  # unlike pathlib's, it never raises
         raise OutputError(f"{target}: is a folder; name a file in it")
     if not force and os.path.lexists(target):
         raise _exists(target)
@@ -96,24 +96,26 @@ def _exists(target: Path) -> OutputError:
 
 
 def _replace(target: Path, data: bytes, force: bool) -> None:
-    handle, name = tempfile.mkstemp(prefix=f".{target.name[:64]}.", suffix=".part", dir=target.parent)
+    name = target.parent / f".gpszip-{secrets.token_hex(8)}.part"
+    handle = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
     try:
         with os.fdopen(handle, "wb") as file:
             file.write(data)
             file.flush()
-            os.fchmod(file.fileno(), _mode(target))
             os.fsync(file.fileno())
+        if target.exists():
+            name.chmod(target.stat().st_mode & 0o777)
         _publish(name, target, force)
     except BaseException:
-        with contextlib.suppress(FileNotFoundError):
-            os.unlink(name)  # noqa: PTH108  # one call, as it must work while another error is on its way
+        with contextlib.suppress(OSError):
+            name.unlink()
         raise
     _sync_folder(target.parent)
 
 
-def _publish(name: str, target: Path, force: bool) -> None:
+def _publish(name: Path, target: Path, force: bool) -> None:
     if force:
-        Path(name).replace(target)
+        name.replace(target)
         return
     try:
         # unlike a rename, a link never takes the place of a file that another process made meanwhile
@@ -121,17 +123,9 @@ def _publish(name: str, target: Path, force: bool) -> None:
     except FileExistsError:
         raise
     except OSError:
-        Path(name).replace(target)
+        name.replace(target)
     else:
-        Path(name).unlink()
-
-
-def _mode(target: Path) -> int:
-    if target.exists():
-        return target.stat().st_mode & 0o777
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o666 & ~mask
+        name.unlink()
 
 
 def _sync_folder(folder: Path) -> None:

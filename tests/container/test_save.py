@@ -1,0 +1,94 @@
+import os
+import stat
+from pathlib import Path
+
+import pytest
+
+from gpszip.container.contents import one_group
+from gpszip.container.reader import load
+from gpszip.container.writer import save, to_bytes
+from gpszip.errors import InputError, OptionError, OutputError
+from oracle import archives
+
+CONTENTS = archives.small_archives()["named"]
+
+
+def _names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_save_and_load(tmp_path):
+    path = tmp_path / "walks.gpsz"
+    assert save(CONTENTS, path) == path.stat().st_size == len(to_bytes(CONTENTS))
+    assert load(str(path)) == CONTENTS
+    assert _names(tmp_path) == ["walks.gpsz"]
+
+
+def test_new_file_has_the_rights_of_any_new_file(tmp_path):
+    save(CONTENTS, tmp_path / "a.gpsz")
+    (tmp_path / "plain").touch()
+    assert (tmp_path / "a.gpsz").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_existing_file_stays_without_force(tmp_path):
+    path = tmp_path / "walks.gpsz"
+    path.write_text("mine")
+    path.chmod(0o640)
+    with pytest.raises(OutputError, match="exists already; --force"):
+        save(CONTENTS, path)
+    assert path.read_text() == "mine"
+    save(CONTENTS, path, force=True)
+    assert load(path) == CONTENTS
+    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+    assert _names(tmp_path) == ["walks.gpsz"]
+
+
+def test_dangling_link_is_something_that_exists(tmp_path):
+    path = tmp_path / "walks.gpsz"
+    path.symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OutputError, match="exists"):
+        save(CONTENTS, path)
+
+
+def test_folders_are_named(tmp_path):
+    with pytest.raises(OutputError, match="create it first"):
+        save(CONTENTS, tmp_path / "none" / "walks.gpsz")
+    with pytest.raises(OutputError, match="is a folder"):
+        save(CONTENTS, tmp_path, force=True)
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match="written"):
+        save(CONTENTS, tmp_path / "file" / "walks.gpsz")
+
+
+def test_no_space_leaves_nothing_behind():
+    full = Path("/dev/full")
+    if not full.exists():
+        pytest.skip("this system has no /dev/full")
+    before = _names(Path("/dev"))
+    with pytest.raises(OutputError):
+        save(CONTENTS, full)
+    assert _names(Path("/dev")) == before
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere")
+def test_no_permission(tmp_path):
+    tmp_path.chmod(0o500)
+    with pytest.raises(OutputError, match="Permission denied"):
+        save(CONTENTS, tmp_path / "walks.gpsz")
+
+
+def test_failure_leaves_nothing_behind(tmp_path):
+    with pytest.raises(OptionError):
+        save(one_group(archives.FLAT, ("0",), b"", "zip"), tmp_path / "walks.gpsz")
+    with pytest.raises(OutputError):
+        save(CONTENTS, tmp_path / ("x" * 300))
+    assert _names(tmp_path) == []
+
+
+def test_load_of_no_file(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        load(tmp_path / "none.gpsz")
+    with pytest.raises(InputError, match="is a folder"):
+        load(tmp_path)
+    with pytest.raises(InputError, match="no regular file"):
+        load("/dev/null")
