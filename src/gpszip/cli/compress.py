@@ -23,7 +23,11 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 @click.option("--max-error", type=LENGTH, metavar="LENGTH", help="Largest error of any point, such as 10m.")
 @click.option("--gap", type=_GAP, metavar="DURATION", help="Silences longer than this claim no travel, or none. Estimated where left out.")
 @click.option("--effort", type=click.IntRange(1, 9), default=5, show_default=True, help="From 1, quick, to 9, small.")
-@click.option("--k", type=click.IntRange(1), help="Number of parts: the thesis's (k,m)-segment mean instead of a bound.")
+@click.option(
+    "--k",
+    type=click.IntRange(1),
+    help="Number of parts of the thesis's (k,m)-segment mean, used instead of the connected map where k or m is given.",
+)
 @click.option("--m", type=click.IntRange(1), help="Number of segments that the k parts share; searched where left out.")
 @click.option("--times/--no-times", default=True, help="Keep the times, or the shape only.")
 @click.option("--layer", type=click.Choice(["bz2"]), help="Pack the archive once more, as the thesis did.")
@@ -35,7 +39,7 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
     "--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north, or names in order for a log without a header."
 )
 @click.option("--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Unit of a time column; found from its size where left out.")
-@click.option("--keep", metavar="COLUMNS", help="Further columns to keep, such as alt,speed.")
+@click.option("--keep", metavar="COLUMNS", hidden=True)
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @force
 @common
