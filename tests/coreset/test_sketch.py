@@ -40,7 +40,10 @@ def test_costs_against_many_lines_are_the_costs_one_by_one():
     track, rng = random_track(4, d=3), np.random.default_rng(5)
     starts, ends = rng.normal(0, 9, (17, 3)), rng.normal(0, 9, (17, 3))
     block = sketch(track)
-    expected = [np.trace(oracle.fitting_matrix(track.times, track.positions, track.weights, *pair, 1.0, 4.0)) for pair in zip(starts, ends)]
+    expected = [
+        np.trace(oracle.fitting_matrix(track.times, track.positions, track.weights, *pair, 1.0, 4.0))
+        for pair in zip(starts, ends, strict=True)
+    ]
     np.testing.assert_allclose(costs(block, starts, ends, 1.0, 4.0), expected, rtol=1e-11)
 
 

@@ -23,7 +23,8 @@ def segment_mean_within(
 ) -> SegmentMean:
     """Find the fewest parts k, up to the search's noise, whose segment mean keeps an error bound.
 
-    Doubles k until the bound is met, then bisects between the last k that failed and the first that met it.
+    Doubles k until the bound is met, then bisects between the last k that failed and the first that met it. With a fixed
+    number of segments more parts do not always fit better, so that k then grows by an eighth.
 
     Parameters
     ----------
@@ -41,7 +42,7 @@ def segment_mean_within(
     OptionError
         If no bound is given, or one is not positive, or m is out of range.
     BoundError
-        If not even one part per sample keeps the bound.
+        If no k that was tried keeps the bound, up to one part a sample.
 
     Examples
     --------
@@ -56,8 +57,10 @@ def segment_mean_within(
         found = _within(track, high, m, rmse, max_error, options)
         if found is None:
             if high == len(track):
-                raise BoundError(f"track {track.id!r}: not even {high} parts keep the bound; allow more segments or a larger error")
-            low, high = high, 2 * high
+                raise BoundError(
+                    f"track {track.id!r}: no number of parts up to {high} keeps the bound; allow more segments or a larger error"
+                )
+            low, high = high, high + (max(1, high // 8) if isinstance(m, int) else high)
     while high - low > 1:
         middle = (low + high) // 2
         better = _within(track, middle, m, rmse, max_error, options) if middle >= _least_k(m) else None

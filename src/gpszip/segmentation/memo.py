@@ -85,7 +85,7 @@ def _write(path: Path, mean: SegmentMean) -> None:
 
 def _read(path: Path, k: int, m: int) -> SegmentMean:
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             values = [file[field] for field in _FIELDS]
         boundaries, labels, starts, ends, cost, costs = values
         mean = SegmentMean(boundaries, labels, starts, ends, float(cost), tuple(costs.tolist()))
