@@ -1,0 +1,130 @@
+import io
+from dataclasses import replace
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gpszip.container.catalog import open_catalog, read_entry
+from gpszip.container.contents import Contents, Group, Section
+from gpszip.container.names import names_bytes
+from gpszip.container.reader import from_bytes
+from gpszip.container.recover import recover_bytes
+from gpszip.container.verify import verify_bytes
+from gpszip.container.writer import to_bytes
+from gpszip.errors import CorruptArchiveError
+from gpszip.model.frame import Frame, Plane
+from oracle import archives
+
+numbers = st.one_of(st.integers(-3, 3), st.integers(1 - (1 << 62), (1 << 62) - 1), st.integers(-(10**7), 10**7).map(lambda n: n * 1000))
+centers = st.tuples(st.integers(-900, 900), st.integers(-1800, 1800), st.sampled_from([10**6, 10**5, 999_999])).map(
+    lambda c: (c[0] * c[2], c[1] * c[2])
+)
+planes = st.one_of(st.none(), st.lists(centers, min_size=1, max_size=4).map(lambda found: Plane(tuple(found))))
+indices = st.integers(0, 255)
+frames = st.builds(Frame, st.lists(numbers, min_size=1, max_size=15).map(tuple), numbers, indices, indices, planes)
+usual_frames = st.builds(
+    Frame, st.tuples(numbers, numbers), numbers, indices, indices, st.one_of(st.none(), centers.map(lambda c: Plane((c,))))
+)
+ids = st.one_of(
+    st.lists(st.text(max_size=8), max_size=12),
+    st.lists(st.integers(0, 30).map(str), max_size=12),
+    st.tuples(st.integers(0, 10**19), st.integers(0, 20), st.integers(0, 22)).map(
+        lambda t: [str(t[0] + i).zfill(t[2]) for i in range(t[1])],
+    ),
+).map(tuple)
+spans = st.one_of(st.none(), st.tuples(st.integers(-(10**12), 10**12), st.integers(0, 10**9)).map(lambda s: (s[0], s[0] + s[1])))
+extras = st.lists(st.builds(Section, st.sampled_from([5, 8, 90, 255]), st.binary(max_size=40)), max_size=3).map(tuple)
+layers = st.sampled_from([None, "bz2"])
+
+
+@st.composite
+def contents(draw):
+    names = draw(ids)
+    groups, first = [], 0
+    while first < len(names) or not groups:
+        count = draw(st.integers(min(1, len(names)), len(names) - first))
+        groups.append(Group(first, count, draw(st.binary(max_size=60)), draw(spans)))
+        first += count
+    if len(groups) == 1:
+        groups = [replace(groups[0], span=None)]
+    map_hash = draw(st.one_of(st.none(), st.binary(min_size=16, max_size=16)))
+    return Contents(draw(st.one_of(frames, usual_frames)), names, tuple(groups), map_hash, draw(extras), draw(layers))
+
+
+@given(contents())
+@settings(deadline=None, max_examples=150)
+def test_contents_come_back_and_equal_contents_have_equal_bytes(made):
+    data = to_bytes(made)
+    assert from_bytes(data) == made
+    assert to_bytes(from_bytes(data)) == data
+    assert verify_bytes(data).ok
+    assert recover_bytes(data).contents == made
+    file = io.BytesIO(data)
+    catalog = open_catalog(file)
+    assert tuple(read_entry(file, catalog, i) for i in range(len(made.groups))) == made.groups
+
+
+@given(st.lists(st.text(), max_size=30).map(tuple))
+@settings(deadline=None)
+def test_names_cost_at_most_a_byte_or_two_beside_their_text(names):
+    text = sum(len(name.encode()) for name in names)
+    assert len(names_bytes(names)) <= text + 2 * len(names) + 2
+
+
+def _never_anything_else(data):
+    for read in (from_bytes, recover_bytes, lambda raw: _every_group(io.BytesIO(raw))):
+        try:
+            read(data)
+        except CorruptArchiveError as error:
+            assert str(error)
+    verify_bytes(data)
+
+
+def _every_group(file):
+    catalog = open_catalog(file)
+    for i in range(len(catalog.entries)):
+        read_entry(file, catalog, i)
+
+
+@given(st.binary(max_size=300), st.sampled_from([b"", b"\xa7Z", b"\xa7Z\x01", b"\xa7Z\x19", b"\xa7Z\x39"]))
+@settings(deadline=None, max_examples=300)
+def test_random_bytes_are_refused(tail, head):
+    with pytest.raises(CorruptArchiveError):
+        from_bytes(head + tail)
+    _never_anything_else(head + tail)
+
+
+@given(st.binary(max_size=120), indices)
+@settings(deadline=None, max_examples=500)
+def test_random_bytes_with_the_right_checksum(body, third):
+    _never_anything_else(archives.compact(third & 0xF8 | 1, body))
+
+
+@given(
+    st.lists(st.tuples(st.integers(0, 9), st.binary(max_size=30)), max_size=6), st.integers(0, 7), st.one_of(st.none(), st.integers(0, 200))
+)
+@settings(deadline=None, max_examples=500)
+def test_random_sections_with_the_right_checksums(made, high, index_offset):
+    sections = [archives.section(1, b"\x10\1\1\0\0\0"), archives.section(2, b"\x08\0")][: high & 3]
+    sections += [archives.section(kind, body) for kind, body in made]
+    _never_anything_else(archives.large(sections, index_offset, 0x19 | high >> 2 << 7))
+
+
+HONEST = [to_bytes(made) for made in archives.small_archives().values()]
+
+
+@given(
+    st.sampled_from(HONEST), st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 3), st.binary(max_size=6)), min_size=1, max_size=4)
+)
+@settings(deadline=None, max_examples=300, suppress_health_check=[HealthCheck.too_slow])
+def test_mutated_archives_are_refused(data, edits):
+    torn = data
+    for place, cut, put in edits:
+        at = place % (len(torn) + 1)
+        torn = torn[:at] + put + torn[at + cut :]
+    assert verify_bytes(torn).ok == (torn in HONEST)
+    _never_anything_else(torn)
+    # the same edits past the checksum
+    if torn[:2] == b"\xa7Z" and len(torn) > 7:
+        _never_anything_else(archives.compact(torn[2], torn[3:-4]))
