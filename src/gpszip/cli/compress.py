@@ -34,12 +34,13 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 @click.option("--clean", is_flag=True, help="Drop spikes: single points that no vehicle could have reached.")
 @click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
 @click.option("--split", is_flag=True, help="Begin a new track where time goes back.")
-@click.option("--skip-bad", is_flag=True, help="Leave out logs and rows that can't be read, name them, end with exit code 3.")
+@click.option("--skip-bad", is_flag=True, help="Leave out logs that can't be read, name them, end with exit code 3.")
 @click.option(
     "--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north, or names in order for a log without a header."
 )
 @click.option("--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Unit of a time column; found from its size where left out.")
 @click.option("--keep", metavar="COLUMNS", hidden=True)
+@click.option("--format", metavar="FORMAT", help="Format of the logs, csv, gpx, geojson or parquet; found from the content where left out.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @force
 @common
@@ -78,5 +79,5 @@ def _options(choices: dict[str, Any]) -> Any:
 
 
 def _reading(choices: dict[str, Any]) -> dict[str, Any]:
-    names = ("columns", "time_unit", "clean", "sort", "split", "skip_bad")
+    names = ("format", "columns", "time_unit", "clean", "sort", "split", "skip_bad")
     return {name: choices[name] for name in names}
