@@ -92,6 +92,7 @@ WALKS = b"\x00\x01\x00walks"
 SMALL = b"\x01\x06" + FRAME + b"\x02\x02" + NAMES + b"\x03\x08" + WALKS
 OPENING = [section(1, FRAME), section(2, NAMES)]
 TWO = [section(1, FRAME), section(2, b"\x08\0"), section(3, WALKS), section(3, b"\1" + WALKS[1:])]
+HERE = 3 + sum(map(len, OPENING))
 BOMB = bz2.compress(bytes(30_000_000))
 DEEP = bytes([128, 120]) + b"\0\0\0"
 
@@ -139,6 +140,9 @@ FORGED = {
     "large: index past the end": large([*OPENING, section(3, WALKS)], 1 << 47),
     "large: index in the head": large([*OPENING, section(3, WALKS)], 1),
     "large: index in a section": large([*OPENING, section(3, WALKS)], 3),
+    "large: hash after walks": large([*OPENING, section(3, WALKS), section(4, bytes(16))]),
+    "large: index too early": large([*OPENING, section(3, WALKS), section(6, b"\1" + number(HERE) + b"\x12\1\0"), section(9, b"")]),
+    "large: low 2": large([*OPENING, section(3, WALKS)], third=0x59),
     "large: kind 0": large([*OPENING, section(3, WALKS), section(0, b"")]),
     "large: span past 64 bits": large([*OPENING, section(3, b"\0\1" + number((1 << 64) - 1) + number((1 << 64) - 2))]),
     "large: many sections": large([*OPENING, section(3, WALKS)] + [section(9, b"")] * 5_000),
@@ -177,6 +181,8 @@ def test_honest_twins_of_the_forged_are_read():
     assert from_bytes(compact(1 | 2 << 3, DEEP + NAMES + bz2.compress(b"walks"))).groups[0].payload == b"walks"
     assert from_bytes(compact(0x39, SMALL)).ids == ("0",)
     assert from_bytes(large([*OPENING, section(3, WALKS)])).groups[0].payload == b"walks"
+    index = section(6, b"\1" + number(HERE) + b"\x12\1\0")
+    assert from_bytes(large([*OPENING, section(3, WALKS), section(9, b""), index])).groups[0].payload == b"walks"
 
 
 @pytest.mark.parametrize("way", ["deflate", "lzma"])

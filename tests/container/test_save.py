@@ -1,6 +1,5 @@
 import os
 import stat
-from pathlib import Path
 
 import pytest
 
@@ -60,14 +59,33 @@ def test_folders_are_named(tmp_path):
         save(CONTENTS, tmp_path / "file" / "walks.gpsz")
 
 
-def test_no_space_leaves_nothing_behind():
-    full = Path("/dev/full")
-    if not full.exists():
-        pytest.skip("this system has no /dev/full")
-    before = _names(Path("/dev"))
-    with pytest.raises(OutputError):
-        save(CONTENTS, full)
-    assert _names(Path("/dev")) == before
+def test_full_disk_leaves_nothing_behind(tmp_path):
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (10, before[1]))
+    try:
+        with pytest.raises(OutputError, match="File too large"):
+            save(CONTENTS, tmp_path / "walks.gpsz")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert _names(tmp_path) == []
+
+
+def test_link_stays_a_link(tmp_path):
+    (tmp_path / "real").mkdir()
+    (tmp_path / "real" / "walks.gpsz").touch()
+    (tmp_path / "link.gpsz").symlink_to(tmp_path / "real" / "walks.gpsz")
+    save(CONTENTS, tmp_path / "link.gpsz", force=True)
+    assert (tmp_path / "link.gpsz").is_symlink()
+    assert load(tmp_path / "real" / "walks.gpsz") == CONTENTS
+
+
+def test_devices_are_not_replaced(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    with pytest.raises(OutputError, match="no regular file"):
+        save(CONTENTS, pipe, force=True)
+    assert pipe.is_fifo()
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere")

@@ -73,7 +73,7 @@ def open_catalog(file: BinaryIO) -> Catalog:
     size = file.seek(0, os.SEEK_END)
     head = read_head(_read(file, 0, min(size, HEAD_BYTES)))
     index_offset = 0
-    if head.form is Form.SECTIONS and not head.low & 1:
+    if head.form is Form.SECTIONS and not head.low:
         index_offset = _index_offset(file, size)
     if not index_offset:
         contents = from_bytes(_read(file, 0, size))

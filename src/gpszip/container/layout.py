@@ -124,7 +124,10 @@ def read_head(data: bytes) -> Head:
         raise CorruptArchiveError(f"archive of version {version}; this GPSZip reads up to version {VERSION}: upgrade gpszip", 2)
     if version < 1:
         raise CorruptArchiveError("there is no version 0 of the format", 2)
-    return Head(Form(byte >> 3 & 3), byte >> 5 & 3, byte >> 7, version)
+    head = Head(Form(byte >> 3 & 3), byte >> 5 & 3, byte >> 7, version)
+    if head.form is Form.SECTIONS and head.low > 1:
+        raise CorruptArchiveError("no archive of version 1 has this form", 2)
+    return head
 
 
 def varint(value: int) -> bytes:

@@ -133,7 +133,7 @@ def read_file(path: str | os.PathLike[str]) -> bytes:
 
 def pieces(data: bytes, head: Head) -> list[Piece]:
     """Cut an archive of sections into them, checking every checksum; the end mark is checked and left out."""
-    if head.low & 1:
+    if head.low:
         return _small_pieces(data)
     cursor = Cursor(data, HEAD_BYTES)
     found: list[Piece] = []
@@ -252,6 +252,10 @@ def _check_order(found: list[Piece]) -> None:
     for piece in found:
         if piece.kind in {0, Kind.END} or (piece.kind in _ONCE and kinds.count(piece.kind) > 1):
             raise CorruptArchiveError(f"a section of kind {piece.kind} has no place here", piece.offset)
+    if Kind.MAP_HASH in kinds and Kind.WALKS in kinds[: kinds.index(Kind.MAP_HASH)]:
+        raise CorruptArchiveError("the map's hash comes after walks", HEAD_BYTES)
+    if Kind.INDEX in kinds[:-1]:
+        raise CorruptArchiveError("the index is not the last section", found[kinds.index(Kind.INDEX)].offset)
 
 
 def _check_index(found: list[Piece], walks: list[Piece], groups: tuple[Group, ...]) -> None:

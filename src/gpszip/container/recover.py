@@ -63,7 +63,7 @@ def recover_bytes(data: bytes) -> Recovered:
     except CorruptArchiveError as error:
         reason = error
     head = read_head(data)
-    if head.form is not Form.SECTIONS or head.low & 1:
+    if head.form is not Form.SECTIONS or head.low:
         raise reason
     found = {piece.offset: piece for piece in whole_pieces(data)}
     return _joined(list(found.values()), bool(head.high), len(data), str(reason))

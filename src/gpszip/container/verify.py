@@ -104,7 +104,7 @@ def verify_bytes(data: bytes) -> Verdict:
 def _form(head: Head) -> str:
     if head.form is not Form.SECTIONS:
         return "compact"
-    return "small" if head.low & 1 else "large"
+    return "small" if head.low else "large"
 
 
 def _reports(found: Iterable[Piece]) -> tuple[SectionReport, ...]:

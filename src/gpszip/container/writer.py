@@ -79,6 +79,10 @@ def save(contents: Contents, path: str | os.PathLike[str], *, force: bool = Fals
         raise OutputError(f"{target}: is a folder; name a file in it")
     if not force and os.path.lexists(target):
         raise _exists(target)
+    # a link stays one, and what it points to is replaced
+    target = Path(os.path.realpath(target))
+    if os.path.lexists(target) and not os.path.isfile(target):  # noqa: PTH113  # unlike pathlib's, it never raises
+        raise OutputError(f"{target}: is no regular file and can't be replaced")
     data = to_bytes(contents)
     try:
         _replace(target, data, force)

@@ -1,0 +1,45 @@
+import random
+
+import pytest
+
+from gpszip.container.text_model import MODEL_LIMIT, PRIME, model_bytes, read_model
+from gpszip.errors import CorruptArchiveError
+from oracle import text_model
+
+RANDOM = random.Random(7)
+
+TEXTS = [
+    b"\n",
+    b"infinite_corridor\n",
+    b"\n\n\n",
+    b"abc\nabd\nab\n\nabc\n",
+    "Überlingen\nÜberall\n".encode(),
+    bytes(range(256)) + b"\n",
+    bytes(RANDOM.choice(b"abc\n\xff") for _ in range(1500)) + b"\n",
+    RANDOM.randbytes(1000) + b"\n",
+    b"z" * (MODEL_LIMIT - 1) + b"\n",
+]
+
+
+@pytest.mark.parametrize("text", TEXTS, ids=range(len(TEXTS)))
+def test_text_comes_back_also_by_the_page_on_the_format(text):
+    data = model_bytes(text)
+    lines = text.count(b"\n")
+    assert read_model(data, lines, 0) == text
+    assert text_model.decode(data, lines) == text
+
+
+def test_page_and_package_begin_with_the_same_text():
+    assert text_model.prime() == PRIME
+
+
+def test_names_like_those_before_cost_bits():
+    few = model_bytes(b"".join(b"indoor run %d\n" % i for i in range(10)))
+    many = model_bytes(b"".join(b"indoor run %d\n" % i for i in range(20)))
+    assert len(many) - len(few) < 15
+
+
+@pytest.mark.parametrize("data", [b"", b"\xff" * 10, b"\x55" * 5000, RANDOM.randbytes(20_000)])
+def test_any_bytes_end(data):
+    with pytest.raises(CorruptArchiveError, match="go on past"):
+        read_model(data, 1 << 60, 3)
