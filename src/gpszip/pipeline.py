@@ -28,9 +28,6 @@ __all__ = ["compress", "decompress", "read", "segment_mean", "warm"]
 #: Share of the bound below which no target is tried.
 _LEAST_AIM = 0.1
 
-#: The root mean square error that goes with a maximum, to begin with.
-_RMSE_OF_MAXIMUM = 0.4
-
 #: Where a target was missed, the next one lies this much below what should do.
 _TIGHTER = 0.98
 
@@ -238,16 +235,16 @@ def _learned(job: _Job, target: Options) -> tuple[Frame, LatticeWalks] | None:
         from gpszip.mapping import independent
 
         return independent.learn(job.tracks, job.gaps, target, executor=job.executor, progress=job.listener)
-    from gpszip.mapping import connected
+    from gpszip.mapping import connected, maximum
 
-    return connected.learn(
-        job.tracks,
-        job.gaps,
-        rmse=target.rmse or _RMSE_OF_MAXIMUM * (target.max_error or 0.0),
-        effort=target.effort,
-        executor=job.executor,
-        progress=lambda done, whole: job.tell("learn", done / whole),
-    )
+    def tell(done: int, whole: int) -> None:
+        job.tell("learn", done / whole)
+
+    if target.rmse is not None:
+        return connected.learn(job.tracks, job.gaps, rmse=target.rmse, effort=target.effort, executor=job.executor, progress=tell)
+    if target.max_error is not None:
+        return maximum.learn(job.tracks, job.gaps, target.max_error, effort=target.effort, executor=job.executor, progress=tell)
+    return None
 
 
 def _measured(tracks: Sequence[Track], archive: Archive) -> Fit:
