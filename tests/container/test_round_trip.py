@@ -81,6 +81,15 @@ def test_payload_that_no_reader_would_expand_is_refused():
         to_bytes(one_group(archives.FLAT, ("0",), bytes((1 << 26) + 100_000), "bz2"))
 
 
+def test_more_than_readers_believe_is_refused():
+    with pytest.raises(OptionError, match="split the archive"):
+        to_bytes(one_group(archives.FLAT, tuple(map(str, range(100_000))), b""))
+    with pytest.raises(OptionError, match="make them larger"):
+        to_bytes(Contents(archives.FLAT, tuple(map(str, range(5000))), tuple(Group(i, 1, b"") for i in range(5000))))
+    many = one_group(archives.FLAT, tuple(map(str, range(100_000))), bytes(100_000))
+    assert from_bytes(to_bytes(many)) == many
+
+
 def test_surrogates_are_refused():
     with pytest.raises(InputError, match="surrogate"):
         to_bytes(one_group(archives.FLAT, ("\ud800",), b""))

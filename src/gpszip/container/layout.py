@@ -24,7 +24,9 @@ __all__ = [
     "head_bytes",
     "read_head",
     "section_bytes",
+    "section_limit",
     "signed",
+    "track_limit",
     "varint",
 ]
 
@@ -162,6 +164,16 @@ def section_bytes(kind: int, body: bytes) -> bytes:
     """Section of a large archive: marker, kind, length, body, checksum of kind to body."""
     content = bytes([kind]) + varint(len(body)) + body
     return MARKER + content + checksum(content)
+
+
+def track_limit(size: int) -> int:
+    """Most tracks that an archive of so many bytes can name."""
+    return (1 << 16) + 8 * size
+
+
+def section_limit(size: int) -> int:
+    """Most sections before the end mark of a large archive of so many bytes."""
+    return (1 << 12) + size // 1024
 
 
 @dataclass

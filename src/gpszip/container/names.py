@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gpszip.container.expansion import deflate, inflate, pack_lzma, unpack_lzma
-from gpszip.container.layout import Cursor, varint
+from gpszip.container.layout import Cursor, track_limit, varint
 from gpszip.container.number_steps import read_steps, steps_bytes
 from gpszip.container.text_model import MODEL_LIMIT, model_bytes, read_model
 from gpszip.errors import InputError
@@ -12,10 +12,6 @@ __all__ = ["TEXT_LIMIT", "names_bytes", "read_names"]
 
 #: Compressed names expand to at most this many bytes of text; longer lists are stored as they are.
 TEXT_LIMIT = 1 << 24
-
-#: Number of tracks that a file may name: these, and so many for each of its bytes.
-_FREE_TRACKS = 1 << 16
-_TRACKS_PER_BYTE = 8
 
 _COUNTED, _PADDED, _LISTED, _PACKED = range(4)
 _DEFLATED, _LZMA, _MODEL, _STEPS = range(4)
@@ -60,7 +56,7 @@ def read_names(cursor: Cursor, file_size: int) -> tuple[str, ...]:
     """
     head = cursor.varint("the number of tracks")
     count, method = head >> 2, head & 3
-    if count > _FREE_TRACKS + _TRACKS_PER_BYTE * file_size:
+    if count > track_limit(file_size):
         raise cursor.fail(f"{count} tracks in {file_size} bytes")
     if method in {_COUNTED, _PADDED}:
         return _read_numbered(cursor, count, method == _PADDED)

@@ -12,7 +12,19 @@ from gpszip.container.contents import LONE_ID, Contents, Group, Section, complai
 from gpszip.container.expansion import unpack_bz2
 from gpszip.container.frame_record import read_frame, read_short_frame
 from gpszip.container.group_index import entry, index_body, read_end, read_group
-from gpszip.container.layout import CHECKSUM_BYTES, HEAD_BYTES, MARKER, SMALL_LIMIT, Cursor, Form, Head, Kind, checksum, read_head
+from gpszip.container.layout import (
+    CHECKSUM_BYTES,
+    HEAD_BYTES,
+    MARKER,
+    SMALL_LIMIT,
+    Cursor,
+    Form,
+    Head,
+    Kind,
+    checksum,
+    read_head,
+    section_limit,
+)
 from gpszip.container.names import read_names
 from gpszip.errors import CorruptArchiveError, InputError
 
@@ -35,10 +47,6 @@ LAYER_FREE = 1 << 26
 LAYER_RATIO = 16
 
 T = TypeVar("T")
-
-#: Sections that are believed, and one more for so many bytes of the file.
-_SECTIONS = 1 << 12
-_BYTES_PER_SECTION = 1 << 10
 
 _ONCE = {Kind.FRAME, Kind.NAMES, Kind.MAP_HASH, Kind.INDEX}
 
@@ -142,7 +150,7 @@ def pieces(data: bytes, head: Head) -> list[Piece]:
         if piece.kind == Kind.END:
             break
         found.append(piece)
-        if len(found) > _SECTIONS + len(data) // _BYTES_PER_SECTION:
+        if len(found) > section_limit(len(data)):
             raise cursor.fail("too many sections")
     _check_end(data, piece, found)
     cursor.finish("the archive")

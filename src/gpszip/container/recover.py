@@ -10,7 +10,7 @@ from gpszip.container.contents import Contents, Group, Section, complaint
 from gpszip.container.expansion import unpack_bz2
 from gpszip.container.frame_record import read_frame
 from gpszip.container.group_index import read_group
-from gpszip.container.layout import HEAD_BYTES, MARKER, Cursor, Form, Kind, read_head
+from gpszip.container.layout import HEAD_BYTES, MARKER, Cursor, Form, Kind, read_head, track_limit
 from gpszip.container.names import read_names
 from gpszip.container.reader import Piece, from_bytes, layer_limit, read_file, read_piece
 from gpszip.errors import CorruptArchiveError
@@ -133,7 +133,7 @@ def _names(found: list[Piece], groups: list[Group], size: int, lost: list[str]) 
             if len(ids) < needed:
                 raise CorruptArchiveError(f"walks of {needed} tracks, names of {len(ids)}", piece.offset)
             return ids
-    if needed > 8 * size:
+    if needed > track_limit(size):
         raise CorruptArchiveError(f"walks of {needed} tracks in {size} bytes")
     lost.append("the names of all tracks; they are numbered instead")
     return tuple(map(str, range(needed)))

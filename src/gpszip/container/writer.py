@@ -11,7 +11,20 @@ from gpszip.container.contents import LONE_ID, Contents, Group, complaint
 from gpszip.container.expansion import pack_bz2
 from gpszip.container.frame_record import fits_head, frame_bytes, is_whole, short_frame_bytes, short_shape
 from gpszip.container.group_index import Entry, end_body, entry, group_body, index_body
-from gpszip.container.layout import CHECKSUM_BYTES, HEAD_BYTES, SMALL_LIMIT, Form, Head, Kind, checksum, head_bytes, section_bytes, varint
+from gpszip.container.layout import (
+    CHECKSUM_BYTES,
+    HEAD_BYTES,
+    SMALL_LIMIT,
+    Form,
+    Head,
+    Kind,
+    checksum,
+    head_bytes,
+    section_bytes,
+    section_limit,
+    track_limit,
+    varint,
+)
 from gpszip.container.names import names_bytes
 from gpszip.container.reader import layer_limit
 from gpszip.errors import OptionError, OutputError
@@ -44,12 +57,12 @@ def to_bytes(contents: Contents) -> bytes:
     wrong = complaint(contents)
     if wrong:
         raise OptionError(f"this can't be written as an archive: {wrong}")
-    wrapped = _wrapped(contents)
-    if len(contents.groups) == 1:
-        whole = _compact(contents, wrapped[0]) if _is_plain(contents) else _small(contents, wrapped)
-        if _is_plain(contents) or len(whole) < SMALL_LIMIT:
-            return whole
-    return _large(contents, wrapped)
+    data = _shortest(contents, _wrapped(contents))
+    if len(contents.ids) > track_limit(len(data)):
+        raise OptionError(f"{len(contents.ids)} tracks in {len(data)} bytes are more than readers believe; split the archive")
+    if len(contents.groups) + len(contents.extras) + 4 > section_limit(len(data)):
+        raise OptionError(f"{len(contents.groups)} groups in {len(data)} bytes are more than readers believe; make them larger")
+    return data
 
 
 def save(contents: Contents, path: str | os.PathLike[str], *, force: bool = False) -> int:
@@ -140,6 +153,15 @@ def _sync_folder(folder: Path) -> None:
             os.fsync(handle)
         finally:
             os.close(handle)
+
+
+def _shortest(contents: Contents, wrapped: list[bytes]) -> bytes:
+    if len(contents.groups) > 1:
+        return _large(contents, wrapped)
+    if _is_plain(contents):
+        return _compact(contents, wrapped[0])
+    small = _small(contents, wrapped)
+    return small if len(small) < SMALL_LIMIT else _large(contents, wrapped)
 
 
 def _is_plain(contents: Contents) -> bool:
