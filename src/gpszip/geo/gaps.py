@@ -23,9 +23,9 @@ def estimate_gap(tracks: Sequence[Track]) -> float:
 
     With the median and the 95th percentile of all intervals it is
 
-        ``max(10 s, 10 * median, min(5 * percentile, 60 * median))``
+        ``max(10 s, 30 * median, min(5 * percentile, 60 * median))``
 
-    so that ten missed samples are a gap where the log is regular, and more of them where its rhythm varies; the cap
+    so that thirty missed samples are a gap where the log is regular, and more of them where its rhythm varies; the cap
     keeps a log of short bursts, whose 95th percentile is a pause itself, from having none. No gap is shorter than ten usual
     intervals of any track, so that the slow vehicles of a mixed fleet stay whole.
 
@@ -44,7 +44,7 @@ def estimate_gap(tracks: Sequence[Track]) -> float:
     >>> regular = Track("a", range(100), [[t, 0.0] for t in range(100)])
     >>> pause = Track("b", [0, 1, 2, 3, 500], [[0.0, 0.0]] * 5)
     >>> estimate_gap([regular]), estimate_gap([regular, pause])
-    (inf, 10.0)
+    (inf, 30.0)
     """
     steps = [_milliseconds(track.times) for track in tracks if len(track) > 1]
     if not steps:
@@ -52,7 +52,7 @@ def estimate_gap(tracks: Sequence[Track]) -> float:
     pooled = np.concatenate(steps)
     median, high = np.quantile(pooled, [0.5, 0.95])
     usual = max((float(np.median(own)) for own in steps if len(own) >= _ENOUGH), default=0.0)
-    gap = round(max(1000 * _SHORTEST, 10 * median, 10 * usual, min(5 * high, 60 * median)))
+    gap = round(max(1000 * _SHORTEST, 30 * median, 10 * usual, min(5 * high, 60 * median)))
     return gap / 1000 if pooled.max() > gap else float("inf")
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,9 @@ from gpszip.model.frame import quantum, quantum_index
 
 __all__ = ["learn"]
 
+#: Size that stands for a bound not kept.
+_NEVER = 1 << 62
+
 
 @dataclass(frozen=True)
 class _Trial:
@@ -25,21 +28,16 @@ class _Trial:
     leader: float
 
 
-#: What is tried at each effort, in this order.
-_TRIALS = (
-    _Trial(1.2, 2.0, 1.2),
-    _Trial(0.8, 1.0, 1.2),
-    _Trial(1.2, 3.0, 0.0),
-    _Trial(1.2, 2.0, 2.0),
-    _Trial(1.0, 2.0, 0.8),
-    _Trial(1.2, 3.0, 1.6),
-    _Trial(1.6, 2.0, 1.2),
-    _Trial(1.4, 2.5, 0.8),
-    _Trial(1.0, 1.4, 1.6),
-    _Trial(1.2, 2.0, 0.0),
-    _Trial(0.8, 1.4, 0.8),
-    _Trial(1.6, 3.0, 2.0),
-)
+#: Where the search for quanta starts, and the factors by which it steps.
+_FIRST = _Trial(1.2, 2.0, 1.2)
+_STEPS = ((1 / 1.5, 1 / 1.5), (1.0, 1 / 1.6), (1.0, 1.6), (1 / 1.4, 1.0), (1.4, 1.0))
+
+#: Leader radii tried at the quanta found, and what else is tried around them, in this order.
+_STARTS = ((1.0, 1.0, 2.0), (1.0, 1.0, 0.0), (1.0, 1.0, 0.7), (1.0, 1.0, 1.6), (0.9, 1.0, 1.2), (1.1, 1.1, 1.2), (1.0, 1.25, 1.2),
+           (1.0, 0.8, 1.2), (1.1, 1.0, 2.0), (0.9, 0.9, 0.0), (1.2, 1.2, 0.7), (0.9, 1.25, 2.0))  # fmt: skip
+
+#: Samples of the excerpt on which quanta are chosen.
+_EXCERPT = 12_000
 
 
 def learn(
@@ -53,6 +51,8 @@ def learn(
 ) -> tuple[Frame, LatticeWalks] | None:
     """Learn a connected map and the tracks' walks on it at a root mean square error of at most ``rmse`` metres.
 
+    Quanta are chosen by a pattern search on an excerpt, then maps are learnt from several starts.
+
     Parameters
     ----------
     tracks : sequence of Track
@@ -62,7 +62,7 @@ def learn(
     rmse : float
         Root mean square of the synchronised distance over all samples of all tracks, in metres.
     effort : int, default 5
-        From 1 (one search) to 9 (twelve searches).
+        From 1 (one start) to 9 (thirteen).
     executor : Executor, optional
         Where the searches run; their results do not depend on it.
     progress : callable, optional
@@ -73,18 +73,12 @@ def learn(
     (Frame, LatticeWalks) or None
         The smallest that was found; None if none kept the bound.
     """
-    speed = _typical_speed(tracks, gaps, rmse)
-    trials = _TRIALS[: _count_trials(effort)]
+    search = _Search(tuple(tracks), tuple(gaps), rmse)
+    chosen = _choose_quanta(search.excerpt(_EXCERPT))
+    trials = [chosen, *(_Trial(chosen.space * s, chosen.time * t, r) for s, t, r in _STARTS[: _count_starts(effort, search)])]
     run = map if executor is None else executor.map
-
-    def search(trial: _Trial) -> tuple[Frame, Outcome | None]:
-        frame = _frame(tracks, rmse, speed, trial)
-        slots = lay_slots(tracks, gaps, frame)
-        return frame, fit(slots, len(tracks), Plan(target=0.9995 * rmse / quantum(frame.space), leader=trial.leader))
-
     best: tuple[Frame, Outcome] | None = None
-    found: Iterable[tuple[Frame, Outcome | None]] = run(search, trials)
-    for done, (frame, outcome) in enumerate(found, 1):
+    for done, (frame, outcome) in enumerate(run(search.run, trials), 1):
         if outcome is not None and (best is None or outcome.size < best[1].size):
             best = frame, outcome
         if progress is not None:
@@ -92,8 +86,63 @@ def learn(
     return None if best is None else (best[0], best[1].walks)
 
 
-def _count_trials(effort: int) -> int:
-    return (1, 1, 2, 2, 3, 4, 6, 8, 12)[effort - 1]
+@dataclass(frozen=True)
+class _Search:
+    """What all searches of one log have in common."""
+
+    tracks: tuple[Track, ...]
+    gaps: tuple[NDArray[np.bool_], ...]
+    rmse: float
+    rounds: int = 12
+
+    @property
+    def samples(self) -> int:
+        return sum(len(track) for track in self.tracks)
+
+    def run(self, trial: _Trial) -> tuple[Frame, Outcome | None]:
+        frame = _frame(self.tracks, self.rmse, _typical_speed(self.tracks, self.gaps, self.rmse), trial)
+        slots = lay_slots(self.tracks, self.gaps, frame)
+        plan = Plan(target=0.9995 * self.rmse / quantum(frame.space), leader=trial.leader, rounds=self.rounds)
+        return frame, fit(slots, len(self.tracks), plan)
+
+    def excerpt(self, samples: int) -> _Search:
+        """Whole tracks, evenly chosen, or the start of one, of about so many samples in all."""
+        if self.samples <= samples:
+            return self
+        stride = max(1, min(len(self.tracks), self.samples // samples))
+        tracks, gaps, left = [], [], samples
+        for track, gap in list(zip(self.tracks, self.gaps, strict=True))[::stride]:
+            count = min(len(track), left)
+            if count > 0:
+                tracks.append(Track(track.id, track.times[:count], track.positions[:count], plane=track.plane))
+                gaps.append(gap[: count - 1])
+                left -= count
+        return _Search(tuple(tracks), tuple(gaps), self.rmse, 8)
+
+
+def _choose_quanta(search: _Search) -> _Trial:
+    """Walk downhill on the coded size from the usual quanta."""
+    known: dict[_Trial, int] = {}
+
+    def size(trial: _Trial) -> int:
+        if trial not in known:
+            outcome = search.run(trial)[1]
+            known[trial] = _NEVER if outcome is None else outcome.size
+        return known[trial]
+
+    best = _FIRST
+    for _ in range(4):
+        around = [_Trial(best.space * s, best.time * t, best.leader) for s, t in _STEPS]
+        nearer = min(around, key=size)
+        if size(nearer) >= size(best) and size(best) < _NEVER:
+            break
+        best = nearer if size(nearer) < _NEVER else around[0]
+    return best
+
+
+def _count_starts(effort: int, search: _Search) -> int:
+    most = 2_000_000 // search.samples
+    return min((0, 0, 1, 2, 3, 4, 6, 9, 12)[effort - 1], max(most, effort // 3))
 
 
 def _frame(tracks: Sequence[Track], rmse: float, speed: float, trial: _Trial) -> Frame:

@@ -36,6 +36,8 @@ __all__ = ["Outcome", "Plan", "fit"]
 #: Steps of the walks' kinds in the coder's ledger.
 _BACK, _KNOWN, _LINK, _NEW, _STAY = range(5)
 _NEAR_NODES = 5
+#: Power of the error's excess by which the price rises after the first miss.
+_PUSH = 2.5
 
 
 @dataclass(frozen=True)
@@ -83,34 +85,33 @@ def fit(slots: Slots, tracks: int, plan: Plan) -> Outcome | None:
     Outcome or None
         The smallest that was met on the way; None if no round met the target.
     """
-    at, places, price, bits = _private_chains(slots, plan)
+    at, places, price = _private_chains(slots, plan)
     at, places = _gather(slots, at, places, plan)
     best: Outcome | None = None
+    push = _PUSH
+    bits = _prices(None, price, len(places))
     for turn in range(plan.rounds):
         at, places = _settle(slots, at, places, plan, bits, turn)
         at, places = _merge(slots, at, places, plan, bits)
         outcome, ledger = _realise(slots, at, places, tracks)
-        if outcome.error <= plan.target and (best is None or outcome.size < best.size):
+        miss = outcome.error / plan.target
+        if miss <= 1 and (best is None or outcome.size < best.size):
             best = outcome
         if turn >= 1:
-            miss = outcome.error / (0.995 * plan.target)
-            price *= miss ** (2.5 if miss > 1 else 1.5)
-        import os
-        if os.environ.get("GZ"):
-            print(turn, outcome.size, round(outcome.error/plan.target,3), len(outcome.walks.nodes), (at>=0).sum(), np.round(ledger[:,0]/8,1), ledger[:,1].astype(int), np.round(bits,2))
+            # a map that lags behind its price is pushed harder each round
+            push = push + 1.5 if miss > 1 else _PUSH
+            price *= (miss / 0.995) ** (push if miss > 1 else 1.5)
         bits = _prices(ledger, price, len(outcome.walks.nodes))
     return best
 
 
-def _private_chains(slots: Slots, plan: Plan) -> tuple[NDArray[np.int64], NDArray[np.float64], float, NDArray[np.float64]]:
+def _private_chains(slots: Slots, plan: Plan) -> tuple[NDArray[np.int64], NDArray[np.float64], float]:
     """Give every piece the cheapest chain of its own, at a price that meets the target."""
     price = 0.3 * len(slots.cells) / (slots.samples * plan.target**2)
     at = np.full(len(slots.cells), -1, np.int64)
     for _ in range(4):
         for first, last in zip(slots.firsts.tolist(), slots.lasts.tolist(), strict=True):
-            settle_chain(
-                slots.sums, slots.ticks, slots.centers, slots.places, slots.place_unit, first, last, price, 7.0, plan.widest, at
-            )
+            settle_chain(slots.sums, slots.ticks, slots.centers, slots.places, slots.place_unit, first, last, price, 7.0, plan.widest, at)
         at[at >= 0] = np.arange((at >= 0).sum())
         places = _place(slots, at, slots.places[at >= 0])
         error = np.sqrt(squared_error(list_parts(slots, at), places) / slots.samples)
@@ -118,12 +119,10 @@ def _private_chains(slots: Slots, plan: Plan) -> tuple[NDArray[np.int64], NDArra
         if 0.95 < miss < 1.05:
             break
         price *= min(max(miss**1.6, 0.02), 50.0)
-    return at, places, price, _prices(None, price, len(places))
+    return at, places, price
 
 
-def _gather(
-    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], plan: Plan
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _gather(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], plan: Plan) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Let knots that are near each other share a node."""
     if plan.leader <= 0:
         return at, places
@@ -204,9 +203,7 @@ def _merge(
     return at, _place(slots, at, places)
 
 
-def _realise(
-    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int
-) -> tuple[Outcome, NDArray[np.float64]]:
+def _realise(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int) -> tuple[Outcome, NDArray[np.float64]]:
     """Round the places, code the walks and measure what came out."""
     parts = list_parts(slots, at)
     rounded = round_nodes(*normal_equations(parts, places), places)
