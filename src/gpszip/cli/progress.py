@@ -29,11 +29,14 @@ def progress(*, quiet: bool) -> Iterator[Listener | None]:
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
+    from gpszip.kernels.compiling import noticing
+
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("read", total=None)
+        task = bar.add_task("begin", total=None)
 
         def show(event: Progress) -> None:
             bar.update(task, description=event.stage, completed=event.done, total=1.0)
 
-        yield show
+        with noticing(lambda: bar.update(task, description="compile, once for this installation", total=None)):
+            yield show

@@ -16,12 +16,14 @@ __all__ = ["command"]
 @common
 @click.pass_obj
 def command(settings: Settings) -> Outcome:
-    """Compile all kernels into the cache, once for each installation."""
+    """Compile all kernels into the cache, once for each installation; it takes a minute or two."""
     from gpszip import pipeline
     from gpszip.cli.output import say, show_json
+    from gpszip.cli.progress import progress
 
     start = time.perf_counter()
-    pipeline.warm()
+    with progress(quiet=settings.json):
+        pipeline.warm()
     seconds = time.perf_counter() - start
     if settings.json:
         show_json({"seconds": round(seconds, 3)})
