@@ -10,6 +10,8 @@ from gpszip.archive import open_archive
 from gpszip.errors import BoundError, InputError, OptionError
 from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.model import Options, Plane, Progress, Track
+from gpszip.run.serial import Serial
+from gpszip.run.threads import Threads
 from oracle.decoded import measure
 
 
@@ -135,6 +137,19 @@ def test_the_same_log_gives_the_same_bytes():
     tracks = LOGS["three tracks"]
     one, other = (pipeline.compress(tracks, Options(rmse=0.5, effort=2))[0].to_bytes() for _ in range(2))
     assert one == other
+
+
+@pytest.mark.parametrize("options", [Options(rmse=0.5), Options(max_error=1.0), Options(k=20, m=8)], ids=["rmse", "max", "thesis"])
+def test_neither_workers_nor_the_log_s_zero_change_the_walks(options):
+    track = wander(300)
+    track = Track("a", track.times, np.round(track.positions, 3))
+    serial = pipeline.compress(track, options, executor=Serial())[0]
+    assert pipeline.compress(track, options, executor=Threads(3))[0].to_bytes() == serial.to_bytes()
+    moved = pipeline.compress(Track("a", track.times + 1e9, track.positions + 1e7), options)[0]
+    assert moved.contents.groups == serial.contents.groups
+    assert (moved.frame.space, moved.frame.time) == (serial.frame.space, serial.frame.time)
+    assert moved.frame.epoch - serial.frame.epoch == 10**12
+    assert [a - b for a, b in zip(moved.frame.origin, serial.frame.origin, strict=True)] == [10**10, 10**10]
 
 
 def test_without_a_bound_a_sensible_one_is_chosen_and_told():

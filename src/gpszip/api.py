@@ -85,7 +85,7 @@ def compress(
     effort : int, default 5
         From 1, quick, to 9, small.
     executor : Executor, optional
-        Spreads the work; the archive is the same for any number of workers.
+        Spreads the work, by default over a thread for each core; the archive is the same for any number of workers.
     progress : callable, optional
         Called with :class:`~gpszip.model.report.Progress` events.
 

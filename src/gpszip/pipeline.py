@@ -46,7 +46,7 @@ class _Job:
     tracks: tuple[Track, ...]
     gaps: tuple[NDArray[np.bool_], ...]
     options: Options
-    executor: Executor | None
+    executor: Executor
     listener: Listener | None
 
     @property
@@ -84,7 +84,7 @@ def compress(
     options : Options, optional
         How. Without a bound, a sensible RMSE is estimated from the log.
     executor : Executor, optional
-        Spreads the work; the archive is the same for any number of workers.
+        Spreads the work, by default over a thread for each core; the archive is the same for any number of workers.
     progress : callable, optional
         Called with :class:`~gpszip.model.report.Progress` events.
 
@@ -104,12 +104,14 @@ def compress(
     BoundError
         If the bound can't be held.
     """
+    from gpszip.run.threads import Threads
+
     start = time.perf_counter()
     options = options or Options()
     whole = _checked(tracks)
     gap, gaps = _gaps(whole, options.gap)
     options, notes = _bounded(whole, gaps, options)
-    archive, fit = _within_bound(_Job(whole, gaps, options, executor, progress))
+    archive, fit = _within_bound(_Job(whole, gaps, options, executor or Threads(), progress))
     if not options.times:
         archive = new_archive(archive.frame, archive.ids, _without_times(archive.lattice), layer=options.layer)
         notes += ("times were left out after measuring: positions at a time can't be had from the archive",)
