@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 
 from gpszip.coding.walks import encode, number_by_visit
 from gpszip.mapping import connected
-from gpszip.mapping.fitting import synchronised_errors
+from gpszip.mapping.fitting import positions_at, synchronised_errors
 from gpszip.mapping.lattice_map import knot_times
 from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Track, Walk
 from gpszip.model.frame import quantum
@@ -31,8 +31,11 @@ _SNAP = 0.5
 #: How often the lattice is made finer, and how many indices of quanta make half the size.
 _REFINEMENTS, _OCTAVE = 8, 8
 
-#: Rounds after which a walk that still misses is left as it is.
-_ROUNDS = 40
+#: Share of the maximum to which a shift brings a sample.
+_WITHIN = 0.9
+
+#: Rounds without another knot, and rounds in all, after which a walk that still misses is given up.
+_STALE, _ROUNDS = 24, 400
 
 
 def learn(
@@ -137,13 +140,21 @@ def _mend_walk(
     track: Track, walk: LatticeWalk, nodes: NDArray[np.int64], frame: Frame, max_error: float
 ) -> tuple[LatticeWalk, NDArray[np.int64], bool]:
     """Walk and nodes after mending, and whether the maximum is still missed."""
+    stale = 0
     for turn in range(_ROUNDS):
         worst = _worst_samples(track, walk, nodes, frame, max_error)
         if len(worst) == 0:
             return walk, nodes, False
-        cells = _cells(track.times[worst], walk, frame, beside=turn % 2 == 1)
-        places, nodes = _places(track, cells, nodes, frame, _SNAP ** (1 + turn / 4) * max_error)
-        walk = _with_knots(walk, cells, places)
+        if stale > _STALE:
+            break
+        knots = len(walk.cells)
+        if stale and turn % 2 == 0:
+            walk, nodes = _shift_knots(track, worst, walk, nodes, frame, max_error)
+        else:
+            cells = _cells(track.times[worst], walk, frame, beside=turn % 2 == 1)
+            places, nodes = _places(track, cells, nodes, frame, _SNAP ** (1 + turn / 4) * max_error)
+            walk = _with_knots(walk, cells, places)
+        stale = stale + 1 if len(walk.cells) == knots else 0
     return walk, nodes, True
 
 
@@ -158,6 +169,26 @@ def _worst_samples(track: Track, walk: LatticeWalk, nodes: NDArray[np.int64], fr
     first = np.append(True, np.diff(part[order]) > 0)[: len(order)]
     worst: NDArray[np.intp] = np.sort(bad[order[first]])
     return worst
+
+
+def _shift_knots(
+    track: Track, worst: NDArray[np.intp], walk: LatticeWalk, nodes: NDArray[np.int64], frame: Frame, max_error: float
+) -> tuple[LatticeWalk, NDArray[np.int64]]:
+    """Where samples lie between knots in adjacent cells, move the nearer knot so far that the sample comes within the maximum."""
+    at, size = (track.times[worst] - frame.epoch / 1000) / quantum(frame.time), quantum(frame.space)
+    cells = np.clip(np.rint(at).astype(np.int64), walk.cells[0], walk.cells[-1])
+    second = cells + np.where(at >= cells, 1, -1)
+    tight = np.isin(cells, walk.cells) & np.isin(second, walk.cells)
+    worst, at, cells = worst[tight], at[tight], cells[tight]
+    knot = np.searchsorted(walk.cells, cells)
+    corner = np.asarray(frame.origin, dtype=np.float64) / 1000
+    decoded = Walk(track.id, walk.nodes, knot_times(walk.cells, frame), walk.gaps)
+    away = track.positions[worst] - positions_at(decoded, corner + nodes * size, track.times[worst])
+    pull = (1 - _WITHIN * max_error / np.linalg.norm(away, axis=1)) / (1 - np.abs(at - cells))
+    places = nodes[walk.nodes[knot]] + np.rint(away * pull[:, None] / size).astype(np.int64)
+    moved = walk.nodes.copy()
+    moved[knot] = np.arange(len(nodes), len(nodes) + len(knot), dtype=np.int32)
+    return replace(walk, nodes=moved), np.concatenate((nodes, places))
 
 
 def _cells(times: NDArray[np.float64], walk: LatticeWalk, frame: Frame, *, beside: bool) -> NDArray[np.int64]:
