@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,7 +13,7 @@ from gpszip.kernels.walk_coder import code_walks
 from gpszip.kernels.walk_model import new_model
 from gpszip.model import LatticeWalk, LatticeWalks
 
-__all__ = ["decode", "encode", "number_by_visit"]
+__all__ = ["decode", "encode", "encode_with_ledger", "number_by_visit"]
 
 _TIMED, _GAPPED = 1, 2
 #: An archive holds at most this many knots for each byte, so that forged counts can't ask for memory.
@@ -60,6 +62,11 @@ def encode(walks: LatticeWalks) -> bytes:
     >>> decode(data, dimension=2, tracks=1).walks[0].cells.tolist()
     [0, 9, 18]
     """
+    return encode_with_ledger(walks)[0]
+
+
+def encode_with_ledger(walks: LatticeWalks) -> tuple[bytes, NDArray[np.float64]]:
+    """Code walks as :func:`encode` does, and return what the bits were spent on, by ``walk_model.ACCOUNTS``: bits, and how often."""
     nodes, cells, gaps, begins = _flat(walks)
     dimension = walks.nodes.shape[1]
     capacity = 64 + 16 * len(nodes) + 16 * walks.nodes.size
@@ -74,7 +81,7 @@ def encode(walks: LatticeWalks) -> bytes:
         capacity *= 4
     least = -(-(len(nodes) - _KNOTS_AT_LEAST) // _KNOTS_PER_BYTE)
     flags = _TIMED * walks.timed + _GAPPED * bool(gaps.any())
-    return _varint(4 * len(nodes) + flags) + payload + bytes(max(least - len(payload), 0))
+    return _varint(4 * len(nodes) + flags) + payload + bytes(max(least - len(payload), 0)), model.ledger
 
 
 def decode(data: bytes, dimension: int, tracks: int) -> LatticeWalks:
@@ -107,10 +114,7 @@ def decode(data: bytes, dimension: int, tracks: int) -> LatticeWalks:
     if timed and (np.diff(cells)[begins[1:] == 0] <= 0).any():
         raise CorruptArchiveError("times of the walks go back")
     bounds = np.append(np.flatnonzero(begins), knots)
-    walks = tuple(
-        LatticeWalk(nodes[a:b].astype(np.int32), cells[a:b].copy(), gaps[a + 1 : b] == 1)
-        for a, b in zip(bounds[:-1], bounds[1:], strict=True)
-    )
+    walks = tuple(LatticeWalk(nodes[a:b].astype(np.int32), cells[a:b].copy(), gaps[a + 1 : b] == 1) for a, b in pairwise(bounds.tolist()))
     return LatticeWalks(model.places[:found].copy(), walks, timed)
 
 

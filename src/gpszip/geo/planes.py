@@ -197,7 +197,8 @@ def _directions(lat: Floats, lon: Floats) -> Floats:
 
 
 def _quantised(lat: float, lon: float) -> tuple[int, int]:
-    return round(float(lat) * _UNITS), round(float(lon) * _UNITS)
+    # hundredths of a degree take fewer bytes in an archive, and a plane a kilometre off is as good
+    return round(float(lat) * 100) * int(_UNITS // 100), round(float(lon) * 100) * int(_UNITS // 100)
 
 
 def _median_center(directions: Floats) -> list[tuple[int, int]]:

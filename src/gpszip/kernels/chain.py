@@ -40,13 +40,21 @@ def settle_chain(
     best[0] = 0.0
     m, n = np.empty(dimension), np.empty(dimension)
     center = np.empty(dimension)
+    # the best line's error grows with a span at either end: the first origin worth a look only moves on
+    lowest = 0
     for g in range(1, count):
         b = first + g
-        for e in range(g - 1, max(g - widest, 0) - 1, -1):
-            a = first + e
+        lowest = max(lowest, g - widest)
+        while lowest < g - 1:
+            a = first + lowest
             w, u1, u2, q = span_moments(sums, a, b, ticks[a], ticks[b], centers[a], place_unit, m, n)
-            if price * free_cost(w, u1, u2, q, m, n) > _TOO_DEAR and e < g - 1:
+            if price * free_cost(w, u1, u2, q, m, n) <= _TOO_DEAR:
                 break
+            lowest += 1
+        for e in range(lowest, g):
+            if best[e] + knot_bits >= best[g]:
+                continue
+            a = first + e
             far = 0.0
             for axis in range(dimension):
                 center[axis] = centers[a, axis] / place_unit
@@ -54,6 +62,7 @@ def settle_chain(
             cost = best[e] + knot_bits + 2.0 * np.log2(1.0 + far)
             if cost >= best[g]:
                 continue
+            w, u1, u2, q = span_moments(sums, a, b, ticks[a], ticks[b], centers[a], place_unit, m, n)
             cost += price * line_cost(w, u1, u2, q, m, n, places[a], places[b], center)
             if cost < best[g]:
                 best[g] = cost

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.draft import HALVES, NODES, Draft, count_step, drop, near, room, steps, take_node
+from gpszip.kernels.draft import Draft, count_step, drop, near, room, steps, take_node
 from gpszip.kernels.jit import jit
 from gpszip.kernels.moments import free_cost, span_moments
 
@@ -134,18 +134,28 @@ def _relax(
     error = prices[ERROR]
     ends = np.empty(width)
     b = np.empty(dimension)
+    # the best line's error grows with a span at either end: the first origin worth a look only moves on
+    lowest = 0
+    quickest = min(prices[TIME], prices[STAY_TIME])
     for row in range(1, rows):
         g = first + row
-        for origin in range(row - 1, max(row - widest, 0) - 1, -1):
-            a = first + origin
+        lowest = max(lowest, row - widest)
+        while lowest < row - 1:
+            a = first + lowest
             w, u1, u2, q = span_moments(sums, a, g, ticks[a], ticks[g], centers[a], place_unit, m, n)
-            least = error * free_cost(w, u1, u2, q, m, n)
-            if least > _TOO_DEAR and origin < row - 1:
+            if error * free_cost(w, u1, u2, q, m, n) <= _TOO_DEAR:
                 break
+            lowest += 1
+        for origin in range(lowest, row):
+            a = first + origin
             worst = 0.0
             for c in range(counts[row]):
                 worst = max(worst, best[row, c])
-            if cheapest[origin] + least + prices[TIME] >= worst:
+            if cheapest[origin] + quickest >= worst:
+                continue
+            w, u1, u2, q = span_moments(sums, a, g, ticks[a], ticks[g], centers[a], place_unit, m, n)
+            least = error * free_cost(w, u1, u2, q, m, n)
+            if cheapest[origin] + least + quickest >= worst:
                 continue
             for c in range(counts[row]):
                 total = 0.0
@@ -155,7 +165,7 @@ def _relax(
                 ends[c] = total
             for o in range(counts[origin]):
                 reached = best[origin, o]
-                if reached + least + prices[TIME] >= worst:
+                if reached + least + quickest >= worst:
                     continue
                 begin = q
                 for axis in range(dimension):

@@ -16,7 +16,6 @@ from gpszip.kernels.adaptive import (
     PARTS,
     SIZES,
     TWO_SIDED,
-    WEIGHT,
     code_bit,
     code_choice,
     code_mixture,

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.mapping.rounds import Outcome, Plan, fit
-from gpszip.mapping.slots import Slots, lay_slots
+from gpszip.mapping.slots import lay_slots
 from gpszip.model import Executor, Frame, LatticeWalks, Track
 from gpszip.model.frame import quantum, quantum_index
 
 __all__ = ["learn"]
+
+_Found = tuple[Frame, Outcome | None]
+_Run = Callable[[Callable[["_Trial"], _Found], Iterable["_Trial"]], Iterable[_Found]]
 
 #: Size that stands for a bound not kept.
 _NEVER = 1 << 62
@@ -38,6 +42,12 @@ _STARTS = ((1.0, 1.0, 2.0), (1.0, 1.0, 0.0), (1.0, 1.0, 0.7), (1.0, 1.0, 1.6), (
 
 #: Samples of the excerpt on which quanta are chosen.
 _EXCERPT = 12_000
+
+#: Rounds of a search that only compares quanta.
+_ROUGH_ROUNDS = 8
+
+#: Rounds are spent on thin slots where these are at most this share of all.
+_THIN = 0.7
 
 
 def learn(
@@ -74,9 +84,9 @@ def learn(
         The smallest that was found; None if none kept the bound.
     """
     search = _Search(tuple(tracks), tuple(gaps), rmse)
-    chosen = _choose_quanta(search.excerpt(_EXCERPT))
-    trials = [chosen, *(_Trial(chosen.space * s, chosen.time * t, r) for s, t, r in _STARTS[: _count_starts(effort, search)])]
     run = map if executor is None else executor.map
+    chosen = _choose_quanta(search.excerpt(_EXCERPT), run)
+    trials = [chosen, *(_Trial(chosen.space * s, chosen.time * t, r) for s, t, r in _STARTS[: _count_starts(effort, search)])]
     best: tuple[Frame, Outcome] | None = None
     for done, (frame, outcome) in enumerate(run(search.run, trials), 1):
         if outcome is not None and (best is None or outcome.size < best[1].size):
@@ -94,21 +104,25 @@ class _Search:
     gaps: tuple[NDArray[np.bool_], ...]
     rmse: float
     rounds: int = 12
+    rough: bool = False
 
     @property
     def samples(self) -> int:
         return sum(len(track) for track in self.tracks)
 
-    def run(self, trial: _Trial) -> tuple[Frame, Outcome | None]:
+    def run(self, trial: _Trial) -> _Found:
         frame = _frame(self.tracks, self.rmse, _typical_speed(self.tracks, self.gaps, self.rmse), trial)
-        slots = lay_slots(self.tracks, self.gaps, frame)
         plan = Plan(target=0.9995 * self.rmse / quantum(frame.space), leader=trial.leader, rounds=self.rounds)
-        return frame, fit(slots, len(self.tracks), plan)
+        thin = lay_slots(self.tracks, self.gaps, frame, sparse=True)
+        if self.rough:
+            return frame, fit(thin, len(self.tracks), plan)
+        slots = lay_slots(self.tracks, self.gaps, frame)
+        return frame, fit(slots, len(self.tracks), plan, thin=thin if len(thin.cells) < _THIN * len(slots.cells) else None)
 
     def excerpt(self, samples: int) -> _Search:
         """Whole tracks, evenly chosen, or the start of one, of about so many samples in all."""
         if self.samples <= samples:
-            return self
+            return replace(self, rounds=_ROUGH_ROUNDS, rough=True)
         stride = max(1, min(len(self.tracks), self.samples // samples))
         tracks, gaps, left = [], [], samples
         for track, gap in list(zip(self.tracks, self.gaps, strict=True))[::stride]:
@@ -117,26 +131,26 @@ class _Search:
                 tracks.append(Track(track.id, track.times[:count], track.positions[:count], plane=track.plane))
                 gaps.append(gap[: count - 1])
                 left -= count
-        return _Search(tuple(tracks), tuple(gaps), self.rmse, 8)
+        return _Search(tuple(tracks), tuple(gaps), self.rmse, _ROUGH_ROUNDS, rough=True)
 
 
-def _choose_quanta(search: _Search) -> _Trial:
+def _choose_quanta(search: _Search, run: _Run) -> _Trial:
     """Walk downhill on the coded size from the usual quanta."""
-    known: dict[_Trial, int] = {}
+    sizes: dict[_Trial, int] = {}
 
-    def size(trial: _Trial) -> int:
-        if trial not in known:
-            outcome = search.run(trial)[1]
-            known[trial] = _NEVER if outcome is None else outcome.size
-        return known[trial]
+    def measure(trials: list[_Trial]) -> None:
+        new = [trial for trial in trials if trial not in sizes]
+        for trial, (_, outcome) in zip(new, run(search.run, new), strict=True):
+            sizes[trial] = _NEVER if outcome is None else outcome.size
 
     best = _FIRST
     for _ in range(4):
         around = [_Trial(best.space * s, best.time * t, best.leader) for s, t in _STEPS]
-        nearer = min(around, key=size)
-        if size(nearer) >= size(best) and size(best) < _NEVER:
+        measure([best, *around])
+        nearer = min(around, key=sizes.__getitem__)
+        if sizes[nearer] >= sizes[best] and sizes[best] < _NEVER:
             break
-        best = nearer if size(nearer) < _NEVER else around[0]
+        best = nearer if sizes[nearer] < _NEVER else around[0]
     return best
 
 
@@ -149,8 +163,9 @@ def _frame(tracks: Sequence[Track], rmse: float, speed: float, trial: _Trial) ->
     space = quantum_index(1.04 * trial.space * rmse)
     time = quantum_index(1.04 * trial.time * quantum(space) / speed)
     first = min(tracks, key=lambda track: float(track.times[0]))
-    origin = tuple(int(round(1000 * float(x))) for x in first.positions[0])
-    return Frame(origin, int(np.floor(1000 * float(first.times[0]) + 1e-6)), space, time, first.plane)
+    # whole metres and seconds take fewer bytes in the head than they cost in the first place
+    origin = tuple(1000 * math.floor(float(x) + 1e-6) for x in first.positions[0])
+    return Frame(origin, 1000 * math.floor(float(first.times[0]) + 1e-6), space, time, first.plane)
 
 
 def _typical_speed(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], scale: float) -> float:

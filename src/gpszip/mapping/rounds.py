@@ -28,7 +28,7 @@ from gpszip.mapping.drafting import (
     squared_error,
     walks_of,
 )
-from gpszip.mapping.slots import Slots
+from gpszip.mapping.slots import Slots, carry_knots
 from gpszip.model import LatticeWalks
 
 __all__ = ["Outcome", "Plan", "fit"]
@@ -38,6 +38,8 @@ _BACK, _KNOWN, _LINK, _NEW, _STAY = range(5)
 _NEAR_NODES = 5
 #: Power of the error's excess by which the price rises after the first miss.
 _PUSH = 2.5
+#: Rounds on all slots after those on the thin ones.
+_LAST_ROUNDS = 4
 
 
 @dataclass(frozen=True)
@@ -77,23 +79,37 @@ class Outcome:
     error: float
 
 
-def fit(slots: Slots, tracks: int, plan: Plan) -> Outcome | None:
+def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None) -> Outcome | None:
     """Learn a map and walks of few bytes whose error is within the plan's target.
+
+    Parameters
+    ----------
+    slots : Slots
+        Where knots may lie.
+    tracks : int
+        Number of tracks.
+    plan : Plan
+        The target and how to go about it.
+    thin : Slots, optional
+        Some of the slots: all rounds but the last few are spent on them, for speed.
 
     Returns
     -------
     Outcome or None
         The smallest that was met on the way; None if no round met the target.
     """
-    at, places, price = _private_chains(slots, plan)
-    at, places = _gather(slots, at, places, plan)
+    here = slots if thin is None else thin
+    at, places, price = _private_chains(here, plan)
+    at, places = _gather(here, at, places, plan)
     best: Outcome | None = None
     push = _PUSH
     bits = _prices(None, price, len(places))
     for turn in range(plan.rounds):
-        at, places = _settle(slots, at, places, plan, bits, turn)
-        at, places = _merge(slots, at, places, plan, bits)
-        outcome, ledger = _realise(slots, at, places, tracks)
+        if here is not slots and turn >= plan.rounds - _LAST_ROUNDS:
+            at, here = carry_knots(at, here, slots), slots
+        at, places = _settle(here, at, places, plan, bits, turn)
+        at, places = _merge(here, at, places, plan, bits)
+        outcome, ledger = _realise(here, at, places, tracks)
         miss = outcome.error / plan.target
         if miss <= 1 and (best is None or outcome.size < best.size):
             best = outcome

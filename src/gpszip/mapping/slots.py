@@ -12,7 +12,7 @@ from gpszip.kernels.moments import prefix_sums
 from gpszip.model import Frame, Track
 from gpszip.model.frame import quantum
 
-__all__ = ["Slots", "lay_slots"]
+__all__ = ["Slots", "carry_knots", "lay_slots"]
 
 #: Time ticks of a cell, and position ticks of a quantum where the log's extent allows it.
 _TIME_TICKS = 256
@@ -59,7 +59,7 @@ class Slots:
     samples: int
 
 
-def lay_slots(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], frame: Frame) -> Slots:
+def lay_slots(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], frame: Frame, *, sparse: bool = False) -> Slots:
     """Lay the slots of a frame's time grid over the tracks.
 
     Parameters
@@ -70,6 +70,8 @@ def lay_slots(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], frame:
         For each track, which of its n - 1 steps between samples are gaps.
     frame : Frame
         Origin, epoch and quanta.
+    sparse : bool, default False
+        Leave out the cells that are not next to a sample or halfway between two.
 
     Returns
     -------
@@ -85,7 +87,7 @@ def lay_slots(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], frame:
     count = 0
     for owner, (offset, pieces) in enumerate(zip(offsets[:-1], spans, strict=True)):
         for a, b, low, high in pieces:
-            grid = _slot_cells(every[offset + a : offset + b], low, high)
+            grid = _slot_cells(every[offset + a : offset + b], low, high, sparse)
             end = offset + a + np.searchsorted(every[offset + a : offset + b], grid - 1e-9)
             end[0], end[-1] = offset + a, offset + b
             cells.append(grid)
@@ -133,11 +135,29 @@ def _pieces(times: NDArray[np.float64], gap: NDArray[np.bool_]) -> list[tuple[in
     return pieces
 
 
-def _slot_cells(times: NDArray[np.float64], low: int, high: int) -> NDArray[np.int64]:
-    if high - low < _CELLS_PER_SAMPLE * len(times) + 64:
+def _slot_cells(times: NDArray[np.float64], low: int, high: int, sparse: bool) -> NDArray[np.int64]:
+    if not sparse and high - low < _CELLS_PER_SAMPLE * len(times) + 64:
         return np.arange(low, high + 1, dtype=np.int64)
-    near = np.concatenate([np.floor(times), np.ceil(times), [low, high]]).astype(np.int64)
+    halfway = np.rint((times[1:] + times[:-1]) / 2)
+    near = np.concatenate([np.floor(times), np.ceil(times), halfway, [low, high]]).astype(np.int64)
     return np.unique(near[(near >= low) & (near <= high)])
+
+
+def carry_knots(at: NDArray[np.int64], thin: Slots, full: Slots) -> NDArray[np.int64]:
+    """Give the knots on sparse slots to the full slots of the same cells; -1 where there is no knot."""
+    knots = np.flatnonzero(at >= 0)
+    carried = np.full(len(full.cells), -1, np.int64)
+    carried[np.searchsorted(_order(full), _order(thin)[knots])] = at[knots]
+    return carried
+
+
+def _order(slots: Slots) -> NDArray[np.int64]:
+    """Increasing numbers of the slots by piece and cell, the same for sparse and full slots."""
+    piece = np.repeat(np.arange(len(slots.firsts)), slots.lasts - slots.firsts + 1)
+    spans = slots.cells[slots.lasts] - slots.cells[slots.firsts] + 1
+    before = np.cumsum(spans) - spans
+    order: NDArray[np.int64] = before[piece] + slots.cells - slots.cells[slots.firsts][piece]
+    return order
 
 
 def _smooth_places(
