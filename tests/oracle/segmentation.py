@@ -81,13 +81,14 @@ def best_partition(track, starts, ends, k, shortest=1):
     return best
 
 
-def penalised_cost(track, starts, ends, penalty, shortest=1):
+def penalised_cost(track, starts, ends, penalty, shortest=1, stride=1):
     """Least cost + penalty * parts, by dynamic programming without pruning."""
-    total = [0.0]
-    for b in range(1, len(track) + 1):
-        options = [total[a] + least_label(track, a, b, starts, ends)[0] + penalty for a in range(b - shortest + 1)]
-        total.append(min(options, default=np.inf))
-    return total[-1]
+    cuts = [*range(0, len(track), stride), len(track)]
+    total = {0: 0.0}
+    for b in cuts[1:]:
+        options = [total[a] + least_label(track, a, b, starts, ends)[0] + penalty for a in cuts if b - a >= shortest]
+        total[b] = min(options, default=np.inf)
+    return total[len(track)]
 
 
 def synchronised_split(track, i, j):

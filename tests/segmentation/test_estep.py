@@ -145,14 +145,14 @@ def test_a_straight_track_needs_only_one_of_two_segments():
 
 
 @pytest.mark.parametrize("seed", range(30))
-@pytest.mark.parametrize("shortest", [1, 3])
-def test_pruning_the_penalised_partition_loses_nothing(seed, shortest):
+@pytest.mark.parametrize(("shortest", "stride"), [(1, 1), (3, 1), (1, 3), (4, 2)])
+def test_pruning_the_penalised_partition_loses_nothing(seed, shortest, stride):
     track, sums, state = random_problem(seed, n=25, m=3)
-    segments = in_metres(sums, state)
+    segments, tick = in_metres(sums, state), sums.place_tick**2
     for penalty in (0.0, 0.5, 20.0, 1e4):
-        boundaries, labels = penalised_partition(sums, state.starts, state.ends, penalty / sums.place_tick**2, shortest=shortest)
+        boundaries, labels = penalised_partition(sums, state.starts, state.ends, penalty / tick, shortest=shortest, stride=stride)
         found = oracle.cost(track, boundaries, labels, *segments) + penalty * len(labels)
-        assert found == pytest.approx(oracle.penalised_cost(track, *segments, penalty, shortest), rel=1e-8, abs=1e-8)
+        assert found == pytest.approx(oracle.penalised_cost(track, *segments, penalty, shortest, stride), rel=1e-8, abs=1e-8)
         assert np.diff(boundaries).min() >= shortest
 
 

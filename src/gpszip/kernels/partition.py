@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 from gpszip.kernels.shift import coefficients, lowest
-from gpszip.kernels.sums import Sums, add_sample, free_cost
+from gpszip.kernels.sums import Sums, add_sample, append_row, free_cost
 
 __all__ = ["layered", "penalised"]
 
@@ -15,39 +15,52 @@ _SLACK = 1e-9
 
 
 @jit
+def _reversed_blocks(sums: Sums, cuts: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Moments of the samples between cuts about the last of them, with time running backward."""
+    rows = np.zeros((len(cuts) - 1, 2 * sums.p.shape[1] + 4))
+    for j in range(len(rows)):
+        last = cuts[j + 1] - 1
+        for i in range(last, cuts[j] - 1, -1):
+            add_sample(rows[j], sums.t[last] - sums.t[i], sums.w[i], sums.p, i, last)
+    return rows
+
+
+@jit
 def penalised(
-    sums: Sums, starts: NDArray[np.float64], ends: NDArray[np.float64], penalty: float, shortest: int
-) -> tuple[float, NDArray[np.int64], NDArray[np.int64]]:
-    """Minimise cost + penalty * parts; return the cost F(n), and for each b where its last part begins and its label.
+    sums: Sums, cuts: NDArray[np.int64], starts: NDArray[np.float64], ends: NDArray[np.float64], penalty: float, shortest: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Minimise cost + penalty * parts over parts that begin and end at cuts; return each cut's best last cut and label.
 
     F(b) = min over a of F(a) + min over l of c_l(a, b) + penalty. The scan of a runs down from b. With fr the cost of
     the samples' own best line, which is below every c_l and at least adds up when parts are joined, and
     H(a) = min over a' of F(a') + fr(a', a), every a' below a costs F(a') + fr(a', b) >= H(a) + fr(a, b): the scan
     stops where that reaches the best F(b). A part is priced against the m segments only if F(a) + fr(a, b) is below it.
     """
-    (n, d), m = sums.p.shape, len(starts)
-    total, joined = np.full(n + 1, np.inf), np.full(n + 1, np.inf)
+    d, m, count = sums.p.shape[1], len(starts), len(cuts)
+    total, joined = np.full(count, np.inf), np.full(count, np.inf)
     total[0] = 0.0
-    origin, label = np.zeros(n + 1, np.int64), np.zeros(n + 1, np.int64)
+    origin, label = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    blocks = _reversed_blocks(sums, cuts)
     s, costs, row = np.empty((2 * d + 3, m)), np.empty(m), np.empty(2 * d + 4)
-    for b in range(1, n + 1):
+    for h in range(1, count):
+        b = cuts[h]
         coefficients(ends, starts, sums.p, b - 1, s)
         row[:] = 0.0
         best, reach = np.inf, np.inf
-        for a in range(b - 1, -1, -1):
-            x = sums.t[b - 1] - sums.t[a]
-            add_sample(row, x, sums.w[a], sums.p, a, b - 1)
+        for g in range(h - 1, -1, -1):
+            last = cuts[g + 1] - 1
+            append_row(row, blocks[g], sums.t[b - 1] - sums.t[last], sums.p, last, b - 1)
             free = free_cost(row)
-            reach = min(reach, total[a] + free)
+            reach = min(reach, total[g] + free)
             bound = free + penalty - _SLACK * row[3]
-            if b - a >= shortest and total[a] + bound < best:
-                cost = total[a] + penalty + lowest(row, x, 1.0, s, costs)
+            if b - cuts[g] >= shortest and total[g] + bound < best:
+                cost = total[g] + penalty + lowest(row, sums.t[b - 1] - sums.t[cuts[g]], 1.0, s, costs)
                 if cost < best:
-                    best, origin[b], label[b] = cost, a, np.argmin(costs)
-            if joined[a] + bound >= best:
+                    best, origin[h], label[h] = cost, g, int(np.argmin(costs))
+            if joined[g] + bound >= best:
                 break
-        total[b], joined[b] = best, reach
-    return float(total[n]), origin, label
+        total[h], joined[h] = best, reach
+    return origin, label
 
 
 @jit

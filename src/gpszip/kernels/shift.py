@@ -106,6 +106,25 @@ def _right_cost(sums: Sums, c: int, b: int, row: NDArray[np.float64], s: NDArray
 
 
 @jit
+def _both_costs(
+    sums: Sums,
+    a: int,
+    c: int,
+    b: int,
+    row: NDArray[np.float64],
+    other: NDArray[np.float64],
+    s_left: NDArray[np.float64],
+    s_right: NDArray[np.float64],
+    lefts: NDArray[np.float64],
+    rights: NDArray[np.float64],
+) -> None:
+    _sum_left(sums, a, c, row)
+    _sum_right(sums, c, b, other)
+    _left_cost(sums, a, c, row, s_left, lefts)
+    _right_cost(sums, c, b, other, s_right, rights)
+
+
+@jit
 def cut(
     sums: Sums,
     a: int,
@@ -132,10 +151,7 @@ def cut(
     row, other = np.zeros(2 * d + 4), np.empty(2 * d + 4)
     best, at, left, right = np.inf, now, left_now, right_now
     if now >= 0:
-        _sum_left(sums, a, now, row)
-        _sum_right(sums, now, b, other)
-        _left_cost(sums, a, now, row, s_left, lefts)
-        _right_cost(sums, now, b, other, s_right, rights)
+        _both_costs(sums, a, now, b, row, other, s_left, s_right, lefts, rights)
         best = lefts[left_now] + rights[right_now]
         row[:] = 0.0
     if not naive:

@@ -78,6 +78,8 @@ def _shifted(sums: Sums, state: State, shortest: int, batch: tuple[int, int]) ->
 def exact(sums: Sums, state: State, *, shortest: int = 1, executor: Executor | None = None) -> State:
     """Partition the whole track anew with k parts; at least as good as the odd/even shifts."""
     shifted = odd_even(sums, state, shortest=shortest, executor=executor)
-    boundaries, labels = exact_partition(sums, state.starts, state.ends, len(state.labels), shortest=shortest)
+    k = len(state.labels)
+    penalty = total_cost(sums, state) / (4 * k)  # what a part more gains is some share of what a part costs
+    boundaries, labels = exact_partition(sums, state.starts, state.ends, k, shortest=shortest, penalty=penalty)
     whole = odd_even(sums, replace(state, boundaries=boundaries, labels=labels), shortest=shortest, executor=executor)
     return min(shifted, whole, key=partial(total_cost, sums))
