@@ -132,6 +132,13 @@ def test_a_lone_knot_between_cells_becomes_a_stop_around_it():
     assert (out.nodes.tolist(), out.cells.tolist(), out.gaps.tolist()) == ([0, 1, 1], [0, 10, 11], [True, False])
 
 
+@pytest.mark.parametrize("off", [-4e-4, 4e-4])
+def test_a_lone_knot_close_to_a_cell_is_on_it(off):
+    walk = Walk("a", np.array([0, 1], np.int32), np.array([0.0, 10 + off]), np.array([True]))
+    out = to_lattice(np.array([[0.0], [1.0]]), [walk], Frame((0,), 0, 128, 128)).walks[0]
+    assert (out.nodes.tolist(), out.cells.tolist(), out.gaps.tolist()) == ([0, 1], [0, 10], [True])
+
+
 def test_the_frame_starts_at_the_lowest_corner_and_the_first_knot():
     walks = [Walk(str(t), np.array([0], np.int32), np.array([t]), np.zeros(0, bool)) for t in (5.0004, 2.0009)]
     plane = Plane(((1, 2),))

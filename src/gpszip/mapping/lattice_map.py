@@ -155,7 +155,7 @@ def _on_cells(walk: Walk, frame: Frame) -> LatticeWalk:
     nodes, at, gaps = _widen(walk.nodes, at, walk.gaps, _COVER / step)
     first, last = piece_ends(gaps)
     near = min(_ON_CELL / step, 0.25)
-    floor = np.floor(at + near)
+    floor = np.where(first & last, np.rint(at), np.floor(at + near))
     cells = _increasing(np.where(first, floor, np.where(last, np.ceil(at - near), np.rint(at))).astype(np.int64))
     # A piece that could not start in time is joined to the one before it, which leaves no instant out.
     late = cells[1:] > floor[1:]

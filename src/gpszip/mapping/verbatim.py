@@ -16,7 +16,7 @@ __all__ = ["keep_samples"]
 
 
 def keep_samples(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], error: float) -> tuple[Frame, LatticeWalks]:
-    """Round every sample to a lattice so fine that none lies farther than ``error`` from its walk.
+    """Round every sample to a lattice so fine that none lies farther than ``error`` from its walk, as far as quanta go.
 
     Parameters
     ----------
@@ -52,11 +52,11 @@ def keep_samples(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], err
 
 
 def _time_step(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], error: float) -> float:
-    """A third of the error at the highest speed, and no more than half of the shortest step, so that each knot has its own cell."""
+    """A third of the error at the highest speed, and no more than a sixth of the shortest step, so that no part gets much shorter."""
     longest = math.inf
     for track, gap in zip(tracks, gaps, strict=True):
         steps = np.diff(track.times)
         way = np.linalg.norm(np.diff(track.positions, axis=0), axis=1)
         moving = (way > 0) & ~gap
-        longest = min(longest, float(steps.min(initial=2.0)) / 2, float((error / 3 * steps[moving] / way[moving]).min(initial=math.inf)))
+        longest = min(longest, float(steps.min(initial=2.0)) / 6, float((error / 3 * steps[moving] / way[moving]).min(initial=math.inf)))
     return longest
