@@ -99,7 +99,9 @@ def lay_slots(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], frame:
             owners.append(owner)
     cell = np.concatenate(cells)
     spots = _smooth_places(every, places, cell, np.concatenate(froms))
-    unit = _place_ticks(places)
+    unit = _place_ticks(
+        places, np.concatenate([[offset + piece[0] for piece in pieces] for offset, pieces in zip(offsets, spans, strict=False)])
+    )
     sums = prefix_sums(
         np.rint(every * _TIME_TICKS).astype(np.int64), np.rint(places * unit).astype(np.int64), np.concatenate(ends).astype(np.int64)
     )
@@ -178,9 +180,10 @@ def _smooth_places(
     return out
 
 
-def _place_ticks(places: NDArray[np.float64]) -> int:
-    """Ticks of a quantum such that the squares of a whole log's positions, summed over a long part, stay within 62 bits."""
-    extent = float(np.ptp(places, axis=0).max()) + 1.0
+def _place_ticks(places: NDArray[np.float64], starts: NDArray[np.int64]) -> int:
+    """Ticks of a quantum such that the squares of positions about a piece's own, summed over a long part, stay within 62 bits."""
+    spread = np.maximum.reduceat(places, starts, axis=0) - np.minimum.reduceat(places, starts, axis=0)
+    extent = float(spread.max()) + 1.0
     unit = _PLACE_TICKS
     while unit > 1 and (extent * unit) ** 2 * min(len(places), 100_000) > 2.0**62:
         unit //= 2
