@@ -42,6 +42,14 @@ def test_ward_equals_its_twin(seed):
         assert groups == oracle.ward(track, boundaries.tolist(), m)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_ward_equals_its_twin_on_single_samples(seed):
+    track, _ = random_parts(seed, n=12, weighted=True)
+    for m in (2, 5, 9):
+        labels = ward(sums_of(track), np.arange(13), m)
+        assert {frozenset(np.flatnonzero(labels == label).tolist()) for label in range(m)} == oracle.ward(track, list(range(13)), m)
+
+
 def test_pooled_lines_are_least_squares_over_all_samples():
     track, boundaries = random_parts(3, weighted=True)
     labels = np.array([0, 1, 2, 0, 1, 2, 0, 1, 1], dtype=np.int32)

@@ -176,3 +176,12 @@ def test_a_long_track_is_cut_into_exactly_k_parts_too(monkeypatch):
         assert len(near.labels) == 12
         assert total_cost(sums, best) * (1 - 1e-9) <= total_cost(sums, near) <= 1.2 * total_cost(sums, best)
         assert total_cost(sums, best) <= total_cost(sums, estep.odd_even(sums, state)) * (1 + 1e-9)
+
+
+def test_parts_shorter_than_asked_are_left_where_nothing_better_is_allowed():
+    for seed in range(60):
+        _, sums, state = random_problem(seed, n=24, k=3, m=3)
+        state = maximize(sums, replace(state, boundaries=np.array([0, 2, 13, 24]), labels=np.array([0, 1, 2], dtype=np.int32)))
+        for form in (estep.naive, estep.linear, estep.odd_even):
+            after = form(sums, state, shortest=6)
+            assert total_cost(sums, after) <= total_cost(sums, state) * (1 + 1e-12), (seed, form)
