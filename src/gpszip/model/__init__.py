@@ -8,6 +8,7 @@ from gpszip.model.reading import LeftOut, Reading, Repair
 from gpszip.model.report import Listener, Progress, Report
 from gpszip.model.road_map import RoadMap
 from gpszip.model.segment_mean import SegmentMean
+from gpszip.model.sketch import Sketch
 from gpszip.model.track import Track
 from gpszip.model.walk import Walk
 
@@ -26,6 +27,7 @@ __all__ = [
     "Report",
     "RoadMap",
     "SegmentMean",
+    "Sketch",
     "Track",
     "Walk",
 ]
