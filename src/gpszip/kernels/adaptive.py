@@ -31,6 +31,9 @@ WEIGHT = 1 << 16
 _UNIT = 24
 _WHOLE = 1 << _UNIT
 
+#: How far weights move towards their posterior, of 65,536: at the first number, in the end, and how soon that falls.
+_FIRST_STEP, _LAST_STEP, _SETTLING = 40_000, 4_000, 16
+
 #: Kinds of distributions in a mixture.
 TWO_SIDED, ONE_SIDED, HISTOGRAM = 0, 1, 2
 
@@ -191,7 +194,6 @@ def code_mixture(
     count: int,
     weights: NDArray[np.int64],
     histogram: NDArray[np.int64],
-    step: int,
 ) -> int:
     """Code an integer in [low, high) with a mixture of ``count`` distributions, and learn.
 
@@ -201,11 +203,10 @@ def code_mixture(
         Shape, centre and scale of each distribution, the last two in sixteenths. A two-sided one is logistic, a one-sided
         one falls exponentially from ``low``, a histogram counts the values that came.
     weights : int64 array
-        Weights of the distributions, changed in place; their sum is at most ``WEIGHT``.
+        Weights of the distributions, changed in place; their sum is about ``WEIGHT``. The last element counts the numbers
+        coded: at first the weights follow each number closely, later they settle.
     histogram : int64 array
         Counts of ``low``, ``low`` + 1, ..., changed in place; used where a kind asks for it.
-    step : int
-        How far the weights move towards their posterior, of 65,536.
     """
     bases = np.empty(count, np.int64)
     cumulative = np.empty(len(histogram) + 1, np.int64)
@@ -237,6 +238,9 @@ def code_mixture(
         start += weights[i] * a
         width += chances[i]
     code_interval(coder, start, width, total)
+    used = len(weights) - 1
+    step = max(_LAST_STEP, _FIRST_STEP * _SETTLING // (_SETTLING + weights[used]))
+    weights[used] += 1
     for i in range(count):
         posterior = np.int64((chances[i] >> 8) * sum_weights // max(width >> 8, np.int64(1)))
         weights[i] = max(weights[i] + (((posterior - weights[i]) * step) >> 16), np.int64(16))

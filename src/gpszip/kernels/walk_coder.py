@@ -25,6 +25,15 @@ from gpszip.kernels.heading import direction, rotate, rotate_back
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder, code_interval, target, used_bits
 from gpszip.kernels.walk_model import (
+    F_BACK,
+    F_END,
+    F_ESCAPE,
+    F_GAP,
+    F_GAP_KIND,
+    F_KNOWN_START,
+    F_NEAR,
+    F_NEW,
+    F_STAY,
     FLAGS,
     GAP_BITS,
     KIND_BITS,
@@ -55,9 +64,6 @@ _BACK, _KNOWN, _LINK, _NEW, _STAY = 0, 1, 2, 3, 4
 #: Mixtures: durations by kind of step, then places.
 _T_KNOWN, _T_LINK, _T_NEW, _T_STAY, _T_GAP = 0, 1, 2, 3, 4
 _ALONG, _ACROSS, _BESIDE, _JUMP = 5, 6, 7, 8
-
-#: First bit context of each flag.
-_F_END, _F_GAP, _F_ESCAPE, _F_BACK, _F_STAY, _F_NEW, _F_KNOWN_START, _F_NEAR, _F_GAP_KIND = 0, 8, 16, 96, 176, 200, 232, 240, 256
 
 _REACH = np.int64(1) << 25
 _PACE_UNIT = 20
@@ -93,9 +99,7 @@ def _code_span(coder: Coder, model: WalkModel, mixture: int, expected: NDArray[n
             count = _fill(count, TWO_SIDED, expected[i], expected[i] >> shift, kinds, centers, scales)
     far = cells >= _REACH
     cells_near = min(cells, _REACH - 1)
-    coded = code_mixture(
-        coder, cells_near, 1, _REACH, kinds, centers, scales, count, model.weights[mixture], model.histograms[mixture], 9000
-    )
+    coded = code_mixture(coder, cells_near, 1, _REACH, kinds, centers, scales, count, model.weights[mixture], model.histograms[mixture])
     if coded == _REACH - 1:
         return coded + _code_far(coder, model, 0, cells - coded if far else np.int64(0))
     return coded
@@ -116,9 +120,7 @@ def _code_axis(
         count = _fill(count, TWO_SIDED, 0, PARTS << (2 * i + (1 if i > 0 else 0)), kinds, centers, scales)
     outside = value >= _REACH - 1 or value < -_REACH
     near = _REACH - 1 if outside else value
-    coded = code_mixture(
-        coder, near, -_REACH, _REACH, kinds, centers, scales, count, model.weights[mixture], model.histograms[mixture][:0], 6000
-    )
+    coded = code_mixture(coder, near, -_REACH, _REACH, kinds, centers, scales, count, model.weights[mixture], model.histograms[mixture][:0])
     if coded == _REACH - 1:
         return _code_far(coder, model, 1, value)
     return coded
@@ -318,11 +320,11 @@ def _code_link(coder: Coder, model: WalkModel, u: int, before: int, v: int, reac
         if w == v:
             choice = count
         count += 1
-    is_near = code_bit(coder, model.flags, _F_NEAR, 1 if choice >= 0 else 0)
+    is_near = code_bit(coder, model.flags, F_NEAR, 1 if choice >= 0 else 0)
     if is_near:
         choice = code_choice(coder, weights, count, choice)
         v = near[choice]
-        model.hits[classes[choice] // 8, classes[choice] % 8] += 16
+        model.hits[classes[choice] // 8, classes[choice] % 8] += 8
     else:
         if coder.cursor[1] == 1:
             v = target(coder, nodes)
@@ -338,7 +340,7 @@ def _code_start(coder: Coder, model: WalkModel, last: int, node: int) -> int:
     nodes = model.scalars[NODES]
     known = 0
     if nodes > 0:
-        known = code_bit(coder, model.flags, _F_KNOWN_START, 1 if node < nodes else 0)
+        known = code_bit(coder, model.flags, F_KNOWN_START, 1 if node < nodes else 0)
     if known:
         total = weight_below(model, nodes)
         if coder.cursor[1] == 1:
@@ -361,10 +363,10 @@ def _code_gap(coder: Coder, model: WalkModel, u: int, node: int, cells: int, tim
     expected = np.empty(1, np.int64)
     if timed:
         cells = _code_span(coder, model, _T_GAP, expected, 0, cells)
-    if code_bit(coder, model.flags, _F_GAP_KIND, 1 if node == u else 0):
+    if code_bit(coder, model.flags, F_GAP_KIND, 1 if node == u else 0):
         return u, cells
     nodes = model.scalars[NODES]
-    if code_bit(coder, model.flags, _F_GAP_KIND + 1, 1 if node < nodes else 0):
+    if code_bit(coder, model.flags, F_GAP_KIND + 1, 1 if node < nodes else 0):
         return _code_link(coder, model, u, -1, node, max(model.scalars[STEP_LENGTH], np.int64(64))), cells
     node = nodes
     _code_step(coder, model, u, -1, node, np.int64(64), False)
@@ -390,7 +392,7 @@ def _code_kind(coder: Coder, model: WalkModel, u: int, arrived: int, back: int, 
     degree, level = _depth(model, u)
     fresh = 1 if last >= _NEW else 0
     if degree > 0:
-        escape = code_bit(coder, flags, _F_ESCAPE + (degree * 5 + level) * 2 + fresh, 1 if kind >= _LINK else 0)
+        escape = code_bit(coder, flags, F_ESCAPE + (degree * 5 + level) * 2 + fresh, 1 if kind >= _LINK else 0)
     else:
         escape = 1
     if not escape:
@@ -399,13 +401,13 @@ def _code_kind(coder: Coder, model: WalkModel, u: int, arrived: int, back: int, 
         if degree == 1:
             return _BACK
         seen = 2 if arrived >= 0 and pair_count(model, arrived, back) > 0 else (1 if model.count[back] > 0 else 0)
-        context = _F_BACK + (min(degree, 4) * 3 + seen) * 2 + (1 if last == _BACK else 0)
+        context = F_BACK + (min(degree, 4) * 3 + seen) * 2 + (1 if last == _BACK else 0)
         return _BACK if code_bit(coder, flags, context, 1 if kind == _BACK else 0) else _KNOWN
-    if code_bit(coder, flags, _F_STAY + min(last, 4) * 2 + fresh, 1 if kind == _STAY else 0):
+    if code_bit(coder, flags, F_STAY + min(last, 4) * 2 + fresh, 1 if kind == _STAY else 0):
         return _STAY
     if model.scalars[NODES] < 2:
         return _NEW
-    return _NEW if code_bit(coder, flags, _F_NEW + min(degree, 3) * 5 + min(last, 4), 1 if kind == _NEW else 0) else _LINK
+    return _NEW if code_bit(coder, flags, F_NEW + min(degree, 3) * 5 + min(last, 4), 1 if kind == _NEW else 0) else _LINK
 
 
 @jit
@@ -500,7 +502,7 @@ def code_walks(
             span = cells[j] - cells[j - 1]
             gap = 0
             if gapped:
-                gap = code_bit(coder, model.flags, _F_GAP + (1 if last == _STAY else 0), gaps[j])
+                gap = code_bit(coder, model.flags, F_GAP + (1 if last == _STAY else 0), gaps[j])
             gaps[j] = gap
             if gap:
                 bits = used_bits(coder)
@@ -519,7 +521,7 @@ def code_walks(
         ended = False
         if left > 0:
             terminal = 1 if weight_below(model, u + 1) - weight_below(model, u) > 1 else 0
-            ended = code_bit(coder, model.flags, _F_END + terminal, 1 if j + 1 == knots or begins[j + 1] == 1 else 0) == 1
+            ended = code_bit(coder, model.flags, F_END + terminal, 1 if j + 1 == knots or begins[j + 1] == 1 else 0) == 1
             if ended:
                 weigh(model, u, _WEIGHTS_END)
     return model.scalars[NODES] if left == 0 else np.int64(-1)

@@ -13,6 +13,15 @@ from gpszip.kernels.jit import jit
 __all__ = [
     "ACCOUNTS",
     "FLAGS",
+    "F_BACK",
+    "F_END",
+    "F_ESCAPE",
+    "F_GAP",
+    "F_GAP_KIND",
+    "F_KNOWN_START",
+    "F_NEAR",
+    "F_NEW",
+    "F_STAY",
     "GAP_BITS",
     "KIND_BITS",
     "PLACE_BITS",
@@ -47,6 +56,26 @@ _MIXTURES = 24
 _DISTRIBUTIONS = 28
 _HISTOGRAM = 48
 
+#: First bit context of each flag.
+F_END, F_GAP, F_ESCAPE, F_BACK, F_STAY, F_NEW, F_KNOWN_START, F_NEAR, F_GAP_KIND = 0, 8, 16, 96, 176, 200, 232, 240, 256
+
+#: What is expected of flags before any is seen: counts of zeros and ones where they aren't even.
+_EXPECTED = (
+    (F_END, 2, 1, 36, 4),
+    (F_GAP, 2, 1, 36, 4),
+    (F_ESCAPE + 6, 30, 10, 28, 12),
+    (F_ESCAPE + 8, 30, 10, 34, 8),
+    (F_ESCAPE + 11, 2, 2, 3, 37),
+    (F_BACK, 40, 2, 36, 4),
+    (F_STAY, 10, 1, 28, 12),
+    (F_KNOWN_START, 1, 1, 12, 28),
+    (F_NEAR, 1, 1, 8, 32),
+)
+
+#: How likely a new way leads to a node at a distance (in half octaves of the expected one) and a bearing, before any is seen.
+_LIKELY_DISTANCE = (10, 8, 8, 7, 7, 6, 5, 4, 3, 3)
+_LIKELY_BEARING = (5, 4, 4, 4, 2, 1, 2, 4)
+
 #: Weight that a node gains each time a track starts or ends there.
 _TERMINAL = 24
 
@@ -77,9 +106,10 @@ def new_model(knots: int, dimension: int) -> WalkModel:
     """Return the model before the first knot; memory is about 250 bytes for each knot."""
     size = max(knots, 1)
     table = 1 << (2 * size).bit_length()
-    weights = np.full((_MIXTURES, _DISTRIBUTIONS), WEIGHT // _DISTRIBUTIONS, np.int64)
+    weights = np.full((_MIXTURES, _DISTRIBUTIONS + 1), WEIGHT // _DISTRIBUTIONS, np.int64)
+    weights[:, -1] = 0
     return WalkModel(
-        flags=np.full((FLAGS + _SIZE_SLOTS * SIZES, 2), 10, np.int32),
+        flags=_first_flags(),
         weights=weights,
         histograms=np.full((_MIXTURES, _HISTOGRAM), 2, np.int64),
         places=np.zeros((size, dimension), np.int64),
@@ -93,10 +123,17 @@ def new_model(knots: int, dimension: int) -> WalkModel:
         counts=np.zeros(table, np.int64),
         tree=np.zeros(size + 1, np.int64),
         scalars=np.zeros(8, np.int64),
-        offers=np.full((10, 8), 40, np.int64),
-        hits=np.full((10, 8), 1, np.int64),
+        offers=np.full((10, 8), 10, np.int64),
+        hits=np.outer(_LIKELY_DISTANCE, _LIKELY_BEARING).astype(np.int64) // 4,
         ledger=np.zeros((ACCOUNTS, 2)),
     )
+
+
+def _first_flags() -> NDArray[np.int32]:
+    flags = np.full((FLAGS + _SIZE_SLOTS * SIZES, 2), 10, np.int32)
+    for first, count, stride, zeros, ones in _EXPECTED:
+        flags[first : first + count * stride : stride] = zeros, ones
+    return flags
 
 
 @jit
