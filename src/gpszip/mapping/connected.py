@@ -36,15 +36,22 @@ class _Trial:
 _FIRST = _Trial(1.2, 2.0, 1.2)
 _STEPS = ((1 / 1.5, 1 / 1.5), (1.0, 1 / 1.6), (1.0, 1.6), (1 / 1.4, 1.0), (1.4, 1.0))
 
-#: Leader radii tried at the quanta found, and what else is tried around them, in this order.
-_STARTS = ((1.0, 1.0, 2.0), (1.0, 1.0, 0.0), (1.0, 1.0, 0.7), (1.0, 1.0, 1.6), (0.9, 1.0, 1.2), (1.1, 1.1, 1.2), (1.0, 1.25, 1.2),
-           (1.0, 0.8, 1.2), (1.1, 1.0, 2.0), (0.9, 0.9, 0.0), (1.2, 1.2, 0.7), (0.9, 1.25, 2.0))  # fmt: skip
+#: What is tried around the quanta found: factors on space and time, and leader radii, in this order.
+_STARTS = tuple(
+    (space, time, leader)
+    for space, time in ((1.0, 1.0), (0.87, 1.0), (1.0, 1.2), (0.87, 1.2), (1.15, 1.0), (1.15, 1.2), (1.0, 0.83), (0.87, 0.83))
+    for leader in (1.2, 0.0, 2.0, 0.7)
+)
+
+#: Slots that all starts of one log may take together, at each effort, and the most starts.
+_BUDGET = (0, 30_000, 60_000, 90_000, 120_000, 250_000, 500_000, 1_000_000, 2_000_000)
+_MOST_STARTS = (1, 3, 6, 9, 16, 20, 24, 28, 32)
 
 #: Samples of the excerpt on which quanta are chosen.
 _EXCERPT = 12_000
 
-#: Rounds of a search that only compares quanta.
-_ROUGH_ROUNDS = 8
+#: Rounds of a search that only compares quanta, of the only start of a large log, and of each start of a small one.
+_ROUGH_ROUNDS, _ROUNDS, _MANY_ROUNDS = 8, 12, 24
 
 #: Rounds are spent on thin slots where these are at most this share of all.
 _THIN = 0.7
@@ -72,7 +79,7 @@ def learn(
     rmse : float
         Root mean square of the synchronised distance over all samples of all tracks, in metres.
     effort : int, default 5
-        From 1 (one start) to 9 (thirteen).
+        From 1 (one start) to 9 (up to 32): how many slots all starts together may take.
     executor : Executor, optional
         Where the searches run; their results do not depend on it.
     progress : callable, optional
@@ -86,7 +93,8 @@ def learn(
     search = _Search(tuple(tracks), tuple(gaps), rmse)
     run = map if executor is None else executor.map
     chosen = _choose_quanta(search.excerpt(_EXCERPT), run)
-    trials = [chosen, *(_Trial(chosen.space * s, chosen.time * t, r) for s, t, r in _STARTS[: _count_starts(effort, search)])]
+    trials = _starts(chosen, effort, search.count_slots(chosen))
+    search = replace(search, rounds=_ROUNDS if len(trials) == 1 else _MANY_ROUNDS)
     best: tuple[Frame, Outcome] | None = None
     for done, (frame, outcome) in enumerate(run(search.run, trials), 1):
         if outcome is not None and (best is None or outcome.size < best[1].size):
@@ -103,21 +111,27 @@ class _Search:
     tracks: tuple[Track, ...]
     gaps: tuple[NDArray[np.bool_], ...]
     rmse: float
-    rounds: int = 12
+    rounds: int = 0
     rough: bool = False
 
     @property
     def samples(self) -> int:
         return sum(len(track) for track in self.tracks)
 
+    def frame(self, trial: _Trial) -> Frame:
+        return _frame(self.tracks, self.rmse, _typical_speed(self.tracks, self.gaps, self.rmse), trial)
+
     def run(self, trial: _Trial) -> _Found:
-        frame = _frame(self.tracks, self.rmse, _typical_speed(self.tracks, self.gaps, self.rmse), trial)
+        frame = self.frame(trial)
         plan = Plan(target=0.9995 * self.rmse / quantum(frame.space), leader=trial.leader, rounds=self.rounds)
         thin = lay_slots(self.tracks, self.gaps, frame, sparse=True)
         if self.rough:
             return frame, fit(thin, len(self.tracks), plan)
         slots = lay_slots(self.tracks, self.gaps, frame)
         return frame, fit(slots, len(self.tracks), plan, thin=thin if len(thin.cells) < _THIN * len(slots.cells) else None)
+
+    def count_slots(self, trial: _Trial) -> int:
+        return len(lay_slots(self.tracks, self.gaps, self.frame(trial)).cells)
 
     def excerpt(self, samples: int) -> _Search:
         """Whole tracks, evenly chosen, or the start of one, of about so many samples in all."""
@@ -154,9 +168,10 @@ def _choose_quanta(search: _Search, run: _Run) -> _Trial:
     return best
 
 
-def _count_starts(effort: int, search: _Search) -> int:
-    most = 2_000_000 // search.samples
-    return min((0, 0, 1, 2, 3, 4, 6, 9, 12)[effort - 1], max(most, effort // 3))
+def _starts(chosen: _Trial, effort: int, slots: int) -> list[_Trial]:
+    """Starts around the chosen quanta: the smaller the log, the more of them."""
+    count = max(1, min(_MOST_STARTS[effort - 1], _BUDGET[effort - 1] // slots))
+    return [_Trial(chosen.space * space, chosen.time * time, leader) for space, time, leader in _STARTS[:count]]
 
 
 def _frame(tracks: Sequence[Track], rmse: float, speed: float, trial: _Trial) -> Frame:

@@ -38,6 +38,8 @@ _BACK, _KNOWN, _LINK, _NEW, _STAY = range(5)
 _NEAR_NODES = 5
 #: Power of the error's excess by which the price rises after the first miss.
 _PUSH = 2.5
+#: Every so many rounds the price falls by this factor: walks that need fewer knots leave a local optimum behind.
+_KICK_EVERY, _KICK = 6, 0.6
 #: Rounds on all slots after those on the thin ones.
 _LAST_ROUNDS = 4
 
@@ -117,6 +119,8 @@ def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None) -> 
             # a map that lags behind its price is pushed harder each round
             push = push + 1.5 if miss > 1 else _PUSH
             price *= (miss / 0.995) ** (push if miss > 1 else 1.5)
+        if turn % _KICK_EVERY == _KICK_EVERY - 1 and turn + _KICK_EVERY < plan.rounds:
+            price, push = _KICK * price, _PUSH
         bits = _prices(ledger, price, len(outcome.walks.nodes))
     return best
 
