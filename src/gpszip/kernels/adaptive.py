@@ -241,8 +241,10 @@ def code_mixture(
     used = len(weights) - 1
     step = max(_LAST_STEP, _FIRST_STEP * _SETTLING // (_SETTLING + weights[used]))
     weights[used] += 1
+    # the least weights would make the sum grow for ever
+    shared = min(sum_weights, np.int64(WEIGHT))
     for i in range(count):
-        posterior = np.int64((chances[i] >> 8) * sum_weights // max(width >> 8, np.int64(1)))
+        posterior = np.int64((chances[i] >> 8) * shared // max(width >> 8, np.int64(1)))
         weights[i] = max(weights[i] + (((posterior - weights[i]) * step) >> 16), np.int64(16))
     if value - low < len(histogram):
         histogram[value - low] += 32

@@ -50,7 +50,8 @@ def reader(data: bytes) -> Coder:
 
 @jit
 def _carry(data: NDArray[np.uint8], end: int) -> None:
-    at = end - 1
+    # what did not fit is written anew by a writer of more room
+    at = min(end, len(data)) - 1
     while at >= 0:
         data[at] += np.uint8(1)
         if data[at] != 0:
@@ -136,6 +137,12 @@ def _end(coder: Coder) -> int:
 
 
 def finish(coder: Coder) -> bytes | None:
-    """Return the bytes written, as few as decode to the same; None if they did not fit."""
+    """Return the bytes written, as few as decode to the same; None if they did not fit.
+
+    Zeros at the end are left out, but for those that a reader would miss which stops 16 bytes past the end.
+    """
     length = int(_end(coder))
-    return None if length > len(coder.data) else coder.data[:length].tobytes().rstrip(b"\0")
+    if length > len(coder.data):
+        return None
+    data = coder.data[:length].tobytes()
+    return data[: max(len(data.rstrip(b"\0")), int(coder.cursor[_CURSOR]) - 8)]

@@ -69,6 +69,9 @@ _REACH = np.int64(1) << 25
 _PACE_UNIT = 20
 _MOST = np.int64(1) << 36
 _LINKS = 384
+
+#: Coordinates and times that an archive may hold are below these.
+_FARTHEST, _LATEST = np.int64(1) << 45, np.int64(1) << 60
 _WEIGHTS_END = 24
 
 
@@ -201,7 +204,7 @@ def _pace(far: int, cells: int) -> int:
     """Sixteenths of a cell for a sixteenth of a quantum, in units of 2**-20; 0 if unknown."""
     if far == 0 or cells == 0:
         return np.int64(0)
-    return min(max(((cells * PARTS) << _PACE_UNIT) // far, np.int64(1)), np.int64(1) << 26)
+    return min(max(((min(cells, _MOST) * PARTS) << _PACE_UNIT) // far, np.int64(1)), np.int64(1) << 26)
 
 
 @jit
@@ -210,7 +213,7 @@ def _reach_of(model: WalkModel, cells: int, timed: bool) -> int:
     pace = model.scalars[PACE_SLOW]
     if not timed or pace == 0:
         return max(model.scalars[STEP_LENGTH], np.int64(64))
-    return max(min(((cells * PARTS) << _PACE_UNIT) // pace, np.int64(1) << 34), np.int64(32))
+    return max(min(((min(cells, _MOST) * PARTS) << _PACE_UNIT) // pace, np.int64(1) << 34), np.int64(32))
 
 
 @jit
@@ -320,7 +323,7 @@ def _code_link(coder: Coder, model: WalkModel, u: int, before: int, v: int, reac
         if w == v:
             choice = count
         count += 1
-    is_near = code_bit(coder, model.flags, F_NEAR, 1 if choice >= 0 else 0)
+    is_near = code_bit(coder, model.flags, F_NEAR, 1 if choice >= 0 else 0) if count > 0 else 0
     if is_near:
         choice = code_choice(coder, weights, count, choice)
         v = near[choice]
@@ -446,6 +449,15 @@ def _code_part(
 
 
 @jit
+def _is_sound(model: WalkModel, node: int, cell: int) -> bool:
+    """Whether a node and a time that were read lie where no arithmetic overflows."""
+    for axis in range(model.places.shape[1]):
+        if abs(model.places[node, axis]) >= _FARTHEST:
+            return False
+    return abs(cell) < _LATEST
+
+
+@jit
 def code_walks(
     coder: Coder,
     model: WalkModel,
@@ -518,6 +530,8 @@ def code_walks(
             nodes[j] = node
             u = node
             cells[j] = cells[j - 1] + span if timed else 0
+        if coder.cursor[1] == 1 and not _is_sound(model, u, cells[j]):
+            return -1
         ended = False
         if left > 0:
             terminal = 1 if weight_below(model, u + 1) - weight_below(model, u) > 1 else 0
