@@ -181,6 +181,47 @@ def test_the_layer_packs_the_archive_once_more():
     assert [t.positions.tolist() for t in packed.decompress()] == [t.positions.tolist() for t in plain.decompress()]
 
 
+@pytest.mark.parametrize("times", [True, False])
+@pytest.mark.parametrize("size", [60, 240])
+def test_a_size_is_held_and_used(size, times):
+    track = wander(150)
+    archive, report = compressed([track], size=size, effort=1, times=times)
+    assert 0.8 * size <= len(archive.to_bytes()) == report.bytes_out <= size
+    assert report.bound == f"size <= {size} bytes"
+    if times:
+        assert report.rmse == pytest.approx(measure([track], archive.decompress())[0])
+
+
+def test_more_bytes_never_cost_precision():
+    errors = [compressed([wander(80)], size=size, effort=1)[1].rmse for size in (40, 160)]
+    assert errors[0] > errors[1]
+
+
+@pytest.mark.parametrize("log", ["one sample", "standing still", "tracks of all lengths"])
+def test_any_log_fits_a_size(log):
+    tracks = LOGS[log]
+    archive, report = compressed(tracks, size=150, effort=1)
+    rmse, _, lost = measure(tracks, archive.decompress())
+    assert lost == 0
+    assert report.bytes_out <= 150
+    assert report.rmse == pytest.approx(rmse, abs=1e-9)
+
+
+def test_a_ratio_counts_from_the_log_or_else_from_its_numbers():
+    track = wander(80)
+    assert compressed([track], ratio=20.0, effort=1)[1].bound == f"size <= {80 * 3 * 8 // 20} bytes"
+    archive, report = pipeline.compress(track, Options(ratio=20.0, effort=1), bytes_in=2000)
+    assert report.bound == "size <= 100 bytes"
+    assert len(archive.to_bytes()) <= 100
+
+
+def test_a_size_below_the_smallest_is_refused_and_the_smallest_named():
+    with pytest.raises(BoundError, match="5 bytes are too few") as caught:
+        pipeline.compress(wander(60), Options(size=5, effort=1))
+    smallest = int(str(caught.value).split("takes ")[1].split(";")[0])
+    assert compressed([wander(60)], size=smallest, effort=1)[1].bytes_out == smallest
+
+
 def lanes(n=240):
     """The same lane there and back: four segments hold it."""
     t = np.arange(float(n)) % 40
@@ -242,6 +283,12 @@ def test_tracks_that_don_t_go_together_are_refused():
         {"rmse": 0.0},
         {"rmse": math.nan},
         {"max_error": math.inf},
+        {"rmse": 1.0, "size": 100},
+        {"size": 100, "ratio": 10.0},
+        {"size": 0},
+        {"ratio": 0.0},
+        {"ratio": math.inf},
+        {"size": 100, "k": 3},
         {"gap": 0.0},
         {"k": 0},
         {"k": 3, "m": 4},

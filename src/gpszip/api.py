@@ -56,6 +56,8 @@ def compress(
     *,
     rmse: float | None = None,
     max_error: float | None = None,
+    size: int | None = None,
+    ratio: float | None = None,
     gap: float | None = None,
     k: int | None = None,
     m: int | None = None,
@@ -73,7 +75,12 @@ def compress(
         On one plane, with different ids; they are not modified.
     rmse, max_error : float, optional
         Bound on the root mean square, or on the largest, distance in metres between a sample and the decoded position
-        at its time. Give one; without any, a sensible one is estimated.
+        at its time.
+    size : int, optional
+        Largest number of bytes; the smallest RMSE that they allow is found.
+    ratio : float, optional
+        The same as a share: at most a ratio-th of what the tracks take as numbers of 8 bytes, times and coordinates. Give
+        one of these four; without any, a sensible RMSE is estimated.
     gap : float, optional
         Silences longer than this, in seconds, claim no travel; ``math.inf`` for none. Estimated by default.
     k, m : int, optional
@@ -99,7 +106,7 @@ def compress(
     OptionError
         If options contradict each other or the tracks.
     BoundError
-        If the bound can't be held.
+        If the bound can't be held, or no archive is as small as it should be.
 
     Examples
     --------
@@ -108,7 +115,7 @@ def compress(
     >>> abs(archive.position("lane", 5.5)[0] - 1.5) < 0.1
     np.True_
     """
-    options = Options(rmse, max_error, gap, k, m, times, layer, effort)
+    options = Options(rmse, max_error, size, ratio, gap, k, m, times, layer, effort)
     return pipeline.compress(tracks, options, executor=executor, progress=progress)[0]
 
 

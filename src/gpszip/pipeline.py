@@ -21,6 +21,7 @@ from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, O
 
 if TYPE_CHECKING:
     from gpszip.mapping.fitting import Fit
+    from gpszip.mapping.size_search import Try
     from gpszip.model.reading import Reading
 
 __all__ = ["compress", "decompress", "read", "segment_mean", "warm"]
@@ -30,6 +31,9 @@ _LEAST_AIM = 0.1
 
 #: Where a target was missed, the next one lies this much below what should do.
 _TIGHTER = 0.98
+
+#: How often learning may come to nothing before every sample is kept instead.
+_FAILURES = 3
 
 #: A bound counts as held up to the rounding of its own measurement.
 _ROUNDING = 1e-9
@@ -69,6 +73,7 @@ def compress(
     tracks: Sequence[Track] | Track,
     options: Options | None = None,
     *,
+    bytes_in: int | None = None,
     executor: Executor | None = None,
     progress: Listener | None = None,
 ) -> tuple[Archive, Report]:
@@ -83,6 +88,8 @@ def compress(
         On one plane, with different ids; they are not modified.
     options : Options, optional
         How. Without a bound, a sensible RMSE is estimated from the log.
+    bytes_in : int, optional
+        Size of the log, to which ``options.ratio`` refers; by default 8 bytes for each time and coordinate.
     executor : Executor, optional
         Spreads the work, by default over a thread for each core; the archive is the same for any number of workers.
     progress : callable, optional
@@ -102,7 +109,7 @@ def compress(
     OptionError
         If tracks don't go together, or the options don't fit them.
     BoundError
-        If the bound can't be held.
+        If the bound can't be held, or no archive is as small as it should be.
     """
     from gpszip.run.threads import Threads
 
@@ -110,10 +117,10 @@ def compress(
     options = options or Options()
     whole = _checked(tracks)
     gap, gaps = _gaps(whole, options.gap)
-    options, notes = _bounded(whole, gaps, options)
-    archive, fit = _within_bound(_Job(whole, gaps, options, executor or Threads(), progress))
+    options, notes = _bounded(whole, gaps, _sized(whole, options, bytes_in))
+    job = _Job(whole, gaps, options, executor or Threads(), progress)
+    archive, fit = _within_size(job, options.size) if options.size is not None else _finished(options, *_within_bound(job))
     if not options.times:
-        archive = new_archive(archive.frame, archive.ids, _without_times(archive.lattice), layer=options.layer)
         notes += ("times were left out after measuring: positions at a time can't be had from the archive",)
     return archive, _report(archive, fit, options, notes, gap, time.perf_counter() - start)
 
@@ -189,19 +196,57 @@ def _bounded(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], options
     """Options that have a bound, unless the number of parts stands for one."""
     from gpszip.mapping.noise import sensible_rmse
 
-    if options.bounded or options.thesis:
+    if options.bounded or options.sized or options.thesis:
         return options, ()
     rmse = sensible_rmse(tracks, gaps)
     return replace(options, rmse=rmse), (f"no bound was given: RMSE {rmse:g} m was estimated from the log",)
 
 
+def _sized(tracks: Sequence[Track], options: Options, bytes_in: int | None) -> Options:
+    """Options that say in bytes what they said as a ratio."""
+    if options.ratio is None:
+        return options
+    whole = sum(8 * (1 + track.dimension) * len(track) for track in tracks) if bytes_in is None else bytes_in
+    return replace(options, ratio=None, size=max(int(whole / options.ratio), 1))
+
+
+def _within_size(job: _Job, size: int) -> tuple[Archive, Fit]:
+    """Look for the smallest RMSE whose archive takes at most so many bytes."""
+    from gpszip.mapping.noise import extent_rmse, sensible_rmse
+    from gpszip.mapping.size_search import Try, smallest_error
+
+    def attempt(rmse: float, effort: int) -> Try[tuple[Archive, Fit]] | None:
+        aim = replace(job.options, size=None, rmse=rmse, effort=effort)
+        try:
+            archive, fit = _finished(aim, *_within_bound(replace(job, options=aim)))
+        except BoundError:
+            return None
+        return Try(len(archive.to_bytes()), fit.rmse, (archive, fit))
+
+    first, coarsest = sensible_rmse(job.tracks, job.gaps), 2 * extent_rmse(job.tracks)
+    found, smallest = smallest_error(attempt, size, first=first, coarsest=coarsest, effort=job.options.effort)
+    if found is None:
+        raise BoundError(f"{size:,} bytes are too few for this log: the smallest archive takes {smallest:,}; allow as many")
+    return found.made
+
+
+def _finished(options: Options, archive: Archive, fit: Fit) -> tuple[Archive, Fit]:
+    """Leave out of a measured archive what is not to be kept."""
+    if options.times:
+        return archive, fit
+    return new_archive(archive.frame, archive.ids, _without_times(archive.lattice), layer=options.layer), fit
+
+
 def _within_bound(job: _Job) -> tuple[Archive, Fit]:
     """Learn, write, read back and measure, until the bound is held."""
     target: Options | None = job.options
+    failures = 0
     while target is not None:
         learned = _learned(job, target)
         if learned is None:
-            break
+            failures += 1
+            target = _tightened(target, 1.0 + 0.1 * failures, job.options) if failures < _FAILURES else None
+            continue
         archive, fit = _written(job, *learned)
         over = _excess(fit, job.options)
         if over <= 1 + _ROUNDING:
@@ -282,6 +327,8 @@ def _without_times(lattice: LatticeWalks) -> LatticeWalks:
 def _bound(options: Options) -> str:
     if options.rmse is not None:
         return f"RMSE <= {options.rmse:g} m"
+    if options.size is not None:
+        return f"size <= {options.size} bytes"
     return "" if options.max_error is None else f"maximum <= {options.max_error:g} m"
 
 

@@ -40,6 +40,28 @@ def test_max_error_is_held(gpszip, log):
     assert distances(log, "walk.gpsz").max() <= 1
 
 
+@pytest.mark.parametrize(
+    ("arguments", "most"), [(["--bytes", "120"], 120), (["--bytes", "0.1KiB"], 102), (["--ratio", "40"], None)], ids=str
+)
+def test_a_size_is_held_and_told(gpszip, log, arguments, most):
+    if arguments[0] == "--ratio":
+        most = log.stat().st_size // 40
+    done = gpszip("compress", log, "-o", "walk.gpsz", "--effort", "1", *arguments)
+    assert done.code == 0, done.err
+    assert len(done.err.splitlines()) == 1
+    assert f"size <= {most} bytes" in done.err
+    assert "RMSE 0." in done.err
+    assert Path("walk.gpsz").stat().st_size <= most
+
+
+def test_too_small_a_size_ends_with_6_and_no_file(gpszip, log):
+    done = gpszip("compress", log, "-o", "walk.gpsz", "--bytes", "5", "--effort", "1")
+    assert done.code == 6
+    assert "the smallest archive takes" in done.err
+    assert len(done.err.splitlines()) == 1
+    assert not Path("walk.gpsz").exists()
+
+
 def test_one_line_says_what_was_done(gpszip, log):
     done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "50cm")
     assert done.out == ""

@@ -9,11 +9,13 @@ import click
 
 from gpszip.cli.options import Settings, common, force, output
 from gpszip.cli.outcome import Outcome
-from gpszip.cli.units import DURATION, LENGTH, Quantity
+from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
 
 __all__ = ["command"]
 
 _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
+
+_BOUNDS = {"rmse": "--rmse", "max_error": "--max-error", "size": "--bytes", "ratio": "--ratio"}
 
 
 @click.command("compress", short_help="Learn the map of logs and store them as walks on it.")
@@ -21,6 +23,8 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 @output("walks.gpsz")
 @click.option("--rmse", type=LENGTH, metavar="LENGTH", help="Largest root mean square error, such as 5m.")
 @click.option("--max-error", type=LENGTH, metavar="LENGTH", help="Largest error of any point, such as 10m.")
+@click.option("--bytes", "size", type=SIZE, metavar="SIZE", help="Largest archive, such as 900 or 4KiB, with the smallest RMSE it allows.")
+@click.option("--ratio", type=click.FloatRange(min=0, min_open=True), metavar="X", help="The same as a share of the logs: 1 in X.")
 @click.option("--gap", type=_GAP, metavar="DURATION", help="Silences longer than this claim no travel, or none. Estimated where left out.")
 @click.option("--effort", type=click.IntRange(1, 9), default=5, show_default=True, help="From 1, quick, to 9, small.")
 @click.option(
@@ -48,7 +52,7 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bool, quiet: bool, **choices: Any) -> Outcome:
     """Read every LOG (CSV, GPX, GeoJSON or Parquet; - is standard input), learn the ways that they repeat, and write one archive.
 
-    Without --rmse or --max-error a bound that suits the log is estimated, and printed.
+    Without --rmse, --max-error, --bytes or --ratio a bound that suits the log is estimated, and printed.
     """
     from gpszip.cli.output import check_output, write_archive
 
@@ -60,7 +64,7 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
 
     with progress(quiet=quiet or settings.json) as listener:
         reading = pipeline.read(logs, **_reading(choices))
-        archive, report = pipeline.compress(reading.tracks, options, progress=listener)
+        archive, report = pipeline.compress(reading.tracks, options, bytes_in=reading.bytes, progress=listener)
     write_archive(target, archive, force=force)
     if settings.json or not quiet:
         show_summary(target, reading, report, as_json=settings.json)
@@ -74,8 +78,12 @@ def _options(choices: dict[str, Any]) -> Any:
 
     if choices["keep"]:
         raise OptionError("--keep: this version keeps no further columns; leave the option out, and keep the log for them")
-    names = ("rmse", "max_error", "gap", "effort", "k", "m", "times", "layer")
-    return Options(**{name: choices[name] for name in names})
+    given = [option for name, option in _BOUNDS.items() if choices[name] is not None]
+    if len(given) > 1:
+        raise OptionError(f"{given[0]} and {given[1]} were both given; give one")
+    names = (*_BOUNDS, "gap", "effort", "k", "m", "times", "layer")
+    size = None if choices["size"] is None else int(choices["size"])
+    return Options(**{name: choices[name] for name in names} | {"size": size})
 
 
 def _reading(choices: dict[str, Any]) -> dict[str, Any]:

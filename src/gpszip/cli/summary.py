@@ -36,7 +36,8 @@ def describe(reading: Reading, report: Report) -> str:
 
 
 def _remarks(reading: Reading, report: Report) -> list[str]:
-    remarks = [] if report.gap == float("inf") else [f"gaps over {format_duration(report.gap)}"]
+    remarks = [f"asked for: {report.bound}"] if report.bound.startswith("size") else []
+    remarks += [] if report.gap == float("inf") else [f"gaps over {format_duration(report.gap)}"]
     remarks += report.notes
     remarks += [f"{repair.where}: {repair.count:,} {repair.what}" for repair in reading.repairs]
     if reading.dropped:

@@ -86,6 +86,7 @@ DURATION = Quantity(
 SIZE = Quantity(
     "size",
     {"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "KiB": 1024.0, "GiB": 1024.0**3, "MiB": 1024.0**2},
+    hints={"b": "write B for bytes", "k": "write kB or KiB", "K": "write kB or KiB", "KB": "write kB or KiB", "M": "write MB or MiB"},
 )
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gpszip.model.track import Track
 
-__all__ = ["estimate_noise", "sensible_rmse"]
+__all__ = ["estimate_noise", "extent_rmse", "sensible_rmse"]
 
 #: A bound this many times the noise leaves the way and drops the noise.
 _ABOVE_NOISE = 1.5
@@ -86,6 +86,18 @@ def sensible_rmse(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) ->
     high = np.max([track.positions.max(axis=0) for track in tracks], axis=0)
     least, most = (share * float(np.linalg.norm(high - low)) for share in _SHARES)
     return _two_digits(max(min(max(noise, min(least, _speed(tracks, gaps))), most), 1e-3))
+
+
+def extent_rmse(tracks: Sequence[Track]) -> float:
+    """Root mean square distance of all samples from their mean in metres: a coarser bound is held by a single place.
+
+    Examples
+    --------
+    >>> extent_rmse([Track("a", [0, 1], [[0.0], [2.0]]), Track("b", [0, 1], [[0.0], [2.0]])])
+    1.0
+    """
+    positions = np.concatenate([track.positions for track in tracks])
+    return float(np.sqrt(((positions - positions.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
 def _speed(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> float:

@@ -19,7 +19,12 @@ class Options:
     rmse : float, optional
         Largest root mean square of all synchronised distances in metres.
     max_error : float, optional
-        Largest synchronised distance in metres. Give one of the two bounds; without any, one is estimated from the log.
+        Largest synchronised distance in metres.
+    size : int, optional
+        Largest number of bytes of the archive; the smallest RMSE that they allow is found.
+    ratio : float, optional
+        How many times smaller than the log the archive is to be, at least. Give one of these four bounds; without any, an
+        RMSE is estimated from the log.
     gap : float, optional
         Silences longer than this, in seconds, are gaps; ``math.inf`` for none. Estimated from the log by default.
     k, m : int, optional
@@ -48,6 +53,8 @@ class Options:
 
     rmse: float | None = None
     max_error: float | None = None
+    size: int | None = None
+    ratio: float | None = None
     gap: float | None = None
     k: int | None = None
     m: int | None = None
@@ -61,16 +68,17 @@ class Options:
         return self.rmse is not None or self.max_error is not None
 
     @property
+    def sized(self) -> bool:
+        """Whether the size is bounded by the user."""
+        return self.size is not None or self.ratio is not None
+
+    @property
     def thesis(self) -> bool:
         """Whether the thesis's model of independent segments is asked for."""
         return self.k is not None or self.m is not None
 
     def __post_init__(self) -> None:
-        if self.rmse is not None and self.max_error is not None:
-            raise OptionError("rmse and max_error were both given; give one")
-        for name, value in (("rmse", self.rmse), ("max_error", self.max_error)):
-            if value is not None and not 0 < value < math.inf:
-                raise OptionError(f"{name} is {value:g}; it must be a positive number of metres")
+        _check_bounds(self)
         if self.gap is not None and not self.gap > 0:
             raise OptionError(f"gap is {self.gap:g}; it must be a positive number of seconds, or infinite for no gaps")
         _check_thesis(self)
@@ -78,6 +86,19 @@ class Options:
             raise OptionError(f"layer is {self.layer!r}; the only layer is 'bz2'")
         if not 1 <= self.effort <= 9:
             raise OptionError(f"effort is {self.effort}; it goes from 1 to 9")
+
+
+def _check_bounds(options: Options) -> None:
+    bounds = {"rmse": options.rmse, "max_error": options.max_error, "size": options.size, "ratio": options.ratio}
+    given = [name for name, value in bounds.items() if value is not None]
+    if len(given) > 1:
+        raise OptionError(f"{given[0]} and {given[1]} were both given; give one")
+    kinds = {"size": "number of bytes", "ratio": "number"}
+    for name, value in bounds.items():
+        if value is not None and not 0 < value < math.inf:
+            raise OptionError(f"{name} is {value:g}; it must be a positive {kinds.get(name, 'number of metres')}")
+    if options.sized and options.thesis:
+        raise OptionError(f"{given[0]} can't be given with k or m; give rmse or max_error")
 
 
 def _check_thesis(options: Options) -> None:

@@ -48,7 +48,7 @@ class Report:
     gap : float
         Silences longer than this, in seconds, are gaps, during which no travel is claimed; infinite where there are none.
     bound : str
-        The bound that was held, such as ``"rmse <= 5 m"``; empty where there was none.
+        The bound that was held, such as ``"RMSE <= 5 m"`` or ``"size <= 900 bytes"``; empty where there was none.
     notes : tuple of str
         What the user should know, one sentence each.
     """
