@@ -16,6 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.archive import Archive, new_archive, open_archive
+from gpszip.container.attributes import Kept, attributes_body
+from gpszip.container.contents import Section
+from gpszip.container.layout import Kind
 from gpszip.errors import BoundError, InputError, OptionError
 from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Options, Progress, Report, SegmentMean, Track
 
@@ -52,6 +55,7 @@ class _Job:
     options: Options
     executor: Executor
     listener: Listener | None
+    extras: tuple[Section, ...] = ()
 
     @property
     def ids(self) -> list[str]:
@@ -118,7 +122,7 @@ def compress(
     whole = _checked(tracks)
     gap, gaps = _gaps(whole, options.gap)
     options, notes = _bounded(whole, gaps, _sized(whole, options, bytes_in))
-    job = _Job(whole, gaps, options, executor or Threads(), progress)
+    job = _Job(whole, gaps, options, executor or Threads(), progress, _kept(whole, options))
     archive, fit = _within_size(job, options.size) if options.size is not None else _finished(options, *_within_bound(job))
     if not options.times:
         notes += ("times were left out after measuring: positions at a time can't be had from the archive",)
@@ -202,6 +206,23 @@ def _bounded(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], options
     return replace(options, rmse=rmse), (f"no bound was given: RMSE {rmse:g} m was estimated from the log",)
 
 
+def _kept(tracks: Sequence[Track], options: Options) -> tuple[Section, ...]:
+    """What is to be kept besides the walks."""
+    if not (options.keep or options.keep_times):
+        return ()
+    axes = {"lat", "lon"} if tracks[0].plane is not None else {"x", "y", "z"}
+    for name in options.keep:
+        if name in {"track_id", "t"} | axes:
+            raise OptionError(f"column {name!r} can't be kept besides: each position has one of that name; rename the column")
+        lacking = next((track for track in tracks if name not in track.attributes), None)
+        if lacking is not None:
+            there = ", ".join(lacking.attributes) or "none; name it when reading: keep"
+            raise OptionError(f"track {lacking.id!r} has no column {name!r} to keep; it has {there}")
+    columns = {name: np.concatenate([track.attributes[name] for track in tracks]) for name in options.keep}
+    kept = Kept(tuple(map(len, tracks)), np.concatenate([track.times for track in tracks]), columns)
+    return (Section(Kind.ATTRIBUTES, attributes_body(kept)),)
+
+
 def _sized(tracks: Sequence[Track], options: Options, bytes_in: int | None) -> Options:
     """Options that say in bytes what they said as a ratio."""
     if options.ratio is None:
@@ -270,7 +291,7 @@ def _last_resort(job: _Job) -> tuple[Archive, Fit]:
 
 
 def _written(job: _Job, frame: Frame, lattice: LatticeWalks) -> tuple[Archive, Fit]:
-    archive = new_archive(frame, job.ids, lattice, layer=job.options.layer)
+    archive = new_archive(frame, job.ids, lattice, layer=job.options.layer, extras=job.extras)
     job.tell("measure", 0.0)
     fit = _measured(job.tracks, archive)
     job.tell("measure", 1.0)
@@ -282,16 +303,16 @@ def _learned(job: _Job, target: Options) -> tuple[Frame, LatticeWalks] | None:
         from gpszip.mapping import independent
 
         return independent.learn(job.tracks, job.gaps, target, executor=job.executor, progress=job.listener)
-    from gpszip.mapping import connected, maximum
+    from gpszip.mapping import connected
 
     def tell(done: int, whole: int) -> None:
         job.tell("learn", done / whole)
 
-    if target.rmse is not None:
-        return connected.learn(job.tracks, job.gaps, rmse=target.rmse, effort=target.effort, executor=job.executor, progress=tell)
-    if target.max_error is not None:
-        return maximum.learn(job.tracks, job.gaps, target.max_error, effort=target.effort, executor=job.executor, progress=tell)
-    return None
+    if target.rmse is None and target.max_error is None:
+        return None
+    return connected.learn(
+        job.tracks, job.gaps, rmse=target.rmse, max_error=target.max_error, effort=target.effort, executor=job.executor, progress=tell
+    )
 
 
 def _measured(tracks: Sequence[Track], archive: Archive) -> Fit:

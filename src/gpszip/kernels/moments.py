@@ -1,6 +1,6 @@
 """Moments of the samples between two slots of a time grid, from integer prefix sums (exact under wrap-around).
 
-Row s of the sums holds, over all samples before slot s: count, T, TT, then X_i, then TX_i for each axis, then XX, with times
+Row s of the sums holds, over all samples before slot s, each times its weight: count, T, TT, then X_i, then TX_i for each axis, then XX, with times
 and positions as integer ticks. Differences are re-centred on integers before anything becomes a float.
 """
 
@@ -15,23 +15,25 @@ __all__ = ["free_cost", "line_cost", "part_costs", "part_moments", "prefix_sums"
 
 
 @jit
-def prefix_sums(times: NDArray[np.int64], places: NDArray[np.int64], ends: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Sums over the samples before each of ``ends`` (indices of samples, not decreasing), shape (len(ends), 2d + 4)."""
+def prefix_sums(
+    times: NDArray[np.int64], places: NDArray[np.int64], weights: NDArray[np.int64], ends: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """Weighted sums over the samples before each of ``ends`` (indices of samples, not decreasing), shape (len(ends), 2d + 4)."""
     dimension = places.shape[1]
     sums = np.zeros((len(ends), 2 * dimension + 4), np.int64)
     running = np.zeros(2 * dimension + 4, np.int64)
     i = 0
     for slot in range(len(ends)):
         while i < ends[slot]:
-            t = times[i]
-            running[0] += 1
-            running[1] += t
-            running[2] += t * t
+            t, w = times[i], weights[i]
+            running[0] += w
+            running[1] += w * t
+            running[2] += w * t * t
             for axis in range(dimension):
                 x = places[i, axis]
-                running[3 + axis] += x
-                running[3 + dimension + axis] += t * x
-                running[3 + 2 * dimension] += x * x
+                running[3 + axis] += w * x
+                running[3 + dimension + axis] += w * t * x
+                running[3 + 2 * dimension] += w * x * x
             i += 1
         sums[slot] = running
     return sums

@@ -9,6 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.coding.walks import encode
+from gpszip.errors import OptionError
+from gpszip.mapping.maximum import mend
 from gpszip.mapping.rounds import Outcome, Plan, fit
 from gpszip.mapping.slots import lay_slots
 from gpszip.model import Executor, Frame, LatticeWalks, Track
@@ -18,6 +21,9 @@ __all__ = ["learn"]
 
 _Found = tuple[Frame, Outcome | None]
 _Run = Callable[[Callable[["_Trial"], _Found], Iterable["_Trial"]], Iterable[_Found]]
+
+#: The mean error with which the walks for a maximum begin, as a share of it.
+_RMSE_OF_MAXIMUM = 0.4
 
 #: Size that stands for a bound not kept.
 _NEVER = 1 << 62
@@ -61,12 +67,13 @@ def learn(
     tracks: Sequence[Track],
     gaps: Sequence[NDArray[np.bool_]],
     *,
-    rmse: float,
+    rmse: float | None = None,
+    max_error: float | None = None,
     effort: int = 5,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[Frame, LatticeWalks] | None:
-    """Learn a connected map and the tracks' walks on it at a root mean square error of at most ``rmse`` metres.
+    """Learn a connected map and the tracks' walks on it whose error is within a bound.
 
     Quanta are chosen by a pattern search on an excerpt, then maps are learnt from several starts.
 
@@ -76,8 +83,10 @@ def learn(
         At least one, all of the same dimension and on the same plane.
     gaps : sequence of bool array
         For each track, which of its n - 1 steps between samples are gaps.
-    rmse : float
+    rmse : float, optional
         Root mean square of the synchronised distance over all samples of all tracks, in metres.
+    max_error : float, optional
+        Largest distance of any sample, in metres; one of the two bounds must be given, this one wins.
     effort : int, default 5
         From 1 (one start) to 9 (up to 32): how many slots all starts together may take.
     executor : Executor, optional
@@ -90,14 +99,16 @@ def learn(
     (Frame, LatticeWalks) or None
         The smallest that was found; None if none kept the bound.
     """
-    search = _Search(tuple(tracks), tuple(gaps), rmse)
+    if rmse is None and max_error is None:
+        raise OptionError("a map needs a bound on its error: give rmse or max_error")
+    search = _Search(tuple(tracks), tuple(gaps), _RMSE_OF_MAXIMUM * max_error if max_error is not None else rmse or 0.0, max_error)
     run = map if executor is None else executor.map
     chosen = _choose_quanta(search.excerpt(_EXCERPT), run)
     trials = _starts(chosen, effort, search.count_slots(chosen))
     search = replace(search, rounds=_ROUNDS if len(trials) == 1 else _MANY_ROUNDS)
     best: tuple[Frame, Outcome] | None = None
     for done, (frame, outcome) in enumerate(run(search.run, trials), 1):
-        if outcome is not None and (best is None or outcome.size < best[1].size):
+        if outcome is not None and (best is None or outcome.cost < best[1].cost):
             best = frame, outcome
         if progress is not None:
             progress(done, len(trials))
@@ -111,6 +122,7 @@ class _Search:
     tracks: tuple[Track, ...]
     gaps: tuple[NDArray[np.bool_], ...]
     rmse: float
+    max_error: float | None = None
     rounds: int = 0
     rough: bool = False
 
@@ -123,12 +135,21 @@ class _Search:
 
     def run(self, trial: _Trial) -> _Found:
         frame = self.frame(trial)
-        plan = Plan(target=0.9995 * self.rmse / quantum(frame.space), leader=trial.leader, rounds=self.rounds)
+        maximum = None if self.max_error is None else 0.999 * self.max_error / quantum(frame.space)
+        plan = Plan(target=0.9995 * self.rmse / quantum(frame.space), leader=trial.leader, rounds=self.rounds, maximum=maximum)
         thin = lay_slots(self.tracks, self.gaps, frame, sparse=True)
         if self.rough:
             return frame, fit(thin, len(self.tracks), plan)
         slots = lay_slots(self.tracks, self.gaps, frame)
-        return frame, fit(slots, len(self.tracks), plan, thin=thin if len(thin.cells) < _THIN * len(slots.cells) else None)
+        outcome = fit(slots, len(self.tracks), plan, thin=thin if len(thin.cells) < _THIN * len(slots.cells) else None)
+        return (frame, outcome) if outcome is None or self.max_error is None else self._mended(frame, outcome)
+
+    def _mended(self, frame: Frame, outcome: Outcome) -> _Found:
+        """What becomes of walks of which a few parts miss the maximum."""
+        mended = None if self.max_error is None else mend(self.tracks, frame, outcome.walks, self.max_error)
+        if mended is None:
+            return frame, None
+        return mended[0], replace(outcome, walks=mended[1], size=len(encode(mended[1])), misses=0)
 
     def count_slots(self, trial: _Trial) -> int:
         return len(lay_slots(self.tracks, self.gaps, self.frame(trial)).cells)
@@ -145,17 +166,17 @@ class _Search:
                 tracks.append(Track(track.id, track.times[:count], track.positions[:count], plane=track.plane))
                 gaps.append(gap[: count - 1])
                 left -= count
-        return _Search(tuple(tracks), tuple(gaps), self.rmse, _ROUGH_ROUNDS, rough=True)
+        return replace(self, tracks=tuple(tracks), gaps=tuple(gaps), rounds=_ROUGH_ROUNDS, rough=True)
 
 
 def _choose_quanta(search: _Search, run: _Run) -> _Trial:
     """Walk downhill on the coded size from the usual quanta."""
-    sizes: dict[_Trial, int] = {}
+    sizes: dict[_Trial, float] = {}
 
     def measure(trials: list[_Trial]) -> None:
         new = [trial for trial in trials if trial not in sizes]
         for trial, (_, outcome) in zip(new, run(search.run, new), strict=True):
-            sizes[trial] = _NEVER if outcome is None else outcome.size
+            sizes[trial] = _NEVER if outcome is None else outcome.cost
 
     best = _FIRST
     for _ in range(4):

@@ -16,7 +16,17 @@ from gpszip.kernels.rounding import round_places
 from gpszip.mapping.slots import Slots
 from gpszip.model import LatticeWalk, LatticeWalks
 
-__all__ = ["Parts", "draft_of", "list_parts", "normal_equations", "place_nodes", "round_nodes", "squared_error", "walks_of"]
+__all__ = [
+    "Parts",
+    "draft_of",
+    "list_parts",
+    "normal_equations",
+    "place_nodes",
+    "round_nodes",
+    "sample_errors",
+    "squared_error",
+    "walks_of",
+]
 
 #: Pull of every node to where it is, so that one that no sample binds stays there.
 _ANCHOR = 1e-5
@@ -51,6 +61,15 @@ def list_parts(slots: Slots, at: NDArray[np.int64]) -> Parts:
 def squared_error(parts: Parts, places: NDArray[np.float64]) -> float:
     """Sum of squared synchronised distances in squared quanta, the thesis's tau."""
     return float(part_costs(parts.moments, places[parts.starts], places[parts.ends], parts.centers).sum())
+
+
+def sample_errors(slots: Slots, parts: Parts, places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Synchronised distance of every sample in quanta, and the part that each lies in."""
+    part = np.repeat(np.arange(len(parts.froms)), slots.ends[parts.tos] - slots.ends[parts.froms])
+    start, end = slots.cells[parts.froms][part], slots.cells[parts.tos][part]
+    share = ((slots.times - start) / (end - start))[:, None]
+    away = (1 - share) * places[parts.starts][part] + share * places[parts.ends][part] - slots.spots
+    return np.sqrt((away**2).sum(axis=1)), part
 
 
 def normal_equations(parts: Parts, places: NDArray[np.float64]) -> tuple[csr_array, NDArray[np.float64]]:

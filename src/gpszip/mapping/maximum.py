@@ -1,29 +1,21 @@
-"""Walks that were learned for a mean error, mended until no sample is farther away than a maximum.
-
-A map that minimises squared error leaves a few samples far off. They are cheaper to mend one by one than by learning with
-a smaller mean error, which would make all of the walks finer: where a part misses, it gets another knot at its worst sample.
-"""
+"""Walks mended until no sample is farther away than a maximum: where a part misses, it gets another knot at its worst sample."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from gpszip.coding.walks import encode, number_by_visit
-from gpszip.mapping import connected
+from gpszip.coding.walks import number_by_visit
 from gpszip.mapping.fitting import positions_at, synchronised_errors
 from gpszip.mapping.lattice_map import knot_times
-from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Track, Walk
+from gpszip.model import Frame, LatticeWalk, LatticeWalks, Track, Walk
 from gpszip.model.frame import quantum
 
-__all__ = ["learn", "mend"]
-
-#: Mean errors to learn with, as shares of the maximum, the most promising first.
-_SHARES = (0.4, 0.32, 0.5)
+__all__ = ["mend"]
 
 #: New knots take a node that is already there within this share of the maximum.
 _SNAP = 0.5
@@ -36,53 +28,6 @@ _WITHIN = 0.9
 
 #: Rounds without another knot, and rounds in all, after which a walk that still misses is given up.
 _STALE, _ROUNDS = 24, 400
-
-
-def learn(
-    tracks: Sequence[Track],
-    gaps: Sequence[NDArray[np.bool_]],
-    max_error: float,
-    *,
-    effort: int = 5,
-    executor: Executor | None = None,
-    progress: Callable[[int, int], None] | None = None,
-) -> tuple[Frame, LatticeWalks] | None:
-    """Learn a connected map and walks on it of which no sample is farther away than a maximum.
-
-    Parameters
-    ----------
-    tracks : sequence of Track
-        At least one, all of the same dimension and on the same plane.
-    gaps : sequence of bool array, shape (n - 1,)
-        For each track, the steps that are gaps.
-    max_error : float
-        Largest synchronised distance in metres.
-    effort : int, default 5
-        From 1 to 9: up to 3 one mean error is tried, up to 6 two, then three.
-    executor : Executor, optional
-        Where the searches run; their results do not depend on it.
-    progress : callable, optional
-        Told how many searches are done, and of how many.
-
-    Returns
-    -------
-    (Frame, LatticeWalks) or None
-        The smallest that was found; None if none kept the maximum.
-    """
-    shares = _SHARES[: (effort + 2) // 3]
-    best: tuple[int, Frame, LatticeWalks] | None = None
-    for turn, share in enumerate(shares):
-
-        def tell(done: int, whole: int, before: int = turn) -> None:
-            if progress is not None:
-                progress(before * whole + done, len(shares) * whole)
-
-        learned = connected.learn(tracks, gaps, rmse=share * max_error, effort=effort, executor=executor, progress=tell)
-        mended = None if learned is None else mend(tracks, *learned, max_error)
-        if mended is not None:
-            size = len(encode(mended[1]))
-            best = (size, *mended) if best is None or size < best[0] else best
-    return None if best is None else best[1:]
 
 
 def mend(tracks: Sequence[Track], frame: Frame, lattice: LatticeWalks, max_error: float) -> tuple[Frame, LatticeWalks] | None:

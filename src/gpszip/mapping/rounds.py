@@ -25,10 +25,11 @@ from gpszip.mapping.drafting import (
     normal_equations,
     place_nodes,
     round_nodes,
+    sample_errors,
     squared_error,
     walks_of,
 )
-from gpszip.mapping.slots import Slots, carry_knots
+from gpszip.mapping.slots import Slots, carry_knots, weigh_samples
 from gpszip.model import LatticeWalks
 
 __all__ = ["Outcome", "Plan", "fit"]
@@ -40,6 +41,9 @@ _NEAR_NODES = 5
 _PUSH = 2.5
 #: Every so many rounds the price falls by this factor: walks that need fewer knots leave a local optimum behind.
 _KICK_EVERY, _KICK = 6, 0.6
+#: A maximum: share of it beyond which a sample pulls harder, the heaviest weight, the share of parts that may miss it before mending,
+#: bytes that mending one costs, and how gently the price follows.
+_PULL, _HEAVIEST, _MISSES, _MEND, _GENTLY = 0.87, 64.0, 0.04, 3.0, 0.15
 #: Rounds on all slots after those on the thin ones.
 _LAST_ROUNDS = 4
 
@@ -56,6 +60,8 @@ class Plan:
         Radius, in targets, within which the first knots are gathered into shared nodes; 0 leaves each its own.
     rounds : int
         Number of rounds of E-step, M-step and merging.
+    maximum : float, optional
+        Largest distance of any sample, in quanta, to aim for instead; ``target`` is then the error of the first walks.
     window : int
         Knots that the E-step chooses at once.
     widest : int
@@ -67,6 +73,7 @@ class Plan:
     target: float
     leader: float = 1.0
     rounds: int = 12
+    maximum: float | None = None
     window: int = 24
     widest: int = 300
     reach: float = 3.0
@@ -74,11 +81,17 @@ class Plan:
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """A map with its walks: the coded size in bytes and the root mean square error in quanta."""
+    """A map with its walks: the coded size in bytes, the root mean square error in quanta, and the parts that miss a maximum."""
 
     walks: LatticeWalks
     size: int
     error: float
+    misses: int = 0
+
+    @property
+    def cost(self) -> float:
+        """Bytes, with what mending the parts that miss a maximum will take."""
+        return self.size + _MEND * self.misses
 
 
 def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None) -> Outcome | None:
@@ -104,25 +117,47 @@ def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None) -> 
     at, places, price = _private_chains(here, plan)
     at, places = _gather(here, at, places, plan)
     best: Outcome | None = None
-    push = _PUSH
-    bits = _prices(None, price, len(places))
+    push, bits, weights = _PUSH, _prices(None, price, len(places)), np.ones(slots.samples)
     for turn in range(plan.rounds):
         if here is not slots and turn >= plan.rounds - _LAST_ROUNDS:
             at, here = carry_knots(at, here, slots), slots
+        if plan.maximum is not None:
+            here = weigh_samples(here, np.rint(weights).astype(np.int64))
         at, places = _settle(here, at, places, plan, bits, turn)
         at, places = _merge(here, at, places, plan, bits)
-        outcome, ledger = _realise(here, at, places, tracks)
-        miss = outcome.error / plan.target
-        if miss <= 1 and (best is None or outcome.size < best.size):
-            best = outcome
+        outcome, ledger, errors = _realise(here, at, places, tracks, plan)
+        best = _better(best, outcome, plan)
+        if plan.maximum is not None:
+            weights = _reweigh(weights, errors, plan.maximum)
         if turn >= 1:
+            over = _excess(outcome, plan)
             # a map that lags behind its price is pushed harder each round
-            push = push + 1.5 if miss > 1 else _PUSH
-            price *= (miss / 0.995) ** (push if miss > 1 else 1.5)
+            push = push + 1.5 if over > 1 else _PUSH
+            price *= over ** (push if over > 1 else 1.5)
         if turn % _KICK_EVERY == _KICK_EVERY - 1 and turn + _KICK_EVERY < plan.rounds:
             price, push = _KICK * price, _PUSH
         bits = _prices(ledger, price, len(outcome.walks.nodes))
     return best
+
+
+def _better(best: Outcome | None, outcome: Outcome, plan: Plan) -> Outcome | None:
+    """The smaller one; a miss of the target is out, a part that misses the maximum costs what mending it will."""
+    if plan.maximum is None and outcome.error > plan.target:
+        return best
+    return outcome if best is None or outcome.cost < best.cost else best
+
+
+def _excess(outcome: Outcome, plan: Plan) -> float:
+    """How far the walks are from what the price is to bring about; above 1 it must rise."""
+    if plan.maximum is None:
+        return outcome.error / (0.995 * plan.target)
+    parts = sum(len(walk.gaps) for walk in outcome.walks.walks)
+    return float(((outcome.misses + 1) / (_MISSES * parts + 1)) ** _GENTLY)
+
+
+def _reweigh(weights: NDArray[np.float64], errors: NDArray[np.float64], maximum: float) -> NDArray[np.float64]:
+    """Let samples near or beyond the maximum pull harder and the others less: multipliers of the constraints, by dual ascent."""
+    return np.asarray(np.clip(weights * np.clip((errors / (_PULL * maximum)) ** 2, 0.5, 4.0), 1.0, _HEAVIEST))
 
 
 def _private_chains(slots: Slots, plan: Plan) -> tuple[NDArray[np.int64], NDArray[np.float64], float]:
@@ -223,14 +258,17 @@ def _merge(
     return at, _place(slots, at, places)
 
 
-def _realise(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int) -> tuple[Outcome, NDArray[np.float64]]:
-    """Round the places, code the walks and measure what came out."""
+def _realise(
+    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int, plan: Plan
+) -> tuple[Outcome, NDArray[np.float64], NDArray[np.float64]]:
+    """Round the places, code the walks and measure what came out, sample by sample."""
     parts = list_parts(slots, at)
     rounded = round_nodes(*normal_equations(parts, places), places)
     walks = walks_of(slots, at, rounded, tracks)
     data, ledger = encode_with_ledger(walks)
-    error = np.sqrt(squared_error(parts, rounded) / slots.samples)
-    return Outcome(walks, len(data), float(error)), ledger
+    errors, part = sample_errors(slots, parts, rounded)
+    misses = 0 if plan.maximum is None else len(np.unique(part[errors > plan.maximum]))
+    return Outcome(walks, len(data), float(np.sqrt((errors**2).mean())), misses), ledger, errors
 
 
 def _prices(ledger: NDArray[np.float64] | None, price: float, nodes: int) -> NDArray[np.float64]:

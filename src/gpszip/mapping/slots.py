@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from gpszip.kernels.moments import prefix_sums
 from gpszip.model import Frame, Track
 from gpszip.model.frame import quantum
 
-__all__ = ["Slots", "carry_knots", "lay_slots"]
+__all__ = ["Slots", "carry_knots", "lay_slots", "weigh_samples"]
 
 #: Time ticks of a cell, and position ticks of a quantum where the log's extent allows it.
 _TIME_TICKS = 256
@@ -43,8 +43,12 @@ class Slots:
         First and last slot of each piece; pieces are what lies between gaps.
     owners : int64 array, shape (P,)
         Track of each piece.
-    samples : int
-        Number of samples.
+    ends : int64 array, shape (S,)
+        Number of samples before each slot; at the last slot of a piece, all of its samples count.
+    times : float64 array, shape (n,)
+        Time of each sample, in cells.
+    spots : float64 array, shape (n, d)
+        Position of each sample, in quanta.
     """
 
     cells: NDArray[np.int64]
@@ -56,7 +60,14 @@ class Slots:
     firsts: NDArray[np.int64]
     lasts: NDArray[np.int64]
     owners: NDArray[np.int64]
-    samples: int
+    ends: NDArray[np.int64]
+    times: NDArray[np.float64]
+    spots: NDArray[np.float64]
+
+    @property
+    def samples(self) -> int:
+        """Number of samples n."""
+        return len(self.times)
 
 
 def lay_slots(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], frame: Frame, *, sparse: bool = False) -> Slots:
@@ -102,13 +113,23 @@ def lay_slots(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], frame:
     unit = _place_ticks(
         places, np.concatenate([[offset + piece[0] for piece in pieces] for offset, pieces in zip(offsets, spans, strict=False)])
     )
-    sums = prefix_sums(
-        np.rint(every * _TIME_TICKS).astype(np.int64), np.rint(places * unit).astype(np.int64), np.concatenate(ends).astype(np.int64)
-    )
+    before = np.concatenate(ends).astype(np.int64)
     return Slots(
-        cell, cell * _TIME_TICKS, spots, np.rint(spots * unit).astype(np.int64), sums, float(unit),
-        np.array(firsts), np.array(lasts), np.array(owners), len(every),
+        cell, cell * _TIME_TICKS, spots, np.rint(spots * unit).astype(np.int64),
+        _sums(every, places, np.ones(len(every), np.int64), before, unit), float(unit),
+        np.array(firsts), np.array(lasts), np.array(owners), before, every, places,
     )  # fmt: skip
+
+
+def weigh_samples(slots: Slots, weights: NDArray[np.int64]) -> Slots:
+    """Return the same slots with sums in which each sample counts as often as its weight says."""
+    return replace(slots, sums=_sums(slots.times, slots.spots, weights, slots.ends, slots.place_unit))
+
+
+def _sums(
+    times: NDArray[np.float64], spots: NDArray[np.float64], weights: NDArray[np.int64], ends: NDArray[np.int64], unit: float
+) -> NDArray[np.int64]:
+    return prefix_sums(np.rint(times * _TIME_TICKS).astype(np.int64), np.rint(spots * unit).astype(np.int64), weights, ends)
 
 
 def _in_cells(track: Track, frame: Frame) -> NDArray[np.float64]:
@@ -185,6 +206,6 @@ def _place_ticks(places: NDArray[np.float64], starts: NDArray[np.int64]) -> int:
     spread = np.maximum.reduceat(places, starts, axis=0) - np.minimum.reduceat(places, starts, axis=0)
     extent = float(spread.max()) + 1.0
     unit = _PLACE_TICKS
-    while unit > 1 and (extent * unit) ** 2 * min(len(places), 100_000) > 2.0**62:
+    while unit > 1 and (extent * unit) ** 2 * min(len(places), 100_000) > 2.0**58:
         unit //= 2
     return unit
