@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -14,15 +14,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gpszip.container.contents import Contents, Group
+from gpszip.container.attributes import Kept, kept_names, read_attributes
+from gpszip.container.contents import Contents, Group, Section
+from gpszip.container.layout import Kind
 from gpszip.container.reader import from_bytes, load
 from gpszip.container.writer import save, to_bytes
-from gpszip.errors import OptionError
+from gpszip.errors import CorruptArchiveError, OptionError
 from gpszip.model.frame import Frame, quantum
 from gpszip.model.lattice import LatticeWalks
 from gpszip.model.road_map import RoadMap
 from gpszip.model.track import Track
 from gpszip.model.walk import Walk
+from gpszip.model.way_map import WayMap
 
 __all__ = ["Archive", "new_archive", "open_archive"]
 
@@ -98,6 +101,18 @@ class Archive:
         from gpszip.mapping.lattice_map import walks_of
 
         return walks_of(self.lattice, self.frame, self.ids)
+
+    def clean_map(self, min_traversals: int = 1) -> WayMap:
+        """One way for each street, between junctions, with how often and how fast it was travelled.
+
+        Parameters
+        ----------
+        min_traversals : int, default 1
+            Leave out ways that were travelled less often, both directions together.
+        """
+        from gpszip.mapping.clean_map import clean_map
+
+        return clean_map(self.road_map, self.walks, quantum(self.frame.space), min_traversals=min_traversals)
 
     def walk(self, track: str) -> Walk:
         """Walk of one track over the nodes of ``road_map``.
@@ -202,6 +217,58 @@ class Archive:
             out += self._sampled(walk, every, instants)
         return out
 
+    @property
+    def kept(self) -> tuple[str, ...] | None:
+        """Names of the log's further columns that are kept; None if not even the times of the samples are."""
+        body = self._attributes
+        return None if body is None else kept_names(body, len(self.ids))
+
+    def sample_times(self, track: str) -> NDArray[np.float64]:
+        """Instants of a track's samples in seconds, exactly as they were read.
+
+        Raises
+        ------
+        OptionError
+            If there is no such track, or the archive was written without them.
+        """
+        return self._samples.times[self._samples.rows(self._number(track))]
+
+    def attributes(self, track: str) -> Mapping[str, NDArray[np.generic]]:
+        """Further columns of a track, exactly as they were read, one value for each of :meth:`sample_times`.
+
+        Returns
+        -------
+        mapping of str to array, shape (n,)
+            Integers, floats (NaN where the log had none) or texts, by the names of the columns.
+
+        Raises
+        ------
+        OptionError
+            If there is no such track, or the archive was written without them.
+        """
+        rows = self._samples.rows(self._number(track))
+        return {name: values[rows] for name, values in self._samples.columns.items()}
+
+    def samples(self, track: str | None = None) -> list[Track]:
+        """Tracks at the times of their samples, with the columns that were kept.
+
+        Parameters
+        ----------
+        track : str, optional
+            Only this track.
+
+        Returns
+        -------
+        list of Track
+            Positions are within the archive's bound; times and attributes are exact. Each track is whole and has its own name.
+
+        Raises
+        ------
+        OptionError
+            If there is no such track, or the archive was written without the times of samples.
+        """
+        return [self._sampled_as_read(name) for name in (self.ids if track is None else (track,))]
+
     def info(self, *, decode: bool = False) -> dict[str, Any]:
         """What the archive is, as plain values.
 
@@ -220,6 +287,7 @@ class Archive:
             "node_quantum_m": quantum(frame.space),
             "time_quantum_s": quantum(frame.time),
             "layer": self.contents.layer,
+            "kept": None if self.kept is None else list(self.kept),
             "map_hash": None if self.contents.map_hash is None else self.contents.map_hash.hex(),
         }
         return {**facts, **self._counts()} if decode else facts
@@ -292,6 +360,27 @@ class Archive:
                 out.append(Track(name, when, positions_at(walk, nodes, when), plane=self.frame.plane))
         return out
 
+    @property
+    def _attributes(self) -> bytes | None:
+        bodies = [extra.body for extra in self.contents.extras if extra.kind == Kind.ATTRIBUTES]
+        if len(bodies) > 1:
+            raise CorruptArchiveError("there are two sections of kept columns")
+        return bodies[0] if bodies else None
+
+    @cached_property
+    def _samples(self) -> Kept:
+        body = self._attributes
+        if body is None:
+            raise OptionError("the archive keeps neither columns nor the times of samples; compress the log with keep or keep_times")
+        return read_attributes(body, len(self.ids))
+
+    def _sampled_as_read(self, name: str) -> Track:
+        times = self.sample_times(name)
+        positions = self.position(name, times)
+        if not len(times) or np.isnan(positions).any():
+            raise CorruptArchiveError(f"kept times of track {name!r} lie where it claims no travel")
+        return Track(name, times, positions, attributes=self.attributes(name), plane=self.frame.plane)
+
     def _counts(self) -> dict[str, Any]:
         timed = [walk.times for walk in self.walks if walk.times is not None]
         return {
@@ -305,7 +394,9 @@ class Archive:
         }
 
 
-def new_archive(frame: Frame, ids: Sequence[str], lattice: LatticeWalks, *, layer: str | None = None) -> Archive:
+def new_archive(
+    frame: Frame, ids: Sequence[str], lattice: LatticeWalks, *, layer: str | None = None, extras: Sequence[Section] = ()
+) -> Archive:
     """Code map and walks as an archive.
 
     Parameters
@@ -318,6 +409,8 @@ def new_archive(frame: Frame, ids: Sequence[str], lattice: LatticeWalks, *, laye
         Nodes in the order in which the walks first visit them.
     layer : str, optional
         ``"bz2"`` packs the walks once more.
+    extras : sequence of Section
+        What is kept besides.
 
     Returns
     -------
@@ -330,7 +423,7 @@ def new_archive(frame: Frame, ids: Sequence[str], lattice: LatticeWalks, *, laye
     groups = [Group(0, len(ids), payload)]
     if len(payload) >= 2 * _GROUP_BYTES and len(ids) > 1:
         groups = _groups(lattice, len(payload) // _GROUP_BYTES)
-    return Archive(Contents(frame, tuple(ids), tuple(groups), layer=layer))
+    return Archive(Contents(frame, tuple(ids), tuple(groups), extras=tuple(extras), layer=layer))
 
 
 def open_archive(source: str | os.PathLike[str] | bytes) -> Archive:

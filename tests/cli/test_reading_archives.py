@@ -65,6 +65,8 @@ def test_decompress_writes_other_formats(gpszip, earthly, suffix, tmp_path):
     ("arguments", "code", "message"),
     [
         (["--every", "1s", "--at", "5"], 2, "give one"),
+        (["--every", "1s", "--samples"], 2, "--every and --samples were both given"),
+        (["--samples"], 2, "--keep-times or --keep"),
         (["--every", "5m"], 2, "write min for minutes"),
         (["--at", "noon"], 2, "'noon' is no time"),
         (["--at", "500"], 2, "gpszip info --detail shows the time range"),
@@ -87,7 +89,7 @@ def test_decompress_without_times(gpszip, timeless):
 
 
 def test_map_of_a_place_on_earth(gpszip, earthly):
-    done = gpszip("map", earthly, "-o", "-")
+    done = gpszip("map", earthly, "-o", "-", "--raw")
     features = json.loads(done.out)["features"]
     assert len(features) == 3
     lon, lat = features[0]["geometry"]["coordinates"][0]

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import click
 
 from gpszip.cli.options import Settings, archive_argument, common, force, output
 from gpszip.cli.outcome import Outcome
+
+if TYPE_CHECKING:
+    from gpszip.model import RoadMap, WayMap
 
 __all__ = ["command"]
 
@@ -14,21 +19,22 @@ __all__ = ["command"]
 @archive_argument
 @output("map.geojson")
 @click.option("--min-traversals", type=click.IntRange(1), default=1, metavar="N", help="Leave out ways that were travelled less often.")
+@click.option("--raw", is_flag=True, help="Write nodes and edges as they were learned, without cleaning.")
 @click.option("--format", "kind", metavar="FORMAT", help="Instead of the output's suffix: geojson, graphml, gpkg or csv.")
 @force
 @common
 @click.pass_obj
-def command(settings: Settings, archive: str, target: str, min_traversals: int, kind: str | None, force: bool) -> Outcome:
-    """Write the road map of ARCHIVE as GeoJSON, GraphML, GeoPackage or CSV, with how often each way was travelled."""
+def command(settings: Settings, archive: str, target: str, min_traversals: int, raw: bool, kind: str | None, force: bool) -> Outcome:
+    """Write the road map of ARCHIVE as GeoJSON, GraphML, GeoPackage or CSV: one way for each street, with its travels."""
     from gpszip.cli.archives import opened
     from gpszip.cli.output import check_output, say, show_json
     from gpszip.io.maps import write_map
 
     check_output(target, force=force, binary=kind == "gpkg")
     with opened(archive) as source:
-        road_map = source.road_map
-    write_map(road_map, target, min_traversals, format=kind)
-    ways = int((road_map.forward + road_map.backward >= min_traversals).sum())
+        learned: RoadMap | WayMap = source.road_map if raw else source.clean_map(min_traversals)
+    write_map(learned, target, min_traversals, format=kind)
+    ways = int((learned.forward + learned.backward >= min_traversals).sum())
     if settings.json:
         show_json({"output": target, "edges": ways}, err=target == "-")
     elif target != "-":

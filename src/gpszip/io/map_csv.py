@@ -1,4 +1,4 @@
-"""A road map as CSV: a row for each edge, with the places of its ends."""
+"""A map as CSV: a row for each edge or way, with the places of its ends."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["write_map_csv"]
 
 
 def write_map_csv(table: MapTable, path: Path) -> None:
-    """Write edges as ``u,v,forward,backward,length`` and the coordinates of both ends.
+    """Write the columns, the coordinates of both ends, and ways as well-known text in the column ``line``.
 
     Parameters
     ----------
@@ -22,11 +22,16 @@ def write_map_csv(table: MapTable, path: Path) -> None:
     path : Path
         The file.
     """
-    axes = ["lon", "lat"] if table.geographic else list("xyz"[: table.places.shape[1]])
-    columns = dict(table.properties)
+    columns = {name: _nothing_for_nan(values) for name, values in table.properties.items()}
     for end in ("u", "v"):
-        nodes = columns[end]
-        columns |= {f"{end}_{axis}": table.places[nodes, i] for i, axis in enumerate(axes)}
+        nodes = table.properties[end]
+        columns |= {f"{end}_{axis}": pa.array(table.places[nodes, i]) for i, axis in enumerate(table.axes)}
+    if table.shaped:
+        columns["line"] = pa.array(table.wkt, pa.string())
     with path.open("wb") as file:
         file.write((",".join(columns) + "\n").encode())
         pc.write_csv(pa.table(columns), file, pc.WriteOptions(include_header=False))
+
+
+def _nothing_for_nan(values: object) -> pa.Array:
+    return pa.array(values, from_pandas=True)

@@ -1,4 +1,4 @@
-"""A road map as GeoJSON: a LineString for each edge."""
+"""A map as GeoJSON: a LineString for each edge or way."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpszip.io.geojson import METRES
 from gpszip.io.map_table import MapTable
@@ -15,7 +16,7 @@ __all__ = ["write_map_geojson"]
 
 
 def write_map_geojson(table: MapTable, path: Path, *, points: bool = False) -> None:
-    """Write edges with u, v, forward, backward and length (metres).
+    """Write edges or ways with their columns as properties; lengths in metres, speeds in m/s.
 
     Coordinates of a map in x and y are metres, which GeoJSON has no word for: the member ``gpszip`` says so.
 
@@ -28,14 +29,14 @@ def write_map_geojson(table: MapTable, path: Path, *, points: bool = False) -> N
     points : bool
         Write the nodes, too, as Points with the property ``node``.
     """
-    places = table.places.tolist()
-    columns = [column.tolist() for column in table.properties.values()]
+    places, line, starts = table.places.tolist(), table.points.tolist(), table.offsets.tolist()
+    columns = [_nothing_for_nan(column) for column in table.properties.values()]
     features = [
-        _feature("LineString", [places[row[0]], places[row[1]]], dict(zip(table.properties, row, strict=True)))
-        for row in zip(*columns, strict=True)
+        _feature("LineString", line[starts[i] : starts[i + 1]], dict(zip(table.properties, row, strict=True)))
+        for i, row in enumerate(zip(*columns, strict=True))
     ]
     if points:
-        features += [_feature("Point", places[node], {"node": node}) for node in np.asarray(table.nodes).tolist()]
+        features += [_feature("Point", places[node], {"node": node}) for node in table.nodes.tolist()]
     member = "" if table.geographic else f"{json.dumps(METRES)[1:-1]}, "
     lines = ",\n".join(json.dumps(feature) for feature in features)
     path.write_text(f'{{"type": "FeatureCollection", {member}"features": [\n{lines}\n]}}\n', encoding="utf-8")
@@ -43,3 +44,8 @@ def write_map_geojson(table: MapTable, path: Path, *, points: bool = False) -> N
 
 def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
     return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
+
+
+def _nothing_for_nan(column: NDArray[np.generic]) -> list[Any]:
+    """JSON has no word for NaN."""
+    return [None if value != value else value for value in column.tolist()]  # noqa: PLR0124

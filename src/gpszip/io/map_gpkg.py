@@ -1,7 +1,9 @@
-"""A road map as GeoPackage, for geographic information systems."""
+"""A map as GeoPackage, for geographic information systems."""
 
 from __future__ import annotations
 
+import struct
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ __all__ = ["write_map_gpkg"]
 
 
 def write_map_gpkg(table: MapTable, path: Path) -> None:
-    """Write the layer ``edges`` with u, v, forward, backward and length (metres).
+    """Write the layer ``edges``, or ``ways``, with the columns as fields; lengths in metres, speeds in m/s.
 
     Parameters
     ----------
@@ -29,7 +31,7 @@ def write_map_gpkg(table: MapTable, path: Path) -> None:
         geometry=_lines(table),
         field_data=list(table.properties.values()),
         fields=list(table.properties),
-        layer="edges",
+        layer="ways" if table.shaped else "edges",
         driver="GPKG",
         geometry_type="LineString" if table.places.shape[1] == 2 else "LineString Z",
         crs="EPSG:4326" if table.geographic else 'LOCAL_CS["metres",UNIT["metre",1]]',
@@ -37,12 +39,10 @@ def write_map_gpkg(table: MapTable, path: Path) -> None:
 
 
 def _lines(table: MapTable) -> NDArray[np.object_]:
-    """Well-known binary: all lines have two ends and so the same layout."""
-    width = table.places.shape[1]
-    records = np.zeros(len(table.u), dtype=[("order", "u1"), ("kind", "<u4"), ("count", "<u4"), ("ends", "<f8", (2, width))])
-    records["order"], records["kind"], records["count"] = 1, 2 if width == 2 else 1002, 2
-    records["ends"][:, 0], records["ends"][:, 1] = table.places[table.u], table.places[table.v]
-    packed, size = records.tobytes(), records.dtype.itemsize
-    lines = np.empty(len(records), dtype=object)
-    lines[:] = [packed[i : i + size] for i in range(0, len(packed), size)]
+    """Lines in well-known binary."""
+    kind = 2 if table.points.shape[1] == 2 else 1002
+    starts, packed = table.offsets.tolist(), table.points.astype("<f8").tobytes()
+    point = 8 * table.points.shape[1]
+    lines = np.empty(len(table), dtype=object)
+    lines[:] = [struct.pack("<BII", 1, kind, j - i) + packed[i * point : j * point] for i, j in pairwise(starts)]
     return lines

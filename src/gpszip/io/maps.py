@@ -11,9 +11,9 @@ from gpszip.io.map_csv import write_map_csv
 from gpszip.io.map_geojson import write_map_geojson
 from gpszip.io.map_gpkg import write_map_gpkg
 from gpszip.io.map_graphml import write_map_graphml
-from gpszip.io.map_table import MapTable, map_table
+from gpszip.io.map_table import MapTable, map_table, way_table
 from gpszip.io.sink import pouring, replacing
-from gpszip.model import RoadMap
+from gpszip.model import RoadMap, WayMap
 
 __all__ = ["MAP_FORMATS", "write_map"]
 
@@ -27,17 +27,19 @@ MAP_FORMATS: dict[str, Callable[[MapTable, Path], None]] = {
 }
 
 
-def write_map(road_map: RoadMap, path: str | Path, min_traversals: int = 0, *, format: str | None = None, nodes: bool = False) -> None:
-    """Write a road map; places on the earth as longitude and latitude.
+def write_map(
+    road_map: RoadMap | WayMap, path: str | Path, min_traversals: int = 0, *, format: str | None = None, nodes: bool = False
+) -> None:
+    """Write a map; places on the earth as longitude and latitude.
 
     Parameters
     ----------
-    road_map : RoadMap
-        The map.
+    road_map : RoadMap or WayMap
+        Nodes and edges as they were learned, or junctions and ways.
     path : str or Path
         The file, which appears whole or not at all and replaces another of its name; ``-`` for standard output.
     min_traversals : int
-        Leave out edges that were travelled less often, both directions together.
+        Leave out edges that were travelled less often, both directions together; a clean map was made with its own minimum.
     format : str, optional
         ``geojson``, ``graphml``, ``gpkg`` or ``csv``; told from the name where left out, GeoJSON for ``-``.
     nodes : bool
@@ -54,6 +56,6 @@ def write_map(road_map: RoadMap, path: str | Path, min_traversals: int = 0, *, f
         raise OutputError(f"{path}: can't tell the format from this name; end it with one of {', '.join(MAP_FORMATS)}")
     if nodes and write is write_map_geojson:
         write = partial(write_map_geojson, points=True)
-    table = map_table(road_map, min_traversals)
+    table = way_table(road_map) if isinstance(road_map, WayMap) else map_table(road_map, min_traversals)
     with pouring(suffix) if str(path) == "-" else replacing(path) as file:
         write(table, file)

@@ -11,6 +11,7 @@ from gpszip.model.segment_mean import SegmentMean
 from gpszip.model.sketch import Sketch
 from gpszip.model.track import Track
 from gpszip.model.walk import Walk
+from gpszip.model.way_map import WayMap
 
 __all__ = [
     "Executor",
@@ -30,4 +31,5 @@ __all__ = [
     "Sketch",
     "Track",
     "Walk",
+    "WayMap",
 ]

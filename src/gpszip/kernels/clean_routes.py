@@ -1,0 +1,83 @@
+"""Cheapest ways between pairs of places on a graph, each within an ellipse about its ends."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.kernels.heap import pop, push
+from gpszip.kernels.jit import jit
+
+__all__ = ["cheapest_routes"]
+
+
+@jit
+def _room(values: NDArray[Any], size: int) -> NDArray[Any]:
+    # Twice the room where none is left.
+    if size < len(values):
+        return values
+    larger = np.empty(2 * len(values), values.dtype)
+    larger[:size] = values[:size]
+    return larger
+
+
+@jit
+def _away(places: NDArray[np.float64], one: int, other: int) -> float:
+    return np.sqrt((places[one, 0] - places[other, 0]) ** 2 + (places[one, 1] - places[other, 1]) ** 2)
+
+
+@jit
+def cheapest_routes(
+    places: NDArray[np.float64],
+    near: NDArray[np.int32],
+    price: NDArray[np.float64],
+    starts: NDArray[np.int32],
+    ends: NDArray[np.int32],
+    detour: float,
+    margin: float,
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Offsets and places of the routes; empty where there is none.
+
+    A step costs its length times the mean price of both its places. A route stays where the distances to both its ends add
+    up to at most ``detour`` times the distance between them and ``margin``. Neighbours of a place end with -1.
+    """
+    cost = np.empty(len(places))
+    seen, done = np.full(len(places), -1, np.int32), np.full(len(places), -1, np.int32)
+    before = np.empty(len(places), np.int32)
+    keys, items = np.empty(1024), np.empty(1024, np.int32)
+    offsets, out, total = np.zeros(len(starts) + 1, np.int64), np.empty(1024, np.int32), 0
+    for i in range(len(starts)):
+        start, end = starts[i], ends[i]
+        far = detour * _away(places, start, end) + margin
+        size = push(keys, items, 0, 0.0, start)
+        cost[start], seen[start] = 0.0, i
+        while size > 0:
+            place, size = pop(keys, items, size)
+            if done[place] == i:
+                continue
+            done[place] = i
+            if place == end:
+                break
+            for k in range(near.shape[1]):
+                other = near[place, k]
+                if other < 0 or done[other] == i or _away(places, other, start) + _away(places, other, end) > far:
+                    continue
+                reached = cost[place] + _away(places, place, other) * 0.5 * (price[place] + price[other])
+                if seen[other] != i or reached < cost[other]:
+                    seen[other], cost[other], before[other] = i, reached, place
+                    keys, items = _room(keys, size), _room(items, size)
+                    size = push(keys, items, size, reached, other)
+        if done[end] == i:
+            first, place = total, end
+            while True:
+                out = _room(out, total)
+                out[total] = place
+                total += 1
+                if place == start:
+                    break
+                place = before[place]
+            out[first:total] = out[first:total][::-1].copy()
+        offsets[i + 1] = total
+    return offsets, out[:total].copy()
