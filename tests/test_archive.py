@@ -1,10 +1,14 @@
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from gpszip.archive import Archive, new_archive, open_archive
+from gpszip.container.attributes import Kept, attributes_body
+from gpszip.container.contents import Section
+from gpszip.container.layout import Kind
 from gpszip.errors import CorruptArchiveError, InputError, OptionError, OutputError
 from gpszip.model import Frame, LatticeWalk, LatticeWalks, Plane
 from oracle.decoded import pieces, position
@@ -216,3 +220,44 @@ def test_opening_and_telling_facts_needs_no_compiler(tmp_path):
     program = f"import sys, gpszip.archive as a; print(a.open_archive({str(path)!r}).info()['tracks'], 'numba' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["2", "False"]
+
+
+def keeping(counts=(3, 3), first=0.0, copies=1):
+    """An archive that says to keep the times of samples."""
+    plain = archive()
+    begins = [walk.times[0] for walk in plain.walks]
+    times = np.concatenate([begin + first + np.arange(count) for begin, count in zip(begins, counts, strict=True)])
+    body = attributes_body(Kept(counts, times, {"n": np.arange(sum(counts))}))
+    return Archive(replace(plain.contents, extras=copies * (Section(Kind.ATTRIBUTES, body),)))
+
+
+def test_samples_are_where_the_walk_is_at_their_times():
+    plain = archive(gaps=0)
+    made = keeping()
+    made = open_archive(replace_walks(made, plain).to_bytes())
+    assert made.kept == ("n",)
+    for sampled in made.samples():
+        np.testing.assert_array_equal(sampled.times, made.sample_times(sampled.id))
+        np.testing.assert_array_equal(sampled.positions, plain.position(sampled.id, sampled.times))
+    assert made.attributes("walk 1")["n"].tolist() == [3, 4, 5]
+    assert [track.id for track in made.samples("walk 1")] == ["walk 1"]
+    assert open_archive(made.to_bytes()).info()["kept"] == ["n"]
+
+
+def replace_walks(kept, plain):
+    return Archive(replace(plain.contents, extras=kept.contents.extras))
+
+
+def test_forged_samples_are_refused():
+    with pytest.raises(CorruptArchiveError, match="claims no travel"):
+        keeping(first=-1000.0).samples()
+    with pytest.raises(CorruptArchiveError, match="claims no travel"):
+        keeping(counts=(6, 0)).samples()
+    with pytest.raises(CorruptArchiveError, match="two sections"):
+        keeping(copies=2).samples()
+
+
+def test_an_archive_without_samples_says_so():
+    assert archive().kept is None
+    with pytest.raises(OptionError, match="keep_times"):
+        archive().samples()

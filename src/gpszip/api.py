@@ -62,6 +62,8 @@ def compress(
     k: int | None = None,
     m: int | None = None,
     times: bool = True,
+    keep: Sequence[str] = (),
+    keep_times: bool = False,
     layer: str | None = None,
     effort: int = 5,
     executor: Executor | None = None,
@@ -87,6 +89,10 @@ def compress(
         Use the thesis's model of k parts on m independent segments (Algorithm 1) instead; one track only.
     times : bool, default True
         Keep the times of the knots.
+    keep : sequence of str
+        Attributes of the tracks to keep exactly, with the times of the samples: see :meth:`Archive.attributes`.
+    keep_times : bool, default False
+        Keep the times of the samples exactly, also without attributes.
     layer : str, optional
         ``"bz2"`` packs the archive once more, as the thesis did.
     effort : int, default 5
@@ -115,7 +121,8 @@ def compress(
     >>> abs(archive.position("lane", 5.5)[0] - 1.5) < 0.1
     np.True_
     """
-    options = Options(rmse, max_error, size, ratio, gap, k, m, times, layer, effort)
+    names = (keep,) if isinstance(keep, str) else tuple(keep)
+    options = Options(rmse, max_error, size, ratio, gap, k, m, times, names, keep_times, layer, effort)
     return pipeline.compress(tracks, options, executor=executor, progress=progress)[0]
 
 

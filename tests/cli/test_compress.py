@@ -144,6 +144,33 @@ def test_what_was_mended_is_counted(gpszip, tmp_path):
     assert "not kept: speed" in told
 
 
+def test_kept_columns_come_back_with_the_samples(gpszip, log):
+    rows = [f'{row},{i * 0.5:.1f},{"" if i % 7 == 0 else i},"a, {i // 90}"' for i, row in enumerate(log.read_text().splitlines()[1:])]
+    log.write_text("\n".join(["t,x,y,speed,count,note", *rows]))
+    done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "50cm", "--keep", "speed,count, note", "--json")
+    assert done.code == 0, done.err
+    assert done.json["dropped"] == []
+    assert "instants of the samples, speed, count, note" in gpszip("info", "walk.gpsz").out
+    lines = gpszip("decompress", "walk.gpsz", "-o", "-", "--samples").out.splitlines()
+    assert lines[0] == "track_id,t,x,y,speed,count,note"
+    assert len(lines) == 201
+    found = package.read(log, keep=["speed", "count", "note"])[0]
+    Path("back.csv").write_text("\n".join(lines))
+    back = package.read("back.csv", keep=["speed", "count", "note"])[0]
+    np.testing.assert_array_equal(back.times, found.times)
+    for name in ("speed", "count", "note"):
+        np.testing.assert_array_equal(back.attributes[name], found.attributes[name])
+    assert np.sqrt(((back.positions - found.positions) ** 2).sum(axis=1).mean()) <= 0.5
+
+
+def test_times_of_points_are_kept_alone(gpszip, log):
+    assert gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "50cm", "--keep-times", "--bytes", "300", "--effort", "1").code == 2
+    assert gpszip("compress", log, "-o", "walk.gpsz", "--keep-times", "--bytes", "300", "--effort", "1").code == 0
+    assert Path("walk.gpsz").stat().st_size <= 300
+    assert gpszip("decompress", "walk.gpsz", "-o", "-", "--samples", "--track", "0").out.startswith("track_id,t,x,y\n0,0,")
+    assert gpszip("verify", "walk.gpsz").code == 0
+
+
 def test_bound_that_cannot_be_met_ends_with_6_and_no_file(gpszip, log):
     done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "1e-9")
     assert done.code == 6

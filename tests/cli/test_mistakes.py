@@ -45,6 +45,10 @@ def test_wrong_column_named(gpszip, log):
     mistake(gpszip("compress", log, "-o", "out.gpsz", "--columns", "t=when,x=x,y=y"), 1, "when", "t, x, y")
 
 
+def test_no_column_to_keep(gpszip, log):
+    mistake(gpszip("compress", log, "-o", "out.gpsz", "--keep", "speed"), 1, "no column 'speed'", "t, x, y")
+
+
 def test_no_such_file(gpszip):
     mistake(gpszip("compress", "nowhere.csv", "-o", "out.gpsz"), 1, "nowhere.csv: no such file")
 
@@ -124,7 +128,8 @@ def test_output_without_permission(gpszip, log, tmp_path):
         (["-o", "a.gpsz", "--effort", "11"], ["1<=x<=9"]),
         (["-o", "a.gpsz", "--m", "3"], ["m was given alone"]),
         (["-o", "a.gpsz", "--k", "3", "--m", "5"], ["more segments than parts"]),
-        (["-o", "a.gpsz", "--keep", "alt"], ["keeps no further columns"]),
+        (["-o", "a.gpsz", "--keep", "x"], ["'x' can't be kept besides", "rename"]),
+        (["-o", "a.gpsz", "--keep-times", "--no-times"], ["can't be kept without times"]),
         (["-o", "a.gpsz", "--max-eror", "9m"], ["--max-eror", "--max-error"]),
     ],
     ids=lambda value: " ".join(value[2:]) if isinstance(value, list) else None,

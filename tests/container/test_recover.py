@@ -1,8 +1,10 @@
 import io
+from dataclasses import replace
 
 import pytest
 
 from gpszip.container.catalog import open_catalog
+from gpszip.container.contents import Section
 from gpszip.container.reader import from_bytes
 from gpszip.container.recover import recover, recover_bytes
 from gpszip.container.verify import verify, verify_bytes
@@ -35,6 +37,16 @@ def test_other_groups_are_saved(number):
     assert saved.contents.ids == tuple(name for i, name in enumerate(WHOLE.ids) if i not in lost)
     assert f"{len(lost)} of 6 tracks" in saved.lost
     assert from_bytes(to_bytes(saved.contents)) == saved.contents
+
+
+def test_kept_columns_are_not_given_to_the_wrong_tracks():
+    extras = (Section(5, b"columns"), Section(77, b"of later"))
+    data = bytearray(to_bytes(replace(WHOLE, extras=extras)))
+    assert recover_bytes(bytes(data)).contents.extras == extras
+    data[next(report.offset for report in verify_bytes(data).sections if report.kind == "walks") + 12] ^= 0xFF
+    saved = recover_bytes(bytes(data))
+    assert saved.contents.extras == extras[1:]
+    assert any("kept columns" in sentence for sentence in saved.lost)
 
 
 def test_every_truncation_saves_the_whole_groups_before_it():

@@ -43,7 +43,8 @@ _BOUNDS = {"rmse": "--rmse", "max_error": "--max-error", "size": "--bytes", "rat
     "--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north, or names in order for a log without a header."
 )
 @click.option("--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Unit of a time column; found from its size where left out.")
-@click.option("--keep", metavar="COLUMNS", hidden=True)
+@click.option("--keep", metavar="COLUMNS", help="Further columns to keep exactly, such as ele,speed, with the times of the points.")
+@click.option("--keep-times", is_flag=True, help="Keep the times of the points exactly.")
 @click.option("--format", metavar="FORMAT", help="Format of the logs, csv, gpx, geojson or parquet; found from the content where left out.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @force
@@ -76,16 +77,19 @@ def _options(choices: dict[str, Any]) -> Any:
     from gpszip.errors import OptionError
     from gpszip.model import Options
 
-    if choices["keep"]:
-        raise OptionError("--keep: this version keeps no further columns; leave the option out, and keep the log for them")
     given = [option for name, option in _BOUNDS.items() if choices[name] is not None]
     if len(given) > 1:
         raise OptionError(f"{given[0]} and {given[1]} were both given; give one")
-    names = (*_BOUNDS, "gap", "effort", "k", "m", "times", "layer")
+    names = (*_BOUNDS, "gap", "effort", "k", "m", "times", "layer", "keep_times")
     size = None if choices["size"] is None else int(choices["size"])
-    return Options(**{name: choices[name] for name in names} | {"size": size})
+    return Options(**{name: choices[name] for name in names} | {"size": size, "keep": _keep(choices)})
+
+
+def _keep(choices: dict[str, Any]) -> tuple[str, ...]:
+    names = (name.strip() for name in (choices["keep"] or "").split(","))
+    return tuple(dict.fromkeys(name for name in names if name))
 
 
 def _reading(choices: dict[str, Any]) -> dict[str, Any]:
     names = ("format", "columns", "time_unit", "clean", "sort", "split", "skip_bad")
-    return {name: choices[name] for name in names}
+    return {name: choices[name] for name in names} | {"keep": _keep(choices)}

@@ -22,13 +22,22 @@ __all__ = ["command"]
 @output("walks.csv")
 @click.option("--every", type=DURATION, metavar="DURATION", help="Positions at each multiple of this, such as 1s, instead of knots.")
 @click.option("--at", metavar="TIMES", help="Positions at these times: 10,20.5,30, or a file with one time in each line.")
+@click.option("--samples", is_flag=True, help="Positions at the log's own times with the columns that --keep has kept.")
 @click.option("--track", metavar="ID", help="Only this track.")
 @click.option("--format", "kind", metavar="FORMAT", help="Instead of the output's suffix: csv, gpx, geojson or parquet.")
 @force
 @common
 @click.pass_obj
 def command(
-    settings: Settings, archive: str, target: str, every: float | None, at: str | None, track: str | None, kind: str | None, force: bool
+    settings: Settings,
+    archive: str,
+    target: str,
+    every: float | None,
+    at: str | None,
+    samples: bool,
+    track: str | None,
+    kind: str | None,
+    force: bool,
 ) -> Outcome:
     """Write the tracks of ARCHIVE as CSV, GPX, GeoJSON or Parquet: the knots, between which each track is linear in time."""
     from gpszip.cli.archives import opened
@@ -38,12 +47,13 @@ def command(
     from gpszip.io.formats import format_for_writing
     from gpszip.io.writing import write_tracks
 
-    if every is not None and at is not None:
-        raise OptionError("--every and --at were both given; give one")
+    given = [name for name, wanted in (("--every", every is not None), ("--at", at is not None), ("--samples", samples)) if wanted]
+    if len(given) > 1:
+        raise OptionError(f"{given[0]} and {given[1]} were both given; give one")
     times = None if at is None else parse_times(at)
     check_output(target, force=force, binary=format_for_writing(target, kind).name == "parquet")
     with opened(archive) as source:
-        tracks = _tracks(source, every, times, track)
+        tracks = _samples(source, track) if samples else _tracks(source, every, times, track)
     if not tracks:
         raise OptionError(_nothing(archive, track))
     write_tracks(tracks, target, kind)
@@ -51,8 +61,16 @@ def command(
     if settings.json:
         show_json({"output": target, "pieces": len(tracks), "points": points}, err=target == "-")
     elif target != "-":
-        say(f"{target}: {points:,} {'knots' if every is None and at is None else 'positions'}, pieces {len(tracks):,}")
+        say(f"{target}: {points:,} {'positions' if given else 'knots'}, pieces {len(tracks):,}")
     return Outcome.DONE
+
+
+def _samples(archive: Archive, track: str | None) -> list[Track]:
+    from gpszip.errors import OptionError
+
+    if archive.kept is None:
+        raise OptionError("--samples: the archive keeps no times of points; compress the log with --keep-times or --keep")
+    return archive.samples(track)
 
 
 def _tracks(archive: Archive, every: float | None, times: Any, track: str | None) -> list[Track]:

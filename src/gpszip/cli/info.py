@@ -94,8 +94,13 @@ def _rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     rows.append(("times", f"to {facts['time_quantum_s']:.3g} s, from epoch {_instant(facts['epoch'])}"))
     if facts["map_hash"]:
         rows.append(("map", f"kept elsewhere, {facts['map_hash']}"))
-    rows.append(("not kept", "further columns, and the exact instants of the samples"))
-    return rows
+    return [*rows, *_kept_rows(facts["kept"])]
+
+
+def _kept_rows(kept: list[str] | None) -> list[tuple[str, str]]:
+    if kept is None:
+        return [("not kept", "further columns, and the exact instants of the samples")]
+    return [("kept", ", ".join(["instants of the samples", *kept])), ("not kept", "other columns")]
 
 
 def _detail_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:

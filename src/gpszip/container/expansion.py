@@ -12,6 +12,7 @@ from gpszip.errors import CorruptArchiveError
 __all__ = ["deflate", "inflate", "pack_bz2", "pack_lzma", "unpack_bz2", "unpack_lzma"]
 
 _LZMA_WINDOW = 1 << 22
+_LARGE = 1 << 20
 _READ = [{"id": lzma.FILTER_LZMA2, "dict_size": _LZMA_WINDOW}]
 
 
@@ -45,9 +46,11 @@ def unpack_bz2(data: bytes, limit: int, offset: int) -> bytes:
 
 
 def pack_lzma(data: bytes) -> bytes:
-    """Raw LZMA2 stream: the shorter of the usual settings and those for plain text."""
+    """Raw LZMA2 stream: of small data the shortest of several settings, of large the usual ones."""
     usual = {"id": lzma.FILTER_LZMA2, "preset": 9, "dict_size": _LZMA_WINDOW}
     tries = [usual, {**usual, "lc": 0, "pb": 0}, {**usual, "pb": 0}]
+    if len(data) > _LARGE:
+        tries = [{**usual, "preset": 6}]
     return min((lzma.compress(data, format=lzma.FORMAT_RAW, filters=[one]) for one in tries), key=len)
 
 

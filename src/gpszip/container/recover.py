@@ -99,6 +99,9 @@ def _joined(found: list[Piece], layered: bool, size: int, reason: str) -> Recove
         lost.append(f"{len(ids) - len(kept)} of {len(ids)} tracks")
     hashes = [piece.body for piece in found if piece.kind == Kind.MAP_HASH]
     extras = tuple(Section(piece.kind, piece.body) for piece in found if piece.kind == Kind.ATTRIBUTES or piece.kind > Kind.END)
+    if len(kept) < len(ids) and any(extra.kind == Kind.ATTRIBUTES for extra in extras):
+        extras = tuple(extra for extra in extras if extra.kind != Kind.ATTRIBUTES)
+        lost.append("kept columns and times of samples, as they stand for all tracks together")
     contents = Contents(
         read_frame(frames[0].cursor()), kept, _renumbered(groups), hashes[0] if hashes else None, extras, "bz2" if layered else None
     )

@@ -146,7 +146,9 @@ def codes(column: Any) -> tuple[tuple[str, ...], NDArray[np.integer[Any]]]:
 
 
 def values(column: Any) -> NDArray[np.generic]:
-    """Turn a column to keep into floats where it holds numbers, else into texts."""
+    """Turn a column to keep into integers where it holds nothing else, into floats where it holds numbers, else into texts."""
+    if pa.types.is_integer(column.type) and not column.null_count and column.type != pa.uint64():
+        return np.array(pc.cast(column, pa.int64()).to_numpy())
     if pa.types.is_integer(column.type) or pa.types.is_floating(column.type) or pa.types.is_decimal(column.type):
         return numbers(column)
     return np.array([value or "" for value in pc.cast(column, pa.string()).to_pylist()], dtype=np.str_)

@@ -32,6 +32,10 @@ class Options:
         m as in Algorithm 3, k as the smallest that holds the bound.
     times : bool
         Keep the time of every knot.
+    keep : tuple of str
+        Attributes of the tracks to keep exactly, with the times of the samples.
+    keep_times : bool
+        Keep the times of the samples exactly, also without attributes.
     layer : str, optional
         ``"bz2"`` packs the archive once more, as the thesis did.
     effort : int
@@ -59,6 +63,8 @@ class Options:
     k: int | None = None
     m: int | None = None
     times: bool = True
+    keep: tuple[str, ...] = ()
+    keep_times: bool = False
     layer: str | None = None
     effort: int = 5
 
@@ -82,6 +88,8 @@ class Options:
         if self.gap is not None and not self.gap > 0:
             raise OptionError(f"gap is {self.gap:g}; it must be a positive number of seconds, or infinite for no gaps")
         _check_thesis(self)
+        if not self.times and (self.keep or self.keep_times):
+            raise OptionError("columns can't be kept without times; leave out either")
         if self.layer not in {None, "bz2"}:
             raise OptionError(f"layer is {self.layer!r}; the only layer is 'bz2'")
         if not 1 <= self.effort <= 9:

@@ -1,0 +1,136 @@
+"""Kept columns come back exactly, and forged ones are refused."""
+
+import contextlib
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from gpszip.container.attributes import Kept, attributes_body, kept_names, read_attributes
+from gpszip.container.layout import varint
+from gpszip.errors import CorruptArchiveError, OptionError
+
+
+def column(n):
+    numbers = st.floats(allow_nan=True, allow_infinity=True) | st.integers(-10_000, 10_000).map(lambda i: i / 100)
+    return st.one_of(
+        hnp.arrays(np.int64, n),
+        hnp.arrays(np.int64, n, elements=st.integers(-5, 5)),
+        hnp.arrays(np.float64, n, elements=numbers),
+        hnp.arrays(np.float64, n, elements=st.integers(-999, 999).map(lambda i: i / 10) | st.just(np.nan)),
+        st.lists(st.text(max_size=6), min_size=n, max_size=n).map(lambda texts: np.array(texts, dtype=object)),
+    )
+
+
+@st.composite
+def kepts(draw):
+    counts = tuple(draw(st.lists(st.integers(1, 8), min_size=1, max_size=4)))
+    n = sum(counts)
+    ticks = np.cumsum(draw(hnp.arrays(np.int64, n, elements=st.integers(1, 10_000))))
+    times = ticks / draw(st.sampled_from([1, 10, 1000, 10**6, 7]))
+    names = draw(st.lists(st.text(max_size=5), max_size=3, unique=True))
+    return Kept(counts, times, {name: draw(column(n)) for name in names})
+
+
+@given(kepts())
+@settings(max_examples=50, deadline=None)
+def test_everything_comes_back(kept):
+    body = attributes_body(kept)
+    back = read_attributes(body, len(kept.counts))
+    assert kept_names(body, len(kept.counts)) == tuple(kept.columns)
+    assert back.counts == kept.counts
+    np.testing.assert_array_equal(back.times, kept.times)
+    assert list(back.columns) == list(kept.columns)
+    for name, values in kept.columns.items():
+        assert back.columns[name].dtype == values.dtype
+        np.testing.assert_array_equal(back.columns[name], values)
+    assert attributes_body(kept) == body
+
+
+def example(n=40):
+    times = 1.7e9 + np.arange(n) + np.arange(n) % 3 / 1000
+    speed = np.where(np.arange(n) % 9 == 0, np.nan, np.round(3 * np.sin(np.arange(n)), 1))
+    return Kept((n - 10, 10), times, {"speed": speed, "mode": np.array(["walk", "bus"])[np.arange(n) // 11 % 2], "n": np.arange(n)})
+
+
+def test_rows_of_each_track():
+    kept = read_attributes(attributes_body(example()), 2)
+    np.testing.assert_array_equal(kept.columns["n"][kept.rows(1)], np.arange(30, 40))
+
+
+def test_regular_columns_take_few_bytes():
+    n = 100_000
+    kept = Kept((n,), 1.7e9 + np.arange(n) / 10, {"n": np.arange(n), "still": np.zeros(n)})
+    assert len(attributes_body(kept)) < 150
+    rough = Kept((n,), np.arange(n) * 1.0, {"ele": np.round(np.cumsum(np.random.default_rng(1).normal(0, 0.3, n)), 1)})
+    assert len(attributes_body(rough)) < 0.55 * n
+
+
+def test_long_regular_columns_are_believed():
+    n = 3_000_000
+    kept = Kept((n,), np.arange(n) * 1.0)
+    assert len(read_attributes(attributes_body(kept), 1).times) == n
+
+
+def test_every_truncation_and_flipped_bit_is_refused_or_read():
+    body = attributes_body(example())
+    for end in range(len(body)):
+        with pytest.raises(CorruptArchiveError):
+            read_attributes(body[:end], 2)
+    refused = 0
+    for place in range(8 * len(body)):
+        forged = bytearray(body)
+        forged[place // 8] ^= 1 << place % 8
+        try:
+            read_attributes(bytes(forged), 2)
+        except CorruptArchiveError:
+            refused += 1
+    assert refused > len(body)
+
+
+@given(st.binary(max_size=60), st.integers(0, 5))
+@settings(max_examples=300, deadline=None)
+def test_any_bytes_are_refused_or_read(data, tracks):
+    with contextlib.suppress(CorruptArchiveError):
+        read_attributes(data, tracks)
+
+
+def packed(data):
+    packer = zlib.compressobj(9, zlib.DEFLATED, -15)
+    small = packer.compress(data) + packer.flush()
+    return varint(4 * len(small) + 1) + small
+
+
+HUGE = 1 << 40
+FORGED = {
+    "too many samples": varint(HUGE) + varint(0) + b"\x01\x00\x00\x00",
+    "too many columns": varint(1) + varint(HUGE),
+    "too many samples for the columns": varint(1 << 20) + varint(9) + b"".join(bytes([1, 65 + i]) for i in range(9)) + bytes(40),
+    "two of one name": varint(1) + varint(2) + b"\x01a\x01a" + bytes(20),
+    "a name that is no text": varint(1) + varint(1) + b"\x01\xff" + bytes(20),
+    "a block too large": varint(1) + varint(0) + bytes([0, 8]) + varint(4 * HUGE),
+    "a block that grows": varint(9) + varint(0) + bytes([0, 8]) + packed(bytes(10_000_000)),
+    "numbers of nine bytes": varint(1) + varint(0) + bytes([0, 9, 4 * 9]) + bytes(9),
+    "an unknown kind": varint(1) + varint(0) + bytes([13, 0, 0]),
+    "times that stand still": varint(2) + varint(0) + bytes([0, 0, 0]),
+    "times with holes": varint(1) + varint(0) + bytes([1 | 64, 4, 128, 0, 0]),
+    "times that are texts": varint(1) + varint(0) + bytes([12, 1, 1, 4, 0, 0, 0]),
+    "a text that is not there": varint(1) + varint(1) + b"\x01a" + bytes([0, 0, 0, 12, 0, 0, 0, 0, 0]),
+    "texts that are too many": varint(1) + varint(1) + b"\x01a" + bytes([0, 0, 0, 12]) + varint(HUGE) + varint(HUGE) + bytes(9),
+    "bytes after the end": varint(1) + varint(0) + bytes([0, 0, 0, 7]),
+}
+
+
+@pytest.mark.parametrize("name", FORGED)
+def test_forged_bodies_are_refused(name):
+    with pytest.raises(CorruptArchiveError):
+        read_attributes(FORGED[name], 1)
+
+
+def test_what_can_t_be_kept_is_named():
+    for values in (np.array([1, "a"], dtype=object), np.array([1, 1 << 63], np.uint64), np.array(["2024-01-01"] * 2, "M8[D]")):
+        with pytest.raises(OptionError, match="'odd'"):
+            attributes_body(Kept((2,), np.arange(2.0), {"odd": values}))
