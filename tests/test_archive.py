@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 from gpszip.archive import Archive, new_archive, open_archive
+from gpszip.coding.waypoints import expand
 from gpszip.container.attributes import Kept, attributes_body
 from gpszip.container.contents import Section
 from gpszip.container.layout import Kind
 from gpszip.errors import CorruptArchiveError, InputError, OptionError, OutputError
+from gpszip.graph.road_graph import road_graph
 from gpszip.model import Frame, LatticeWalk, LatticeWalks, Plane
 from oracle.decoded import pieces, position
 
@@ -261,3 +263,15 @@ def test_an_archive_without_samples_says_so():
     assert archive().kept is None
     with pytest.raises(OptionError, match="keep_times"):
         archive().samples()
+
+
+def test_waypoints_and_shortest_paths_give_the_walks_back():
+    made = archive(knots=60)
+    graph = road_graph(made.lattice.nodes, made.road_map.edges)
+    for walk in made.walks:
+        short = made.waypoints(walk.id)
+        assert len(short) < len(walk.nodes)
+        route = expand(graph, short, len(walk.gaps))
+        np.testing.assert_array_equal(route.nodes, walk.nodes)
+        np.testing.assert_array_equal(route.gaps, walk.gaps)
+    assert made.info(decode=True)["waypoints"] == sum(len(made.waypoints(name)) for name in made.tracks)

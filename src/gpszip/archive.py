@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +26,10 @@ from gpszip.model.road_map import RoadMap
 from gpszip.model.track import Track
 from gpszip.model.walk import Walk
 from gpszip.model.way_map import WayMap
+
+if TYPE_CHECKING:
+    from gpszip.coding.waypoints import Waypoints
+    from gpszip.graph.road_graph import RoadGraph
 
 __all__ = ["Archive", "new_archive", "open_archive"]
 
@@ -123,6 +127,23 @@ class Archive:
             If there is no such track.
         """
         return self.walks[self._number(track)]
+
+    def waypoints(self, track: str) -> Waypoints:
+        """Fewest nodes of ``road_map`` from which shortest paths give a track's walk back (thesis, Algorithm 6).
+
+        This is what the thesis would store of the walk, for comparison; the archive codes it in fewer bits. :func:`expand`
+        of :mod:`gpszip.coding.waypoints` gives the walk back.
+
+        Raises
+        ------
+        OptionError
+            If there is no such track.
+        """
+        from gpszip.coding.waypoints import shorten
+        from gpszip.graph.route import route_along
+
+        walk = self.walk(track)
+        return shorten(self._graph, route_along(self._graph, walk.nodes, walk.gaps))
 
     def position(self, track: str, when: ArrayLike, *, geographic: bool = False) -> NDArray[np.float64]:
         """Where a track was at given instants.
@@ -275,7 +296,7 @@ class Archive:
         Parameters
         ----------
         decode : bool, default False
-            Decode the walks, too, for the counts of nodes, edges and parts and for the span of time.
+            Decode the walks, too, for the counts of nodes, edges, parts and waypoints and for the span of time.
         """
         frame = self.frame
         facts: dict[str, Any] = {
@@ -334,6 +355,13 @@ class Archive:
             raise OptionError(f"there is no track {track!r} in the archive; it has {some}") from None
 
     @cached_property
+    def _graph(self) -> RoadGraph:
+        """The road map on the lattice, where lengths are exact wherever the log lies."""
+        from gpszip.graph.road_graph import road_graph
+
+        return road_graph(self.lattice.nodes, self.road_map.edges)
+
+    @cached_property
     def _numbers(self) -> dict[str, int]:
         return {name: number for number, name in enumerate(self.ids)}
 
@@ -387,6 +415,7 @@ class Archive:
             "nodes": len(self.road_map.nodes),
             "edges": len(self.road_map.edges),
             "parts": sum(len(walk.gaps) for walk in self.walks),
+            "waypoints": sum(len(self.waypoints(name)) for name in self.ids),
             "gaps": sum(int(walk.gaps.sum()) for walk in self.walks),
             "timed": self.timed,
             "t_start": min((float(times[0]) for times in timed), default=None),

@@ -121,6 +121,7 @@ def test_info_for_people(gpszip, archive):
     assert "2 (a, b c)" in done.out
     assert "nodes 3, ways 3" in done.out
     assert "parts 5, gaps 1" in done.out
+    assert "waypoints   7, between" in done.out
     assert "0 s to 100 s" in done.out
 
 

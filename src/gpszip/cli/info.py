@@ -20,7 +20,7 @@ _EPOCH_SECONDS = (1e8, 1e11)  # what lies between is seconds since 1970, as for 
 
 @click.command("info", short_help="Say what an archive holds.")
 @archive_argument
-@click.option("--detail", is_flag=True, help="Decode the walks, too: nodes, edges, parts, gaps, bounds, time range.")
+@click.option("--detail", is_flag=True, help="Decode the walks, too: nodes, ways, parts, gaps, waypoints, bounds, time range.")
 @common
 @click.pass_obj
 def command(settings: Settings, archive: str, detail: bool) -> Outcome:
@@ -107,6 +107,7 @@ def _detail_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     rows = [
         ("map", f"nodes {facts['nodes']:,}, ways {facts['edges']:,}"),
         ("walks", f"parts {facts['parts']:,}, gaps {facts['gaps']:,}"),
+        ("waypoints", f"{facts['waypoints']:,}, between which shortest paths give the walks back"),
         ("bounds", "; ".join(f"{name} {low:.7g} to {high:.7g}" for name, (low, high) in facts["bounds"].items())),
     ]
     if facts["t_start"] is None:
