@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from gpszip.mapping.cell_grid import CellGrid, cells_along, cells_at, line_density, smooth
 
-__all__ = ["Bundles", "bundle"]
+__all__ = ["Bundles", "bundle", "trust"]
 
-#: Rounds of attraction; by the second hardly an edge moves.
-_ROUNDS = 3
+#: Rounds of attraction; after the second hardly an edge moves.
+_ROUNDS = 2
 
 #: Each round looks more closely, by this factor.
 _SHARPER = 0.7
@@ -73,7 +73,7 @@ def bundle(nodes: NDArray[np.float64], edges: NDArray[np.int32], travels: NDArra
     starts, ends = nodes[edges[:, 0]], nodes[edges[:, 1]]
     length = np.linalg.norm(ends - starts, axis=1)
     grid = _ground(starts, ends, length, scale)
-    density = line_density(grid, starts, ends, travels * _trust(length, travels))
+    density = line_density(grid, starts, ends, travels * trust(length, travels))
     home = np.maximum(cells_at(grid, nodes), 0)
     used = np.unique(edges)
     at = home.copy()
@@ -86,7 +86,8 @@ def bundle(nodes: NDArray[np.float64], edges: NDArray[np.int32], travels: NDArra
     return Bundles(grid, density)
 
 
-def _trust(length: NDArray[np.float64], travels: NDArray[np.float64]) -> NDArray[np.float64]:
+def trust(length: NDArray[np.float64], travels: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weight of edges by their length in metres: half for one of typical length, less for longer ones, which cut corners."""
     typical = float(np.average(length, weights=travels))
     weight: NDArray[np.float64] = 1 / (1 + (length / typical) ** 2)
     return weight

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gpszip.mapping import travels
 from gpszip.mapping.bundles import bundle
+from gpszip.mapping.centring import centred
 from gpszip.mapping.line_graph import LineGraph, contract, prune, simplified, skeleton, smooth_lines, string
 from gpszip.model import RoadMap, Walk
 from gpszip.model.way_map import WayMap
@@ -67,8 +68,11 @@ def clean_map(road_map: RoadMap, walks: Sequence[Walk], resolution: float, *, mi
     """
     hops = travels.hops_of(road_map, walks)
     believed = _believed(road_map, hops)
-    lines = _lines(road_map, np.bincount(hops.edges[believed], minlength=len(road_map.edges)), resolution)
+    travelled = np.bincount(hops.edges[believed], minlength=len(road_map.edges))
+    lines = _lines(road_map, travelled, resolution)
     routes = travels.match_edges(road_map, lines, resolution)
+    if lines.places.shape[1] == 2 and len(lines.pairs):
+        lines = smooth_lines(centred(road_map, travelled.astype(np.float64), lines, routes, resolution), _SMOOTHING)
     lines, routes = _often(road_map, lines, routes, max(min_traversals, 1))
     trusted = replace(hops, seconds=np.where(believed, hops.seconds, np.nan))
     return _told(road_map, trusted, lines, routes, resolution)
