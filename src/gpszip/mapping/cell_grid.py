@@ -109,7 +109,8 @@ def _keys(points: NDArray[np.float64], origin: NDArray[np.float64], size: float,
 def _distinct(keys: NDArray[np.int64]) -> NDArray[np.int64]:
     """Sort and drop repetitions: nearly sorted keys take a fraction of the time that hashing them does."""
     ordered = np.sort(keys, kind="stable")
-    return ordered[np.append(True, ordered[1:] != ordered[:-1])]
+    distinct: NDArray[np.int64] = ordered[np.append(True, ordered[1:] != ordered[:-1])]
+    return distinct
 
 
 def _find(keys: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.int32]:

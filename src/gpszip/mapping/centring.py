@@ -38,7 +38,7 @@ def centred(road_map: RoadMap, travelled: NDArray[np.float64], lines: LineGraph,
         nearest = _nearest(lines.places[vertex], starts[edge], along[edge])
         away = ((nearest - lines.places[vertex]) ** 2).sum(axis=1)
         _gather(sums, total, vertex, nearest, weight[edge] * np.exp(-away / (2 * scale**2)))
-    visits = np.bincount(road_map.edges.ravel(), weights=np.repeat(travelled, 2), minlength=len(nodes))
+    visits = np.bincount(road_map.edges.ravel(), weights=np.repeat(travelled, 2), minlength=len(nodes)).astype(np.float64)
     last = np.flatnonzero((routes.at >= 0) & (lines.degrees[routes.at] == 1))
     _gather(sums, total, routes.at[last], nodes[last], 1e6 * visits[last])
     known = total > 1e-3
