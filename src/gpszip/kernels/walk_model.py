@@ -63,8 +63,8 @@ F_END, F_GAP, F_ESCAPE, F_BACK, F_STAY, F_NEW, F_KNOWN_START, F_NEAR, F_GAP_KIND
 _EXPECTED = (
     (F_END, 2, 1, 36, 4),
     (F_GAP, 2, 1, 36, 4),
-    (F_ESCAPE + 6, 30, 10, 28, 12),
-    (F_ESCAPE + 8, 30, 10, 34, 8),
+    (F_ESCAPE + 6, 6, 10, 28, 12),
+    (F_ESCAPE + 8, 6, 10, 34, 8),
     (F_ESCAPE + 11, 2, 2, 3, 37),
     (F_BACK, 40, 2, 36, 4),
     (F_STAY, 10, 1, 28, 12),
