@@ -116,7 +116,9 @@ def mixtures(draw):
     reach = draw(st.sampled_from([2**8, 2**20, 2**30, 2**36]))
     centers = rng.integers(-reach, reach + 1, (rows, count))
     scales = np.maximum(np.exp2(rng.uniform(0, 36, (rows, count))).astype(np.int64), 6)
-    values = draw(st.lists(st.sampled_from([low, high - 1, low + (high - low) // 2]) | st.integers(low, high - 1), min_size=rows, max_size=rows))
+    values = draw(
+        st.lists(st.sampled_from([low, high - 1, low + (high - low) // 2]) | st.integers(low, high - 1), min_size=rows, max_size=rows)
+    )
     return low, high, kinds, centers, scales, values
 
 
@@ -183,9 +185,7 @@ def test_weights_stay_bounded_however_long_one_distribution_is_right():
     assert weights[:-1].min() >= 16
 
 
-@pytest.mark.parametrize(
-    ("table", "exact"), [(adaptive._LOGISTIC, plain.exact_logistic), (adaptive._EXPONENTIAL, plain.exact_exponential)]
-)
+@pytest.mark.parametrize(("table", "exact"), [(adaptive._LOGISTIC, plain.exact_logistic), (adaptive._EXPONENTIAL, plain.exact_exponential)])
 def test_tables_are_the_same_whatever_library_computes_them(table, exact):
     values = exact()
     assert len(values) == len(table)
