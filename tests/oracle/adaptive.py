@@ -67,10 +67,7 @@ class Size:
             exponent += 1
         value = 1
         for place in range(exponent):
-            if place < TREE_BITS:
-                bit = self.rest.setdefault((exponent, value), Bit()).read(coder)
-            else:
-                bit = coder.bits(1)
+            bit = self.rest.setdefault((exponent, value), Bit()).read(coder) if place < TREE_BITS else coder.bits(1)
             value = 2 * value + bit
         return value - 1
 
@@ -87,13 +84,13 @@ class Whole:
 
 
 def read_choice(coder, weights):
-    at = coder.target(sum(weights))
-    start = 0
-    for choice, weight in enumerate(weights):
-        if at < start + weight or choice == len(weights) - 1:
-            coder.interval(start, weight, sum(weights))
-            return choice
-        start += weight
+    total = sum(weights)
+    at, choice, start = coder.target(total), 0, 0
+    while at >= start + weights[choice]:
+        start += weights[choice]
+        choice += 1
+    coder.interval(start, weights[choice], total)
+    return choice
 
 
 def below(value, kind, center, scale, low):
