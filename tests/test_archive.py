@@ -265,6 +265,13 @@ def test_an_archive_without_samples_says_so():
         archive().samples()
 
 
+def test_sampling_as_finely_as_the_slack_stays_within_the_walk():
+    made = archive()
+    for piece in made.sample(0.001, track="walk 1"):
+        assert np.isfinite(piece.positions).all()
+        assert (np.diff(piece.times) > 0).all()
+
+
 def test_waypoints_and_shortest_paths_give_the_walks_back():
     made = archive(knots=60)
     graph = road_graph(made.lattice.nodes, made.road_map.edges)

@@ -384,8 +384,11 @@ class Archive:
             first, last = times[knots][[0, -1]] + (-SLACK, SLACK)
             when = instants if every is None else np.arange(math.ceil(first / every), math.floor(last / every) + 1) * every
             when = when[(when >= first) & (when <= last)]
-            if len(when):
-                out.append(Track(name, when, positions_at(walk, nodes, when), plane=self.frame.plane))
+            found = positions_at(walk, nodes, when)
+            # rounding may put an instant just beyond the slack
+            claimed = ~np.isnan(found[:, 0])
+            if claimed.any():
+                out.append(Track(name, when[claimed], found[claimed], plane=self.frame.plane))
         return out
 
     @property

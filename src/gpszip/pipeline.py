@@ -38,6 +38,9 @@ _TIGHTER = 0.98
 #: How often learning may come to nothing before every sample is kept instead.
 _FAILURES = 3
 
+#: Metres and seconds from zero that positions and times may have; a float64 still tells their tenths.
+_FARTHEST = 1e14
+
 #: A bound counts as held up to the rounding of its own measurement.
 _ROUNDING = 1e-9
 
@@ -181,10 +184,22 @@ def _checked(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
             raise OptionError(f"track {track.id!r} has {track.dimension} coordinates, {first.id!r} {first.dimension}; compress them apart")
         if track.plane != first.plane:
             raise OptionError(f"tracks {first.id!r} and {track.id!r} lie on different planes; read them together")
+        _check_range(track)
         if track.id in seen:
             raise OptionError(f"two tracks are called {track.id!r}; give each its own id")
         seen.add(track.id)
     return whole
+
+
+def _check_range(track: Track) -> None:
+    """Refuse numbers that no lattice reaches."""
+    for what, values in (("position", np.abs(track.positions).max(axis=1)), ("time", np.abs(track.times))):
+        far = values > _FARTHEST
+        if far.any():
+            where = f"track {track.id!r}: sample {int(far.argmax())}"
+            raise InputError(
+                f"{where}: a {what} of {values[far.argmax()]:.3g} is too far from zero; drop such samples, or name other columns"
+            )
 
 
 def _gaps(tracks: Sequence[Track], gap: float | None) -> tuple[float, tuple[NDArray[np.bool_], ...]]:

@@ -29,6 +29,8 @@ LOGS = {
     "text in a column": ("t,x,y\n0,zero,0\n1,one,1\n", "x"),
     "time goes back": ("t,x,y\n5,0,0\n1,1,1\n", "row 3: time goes back 4 s", "--sort", "--split"),
     "latitude of 480": ("t,lat,lon\n0,480,11\n1,481,12\n", "lat"),
+    "numbers beyond all places": ("t,x,y\n0,1e300,0\n1,1,1\n", "track '0': sample 0", "1e+300", "too far"),
+    "times beyond all days": ("t,x,y\n0,1,0\n1e200,1,1\n", "track '0': sample 1", "a time of"),
     "prose": ("Dear diary, today I went for a walk.\n", "needed: t"),
 }
 
@@ -37,7 +39,9 @@ LOGS = {
 def test_logs_that_are_none(gpszip, tmp_path, name):
     text, *words = LOGS[name]
     (tmp_path / "log.csv").write_text(text)
-    mistake(gpszip("compress", "log.csv", "-o", "log.gpsz", "--rmse", "5m"), 1, "log.csv", *words)
+    done = gpszip("compress", "log.csv", "-o", "log.gpsz", "--rmse", "5m")
+    mistake(done, 1, *words)
+    assert "log.csv" in done.err or "track '0'" in done.err
     assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
 
 
@@ -103,6 +107,43 @@ def test_output_is_a_folder(gpszip, log, tmp_path):
 
 
 @pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder that nobody may write to")
+def test_output_that_is_no_file(gpszip, log, archive):
+    mistake(gpszip("compress", log, "-o", "/dev/null", "--force"), 1, "/dev/null: is no regular file", "standard output")
+    mistake(gpszip("decompress", archive, "-o", "/dev/null", "--force", "--format", "csv"), 1, "/dev/null: is no regular file")
+    assert Path("/dev/null").is_char_device()
+
+
+def test_link_stays_one(gpszip, archive):
+    Path("to.csv").symlink_to("real.csv")
+    assert gpszip("decompress", archive, "-o", "to.csv").code == 0
+    assert Path("to.csv").is_symlink()
+    assert Path("real.csv").read_text().startswith("track_id,t,x,y")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a disk that is always full")
+@pytest.mark.parametrize("command", [["decompress", "-o", "-"], ["map", "-o", "-"], ["info"], ["verify"]], ids=lambda command: command[0])
+def test_full_disk(archive, command):
+    script = "from gpszip.cli.main import run; run()"
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(
+            [sys.executable, "-c", script, command[0], str(archive), *command[1:]], stdout=full, stderr=subprocess.PIPE, check=False
+        )
+    assert done.stderr.decode() == "gpszip: standard output: No space left on device\n"
+    assert done.returncode == 1
+
+
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pipes that break")
+def test_reader_that_leaves_early(archive):
+    script = "from gpszip.cli.main import run; run()"
+    command = [sys.executable, "-c", script, "decompress", str(archive), "-o", "-", "--every", "1ms"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        first = process.stdout.readline()
+        process.stdout.close()
+        told = process.stderr.read().decode()
+    assert (first, told) == (b"track_id,t,x,y\n", "")
+    assert process.returncode == 1
+
+
 def test_output_where_nobody_may_write(gpszip, log):
     mistake(gpszip("compress", log, "-o", "/proc/out.gpsz"), 1, "can't write to this folder", "-o")
 

@@ -170,6 +170,16 @@ def test_what_is_no_archive(gpszip, tmp_path, data):
     assert error["exit_code"] == 4
 
 
+def test_archive_of_a_later_version(gpszip, archive):
+    data = bytearray(archive.read_bytes())
+    data[2] += 2
+    archive.write_bytes(data)
+    done = gpszip("info", archive)
+    assert done.code == 4
+    assert "archive of version 3; this GPSZip reads up to version 1: upgrade gpszip" in done.err
+    assert "make it again" not in done.err
+
+
 def test_archive_from_standard_input(shell, archive):
     done = shell("verify", "-", "--json", data=archive.read_bytes())
     assert done.returncode == 0

@@ -1,4 +1,5 @@
 import io
+import json
 
 import numpy as np
 import pytest
@@ -87,6 +88,18 @@ def test_attributes_become_columns():
     back = read_logs(io.BytesIO(stream.getvalue()), keep=["speed", "gear"]).tracks[0]
     assert back.attributes["speed"].tolist() == [1.5, 2.5]
     assert back.attributes["gear"].tolist() == ["a,b", "c"]
+
+
+def test_geojson_holds_heights_and_other_columns():
+    plane = choose_plane(np.array([48.0]), np.array([11.0]))
+    columns = {"ele": np.array([500.5, 501.0]), "speed": np.array([1.5, np.nan]), "mode": np.array(["walk", "bus"])}
+    out = io.BytesIO()
+    write_tracks([Track("a", [0, 1], [[0, 0], [5, 5]], attributes=columns, plane=plane)], out, "geojson")
+    feature = json.loads(out.getvalue())["features"][0]
+    assert [position[2] for position in feature["geometry"]["coordinates"]] == [500.5, 501.0]
+    assert feature["properties"]["speed"] == [1.5, None]
+    assert feature["properties"]["mode"] == ["walk", "bus"]
+    assert read_logs(io.BytesIO(out.getvalue()), keep=["ele"]).tracks[0].attributes["ele"].tolist() == [500.5, 501.0]
 
 
 def test_millions_of_rows_are_written_in_pieces():

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
 
 __all__ = ["archive_bytes", "naming", "opened"]
 
+#: Bits of an archive's third byte that tell the version of its format.
+_VERSION_BITS = 7
+
 
 def archive_bytes(name: str) -> bytes:
     """All bytes of the archive with this name; ``-`` is standard input.
@@ -47,7 +50,7 @@ def opened(name: str) -> Iterator[Archive]:
 @contextmanager
 def naming(name: str, data: bytes) -> Iterator[None]:
     """Say in the message of a CorruptArchiveError which archive is corrupt, and what to do."""
-    from gpszip.container.layout import MAGIC, SMALL_LIMIT
+    from gpszip.container.layout import MAGIC, SMALL_LIMIT, VERSION
     from gpszip.errors import CorruptArchiveError
 
     try:
@@ -56,6 +59,8 @@ def naming(name: str, data: bytes) -> Iterator[None]:
         cure = "fetch or make it again"
         if not data.startswith(MAGIC):
             cure = "name a file that gpszip compress has written"
+        elif data[2:3] and data[2] & _VERSION_BITS > VERSION:
+            cure = "pip install --upgrade gpszip brings the newest"
         elif len(data) >= SMALL_LIMIT:
             cure += ", or save what is whole with gpszip recover"
         raise CorruptArchiveError(f"{'standard input' if name == '-' else name}: {error}; {cure}") from error

@@ -51,13 +51,16 @@ def command(
     if len(given) > 1:
         raise OptionError(f"{given[0]} and {given[1]} were both given; give one")
     times = None if at is None else parse_times(at)
-    check_output(target, force=force, binary=format_for_writing(target, kind).name == "parquet")
+    form = format_for_writing(target, kind).name
+    check_output(target, force=force, binary=form == "parquet")
     with opened(archive) as source:
         tracks = _samples(source, track) if samples else _tracks(source, every, times, track)
     if not tracks:
         raise OptionError(_nothing(archive, track))
     write_tracks(tracks, target, kind)
     points = sum(len(one) for one in tracks)
+    if lacking := _without_room(tracks, form):
+        say(f"gpszip: {form} has no room for {', '.join(lacking)}; write CSV, GeoJSON or Parquet to have them")
     if settings.json:
         show_json({"output": target, "pieces": len(tracks), "points": points}, err=target == "-")
     elif target != "-":
@@ -71,6 +74,16 @@ def _samples(archive: Archive, track: str | None) -> list[Track]:
     if archive.kept is None:
         raise OptionError("--samples: the archive keeps no times of points; compress the log with --keep-times or --keep")
     return archive.samples(track)
+
+
+def _without_room(tracks: list[Track], form: str) -> list[str]:
+    """Columns that a format can't hold."""
+    from gpszip.io.gpx import HEIGHTS
+
+    if form != "gpx":
+        return []
+    heights = [name for name in HEIGHTS if name in tracks[0].attributes]
+    return [name for name in tracks[0].attributes if name not in heights[:1]]
 
 
 def _tracks(archive: Archive, every: float | None, times: Any, track: str | None) -> list[Track]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 import traceback
+import warnings
 
 import click
 
@@ -71,6 +72,8 @@ def cli() -> None:
 
 def run() -> None:
     """Run the command line and leave the interpreter with its exit code."""
+    if not sys.warnoptions and "--debug" not in sys.argv:
+        warnings.simplefilter("ignore")  # what libraries say to programmers is no news for users
     sys.exit(main(sys.argv[1:]))
 
 
@@ -141,4 +144,4 @@ def _system(error: OSError) -> str:
         (PermissionError, "no permission; check the owner and mode"),
     ]
     reason = next((hint for kind, hint in hints if isinstance(error, kind)), error.strerror or str(error))
-    return f"{error.filename}: {reason}" if error.filename else reason
+    return f"{error.filename or 'standard output'}: {reason}"

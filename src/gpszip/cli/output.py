@@ -37,9 +37,11 @@ def check_output(target: str, *, force: bool, binary: bool = False) -> None:
     path = Path(target)
     if path.is_dir():
         raise OutputError(f"{target}: is a folder; name a file in it, such as -o {path / ('out.gpsz' if binary else 'out.csv')}")
+    if path.exists() and not path.is_file():
+        raise OutputError(f"{target}: is no regular file and can't be replaced; name a file, or - for standard output")
     if path.exists() and not force:
         raise OutputError(f"{target}: exists already; add --force to replace it, or name another file with -o")
-    _check_folder(path.parent)
+    _check_folder(Path(os.path.realpath(path)).parent)
 
 
 def _check_folder(folder: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,6 +11,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OutputError
 from gpszip.geo.planes import to_geographic
@@ -96,7 +98,8 @@ def write_geojson(tracks: Iterable[Track], sink: BinaryIO, decimals: int) -> Non
     Parameters
     ----------
     tracks : iterable of Track
-        All in x and y, or all on the earth. Metres are marked by the member ``gpszip``.
+        All in x and y, or all on the earth. Metres are marked by the member ``gpszip``. Heights of tracks on the earth are
+        written as third numbers, other attributes as lists among the properties.
     sink : binary file
         Where to.
     decimals : int
@@ -121,9 +124,24 @@ def _feature(track: Track, decimals: int) -> dict[str, Any]:
         lat, lon = to_geographic(track.positions[:, :2], track.plane)
         positions = decimal(np.stack([lon, lat], axis=1), decimals + DEGREE_DIGITS)
     times = decimal(track.times, TIME_DECIMALS).tolist()
+    others = dict(track.attributes)
+    height = next((name for name in _HEIGHTS if name in others), None) if track.plane is not None else None
+    if height is not None and _is_known(others[height]):
+        positions = np.column_stack([positions, decimal(others.pop(height).astype(np.float64), decimals)])
     coordinates = positions.tolist()
+    lists = {name: _list(values) for name, values in others.items()}
     geometry = {"type": "LineString", "coordinates": coordinates} if len(track) > 1 else {"type": "Point", "coordinates": coordinates[0]}
-    return {"type": "Feature", "properties": {"track_id": track.id, "times": times}, "geometry": geometry}
+    return {"type": "Feature", "properties": {**lists, "track_id": track.id, "times": times}, "geometry": geometry}
+
+
+def _list(values: NDArray[np.generic]) -> list[Any]:
+    """Values for JSON, which has no word for what is not finite."""
+    plain: list[Any] = values.tolist()
+    return [None if isinstance(value, float) and not math.isfinite(value) else value for value in plain]
+
+
+def _is_known(heights: NDArray[np.generic]) -> bool:
+    return heights.dtype.kind in "if" and bool(np.isfinite(heights.astype(np.float64)).all())
 
 
 def _features(data: Any) -> Iterator[Any]:

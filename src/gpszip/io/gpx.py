@@ -21,11 +21,12 @@ from gpszip.io.track_table import DEGREE_DIGITS, decimal
 from gpszip.model import Track
 from gpszip.model.reading import LeftOut
 
-__all__ = ["read_gpx", "sniff_gpx", "write_gpx"]
+__all__ = ["HEIGHTS", "read_gpx", "sniff_gpx", "write_gpx"]
 
 _ROOT = re.compile(rb"^(\xef\xbb\xbf)?\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<(\w+:)?gpx[\s>]", re.DOTALL)
 _DANGER = re.compile(rb"<!DOCTYPE|<!ENTITY|<OGR\w*DataSource", re.IGNORECASE)
-_HEIGHTS = ("alt", "altitude", "ele", "elevation", "height")
+#: What the height above the sea is called; GPX has room for one such column.
+HEIGHTS = ("alt", "altitude", "ele", "elevation", "height")
 #: Fields of a track point besides its place and time that can be kept, as GDAL names them.
 _FIELDS = ("ele", "magvar", "geoidheight", "name", "cmt", "desc", "src", "sym", "type", "fix", "sat", "hdop", "vdop", "pdop")
 _YEAR_1, _YEAR_10000 = -62_135_596_800_000, 253_402_300_800_000  # milliseconds
@@ -120,7 +121,7 @@ def write_gpx(tracks: Iterable[Track], sink: BinaryIO, decimals: int) -> None:
 
 
 def _fields(data: bytes, request: Request, where: str) -> dict[str, str]:
-    keep = {name: "ele" if name in _HEIGHTS else name for name in request.keep}
+    keep = {name: "ele" if name in HEIGHTS else name for name in request.keep}
     for name, field in keep.items():
         if field not in _FIELDS or f"<{field}".encode() not in data:
             there = [known for known in _FIELDS if f"<{known}".encode() in data]
@@ -202,7 +203,7 @@ def _digits(degrees: NDArray[np.float64], digits: int) -> Any:
 
 
 def _ele(track: Track) -> list[Any]:
-    heights = next((track.attributes[name] for name in _HEIGHTS if name in track.attributes), None)
+    heights = next((track.attributes[name] for name in HEIGHTS if name in track.attributes), None)
     if heights is None:
         return []
     known = pa.array(np.isfinite(heights.astype(np.float64)))

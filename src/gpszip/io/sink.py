@@ -28,9 +28,12 @@ def replacing(path: str | Path) -> Iterator[Path]:
     Raises
     ------
     OutputError
-        If it can't be written.
+        If it can't be written, or something else than a file has its name.
     """
-    target = Path(path)
+    # a link stays one, and what it points to is replaced
+    target = Path(os.path.realpath(path))
+    if os.path.lexists(target) and not target.is_file():
+        raise OutputError(f"{path}: is no regular file and can't be replaced; - is standard output")
     try:
         with tempfile.TemporaryDirectory(prefix=".gpszip-", dir=target.parent) as room:
             whole = Path(room) / target.name
