@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gpszip.kernels.draft import Draft, count_step, drop, near, room, steps, take_node
 from gpszip.kernels.jit import jit
 from gpszip.kernels.moments import free_cost, span_moments
+from gpszip.kernels.within import Limits, relax_within
 
 __all__ = ["CANDIDATES", "settle_piece"]
 
@@ -97,8 +98,27 @@ def _price_steps(
 
 
 @jit
-def _relax(
+def _locate(
     draft: Draft,
+    places: NDArray[np.float64],
+    first: int,
+    candidates: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    marks: NDArray[np.int64],
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Place of each candidate, and its index among the used ones."""
+    spot = np.empty((*candidates.shape, places.shape[1]))
+    local = np.zeros(candidates.shape, np.int64)
+    for row in range(len(counts)):
+        for i in range(counts[row]):
+            node = candidates[row, i]
+            spot[row, i] = places[first + row] if node == _FRESH else draft.places[node]
+            local[row, i] = 0 if node == _FRESH else marks[node]
+    return spot, local
+
+
+@jit
+def _relax(
     sums: NDArray[np.int64],
     ticks: NDArray[np.int64],
     centers: NDArray[np.int64],
@@ -109,7 +129,8 @@ def _relax(
     widest: int,
     candidates: NDArray[np.int64],
     counts: NDArray[np.int64],
-    marks: NDArray[np.int64],
+    spot: NDArray[np.float64],
+    local: NDArray[np.int64],
     table: NDArray[np.float64],
     prices: NDArray[np.float64],
     best: NDArray[np.float64],
@@ -121,14 +142,7 @@ def _relax(
     rows = last - first + 1
     m, n = np.empty(dimension), np.empty(dimension)
     width = candidates.shape[1]
-    spot = np.empty((rows, width, dimension))
-    local = np.zeros((rows, width), np.int64)
     cheapest = np.full(rows, np.inf)
-    for row in range(rows):
-        for i in range(counts[row]):
-            node = candidates[row, i]
-            spot[row, i] = places[first + row] if node == _FRESH else draft.places[node]
-            local[row, i] = 0 if node == _FRESH else marks[node]
     for i in range(counts[0]):
         cheapest[0] = min(cheapest[0], best[0, i])
     error = prices[ERROR]
@@ -259,6 +273,7 @@ def _settle_window(
     widest: int,
     prices: NDArray[np.float64],
     marks: NDArray[np.int64],
+    limits: Limits,
 ) -> None:
     rows = last - first + 1
     _take_out(draft, at, first, last, open_first, open_last)
@@ -281,10 +296,17 @@ def _settle_window(
         node = candidates[0, i]
         lone = open_first and (node == _FRESH or draft.uses[node] == 0)
         best[0, i] = prices[JUMP] + prices[PLACE] if lone else 0.0
-    _relax(
-        draft, sums, ticks, centers, places, place_unit, first, last, widest, candidates, counts, marks, table, prices, best,
-        parent_row, parent_choice,
-    )  # fmt: skip
+    spot, local = _locate(draft, places, first, candidates, counts, marks)
+    if limits.reach[0] > 0.0:
+        relax_within(
+            limits, first, rows, widest, spot, local, candidates, counts, table, prices[TIME], prices[STAY] + prices[STAY_TIME], best,
+            parent_row, parent_choice,
+        )  # fmt: skip
+    else:
+        _relax(
+            sums, ticks, centers, places, place_unit, first, last, widest, candidates, counts, spot, local, table, prices, best,
+            parent_row, parent_choice,
+        )  # fmt: skip
     for i in range(1, used + 1):
         marks[members[i]] = 0
     choice = 0
@@ -294,6 +316,14 @@ def _settle_window(
     path_rows, path_nodes = np.empty(rows, np.int64), np.empty(rows, np.int64)
     count = 0
     row = rows - 1
+    if best[row, choice] == np.inf:
+        # no walk keeps the limits between these ends: leave it as it was
+        for old in range(rows - 1, -1, -1):
+            if at[first + old] >= 0:
+                path_rows[count] = old
+                path_nodes[count] = at[first + old]
+                count += 1
+        row = -1
     while row >= 0:
         path_rows[count] = row
         path_nodes[count] = candidates[row, choice]
@@ -320,6 +350,7 @@ def settle_piece(
     widest: int,
     prices: NDArray[np.float64],
     marks: NDArray[np.int64],
+    limits: Limits,
 ) -> int:
     """Settle the windows of a piece, slots ``begin`` to ``end``, from slot ``start`` on.
 
@@ -331,6 +362,8 @@ def settle_piece(
         Knots in the first window and in the others.
     most, widest : int
         Near nodes to try at a slot, and slots that a part may span.
+    limits : Limits
+        How far the samples may be from the walk; with a limit, squared error costs nothing.
 
     Returns
     -------
@@ -352,7 +385,7 @@ def settle_piece(
             return first
         _settle_window(
             draft, sums, ticks, centers, places, place_unit, at, first, last, first == begin, last == end, most, widest, prices,
-            marks,
+            marks, limits,
         )  # fmt: skip
         first = last
         size = window

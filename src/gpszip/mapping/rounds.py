@@ -6,7 +6,7 @@ One objective decides everything: J = bits + price x squared error. Each round m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from gpszip.kernels.chain import settle_chain
 from gpszip.kernels.draft import keep_disjoint, lead_clusters
 from gpszip.kernels.settle import settle_piece
 from gpszip.kernels.walk_model import KIND_BITS, PLACE_BITS, SPAN_BITS
+from gpszip.kernels.within import Limits, directions
 from gpszip.mapping.drafting import (
     draft_of,
     empty_draft,
@@ -44,6 +45,8 @@ _KICK_EVERY, _KICK = 6, 0.6
 #: A maximum: share of it beyond which a sample pulls harder, the heaviest weight, the share of parts that may miss it before mending,
 #: bytes that mending one costs, and how gently the price follows.
 _PULL, _HEAVIEST, _MISSES, _MEND, _GENTLY = 0.87, 64.0, 0.04, 3.0, 0.15
+#: Rounds in which knots are settled along parts that keep the maximum.
+_HOLDING_ROUNDS = 4
 #: Rounds on all slots after those on the thin ones.
 _LAST_ROUNDS = 4
 
@@ -117,6 +120,7 @@ def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None) -> 
     at, places, price = _private_chains(here, plan)
     at, places = _gather(here, at, places, plan)
     best: Outcome | None = None
+    kept: tuple[Slots, NDArray[np.int64], NDArray[np.float64]] | None = None
     push, bits, weights = _PUSH, _prices(None, price, len(places)), np.ones(slots.samples)
     for turn in range(plan.rounds):
         if here is not slots and turn >= plan.rounds - _LAST_ROUNDS:
@@ -124,9 +128,12 @@ def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None) -> 
         if plan.maximum is not None:
             here = weigh_samples(here, np.rint(weights).astype(np.int64))
         at, places = _settle(here, at, places, plan, bits, turn)
+        places = _place(here, at, places)
         at, places = _merge(here, at, places, plan, bits)
-        outcome, ledger, errors = _realise(here, at, places, tracks, plan)
-        best = _better(best, outcome, plan)
+        rounded = round_nodes(*normal_equations(list_parts(here, at), places), places)
+        outcome, ledger, errors = _realise(here, at, rounded, tracks, plan)
+        if _better(outcome, best, plan):
+            best, kept = outcome, (here, at.copy(), rounded)
         if plan.maximum is not None:
             weights = _reweigh(weights, errors, plan.maximum)
         if turn >= 1:
@@ -137,14 +144,26 @@ def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None) -> 
         if turn % _KICK_EVERY == _KICK_EVERY - 1 and turn + _KICK_EVERY < plan.rounds:
             price, push = _KICK * price, _PUSH
         bits = _prices(ledger, price, len(outcome.walks.nodes))
+    return best if plan.maximum is None or kept is None else _hold(*kept, tracks, plan, bits)
+
+
+def _hold(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int, plan: Plan, bits: NDArray[np.float64]) -> Outcome:
+    """Settle the knots once more on places that are whole already, along parts that keep the maximum."""
+    whole = replace(slots, places=np.rint(slots.places))
+    best = _realise(slots, at, places, tracks, plan)[0]
+    for turn in range(_HOLDING_ROUNDS):
+        at, places = _settle(whole, at, places, plan, bits, turn, plan.maximum or 0.0)
+        outcome, ledger, _ = _realise(slots, at, places, tracks, plan)
+        bits = _prices(ledger, bits[0], len(outcome.walks.nodes))
+        best = outcome if outcome.cost < best.cost else best
     return best
 
 
-def _better(best: Outcome | None, outcome: Outcome, plan: Plan) -> Outcome | None:
-    """The smaller one; a miss of the target is out, a part that misses the maximum costs what mending it will."""
+def _better(outcome: Outcome, best: Outcome | None, plan: Plan) -> bool:
+    """Whether an outcome is smaller; a miss of the target is out, a part that misses the maximum costs what mending it will."""
     if plan.maximum is None and outcome.error > plan.target:
-        return best
-    return outcome if best is None or outcome.cost < best.cost else best
+        return False
+    return best is None or outcome.cost < best.cost
 
 
 def _excess(outcome: Outcome, plan: Plan) -> float:
@@ -204,13 +223,20 @@ def _compact(at: NDArray[np.int64], places: NDArray[np.float64]) -> tuple[NDArra
 
 
 def _settle(
-    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], plan: Plan, bits: NDArray[np.float64], turn: int
+    slots: Slots,
+    at: NDArray[np.int64],
+    places: NDArray[np.float64],
+    plan: Plan,
+    bits: NDArray[np.float64],
+    turn: int,
+    maximum: float = 0.0,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """E-step over all pieces, then the places."""
+    """E-step over all pieces; with a maximum, along parts that keep it."""
     reach = plan.reach * plan.target
     spare = int((at >= 0).sum()) + 4096
     draft = draft_of(slots, at, places, reach, spare)
     marks = np.zeros(len(draft.places), np.int64)
+    limits = _limits(slots, maximum)
     order = np.arange(len(slots.firsts))
     phase = 1 + (turn * 7) % plan.window
     for piece in order[:: 1 if turn % 2 == 0 else -1].tolist():
@@ -219,14 +245,18 @@ def _settle(
         while start < last:
             start = settle_piece(
                 draft, slots.sums, slots.ticks, slots.centers, slots.places, slots.place_unit, at, first, start, last, phase,
-                plan.window, _NEAR_NODES, plan.widest, bits, marks,
+                plan.window, _NEAR_NODES, plan.widest, bits, marks, limits,
             )  # fmt: skip
             if start < last:
                 at, places = _compact(at, draft.places)
                 draft = draft_of(slots, at, places, reach, 2 * spare + 2 * plan.widest * plan.window)
                 marks = np.zeros(len(draft.places), np.int64)
-    at, places = _compact(at, draft.places)
-    return at, _place(slots, at, places)
+    return _compact(at, draft.places)
+
+
+def _limits(slots: Slots, maximum: float) -> Limits:
+    fan, share = directions(slots.places.shape[1])
+    return Limits(slots.ends, slots.times, slots.spots, slots.cells.astype(np.float64), fan, np.array([share * maximum]))
 
 
 def _merge(
@@ -261,12 +291,10 @@ def _merge(
 def _realise(
     slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int, plan: Plan
 ) -> tuple[Outcome, NDArray[np.float64], NDArray[np.float64]]:
-    """Round the places, code the walks and measure what came out, sample by sample."""
-    parts = list_parts(slots, at)
-    rounded = round_nodes(*normal_equations(parts, places), places)
-    walks = walks_of(slots, at, rounded, tracks)
+    """Code the walks, at whole places, and measure what came out, sample by sample."""
+    walks = walks_of(slots, at, places, tracks)
     data, ledger = encode_with_ledger(walks)
-    errors, part = sample_errors(slots, parts, rounded)
+    errors, part = sample_errors(slots, list_parts(slots, at), places)
     misses = 0 if plan.maximum is None else len(np.unique(part[errors > plan.maximum]))
     return Outcome(walks, len(data), float(np.sqrt((errors**2).mean())), misses), ledger, errors
 
