@@ -1,7 +1,7 @@
 """Moments of the samples between two slots of a time grid, from integer prefix sums (exact under wrap-around).
 
-Row s of the sums holds, over all samples before slot s, each times its weight: count, T, TT, then X_i, then TX_i for each axis, then XX, with times
-and positions as integer ticks. Differences are re-centred on integers before anything becomes a float.
+Row s of the sums holds, over all samples before slot s, each times its weight: count, T, TT, then X_i, then TX_i for each
+axis, then XX, with times and positions as integer ticks. Differences are re-centred on integers before anything becomes a float.
 """
 
 from __future__ import annotations
