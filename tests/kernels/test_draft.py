@@ -46,9 +46,9 @@ def test_steps_are_counted_as_a_dictionary_does(pairs, data):
         counted[u, v] += 1
         done.append((u, v))
         if data.draw(st.booleans()):
-            u, v = done.pop(data.draw(st.integers(0, len(done) - 1)))
-            count_step(draft, u, v, -1)
-            counted[u, v] -= 1
+            gone = done.pop(data.draw(st.integers(0, len(done) - 1)))
+            count_step(draft, *gone, -1)
+            counted[gone] -= 1
     assert_steps_are(draft, counted, 8)
     for u in range(8):
         ways = found_ways(draft, u)
