@@ -12,6 +12,7 @@ from hypothesis.extra import numpy as hnp
 from gpszip.container.attributes import Kept, attributes_body, kept_names, read_attributes
 from gpszip.container.layout import varint
 from gpszip.errors import CorruptArchiveError, OptionError
+from oracle import attributes as plain
 
 
 def column(n):
@@ -54,6 +55,32 @@ def example(n=40):
     times = 1.7e9 + np.arange(n) + np.arange(n) % 3 / 1000
     speed = np.where(np.arange(n) % 9 == 0, np.nan, np.round(3 * np.sin(np.arange(n)), 1))
     return Kept((n - 10, 10), times, {"speed": speed, "mode": np.array(["walk", "bus"])[np.arange(n) // 11 % 2], "n": np.arange(n)})
+
+
+@given(kepts())
+@settings(max_examples=40, deadline=None)
+def test_the_specification_reads_it_too(kept):
+    counts, times, columns = plain.read_attributes(attributes_body(kept), len(kept.counts))
+    assert counts == list(kept.counts)
+    assert times == kept.times.tolist()
+    for name, values in kept.columns.items():
+        np.testing.assert_array_equal(np.array(columns[name], dtype=values.dtype), values)
+
+
+GOLDEN = (
+    "1e0a03057370656564046d6f6465016e2480a0abfef962d20f011d63606563208c006214804020100800320198012d31072a360e23135b"
+    "40381e17352512284213312d002e3208351d192438161f351d3a0b440f0c020924036275730477616c6b012d63628203060460c2100500"
+    "2000020000"
+)
+
+
+def test_what_was_written_first_is_read():
+    back = read_attributes(bytes.fromhex(GOLDEN), 2)
+    kept = example()
+    assert back.counts == kept.counts
+    np.testing.assert_array_equal(back.times, kept.times)
+    for name, values in kept.columns.items():
+        np.testing.assert_array_equal(back.columns[name], values)
 
 
 def test_rows_of_each_track():
