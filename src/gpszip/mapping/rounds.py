@@ -42,9 +42,9 @@ _NEAR_NODES = 5
 _PUSH = 2.5
 #: Every so many rounds the price falls by this factor: walks that need fewer knots leave a local optimum behind.
 _KICK_EVERY, _KICK = 6, 0.6
-#: A maximum: share of it beyond which a sample pulls harder, the heaviest weight, the share of parts that may miss it before mending,
-#: bytes that mending one costs, and how gently the price follows.
-_PULL, _HEAVIEST, _MISSES, _MEND, _GENTLY = 0.87, 64.0, 0.04, 3.0, 0.15
+#: A maximum: share of it beyond which a sample pulls harder, the heaviest weight, the share of parts that may miss it before the
+#: last rounds, bytes that one takes there and afterwards, and how gently the price follows.
+_PULL, _HEAVIEST, _MISSES, _HOLD, _MEND, _GENTLY = 0.87, 64.0, 0.04, 3.0, 8.0, 0.15
 #: Rounds in which knots are settled along parts that keep the maximum.
 _HOLDING_ROUNDS = 4
 #: Rounds on all slots after those on the thin ones.
@@ -93,7 +93,7 @@ class Outcome:
 
     @property
     def cost(self) -> float:
-        """Bytes, with what mending the parts that miss a maximum will take."""
+        """Bytes, with what mending the parts that still miss a maximum takes, on a finer lattice for all."""
         return self.size + _MEND * self.misses
 
 
@@ -163,7 +163,7 @@ def _better(outcome: Outcome, best: Outcome | None, plan: Plan) -> bool:
     """Whether an outcome is smaller; a miss of the target is out, a part that misses the maximum costs what mending it will."""
     if plan.maximum is None and outcome.error > plan.target:
         return False
-    return best is None or outcome.cost < best.cost
+    return best is None or outcome.size + _HOLD * outcome.misses < best.size + _HOLD * best.misses
 
 
 def _excess(outcome: Outcome, plan: Plan) -> float:
