@@ -87,7 +87,7 @@ def assert_counts_are_those_of_the_walks(settling):
     assert free == set(np.flatnonzero(~used).tolist())
 
 
-@pytest.mark.parametrize("seed", range(25))
+@pytest.mark.parametrize("seed", range(120))
 @pytest.mark.parametrize("closed", [False, True])
 def test_a_window_is_settled_as_cheaply_as_any_choice(seed, closed):
     log = Log(seed, slots=5, samples=18)
