@@ -2,9 +2,10 @@ import numpy as np
 import pytest
 
 from gpszip.kernels.draft import enter_nodes, enter_walks, near, steps
+from gpszip.kernels.ground import Ground
 from gpszip.kernels.moments import prefix_sums
 from gpszip.kernels.settle import settle_piece
-from gpszip.kernels.within import Limits, directions
+from gpszip.kernels.within import directions
 from gpszip.mapping.drafting import empty_draft
 from oracle.settle import FRESH, Window
 
@@ -54,15 +55,15 @@ class Settling:
         def behind(values):
             return np.concatenate([np.zeros((self.before, *values.shape[1:]), values.dtype), values])
 
-        limits = Limits(
-            behind(log.ends), log.times / 256, log.samples, behind(log.ticks) / 256, directions(2)[0], np.zeros(1)
-        )  # no limit: reach is 0
+        ground = Ground(
+            behind(log.sums), behind(log.ticks), behind(log.centers), behind(log.places), np.array([UNIT]), behind(log.ends),
+            log.times / 256, log.samples, behind(log.ticks) / 256, directions(2)[0], np.zeros(1),
+        )  # fmt: skip
         prices = np.array([log.prices[name] for name in NAMES])
         marks = np.zeros(200, np.int64)
         first, last = self.before, len(self.at) - 1
         end = settle_piece(
-            self.draft, behind(log.sums), behind(log.ticks), behind(log.centers), behind(log.places), UNIT, self.at, first,
-            first + start, last, phase, window, most, widest, prices, marks, limits,
+            self.draft, ground, self.at, first, first + start, last, phase, window, most, widest, prices, marks
         )  # fmt: skip
         assert end == last
         assert not marks.any()

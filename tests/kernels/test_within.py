@@ -3,7 +3,8 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
-from gpszip.kernels.within import Limits, directions, relax_within
+from gpszip.kernels.ground import Board, Ground
+from gpszip.kernels.within import directions, relax_within
 
 TIME, STAY = 3.0, 4.5
 
@@ -24,7 +25,11 @@ class Problem:
         ends[-1] = len(times)
         fan, self.share = directions(dimension)
         self.reach = reach
-        self.limits = Limits(ends, times, spots + rng.normal(0, 0.2, spots.shape), self.cells, fan, np.array([self.share * reach]))
+        nothing = np.zeros((0, 0), np.int64)
+        self.limits = Ground(
+            nothing, nothing.ravel(), nothing, np.zeros((0, dimension)), np.ones(1), ends, times,
+            spots + rng.normal(0, 0.2, spots.shape), self.cells, fan, np.array([self.share * reach]),
+        )  # fmt: skip
         self.candidates = rng.integers(0, 9, (self.rows, width))
         self.local = self.candidates % 4
         self.table = rng.uniform(1, 9, (4, 4))
@@ -34,10 +39,8 @@ class Problem:
         best = np.full(self.candidates.shape, np.inf)
         best[0] = 0.0
         rows, choices = np.full(best.shape, -1), np.zeros(best.shape, np.int64)
-        relax_within(
-            self.limits, 0, self.rows, self.rows, self.spot, self.local, self.candidates, self.counts, self.table, TIME, STAY, best, rows,
-            choices,
-        )  # fmt: skip
+        board = Board(self.candidates, self.counts, self.spot, self.local, self.table, best, rows, choices)
+        relax_within(self.limits, board, 0, self.rows, TIME, STAY)
         return best, rows, choices
 
     def errors(self, path):

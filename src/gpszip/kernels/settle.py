@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.draft import Draft, count_step, drop, near, room, steps, take_node
+from gpszip.kernels.ground import Board, Ground
 from gpszip.kernels.jit import jit
 from gpszip.kernels.moments import free_cost, span_moments
-from gpszip.kernels.within import Limits, relax_within
+from gpszip.kernels.within import relax_within
 
 __all__ = ["CANDIDATES", "settle_piece"]
 
@@ -26,7 +27,7 @@ _FRESH = -2
 
 
 @jit
-def _step_price(draft: Draft, u: int, v: int, prices: NDArray[np.float64]) -> float:
+def _link_price(draft: Draft, u: int, v: int, prices: NDArray[np.float64]) -> float:
     """Bits of a step between two nodes that others use."""
     weight = steps(draft, u, v) + 0.5 * steps(draft, v, u)
     if weight <= 0.0:
@@ -91,7 +92,7 @@ def _price_steps(
         while half >= 0:
             v = draft.into[half]
             if marks[v] > 0:
-                table[i, marks[v]] = _step_price(draft, u, v, prices)
+                table[i, marks[v]] = _link_price(draft, u, v, prices)
             half = draft.following[half]
         table[i, i] = prices[STAY]
     return table
@@ -118,86 +119,67 @@ def _locate(
 
 
 @jit
-def _relax(
-    sums: NDArray[np.int64],
-    ticks: NDArray[np.int64],
-    centers: NDArray[np.int64],
-    places: NDArray[np.float64],
-    place_unit: float,
-    first: int,
-    last: int,
-    widest: int,
-    candidates: NDArray[np.int64],
-    counts: NDArray[np.int64],
-    spot: NDArray[np.float64],
-    local: NDArray[np.int64],
-    table: NDArray[np.float64],
-    prices: NDArray[np.float64],
-    best: NDArray[np.float64],
-    parent_row: NDArray[np.int64],
-    parent_choice: NDArray[np.int64],
-) -> None:
-    """Fill ``best`` (bits to reach each candidate of each slot) and its parents, from the rows that are set already."""
-    dimension = places.shape[1]
-    rows = last - first + 1
+def _relax(ground: Ground, board: Board, first: int, widest: int, prices: NDArray[np.float64]) -> None:
+    """Fill the board from its first row on: squared error costs its price.
+
+    One long loop on purpose: handing these arrays to a function for each pair of slots takes longer than the arithmetic.
+    """
+    sums, ticks, centers, unit = ground.sums, ground.ticks, ground.centers, ground.unit[0]
+    candidates, counts, spot, local, table, best, parent_row, parent_choice = board
+    rows, width, dimension = spot.shape
+    error, time, stay = prices[ERROR], prices[TIME], prices[STAY] + prices[STAY_TIME]
+    quickest = min(time, prices[STAY_TIME])
     m, n = np.empty(dimension), np.empty(dimension)
-    width = candidates.shape[1]
+    ends, lean = np.empty(width), np.empty(dimension)
     cheapest = np.full(rows, np.inf)
-    for i in range(counts[0]):
-        cheapest[0] = min(cheapest[0], best[0, i])
-    error = prices[ERROR]
-    ends = np.empty(width)
-    b = np.empty(dimension)
+    for c in range(counts[0]):
+        cheapest[0] = min(cheapest[0], best[0, c])
     # the best line's error grows with a span at either end: the first origin worth a look only moves on
     lowest = 0
-    quickest = min(prices[TIME], prices[STAY_TIME])
     for row in range(1, rows):
         g = first + row
         lowest = max(lowest, row - widest)
         while lowest < row - 1:
             a = first + lowest
-            w, u1, u2, q = span_moments(sums, a, g, ticks[a], ticks[g], centers[a], place_unit, m, n)
+            w, u1, u2, q = span_moments(sums, a, g, ticks[a], ticks[g], centers[a], unit, m, n)
             if error * free_cost(w, u1, u2, q, m, n) <= _TOO_DEAR:
                 break
             lowest += 1
         for origin in range(lowest, row):
-            a = first + origin
             worst = 0.0
             for c in range(counts[row]):
                 worst = max(worst, best[row, c])
             if cheapest[origin] + quickest >= worst:
                 continue
-            w, u1, u2, q = span_moments(sums, a, g, ticks[a], ticks[g], centers[a], place_unit, m, n)
-            least = error * free_cost(w, u1, u2, q, m, n)
-            if cheapest[origin] + least + quickest >= worst:
+            a = first + origin
+            w, u1, u2, q = span_moments(sums, a, g, ticks[a], ticks[g], centers[a], unit, m, n)
+            least = error * free_cost(w, u1, u2, q, m, n) + quickest
+            if cheapest[origin] + least >= worst:
                 continue
             for c in range(counts[row]):
-                total = 0.0
+                ends[c] = 0.0
                 for axis in range(dimension):
-                    y = spot[row, c, axis] - centers[a, axis] / place_unit
-                    total += u2 * y * y - 2.0 * y * n[axis]
-                ends[c] = total
+                    y = spot[row, c, axis] - centers[a, axis] / unit
+                    ends[c] += u2 * y * y - 2.0 * y * n[axis]
             for o in range(counts[origin]):
                 reached = best[origin, o]
-                if reached + least + quickest >= worst:
+                if reached + least >= worst:
                     continue
                 begin = q
                 for axis in range(dimension):
-                    x = spot[origin, o, axis] - centers[a, axis] / place_unit
+                    x = spot[origin, o, axis] - centers[a, axis] / unit
                     begin += (w - 2.0 * u1 + u2) * x * x - 2.0 * x * (m[axis] - n[axis])
-                    b[axis] = 2.0 * (u1 - u2) * x
-                u = local[origin, o]
+                    lean[axis] = 2.0 * (u1 - u2) * x
                 for c in range(counts[row]):
-                    cost = reached + prices[TIME]
                     if candidates[origin, o] == candidates[row, c] and candidates[row, c] >= 0:
-                        cost += prices[STAY] + prices[STAY_TIME] - prices[TIME]
+                        cost = reached + stay
                     else:
-                        cost += table[u, local[row, c]]
+                        cost = reached + time + table[local[origin, o], local[row, c]]
                     if cost >= best[row, c]:
                         continue
                     square = begin + ends[c]
                     for axis in range(dimension):
-                        square += b[axis] * (spot[row, c, axis] - centers[a, axis] / place_unit)
+                        square += lean[axis] * (spot[row, c, axis] - centers[a, axis] / unit)
                     cost += error * max(square, 0.0)
                     if cost < best[row, c]:
                         best[row, c] = cost
@@ -257,13 +239,68 @@ def _put_back(
 
 
 @jit
+def _set_up(
+    draft: Draft,
+    ground: Ground,
+    at: NDArray[np.int64],
+    first: int,
+    last: int,
+    open_first: bool,
+    open_last: bool,
+    most: int,
+    prices: NDArray[np.float64],
+    marks: NDArray[np.int64],
+) -> Board:
+    """Board of a window before the first move; an end that isn't open keeps its node."""
+    rows, width = last - first + 1, most + 2
+    candidates, counts = np.empty((rows, width), np.int64), np.empty(rows, np.int64)
+    _find_candidates(draft, ground.places, at, first, last, most, candidates, counts)
+    if not open_first:
+        candidates[0, 0] = at[first]
+        counts[0] = 1
+    if not open_last:
+        candidates[rows - 1, 0] = at[last]
+        counts[rows - 1] = 1
+    members = np.empty(rows * width + 1, np.int64)
+    used = _index_locals(draft, candidates, counts, marks, members)
+    table = _price_steps(draft, members, used, marks, prices)
+    spot, local = _locate(draft, ground.places, first, candidates, counts, marks)
+    for i in range(1, used + 1):
+        marks[members[i]] = 0
+    best = np.full((rows, width), np.inf)
+    for i in range(counts[0]):
+        node = candidates[0, i]
+        lone = open_first and (node == _FRESH or draft.uses[node] == 0)
+        best[0, i] = prices[JUMP] + prices[PLACE] if lone else 0.0
+    parents = np.full((rows, width), -1, np.int64)
+    return Board(candidates, counts, spot, local, table, best, parents, np.zeros((rows, width), np.int64))
+
+
+@jit
+def _trace(board: Board, at: NDArray[np.int64], first: int, path_rows: NDArray[np.int64], path_nodes: NDArray[np.int64]) -> int:
+    """List rows and nodes of the cheapest way, last first; the present ones where no way reaches the end."""
+    row = len(board.counts) - 1
+    choice = np.argmin(board.best[row, : board.counts[row]])
+    count = 0
+    if board.best[row, choice] == np.inf:
+        for old in range(row, -1, -1):
+            if at[first + old] >= 0:
+                path_rows[count] = old
+                path_nodes[count] = at[first + old]
+                count += 1
+        return count
+    while row >= 0:
+        path_rows[count] = row
+        path_nodes[count] = board.candidates[row, choice]
+        count += 1
+        row, choice = board.parent_row[row, choice], board.parent_choice[row, choice]
+    return count
+
+
+@jit
 def _settle_window(
     draft: Draft,
-    sums: NDArray[np.int64],
-    ticks: NDArray[np.int64],
-    centers: NDArray[np.int64],
-    places: NDArray[np.float64],
-    place_unit: float,
+    ground: Ground,
     at: NDArray[np.int64],
     first: int,
     last: int,
@@ -273,73 +310,23 @@ def _settle_window(
     widest: int,
     prices: NDArray[np.float64],
     marks: NDArray[np.int64],
-    limits: Limits,
 ) -> None:
-    rows = last - first + 1
     _take_out(draft, at, first, last, open_first, open_last)
-    candidates = np.empty((rows, most + 2), np.int64)
-    counts = np.empty(rows, np.int64)
-    _find_candidates(draft, places, at, first, last, most, candidates, counts)
-    if not open_first:
-        candidates[0, 0] = at[first]
-        counts[0] = 1
-    if not open_last:
-        candidates[rows - 1, 0] = at[last]
-        counts[rows - 1] = 1
-    members = np.empty(rows * (most + 2) + 1, np.int64)
-    used = _index_locals(draft, candidates, counts, marks, members)
-    table = _price_steps(draft, members, used, marks, prices)
-    best = np.full((rows, most + 2), np.inf)
-    parent_row = np.full((rows, most + 2), -1, np.int64)
-    parent_choice = np.zeros((rows, most + 2), np.int64)
-    for i in range(counts[0]):
-        node = candidates[0, i]
-        lone = open_first and (node == _FRESH or draft.uses[node] == 0)
-        best[0, i] = prices[JUMP] + prices[PLACE] if lone else 0.0
-    spot, local = _locate(draft, places, first, candidates, counts, marks)
-    if limits.reach[0] > 0.0:
-        relax_within(
-            limits, first, rows, widest, spot, local, candidates, counts, table, prices[TIME], prices[STAY] + prices[STAY_TIME], best,
-            parent_row, parent_choice,
-        )  # fmt: skip
+    board = _set_up(draft, ground, at, first, last, open_first, open_last, most, prices, marks)
+    if ground.reach[0] > 0.0:
+        relax_within(ground, board, first, widest, prices[TIME], prices[STAY] + prices[STAY_TIME])
     else:
-        _relax(
-            sums, ticks, centers, places, place_unit, first, last, widest, candidates, counts, spot, local, table, prices, best,
-            parent_row, parent_choice,
-        )  # fmt: skip
-    for i in range(1, used + 1):
-        marks[members[i]] = 0
-    choice = 0
-    for i in range(1, counts[rows - 1]):
-        if best[rows - 1, i] < best[rows - 1, choice]:
-            choice = i
+        _relax(ground, board, first, widest, prices)
+    rows = last - first + 1
     path_rows, path_nodes = np.empty(rows, np.int64), np.empty(rows, np.int64)
-    count = 0
-    row = rows - 1
-    if best[row, choice] == np.inf:
-        # no walk keeps the limits between these ends: leave it as it was
-        for old in range(rows - 1, -1, -1):
-            if at[first + old] >= 0:
-                path_rows[count] = old
-                path_nodes[count] = at[first + old]
-                count += 1
-        row = -1
-    while row >= 0:
-        path_rows[count] = row
-        path_nodes[count] = candidates[row, choice]
-        count += 1
-        row, choice = parent_row[row, choice], parent_choice[row, choice]
-    _put_back(draft, at, places, first, last, path_rows, path_nodes, count, open_first, open_last)
+    count = _trace(board, at, first, path_rows, path_nodes)
+    _put_back(draft, at, ground.places, first, last, path_rows, path_nodes, count, open_first, open_last)
 
 
 @jit
 def settle_piece(
     draft: Draft,
-    sums: NDArray[np.int64],
-    ticks: NDArray[np.int64],
-    centers: NDArray[np.int64],
-    places: NDArray[np.float64],
-    place_unit: float,
+    ground: Ground,
     at: NDArray[np.int64],
     begin: int,
     start: int,
@@ -350,20 +337,19 @@ def settle_piece(
     widest: int,
     prices: NDArray[np.float64],
     marks: NDArray[np.int64],
-    limits: Limits,
 ) -> int:
     """Settle the windows of a piece, slots ``begin`` to ``end``, from slot ``start`` on.
 
     Parameters
     ----------
+    ground : Ground
+        The slots and samples; where it has a reach, squared error costs nothing, and only parts within it are taken.
     at : int64 array, shape (slots,)
         Node of each slot, -1 where there is no knot; changed in place.
     phase, window : int
         Knots in the first window and in the others.
     most, widest : int
         Near nodes to try at a slot, and slots that a part may span.
-    limits : Limits
-        How far the samples may be from the walk; with a limit, squared error costs nothing.
 
     Returns
     -------
@@ -384,8 +370,7 @@ def settle_piece(
         if room(draft) < last - first + 8:
             return first
         _settle_window(
-            draft, sums, ticks, centers, places, place_unit, at, first, last, first == begin, last == end, most, widest, prices,
-            marks, limits,
+            draft, ground, at, first, last, first == begin, last == end, most, widest, prices, marks,
         )  # fmt: skip
         first = last
         size = window

@@ -16,9 +16,10 @@ from scipy.spatial import cKDTree
 from gpszip.coding.walks import encode_with_ledger
 from gpszip.kernels.chain import settle_chain
 from gpszip.kernels.draft import keep_disjoint, lead_clusters
+from gpszip.kernels.ground import Ground
 from gpszip.kernels.settle import settle_piece
 from gpszip.kernels.walk_model import KIND_BITS, PLACE_BITS, SPAN_BITS
-from gpszip.kernels.within import Limits, directions
+from gpszip.kernels.within import directions
 from gpszip.mapping.drafting import (
     draft_of,
     empty_draft,
@@ -236,7 +237,7 @@ def _settle(
     spare = int((at >= 0).sum()) + 4096
     draft = draft_of(slots, at, places, reach, spare)
     marks = np.zeros(len(draft.places), np.int64)
-    limits = _limits(slots, maximum)
+    ground = _ground(slots, maximum)
     order = np.arange(len(slots.firsts))
     phase = 1 + (turn * 7) % plan.window
     for piece in order[:: 1 if turn % 2 == 0 else -1].tolist():
@@ -244,8 +245,7 @@ def _settle(
         start = first
         while start < last:
             start = settle_piece(
-                draft, slots.sums, slots.ticks, slots.centers, slots.places, slots.place_unit, at, first, start, last, phase,
-                plan.window, _NEAR_NODES, plan.widest, bits, marks, limits,
+                draft, ground, at, first, start, last, phase, plan.window, _NEAR_NODES, plan.widest, bits, marks
             )  # fmt: skip
             if start < last:
                 at, places = _compact(at, draft.places)
@@ -254,9 +254,12 @@ def _settle(
     return _compact(at, draft.places)
 
 
-def _limits(slots: Slots, maximum: float) -> Limits:
+def _ground(slots: Slots, maximum: float) -> Ground:
     fan, share = directions(slots.places.shape[1])
-    return Limits(slots.ends, slots.times, slots.spots, slots.cells.astype(np.float64), fan, np.array([share * maximum]))
+    return Ground(
+        slots.sums, slots.ticks, slots.centers, slots.places, np.array([slots.place_unit]), slots.ends, slots.times, slots.spots,
+        slots.cells.astype(np.float64), fan, np.array([share * maximum]),
+    )  # fmt: skip
 
 
 def _merge(

@@ -1,0 +1,96 @@
+"""Coding of places: where a new node lies, in the frame of the last step or of the axes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.kernels.adaptive import PARTS, TWO_SIDED, code_mixture
+from gpszip.kernels.heading import direction, rotate, rotate_back
+from gpszip.kernels.jit import jit
+from gpszip.kernels.range_coder import Coder
+from gpszip.kernels.spread import REACH, code_far, fill
+from gpszip.kernels.walk_model import STEP_LENGTH, WalkModel
+
+__all__ = ["code_step"]
+
+#: Mixtures of coordinates: along the heading, across it, on further axes, and of jumps on each axis.
+_P_ALONG, _P_ACROSS, _P_BESIDE, _P_JUMP = 5, 6, 7, 8
+
+
+@jit
+def _code_axis(
+    coder: Coder,
+    model: WalkModel,
+    mixture: int,
+    value: int,
+    kinds: NDArray[np.int64],
+    centers: NDArray[np.int64],
+    scales: NDArray[np.int64],
+    count: int,
+) -> int:
+    for i in range(9):
+        count = fill(count, TWO_SIDED, 0, PARTS << (2 * i + (1 if i > 0 else 0)), kinds, centers, scales)
+    outside = value >= REACH - 1 or value < -REACH
+    near = REACH - 1 if outside else value
+    coded = code_mixture(coder, near, -REACH, REACH, kinds, centers, scales, count, model.weights[mixture], model.histograms[mixture][:0])
+    if coded == REACH - 1:
+        return code_far(coder, model, 1, value)
+    return coded
+
+
+@jit
+def _code_along(coder: Coder, model: WalkModel, value: int, reach: int) -> int:
+    kinds, centers, scales = np.empty(28, np.int64), np.empty(28, np.int64), np.empty(28, np.int64)
+    usual = model.scalars[STEP_LENGTH]
+    count = 0
+    for shift in range(1, 5):
+        count = fill(count, TWO_SIDED, reach, reach >> shift, kinds, centers, scales)
+    count = fill(count, TWO_SIDED, reach >> 1, reach >> 2, kinds, centers, scales)
+    count = fill(count, TWO_SIDED, 0, reach >> 2, kinds, centers, scales)
+    count = fill(count, TWO_SIDED, 0, reach, kinds, centers, scales)
+    count = fill(count, TWO_SIDED, usual, usual >> 2, kinds, centers, scales)
+    return _code_axis(coder, model, _P_ALONG, value, kinds, centers, scales, count)
+
+
+@jit
+def _code_across(coder: Coder, model: WalkModel, value: int, reach: int, along: int) -> int:
+    kinds, centers, scales = np.empty(28, np.int64), np.empty(28, np.int64), np.empty(28, np.int64)
+    count = 0
+    for shift in range(1, 6):
+        count = fill(count, TWO_SIDED, 0, reach >> shift, kinds, centers, scales)
+    forth = min(abs(along), np.int64(1) << 26) * PARTS
+    reach = min(reach, np.int64(1) << 30)
+    side = np.int64(np.sqrt(np.float64(reach * reach - forth * forth))) if forth < reach else np.int64(0)
+    for sign in (-1, 1):
+        count = fill(count, TWO_SIDED, sign * side, reach >> 4, kinds, centers, scales)
+        count = fill(count, TWO_SIDED, sign * side, reach >> 2, kinds, centers, scales)
+    return _code_axis(coder, model, _P_ACROSS, value, kinds, centers, scales, count)
+
+
+@jit
+def code_step(coder: Coder, model: WalkModel, u: int, before: int, node: int, reach: int, frame: bool) -> None:
+    """Code the place of ``node`` relative to u, in the frame of the last step (``frame``) or of the axes."""
+    places = model.places
+    dimension = places.shape[1]
+    kinds, centers, scales = np.empty(28, np.int64), np.empty(28, np.int64), np.empty(28, np.int64)
+    first = 0
+    if frame and dimension > 1:
+        turn = 0
+        if before >= 0:
+            turn = direction(places[u, 0] - places[before, 0], places[u, 1] - places[before, 1])
+        x, y = rotate(places[node, 0] - places[u, 0], places[node, 1] - places[u, 1], turn)
+        x = _code_along(coder, model, x, reach)
+        y = _code_across(coder, model, y, reach, x)
+        x, y = rotate_back(x, y, turn)
+        places[node, 0], places[node, 1] = places[u, 0] + x, places[u, 1] + y
+        first = 2
+    for axis in range(first, dimension):
+        count = 0
+        if frame:
+            for shift in range(0, 6):
+                count = fill(count, TWO_SIDED, 0, reach >> shift, kinds, centers, scales)
+        offset = places[node, axis] - places[u, axis]
+        places[node, axis] = places[u, axis] + _code_axis(
+            coder, model, _P_BESIDE if frame else _P_JUMP + axis % 4, offset, kinds, centers, scales, count
+        )
