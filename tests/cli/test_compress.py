@@ -182,7 +182,9 @@ def test_bound_that_cannot_be_met_ends_with_6_and_no_file(gpszip, log):
 def test_interruption_ends_with_130_and_leaves_nothing(tmp_path):
     track = patrol(200_000)
     np.savetxt(tmp_path / "long.csv", np.column_stack([track.times, track.positions]), "%.3f", ",", header="t,x,y", comments="")
-    script = "from gpszip.cli.main import run; run()"
+    # what runs in the background of a shell is born deaf to interruptions
+    listen = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
+    script = f"{listen}\nfrom gpszip.cli.main import run; run()"
     command = [sys.executable, "-c", script, "compress", "long.csv", "-o", "long.gpsz", "--max-error", "2cm", "--effort", "9"]
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE)
     time.sleep(2.0)

@@ -75,7 +75,7 @@ def intervals(draw):
 
 
 @given(st.lists(intervals(), max_size=60))
-@settings(max_examples=400)
+@settings(max_examples=150)
 def test_bytes_are_the_plain_twins_and_are_read_back(rows):
     assert_read(written(rows), rows)
 

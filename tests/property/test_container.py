@@ -88,7 +88,7 @@ def _every_group(file):
 
 
 @given(st.binary(max_size=300), st.sampled_from([b"", b"\xa7Z", b"\xa7Z\x01", b"\xa7Z\x19", b"\xa7Z\x39"]))
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=120)
 def test_random_bytes_are_refused(tail, head):
     with pytest.raises(CorruptArchiveError):
         from_bytes(head + tail)
@@ -96,7 +96,7 @@ def test_random_bytes_are_refused(tail, head):
 
 
 @given(st.binary(max_size=120), indices)
-@settings(deadline=None, max_examples=500)
+@settings(deadline=None, max_examples=200)
 def test_random_bytes_with_the_right_checksum(body, third):
     _never_anything_else(archives.compact(third & 0xF8 | 1, body))
 
@@ -104,7 +104,7 @@ def test_random_bytes_with_the_right_checksum(body, third):
 @given(
     st.lists(st.tuples(st.integers(0, 9), st.binary(max_size=30)), max_size=6), st.integers(0, 7), st.one_of(st.none(), st.integers(0, 200))
 )
-@settings(deadline=None, max_examples=500)
+@settings(deadline=None, max_examples=200)
 def test_random_sections_with_the_right_checksums(made, high, index_offset):
     sections = [archives.section(1, b"\x10\1\1\0\0\0"), archives.section(2, b"\x08\0")][: high & 3]
     sections += [archives.section(kind, body) for kind, body in made]
@@ -117,7 +117,7 @@ HONEST = [to_bytes(made) for made in archives.small_archives().values()]
 @given(
     st.sampled_from(HONEST), st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 3), st.binary(max_size=6)), min_size=1, max_size=4)
 )
-@settings(deadline=None, max_examples=300, suppress_health_check=[HealthCheck.too_slow])
+@settings(deadline=None, max_examples=120, suppress_health_check=[HealthCheck.too_slow])
 def test_mutated_archives_are_refused(data, edits):
     torn = data
     for place, cut, put in edits:

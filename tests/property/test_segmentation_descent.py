@@ -26,7 +26,7 @@ def problems(draw):
     return Track("t", np.cumsum(steps), positions, weights=weights), k, draw(st.integers(1, k))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(problems(), st.sampled_from(["bottom-up", "douglas-peucker"]), st.sampled_from(["odd-even", "linear", "naive", "exact"]))
 def test_the_segment_mean_descends_to_what_it_says(problem, initial, expectation):
     track, k, m = problem
@@ -38,7 +38,7 @@ def test_the_segment_mean_descends_to_what_it_says(problem, initial, expectation
     assert mean.cost == pytest.approx(oracle.cost(track, mean.boundaries, mean.labels, mean.starts, mean.ends), rel=1e-6, abs=1e-9 * scale)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(problems(), st.integers(0, 2**32 - 1))
 def test_no_single_step_raises_tau(problem, seed):
     track, k, m = problem

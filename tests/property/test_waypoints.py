@@ -5,7 +5,7 @@ from oracle.paths import fewest_waypoints, maps_with_walks
 
 
 @given(maps_with_walks())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 def test_compressed_walks_come_back_exactly(case):
     graph, route = case
     for compress in (shorten, bisect):
@@ -16,14 +16,14 @@ def test_compressed_walks_come_back_exactly(case):
 
 
 @given(maps_with_walks())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_greedy_waypoints_are_as_few_as_any(case):
     graph, route = case
     assert len(shorten(graph, route)) == fewest_waypoints(graph, route)
 
 
 @given(maps_with_walks(hops=60))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_bisection_never_beats_greedy(case):
     graph, route = case
     assert len(shorten(graph, route)) <= len(bisect(graph, route)) <= len(route.nodes)

@@ -2,12 +2,14 @@ import builtins
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, find, given, settings
+from hypothesis import HealthCheck, Phase, find, given, settings
 
 from gpszip.errors import MissingExtraError
 from gpszip.testing import strategies
 
 quick = settings(max_examples=50, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+#: Any example will do; to shrink it would take most of the time.
+search = settings(max_examples=5000, deadline=None, database=None, phases=[Phase.generate])
 
 
 @quick
@@ -45,14 +47,14 @@ def test_degrees_lie_on_the_earth(log):
     ids=["one point", "stand-still", "epoch seconds", "hole in time", "jump"],
 )
 def test_tracks_reach_the_awkward_ones(wanted):
-    assert wanted(find(strategies.tracks(dimension=2), wanted, settings=settings(max_examples=5000, deadline=None)))
+    assert wanted(find(strategies.tracks(dimension=2), wanted, settings=search))
 
 
 def test_degrees_reach_across_the_antimeridian():
     def crosses(log):
         return len(log[1]) > 1 and np.ptp(log[1][:, 1]) > 300
 
-    assert crosses(find(strategies.degrees(), crosses, settings=settings(max_examples=5000, deadline=None)))
+    assert crosses(find(strategies.degrees(), crosses, settings=search))
 
 
 def test_without_hypothesis_the_extra_is_named(monkeypatch):
