@@ -33,7 +33,9 @@ class Log:
 
 
 @pytest.mark.parametrize("seed", range(20))
-@pytest.mark.parametrize(("price", "knot_bits", "widest"), [(0.5, 7.0, 300), (3.0, 2.0, 4), (40.0, 7.0, 300), (0.001, 7.0, 3), (0.2, 0.3, 300), (0.05, 0.1, 300)])
+@pytest.mark.parametrize(
+    ("price", "knot_bits", "widest"), [(0.5, 7.0, 300), (3.0, 2.0, 4), (40.0, 7.0, 300), (0.001, 7.0, 3), (0.2, 0.3, 300), (0.05, 0.1, 300)]
+)
 def test_the_chain_is_as_cheap_as_any(seed, price, knot_bits, widest):
     log = Log(seed)
     knots = np.flatnonzero(log.chain(0, 9, price, knot_bits, widest) == 0).tolist()
