@@ -141,7 +141,7 @@ def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None) -> 
             over = _excess(outcome, plan)
             # a map that lags behind its price is pushed harder each round
             push = push + 1.5 if over > 1 else _PUSH
-            price *= over ** (push if over > 1 else 1.5)
+            price *= over ** (push if over > 1 else _PUSH)
         if turn % _KICK_EVERY == _KICK_EVERY - 1 and turn + _KICK_EVERY < plan.rounds:
             price, push = _KICK * price, _PUSH
         bits = _prices(ledger, price, len(outcome.walks.nodes))
