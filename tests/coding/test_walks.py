@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from gpszip.coding.walks import decode, encode, encode_with_ledger, number_by_visit
-from gpszip.errors import CorruptArchiveError
-from gpszip.model import LatticeWalks
+from gpszip.errors import BoundError, CorruptArchiveError
+from gpszip.model import LatticeWalk, LatticeWalks
 from oracle import walk_decoder
 from oracle.walks import assert_same, random_walks, walk
 
@@ -144,3 +144,10 @@ def test_a_link_with_nowhere_to_go_is_no_trap():
         except CorruptArchiveError:
             continue
         assert sum(len(one.nodes) for one in found.walks) == 20
+
+
+@pytest.mark.parametrize(("place", "cell"), [(2**45, 5), (-(2**50), 5), (7, 2**45)])
+def test_what_no_reader_would_take_is_not_written(place, cell):
+    walk = LatticeWalk(np.array([0, 1], np.int32), np.array([0, cell]), np.zeros(1, bool))
+    with pytest.raises(BoundError, match="too far apart"):
+        encode(LatticeWalks(np.array([[0, 0], [place, 3]]), (walk,)))

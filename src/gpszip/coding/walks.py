@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.errors import CorruptArchiveError
+from gpszip.errors import BoundError, CorruptArchiveError
 from gpszip.kernels.range_coder import finish, reader, writer
 from gpszip.kernels.walk_coder import code_walks
 from gpszip.kernels.walk_model import new_model
@@ -19,6 +19,8 @@ _TIMED, _GAPPED = 1, 2
 #: An archive holds at most this many knots for each byte, so that forged counts can't ask for memory.
 _KNOTS_PER_BYTE = 512
 _KNOTS_AT_LEAST = 4096
+#: Places and times are below this many quanta.
+_FARTHEST = 1 << 45
 
 
 def number_by_visit(walks: LatticeWalks) -> LatticeWalks:
@@ -54,6 +56,11 @@ def encode(walks: LatticeWalks) -> bytes:
     bytes
         A varint of the number of knots times 4 plus flags (1: times, 2: gaps), then the range coder's bytes.
 
+    Raises
+    ------
+    BoundError
+        If a place or time is 2**45 quanta or more from the origin, which no reader takes.
+
     Examples
     --------
     >>> import numpy as np
@@ -68,6 +75,8 @@ def encode(walks: LatticeWalks) -> bytes:
 def encode_with_ledger(walks: LatticeWalks) -> tuple[bytes, NDArray[np.float64]]:
     """Code walks as :func:`encode` does, and return what the bits were spent on, by ``walk_model.ACCOUNTS``: bits, and how often."""
     nodes, cells, gaps, begins = _flat(walks)
+    if max(_extent(walks.nodes), _extent(cells)) >= _FARTHEST:
+        raise BoundError("places or times lie too far apart for so fine a lattice; allow a larger error")
     dimension = walks.nodes.shape[1]
     capacity = 64 + 16 * len(nodes) + 16 * walks.nodes.size
     while True:
@@ -116,6 +125,10 @@ def decode(data: bytes, dimension: int, tracks: int) -> LatticeWalks:
     bounds = np.append(np.flatnonzero(begins), knots)
     walks = tuple(LatticeWalk(nodes[a:b].astype(np.int32), cells[a:b].copy(), gaps[a + 1 : b] == 1) for a, b in pairwise(bounds.tolist()))
     return LatticeWalks(model.places[:found].copy(), walks, timed)
+
+
+def _extent(values: NDArray[np.int64]) -> int:
+    return int(np.abs(values).max()) if values.size else 0
 
 
 def _flat(walks: LatticeWalks) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int8], NDArray[np.int8]]:
