@@ -119,7 +119,7 @@ def _quoted(text: str) -> str:
 
 def _dialect(head: bytes, request: Request, where: str) -> _Dialect:
     if not head.strip():
-        raise InputError(f"{where}: empty file")
+        raise InputError(f"{where}: empty file; a log needs a header and at least one row")
     if not sniff_csv(head):
         raise UnknownFormatError(f"{where}: neither text nor a format that is known; 'gpszip formats' lists what can be read")
     encoding = _encoding(head)

@@ -111,7 +111,7 @@ def format_for_reading(source: Source) -> Format:
         return format_named("parquet")
     head = source.head()
     if not head.strip():
-        raise InputError(f"{source.name}: empty file")
+        raise InputError(f"{source.name}: empty file; name one that holds a log")
     for magic, what in _OTHERS:
         if head.startswith(magic):
             raise UnknownFormatError(f"{source.name}: is {what}")

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
+from gpszip.kernels.pair_table import pair_slot
 
 __all__ = [
     "Draft",
@@ -51,24 +52,15 @@ class Draft(NamedTuple):
 
 
 @jit
-def _slot(keys: NDArray[np.int64], key: int) -> int:
-    mask = len(keys) - 1
-    at = ((key * 0x9E3779B97F4A7C1) >> 20) & mask
-    while keys[at] != -1 and keys[at] != key:
-        at = (at + 1) & mask
-    return at
-
-
-@jit
 def steps(draft: Draft, u: int, v: int) -> int:
     """How often v follows u."""
-    return draft.counts[_slot(draft.keys, u * (np.int64(1) << 31) + v)]
+    return draft.counts[pair_slot(draft.keys, u * (np.int64(1) << 31) + v)]
 
 
 @jit
 def _entry(draft: Draft, u: int, v: int) -> int:
     key = u * (np.int64(1) << 31) + v
-    at = _slot(draft.keys, key)
+    at = pair_slot(draft.keys, key)
     if draft.keys[at] == -1:
         draft.keys[at] = key
         draft.counts[at] = 0

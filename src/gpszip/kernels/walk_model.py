@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.adaptive import PARTS, SIZES, WEIGHT
 from gpszip.kernels.jit import jit
+from gpszip.kernels.pair_table import pair_slot
 
 __all__ = [
     "ACCOUNTS",
@@ -174,18 +175,9 @@ def _join(model: WalkModel, u: int, v: int) -> int:
 
 
 @jit
-def _slot(keys: NDArray[np.int64], key: int) -> int:
-    mask = len(keys) - 1
-    at = ((key * 0x9E3779B97F4A7C1) >> 20) & mask
-    while keys[at] != -1 and keys[at] != key:
-        at = (at + 1) & mask
-    return at
-
-
-@jit
 def pair_count(model: WalkModel, before: int, half: int) -> int:
     """How often ``half`` was taken right after the half-edge ``before``."""
-    return model.counts[_slot(model.keys, before * (np.int64(1) << 31) + half)]
+    return model.counts[pair_slot(model.keys, before * (np.int64(1) << 31) + half)]
 
 
 @jit
@@ -197,7 +189,7 @@ def follow(model: WalkModel, before: int, u: int, v: int, pace: int) -> int:
     model.count[half] += 1
     if before >= 0:
         key = before * (np.int64(1) << 31) + half
-        at = _slot(model.keys, key)
+        at = pair_slot(model.keys, key)
         model.keys[at] = key
         model.counts[at] += 1
         model.passed[before] += 1
