@@ -3,6 +3,7 @@
 from gpszip.model.executor import Executor
 from gpszip.model.frame import Frame, Plane
 from gpszip.model.lattice import LatticeWalk, LatticeWalks
+from gpszip.model.network import Network
 from gpszip.model.options import Options
 from gpszip.model.reading import LeftOut, Reading, Repair
 from gpszip.model.report import Listener, Progress, Report
@@ -20,6 +21,7 @@ __all__ = [
     "LatticeWalks",
     "LeftOut",
     "Listener",
+    "Network",
     "Options",
     "Plane",
     "Progress",

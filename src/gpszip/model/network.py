@@ -1,0 +1,88 @@
+"""Roads that are known beforehand: a graph with shapes, directions and speeds on a metric plane."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.model.frame import Plane
+
+__all__ = ["Network"]
+
+
+@dataclass(frozen=True, eq=False)
+class Network:
+    """Roads between crossings, each with its shape and the ways in which it may be travelled.
+
+    Parameters
+    ----------
+    nodes : float64 array, shape (V, d)
+        Crossings and dead ends in metres on the plane.
+    starts, ends : int32 array, shape (E,)
+        Nodes between which each road leads.
+    offsets : int64 array, shape (E + 1,)
+        Road e has the vertices ``points[offsets[e]:offsets[e + 1]]``, at least two.
+    points : float64 array, shape (N, d)
+        Vertices of all roads in metres, from the start node of a road to its end node, both included.
+    forward, backward : bool array, shape (E,)
+        Whether a road may be travelled from its start to its end, and from its end to its start.
+    speeds : float64 array, shape (E,)
+        Expected speed in metres a second, NaN where unknown.
+    ids : sequence of str, optional
+        Names of the roads in their source; roads that were split share one.
+    plane : Plane, optional
+        The planes of a network that came in degrees; None for one in x and y.
+
+    Examples
+    --------
+    >>> corner = np.array([[0.0, 0.0], [30.0, 0.0], [30.0, 40.0]])
+    >>> both = np.array([True])
+    >>> network = Network(corner[[0, 2]], np.array([0], np.int32), np.array([1], np.int32), np.array([0, 3]), corner, both, both, np.full(1, 8.0))
+    >>> len(network), network.lengths.tolist(), network.road(0).tolist()
+    (1, [70.0], [[0.0, 0.0], [30.0, 0.0], [30.0, 40.0]])
+    """
+
+    nodes: NDArray[np.float64]
+    starts: NDArray[np.int32]
+    ends: NDArray[np.int32]
+    offsets: NDArray[np.int64]
+    points: NDArray[np.float64]
+    forward: NDArray[np.bool_]
+    backward: NDArray[np.bool_]
+    speeds: NDArray[np.float64]
+    ids: Sequence[str] | None = None
+    plane: Plane | None = None
+
+    def __len__(self) -> int:
+        return len(self.starts)
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates d."""
+        return int(self.points.shape[1])
+
+    @cached_property
+    def lengths(self) -> NDArray[np.float64]:
+        """Metres along each road, shape (E,)."""
+        along = self.along
+        lengths: NDArray[np.float64] = along[self.offsets[1:] - 1] - along[self.offsets[:-1]]
+        return lengths
+
+    @cached_property
+    def along(self) -> NDArray[np.float64]:
+        """Metres from the start of its road to each vertex, shape (N,)."""
+        steps = np.zeros(len(self.points))
+        if len(steps):
+            steps[1:] = np.sqrt((np.diff(self.points, axis=0) ** 2).sum(axis=1))
+            steps[self.offsets[:-1]] = 0.0
+        total = np.cumsum(steps)
+        along: NDArray[np.float64] = total - np.repeat(total[self.offsets[:-1]], np.diff(self.offsets))
+        return along
+
+    def road(self, index: int) -> NDArray[np.float64]:
+        """Vertices of one road, shape (n, d), from its start node to its end node."""
+        return self.points[self.offsets[index] : self.offsets[index + 1]]
