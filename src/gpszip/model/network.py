@@ -41,7 +41,8 @@ class Network:
     --------
     >>> corner = np.array([[0.0, 0.0], [30.0, 0.0], [30.0, 40.0]])
     >>> both = np.array([True])
-    >>> network = Network(corner[[0, 2]], np.array([0], np.int32), np.array([1], np.int32), np.array([0, 3]), corner, both, both, np.full(1, 8.0))
+    >>> zero, one = np.zeros(1, np.int32), np.ones(1, np.int32)
+    >>> network = Network(corner[[0, 2]], zero, one, np.array([0, 3]), corner, both, both, np.full(1, 8.0))
     >>> len(network), network.lengths.tolist(), network.road(0).tolist()
     (1, [70.0], [[0.0, 0.0], [30.0, 0.0], [30.0, 40.0]])
     """
