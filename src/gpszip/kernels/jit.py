@@ -7,6 +7,8 @@ from typing import Any, TypeVar
 
 import numba
 
+from gpszip.kernels.source_stamp import source_stamp
+
 __all__ = ["jit"]
 
 F = TypeVar("F", bound=Callable[..., Any])
@@ -18,4 +20,13 @@ def jit(function: F) -> F:
     Threads, not the compiler, spread work over cores: parallel loops and the disk cache don't go together.
     """
     compiled: F = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    _renew_after_changes(compiled, function.__module__.rpartition(".")[2])
     return compiled
+
+
+def _renew_after_changes(compiled: Any, module: str) -> None:
+    """Have the cache forget a kernel when one that it calls has changed, too."""
+    # the compiler has no public way to say so; without it, only its own file counts
+    file = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
+    if file is not None and hasattr(file, "_source_stamp"):
+        file._source_stamp = (file._source_stamp, source_stamp(module))
