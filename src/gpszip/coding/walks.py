@@ -7,13 +7,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.coding.past import Past
 from gpszip.errors import BoundError, CorruptArchiveError
 from gpszip.kernels.range_coder import finish, reader, writer
 from gpszip.kernels.walk_coder import code_walks
-from gpszip.kernels.walk_model import new_model
+from gpszip.kernels.walk_model import WalkModel, new_model
 from gpszip.model import LatticeWalk, LatticeWalks
 
-__all__ = ["decode", "encode", "encode_with_ledger", "number_by_visit"]
+__all__ = ["decode", "encode", "encode_with_ledger", "flatten", "number_by_visit"]
 
 _TIMED, _GAPPED = 1, 2
 #: An archive holds at most this many knots for each byte, so that forged counts can't ask for memory.
@@ -23,8 +24,10 @@ _KNOTS_AT_LEAST = 4096
 _FARTHEST = 1 << 45
 
 
-def number_by_visit(walks: LatticeWalks) -> LatticeWalks:
+def number_by_visit(walks: LatticeWalks, known: int = 0) -> LatticeWalks:
     """Number the nodes in the order in which the walks first visit them; drop those that none visits.
+
+    The first ``known`` nodes stay what they are, visited or not.
 
     Examples
     --------
@@ -35,21 +38,23 @@ def number_by_visit(walks: LatticeWalks) -> LatticeWalks:
     ([[7, 7], [5, 5]], [0, 1])
     """
     visited = np.concatenate([walk.nodes for walk in walks.walks]) if walks.walks else np.zeros(0, np.int32)
-    used, first = np.unique(visited, return_index=True)
-    order = used[np.argsort(first)]
+    used, first = np.unique(visited[visited >= known], return_index=True)
+    order = np.append(np.arange(known), used[np.argsort(first)])
     number = np.full(len(walks.nodes), -1, np.int32)
     number[order] = np.arange(len(order), dtype=np.int32)
     renumbered = tuple(LatticeWalk(number[walk.nodes], walk.cells, walk.gaps) for walk in walks.walks)
     return LatticeWalks(walks.nodes[order], renumbered, walks.timed)
 
 
-def encode(walks: LatticeWalks) -> bytes:
+def encode(walks: LatticeWalks, past: Past | None = None) -> bytes:
     """Code walks with an adaptive model into bytes.
 
     Parameters
     ----------
     walks : LatticeWalks
         Each walk has at least one knot; nodes are numbered in the order of their first visit.
+    past : Past, optional
+        Walks that the reader has, too; their nodes come first in ``walks.nodes``, visited or not.
 
     Returns
     -------
@@ -69,18 +74,18 @@ def encode(walks: LatticeWalks) -> bytes:
     >>> decode(data, dimension=2, tracks=1).walks[0].cells.tolist()
     [0, 9, 18]
     """
-    return encode_with_ledger(walks)[0]
+    return encode_with_ledger(walks, past)[0]
 
 
-def encode_with_ledger(walks: LatticeWalks) -> tuple[bytes, NDArray[np.float64]]:
+def encode_with_ledger(walks: LatticeWalks, past: Past | None = None) -> tuple[bytes, NDArray[np.float64]]:
     """Code walks as :func:`encode` does, and return what the bits were spent on, by ``walk_model.ACCOUNTS``: bits, and how often."""
-    nodes, cells, gaps, begins = _flat(walks)
+    nodes, cells, gaps, begins = flatten(walks)
     if max(_extent(walks.nodes), _extent(cells)) >= _FARTHEST:
         raise BoundError("places or times lie too far apart for so fine a lattice; allow a larger error")
     dimension = walks.nodes.shape[1]
     capacity = 64 + 16 * len(nodes) + 16 * walks.nodes.size
     while True:
-        model = new_model(len(nodes), dimension)
+        model = _model(len(nodes), dimension, past)
         model.places[: len(walks.nodes)] = walks.nodes
         coder = writer(capacity)
         code_walks(coder, model, nodes, cells, gaps, begins, len(walks.walks), walks.timed, bool(gaps.any()))
@@ -93,15 +98,17 @@ def encode_with_ledger(walks: LatticeWalks) -> tuple[bytes, NDArray[np.float64]]
     return _varint(4 * len(nodes) + flags) + payload + bytes(max(least - len(payload), 0)), model.ledger
 
 
-def decode(data: bytes, dimension: int, tracks: int) -> LatticeWalks:
+def decode(data: bytes, dimension: int, tracks: int, past: Past | None = None) -> LatticeWalks:
     """Read what :func:`encode` wrote.
 
     Parameters
     ----------
     data : bytes
-        Untrusted bytes; memory stays below about 130 kB for each of them, plus 1 MB.
+        Untrusted bytes; memory stays below about 130 kB for each of them, plus 1 MB and what the past takes.
     dimension, tracks : int
         Number of coordinates and of tracks.
+    past : Past, optional
+        The walks after which these were written; its nodes come first in those returned.
 
     Raises
     ------
@@ -114,7 +121,7 @@ def decode(data: bytes, dimension: int, tracks: int) -> LatticeWalks:
     if knots > _KNOTS_AT_LEAST + _KNOTS_PER_BYTE * len(payload) or knots < tracks or (tracks == 0) != (knots == 0):
         raise CorruptArchiveError(f"{knots} knots of {tracks} tracks can't lie in {len(payload)} bytes of walks")
     timed, gapped = bool(count & _TIMED), bool(count & _GAPPED)
-    model = new_model(knots, dimension)
+    model = _model(knots, dimension, past)
     nodes, cells = np.zeros(knots, np.int64), np.zeros(knots, np.int64)
     gaps, begins = np.zeros(knots, np.int8), np.zeros(knots, np.int8)
     found = int(code_walks(reader(payload), model, nodes, cells, gaps, begins, tracks, timed, gapped))
@@ -127,11 +134,15 @@ def decode(data: bytes, dimension: int, tracks: int) -> LatticeWalks:
     return LatticeWalks(model.places[:found].copy(), walks, timed)
 
 
+def _model(knots: int, dimension: int, past: Past | None) -> WalkModel:
+    return new_model(knots, dimension) if past is None else past.model(knots)
+
+
 def _extent(values: NDArray[np.int64]) -> int:
     return int(np.abs(values).max()) if values.size else 0
 
 
-def _flat(walks: LatticeWalks) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int8], NDArray[np.int8]]:
+def flatten(walks: LatticeWalks) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int8], NDArray[np.int8]]:
     """All knots of all walks in a row: nodes, cells, whether a gap leads there, whether a track begins there."""
     if not walks.walks:
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.int8), np.zeros(0, np.int8)

@@ -70,7 +70,7 @@ def code_bit(coder: Coder, counts: NDArray[np.int32], context: int, bit: int) ->
 @jit
 def code_size(coder: Coder, counts: NDArray[np.int32], context: int, value: int) -> int:
     """Code an integer >= 0 by Exp-Golomb bins; it takes ``SIZES`` contexts from ``context`` on."""
-    writing = coder.cursor[1] == 0
+    writing = coder.cursor[1] != 1
     exponent = 0
     while exponent < 47:
         more = 1 if writing and (value + 1) >> (exponent + 1) > 0 else 0

@@ -13,10 +13,13 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["Coder", "code_bits", "code_interval", "finish", "reader", "target", "used_bits", "writer"]
+__all__ = ["Coder", "code_bits", "code_interval", "finish", "listener", "reader", "target", "used_bits", "writer"]
 
 _LOW, _RANGE, _CODE = 0, 1, 2
-_CURSOR, _READING = 0, 1
+_CURSOR, _DIRECTION = 0, 1
+
+#: Directions.
+_WRITES, _READS, _LISTENS = 0, 1, 2
 
 #: The range is kept at or above this; a total may be at most 2**41.
 _FLOOR = np.uint64(1 << 48)
@@ -33,6 +36,11 @@ class Coder(NamedTuple):
     words: NDArray[np.uint64]
     cursor: NDArray[np.int64]
     data: NDArray[np.uint8]
+
+
+def listener() -> Coder:
+    """Return a coder that neither writes nor reads, for a model that is to learn what both sides know."""
+    return Coder(np.array([0, 0xFFFFFFFFFFFFFFFF, 0], np.uint64), np.array([0, _LISTENS], np.int64), np.zeros(0, np.uint8))
 
 
 def writer(capacity: int) -> Coder:
@@ -62,7 +70,9 @@ def _carry(data: NDArray[np.uint8], end: int) -> None:
 @jit
 def _narrow(coder: Coder, start: np.uint64, width: np.uint64) -> None:
     words, cursor, data = coder
-    if cursor[_READING] == 1:
+    if cursor[_DIRECTION] == _LISTENS:
+        return
+    if cursor[_DIRECTION] == _READS:
         words[_CODE] -= start
     else:
         low = words[_LOW] + start
@@ -73,7 +83,7 @@ def _narrow(coder: Coder, start: np.uint64, width: np.uint64) -> None:
     while words[_RANGE] < _FLOOR:
         words[_RANGE] <<= _BYTE
         at = cursor[_CURSOR]
-        if cursor[_READING] == 1:
+        if cursor[_DIRECTION] == _READS:
             following = np.uint64(data[at]) if at < len(data) else _ZERO
             words[_CODE] = (words[_CODE] << _BYTE) | following
         else:
@@ -102,7 +112,7 @@ def code_interval(coder: Coder, start: int, width: int, total: int) -> None:
 def code_bits(coder: Coder, value: int, count: int) -> int:
     """Code ``count`` <= 32 equally likely bits."""
     total = np.int64(1) << np.int64(count)
-    if coder.cursor[_READING] == 1:
+    if coder.cursor[_DIRECTION] == _READS:
         value = target(coder, total)
     code_interval(coder, value, 1, total)
     return value

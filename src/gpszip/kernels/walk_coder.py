@@ -17,12 +17,14 @@ from gpszip.kernels.range_coder import Coder, code_interval, target, used_bits
 from gpszip.kernels.span_coder import T_GAP, T_KNOWN, T_LINK, T_NEW, T_STAY, code_span, guess_spans, pace_of, reach_of
 from gpszip.kernels.spread import code_far
 from gpszip.kernels.walk_model import (
+    BEGUN,
     F_END,
     F_GAP,
     F_GAP_KIND,
     F_KNOWN_START,
     GAP_BITS,
     KIND_BITS,
+    LATEST,
     NODES,
     PLACE_BITS,
     SPAN_BITS,
@@ -143,7 +145,7 @@ def code_walks(
     timed: bool,
     gapped: bool,
 ) -> int:
-    """Code all knots of all tracks, in place.
+    """Code all knots of all tracks, in place, after those that the model has seen.
 
     Parameters
     ----------
@@ -163,8 +165,8 @@ def code_walks(
     """
     knots = len(nodes)
     left = tracks
-    u, before, arrived, last = -1, -1, -1, KIND_NEW
-    start = np.int64(0)
+    u, before, arrived, last = model.scalars[LATEST] - 1, -1, -1, KIND_NEW
+    start = model.scalars[BEGUN]
     ended = True
     for j in range(knots):
         if coder.cursor[1] == 1 and coder.cursor[0] > len(coder.data) + 8:
@@ -212,4 +214,5 @@ def code_walks(
             ended = code_bit(coder, model.flags, F_END + terminal, 1 if j + 1 == knots or begins[j + 1] == 1 else 0) == 1
             if ended:
                 weigh(model, u, _WEIGHTS_END)
+    model.scalars[LATEST], model.scalars[BEGUN] = u + 1, start
     return model.scalars[NODES] if left == 0 else np.int64(-1)

@@ -13,6 +13,7 @@ from gpszip.kernels.pair_table import pair_slot
 
 __all__ = [
     "ACCOUNTS",
+    "BEGUN",
     "FLAGS",
     "F_BACK",
     "F_END",
@@ -25,6 +26,7 @@ __all__ = [
     "F_STAY",
     "GAP_BITS",
     "KIND_BITS",
+    "LATEST",
     "PLACE_BITS",
     "SPAN_BITS",
     "START_BITS",
@@ -32,6 +34,7 @@ __all__ = [
     "add_node",
     "book",
     "follow",
+    "grown",
     "half_edge",
     "length",
     "new_model",
@@ -41,8 +44,8 @@ __all__ = [
     "weight_below",
 ]
 
-#: Numbers kept in ``WalkModel.scalars``.
-NODES, HALVES, PACE, PACE_SLOW, STEP_LENGTH = 0, 1, 2, 3, 4
+#: Numbers kept in ``WalkModel.scalars``; the last two are the node (plus 1) and the first cell of the latest track.
+NODES, HALVES, PACE, PACE_SLOW, STEP_LENGTH, LATEST, BEGUN = 0, 1, 2, 3, 4, 5, 6
 
 #: Rows of the ledger: kinds of steps (back, known, link, new, stay), their durations, places of new nodes, starts, gaps.
 ACCOUNTS = 13
@@ -128,6 +131,44 @@ def new_model(knots: int, dimension: int) -> WalkModel:
         hits=np.outer(_LIKELY_DISTANCE, _LIKELY_BEARING).astype(np.int64) // 4,
         ledger=np.zeros((ACCOUNTS, 2)),
     )
+
+
+#: Fields of which a larger model begins with what a smaller one holds.
+_KEPT = (
+    "flags", "weights", "histograms", "scalars", "offers", "hits", "places", "head", "into", "following", "count", "pace", "passed",
+)  # fmt: skip
+
+
+def grown(model: WalkModel, knots: int) -> WalkModel:
+    """Return a copy of a model with room for so many knots in all; its ledger begins anew."""
+    whole = new_model(knots, model.places.shape[1])
+    for field in _KEPT:
+        old, new = getattr(model, field), getattr(whole, field)
+        new[: len(old)] = old
+    _enter_pairs(model.keys, model.counts, whole.keys, whole.counts)
+    _extend_tree(model.tree, whole.tree)
+    return whole
+
+
+@jit
+def _enter_pairs(keys: NDArray[np.int64], counts: NDArray[np.int64], to_keys: NDArray[np.int64], to_counts: NDArray[np.int64]) -> None:
+    for i in range(len(keys)):
+        if keys[i] != -1:
+            at = pair_slot(to_keys, keys[i])
+            to_keys[at] = keys[i]
+            to_counts[at] = counts[i]
+
+
+@jit
+def _extend_tree(tree: NDArray[np.int64], longer: NDArray[np.int64]) -> None:
+    """Fill a longer Fenwick tree, in which whatever is beyond the shorter one weighs nothing yet."""
+    known = len(tree)
+    longer[:known] = tree
+    for at in range(known, len(longer)):
+        child = 1
+        while child < (at & -at):
+            longer[at] += longer[at - child]
+            child *= 2
 
 
 def _first_flags() -> NDArray[np.int32]:
