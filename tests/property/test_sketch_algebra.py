@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpszip.coreset.sketch import cost, costs, delete, fitting_matrix, free_cost, insert, merge, sketch
+from gpszip.sketches.sketch import cost, costs, delete, fitting_matrix, free_cost, insert, merge, sketch
 from gpszip.model import Track
 
 numbers = st.floats(-1e3, 1e3, allow_subnormal=False)

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from gpszip.coreset.prefix import part_moments, part_sums
+from gpszip.sketches.prefix import part_moments, part_sums
 from gpszip.errors import OptionError
 from gpszip.model import Track
 
