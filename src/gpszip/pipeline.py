@@ -20,14 +20,16 @@ from gpszip.container.attributes import Kept, attributes_body
 from gpszip.container.contents import Section
 from gpszip.container.layout import Kind
 from gpszip.errors import BoundError, InputError, OptionError
-from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Options, Progress, Report, SegmentMean, Track
+from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Options, Plane, Progress, Report, SegmentMean, Track
 
 if TYPE_CHECKING:
+    from gpszip.io.networks import NetworkReading
+    from gpszip.io.prepared import Prepared
     from gpszip.mapping.fitting import Fit
     from gpszip.mapping.size_search import Try
     from gpszip.model.reading import Reading
 
-__all__ = ["compress", "decompress", "read", "segment_mean", "warm"]
+__all__ = ["compress", "decompress", "prepare_network", "read", "read_network", "segment_mean", "warm"]
 
 #: Share of the bound below which no target is tried.
 _LEAST_AIM = 0.1
@@ -74,6 +76,30 @@ def read(sources: Any, **options: Any) -> Reading:
     from gpszip.io.reading import read_logs
 
     return read_logs(sources, **options)
+
+
+def read_network(source: Any, *, plane: Plane | None = None, near: Sequence[Track] | Track | None = None) -> NetworkReading:
+    """Read roads for a log: what :func:`gpszip.io.networks.read_network` takes, and archives, whose clean map is the network."""
+    from gpszip.io.networks import read_network_with_account
+
+    return read_network_with_account(_roads_of_archives(source), plane=plane, near=near)
+
+
+def prepare_network(sources: Any, *, metric: bool | None = None) -> Prepared:
+    """Read and join roads, to be written once and loaded in parts for many logs."""
+    from gpszip.io.networks import join_sources
+    from gpszip.io.prepared import Prepared
+
+    return Prepared(join_sources(_roads_of_archives(sources), metric=metric))
+
+
+def _roads_of_archives(source: Any) -> list[Any]:
+    """Sources of roads, with archives replaced by the ways of their maps."""
+    from gpszip.io.networks import is_archive
+    from gpszip.io.road_map_lines import way_map_lines
+
+    sources = list(source) if isinstance(source, (list, tuple)) else [source]
+    return [way_map_lines(open_archive(one).clean_map(), str(one)) if is_archive(one) else one for one in sources]
 
 
 def compress(

@@ -117,6 +117,8 @@ def read_head(data: bytes) -> Head:
     if not data:
         raise CorruptArchiveError("not a .gpsz archive: the file is empty", 0)
     if data[:2] != MAGIC[: len(data)]:
+        if data[:6] == b"\xa7ROADS":
+            raise CorruptArchiveError("a road network that 'gpszip network' prepared, not an archive; it serves as --network", 0)
         raise CorruptArchiveError("not a .gpsz archive: it does not begin like one", 0)
     if len(data) < HEAD_BYTES:
         raise CorruptArchiveError("the archive ends within its head", len(data))

@@ -1,0 +1,60 @@
+"""gpszip network: roads of any format in, one prepared file out, of which only the part near a log is read."""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import TYPE_CHECKING
+
+import click
+
+from gpszip.cli.options import Settings, common, force, output
+
+if TYPE_CHECKING:
+    from gpszip.io.prepared import Prepared
+
+__all__ = ["command"]
+
+
+@click.command("network", short_help="Prepare a road network for match and patch.")
+@click.argument("sources", metavar="IN...", nargs=-1, required=True)
+@output("roads.gpsz")
+@click.option("--metres", is_flag=True, help="Coordinates are x and y in metres, as in a building; told from the file where left out.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@force
+@common
+@click.pass_obj
+def command(settings: Settings, /, sources: tuple[str, ...], target: str, force: bool, quiet: bool, metres: bool) -> None:
+    """Join roads to one network, and write it so that match and patch load only what is near a log.
+
+    IN is OpenStreetMap PBF or XML, GeoJSON, GeoPackage, FlatGeobuf, Shapefile, GraphML, or an archive, for its map.
+    """
+    from gpszip import pipeline
+    from gpszip.cli.output import check_output
+    from gpszip.io.sink import writing
+
+    check_output(target, force=force, binary=True)
+    start = time.perf_counter()
+    prepared = pipeline.prepare_network(sources, metric=True if metres else None)
+    with writing(sys.stdout.buffer if target == "-" else target) as stream:
+        size = prepared.write(stream)
+    if settings.json or not quiet:
+        _show(prepared, target, size, time.perf_counter() - start, settings)
+
+
+def _show(prepared: Prepared, target: str, size: int, seconds: float, settings: Settings) -> None:
+    from gpszip.cli.output import STDOUT, say, show_json
+    from gpszip.cli.units import format_bytes, format_length
+
+    facts = prepared.facts
+    if settings.json:
+        repairs = [{"what": repair.what, "count": repair.count, "where": repair.where} for repair in prepared.roads.repairs]
+        show_json({"output": target, "bytes": size, "seconds": seconds, **facts, "repairs": repairs}, err=target == STDOUT)
+        return
+    for repair in prepared.roads.repairs:
+        say(f"{repair.where}: {repair.what}: {repair.count:,}")
+    say(
+        f"{target}: {facts['roads']:,} roads between {facts['nodes']:,} nodes, {format_length(facts['length'])}, "
+        f"{facts['one_way']:,} one-way, {facts['with_speed']:,} with a speed, {facts['components']:,} connected parts; "
+        f"{format_bytes(size)} in {seconds:.1f} s"
+    )

@@ -1,0 +1,207 @@
+"""A prepared network: roads in blocks by where they are, so that the part near a log is read without the rest.
+
+docs/format.md describes the file byte by byte.
+"""
+
+from __future__ import annotations
+
+import json
+import mmap
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from gpszip.errors import CorruptArchiveError, InputError
+from gpszip.io.road_joining import JoinedRoads
+from gpszip.io.road_lines import line_rows
+
+__all__ = ["ROADS_MAGIC", "read_roads_file", "write_roads_file"]
+
+#: First bytes of a prepared network.
+ROADS_MAGIC = b"\xa7ROADS\n\0"
+
+_VERSION = 1
+_HEAD = np.dtype(
+    [("magic", "V8"), ("version", "<u4"), ("flags", "<u4"), ("nodes", "<u8"), ("roads", "<u8"), ("blocks", "<u8"), ("name", "<u8")]
+)
+_BLOCK = np.dtype(
+    [("offset", "<u8"), ("size", "<u8"), ("roads", "<u4"), ("points", "<u4"), ("crc", "<u4"), ("unused", "<u4"), ("box", "<f8", (4,))]
+)
+_GEOGRAPHIC = 1
+_ROADS_IN_BLOCK = 2048
+_UNITS = 1e7  # of a degree
+
+
+def write_roads_file(roads: JoinedRoads, stream: BinaryIO) -> int:
+    """Write a prepared network.
+
+    Parameters
+    ----------
+    roads : JoinedRoads
+        The graph.
+    stream : binary file
+        Where to.
+
+    Returns
+    -------
+    int
+        Number of bytes.
+    """
+    order = _by_place(roads)
+    blocks = [order[i : i + _ROADS_IN_BLOCK] for i in range(0, len(order), _ROADS_IN_BLOCK)]
+    account = json.dumps({"name": roads.name}).encode()
+    head = np.zeros((), _HEAD)
+    head["magic"], head["version"], head["flags"] = np.void(ROADS_MAGIC), _VERSION, _GEOGRAPHIC * roads.geographic
+    head["nodes"], head["roads"], head["blocks"], head["name"] = len(roads.places), len(roads), len(blocks), len(account)
+    index = np.zeros(len(blocks), _BLOCK)
+    at = _HEAD.itemsize + len(account) + index.nbytes + 4
+    bodies = []
+    for entry, chosen in zip(index, blocks, strict=True):
+        body, points, box = _block(roads, chosen)
+        entry["offset"], entry["size"], entry["roads"], entry["points"] = at, len(body), len(chosen), points
+        entry["crc"], entry["box"] = zlib.crc32(body), box
+        at += len(body)
+        bodies.append(body)
+    front = head.tobytes() + account + index.tobytes()
+    stream.write(front + zlib.crc32(front).to_bytes(4, "little"))
+    for body in bodies:
+        stream.write(body)
+    return at
+
+
+def _by_place(roads: JoinedRoads) -> NDArray[np.intp]:
+    """Roads in the order of a curve that visits neighbours one after the other (Morton's)."""
+    first = roads.coordinates[roads.offsets[:-1]]
+    low, size = first.min(axis=0), np.maximum(np.ptp(first, axis=0).max(), 1e-9)
+    cells = np.minimum((first - low) / size * 65536, 65535).astype(np.uint64)
+    for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
+        cells = (cells | (cells << np.uint64(shift))) & np.uint64(mask)
+    return np.argsort(cells[:, 0] | (cells[:, 1] << np.uint64(1)), kind="stable")
+
+
+def _block(roads: JoinedRoads, chosen: NDArray[np.intp]) -> tuple[bytes, int, NDArray[np.float64]]:
+    counts = np.diff(roads.offsets)[chosen]
+    points = roads.coordinates[line_rows(roads.offsets, chosen)]
+    stored = np.rint(points * _UNITS).astype("<i4") if roads.geographic else points.astype("<f8")
+    texts = [text.encode() for text in roads.ids.take(pa.array(chosen)).fill_null("").to_pylist()]
+    columns = (
+        stored,
+        roads.starts[chosen].astype("<i4"),
+        roads.ends[chosen].astype("<i4"),
+        counts.astype("<i4"),
+        roads.speeds[chosen].astype("<f4"),
+        np.array([len(text) for text in texts], "<i4"),
+        (roads.forward[chosen] | roads.backward[chosen].astype(np.uint8) << 1 | roads.users[chosen] << 2).astype("u1"),
+    )
+    body = b"".join(column.tobytes() for column in columns) + b"".join(texts)
+    return body + bytes(-len(body) % 8), len(points), np.concatenate((points.min(axis=0), points.max(axis=0)))
+
+
+def read_roads_file(path: str | Path, name: str, wanted: Any = None) -> JoinedRoads:
+    """Read a prepared network, or the blocks of it that are wanted.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; it is mapped to memory.
+    name : str
+        What to call it in messages.
+    wanted : callable, optional
+        Given the boxes of all blocks as float64 array of shape (b, 4) (west, south, east, north) and whether they are degrees,
+        answers which are wanted, as a bool array.
+
+    Returns
+    -------
+    JoinedRoads
+        May be empty where nothing is wanted.
+
+    Raises
+    ------
+    CorruptArchiveError
+        If it is not whole.
+    InputError
+        If it can't be opened.
+    """
+    try:
+        with Path(path).open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            return _read(data, name, wanted)
+    except OSError as error:
+        raise InputError(f"{name}: can't be read: {error.strerror or error}") from error
+
+
+def _read(data: mmap.mmap, name: str, wanted: Any) -> JoinedRoads:
+    head, index = _front(data, name)
+    geographic = bool(head["flags"] & _GEOGRAPHIC)
+    boxes = index["box"].copy()
+    chosen = np.ones(len(index), np.bool_) if wanted is None else wanted(boxes, geographic)
+    blocks = list(_bodies(data, index[chosen], geographic, name))
+    width = 2 if not blocks else blocks[0][0].shape[1]
+    columns = [np.concatenate(column) for column in zip(*(block[:7] for block in blocks), strict=True)] if blocks else _nothing(width)
+    points, starts, ends, counts, speeds, flags = columns[0], columns[1], columns[2], columns[3], columns[4], columns[6]
+    offsets = np.append(0, np.cumsum(counts, dtype=np.int64))
+    nodes, at = np.unique(np.concatenate((starts, ends)), return_inverse=True)
+    if len(nodes) and (nodes[0] < 0 or nodes[-1] >= head["nodes"]):
+        raise CorruptArchiveError(f"{name}: a road leads to a node that doesn't exist")
+    places = np.empty((len(nodes), 2))
+    places[at[: len(starts)]], places[at[len(starts) :]] = points[offsets[:-1]], points[offsets[1:] - 1]
+    return JoinedRoads(
+        name=name,
+        places=places,
+        starts=at[: len(starts)].astype(np.int32),
+        ends=at[len(starts) :].astype(np.int32),
+        offsets=offsets,
+        coordinates=points,
+        geographic=geographic,
+        forward=(flags & 1) > 0,
+        backward=(flags & 2) > 0,
+        speeds=speeds.astype(np.float64),
+        users=(flags >> 2).astype(np.uint8),
+        ids=pa.concat_arrays([block[7] for block in blocks]) if blocks else pa.array([], pa.string()),
+    )
+
+
+def _nothing(width: int) -> list[NDArray[Any]]:
+    empty = np.empty(0, np.int32)
+    return [np.empty((0, width)), empty, empty, empty, np.empty(0), empty, np.empty(0, np.uint8)]
+
+
+def _front(data: mmap.mmap, name: str) -> tuple[Any, Any]:
+    if len(data) < _HEAD.itemsize or data[:8] != ROADS_MAGIC:
+        raise CorruptArchiveError(f"{name}: no prepared network: it does not begin like one", 0)
+    head = np.frombuffer(data, _HEAD, 1)[0].copy()
+    if head["version"] > _VERSION:
+        raise CorruptArchiveError(f"{name}: version {head['version']} of prepared networks; update GPSZip, or prepare it again", 8)
+    at = _HEAD.itemsize + int(head["name"])
+    end = at + int(head["blocks"]) * _BLOCK.itemsize
+    if end + 4 > len(data):
+        raise CorruptArchiveError(f"{name}: torn: it ends within its index; prepare it again", len(data))
+    if zlib.crc32(data[:end]) != int.from_bytes(data[end : end + 4], "little"):
+        raise CorruptArchiveError(f"{name}: its index is damaged; prepare it again", 0)
+    return head, np.frombuffer(data[at:end], _BLOCK)
+
+
+def _bodies(data: mmap.mmap, index: Any, geographic: bool, name: str) -> Iterator[tuple[Any, ...]]:
+    for entry in index:
+        at, size, roads, points = (int(entry[key]) for key in ("offset", "size", "roads", "points"))
+        body = data[at : at + size]
+        if len(body) != size or zlib.crc32(body) != entry["crc"]:
+            raise CorruptArchiveError(f"{name}: damaged block of roads; prepare it again", at)
+        yield _columns(body, roads, points, geographic)
+
+
+def _columns(body: bytes, roads: int, points: int, geographic: bool) -> tuple[Any, ...]:
+    kinds = [("<i4" if geographic else "<f8", 2 * points), *((kind, roads) for kind in ("<i4", "<i4", "<i4", "<f4", "<i4", "u1"))]
+    columns: list[Any] = []
+    at = 0
+    for kind, count in kinds:
+        columns.append(np.frombuffer(body, kind, count, at))
+        at += columns[-1].nbytes
+    columns[0] = columns[0].reshape(-1, 2) / (_UNITS if geographic else 1.0)
+    offsets = np.append(0, np.cumsum(columns[5], dtype=np.int32)).astype(np.int32)
+    texts = pa.StringArray.from_buffers(roads, pa.py_buffer(offsets.tobytes()), pa.py_buffer(body[at : at + int(offsets[-1])]))
+    return (*columns, texts)
