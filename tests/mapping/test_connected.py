@@ -89,3 +89,12 @@ def test_progress_counts_up_to_its_end(town):
 def test_a_map_needs_a_bound(town):
     with pytest.raises(OptionError, match="bound"):
         learn(town, no_gaps(town))
+
+
+@pytest.mark.parametrize("rmse", [0.3, 0.6])
+def test_a_log_whose_single_steps_are_far_below_the_error_is_learned(rmse):
+    # 13 samples a second at a fifth of a metre a second: noise in disguise, were it not for the way that they add up to
+    track = patrol(6000, seed=2)
+    frame, walks = learn([track], [np.zeros(5999, bool)], rmse=rmse, effort=1)
+    assert len(walks.nodes) > 4
+    assert quantum(frame.time) < 60

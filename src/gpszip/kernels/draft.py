@@ -14,6 +14,7 @@ __all__ = [
     "Draft",
     "count_step",
     "drop",
+    "enter_known",
     "enter_nodes",
     "enter_walks",
     "insert",
@@ -193,6 +194,15 @@ def enter_walks(draft: Draft, slots_at: NDArray[np.int64], lasts: NDArray[np.int
         if slot == lasts[piece]:
             piece += 1
             before = -1
+
+
+@jit
+def enter_known(draft: Draft, nodes: NDArray[np.int64], breaks: NDArray[np.int8]) -> None:
+    """Count knots that are not to be moved, and the steps between them but those that lead to a break."""
+    for i in range(len(nodes)):
+        draft.uses[nodes[i]] += 1
+        if breaks[i] == 0:
+            count_step(draft, nodes[i - 1], nodes[i], 1)
 
 
 @jit

@@ -221,6 +221,6 @@ def _way(positions: NDArray[np.float64], gap: NDArray[np.bool_], scale: float) -
         jumps = np.add.reduceat(gap, np.arange(0, len(gap), stride)) > 0 if len(gap) else gap
         step = step[~jumps[: len(step)]]
         moving = step[step > 0.2 * scale]
-        if len(moving) < 20 or np.median(moving) >= scale or stride > len(positions) // 20:
+        if (len(moving) >= 20 and np.median(moving) >= scale) or stride > len(positions) // 20:
             return float(step[step > 0.5 * scale].sum())
         stride *= 2

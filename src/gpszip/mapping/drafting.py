@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import splu
 
-from gpszip.coding.walks import number_by_visit
-from gpszip.kernels.draft import Draft, enter_nodes, enter_walks
+from gpszip.coding.past import Past
+from gpszip.coding.walks import flatten, number_by_visit
+from gpszip.kernels.draft import Draft, enter_known, enter_nodes, enter_walks
 from gpszip.kernels.moments import part_costs, part_moments
 from gpszip.kernels.rounding import round_places
 from gpszip.mapping.slots import Slots
@@ -95,8 +96,19 @@ def normal_equations(parts: Parts, places: NDArray[np.float64]) -> tuple[csr_arr
     return stiffness, right
 
 
+def free_equations(
+    stiffness: csr_array, right: NDArray[np.float64], places: NDArray[np.float64], fixed: int
+) -> tuple[csr_array, NDArray[np.float64]]:
+    """Return the equations of all but the first ``fixed`` nodes, which stay where they are."""
+    if fixed == 0:
+        return stiffness, right
+    return stiffness[fixed:, fixed:].tocsr(), right[fixed:] - stiffness[fixed:, :fixed] @ places[:fixed]
+
+
 def place_nodes(stiffness: csr_array, right: NDArray[np.float64]) -> NDArray[np.float64]:
     """Solve the M-step: the places of all nodes at once (one sparse symmetric positive definite system)."""
+    if stiffness.shape[0] == 0:
+        return right
     solver = splu(stiffness.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     return np.asarray(solver.solve(right))
 
@@ -108,8 +120,8 @@ def round_nodes(stiffness: csr_array, right: NDArray[np.float64], places: NDArra
     return rounded
 
 
-def walks_of(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int) -> LatticeWalks:
-    """Return the draft as walks on the lattice, nodes numbered by visit; ``places`` are whole."""
+def walks_of(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int, fixed: int = 0) -> LatticeWalks:
+    """Return the draft as walks on the lattice, nodes but the first ``fixed`` numbered by visit; ``places`` are whole."""
     knots = np.flatnonzero(at >= 0)
     piece = np.searchsorted(slots.lasts, knots)
     owner = slots.owners[piece]
@@ -118,7 +130,7 @@ def walks_of(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], t
         LatticeWalk(at[knots[a:b]].astype(np.int32), slots.cells[knots[a:b]], np.diff(piece[a:b]) > 0)
         for a, b in zip(bounds[:-1].tolist(), bounds[1:].tolist(), strict=True)
     )
-    return number_by_visit(LatticeWalks(np.rint(places).astype(np.int64), walks))
+    return number_by_visit(LatticeWalks(np.rint(places).astype(np.int64), walks), fixed)
 
 
 def empty_draft(dimension: int, nodes: int, steps: int, reach: float) -> Draft:
@@ -142,12 +154,17 @@ def empty_draft(dimension: int, nodes: int, steps: int, reach: float) -> Draft:
     )
 
 
-def draft_of(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], reach: float, spare: int) -> Draft:
-    """Return a draft of the present walks with ``spare`` room for more nodes and steps."""
-    knots = int((at >= 0).sum())
+def draft_of(
+    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], reach: float, spare: int, known: Past | None = None
+) -> Draft:
+    """Return a draft of the present walks, and of those known before, with ``spare`` room for more nodes and steps."""
+    knots = int((at >= 0).sum()) + (0 if known is None else known.knots)
     draft = empty_draft(places.shape[1], len(places) + spare, knots + spare, reach)
     draft.places[: len(places)] = places
     draft.scalars[0] = len(places)
     enter_nodes(draft, len(places))
     enter_walks(draft, at, slots.lasts)
+    if known is not None:
+        nodes, _, gaps, begins = flatten(known.walks)
+        enter_known(draft, nodes, gaps + begins)
     return draft

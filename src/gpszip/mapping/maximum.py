@@ -30,7 +30,9 @@ _WITHIN = 0.9
 _STALE, _ROUNDS = 24, 400
 
 
-def mend(tracks: Sequence[Track], frame: Frame, lattice: LatticeWalks, max_error: float) -> tuple[Frame, LatticeWalks] | None:
+def mend(
+    tracks: Sequence[Track], frame: Frame, lattice: LatticeWalks, max_error: float, *, known: int | None = None
+) -> tuple[Frame, LatticeWalks] | None:
     """Add knots, or move them to other nodes, until no sample is farther from its walk than a maximum.
 
     Where the lattice is too coarse for that, it gets twice as many cells, or on every third occasion lattice points.
@@ -45,6 +47,8 @@ def mend(tracks: Sequence[Track], frame: Frame, lattice: LatticeWalks, max_error
         One walk with times for each track, that covers its samples.
     max_error : float
         Largest synchronised distance in metres.
+    known : int, optional
+        The first so many nodes belong to a map that is there already: they stay, and so does the lattice.
 
     Returns
     -------
@@ -65,8 +69,8 @@ def mend(tracks: Sequence[Track], frame: Frame, lattice: LatticeWalks, max_error
             walks[number], nodes, misses = _mend_walk(track, walks[number], nodes, frame, max_error)
             missed = missed or misses
         if not missed:
-            return frame, number_by_visit(LatticeWalks(nodes, tuple(walks), lattice.timed))
-        if min(frame.space, frame.time) < _OCTAVE:
+            return frame, number_by_visit(LatticeWalks(nodes, tuple(walks), lattice.timed), known or 0)
+        if known is not None or min(frame.space, frame.time) < _OCTAVE:
             break
         frame, lattice = _finer_space(frame, lattice) if finer % 3 == 2 else _finer_time(frame, lattice)
     return None

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
+from gpszip.coding.past import Past
 from gpszip.coding.walks import encode_with_ledger
 from gpszip.kernels.chain import settle_chain
-from gpszip.kernels.draft import keep_disjoint, lead_clusters
+from gpszip.kernels.draft import enter_nodes, keep_disjoint, lead_clusters
 from gpszip.kernels.ground import Ground
 from gpszip.kernels.settle import settle_piece
 from gpszip.kernels.walk_model import KIND_BITS, PLACE_BITS, SPAN_BITS
@@ -23,6 +24,7 @@ from gpszip.kernels.within import directions
 from gpszip.mapping.drafting import (
     draft_of,
     empty_draft,
+    free_equations,
     list_parts,
     normal_equations,
     place_nodes,
@@ -98,7 +100,7 @@ class Outcome:
         return self.size + _MEND * self.misses
 
 
-def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None) -> Outcome | None:
+def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None, known: Past | None = None) -> Outcome | None:
     """Learn a map and walks of few bytes whose error is within the plan's target.
 
     Parameters
@@ -111,15 +113,17 @@ def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None) -> 
         The target and how to go about it.
     thin : Slots, optional
         Some of the slots: all rounds but the last few are spent on them, for speed.
+    known : Past, optional
+        Walks whose nodes these may take, too: they stay where they are and come first in the outcome.
 
     Returns
     -------
     Outcome or None
         The smallest that was met on the way; None if no round met the target.
     """
-    here = slots if thin is None else thin
+    here, fixed = slots if thin is None else thin, 0 if known is None else known.nodes
     at, places, price = _private_chains(here, plan)
-    at, places = _gather(here, at, places, plan)
+    at, places = _gather(here, at, places, plan, known)
     best: Outcome | None = None
     kept: tuple[Slots, NDArray[np.int64], NDArray[np.float64]] | None = None
     push, bits, weights = _PUSH, _prices(None, price, len(places)), np.ones(slots.samples)
@@ -128,11 +132,11 @@ def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None) -> 
             at, here = carry_knots(at, here, slots), slots
         if plan.maximum is not None:
             here = weigh_samples(here, np.rint(weights).astype(np.int64))
-        at, places = _settle(here, at, places, plan, bits, turn)
-        places = _place(here, at, places)
-        at, places = _merge(here, at, places, plan, bits)
-        rounded = round_nodes(*normal_equations(list_parts(here, at), places), places)
-        outcome, ledger, errors = _realise(here, at, rounded, tracks, plan)
+        at, places = _settle(here, at, places, plan, bits, turn, known=known)
+        places = _place(here, at, places, fixed)
+        at, places = _merge(here, at, places, plan, bits, fixed)
+        rounded = _rounded(here, at, places, fixed)
+        outcome, ledger, errors = _realise(here, at, rounded, tracks, plan, known)
         if _better(outcome, best, plan):
             best, kept = outcome, (here, at.copy(), rounded)
         if plan.maximum is not None:
@@ -145,16 +149,24 @@ def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None) -> 
         if turn % _KICK_EVERY == _KICK_EVERY - 1 and turn + _KICK_EVERY < plan.rounds:
             price, push = _KICK * price, _PUSH
         bits = _prices(ledger, price, len(outcome.walks.nodes))
-    return best if plan.maximum is None or kept is None else _hold(*kept, tracks, plan, bits)
+    return best if plan.maximum is None or kept is None else _hold(*kept, tracks, plan, bits, known)
 
 
-def _hold(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int, plan: Plan, bits: NDArray[np.float64]) -> Outcome:
+def _hold(
+    slots: Slots,
+    at: NDArray[np.int64],
+    places: NDArray[np.float64],
+    tracks: int,
+    plan: Plan,
+    bits: NDArray[np.float64],
+    known: Past | None,
+) -> Outcome:
     """Settle the knots once more on places that are whole already, along parts that keep the maximum."""
     whole = replace(slots, places=np.rint(slots.places))
-    best = _realise(slots, at, places, tracks, plan)[0]
+    best = _realise(slots, at, places, tracks, plan, known)[0]
     for turn in range(_HOLDING_ROUNDS):
-        at, places = _settle(whole, at, places, plan, bits, turn, plan.maximum or 0.0)
-        outcome, ledger, _ = _realise(slots, at, places, tracks, plan)
+        at, places = _settle(whole, at, places, plan, bits, turn, plan.maximum or 0.0, known)
+        outcome, ledger, _ = _realise(slots, at, places, tracks, plan, known)
         bits = _prices(ledger, bits[0], len(outcome.walks.nodes))
         best = outcome if outcome.cost < best.cost else best
     return best
@@ -197,29 +209,43 @@ def _private_chains(slots: Slots, plan: Plan) -> tuple[NDArray[np.int64], NDArra
     return at, places, price
 
 
-def _gather(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], plan: Plan) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Let knots that are near each other share a node."""
+def _gather(
+    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], plan: Plan, known: Past | None
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Let knots that are near each other, or a known node, share a node."""
+    there = np.zeros((0, places.shape[1])) if known is None else known.walks.nodes.astype(np.float64)
     if plan.leader <= 0:
-        return at, places
+        return np.where(at >= 0, at + len(there), -1), np.concatenate([there, places])
     knots = int((at >= 0).sum())
-    draft = empty_draft(places.shape[1], knots, 8, plan.leader * plan.target)
+    draft = empty_draft(places.shape[1], len(there) + knots, 8, plan.leader * plan.target)
+    draft.places[: len(there)] = there
+    draft.scalars[0] = len(there)
+    enter_nodes(draft, len(there))
     spots = slots.places.copy()
     spots[at >= 0] = places[at[at >= 0]]
     lead_clusters(draft, spots, at)
     nodes = draft.places[: int(draft.scalars[0])]
-    return at, _place(slots, at, nodes)
+    return at, _place(slots, at, nodes, len(there))
 
 
-def _place(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64]) -> NDArray[np.float64]:
-    return place_nodes(*normal_equations(list_parts(slots, at), places))
+def _place(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], fixed: int = 0) -> NDArray[np.float64]:
+    """Place all nodes but the first ``fixed`` at least squared error (M-step)."""
+    equations = normal_equations(list_parts(slots, at), places)
+    return np.concatenate([places[:fixed], place_nodes(*free_equations(*equations, places, fixed))])
 
 
-def _compact(at: NDArray[np.int64], places: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Drop the nodes without a knot."""
+def _rounded(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], fixed: int) -> NDArray[np.float64]:
+    """Whole places of all nodes; the first ``fixed`` are so already."""
+    equations = normal_equations(list_parts(slots, at), places)
+    return np.concatenate([places[:fixed], round_nodes(*free_equations(*equations, places, fixed), places[fixed:])])
+
+
+def _compact(at: NDArray[np.int64], places: NDArray[np.float64], fixed: int = 0) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Drop the nodes without a knot, save the first ``fixed``."""
     knots = at >= 0
-    used, inverse = np.unique(at[knots], return_inverse=True)
+    used, inverse = np.unique(np.concatenate([np.arange(fixed), at[knots]]), return_inverse=True)
     at = at.copy()
-    at[knots] = inverse
+    at[knots] = inverse[fixed:]
     return at, places[used]
 
 
@@ -231,11 +257,12 @@ def _settle(
     bits: NDArray[np.float64],
     turn: int,
     maximum: float = 0.0,
+    known: Past | None = None,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """E-step over all pieces; with a maximum, along parts that keep it."""
-    reach = plan.reach * plan.target
+    reach, fixed = plan.reach * plan.target, 0 if known is None else known.nodes
     spare = int((at >= 0).sum()) + 4096
-    draft = draft_of(slots, at, places, reach, spare)
+    draft = draft_of(slots, at, places, reach, spare, known)
     marks = np.zeros(len(draft.places), np.int64)
     ground = _ground(slots, maximum)
     order = np.arange(len(slots.firsts))
@@ -248,10 +275,10 @@ def _settle(
                 draft, ground, at, first, start, last, phase, plan.window, _NEAR_NODES, plan.widest, bits, marks
             )  # fmt: skip
             if start < last:
-                at, places = _compact(at, draft.places)
-                draft = draft_of(slots, at, places, reach, 2 * spare + 2 * plan.widest * plan.window)
+                at, places = _compact(at, draft.places, fixed)
+                draft = draft_of(slots, at, places, reach, 2 * spare + 2 * plan.widest * plan.window, known)
                 marks = np.zeros(len(draft.places), np.int64)
-    return _compact(at, draft.places)
+    return _compact(at, draft.places, fixed)
 
 
 def _ground(slots: Slots, maximum: float) -> Ground:
@@ -263,17 +290,19 @@ def _ground(slots: Slots, maximum: float) -> Ground:
 
 
 def _merge(
-    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], plan: Plan, bits: NDArray[np.float64]
+    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], plan: Plan, bits: NDArray[np.float64], fixed: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Unite nodes whose error apart costs fewer bits than the second node."""
+    """Unite nodes whose error apart costs fewer bits than the second node, which is never one of the first ``fixed``."""
     parts = list_parts(slots, at)
     stiffness, _ = normal_equations(parts, places)
-    pairs = cKDTree(places).query_pairs(4 * plan.target, output_type="ndarray")
+    pairs = _near_pairs(places, 4 * plan.target, fixed)
     if len(pairs) == 0:
         return at, places
     own = stiffness.diagonal()
     square = ((places[pairs[:, 0]] - places[pairs[:, 1]]) ** 2).sum(axis=1)
-    harm = bits[0] * square * own[pairs[:, 0]] * own[pairs[:, 1]] / (own[pairs[:, 0]] + own[pairs[:, 1]])
+    # a node that stays where it is pulls as if it were infinitely stiff
+    pull = np.where(pairs[:, 0] < fixed, 1.0, own[pairs[:, 0]] / (own[pairs[:, 0]] + own[pairs[:, 1]]))
+    harm = bits[0] * square * own[pairs[:, 1]] * pull
     count = len(places)
     ones = np.ones(len(parts.starts))
     one_way = csr_array((ones, (parts.starts, parts.ends)), shape=(count, count))
@@ -285,18 +314,32 @@ def _merge(
         return at, places
     order = good[np.argsort(-gain[good], kind="stable")]
     target = np.arange(count)
-    keep_disjoint(pairs[order].astype(np.int64), target)
+    keep_disjoint(pairs[order], target)
     at = np.where(at >= 0, target[at], -1)
-    at, places = _compact(at, places)
-    return at, _place(slots, at, places)
+    at, places = _compact(at, places, fixed)
+    return at, _place(slots, at, places, fixed)
+
+
+def _near_pairs(places: NDArray[np.float64], reach: float, fixed: int) -> NDArray[np.int64]:
+    """Pairs of nodes within reach, the lower number first, at least one of them not of the first ``fixed``."""
+    if fixed == 0:
+        return cKDTree(places).query_pairs(reach, output_type="ndarray").astype(np.int64)
+    free = cKDTree(places[fixed:])
+    pairs = [free.query_pairs(reach, output_type="ndarray") + fixed]
+    low, high = places[fixed:].min(axis=0, initial=np.inf) - reach, places[fixed:].max(axis=0, initial=-np.inf) + reach
+    near = np.flatnonzero(((places[:fixed] >= low) & (places[:fixed] <= high)).all(axis=1))
+    found = cKDTree(places[near]).sparse_distance_matrix(free, reach, output_type="ndarray") if len(near) and free.n else None
+    if found is not None:
+        pairs.append(np.stack([near[found["i"]], found["j"] + fixed], axis=1))
+    return np.concatenate(pairs).astype(np.int64)
 
 
 def _realise(
-    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int, plan: Plan
+    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int, plan: Plan, known: Past | None = None
 ) -> tuple[Outcome, NDArray[np.float64], NDArray[np.float64]]:
     """Code the walks, at whole places, and measure what came out, sample by sample."""
-    walks = walks_of(slots, at, places, tracks)
-    data, ledger = encode_with_ledger(walks)
+    walks = walks_of(slots, at, places, tracks, 0 if known is None else known.nodes)
+    data, ledger = encode_with_ledger(walks, known)
     errors, part = sample_errors(slots, list_parts(slots, at), places)
     misses = 0 if plan.maximum is None else len(np.unique(part[errors > plan.maximum]))
     return Outcome(walks, len(data), float(np.sqrt((errors**2).mean())), misses), ledger, errors
