@@ -314,7 +314,7 @@ def _settle_window(
     _take_out(draft, at, first, last, open_first, open_last)
     board = _set_up(draft, ground, at, first, last, open_first, open_last, most, prices, marks)
     if ground.reach[0] > 0.0:
-        relax_within(ground, board, first, widest, prices[TIME], prices[STAY] + prices[STAY_TIME])
+        relax_within(ground, board, first, widest, prices[TIME], prices[STAY] + prices[STAY_TIME], prices[ERROR])
     else:
         _relax(ground, board, first, widest, prices)
     rows = last - first + 1
@@ -343,7 +343,7 @@ def settle_piece(
     Parameters
     ----------
     ground : Ground
-        The slots and samples; where it has a reach, squared error costs nothing, and only parts within it are taken.
+        The slots and samples; where it has a reach, only parts within it are taken.
     at : int64 array, shape (slots,)
         Node of each slot, -1 where there is no knot; changed in place.
     phase, window : int

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.ground import Board, Ground
 from gpszip.kernels.jit import jit
+from gpszip.kernels.moments import line_cost, span_moments
 
 __all__ = ["directions", "relax_within"]
 
@@ -65,35 +66,49 @@ def _is_reached(
 
 
 @jit
-def relax_within(ground: Ground, board: Board, first: int, widest: int, time_price: float, stay_price: float) -> None:
+def relax_within(
+    ground: Ground, board: Board, first: int, widest: int, time_price: float, stay_price: float, error_price: float = 0.0
+) -> None:
     """Fill the board from its first row on, along parts no sample of which is out of the ground's reach.
 
     Row r stands for slot ``first`` + r; a part spans at most ``widest`` of them and costs its step and ``time_price``, or
-    ``stay_price`` if it stays at its node.
+    ``stay_price`` if it stays at its node, and its squared error at ``error_price``.
     """
     candidates, counts, spot, local, table, best, parent_row, parent_choice = board
     fan, dimension = ground.directions.shape
     rows = len(counts)
     low, high, along = np.empty(fan), np.empty(fan), np.empty(fan)
+    m, n, center = np.empty(dimension), np.empty(dimension), np.empty(dimension)
+    w = u1 = u2 = q = 0.0
     for origin in range(rows - 1):
         for o in range(counts[origin]):
             reached = best[origin, o]
             if reached == np.inf:
                 continue
-            for m in range(fan):
-                low[m], high[m], along[m] = -np.inf, np.inf, 0.0
+            for ray in range(fan):
+                low[ray], high[ray], along[ray] = -np.inf, np.inf, 0.0
                 for axis in range(dimension):
-                    along[m] += ground.directions[m, axis] * spot[origin, o, axis]
-            start = ground.cells[first + origin]
+                    along[ray] += ground.directions[ray, axis] * spot[origin, o, axis]
+            a = first + origin
+            start = ground.cells[a]
+            if error_price > 0.0:
+                center[:] = ground.centers[a] / ground.unit[0]
             for row in range(origin + 1, min(origin + widest, rows - 1) + 1):
                 if not _narrow(ground, ground.ends[first + row - 1], ground.ends[first + row], start, along, low, high):
                     break
-                span = ground.cells[first + row] - start
+                b = first + row
+                span = ground.cells[b] - start
+                if error_price > 0.0:
+                    w, u1, u2, q = span_moments(
+                        ground.sums, a, b, ground.ticks[a], ground.ticks[b], ground.centers[a], ground.unit[0], m, n
+                    )  # fmt: skip
                 for c in range(counts[row]):
                     if candidates[origin, o] == candidates[row, c] and candidates[row, c] >= 0:
                         cost = reached + stay_price
                     else:
                         cost = reached + time_price + table[local[origin, o], local[row, c]]
+                    if error_price > 0.0 and cost < best[row, c]:
+                        cost += error_price * line_cost(w, u1, u2, q, m, n, spot[origin, o], spot[row, c], center)
                     if cost < best[row, c] and _is_reached(ground, spot[row, c], span, along, low, high):
                         best[row, c] = cost
                         parent_row[row, c] = origin

@@ -36,7 +36,7 @@ from gpszip.mapping.drafting import (
 from gpszip.mapping.slots import Slots, carry_knots, weigh_samples
 from gpszip.model import LatticeWalks
 
-__all__ = ["Outcome", "Plan", "fit"]
+__all__ = ["Outcome", "Plan", "fit", "place", "prices_of", "realise", "rounded_places", "settle", "unite"]
 
 #: Steps of the walks' kinds in the coder's ledger.
 _BACK, _KNOWN, _LINK, _NEW, _STAY = range(5)
@@ -126,17 +126,17 @@ def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None, kno
     at, places = _gather(here, at, places, plan, known)
     best: Outcome | None = None
     kept: tuple[Slots, NDArray[np.int64], NDArray[np.float64]] | None = None
-    push, bits, weights = _PUSH, _prices(None, price, len(places)), np.ones(slots.samples)
+    push, bits, weights = _PUSH, prices_of(None, price, len(places)), np.ones(slots.samples)
     for turn in range(plan.rounds):
         if here is not slots and turn >= plan.rounds - _LAST_ROUNDS:
             at, here = carry_knots(at, here, slots), slots
         if plan.maximum is not None:
             here = weigh_samples(here, np.rint(weights).astype(np.int64))
-        at, places = _settle(here, at, places, plan, bits, turn, known=known)
-        places = _place(here, at, places, fixed)
-        at, places = _merge(here, at, places, plan, bits, fixed)
-        rounded = _rounded(here, at, places, fixed)
-        outcome, ledger, errors = _realise(here, at, rounded, tracks, plan, known)
+        at, places = settle(here, at, places, plan, bits, turn, known=known)
+        places = place(here, at, places, fixed)
+        at, places = unite(here, at, places, plan, bits, fixed)
+        rounded = rounded_places(here, at, places, fixed)
+        outcome, ledger, errors = realise(here, at, rounded, tracks, plan, known)
         if _better(outcome, best, plan):
             best, kept = outcome, (here, at.copy(), rounded)
         if plan.maximum is not None:
@@ -148,7 +148,7 @@ def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None, kno
             price *= over ** (push if over > 1 else _PUSH)
         if turn % _KICK_EVERY == _KICK_EVERY - 1 and turn + _KICK_EVERY < plan.rounds:
             price, push = _KICK * price, _PUSH
-        bits = _prices(ledger, price, len(outcome.walks.nodes))
+        bits = prices_of(ledger, price, len(outcome.walks.nodes))
     return best if plan.maximum is None or kept is None else _hold(*kept, tracks, plan, bits, known)
 
 
@@ -163,11 +163,12 @@ def _hold(
 ) -> Outcome:
     """Settle the knots once more on places that are whole already, along parts that keep the maximum."""
     whole = replace(slots, places=np.rint(slots.places))
-    best = _realise(slots, at, places, tracks, plan, known)[0]
+    bits = np.concatenate([[0.0], bits[1:]])  # where the maximum is kept, squared error costs nothing
+    best = realise(slots, at, places, tracks, plan, known)[0]
     for turn in range(_HOLDING_ROUNDS):
-        at, places = _settle(whole, at, places, plan, bits, turn, plan.maximum or 0.0, known)
-        outcome, ledger, _ = _realise(slots, at, places, tracks, plan, known)
-        bits = _prices(ledger, bits[0], len(outcome.walks.nodes))
+        at, places = settle(whole, at, places, plan, bits, turn, plan.maximum or 0.0, known)
+        outcome, ledger, _ = realise(slots, at, places, tracks, plan, known)
+        bits = prices_of(ledger, 0.0, len(outcome.walks.nodes))
         best = outcome if outcome.cost < best.cost else best
     return best
 
@@ -200,7 +201,7 @@ def _private_chains(slots: Slots, plan: Plan) -> tuple[NDArray[np.int64], NDArra
         for first, last in zip(slots.firsts.tolist(), slots.lasts.tolist(), strict=True):
             settle_chain(slots.sums, slots.ticks, slots.centers, slots.places, slots.place_unit, first, last, price, 7.0, plan.widest, at)
         at[at >= 0] = np.arange((at >= 0).sum())
-        places = _place(slots, at, slots.places[at >= 0])
+        places = place(slots, at, slots.places[at >= 0])
         error = np.sqrt(squared_error(list_parts(slots, at), places) / slots.samples)
         miss = max(error, 1e-3) / (0.93 * plan.target)
         if 0.95 < miss < 1.05:
@@ -225,16 +226,16 @@ def _gather(
     spots[at >= 0] = places[at[at >= 0]]
     lead_clusters(draft, spots, at)
     nodes = draft.places[: int(draft.scalars[0])]
-    return at, _place(slots, at, nodes, len(there))
+    return at, place(slots, at, nodes, len(there))
 
 
-def _place(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], fixed: int = 0) -> NDArray[np.float64]:
+def place(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], fixed: int = 0) -> NDArray[np.float64]:
     """Place all nodes but the first ``fixed`` at least squared error (M-step)."""
     equations = normal_equations(list_parts(slots, at), places)
     return np.concatenate([places[:fixed], place_nodes(*free_equations(*equations, places, fixed))])
 
 
-def _rounded(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], fixed: int) -> NDArray[np.float64]:
+def rounded_places(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], fixed: int) -> NDArray[np.float64]:
     """Whole places of all nodes; the first ``fixed`` are so already."""
     equations = normal_equations(list_parts(slots, at), places)
     return np.concatenate([places[:fixed], round_nodes(*free_equations(*equations, places, fixed), places[fixed:])])
@@ -249,7 +250,7 @@ def _compact(at: NDArray[np.int64], places: NDArray[np.float64], fixed: int = 0)
     return at, places[used]
 
 
-def _settle(
+def settle(
     slots: Slots,
     at: NDArray[np.int64],
     places: NDArray[np.float64],
@@ -289,7 +290,7 @@ def _ground(slots: Slots, maximum: float) -> Ground:
     )  # fmt: skip
 
 
-def _merge(
+def unite(
     slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], plan: Plan, bits: NDArray[np.float64], fixed: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Unite nodes whose error apart costs fewer bits than the second node, which is never one of the first ``fixed``."""
@@ -317,7 +318,7 @@ def _merge(
     keep_disjoint(pairs[order], target)
     at = np.where(at >= 0, target[at], -1)
     at, places = _compact(at, places, fixed)
-    return at, _place(slots, at, places, fixed)
+    return at, place(slots, at, places, fixed)
 
 
 def _near_pairs(places: NDArray[np.float64], reach: float, fixed: int) -> NDArray[np.int64]:
@@ -334,7 +335,7 @@ def _near_pairs(places: NDArray[np.float64], reach: float, fixed: int) -> NDArra
     return np.concatenate(pairs).astype(np.int64)
 
 
-def _realise(
+def realise(
     slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int, plan: Plan, known: Past | None = None
 ) -> tuple[Outcome, NDArray[np.float64], NDArray[np.float64]]:
     """Code the walks, at whole places, and measure what came out, sample by sample."""
@@ -345,7 +346,7 @@ def _realise(
     return Outcome(walks, len(data), float(np.sqrt((errors**2).mean())), misses), ledger, errors
 
 
-def _prices(ledger: NDArray[np.float64] | None, price: float, nodes: int) -> NDArray[np.float64]:
+def prices_of(ledger: NDArray[np.float64] | None, price: float, nodes: int) -> NDArray[np.float64]:
     """Prices of the E-step in bits, from what the coder last paid."""
     spent = np.zeros((13, 2)) if ledger is None else ledger
 
