@@ -9,6 +9,8 @@ import gpszip
 PUBLIC = [
     "Archive",
     "BoundError",
+    "Coreset",
+    "CoresetStream",
     "CorruptArchiveError",
     "GPSZipError",
     "InputError",
@@ -24,9 +26,12 @@ PUBLIC = [
     "Walk",
     "__version__",
     "compress",
+    "coreset",
     "decompress",
     "open",
+    "open_coreset",
     "read",
+    "save_coreset",
     "segment_mean",
 ]
 

@@ -13,7 +13,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gpszip.api import compress, decompress, open, read, segment_mean
+    from gpszip.api import compress, coreset, decompress, open, open_coreset, read, save_coreset, segment_mean
     from gpszip.archive import Archive
     from gpszip.errors import (
         BoundError,
@@ -28,12 +28,16 @@ if TYPE_CHECKING:
         UnknownFormatError,
     )
     from gpszip.model import RoadMap, SegmentMean, Track, Walk
+    from gpszip.sketches.coreset import Coreset
+    from gpszip.sketches.stream import CoresetStream
 
 __version__ = "0.1.0"
 
 __all__ = [
     "Archive",
     "BoundError",
+    "Coreset",
+    "CoresetStream",
     "CorruptArchiveError",
     "GPSZipError",
     "InputError",
@@ -49,15 +53,20 @@ __all__ = [
     "Walk",
     "__version__",
     "compress",
+    "coreset",
     "decompress",
     "open",
+    "open_coreset",
     "read",
+    "save_coreset",
     "segment_mean",
 ]
 
 _HOMES = {
-    "gpszip.api": ("compress", "decompress", "open", "read", "segment_mean"),
+    "gpszip.api": ("compress", "coreset", "decompress", "open", "open_coreset", "read", "save_coreset", "segment_mean"),
     "gpszip.archive": ("Archive",),
+    "gpszip.sketches.coreset": ("Coreset",),
+    "gpszip.sketches.stream": ("CoresetStream",),
     "gpszip.model": ("RoadMap", "SegmentMean", "Track", "Walk"),
 }
 

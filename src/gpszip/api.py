@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
@@ -15,7 +15,10 @@ from gpszip import pipeline
 from gpszip.archive import Archive, open_archive
 from gpszip.model import Executor, Listener, Options, SegmentMean, Track
 
-__all__ = ["compress", "decompress", "open", "read", "segment_mean"]
+if TYPE_CHECKING:
+    from gpszip.sketches.coreset import Coreset
+
+__all__ = ["compress", "coreset", "decompress", "open", "open_coreset", "read", "save_coreset", "segment_mean"]
 
 
 def read(sources: Any, **options: Any) -> list[Track]:
@@ -209,3 +212,71 @@ def segment_mean(track: Track, k: int | None = None, m: int | None = None, *, ex
     ([0, 1, 0, 1], 0.0)
     """
     return pipeline.segment_mean(track, k, m, executor=executor)
+
+
+def coreset(
+    tracks: Sequence[Track] | Track,
+    *,
+    k: int | None = None,
+    eps: float | None = None,
+    size: int | None = None,
+    max_bytes: int | None = None,
+) -> Coreset:
+    """Make the (k, eps)-coreset of tracks: blocks that price any k-segment, deterministic and mergeable.
+
+    Parameters
+    ----------
+    tracks : sequence of Track, or one Track
+        On one plane, with different ids.
+    k, eps : int and float, optional
+        The estimated cost of every k-segment is to be within ``eps`` of the true one (thesis, definition 4.1.6).
+    size : int, optional
+        Largest number of blocks, instead.
+    max_bytes : int, optional
+        Largest size of the file that :func:`save_coreset` writes, instead.
+
+    Returns
+    -------
+    Coreset
+        Its ``cost`` prices functions, with bounds that hold whatever their breaks are.
+
+    Raises
+    ------
+    OptionError
+        If the size is given more than once or not at all, or is out of range.
+
+    Examples
+    --------
+    >>> track = Track("lane", range(1000), [[t % 100] for t in range(1000)])
+    >>> len(coreset(track, size=20))
+    10
+    """
+    from gpszip.sketches.partition import build
+
+    return build(tracks, k=k, eps=eps, size=size, max_bytes=max_bytes)
+
+
+def open_coreset(source: str | os.PathLike[str]) -> Coreset:
+    """Load a coreset that :func:`save_coreset` or ``gpszip coreset`` wrote.
+
+    Raises
+    ------
+    InputError
+        If there is no such file or it is no coreset.
+    """
+    from gpszip.io.coreset_file import read_coreset
+
+    return read_coreset(os.fspath(source))
+
+
+def save_coreset(coreset: Coreset, path: str | os.PathLike[str], *, force: bool = False) -> None:
+    """Save a coreset as a Parquet file, with one row for each block.
+
+    Raises
+    ------
+    OutputError
+        If the file exists and ``force`` is not given, or it can't be written.
+    """
+    from gpszip.io.coreset_file import write_coreset
+
+    write_coreset(coreset, os.fspath(path), force=force)

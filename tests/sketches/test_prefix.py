@@ -5,9 +5,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from gpszip.sketches.prefix import part_moments, part_sums
 from gpszip.errors import OptionError
 from gpszip.model import Track
+from gpszip.sketches.prefix import part_moments, part_sums
 
 
 def decimal_track(seed, n, *, dt=1.0, extent=500.0, d=2, weights=None):

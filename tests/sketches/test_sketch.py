@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gpszip.sketches.sketch import best_line, cost, costs, delete, empty, fitting_matrix, free_cost, insert, merge, sketch
 from gpszip.errors import OptionError
 from gpszip.model import Track
+from gpszip.sketches.sketch import best_line, cost, costs, delete, empty, fitting_matrix, free_cost, insert, merge, sketch
 from oracle import sketch as oracle
 
 

@@ -63,7 +63,7 @@ def write_coreset(coreset: Coreset, sink: str | Path | BinaryIO, *, force: bool 
     columns = [names.cast(pa.string()), *(pa.array(np.ascontiguousarray(column)) for column in coreset.rows.T)]
     table = pa.table(columns, names=["track", *_columns(coreset.dimension)]).replace_schema_metadata({_KEY: head.encode()})
     with writing(sink) as file:
-        pq.write_table(table, file, compression="zstd", use_dictionary=["track"], write_statistics=False, store_schema=False)
+        pq.write_table(table, file, compression="zstd", use_dictionary=["track"], write_statistics=False)
 
 
 def read_coreset(source: str | Path | BinaryIO) -> Coreset:
@@ -112,7 +112,9 @@ def _coreset(table: Any, head: dict[str, Any], where: str) -> Coreset:
 def _check(rows: Any, owners: Any, tracks: int, where: str) -> None:
     jitter = _NAMES.index("jitter")
     finite = np.isfinite(np.delete(rows, jitter, axis=1)).all() and not (np.isnan(rows[:, jitter]) | (rows[:, jitter] < 0)).any()
-    positive = finite and (rows[:, 2] > 0).all() and (rows[:, 3] >= 1).all() and (rows[:, 5:8] >= 0).all() and (rows[:, 1] >= rows[:, 0]).all()
+    positive = (
+        finite and (rows[:, 2] > 0).all() and (rows[:, 3] >= 1).all() and (rows[:, 5:8] >= 0).all() and (rows[:, 1] >= rows[:, 0]).all()
+    )
     same = owners[1:] == owners[:-1]
     whole = (owners >= 0).all() and (np.diff(owners) >= 0).all() and len(np.unique(owners)) == tracks
     if not (positive and whole and (rows[1:, 0] > rows[:-1, 1])[same].all()):

@@ -1,0 +1,114 @@
+"""gpszip coreset: logs in, a small file out that prices any piecewise linear function of time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpszip.cli.options import Settings, common, force, output
+from gpszip.cli.outcome import Outcome
+from gpszip.cli.units import SIZE
+
+if TYPE_CHECKING:
+    from gpszip.model.reading import Reading
+    from gpszip.sketches.coreset import Coreset
+
+__all__ = ["command"]
+
+#: Decimals of metres of the points that are written.
+_DECIMALS = 6
+
+
+@click.command("coreset", short_help="Make the (k, eps)-coreset of logs.")
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True)
+@output("coreset.parquet")
+@click.option("--size", type=click.IntRange(1), help="Largest number of blocks.")
+@click.option("--eps", type=click.FloatRange(0, 1, min_open=True, max_open=True), help="Relative error of every price; with --k.")
+@click.option("--k", type=click.IntRange(1), help="Parts of the functions that are to be priced; with --size, what to say the error of.")
+@click.option("--max-bytes", type=SIZE, metavar="SIZE", help="Largest file, such as 100kB.")
+@click.option("--points", is_flag=True, help="Write weighted points of the log instead, at most 2 d + 4 for each block.")
+@click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
+@click.option("--split", is_flag=True, help="Begin a new track where time goes back.")
+@click.option("--skip-bad", is_flag=True, help="Leave out logs that can't be read, name them, end with exit code 3.")
+@click.option("--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north, or names in order.")
+@click.option("--format", metavar="FORMAT", help="Format of the logs; found from the content where left out.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@force
+@common
+@click.pass_obj
+def command(
+    settings: Settings,
+    /,
+    logs: tuple[str, ...],
+    target: str,
+    size: int | None,
+    eps: float | None,
+    k: int | None,
+    max_bytes: float | None,
+    points: bool,
+    quiet: bool,
+    force: bool,
+    **choices: Any,
+) -> Outcome:
+    """Read every LOG and write its coreset as Parquet: blocks whose moments price every line exactly.
+
+    Give one of --size, --max-bytes, or --k with --eps.
+    """
+    from gpszip import pipeline
+    from gpszip.cli.output import check_output, say, show_json
+    from gpszip.errors import OptionError
+    from gpszip.sketches.partition import build
+
+    if (size is not None) + (max_bytes is not None) + (eps is not None) != 1 or (eps is not None and k is None):
+        raise OptionError("how large is the coreset to be? give --size, or --max-bytes, or --k and --eps together")
+    check_output(target, force=force, binary=not points or target.endswith(".parquet"))
+    reading = pipeline.read(logs, **choices)
+    made = build(reading.tracks, k=k if eps else None, eps=eps, size=size, max_bytes=None if max_bytes is None else int(max_bytes))
+    written = _write(made, reading, target, points)
+    facts = _facts(made, reading, k, written)
+    if settings.json:
+        show_json({"output": target, **facts}, err=target == "-")
+    elif not quiet:
+        for left in reading.left_out:
+            say(f"gpszip: left out {left.name}: {left.reason}")
+        say(f"{'standard output' if target == '-' else target}: {_describe(facts)}")
+    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+
+
+def _write(made: Coreset, reading: Reading, target: str, points: bool) -> int | None:
+    """Write blocks, or points, of which the number is returned."""
+    if not points:
+        from gpszip.io.coreset_file import write_coreset
+
+        write_coreset(made, target, force=True)
+        return None
+    from dataclasses import replace
+
+    from gpszip.io.writing import write_tracks
+    from gpszip.sketches.samples import weighted_samples
+
+    few = weighted_samples(made, reading.tracks)
+    write_tracks((replace(track, attributes={"weight": track.weights}) for track in few), target, decimals=_DECIMALS)  # type: ignore[dict-item]
+    return sum(map(len, few))
+
+
+def _facts(made: Coreset, reading: Reading, k: int | None, points: int | None) -> dict[str, Any]:
+    facts: dict[str, Any] = {"samples": made.samples, "tracks": len(made.tracks), "blocks": len(made), "points": points}
+    facts |= {"rmse": made.rmse, "largest": float(made.free_costs.max()), "k": k}
+    facts |= {"eps": None, "least_cost": None} if k is None else {"eps": made.eps(k), "least_cost": made.least_cost(k)}
+    facts["repairs"] = [{"what": one.what, "count": one.count, "where": one.where} for one in reading.repairs]
+    return facts | {"left_out": [{"name": one.name, "reason": one.reason} for one in reading.left_out]}
+
+
+def _describe(facts: dict[str, Any]) -> str:
+    from gpszip.cli.units import format_length
+
+    text = f"{facts['samples']:,} samples in {facts['blocks']:,} blocks"
+    text += "" if facts["points"] is None else f", {facts['points']:,} weighted points"
+    text += f", RMSE of the blocks {format_length(facts['rmse'])}, lines on whole blocks priced exactly"
+    if facts["k"] is not None:
+        known = facts["eps"] < 10
+        text += f"; any {facts['k']}-segment costs {facts['least_cost']:.4g} m^2 or more"
+        text += f" and is priced within {100 * facts['eps']:.3g} %" if known else "; too few blocks to promise its price beforehand"
+    return "; ".join([text, *(f"{one['where']}: {one['count']:,} {one['what']}" for one in facts["repairs"])])

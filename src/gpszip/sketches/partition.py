@@ -1,0 +1,198 @@
+"""Building a coreset of whole tracks: the balanced partition, and how fine it must be."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.errors import InputError, OptionError
+from gpszip.kernels import blocks as kernel
+from gpszip.kernels.balanced import balanced_cuts
+from gpszip.kernels.sums import Sums, moments
+from gpszip.kernels.sums import free_cost as free_ticks
+from gpszip.model import Track
+from gpszip.sketches.coreset import Coreset
+from gpszip.sketches.prefix import part_sums
+
+__all__ = ["blocks_within", "build", "file_size"]
+
+#: Partitions into so many times k blocks give lower bounds on the least cost of k parts.
+_SEVERAL = (2.0, 3.0, 4.0, 6.0)
+
+#: Halvings of the logarithm of the largest cost of a block.
+_STEPS = 48
+
+#: Bytes of a saved coreset's frame, of each track's name and of each number.
+_FRAME, _NAME, _NUMBER = 8192, 64, 9
+
+_Cuts = list[NDArray[np.int64]]
+
+
+def build(
+    tracks: Sequence[Track] | Track,
+    *,
+    k: int | None = None,
+    eps: float | None = None,
+    size: int | None = None,
+    max_bytes: int | None = None,
+) -> Coreset:
+    """Build the coreset of tracks that are whole: a balanced partition in O(n log n), each block an exact sketch.
+
+    Blocks are as long as their cost against their own best line is at most sigma, the same for all of them.
+
+    With ``k`` and ``eps``, sigma is ``eps^2 LB / (4 (1 + eps) (k - 1))``. LB is a lower bound on the cost of every
+    k-segment: of N blocks at most k - 1 have a break inside, so the sum of all but the k - 1 largest free costs is below
+    it; the best of N = 2 k, 3 k, 4 k and 6 k balanced blocks is taken. Then the estimate of the cost of any k-segment is
+    within ``eps`` of it (see :class:`~gpszip.sketches.coreset.Coreset`). There are O(k / eps^2) blocks for a log whose
+    cost falls no faster than with the number of parts.
+
+    Parameters
+    ----------
+    tracks : Track or sequence of Track
+        On one plane, with different ids; weights count.
+    k : int, optional
+        Parts of the k-segments that are to be priced, of each track; with ``eps``.
+    eps : float, optional
+        Relative error of the price, between 0 and 1.
+    size : int, optional
+        Largest number of blocks, instead.
+    max_bytes : int, optional
+        Largest size of the saved file, instead.
+
+    Returns
+    -------
+    Coreset
+
+    Raises
+    ------
+    InputError
+        If there is no track.
+    OptionError
+        If not exactly one of k with eps, size and max_bytes is given, one is out of range, or tracks don't go together.
+
+    Examples
+    --------
+    >>> track = Track("bends", range(300), [[abs(t % 100 - 50)] for t in range(300)])
+    >>> len(build(track, size=10)), build(track, size=10).samples
+    (6, 300)
+    """
+    whole = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
+    _check(whole)
+    most = _size(whole, k, eps, size, max_bytes)
+    sums = [part_sums(track) for track in whole]
+    if most is None:
+        assert k is not None
+        assert eps is not None
+        cuts = [_cuts(one, _sigma(one, track, k, eps)) for one, track in zip(sums, whole, strict=True)]
+    else:
+        cuts = _search(sums, most)
+    rows = [_rows(track, own) for track, own in zip(whole, cuts, strict=True)]
+    owners = np.repeat(np.arange(len(whole)), [len(own) for own in rows])
+    return Coreset(tuple(track.id for track in whole), owners, np.concatenate(rows), whole[0].plane)
+
+
+def file_size(blocks: int, tracks: int, dimension: int) -> int:
+    """Bytes that the file of a coreset takes at most."""
+    return _FRAME + _NAME * tracks + _NUMBER * (kernel.FIXED + 3 * dimension + 1) * blocks
+
+
+def blocks_within(max_bytes: float, tracks: int, dimension: int) -> int:
+    """Number of blocks whose file is within so many bytes.
+
+    Raises
+    ------
+    OptionError
+        If not even one block for each track is.
+    """
+    most = int((max_bytes - file_size(0, tracks, dimension)) // (_NUMBER * (kernel.FIXED + 3 * dimension + 1)))
+    if most < tracks:
+        raise OptionError(f"{max_bytes:.0f} bytes are too few for a coreset of this log; allow {file_size(tracks, tracks, dimension):,}")
+    return most
+
+
+def _check(tracks: Sequence[Track]) -> None:
+    if not tracks:
+        raise InputError("no tracks: there is nothing to make a coreset of")
+    if len({track.id for track in tracks}) < len(tracks):
+        raise OptionError("two tracks have the same id; give each its own")
+    for track in tracks:
+        if track.dimension != tracks[0].dimension or track.plane != tracks[0].plane:
+            raise OptionError(f"tracks {tracks[0].id!r} and {track.id!r} lie on different planes; make a coreset of each")
+
+
+def _size(tracks: Sequence[Track], k: int | None, eps: float | None, size: int | None, max_bytes: int | None) -> int | None:
+    """Largest number of blocks; None where k and eps tell it."""
+    if (k is None) != (eps is None) or (k is not None) + (size is not None) + (max_bytes is not None) != 1:
+        raise OptionError("how large is the coreset to be? give size, or max_bytes, or k and eps together")
+    if k is not None and eps is not None:
+        if k < 1:
+            raise OptionError(f"k is {k}; a track has at least 1 part")
+        if not 0 < eps < 1:
+            raise OptionError(f"eps is {eps:g}; it lies between 0 and 1")
+        return None
+    most = size if size is not None else blocks_within(max_bytes or 0, len(tracks), tracks[0].dimension)
+    if most < len(tracks):
+        raise OptionError(f"size is {most}; {len(tracks)} tracks need as many blocks at least")
+    return most
+
+
+def _rows(track: Track, cuts: NDArray[np.int64]) -> NDArray[np.float64]:
+    weights = np.ones(len(track)) if track.weights is None else track.weights
+    return kernel.block_rows(track.times, track.positions, weights, cuts)
+
+
+def _cuts(sums: Sums, limit: float) -> NDArray[np.int64]:
+    """Cuts of the balanced partition for a limit in square metres."""
+    return balanced_cuts(sums, limit / sums.place_tick**2, len(sums.t))
+
+
+def _sigma(sums: Sums, track: Track, k: int, eps: float) -> float:
+    if k == 1:
+        return math.inf
+    least = 0.0
+    for several in _SEVERAL:
+        costs = np.array([kernel.free_cost(row) for row in _rows(track, _search([sums], math.ceil(several * k))[0])])
+        least = max(least, math.fsum(np.sort(costs)[: max(len(costs) - k + 1, 0)]))
+    return eps * eps * least / (4 * (1 + eps) * (k - 1))
+
+
+def _search(sums: Sequence[Sums], size: int) -> _Cuts:
+    """The finest balanced partition of all tracks with at most ``size`` blocks in all."""
+    row = np.empty(2 * sums[0].p.shape[1] + 4)
+    high = 0.0
+    for one in sums:
+        moments(one, 0, len(one.t), row)
+        high = max(high, 1.01 * free_ticks(row) * one.place_tick**2)
+    return _bisect(lambda limit: _counted(sums, limit, size), high)
+
+
+def _counted(sums: Sequence[Sums], limit: float, size: int) -> _Cuts | None:
+    cuts, left = [], size - len(sums)
+    for one in sums:
+        own = balanced_cuts(one, limit / one.place_tick**2, left + 1)
+        left -= len(own) - 2
+        if left < 0:
+            return None
+        cuts.append(own)
+    return cuts
+
+
+def _bisect(attempt: Callable[[float], _Cuts | None], high: float) -> _Cuts:
+    exact = attempt(0.0)
+    if exact is not None or high <= 0:
+        return exact if exact is not None else []
+    best, low = attempt(high), high * 1e-18
+    for _ in range(_STEPS):
+        middle = math.sqrt(low * high)
+        found = attempt(middle)
+        if found is None:
+            low = middle
+        else:
+            best, high = found, middle
+        if high < 1.0005 * low:
+            break
+    assert best is not None
+    return best

@@ -1,0 +1,69 @@
+"""gpszip coreset, as a user runs it."""
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import gpszip as package
+from gpszip.sketches.pieces import through
+
+
+def test_a_coreset_is_written_and_prices_the_log(gpszip, log):
+    done = gpszip("coreset", log, "-o", "c.parquet", "--size", "20", "--k", "3", "--json")
+    assert done.code == 0, done.err
+    assert done.json["samples"] == 200
+    assert done.json["blocks"] <= 20
+    (track,) = package.read(log)
+    small = package.open_coreset("c.parquet")
+    f = through(track.times[[0, 90, 199]], track.positions[[0, 90, 199]])
+    at = np.stack([np.interp(track.times, track.times[[0, 90, 199]], axis[[0, 90, 199]]) for axis in track.positions.T], axis=1)
+    assert small.cost(f).lower <= ((at - track.positions) ** 2).sum() <= small.cost(f).upper
+
+
+def test_the_summary_says_what_is_promised(gpszip, log):
+    done = gpszip("coreset", log, "-o", "c.parquet", "--k", "2", "--eps", "0.5")
+    assert done.code == 0, done.err
+    assert "c.parquet: 200 samples in" in done.err
+    assert "any 2-segment costs" in done.err
+    assert done.out == ""
+
+
+def test_points_are_rows_of_the_log_with_weights(gpszip, log):
+    done = gpszip("coreset", log, "-o", "points.parquet", "--size", "4", "--points")
+    assert done.code == 0, done.err
+    table = pq.read_table("points.parquet")
+    assert {"track_id", "t", "weight"} <= set(table.column_names)
+    assert table.num_rows <= 4 * 8
+    assert sum(table.column("weight").to_pylist()) == pytest.approx(200)
+    assert "weighted points" in done.err
+
+
+def test_the_file_is_as_small_as_asked(gpszip, log, tmp_path):
+    assert gpszip("coreset", log, "-o", "c.parquet", "--max-bytes", "12kB").code == 0
+    assert (tmp_path / "c.parquet").stat().st_size <= 12_000
+
+
+@pytest.mark.parametrize(
+    "options", [[], ["--eps", "0.5"], ["--size", "3", "--max-bytes", "9kB"], ["--size", "3", "--eps", "0.5", "--k", "2"], ["--eps", "2"]]
+)
+def test_sizes_that_contradict_each_other_are_refused(gpszip, log, tmp_path, options):
+    done = gpszip("coreset", log, "-o", "c.parquet", *options)
+    assert done.code == 2
+    assert done.err.startswith("gpszip: ")
+    assert not (tmp_path / "c.parquet").exists()
+
+
+def test_an_existing_file_is_kept_and_a_bad_log_is_left_out(gpszip, log, tmp_path):
+    (tmp_path / "bad.csv").write_text("t,x,y\n")
+    assert gpszip("coreset", log, "bad.csv", "-o", "c.parquet", "--size", "3").code == 1
+    done = gpszip("coreset", log, "bad.csv", "-o", "c.parquet", "--size", "3", "--skip-bad")
+    assert done.code == 3
+    assert "bad.csv" in done.err
+    assert gpszip("coreset", log, "-o", "c.parquet", "--size", "3").code == 1
+    assert gpszip("coreset", log, "-o", "c.parquet", "--size", "3", "--force", "--quiet").err == ""
+
+
+def test_a_whole_process_does_it(shell, log):
+    done = shell("coreset", log, "-o", "c.parquet", "--size", "9")
+    assert done.returncode == 0, done.stderr
+    assert b"200 samples in 9 blocks" in done.stderr
