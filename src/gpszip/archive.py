@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -15,26 +15,32 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.container.attributes import Kept, kept_names, read_attributes
-from gpszip.container.contents import Contents, Group, Section
+from gpszip.container.contents import Contents, Group, MapReference, Section
 from gpszip.container.layout import Kind
+from gpszip.container.map_record import map_hash
 from gpszip.container.reader import from_bytes, load
 from gpszip.container.writer import save, to_bytes
-from gpszip.errors import CorruptArchiveError, OptionError
-from gpszip.model.frame import Frame, quantum
-from gpszip.model.lattice import LatticeWalks
+from gpszip.errors import CorruptArchiveError, InputError, MapError, OptionError
+from gpszip.model.frame import Frame, quantum, refined_frame
+from gpszip.model.lattice import LatticeWalks, refined
+from gpszip.model.promise import Promise
 from gpszip.model.road_map import RoadMap
 from gpszip.model.track import Track
 from gpszip.model.walk import Walk
 from gpszip.model.way_map import WayMap
 
 if TYPE_CHECKING:
+    from gpszip.coding.past import Past
     from gpszip.coding.waypoints import Waypoints
     from gpszip.graph.road_graph import RoadGraph
 
-__all__ = ["Archive", "new_archive", "open_archive"]
+__all__ = ["Archive", "new_archive", "open_archive", "promising"]
 
 #: Groups of walks take at least this many bytes, so that cutting an archive in groups costs next to nothing.
 _GROUP_BYTES = 1 << 16
+
+#: At most so many files of a folder are looked at to find a map.
+_NEIGHBOURS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +54,8 @@ class Archive:
     ----------
     contents : Contents
         What the file holds.
+    map : Archive, optional
+        The map on which the walks lie, where the file does not hold it.
 
     Examples
     --------
@@ -59,15 +67,25 @@ class Archive:
     """
 
     contents: Contents
+    map: Archive | None = None
     _decoded: dict[int, LatticeWalks] = field(default_factory=dict, repr=False)
+    _pasts: dict[int, Past] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
         return f"<Archive of {len(self.ids)} tracks>"
 
     @property
     def frame(self) -> Frame:
-        """The lattice on which nodes and times are kept."""
-        return self.contents.frame
+        """The lattice on which nodes and times are kept.
+
+        Raises
+        ------
+        MapError
+            If the archive lies on a map that was not given.
+        """
+        if self.contents.frame is not None:
+            return self.contents.frame
+        return refined_frame(self._map.frame, self._reference.halvings)
 
     @property
     def ids(self) -> tuple[str, ...]:
@@ -309,7 +327,9 @@ class Archive:
             "time_quantum_s": quantum(frame.time),
             "layer": self.contents.layer,
             "kept": None if self.kept is None else list(self.kept),
-            "map_hash": None if self.contents.map_hash is None else self.contents.map_hash.hex(),
+            "map": None if self.contents.map is None else self.contents.map.hash.hex(),
+            "promise_m": None if self.promise is None else self.promise.metres,
+            "promise": None if self.promise is None else ("max_error" if self.promise.maximum else "rmse"),
         }
         return {**facts, **self._counts()} if decode else facts
 
@@ -341,11 +361,55 @@ class Archive:
 
     def _group(self, number: int) -> LatticeWalks:
         if number not in self._decoded:
-            from gpszip.coding.walks import decode
+            from gpszip.coding.walks import decode, number_by_visit
 
-            group = self.contents.groups[number]
-            self._decoded[number] = decode(group.payload, self.frame.dimension, group.tracks)
+            group, past = self.contents.groups[number], self._past
+            found = decode(group.payload, self.frame.dimension, group.tracks, past)
+            self._decoded[number] = found if past is None else number_by_visit(found)
         return self._decoded[number]
+
+    @property
+    def promise(self) -> Promise | None:
+        """The error that the walks keep, as measured when they were written."""
+        return self.contents.promise
+
+    @cached_property
+    def hash(self) -> bytes:
+        """Four bytes by which other archives name this one as their map."""
+        return map_hash(self.contents)
+
+    def past(self, halvings: int = 0) -> Past:
+        """The archive's walks as others go on from them, on quanta halved so many times."""
+        from gpszip.coding.past import Past
+
+        if halvings not in self._pasts:
+            self._pasts[halvings] = Past(refined(self.lattice, halvings))
+        return self._pasts[halvings]
+
+    @property
+    def new_ways(self) -> list[NDArray[np.float64]]:
+        """Stretches that lie off the map kept elsewhere: float64 arrays of shape (n, d), in metres."""
+        known = {tuple(place) for place in self._past.walks.nodes.tolist()} if self._past is not None else set()
+        if not known:
+            return []
+        fresh = np.array([tuple(place) not in known for place in self.lattice.nodes.tolist()])
+        return [line for walk in self.walks for line in _stretches(walk, fresh, self.road_map.nodes)]
+
+    @property
+    def _past(self) -> Past | None:
+        return None if self.contents.map is None else self._map.past(self._reference.halvings)
+
+    @property
+    def _reference(self) -> MapReference:
+        if self.contents.map is None:
+            raise OptionError("the archive lies on no other map")
+        return self.contents.map
+
+    @property
+    def _map(self) -> Archive:
+        if self.map is None:
+            raise MapError(f"the archive lies on the map {self._reference.hash.hex()}, kept elsewhere; give it with --map, or map=")
+        return self.map
 
     def _number(self, track: str) -> int:
         try:
@@ -427,22 +491,33 @@ class Archive:
 
 
 def new_archive(
-    frame: Frame, ids: Sequence[str], lattice: LatticeWalks, *, layer: str | None = None, extras: Sequence[Section] = ()
+    frame: Frame,
+    ids: Sequence[str],
+    lattice: LatticeWalks,
+    *,
+    layer: str | None = None,
+    extras: Sequence[Section] = (),
+    on: Archive | None = None,
+    halvings: int = 0,
 ) -> Archive:
     """Code map and walks as an archive.
 
     Parameters
     ----------
     frame : Frame
-        The lattice.
+        The lattice; on a map kept elsewhere, that map's own, its quanta halved ``halvings`` times.
     ids : sequence of str
         Name of each walk.
     lattice : LatticeWalks
-        Nodes in the order in which the walks first visit them.
+        Nodes in the order in which the walks first visit them, after those of the map kept elsewhere.
     layer : str, optional
         ``"bz2"`` packs the walks once more.
     extras : sequence of Section
         What is kept besides.
+    on : Archive, optional
+        The map on which the walks lie, if it is not to be in the archive.
+    halvings : int, default 0
+        How often that map's quanta are halved.
 
     Returns
     -------
@@ -451,32 +526,70 @@ def new_archive(
     """
     from gpszip.coding.walks import encode
 
-    payload = encode(lattice)
+    past = None if on is None else on.past(halvings)
+    payload = encode(lattice, past)
     groups = [Group(0, len(ids), payload)]
     if len(payload) >= 2 * _GROUP_BYTES and len(ids) > 1:
-        groups = _groups(lattice, len(payload) // _GROUP_BYTES)
-    return Archive(Contents(frame, tuple(ids), tuple(groups), extras=tuple(extras), layer=layer))
+        groups = _groups(lattice, len(payload) // _GROUP_BYTES, past)
+    reference = None if on is None else MapReference(on.hash, halvings)
+    own = frame if on is None else None
+    return Archive(Contents(own, tuple(ids), tuple(groups), reference, tuple(extras), layer), on)
 
 
-def open_archive(source: str | os.PathLike[str] | bytes) -> Archive:
+def promising(archive: Archive, promise: Promise | None) -> Archive:
+    """Return the archive with what its walks have been found to keep."""
+    return replace(archive, contents=replace(archive.contents, promise=promise))
+
+
+def open_archive(source: str | os.PathLike[str] | bytes, map: Archive | str | os.PathLike[str] | bytes | None = None) -> Archive:
     """Open an archive from a file or from its bytes.
 
     Parameters
     ----------
     source : path or bytes
         A ``.gpsz`` file or all that is in it.
+    map : Archive, path or bytes, optional
+        The map, for an archive whose walks lie on one that is kept elsewhere. It is looked for in the archive's folder if it
+        isn't given.
 
     Raises
     ------
     InputError
         If there is no such file or it can't be read.
+    MapError
+        If another map is given than the one that the walks were written on.
     CorruptArchiveError
         If it is no whole archive. Bytes that pass all checksums and still are no walks are found when they are decoded.
     """
-    return Archive(from_bytes(source) if isinstance(source, bytes) else load(Path(source)))
+    contents = from_bytes(source) if isinstance(source, bytes) else load(Path(source))
+    if contents.map is None:
+        return Archive(contents)
+    if map is None:
+        return Archive(contents, None if isinstance(source, bytes) else _map_beside(Path(source), contents.map))
+    return Archive(contents, _right_map(map if isinstance(map, Archive) else open_archive(map), contents.map))
 
 
-def _groups(lattice: LatticeWalks, count: int) -> list[Group]:
+def _right_map(found: Archive, wanted: MapReference) -> Archive:
+    if found.contents.map is not None:
+        raise MapError("the map given lies on another map itself; give one that holds its own walks")
+    if found.hash != wanted.hash:
+        raise MapError(f"the archive lies on the map {wanted.hash.hex()}, and another one, {found.hash.hex()}, was given")
+    return found
+
+
+def _map_beside(path: Path, wanted: MapReference) -> Archive | None:
+    """The map that lies in the archive's folder, if it does."""
+    for other in sorted(path.parent.glob("*.gpsz"))[:_NEIGHBOURS]:
+        try:
+            found = Archive(load(other))
+        except (InputError, CorruptArchiveError):
+            continue
+        if found.contents.map is None and found.hash == wanted.hash:
+            return found
+    return None
+
+
+def _groups(lattice: LatticeWalks, count: int, past: Past | None = None) -> list[Group]:
     """Cut the walks in at most so many runs of about as many knots each."""
     from gpszip.coding.walks import encode, number_by_visit
 
@@ -487,9 +600,17 @@ def _groups(lattice: LatticeWalks, count: int) -> list[Group]:
     for first, after in pairwise(bounds):
         walks = lattice.walks[first:after]
         span = (min(int(walk.cells[0]) for walk in walks), max(int(walk.cells[-1]) for walk in walks))
-        payload = encode(number_by_visit(LatticeWalks(lattice.nodes, walks, lattice.timed)))
+        own = number_by_visit(LatticeWalks(lattice.nodes, walks, lattice.timed), 0 if past is None else past.nodes)
+        payload = encode(own, past)
         out.append(Group(first, after - first, payload, span))
     return out
+
+
+def _stretches(walk: Walk, fresh: NDArray[np.bool_], places: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """The lines along which a walk leaves the known nodes, each from the last one known to the next."""
+    off = (fresh[walk.nodes[:-1]] | fresh[walk.nodes[1:]]) & ~walk.gaps
+    edges = np.diff(np.concatenate([[0], off.astype(np.int8), [0]]))
+    return [places[walk.nodes[a : b + 1]] for a, b in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True)]
 
 
 def _times(walk: Walk) -> NDArray[np.float64]:

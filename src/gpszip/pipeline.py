@@ -15,12 +15,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gpszip.archive import Archive, new_archive, open_archive
+from gpszip.archive import Archive, new_archive, open_archive, promising
 from gpszip.container.attributes import Kept, attributes_body
 from gpszip.container.contents import Section
 from gpszip.container.layout import Kind
 from gpszip.errors import BoundError, InputError, OptionError
 from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Options, Plane, Progress, Report, SegmentMean, Track
+from gpszip.model.frame import refined_frame
+from gpszip.model.promise import promise_of
 
 if TYPE_CHECKING:
     from gpszip.io.networks import NetworkReading
@@ -61,6 +63,7 @@ class _Job:
     executor: Executor
     listener: Listener | None
     extras: tuple[Section, ...] = ()
+    map: Archive | None = None
 
     @property
     def ids(self) -> list[str]:
@@ -69,6 +72,15 @@ class _Job:
     def tell(self, stage: str, done: float) -> None:
         if self.listener is not None:
             self.listener(Progress(stage, done))
+
+
+@dataclass(frozen=True, eq=False)
+class _Learned:
+    """Walks on a lattice, which may be that of a known map with its quanta halved so many times."""
+
+    frame: Frame
+    lattice: LatticeWalks
+    halvings: int = 0
 
 
 def read(sources: Any, **options: Any) -> Reading:
@@ -107,6 +119,7 @@ def compress(
     options: Options | None = None,
     *,
     bytes_in: int | None = None,
+    map: Archive | None = None,
     executor: Executor | None = None,
     progress: Listener | None = None,
 ) -> tuple[Archive, Report]:
@@ -123,6 +136,8 @@ def compress(
         How. Without a bound, a sensible RMSE is estimated from the log.
     bytes_in : int, optional
         Size of the log, to which ``options.ratio`` refers; by default 8 bytes for each time and coordinate.
+    map : Archive, optional
+        A map that is there already: the tracks become walks on it, and only what lies off it is learned and stored.
     executor : Executor, optional
         Spreads the work, by default over a thread for each core; the archive is the same for any number of workers.
     progress : callable, optional
@@ -148,11 +163,12 @@ def compress(
 
     start = time.perf_counter()
     options = options or Options()
-    whole = _checked(tracks)
+    whole = _checked(tracks) if map is None else laid_on(map, _checked(tracks), options)
     gap, gaps = _gaps(whole, options.gap)
     options, notes = _bounded(whole, gaps, _sized(whole, options, bytes_in))
-    job = _Job(whole, gaps, options, executor or Threads(), progress, _kept(whole, options))
+    job = _Job(whole, gaps, options, executor or Threads(), progress, _kept(whole, options), map)
     archive, fit = _within_size(job, options.size) if options.size is not None else _finished(options, *_within_bound(job))
+    notes += _off_map(archive, map)
     if not options.times:
         notes += ("times were left out after measuring: positions at a time can't be had from the archive",)
     return archive, _report(archive, fit, options, notes, gap, time.perf_counter() - start)
@@ -226,6 +242,38 @@ def _check_range(track: Track) -> None:
             raise InputError(
                 f"{where}: a {what} of {values[far.argmax()]:.3g} is too far from zero; drop such samples, or name other columns"
             )
+
+
+def laid_on(map: Archive, tracks: Sequence[Track], options: Options) -> tuple[Track, ...]:
+    """Tracks on the plane of a map, which they and the options must fit."""
+    from gpszip.geo.planes import on_plane
+
+    if options.thesis or options.layer or not options.times:
+        raise OptionError("k, m, layer and leaving out times don't go with a map that is there already; leave them out")
+    if map.contents.map is not None:
+        raise OptionError("the map lies on another map itself; give one that holds its own walks")
+    if not map.timed:
+        raise OptionError("the map was written without times; compress its log with them")
+    frame = map.frame
+    if frame.dimension != tracks[0].dimension or (frame.plane is None) != (tracks[0].plane is None):
+        theirs, ours = _axes(frame.dimension, frame.plane), _axes(tracks[0].dimension, tracks[0].plane)
+        raise OptionError(f"the map has {theirs}, the log {ours}; give a map of the same place")
+    return tuple(tracks) if frame.plane is None else tuple(on_plane(track, frame.plane) for track in tracks)
+
+
+def _axes(dimension: int, plane: Plane | None) -> str:
+    return f"{dimension} coordinates on a plane of its own" if plane is None else "latitude and longitude"
+
+
+def _off_map(archive: Archive, map: Archive | None) -> tuple[str, ...]:
+    """What is to be said of stretches that the map lacks."""
+    if map is None:
+        return ()
+    if archive.map is None:
+        return ("the map's lattice is too coarse for the bound: the archive holds a map of its own",)
+    ways = archive.new_ways
+    length = sum(float(np.sqrt((np.diff(way, axis=0) ** 2).sum(axis=1)).sum()) for way in ways)
+    return (f"{len(ways):,} stretches lie off the map, {length:,.0f} m in all",) if ways else ()
 
 
 def _gaps(tracks: Sequence[Track], gap: float | None) -> tuple[float, tuple[NDArray[np.bool_], ...]]:
@@ -309,7 +357,7 @@ def _within_bound(job: _Job) -> tuple[Archive, Fit]:
             failures += 1
             target = _tightened(target, 1.0 + 0.1 * failures, job.options) if failures < _FAILURES else None
             continue
-        archive, fit = _written(job, *learned)
+        archive, fit = _written(job, learned)
         over = _excess(fit, job.options)
         if over <= 1 + _ROUNDING:
             return archive, fit
@@ -323,44 +371,56 @@ def _last_resort(job: _Job) -> tuple[Archive, Fit]:
     """Keep every sample, unless the user has said how many parts there are to be."""
     from gpszip.mapping.verbatim import keep_samples
 
+    if job.map is not None:
+        return _within_bound(replace(job, map=None))
     bound = job.options.rmse or job.options.max_error
     if job.options.k is None and bound is not None:
-        archive, fit = _written(job, *keep_samples(job.tracks, job.gaps, bound))
+        archive, fit = _written(job, _Learned(*keep_samples(job.tracks, job.gaps, bound)))
         if _excess(fit, job.options) <= 1 + _ROUNDING:
             return archive, fit
     raise BoundError(f"{_bound(job.options)} can't be held; allow a larger error" + (", or more parts" if job.options.k else ""))
 
 
-def _written(job: _Job, frame: Frame, lattice: LatticeWalks) -> tuple[Archive, Fit]:
-    archive = new_archive(frame, job.ids, lattice, layer=job.options.layer, extras=job.extras)
+def _written(job: _Job, learned: _Learned) -> tuple[Archive, Fit]:
+    archive = new_archive(
+        learned.frame, job.ids, learned.lattice, layer=job.options.layer, extras=job.extras, on=job.map, halvings=learned.halvings
+    )  # fmt: skip
     job.tell("measure", 0.0)
     fit = _measured(job.tracks, archive)
     job.tell("measure", 1.0)
-    return archive, fit
+    maximum = job.options.max_error is not None
+    return promising(archive, promise_of(fit.max_error if maximum else fit.rmse, maximum=maximum)), fit
 
 
-def _learned(job: _Job, target: Options) -> tuple[Frame, LatticeWalks] | None:
+def _learned(job: _Job, target: Options) -> _Learned | None:
     if target.thesis:
         from gpszip.mapping import independent
 
-        return independent.learn(job.tracks, job.gaps, target, executor=job.executor, progress=job.listener)
-    from gpszip.mapping import connected
+        return _Learned(*independent.learn(job.tracks, job.gaps, target, executor=job.executor, progress=job.listener))
+    from gpszip.mapping import connected, known
 
     def tell(done: int, whole: int) -> None:
         job.tell("learn", done / whole)
 
     if target.rmse is None and target.max_error is None:
         return None
-    return connected.learn(
-        job.tracks, job.gaps, rmse=target.rmse, max_error=target.max_error, effort=target.effort, executor=job.executor, progress=tell
-    )
+    how: dict[str, Any] = {
+        "rmse": target.rmse, "max_error": target.max_error, "effort": target.effort, "executor": job.executor, "progress": tell,
+    }  # fmt: skip
+    if job.map is None:
+        found = connected.learn(job.tracks, job.gaps, **how)
+        return None if found is None else _Learned(*found)
+    halvings = known.halvings(job.map.frame, target.rmse, target.max_error)
+    frame = refined_frame(job.map.frame, halvings)
+    lattice = known.learn_on(job.map.past(halvings), frame, job.tracks, job.gaps, **how)
+    return None if lattice is None else _Learned(frame, lattice, halvings)
 
 
 def _measured(tracks: Sequence[Track], archive: Archive) -> Fit:
     """Decode an archive's bytes and compare them with every sample."""
     from gpszip.mapping.fitting import fit
 
-    read_back = open_archive(archive.to_bytes())
+    read_back = open_archive(archive.to_bytes(), archive.map)
     return fit(tracks, read_back.walks, read_back.road_map.nodes)
 
 

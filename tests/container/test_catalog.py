@@ -11,7 +11,7 @@ from oracle import archives
 from oracle.archives import large, number, section
 
 GROUPS = tuple(Group(3 * i, 3, bytes([i]) * 70_000, (1000 * i, 1000 * i + 1500)) for i in range(8))
-MANY = Contents(archives.DEGREES, tuple(f"run {i}" for i in range(24)), GROUPS, bytes(16))
+MANY = Contents(archives.DEGREES, tuple(f"run {i}" for i in range(24)), GROUPS)
 
 
 class Counting(io.BytesIO):
@@ -27,7 +27,7 @@ class Counting(io.BytesIO):
 def test_one_group_is_read_alone(layer):
     file = Counting(to_bytes(replace(MANY, layer=layer)))
     catalog = open_catalog(file)
-    assert (catalog.frame, catalog.ids, catalog.map_hash) == (MANY.frame, MANY.ids, MANY.map_hash)
+    assert (catalog.frame, catalog.ids, catalog.map) == (MANY.frame, MANY.ids, MANY.map)
     assert file.read_bytes < 1000
     for track in range(24):
         file.read_bytes = 0
@@ -52,7 +52,7 @@ def test_every_archive_opens(name):
     contents = archives.small_archives()[name]
     file = io.BytesIO(to_bytes(contents))
     catalog = open_catalog(file)
-    assert (catalog.frame, catalog.ids, catalog.map_hash) == (contents.frame, contents.ids, contents.map_hash)
+    assert (catalog.frame, catalog.ids, catalog.map) == (contents.frame, contents.ids, contents.map)
     assert tuple(read_entry(file, catalog, i) for i in range(len(contents.groups))) == contents.groups
 
 

@@ -15,7 +15,7 @@ from gpszip.errors import CorruptArchiveError
 from oracle import archives
 from oracle.archives import compact, large, number, section
 
-ARCHIVES = {name: to_bytes(contents) for name, contents in archives.small_archives().items()}
+ARCHIVES = {name: to_bytes(contents) for name, contents in (archives.small_archives() | archives.promising_archives()).items()}
 
 
 @pytest.mark.parametrize("name", ARCHIVES)
@@ -76,7 +76,7 @@ def test_missing_repeated_and_swapped_sections_are_noticed():
         (b"PK\x03\x04", "not a .gpsz archive"),
         (b"\xa7", "within its head"),
         (b"\xa7Z", "within its head"),
-        (b"\xa7Z\x02rest", "version 2.*upgrade"),
+        (b"\xa7Z\x03rest", "version 3.*upgrade"),
         (b"\xa7Z\x07", "version 7.*upgrade"),
         (b"\xa7Z\x00", "version 0"),
     ],
@@ -130,7 +130,17 @@ FORGED = {
     "large: no planes": large([section(1, b"\x12\x00" + FRAME[1:]), section(2, NAMES), section(3, WALKS)]),
     "large: third kind of centre": large([section(1, b"\x16\x01" + bytes(30)), section(2, NAMES), section(3, WALKS)]),
     "large: dimension 2^50": large([section(1, number(1 << 53) + FRAME[1:]), section(2, NAMES), section(3, WALKS)]),
-    "large: hash of 15 bytes": large([*OPENING, section(4, bytes(15)), section(3, WALKS)]),
+    "large: hash of 3 bytes": large([section(4, bytes(3)), section(2, NAMES), section(3, WALKS)], third=0x1A),
+    "large: map goes on": large([section(4, bytes(6)), section(2, NAMES), section(3, WALKS)], third=0x1A),
+    "large: map halved 4 times": large([section(4, bytes(4) + b"\4"), section(2, NAMES), section(3, WALKS)], third=0x1A),
+    "large: map in version 1": large([section(4, bytes(5)), section(2, NAMES), section(3, WALKS)]),
+    "large: frame and map": large([*OPENING, section(4, bytes(5)), section(3, WALKS)], third=0x1A),
+    "large: promise after walks": large([*OPENING, section(3, WALKS), section(8, b"\1\0")], third=0x1A),
+    "large: two promises": large([*OPENING, section(8, b"\1\0"), section(8, b"\1\0"), section(3, WALKS)], third=0x1A),
+    "large: promise goes on": large([*OPENING, section(8, b"\1\0\0"), section(3, WALKS)], third=0x1A),
+    "compact: promise of no digits": compact(2, b"\0\4" + DEEP),
+    "compact: promise of 1023 digits": compact(2, b"\xff\3" + DEEP),
+    "compact: half a map": compact(0x12, b"\0\0\1\2\3"),
     "large: group of 2^63 tracks": large([*OPENING, section(3, b"\0" + number(1 << 63) + b"\0")]),
     "large: group too far": large([*OPENING, section(3, b"\x01\x01\0")]),
     "large: two groups, no index": large(TWO),
@@ -140,7 +150,6 @@ FORGED = {
     "large: index past the end": large([*OPENING, section(3, WALKS)], 1 << 47),
     "large: index in the head": large([*OPENING, section(3, WALKS)], 1),
     "large: index in a section": large([*OPENING, section(3, WALKS)], 3),
-    "large: hash after walks": large([*OPENING, section(3, WALKS), section(4, bytes(16))]),
     "large: index too early": large([*OPENING, section(3, WALKS), section(6, b"\1" + number(HERE) + b"\x12\1\0"), section(9, b"")]),
     "large: low 2": large([*OPENING, section(3, WALKS)], third=0x59),
     "large: kind 0": large([*OPENING, section(3, WALKS), section(0, b"")]),

@@ -5,10 +5,11 @@ from gpszip.coding.past import Past
 from gpszip.coding.walks import decode, encode
 from gpszip.mapping import connected
 from gpszip.mapping.fitting import fit
-from gpszip.mapping.known import FINEST, halvings, learn_on, refined, refined_frame
+from gpszip.mapping.known import halvings, learn_on
 from gpszip.mapping.lattice_map import node_positions, walks_of
 from gpszip.model import Frame, LatticeWalk, LatticeWalks, Track
-from gpszip.model.frame import quantum
+from gpszip.model.frame import MOST_HALVINGS, quantum, refined_frame
+from gpszip.model.lattice import refined
 from gpszip.run import Serial
 from gpszip.testing import patrol
 
@@ -87,7 +88,7 @@ def test_a_finer_bound_takes_a_finer_lattice(known):
     frame, _ = known
     assert halvings(frame, RMSE, None) == 0
     assert halvings(frame, RMSE / 4, None) > 0
-    assert halvings(frame, RMSE / 1000, None) == FINEST
+    assert halvings(frame, RMSE / 1000, None) == MOST_HALVINGS
     assert halvings(frame, None, 2.5 * RMSE) == 0
     assert quantum(refined_frame(frame, 2).space) == pytest.approx(quantum(frame.space) / 4)
 

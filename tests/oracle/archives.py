@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import struct
 import zlib
+from dataclasses import replace
 
-from gpszip.container.contents import Contents, Group, Section, one_group
+from gpszip.container.contents import Contents, Group, MapReference, Section, one_group
 from gpszip.model.frame import Frame, Plane
+from gpszip.model.promise import Promise
 
 FLAT = Frame((0, -5), 7, 128, 120)
 FAR = Frame((10_000_000_000, -9_999_999_000), 1_200_000_000_000, 128, 120)
@@ -25,7 +27,7 @@ def several(layer: str | None = None) -> Contents:
         Group(3, 3, b"third\xa7SECgroup", None),
     )
     ids = ("a", "b", "c", "00", "01", "ü\n\0")
-    return Contents(DEGREES, ids, groups, bytes(range(16)), (Section(5, b"kept"), Section(99, b"")), layer)
+    return Contents(DEGREES, ids, groups, None, (Section(5, b"kept"), Section(99, b"")), layer)
 
 
 def small_archives() -> dict[str, Contents]:
@@ -36,11 +38,27 @@ def small_archives() -> dict[str, Contents]:
         "numbered": one_group(TALL, ("000", "001"), b""),
         "degrees": one_group(DEGREES, ("u005",), b"\0\0\0"),
         "layered": one_group(FLAT, ("0",), b"walks " * 20, "bz2"),
-        "small": Contents(WIDE, ("0",), (Group(0, 1, b"walks"),), bytes(16), (Section(5, b"kept"),)),
+        "small": Contents(WIDE, ("0",), (Group(0, 1, b"walks"),), None, (Section(5, b"kept"),)),
         "small layered": Contents(FLAT, ("0",), (Group(0, 1, b"walks"),), None, (Section(200, b"new"),), "bz2"),
         "no tracks": one_group(FLAT, (), b"a map alone"),
         "large": several(),
         "large layered": several("bz2"),
+    }
+
+
+def promising_archives() -> dict[str, Contents]:
+    """Archives that promise something, or lie on a map kept elsewhere: since version 2."""
+    there, small, group = MapReference(b"ABCD", 2), MapReference(b"\0\xff\0\xff"), (Group(0, 1, b"walks"),)
+    return {
+        "rmse": replace(one_group(DEGREES, ("0",), b"walks"), promise=Promise(240, -3, False)),
+        "maximum": replace(one_group(TALL, ("a", "b"), b"walks"), promise=Promise(1, 23, True)),
+        "small with promise": Contents(WIDE, ("0",), group, None, (), None, Promise(999, -8, False)),
+        "large with promise": replace(several(), promise=Promise(41, 0, False)),
+        "on map": Contents(None, ("0",), group, small, promise=Promise(5, -1, False)),
+        "on map, named": Contents(None, ("walk", "bike"), (Group(0, 2, b"walks"),), there),
+        "on map, small": Contents(None, ("0",), group, there, (Section(5, b"kept"),), None, Promise(5, -1, True)),
+        "on map, layered": Contents(None, ("0",), group, there, (), "bz2"),
+        "on map, large": replace(several(), frame=None, map=there),
     }
 
 

@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gpszip.container.catalog import open_catalog, read_entry
-from gpszip.container.contents import Contents, Group, Section
+from gpszip.container.contents import Contents, Group, MapReference, Section
 from gpszip.container.names import names_bytes
 from gpszip.container.reader import from_bytes
 from gpszip.container.recover import recover_bytes
@@ -14,6 +14,7 @@ from gpszip.container.verify import verify_bytes
 from gpszip.container.writer import to_bytes
 from gpszip.errors import CorruptArchiveError
 from gpszip.model.frame import Frame, Plane
+from gpszip.model.promise import Promise
 from oracle import archives
 
 numbers = st.one_of(st.integers(-3, 3), st.integers(1 - (1 << 62), (1 << 62) - 1), st.integers(-(10**7), 10**7).map(lambda n: n * 1000))
@@ -34,8 +35,10 @@ ids = st.one_of(
     ),
 ).map(tuple)
 spans = st.one_of(st.none(), st.tuples(st.integers(-(10**12), 10**12), st.integers(0, 10**9)).map(lambda s: (s[0], s[0] + s[1])))
-extras = st.lists(st.builds(Section, st.sampled_from([5, 8, 90, 255]), st.binary(max_size=40)), max_size=3).map(tuple)
+extras = st.lists(st.builds(Section, st.sampled_from([5, 9, 90, 255]), st.binary(max_size=40)), max_size=3).map(tuple)
 layers = st.sampled_from([None, "bz2"])
+maps = st.builds(MapReference, st.binary(min_size=4, max_size=4), st.integers(0, 3))
+promises = st.one_of(st.none(), st.builds(Promise, st.integers(1, 999), st.integers(-8, 23), st.booleans()))
 
 
 @st.composite
@@ -48,8 +51,9 @@ def contents(draw):
         first += count
     if len(groups) == 1:
         groups = [replace(groups[0], span=None)]
-    map_hash = draw(st.one_of(st.none(), st.binary(min_size=16, max_size=16)))
-    return Contents(draw(st.one_of(frames, usual_frames)), names, tuple(groups), map_hash, draw(extras), draw(layers))
+    there = draw(st.one_of(st.none(), maps))
+    frame = draw(st.one_of(frames, usual_frames)) if there is None else None
+    return Contents(frame, names, tuple(groups), there, draw(extras), draw(layers), draw(promises))
 
 
 @given(contents())

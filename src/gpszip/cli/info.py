@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
+_PROMISES = {"rmse": "RMSE", "max_error": "largest error"}
+
 _EPOCH_SECONDS = (1e8, 1e11)  # what lies between is seconds since 1970, as for a log's time column
 
 
@@ -92,8 +94,10 @@ def _rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     rows.append(("positions", f"{_axes(facts)}, to {format_length(facts['node_quantum_m'])}"))
     rows += [(f"plane {i}", f"about latitude {lat:.5f}, longitude {lon:.5f}") for i, (lat, lon) in enumerate(facts["planes"])]
     rows.append(("times", f"to {facts['time_quantum_s']:.3g} s, from epoch {_instant(facts['epoch'])}"))
-    if facts["map_hash"]:
-        rows.append(("map", f"kept elsewhere, {facts['map_hash']}"))
+    if facts["map"]:
+        rows.append(("map", f"kept elsewhere, {facts['map']}"))
+    if facts["promise"]:
+        rows.append(("promise", f"{_PROMISES[facts['promise']]} at most {format_length(facts['promise_m'])}"))
     return [*rows, *_kept_rows(facts["kept"])]
 
 

@@ -7,13 +7,12 @@ from bisect import bisect_right
 from dataclasses import dataclass, replace
 from typing import BinaryIO
 
-from gpszip.container.contents import Contents, Group, complaint
+from gpszip.container.contents import Contents, Group, MapReference, complaint
 from gpszip.container.expansion import unpack_bz2
-from gpszip.container.frame_record import read_frame
 from gpszip.container.group_index import Entry, read_end, read_group, read_index
-from gpszip.container.layout import END_BYTES, HEAD_BYTES, Cursor, Form, Kind, read_head
+from gpszip.container.layout import END_BYTES, HEAD_BYTES, Cursor, Form, Head, Kind, read_head
 from gpszip.container.names import read_names
-from gpszip.container.reader import Piece, finished, from_bytes, layer_limit, read_piece
+from gpszip.container.reader import Piece, finished, from_bytes, layer_limit, opening, read_piece
 from gpszip.errors import CorruptArchiveError
 from gpszip.model.frame import Frame
 
@@ -26,12 +25,12 @@ class Catalog:
 
     Parameters
     ----------
-    frame : Frame
-        Where positions and times lie.
+    frame : Frame or None
+        Where positions and times lie; None where a map kept elsewhere tells.
     ids : tuple of str
         Names of all tracks.
-    map_hash : bytes or None
-        Names the map, where it is kept elsewhere.
+    map : MapReference or None
+        The map, where it is kept elsewhere.
     entries : tuple of Entry
         Where each group lies; empty if ``whole`` is there.
     layered : bool
@@ -42,9 +41,9 @@ class Catalog:
         Everything, in an archive of a single group, which has no index.
     """
 
-    frame: Frame
+    frame: Frame | None
     ids: tuple[str, ...]
-    map_hash: bytes | None
+    map: MapReference | None
     entries: tuple[Entry, ...]
     layered: bool
     size: int
@@ -77,9 +76,9 @@ def open_catalog(file: BinaryIO) -> Catalog:
         index_offset = _index_offset(file, size)
     if not index_offset:
         contents = from_bytes(_read(file, 0, size))
-        return Catalog(contents.frame, contents.ids, contents.map_hash, (), bool(contents.layer), size, contents)
+        return Catalog(contents.frame, contents.ids, contents.map, (), bool(contents.layer), size, contents)
     entries = _entries(file, index_offset, size - END_BYTES)
-    return _opened(_opening(file, entries[0].offset), entries, bool(head.high), size)
+    return _opened(_opening(file, entries[0].offset), entries, head, size)
 
 
 def read_entry(file: BinaryIO, catalog: Catalog, number: int) -> Group:
@@ -170,17 +169,14 @@ def _opening(file: BinaryIO, stop: int) -> list[Piece]:
     found: list[Piece] = []
     while cursor.left:
         found.append(read_piece(cursor))
-    if [piece.kind for piece in found[:2]] != [Kind.FRAME, Kind.NAMES]:
-        raise CorruptArchiveError("an archive begins with its frame and its names", HEAD_BYTES)
     return found
 
 
-def _opened(found: list[Piece], entries: tuple[Entry, ...], layered: bool, size: int) -> Catalog:
-    frame = finished(found[0], read_frame)
+def _opened(found: list[Piece], entries: tuple[Entry, ...], head: Head, size: int) -> Catalog:
+    frame, reference, _ = opening(found, head)
     ids = finished(found[1], lambda cursor: read_names(cursor, size))
-    map_hash = next((piece.body for piece in found if piece.kind == Kind.MAP_HASH), None)
     groups = tuple(Group(line.first_track, line.tracks, b"", line.span) for line in entries)
-    wrong = complaint(Contents(frame, ids, groups, map_hash))
+    wrong = complaint(Contents(frame, ids, groups, reference))
     if wrong:
         raise CorruptArchiveError(wrong, HEAD_BYTES)
-    return Catalog(frame, ids, map_hash, entries, layered, size)
+    return Catalog(frame, ids, reference, entries, bool(head.high), size)

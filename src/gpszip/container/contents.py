@@ -4,20 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gpszip.model.frame import Frame, Plane
+from gpszip.model.frame import MOST_HALVINGS, Frame, Plane
+from gpszip.model.promise import Promise
 
-__all__ = ["LONE_ID", "MAP_HASH_BYTES", "Contents", "Group", "Section", "complaint", "one_group"]
+__all__ = ["LONE_ID", "MAP_HASH_BYTES", "Contents", "Group", "MapReference", "Section", "complaint", "one_group"]
 
 #: Name of the track of a log that names none.
 LONE_ID = "0"
 
 #: Bytes of the hash that stands for a map kept elsewhere.
-MAP_HASH_BYTES = 16
+MAP_HASH_BYTES = 4
 
 _LARGEST = 1 << 62
 _DIMENSIONS = 15
 _CENTERS = 4096
-_RESERVED_KINDS = (0, 1, 2, 3, 4, 6, 7)
+_RESERVED_KINDS = (0, 1, 2, 3, 4, 6, 7, 8)
 
 
 @dataclass(frozen=True)
@@ -51,31 +52,50 @@ class Section:
 
 
 @dataclass(frozen=True)
+class MapReference:
+    """A map that is kept elsewhere, after whose walks those of an archive are coded.
+
+    Parameters
+    ----------
+    hash : bytes of length 4
+        Names the map, see :func:`gpszip.container.map_record.map_hash`.
+    halvings : int
+        How often the map's quanta are halved, 0 to 3.
+    """
+
+    hash: bytes
+    halvings: int = 0
+
+
+@dataclass(frozen=True)
 class Contents:
     """Everything in an archive.
 
     Parameters
     ----------
-    frame : Frame
-        Where positions and times lie.
+    frame : Frame or None
+        Where positions and times lie; None where a map kept elsewhere tells.
     ids : tuple of str
         Names of the tracks in the order in which the walks are coded.
     groups : tuple of Group
         At least one; together they hold each track once, in order.
-    map_hash : bytes of length 16, optional
-        Names the map, where it is kept elsewhere.
+    map : MapReference, optional
+        The map, where it is kept elsewhere.
     extras : tuple of Section, optional
         Further sections in their order.
     layer : {None, "bz2"}, default None
         What the payloads are wrapped in inside the file; in ``groups`` they are unwrapped.
+    promise : Promise, optional
+        The error that the walks keep.
     """
 
-    frame: Frame
+    frame: Frame | None
     ids: tuple[str, ...]
     groups: tuple[Group, ...]
-    map_hash: bytes | None = None
+    map: MapReference | None = None
     extras: tuple[Section, ...] = ()
     layer: str | None = None
+    promise: Promise | None = None
 
 
 def one_group(frame: Frame, ids: tuple[str, ...], payload: bytes, layer: str | None = None) -> Contents:
@@ -92,7 +112,19 @@ def one_group(frame: Frame, ids: tuple[str, ...], payload: bytes, layer: str | N
 
 def complaint(contents: Contents) -> str | None:
     """What keeps the contents from being an archive; None if nothing does."""
-    return _frame_complaint(contents.frame) or _groups_complaint(contents.groups, len(contents.ids)) or _rest_complaint(contents)
+    return _place_complaint(contents) or _groups_complaint(contents.groups, len(contents.ids)) or _rest_complaint(contents)
+
+
+def _place_complaint(contents: Contents) -> str | None:
+    if (contents.frame is None) == (contents.map is None):
+        return "neither a frame nor a map" if contents.frame is None else "both a frame and a map"
+    if contents.frame is not None:
+        return _frame_complaint(contents.frame)
+    if contents.map is not None and len(contents.map.hash) != MAP_HASH_BYTES:
+        return f"the map's hash has {len(contents.map.hash)} bytes, not {MAP_HASH_BYTES}"
+    if contents.map is not None and not 0 <= contents.map.halvings <= MOST_HALVINGS:
+        return f"quanta halved {contents.map.halvings} times; at most {MOST_HALVINGS} are"
+    return None
 
 
 def _frame_complaint(frame: Frame) -> str | None:
@@ -128,8 +160,6 @@ def _groups_complaint(groups: tuple[Group, ...], tracks: int) -> str | None:
 
 
 def _rest_complaint(contents: Contents) -> str | None:
-    if contents.map_hash is not None and len(contents.map_hash) != MAP_HASH_BYTES:
-        return f"the map's hash has {len(contents.map_hash)} bytes, not {MAP_HASH_BYTES}"
     wrong = [section.kind for section in contents.extras if section.kind in _RESERVED_KINDS or not 0 <= section.kind < 256]
     if wrong:
         return f"further sections can't be of kind {wrong[0]}"

@@ -34,7 +34,7 @@ __all__ = [
 MAGIC = b"\xa7Z"
 
 #: Version of the format that this package writes, and the newest that it reads.
-VERSION = 1
+VERSION = 2
 
 #: Magic, then one byte of version and form.
 HEAD_BYTES = 3
@@ -60,7 +60,7 @@ class Form(IntEnum):
 
     LONE = 0  # one track named '0', one group, one checksum
     NAMED = 1  # any tracks, one group, one checksum
-    LAYERED = 2  # as NAMED, the payload under bzip2
+    ON_MAP = 2  # walks on a map kept elsewhere; in version 1: as NAMED, the payload under bzip2
     SECTIONS = 3  # sections of their own length and kind
 
 
@@ -70,10 +70,11 @@ class Kind(IntEnum):
     FRAME = 1
     NAMES = 2
     WALKS = 3
-    MAP_HASH = 4
+    MAP = 4  # reserved in version 1
     ATTRIBUTES = 5
     INDEX = 6
     END = 7
+    PROMISE = 8
 
 
 @dataclass(frozen=True)
@@ -86,8 +87,8 @@ class Head:
         Layout of the rest.
     low, high : int
         Two bits and one bit whose meaning depends on the form.
-    version : int, default 1
-        Version of the format, 1 to 7.
+    version : int, optional
+        Version of the format, 1 to 7; the newest by default.
     """
 
     form: Form
@@ -130,7 +131,7 @@ def read_head(data: bytes) -> Head:
         raise CorruptArchiveError("there is no version 0 of the format", 2)
     head = Head(Form(byte >> 3 & 3), byte >> 5 & 3, byte >> 7, version)
     if head.form is Form.SECTIONS and head.low > 1:
-        raise CorruptArchiveError("no archive of version 1 has this form", 2)
+        raise CorruptArchiveError("no archive has this form", 2)
     return head
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
 
-from gpszip.container.contents import LONE_ID, Contents, Group, Section, complaint
+from gpszip.container.contents import LONE_ID, MAP_HASH_BYTES, Contents, Group, MapReference, Section, complaint
 from gpszip.container.expansion import unpack_bz2
 from gpszip.container.frame_record import read_frame, read_short_frame
 from gpszip.container.group_index import entry, index_body, read_end, read_group
@@ -25,8 +25,12 @@ from gpszip.container.layout import (
     read_head,
     section_limit,
 )
+from gpszip.container.map_record import read_reference
 from gpszip.container.names import read_names
+from gpszip.container.promise_record import read_promise
 from gpszip.errors import CorruptArchiveError, InputError
+from gpszip.model.frame import Frame
+from gpszip.model.promise import Promise
 
 __all__ = [
     "LAYER_FREE",
@@ -37,6 +41,7 @@ __all__ = [
     "from_bytes",
     "layer_limit",
     "load",
+    "opening",
     "pieces",
     "read_file",
     "read_piece",
@@ -48,7 +53,8 @@ LAYER_RATIO = 16
 
 T = TypeVar("T")
 
-_ONCE = {Kind.FRAME, Kind.NAMES, Kind.MAP_HASH, Kind.INDEX}
+#: Sections of which there is at most one, and what they are about.
+_ONCE = {Kind.FRAME, Kind.NAMES, Kind.MAP, Kind.INDEX, Kind.PROMISE}
 
 
 @dataclass(frozen=True)
@@ -108,7 +114,7 @@ def from_bytes(data: bytes) -> Contents:
     if head.form is not Form.SECTIONS:
         return _read_compact(data, head)
     found = pieces(data, head)
-    return assemble(found, bool(head.high), len(data))
+    return assemble(found, head, len(data))
 
 
 def load(path: str | os.PathLike[str]) -> Contents:
@@ -172,12 +178,23 @@ def read_piece(cursor: Cursor) -> Piece:
     return Piece(kind, cursor.base + offset, cursor.at - offset, body, seal, body_offset)
 
 
-def assemble(found: list[Piece], layered: bool, file_size: int) -> Contents:
+def opening(found: list[Piece], head: Head) -> tuple[Frame | None, MapReference | None, Promise | None]:
+    """Where an archive lies, or on which map, and what it promises."""
+    kinds = [piece.kind for piece in found[:2]]
+    if kinds not in ([Kind.FRAME, Kind.NAMES], [Kind.MAP, Kind.NAMES]) or (head.version == 1 and kinds[0] == Kind.MAP):
+        raise CorruptArchiveError("an archive begins with its frame or its map, and its names", HEAD_BYTES)
+    promise = next((finished(piece, read_promise) for piece in found if piece.kind == Kind.PROMISE), None) if head.version > 1 else None
+    if kinds[0] == Kind.MAP:
+        return None, finished(found[0], read_reference), promise
+    return finished(found[0], read_frame), None, promise
+
+
+def assemble(found: list[Piece], head: Head, file_size: int) -> Contents:
     """Contents from the sections of an archive, each checked against the others."""
-    _check_order(found)
-    frame_piece, names_piece = found[0], found[1]
-    frame = finished(frame_piece, read_frame)
-    ids = finished(names_piece, lambda cursor: read_names(cursor, file_size))
+    frame, reference, promise = opening(found, head)
+    _check_order(found, head)
+    ids = finished(found[1], lambda cursor: read_names(cursor, file_size))
+    layered = bool(head.high)
     walks = [piece for piece in found if piece.kind == Kind.WALKS]
     groups = tuple(read_group(piece.cursor()) for piece in walks)
     _check_index(found, walks, groups)
@@ -185,9 +202,10 @@ def assemble(found: list[Piece], layered: bool, file_size: int) -> Contents:
         frame,
         ids,
         _unwrapped(groups, walks, file_size) if layered else groups,
-        next((piece.body for piece in found if piece.kind == Kind.MAP_HASH), None),
+        reference,
         tuple(Section(piece.kind, piece.body) for piece in found if piece.kind not in {*_ONCE, Kind.WALKS}),
         "bz2" if layered else None,
+        promise,
     )
     return _believed(contents, found[-1].offset)
 
@@ -207,13 +225,19 @@ def _read_compact(data: bytes, head: Head) -> Contents:
     if checksum(memoryview(data)[:end]) != data[end:]:
         raise CorruptArchiveError("the archive's checksum is wrong: bytes are missing or changed", end)
     cursor = Cursor(data, HEAD_BYTES, end)
+    promise = read_promise(cursor) if head.version > 1 else None
+    if head.form is Form.ON_MAP and head.version > 1:
+        reference = MapReference(cursor.take(MAP_HASH_BYTES, "the map's hash"), head.low)
+        ids = read_names(cursor, len(data)) if head.high else (LONE_ID,)
+        return _believed(Contents(None, ids, (Group(0, len(ids), cursor.rest()),), reference, promise=promise), HEAD_BYTES)
     frame = read_short_frame(cursor, head.low, bool(head.high))
     ids = (LONE_ID,) if head.form is Form.LONE else read_names(cursor, len(data))
     at, payload = cursor.at, cursor.rest()
-    layered = head.form is Form.LAYERED
+    layered = head.form is Form.ON_MAP
     if layered:
         payload = unpack_bz2(payload, layer_limit(len(data)), at)
-    return _believed(Contents(frame, ids, (Group(0, len(ids), payload),), layer="bz2" if layered else None), HEAD_BYTES)
+    contents = Contents(frame, ids, (Group(0, len(ids), payload),), layer="bz2" if layered else None, promise=promise)
+    return _believed(contents, HEAD_BYTES)
 
 
 def _believed(contents: Contents, offset: int) -> Contents:
@@ -253,15 +277,14 @@ def _check_end(data: bytes, end: Piece, found: list[Piece]) -> None:
         raise CorruptArchiveError("the end mark points to no index", end.offset)
 
 
-def _check_order(found: list[Piece]) -> None:
+def _check_order(found: list[Piece], head: Head) -> None:
     kinds = [piece.kind for piece in found]
-    if kinds[:2] != [Kind.FRAME, Kind.NAMES]:
-        raise CorruptArchiveError("an archive begins with its frame and its names", HEAD_BYTES)
+    both = Kind.FRAME in kinds and Kind.MAP in kinds and head.version > 1
     for piece in found:
-        if piece.kind in {0, Kind.END} or (piece.kind in _ONCE and kinds.count(piece.kind) > 1):
+        if piece.kind in {0, Kind.END} or (piece.kind in _ONCE and kinds.count(piece.kind) > 1) or (both and piece.kind == Kind.MAP):
             raise CorruptArchiveError(f"a section of kind {piece.kind} has no place here", piece.offset)
-    if Kind.MAP_HASH in kinds and Kind.WALKS in kinds[: kinds.index(Kind.MAP_HASH)]:
-        raise CorruptArchiveError("the map's hash comes after walks", HEAD_BYTES)
+    if Kind.PROMISE in kinds and Kind.WALKS in kinds[: kinds.index(Kind.PROMISE)]:
+        raise CorruptArchiveError("the promise comes after walks", HEAD_BYTES)
     if Kind.INDEX in kinds[:-1]:
         raise CorruptArchiveError("the index is not the last section", found[kinds.index(Kind.INDEX)].offset)
 

@@ -6,14 +6,17 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from gpszip.container.contents import Contents, Group, Section, complaint
+from gpszip.container.contents import Contents, Group, MapReference, Section, complaint
 from gpszip.container.expansion import unpack_bz2
 from gpszip.container.frame_record import read_frame
 from gpszip.container.group_index import read_group
-from gpszip.container.layout import HEAD_BYTES, MARKER, Cursor, Form, Kind, read_head, track_limit
+from gpszip.container.layout import HEAD_BYTES, MARKER, Cursor, Form, Head, Kind, read_head, track_limit
+from gpszip.container.map_record import read_reference
 from gpszip.container.names import read_names
+from gpszip.container.promise_record import read_promise
 from gpszip.container.reader import Piece, from_bytes, layer_limit, read_file, read_piece
 from gpszip.errors import CorruptArchiveError
+from gpszip.model.frame import Frame
 
 __all__ = ["Recovered", "recover", "recover_bytes", "whole_pieces"]
 
@@ -66,7 +69,7 @@ def recover_bytes(data: bytes) -> Recovered:
     if head.form is not Form.SECTIONS or head.low:
         raise reason
     found = {piece.offset: piece for piece in whole_pieces(data)}
-    return _joined(list(found.values()), bool(head.high), len(data), str(reason))
+    return _joined(list(found.values()), head, len(data), str(reason))
 
 
 def whole_pieces(data: bytes) -> Iterator[Piece]:
@@ -85,11 +88,11 @@ def whole_pieces(data: bytes) -> Iterator[Piece]:
             at = data.find(MARKER, cursor.at)
 
 
-def _joined(found: list[Piece], layered: bool, size: int, reason: str) -> Recovered:
-    frames = [piece for piece in found if piece.kind == Kind.FRAME]
-    if not frames:
+def _joined(found: list[Piece], head: Head, size: int, reason: str) -> Recovered:
+    frame, reference = _place(found, head)
+    if frame is None and reference is None:
         raise CorruptArchiveError(f"nothing can be saved, as the frame is lost: {reason}")
-    lost = [reason]
+    lost, layered = [reason], bool(head.high)
     groups = _groups(found, layered, size)
     if not groups:
         raise CorruptArchiveError(f"nothing can be saved, as all walks are lost: {reason}")
@@ -97,18 +100,26 @@ def _joined(found: list[Piece], layered: bool, size: int, reason: str) -> Recove
     kept = tuple(ids[track] for group in groups for track in range(group.first_track, group.first_track + group.tracks))
     if len(kept) < len(ids):
         lost.append(f"{len(ids) - len(kept)} of {len(ids)} tracks")
-    hashes = [piece.body for piece in found if piece.kind == Kind.MAP_HASH]
-    extras = tuple(Section(piece.kind, piece.body) for piece in found if piece.kind == Kind.ATTRIBUTES or piece.kind > Kind.END)
+    extras = tuple(Section(piece.kind, piece.body) for piece in found if piece.kind == Kind.ATTRIBUTES or piece.kind > Kind.PROMISE)
     if len(kept) < len(ids) and any(extra.kind == Kind.ATTRIBUTES for extra in extras):
         extras = tuple(extra for extra in extras if extra.kind != Kind.ATTRIBUTES)
         lost.append("kept columns and times of samples, as they stand for all tracks together")
-    contents = Contents(
-        read_frame(frames[0].cursor()), kept, _renumbered(groups), hashes[0] if hashes else None, extras, "bz2" if layered else None
-    )
+    promises = [read_promise(piece.cursor()) for piece in found if piece.kind == Kind.PROMISE and head.version > 1]
+    layer = "bz2" if layered else None
+    contents = Contents(frame, kept, _renumbered(groups), reference, extras, layer, promises[0] if promises else None)
     wrong = complaint(contents)
     if wrong:
         raise CorruptArchiveError(wrong)
     return Recovered(contents, tuple(lost))
+
+
+def _place(found: list[Piece], head: Head) -> tuple[Frame | None, MapReference | None]:
+    for piece in found:
+        if piece.kind == Kind.FRAME:
+            return read_frame(piece.cursor()), None
+        if piece.kind == Kind.MAP and head.version > 1:
+            return None, read_reference(piece.cursor())
+    return None, None
 
 
 def _groups(found: list[Piece], layered: bool, size: int) -> list[Group]:

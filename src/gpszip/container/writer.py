@@ -25,7 +25,9 @@ from gpszip.container.layout import (
     track_limit,
     varint,
 )
+from gpszip.container.map_record import reference_bytes
 from gpszip.container.names import names_bytes
+from gpszip.container.promise_record import promise_bytes
 from gpszip.container.reader import layer_limit
 from gpszip.errors import OptionError, OutputError
 
@@ -52,7 +54,7 @@ def to_bytes(contents: Contents) -> bytes:
     >>> from gpszip.container.contents import one_group
     >>> from gpszip.model.frame import Frame
     >>> to_bytes(one_group(Frame((0, 0), 0, 128, 120), ("0",), b"walks")).hex()
-    'a75a81807800000077616c6b73d112ee6a'
+    'a75a820000807800000077616c6b73592744d4'
     """
     wrong = complaint(contents)
     if wrong:
@@ -165,7 +167,8 @@ def _shortest(contents: Contents, wrapped: list[bytes]) -> bytes:
 
 
 def _is_plain(contents: Contents) -> bool:
-    return contents.map_hash is None and not contents.extras and fits_head(contents.frame)
+    fits = contents.frame is None or fits_head(contents.frame)
+    return not contents.extras and contents.layer is None and fits
 
 
 def _wrapped(contents: Contents) -> list[bytes]:
@@ -179,13 +182,14 @@ def _wrapped(contents: Contents) -> list[bytes]:
 
 
 def _compact(contents: Contents, payload: bytes) -> bytes:
-    form = Form.NAMED if contents.layer is None else Form.LAYERED
-    names = names_bytes(contents.ids)
-    if contents.layer is None and contents.ids == (LONE_ID,):
-        form, names = Form.LONE, b""
-    frame = contents.frame
-    head = head_bytes(Head(form, short_shape(frame), int(is_whole(frame))))
-    return _sealed(head + short_frame_bytes(frame) + names + payload)
+    lone, frame = contents.ids == (LONE_ID,), contents.frame
+    names = b"" if lone else names_bytes(contents.ids)
+    if frame is not None:
+        head = Head(Form.LONE if lone else Form.NAMED, short_shape(frame), int(is_whole(frame)))
+        place = short_frame_bytes(frame)
+    elif contents.map is not None:
+        head, place = Head(Form.ON_MAP, contents.map.halvings, int(not lone)), contents.map.hash
+    return _sealed(head_bytes(head) + promise_bytes(contents.promise) + place + names + payload)
 
 
 def _sealed(data: bytes) -> bytes:
@@ -193,10 +197,12 @@ def _sealed(data: bytes) -> bytes:
 
 
 def _opening(contents: Contents) -> list[tuple[int, bytes]]:
-    sections = [(int(Kind.FRAME), frame_bytes(contents.frame)), (int(Kind.NAMES), names_bytes(contents.ids))]
-    if contents.map_hash is not None:
-        sections.append((int(Kind.MAP_HASH), contents.map_hash))
-    return sections
+    sections = [(int(Kind.NAMES), names_bytes(contents.ids))]
+    if contents.promise is not None:
+        sections.append((int(Kind.PROMISE), promise_bytes(contents.promise)))
+    if contents.frame is not None:
+        return [(int(Kind.FRAME), frame_bytes(contents.frame)), *sections]
+    return [(int(Kind.MAP), reference_bytes(contents.map)), *sections] if contents.map is not None else sections
 
 
 def _small(contents: Contents, wrapped: list[bytes]) -> bytes:

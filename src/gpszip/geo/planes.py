@@ -6,18 +6,20 @@ several planes side by side in x, see :class:`gpszip.model.Plane`.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gpszip.model import Plane
+from gpszip.errors import OptionError
+from gpszip.model import Plane, Track
 
 if TYPE_CHECKING:
     from pyproj import Transformer
 
-__all__ = ["REACH", "choose_plane", "plane_changes", "plane_index", "to_geographic", "to_plane"]
+__all__ = ["REACH", "choose_plane", "on_plane", "plane_changes", "plane_index", "to_geographic", "to_plane"]
 
 #: Distance in metres from a plane's centre within which positions lie on it.
 REACH = 400_000.0
@@ -129,6 +131,43 @@ def to_geographic(positions: ArrayLike, plane: Plane) -> tuple[Floats, Floats]:
         x = positions[here, 0] - i * Plane.SPREAD
         lon[here], lat[here] = _projection(plane.centers[i]).transform(x, positions[here, 1], direction="INVERSE")
     return lat, lon
+
+
+def on_plane(track: Track, plane: Plane) -> Track:
+    """Lay a track in degrees on other planes than its own.
+
+    Parameters
+    ----------
+    track : Track
+        With a plane.
+    plane : Plane
+        The planes of a map, say.
+
+    Returns
+    -------
+    Track
+        The same instants and attributes.
+
+    Raises
+    ------
+    OptionError
+        If any sample lies out of reach of all the planes.
+
+    Examples
+    --------
+    >>> berlin = choose_plane([52.5], [13.4])
+    >>> track = Track("a", [0.0], to_plane([52.6], [13.5], berlin), plane=berlin)
+    >>> moved = on_plane(track, choose_plane([52.61], [13.5]))
+    >>> [round(float(value[0]), 9) for value in to_geographic(moved.positions, moved.plane)]
+    [52.6, 13.5]
+    """
+    if track.plane is None or track.plane == plane:
+        return track
+    lat, lon = to_geographic(track.positions, track.plane)
+    directions = _directions(lat, lon)
+    if not np.any([_within(directions, center) for center in plane.centers], axis=0).all():
+        raise OptionError(f"track {track.id!r} lies more than {REACH / 1000:.0f} km from the map; give a map of the same place")
+    return replace(track, positions=to_plane(lat, lon, plane), plane=plane)
 
 
 def plane_index(positions: ArrayLike, plane: Plane) -> NDArray[np.int64]:

@@ -12,13 +12,10 @@ from gpszip.coding.past import Past
 from gpszip.mapping.maximum import mend
 from gpszip.mapping.rounds import Outcome, Plan, fit
 from gpszip.mapping.slots import lay_slots
-from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Track
-from gpszip.model.frame import quantum
+from gpszip.model import Executor, Frame, LatticeWalks, Track
+from gpszip.model.frame import MOST_HALVINGS, quantum
 
-__all__ = ["FINEST", "halvings", "learn_on", "refined", "refined_frame"]
-
-#: How often an archive on a map may halve the map's quanta.
-FINEST = 3
+__all__ = ["halvings", "learn_on"]
 
 #: Quanta are halved while they are coarser than these shares of the RMSE allowed; the best lie about 1.2.
 _COARSEST = 2.4
@@ -54,29 +51,11 @@ class _Search:
         return fit(lay_slots(self.tracks, self.gaps, self.frame), len(self.tracks), plan, known=self.known)
 
 
-def refined_frame(frame: Frame, times: int) -> Frame:
-    """Return the lattice with both quanta halved so many times."""
-    return replace(frame, space=frame.space - 8 * times, time=frame.time - 8 * times)
-
-
-def refined(walks: LatticeWalks, times: int) -> LatticeWalks:
-    """Return the same walks on the lattice with both quanta halved so many times.
-
-    Examples
-    --------
-    >>> walk = LatticeWalk(np.array([0], np.int32), np.array([3]), np.zeros(0, bool))
-    >>> refined(LatticeWalks(np.array([[5, -1]]), (walk,)), 2).nodes.tolist()
-    [[20, -4]]
-    """
-    finer = tuple(LatticeWalk(walk.nodes, walk.cells << times, walk.gaps) for walk in walks.walks)
-    return LatticeWalks(walks.nodes << times, finer, walks.timed)
-
-
 def halvings(frame: Frame, rmse: float | None, max_error: float | None) -> int:
     """How often a map's quanta are to be halved for a bound on the error."""
     bound = rmse if rmse is not None else _RMSE_OF_MAXIMUM * (max_error or 0.0)
     times = 0
-    while times < min(FINEST, frame.space // 8, frame.time // 8) and quantum(frame.space - 8 * times) > _COARSEST * bound:
+    while times < min(MOST_HALVINGS, frame.space // 8, frame.time // 8) and quantum(frame.space - 8 * times) > _COARSEST * bound:
         times += 1
     return times
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-__all__ = ["QUANTUM_STEPS", "Frame", "Plane", "quantum", "quantum_index"]
+__all__ = ["MOST_HALVINGS", "QUANTUM_STEPS", "Frame", "Plane", "quantum", "quantum_index", "refined_frame"]
 
 #: Quanta come in eighths of an octave; literal so that every machine has the same eight numbers.
 _EIGHTHS = (
@@ -20,6 +20,10 @@ _EIGHTHS = (
 
 #: Number of quanta that an archive can name (one byte).
 QUANTUM_STEPS = 256
+
+
+#: How often an archive on a map kept elsewhere may halve the map's quanta.
+MOST_HALVINGS = 3
 
 
 def quantum(index: int) -> float:
@@ -95,3 +99,8 @@ class Frame:
     def dimension(self) -> int:
         """Number of coordinates d."""
         return len(self.origin)
+
+
+def refined_frame(frame: Frame, times: int) -> Frame:
+    """Return the lattice with both quanta halved so many times."""
+    return replace(frame, space=frame.space - 8 * times, time=frame.time - 8 * times)

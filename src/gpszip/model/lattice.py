@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LatticeWalk", "LatticeWalks"]
+__all__ = ["LatticeWalk", "LatticeWalks", "refined"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,3 +46,16 @@ class LatticeWalks:
     nodes: NDArray[np.int64]
     walks: tuple[LatticeWalk, ...]
     timed: bool = True
+
+
+def refined(walks: LatticeWalks, times: int) -> LatticeWalks:
+    """Return the same walks on the lattice with both quanta halved so many times.
+
+    Examples
+    --------
+    >>> walk = LatticeWalk(np.array([0], np.int32), np.array([3]), np.zeros(0, bool))
+    >>> refined(LatticeWalks(np.array([[5, -1]]), (walk,)), 2).nodes.tolist()
+    [[20, -4]]
+    """
+    finer = tuple(LatticeWalk(walk.nodes, walk.cells << times, walk.gaps) for walk in walks.walks)
+    return LatticeWalks(walks.nodes << times, finer, walks.timed)

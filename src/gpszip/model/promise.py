@@ -1,0 +1,54 @@
+"""The error that an archive promises to keep."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+__all__ = ["Promise", "promise_of"]
+
+#: A promise has three digits; its exponents of ten, in metres, and the exponent of the smallest one.
+_DIGITS, _EXPONENTS, _FINEST = 1000, 32, -8
+
+
+@dataclass(frozen=True)
+class Promise:
+    """No more error than this: ``digits * 10 ** exponent`` metres.
+
+    Parameters
+    ----------
+    digits : int
+        1 to 1000.
+    exponent : int
+        -8 to 23.
+    maximum : bool
+        Whether every sample is that near, rather than all of them in the root mean square.
+    """
+
+    digits: int
+    exponent: int
+    maximum: bool
+
+    @property
+    def metres(self) -> float:
+        """The error in metres."""
+        return float(self.digits * Fraction(10) ** self.exponent)
+
+
+def promise_of(metres: float, *, maximum: bool) -> Promise | None:
+    """Round a measured error up to three digits; None where it is beyond all that can be promised.
+
+    Examples
+    --------
+    >>> promise_of(0.23941, maximum=False).metres, promise_of(41.0, maximum=True).metres
+    (0.24, 41.0)
+    """
+    if not 0 <= metres < math.inf:
+        return None
+    exact = Fraction(metres)
+    for exponent in range(_FINEST, _FINEST + _EXPONENTS):
+        digits = math.ceil(exact / Fraction(10) ** exponent)
+        if digits < _DIGITS:
+            return Promise(max(digits, 1), exponent, maximum)
+    return None
