@@ -163,7 +163,8 @@ class _Search:
         for track, gap in list(zip(self.tracks, self.gaps, strict=True))[::stride]:
             count = min(len(track), left)
             if count > 0:
-                tracks.append(Track(track.id, track.times[:count], track.positions[:count], plane=track.plane))
+                weights = None if track.weights is None else track.weights[:count]
+                tracks.append(Track(track.id, track.times[:count], track.positions[:count], weights, plane=track.plane))
                 gaps.append(gap[: count - 1])
                 left -= count
         return replace(self, tracks=tuple(tracks), gaps=tuple(gaps), rounds=_ROUGH_ROUNDS, rough=True)

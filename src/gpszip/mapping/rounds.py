@@ -126,7 +126,7 @@ def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None, kno
     at, places = _gather(here, at, places, plan, known)
     best: Outcome | None = None
     kept: tuple[Slots, NDArray[np.int64], NDArray[np.float64]] | None = None
-    push, bits, weights = _PUSH, prices_of(None, price, len(places)), np.ones(slots.samples)
+    push, bits, weights = _PUSH, prices_of(None, price, len(places)), np.ones(len(slots.times))
     for turn in range(plan.rounds):
         if here is not slots and turn >= plan.rounds - _LAST_ROUNDS:
             at, here = carry_knots(at, here, slots), slots
@@ -343,7 +343,7 @@ def realise(
     data, ledger = encode_with_ledger(walks, known)
     errors, part = sample_errors(slots, list_parts(slots, at), places)
     misses = 0 if plan.maximum is None else len(np.unique(part[errors > plan.maximum]))
-    return Outcome(walks, len(data), float(np.sqrt((errors**2).mean())), misses), ledger, errors
+    return Outcome(walks, len(data), float(np.sqrt((slots.weights * errors**2).sum() / slots.samples)), misses), ledger, errors
 
 
 def prices_of(ledger: NDArray[np.float64] | None, price: float, nodes: int) -> NDArray[np.float64]:

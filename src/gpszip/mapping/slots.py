@@ -17,6 +17,8 @@ __all__ = ["Slots", "carry_knots", "lay_slots", "weigh_samples"]
 #: Time ticks of a cell, and position ticks of a quantum where the log's extent allows it.
 _TIME_TICKS = 256
 _PLACE_TICKS = 64
+#: What a weight of 1 counts where tracks have weights.
+_WEIGHT_TICKS = 16
 #: Every cell carries a slot while there are at most this many for each sample; else only those next to samples.
 _CELLS_PER_SAMPLE = 16
 
@@ -49,6 +51,8 @@ class Slots:
         Time of each sample, in cells.
     spots : float64 array, shape (n, d)
         Position of each sample, in quanta.
+    weights : int64 array, shape (n,)
+        What each sample counts; 1, or of weighted tracks sixteenths of their weights.
     """
 
     cells: NDArray[np.int64]
@@ -63,11 +67,12 @@ class Slots:
     ends: NDArray[np.int64]
     times: NDArray[np.float64]
     spots: NDArray[np.float64]
+    weights: NDArray[np.int64]
 
     @property
     def samples(self) -> int:
-        """Number of samples n."""
-        return len(self.times)
+        """Number of samples n; of weighted ones, the sum of their weights."""
+        return int(self.weights.sum())
 
 
 def lay_slots(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], frame: Frame, *, sparse: bool = False) -> Slots:
@@ -94,6 +99,7 @@ def lay_slots(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], frame:
     places = np.concatenate([_in_quanta(track, frame) for track in tracks])
     offsets = np.cumsum([0] + [len(t) for t in times])
     every = np.concatenate(times)
+    weights = _weights(tracks)
     cells, ends, froms, firsts, lasts, owners = [], [], [], [], [], []
     count = 0
     for owner, (offset, pieces) in enumerate(zip(offsets[:-1], spans, strict=True)):
@@ -111,19 +117,29 @@ def lay_slots(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], frame:
     cell = np.concatenate(cells)
     spots = _smooth_places(every, places, cell, np.concatenate(froms))
     unit = _place_ticks(
-        places, np.concatenate([[offset + piece[0] for piece in pieces] for offset, pieces in zip(offsets, spans, strict=False)])
+        places,
+        np.concatenate([[offset + piece[0] for piece in pieces] for offset, pieces in zip(offsets, spans, strict=False)]),
+        int(weights.sum()),
     )
     before = np.concatenate(ends).astype(np.int64)
     return Slots(
         cell, cell * _TIME_TICKS, spots, np.rint(spots * unit).astype(np.int64),
-        _sums(every, places, np.ones(len(every), np.int64), before, unit), float(unit),
-        np.array(firsts), np.array(lasts), np.array(owners), before, every, places,
+        _sums(every, places, weights, before, unit), float(unit),
+        np.array(firsts), np.array(lasts), np.array(owners), before, every, places, weights,
     )  # fmt: skip
 
 
 def weigh_samples(slots: Slots, weights: NDArray[np.int64]) -> Slots:
     """Return the same slots with sums in which each sample counts as often as its weight says."""
-    return replace(slots, sums=_sums(slots.times, slots.spots, weights, slots.ends, slots.place_unit))
+    return replace(slots, sums=_sums(slots.times, slots.spots, weights * slots.weights, slots.ends, slots.place_unit))
+
+
+def _weights(tracks: Sequence[Track]) -> NDArray[np.int64]:
+    if all(track.weights is None for track in tracks):
+        return np.ones(sum(map(len, tracks)), np.int64)
+    every = [np.ones(len(track)) if track.weights is None else track.weights for track in tracks]
+    whole: NDArray[np.int64] = np.maximum(np.rint(_WEIGHT_TICKS * np.concatenate(every)), 1).astype(np.int64)
+    return whole
 
 
 def _sums(
@@ -201,11 +217,11 @@ def _smooth_places(
     return out
 
 
-def _place_ticks(places: NDArray[np.float64], starts: NDArray[np.int64]) -> int:
+def _place_ticks(places: NDArray[np.float64], starts: NDArray[np.int64], weight: int) -> int:
     """Ticks of a quantum such that the squares of positions about a piece's own, summed over a long part, stay within 62 bits."""
     spread = np.maximum.reduceat(places, starts, axis=0) - np.minimum.reduceat(places, starts, axis=0)
     extent = float(spread.max()) + 1.0
     unit = _PLACE_TICKS
-    while unit > 1 and (extent * unit) ** 2 * min(len(places), 100_000) > 2.0**58:
+    while unit > 1 and (extent * unit) ** 2 * min(weight, 100_000) > 2.0**58:
         unit //= 2
     return unit
