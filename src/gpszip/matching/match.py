@@ -2,38 +2,111 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.errors import InputError, OptionError
+from gpszip.geo.gaps import estimate_gap, gap_parts
+from gpszip.geo.planes import plane_changes
+from gpszip.matching.assembling import assemble
+from gpszip.matching.chain import Stretch, follow
+from gpszip.matching.index import RoadIndex, index_network, workspace
 from gpszip.matching.result import Matching
-from gpszip.model import Track
-from gpszip.model.network import Network
+from gpszip.matching.scales import estimate_scales
+from gpszip.model import Network, Track
 
 __all__ = ["match"]
 
 
 def match(
     tracks: Sequence[Track] | Track,
-    network: Network,
+    network: Network | RoadIndex,
     *,
     sigma: float | None = None,
     beta: float | None = None,
     gap: float | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> Matching:
     """Find the roads that tracks took.
 
     Parameters
     ----------
     tracks : sequence of Track, or one Track
-        On the plane of the network.
-    network : Network
-        The roads.
+        On the plane of the network; they are not modified.
+    network : Network or RoadIndex
+        The roads; :func:`~gpszip.matching.index.index_network` prepares a network for several calls.
     sigma, beta : float, optional
         Scales in metres, see :class:`~gpszip.matching.result.Match`; estimated from the log by default.
     gap : float, optional
         Silences longer than this, in seconds, are breaks; ``math.inf`` for none. Estimated by default.
+    progress : callable, optional
+        Called with the share of the samples that is done.
 
     Returns
     -------
     Matching
+        A match for each track.
+
+    Raises
+    ------
+    InputError
+        If there are no tracks or no roads.
+    OptionError
+        If tracks and roads are not on one plane, or a scale is no positive number.
+
+    Examples
+    --------
+    >>> nodes = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 80.0]])
+    >>> corner = Network(
+    ...     nodes, np.array([0, 1], np.int32), np.array([1, 2], np.int32), np.array([0, 2, 4]), nodes[[0, 1, 1, 2]],
+    ...     np.ones(2, bool), np.ones(2, bool), np.full(2, np.nan),
+    ... )
+    >>> found = match(Track("car", [0, 5, 10, 15], [[10, 2], [60, -1], [98, 20], [101, 60]]), corner)
+    >>> found[0].edge.tolist(), found[0].offset.round().tolist(), round(found[0].pieces[0].length)
+    ([0, 0, 1, 1], [10.0, 60.0, 20.0, 60.0], 150)
     """
-    raise NotImplementedError
+    whole = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
+    _check(whole, network.network if isinstance(network, RoadIndex) else network, sigma=sigma, beta=beta, gap=gap)
+    index = network if isinstance(network, RoadIndex) else index_network(network, min(track.dimension for track in whole))
+    stretches = _stretches(whole, index, gap)
+    work = workspace(index)
+    scales = estimate_scales(index, work, stretches, sigma=sigma, beta=beta)
+    matches, done, samples = [], 0, sum(map(len, whole))
+    for track, one in zip(whole, stretches, strict=True):
+        matches.append(assemble(index, work, track.id, follow(index, work, one, scales), scales))
+        done += len(track)
+        if progress is not None:
+            progress(done / samples)
+    return Matching(tuple(matches), scales.sigma, scales.beta)
+
+
+def _check(tracks: Sequence[Track], network: Network, **numbers: float | None) -> None:
+    if not tracks:
+        raise InputError("no tracks: there is nothing to match")
+    if not len(network):
+        raise InputError("the network has no roads: there is nothing to match with")
+    for name, value in numbers.items():
+        if value is not None and not (value > 0 and (name == "gap" or math.isfinite(value))):
+            raise OptionError(f"{name} is {value:g}; it must be a positive number")
+    for track in tracks:
+        if track.plane != network.plane:
+            raise OptionError(f"track {track.id!r} and the network lie on different planes; read the network near the tracks")
+
+
+def _stretches(tracks: Sequence[Track], index: RoadIndex, gap: float | None) -> list[Stretch]:
+    """Tracks in the coordinates of the index, with their silences."""
+    length = estimate_gap(tracks) if gap is None else gap
+    out = []
+    for track in tracks:
+        silent = gap_parts(track.times, length) | plane_changes(track.positions, track.plane)
+        out.append(Stretch(_coordinates(track.positions, index.dimension), track.times, silent))
+    return out
+
+
+def _coordinates(positions: NDArray[np.float64], dimension: int) -> NDArray[np.float64]:
+    """So many coordinates: the first ones, then zeros."""
+    used = positions[:, :dimension]
+    return np.ascontiguousarray(np.pad(used, ((0, 0), (0, dimension - used.shape[1]))))

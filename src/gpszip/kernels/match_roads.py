@@ -1,0 +1,154 @@
+"""What the kernels of matching share: roads, the cells that they cross, the graph that they make, and the model's numbers.
+
+Directed road 2e leads along road e from its start to its end, 2e + 1 back, so that ``a ^ 1`` is a turned round.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.kernels.jit import jit
+
+__all__ = ["Cells", "Graph", "Model", "Roads", "Work", "apart", "larger", "place", "project", "vertex_before"]
+
+
+class Roads(NamedTuple):
+    """Shapes: road e has the vertices ``offsets[e]`` to ``offsets[e + 1]`` of ``points``, so many metres ``along`` it."""
+
+    points: NDArray[np.float64]
+    along: NDArray[np.float64]
+    offsets: NDArray[np.int64]
+
+
+class Cells(NamedTuple):
+    """Bits of road by the square cells that they cross, over the first two axes.
+
+    The cell in some row and column counted from (left, low) has number ``row * columns + column``. ``table`` is a hash table of cell
+    numbers plus one, 0 where empty; in the same slot are the begin and end of the cell's bits: first vertex and road of each.
+    """
+
+    table: NDArray[np.int64]
+    begins: NDArray[np.int64]
+    ends: NDArray[np.int64]
+    firsts: NDArray[np.int32]
+    owners: NDArray[np.int32]
+    left: float
+    low: float
+    size: float
+    columns: int
+    rows: int
+
+
+class Graph(NamedTuple):
+    """Directed roads that may be travelled out of each node, ``outs[begins[v]:begins[v + 1]]``.
+
+    For each directed road: the node at its end, its length, the unit vector at its beginning, and whether it may be travelled.
+    """
+
+    begins: NDArray[np.int64]
+    outs: NDArray[np.int32]
+    heads: NDArray[np.int32]
+    lengths: NDArray[np.float64]
+    headings: NDArray[np.float64]
+    open: NDArray[np.bool_]
+
+
+class Work(NamedTuple):
+    """Room for one search at a time, as large as the graph.
+
+    ``state`` holds the number of the search and the size of its heap; what belongs to a directed road is of this search if ``stamps``
+    says so. ``targets`` is the first candidate on a directed road, -1 for none, also between searches.
+    """
+
+    state: NDArray[np.int64]
+    stamps: NDArray[np.int64]
+    price: NDArray[np.float64]
+    metres: NDArray[np.float64]
+    parents: NDArray[np.int32]
+    slots: NDArray[np.int32]
+    heap: NDArray[np.int32]
+    targets: NDArray[np.int32]
+
+
+class Model(NamedTuple):
+    """Numbers of the model; prices are negative logarithms of probability.
+
+    Candidates are the ``most`` nearest places within ``reach`` metres; one d metres off costs ``(d / sigma) ** 2 / 2``, none at all
+    ``off``. A way that is x metres longer or shorter than the straight line costs ``x / beta``, a link that no road makes ``jump``,
+    turning off up to ``turn``, turning round ``u_turn``. A candidate may seem to go ``slack`` metres back. Ways that cost ``margin`` more
+    than the best are not looked for. The last four bound the length of a way, see ``longest_way``.
+    """
+
+    sigma: float
+    beta: float
+    reach: float
+    off: float
+    jump: float
+    turn: float
+    u_turn: float
+    slack: float
+    margin: float
+    most: int
+    fastest: float
+    usual: float
+    detour: float
+    spare: float
+
+
+@jit
+def project(points: NDArray[np.float64], first: int, at: NDArray[np.float64]) -> tuple[float, float]:
+    """Squared distance from a place to a bit of road, and the share of the bit before its nearest point."""
+    dot = square = 0.0
+    for axis in range(points.shape[1]):
+        step = points[first + 1, axis] - points[first, axis]
+        dot += step * (at[axis] - points[first, axis])
+        square += step * step
+    share = min(max(dot / square, 0.0), 1.0) if square > 0 else 0.0
+    distance = 0.0
+    for axis in range(points.shape[1]):
+        here = points[first, axis] + share * (points[first + 1, axis] - points[first, axis])
+        distance += (at[axis] - here) ** 2
+    return distance, share
+
+
+@jit
+def vertex_before(roads: Roads, road: int, offset: float) -> int:
+    """The last vertex of a road, but never its end, that does not lie beyond an offset."""
+    a, b = roads.offsets[road], roads.offsets[road + 1] - 1
+    while b - a > 1:
+        middle = (a + b) // 2
+        if roads.along[middle] <= offset:
+            a = middle
+        else:
+            b = middle
+    return a
+
+
+@jit
+def place(roads: Roads, road: int, offset: float, out: NDArray[np.float64]) -> None:
+    """Coordinates of the place at an offset on a road."""
+    a = vertex_before(roads, road, offset)
+    bit = roads.along[a + 1] - roads.along[a]
+    share = min(max((offset - roads.along[a]) / bit, 0.0), 1.0) if bit > 0 else 0.0
+    for axis in range(len(out)):
+        out[axis] = roads.points[a, axis] + share * (roads.points[a + 1, axis] - roads.points[a, axis])
+
+
+@jit
+def apart(positions: NDArray[np.float64], i: int, j: int) -> float:
+    """Distance between two samples."""
+    square = 0.0
+    for axis in range(positions.shape[1]):
+        square += (positions[i, axis] - positions[j, axis]) ** 2
+    return np.sqrt(square)
+
+
+@jit
+def larger(values: NDArray[np.generic], size: int) -> NDArray[np.generic]:
+    """A larger array that begins with the same values."""
+    out = np.empty(size, values.dtype)
+    out[: len(values)] = values
+    return out
