@@ -28,6 +28,7 @@ PUBLIC = [
     "compress",
     "coreset",
     "decompress",
+    "match",
     "open",
     "open_coreset",
     "read",

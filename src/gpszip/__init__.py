@@ -13,7 +13,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gpszip.api import compress, coreset, decompress, open, open_coreset, read, save_coreset, segment_mean
+    from gpszip.api import compress, coreset, decompress, match, open, open_coreset, read, save_coreset, segment_mean
     from gpszip.archive import Archive
     from gpszip.errors import (
         BoundError,
@@ -55,6 +55,7 @@ __all__ = [
     "compress",
     "coreset",
     "decompress",
+    "match",
     "open",
     "open_coreset",
     "read",
@@ -63,7 +64,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "gpszip.api": ("compress", "coreset", "decompress", "open", "open_coreset", "read", "save_coreset", "segment_mean"),
+    "gpszip.api": ("compress", "coreset", "decompress", "match", "open", "open_coreset", "read", "save_coreset", "segment_mean"),
     "gpszip.archive": ("Archive",),
     "gpszip.sketches.coreset": ("Coreset",),
     "gpszip.sketches.stream": ("CoresetStream",),

@@ -13,12 +13,13 @@ from numpy.typing import ArrayLike
 
 from gpszip import pipeline
 from gpszip.archive import Archive, open_archive
-from gpszip.model import Executor, Listener, Options, SegmentMean, Track
+from gpszip.model import Executor, Listener, Network, Options, SegmentMean, Track
 
 if TYPE_CHECKING:
+    from gpszip.model.match import Matching
     from gpszip.sketches.coreset import Coreset
 
-__all__ = ["compress", "coreset", "decompress", "open", "open_coreset", "read", "save_coreset", "segment_mean"]
+__all__ = ["compress", "coreset", "decompress", "match", "open", "open_coreset", "read", "save_coreset", "segment_mean"]
 
 
 def read(sources: Any, **options: Any) -> list[Track]:
@@ -155,6 +156,53 @@ def decompress(
     [[[0.0], [3.0], [6.0]]]
     """
     return pipeline.decompress(archive if isinstance(archive, Archive) else open(archive), every=every, at=at)
+
+
+def match(
+    tracks: Sequence[Track] | Track,
+    network: Network | Archive | str | os.PathLike[str],
+    *,
+    sigma: float | None = None,
+    beta: float | None = None,
+    gap: float | None = None,
+    progress: Listener | None = None,
+) -> Matching:
+    """Find the roads that tracks took, by a hidden Markov model.
+
+    Parameters
+    ----------
+    tracks : sequence of Track, or one Track
+        On one plane; they are not modified.
+    network : Network, Archive or path
+        The roads: a file that ``gpszip network`` reads or wrote, or an archive, for its map.
+    sigma, beta : float, optional
+        Scales in metres of the distance between log and roads, and of the difference between the way over roads and the
+        straight line. Estimated from the log by default.
+    gap : float, optional
+        Silences longer than this, in seconds, break a route; ``math.inf`` for none. Estimated by default.
+    progress : callable, optional
+        Called with :class:`~gpszip.model.report.Progress` events.
+
+    Returns
+    -------
+    Matching
+        For each track its routes, the place of each sample on them, and where and why they break.
+
+    Raises
+    ------
+    InputError
+        If there are no tracks or no roads, or the roads lie elsewhere.
+    OptionError
+        If tracks and roads are not on one plane, or a scale is no positive number.
+
+    Examples
+    --------
+    >>> walk = Track("walk", [0, 5, 10, 15, 20], [[0, 0], [5, 0], [10, 0], [10, 5], [10, 10]])
+    >>> found = match(Track("again", [0, 8, 16], [[1, 0.1], [9, -0.1], [10, 7]]), compress(walk, max_error=0.1))
+    >>> found.share, round(found[0].pieces[0].length)
+    (1.0, 16)
+    """
+    return pipeline.match(tracks, network, sigma=sigma, beta=beta, gap=gap, progress=progress)
 
 
 def open(source: str | os.PathLike[str] | bytes) -> Archive:

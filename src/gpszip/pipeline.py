@@ -20,7 +20,7 @@ from gpszip.container.attributes import Kept, attributes_body
 from gpszip.container.contents import Section
 from gpszip.container.layout import Kind
 from gpszip.errors import BoundError, InputError, OptionError
-from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Options, Plane, Progress, Report, SegmentMean, Track
+from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Network, Options, Plane, Progress, Report, SegmentMean, Track
 from gpszip.model.frame import refined_frame
 from gpszip.model.promise import promise_of
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from gpszip.io.prepared import Prepared
     from gpszip.mapping.fitting import Fit
     from gpszip.mapping.size_search import Try
+    from gpszip.model.match import Matching
     from gpszip.model.reading import Reading
 
 __all__ = ["compress", "decompress", "prepare_network", "read", "read_network", "segment_mean", "warm"]
@@ -108,10 +109,36 @@ def prepare_network(sources: Any, *, metric: bool | None = None) -> Prepared:
 def _roads_of_archives(source: Any) -> list[Any]:
     """Sources of roads, with archives replaced by the ways of their maps."""
     from gpszip.io.networks import is_archive
-    from gpszip.io.road_map_lines import way_map_lines
 
     sources = list(source) if isinstance(source, (list, tuple)) else [source]
-    return [way_map_lines(open_archive(one).clean_map(), str(one)) if is_archive(one) else one for one in sources]
+    return [_roads_of(one, str(one)) if isinstance(one, Archive) or is_archive(one) else one for one in sources]
+
+
+def _roads_of(source: Any, name: str) -> Any:
+    from gpszip.io.road_map_lines import way_map_lines
+
+    archive = source if isinstance(source, Archive) else open_archive(source)
+    return way_map_lines(archive.clean_map(), "the archive" if source is archive else name)
+
+
+def match(
+    tracks: Sequence[Track] | Track,
+    network: Any,
+    *,
+    sigma: float | None = None,
+    beta: float | None = None,
+    gap: float | None = None,
+    progress: Listener | None = None,
+) -> Matching:
+    """Find the roads that tracks took; ``network`` is a :class:`~gpszip.model.Network` or what :func:`read_network` takes."""
+    from gpszip.matching import match as matching
+
+    def tell(done: float) -> None:
+        if progress is not None:
+            progress(Progress("match", done))
+
+    roads = network if isinstance(network, Network) else read_network(network, near=tracks).network
+    return matching.match(tracks, roads, sigma=sigma, beta=beta, gap=gap, progress=tell)
 
 
 def compress(

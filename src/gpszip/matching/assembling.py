@@ -11,7 +11,7 @@ from gpszip.kernels.match_search import find_way
 from gpszip.kernels.match_trace import Legs, draw, place_samples
 from gpszip.matching.chain import Chain
 from gpszip.matching.index import RoadIndex
-from gpszip.matching.result import Break, Match, Piece, Route
+from gpszip.model.match import Break, Match, Piece, Route
 from gpszip.matching.rules import Scales
 
 __all__ = ["assemble", "route_of"]

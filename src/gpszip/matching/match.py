@@ -14,7 +14,7 @@ from gpszip.geo.planes import plane_changes
 from gpszip.matching.assembling import assemble
 from gpszip.matching.chain import Stretch, follow
 from gpszip.matching.index import RoadIndex, index_network, workspace
-from gpszip.matching.result import Matching
+from gpszip.model.match import Matching
 from gpszip.matching.scales import estimate_scales
 from gpszip.model import Network, Track
 

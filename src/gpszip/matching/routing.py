@@ -11,7 +11,7 @@ from gpszip.kernels.match_search import find_way
 from gpszip.kernels.match_trace import Legs
 from gpszip.matching.assembling import route_of
 from gpszip.matching.index import RoadIndex, index_network, workspace
-from gpszip.matching.result import Route
+from gpszip.model.match import Route
 from gpszip.model import Network
 
 __all__ = ["Place", "Router"]

@@ -1,0 +1,168 @@
+"""Writing what was matched: routes as lines, or the place of every point as rows."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pc
+from numpy.typing import NDArray
+
+from gpszip.errors import OutputError
+from gpszip.geo.planes import to_geographic
+from gpszip.io.geojson import METRES
+from gpszip.io.sink import writing
+from gpszip.io.track_table import DEGREE_DIGITS, TIME_DECIMALS, decimal
+from gpszip.model import Network, Plane, Track
+from gpszip.model.match import Match, Matching, Piece
+
+__all__ = ["route_format", "write_routes"]
+
+_DECIMALS = 3
+
+_FORMATS = {".geojson": "geojson", ".json": "geojson", ".csv": "csv"}
+
+
+def route_format(sink: str | Path | BinaryIO, format: str | None = None) -> str:
+    """Format in which routes are written: ``"geojson"`` or ``"csv"``, told from a name where left out, GeoJSON for a stream.
+
+    Raises
+    ------
+    OutputError
+        If it is another one.
+
+    Examples
+    --------
+    >>> route_format("routes.csv"), route_format("-")
+    ('csv', 'geojson')
+    """
+    suffix = Path(str(sink)).suffix.lower() if isinstance(sink, (str, Path)) else ""
+    chosen = format or _FORMATS.get(suffix, "geojson" if not suffix else suffix[1:])
+    if chosen not in {"geojson", "csv"}:
+        raise OutputError(f"{sink}: routes are written as geojson or csv, not as {chosen}; name such a file, or give --format")
+    return chosen
+
+
+def write_routes(
+    matching: Matching, tracks: Sequence[Track], network: Network, sink: str | Path | BinaryIO, format: str | None = None
+) -> None:
+    """Write routes; on the earth in degrees.
+
+    Parameters
+    ----------
+    matching : Matching
+        What was matched.
+    tracks : sequence of Track
+        The log.
+    network : Network
+        The roads.
+    sink : str, Path or binary stream
+        The file, which appears whole or not at all and replaces another of its name; ``-`` for standard output.
+    format : str, optional
+        ``geojson``, a line for each piece; or ``csv``, a row for each point. Told from the name where left out.
+
+    Raises
+    ------
+    OutputError
+        If the file can't be written.
+    """
+    chosen = route_format(sink, format)
+    with writing(sink) as stream:
+        if chosen == "csv":
+            _write_rows(matching, tracks, network, stream)
+        else:
+            _write_lines(matching, tracks, network, stream)
+
+
+def _write_lines(matching: Matching, tracks: Sequence[Track], network: Network, stream: BinaryIO) -> None:
+    member = "" if network.plane is not None else f"{json.dumps(METRES)[1:-1]}, "
+    stream.write(f'{{"type": "FeatureCollection", {member}"features": ['.encode())
+    separator = "\n"
+    for match, track in zip(matching.matches, tracks, strict=True):
+        for feature in _features(match, track, network):
+            stream.write((separator + json.dumps(feature, ensure_ascii=False)).encode())
+            separator = ",\n"
+    stream.write(b"\n]}\n")
+
+
+def _features(match: Match, track: Track, network: Network) -> Iterator[dict[str, Any]]:
+    for number, piece in enumerate(match.pieces):
+        line = _places(piece.line if len(piece.line) > 1 else np.repeat(piece.line, 2, axis=0), network.plane).tolist()
+        properties = _properties(match, number, piece, track) | {"roads": _roads(piece, network)}
+        yield {"type": "Feature", "properties": properties, "geometry": {"type": "LineString", "coordinates": line}}
+
+
+def _properties(match: Match, number: int, piece: Piece, track: Track) -> dict[str, Any]:
+    start, end = decimal(track.times[[piece.first, piece.last]], TIME_DECIMALS).tolist()
+    return {
+        "track_id": match.track,
+        "piece": number,
+        "t_start": start,
+        "t_end": end,
+        "points": piece.last - piece.first + 1,
+        "length": round(piece.length, _DECIMALS),
+        "confidence": round(piece.confidence, _DECIMALS),
+        "matched": round(match.share, 4),
+        "end": piece.reason,
+    }
+
+
+def _roads(piece: Piece, network: Network) -> list[Any]:
+    """Names of the roads travelled, those that several in a row share once; their numbers where they have none."""
+    edges = piece.route.edges.tolist()
+    names = edges if network.ids is None else [network.ids[edge] for edge in edges]
+    return [name for name, _ in groupby(names)]
+
+
+def _places(positions: NDArray[np.float64], plane: Plane | None) -> NDArray[np.float64]:
+    """Longitude and latitude, or metres, rounded."""
+    if plane is None:
+        return decimal(positions, _DECIMALS)
+    lat, lon = to_geographic(positions[:, :2], plane)
+    return decimal(np.stack([lon, lat], axis=1), _DECIMALS + DEGREE_DIGITS)
+
+
+def _write_rows(matching: Matching, tracks: Sequence[Track], network: Network, stream: BinaryIO) -> None:
+    header = True
+    for match, track in zip(matching.matches, tracks, strict=True):
+        table = _rows(match, track, network)
+        if header:
+            stream.write((",".join(table.column_names) + "\n").encode())
+        pc.write_csv(table, stream, pc.WriteOptions(include_header=False, quoting_style="needed"))
+        header = False
+
+
+def _rows(match: Match, track: Track, network: Network) -> pa.Table:
+    on = match.piece >= 0
+    off = ~on
+    columns: dict[str, Any] = {"track_id": pa.array([match.track] * len(match), pa.string()), "t": decimal(track.times, TIME_DECIMALS)}
+    columns |= _axes("", track.positions, track.plane, np.zeros(len(track), np.bool_))
+    columns |= _axes("road_", match.places(network), network.plane, off)
+    columns["distance"] = _known(decimal(match.distance, _DECIMALS), off)
+    columns["piece"] = pa.array(match.piece, mask=off)
+    names = match.edge if network.ids is None else [network.ids[edge] if edge >= 0 else "" for edge in match.edge.tolist()]
+    columns["road"] = pa.array(names, mask=off)
+    columns["forward"] = pa.array(match.forward, mask=off)
+    columns["offset"] = _known(decimal(match.offset, _DECIMALS), off)
+    columns["along"] = _known(decimal(match.along, _DECIMALS), off)
+    columns["confidence"] = decimal(match.confidence, _DECIMALS)
+    return pa.table(columns)
+
+
+def _axes(prefix: str, positions: NDArray[np.float64], plane: Plane | None, missing: NDArray[np.bool_]) -> dict[str, Any]:
+    there = np.where(missing[:, None], 0.0, positions)
+    if plane is None:
+        names = [*"xyz", *(f"x{i}" for i in range(4, positions.shape[1] + 1))][: positions.shape[1]]
+        return {prefix + name: _known(decimal(there[:, i], _DECIMALS), missing) for i, name in enumerate(names)}
+    there[missing, 0] = np.interp(np.flatnonzero(missing), np.flatnonzero(~missing), there[~missing, 0]) if not missing.all() else 0.0
+    lon, lat = _places(there, plane).T
+    return {prefix + "lat": _known(lat, missing), prefix + "lon": _known(lon, missing)}
+
+
+def _known(values: NDArray[np.float64], missing: NDArray[np.bool_]) -> pa.Array:
+    return pa.array(values, mask=missing)
