@@ -70,6 +70,7 @@ def compress(
     keep_times: bool = False,
     layer: str | None = None,
     effort: int = 5,
+    coreset: int | None = None,
     executor: Executor | None = None,
     progress: Listener | None = None,
 ) -> Archive:
@@ -101,6 +102,8 @@ def compress(
         ``"bz2"`` packs the archive once more, as the thesis did.
     effort : int, default 5
         From 1, quick, to 9, small.
+    coreset : int, optional
+        Learn from the weighted points of a coreset of so many blocks, for speed; the bound is measured at all samples.
     executor : Executor, optional
         Spreads the work, by default over a thread for each core; the archive is the same for any number of workers.
     progress : callable, optional
@@ -126,7 +129,7 @@ def compress(
     np.True_
     """
     names = (keep,) if isinstance(keep, str) else tuple(keep)
-    options = Options(rmse, max_error, size, ratio, gap, k, m, times, names, keep_times, layer, effort)
+    options = Options(rmse, max_error, size, ratio, gap, k, m, times, names, keep_times, layer, effort, coreset)
     return pipeline.compress(tracks, options, executor=executor, progress=progress)[0]
 
 

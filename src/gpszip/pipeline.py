@@ -420,10 +420,11 @@ def _written(job: _Job, learned: _Learned) -> tuple[Archive, Fit]:
 
 
 def _learned(job: _Job, target: Options) -> _Learned | None:
+    tracks, gaps = _samples(job)
     if target.thesis:
         from gpszip.mapping import independent
 
-        return _Learned(*independent.learn(job.tracks, job.gaps, target, executor=job.executor, progress=job.listener))
+        return _Learned(*independent.learn(tracks, gaps, target, executor=job.executor, progress=job.listener))
     from gpszip.mapping import connected, known
 
     def tell(done: int, whole: int) -> None:
@@ -435,12 +436,30 @@ def _learned(job: _Job, target: Options) -> _Learned | None:
         "rmse": target.rmse, "max_error": target.max_error, "effort": target.effort, "executor": job.executor, "progress": tell,
     }  # fmt: skip
     if job.map is None:
-        found = connected.learn(job.tracks, job.gaps, **how)
+        found = _mended(job, connected.learn(tracks, gaps, **how), target)
         return None if found is None else _Learned(*found)
     halvings = known.halvings(job.map.frame, target.rmse, target.max_error)
     frame = refined_frame(job.map.frame, halvings)
-    lattice = known.learn_on(job.map.past(halvings), frame, job.tracks, job.gaps, **how)
+    lattice = known.learn_on(job.map.past(halvings), frame, tracks, gaps, **how)
     return None if lattice is None else _Learned(frame, lattice, halvings)
+
+
+def _samples(job: _Job) -> tuple[tuple[Track, ...], tuple[NDArray[np.bool_], ...]]:
+    """What is learnt from: all samples, or few with weights."""
+    if job.options.coreset is None:
+        return job.tracks, job.gaps
+    from gpszip.mapping.thinning import thin_out
+
+    return thin_out(job.tracks, job.gaps, job.options.coreset)
+
+
+def _mended(job: _Job, found: tuple[Frame, LatticeWalks] | None, target: Options) -> tuple[Frame, LatticeWalks] | None:
+    """What was learnt from a coreset, so that the samples that it lacks keep the maximum, too."""
+    if found is None or job.options.coreset is None or target.max_error is None:
+        return found
+    from gpszip.mapping.maximum import mend
+
+    return mend(job.tracks, *found, target.max_error)
 
 
 def _measured(tracks: Sequence[Track], archive: Archive) -> Fit:

@@ -67,3 +67,10 @@ def test_a_whole_process_does_it(shell, log):
     done = shell("coreset", log, "-o", "c.parquet", "--size", "9")
     assert done.returncode == 0, done.stderr
     assert b"200 samples in 9 blocks" in done.stderr
+
+
+def test_compress_learns_from_a_coreset(gpszip, log):
+    done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "1m", "--coreset", "12", "--effort", "1", "--json")
+    assert done.code == 0, done.err
+    assert done.json["points"] == 200
+    assert done.json["rmse"] <= 1

@@ -28,6 +28,9 @@ _BOUNDS = {"rmse": "--rmse", "max_error": "--max-error", "size": "--bytes", "rat
 @click.option("--gap", type=_GAP, metavar="DURATION", help="Silences longer than this claim no travel, or none. Estimated where left out.")
 @click.option("--effort", type=click.IntRange(1, 9), default=5, show_default=True, help="From 1, quick, to 9, small.")
 @click.option(
+    "--coreset", type=click.IntRange(1), metavar="N", help="Learn from a coreset of N blocks; the bound is measured at all points."
+)
+@click.option(
     "--k",
     type=click.IntRange(1),
     help="Number of parts of the thesis's (k,m)-segment mean, used instead of the connected map where k or m is given.",
@@ -80,7 +83,7 @@ def _options(choices: dict[str, Any]) -> Any:
     given = [option for name, option in _BOUNDS.items() if choices[name] is not None]
     if len(given) > 1:
         raise OptionError(f"{given[0]} and {given[1]} were both given; give one")
-    names = (*_BOUNDS, "gap", "effort", "k", "m", "times", "layer", "keep_times")
+    names = (*_BOUNDS, "gap", "effort", "coreset", "k", "m", "times", "layer", "keep_times")
     size = None if choices["size"] is None else int(choices["size"])
     return Options(**{name: choices[name] for name in names} | {"size": size, "keep": _keep(choices)})
 

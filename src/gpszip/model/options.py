@@ -40,6 +40,8 @@ class Options:
         ``"bz2"`` packs the archive once more, as the thesis did.
     effort : int
         From 1, quick, to 9, small.
+    coreset : int, optional
+        Learn from the weighted points of a coreset of so many blocks instead of all samples. The bound is measured at all.
 
     Raises
     ------
@@ -67,6 +69,7 @@ class Options:
     keep_times: bool = False
     layer: str | None = None
     effort: int = 5
+    coreset: int | None = None
 
     @property
     def bounded(self) -> bool:
@@ -94,6 +97,8 @@ class Options:
             raise OptionError(f"layer is {self.layer!r}; the only layer is 'bz2'")
         if not 1 <= self.effort <= 9:
             raise OptionError(f"effort is {self.effort}; it goes from 1 to 9")
+        if self.coreset is not None and self.coreset < 1:
+            raise OptionError(f"coreset is {self.coreset}; it has at least 1 block")
 
 
 def _check_bounds(options: Options) -> None:
