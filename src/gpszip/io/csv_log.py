@@ -23,13 +23,15 @@ from gpszip.io.track_table import track_tables
 from gpszip.model import Track
 from gpszip.model.reading import Repair
 
-__all__ = ["read_csv", "sniff_csv", "write_csv"]
+__all__ = ["Dialect", "dialect_of", "read_csv", "sniff_csv", "whole_encoding", "write_csv"]
 
 _SAMPLE = 50
 
 
 @dataclass(frozen=True)
-class _Dialect:
+class Dialect:
+    """How a file writes its table."""
+
     encoding: str
     delimiter: str
     header: int  # lines up to and including the header
@@ -77,7 +79,7 @@ def read_csv(source: Source, request: Request) -> RawLog:
     UnknownFormatError
         If the file is no text.
     """
-    dialect = _dialect(source.head(), request, source.name)
+    dialect = dialect_of(source.head(), request, source.name)
     by_role = request.columns if isinstance(request.columns, Mapping) else None
     roles = find_roles(dialect.names, by_role, request.keep, source.name)
     comma = dialect.delimiter != "," and any(_has_decimal_comma(dialect.cells(axis)) for axis in roles.axes)
@@ -117,7 +119,16 @@ def _quoted(text: str) -> str:
     return '"' + text.replace('"', '""') + '"' if risky else text
 
 
-def _dialect(head: bytes, request: Request, where: str) -> _Dialect:
+def dialect_of(head: bytes, request: Request, where: str) -> Dialect:
+    """Tell from its first bytes how a file writes its table.
+
+    Raises
+    ------
+    InputError
+        If it is empty, or has no header and no columns are named.
+    UnknownFormatError
+        If it is no text.
+    """
     if not head.strip():
         raise InputError(f"{where}: empty file; a log needs a header and at least one row")
     if not sniff_csv(head):
@@ -140,7 +151,7 @@ def _dialect(head: bytes, request: Request, where: str) -> _Dialect:
     else:
         raise InputError(f"{where}: no header; its first row is {titles[:60]!r}; name the columns in their order: --columns t,x,y")
     rows = tuple(_cells(line, delimiter) for line in lines[start : start + _SAMPLE])
-    return _Dialect(encoding, delimiter, start, _renamed(names, named, where), rows)
+    return Dialect(encoding, delimiter, start, _renamed(names, named, where), rows)
 
 
 def _encoding(head: bytes) -> str:
@@ -178,7 +189,7 @@ def _has_decimal_comma(cells: Sequence[str]) -> bool:
     return any("," in cell and looks_like_number(cell.replace(",", ".", 1)) for cell in cells)
 
 
-def _table(source: Source, dialect: _Dialect, roles: Roles) -> tuple[Any, int]:
+def _table(source: Source, dialect: Dialect, roles: Roles) -> tuple[Any, int]:
     text = {str(i): pa.string() for i in (*roles.axes, *roles.time)}
     try:
         return _parse(source, dialect, roles, text | _types(dialect, roles), None), 0
@@ -191,12 +202,12 @@ def _table(source: Source, dialect: _Dialect, roles: Roles) -> tuple[Any, int]:
         return "skip"
 
     try:
-        return _parse(source, replace(dialect, encoding=_whole_encoding(source, dialect)), roles, text, skip), len(skipped)
+        return _parse(source, replace(dialect, encoding=whole_encoding(source, dialect)), roles, text, skip), len(skipped)
     except (pa.ArrowInvalid, UnicodeDecodeError) as error:
         raise InputError(f"{source.name}: can't be read as a table: {str(error).splitlines()[0][:120]}") from None
 
 
-def _whole_encoding(source: Source, dialect: _Dialect) -> str:
+def whole_encoding(source: Source, dialect: Dialect) -> str:
     """Look through all of the log: the first letter that is not UTF-8 may come late."""
     decoder = codecs.getincrementaldecoder(dialect.encoding)()
     with source.open() as stream:
@@ -209,7 +220,7 @@ def _whole_encoding(source: Source, dialect: _Dialect) -> str:
     return dialect.encoding
 
 
-def _types(dialect: _Dialect, roles: Roles) -> dict[str, Any]:
+def _types(dialect: Dialect, roles: Roles) -> dict[str, Any]:
     fast = {str(axis): pa.float64() for axis in roles.axes if not _has_decimal_comma(dialect.cells(axis))}
     if len(roles.time) == 1:
         cells = [cell.strip() for cell in dialect.cells(roles.time[0])]
@@ -220,7 +231,7 @@ def _types(dialect: _Dialect, roles: Roles) -> dict[str, Any]:
     return fast
 
 
-def _parse(source: Source, dialect: _Dialect, roles: Roles, types: Mapping[str, Any], skip: Callable[[Any], str] | None) -> Any:
+def _parse(source: Source, dialect: Dialect, roles: Roles, types: Mapping[str, Any], skip: Callable[[Any], str] | None) -> Any:
     if roles.id is not None:
         types = {**types, str(roles.id): pa.dictionary(pa.int32(), pa.string())}
     names = [str(i) for i in range(len(dialect.names))]
