@@ -31,6 +31,7 @@ PUBLIC = [
     "match",
     "open",
     "open_coreset",
+    "patch",
     "read",
     "save_coreset",
     "segment_mean",

@@ -13,7 +13,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gpszip.api import compress, coreset, decompress, match, open, open_coreset, read, save_coreset, segment_mean
+    from gpszip.api import compress, coreset, decompress, match, open, open_coreset, patch, read, save_coreset, segment_mean
     from gpszip.archive import Archive
     from gpszip.errors import (
         BoundError,
@@ -58,13 +58,14 @@ __all__ = [
     "match",
     "open",
     "open_coreset",
+    "patch",
     "read",
     "save_coreset",
     "segment_mean",
 ]
 
 _HOMES = {
-    "gpszip.api": ("compress", "coreset", "decompress", "match", "open", "open_coreset", "read", "save_coreset", "segment_mean"),
+    "gpszip.api": ("compress", "coreset", "decompress", "match", "open", "open_coreset", "patch", "read", "save_coreset", "segment_mean"),
     "gpszip.archive": ("Archive",),
     "gpszip.sketches.coreset": ("Coreset",),
     "gpszip.sketches.stream": ("CoresetStream",),

@@ -17,9 +17,10 @@ from gpszip.model import Executor, Listener, Network, Options, SegmentMean, Trac
 
 if TYPE_CHECKING:
     from gpszip.model.match import Matching
+    from gpszip.model.patching import Patching
     from gpszip.sketches.coreset import Coreset
 
-__all__ = ["compress", "coreset", "decompress", "match", "open", "open_coreset", "read", "save_coreset", "segment_mean"]
+__all__ = ["compress", "coreset", "decompress", "match", "open", "open_coreset", "patch", "read", "save_coreset", "segment_mean"]
 
 
 def read(sources: Any, **options: Any) -> list[Track]:
@@ -230,6 +231,41 @@ def open(source: str | os.PathLike[str] | bytes) -> Archive:
     ('lane',)
     """
     return open_archive(source)
+
+
+def patch(tracks: Sequence[Track] | Track, network: Network | Archive | str | os.PathLike[str], *, gap: float | None = None) -> Patching:
+    """Fill the gaps of tracks with the likeliest ways over roads.
+
+    Parameters
+    ----------
+    tracks : sequence of Track, or one Track
+        On one plane; they are not modified.
+    network : Network, Archive or path
+        The roads: a file that ``gpszip network`` reads or wrote, or an archive, for its map.
+    gap : float, optional
+        Silences longer than this, in seconds, are gaps. Estimated by default.
+
+    Returns
+    -------
+    Patching
+        The samples to add to each gap, or why it was left open; ``to_tracks()`` gives tracks with them.
+
+    Raises
+    ------
+    InputError
+        If there are no tracks or no roads, or the roads lie elsewhere.
+    OptionError
+        If tracks and roads are not on one plane.
+
+    Examples
+    --------
+    >>> walk = Track("walk", range(0, 100, 5), [[min(5.0 * t, 50.0), max(5.0 * t - 50.0, 0.0)] for t in range(20)])
+    >>> torn = Track("torn", [0, 5, 10, 15, 70, 75, 80], [[0, 0], [5, 0], [10, 0], [15, 0], [50, 20], [50, 25], [50, 30]])
+    >>> patching = patch(torn, compress(walk, max_error=0.1), gap=30.0)
+    >>> patching.filled, len(patching.to_tracks()[0]), round(patching.patches[0].length)
+    (1, 17, 55)
+    """
+    return pipeline.patch(tracks, network, gap=gap)
 
 
 def segment_mean(track: Track, k: int | None = None, m: int | None = None, *, executor: Executor | None = None) -> SegmentMean:

@@ -30,9 +30,10 @@ if TYPE_CHECKING:
     from gpszip.mapping.fitting import Fit
     from gpszip.mapping.size_search import Try
     from gpszip.model.match import Matching
+    from gpszip.model.patching import Patching
     from gpszip.model.reading import Reading
 
-__all__ = ["compress", "decompress", "prepare_network", "read", "read_network", "segment_mean", "warm"]
+__all__ = ["compress", "decompress", "patch", "prepare_network", "read", "read_network", "segment_mean", "warm"]
 
 #: Share of the bound below which no target is tried.
 _LEAST_AIM = 0.1
@@ -139,6 +140,14 @@ def match(
 
     roads = network if isinstance(network, Network) else read_network(network, near=tracks).network
     return matching.match(tracks, roads, sigma=sigma, beta=beta, gap=gap, progress=tell)
+
+
+def patch(tracks: Sequence[Track] | Track, network: Any, *, gap: float | None = None) -> Patching:
+    """Fill gaps with the likeliest way over roads; ``network`` is a :class:`~gpszip.model.Network` or what :func:`read_network` takes."""
+    from gpszip.matching import patching
+
+    roads = network if isinstance(network, Network) else read_network(network, near=tracks).network
+    return patching.patch(tracks, roads, gap=gap)
 
 
 def compress(

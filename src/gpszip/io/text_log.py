@@ -19,13 +19,14 @@ from gpszip.errors import InputError
 from gpszip.geo.planes import to_geographic
 from gpszip.io.columns import Roles, find_roles, parse_columns
 from gpszip.io.csv_log import Dialect, dialect_of, whole_encoding
+from gpszip.io.formats import format_for_reading
 from gpszip.io.raw_log import Request, unused
 from gpszip.io.reading import read_logs
-from gpszip.io.source import Source
-from gpszip.model import Track
+from gpszip.io.source import Source, expand
+from gpszip.model import Patch, Track
 from gpszip.model.reading import Reading
 
-__all__ = ["Added", "TextLog", "read_text_log"]
+__all__ = ["TextLog", "read_text_log", "read_to_write_again"]
 
 _ROW = "gpszip_row"
 
@@ -33,31 +34,6 @@ _ISO = re.compile(r"(\d{4})-(\d\d)-(\d\d)([T ])(\d\d):(\d\d):(\d\d)(?:[.,](\d+))
 
 #: Decimals of seconds and metres that are added at least; degrees have five more.
 _DECIMALS = 2
-
-
-@dataclass(frozen=True, eq=False)
-class Added:
-    """Samples to add to a track.
-
-    Parameters
-    ----------
-    track : int
-        Number of the track.
-    after : int
-        Sample after which they come.
-    times : float64 array, shape (n,)
-        Seconds.
-    positions : float64 array, shape (n, d)
-        Metres on the plane of the track.
-    columns : mapping of str to sequence of str
-        What to write in the columns that are appended.
-    """
-
-    track: int
-    after: int
-    times: NDArray[np.float64]
-    positions: NDArray[np.float64]
-    columns: Mapping[str, Sequence[str]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,81 +60,66 @@ class TextLog:
     roles: Roles
     first: int
 
-    def write(self, added: Sequence[Added], own: Mapping[str, str], sink: BinaryIO) -> None:
-        """Write the log with samples added and columns appended.
+    def write(self, patches: Sequence[Patch], sink: BinaryIO) -> None:
+        """Write the log with the samples of patches added, and the columns ``source`` and ``confidence`` appended.
 
         Parameters
         ----------
-        added : sequence of Added
+        patches : sequence of Patch
             Samples to add. They are written where the order of times says between the rows around them.
-        own : mapping of str to str
-            Columns to append, and what to write there for the log's own rows.
         sink : binary file
             Where to.
         """
-        names, mark = dict(zip(own, self._titles(own), strict=True)), self.dialect.delimiter
+        mark = self.dialect.delimiter
         more: dict[int, list[str]] = {}
-        for one in added:
-            for row, text in self._rows(one, list(own)):
+        for patch in patches:
+            for row, text in self._rows(patch) if len(patch.times) else ():
                 more.setdefault(row, []).append(text)
-        title = mark + mark.join(names.values())
-        tail = mark + mark.join(own.values())
+        title = mark + mark.join(self._titles())
         out = io.TextIOWrapper(sink, encoding=self.dialect.encoding, newline="", write_through=True)
         for number, record in enumerate(self.records):
             whole = number >= self.first and record.strip()
-            suffix = tail if whole else title if number == self.first - 1 and self._headed else ""
+            suffix = f"{mark}log{mark}1" if whole else title if number == self.first - 1 else ""
             body = record.rstrip("\r\n")
-            end = record[len(body) :] or self._line_end
-            out.write(body + suffix + end)
+            out.write(body + suffix + (record[len(body) :] or self._line_end))
             out.writelines(row + self._line_end for row in more.get(number, ()))
         out.detach()
-
-    @property
-    def _headed(self) -> bool:
-        return self.first > 0
 
     @cached_property
     def _line_end(self) -> str:
         found = re.search(r"\r\n|\r|\n", self.records[0])
         return found[0] if found else "\n"
 
-    def _titles(self, own: Mapping[str, str]) -> list[str]:
+    def _titles(self) -> list[str]:
         taken = {name.strip().lower() for name in self.dialect.names}
-        return [name if name not in taken else unused(f"patch_{name}", taken) for name in own]
+        return [name if name not in taken else unused(f"patch_{name}", taken) for name in ("source", "confidence")]
 
-    def _rows(self, added: Added, names: Sequence[str]) -> list[tuple[int, str]]:
+    def _rows(self, patch: Patch) -> list[tuple[int, str]]:
         """Rows to write, each with the record that it follows."""
-        track = self.reading.tracks[added.track]
-        numbers = track.attributes[_ROW][added.after : added.after + 2].astype(np.int64).tolist()
+        track, roles = self.reading.tracks[patch.track], self.roles
+        numbers = track.attributes[_ROW][patch.after : patch.after + 2].astype(np.int64).tolist()
         cells = [self._cells(number) for number in numbers]
-        blank = [""] * len(self.dialect.names)
-        if self.roles.id is not None:
-            blank[self.roles.id] = cells[0][self.roles.id]
-        when = track.times[added.after : added.after + 2].tolist()
-        clock = _Clock.of([cell[self.roles.time[-1]] for cell in cells], when, added.times)
-        axes = [_decimals([cell[axis] for cell in cells], self.roles.geographic) for axis in self.roles.axes]
-        places = self._places(added, numbers)
+        row = [""] * len(self.dialect.names)
+        if roles.id is not None:
+            row[roles.id] = cells[0][roles.id]
+        when = track.times[patch.after : patch.after + 2].tolist()
+        clock = _Clock.of([cell[roles.time[-1]] for cell in cells], when, patch.times)
+        axes = [_decimals([cell[axis] for cell in cells], roles.geographic) for axis in roles.axes]
         answer = []
-        for i, (time, position) in enumerate(zip(added.times.tolist(), self._positions(added, track).tolist(), strict=True)):
-            row = list(blank)
-            row[self.roles.time[-1]] = clock.text(time)
-            for axis, value, (decimals, comma) in zip(self.roles.axes, position, axes, strict=False):
+        columns = (patch.times.tolist(), _coordinates(patch, track).tolist(), patch.confidence.tolist(), self._places(patch, numbers))
+        for time, position, confidence, place in zip(*columns, strict=True):
+            row[roles.time[-1]] = clock.text(time)
+            for axis, value, (decimals, comma) in zip(roles.axes, position, axes, strict=False):
                 row[axis] = _number(value, decimals, comma)
-            row += [added.columns[name][i] for name in names]
-            answer.append((places[i], self._joined(row)))
+            answer.append((place, self._joined([*row, "patched", f"{confidence:.3f}"])))
         return answer
 
-    def _positions(self, added: Added, track: Track) -> NDArray[np.float64]:
-        if track.plane is None:
-            return added.positions
-        return np.stack(to_geographic(added.positions, track.plane), axis=1)
-
-    def _places(self, added: Added, numbers: Sequence[int]) -> list[int]:
+    def _places(self, patch: Patch, numbers: Sequence[int]) -> list[int]:
         """Record after which each sample comes: rows of other tracks may lie in between, in the order of time."""
         first, last = numbers
         between = self._record_times[first + 1 : last] if last > first else np.empty(0)
         late = np.maximum.accumulate(np.where(np.isnan(between), -np.inf, between))
-        found: list[int] = (first + np.searchsorted(late, added.times, side="right")).tolist()
+        found: list[int] = (first + np.searchsorted(late, patch.times, side="right")).tolist()
         return found
 
     @cached_property
@@ -175,6 +136,23 @@ class TextLog:
         line = io.StringIO()
         csv.writer(line, delimiter=self.dialect.delimiter, lineterminator="").writerow(cells)
         return line.getvalue()
+
+
+def read_to_write_again(sources: Any, **options: Any) -> tuple[Reading, TextLog | None]:
+    """Read logs, and keep the text of a log that is alone and is text with columns.
+
+    Parameters
+    ----------
+    sources, **options
+        As :func:`gpszip.io.reading.read_logs` takes them.
+    """
+    several = list(expand(sources))
+    alone = several[0] if len(several) == 1 else None
+    if isinstance(alone, Source) and (format_for_reading(alone).name if options.get("format") is None else options["format"]) == "csv":
+        options.pop("format", None)
+        log = read_text_log(alone, **options)
+        return log.reading, log
+    return read_logs(sources, **options), None
 
 
 def read_text_log(source: Source, columns: Any = None, **options: Any) -> TextLog:
@@ -211,6 +189,12 @@ def read_text_log(source: Source, columns: Any = None, **options: Any) -> TextLo
         read_logs(_Named(source.read(), source.name), format="csv", columns=columns, **options)  # says it without our column
         raise
     return TextLog(reading, records, dialect, roles, first)
+
+
+def _coordinates(patch: Patch, track: Track) -> NDArray[np.float64]:
+    if track.plane is None:
+        return patch.positions
+    return np.stack(to_geographic(patch.positions, track.plane), axis=1)
 
 
 class _Named(io.BytesIO):

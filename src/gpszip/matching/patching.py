@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +14,12 @@ from gpszip.geo.planes import plane_changes
 from gpszip.matching.gap_ways import Place, Prices, Way, WayFinder
 from gpszip.matching.match import match
 from gpszip.matching.pace import Habits, bend_speed, habits_of, travelled
-from gpszip.matching.result import Match
 from gpszip.matching.road_pace import road_pace
 from gpszip.matching.roads_near import RoadsNear
-from gpszip.model import Network, Track
+from gpszip.model import Network, Patch, Patching, Track
+from gpszip.model.match import Match
 
-__all__ = ["Patch", "Patching", "patch", "patched_tracks"]
+__all__ = ["patch"]
 
 #: Prices in seconds of travel: turning off by a right angle, and turning round.
 _TURN, _U_TURN = 2.0, 20.0
@@ -50,74 +49,6 @@ _HASTE = 1.3
 _MOST_POINTS = 1_000_000
 
 Floats = NDArray[np.float64]
-
-
-@dataclass(frozen=True, eq=False)
-class Patch:
-    """One gap of a track, filled or left open.
-
-    Parameters
-    ----------
-    track : int
-        Number of the track.
-    after : int
-        Sample after which the gap lies.
-    seconds : float
-        Length of the gap.
-    times : float64 array, shape (n,)
-        Seconds of the samples added; none where it was left open.
-    positions : float64 array, shape (n, d)
-        Metres on the plane of the track.
-    confidence : float64 array, shape (n,)
-        Probability of the road under each, as the model sees it.
-    length : float
-        Metres of the way; NaN where it was left open.
-    reason : str
-        Why it was left open; empty where it was filled.
-    """
-
-    track: int
-    after: int
-    seconds: float
-    times: Floats
-    positions: Floats
-    confidence: Floats
-    length: float = math.nan
-    reason: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class Patching:
-    """All gaps of a log.
-
-    Parameters
-    ----------
-    tracks : tuple of Track
-        The log.
-    patches : tuple of Patch
-        In the order of tracks and times.
-    gap : float
-        Seconds above which a step counts as a gap.
-    """
-
-    tracks: tuple[Track, ...]
-    patches: tuple[Patch, ...]
-    gap: float
-
-    @property
-    def added(self) -> int:
-        """Number of samples added."""
-        return sum(len(patch.times) for patch in self.patches)
-
-    @property
-    def filled(self) -> int:
-        """Number of gaps filled."""
-        return sum(not patch.reason for patch in self.patches)
-
-    @property
-    def open(self) -> tuple[Patch, ...]:
-        """Gaps left open."""
-        return tuple(patch for patch in self.patches if patch.reason)
 
 
 def patch(tracks: Sequence[Track] | Track, network: Network, *, gap: float | None = None) -> Patching:
@@ -165,21 +96,6 @@ def patch(tracks: Sequence[Track] | Track, network: Network, *, gap: float | Non
         apart = plane_changes(track.positions, track.plane)
         patches += [filler.fill(number, int(after), apart=bool(apart[after])) for after in gaps]
     return Patching(tuple(several), tuple(patches), wanted)
-
-
-def patched_tracks(patching: Patching) -> list[Track]:
-    """Tracks with the samples added, and the attributes ``source`` (``log`` or ``patched``) and ``confidence`` (1 for the log's own)."""
-    answer = []
-    for number, track in enumerate(patching.tracks):
-        own = [patch for patch in patching.patches if patch.track == number and len(patch.times)]
-        times = np.concatenate([track.times, *(patch.times for patch in own)])
-        order = np.argsort(times, kind="stable")
-        added = np.append(np.zeros(len(track), np.bool_), np.ones(len(times) - len(track), np.bool_))
-        positions = np.concatenate([track.positions, *(patch.positions for patch in own)])
-        confidence = np.concatenate([np.ones(len(track)), *(patch.confidence for patch in own)])
-        attributes = {"source": np.where(added, "patched", "log")[order], "confidence": np.round(confidence[order], 3)}
-        answer.append(Track(track.id, times[order], positions[order], attributes=attributes, plane=track.plane))
-    return answer
 
 
 def _own(habits: Habits, everybody: Habits, track: Track) -> Habits:

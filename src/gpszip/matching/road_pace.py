@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.matching.pace import Habits
-from gpszip.matching.result import Match
 from gpszip.model import Network, Track
+from gpszip.model.match import Match
 
 __all__ = ["road_pace"]
 

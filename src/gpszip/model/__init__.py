@@ -5,6 +5,7 @@ from gpszip.model.frame import Frame, Plane
 from gpszip.model.lattice import LatticeWalk, LatticeWalks
 from gpszip.model.network import Network
 from gpszip.model.options import Options
+from gpszip.model.patching import Patch, Patching
 from gpszip.model.reading import LeftOut, Reading, Repair
 from gpszip.model.report import Listener, Progress, Report
 from gpszip.model.road_map import RoadMap
@@ -23,6 +24,8 @@ __all__ = [
     "Listener",
     "Network",
     "Options",
+    "Patch",
+    "Patching",
     "Plane",
     "Progress",
     "Reading",

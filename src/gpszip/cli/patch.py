@@ -1,0 +1,118 @@
+"""gpszip patch: gaps of a log filled over roads."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpszip.cli.options import Settings, common, force, output
+from gpszip.cli.outcome import Outcome
+from gpszip.cli.units import DURATION
+
+if TYPE_CHECKING:
+    from gpszip.io.networks import NetworkReading
+    from gpszip.io.text_log import TextLog
+    from gpszip.model import Patching, Reading
+
+__all__ = ["command"]
+
+#: So many gaps that were left open are named; JSON names them all.
+_NAMED = 20
+
+
+@click.command("patch", short_help="Fill the gaps of a log over the roads of a network.")
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True)
+@click.option("--network", metavar="FILE", multiple=True, required=True, help="Roads, prepared ones, or an archive, for its map.")
+@output("patched.csv")
+@click.option("--gap", type=DURATION, metavar="DURATION", help="Silences longer than this are gaps. Estimated where left out.")
+@click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
+@click.option("--split", is_flag=True, help="Begin a new track where time goes back.")
+@click.option("--skip-bad", is_flag=True, help="Leave out logs that can't be read, name them, end with exit code 3.")
+@click.option(
+    "--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north, or names in order for a log without a header."
+)
+@click.option("--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Unit of a time column; found from its size where left out.")
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@force
+@common
+@click.pass_obj
+def command(settings: Settings, /, logs: tuple[str, ...], network: tuple[str, ...], target: str, **choices: Any) -> Outcome:
+    """Fill the gaps of every LOG with the likeliest way over a network's roads, at the log's own rhythm.
+
+    A CSV log comes back row by row as it was, with rows added and the columns source (log or patched) and confidence appended. A gap that
+    can't be filled plausibly is left open and named.
+    """
+    from gpszip.cli.output import check_output
+
+    check_output(target, force=choices["force"])
+    from gpszip import pipeline
+    from gpszip.io.text_log import read_to_write_again
+
+    start = time.perf_counter()
+    names = ("columns", "time_unit", "sort", "split", "skip_bad")
+    reading, text = read_to_write_again(list(logs), **{name: choices[name] for name in names})
+    roads = pipeline.read_network(list(network), near=reading.tracks)
+    patching = pipeline.patch(reading.tracks, roads.network, gap=choices["gap"])
+    _write(patching, text, target)
+    if settings.json or not choices["quiet"]:
+        _show(target, reading, roads, patching, time.perf_counter() - start, settings)
+    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+
+
+def _write(patching: Patching, text: TextLog | None, target: str) -> None:
+    from gpszip.io.sink import writing
+    from gpszip.io.writing import write_tracks
+
+    if text is None or not target.lower().endswith((".csv", ".tsv", ".txt", "-")):
+        write_tracks(patching.to_tracks(), target)
+        return
+    with writing(target) as stream:
+        text.write(patching.patches, stream)
+
+
+def _show(target: str, reading: Reading, roads: NetworkReading, patching: Patching, seconds: float, settings: Settings) -> None:
+    from gpszip.cli.output import STDOUT, say, show_json
+    from gpszip.cli.units import format_duration
+
+    repairs = [*reading.repairs, *roads.repairs]
+    if settings.json:
+        facts = _facts(patching) | {"seconds": round(seconds, 3)}
+        facts["repairs"] = [{"what": one.what, "count": one.count, "where": one.where} for one in repairs]
+        facts["left_out"] = [{"name": one.name, "reason": one.reason} for one in reading.left_out]
+        show_json({"output": target, **facts}, err=target == STDOUT)
+        return
+    for left in reading.left_out:
+        say(f"gpszip: left out {left.name}: {left.reason}")
+    open_ = _open(patching)
+    for one in open_[:_NAMED]:
+        say(f"left open: track {one['track']!r} at {one['from']:.15g}, {format_duration(one['seconds'])}: {one['reason']}")
+    if len(open_) > _NAMED:
+        say(f"left open: {len(open_) - _NAMED:,} gaps more; --json names them all")
+    words = [
+        f"{patching.added:,} points added in {patching.filled:,} of {len(patching.patches):,} gaps over {format_duration(patching.gap)}, "
+        f"{seconds:.1f} s",
+        *(f"{one.where}: {one.count:,} {one.what}" for one in repairs),
+    ]
+    say(f"{'standard output' if target == STDOUT else target}: {'; '.join(words)}")
+
+
+def _facts(patching: Patching) -> dict[str, Any]:
+    return {
+        "points": sum(map(len, patching.tracks)),
+        "tracks": len(patching.tracks),
+        "gap": patching.gap,
+        "gaps": len(patching.patches),
+        "filled": patching.filled,
+        "added": patching.added,
+        "open": _open(patching),
+    }
+
+
+def _open(patching: Patching) -> list[dict[str, Any]]:
+    answer = []
+    for patch in patching.open:
+        track = patching.tracks[patch.track]
+        answer.append({"track": track.id, "from": float(track.times[patch.after]), "seconds": patch.seconds, "reason": patch.reason})
+    return answer

@@ -1,0 +1,97 @@
+"""What became of the gaps of a log."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.model.track import Track
+
+__all__ = ["Patch", "Patching"]
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Patch:
+    """One gap of a track, filled or left open.
+
+    Parameters
+    ----------
+    track : int
+        Number of the track.
+    after : int
+        Sample after which the gap lies.
+    seconds : float
+        Length of the gap.
+    times : float64 array, shape (n,)
+        Seconds of the samples added; none where it was left open.
+    positions : float64 array, shape (n, d)
+        Metres on the plane of the track.
+    confidence : float64 array, shape (n,)
+        Probability of the road under each, as the model sees it.
+    length : float
+        Metres of the way; NaN where it was left open.
+    reason : str
+        Why it was left open; empty where it was filled.
+    """
+
+    track: int
+    after: int
+    seconds: float
+    times: Floats
+    positions: Floats
+    confidence: Floats
+    length: float = math.nan
+    reason: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Patching:
+    """All gaps of a log.
+
+    Parameters
+    ----------
+    tracks : tuple of Track
+        The log.
+    patches : tuple of Patch
+        In the order of tracks and times.
+    gap : float
+        Seconds above which a step counts as a gap.
+    """
+
+    tracks: tuple[Track, ...]
+    patches: tuple[Patch, ...]
+    gap: float
+
+    @property
+    def added(self) -> int:
+        """Number of samples added."""
+        return sum(len(patch.times) for patch in self.patches)
+
+    @property
+    def filled(self) -> int:
+        """Number of gaps filled."""
+        return sum(not patch.reason for patch in self.patches)
+
+    @property
+    def open(self) -> tuple[Patch, ...]:
+        """Gaps left open."""
+        return tuple(patch for patch in self.patches if patch.reason)
+
+    def to_tracks(self) -> list[Track]:
+        """Tracks with the samples added; attributes ``source`` (``log`` or ``patched``) and ``confidence`` (1 for the log's own)."""
+        answer = []
+        for number, track in enumerate(self.tracks):
+            own = [patch for patch in self.patches if patch.track == number and len(patch.times)]
+            times = np.concatenate([track.times, *(patch.times for patch in own)])
+            order = np.argsort(times, kind="stable")
+            added = np.append(np.zeros(len(track), np.bool_), np.ones(len(times) - len(track), np.bool_))
+            positions = np.concatenate([track.positions, *(patch.positions for patch in own)])
+            confidence = np.concatenate([np.ones(len(track)), *(patch.confidence for patch in own)])
+            attributes = {"source": np.where(added, "patched", "log")[order], "confidence": np.round(confidence[order], 3)}
+            answer.append(Track(track.id, times[order], positions[order], attributes=attributes, plane=track.plane))
+        return answer
