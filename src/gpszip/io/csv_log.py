@@ -23,7 +23,7 @@ from gpszip.io.track_table import track_tables
 from gpszip.model import Track
 from gpszip.model.reading import Repair
 
-__all__ = ["Dialect", "dialect_of", "read_csv", "sniff_csv", "whole_encoding", "write_csv"]
+__all__ = ["Dialect", "column_types", "dialect_of", "read_csv", "sniff_csv", "whole_encoding", "write_csv"]
 
 _SAMPLE = 50
 
@@ -192,7 +192,7 @@ def _has_decimal_comma(cells: Sequence[str]) -> bool:
 def _table(source: Source, dialect: Dialect, roles: Roles) -> tuple[Any, int]:
     text = {str(i): pa.string() for i in (*roles.axes, *roles.time)}
     try:
-        return _parse(source, dialect, roles, text | _types(dialect, roles), None), 0
+        return _parse(source, dialect, roles, text | column_types(dialect, roles), None), 0
     except (pa.ArrowInvalid, UnicodeDecodeError):
         pass  # some row or cell is not like the others: read texts, and let each speak for itself
     skipped: list[None] = []
@@ -220,7 +220,8 @@ def whole_encoding(source: Source, dialect: Dialect) -> str:
     return dialect.encoding
 
 
-def _types(dialect: Dialect, roles: Roles) -> dict[str, Any]:
+def column_types(dialect: Dialect, roles: Roles) -> dict[str, Any]:
+    """Types that a sample of the rows tells for the columns of numbers, by the columns' indices as texts."""
     fast = {str(axis): pa.float64() for axis in roles.axes if not _has_decimal_comma(dialect.cells(axis))}
     if len(roles.time) == 1:
         cells = [cell.strip() for cell in dialect.cells(roles.time[0])]
