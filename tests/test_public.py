@@ -25,6 +25,7 @@ PUBLIC = [
     "UnknownFormatError",
     "Walk",
     "__version__",
+    "append",
     "compress",
     "coreset",
     "decompress",

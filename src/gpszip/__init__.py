@@ -13,7 +13,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gpszip.api import compress, coreset, decompress, match, open, open_coreset, patch, read, save_coreset, segment_mean
+    from gpszip.api import append, compress, coreset, decompress, match, open, open_coreset, patch, read, save_coreset, segment_mean
     from gpszip.archive import Archive
     from gpszip.errors import (
         BoundError,
@@ -52,6 +52,7 @@ __all__ = [
     "UnknownFormatError",
     "Walk",
     "__version__",
+    "append",
     "compress",
     "coreset",
     "decompress",
@@ -65,7 +66,19 @@ __all__ = [
 ]
 
 _HOMES = {
-    "gpszip.api": ("compress", "coreset", "decompress", "match", "open", "open_coreset", "patch", "read", "save_coreset", "segment_mean"),
+    "gpszip.api": (
+        "append",
+        "compress",
+        "coreset",
+        "decompress",
+        "match",
+        "open",
+        "open_coreset",
+        "patch",
+        "read",
+        "save_coreset",
+        "segment_mean",
+    ),
     "gpszip.archive": ("Archive",),
     "gpszip.sketches.coreset": ("Coreset",),
     "gpszip.sketches.stream": ("CoresetStream",),

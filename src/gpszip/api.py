@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from gpszip.model.patching import Patching
     from gpszip.sketches.coreset import Coreset
 
-__all__ = ["compress", "coreset", "decompress", "match", "open", "open_coreset", "patch", "read", "save_coreset", "segment_mean"]
+__all__ = ["append", "compress", "coreset", "decompress", "match", "open", "open_coreset", "patch", "read", "save_coreset", "segment_mean"]
 
 
 def read(sources: Any, **options: Any) -> list[Track]:
@@ -72,6 +72,7 @@ def compress(
     layer: str | None = None,
     effort: int = 5,
     coreset: int | None = None,
+    map: Archive | str | os.PathLike[str] | bytes | None = None,
     executor: Executor | None = None,
     progress: Listener | None = None,
 ) -> Archive:
@@ -105,6 +106,9 @@ def compress(
         From 1, quick, to 9, small.
     coreset : int, optional
         Learn from the weighted points of a coreset of so many blocks, for speed; the bound is measured at all samples.
+    map : Archive, path or bytes, optional
+        Lay the tracks as walks on the map of this archive, which is not stored again: :func:`open` needs it, too. What lies off
+        the map is in :attr:`Archive.new_ways`.
     executor : Executor, optional
         Spreads the work, by default over a thread for each core; the archive is the same for any number of workers.
     progress : callable, optional
@@ -131,7 +135,64 @@ def compress(
     """
     names = (keep,) if isinstance(keep, str) else tuple(keep)
     options = Options(rmse, max_error, size, ratio, gap, k, m, times, names, keep_times, layer, effort, coreset)
-    return pipeline.compress(tracks, options, executor=executor, progress=progress)[0]
+    there = map if map is None or isinstance(map, Archive) else open_archive(map)
+    return pipeline.compress(tracks, options, map=there, executor=executor, progress=progress)[0]
+
+
+def append(
+    archive: Archive | str | os.PathLike[str] | bytes,
+    tracks: Sequence[Track] | Track,
+    *,
+    rmse: float | None = None,
+    max_error: float | None = None,
+    gap: float | None = None,
+    effort: int = 5,
+    executor: Executor | None = None,
+    progress: Listener | None = None,
+) -> Archive:
+    """Add tracks to an archive: its walks stay as they are, its map grows.
+
+    Parameters
+    ----------
+    archive : Archive, path or bytes
+        With times and a map of its own; it is not modified.
+    tracks : sequence of Track, or one Track
+        One whose name is in the archive goes on there, and must begin where that one ends, or later.
+    rmse, max_error : float, optional
+        Bound on the error of the new tracks in metres; what the archive promises where both are left out.
+    gap : float, optional
+        Silences longer than this, in seconds, claim no travel. Estimated by default.
+    effort : int, default 5
+        From 1, quick, to 9, small.
+    executor : Executor, optional
+        Spreads the work.
+    progress : callable, optional
+        Called with :class:`~gpszip.model.report.Progress` events.
+
+    Returns
+    -------
+    Archive
+        The old walks and the new ones on one map.
+
+    Raises
+    ------
+    OptionError
+        If archive and tracks don't go together.
+    BoundError
+        If the bound can't be held on the archive's lattice.
+
+    Examples
+    --------
+    >>> monday = Track("monday", range(20), [[abs(t % 8 - 4.0), 0.0] for t in range(20)])
+    >>> tuesday = Track("tuesday", range(100, 120), monday.positions)
+    >>> archive = append(compress(monday, max_error=0.1), tuesday)
+    >>> archive.tracks, len(archive.road_map.edges)
+    (('monday', 'tuesday'), 2)
+    """
+    from gpszip.appending import append as grow
+
+    there = archive if isinstance(archive, Archive) else open_archive(archive)
+    return grow(there, tracks, Options(rmse, max_error, gap=gap, effort=effort), executor=executor, progress=progress)[0]
 
 
 def decompress(
@@ -209,18 +270,22 @@ def match(
     return pipeline.match(tracks, network, sigma=sigma, beta=beta, gap=gap, progress=progress)
 
 
-def open(source: str | os.PathLike[str] | bytes) -> Archive:
+def open(source: str | os.PathLike[str] | bytes, map: Archive | str | os.PathLike[str] | bytes | None = None) -> Archive:
     """Open an archive.
 
     Parameters
     ----------
     source : path or bytes
         A ``.gpsz`` file, or all that is in one.
+    map : Archive, path or bytes, optional
+        The map, for an archive that was written on one. It is looked for in the folder of the file where left out.
 
     Raises
     ------
     InputError
         If there is no such file or it can't be read.
+    MapError
+        If another map is given than the archive was written on.
     CorruptArchiveError
         If it is no whole archive.
 
@@ -230,7 +295,7 @@ def open(source: str | os.PathLike[str] | bytes) -> Archive:
     >>> open(data).tracks
     ('lane',)
     """
-    return open_archive(source)
+    return open_archive(source, map)
 
 
 def patch(tracks: Sequence[Track] | Track, network: Network | Archive | str | os.PathLike[str], *, gap: float | None = None) -> Patching:

@@ -90,12 +90,12 @@ class Archive:
     @property
     def ids(self) -> tuple[str, ...]:
         """Names of the tracks."""
-        return self.contents.ids
+        return self._map.ids[:1] if self.contents.ids is None else self.contents.ids
 
     @property
     def tracks(self) -> tuple[str, ...]:
         """Names of the tracks, the same as ``ids``."""
-        return self.contents.ids
+        return self.ids
 
     @property
     def timed(self) -> bool:
@@ -370,7 +370,7 @@ class Archive:
 
     @property
     def promise(self) -> Promise | None:
-        """The error that the walks keep, as measured when they were written."""
+        """The error that the walks keep: the bound that was asked for, or what was reached where none was."""
         return self.contents.promise
 
     @cached_property
@@ -532,8 +532,10 @@ def new_archive(
     if len(payload) >= 2 * _GROUP_BYTES and len(ids) > 1:
         groups = _groups(lattice, len(payload) // _GROUP_BYTES, past)
     reference = None if on is None else MapReference(on.hash, halvings)
-    own = frame if on is None else None
-    return Archive(Contents(own, tuple(ids), tuple(groups), reference, tuple(extras), layer), on)
+    contents = Contents(frame if on is None else None, tuple(ids), tuple(groups), reference, tuple(extras), layer)
+    if on is not None and contents.plain and contents.ids == on.ids[:1]:
+        contents = replace(contents, ids=None)
+    return Archive(contents, on)
 
 
 def promising(archive: Archive, promise: Promise | None) -> Archive:
@@ -541,7 +543,12 @@ def promising(archive: Archive, promise: Promise | None) -> Archive:
     return replace(archive, contents=replace(archive.contents, promise=promise))
 
 
-def open_archive(source: str | os.PathLike[str] | bytes, map: Archive | str | os.PathLike[str] | bytes | None = None) -> Archive:
+def open_archive(
+    source: str | os.PathLike[str] | bytes,
+    map: Archive | str | os.PathLike[str] | bytes | None = None,
+    *,
+    beside: str | os.PathLike[str] | None = None,
+) -> Archive:
     """Open an archive from a file or from its bytes.
 
     Parameters
@@ -551,6 +558,8 @@ def open_archive(source: str | os.PathLike[str] | bytes, map: Archive | str | os
     map : Archive, path or bytes, optional
         The map, for an archive whose walks lie on one that is kept elsewhere. It is looked for in the archive's folder if it
         isn't given.
+    beside : path, optional
+        The file from which bytes came, in whose folder a map is looked for.
 
     Raises
     ------
@@ -565,7 +574,8 @@ def open_archive(source: str | os.PathLike[str] | bytes, map: Archive | str | os
     if contents.map is None:
         return Archive(contents)
     if map is None:
-        return Archive(contents, None if isinstance(source, bytes) else _map_beside(Path(source), contents.map))
+        place = beside if isinstance(source, bytes) else source
+        return Archive(contents, None if place is None else _map_beside(Path(place), contents.map))
     return Archive(contents, _right_map(map if isinstance(map, Archive) else open_archive(map), contents.map))
 
 

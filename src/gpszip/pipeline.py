@@ -22,7 +22,7 @@ from gpszip.container.layout import Kind
 from gpszip.errors import BoundError, InputError, OptionError
 from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Network, Options, Plane, Progress, Report, SegmentMean, Track
 from gpszip.model.frame import refined_frame
-from gpszip.model.promise import promise_of
+from gpszip.model.promise import Promise, promise_of
 
 if TYPE_CHECKING:
     from gpszip.io.networks import NetworkReading
@@ -33,7 +33,20 @@ if TYPE_CHECKING:
     from gpszip.model.patching import Patching
     from gpszip.model.reading import Reading
 
-__all__ = ["compress", "decompress", "patch", "prepare_network", "read", "read_network", "segment_mean", "warm"]
+__all__ = [
+    "compress",
+    "decompress",
+    "excess",
+    "kept",
+    "laid_on",
+    "measure",
+    "patch",
+    "prepare_network",
+    "read",
+    "read_network",
+    "segment_mean",
+    "warm",
+]
 
 #: Share of the bound below which no target is tried.
 _LEAST_AIM = 0.1
@@ -202,7 +215,7 @@ def compress(
     whole = _checked(tracks) if map is None else laid_on(map, _checked(tracks), options)
     gap, gaps = _gaps(whole, options.gap)
     options, notes = _bounded(whole, gaps, _sized(whole, options, bytes_in))
-    job = _Job(whole, gaps, options, executor or Threads(), progress, _kept(whole, options), map)
+    job = _Job(whole, gaps, options, executor or Threads(), progress, kept(whole, options), map)
     archive, fit = _within_size(job, options.size) if options.size is not None else _finished(options, *_within_bound(job))
     notes += _off_map(archive, map)
     if not options.times:
@@ -331,8 +344,8 @@ def _bounded(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], options
     return replace(options, rmse=rmse), (f"no bound was given: RMSE {rmse:g} m was estimated from the log",)
 
 
-def _kept(tracks: Sequence[Track], options: Options) -> tuple[Section, ...]:
-    """What is to be kept besides the walks."""
+def kept(tracks: Sequence[Track], options: Options) -> tuple[Section, ...]:
+    """Sections of what is to be kept besides the walks, which the tracks must have."""
     if not (options.keep or options.keep_times):
         return ()
     axes = {"lat", "lon"} if tracks[0].plane is not None else {"x", "y", "z"}
@@ -394,7 +407,7 @@ def _within_bound(job: _Job) -> tuple[Archive, Fit]:
             target = _tightened(target, 1.0 + 0.1 * failures, job.options) if failures < _FAILURES else None
             continue
         archive, fit = _written(job, learned)
-        over = _excess(fit, job.options)
+        over = excess(fit, job.options)
         if over <= 1 + _ROUNDING:
             return archive, fit
         if fit.uncovered:
@@ -412,7 +425,7 @@ def _last_resort(job: _Job) -> tuple[Archive, Fit]:
     bound = job.options.rmse or job.options.max_error
     if job.options.k is None and bound is not None:
         archive, fit = _written(job, _Learned(*keep_samples(job.tracks, job.gaps, bound)))
-        if _excess(fit, job.options) <= 1 + _ROUNDING:
+        if excess(fit, job.options) <= 1 + _ROUNDING:
             return archive, fit
     raise BoundError(f"{_bound(job.options)} can't be held; allow a larger error" + (", or more parts" if job.options.k else ""))
 
@@ -422,10 +435,16 @@ def _written(job: _Job, learned: _Learned) -> tuple[Archive, Fit]:
         learned.frame, job.ids, learned.lattice, layer=job.options.layer, extras=job.extras, on=job.map, halvings=learned.halvings
     )  # fmt: skip
     job.tell("measure", 0.0)
-    fit = _measured(job.tracks, archive)
+    fit = measure(job.tracks, archive)
     job.tell("measure", 1.0)
-    maximum = job.options.max_error is not None
-    return promising(archive, promise_of(fit.max_error if maximum else fit.rmse, maximum=maximum)), fit
+    return promising(archive, _promise(job.options, fit)), fit
+
+
+def _promise(options: Options, fit: Fit) -> Promise | None:
+    """The bound that was asked for; where none was, the error that was reached. Nothing where that is not (yet) kept."""
+    if options.bounded and excess(fit, options) > 1 + _ROUNDING:
+        return None
+    return promise_of(options.max_error or options.rmse or fit.rmse, maximum=options.max_error is not None)
 
 
 def _learned(job: _Job, target: Options) -> _Learned | None:
@@ -471,15 +490,15 @@ def _mended(job: _Job, found: tuple[Frame, LatticeWalks] | None, target: Options
     return mend(job.tracks, *found, target.max_error)
 
 
-def _measured(tracks: Sequence[Track], archive: Archive) -> Fit:
-    """Decode an archive's bytes and compare them with every sample."""
+def measure(tracks: Sequence[Track], archive: Archive) -> Fit:
+    """Decode an archive's bytes and compare the walks of these tracks with every sample."""
     from gpszip.mapping.fitting import fit
 
     read_back = open_archive(archive.to_bytes(), archive.map)
-    return fit(tracks, read_back.walks, read_back.road_map.nodes)
+    return fit(tracks, [read_back.walk(track.id) for track in tracks], read_back.road_map.nodes)
 
 
-def _excess(fit: Fit, options: Options) -> float:
+def excess(fit: Fit, options: Options) -> float:
     """What was reached as a multiple of what was asked for; 0 where nothing was, infinite where a sample has no position."""
     if fit.uncovered:
         return math.inf

@@ -69,6 +69,8 @@ def test_large_single_group_with_extras():
         Contents(None, ("0",), (Group(0, 1, b""),), MapReference(b"four bytes")),
         Contents(None, ("0",), (Group(0, 1, b""),), MapReference(b"four", 4)),
         Contents(None, ("0",), (Group(0, 1, b""),)),
+        Contents(archives.FLAT, None, (Group(0, 1, b""),)),
+        Contents(None, None, (Group(0, 1, b""),), MapReference(b"four"), (Section(5, b""),)),
         Contents(archives.FLAT, ("0",), (Group(0, 1, b""),), MapReference(b"four")),
         Contents(archives.FLAT, ("0",), (Group(0, 1, b""),), None, (Section(8, b""),)),
         Contents(archives.FLAT, ("0",), (Group(0, 1, b""),), None, (Section(3, b""),)),

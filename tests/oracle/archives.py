@@ -54,7 +54,7 @@ def promising_archives() -> dict[str, Contents]:
         "maximum": replace(one_group(TALL, ("a", "b"), b"walks"), promise=Promise(1, 23, True)),
         "small with promise": Contents(WIDE, ("0",), group, None, (), None, Promise(999, -8, False)),
         "large with promise": replace(several(), promise=Promise(41, 0, False)),
-        "on map": Contents(None, ("0",), group, small, promise=Promise(5, -1, False)),
+        "on map": Contents(None, None, group, small, promise=Promise(5, -1, False)),
         "on map, named": Contents(None, ("walk", "bike"), (Group(0, 2, b"walks"),), there),
         "on map, small": Contents(None, ("0",), group, there, (Section(5, b"kept"),), None, Promise(5, -1, True)),
         "on map, layered": Contents(None, ("0",), group, there, (), "bz2"),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gpszip.archive import Archive
 
-__all__ = ["archive_bytes", "naming", "opened"]
+__all__ = ["archive_bytes", "naming", "opened", "opened_map", "read_archive"]
 
 #: Bits of an archive's third byte that tell the version of its format.
 _VERSION_BITS = 7
@@ -30,8 +30,15 @@ def archive_bytes(name: str) -> bytes:
 
 
 @contextmanager
-def opened(name: str) -> Iterator[Archive]:
+def opened(name: str, map_name: str | None = None) -> Iterator[Archive]:
     """Open the archive with this name; ``-`` is standard input.
+
+    Parameters
+    ----------
+    name : str
+        The archive.
+    map_name : str, optional
+        The map that it lies on, if on one that is kept elsewhere.
 
     Raises
     ------
@@ -39,12 +46,29 @@ def opened(name: str) -> Iterator[Archive]:
         If there is no such file or it can't be read.
     CorruptArchiveError
         If it is no whole archive, also when that shows only in its use; the message begins with the name.
+    MapError
+        If its map is another one; if there is none, once it is needed.
     """
+    data = archive_bytes(name)
+    with naming(name, data):
+        yield read_archive(name, data, map_name)
+
+
+def read_archive(name: str, data: bytes, map_name: str | None) -> Archive:
+    """Open an archive from the bytes of the file with this name, see :func:`opened`."""
+    from gpszip.archive import open_archive
+
+    there = None if map_name is None else opened_map(map_name)
+    return open_archive(data, there, beside=None if name == "-" else name)
+
+
+def opened_map(name: str) -> Archive:
+    """Open the archive with this name as a map for others."""
     from gpszip.archive import open_archive
 
     data = archive_bytes(name)
     with naming(name, data):
-        yield open_archive(data)
+        return open_archive(data)
 
 
 @contextmanager

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from gpszip.cli.options import Settings, common, force, output
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
+
+if TYPE_CHECKING:
+    from gpszip.archive import Archive
 
 __all__ = ["command"]
 
@@ -26,6 +30,9 @@ _BOUNDS = {"rmse": "--rmse", "max_error": "--max-error", "size": "--bytes", "rat
 @click.option("--bytes", "size", type=SIZE, metavar="SIZE", help="Largest archive, such as 900 or 4KiB, with the smallest RMSE it allows.")
 @click.option("--ratio", type=click.FloatRange(min=0, min_open=True), metavar="X", help="The same as a share of the logs: 1 in X.")
 @click.option("--gap", type=_GAP, metavar="DURATION", help="Silences longer than this claim no travel, or none. Estimated where left out.")
+@click.option("--map", "map_name", metavar="CITY.gpsz", help="Walks on this map, which is not stored again; decompress needs it, too.")
+@click.option("--update-map", metavar="FILE", help="With --map: write the map with what these logs add, for those to come.")
+@click.option("--append", is_flag=True, help="Add the logs to the archive that -o names; its map grows.")
 @click.option("--effort", type=click.IntRange(1, 9), default=5, show_default=True, help="From 1, quick, to 9, small.")
 @click.option(
     "--coreset", type=click.IntRange(1), metavar="N", help="Learn from a coreset of N blocks; the bound is measured at all points."
@@ -61,18 +68,54 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
     from gpszip.cli.output import check_output, write_archive
 
     options = _options(choices)
-    check_output(target, force=force, binary=True)
+    before = _archive_to_grow(target, choices)
+    there = _map(choices)
+    check_output(target, force=force or before is not None, binary=True)
+    if choices["update_map"]:
+        check_output(choices["update_map"], force=force, binary=True)
     from gpszip import pipeline
+    from gpszip.appending import append, grown_map
     from gpszip.cli.progress import progress
     from gpszip.cli.summary import show_summary
 
     with progress(quiet=quiet or settings.json) as listener:
         reading = pipeline.read(logs, **_reading(choices))
-        archive, report = pipeline.compress(reading.tracks, options, bytes_in=reading.bytes, progress=listener)
-    write_archive(target, archive, force=force)
+        if before is not None:
+            archive, report = append(before, reading.tracks, options, progress=listener)
+        else:
+            archive, report = pipeline.compress(reading.tracks, options, bytes_in=reading.bytes, map=there, progress=listener)
+    if there is not None and choices["update_map"]:
+        write_archive(choices["update_map"], grown_map(there, archive, report.gap), force=force)
+    write_archive(target, archive, force=force or before is not None)
     if settings.json or not quiet:
         show_summary(target, reading, report, as_json=settings.json)
     return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+
+
+def _archive_to_grow(target: str, choices: dict[str, Any]) -> Archive | None:
+    """The archive to which logs are appended; None where a new one is written."""
+    from gpszip.cli.archives import opened
+    from gpszip.errors import OptionError
+
+    if not choices["append"]:
+        return None
+    if target == "-" or choices["map_name"]:
+        raise OptionError("--append adds to the archive that -o names; it goes with neither standard output nor --map")
+    if not Path(target).exists():
+        return None
+    with opened(target) as archive:
+        return archive
+
+
+def _map(choices: dict[str, Any]) -> Archive | None:
+    from gpszip.cli.archives import opened_map
+    from gpszip.errors import OptionError
+
+    if choices["map_name"] is not None:
+        return opened_map(choices["map_name"])
+    if choices["update_map"]:
+        raise OptionError("--update-map needs --map, the map to be updated")
+    return None
 
 
 def _options(choices: dict[str, Any]) -> Any:

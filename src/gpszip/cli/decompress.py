@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpszip.cli.options import Settings, archive_argument, common, force, output
+from gpszip.cli.options import Settings, archive_argument, common, force, on_map, output
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION
 
@@ -19,6 +19,7 @@ __all__ = ["command"]
 
 @click.command("decompress", short_help="Write the tracks of an archive as a log.")
 @archive_argument
+@on_map
 @output("walks.csv")
 @click.option("--every", type=DURATION, metavar="DURATION", help="Positions at each multiple of this, such as 1s, instead of knots.")
 @click.option("--at", metavar="TIMES", help="Positions at these times: 10,20.5,30, or a file with one time in each line.")
@@ -37,6 +38,7 @@ def command(
     samples: bool,
     track: str | None,
     kind: str | None,
+    map_name: str | None,
     force: bool,
 ) -> Outcome:
     """Write the tracks of ARCHIVE as CSV, GPX, GeoJSON or Parquet: the knots, between which each track is linear in time."""
@@ -53,7 +55,7 @@ def command(
     times = None if at is None else parse_times(at)
     form = format_for_writing(target, kind).name
     check_output(target, force=force, binary=form == "parquet")
-    with opened(archive) as source:
+    with opened(archive, map_name) as source:
         tracks = _samples(source, track) if samples else _tracks(source, every, times, track)
     if not tracks:
         raise OptionError(_nothing(archive, track))

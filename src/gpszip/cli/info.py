@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpszip.cli.options import Settings, archive_argument, common
+from gpszip.cli.options import Settings, archive_argument, common, on_map
 from gpszip.cli.outcome import Outcome
 
 if TYPE_CHECKING:
@@ -22,17 +22,18 @@ _EPOCH_SECONDS = (1e8, 1e11)  # what lies between is seconds since 1970, as for 
 
 @click.command("info", short_help="Say what an archive holds.")
 @archive_argument
+@on_map
 @click.option("--detail", is_flag=True, help="Decode the walks, too: nodes, ways, parts, gaps, waypoints, bounds, time range.")
 @common
 @click.pass_obj
-def command(settings: Settings, archive: str, detail: bool) -> Outcome:
+def command(settings: Settings, archive: str, map_name: str | None, detail: bool) -> Outcome:
     """Say what ARCHIVE holds: tracks, sizes, plane, and how finely places and times are kept."""
-    from gpszip.cli.archives import archive_bytes, naming
+    from gpszip.cli.archives import archive_bytes, naming, read_archive
     from gpszip.cli.output import show_json
 
     data = archive_bytes(archive)
     with naming(archive, data):
-        facts = _facts(data, detail=detail)
+        facts = _facts(data, read_archive(archive, data, map_name), detail=detail)
     if settings.json:
         show_json({"archive": archive, **facts})
         return Outcome.DONE
@@ -45,11 +46,9 @@ def command(settings: Settings, archive: str, detail: bool) -> Outcome:
     return Outcome.DONE
 
 
-def _facts(data: bytes, *, detail: bool) -> dict[str, Any]:
-    from gpszip.archive import open_archive
+def _facts(data: bytes, archive: Archive, *, detail: bool) -> dict[str, Any]:
     from gpszip.container.verify import verify_bytes
 
-    archive = open_archive(data)
     verdict = verify_bytes(data)
     facts = archive.info(decode=detail)
     facts["bytes"] = len(data)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gpszip.cli.options import Settings, archive_argument, common, force, output
+from gpszip.cli.options import Settings, archive_argument, common, force, on_map, output
 from gpszip.cli.outcome import Outcome
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ __all__ = ["command"]
 
 @click.command("map", short_help="Write the map that an archive has learned.")
 @archive_argument
+@on_map
 @output("map.geojson")
 @click.option("--min-traversals", type=click.IntRange(1), default=1, metavar="N", help="Leave out ways that were travelled less often.")
 @click.option("--raw", is_flag=True, help="Write nodes and edges as they were learned, without cleaning.")
@@ -24,14 +25,16 @@ __all__ = ["command"]
 @force
 @common
 @click.pass_obj
-def command(settings: Settings, archive: str, target: str, min_traversals: int, raw: bool, kind: str | None, force: bool) -> Outcome:
+def command(
+    settings: Settings, archive: str, target: str, min_traversals: int, raw: bool, kind: str | None, map_name: str | None, force: bool
+) -> Outcome:
     """Write the road map of ARCHIVE as GeoJSON, GraphML, GeoPackage or CSV: one way for each street, with its travels."""
     from gpszip.cli.archives import opened
     from gpszip.cli.output import check_output, say, show_json
     from gpszip.io.maps import write_map
 
     check_output(target, force=force, binary=kind == "gpkg")
-    with opened(archive) as source:
+    with opened(archive, map_name) as source:
         learned: RoadMap | WayMap = source.road_map if raw else source.clean_map(min_traversals)
     write_map(learned, target, min_traversals, format=kind)
     ways = int((learned.forward + learned.backward >= min_traversals).sum())

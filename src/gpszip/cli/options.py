@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 import click
 
-__all__ = ["Settings", "archive_argument", "common", "force", "output"]
+__all__ = ["Settings", "archive_argument", "common", "force", "on_map", "output"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -44,6 +44,12 @@ def common(command: F) -> F:
 def force(command: F) -> F:
     """Give a command --force."""
     return click.option("--force", is_flag=True, help="Replace the output if it exists.")(command)
+
+
+def on_map(command: F) -> F:
+    """Give a command that reads an archive --map, for archives that lie on a map kept elsewhere."""
+    text = "Map that ARCHIVE lies on; looked for in its folder where left out."
+    return click.option("--map", "map_name", metavar="CITY.gpsz", help=text)(command)
 
 
 def output(example: str) -> Callable[[F], F]:

@@ -31,7 +31,7 @@ def command(settings: Settings, archive: str, target: str, force: bool) -> Outco
     with naming(archive, data):
         recovered = recover_bytes(data)
     write_archive(target, Archive(recovered.contents), force=force)
-    tracks = len(recovered.contents.ids)
+    tracks = recovered.contents.tracks
     if settings.json:
         show_json({"output": target, "tracks": tracks, "lost": list(recovered.lost)}, err=target == "-")
     else:

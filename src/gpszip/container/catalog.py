@@ -27,8 +27,8 @@ class Catalog:
     ----------
     frame : Frame or None
         Where positions and times lie; None where a map kept elsewhere tells.
-    ids : tuple of str
-        Names of all tracks.
+    ids : tuple of str or None
+        Names of all tracks; None for one track that is called as the first of the map kept elsewhere.
     map : MapReference or None
         The map, where it is kept elsewhere.
     entries : tuple of Entry
@@ -42,7 +42,7 @@ class Catalog:
     """
 
     frame: Frame | None
-    ids: tuple[str, ...]
+    ids: tuple[str, ...] | None
     map: MapReference | None
     entries: tuple[Entry, ...]
     layered: bool
@@ -112,8 +112,9 @@ def read_entry(file: BinaryIO, catalog: Catalog, number: int) -> Group:
 
 def group_of(catalog: Catalog, track: int) -> int:
     """Number of the group that holds a track, given the track's place in ``catalog.ids``."""
-    if not 0 <= track < len(catalog.ids):
-        raise IndexError(f"track {track} of {len(catalog.ids)}")
+    count = 1 if catalog.ids is None else len(catalog.ids)
+    if not 0 <= track < count:
+        raise IndexError(f"track {track} of {count}")
     return max(bisect_right([line.first_track for line in catalog.entries], track) - 1, 0)
 
 

@@ -75,8 +75,9 @@ class Contents:
     ----------
     frame : Frame or None
         Where positions and times lie; None where a map kept elsewhere tells.
-    ids : tuple of str
-        Names of the tracks in the order in which the walks are coded.
+    ids : tuple of str or None
+        Names of the tracks in the order in which the walks are coded; None for one track that is called as the first of the
+        map kept elsewhere.
     groups : tuple of Group
         At least one; together they hold each track once, in order.
     map : MapReference, optional
@@ -90,12 +91,22 @@ class Contents:
     """
 
     frame: Frame | None
-    ids: tuple[str, ...]
+    ids: tuple[str, ...] | None
     groups: tuple[Group, ...]
     map: MapReference | None = None
     extras: tuple[Section, ...] = ()
     layer: str | None = None
     promise: Promise | None = None
+
+    @property
+    def tracks(self) -> int:
+        """Number of tracks."""
+        return 1 if self.ids is None else len(self.ids)
+
+    @property
+    def plain(self) -> bool:
+        """Whether there is but one group with nothing around or beside it."""
+        return len(self.groups) == 1 and not self.extras and self.layer is None
 
 
 def one_group(frame: Frame, ids: tuple[str, ...], payload: bytes, layer: str | None = None) -> Contents:
@@ -112,19 +123,19 @@ def one_group(frame: Frame, ids: tuple[str, ...], payload: bytes, layer: str | N
 
 def complaint(contents: Contents) -> str | None:
     """What keeps the contents from being an archive; None if nothing does."""
-    return _place_complaint(contents) or _groups_complaint(contents.groups, len(contents.ids)) or _rest_complaint(contents)
+    return _place_complaint(contents) or _groups_complaint(contents.groups, contents.tracks) or _rest_complaint(contents)
 
 
 def _place_complaint(contents: Contents) -> str | None:
     if (contents.frame is None) == (contents.map is None):
         return "neither a frame nor a map" if contents.frame is None else "both a frame and a map"
     if contents.frame is not None:
-        return _frame_complaint(contents.frame)
+        return "no names" if contents.ids is None else _frame_complaint(contents.frame)
     if contents.map is not None and len(contents.map.hash) != MAP_HASH_BYTES:
         return f"the map's hash has {len(contents.map.hash)} bytes, not {MAP_HASH_BYTES}"
     if contents.map is not None and not 0 <= contents.map.halvings <= MOST_HALVINGS:
         return f"quanta halved {contents.map.halvings} times; at most {MOST_HALVINGS} are"
-    return None
+    return "no names" if contents.ids is None and not contents.plain else None
 
 
 def _frame_complaint(frame: Frame) -> str | None:

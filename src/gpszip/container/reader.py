@@ -228,8 +228,9 @@ def _read_compact(data: bytes, head: Head) -> Contents:
     promise = read_promise(cursor) if head.version > 1 else None
     if head.form is Form.ON_MAP and head.version > 1:
         reference = MapReference(cursor.take(MAP_HASH_BYTES, "the map's hash"), head.low)
-        ids = read_names(cursor, len(data)) if head.high else (LONE_ID,)
-        return _believed(Contents(None, ids, (Group(0, len(ids), cursor.rest()),), reference, promise=promise), HEAD_BYTES)
+        own = read_names(cursor, len(data)) if head.high else None
+        group = Group(0, 1 if own is None else len(own), cursor.rest())
+        return _believed(Contents(None, own, (group,), reference, promise=promise), HEAD_BYTES)
     frame = read_short_frame(cursor, head.low, bool(head.high))
     ids = (LONE_ID,) if head.form is Form.LONE else read_names(cursor, len(data))
     at, payload = cursor.at, cursor.rest()

@@ -98,7 +98,7 @@ def verify_bytes(data: bytes) -> Verdict:
         left = _reports(whole_pieces(data)) if form == "large" else ()
         return Verdict(len(data), head.version, form, left, 0, 0, str(error), error.offset)
     parts = _reports(pieces(data, head)) if form != "compact" else (SectionReport("archive", 0, len(data)),)
-    return Verdict(len(data), head.version, form, parts, len(contents.ids), len(contents.groups))
+    return Verdict(len(data), head.version, form, parts, contents.tracks, len(contents.groups))
 
 
 def _form(head: Head) -> str:

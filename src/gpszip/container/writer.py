@@ -60,8 +60,8 @@ def to_bytes(contents: Contents) -> bytes:
     if wrong:
         raise OptionError(f"this can't be written as an archive: {wrong}")
     data = _shortest(contents, _wrapped(contents))
-    if len(contents.ids) > track_limit(len(data)):
-        raise OptionError(f"{len(contents.ids)} tracks in {len(data)} bytes are more than readers believe; split the archive")
+    if contents.tracks > track_limit(len(data)):
+        raise OptionError(f"{contents.tracks} tracks in {len(data)} bytes are more than readers believe; split the archive")
     if len(contents.groups) + len(contents.extras) + 4 > section_limit(len(data)):
         raise OptionError(f"{len(contents.groups)} groups in {len(data)} bytes are more than readers believe; make them larger")
     return data
@@ -167,8 +167,7 @@ def _shortest(contents: Contents, wrapped: list[bytes]) -> bytes:
 
 
 def _is_plain(contents: Contents) -> bool:
-    fits = contents.frame is None or fits_head(contents.frame)
-    return not contents.extras and contents.layer is None and fits
+    return contents.plain and (contents.frame is None or fits_head(contents.frame))
 
 
 def _wrapped(contents: Contents) -> list[bytes]:
@@ -182,8 +181,9 @@ def _wrapped(contents: Contents) -> list[bytes]:
 
 
 def _compact(contents: Contents, payload: bytes) -> bytes:
-    lone, frame = contents.ids == (LONE_ID,), contents.frame
-    names = b"" if lone else names_bytes(contents.ids)
+    frame = contents.frame
+    lone = contents.ids is None or (frame is not None and contents.ids == (LONE_ID,))
+    names = b"" if lone or contents.ids is None else names_bytes(contents.ids)
     if frame is not None:
         head = Head(Form.LONE if lone else Form.NAMED, short_shape(frame), int(is_whole(frame)))
         place = short_frame_bytes(frame)
@@ -197,7 +197,7 @@ def _sealed(data: bytes) -> bytes:
 
 
 def _opening(contents: Contents) -> list[tuple[int, bytes]]:
-    sections = [(int(Kind.NAMES), names_bytes(contents.ids))]
+    sections = [(int(Kind.NAMES), names_bytes(contents.ids or ()))]
     if contents.promise is not None:
         sections.append((int(Kind.PROMISE), promise_bytes(contents.promise)))
     if contents.frame is not None:

@@ -41,12 +41,13 @@ def promise_of(metres: float, *, maximum: bool) -> Promise | None:
 
     Examples
     --------
-    >>> promise_of(0.23941, maximum=False).metres, promise_of(41.0, maximum=True).metres
-    (0.24, 41.0)
+    >>> promise_of(0.23941, maximum=False).metres, promise_of(0.4, maximum=True).metres
+    (0.24, 0.4)
     """
     if not 0 <= metres < math.inf:
         return None
-    exact = Fraction(metres)
+    # what 0.4 is written as is meant, not the float64 next to it
+    exact = Fraction(repr(float(metres)))
     for exponent in range(_FINEST, _FINEST + _EXPONENTS):
         digits = math.ceil(exact / Fraction(10) ** exponent)
         if digits < _DIGITS:

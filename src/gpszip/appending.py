@@ -1,0 +1,212 @@
+"""Further logs for an archive that is there already: its map grows, its walks stay as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gpszip import pipeline
+from gpszip.archive import Archive, new_archive, promising
+from gpszip.coding.walks import number_by_visit
+from gpszip.container.attributes import Kept, attributes_body
+from gpszip.container.contents import Section
+from gpszip.container.layout import Kind
+from gpszip.errors import BoundError, OptionError
+from gpszip.geo.gaps import estimate_gap
+from gpszip.mapping.lattice_map import join_lattices, knot_times, node_positions
+from gpszip.model import Executor, LatticeWalk, LatticeWalks, Listener, Options, Report, Track
+from gpszip.model.frame import quantum
+from gpszip.model.lattice import refined
+from gpszip.model.promise import Promise
+
+if TYPE_CHECKING:
+    from gpszip.mapping.fitting import Fit
+
+__all__ = ["append", "grown_map"]
+
+#: Shares of the bound that are tried: where a walk goes on, the end of the older one stays as it is.
+_SHARES = (1.0, 0.97, 0.9, 0.75)
+
+
+def append(
+    archive: Archive,
+    tracks: Sequence[Track] | Track,
+    options: Options | None = None,
+    *,
+    executor: Executor | None = None,
+    progress: Listener | None = None,
+) -> tuple[Archive, Report]:
+    """Add tracks to an archive as walks on its map, which grows where they leave it.
+
+    The walks that are there stay what they are, knot by knot. A track whose name is in the archive goes on there.
+
+    Parameters
+    ----------
+    archive : Archive
+        With times and a map of its own; it is not modified.
+    tracks : sequence of Track, or one Track
+        Those of a name that is in the archive begin where that one ends, or later.
+    options : Options, optional
+        How. Without a bound, the new walks keep what the archive promises.
+    executor : Executor, optional
+        Spreads the work.
+    progress : callable, optional
+        Called with :class:`~gpszip.model.report.Progress` events.
+
+    Returns
+    -------
+    Archive
+        The old walks and the new ones.
+    Report
+        What was done for the new tracks.
+
+    Raises
+    ------
+    OptionError
+        If tracks and archive don't go together.
+    BoundError
+        If the bound can't be held on the archive's lattice.
+
+    Examples
+    --------
+    >>> from gpszip.pipeline import compress
+    >>> there = Track("a", range(9), [[float(t)] for t in range(9)])
+    >>> back = Track("a", range(10, 19), [[18.0 - t] for t in range(10, 19)])
+    >>> archive, _ = append(compress(there, Options(max_error=0.1))[0], back)
+    >>> archive.tracks, len(archive.road_map.nodes), bool(abs(archive.position("a", 14.0)[0] - 4) <= 0.1)
+    (('a',), 2, True)
+    """
+    whole = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
+    options = _completed(options or Options(), archive)
+    whole = pipeline.laid_on(archive, whole, options)
+    pipeline.kept(whole, options)
+    gap = estimate_gap(whole) if options.gap is None else options.gap
+    led = tuple(_led_on(archive, track, gap) if track.id in archive.ids else track for track in whole)
+    for share in _SHARES:
+        on_map, report = pipeline.compress(led, _bare(options, gap, share), map=archive, executor=executor, progress=progress)
+        if on_map.map is None:
+            break
+        grown = grown_map(archive, on_map, gap, whole if options.keep_times else ())
+        found = pipeline.measure(whole, grown)
+        if pipeline.excess(found, options) <= 1:
+            return grown, _report(report, grown, found)
+    raise BoundError("the archive's lattice is too coarse for this bound; allow a larger error, or compress all logs together")
+
+
+def _bare(options: Options, gap: float, share: float) -> Options:
+    """Options for the walks alone, with a share of the bound."""
+    rmse, max_error = (None if bound is None else share * bound for bound in (options.rmse, options.max_error))
+    return replace(options, rmse=rmse, max_error=max_error, gap=gap, keep=(), keep_times=False)
+
+
+def _led_on(archive: Archive, track: Track, gap: float) -> Track:
+    """A track that begins where the archive's walk of that name ends, unless there is a gap between them."""
+    lattice, frame = archive.lattice, archive.frame
+    before = lattice.walks[archive.ids.index(track.id)]
+    end = float(knot_times(before.cells[-1:], frame)[0])
+    if track.times[0] - end > gap:
+        return track
+    after = int(np.searchsorted(track.times, end, side="right"))
+    if track.times[0] < end - quantum(frame.time) or after == len(track):
+        raise OptionError(
+            f"track {track.id!r} overlaps in time with the one in the archive; give it another name, or append in order of time"
+        )
+    there = node_positions(lattice, frame)[before.nodes[-1:]]
+    times, positions = np.append(end, track.times[after:]), np.concatenate([there, track.positions[after:]])
+    return Track(track.id, times, positions, plane=track.plane)
+
+
+def _report(report: Report, grown: Archive, found: Fit) -> Report:
+    """What was done for the new tracks, and how large the archive has become."""
+    road_map = grown.road_map
+    return replace(
+        report, points=found.points, rmse=found.rmse, max_error=found.max_error, bytes_out=len(grown.to_bytes()),
+        nodes=len(road_map.nodes), edges=len(road_map.edges),
+    )  # fmt: skip
+
+
+def grown_map(archive: Archive, on_map: Archive, gap: float, kept: Sequence[Track] = ()) -> Archive:
+    """Unite an archive with the walks of another one on its map.
+
+    Parameters
+    ----------
+    archive : Archive
+        The map.
+    on_map : Archive
+        Walks on it. Those of a name that the map's archive has, too, go on there.
+    gap : float
+        Seconds; no travel is claimed between a walk and what it goes on with if more lie between them.
+    kept : sequence of Track
+        The samples of the new walks, where the map's archive keeps such.
+
+    Raises
+    ------
+    OptionError
+        If two walks of one name overlap in time.
+    """
+    halvings = on_map.contents.map.halvings if on_map.contents.map is not None else 0
+    lattice = join_lattices([refined(archive.lattice, halvings), on_map.lattice])
+    most = gap / quantum(on_map.frame.time)
+    walks = dict(zip(archive.ids, lattice.walks[: len(archive.ids)], strict=True))
+    for name, walk in zip(on_map.ids, lattice.walks[len(archive.ids) :], strict=True):
+        walks[name] = _gone_on(name, walks[name], walk, most) if name in walks else walk
+    united = new_archive(
+        on_map.frame,
+        tuple(walks),
+        number_by_visit(LatticeWalks(lattice.nodes, tuple(walks.values()))),
+        layer=archive.contents.layer,
+        extras=_united_extras(archive, kept, tuple(walks)),
+    )
+    return promising(united, _weaker(archive.promise, on_map.promise))
+
+
+def _completed(options: Options, archive: Archive) -> Options:
+    """Options with the bound that the archive promises and the columns that it keeps, where they say nothing."""
+    if options.sized:
+        raise OptionError("a size can't be asked of what is appended; give rmse or max_error")
+    if not options.bounded and archive.promise is not None:
+        bound = archive.promise.metres
+        options = replace(options, max_error=bound) if archive.promise.maximum else replace(options, rmse=bound)
+    if archive.kept is None and (options.keep or options.keep_times):
+        raise OptionError("the archive keeps no columns, so that none can be appended; leave out keep")
+    return options if archive.kept is None else replace(options, keep=archive.kept, keep_times=True)
+
+
+def _gone_on(name: str, before: LatticeWalk, after: LatticeWalk, most: float) -> LatticeWalk:
+    """One walk that goes on with another, from the same cell or a later one."""
+    last = int(before.cells[-1])
+    if after.cells[0] < last:
+        raise OptionError(f"track {name!r} overlaps in time with the one in the archive; give it another name, or append in order of time")
+    same = int(after.cells[0] == last)
+    silent = [] if same else [bool(after.cells[0] - last > most)]
+    return LatticeWalk(
+        np.concatenate([before.nodes, after.nodes[same:]]),
+        np.concatenate([before.cells, after.cells[same:]]),
+        np.concatenate([before.gaps, np.array(silent, bool), after.gaps]),
+    )
+
+
+def _weaker(one: Promise | None, other: Promise | None) -> Promise | None:
+    """What both keep; a maximum bounds the root mean square, too."""
+    if one is None or other is None:
+        return None
+    larger = one if one.metres >= other.metres else other
+    return replace(larger, maximum=one.maximum and other.maximum)
+
+
+def _united_extras(archive: Archive, tracks: Sequence[Track], ids: tuple[str, ...]) -> tuple[Section, ...]:
+    """Sections of an archive, its kept columns with those of further tracks."""
+    others = tuple(section for section in archive.contents.extras if section.kind != Kind.ATTRIBUTES)
+    if archive.kept is None:
+        return others
+    rows = [(archive.ids.index(name), archive.sample_times(name), archive.attributes(name)) for name in archive.ids]
+    rows += [(ids.index(track.id), track.times, track.attributes) for track in tracks]
+    # a stable sort keeps what was there before what goes on
+    rows.sort(key=lambda row: row[0])
+    counts = np.bincount([owner for owner, _, _ in rows], [len(times) for _, times, _ in rows], len(ids)).astype(int)
+    columns = {name: np.concatenate([values[name] for _, _, values in rows]) for name in archive.kept}
+    body = attributes_body(Kept(tuple(counts.tolist()), np.concatenate([times for _, times, _ in rows]), columns))
+    return (*others, Section(Kind.ATTRIBUTES, body))
