@@ -17,7 +17,7 @@ WAYS = {
 }
 
 
-@pytest.fixture(params=[".osm", ".osm.pbf", ".osm.gz"])
+@pytest.fixture(params=[".osm", ".osm.pbf", ".osm.gz", ".osm.bz2"])
 def extract(request, tmp_path):
     path = tmp_path / f"town{request.param}"
     with osmium.SimpleWriter(str(path)) as writer:

@@ -343,7 +343,8 @@ def _lines(source: Source | InputError, metric: bool | None) -> RoadLines:
     if head.startswith(ROADS_MAGIC):
         raise InputError(f"{source.name}: prepared networks can't be joined; prepare one of all sources")
     text = head.lstrip(b"\xef\xbb\xbf \t\r\n")
-    if b"OSMHeader" in head[:64] or (text[:1] == b"<" and b"<osm" in text[:4096]):
+    packed = head.startswith(b"BZh") and source.name.lower().endswith(".osm.bz2")
+    if packed or b"OSMHeader" in head[:64] or (text[:1] == b"<" and b"<osm" in text[:4096]):
         return read_osm_lines(_path(source), source.name)
     if text[:1] == b"<" and b"<graphml" in text[:4096]:
         with source.open() as stream:
