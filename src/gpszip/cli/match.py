@@ -77,9 +77,10 @@ def _show(target: str, reading: Reading, roads: NetworkReading, matching: Matchi
         say(f"gpszip: left out {left.name}: {left.reason}")
     facts = _facts(matching)
     breaks = ", ".join(f"{reason} {count:,}" for reason, count in matching.breaks.items()) or "none"
+    scales = [f"{name} {format_length(facts[name])}" for name in ("error", "sigma", "beta")]
     words = [
         f"{facts['points']:,} points in {facts['tracks']:,} tracks, {100 * matching.share:.1f} % on {facts['pieces']:,} routes of "
-        f"{format_length(facts['length'])}, sigma {format_length(matching.sigma)}, beta {format_length(matching.beta)}, {seconds:.1f} s",
+        f"{format_length(facts['length'])}, {', '.join(scales)}, {seconds:.1f} s",
         f"breaks: {breaks}",
         *(f"{one.where}: {one.count:,} {one.what}" for one in repairs),
     ]
@@ -94,7 +95,8 @@ def _facts(matching: Matching) -> dict[str, Any]:
         "matched": matching.share,
         "pieces": len(pieces),
         "length": sum(piece.length for piece in pieces),
-        "sigma": matching.sigma,
-        "beta": matching.beta,
+        "error": matching.scales.error,
+        "sigma": matching.scales.sigma,
+        "beta": matching.scales.beta,
         "breaks": matching.breaks,
     }

@@ -105,6 +105,7 @@ def advance(
     n0: int,
     after: Layer,
     n1: int,
+    goal: NDArray[np.float64],
     straight: float,
     longest: float,
     graph: Graph,
@@ -114,8 +115,8 @@ def advance(
 ) -> None:
     """Find the cheapest chain to each candidate of a layer from those to the layer before.
 
-    ``straight`` is the distance between their samples, no way is longer than ``longest``. ``moves`` gets the price of every pair,
-    infinite where it was not worth a search.
+    ``goal`` is the sample of the layer, ``straight`` its distance from the one before; no way is longer than ``longest``.
+    ``moves`` gets the price of every pair; where it was not worth a search, that of a jump.
     """
     linked = np.full(n1, -1, np.int32)  # the next candidate on the same directed road
     distinct = 0
@@ -145,10 +146,10 @@ def advance(
             continue
         _on_same_road(i, straight, longest, before, after, linked, graph, model, work, moves)
         bound = straight + model.beta * budget
-        begin_search(road, graph.lengths[road] - before.metres[i], bound, graph, model, work)
+        begin_search(road, graph.lengths[road] - before.metres[i], bound, goal, model.reach, graph, model, work)
         reached = 0
         while reached < distinct:
-            found = next_settled(bound, graph, model, work)
+            found = next_settled(bound, goal, model.reach, graph, model, work)
             if found < 0:
                 break
             j = work.targets[found]
@@ -242,7 +243,7 @@ def lattice(
         straight = apart(positions, used[layer - 1], used[layer])
         longest = longest_way(straight, times[used[layer]] - times[used[layer - 1]], model)
         n0 = low - last
-        advance(before, n0, here, n, straight, longest, graph, model, work, moves)
+        advance(before, n0, here, n, positions[used[layer]], straight, longest, graph, model, work, moves)
         if filled + n0 * n > len(kept):
             kept = larger(kept, 2 * len(kept) + n0 * n)
         for i in range(n0):

@@ -46,6 +46,7 @@ class Graph(NamedTuple):
     """Directed roads that may be travelled out of each node, ``outs[begins[v]:begins[v + 1]]``.
 
     For each directed road: the node at its end, its length, the unit vector at its beginning, and whether it may be travelled.
+    ``nodes`` are the places of the nodes.
     """
 
     begins: NDArray[np.int64]
@@ -54,6 +55,7 @@ class Graph(NamedTuple):
     lengths: NDArray[np.float64]
     headings: NDArray[np.float64]
     open: NDArray[np.bool_]
+    nodes: NDArray[np.float64]
 
 
 class Work(NamedTuple):

@@ -67,9 +67,17 @@ def _sift_down(work: Work, size: int) -> None:
 
 
 @jit
-def _relax(road: int, metres: float, price: float, bound: float, graph: Graph, model: Model, work: Work) -> None:
-    """Offer the way to the end of a directed road to all that leave from there."""
+def _relax(
+    road: int, metres: float, price: float, bound: float, goal: NDArray[np.float64], near: float, graph: Graph, model: Model, work: Work
+) -> None:
+    """Offer the way to the end of a directed road to all that leave from there, unless the goal is out of bound from there."""
     node = graph.heads[road]
+    left = bound - price + near
+    square = 0.0
+    for axis in range(len(goal)):
+        square += (graph.nodes[node, axis] - goal[axis]) ** 2
+    if left < 0.0 or square > left * left:
+        return
     for i in range(graph.begins[node], graph.begins[node + 1]):
         out = graph.outs[i]
         key = price + _turn_price(road, out, graph, model)
@@ -87,15 +95,20 @@ def _relax(road: int, metres: float, price: float, bound: float, graph: Graph, m
 
 
 @jit
-def begin_search(road: int, rest: float, bound: float, graph: Graph, model: Model, work: Work) -> None:
-    """Start a search on a directed road, ``rest`` metres before its end, for ways whose price in metres is within a bound."""
+def begin_search(
+    road: int, rest: float, bound: float, goal: NDArray[np.float64], near: float, graph: Graph, model: Model, work: Work
+) -> None:
+    """Start a search on a directed road, ``rest`` metres before its end, for ways whose price in metres is within a bound.
+
+    Only ways to places within ``near`` metres of a goal are wanted: none that strays too far to reach them is followed.
+    """
     work.state[0] += 1
     work.state[1] = 0
-    _relax(road, rest, rest, bound, graph, model, work)
+    _relax(road, rest, rest, bound, goal, near, graph, model, work)
 
 
 @jit
-def next_settled(bound: float, graph: Graph, model: Model, work: Work) -> int:
+def next_settled(bound: float, goal: NDArray[np.float64], near: float, graph: Graph, model: Model, work: Work) -> int:
     """Directed road whose beginning is reached next at the least price, or -1 if none is within the bound."""
     if work.state[1] == 0:
         return -1
@@ -108,17 +121,27 @@ def next_settled(bound: float, graph: Graph, model: Model, work: Work) -> int:
         work.slots[work.heap[0]] = 0
         _sift_down(work, work.state[1])
     length = graph.lengths[road]
-    _relax(road, work.metres[road] + length, work.price[road] + length, bound, graph, model, work)
+    _relax(road, work.metres[road] + length, work.price[road] + length, bound, goal, near, graph, model, work)
     return road
 
 
 @jit
-def find_way(road: int, rest: float, target: int, bound: float, graph: Graph, model: Model, work: Work) -> NDArray[np.int32]:
+def find_way(
+    road: int,
+    rest: float,
+    target: int,
+    bound: float,
+    goal: NDArray[np.float64],
+    near: float,
+    graph: Graph,
+    model: Model,
+    work: Work,
+) -> NDArray[np.int32]:
     """Directed roads after ``road``, ``rest`` metres before its end, up to and with ``target``; none if it is out of bound."""
-    begin_search(road, rest, bound, graph, model, work)
+    begin_search(road, rest, bound, goal, near, graph, model, work)
     found = -1
     while found != target:
-        found = next_settled(bound, graph, model, work)
+        found = next_settled(bound, goal, near, graph, model, work)
         if found < 0:
             return np.empty(0, np.int32)
     count, here = 1, target

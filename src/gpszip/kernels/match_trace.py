@@ -62,7 +62,7 @@ def trace(
             last = chain[layer - 1]
             rest = graph.lengths[lattice.all.roads[last]] - lattice.all.metres[last]
             bound = apart(positions, used[layer - 1], used[layer]) + model.beta * model.jump
-            way = find_way(lattice.all.roads[last], rest, road, bound, graph, model, work)
+            way = find_way(lattice.all.roads[last], rest, road, bound, positions[used[layer]], model.reach, graph, model, work)
         if count + len(way) + 1 > room:
             room = 2 * room + len(way)
             legs = Legs(larger(legs.roads, room), larger(legs.begin, room), larger(legs.end, room), larger(legs.piece, room))

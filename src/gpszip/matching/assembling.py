@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,8 +13,8 @@ from gpszip.kernels.match_search import find_way
 from gpszip.kernels.match_trace import Legs, draw, place_samples
 from gpszip.matching.chain import Chain
 from gpszip.matching.index import RoadIndex
-from gpszip.model.match import Break, Match, Piece, Route
-from gpszip.matching.rules import Scales
+from gpszip.matching.rules import model_of, reach
+from gpszip.model.match import Break, Match, Piece, Route, Scales
 
 __all__ = ["assemble", "route_of"]
 
@@ -63,7 +65,7 @@ def assemble(index: RoadIndex, work: Work, track: str, chain: Chain, scales: Sca
     breaks = _breaks(chain, spans, reasons)
     edge, forward, offset = _on_roads(index, chain, leg, metres)
     return Match(
-        track, tuple(pieces), breaks, piece, number, edge, forward, offset, along, distance, confidence, scales.sigma, scales.beta
+        track, tuple(pieces), breaks, piece, number, edge, forward, offset, along, distance, confidence, scales
     )  # fmt: skip
 
 
@@ -120,12 +122,13 @@ def _obstacle(index: RoadIndex, work: Work, chain: Chain, scales: Scales, a: int
     """Why no way was taken from layer a to layer b, both on roads."""
     i, j = chain.used[a], chain.used[b]
     straight = apart(chain.stretch.positions, i, j)
-    if straight > scales.fastest * (chain.stretch.times[j] - chain.stretch.times[i]) + scales.reach:
+    if straight > scales.fastest * (chain.stretch.times[j] - chain.stretch.times[i]) + reach(scales):
         return "too fast"
     road, target = int(chain.roads[a]), int(chain.roads[b])
     if road in {target, target ^ 1}:
         return "detour"
     rest = float(index.graph.lengths[road] - chain.metres[a])
-    free = scales.model._replace(turn=0.0, u_turn=0.0)
-    found = find_way(road, rest, target, _FAR * (straight + scales.reach), index.graph, free, work)
+    free = model_of(scales)._replace(turn=0.0, u_turn=0.0)
+    goal = chain.stretch.positions[j]
+    found = find_way(road, rest, target, _FAR * (straight + reach(scales)), goal, math.inf, index.graph, free, work)
     return "detour" if len(found) else "no route"

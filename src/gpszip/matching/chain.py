@@ -12,7 +12,8 @@ from gpszip.kernels.match_posterior import posterior, way_share
 from gpszip.kernels.match_roads import Work
 from gpszip.kernels.match_trace import Legs, best_chain, trace
 from gpszip.matching.index import RoadIndex
-from gpszip.matching.rules import Scales
+from gpszip.matching.rules import apart, model_of
+from gpszip.model.match import Scales
 
 __all__ = ["Chain", "Stretch", "follow"]
 
@@ -94,8 +95,10 @@ def follow(index: RoadIndex, work: Work, stretch: Stretch, scales: Scales, *, su
     sure : bool, default True
         Work out the confidence, too.
     """
-    positions, model = stretch.positions, scales.model
-    used = thin(positions, stretch.silent, scales.apart)
+    positions, model = stretch.positions, model_of(scales)
+    if not sure:
+        model = model._replace(margin=0.0)
+    used = thin(positions, stretch.silent, apart(scales))
     layers = lattice(positions, stretch.times, stretch.silent, used, index.roads, index.cells, index.graph, model, work)
     chain = best_chain(layers)
     legs, leg, metres = trace(positions, used, chain, layers, index.graph, model, work)

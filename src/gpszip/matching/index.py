@@ -75,7 +75,7 @@ def index_network(network: Network, dimension: int | None = None) -> RoadIndex:
     open_ = np.stack((network.forward, network.backward), axis=1).ravel()
     lengths = np.repeat(along[network.offsets[1:] - 1], 2)
     heads = np.stack((network.ends, network.starts), axis=1).ravel().astype(np.int32)
-    graph = Graph(*_outs(network, open_), heads, lengths, _headings(network, points), open_)
+    graph = Graph(*_outs(network, open_), heads, lengths, _headings(network, points), open_, _coordinates(network.nodes, dimension))
     roads = Roads(points, np.ascontiguousarray(along), np.ascontiguousarray(network.offsets, dtype=np.int64))
     return RoadIndex(network, roads, _cells(roads), graph)
 

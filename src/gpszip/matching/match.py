@@ -14,9 +14,9 @@ from gpszip.geo.planes import plane_changes
 from gpszip.matching.assembling import assemble
 from gpszip.matching.chain import Stretch, follow
 from gpszip.matching.index import RoadIndex, index_network, workspace
-from gpszip.model.match import Matching
 from gpszip.matching.scales import estimate_scales
 from gpszip.model import Network, Track
+from gpszip.model.match import Matching
 
 __all__ = ["match"]
 
@@ -39,7 +39,7 @@ def match(
     network : Network or RoadIndex
         The roads; :func:`~gpszip.matching.index.index_network` prepares a network for several calls.
     sigma, beta : float, optional
-        Scales in metres, see :class:`~gpszip.matching.result.Match`; estimated from the log by default.
+        Scales in metres, see :class:`~gpszip.model.match.Scales`; estimated from the log by default.
     gap : float, optional
         Silences longer than this, in seconds, are breaks; ``math.inf`` for none. Estimated by default.
     progress : callable, optional
@@ -73,14 +73,14 @@ def match(
     index = network if isinstance(network, RoadIndex) else index_network(network, min(track.dimension for track in whole))
     stretches = _stretches(whole, index, gap)
     work = workspace(index)
-    scales = estimate_scales(index, work, stretches, sigma=sigma, beta=beta)
+    scales, each = estimate_scales(index, work, stretches, sigma=sigma, beta=beta)
     matches, done, samples = [], 0, sum(map(len, whole))
-    for track, one in zip(whole, stretches, strict=True):
-        matches.append(assemble(index, work, track.id, follow(index, work, one, scales), scales))
+    for track, one, own in zip(whole, stretches, each, strict=True):
+        matches.append(assemble(index, work, track.id, follow(index, work, one, own), own))
         done += len(track)
         if progress is not None:
             progress(done / samples)
-    return Matching(tuple(matches), scales.sigma, scales.beta)
+    return Matching(tuple(matches), scales)
 
 
 def _check(tracks: Sequence[Track], network: Network, **numbers: float | None) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,29 +15,62 @@ from gpszip.kernels.match_roads import Work
 from gpszip.kernels.match_trace import places
 from gpszip.matching.chain import Chain, Stretch, follow
 from gpszip.matching.index import RoadIndex
-from gpszip.matching.rules import Scales
+from gpszip.model.match import Scales
 
 __all__ = ["estimate_scales"]
 
-#: Rounds of matching and measuring; the numbers hardly move after two.
-_ROUNDS = 3
+#: Rounds of matching and measuring on a few samples, before one on many; the numbers hardly move any more.
+_ROUNDS = 2
 
-#: Samples that the rounds look at: more of them say the same.
-_ENOUGH = 50_000
+#: Samples that the rounds look at, and that the last one does; of each track at least the third number.
+_SOME, _MANY, _FEW = 10_000, 100_000, 30
 
-#: Share of its inverse by which an error may be alike from layer to layer, so that sigma stays finite.
+#: What the whole log tells counts for a track as much as so many layers of its own.
+_PRIOR = 300.0
+
+#: The most that errors are alike from layer to layer, so that sigma stays finite.
 _MOST_ALIKE = 0.95
 
-#: No speed of a log is more than so many times the one that one in a hundred exceeds.
+#: No speed is more than so many times the one that one in a hundred exceeds.
 _FASTER = 3.0
 
 Floats = NDArray[np.float64]
 
 
+@dataclass(frozen=True)
+class _Sums:
+    """What layers of matched tracks add up to.
+
+    Parameters
+    ----------
+    squares, layers : float
+        Squared distance to the roads, and number of layers on them.
+    products, both : float
+        Product of the errors of layers in a row, and their mean square.
+    differences, ways : float
+        Squared difference between ways and straight lines, and number of ways.
+    """
+
+    squares: float = 0.0
+    layers: float = 0.0
+    products: float = 0.0
+    both: float = 0.0
+    differences: float = 0.0
+    ways: float = 0.0
+
+    def __add__(self, other: _Sums) -> _Sums:
+        return _Sums(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
+
+    def shrunk(self, layers: float) -> _Sums:
+        """The same as so few layers would tell; no more than there are."""
+        share = min(layers / self.layers, 1.0) if self.layers else 0.0
+        return _Sums(*(share * value for value in vars(self).values()))
+
+
 def estimate_scales(
     index: RoadIndex, work: Work, stretches: Sequence[Stretch], *, sigma: float | None = None, beta: float | None = None
-) -> Scales:
-    """Find the scales of a log.
+) -> tuple[Scales, list[Scales]]:
+    """Find the scales of a log as a whole and of each track.
 
     Errors of receiver and map change slowly, so that samples in a row repeat the same error rather than tell a new one. If the error of
     one layer is alike that of the next by a share rho, n of them tell as much as n (1 - rho) / (1 + rho) independent ones; the prices
@@ -52,23 +85,34 @@ def estimate_scales(
     sigma, beta : float, optional
         Those that are known.
     """
-    some = _some(stretches)
+    some = _some(stretches, _SOME)
+    least = _least_error(index)
     scales = _fixed(_first(index, some), sigma, beta)
     for _ in range(_ROUNDS):
-        chains = [follow(index, work, one, scales, sure=False) for one in some]
-        scales = _fixed(_measured(index, some, chains, scales), sigma, beta)
-    return scales
+        total = sum((_summed(index, follow(index, work, one, scales, sure=False)) for one in some), _Sums())
+        if not total.ways:
+            return scales, [scales] * len(stretches)
+        scales = _fixed(_of(total, _speeds(some, scales.error), least), sigma, beta)
+    many = _some(stretches, _MANY)
+    sums = [_summed(index, follow(index, work, one, scales, sure=False)) for one in many]
+    total = sum(sums, _Sums())
+    whole = _fixed(_of(total, _speeds(many, scales.error), least), sigma, beta)
+    prior, speeds = total.shrunk(_PRIOR), (whole.usual, whole.fastest)
+    own = (
+        _of(one + prior, _blend(_speeds([track], whole.error), speeds, one.ways), least) for one, track in zip(sums, many, strict=True)
+    )  # fmt: skip
+    return whole, [_fixed(one, sigma, beta) for one in own]
 
 
-def _some(stretches: Sequence[Stretch]) -> list[Stretch]:
-    """Enough of a log: the same share of each track, from its middle."""
-    share = min(_ENOUGH / max(sum(len(one.times) for one in stretches), 1), 1.0)
+def _some(stretches: Sequence[Stretch], samples: int) -> list[Stretch]:
+    """So many samples of a log: the same share of each track, from its middle."""
+    share = min(samples / max(sum(len(one.times) for one in stretches), 1), 1.0)
     return [_middle(one, share) for one in stretches]
 
 
 def _middle(stretch: Stretch, share: float) -> Stretch:
     n = len(stretch.times)
-    size = max(math.ceil(n * share), min(n, 2))
+    size = min(max(math.ceil(n * share), _FEW), n)
     first = (n - size) // 2
     last = first + size
     return Stretch(stretch.positions[first:last], stretch.times[first:last], stretch.silent[first : last - 1])
@@ -85,10 +129,8 @@ def _first(index: RoadIndex, stretches: Sequence[Stretch]) -> Scales:
     """A first guess, from the distance to the nearest road."""
     near = np.concatenate([nearest_distances(one.positions, index.roads, index.cells) for one in stretches])
     known = near[np.isfinite(near)]
-    error = 2.0 * float(np.median(known)) if len(known) else 1.0
-    error = max(error, _least_error(index))
-    usual, fastest = _speeds(stretches, error)
-    return Scales(error, 2.0 * error, 2.0 * error, usual, fastest)
+    error = max(2.0 * float(np.median(known)) if len(known) else 0.0, _least_error(index))
+    return Scales(error, 2.0 * error, 2.0 * error, *_speeds(stretches, error))
 
 
 def _least_error(index: RoadIndex) -> float:
@@ -97,7 +139,7 @@ def _least_error(index: RoadIndex) -> float:
 
 
 def _speeds(stretches: Sequence[Stretch], error: float) -> tuple[float, float]:
-    """Usual and fastest speed between samples that lie apart."""
+    """Usual and fastest speed between samples that lie apart; 0 and infinite where there are none."""
     speeds = [np.zeros(0)]
     for one in stretches:
         used = thin(one.positions, one.silent, 2 * error)
@@ -106,42 +148,46 @@ def _speeds(stretches: Sequence[Stretch], error: float) -> tuple[float, float]:
         speeds.append((steps / np.diff(one.times[used]))[np.diff(silent) == 0])
     pooled = np.concatenate(speeds)
     if not len(pooled):
-        return 1.0, math.inf
+        return 0.0, math.inf
     return float(np.median(pooled)), _FASTER * float(np.quantile(pooled, 0.99))
 
 
-def _measured(index: RoadIndex, stretches: Sequence[Stretch], chains: Sequence[Chain], before: Scales) -> Scales:
-    """Scales of what was matched."""
-    residuals = [_residuals(index, chain) for chain in chains]
-    squares = np.concatenate([(one**2).sum(axis=1) for one in residuals])
-    squares = squares[np.isfinite(squares)]
-    if len(squares) < 2:
-        return before
-    error = max(math.sqrt(squares.mean()), _least_error(index))
-    rho = _alike(residuals)
-    sigma = error * math.sqrt((1 + rho) / (1 - rho))
-    differences = np.concatenate([_differences(chain) for chain in chains])
-    square = float((differences**2).mean()) if len(differences) else 0.0
-    usual, fastest = _speeds(stretches, error)
-    return Scales(error, sigma, math.sqrt(square + error**2), usual, fastest)
+def _blend(own: tuple[float, float], whole: tuple[float, float], ways: float) -> tuple[float, float]:
+    """Speeds of a track, as far as it has enough of them."""
+    share = ways / (ways + _PRIOR)
+    usual, fastest = (share * a + (1 - share) * b if share else b for a, b in zip(own, whole, strict=True))
+    return usual, max(fastest, own[1]) if math.isfinite(own[1]) else fastest
 
 
-def _residuals(index: RoadIndex, chain: Chain) -> Floats:
+def _of(sums: _Sums, speeds: tuple[float, float], least: float) -> Scales:
+    """Scales of what was matched.
+
+    beta is a root mean square, since differences have a longer tail than the exponential distribution of their price; and
+    the places between which a way leads are themselves uncertain by the error.
+    """
+    error = max(math.sqrt(sums.squares / sums.layers), least)
+    rho = min(max(sums.products / sums.both, 0.0), _MOST_ALIKE) if sums.both > 0 else 0.0
+    square = sums.differences / sums.ways if sums.ways else 0.0
+    return Scales(error, error * math.sqrt((1 + rho) / (1 - rho)), math.sqrt(square + error**2), *speeds)
+
+
+def _summed(index: RoadIndex, chain: Chain) -> _Sums:
+    errors = _errors(index, chain)
+    squares = (errors**2).sum(axis=1)
+    known = np.isfinite(squares)
+    a, b = errors[:-1], errors[1:]
+    both = known[:-1] & known[1:]
+    square = 0.5 * float((a[both] ** 2).sum() + (b[both] ** 2).sum())
+    differences = _differences(chain)
+    product, difference = float((a[both] * b[both]).sum()), float((differences**2).sum())
+    return _Sums(float(squares[known].sum()), float(known.sum()), product, square, difference, float(len(differences)))
+
+
+def _errors(index: RoadIndex, chain: Chain) -> Floats:
     """From the place of each layer to its sample, NaN off the roads."""
     on = chain.leg >= 0
     at = places(np.where(on, chain.roads, 0), chain.metres, index.roads, index.graph)
     return np.where(on[:, None], chain.stretch.positions[chain.used] - at, np.nan)
-
-
-def _alike(residuals: Sequence[Floats]) -> float:
-    """Correlation of the errors of layers in a row, from 0 to nearly 1."""
-    product = square = 0.0
-    for one in residuals:
-        a, b = one[:-1], one[1:]
-        both = np.isfinite(a[:, 0] + b[:, 0])
-        product += float((a[both] * b[both]).sum())
-        square += 0.5 * float((a[both] ** 2).sum() + (b[both] ** 2).sum())
-    return min(max(product / square, 0.0), _MOST_ALIKE) if square > 0 else 0.0
 
 
 def _differences(chain: Chain) -> Floats:

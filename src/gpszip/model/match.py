@@ -11,7 +11,30 @@ from numpy.typing import NDArray
 
 from gpszip.model.network import Network
 
-__all__ = ["Break", "Match", "Matching", "Piece", "Route"]
+__all__ = ["Break", "Match", "Matching", "Piece", "Route", "Scales"]
+
+
+@dataclass(frozen=True)
+class Scales:
+    """What the model of matching knows of a log.
+
+    Parameters
+    ----------
+    error : float
+        Root mean square distance in metres between samples and the roads travelled: the log's and the map's errors together.
+    sigma : float
+        Scale in metres of the distance in the prices of candidates: the error, larger by as much as errors of samples in a row are alike.
+    beta : float
+        Scale in metres of the difference between the way over roads and the straight line.
+    usual, fastest : float
+        Median speed in m/s, and one that is never exceeded.
+    """
+
+    error: float
+    sigma: float
+    beta: float
+    usual: float
+    fastest: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,9 +152,8 @@ class Match:
         Metres between the sample and its place on the road, NaN for none.
     confidence : float64 array, shape (n,)
         Probability of the road travelled, as the model sees it, 0 for samples on no piece.
-    sigma, beta : float
-        Scale in metres of the distance between samples and roads, and of the difference between the way over roads and the
-        straight line, with which the track was matched.
+    scales : Scales
+        What it was matched with.
     """
 
     track: str
@@ -145,8 +167,7 @@ class Match:
     along: NDArray[np.float64]
     distance: NDArray[np.float64]
     confidence: NDArray[np.float64]
-    sigma: float
-    beta: float
+    scales: Scales
 
     def __len__(self) -> int:
         return len(self.piece)
@@ -179,13 +200,12 @@ class Matching:
     ----------
     matches : tuple of Match
         One for each track.
-    sigma, beta : float
-        Of the log as a whole, see :class:`Match`.
+    scales : Scales
+        Of the log as a whole; a track's own are nearer to them the shorter it is.
     """
 
     matches: tuple[Match, ...]
-    sigma: float
-    beta: float
+    scales: Scales
 
     def __len__(self) -> int:
         return len(self.matches)
