@@ -17,7 +17,7 @@ from gpszip.mapping.slots import lay_slots
 from gpszip.model import Executor, Frame, LatticeWalks, Track
 from gpszip.model.frame import quantum, quantum_index
 
-__all__ = ["learn"]
+__all__ = ["THIN", "learn"]
 
 _Found = tuple[Frame, Outcome | None]
 _Run = Callable[[Callable[["_Trial"], _Found], Iterable["_Trial"]], Iterable[_Found]]
@@ -60,7 +60,7 @@ _EXCERPT = 12_000
 _ROUGH_ROUNDS, _ROUNDS, _MANY_ROUNDS = 8, 12, 24
 
 #: Rounds are spent on thin slots where these are at most this share of all.
-_THIN = 0.7
+THIN = 0.7
 
 
 def learn(
@@ -141,7 +141,7 @@ class _Search:
         if self.rough:
             return frame, fit(thin, len(self.tracks), plan)
         slots = lay_slots(self.tracks, self.gaps, frame)
-        outcome = fit(slots, len(self.tracks), plan, thin=thin if len(thin.cells) < _THIN * len(slots.cells) else None)
+        outcome = fit(slots, len(self.tracks), plan, thin=thin if len(thin.cells) < THIN * len(slots.cells) else None)
         return (frame, outcome) if outcome is None or self.max_error is None else self._mended(frame, outcome)
 
     def _mended(self, frame: Frame, outcome: Outcome) -> _Found:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.coding.past import Past
+from gpszip.mapping.connected import THIN
 from gpszip.mapping.maximum import mend
 from gpszip.mapping.rounds import Outcome, Plan, fit
 from gpszip.mapping.slots import lay_slots
@@ -48,7 +49,8 @@ class _Search:
         unit = quantum(self.frame.space)
         limit = None if self.maximum is None else 0.999 * self.maximum / unit
         plan = Plan(target=0.9995 * self.target / unit, leader=leader, rounds=self.rounds, maximum=limit)
-        return fit(lay_slots(self.tracks, self.gaps, self.frame), len(self.tracks), plan, known=self.known)
+        slots, thin = (lay_slots(self.tracks, self.gaps, self.frame, sparse=sparse) for sparse in (False, True))
+        return fit(slots, len(self.tracks), plan, thin=thin if len(thin.cells) < THIN * len(slots.cells) else None, known=self.known)
 
 
 def halvings(frame: Frame, rmse: float | None, max_error: float | None) -> int:
