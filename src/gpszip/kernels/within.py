@@ -11,12 +11,15 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.ground import Board, Ground
 from gpszip.kernels.jit import jit
-from gpszip.kernels.moments import line_cost, span_moments
+from gpszip.kernels.moments import free_cost, line_cost, span_moments
 
 __all__ = ["directions", "relax_within"]
 
 #: Directions across half a turn in the plane.
 _FAN = 16
+
+#: Bits beyond which the squared error of a part is more than knots in between would cost.
+_TOO_DEAR = 45.0
 
 
 def directions(dimension: int) -> tuple[NDArray[np.float64], float]:
@@ -102,6 +105,11 @@ def relax_within(
                     w, u1, u2, q = span_moments(
                         ground.sums, a, b, ground.ticks[a], ground.ticks[b], ground.centers[a], ground.unit[0], m, n
                     )  # fmt: skip
+                    least = error_price * free_cost(w, u1, u2, q, m, n)
+                    if least > _TOO_DEAR:
+                        break
+                    if reached + least >= np.max(best[row, : counts[row]]):
+                        continue
                 for c in range(counts[row]):
                     if candidates[origin, o] == candidates[row, c] and candidates[row, c] >= 0:
                         cost = reached + stay_price

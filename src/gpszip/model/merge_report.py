@@ -1,0 +1,70 @@
+"""What a merge did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+__all__ = ["Deviation", "MergeReport"]
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """How far curves were moved, in metres.
+
+    Parameters
+    ----------
+    rms : float
+        Root mean square, over the time travelled or over the knots, whichever is more.
+    maximum : float
+        Largest at any instant.
+    """
+
+    rms: float
+    maximum: float
+
+
+@dataclass(frozen=True)
+class MergeReport:
+    """What a merge did.
+
+    Parameters
+    ----------
+    archives, tracks : int
+        Archives that went in, and tracks that came out.
+    parts, nodes, edges : int
+        Straight parts of all walks, and the map that they share.
+    nodes_in, edges_in : int
+        Nodes and edges of all maps that went in.
+    bytes_in, bytes_out : int
+        Sizes of all archives that went in, and of the one that came out.
+    limit : float
+        Deviation that was allowed, in metres.
+    limits_maximum : bool
+        Whether it held for the largest deviation, rather than for the root mean square.
+    deviations : tuple of Deviation
+        What each archive's curves were moved by, measured on the bytes that came out.
+    seconds : float
+        Time that it took.
+    notes : tuple of str
+        What the user should know, one sentence each.
+    """
+
+    archives: int
+    tracks: int
+    parts: int
+    nodes: int
+    edges: int
+    nodes_in: int
+    edges_in: int
+    bytes_in: int
+    bytes_out: int
+    limit: float
+    limits_maximum: bool
+    deviations: tuple[Deviation, ...]
+    seconds: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def deviation(self) -> Deviation:
+        """The most that any archive's curves were moved by."""
+        return Deviation(max(one.rms for one in self.deviations), max(one.maximum for one in self.deviations))
