@@ -15,6 +15,7 @@ PUBLIC = [
     "GPSZipError",
     "InputError",
     "MapError",
+    "Matcher",
     "MissingExtraError",
     "OptionError",
     "OutputError",

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         TrackError,
         UnknownFormatError,
     )
+    from gpszip.localising import Matcher
     from gpszip.model import RoadMap, SegmentMean, Track, Walk
     from gpszip.sketches.coreset import Coreset
     from gpszip.sketches.stream import CoresetStream
@@ -42,6 +43,7 @@ __all__ = [
     "GPSZipError",
     "InputError",
     "MapError",
+    "Matcher",
     "MissingExtraError",
     "OptionError",
     "OutputError",
@@ -80,6 +82,7 @@ _HOMES = {
         "segment_mean",
     ),
     "gpszip.archive": ("Archive",),
+    "gpszip.localising": ("Matcher",),
     "gpszip.sketches.coreset": ("Coreset",),
     "gpszip.sketches.stream": ("CoresetStream",),
     "gpszip.model": ("RoadMap", "SegmentMean", "Track", "Walk"),

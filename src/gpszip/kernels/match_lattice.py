@@ -15,7 +15,24 @@ from gpszip.kernels.match_near import near_roads
 from gpszip.kernels.match_roads import Cells, Graph, Model, Roads, Work, apart, larger
 from gpszip.kernels.match_search import begin_search, next_settled
 
-__all__ = ["GAP", "JUMP", "NOWHERE", "OVER", "ROUND", "STAY", "Lattice", "Layer", "advance", "candidates", "lattice", "longest_way", "thin"]
+__all__ = [
+    "GAP",
+    "JUMP",
+    "NOWHERE",
+    "OVER",
+    "ROUND",
+    "STAY",
+    "Lattice",
+    "Layer",
+    "advance",
+    "begin",
+    "candidates",
+    "empty_layer",
+    "lattice",
+    "layer_from",
+    "longest_way",
+    "thin",
+]
 
 NOWHERE = -1
 
@@ -164,6 +181,7 @@ def advance(
         if after.roads[j] >= 0:
             work.targets[after.roads[j]] = -1
         after.scores[j] += after.prices[j]
+    after.scores[:n1] -= after.scores[:n1].min()  # only differences count, and a long track must not wear them down
 
 
 @jit
@@ -219,7 +237,7 @@ def lattice(
     layers, width = len(used), 2 * model.most + 1
     begins, starts = np.zeros(layers + 1, np.int64), np.zeros(layers + 1, np.int64)
     room = width + 8 * layers
-    every = _layer(room)
+    every = empty_layer(room)
     moves = np.empty((width, width))
     kept = np.empty(8 * room, np.float32)
     for layer in range(layers):
@@ -227,18 +245,17 @@ def lattice(
         if low + width > room:
             room = 2 * room
             every = _more(every, room)
-        here = _from(every, low)
+        here = layer_from(every, low)
         n = candidates(positions[used[layer]], roads, cells, graph, model, here)
         begins[layer + 1], filled = low + n, starts[layer]
         starts[layer + 1] = filled
         if layer == 0:
-            _begin(here, n, 0.0, -1)
+            begin(here, n, -1)
             continue
         last = begins[layer - 1]
-        before = _from(every, last)
+        before = layer_from(every, last)
         if _silence(silent, used[layer - 1], used[layer]):
-            best = np.argmin(every.scores[last:low])
-            _begin(here, n, before.scores[best], best)
+            begin(here, n, np.argmin(every.scores[last:low]))
             continue
         straight = apart(positions, used[layer - 1], used[layer])
         longest = longest_way(straight, times[used[layer]] - times[used[layer - 1]], model)
@@ -250,18 +267,19 @@ def lattice(
             for j in range(n):
                 kept[filled + i * n + j] = moves[i, j]
         starts[layer + 1] = filled + n0 * n
-    return Lattice(begins, _from(every, 0), starts, kept)
+    return Lattice(begins, layer_from(every, 0), starts, kept)
 
 
 @jit
-def _begin(layer: Layer, n: int, score: float, back: int) -> None:
+def begin(layer: Layer, n: int, back: int) -> None:
     """Begin new chains, all after one that has ended."""
     for j in range(n):
-        layer.scores[j], layer.backs[j], layer.kinds[j] = score + layer.prices[j], back, GAP
+        layer.scores[j], layer.backs[j], layer.kinds[j] = layer.prices[j], back, GAP
 
 
 @jit
-def _layer(size: int) -> Layer:
+def empty_layer(size: int) -> Layer:
+    """Room for so many candidates."""
     return Layer(
         np.empty(size, np.int32),
         np.empty(size),
@@ -274,7 +292,8 @@ def _layer(size: int) -> Layer:
 
 
 @jit
-def _from(layer: Layer, low: int) -> Layer:
+def layer_from(layer: Layer, low: int) -> Layer:
+    """The same room without its first candidates."""
     return Layer(
         layer.roads[low:],
         layer.metres[low:],

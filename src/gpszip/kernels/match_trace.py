@@ -13,7 +13,7 @@ from gpszip.kernels.match_lattice import NOWHERE, OVER, ROUND, STAY, Lattice
 from gpszip.kernels.match_roads import Graph, Model, Roads, Work, apart, larger, place, project, vertex_before
 from gpszip.kernels.match_search import find_way
 
-__all__ = ["Legs", "best_chain", "draw", "place_samples", "places", "trace"]
+__all__ = ["Legs", "best_chain", "draw", "nearest_on", "place_samples", "places", "trace"]
 
 
 class Legs(NamedTuple):
@@ -113,7 +113,7 @@ def place_samples(
             continue
         i, at = used[layer], metres_of[layer]
         leg[i] = low
-        metres[i], distance[i] = _nearest_on(positions[i], legs.roads[low], at, at, roads, graph)
+        metres[i], distance[i] = nearest_on(positions[i], legs.roads[low], at, at, roads, graph)
         if layer + 1 == layers or leg_of[layer + 1] < 0 or legs.piece[leg_of[layer + 1]] != legs.piece[low]:
             continue
         high = leg_of[layer + 1]
@@ -122,7 +122,7 @@ def place_samples(
             for one in range(low, high + 1):
                 begin = at if one == low else legs.begin[one]
                 end = metres_of[layer + 1] if one == high else legs.end[one]
-                found, far = _nearest_on(positions[k], legs.roads[one], begin, max(begin, end), roads, graph)
+                found, far = nearest_on(positions[k], legs.roads[one], begin, max(begin, end), roads, graph)
                 if far < best:
                     best, best_leg, best_at = far, one, found
             leg[k], metres[k], distance[k] = best_leg, best_at, best
@@ -131,7 +131,7 @@ def place_samples(
 
 
 @jit
-def _nearest_on(at: NDArray[np.float64], directed: int, low: float, high: float, roads: Roads, graph: Graph) -> tuple[float, float]:
+def nearest_on(at: NDArray[np.float64], directed: int, low: float, high: float, roads: Roads, graph: Graph) -> tuple[float, float]:
     """Metres along a directed road between ``low`` and ``high`` of the place nearest to ``at``, and its distance."""
     road, length = directed >> 1, graph.lengths[directed]
     if directed & 1:
