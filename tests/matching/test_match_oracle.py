@@ -1,0 +1,102 @@
+"""The lattice against a plain twin that tries everything."""
+
+import numpy as np
+import pytest
+
+from gpszip.kernels.match_lattice import candidates, empty_layer, lattice, thin
+from gpszip.kernels.match_trace import best_chain
+from gpszip.kernels.match_trace import places as where
+from gpszip.matching.index import index_network, workspace
+from gpszip.matching.rules import apart, model_of
+from gpszip.model import Network
+from gpszip.model.match import Scales
+from oracle.matching import Plain, cheapest
+from oracle.matching import candidates as plain_candidates
+
+SCALES = Scales(error=8.0, sigma=14.0, beta=12.0, usual=8.0, fastest=60.0)
+
+
+def crooked_town(seed, size=5, block=90.0):
+    """Crossings out of place, some streets missing, some one-way, some bent: every way has its own length."""
+    rng = np.random.default_rng(seed)
+    nodes = block * np.array([(x, y) for x in range(size) for y in range(size)], float) + rng.normal(0, 0.15 * block, (size * size, 2))
+    pairs = [(x * size + y, (x + 1) * size + y) for x in range(size - 1) for y in range(size)]
+    pairs += [(x * size + y, x * size + y + 1) for x in range(size) for y in range(size - 1)]
+    pairs = [pairs[i] for i in np.flatnonzero(rng.random(len(pairs)) < 0.85)]
+    lines = []
+    for a, b in pairs:
+        bend = [(nodes[a] + nodes[b]) / 2 + rng.normal(0, 0.1 * block, 2)] if rng.random() < 0.4 else []
+        lines.append(np.array([nodes[a], *bend, nodes[b]]))
+    forward = rng.random(len(pairs)) < 0.9
+    backward = ~forward | (rng.random(len(pairs)) < 0.85)
+    starts, ends = np.array(pairs, np.int32).T
+    offsets = np.append(0, np.cumsum([len(line) for line in lines]))
+    return Network(nodes, starts.copy(), ends.copy(), offsets, np.concatenate(lines), forward, backward, np.full(len(pairs), np.nan))
+
+
+def wander(network, seed, steps=14, period=4.0, noise=8.0):
+    """Samples of somebody who follows streets, whether or not he may."""
+    rng = np.random.default_rng(seed)
+    at = int(rng.integers(len(network.nodes)))
+    line = [network.nodes[at]]
+    for _ in range(30):
+        out = np.flatnonzero((network.starts == at) | (network.ends == at))
+        if not len(out):
+            break
+        road = int(rng.choice(out))
+        back = network.ends[road] == at
+        line += list(network.road(road)[:: -1 if back else 1][1:])
+        at = int(network.starts[road] if back else network.ends[road])
+    line = np.array(line)
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
+    times = period * np.arange(steps)
+    places = np.stack([np.interp(9.0 * times, along, axis) for axis in line.T], axis=1)
+    return times, places + rng.normal(0, noise, places.shape)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_chain_is_as_cheap_as_the_plain_one(seed):
+    town = crooked_town(seed)
+    times, places = wander(town, seed + 1000, period=[2.0, 4.0, 12.0][seed % 3], noise=[3.0, 10.0][seed % 2])
+    index, model, silent = index_network(town), model_of(SCALES), np.zeros(len(times) - 1, bool)
+    used = thin(places, silent, apart(SCALES))
+    layers = lattice(places, times, silent, used, index.roads, index.cells, index.graph, model, workspace(index))
+    chain = best_chain(layers)
+    least, plain, price = cheapest(town, places[used], times[used], model)
+    assert price(layers.all.roads[chain].tolist()) == pytest.approx(least, rel=1e-9)
+    # at a crossing the end of one road and the beginning of the next are one place
+    np.testing.assert_allclose(
+        spots(index, layers.all.roads[chain], layers.all.metres[chain]),
+        spots(index, np.array([one[0] for one in plain], np.int32), np.array([one[1] for one in plain])),
+        atol=1e-6,
+    )
+
+
+def spots(index, roads, metres):
+    return np.where(roads[:, None] >= 0, where(np.maximum(roads, 0), metres, index.roads, index.graph), -1.0)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_candidates_are_those_of_the_plain_twin(seed):
+    town = crooked_town(seed, block=75.0)
+    index, model, plain = index_network(town), model_of(SCALES), Plain(town)
+    rng = np.random.default_rng(seed)
+    layer = empty_layer(2 * model.most + 1)
+    for place in rng.uniform(-50, 350, (30, 2)):
+        n = candidates(place, index.roads, index.cells, index.graph, model, layer)
+        found = sorted(zip(layer.roads[:n].tolist(), layer.metres[:n].tolist(), layer.prices[:n].tolist(), strict=True))
+        wanted = sorted(plain_candidates(plain, place, model))
+        assert [one[0] for one in found] == [one[0] for one in wanted]
+        np.testing.assert_allclose([one[1:] for one in found], [one[1:] for one in wanted], atol=1e-9)
+
+
+def test_a_hairpin_is_near_twice():
+    line = np.array([[0.0, 0.0], [400.0, 0.0], [400.0, 20.0], [0.0, 20.0]])
+    one = np.ones(1, bool)
+    road = Network(line[[0, 3]], np.zeros(1, np.int32), np.ones(1, np.int32), np.array([0, 4]), line, one, one, np.full(1, np.nan))
+    index, model = index_network(road), model_of(SCALES)
+    layer = empty_layer(2 * model.most + 1)
+    n = candidates(np.array([100.0, 12.0]), index.roads, index.cells, index.graph, model, layer)
+    assert layer.roads[:n].tolist() == [0, 1, 0, 1, -1]
+    np.testing.assert_allclose(layer.metres[: n - 1], [720, 100, 100, 720])
+    np.testing.assert_allclose(layer.distances[: n - 1], [8, 8, 12, 12])
