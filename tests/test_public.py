@@ -31,6 +31,7 @@ PUBLIC = [
     "coreset",
     "decompress",
     "match",
+    "merge",
     "open",
     "open_coreset",
     "patch",

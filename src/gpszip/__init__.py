@@ -13,7 +13,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gpszip.api import append, compress, coreset, decompress, match, open, open_coreset, patch, read, save_coreset, segment_mean
+    from gpszip.api import append, compress, coreset, decompress, match, merge, open, open_coreset, patch, read, save_coreset, segment_mean
     from gpszip.archive import Archive
     from gpszip.errors import (
         BoundError,
@@ -59,6 +59,7 @@ __all__ = [
     "coreset",
     "decompress",
     "match",
+    "merge",
     "open",
     "open_coreset",
     "patch",
@@ -74,6 +75,7 @@ _HOMES = {
         "coreset",
         "decompress",
         "match",
+        "merge",
         "open",
         "open_coreset",
         "patch",

@@ -6,6 +6,7 @@ Everything here is one call into :mod:`gpszip.pipeline`, which reads like the ta
 from __future__ import annotations
 
 import os
+import pathlib
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,20 @@ if TYPE_CHECKING:
     from gpszip.model.patching import Patching
     from gpszip.sketches.coreset import Coreset
 
-__all__ = ["append", "compress", "coreset", "decompress", "match", "open", "open_coreset", "patch", "read", "save_coreset", "segment_mean"]
+__all__ = [
+    "append",
+    "compress",
+    "coreset",
+    "decompress",
+    "match",
+    "merge",
+    "open",
+    "open_coreset",
+    "patch",
+    "read",
+    "save_coreset",
+    "segment_mean",
+]
 
 
 def read(sources: Any, **options: Any) -> list[Track]:
@@ -268,6 +282,62 @@ def match(
     (1.0, 16)
     """
     return pipeline.match(tracks, network, sigma=sigma, beta=beta, gap=gap, progress=progress)
+
+
+def merge(
+    archives: Sequence[Archive | str | os.PathLike[str] | bytes],
+    *,
+    deviation: float | None = None,
+    max_deviation: float | None = None,
+    same_id: str = "refuse",
+    executor: Executor | None = None,
+    progress: Listener | None = None,
+) -> Archive:
+    """Unite archives on one map, without their logs.
+
+    Places and ways that are the same become one, and every track is kept with its times. :func:`gpszip.pipeline.merge` also
+    reports how far each archive's tracks were moved.
+
+    Parameters
+    ----------
+    archives : sequence of Archive, path or bytes
+        Two or more, all in degrees or all on one plane of x and y.
+    deviation, max_deviation : float, optional
+        Metres by which the tracks of each archive may be moved, in the root mean square or at any instant. Without either,
+        the least that any of them promises.
+    same_id : str, default "refuse"
+        What becomes of tracks of one name in several archives: ``"prefix"`` names all tracks ``archive:track``, ``"join"``
+        makes them one track, if their times don't overlap.
+    executor : Executor, optional
+        Spreads the work, by default over a thread for each core; the archive is the same for any number of workers.
+    progress : callable, optional
+        Called with :class:`~gpszip.model.report.Progress` events.
+
+    Returns
+    -------
+    Archive
+        It promises what they promised and the deviation together.
+
+    Raises
+    ------
+    OptionError
+        If archives don't go together.
+    BoundError
+        If tracks would be moved farther than they may.
+
+    Examples
+    --------
+    >>> one, two = (Track(name, range(20), [[abs(t % 8 - 4.0), 0.0] for t in range(20)]) for name in ("one", "two"))
+    >>> both = merge([compress(one, max_error=0.1), compress(two, max_error=0.1)])
+    >>> both.tracks, abs(both.position("two", 5.5)[0] - 1.5) < 0.2
+    (('one', 'two'), np.True_)
+    """
+    from gpszip.model.merge_options import MergeOptions
+
+    opened = [archive if isinstance(archive, Archive) else open(archive) for archive in archives]
+    names = [pathlib.Path(one).stem if isinstance(one, str | os.PathLike) else str(number) for number, one in enumerate(archives, 1)]
+    options = MergeOptions(deviation, max_deviation, same_id)
+    return pipeline.merge(opened, options, names=names, executor=executor, progress=progress)[0]
 
 
 def open(source: str | os.PathLike[str] | bytes, map: Archive | str | os.PathLike[str] | bytes | None = None) -> Archive:

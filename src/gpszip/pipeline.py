@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from gpszip.mapping.fitting import Fit
     from gpszip.mapping.size_search import Try
     from gpszip.model.match import Matching
+    from gpszip.model.merge_options import MergeOptions
+    from gpszip.model.merge_report import MergeReport
     from gpszip.model.patching import Patching
     from gpszip.model.reading import Reading
 
@@ -40,6 +42,7 @@ __all__ = [
     "kept",
     "laid_on",
     "measure",
+    "merge",
     "patch",
     "prepare_network",
     "read",
@@ -221,6 +224,49 @@ def compress(
     if not options.times:
         notes += ("times were left out after measuring: positions at a time can't be had from the archive",)
     return archive, _report(archive, fit, options, notes, gap, time.perf_counter() - start)
+
+
+def merge(
+    archives: Sequence[Archive],
+    options: MergeOptions | None = None,
+    *,
+    names: Sequence[str] | None = None,
+    executor: Executor | None = None,
+    progress: Listener | None = None,
+) -> tuple[Archive, MergeReport]:
+    """Unite archives on one map, without their logs (thesis, 2.4).
+
+    Parameters
+    ----------
+    archives : sequence of Archive
+        Two or more, all in degrees or all on one plane of x and y.
+    options : MergeOptions, optional
+        How far tracks may be moved, and what becomes of those of one name.
+    names : sequence of str, optional
+        What messages and prefixes call the archives; by default they are numbered from 1.
+    executor, progress : optional
+        As for :func:`compress`.
+
+    Returns
+    -------
+    Archive
+        With the tracks of all archives, in their order.
+    MergeReport
+        What was done; how far each archive's tracks were moved is measured on the bytes.
+
+    Raises
+    ------
+    OptionError
+        If archives don't go together.
+    BoundError
+        If tracks would be moved farther than they may.
+    """
+    from gpszip import union
+    from gpszip.model.merge_options import MergeOptions
+    from gpszip.run.threads import Threads
+
+    called = [str(number) for number in range(1, len(archives) + 1)] if names is None else names
+    return union.merge(archives, options or MergeOptions(), names=called, executor=executor or Threads(), progress=progress)
 
 
 def decompress(archive: Archive, *, every: float | None = None, at: ArrayLike | None = None) -> list[Track]:

@@ -24,7 +24,22 @@ gpszip decompress walks.gpsz -o walks.csv
 gpszip map walks.gpsz -o map.geojson
 """
 
-_COMMANDS = ("compress", "decompress", "map", "coreset", "network", "match", "patch", "info", "verify", "recover", "warm", "demo", "formats")
+_COMMANDS = (
+    "compress",
+    "decompress",
+    "map",
+    "coreset",
+    "network",
+    "match",
+    "patch",
+    "merge",
+    "info",
+    "verify",
+    "recover",
+    "warm",
+    "demo",
+    "formats",
+)
 
 _DONE, _FAILED, _USAGE, _LEFT_OUT, _CORRUPT, _MAP, _BOUND, _INTERRUPTED = 0, 1, 2, 3, 4, 5, 6, 130
 

@@ -1,0 +1,115 @@
+"""gpszip merge: several archives in, one archive out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from gpszip.cli.options import Settings, common, force, output
+from gpszip.cli.outcome import Outcome
+from gpszip.cli.units import LENGTH
+
+if TYPE_CHECKING:
+    from gpszip.archive import Archive
+    from gpszip.model.merge_report import MergeReport
+
+__all__ = ["command"]
+
+
+@click.command("merge", short_help="Unite archives on one map.")
+@click.argument("archives", metavar="ARCHIVE...", nargs=-1, required=True)
+@output("city.gpsz")
+@click.option("--deviation", type=LENGTH, metavar="LENGTH", help="How far tracks may be moved in the root mean square, such as 5m.")
+@click.option("--max-deviation", type=LENGTH, metavar="LENGTH", help="How far tracks may be moved at any instant, such as 10m.")
+@click.option(
+    "--same-id",
+    type=click.Choice(["refuse", "prefix", "join"]),
+    default="refuse",
+    show_default=True,
+    help="Where a track's name is in several archives: refuse, name all tracks ARCHIVE:TRACK, or join them as one agent's.",
+)
+@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@force
+@common
+@click.pass_obj
+def command(settings: Settings, /, archives: tuple[str, ...], target: str, force: bool, quiet: bool, **choices: Any) -> Outcome:
+    """Unite every ARCHIVE on one map, without the logs: places and ways that are the same become one, all tracks are kept.
+
+    Without --deviation or --max-deviation, tracks may be moved by the least that any archive promises.
+    """
+    from gpszip.cli.output import check_output, say, show_json, write_archive
+    from gpszip.cli.progress import progress
+    from gpszip.errors import OptionError
+    from gpszip.model.merge_options import MergeOptions
+
+    if choices["deviation"] is not None and choices["max_deviation"] is not None:
+        raise OptionError("--deviation and --max-deviation were both given; give one")
+    options = MergeOptions(**choices)
+    check_output(target, force=force, binary=True)
+    from gpszip import pipeline
+
+    parts = [_whole(name) for name in archives]
+    with progress(quiet=quiet or settings.json) as listener:
+        made, report = pipeline.merge(parts, options, names=_names(archives), progress=listener)
+    write_archive(target, made, force=force)
+    if settings.json:
+        show_json({"output": target, **_facts(archives, made, report)}, err=target == "-")
+    elif not quiet:
+        say(f"{'standard output' if target == '-' else target}: {_describe(made, report)}")
+    return Outcome.DONE
+
+
+def _whole(name: str) -> Archive:
+    """The archive of this name, all decoded, so that a corrupt one is known by its name."""
+    from gpszip.cli.archives import opened
+
+    with opened(name) as archive:
+        if archive.contents.map is None and archive.ids:
+            _ = archive.walks, archive.road_map
+            if archive.kept is not None:
+                archive.sample_times(archive.ids[0])
+        return archive
+
+
+def _names(archives: tuple[str, ...]) -> list[str]:
+    """Short names of the archives; their paths where these are not enough to tell them apart."""
+    short = [Path(name).stem or name for name in archives]
+    return short if len(set(short)) == len(short) else list(archives)
+
+
+def _describe(made: Archive, report: MergeReport) -> str:
+    """One line: what went in and came out, how far tracks were moved, and what is promised."""
+    from gpszip.cli.units import format_bytes, format_length
+
+    moved = report.deviation
+    facts = [
+        f"{report.archives:,} archives with {report.tracks:,} tracks",
+        f"{format_bytes(report.bytes_in)} -> {format_bytes(report.bytes_out)}",
+        f"nodes {report.nodes_in:,} -> {report.nodes:,}",
+        f"ways {report.edges_in:,} -> {report.edges:,}",
+        f"tracks were moved by {format_length(moved.rms)} in the root mean square, {format_length(moved.maximum)} at most",
+        f"{report.seconds:.1f} s",
+    ]
+    promise = made.promise
+    remarks = [] if promise is None else [f"promised: {'maximum' if promise.maximum else 'RMSE'} {format_length(promise.metres)}"]
+    return "; ".join([", ".join(facts), *remarks, *report.notes])
+
+
+def _facts(archives: tuple[str, ...], made: Archive, report: MergeReport) -> dict[str, Any]:
+    """The same as values for programs; lengths in metres, times in seconds, sizes in bytes."""
+    names = ("tracks", "parts", "nodes", "edges", "nodes_in", "edges_in", "bytes_in", "bytes_out")
+    promise = made.promise
+    return {
+        **{name: getattr(report, name) for name in names},
+        "archives": [
+            {"name": name, "moved_rms": one.rms, "moved_max": one.maximum} for name, one in zip(archives, report.deviations, strict=True)
+        ],
+        "allowed": report.limit,
+        "allowed_kind": "max" if report.limits_maximum else "rms",
+        "promise": None if promise is None else promise.metres,
+        "promise_kind": None if promise is None else ("max_error" if promise.maximum else "rmse"),
+        "seconds": round(report.seconds, 3),
+        "notes": list(report.notes),
+    }

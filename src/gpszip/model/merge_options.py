@@ -1,0 +1,44 @@
+"""How archives are to be merged."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from gpszip.errors import OptionError
+
+__all__ = ["MergeOptions"]
+
+
+@dataclass(frozen=True)
+class MergeOptions:
+    """How archives are to be merged.
+
+    Parameters
+    ----------
+    deviation : float, optional
+        Metres by which each archive's curves may be moved in the root mean square.
+    max_deviation : float, optional
+        Metres by which they may be moved at any instant. Without either, what the other archives promise.
+    same_id : str
+        What becomes of tracks of one name in several archives: ``"refuse"``; ``"prefix"``, all tracks are named
+        ``archive:track``; or ``"join"``, they are one agent's, at different times.
+
+    Raises
+    ------
+    OptionError
+        If both deviations are given or one is out of range.
+    """
+
+    deviation: float | None = None
+    max_deviation: float | None = None
+    same_id: str = "refuse"
+
+    def __post_init__(self) -> None:
+        if self.deviation is not None and self.max_deviation is not None:
+            raise OptionError("deviation and max_deviation were both given; give one")
+        for name, value in (("deviation", self.deviation), ("max_deviation", self.max_deviation)):
+            if value is not None and not 0 < value < math.inf:
+                raise OptionError(f"{name} is {value:g}; it must be a positive number of metres")
+        if self.same_id not in {"refuse", "prefix", "join"}:
+            raise OptionError(f"same_id is {self.same_id!r}; choose 'refuse', 'prefix' or 'join'")

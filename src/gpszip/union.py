@@ -1,0 +1,329 @@
+"""Merging archives: what fits together, which tracks are the same, and what the result promises (thesis, 2.4, figure 8-6)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.archive import Archive, new_archive, open_archive, promising
+from gpszip.container.attributes import Kept, attributes_body, read_attributes
+from gpszip.container.contents import Section
+from gpszip.container.layout import Kind
+from gpszip.errors import BoundError, OptionError
+from gpszip.mapping.curves import Curve, curve_of, deviation, pieces_of
+from gpszip.mapping.merging import Limit, Part, merge_parts
+from gpszip.model import Executor, Frame, Listener, Plane, Progress, Track
+from gpszip.model.frame import quantum
+from gpszip.model.merge_options import MergeOptions
+from gpszip.model.merge_report import Deviation, MergeReport
+from gpszip.model.promise import Promise, promise_of
+
+__all__ = ["merge"]
+
+#: A line on one plane that is laid on another may bend by this share of the deviation allowed.
+_BEND = 0.02
+
+#: Seconds between tracks that are joined where their ends were rounded over each other.
+_SEAM = 5e-4
+
+#: What was measured again may differ by so little.
+_ROUNDING = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class _Source:
+    """One archive on the common plane."""
+
+    name: str
+    archive: Archive
+    ids: tuple[str, ...]
+    curves: tuple[Curve, ...]
+    stretch: float = 1.0
+    bend: float = 0.0
+
+
+def merge(
+    archives: Sequence[Archive],
+    options: MergeOptions,
+    *,
+    names: Sequence[str],
+    executor: Executor | None = None,
+    progress: Listener | None = None,
+) -> tuple[Archive, MergeReport]:
+    """Unite archives on one map; see :func:`gpszip.pipeline.merge`."""
+    start = time.perf_counter()
+    _check(archives, names)
+    limit, notes = _limit(archives, names, options)
+    sources = _on_one_plane(_sources(archives, names, options), limit)
+    frames = [_frame_on(source) for source in sources]
+    parts = [_part(source.curves, frame) for source, frame in zip(sources, frames, strict=True)]
+    order = [name for source in sources for name in source.ids]
+    if len(set(order)) < len(order):
+        parts, order = [_joined(sources, frames)], list(dict.fromkeys(order))
+
+    def tell(done: int, whole: int) -> None:
+        if progress is not None:
+            progress(Progress("merge", done / whole))
+
+    merged = merge_parts(parts, limit, executor=executor, progress=tell)
+    if merged is None:
+        raise BoundError(f"a deviation of {limit.metres:g} m can't be held; allow a larger one")
+    extras, more = _kept(sources, order)
+    layers = {archive.contents.layer for archive in archives}
+    made = new_archive(merged.frame, order, merged.lattice, layer=layers.pop() if len(layers) == 1 else None, extras=extras)
+    moved = _measured(sources, made)
+    if len(parts) > 1 and (limit.excess(moved) > 1 + _ROUNDING).any():
+        raise BoundError(f"a deviation of {limit.metres:g} m can't be held; allow a larger one")
+    made = promising(made, _promise(sources, moved))
+    return made, _report(archives, made, limit, moved, time.perf_counter() - start, (*notes, *more))
+
+
+def _check(archives: Sequence[Archive], names: Sequence[str]) -> None:
+    """Refuse what doesn't go together, by name."""
+    if len(archives) < 2:
+        raise OptionError("one archive alone can't be merged; name two or more")
+    first = archives[0]
+    for name, archive in zip(names, archives, strict=True):
+        if not archive.ids:
+            raise OptionError(f"{name}: holds no tracks; leave it out")
+        if archive.contents.map is not None:
+            raise OptionError(f"{name}: lies on a map kept elsewhere; merge archives that hold their own maps")
+        if not archive.timed:
+            raise OptionError(f"{name}: keeps no times, without which tracks can't be compared; merge archives that keep them")
+        if (archive.frame.plane is None) != (first.frame.plane is None):
+            flat, round_ = (name, names[0]) if archive.frame.plane is None else (names[0], name)
+            raise OptionError(f"{flat} is in x and y, {round_} in latitude and longitude: where the one lies on the other is not known")
+        if archive.frame.dimension != first.frame.dimension:
+            raise OptionError(f"{name} has {archive.frame.dimension} coordinates, {names[0]} {first.frame.dimension}; merge them apart")
+
+
+def _limit(archives: Sequence[Archive], names: Sequence[str], options: MergeOptions) -> tuple[Limit, tuple[str, ...]]:
+    """What is asked for, or the least that any archive promises."""
+    given = options.max_deviation or options.deviation
+    if given is not None:
+        return Limit(given, options.max_deviation is not None), ()
+    silent = [name for name, archive in zip(names, archives, strict=True) if archive.promise is None]
+    metres = min(quantum(one.frame.space) if one.promise is None else one.promise.metres for one in archives)
+    notes = (f"{', '.join(silent)} promised nothing: the step of the lattice was allowed as deviation",) if silent else ()
+    return Limit(metres, any(one.promise is not None and one.promise.maximum for one in archives)), notes
+
+
+def _sources(archives: Sequence[Archive], names: Sequence[str], options: MergeOptions) -> list[_Source]:
+    """Curves of all archives with the names that their tracks get."""
+    sources, seen = [], dict[str, str]()
+    for name, archive in zip(names, archives, strict=True):
+        ids = tuple(f"{name}:{one}" for one in archive.ids) if options.same_id == "prefix" else archive.ids
+        for one in ids:
+            if one in seen and options.same_id != "join":
+                cure = "name the archives differently" if options.same_id == "prefix" else "choose to prefix or to join such tracks"
+                raise OptionError(f"track {one!r} is in {seen[one]} and in {name}; {cure}")
+            seen.setdefault(one, name)
+        nodes = archive.road_map.nodes
+        sources.append(_Source(name, archive, ids, tuple(curve_of(walk, nodes) for walk in archive.walks)))
+    return sources
+
+
+def _on_one_plane(sources: list[_Source], limit: Limit) -> list[_Source]:
+    """The same curves on planes that all archives share."""
+    planes = [source.archive.frame.plane for source in sources]
+    if len(set(planes)) == 1:
+        return sources
+    from gpszip.geo.common_plane import lay_together, stretch
+
+    known = [plane for plane in planes if plane is not None]
+    sources = [replace(source, curves=tuple(_halved(curve, limit) for curve in source.curves)) for source in sources]
+    starts = [_starts(source.curves) for source in sources]
+    shared, laid, moved = lay_together(known, [_positions(source) for source in sources], starts)
+    return [
+        replace(
+            source,
+            curves=_placed(source.curves, positions, shared),
+            stretch=stretch(positions[rows], shared) if rows.any() else 1.0,
+            bend=_BEND * limit.metres if rows.any() else 0.0,
+        )
+        for source, positions, rows in zip(sources, laid, moved, strict=True)
+    ]
+
+
+def _halved(curve: Curve, limit: Limit) -> Curve:
+    """Cut long parts, so that none bends by more than is tolerated where it is laid on another plane."""
+    # on transverse Mercator planes within reach, a line of length l bends by less than l^2 / (60 R)
+    longest = (60 * 6.371e6 * _BEND * limit.metres) ** 0.5
+    way = np.linalg.norm(np.diff(curve.track.positions, axis=0), axis=1)
+    pieces = np.where(curve.gaps, 1, np.ceil(way / longest)).astype(np.int64)
+    if (pieces <= 1).all():
+        return curve
+    knots = np.arange(len(curve.track))
+    shares = [first + np.arange(count) / count for first, count in enumerate(np.maximum(pieces, 1).tolist())]
+    at = np.append(np.concatenate(shares), knots[-1])
+    positions = np.stack([np.interp(at, knots, axis) for axis in curve.track.positions.T], axis=1)
+    times = np.interp(at, knots, curve.track.times)
+    kept = np.append(True, np.diff(times) > 0)
+    gaps = curve.gaps[at[:-1].astype(np.int64)]
+    return Curve(Track(curve.track.id, times[kept], positions[kept]), gaps[kept[1:]])
+
+
+def _starts(curves: Sequence[Curve]) -> NDArray[np.int64]:
+    bounds = np.cumsum([0] + [len(curve.track) for curve in curves])
+    return np.array([bound + first for curve, bound in zip(curves, bounds, strict=False) for first, _ in pieces_of(curve.gaps)])
+
+
+def _positions(source: _Source) -> NDArray[np.float64]:
+    return np.concatenate([curve.track.positions for curve in source.curves])
+
+
+def _placed(curves: Sequence[Curve], positions: NDArray[np.float64], plane: Plane) -> tuple[Curve, ...]:
+    bounds = np.cumsum([0] + [len(curve.track) for curve in curves]).tolist()
+    return tuple(
+        Curve(Track(curve.track.id, curve.track.times, positions[first : first + len(curve.track)], plane=plane), curve.gaps)
+        for curve, first in zip(curves, bounds, strict=False)
+    )
+
+
+def _frame_on(source: _Source) -> Frame:
+    """The archive's lattice; on other planes, one through its first knot."""
+    frame, plane = source.archive.frame, source.curves[0].track.plane
+    if plane is None or frame.plane == plane:
+        return frame
+    origin = tuple(1000 * int(np.floor(x)) for x in source.curves[0].track.positions[0])
+    return replace(frame, origin=origin, plane=plane)
+
+
+def _part(curves: Sequence[Curve], frame: Frame) -> Part:
+    places = np.concatenate([curve.track.positions for curve in curves])
+    nodes, visits = np.unique(places, axis=0, return_inverse=True)
+    cuts = np.cumsum([len(curve.track) for curve in curves])[:-1]
+    return Part(tuple(curves), nodes, tuple(np.split(visits.reshape(-1).astype(np.int32), cuts)), frame)
+
+
+def _joined(sources: Sequence[_Source], frames: Sequence[Frame]) -> Part:
+    """All curves as one part, those of one name as one curve."""
+    curves = dict[str, list[tuple[Curve, _Source]]]()
+    for source in sources:
+        for name, curve in zip(source.ids, source.curves, strict=True):
+            curves.setdefault(name, []).append((curve, source))
+    largest = max(range(len(sources)), key=lambda i: sum(len(curve.track) for curve in sources[i].curves))
+    return _part([_chain(name, pairs) for name, pairs in curves.items()], frames[largest])
+
+
+def _chain(name: str, pairs: list[tuple[Curve, _Source]]) -> Curve:
+    """Join the curves of one agent, in the order of time, with gaps between them."""
+    pairs = sorted(pairs, key=lambda pair: float(pair[0].track.times[0]))
+    whole, source = pairs[0]
+    for later, other in pairs[1:]:
+        curve = later
+        ends, begins = float(whole.track.times[-1]), float(curve.track.times[0])
+        blur = quantum(source.archive.frame.time) + quantum(other.archive.frame.time)
+        if ends - begins > blur:
+            raise OptionError(
+                f"track {name!r} is in {source.name} until {ends:.3f} s and in {other.name} from {begins:.3f} s: "
+                "one agent can't be at two places; choose to prefix such tracks"
+            )
+        if ends >= begins:
+            seam = (ends + begins) / 2
+            whole, curve = _cut(whole, float(whole.track.times[0]), seam), _cut(curve, seam + _SEAM, float(curve.track.times[-1]))
+        times = np.concatenate([whole.track.times, curve.track.times])
+        positions = np.concatenate([whole.track.positions, curve.track.positions])
+        gaps = np.concatenate([whole.gaps, [True], curve.gaps])
+        whole, source = Curve(Track(name, times, positions, plane=whole.track.plane), gaps), other
+    return whole
+
+
+def _cut(curve: Curve, first: float, last: float) -> Curve:
+    """The part of a curve between two instants, which it covers."""
+    times = curve.track.times
+    inside = times[(times > first) & (times < last)]
+    when = np.unique(np.concatenate([[max(first, float(times[0]))], inside, [min(last, float(times[-1]))]]))
+    positions = np.stack([np.interp(when, times, axis) for axis in curve.track.positions.T], axis=1)
+    part = np.clip(np.searchsorted(times, (when[1:] + when[:-1]) / 2) - 1, 0, max(len(curve.gaps) - 1, 0))
+    gaps = curve.gaps[part] if len(curve.gaps) else np.zeros(len(part), np.bool_)
+    return Curve(Track(curve.track.id, when, positions, plane=curve.track.plane), gaps)
+
+
+def _measured(sources: Sequence[_Source], made: Archive) -> tuple[Deviation, ...]:
+    """How far each archive's curves were moved, by what the bytes decode to."""
+    back = open_archive(made.to_bytes())
+    return tuple(deviation(source.curves, [back.walk(name) for name in source.ids], back.road_map.nodes) for source in sources)
+
+
+def _promise(sources: Sequence[_Source], moved: Sequence[Deviation]) -> Promise | None:
+    """The sum of what was promised and of what was added, for the archive for which it is most."""
+    promises = [source.archive.promise for source in sources]
+    maximum = all(promise is not None and promise.maximum for promise in promises)
+    total = 0.0
+    for source, promise, one in zip(sources, promises, moved, strict=True):
+        if promise is None:
+            return None
+        total = max(total, promise.metres * source.stretch + source.bend + (one.maximum if maximum else one.rms))
+    return promise_of(total, maximum=maximum)
+
+
+def _kept(sources: Sequence[_Source], order: Sequence[str]) -> tuple[tuple[Section, ...], tuple[str, ...]]:
+    """Times of samples and columns of all archives; where some keep none, of no use to their tracks."""
+    bodies = [[extra.body for extra in source.archive.contents.extras if extra.kind == Kind.ATTRIBUTES] for source in sources]
+    if not any(bodies):
+        return (), ()
+    tables = [
+        read_attributes(body[0], len(source.ids)) if body else Kept((0,) * len(source.ids), np.zeros(0))
+        for source, body in zip(sources, bodies, strict=True)
+    ]
+    names = list(dict.fromkeys(name for table in tables for name in table.columns))
+    rows: dict[str, list[tuple[float, Kept, slice]]] = {name: [] for name in order}
+    for source, table in zip(sources, tables, strict=True):
+        for number, name in enumerate(source.ids):
+            where = table.rows(number)
+            if where.stop > where.start:
+                rows[name].append((float(table.times[where.start]), table, where))
+    chosen = [(table, where) for name in order for _, table, where in sorted(rows[name], key=lambda row: row[0])]
+    counts = tuple(sum(where.stop - where.start for _, _, where in rows[name]) for name in order)
+    times = np.concatenate([table.times[where] for table, where in chosen]) if chosen else np.zeros(0)
+    columns = {name: np.concatenate([_column(table, name, where, tables) for table, where in chosen]) for name in names}
+    partial = sorted({name for name in names for table in tables if name not in table.columns})
+    notes = [f"only some archives keep {', '.join(partial)}: the others' samples have none"] if partial else []
+    notes += [] if all(bodies) else ["only some archives keep the times of samples"]
+    return (Section(Kind.ATTRIBUTES, attributes_body(Kept(counts, times, columns))),), tuple(notes)
+
+
+def _column(table: Kept, name: str, rows: slice, tables: Sequence[Kept]) -> NDArray[np.generic]:
+    """Some rows of a column, as numbers with holes, or as texts, if the archives differ."""
+    kinds = {one.columns[name].dtype.kind if name in one.columns else "-" for one in tables if len(one.times)}
+    if kinds & set("OSU"):
+        if kinds & set("biuf"):
+            raise OptionError(f"column {name!r} holds texts in one archive and numbers in another; compress them under different names")
+        return table.columns[name][rows] if name in table.columns else np.full(rows.stop - rows.start, "", dtype=object)
+    if kinds <= set("biu"):
+        return table.columns[name][rows]
+    values = table.columns[name][rows] if name in table.columns else np.full(rows.stop - rows.start, np.nan)
+    numbers = values.astype(np.float64)
+    if values.dtype.kind in "iu" and (numbers.astype(values.dtype) != values).any():
+        raise OptionError(f"column {name!r} holds integers in one archive that can't be numbers with a fraction, as another has it")
+    return numbers
+
+
+def _report(
+    archives: Sequence[Archive], made: Archive, limit: Limit, moved: tuple[Deviation, ...], seconds: float, notes: tuple[str, ...]
+) -> MergeReport:
+    bytes_in = sum(len(archive.to_bytes()) for archive in archives)
+    bytes_out = len(made.to_bytes())
+    if bytes_out >= bytes_in:
+        notes = (*notes, "the archives apart take no more bytes; allow a larger deviation for fewer")
+    return MergeReport(
+        archives=len(archives),
+        tracks=len(made.ids),
+        parts=sum(len(walk.gaps) for walk in made.lattice.walks),
+        nodes=len(made.road_map.nodes),
+        edges=len(made.road_map.edges),
+        nodes_in=sum(len(archive.road_map.nodes) for archive in archives),
+        edges_in=sum(len(archive.road_map.edges) for archive in archives),
+        bytes_in=bytes_in,
+        bytes_out=bytes_out,
+        limit=limit.metres,
+        limits_maximum=limit.maximum,
+        deviations=moved,
+        seconds=seconds,
+        notes=notes,
+    )
