@@ -37,6 +37,7 @@ _BOUNDS = {"rmse": "--rmse", "max_error": "--max-error", "size": "--bytes", "rat
 @click.option(
     "--coreset", type=click.IntRange(1), metavar="N", help="Learn from a coreset of N blocks; the bound is measured at all points."
 )
+@click.option("--memory", type=SIZE, metavar="SIZE", help="Memory to work in, such as 1GiB; larger logs are compressed in batches.")
 @click.option(
     "--k",
     type=click.IntRange(1),
@@ -73,6 +74,8 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
     check_output(target, force=force or before is not None, binary=True)
     if choices["update_map"]:
         check_output(choices["update_map"], force=force, binary=True)
+    if choices["memory"] is not None and not _fits(logs, choices):
+        return _in_batches(settings, logs, target, options, choices, force=force, quiet=quiet)
     from gpszip import pipeline
     from gpszip.appending import append, grown_map
     from gpszip.cli.progress import progress
@@ -87,6 +90,37 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
     if there is not None and choices["update_map"]:
         write_archive(choices["update_map"], grown_map(there, archive, report.gap), force=force)
     write_archive(target, archive, force=force or before is not None)
+    if settings.json or not quiet:
+        show_summary(target, reading, report, as_json=settings.json)
+    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+
+
+def _fits(logs: tuple[str, ...], choices: dict[str, Any]) -> bool:
+    """Whether the logs are small enough for the memory given; standard input always is, as it can be read once only."""
+    from gpszip.large import fits
+
+    return "-" in logs or fits(logs, int(choices["memory"]), format=choices["format"], columns=choices["columns"])
+
+
+def _in_batches(
+    settings: Settings, logs: tuple[str, ...], target: str, options: Any, choices: dict[str, Any], *, force: bool, quiet: bool
+) -> Outcome:
+    """Compress logs larger than memory."""
+    from gpszip.cli.output import write_archive
+    from gpszip.cli.progress import progress
+    from gpszip.cli.summary import show_summary
+    from gpszip.errors import OptionError
+    from gpszip.large import compress_large
+
+    for name, option in (("clean", "--clean"), ("split", "--split"), ("append", "--append"), ("map_name", "--map")):
+        if choices[name]:
+            raise OptionError(f"{option} needs the whole log at once, which is larger than --memory; allow more, or leave it out")
+    names = ("format", "columns", "time_unit", "sort", "skip_bad")
+    with progress(quiet=quiet or settings.json) as listener:
+        archive, report, reading = compress_large(
+            logs, options, memory=int(choices["memory"]), progress=listener, **{name: choices[name] for name in names}
+        )
+    write_archive(target, archive, force=force)
     if settings.json or not quiet:
         show_summary(target, reading, report, as_json=settings.json)
     return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE

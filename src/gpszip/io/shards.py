@@ -1,0 +1,260 @@
+"""Logs batch by batch: each file of a log is a shard, whose rows come in pieces that fit in memory."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv as pc
+
+from gpszip.errors import InputError
+from gpszip.io import csv_log
+from gpszip.io.arrow_values import looks_like_number, numbers
+from gpszip.io.columns import Roles, find_roles, time_unit_of
+from gpszip.io.formats import format_for_reading, format_named
+from gpszip.io.raw_log import RawLog, Request
+from gpszip.io.source import Source
+from gpszip.io.table import table_log
+from gpszip.model.reading import Repair
+
+__all__ = ["Shard", "shards_of"]
+
+#: Rows and bytes that are read at a time.
+_ROWS, _BYTES = 1 << 17, 1 << 22
+
+_UNITS = ((1e11, "s"), (1e14, "ms"), (1e17, "us"))
+
+
+@dataclass(frozen=True, eq=False)
+class Shard:
+    """One file of a log, not read yet; what it holds is known from its head.
+
+    Parameters
+    ----------
+    source : Source
+        The file.
+    request : Request
+        Columns and unit of time.
+    kind : str
+        ``csv``, ``parquet``, or ``whole`` for a format that is read at once.
+    names : tuple of str
+        Titles of its columns.
+    roles : Roles, optional
+        Which column is what; unknown of a format that is read at once.
+    crs : str
+        The coordinate system that the file names; empty where it names none.
+    base : Path, optional
+        The folder from which the keys of partitions are counted.
+    dialect : Dialect, optional
+        How text is written.
+    """
+
+    source: Source
+    request: Request
+    kind: str
+    names: tuple[str, ...] = ()
+    roles: Roles | None = None
+    crs: str = ""
+    base: Path | None = None
+    dialect: csv_log.Dialect | None = None
+
+    @property
+    def name(self) -> str:
+        """What messages call it."""
+        return self.source.name
+
+    @property
+    def contents(self) -> tuple[bool, int, str] | None:
+        """Whether its coordinates are degrees, how many they are, and their system; None where that is not known yet."""
+        return None if self.roles is None else (self.roles.geographic, len(self.roles.axes), self.crs)
+
+    def rows(self) -> int | None:
+        """Number of rows, where that is told before they are read."""
+        if self.kind != "parquet" or self.source.path is None:
+            return None
+        import pyarrow.parquet as pq
+
+        return int(pq.ParquetFile(str(self.source.path)).metadata.num_rows)
+
+    def batches(self) -> Iterator[RawLog]:
+        """Yield the rows in their order.
+
+        Raises
+        ------
+        InputError
+            If the file is damaged.
+        """
+        if self.kind == "whole":
+            yield format_for_reading(self.source).read(self.source, self.request)
+            return
+        try:
+            yield from self._tables(_parquet_tables(self) if self.kind == "parquet" else _csv_tables(self))
+        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
+            raise InputError(f"{self.name}: damaged: {str(error).splitlines()[0][:120]}") from None
+
+    def _tables(self, tables: Iterator[tuple[Any, int]]) -> Iterator[RawLog]:
+        roles, request, first = self.roles, self.request, 1 if self.dialect is None else self.dialect.header + 1
+        assert roles is not None
+        for table, bad in tables:
+            if request.time_unit is None:
+                request = replace(request, time_unit=self._unit(table, roles))
+            repairs = (Repair("rows with too many or too few cells dropped", bad, self.name),) if bad else ()
+            if table.num_rows or bad:
+                raw = table_log(
+                    table.columns, self.names, roles, request, self.name, first=first, decimal_comma=self._comma, repairs=repairs
+                )
+                if raw.codes is None and roles.id is not None:
+                    roles = replace(roles, id=None)
+                yield raw
+            first += table.num_rows
+
+    @property
+    def _comma(self) -> bool:
+        if self.dialect is None or self.dialect.delimiter == "," or self.roles is None:
+            return False
+        cells = [cell for axis in self.roles.axes for cell in self.dialect.cells(axis)]
+        return any("," in cell and looks_like_number(cell.replace(",", ".", 1)) for cell in cells)
+
+    def _unit(self, table: Any, roles: Roles) -> str | None:
+        """The unit of times that are numbers, from the first rows, so that it is the same for all."""
+        column = table.columns[roles.used.index(roles.time[-1])]
+        if len(roles.time) > 1 or time_unit_of(self.names[roles.time[0]]) is not None or pa.types.is_temporal(column.type):
+            return None
+        values = numbers(column)
+        values = np.abs(values[np.isfinite(values)])
+        return next((unit for top, unit in _UNITS if float(np.median(values)) <= top), "ns") if len(values) else None
+
+
+def shards_of(source: Source, format_: str | None, request: Request) -> Iterator[Shard | InputError]:
+    """Yield the files of a log with what their heads say, or what is wrong with them.
+
+    Parameters
+    ----------
+    source : Source
+        A file, or a folder of Parquet files.
+    format_ : str, optional
+        Its format; told from the content where left out.
+    request : Request
+        Columns and unit of time.
+    """
+    if source.folder:
+        assert source.path is not None
+        for path in sorted(source.path.rglob("*.parquet")):
+            yield _careful(Source(str(path), path=path), "parquet", request, source.path)
+    else:
+        yield _careful(source, format_, request, None)
+
+
+def _careful(source: Source, format_: str | None, request: Request, base: Path | None) -> Shard | InputError:
+    try:
+        return _shard(source, format_, request, base)
+    except InputError as error:
+        return error
+    except (pa.ArrowException, OSError) as error:
+        return InputError(f"{source.name}: can't be read: {str(error).splitlines()[0][:120]}")
+
+
+def _shard(source: Source, format_: str | None, request: Request, base: Path | None) -> Shard:
+    kind = (format_named(format_) if format_ is not None else format_for_reading(source)).name
+    by_role = request.columns if isinstance(request.columns, Mapping) else None
+    if kind == "csv":
+        dialect = csv_log.dialect_of(source.head(), request, source.name)
+        roles = find_roles(dialect.names, by_role, request.keep, source.name)
+        return Shard(source, request, kind, dialect.names, roles, dialect=dialect)
+    if kind == "parquet" and source.path is not None and not source.packed:
+        schema = _dataset(source.path, base).schema
+        names = tuple(str(name) for name in schema.names)
+        if isinstance(request.columns, tuple):
+            if len(request.columns) > len(names):
+                raise InputError(f"{source.name}: has {len(names)} columns, but --columns names {len(request.columns)}")
+            names = (*(new if new not in ("", "-", "_") else old for new, old in zip(request.columns, names, strict=False)),
+                     *names[len(request.columns) :])  # fmt: skip
+        return Shard(source, request, kind, names, find_roles(names, by_role, request.keep, source.name), _crs(schema), base)
+    return Shard(source, request, "whole")
+
+
+def _dataset(path: Path, base: Path | None) -> Any:
+    import pyarrow.dataset as ds
+
+    if base is None:
+        return ds.dataset(str(path), format="parquet")
+    return ds.dataset([str(path)], format="parquet", partitioning=ds.partitioning(flavor="hive"), partition_base_dir=str(base))
+
+
+def _crs(schema: Any) -> str:
+    """The coordinate system that GeoParquet names."""
+    try:
+        columns = json.loads((schema.metadata or {})[b"geo"])["columns"].values()
+        return json.dumps([column.get("crs") for column in columns], sort_keys=True)
+    except (KeyError, ValueError, AttributeError, TypeError):
+        return ""
+
+
+def _parquet_tables(shard: Shard) -> Iterator[tuple[Any, int]]:
+    assert shard.source.path is not None
+    assert shard.roles is not None
+    dataset = _dataset(shard.source.path, shard.base)
+    columns = [str(dataset.schema.names[i]) for i in shard.roles.used]
+    for batch in dataset.to_batches(columns=columns, batch_size=_ROWS, batch_readahead=1, fragment_readahead=1, use_threads=False):
+        yield pa.Table.from_batches([batch]), 0
+
+
+def _csv_tables(shard: Shard) -> Iterator[tuple[Any, int]]:
+    """Read text by types that its first rows tell; from where that fails on, each cell as a text that speaks for itself."""
+    assert shard.dialect is not None
+    assert shard.roles is not None
+    done, whole = 0, False
+    with suppress(pa.ArrowInvalid, UnicodeDecodeError):
+        for batch in _csv_batches(shard, csv_log.column_types(shard.dialect, shard.roles), [], shard.dialect.encoding):
+            yield pa.Table.from_batches([batch]), 0
+            done += batch.num_rows
+        whole = True
+    if whole:
+        return
+    skipped: list[None] = []
+    encoding = csv_log.whole_encoding(shard.source, shard.dialect)
+    seen = told = 0
+    for batch in _csv_batches(shard, {}, skipped, encoding):
+        fresh = batch.slice(max(done - seen, 0))
+        seen += batch.num_rows
+        yield pa.Table.from_batches([fresh]), len(skipped) - told
+        told = len(skipped)
+
+
+def _csv_batches(shard: Shard, types: Mapping[str, Any], skipped: list[None], encoding: str) -> Iterator[Any]:
+    dialect, roles = shard.dialect, shard.roles
+    assert dialect is not None
+    assert roles is not None
+
+    def skip(_row: Any) -> str:
+        skipped.append(None)
+        return "skip"
+
+    texts = {str(i): pa.string() for i in roles.used}
+    with _unmapped(shard.source) as stream:
+        yield from pc.open_csv(
+            stream,
+            pc.ReadOptions(
+                column_names=[str(i) for i in range(len(dialect.names))],
+                skip_rows=dialect.header,
+                encoding=encoding,
+                block_size=_BYTES,
+                use_threads=False,
+            ),
+            pc.ParseOptions(delimiter=dialect.delimiter, newlines_in_values=True, invalid_row_handler=None if types else skip),
+            pc.ConvertOptions(include_columns=[str(i) for i in roles.used], column_types=texts | dict(types)),
+        )
+
+
+def _unmapped(source: Source) -> Any:
+    """Open a file for reading in pieces: what is mapped to memory would count as memory."""
+    if source.path is None:
+        return source.open()
+    plain = pa.OSFile(str(source.path))
+    return pa.CompressedInputStream(plain, "gzip") if source.packed else plain

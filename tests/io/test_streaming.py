@@ -1,0 +1,207 @@
+"""Logs of any size: whatever the order of rows and files, the samples are those that reading at once finds; bad files are named."""
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import gpszip
+from gpszip import InputError
+from gpszip.io import streaming
+from gpszip.io.reading import read_logs
+from gpszip.io.streaming import count_rows, store_logs
+
+TINY = 1000  # rows in memory, the least there is
+
+
+def fleet(seed=0, vehicles=5, n=2300):
+    """Rows of several vehicles, in the order of time."""
+    rng = np.random.default_rng(seed)
+    ids = np.repeat([f"bus {i}" for i in range(vehicles)], n)
+    times = np.concatenate([np.cumsum(rng.exponential(1, n) + 0.01) for _ in range(vehicles)])
+    order = np.argsort(times)
+    return {"track_id": ids[order], "t": times[order], "x": rng.normal(0, 9, len(ids)), "y": rng.normal(0, 9, len(ids))}
+
+
+def csv(rows, path, pack=False):
+    text = "\n".join([",".join(rows), *(",".join(map(str, row)) for row in zip(*rows.values(), strict=True))]) + "\n"
+    path.write_bytes(gzip.compress(text.encode()) if pack else text.encode())
+    return str(path)
+
+
+def part(rows, which):
+    return {name: values[which] for name, values in rows.items()}
+
+
+def same_as_at_once(sources, **options):
+    reading = read_logs(sources, **options)
+    with store_logs(sources, rows=TINY, **options) as log:
+        assert {track.id for track in log.tracks} == {track.id for track in reading.tracks}
+        assert log.reading.points == reading.points
+        for track in log.tracks:
+            whole = next(one for one in reading.tracks if one.id == track.id)
+            found = log.read(track)
+            assert np.array_equal(found.times, whole.times)
+            assert np.abs(found.positions - whole.positions).max() < 1e-6
+            assert np.array_equal(log.read(track, 3, 9).times, whole.times[3:9])
+        return log.samples
+
+
+@pytest.mark.parametrize("pack", [False, True])
+def test_csv_with_interleaved_tracks(tmp_path, pack):
+    assert same_as_at_once(csv(fleet(), tmp_path / "fleet.csv", pack)) == 5 * 2300
+
+
+def test_a_folder_of_parquet_in_any_order(tmp_path):
+    rows = fleet()
+    middle = len(rows["t"]) // 3
+    for name, which in (("c", slice(0, middle)), ("a", slice(middle, 2 * middle)), ("b", slice(2 * middle, None))):
+        pq.write_table(pa.table(part(rows, which)), tmp_path / f"{name}.parquet", row_group_size=700)
+    reading = read_logs(csv(rows, tmp_path / "whole.csv"))
+    with store_logs(tmp_path, rows=TINY) as log:
+        assert log.reading.points == len(rows["t"])
+        for track in log.tracks:
+            assert np.array_equal(log.read(track).times, next(one.times for one in reading.tracks if one.id == track.id))
+        room = log._path.parent
+        assert [file.name for file in room.iterdir()] == ["samples"]
+    assert not room.exists()
+
+
+def test_keys_of_partitions_are_columns(tmp_path):
+    rows = fleet(vehicles=2)
+    names = rows.pop("track_id")
+    for name in np.unique(names):
+        (tmp_path / f"track_id={name}").mkdir()
+        pq.write_table(pa.table(part(rows, names == name)), tmp_path / f"track_id={name}" / "0.parquet")
+    with store_logs(tmp_path, rows=TINY) as log:
+        assert sorted(track.id for track in log.tracks) == ["bus 0", "bus 1"]
+
+
+def test_rows_that_cannot_be_used_are_counted(tmp_path):
+    rows = {name: values.astype(object) for name, values in fleet().items()}
+    rows["t"][[5, 4000]] = ""
+    rows["x"][[7, 9000]] = "nowhere"
+    path = Path(csv(rows, tmp_path / "fleet.csv"))
+    path.write_text(path.read_text() + "bus 1,5\n")
+    same_as_at_once(str(path))
+    with store_logs(str(path), rows=TINY) as log:
+        told = {repair.what: repair.count for repair in log.reading.repairs}
+    assert told == {
+        "rows without a time dropped": 2, "rows without a position dropped": 2, "rows with too many or too few cells dropped": 1,
+    }  # fmt: skip
+
+
+def test_degrees_get_the_same_plane(tmp_path):
+    rng = np.random.default_rng(1)
+    n = 3000
+    rows = {"t": np.arange(n), "lat": 48 + rng.normal(0, 0.02, n), "lon": 11 + rng.normal(0, 0.02, n)}
+    assert same_as_at_once(csv(rows, tmp_path / "log.csv")) == n
+
+
+def test_milliseconds_are_told_once_for_all_batches(tmp_path):
+    n = 3000
+    rows = {"t": 1_700_000_000_000 + 500 * np.arange(n), "x": np.zeros(n), "y": np.arange(n)}
+    assert same_as_at_once(csv(rows, tmp_path / "log.csv")) == n
+
+
+def test_sorting_merges_runs(tmp_path):
+    rows = fleet(vehicles=2)
+    shuffled = part(rows, np.random.default_rng(3).permutation(len(rows["t"])))
+    path = csv(shuffled, tmp_path / "log.csv")
+    with pytest.raises(InputError, match=r"time goes back in track 'bus [01]'; --sort"):
+        store_logs(path, rows=TINY)
+    assert same_as_at_once(path, sort=True) == 2 * 2300
+
+
+def test_repeated_times_are_dropped(tmp_path):
+    rows = {"t": np.repeat(np.arange(1500), 2), "x": np.arange(3000.0), "y": np.zeros(3000)}
+    with store_logs(csv(rows, tmp_path / "log.csv"), rows=TINY) as log:
+        assert log.samples == 1500
+        assert log.reading.lost == 1500
+        assert log.read(log.tracks[0]).positions[:3, 0].tolist() == [0, 2, 4]
+
+
+def two_files(tmp_path, second, name="b.parquet"):
+    (tmp_path / "in").mkdir()
+    pq.write_table(pa.table({"track_id": ["v"] * 5, "t": np.arange(5.0), "x": np.arange(5.0), "y": np.zeros(5)}), tmp_path / "in/a.parquet")
+    if isinstance(second, bytes):
+        (tmp_path / "in" / name).write_bytes(second)
+    else:
+        pq.write_table(second, tmp_path / "in" / name)
+    return tmp_path / "in"
+
+
+BAD = {
+    "read": b"PAR1 no parquet",
+    "lat,lon": pa.table({"track_id": ["w"], "t": [1.0], "lat": [48.0], "lon": [11.0]}),
+    "no position": pa.table({"track_id": ["w"], "t": [1.0], "speed": [48.0]}),
+    "coordinate system": pa.table({"track_id": ["w"], "t": [1.0], "x": [48.0], "y": [11.0]}).replace_schema_metadata(
+        {b"geo": b'{"columns": {"geometry": {"crs": "EPSG:25832"}}}'}
+    ),
+    "overlaps in time": pa.table({"track_id": ["v"] * 2, "t": [2.5, 9.0], "x": [48.0, 1.0], "y": [11.0, 1.0]}),
+    "no row has a time and position": pa.table({"track_id": ["w"], "t": [np.nan], "x": [48.0], "y": [11.0]}),
+    "time goes back": pa.table({"track_id": ["w"] * 2, "t": [3.0, 1.0], "x": [48.0, 1.0], "y": [11.0, 1.0]}),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_a_bad_file_is_named_and_refused_or_left_out(tmp_path, what):
+    folder = two_files(tmp_path, BAD[what])
+    with pytest.raises(InputError, match=rf"b\.parquet: .*{what}"):
+        store_logs(folder, rows=TINY)
+    with store_logs(folder, rows=TINY, skip_bad=True) as log:
+        assert [(track.id, track.count) for track in log.tracks] == [("v", 5)]
+        (left,) = log.reading.left_out
+        assert left.name.endswith("b.parquet")
+        assert log.reading.points == 5 + log.reading.lost
+
+
+def test_a_file_that_is_damaged_in_the_middle_leaves_nothing_behind(tmp_path):
+    data = tmp_path / "good.parquet"
+    table = pa.table({"track_id": ["w"] * 9000, "t": np.arange(9000.0), "x": np.random.default_rng(0).random(9000), "y": np.zeros(9000)})
+    pq.write_table(table, data, row_group_size=1000)
+    raw = bytearray(data.read_bytes())
+    raw[len(raw) // 3 : len(raw) // 2] = b"\xff" * (len(raw) // 2 - len(raw) // 3)
+    folder = two_files(tmp_path, bytes(raw))
+    with store_logs(folder, rows=TINY, skip_bad=True) as log:
+        assert [track.id for track in log.tracks] == ["v"]
+        assert len(log.reading.left_out) == 1
+        assert log.reading.points == 5
+
+
+def test_nothing_to_read(tmp_path):
+    with pytest.raises(InputError, match="no such file"):
+        store_logs(tmp_path / "none.csv", rows=TINY)
+    with pytest.raises(InputError, match="no log given"):
+        store_logs([], rows=TINY)
+    folder = two_files(tmp_path, BAD["read"])
+    (folder / "a.parquet").unlink()
+    with pytest.raises(InputError, match=r"b\.parquet"):
+        store_logs(folder, rows=TINY, skip_bad=True)
+
+
+def test_temporary_files_go_also_when_reading_fails(tmp_path, monkeypatch):
+    room = tmp_path / "room"
+    room.mkdir()
+    monkeypatch.setattr(streaming.tempfile, "tempdir", str(room))
+    with pytest.raises(InputError):
+        store_logs(two_files(tmp_path, BAD["time goes back"]), rows=TINY)
+    assert list(room.iterdir()) == []
+
+
+def test_rows_are_counted_without_reading_them(tmp_path):
+    folder = two_files(tmp_path, BAD["read"])
+    assert count_rows(folder) == 5
+    assert 200 < count_rows(csv(part(fleet(), slice(0, 500)), tmp_path / "log.csv")) < 2000
+
+
+def test_other_formats_are_read_file_by_file(tmp_path):
+    from gpszip.io.writing import write_tracks
+
+    (track,) = gpszip.read(csv({"t": np.arange(9), "lat": 48 + np.arange(9) / 1e4, "lon": np.full(9, 11.0)}, tmp_path / "log.csv"))
+    write_tracks([track], tmp_path / "log.gpx")
+    with store_logs(tmp_path / "log.gpx", rows=TINY) as log:
+        assert [one.count for one in log.tracks] == [9]

@@ -1,0 +1,138 @@
+"""Logs larger than memory: the same promises, whoever works and however the log is spread over files."""
+
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import gpszip
+from gpszip import OptionError, large
+from gpszip.cli.main import main
+from gpszip.model import Options
+from gpszip.run.serial import Serial
+from gpszip.run.threads import Threads
+from gpszip.testing import city
+from gpszip.testing.patrol import patrol
+
+MEMORY = 420 << 20
+
+
+@pytest.fixture(autouse=True)
+def small_batches(monkeypatch):
+    """Batches so small that little logs have several."""
+    monkeypatch.setattr(large, "_BATCH", 4000)
+    monkeypatch.setattr(large, "_EXCERPT", 6000)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """Two robots in one building, whose hours are spread over files."""
+    room = tmp_path / "logs"
+    room.mkdir()
+    robots = [patrol(9000, seed=5, id="one"), patrol(3000, seed=5, id="two")]
+    for number, cut in enumerate((slice(0, 2000), slice(2000, 9000))):
+        parts = [pa.table({"track_id": [r.id] * len(r.times[cut]), "t": r.times[cut], "x": r.positions[cut, 0], "y": r.positions[cut, 1]})
+                 for r in robots if len(r.times[cut])]  # fmt: skip
+        pq.write_table(pa.concat_tables(parts).sort_by("t"), room / f"{9 - number}.parquet")
+    return room, robots
+
+
+def off(archive, tracks):
+    return np.concatenate([np.linalg.norm(archive.position(one.id, one.times) - one.positions, axis=1) for one in tracks])
+
+
+@pytest.mark.parametrize("bound", [{"rmse": 0.25}, {"max_error": 0.9}, {}])
+def test_the_bound_holds_at_every_sample(folder, bound):
+    archive, report, reading = large.compress_large(folder[0], Options(effort=1, **bound), memory=MEMORY)
+    errors = off(archive, folder[1])
+    assert report.points == len(errors) == reading.points == 12_000
+    assert report.rmse == pytest.approx(np.sqrt((errors**2).mean()), rel=1e-6)
+    assert report.max_error == pytest.approx(errors.max(), rel=1e-6)
+    assert report.rmse <= bound.get("rmse", np.inf)
+    assert report.max_error <= bound.get("max_error", np.inf)
+    assert sorted(archive.tracks) == ["one", "two"]
+    whole = gpszip.compress(folder[1], effort=1, **(bound or {"rmse": report.rmse}))
+    assert len(archive.to_bytes()) < 1.6 * len(whole.to_bytes())
+
+
+def test_the_same_bytes_whoever_works(folder):
+    one, two = (large.compress_large(folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=x)[0] for x in (Serial(), Threads(3)))
+    assert one.to_bytes() == two.to_bytes()
+
+
+def test_degrees_and_gaps(tmp_path):
+    rows = ["id,time,lat,lon"]
+    for name, (times, degrees) in city(vehicles=3, period=10.0, duration=9000.0, blocks=3).items():
+        rows += [f"{name},{t + (40_000 if t > 5000 else 0):g},{lat:.6f},{lon:.6f}" for t, (lat, lon) in zip(times, degrees, strict=True)]
+    (tmp_path / "town.csv").write_text("\n".join(rows) + "\n")
+    archive, report, _ = large.compress_large(str(tmp_path / "town.csv"), Options(rmse=12.0, effort=1), memory=MEMORY)
+    assert report.gap < 40_000
+    assert all(walk.gaps.sum() == 1 for walk in archive.walks)
+    assert np.sqrt((off(archive, gpszip.read(str(tmp_path / "town.csv"))) ** 2).mean()) <= 12.01
+
+
+def test_a_batch_that_learning_does_not_master_keeps_the_knots_that_it_needs(folder, monkeypatch):
+    monkeypatch.setattr("gpszip.mapping.known.learn_on", lambda *_, **__: None)
+    archive, report, _ = large.compress_large(folder[0], Options(max_error=1.0, effort=1), memory=MEMORY)
+    assert off(archive, folder[1]).max() <= 1.0
+    assert report.points == 12_000
+
+
+@pytest.mark.parametrize(
+    "options", [{"k": 3}, {"size": 900}, {"ratio": 5}, {"keep_times": True}, {"times": False, "rmse": 1.0}, {"coreset": 5}]
+)
+def test_what_needs_the_whole_log_is_refused(folder, options):
+    with pytest.raises(OptionError, match="larger than the memory"):
+        large.compress_large(folder[0], Options(**options), memory=MEMORY)
+
+
+def test_too_little_memory_is_refused(folder):
+    with pytest.raises(OptionError, match="give at least 400 MiB"):
+        large.compress_large(folder[0], Options(rmse=1.0), memory=1 << 20)
+
+
+def test_small_logs_fit(folder):
+    assert large.fits(str(folder[0]), 1 << 30)
+    assert not large.fits(str(folder[0]), 300 << 20)
+
+
+def test_the_command_line_compresses_in_batches(folder, capfd, monkeypatch):
+    monkeypatch.setattr(large, "_PROGRAM", 410 << 20)
+    monkeypatch.setattr(large, "_check", lambda *_: None)
+    (folder[0] / "bad.parquet").write_bytes(b"PAR1 none")
+    target = folder[0].parent / "out.gpsz"
+    command = ["compress", str(folder[0]), "-o", str(target), "--rmse", "30cm", "--effort", "1", "--memory", "415MiB"]
+    assert main(command) == 1
+    assert "bad.parquet: can't be read" in capfd.readouterr().err
+    assert main([*command, "--skip-bad"]) == 3
+    assert "bad.parquet" in capfd.readouterr().err
+    assert np.sqrt((off(gpszip.open(target), folder[1]) ** 2).mean()) <= 0.3
+    assert main([*command, "--skip-bad", "--force", "--clean"]) == 2
+
+
+def test_memory_is_kept(tmp_path):
+    """As a process of its own, once what it needs is compiled, which takes memory by itself."""
+    script = textwrap.dedent(
+        """
+        import resource, sys
+        import numpy as np, pyarrow as pa, pyarrow.parquet as pq
+        from gpszip import large
+        from gpszip.model import Options
+        n = 400_000; noise = np.random.default_rng(1).normal(0, 0.5, (2, n))
+        with pq.ParquetWriter(sys.argv[1], pa.schema([("t", pa.float64()), ("x", pa.float64()), ("y", pa.float64())])) as file:
+            for a in range(0, n, 50_000):
+                t = np.arange(a, a + 50_000) / 10
+                x, y = np.stack([50 * np.cos(t / 50), 30 * np.sin(t / 50)]) + noise[:, a : a + 50_000]
+                file.write_table(pa.table({"t": t, "x": x, "y": y}))
+        archive, report, _ = large.compress_large(sys.argv[1], Options(rmse=1.0, effort=1), memory=410 << 20)
+        assert report.points == n
+        print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)
+        """
+    )
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", script, str(tmp_path / "log.parquet")], capture_output=True, text=True, check=True)
+    assert float(done.stdout) < 1.2 * 410
