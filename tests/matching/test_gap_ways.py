@@ -101,3 +101,20 @@ def test_the_cheapest_way_is_the_cheapest_of_all(network, data):
         ends = [heads[road >> 1][:: -1 if road % 2 else 1] for road in way.roads.tolist()]
         assert all(one[1] == other[0] for one, other in zip(ends, ends[1:], strict=False))
         assert all((network.backward if road % 2 else network.forward)[road >> 1] for road in way.roads.tolist())
+
+
+def test_who_must_turn_round_may_go_on_and_come_back():
+    """Away from the aim, with a ring at the end of the road."""
+    nodes = [(0, 0), (100, 0), (200, 0), (250, 50), (250, -50)]
+    network = network_of(nodes, [(0, 1), (1, 2), (2, 4), (4, 3), (3, 2)], one_way=(2, 3, 4))
+    ways = find(network, Place(0, 60.0), Place(1, 20.0))[1]
+    assert ways[0].roads.tolist() == [1]
+    assert ways[0].price == pytest.approx(4 + 20)
+    assert [0, 2, 4, 6, 8, 3, 1] in [way.roads.tolist() for way in ways]
+
+
+def test_seconds_of_a_way_are_without_turns():
+    finder, ways = find(SQUARE, Place(0, 50.0), Place(4, 50.0))
+    assert [finder.seconds(way, prices_of(SQUARE)) for way in ways[:1]] == [pytest.approx(20.0)]
+    assert finder.seconds(Way(np.array([3, 1], np.int32), 80.0, 30.0, 0.0), prices_of(SQUARE)) == pytest.approx(15.0)
+    assert finder.seconds(Way(np.array([1], np.int32), 80.0, 30.0, 0.0), prices_of(SQUARE)) == pytest.approx(5.0)

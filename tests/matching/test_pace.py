@@ -77,4 +77,4 @@ def test_memory_follows_how_alike_speeds_are():
 
     short, long = wandering(5.0).memory(60.0), wandering(60.0).memory(60.0)
     assert short < 20 < long
-    assert Habits(1.0, 2.0, 1.0, 0.5, ()).memory(90.0) == 30.0
+    assert Habits(1.0, 2.0, 1.0, ()).memory(90.0) == 30.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -103,7 +104,8 @@ class WayFinder:
     def ways(self, starts: Sequence[Place], ends: Sequence[Place], prices: Prices, *, slack: float, most: int) -> list[Way]:
         """Ways from one of some places to one of others, cheapest first.
 
-        Besides the cheapest way these are the cheapest ways through each road that visit no crossing twice.
+        Besides the cheapest way these are the cheapest ways through each road that visit no crossing twice; or, where the cheapest way
+        turns round, those that don't: somebody goes on to the next roundabout, and comes back.
 
         Parameters
         ----------
@@ -151,6 +153,7 @@ class WayFinder:
     ) -> list[Way]:
         found: list[Way] = []
         covered: set[int] = set()
+        turning = False
         for road, price in trees.through():
             if price > bound or len(found) >= most:
                 break
@@ -158,7 +161,8 @@ class WayFinder:
                 continue
             roads = trees.way(road)
             covered.update(roads)
-            if len(roads) > 1 and (not found or self._simple(roads)):
+            if len(roads) > 1 and (not found or self._simple(roads) or (turning and _drivable(roads, one, other))):
+                turning = turning or (not found and not _drivable(roads, one, other))
                 begin, end = one[roads[0]][1], other[roads[-1]][1]
                 doubt = begin.doubt + end.doubt
                 found.append(Way(np.array(roads, np.int32), begin.offset, end.offset, price - doubt, doubt))
@@ -181,6 +185,14 @@ class WayFinder:
     def _simple(self, roads: Sequence[int]) -> bool:
         inner = self._heads[list(roads[:-1])]
         return len(np.unique(inner)) == len(inner) and len({road >> 1 for road in roads}) == len(roads)
+
+    def seconds(self, way: Way, prices: Prices) -> float:
+        """What travelling a way takes without any turns."""
+        length = np.maximum(self.lengths[way.roads], 1e-9)
+        share = np.ones(len(way.roads))
+        share[0] = (way.begin if way.roads[0] % 2 else length[0] - way.begin) / length[0]
+        share[-1] -= (way.end if way.roads[-1] % 2 else length[-1] - way.end) / length[-1]
+        return float((prices.roads[way.roads] * share).sum())
 
     def line(self, way: Way) -> tuple[Floats, NDArray[np.int64]]:
         """Vertices of a way in metres, shape (P, d), and the number of the road after each but the last."""
@@ -234,6 +246,12 @@ def _both(there: tuple[Any, ...], back: tuple[Any, ...], prices: Prices) -> tupl
 def _cheapest(there: tuple[Any, ...], back: tuple[Any, ...], prices: Prices) -> float:
     price = _both(there, back, prices)[1]
     return float(price.min()) if len(price) else float("inf")
+
+
+def _drivable(roads: Sequence[int], one: dict[int, tuple[float, Place]], other: dict[int, tuple[float, Place]]) -> bool:
+    """Whether a way never turns round, nor uses a road twice in one direction."""
+    ahead = roads[0] == one[roads[0]][1].road and roads[-1] == other[roads[-1]][1].road
+    return ahead and len(set(roads)) == len(roads) and all(a != b ^ 1 for a, b in pairwise(roads))
 
 
 def _columns(sources: dict[int, tuple[float, Place]]) -> tuple[NDArray[np.int64], Floats]:

@@ -39,8 +39,6 @@ class Habits:
         Speed in m/s that one step in a hundred exceeds.
     push : float
         Acceleration along the way in m/s².
-    spread : float
-        Standard deviation of the logarithm of the mean speed over a minute or so.
     likeness : tuple of (float, float)
         Lags in seconds, and the correlation of speeds so far apart.
     """
@@ -48,7 +46,6 @@ class Habits:
     usual: float
     fastest: float
     push: float
-    spread: float
     likeness: tuple[tuple[float, float], ...]
 
     def memory(self, seconds: float) -> float:
@@ -82,12 +79,13 @@ def habits_of(tracks: Sequence[Track], gap: float) -> Habits:
     speeds = np.concatenate([speed for _, speed, _ in steps]) if steps else np.empty(0)
     seconds = np.concatenate([step for _, _, step in steps]) if steps else np.empty(0)
     if not len(speeds) or speeds.max() <= 0:
-        return Habits(1.0, 2.0, _ALONG, 0.5, ())
+        return Habits(1.0, 2.0, _ALONG, ())
     order = np.argsort(speeds)
     fastest = float(speeds[order[min(np.searchsorted(np.cumsum(seconds[order]), 0.99 * seconds.sum()), len(order) - 1)]])
     moving = speeds > 0.1 * fastest
     usual = float((speeds * seconds)[moving].sum() / seconds[moving].sum())
-    return Habits(usual, fastest, _push(steps, usual), _spread(steps, usual), tuple((lag, _likeness(steps, lag)) for lag in _LAGS))
+    likeness = tuple((lag, _likeness(steps, lag)) for lag in _LAGS)
+    return Habits(usual, fastest, _push(steps, usual), likeness)
 
 
 def _speeds(track: Track, gap: float) -> tuple[Floats, Floats, Floats]:
@@ -109,16 +107,6 @@ def _push(steps: Sequence[tuple[Floats, Floats, Floats]], usual: float) -> float
     pooled = np.concatenate(found) if found else np.empty(0)
     pooled = pooled[pooled > 0.02 * usual]
     return float(np.clip(np.quantile(pooled, 0.9), 0.1 * _ALONG, 2 * _ALONG)) if len(pooled) > 20 else _ALONG
-
-
-def _spread(steps: Sequence[tuple[Floats, Floats, Floats]], usual: float) -> float:
-    means = []
-    for at, speed, step in steps:
-        window = np.floor((at - at[0]) / 60.0).astype(np.int64) if len(at) else np.empty(0, np.int64)
-        metres, seconds = np.bincount(window, speed * step), np.bincount(window, step)
-        means.append(metres[seconds > 0] / seconds[seconds > 0])
-    pooled = np.log(np.maximum(np.concatenate(means), 0.1 * usual))
-    return float(np.clip(pooled.std(), 0.3, 1.5)) if len(pooled) > 5 else 0.7
 
 
 def _likeness(steps: Sequence[tuple[Floats, Floats, Floats]], lag: float) -> float:

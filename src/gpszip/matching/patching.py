@@ -21,11 +21,11 @@ from gpszip.model.match import Match
 
 __all__ = ["patch"]
 
-#: Prices in seconds of travel: turning off by a right angle, and turning round.
-_TURN, _U_TURN = 2.0, 20.0
+#: Prices in seconds of turning off by a right angle, and of turning round: little, as maps lack links and matching errs at crossings.
+_TURN, _U_TURN = 3.0, 20.0
 
 #: A way that takes so many seconds, and this share of the gap, longer than another is less likely by a factor of e.
-_LOSS, _SHARE = 15.0, 0.2
+_LOSS, _SHARE = 8.0, 0.1
 
 #: Waiting takes this share of a gap, in the mean, and who goes faster than usual does so by this factor (as a logarithm).
 _WAIT, _HURRY = 0.5, 0.3
@@ -41,6 +41,9 @@ _TO_SIGMA, _LEAST = 1.4826, 0.1
 
 #: An agent that takes longer than so many times what its way takes, and this many seconds more, may have been anywhere.
 _IDLE, _IDLER = 3.0, 600.0
+
+#: A way that usually takes so many times as long as the gap wasn't taken: the network lacks a road.
+_LATE = 2.0
 
 #: A way that asks for a speed so many times as high as the log's highest wasn't taken.
 _HASTE = 1.3
@@ -114,7 +117,6 @@ class _Filler:
         usual = steps[steps <= gap]
         self.rhythm = float(np.median(usual)) if len(usual) else gap
         self.seconds = slowness * np.maximum(finder.lengths, 1e-3) / habits.usual
-        self.prices = Prices(self.seconds, _TURN, _U_TURN)
         off = found.distance[np.isfinite(found.distance)]
         self.error = max(_TO_SIGMA * float(np.median(off)), _LEAST) if len(off) else _LEAST
 
@@ -155,17 +157,20 @@ class _Filler:
     def _implausible(self, way: Way, length: float, seconds: float) -> str:
         if length / seconds > _HASTE * max(self.habits.fastest, float((self.finder.lengths / self.seconds)[way.roads].max())):
             return f"the shortest way would take {length / seconds:.3g} m/s"
-        if seconds > _IDLE * way.price + _IDLER:
-            return f"the way takes {way.price:.0f} s, and the agent may have been anywhere in the rest of {seconds:.0f} s"
+        takes = self._takes(way)
+        if takes > _LATE * seconds + self.rhythm:
+            return f"the shortest way takes {takes:.0f} s, and the gap only {seconds:.0f} s"
+        if seconds > _IDLE * takes + _IDLER:
+            return f"the way takes {takes:.0f} s, and the agent may have been anywhere in the rest of {seconds:.0f} s"
         return ""
 
     def _ways(self, after: int, seconds: float) -> list[Way] | str:
         """Ways from a little before the gap to a little after it, since the last roads seen are the least sure."""
-        worth = _LOSS + _SHARE * seconds
+        worth = _worth(seconds)
         starts, ends = self._places(after, -1, worth), self._places(after + 1, 1, worth)
         if not starts or not ends:
             return f"it {'ends' if starts else 'begins'} off the roads"
-        ways = self.finder.ways(starts, ends, self.prices, slack=min(60.0, seconds), most=_WAYS)
+        ways = self.finder.ways(starts, ends, Prices(self.seconds, _TURN, _U_TURN), slack=min(60.0, seconds), most=_WAYS)
         return ways or "no way over the roads leads through it"
 
     def _places(self, sample: int, side: int, worth: float) -> list[Place]:
@@ -209,16 +214,19 @@ class _Filler:
     def _score(self, way: Way, after: int, seconds: float) -> float:
         """Logarithm of how likely a way is, up to a constant.
 
-        Whoever knows the roads takes a quick way; the rest of the time is spent waiting, and few are much quicker than usual.
+        Who knows the roads takes a quick way; the rest of the time is spent waiting, and few are much quicker than usual.
         """
-        worth = _LOSS + _SHARE * seconds
-        expected = max(way.price, self.rhythm)
+        expected = max(self._takes(way), self.rhythm)
         off = 0.0
         if way.doubt == 0:
             line, _ = self._cut(way, after)
             off = float(((self.track.positions[after : after + 2, : line.shape[1]] - line[[0, -1]]) ** 2).sum()) / (2 * self.error**2)
         late = (seconds - expected) / (_WAIT * seconds) if seconds > expected else 0.5 * (math.log(expected / seconds) / _HURRY) ** 2
-        return -(expected + way.doubt) / worth - late - off
+        return -(way.price + way.doubt) / _worth(seconds) - late - off
+
+    def _takes(self, way: Way) -> float:
+        """Seconds of travel on a way."""
+        return self.finder.seconds(way, Prices(self.seconds, 0.0, 0.0))
 
     def _cut(self, way: Way, after: int) -> tuple[Floats, NDArray[np.int64]]:
         """The part of a way between the samples' places on it."""
@@ -261,6 +269,11 @@ class _Filler:
         flat = positions[:, : self.track.dimension]
         rest = [np.interp(times, when, ends[:, axis]) for axis in range(flat.shape[1], self.track.dimension)]
         return np.column_stack([flat, *rest])
+
+
+def _worth(seconds: float) -> float:
+    """Seconds by which a way must be slower than another to be less likely by a factor of e."""
+    return _LOSS + _SHARE * seconds
 
 
 def _ends(few: int) -> tuple[tuple[int, slice], tuple[int, slice]]:
