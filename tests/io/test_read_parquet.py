@@ -65,6 +65,25 @@ def test_a_folder_of_parts_is_one_log_with_the_keys_of_its_partitions(tmp_path):
     assert reading.points == 4
 
 
+def test_files_of_a_folder_without_names_are_one_track_in_the_order_of_time(tmp_path):
+    put(tmp_path / "a.parquet", t=[5, 6], x=[5, 6], y=[0, 0])
+    put(tmp_path / "b.parquet", t=[0, 1], x=[0, 1], y=[0, 0])
+    (track,) = read_logs(tmp_path).tracks
+    assert (track.id, track.times.tolist()) == ("0", [0, 1, 5, 6])
+
+
+def test_a_bad_file_of_a_folder_is_named_or_left_out(tmp_path):
+    put(tmp_path / "a.parquet", t=[5, 6], x=[5, 6], y=[0, 0])
+    (tmp_path / "b.parquet").write_bytes(b"PAR1 nothing")
+    put(tmp_path / "c.parquet", t=[8], lat=[5], lon=[0])
+    put(tmp_path / "d.parquet", t=[9], speed=[5])
+    with pytest.raises(InputError, match=r"b\.parquet: damaged"):
+        read_logs(tmp_path)
+    reading = read_logs(tmp_path, skip_bad=True)
+    assert [len(track) for track in reading.tracks] == [2]
+    assert [left.name[-9:] for left in reading.left_out] == ["b.parquet", "c.parquet", "d.parquet"]
+
+
 def test_streams_and_packed_files(tmp_path):
     data = put(tmp_path / "a.parquet", t=[0, 1], x=[0, 1], y=[0, 1]).read_bytes()
     (tmp_path / "b.gz").write_bytes(gzip.compress(data))

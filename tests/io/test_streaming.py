@@ -70,6 +70,12 @@ def test_a_folder_of_parquet_in_any_order(tmp_path):
     assert not room.exists()
 
 
+def test_files_of_a_folder_without_names_are_one_track(tmp_path):
+    for name, start in (("b", 0), ("a", 50)):
+        pq.write_table(pa.table({"t": np.arange(start, start + 20.0), "x": np.zeros(20), "y": np.zeros(20)}), tmp_path / f"{name}.parquet")
+    assert same_as_at_once(tmp_path) == 40
+
+
 def test_keys_of_partitions_are_columns(tmp_path):
     rows = fleet(vehicles=2)
     names = rows.pop("track_id")

@@ -107,8 +107,6 @@ def format_for_reading(source: Source) -> Format:
     UnknownFormatError
         If no format knows it.
     """
-    if source.folder:
-        return format_named("parquet")
     head = source.head()
     if not head.strip():
         raise InputError(f"{source.name}: empty file; name one that holds a log")

@@ -1,4 +1,4 @@
-"""Logs as Parquet: a file, or a folder of them."""
+"""Logs as Parquet: files, of which folders may be keys of partitions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gpszip.io.table import table_log
 from gpszip.io.track_table import track_tables
 from gpszip.model import Track
 
-__all__ = ["read_parquet", "sniff_parquet", "write_parquet"]
+__all__ = ["parquet_dataset", "read_parquet", "sniff_parquet", "write_parquet"]
 
 
 def sniff_parquet(head: bytes) -> bool:
@@ -24,12 +24,12 @@ def sniff_parquet(head: bytes) -> bool:
 
 
 def read_parquet(source: Source, request: Request) -> RawLog:
-    """Read a log from a Parquet file or a folder of them (with keys of partitions as columns).
+    """Read a log from a Parquet file; folders that are keys of partitions (``vehicle=7``) are columns.
 
     Parameters
     ----------
     source : Source
-        The file, folder or stream.
+        The file or stream.
     request : Request
         Columns, unit of time and attributes.
 
@@ -43,7 +43,7 @@ def read_parquet(source: Source, request: Request) -> RawLog:
         If it is damaged, has no row, or no column for time or position.
     """
     try:
-        dataset = _dataset(source)
+        dataset = parquet_dataset(source)
         names = [str(name) for name in dataset.schema.names]
         titles = _titles(names, request, source.name)
         roles = find_roles(titles, request.columns if isinstance(request.columns, Mapping) else None, request.keep, source.name)
@@ -77,13 +77,14 @@ def write_parquet(tracks: Iterable[Track], sink: BinaryIO, decimals: int) -> Non
             writer.write_table(table)
 
 
-def _dataset(source: Source) -> Any:
+def parquet_dataset(source: Source) -> Any:
+    """Open a Parquet file as a dataset, with the keys of its partition as columns."""
     import pyarrow.dataset as ds
     import pyarrow.parquet as pq
 
-    if source.folder:
-        files = sorted(str(file) for file in source.path.rglob("*.parquet"))  # type: ignore[union-attr]
-        return ds.dataset(files, format="parquet", partitioning=ds.partitioning(flavor="hive"), partition_base_dir=str(source.path))
+    if source.base is not None:
+        hive = ds.partitioning(flavor="hive")
+        return ds.dataset([str(source.path)], format="parquet", partitioning=hive, partition_base_dir=str(source.base))
     if source.path is not None and not source.packed:
         return ds.dataset(str(source.path), format="parquet")
     return ds.dataset(pq.read_table(pa.BufferReader(source.read())))

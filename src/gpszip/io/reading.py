@@ -29,13 +29,13 @@ class _Account:
     """What has been read so far."""
 
     pieces: list[list[Piece]] = field(default_factory=list)
-    stems: list[str] = field(default_factory=list)
+    stems: list[tuple[str, bool]] = field(default_factory=list)  # name of the log, and whether more files may go on with it
     raws: list[tuple[str, bool, int]] = field(default_factory=list)
     repairs: list[Repair] = field(default_factory=list)
     left_out: list[LeftOut] = field(default_factory=list)
     dropped: dict[str, None] = field(default_factory=dict)
     errors: list[InputError] = field(default_factory=list)
-    sources: int = 0
+    logs: set[str] = field(default_factory=set)
     points: int = 0
     bytes: int = 0
 
@@ -100,7 +100,7 @@ def read_logs(
     request = Request(parse_columns(columns), time_unit, (keep,) if isinstance(keep, str) else tuple(keep))
     account = _Account()
     for source in expand(sources):
-        account.sources += 1
+        account.logs.add(source.log if isinstance(source, Source) else str(source))
         try:
             raw = _read(source, format, request)
             _add(account, raw, *mend(raw, sort=sort, split=split), source)
@@ -135,7 +135,7 @@ def _add(account: _Account, raw: RawLog, pieces: list[Piece], repairs: list[Repa
         raise InputError(f"{own[0]}: holds {_kind(own)}, but {account.raws[0][0]} {_kind(account.raws[0])}; read them apart")
     account.raws.append(own)
     account.pieces.append(pieces)
-    account.stems.append(source.stem)
+    account.stems.append((source.stem, source.base is not None))
     account.repairs += [*raw.repairs, *repairs]
     account.left_out += raw.left_out
     account.dropped |= dict.fromkeys(raw.dropped)
@@ -172,14 +172,14 @@ def _tracks(account: _Account, clean: bool) -> tuple[tuple[Track, ...], bool]:
 
 def _named(account: _Account) -> list[Piece]:
     """Give tracks without a name the file's, where there are several files."""
-    alone = account.sources == 1
+    alone = len(account.logs) == 1
     named: list[Piece] = []
-    for pieces, stem in zip(account.pieces, account.stems, strict=True):
+    for pieces, (stem, goes_on) in zip(account.pieces, account.stems, strict=True):
         taken: set[str] = set()
         for piece in pieces:
             name = piece.id if piece.id is not None else unused("0" if alone else stem, taken)
             taken.add(name)
-            named.append(replace(piece, id=name, label=piece.label or piece.id is None))
+            named.append(replace(piece, id=name, label=piece.label or (piece.id is None and not goes_on)))
     return named
 
 

@@ -6,7 +6,6 @@ import json
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,12 +17,13 @@ from gpszip.io import csv_log
 from gpszip.io.arrow_values import looks_like_number, numbers
 from gpszip.io.columns import Roles, find_roles, time_unit_of
 from gpszip.io.formats import format_for_reading, format_named
+from gpszip.io.parquet_log import parquet_dataset
 from gpszip.io.raw_log import RawLog, Request
 from gpszip.io.source import Source
 from gpszip.io.table import table_log
 from gpszip.model.reading import Repair
 
-__all__ = ["Shard", "shards_of"]
+__all__ = ["Shard", "shard_of"]
 
 #: Rows and bytes that are read at a time.
 _ROWS, _BYTES = 1 << 17, 1 << 22
@@ -49,8 +49,6 @@ class Shard:
         Which column is what; unknown of a format that is read at once.
     crs : str
         The coordinate system that the file names; empty where it names none.
-    base : Path, optional
-        The folder from which the keys of partitions are counted.
     dialect : Dialect, optional
         How text is written.
     """
@@ -61,7 +59,6 @@ class Shard:
     names: tuple[str, ...] = ()
     roles: Roles | None = None
     crs: str = ""
-    base: Path | None = None
     dialect: csv_log.Dialect | None = None
 
     @property
@@ -131,36 +128,27 @@ class Shard:
         return next((unit for top, unit in _UNITS if float(np.median(values)) <= top), "ns") if len(values) else None
 
 
-def shards_of(source: Source, format_: str | None, request: Request) -> Iterator[Shard | InputError]:
-    """Yield the files of a log with what their heads say, or what is wrong with them.
+def shard_of(source: Source, format_: str | None, request: Request) -> Shard | InputError:
+    """Return a file of a log with what its head says, or what is wrong with it.
 
     Parameters
     ----------
     source : Source
-        A file, or a folder of Parquet files.
+        The file.
     format_ : str, optional
         Its format; told from the content where left out.
     request : Request
         Columns and unit of time.
     """
-    if source.folder:
-        assert source.path is not None
-        for path in sorted(source.path.rglob("*.parquet")):
-            yield _careful(Source(str(path), path=path), "parquet", request, source.path)
-    else:
-        yield _careful(source, format_, request, None)
-
-
-def _careful(source: Source, format_: str | None, request: Request, base: Path | None) -> Shard | InputError:
     try:
-        return _shard(source, format_, request, base)
+        return _shard(source, format_, request)
     except InputError as error:
         return error
     except (pa.ArrowException, OSError) as error:
         return InputError(f"{source.name}: can't be read: {str(error).splitlines()[0][:120]}")
 
 
-def _shard(source: Source, format_: str | None, request: Request, base: Path | None) -> Shard:
+def _shard(source: Source, format_: str | None, request: Request) -> Shard:
     kind = (format_named(format_) if format_ is not None else format_for_reading(source)).name
     by_role = request.columns if isinstance(request.columns, Mapping) else None
     if kind == "csv":
@@ -168,23 +156,15 @@ def _shard(source: Source, format_: str | None, request: Request, base: Path | N
         roles = find_roles(dialect.names, by_role, request.keep, source.name)
         return Shard(source, request, kind, dialect.names, roles, dialect=dialect)
     if kind == "parquet" and source.path is not None and not source.packed:
-        schema = _dataset(source.path, base).schema
+        schema = parquet_dataset(source).schema
         names = tuple(str(name) for name in schema.names)
         if isinstance(request.columns, tuple):
             if len(request.columns) > len(names):
                 raise InputError(f"{source.name}: has {len(names)} columns, but --columns names {len(request.columns)}")
             names = (*(new if new not in ("", "-", "_") else old for new, old in zip(request.columns, names, strict=False)),
                      *names[len(request.columns) :])  # fmt: skip
-        return Shard(source, request, kind, names, find_roles(names, by_role, request.keep, source.name), _crs(schema), base)
+        return Shard(source, request, kind, names, find_roles(names, by_role, request.keep, source.name), _crs(schema))
     return Shard(source, request, "whole")
-
-
-def _dataset(path: Path, base: Path | None) -> Any:
-    import pyarrow.dataset as ds
-
-    if base is None:
-        return ds.dataset(str(path), format="parquet")
-    return ds.dataset([str(path)], format="parquet", partitioning=ds.partitioning(flavor="hive"), partition_base_dir=str(base))
 
 
 def _crs(schema: Any) -> str:
@@ -199,7 +179,7 @@ def _crs(schema: Any) -> str:
 def _parquet_tables(shard: Shard) -> Iterator[tuple[Any, int]]:
     assert shard.source.path is not None
     assert shard.roles is not None
-    dataset = _dataset(shard.source.path, shard.base)
+    dataset = parquet_dataset(shard.source)
     columns = [str(dataset.schema.names[i]) for i in shard.roles.used]
     for batch in dataset.to_batches(columns=columns, batch_size=_ROWS, batch_readahead=1, fragment_readahead=1, use_threads=False):
         yield pa.Table.from_batches([batch]), 0

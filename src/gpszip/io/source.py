@@ -28,19 +28,22 @@ class Source:
     name : str
         What to call it in messages.
     path : Path, optional
-        The file, or a folder of Parquet files.
+        The file.
     data : bytes, optional
         The log itself where it doesn't come from a file.
+    base : Path, optional
+        The folder that was named, for a file in it; folders between them may be keys of partitions (``vehicle=7``).
     """
 
     name: str
     path: Path | None = None
     data: bytes | None = None
+    base: Path | None = None
 
     @property
-    def folder(self) -> bool:
-        """Whether this is a folder of files."""
-        return self.path is not None and self.path.is_dir()
+    def log(self) -> str:
+        """What was named: all files of a folder are one log."""
+        return self.name if self.base is None else str(self.base)
 
     @property
     def size(self) -> int:
@@ -48,12 +51,13 @@ class Source:
         if self.data is not None:
             return len(self.data)
         assert self.path is not None
-        files = self.path.rglob("*.parquet") if self.folder else [self.path]
-        return sum(file.stat().st_size for file in files)
+        return self.path.stat().st_size
 
     @property
     def stem(self) -> str:
-        """The file's name without its suffixes ``.gz`` and the like."""
+        """The log's name: the file's without its suffixes ``.gz`` and the like, or that of the folder that was named."""
+        if self.base is not None:
+            return self.base.resolve().name
         name = Path(self.name).name
         name = name[:-3] if name.lower().endswith(".gz") else name
         return Path(name).stem or name
@@ -121,7 +125,8 @@ def expand(sources: Iterable[str | Path | BinaryIO] | str | Path | BinaryIO) -> 
         elif str(item) == "-":
             yield Source("standard input", data=sys.stdin.buffer.read())
         else:
-            yield from (_file(name) for name in _names(str(item)))
+            for name in _names(str(item)):
+                yield from _files(name)
 
 
 def _stream(stream: Any) -> Source:
@@ -138,11 +143,20 @@ def _names(name: str) -> list[str]:
     return [name]
 
 
-def _file(name: str) -> Source | InputError:
+def _files(name: str) -> Iterator[Source | InputError]:
+    """The file of this name, or the Parquet files in the folder of this name."""
     path = Path(name).expanduser()
+    if not path.is_dir():
+        yield _file(name, path)
+        return
+    found = sorted(path.rglob("*.parquet"))
+    yield from (Source(str(file), path=file, base=path) for file in found)
+    if not found:
+        yield InputError(f"{name}: is a folder; name the files in it: '{name.rstrip('/')}/*.csv'")
+
+
+def _file(name: str, path: Path) -> Source | InputError:
     try:
-        if path.is_dir():
-            return _folder(name, path)
         if path.is_file():
             with path.open("rb"):
                 return Source(name, path=path)
@@ -154,9 +168,3 @@ def _file(name: str) -> Source | InputError:
         return InputError(f"{name}: no permission to read it")
     except (OSError, ValueError) as error:
         return InputError(f"{name}: can't be read: {getattr(error, 'strerror', None) or error}")
-
-
-def _folder(name: str, path: Path) -> Source | InputError:
-    if next(path.rglob("*.parquet"), None) is not None:
-        return Source(name, path=path)
-    return InputError(f"{name}: is a folder; name the files in it: '{name.rstrip('/')}/*.csv'")

@@ -21,7 +21,7 @@ from gpszip.errors import InputError
 from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.io.columns import parse_columns
 from gpszip.io.raw_log import RawLog, Request
-from gpszip.io.shards import Shard, shards_of
+from gpszip.io.shards import Shard, shard_of
 from gpszip.io.source import expand
 from gpszip.model import Plane, Track
 from gpszip.model.reading import LeftOut, Reading, Repair
@@ -93,10 +93,10 @@ def count_rows(sources: Any, *, format: str | None = None, columns: Any = None) 
     """Count the rows of logs: exactly where a file tells, else as its size lets expect. Files that can't be read count nothing."""
     total = 0
     for source in expand(sources):
-        for shard in [] if isinstance(source, InputError) else shards_of(source, format, Request(parse_columns(columns))):
-            if isinstance(shard, Shard):
-                rows = shard.rows()
-                total += rows if rows is not None else shard.source.size // (6 if shard.source.packed else 24)
+        shard = source if isinstance(source, InputError) else shard_of(source, format, Request(parse_columns(columns)))
+        if isinstance(shard, Shard):
+            rows = shard.rows()
+            total += rows if rows is not None else shard.source.size // (6 if shard.source.packed else 24)
     return total
 
 
@@ -146,8 +146,9 @@ def store_logs(
         room = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="gpszip-")))
         sorter = _Sorter(room, max(rows, 1000), sort)
         sorter.errors += errors
+        alone = len({shard.source.log for shard in shards}) == 1
         for shard in shards:
-            _take_in(sorter, shard, alone=len(shards) == 1, skip_bad=skip_bad)
+            _take_in(sorter, shard, alone=alone, skip_bad=skip_bad)
         sorter.flush()
         tracks = sorter.finish(skip_bad)
         reading = Reading(
@@ -162,16 +163,15 @@ def _planned(sources: Any, format_: str | None, request: Request, skip_bad: bool
     errors: list[InputError] = []
     size = 0
     for source in expand(sources):
-        found = [source] if isinstance(source, InputError) else shards_of(source, format_, request)
-        for shard in found:
-            error = shard if isinstance(shard, InputError) else _misfit(shard, shards)
-            if error is not None and not skip_bad:
-                raise error
-            if error is not None:
-                errors.append(error)
-            elif isinstance(shard, Shard):
-                shards.append(shard)
-                size += shard.source.size
+        shard = source if isinstance(source, InputError) else shard_of(source, format_, request)
+        error = shard if isinstance(shard, InputError) else _misfit(shard, shards)
+        if error is not None and not skip_bad:
+            raise error
+        if error is not None:
+            errors.append(error)
+        elif isinstance(shard, Shard):
+            shards.append(shard)
+            size += shard.source.size
     if not shards:
         raise errors[0] if errors else InputError("no log given; name a file, a folder of Parquet or a pattern")
     return shards, size, errors
