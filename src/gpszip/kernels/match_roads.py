@@ -80,7 +80,8 @@ class Model(NamedTuple):
 
     Candidates are the ``most`` nearest places within ``reach`` metres; one d metres off costs ``(d / sigma) ** 2 / 2``, none at all
     ``off``. A way that is x metres longer or shorter than the straight line costs ``x / beta``, a link that no road makes ``jump``,
-    turning off up to ``turn``, turning round ``u_turn``. A candidate may seem to go ``slack`` metres back. Ways that cost ``margin`` more
+    turning off up to ``turn``, turning round ``u_turn``. A candidate may seem to go ``slack`` metres back,
+    and steps off a crossing and back within ``spur`` metres are dropped. Ways that cost ``margin`` more
     than the best are not looked for. The last four bound the length of a way, see ``longest_way``.
     """
 
@@ -92,6 +93,7 @@ class Model(NamedTuple):
     turn: float
     u_turn: float
     slack: float
+    spur: float
     margin: float
     most: int
     fastest: float

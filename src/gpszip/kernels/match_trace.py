@@ -66,6 +66,12 @@ def trace(
         if count + len(way) + 1 > room:
             room = 2 * room + len(way)
             legs = Legs(larger(legs.roads, room), larger(legs.begin, room), larger(legs.end, room), larger(legs.piece, room))
+        if kind == OVER and _is_spur(legs, count, graph, model):
+            count -= 2
+            for one in range(layer - 1, -1, -1):
+                if leg_of[one] < count:
+                    break
+                leg_of[one], metres[one] = count - 1, legs.end[count - 1]
         if kind == STAY:
             at = max(legs.end[count - 1], at)
             legs.end[count - 1] = at
@@ -83,6 +89,14 @@ def trace(
             count = _add_leg(legs, count, road, at, at, first)
         leg_of[layer], metres[layer] = count - 1, at
     return Legs(legs.roads[:count], legs.begin[:count], legs.end[:count], legs.piece[:count]), leg_of, metres
+
+
+@jit
+def _is_spur(legs: Legs, count: int, graph: Graph, model: Model) -> bool:
+    """Whether the last two legs only step off a crossing and back, no farther than errors do."""
+    if count < 3 or legs.piece[count - 3] != legs.piece[count - 1] or legs.roads[count - 2] != legs.roads[count - 1] ^ 1:
+        return False
+    return legs.begin[count - 2] == 0 and legs.end[count - 2] <= model.spur and legs.end[count - 3] == graph.lengths[legs.roads[count - 3]]
 
 
 @jit

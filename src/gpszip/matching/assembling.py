@@ -19,7 +19,7 @@ from gpszip.model.match import Break, Match, Piece, Route, Scales
 __all__ = ["assemble", "route_of"]
 
 #: Ways up to so many times the straight line are looked for to tell a detour from no way at all.
-_FAR = 20.0
+_FAR = 100.0
 
 
 def route_of(index: RoadIndex, legs: Legs) -> Route:
@@ -112,7 +112,7 @@ def _reason(index: RoadIndex, work: Work, chain: Chain, scales: Scales, a: int, 
     if b - a == 1 and (a < 0 or b == len(chain.used)):
         return ""
     if b - a > 1:
-        return "no road near" if chain.alone[a + 1 : b].all() else "off road"
+        return "no road near" if chain.alone[a + 1 : b].any() else "off road"
     if chain.kinds[b] == GAP:
         return "gap"
     return _obstacle(index, work, chain, scales, a, b)

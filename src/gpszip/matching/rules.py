@@ -25,6 +25,9 @@ _JUMP = 30.0
 #: Price of turning off against going on, for a half turn, and of turning round where one may: one crossing in a few, and in a few hundred.
 _TURN, _U_TURN = 1.0, 5.0
 
+#: Errors of two samples make of standing still a step back, or one off a crossing and back, of so many errors.
+_SLACK, _SPUR = 4.0, 3.0
+
 #: Ways that cost so much more than the best one found don't count for the confidence of it.
 _MARGIN = 4.0
 
@@ -42,9 +45,8 @@ def reach(scales: Scales) -> float:
 def model_of(scales: Scales) -> Model:
     """What the kernels take.
 
-    A sample off the roads costs as much as on one at the edge of reach; and what seems to go back may be as far as the errors of two
-    samples make of standing still.
+    A sample off the roads costs as much as on one at the edge of reach.
     """
-    far = reach(scales)
+    far, error = reach(scales), scales.error
     prices = (scales.sigma, scales.beta, far, 0.5 * (far / scales.sigma) ** 2, _JUMP, _TURN, _U_TURN)
-    return Model(*prices, apart(scales) + 2.0 * scales.error, _MARGIN, _MOST_ROADS, scales.fastest, scales.usual, _DETOUR, far)
+    return Model(*prices, _SLACK * error, _SPUR * error, _MARGIN, _MOST_ROADS, scales.fastest, scales.usual, _DETOUR, far)

@@ -31,8 +31,8 @@ _PRIOR = 300.0
 #: The most that errors are alike from layer to layer, so that sigma stays finite.
 _MOST_ALIKE = 0.95
 
-#: No speed is more than so many times the one that one in a hundred exceeds.
-_FASTER = 3.0
+#: No speed is more than so many times the one that one in twenty exceeds: fewer may be teleports.
+_FASTER = 4.0
 
 Floats = NDArray[np.float64]
 
@@ -149,7 +149,7 @@ def _speeds(stretches: Sequence[Stretch], error: float) -> tuple[float, float]:
     pooled = np.concatenate(speeds)
     if not len(pooled):
         return 0.0, math.inf
-    return float(np.median(pooled)), _FASTER * float(np.quantile(pooled, 0.99))
+    return float(np.median(pooled)), _FASTER * float(np.quantile(pooled, 0.95))
 
 
 def _blend(own: tuple[float, float], whole: tuple[float, float], ways: float) -> tuple[float, float]:
