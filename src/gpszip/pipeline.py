@@ -308,6 +308,7 @@ def warm() -> None:
     for options in (Options(rmse=1.0), Options(max_error=2.0)):
         archive, _ = compress(tracks, options)
         decompress(open_archive(archive.to_bytes()))
+    patch(tracks, archive, gap=60.0)
     compress(tracks[:1], Options(k=8, m=4))
 
 

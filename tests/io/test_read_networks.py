@@ -313,3 +313,19 @@ def test_prepared_metres(tmp_path):
     assert read_network(path, near=robot).lengths[0] == pytest.approx(39.877)
     with pytest.raises(InputError, match="metres"):
         read_network(path, near=log_at())
+
+
+def test_the_layer_of_lines_is_found(tmp_path):
+    path = tmp_path / "atlas.gpkg"
+    points = np.array([shapely.to_wkb(shapely.Point(11.0, 48.0))], object)
+    pyogrio.raw.write(path, points, [], [], layer="places", crs="EPSG:4326", geometry_type="Point")
+    lines = np.array([shapely.to_wkb(shapely.LineString(line)) for line in STREETS], object)
+    pyogrio.raw.write(path, lines, [], [], layer="roads", crs="EPSG:4326", geometry_type="LineString", append=True)
+    assert len(read_network(path, near=log_at())) == 3
+
+
+def test_damaged_files_are_named(tmp_path):
+    path = tmp_path / "roads.gpkg"
+    path.write_bytes(b"SQLite format 3\0" + bytes(200))
+    with pytest.raises(InputError, match=r"roads\.gpkg: can't be read as lines"):
+        read_network(path)

@@ -14,18 +14,23 @@ __all__ = ["command"]
 @common
 @click.pass_obj
 def command(settings: Settings) -> Outcome:
-    """List the formats of logs and maps. What a log is shows in its content, whatever its name; any may be packed with gzip."""
+    """List the formats of logs, maps and road networks.
+
+    What a log or a network is shows in its content, whatever its name; logs may be packed with gzip.
+    """
     from gpszip.cli.output import show_json
     from gpszip.io.formats import FORMATS
     from gpszip.io.maps import MAP_FORMATS
+    from gpszip.io.networks import NETWORK_FORMATS
 
     if settings.json:
         logs = [{"name": one.name, "suffixes": one.suffixes, "about": one.about, "write": one.write is not None} for one in FORMATS]
-        show_json({"logs": logs, "maps": list(MAP_FORMATS)})
+        show_json({"logs": logs, "maps": list(MAP_FORMATS), "networks": list(NETWORK_FORMATS)})
         return Outcome.DONE
     click.echo("logs")
     for one in FORMATS:
         does = "read" if one.write is None else "read, write"
         click.echo(f"  {one.name:<9}{' '.join(one.suffixes):<22}{does:<13}{one.about}")
     click.echo(f"maps\n  write    {' '.join(MAP_FORMATS)}")
+    click.echo(f"networks\n  read     {' '.join(NETWORK_FORMATS)}")
     return Outcome.DONE

@@ -24,7 +24,10 @@ from gpszip.io.source import Source, expand
 from gpszip.model import Network, Plane, Track
 from gpszip.model.reading import Repair
 
-__all__ = ["NetworkReading", "is_archive", "join_sources", "network_of", "read_network", "read_network_with_account"]
+__all__ = ["NETWORK_FORMATS", "NetworkReading", "is_archive", "join_sources", "network_of", "read_network", "read_network_with_account"]
+
+#: Suffixes of what roads are read from; what a file is shows in its content.
+NETWORK_FORMATS = (".osm.pbf", ".osm", ".geojson", ".gpkg", ".fgb", ".shp", ".graphml", ".gpsz")
 
 #: Roads longer than this between two vertices, in metres, are looked at in between, too.
 _LONG = 1000.0
@@ -212,7 +215,7 @@ def _near(roads: JoinedRoads, chosen: NDArray[np.intp], points: Floats, ground: 
 
 
 def _for_users(roads: JoinedRoads, parts: list[Any], near: Sequence[Track], repairs: list[Repair]) -> list[Any]:
-    """Leave out footways where the log is of cars; let walkers go against one-way streets: that is no matter of theirs."""
+    """Leave out footways where the log is of cars."""
     if not (roads.users == Users.NO_MOTORS).any() or not _of_motors(near):
         return parts
     left, dropped = [], 0

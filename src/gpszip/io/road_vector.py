@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -71,7 +72,7 @@ def read_vector_lines(path: Any, name: str, *, metric: bool | None = None, metre
     InputError
         If it can't be read, holds no lines, or is in degrees and the log is not.
     """
-    rows, crs = _rows(path, name)
+    rows, crs = _rows(path, name, loose)
     counts = np.concatenate(rows.counts) if rows.counts else np.empty(0, np.int64)
     if not len(counts):
         what = f"{rows.features:,} features, but no line" if rows.features else "no features"
@@ -107,20 +108,34 @@ def _open_roads(lines: RoadLines, closed: NDArray[np.bool_]) -> RoadLines:
     return replace(kept, repairs=(*kept.repairs, Repair("roads that nobody may travel dropped", int(closed.sum()), lines.name)))
 
 
-def _rows(path: Any, name: str) -> tuple[_Rows, str | None]:
+def _rows(path: Any, name: str, loose: bool) -> tuple[_Rows, str | None]:
     import pyogrio
-    from pyogrio.errors import DataSourceError
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what matters of a damaged file is said by the error
+        return _read(pyogrio, path, name, loose)
+
+
+def _read(pyogrio: Any, path: Any, name: str, loose: bool) -> tuple[_Rows, str | None]:
+    from pyogrio.errors import FeatureError, GeometryError
 
     try:
+        layer = None if loose else _layer(pyogrio.list_layers(path).tolist())
         # all columns: to ask for their names first would read a GeoJSON twice
-        with pyogrio.open_arrow(path, use_pyarrow=True, batch_size=65_536) as (meta, reader):
+        with pyogrio.open_arrow(path, layer=layer, use_pyarrow=True, batch_size=65_536) as (meta, reader):
             names = _roles(meta["fields"].tolist())
             rows = _Rows(columns={role: [] for role in names})
             for batch in reader:
                 _add(rows, batch, meta["geometry_name"] or "wkb_geometry", names)
-    except (DataSourceError, RuntimeError, ValueError, OSError, pa.ArrowException) as error:
+    except (FeatureError, GeometryError, RuntimeError, ValueError, OSError, pa.ArrowException) as error:
         raise InputError(f"{name}: can't be read as lines: {' '.join(str(error).split())[:160]}") from error
     return rows, meta["crs"]
+
+
+def _layer(layers: Sequence[Sequence[str | None]]) -> str | None:
+    """The first layer of lines, of those that may hold them, or the first."""
+    named = [(str(name), str(kind)) for name, kind in layers]
+    return next((name for word in ("Line", "Unknown", "") for name, kind in named if word in kind), None)
 
 
 def _roles(fields: Sequence[str]) -> dict[str, str]:
