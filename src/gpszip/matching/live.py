@@ -205,8 +205,11 @@ class LiveMatcher:
         return self._between(time, place)
 
     def _distance(self, place: NDArray[np.float64]) -> float:
-        """From the sample of the last layer."""
-        return math.dist(place, self._places[(self._used - 1) % len(self._times)])
+        """From the sample of the last layer, rounded as in the batch: at a crossing the last bit decides between two names of one place."""
+        square = 0.0
+        for one, other in zip(place.tolist(), self._places[(self._used - 1) % len(self._times)].tolist(), strict=True):
+            square += (one - other) * (one - other)
+        return math.sqrt(square)
 
     def _end(self, time: float, place: NDArray[np.float64]) -> None:
         """Give the last sample before a silence its layer; it stands for the one just before it."""
