@@ -1,3 +1,4 @@
+import math
 from decimal import Decimal
 
 import numpy as np
@@ -5,8 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpszip.kernels import adaptive
+from gpszip.kernels import adaptive, binary_log
 from gpszip.kernels.adaptive import SIZES, code_bit, code_choice, code_mixture, code_size, code_whole
+from gpszip.kernels.binary_log import log2_of
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import finish, reader, writer
 from oracle import adaptive as plain
@@ -136,7 +138,7 @@ def test_mixtures_come_back_from_hostile_parameters_and_are_the_plain_twins(case
         _code_mixtures(coder, values, low, high, kinds, centers, scales, len(kinds), weights, histogram)
 
     data = there_and_back(code, values, weights, histogram)
-    model, coder = plain.Mixture(2340, 28), Reader(data)
+    model, coder = plain.Mixture([2340] * 28), Reader(data)
     names = [KINDS[kind] for kind in kinds]
     for c, s, value in zip(centers.tolist(), scales.tolist(), values, strict=True):
         assert model.read(coder, low, high, list(zip(names, c, s, strict=True))) == value
@@ -149,7 +151,7 @@ def test_mixtures_come_back_from_hostile_parameters_and_are_the_plain_twins(case
 @settings(max_examples=150)
 def test_every_value_of_a_mixture_has_a_share_of_its_own(case, seed):
     low, high, kinds, centers, scales, values = case
-    model = plain.Mixture(2340, 28)
+    model = plain.Mixture([2340] * 28)
     model.weights = np.random.default_rng(seed).integers(16, 4000, 28).tolist()
     distributions = [(KINDS[k], c, s) for k, c, s in zip(kinds, centers[0].tolist(), scales[0].tolist(), strict=True)]
     near = [v for value in values for v in range(value - 3, value + 4)] + [c // 16 + d for c in centers[0].tolist() for d in (-1, 0, 1)]
@@ -204,7 +206,45 @@ def test_the_twin_writes_what_the_kernel_writes():
     weights, histogram = state_of()
     coder = writer(2000)
     _code_mixtures(coder, values, 1, 2**25, kinds, centers, scales, 4, weights, histogram)
-    twin, model = Writer(), plain.Mixture(2340, 28)
+    twin, model = Writer(), plain.Mixture([2340] * 28)
     for value in values.tolist():
         model.code(twin, value, 1, 2**25, [(KINDS[k], 90, 40) for k in kinds])
     assert finish(coder) == twin.finish()
+
+
+@given(
+    st.lists(st.integers(1, 2**25 - 1), min_size=1, max_size=12),
+    st.lists(st.tuples(st.integers(-(2**21), 2**22), st.sampled_from([1, 3, 12, 48])), min_size=1, max_size=25),
+)
+def test_distributions_by_ratio_are_the_plain_twins(values, spots):
+    weights, histogram = state_of()
+    shape = (len(values), len(spots))
+    kinds = np.full(len(spots), adaptive.BY_RATIO)
+    centers = np.broadcast_to([c for c, _ in spots], shape).copy()
+    scales = np.broadcast_to([s for _, s in spots], shape).copy()
+
+    def code(coder, weights, histogram, values):
+        _code_mixtures(coder, values, 1, 2**25, kinds, centers, scales, len(kinds), weights, histogram)
+
+    data = there_and_back(code, values, weights, histogram)
+    model, coder = plain.Mixture([2340] * 28), Reader(data)
+    assert [model.read(coder, 1, 2**25, [(plain.BY_RATIO, *spot) for spot in spots]) for _ in values] == values
+
+
+@given(st.integers(1, 2**62 - 1))
+def test_logarithms_are_the_plain_twins_and_never_fall(value):
+    here, above = log2_of(value), log2_of(value + 1)
+    assert here == plain.log2_of(value)
+    assert here <= above
+    assert abs(here / 65536 - math.log2(value)) < 2e-5
+
+
+@pytest.mark.parametrize("power", range(62))
+def test_logarithms_of_powers_are_exact(power):
+    assert log2_of(2**power) == power << 16
+
+
+def test_logarithms_are_the_same_whatever_library_computes_them():
+    for entry, value in zip(binary_log._FRACTIONS.tolist(), plain.exact_fractions(), strict=True):
+        assert entry == int(value.to_integral_value())
+        assert abs(abs(value - entry) - Decimal("0.5")) > Decimal("1e-9")

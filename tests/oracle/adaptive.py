@@ -8,14 +8,14 @@ from functools import cache
 # Constants of docs/format.md, "Numbers that adapt".
 UNIT = 24
 WHOLE = 1 << UNIT
-BIT_STEP, BIT_LIMIT = 20, 4000
+BIT_STEP, BIT_LIMIT = 20, 2000
 TREE_BITS = 3
-FIRST_STEP, LAST_STEP, SETTLING = 40_000, 4_000, 16
+FIRST_STEP, LAST_STEP, SETTLING = 40_000, 6_500, 16
 WEIGHT_SUM, LEAST_WEIGHT = 65_536, 16
-HISTOGRAM_STEP = 32
+HISTOGRAM_STEP = 64
 REACH, STEPS = 16, 64
 
-TWO_SIDED, ONE_SIDED, HISTOGRAM = "two-sided", "one-sided", "histogram"
+TWO_SIDED, ONE_SIDED, HISTOGRAM, BY_RATIO = "two-sided", "one-sided", "histogram", "by ratio"
 
 
 def exact_logistic():
@@ -35,6 +35,26 @@ def tables():
     exponential = [int(x.to_integral_value()) for x in exact_exponential()]
     logistic[0], logistic[-1], exponential[-1] = 0, WHOLE, WHOLE
     return logistic, exponential
+
+
+@cache
+def exact_fractions():
+    """Logarithms to the base of two of 1 ... 2 in 1024ths, times 2**16."""
+    with localcontext(prec=50):
+        return [(1 + Decimal(i) / 1024).ln() / Decimal(2).ln() * 65536 for i in range(1025)]
+
+
+@cache
+def fractions():
+    return [int(x.to_integral_value()) for x in exact_fractions()]
+
+
+def log2_of(value):
+    """In units of 2**-16."""
+    exponent = value.bit_length() - 1
+    mantissa = (value << 30) >> exponent
+    at, part = (mantissa >> 20) - 1024, mantissa % 2**20
+    return (exponent << 16) + fractions()[at] + ((fractions()[at + 1] - fractions()[at]) * part >> 20)
 
 
 class Bit:
@@ -98,6 +118,8 @@ def below(value, kind, center, scale, low):
     logistic, exponential = tables()
     if kind == ONE_SIDED:
         table, z, end = exponential, ((value - low) * 16 << 16) // scale, REACH << 16
+    elif kind == BY_RATIO:
+        table, z, end = logistic, ((log2_of(16 * value - 8) - (4 << 16) - center) * scale >> 1) + (REACH << 16), 2 * REACH << 16
     else:
         table, z, end = logistic, ((value * 16 - 8 - center) << 16) // scale + (REACH << 16), 2 * REACH << 16
     if z < 0:
@@ -111,8 +133,8 @@ def below(value, kind, center, scale, low):
 class Mixture:
     """Weights of one mixture, and its histogram."""
 
-    def __init__(self, weight, distributions, bins=48, bin=2):
-        self.weights = [weight] * distributions
+    def __init__(self, weights, bins=48, bin=2):
+        self.weights = list(weights)
         self.used = 0
         self.histogram = [bin] * bins
 
@@ -124,7 +146,7 @@ class Mixture:
                 out.append((sum(self.histogram[: value - low]) << UNIT) // sum(self.histogram))
                 continue
             here = below(value, kind, center, scale, low)
-            base = min(below(low, kind, center, scale, low), WHOLE - 64) if kind == TWO_SIDED else 0
+            base = min(below(low, kind, center, scale, low), WHOLE - 64) if kind in (TWO_SIDED, BY_RATIO) else 0
             out.append(((here - base) << UNIT) // (WHOLE - base))
         return out
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-from oracle.adaptive import HISTOGRAM, ONE_SIDED, TWO_SIDED, Bit, Mixture, Whole, read_choice
+from oracle.adaptive import BY_RATIO, HISTOGRAM, ONE_SIDED, TWO_SIDED, Bit, Mixture, Whole, log2_of, read_choice
 from oracle.range_coder import Reader
 
 # Constants of docs/format.md. A change of the coder's must be mirrored here and there.
@@ -15,14 +15,29 @@ FIRST_END, FIRST_GAP, FIRST_KNOWN_START, FIRST_NEAR = (36, 4), (36, 4), (12, 28)
 FIRST_STAY, FIRST_BACK_AFTER_OTHERS = (28, 12), (36, 4)
 FIRST_ESCAPE_BY_LEVEL = {3: (28, 12), 4: (34, 8)}  # after back, known or link
 FIRST_ESCAPE_FRESH = {(1, 0): (3, 37), (1, 1): (3, 37)}  # (degree, level) after new or stay
-DISTRIBUTIONS, FIRST_WEIGHT = 28, 65536 // 28
 SPAN_SCALES = [16 << s for s in (0, 1, 2, 3, 4, 6, 8, 10, 12)]
-AXIS_SCALES = [16 << s for s in (0, 3, 5, 7, 9, 11, 13, 15, 17)]
+AXIS_SCALES = [16 << s for s in (0, 2, 3, 4, 5, 6, 7, 9, 11, 13, 15, 17)]
 NEAR_END = 1 << 25
 TERMINAL = 24
-LINKS, RECENT = 384, 4096
-LIKELY_DISTANCE, LIKELY_BEARING = (10, 8, 8, 7, 7, 6, 5, 4, 3, 3), (5, 4, 4, 4, 2, 1, 2, 4)
-FIRST_OFFERS, HIT_STEP = 10, 8
+FIRST_WEIGHTS = {  # of 1024
+    "move": (26, 3, 3, 13, 30, 53, 6, 14, 3, 3, 151, 230, 73, 17, 11, 6, 68, 45, 14, 35, 8, 115, 66, 16, 9),
+    "stay": (54, 4, 20, 153, 214, 122, 120, 34, 4, 4, 8, 179, 108),
+    "gap": (40, 5, 5, 6, 20, 16, 90, 90, 232, 89, 125, 193, 113),
+    "along": (257, 4, 3, 3, 203, 23, 10, 40, 63, 158, 126, 68, 31, 13, 5, 4, 4, 3, 3, 3),
+    "across": (123, 15, 13, 16, 8, 6, 45, 6, 20, 38, 5, 11, 78, 478, 131, 8, 5, 4, 4, 3, 3, 2, 2),
+    "beside": (36,) * 18,
+    "jump": (41, 166, 116, 100, 117, 190, 142, 30, 62, 25, 20, 15),
+}
+RECENT = 4096
+LIKELY_DISTANCE = (160, 128, 128, 112, 112, 96, 80, 64, 48, 48, 1, 1, 1)
+LIKELY_BEARING = (5, 4, 4, 4, 2, 1, 2, 4)
+LIKELY_BEYOND = (128, 128, 128, 128, 128, 128, 128, 96, 64, 48, 40, 24, 24)
+LIKELY_AGAIN = (1, 4, 8, 16)
+FIRST_OFFERS, HIT_STEP = 10, 128
+FIRST_TURN, TURN_STEP = 5 << 16, 1 << 16
+CLASSES, CLASS_SHARES = 48, {-2: 1, -1: 5, 0: 33, 1: 5, 2: 1}
+MOST_OF_CLASS, MOST_OF_WAY, MOST_RESTS = 20, 12, 20
+LARGEST_SUM = 1 << 40
 COSINES = (0.97, 0.75, 0.25, -0.25, -0.75, -0.97)
 FARTHEST, LATEST = 1 << 45, 1 << 60
 
@@ -40,6 +55,15 @@ def _turn_tables():
 
 
 TURN_TABLES = _turn_tables()
+
+
+TANGENTS = [round(16384 * math.tan(i * 2 * math.pi / 256)) for i in range(50)]
+
+
+def moved(mean, times, most, value):
+    """A mean after one more value, and of how many it then is."""
+    times = min(times + 1, most)
+    return mean + (value - mean) // times, times
 
 
 class BadWalks(Exception):
@@ -68,7 +92,7 @@ class Way:
 
     def __init__(self, start, end):
         self.start, self.end = start, end
-        self.taken = self.pace = self.passed = 0
+        self.taken = self.passed = self.usual = 0
         self.then = {}  # how often each way was taken right after this one
         self.opposite = None
 
@@ -79,9 +103,17 @@ class Decoder:
         self.dimension, self.timed, self.gapped = dimension, timed, gapped
         self.bits, self.wholes, self.mixtures = {}, {}, {}
         self.places, self.ends, self.ways = [], [], []  # of each node: place, weight as an end, ways (newest first)
-        self.pace = self.slow_pace = self.step_length = 0
-        self.offers = [[FIRST_OFFERS] * 8 for _ in range(10)]
-        self.hits = [[d * b // 4 for b in LIKELY_BEARING] for d in LIKELY_DISTANCE]
+        self.pace = self.slow_pace = None
+        self.step_length = 0
+        self.heading = self.turn = None
+        self.rests = []  # of each node: how often gaps began or ended there
+        self.usual = {}  # mean logarithm of cells by class of length, of stops and of gaps, and of how many
+        self.offers = {layer: [[FIRST_OFFERS] * 8 for _ in LIKELY_DISTANCE] for layer in ("link", "gap")}
+        self.hits = {
+            "link": [[d * b for b in LIKELY_BEARING] for d in LIKELY_DISTANCE],
+            "gap": [[d * a for a in LIKELY_AGAIN] for d in LIKELY_BEYOND],
+        }
+        self.turns_had, self.turns_taken = [FIRST_TURN] * 8, [FIRST_TURN] * 8
 
     # numbers
 
@@ -92,13 +124,22 @@ class Decoder:
         return self.wholes.setdefault(key, Whole()).read(self.coder)
 
     def mixture(self, key, low, high, distributions):
-        model = self.mixtures.setdefault(key, Mixture(FIRST_WEIGHT, DISTRIBUTIONS))
-        clamped = [(kind, center, min(max(scale, 6), 1 << 36)) for kind, center, scale in distributions]
+        first = FIRST_WEIGHTS[key if isinstance(key, str) else key[0]]
+        assert len(distributions) <= len(first)
+        model = self.mixtures.setdefault(key, Mixture([64 * share for share in first]))
+        clamped = [(kind, c, scale if kind == BY_RATIO else min(max(scale, 6), 1 << 36)) for kind, c, scale in distributions]
         return model.read(self.coder, low, high, clamped)
 
-    def span(self, key, guesses=()):
+    def rest(self, key):
+        """Span of a stop or gap."""
+        mean, times = self.usual.get(key, (0, 0))
+        cells = self.span(key, [mean] if times else [], (1, 2, 4))
+        self.usual[key] = moved(mean, times, MOST_RESTS, log2_of(min(max(cells, 1), 1 << 36)))
+        return cells
+
+    def span(self, key, guesses, steep):
         distributions = [(HISTOGRAM, 0, 16)] + [(ONE_SIDED, 0, scale) for scale in SPAN_SCALES]
-        distributions += [(TWO_SIDED, guess, guess >> shift) for guess in guesses for shift in (1, 2, 3, 4)]
+        distributions += [(BY_RATIO, guess, steepness) for guess in guesses for steepness in steep]
         cells = self.mixture(key, 1, NEAR_END, distributions)
         return cells + self.whole("far span") if cells == NEAR_END - 1 else cells
 
@@ -119,6 +160,7 @@ class Decoder:
     def add_node(self, place):
         self.places.append(place)
         self.ends.append(1)
+        self.rests.append(0)
         self.ways.append([])
         return len(self.places) - 1
 
@@ -135,12 +177,25 @@ class Decoder:
         if arrived is not None:
             arrived.then[way] = arrived.then.get(way, 0) + 1
             arrived.passed += 1
-        if self.timed and far > 0:
-            pace = min(max((min(span, 1 << 36) * 16 << 20) // far, 1), 1 << 26)
-            way.pace = self.pace = pace
-            self.slow_pace = pace if self.slow_pace == 0 else self.slow_pace + (pace - self.slow_pace) // 4
+        if self.timed:
+            self.learn_span(way, far, log2_of(min(max(span, 1), 1 << 36)))
+        if self.dimension > 1:
+            heading = plain_direction(*(b - a for a, b in zip(self.places[u][:2], self.places[v][:2], strict=True)))
+            self.turn = None if self.heading is None else (heading - self.heading + 128) % 256 - 128
+            self.heading = heading
         self.step_length = far if self.step_length == 0 else self.step_length + (far - self.step_length) // 8
         return way
+
+    def learn_span(self, way, far, span):
+        row = self.length_class(far)
+        self.usual[row] = moved(*self.usual.get(row, (0, 0)), MOST_OF_CLASS, span)
+        way.usual += (span - way.usual) // min(way.taken, MOST_OF_WAY)
+        if far > 0:
+            self.pace = span - log2_of(far)
+            self.slow_pace = self.pace if self.slow_pace is None else self.slow_pace + 5 * (self.pace - self.slow_pace) // 32
+
+    def length_class(self, far):
+        return 0 if far < 16 else min(1 + ((log2_of(far) - (4 << 16)) >> 15), CLASSES - 1)
 
     # one part
 
@@ -166,30 +221,49 @@ class Decoder:
             return NEW
         return NEW if self.bit(("new", min(degree, 3), last)) else LINK
 
-    def known_way(self, u, arrived):
+    def known_way(self, u, before, arrived):
         back = arrived.opposite if arrived else None
         ways = [way for way in self.ways[u] if way is not back]
-        weights = [2 * way.taken + way.opposite.taken + 1 for way in ways]
+        if len(ways) == 1:
+            return ways[0]
+        turns = [self.bearing(before, u, way.end) for way in ways]
+        ratios = [min(max((self.turns_taken[t] << 8) // self.turns_had[t], 16), 4096) for t in turns]
+        weights = [(3 * way.taken + way.opposite.taken + 1) * ratio for way, ratio in zip(ways, ratios, strict=True)]
         single = sum(weights)
         if arrived and arrived.passed:
-            weights = [w + 2 * min(arrived.then.get(way, 0), 1 << 16) * single // 3 for w, way in zip(weights, ways, strict=True)]
-        return ways[read_choice(self.coder, weights)] if len(ways) > 1 else ways[0]
+            weights = [w + min(arrived.then.get(way, 0), 1 << 16) * single // 2 for w, way in zip(weights, ways, strict=True)]
+        while sum(weights) > LARGEST_SUM:
+            weights = [(w >> 1) + 1 for w in weights]
+        choice = read_choice(self.coder, weights)
+        for turn, weight in zip(turns, weights, strict=True):
+            self.turns_had[turn] += (weight << 16) // sum(weights)
+        self.turns_taken[turns[choice]] += TURN_STEP
+        return ways[choice]
 
-    def guesses(self, way):
-        far = self.length(way.start, way.end)
-        paces = (way.pace or way.opposite.pace or self.slow_pace, self.pace, self.slow_pace)
-        return [min(far * pace >> 20, 1 << 30) for pace in paces if pace]
+    def guesses(self, u, v, way):
+        far = self.length(u, v)
+        row = self.length_class(far)
+        near = [(share * times, mean) for d, share in CLASS_SHARES.items() for mean, times in [self.usual.get(row + d, (0, 0))]]
+        weight = sum(w for w, _ in near)
+        shares = [(3, sum(w * mean for w, mean in near) // weight)] if weight else []
+        if way is not None:
+            shares += [(share * min(w.taken, MOST_OF_WAY), w.usual) for w, share in ((way, 4), (way.opposite, 2))]
+        total = sum(w for w, _ in shares)
+        own = [sum(w * mean for w, mean in shares) // total] if total else []
+        if self.pace is None:
+            return own
+        distance = log2_of(max(far, 1))
+        return [*(own or [distance + self.slow_pace]), distance + self.pace, distance + self.slow_pace]
 
-    def reach(self, span):
-        if not self.timed or self.slow_pace == 0:
-            return max(self.step_length, 64)
-        return max(min((min(span, 1 << 36) * 16 << 20) // self.slow_pace, 1 << 34), 32)
+    def reach(self):
+        return max(self.step_length, 64)
 
-    def octave(self, far, reach):
-        ratio, bound = 0, reach * 181 >> 10
-        while ratio < 9 and far >= bound:
-            ratio, bound = ratio + 1, bound * 362 >> 8
-        return ratio
+    def octave(self, u, w):
+        """How often a squared length reaches a bound that doubles."""
+        steps = [min(abs(a - b), 1 << 25) for a, b in zip(self.places[u], self.places[w], strict=True)]
+        square = 256 * sum(step * step for step in steps)
+        bound = (min(self.reach(), 1 << 27) * 181 >> 10) ** 2
+        return min((square // bound).bit_length(), len(LIKELY_DISTANCE) - 1)
 
     def bearing(self, before, u, v):
         if before is None:
@@ -204,52 +278,50 @@ class Decoder:
         square = dot * abs(dot) / (one * two)
         return next((i for i, bound in enumerate(COSINES) if square > bound), 6)
 
-    def link(self, u, before, reach):
+    def link(self, u, before, layer):
         nodes = len(self.places)
+        hits, offers = self.hits[layer], self.offers[layer]
         near = []
         for w in range(nodes - 1, max(nodes - RECENT, 0) - 1, -1):
-            if len(near) == LINKS:
-                break
-            if w == u or self.way(u, w):
-                continue
-            octave = self.octave(self.length(u, w), reach)
-            if octave <= 8:
-                near.append((w, octave, self.bearing(before, u, w)))
-        if near and self.bit("near", FIRST_NEAR):
-            v, o, b = near[read_choice(self.coder, [(self.hits[o][b] << 16) // self.offers[o][b] + 1 for _, o, b in near])]
-            self.hits[o][b] += HIT_STEP
+            if w != u and (layer == "gap" or not self.way(u, w)):
+                kind = self.bearing(before, u, w) if layer == "link" else min(self.rests[w].bit_length(), 3)
+                near.append((w, self.octave(u, w), kind))
+        if near and (nodes <= RECENT or self.bit("near", FIRST_NEAR)):
+            v, o, b = near[read_choice(self.coder, [(hits[o][b] << 16) // offers[o][b] + 1 for _, o, b in near])]
+            hits[o][b] += HIT_STEP
         else:
             v = self.coder.target(nodes)
             self.coder.interval(v, 1, nodes)
         for _, o, b in near:
-            self.offers[o][b] += 1
+            offers[o][b] += 1
         return v
 
-    def ahead(self, u, before, reach):
+    def ahead(self, u):
         """A new place in the frame of the last step."""
-        here, out = self.places[u], []
+        here, out, reach = self.places[u], [], self.reach()
         if self.dimension > 1:
-            turn = 0
-            if before is not None:
-                turn = plain_direction(*(a - b for a, b in zip(here[:2], self.places[before][:2], strict=True)))
             along = self.offset("along", self.along(reach))
             across = self.offset("across", self.across(reach, along))
-            out = list(plain_rotate_back(along, across, turn))
+            out = list(plain_rotate_back(along, across, self.heading or 0))
         while len(out) < self.dimension:
             out.append(self.offset("beside", [(TWO_SIDED, 0, reach >> shift) for shift in range(6)]))
         return [a + b for a, b in zip(here, out, strict=True)]
 
     def along(self, reach):
-        usual = self.step_length
         spots = [(reach, reach >> shift) for shift in (1, 2, 3, 4)]
-        spots += [(reach >> 1, reach >> 2), (0, reach >> 2), (0, reach), (usual, usual >> 2)]
+        spots += [(reach >> 1, reach >> 2), (0, reach >> 2), (0, reach), (reach << 1, reach >> 1)]
         return [(TWO_SIDED, *spot) for spot in spots]
 
     def across(self, reach, along):
         spots = [(0, reach >> shift) for shift in (1, 2, 3, 4, 5)]
         reach, forth = min(reach, 1 << 30), 16 * min(abs(along), 1 << 26)
         side = int(math.sqrt(float(reach * reach - forth * forth))) if forth < reach else 0
-        return [(TWO_SIDED, *spot) for spot in [*spots, *((sign * side, reach >> shift) for sign in (-1, 1) for shift in (4, 2))]]
+        spots += [(sign * side, reach >> shift) for sign in (-1, 1) for shift in (4, 2)]
+        aside = 0
+        if self.turn is not None:
+            aside = (forth if along >= 0 else -forth) * TANGENTS[min(abs(self.turn), 49)] >> 14
+            aside = aside if self.turn >= 0 else -aside
+        return [(TWO_SIDED, *spot) for spot in [*spots, (aside, forth >> 2), (aside, forth >> 3)]]
 
     def jump(self, u):
         """A new place in the frame of the axes."""
@@ -257,23 +329,25 @@ class Decoder:
 
     def part(self, u, before, arrived, last):
         kind = self.kind(u, arrived, last)
-        v, guesses = u, []
+        v, way = u, None
         if kind in (BACK, KNOWN):
-            way = arrived.opposite if kind == BACK else self.known_way(u, arrived)
-            v, guesses = way.end, self.guesses(way)
-        span = self.span(("span", max(kind, KNOWN)), guesses) if self.timed else 0
-        if kind == LINK:
-            v = self.link(u, before, self.reach(span))
+            way = arrived.opposite if kind == BACK else self.known_way(u, before, arrived)
+            v = way.end
+        elif kind == LINK:
+            v = self.link(u, before, "link")
         elif kind == NEW:
-            v = self.add_node(self.ahead(u, before, self.reach(span)))
+            v = self.add_node(self.ahead(u))
+        span = 0
+        if self.timed:
+            span = self.rest("stay") if kind == STAY else self.span("move", self.guesses(u, v, way), (3, 6, 12, 24, 48))
         return kind, v, span
 
     def gap(self, u):
-        span = self.span("gap") if self.timed else 0
+        span = self.rest("gap") if self.timed else 0
         if self.bit("gap to itself"):
             return u, span
         if self.bit("gap to known"):
-            return self.link(u, None, max(self.step_length, 64)), span
+            return self.link(u, None, "gap"), span
         return self.add_node(self.jump(u)), span
 
     def start(self, u):
@@ -295,11 +369,15 @@ class Decoder:
                 self.ends[u] += TERMINAL
                 out.append([(u, cell, False)])
                 before, arrived, last = None, None, NEW
+                self.heading = self.turn = None
             else:
-                gap = bool(self.gapped and self.bit(("gap", last == STAY), FIRST_GAP))
+                gap = bool(self.gapped and self.bit(("gap", min((self.rests[u] + 1) // 2, 2), last == STAY), FIRST_GAP))
                 if gap:
                     v, span = self.gap(u)
                     before, arrived, last = None, None, NEW
+                    self.heading = self.turn = None
+                    self.rests[u] += 1
+                    self.rests[v] += 1
                 else:
                     last, v, span = self.part(u, before, arrived, last)
                     if v != u:

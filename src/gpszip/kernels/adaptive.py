@@ -8,10 +8,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.kernels.binary_log import log2_of
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder, code_bits, code_interval, target
 
 __all__ = [
+    "BY_RATIO",
     "HISTOGRAM",
     "ONE_SIDED",
     "PARTS",
@@ -32,10 +34,10 @@ _UNIT = 24
 _WHOLE = 1 << _UNIT
 
 #: How far weights move towards their posterior, of 65,536: at the first number, in the end, and how soon that falls.
-_FIRST_STEP, _LAST_STEP, _SETTLING = 40_000, 4_000, 16
+_FIRST_STEP, _LAST_STEP, _SETTLING = 40_000, 6_500, 16
 
 #: Kinds of distributions in a mixture.
-TWO_SIDED, ONE_SIDED, HISTOGRAM = 0, 1, 2
+TWO_SIDED, ONE_SIDED, HISTOGRAM, BY_RATIO = 0, 1, 2, 3
 
 #: Bit contexts that one integer of any size takes.
 SIZES = 48 + 8 * 48
@@ -61,7 +63,7 @@ def code_bit(coder: Coder, counts: NDArray[np.int32], context: int, bit: int) ->
     else:
         code_interval(coder, 0, zeros, total)
     counts[context, bit] += 20
-    if total > 4000:
+    if total > 2000:
         counts[context, 0] = max(counts[context, 0] // 2, 1)
         counts[context, 1] = max(counts[context, 1] // 2, 1)
     return bit
@@ -127,7 +129,10 @@ def _below(value: int, kind: int, center: int, scale: int, low: int) -> int:
             return np.int64(_WHOLE)
         at = z >> 10
         return _EXPONENTIAL[at] + ((_EXPONENTIAL[at + 1] - _EXPONENTIAL[at]) * (z & 1023) >> 10)
-    z = ((value * PARTS - PARTS // 2 - center) << 16) // scale + (_REACH << 16)
+    if kind == 3:
+        z = ((log2_of(value * PARTS - PARTS // 2) - 4 * WEIGHT - center) * scale >> 1) + (_REACH << 16)
+    else:
+        z = ((value * PARTS - PARTS // 2 - center) << 16) // scale + (_REACH << 16)
     if z < 0:
         return np.int64(0)
     if z >= (2 * _REACH << 16):
@@ -169,7 +174,7 @@ def _prepare(
 ) -> None:
     for i in range(count):
         bases[i] = 0
-        if kinds[i] == TWO_SIDED:
+        if kinds[i] == TWO_SIDED or kinds[i] == BY_RATIO:
             bases[i] = min(_below(low, kinds[i], centers[i], scales[i], low), _WHOLE - 64)
         elif kinds[i] == HISTOGRAM:
             total = np.int64(0)
@@ -201,7 +206,9 @@ def code_mixture(
     ----------
     kinds, centers, scales : int64 arrays
         Shape, centre and scale of each distribution, the last two in sixteenths. A two-sided one is logistic, a one-sided
-        one falls exponentially from ``low``, a histogram counts the values that came.
+        one falls exponentially from ``low``, a histogram counts the values that came. One by ratio is logistic in the
+        logarithm of the value, which must be positive: its centre is a logarithm to the base of two in units of 2**-16, its
+        scale how steep it is, in halves for an octave.
     weights : int64 array
         Weights of the distributions, changed in place; their sum is about ``WEIGHT``. The last element counts the numbers
         coded: at first the weights follow each number closely, later they settle.
@@ -247,5 +254,5 @@ def code_mixture(
         posterior = np.int64((chances[i] >> 8) * shared // max(width >> 8, np.int64(1)))
         weights[i] = max(weights[i] + (((posterior - weights[i]) * step) >> 16), np.int64(16))
     if value - low < len(histogram):
-        histogram[value - low] += 32
+        histogram[value - low] += 64
     return value

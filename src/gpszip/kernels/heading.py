@@ -6,7 +6,7 @@ import numpy as np
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["DIRECTIONS", "direction", "rotate", "rotate_back"]
+__all__ = ["DIRECTIONS", "bend", "direction", "rotate", "rotate_back"]
 
 #: Directions of a full turn; two's power, a multiple of 8.
 DIRECTIONS = 256
@@ -20,6 +20,16 @@ _SIN = np.round(np.sin(_ANGLES) * (1 << _SHIFT)).astype(np.int64)
 _SMALL = (np.arange(_QUARTER + 1) - _QUARTER // 2) * (2 * np.pi / DIRECTIONS)
 _TAN_HALF = np.round(np.tan(_SMALL / 2) * (1 << _SHIFT)).astype(np.int64)
 _SIN_SMALL = np.round(np.sin(_SMALL) * (1 << _SHIFT)).astype(np.int64)
+
+_BENDS = 49
+_TAN = np.round(np.tan(_ANGLES[: _BENDS + 1]) * (1 << _SHIFT)).astype(np.int64)
+
+
+@jit
+def bend(along: int, turn: int) -> int:
+    """How far to the side one comes ``along`` a line that is turned by so many directions; 69 degrees stand for any larger turn."""
+    across = (along * _TAN[min(abs(turn), _BENDS)]) >> _SHIFT
+    return across if turn >= 0 else -across
 
 
 @jit

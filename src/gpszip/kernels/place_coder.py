@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.adaptive import PARTS, TWO_SIDED, code_mixture
-from gpszip.kernels.heading import direction, rotate, rotate_back
+from gpszip.kernels.heading import bend, rotate, rotate_back
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder
 from gpszip.kernels.spread import REACH, code_far, fill
-from gpszip.kernels.walk_model import STEP_LENGTH, WalkModel
+from gpszip.kernels.walk_model import HEADING, NO_TURN, STEP_LENGTH, TURN, WalkModel
 
 __all__ = ["code_step"]
 
@@ -29,8 +29,8 @@ def _code_axis(
     scales: NDArray[np.int64],
     count: int,
 ) -> int:
-    for i in range(9):
-        count = fill(count, TWO_SIDED, 0, PARTS << (2 * i + (1 if i > 0 else 0)), kinds, centers, scales)
+    for octave in (0, 2, 3, 4, 5, 6, 7, 9, 11, 13, 15, 17):
+        count = fill(count, TWO_SIDED, 0, PARTS << octave, kinds, centers, scales)
     outside = value >= REACH - 1 or value < -REACH
     near = REACH - 1 if outside else value
     coded = code_mixture(coder, near, -REACH, REACH, kinds, centers, scales, count, model.weights[mixture], model.histograms[mixture][:0])
@@ -42,14 +42,13 @@ def _code_axis(
 @jit
 def _code_along(coder: Coder, model: WalkModel, value: int, reach: int) -> int:
     kinds, centers, scales = np.empty(28, np.int64), np.empty(28, np.int64), np.empty(28, np.int64)
-    usual = model.scalars[STEP_LENGTH]
     count = 0
     for shift in range(1, 5):
         count = fill(count, TWO_SIDED, reach, reach >> shift, kinds, centers, scales)
     count = fill(count, TWO_SIDED, reach >> 1, reach >> 2, kinds, centers, scales)
     count = fill(count, TWO_SIDED, 0, reach >> 2, kinds, centers, scales)
     count = fill(count, TWO_SIDED, 0, reach, kinds, centers, scales)
-    count = fill(count, TWO_SIDED, usual, usual >> 2, kinds, centers, scales)
+    count = fill(count, TWO_SIDED, reach << 1, reach >> 1, kinds, centers, scales)
     return _code_axis(coder, model, _P_ALONG, value, kinds, centers, scales, count)
 
 
@@ -65,20 +64,23 @@ def _code_across(coder: Coder, model: WalkModel, value: int, reach: int, along: 
     for sign in (-1, 1):
         count = fill(count, TWO_SIDED, sign * side, reach >> 4, kinds, centers, scales)
         count = fill(count, TWO_SIDED, sign * side, reach >> 2, kinds, centers, scales)
+    turn = model.scalars[TURN]
+    aside = bend(forth if along >= 0 else -forth, turn) if turn != NO_TURN else np.int64(0)
+    for shift in range(2, 4):
+        count = fill(count, TWO_SIDED, aside, forth >> shift, kinds, centers, scales)
     return _code_axis(coder, model, _P_ACROSS, value, kinds, centers, scales, count)
 
 
 @jit
-def code_step(coder: Coder, model: WalkModel, u: int, before: int, node: int, reach: int, frame: bool) -> None:
+def code_step(coder: Coder, model: WalkModel, u: int, node: int, frame: bool) -> None:
     """Code the place of ``node`` relative to u, in the frame of the last step (``frame``) or of the axes."""
     places = model.places
     dimension = places.shape[1]
     kinds, centers, scales = np.empty(28, np.int64), np.empty(28, np.int64), np.empty(28, np.int64)
     first = 0
+    reach = max(model.scalars[STEP_LENGTH], np.int64(64))
     if frame and dimension > 1:
-        turn = 0
-        if before >= 0:
-            turn = direction(places[u, 0] - places[before, 0], places[u, 1] - places[before, 1])
+        turn = max(model.scalars[HEADING], np.int64(0))
         x, y = rotate(places[node, 0] - places[u, 0], places[node, 1] - places[u, 1], turn)
         x = _code_along(coder, model, x, reach)
         y = _code_across(coder, model, y, reach, x)

@@ -5,31 +5,39 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.adaptive import HISTOGRAM, ONE_SIDED, PARTS, TWO_SIDED, code_mixture
+from gpszip.kernels.adaptive import BY_RATIO, HISTOGRAM, ONE_SIDED, PARTS, code_mixture
+from gpszip.kernels.binary_log import log2_of
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder
-from gpszip.kernels.spread import MOST, REACH, code_far, fill
-from gpszip.kernels.walk_model import PACE, PACE_SLOW, STEP_LENGTH, WalkModel
+from gpszip.kernels.spread import REACH, code_far, fill
+from gpszip.kernels.walk_model import CLASSES, MOST, PACE, PACE_SLOW, TIMED, WalkModel, class_of, length, settle_usual
 
-__all__ = ["T_GAP", "T_KNOWN", "T_LINK", "T_NEW", "T_STAY", "code_span", "guess_spans", "pace_of", "reach_of"]
+__all__ = ["T_GAP", "T_MOVE", "T_STAY", "code_move", "code_rest"]
 
-#: Mixtures of durations, by kind of step.
-T_KNOWN, T_LINK, T_NEW, T_STAY, T_GAP = 0, 1, 2, 3, 4
+#: Mixtures of durations: of parts that move, of stops and of gaps.
+T_MOVE, T_STAY, T_GAP = 0, 1, 2
 
-#: A pace is in units of this power of a half.
-_PACE_UNIT = 20
+#: How steep the widest distribution about a guess is, and how many there are, each twice as steep as the one before.
+_MOVE_STEEP, _MOVE_WIDTHS = 3, 5
+_REST_STEEP, _REST_WIDTHS = 1, 3
+
+#: A mean of stops or gaps is that of about so many.
+_RESTS = 20
 
 
 @jit
-def code_span(coder: Coder, model: WalkModel, mixture: int, expected: NDArray[np.int64], known: int, cells: int) -> int:
-    """Code a duration in cells; ``expected`` holds ``known`` guesses in sixteenths of a cell."""
+def _code_span(
+    coder: Coder, model: WalkModel, mixture: int, guesses: NDArray[np.int64], known: int, steep: int, widths: int, cells: int
+) -> int:
+    """Code a duration in cells; ``guesses`` holds ``known`` logarithms of the cells to expect."""
     kinds, centers, scales = np.empty(28, np.int64), np.empty(28, np.int64), np.empty(28, np.int64)
     count = fill(0, HISTOGRAM, 0, 16, kinds, centers, scales)
     for i in range(9):
         count = fill(count, ONE_SIDED, 0, PARTS << (i if i < 5 else 2 * i - 4), kinds, centers, scales)
     for i in range(known):
-        for shift in range(1, 5):
-            count = fill(count, TWO_SIDED, expected[i], expected[i] >> shift, kinds, centers, scales)
+        for width in range(widths):
+            kinds[count], centers[count], scales[count] = BY_RATIO, guesses[i], steep << width
+            count += 1
     far = cells >= REACH
     cells_near = min(cells, REACH - 1)
     coded = code_mixture(coder, cells_near, 1, REACH, kinds, centers, scales, count, model.weights[mixture], model.histograms[mixture])
@@ -39,30 +47,55 @@ def code_span(coder: Coder, model: WalkModel, mixture: int, expected: NDArray[np
 
 
 @jit
-def guess_spans(model: WalkModel, half: int, far: int, expected: NDArray[np.int64]) -> int:
-    """Durations to expect on a known way, from its own pace, the reverse one, the last and the usual one."""
-    own = model.pace[half] if model.pace[half] > 0 else model.pace[half ^ 1]
-    paces = (own if own > 0 else model.scalars[PACE_SLOW], model.scalars[PACE], model.scalars[PACE_SLOW])
-    known = 0
-    for pace in paces:
-        if pace > 0:
-            expected[known] = min((far * pace) >> _PACE_UNIT, np.int64(1) << 30)
-            known += 1
-    return known
+def code_rest(coder: Coder, model: WalkModel, mixture: int, row: int, cells: int) -> int:
+    """Code the duration of a stop or gap, by those before; ``row`` is where ``usual`` keeps them."""
+    guesses = np.empty(1, np.int64)
+    guesses[0] = model.usual[row, 0]
+    cells = _code_span(coder, model, mixture, guesses, min(model.usual[row, 1], 1), _REST_STEEP, _REST_WIDTHS, cells)
+    settle_usual(model, row, _RESTS, log2_of(min(max(cells, np.int64(1)), MOST)))
+    return cells
 
 
 @jit
-def pace_of(far: int, cells: int) -> int:
-    """Sixteenths of a cell for a sixteenth of a quantum, in units of 2**-20; 0 if unknown."""
-    if far == 0 or cells == 0:
-        return np.int64(0)
-    return min(max(((min(cells, MOST) * PARTS) << _PACE_UNIT) // far, np.int64(1)), np.int64(1) << 26)
+def code_move(coder: Coder, model: WalkModel, half: int, u: int, v: int, cells: int) -> int:
+    """Code the duration of a step from u to v, on a known half-edge or a new way (-1)."""
+    guesses = np.empty(3, np.int64)
+    known = _guess(model, half, length(model.places, u, v), guesses)
+    return _code_span(coder, model, T_MOVE, guesses, known, _MOVE_STEEP, _MOVE_WIDTHS, cells)
 
 
 @jit
-def reach_of(model: WalkModel, cells: int, timed: bool) -> int:
-    """Length in sixteenths that a step of this duration has at the usual pace."""
-    pace = model.scalars[PACE_SLOW]
-    if not timed or pace == 0:
-        return max(model.scalars[STEP_LENGTH], np.int64(64))
-    return max(min(((min(cells, MOST) * PARTS) << _PACE_UNIT) // pace, np.int64(1) << 34), np.int64(32))
+def _guess(model: WalkModel, half: int, far: int, guesses: NDArray[np.int64]) -> int:
+    """Logarithms of the cells to expect: as usual on this way and at this length, at the last pace, at the usual pace."""
+    weight, total = _of_class(model, far)
+    total = 3 * (total // weight) if weight > 0 else np.int64(0)
+    weight = 3 if weight > 0 else 0
+    if half >= 0:
+        for way, share in ((half, 4), (half ^ 1, 2)):
+            times = share * min(model.count[way], np.int64(12))
+            weight += times
+            total += times * model.usual_span[way]
+    scalars = model.scalars
+    length_log = log2_of(max(far, np.int64(1)))
+    if scalars[TIMED] == 0:
+        if weight == 0:
+            return 0
+        guesses[0] = total // weight
+        return 1
+    guesses[0] = total // weight if weight > 0 else length_log + scalars[PACE_SLOW]
+    guesses[1] = length_log + scalars[PACE]
+    guesses[2] = length_log + scalars[PACE_SLOW]
+    return 3
+
+
+@jit
+def _of_class(model: WalkModel, far: int) -> tuple[int, int]:
+    """Weight and weighted sum of the mean logarithms of steps about as long."""
+    weight, total = np.int64(0), np.int64(0)
+    row = class_of(far)
+    for near, share in ((-2, 1), (-1, 5), (0, 33), (1, 5), (2, 1)):
+        if 0 <= row + near < CLASSES:
+            times = share * model.usual[row + near, 1]
+            weight += times
+            total += times * model.usual[row + near, 0]
+    return weight, total

@@ -8,13 +8,12 @@ from numpy.typing import NDArray
 from gpszip.kernels.adaptive import SIZES, code_whole
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder
-from gpszip.kernels.walk_model import FLAGS, WalkModel
+from gpszip.kernels.walk_model import FLAGS, MOST, WalkModel
 
-__all__ = ["MOST", "REACH", "code_far", "fill"]
+__all__ = ["REACH", "code_far", "fill"]
 
-#: Numbers at or beyond these are coded apart from the mixtures; centres and scales stay below the other.
+#: Numbers at or beyond this are coded apart from the mixtures.
 REACH = np.int64(1) << 25
-MOST = np.int64(1) << 36
 
 
 @jit

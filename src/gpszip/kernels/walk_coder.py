@@ -14,7 +14,7 @@ from gpszip.kernels.adaptive import code_bit
 from gpszip.kernels.jit import jit
 from gpszip.kernels.place_coder import code_step
 from gpszip.kernels.range_coder import Coder, code_interval, target, used_bits
-from gpszip.kernels.span_coder import T_GAP, T_KNOWN, T_LINK, T_NEW, T_STAY, code_span, guess_spans, pace_of, reach_of
+from gpszip.kernels.span_coder import T_GAP, T_STAY, code_move, code_rest
 from gpszip.kernels.spread import code_far
 from gpszip.kernels.walk_model import (
     BEGUN,
@@ -26,15 +26,18 @@ from gpszip.kernels.walk_model import (
     KIND_BITS,
     LATEST,
     NODES,
+    ON_GAP,
+    ON_LINK,
     PLACE_BITS,
     SPAN_BITS,
     START_BITS,
-    STEP_LENGTH,
+    U_GAP,
+    U_STAY,
     WalkModel,
     add_node,
     book,
     follow,
-    length,
+    forget_way,
     pick,
     weigh,
     weight_below,
@@ -69,24 +72,30 @@ def _code_start(coder: Coder, model: WalkModel, last: int, node: int) -> int:
         for axis in range(model.places.shape[1]):
             model.places[node, axis] = code_far(coder, model, 2, model.places[node, axis])
     else:
-        code_step(coder, model, last, -1, node, np.int64(64), False)
+        code_step(coder, model, last, node, False)
     return add_node(model)
 
 
 @jit
 def _code_gap(coder: Coder, model: WalkModel, u: int, node: int, cells: int, timed: bool) -> tuple[int, int]:
     """Code a part in which no travel is claimed: how long, and where the track goes on."""
-    expected = np.empty(1, np.int64)
     if timed:
-        cells = code_span(coder, model, T_GAP, expected, 0, cells)
+        cells = code_rest(coder, model, T_GAP, U_GAP, cells)
     if code_bit(coder, model.flags, F_GAP_KIND, 1 if node == u else 0):
         return u, cells
     nodes = model.scalars[NODES]
     if code_bit(coder, model.flags, F_GAP_KIND + 1, 1 if node < nodes else 0):
-        return code_link(coder, model, u, -1, node, max(model.scalars[STEP_LENGTH], np.int64(64))), cells
+        return code_link(coder, model, u, -1, node, ON_GAP), cells
     node = nodes
-    code_step(coder, model, u, -1, node, np.int64(64), False)
+    code_step(coder, model, u, node, False)
     return add_node(model), cells
+
+
+@jit
+def _gap_context(model: WalkModel, u: int, last: int) -> int:
+    """Context of whether a gap follows: how often one began or ended at u, and whether the walk stopped there."""
+    rests = model.rests[u]
+    return F_GAP + 2 * (2 if rests > 2 else 1 if rests > 0 else 0) + (1 if last == KIND_STAY else 0)
 
 
 @jit
@@ -97,30 +106,31 @@ def _code_part(
     back = arrived ^ 1 if arrived >= 0 else -1
     bits = used_bits(coder)
     kind = code_kind(coder, model, u, arrived, back, kind_of(model, u, back, node), last)
-    expected = np.empty(3, np.int64)
-    known = 0
-    if kind <= KIND_KNOWN:
-        half = back if kind == KIND_BACK else code_way(coder, model, u, arrived, back, node)
-        node = model.into[half]
-        known = guess_spans(model, half, length(model.places, u, node), expected)
-    kind_bits = used_bits(coder) - bits
-    if timed:
-        bits = used_bits(coder)
-        cells = code_span(coder, model, (T_KNOWN, T_KNOWN, T_LINK, T_NEW, T_STAY)[kind], expected, known, cells)
-        book(model, SPAN_BITS + kind, used_bits(coder) - bits)
-    reach = reach_of(model, cells, timed)
-    bits = used_bits(coder)
+    half = -1
     if kind == KIND_STAY:
         node = u
+    elif kind == KIND_BACK:
+        half = back
+    elif kind == KIND_KNOWN:
+        half = code_way(coder, model, u, before, arrived, back, node)
     elif kind == KIND_LINK:
-        node = code_link(coder, model, u, before, node, reach)
-        kind_bits += used_bits(coder) - bits
-    elif kind == KIND_NEW:
+        node = code_link(coder, model, u, before, node, ON_LINK)
+    if half >= 0:
+        node = model.into[half]
+    book(model, KIND_BITS + kind, used_bits(coder) - bits)
+    if kind == KIND_NEW:
+        bits = used_bits(coder)
         node = model.scalars[NODES]
-        code_step(coder, model, u, before, node, reach, True)
+        code_step(coder, model, u, node, True)
         add_node(model)
         book(model, PLACE_BITS, used_bits(coder) - bits)
-    book(model, KIND_BITS + kind, kind_bits)
+    if timed:
+        bits = used_bits(coder)
+        if kind == KIND_STAY:
+            cells = code_rest(coder, model, T_STAY, U_STAY, cells)
+        else:
+            cells = code_move(coder, model, half, u, node, cells)
+        book(model, SPAN_BITS + kind, used_bits(coder) - bits)
     return kind, node, cells
 
 
@@ -185,23 +195,26 @@ def code_walks(
             nodes[j] = u
             weigh(model, u, _WEIGHTS_END)
             before, arrived, last = -1, -1, KIND_NEW
+            forget_way(model)
         else:
             begins[j] = 0
             span = cells[j] - cells[j - 1]
             gap = 0
             if gapped:
-                gap = code_bit(coder, model.flags, F_GAP + (1 if last == KIND_STAY else 0), gaps[j])
+                gap = code_bit(coder, model.flags, _gap_context(model, u, last), gaps[j])
             gaps[j] = gap
             if gap:
                 bits = used_bits(coder)
                 node, span = _code_gap(coder, model, u, nodes[j], span, timed)
                 book(model, GAP_BITS, used_bits(coder) - bits)
                 before, arrived, last = -1, -1, KIND_NEW
+                forget_way(model)
+                model.rests[u] += 1
+                model.rests[node] += 1
             else:
                 last, node, span = _code_part(coder, model, u, before, arrived, last, nodes[j], span, timed)
                 if node != u:
-                    far = length(model.places, u, node)
-                    arrived = follow(model, arrived, u, node, pace_of(far, span) if timed else np.int64(0))
+                    arrived = follow(model, arrived, u, node, span if timed else np.int64(0))
                     before = u
             nodes[j] = node
             u = node

@@ -7,13 +7,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.adaptive import PARTS, SIZES, WEIGHT
+from gpszip.kernels.adaptive import PARTS, SIZES
+from gpszip.kernels.binary_log import log2_of
+from gpszip.kernels.heading import DIRECTIONS, direction
 from gpszip.kernels.jit import jit
 from gpszip.kernels.pair_table import pair_slot
 
 __all__ = [
     "ACCOUNTS",
     "BEGUN",
+    "CLASSES",
     "FLAGS",
     "F_BACK",
     "F_END",
@@ -25,27 +28,53 @@ __all__ = [
     "F_NEW",
     "F_STAY",
     "GAP_BITS",
+    "HEADING",
     "KIND_BITS",
     "LATEST",
+    "MOST",
+    "NO_TURN",
+    "OCTAVES",
+    "ON_GAP",
+    "ON_LINK",
+    "ON_WAY",
     "PLACE_BITS",
     "SPAN_BITS",
     "START_BITS",
+    "TIMED",
+    "TURN",
+    "U_GAP",
+    "U_STAY",
     "WalkModel",
     "add_node",
     "book",
+    "class_of",
     "follow",
+    "forget_way",
     "grown",
     "half_edge",
     "length",
     "new_model",
     "pair_count",
     "pick",
+    "settle_usual",
     "weigh",
     "weight_below",
 ]
 
-#: Numbers kept in ``WalkModel.scalars``; the last two are the node (plus 1) and the first cell of the latest track.
-NODES, HALVES, PACE, PACE_SLOW, STEP_LENGTH, LATEST, BEGUN = 0, 1, 2, 3, 4, 5, 6
+#: Numbers kept in ``WalkModel.scalars``; two are the node (plus 1) and the first cell of the latest track. Paces are logarithms,
+#: known once a step was ``TIMED``; the heading is -1 and the turn ``NO_TURN`` where none is known.
+NODES, HALVES, PACE, PACE_SLOW, STEP_LENGTH, LATEST, BEGUN, TIMED, HEADING, TURN = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+NO_TURN = 1 << 10
+
+#: Rows of ``WalkModel.usual``: spans by class of length, of stops and of gaps.
+CLASSES = 48
+U_STAY, U_GAP = 48, 49
+
+#: Layers of ``WalkModel.hits`` and ``offers``: links, what follows on gaps, turns between ways.
+ON_LINK, ON_GAP, ON_WAY = 0, 1, 2
+
+#: Classes of length of new ways.
+OCTAVES = 13
 
 #: Rows of the ledger: kinds of steps (back, known, link, new, stay), their durations, places of new nodes, starts, gaps.
 ACCOUNTS = 13
@@ -66,7 +95,7 @@ F_END, F_GAP, F_ESCAPE, F_BACK, F_STAY, F_NEW, F_KNOWN_START, F_NEAR, F_GAP_KIND
 #: What is expected of flags before any is seen: counts of zeros and ones where they aren't even.
 _EXPECTED = (
     (F_END, 2, 1, 36, 4),
-    (F_GAP, 2, 1, 36, 4),
+    (F_GAP, 6, 1, 36, 4),
     (F_ESCAPE + 6, 6, 10, 28, 12),
     (F_ESCAPE + 8, 6, 10, 34, 8),
     (F_ESCAPE + 11, 2, 2, 3, 37),
@@ -77,11 +106,29 @@ _EXPECTED = (
 )
 
 #: How likely a new way leads to a node at a distance (in half octaves of the expected one) and a bearing, before any is seen.
-_LIKELY_DISTANCE = (10, 8, 8, 7, 7, 6, 5, 4, 3, 3)
+_LIKELY_DISTANCE = (160, 128, 128, 112, 112, 96, 80, 64, 48, 48, 1, 1, 1)
 _LIKELY_BEARING = (5, 4, 4, 4, 2, 1, 2, 4)
 
-#: Weight that a node gains each time a track starts or ends there.
-_TERMINAL = 24
+#: How likely a gap leads to a node at a distance, and to one where none, one, few, many gaps began or ended.
+_LIKELY_BEYOND = (128, 128, 128, 128, 128, 128, 128, 96, 64, 48, 40, 24, 24)
+_LIKELY_AGAIN = (1, 4, 8, 16, 1, 1, 1, 1)
+
+#: Turns between ways count from this, so that the first few don't weigh too much.
+_TURNS = 5 << 16
+
+#: How heavy the distributions of each mixture are before any number is seen, of 1,024.
+_WEIGHTS = {
+    0: (26, 3, 3, 13, 30, 53, 6, 14, 3, 3, 151, 230, 73, 17, 11, 6, 68, 45, 14, 35, 8, 115, 66, 16, 9),
+    1: (54, 4, 20, 153, 214, 122, 120, 34, 4, 4, 8, 179, 108),
+    2: (40, 5, 5, 6, 20, 16, 90, 90, 232, 89, 125, 193, 113),
+    5: (257, 4, 3, 3, 203, 23, 10, 40, 63, 158, 126, 68, 31, 13, 5, 4, 4, 3, 3, 3),
+    6: (123, 15, 13, 16, 8, 6, 45, 6, 20, 38, 5, 11, 78, 478, 131, 8, 5, 4, 4, 3, 3, 2, 2),
+    **dict.fromkeys((8, 9, 10, 11), (41, 166, 116, 100, 117, 190, 142, 30, 62, 25, 20, 15)),
+}
+_EVEN = 36
+
+#: Spans are learnt as if at most this many cells, and lengths are below it.
+MOST = np.int64(1) << 36
 
 
 class WalkModel(NamedTuple):
@@ -95,13 +142,15 @@ class WalkModel(NamedTuple):
     into: NDArray[np.int64]  # node that a half-edge leads to
     following: NDArray[np.int64]  # next half-edge of the same node, or -1
     count: NDArray[np.int64]  # times a half-edge was taken
-    pace: NDArray[np.int64]  # its last pace, 0 if unknown
+    usual_span: NDArray[np.int64]  # mean logarithm of the cells it took
     passed: NDArray[np.int64]  # times that something followed on a half-edge
     keys: NDArray[np.int64]  # table of pairs of half-edges taken in a row
     counts: NDArray[np.int64]
     tree: NDArray[np.int64]  # Fenwick tree over the nodes' weights as ends of tracks
+    rests: NDArray[np.int64]  # how often a gap began or ended at a node
+    usual: NDArray[np.int64]  # mean logarithm of cells, and of how many
     scalars: NDArray[np.int64]
-    offers: NDArray[np.int64]  # by place relative to the expected one: nodes there, and nodes chosen
+    offers: NDArray[np.int64]  # by layer and class: how much was to be had there, and what was chosen
     hits: NDArray[np.int64]
     ledger: NDArray[np.float64]  # bits written and how often, by ``ACCOUNTS``; nothing is decided by it
 
@@ -110,32 +159,33 @@ def new_model(knots: int, dimension: int) -> WalkModel:
     """Return the model before the first knot; memory is about 250 bytes for each knot."""
     size = max(knots, 1)
     table = 1 << (2 * size).bit_length()
-    weights = np.full((_MIXTURES, _DISTRIBUTIONS + 1), WEIGHT // _DISTRIBUTIONS, np.int64)
-    weights[:, -1] = 0
     return WalkModel(
         flags=_first_flags(),
-        weights=weights,
+        weights=_first_weights(),
         histograms=np.full((_MIXTURES, _HISTOGRAM), 2, np.int64),
         places=np.zeros((size, dimension), np.int64),
         head=np.full(size, -1, np.int64),
         into=np.zeros(2 * size, np.int64),
         following=np.zeros(2 * size, np.int64),
         count=np.zeros(2 * size, np.int64),
-        pace=np.zeros(2 * size, np.int64),
+        usual_span=np.zeros(2 * size, np.int64),
         passed=np.zeros(2 * size, np.int64),
         keys=np.full(table, -1, np.int64),
         counts=np.zeros(table, np.int64),
         tree=np.zeros(size + 1, np.int64),
-        scalars=np.zeros(8, np.int64),
-        offers=np.full((10, 8), 10, np.int64),
-        hits=np.outer(_LIKELY_DISTANCE, _LIKELY_BEARING).astype(np.int64) // 4,
+        rests=np.zeros(size, np.int64),
+        usual=np.zeros((CLASSES + 2, 2), np.int64),
+        scalars=np.array([0] * 8 + [-1, NO_TURN], np.int64),
+        offers=np.array([10, 10, _TURNS], np.int64)[:, None, None] * np.ones((3, OCTAVES, 8), np.int64),
+        hits=_first_hits(),
         ledger=np.zeros((ACCOUNTS, 2)),
     )
 
 
 #: Fields of which a larger model begins with what a smaller one holds.
 _KEPT = (
-    "flags", "weights", "histograms", "scalars", "offers", "hits", "places", "head", "into", "following", "count", "pace", "passed",
+    "flags", "weights", "histograms", "scalars", "offers", "hits", "places", "head", "into", "following", "count", "usual_span", "passed",
+    "rests", "usual",
 )  # fmt: skip
 
 
@@ -169,6 +219,21 @@ def _extend_tree(tree: NDArray[np.int64], longer: NDArray[np.int64]) -> None:
         while child < (at & -at):
             longer[at] += longer[at - child]
             child *= 2
+
+
+def _first_weights() -> NDArray[np.int64]:
+    weights = np.full((_MIXTURES, _DISTRIBUTIONS + 1), 64 * _EVEN, np.int64)
+    for mixture, shares in _WEIGHTS.items():
+        weights[mixture, : len(shares)] = 64 * np.array(shares)
+    weights[:, -1] = 0
+    return weights
+
+
+def _first_hits() -> NDArray[np.int64]:
+    hits = np.full((3, OCTAVES, 8), _TURNS, np.int64)
+    hits[ON_LINK] = np.outer(_LIKELY_DISTANCE, _LIKELY_BEARING)
+    hits[ON_GAP] = np.outer(_LIKELY_BEYOND, _LIKELY_AGAIN)
+    return hits
 
 
 def _first_flags() -> NDArray[np.int32]:
@@ -222,8 +287,55 @@ def pair_count(model: WalkModel, before: int, half: int) -> int:
 
 
 @jit
-def follow(model: WalkModel, before: int, u: int, v: int, pace: int) -> int:
-    """Learn a step from u to v after the half-edge ``before`` (-1: none); return its half-edge."""
+def class_of(far: int) -> int:
+    """Class of a length, by half octaves from a quantum on: its row of ``usual``."""
+    if far < PARTS:
+        return 0
+    return min(np.int64(1 + ((log2_of(far) - (4 << 16)) >> 15)), np.int64(CLASSES - 1))
+
+
+@jit
+def settle_usual(model: WalkModel, row: int, most: int, logarithm: int) -> None:
+    """Move a mean logarithm of spans towards one more, as if it were one of at most ``most``."""
+    usual = model.usual
+    usual[row, 1] = min(usual[row, 1] + 1, np.int64(most))
+    usual[row, 0] += (logarithm - usual[row, 0]) // usual[row, 1]
+
+
+@jit
+def forget_way(model: WalkModel) -> None:
+    """Know of no heading, as a walk begins or goes on after a gap."""
+    model.scalars[HEADING] = -1
+    model.scalars[TURN] = NO_TURN
+
+
+@jit
+def _turn(model: WalkModel, u: int, v: int) -> None:
+    places, scalars = model.places, model.scalars
+    heading = direction(places[v, 0] - places[u, 0], places[v, 1] - places[u, 1])
+    scalars[TURN] = NO_TURN
+    if scalars[HEADING] >= 0:
+        scalars[TURN] = (heading - scalars[HEADING] + DIRECTIONS // 2) % DIRECTIONS - DIRECTIONS // 2
+    scalars[HEADING] = heading
+
+
+@jit
+def _learn_span(model: WalkModel, half: int, far: int, cells: int) -> None:
+    """Learn how many cells a step took."""
+    scalars = model.scalars
+    span = log2_of(min(max(cells, np.int64(1)), MOST))
+    settle_usual(model, class_of(far), 20, span)
+    model.usual_span[half] += (span - model.usual_span[half]) // min(model.count[half], np.int64(12))
+    if far > 0:
+        pace = span - log2_of(far)
+        scalars[PACE] = pace
+        scalars[PACE_SLOW] = pace if scalars[TIMED] == 0 else scalars[PACE_SLOW] + 5 * (pace - scalars[PACE_SLOW]) // 32
+        scalars[TIMED] = 1
+
+
+@jit
+def follow(model: WalkModel, before: int, u: int, v: int, cells: int) -> int:
+    """Learn a step from u to v in ``cells`` (0: no times) after the half-edge ``before`` (-1: none); return its half-edge."""
     half = half_edge(model, u, v)
     if half < 0:
         half = _join(model, u, v)
@@ -235,11 +347,11 @@ def follow(model: WalkModel, before: int, u: int, v: int, pace: int) -> int:
         model.counts[at] += 1
         model.passed[before] += 1
     scalars = model.scalars
-    if pace > 0:
-        model.pace[half] = pace
-        scalars[PACE] = pace
-        scalars[PACE_SLOW] = pace if scalars[PACE_SLOW] == 0 else scalars[PACE_SLOW] + (pace - scalars[PACE_SLOW]) // 4
     far = length(model.places, u, v)
+    if cells != 0:
+        _learn_span(model, half, far, cells)
+    if model.places.shape[1] > 1:
+        _turn(model, u, v)
     scalars[STEP_LENGTH] = far if scalars[STEP_LENGTH] == 0 else scalars[STEP_LENGTH] + (far - scalars[STEP_LENGTH]) // 8
     return half
 

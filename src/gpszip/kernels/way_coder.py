@@ -5,18 +5,34 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.adaptive import code_bit, code_choice
+from gpszip.kernels.adaptive import PARTS, code_bit, code_choice
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder, code_interval, target
-from gpszip.kernels.walk_model import F_BACK, F_ESCAPE, F_NEAR, F_NEW, F_STAY, NODES, WalkModel, half_edge, length, pair_count
+from gpszip.kernels.walk_model import (
+    F_BACK,
+    F_ESCAPE,
+    F_NEAR,
+    F_NEW,
+    F_STAY,
+    NODES,
+    OCTAVES,
+    ON_GAP,
+    ON_LINK,
+    ON_WAY,
+    STEP_LENGTH,
+    WalkModel,
+    half_edge,
+    pair_count,
+)
 
 __all__ = ["KIND_BACK", "KIND_KNOWN", "KIND_LINK", "KIND_NEW", "KIND_STAY", "code_kind", "code_link", "code_way", "kind_of"]
 
 #: Kinds of steps.
 KIND_BACK, KIND_KNOWN, KIND_LINK, KIND_NEW, KIND_STAY = 0, 1, 2, 3, 4
 
-#: Most nodes that a new way is weighed for.
-_LINKS = 384
+#: Most nodes that a new way is weighed for, and the largest sum of weights.
+_LINKS = 4096
+_MOST = np.int64(1) << 40
 
 
 @jit
@@ -36,46 +52,79 @@ def _depth(model: WalkModel, u: int) -> tuple[int, int]:
 
 
 @jit
-def code_way(coder: Coder, model: WalkModel, u: int, arrived: int, back: int, v: int) -> int:
-    """Code which known way is taken at u, save the one back; return its half-edge."""
+def _list_ways(model: WalkModel, u: int, back: int) -> NDArray[np.int64]:
+    """Half-edges at u, save the one back."""
     ways = 0
     half = model.head[u]
     while half >= 0:
         ways += half != back
         half = model.following[half]
     halves = np.empty(ways, np.int64)
-    weights = np.empty(ways, np.int64)
-    single = np.int64(0)
-    choice = 0
     at = 0
     half = model.head[u]
     while half >= 0:
         if half != back:
             halves[at] = half
-            weights[at] = 2 * model.count[half] + model.count[half ^ 1] + 1
-            single += weights[at]
-            if model.into[half] == v:
-                choice = at
             at += 1
         half = model.following[half]
+    return halves
+
+
+@jit
+def _weigh_ways(
+    model: WalkModel, u: int, before: int, arrived: int, halves: NDArray[np.int64], turns: NDArray[np.int64], weights: NDArray[np.int64]
+) -> int:
+    """Weigh known ways by how often they were taken, by their turn, and by how often they followed; return the sum."""
+    hits, offers = model.hits[ON_WAY, 0], model.offers[ON_WAY, 0]
+    single = np.int64(0)
+    for i in range(len(halves)):
+        half = halves[i]
+        turns[i] = _bearing(model.places, before, u, model.into[half])
+        ratio = min(max((hits[turns[i]] << 8) // offers[turns[i]], np.int64(16)), np.int64(4096))
+        weights[i] = (3 * model.count[half] + model.count[half ^ 1] + 1) * ratio
+        single += weights[i]
+    total = single
     if arrived >= 0 and model.passed[arrived] > 0:
-        for i in range(ways):
-            pairs = min(pair_count(model, arrived, halves[i]), np.int64(1) << 16)
-            weights[i] += 2 * pairs * single // 3
-    if ways > 1:
-        choice = code_choice(coder, weights, ways, choice)
+        for i in range(len(halves)):
+            more = min(pair_count(model, arrived, halves[i]), np.int64(1) << 16) * single // 2
+            weights[i] += more
+            total += more
+    while total > _MOST:
+        total = np.int64(0)
+        for i in range(len(halves)):
+            weights[i] = (weights[i] >> 1) + 1
+            total += weights[i]
+    return total
+
+
+@jit
+def code_way(coder: Coder, model: WalkModel, u: int, before: int, arrived: int, back: int, v: int) -> int:
+    """Code which known way is taken at u, save the one back; return its half-edge."""
+    halves = _list_ways(model, u, back)
+    ways = len(halves)
+    if ways == 1:
+        return halves[0]
+    turns, weights = np.empty(ways, np.int64), np.empty(ways, np.int64)
+    total = _weigh_ways(model, u, before, arrived, halves, turns, weights)
+    choice = 0
+    for i in range(ways):
+        if model.into[halves[i]] == v:
+            choice = i
+    choice = code_choice(coder, weights, ways, choice)
+    for i in range(ways):
+        model.offers[ON_WAY, 0, turns[i]] += (weights[i] << 16) // total
+    model.hits[ON_WAY, 0, turns[choice]] += 1 << 16
     return halves[choice]
 
 
 @jit
-def _octave(far: int, reach: int) -> int:
-    """Ratio of two lengths in half octaves, 0 to 9."""
-    ratio = 0
-    bound = reach * 181 >> 10
-    while ratio < 9 and far >= bound:
-        bound = bound * 362 >> 8
-        ratio += 1
-    return ratio
+def _square(places: NDArray[np.int64], u: int, v: int) -> int:
+    """Squared distance of two nodes in sixteenths of a quantum, each axis at most 2**25 quanta."""
+    square = np.int64(0)
+    for axis in range(places.shape[1]):
+        step = min(abs(places[u, axis] - places[v, axis]), np.int64(1) << 25)
+        square += step * step
+    return square * (PARTS * PARTS)
 
 
 @jit
@@ -102,41 +151,67 @@ def _bearing(places: NDArray[np.int64], before: int, u: int, v: int) -> int:
 
 
 @jit
-def code_link(coder: Coder, model: WalkModel, u: int, before: int, v: int, reach: int) -> int:
-    """Code the node that a new way leads to: one of those near, by where it lies, or any."""
+def _classify(model: WalkModel, u: int, before: int, layer: int, classes: NDArray[np.int64]) -> None:
+    """Class of each node, from the newest down: how far it is, and its bearing, or how often gaps began or ended there."""
     nodes = model.scalars[NODES]
-    near = np.empty(_LINKS, np.int64)
-    classes = np.empty(_LINKS, np.int64)
-    weights = np.empty(_LINKS, np.int64)
-    count = 0
-    choice = -1
-    recent = max(nodes - 4096, np.int64(0))
-    for w in range(nodes - 1, recent - 1, -1):
-        if count == _LINKS:
-            break
-        if w == u or half_edge(model, u, w) >= 0:
-            continue
-        far = length(model.places, u, w)
-        ratio = _octave(far, reach)
-        if ratio > 8:
-            continue
-        near[count] = w
-        classes[count] = ratio * 8 + _bearing(model.places, before, u, w)
-        weights[count] = (model.hits[ratio, classes[count] % 8] << 16) // model.offers[ratio, classes[count] % 8] + 1
-        if w == v:
-            choice = count
-        count += 1
-    is_near = code_bit(coder, model.flags, F_NEAR, 1 if choice >= 0 else 0) if count > 0 else 0
-    if is_near:
-        choice = code_choice(coder, weights, count, choice)
-        v = near[choice]
-        model.hits[classes[choice] // 8, classes[choice] % 8] += 8
-    else:
+    reach = min(max(model.scalars[STEP_LENGTH], np.int64(64)), np.int64(1) << 27)
+    nearest = (reach * 181 >> 10) ** 2
+    for i in range(len(classes)):
+        w = nodes - 1 - i
+        square = _square(model.places, u, w)
+        octave = 0
+        bound = nearest
+        while octave < OCTAVES - 1 and square >= bound:
+            bound *= 2
+            octave += 1
+        kind = _bearing(model.places, before, u, w)
+        if layer == ON_GAP:
+            rests = model.rests[w]
+            kind = 3 if rests > 3 else min(rests, 2)
+        classes[i] = octave * 8 + kind
+
+
+@jit
+def _weigh_nodes(model: WalkModel, u: int, layer: int, classes: NDArray[np.int64], weights: NDArray[np.int64]) -> None:
+    """Weight of each node, from the newest down: none for u and, but after gaps, for those that u has a way to."""
+    nodes = model.scalars[NODES]
+    by_class = np.empty(OCTAVES * 8, np.int64)
+    for i in range(OCTAVES * 8):
+        by_class[i] = (model.hits[layer, i // 8, i % 8] << 16) // model.offers[layer, i // 8, i % 8] + 1
+    for i in range(len(classes)):
+        weights[i] = by_class[classes[i]]
+    if nodes - 1 - u < len(classes):
+        weights[nodes - 1 - u] = 0
+    half = model.head[u]
+    while half >= 0 and layer == ON_LINK:
+        if nodes - 1 - model.into[half] < len(classes):
+            weights[nodes - 1 - model.into[half]] = 0
+        half = model.following[half]
+
+
+@jit
+def code_link(coder: Coder, model: WalkModel, u: int, before: int, v: int, layer: int) -> int:
+    """Code the node that a new way or a gap leads to: one of the newest, by where it lies, or any."""
+    nodes = model.scalars[NODES]
+    count = min(nodes, np.int64(_LINKS))
+    classes, weights = np.empty(count, np.int64), np.empty(count, np.int64)
+    _classify(model, u, before, layer, classes)
+    _weigh_nodes(model, u, layer, classes, weights)
+    total = weights.sum()
+    is_near = 1 if total > 0 else 0
+    if total > 0 and nodes > count:
+        is_near = code_bit(coder, model.flags, F_NEAR, 1 if nodes - 1 - v < count else 0)
+    if not is_near:
         if coder.cursor[1] == 1:
             v = target(coder, nodes)
         code_interval(coder, v, 1, nodes)
+    else:
+        choice = code_choice(coder, weights, count, nodes - 1 - v)
+        v = nodes - 1 - choice
+        model.hits[layer, classes[choice] // 8, classes[choice] % 8] += 128
     for i in range(count):
-        model.offers[classes[i] // 8, classes[i] % 8] += 1
+        if weights[i] > 0:
+            model.offers[layer, classes[i] // 8, classes[i] % 8] += 1
     return v
 
 
