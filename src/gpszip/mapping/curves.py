@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.mapping.fitting import positions_at
+from gpszip.mapping.fitting import SLACK, positions_at
 from gpszip.model import Track, Walk
 from gpszip.model.merge_report import Deviation
 
@@ -102,7 +102,7 @@ def deviation(curves: Sequence[Curve], walks: Sequence[Walk], nodes: NDArray[np.
         for first, after in pieces_of(curve.gaps):
             times = instants(curve.track.times[first:after], walk)
             away = positions_at(walk, nodes, times) - positions_at(curve.walk, curve.track.positions, times)
-            if np.isnan(away).any():
+            if np.isnan(away).any() or _is_silent(walk, times):
                 return Deviation(math.inf, math.inf)
             squares = (away**2).sum(axis=1)
             worst = max(worst, float(squares.max()))
@@ -113,6 +113,14 @@ def deviation(curves: Sequence[Curve], walks: Sequence[Walk], nodes: NDArray[np.
             knot_square, knots = knot_square + float(own.sum()), knots + len(own)
     mean = max(square / span if span > 0 else 0.0, knot_square / max(knots, 1))
     return Deviation(math.sqrt(mean), math.sqrt(worst))
+
+
+def _is_silent(walk: Walk, times: NDArray[np.float64]) -> bool:
+    """Whether a walk claims no travel somewhere between the first and the last of these times, and not just for a moment."""
+    if walk.times is None:
+        return True
+    begins, ends = np.maximum(walk.times[:-1], times[0]), np.minimum(walk.times[1:], times[-1])
+    return bool((ends - begins > 2 * SLACK)[walk.gaps].any())
 
 
 def instants(times: NDArray[np.float64], walk: Walk) -> NDArray[np.float64]:

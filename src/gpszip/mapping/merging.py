@@ -154,7 +154,7 @@ class _Search:
             found = self.mended(frame, outcome)
             if found is None:
                 return None
-            over = self.limit.excess(found.deviations)
+            over = np.maximum(self.limit.excess(found.deviations), 1e-9)
             if (over <= 1).all():
                 return found
             aims, rounds = np.where(over > 1, aims * np.maximum(_TIGHTER / over, 0.5), aims), _FEW_ROUNDS

@@ -1,0 +1,103 @@
+import json
+
+import numpy as np
+import pytest
+
+from gpszip import open as open_archive
+from gpszip.archive import new_archive
+from gpszip.model import Frame, LatticeWalk, LatticeWalks
+
+
+def save(path, names, shift=0, timed=True):
+    cells = np.array([0, 10, 20]) + 100 * shift if timed else np.zeros(3, np.int64)
+    walk = LatticeWalk(np.array([0, 1, 2], np.int32), cells, np.zeros(2, bool))
+    nodes = np.array([[0, 0], [100, 0], [100, 50]])
+    new_archive(Frame((0, 0), 0, 128, 128), names, LatticeWalks(nodes, (walk,) * len(names), timed)).save(path)
+
+
+@pytest.fixture
+def two(tmp_path):
+    save(tmp_path / "am.gpsz", ["bus"])
+    save(tmp_path / "pm.gpsz", ["tram", "metro"], shift=1)
+    return "am.gpsz", "pm.gpsz"
+
+
+def test_archives_become_one_and_one_line_tells_of_it(gpszip, two, tmp_path):
+    run = gpszip("merge", *two, "-o", "city.gpsz")
+    assert run.code == 0, run.err
+    assert run.out == ""
+    assert run.err.count("\n") == 1
+    assert "2 archives with 3 tracks" in run.err
+    assert "nodes 6 -> 3" in run.err
+    city = open_archive(tmp_path / "city.gpsz")
+    assert city.tracks == ("bus", "tram", "metro")
+    assert city.position("tram", 105.0).tolist() == [50.0, 0.0]
+
+
+def test_facts_as_json(gpszip, two):
+    facts = gpszip("merge", *two, "-o", "city.gpsz", "--max-deviation", "2m", "--json").json
+    assert facts["tracks"] == 3
+    assert (facts["nodes_in"], facts["nodes"]) == (6, 3)
+    assert (facts["allowed"], facts["allowed_kind"]) == (2.0, "max")
+    assert [one["name"] for one in facts["archives"]] == list(two)
+    assert all(one["moved_max"] <= 2.0 for one in facts["archives"])
+    assert facts["bytes_out"] < facts["bytes_in"]
+
+
+def test_promises_add_up(gpszip, tmp_path, log):
+    other = tmp_path / "other.csv"
+    other.write_text(log.read_text())
+    for name in ("walk", "other"):
+        assert gpszip("compress", f"{name}.csv", "-o", f"{name}.gpsz", "--max-error", "1m", "--effort", 1).code == 0
+    run = gpszip("merge", "walk.gpsz", "other.gpsz", "-o", "both.gpsz", "--same-id", "prefix", "--json")
+    assert run.code == 0, run.err
+    assert run.json["promise_kind"] == "max_error"
+    assert run.json["promise"] <= 2.01
+    assert open_archive(tmp_path / "both.gpsz").tracks == ("walk:0", "other:0")
+
+
+def test_tracks_of_one_name_are_refused_by_name(gpszip, tmp_path):
+    save(tmp_path / "am.gpsz", ["bus"])
+    save(tmp_path / "pm.gpsz", ["bus"], shift=1)
+    run = gpszip("merge", "am.gpsz", "pm.gpsz", "-o", "city.gpsz")
+    assert run.code == 2
+    assert "track 'bus' is in am and in pm" in run.err
+    assert not (tmp_path / "city.gpsz").exists()
+    assert gpszip("merge", "am.gpsz", "pm.gpsz", "-o", "city.gpsz", "--same-id", "join").code == 0
+    assert open_archive(tmp_path / "city.gpsz").tracks == ("bus",)
+
+
+def test_archives_of_one_file_name_are_told_apart_by_their_folders(gpszip, tmp_path):
+    for folder in ("am", "pm"):
+        (tmp_path / folder).mkdir()
+        save(tmp_path / folder / "bus.gpsz", ["0"])
+    assert gpszip("merge", "am/bus.gpsz", "pm/bus.gpsz", "-o", "city.gpsz", "--same-id", "prefix").code == 0
+    assert open_archive(tmp_path / "city.gpsz").tracks == ("am/bus.gpsz:0", "pm/bus.gpsz:0")
+
+
+def test_mistakes_are_named(gpszip, two, tmp_path):
+    save(tmp_path / "timeless.gpsz", ["x"], timed=False)
+    data = bytearray((tmp_path / "pm.gpsz").read_bytes())
+    data[len(data) // 2] ^= 1
+    (tmp_path / "torn.gpsz").write_bytes(bytes(data))
+    cases = [
+        (("am.gpsz",), 2, "two or more"),
+        (("am.gpsz", "timeless.gpsz"), 2, "timeless: keeps no times"),
+        (("am.gpsz", "torn.gpsz"), 4, "torn.gpsz"),
+        (("torn.gpsz", "am.gpsz"), 4, "torn.gpsz"),
+        (("am.gpsz", "nowhere.gpsz"), 1, "nowhere.gpsz"),
+        ((*two, "--deviation", "1m", "--max-deviation", "1m"), 2, "give one"),
+        ((*two, "--deviation", "-1m"), 2, "greater than 0"),
+    ]
+    for arguments, code, words in cases:
+        run = gpszip("merge", *arguments, "-o", "city.gpsz")
+        assert (run.code, words in run.err) == (code, True), run.err
+        assert not (tmp_path / "city.gpsz").exists()
+    (tmp_path / "city.gpsz").write_text("mine")
+    assert gpszip("merge", *two, "-o", "city.gpsz").code == 1
+    assert (tmp_path / "city.gpsz").read_text() == "mine"
+
+
+def test_errors_as_json(gpszip, two):
+    run = gpszip("merge", two[0], two[0], "-o", "city.gpsz", "--json")
+    assert json.loads(run.err)["error"]["exit_code"] == run.code == 2
