@@ -4,7 +4,7 @@ import pytest
 from gpszip.kernels.draft import enter_nodes, enter_walks, near, steps
 from gpszip.kernels.ground import Ground
 from gpszip.kernels.moments import prefix_sums
-from gpszip.kernels.settle import settle_piece
+from gpszip.kernels.settle import settle_stretch
 from gpszip.kernels.within import directions
 from gpszip.mapping.drafting import empty_draft
 from oracle.settle import FRESH, Window
@@ -59,11 +59,11 @@ class Settling:
             behind(log.sums), behind(log.ticks), behind(log.centers), behind(log.places), np.array([UNIT]), behind(log.ends),
             log.times / 256, log.samples, behind(log.ticks) / 256, directions(2)[0], np.zeros(1),
         )  # fmt: skip
-        prices = np.array([log.prices[name] for name in NAMES])
+        prices = np.array([*(log.prices[name] for name in NAMES), np.inf])
         marks = np.zeros(200, np.int64)
         first, last = self.before, len(self.at) - 1
-        end = settle_piece(
-            self.draft, ground, self.at, first, first + start, last, phase, window, most, widest, prices, marks
+        end = settle_stretch(
+            self.draft, ground, self.at, first + start, np.array([first, last, 1, 1]), phase, window, most, widest, prices, marks
         )  # fmt: skip
         assert end == last
         assert not marks.any()

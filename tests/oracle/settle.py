@@ -6,7 +6,7 @@ from math import inf, log2
 
 from oracle.moments import free_cost, line_cost, part_samples
 
-TOO_DEAR = 45.0
+TOO_DEAR = 200.0
 FRESH = -2
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gpszip.kernels.jit import jit
 from gpszip.kernels.moments import free_cost, line_cost, span_moments
 
-__all__ = ["settle_chain"]
+__all__ = ["settle_chain", "settle_chains"]
 
 #: A part that misses the best line by more than this many bits is never worth it.
 _TOO_DEAR = 45.0
@@ -72,3 +72,21 @@ def settle_chain(
     while g >= 0:
         at[first + g] = 0
         g = parent[g]
+
+
+@jit
+def settle_chains(
+    sums: NDArray[np.int64],
+    ticks: NDArray[np.int64],
+    centers: NDArray[np.int64],
+    places: NDArray[np.float64],
+    place_unit: float,
+    pieces: NDArray[np.int64],
+    price: float,
+    knot_bits: float,
+    widest: int,
+    at: NDArray[np.int64],
+) -> None:
+    """Choose knots as :func:`settle_chain` for each piece; a row of ``pieces`` begins with its first and last slot."""
+    for i in range(len(pieces)):
+        settle_chain(sums, ticks, centers, places, place_unit, pieces[i, 0], pieces[i, 1], price, knot_bits, widest, at)

@@ -14,6 +14,7 @@ __all__ = [
     "Draft",
     "count_step",
     "drop",
+    "enter_draft",
     "enter_known",
     "enter_nodes",
     "enter_walks",
@@ -26,8 +27,8 @@ __all__ = [
     "take_node",
 ]
 
-#: Numbers kept in ``Draft.scalars``: nodes ever used, nodes on the free list, half-edges, buckets' mask.
-NODES, FREE, HALVES = 0, 1, 2
+#: Numbers kept in ``Draft.scalars``: nodes ever used, nodes on the free list, half-edges, and the first number that may be used again.
+NODES, FREE, HALVES, BASE = 0, 1, 2, 3
 
 #: Only so many axes take part in the grid's cells; three keep a search at 27 cells.
 _GRID_AXES = 3
@@ -143,8 +144,9 @@ def take_node(draft: Draft, place: NDArray[np.float64]) -> int:
 def drop(draft: Draft, node: int) -> None:
     """Forget a node that no knot uses."""
     _remove(draft, node)
-    draft.free[draft.scalars[FREE]] = node
-    draft.scalars[FREE] += 1
+    if node >= draft.scalars[BASE]:
+        draft.free[draft.scalars[FREE]] = node
+        draft.scalars[FREE] += 1
 
 
 @jit
@@ -203,6 +205,25 @@ def enter_known(draft: Draft, nodes: NDArray[np.int64], breaks: NDArray[np.int8]
         draft.uses[nodes[i]] += 1
         if breaks[i] == 0:
             count_step(draft, nodes[i - 1], nodes[i], 1)
+
+
+@jit
+def enter_draft(draft: Draft, other: Draft) -> None:
+    """Enter all nodes and steps of another draft into an empty one with more room."""
+    count = other.scalars[NODES]
+    draft.scalars[:] = other.scalars
+    draft.scalars[HALVES] = 0
+    draft.places[:count] = other.places[:count]
+    draft.uses[:count] = other.uses[:count]
+    draft.free[: other.scalars[FREE]] = other.free[: other.scalars[FREE]]
+    draft.leaving[:count] = other.leaving[:count]
+    for node in range(count):
+        if other.uses[node] >= 0:
+            insert(draft, node)
+        half = other.head[node]
+        while half >= 0:
+            draft.counts[_entry(draft, node, other.into[half])] = other.counts[other.slot_of[half]]
+            half = other.following[half]
 
 
 @jit

@@ -16,13 +16,13 @@ from gpszip.kernels.jit import jit
 from gpszip.kernels.moments import free_cost, span_moments
 from gpszip.kernels.within import relax_within
 
-__all__ = ["CANDIDATES", "settle_piece"]
+__all__ = ["CANDIDATES", "settle_stretch"]
 
-#: Prices in bits, in the order of the array ``prices``.
-ERROR, TIME, STAY_TIME, NEW, PLACE, LINK, STAY, JUMP, ESCAPE = 0, 1, 2, 3, 4, 5, 6, 7, 8
+#: Prices in bits, in the order of the array ``prices``; the last is what a candidate may cost beyond the cheapest of its slot.
+ERROR, TIME, STAY_TIME, NEW, PLACE, LINK, STAY, JUMP, ESCAPE, BEAM = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 
 CANDIDATES = 8
-_TOO_DEAR = 45.0
+_TOO_DEAR = 200.0
 _FRESH = -2
 
 
@@ -122,6 +122,8 @@ def _locate(
 def _relax(ground: Ground, board: Board, first: int, widest: int, prices: NDArray[np.float64]) -> None:
     """Fill the board from its first row on: squared error costs its price.
 
+    Origins are looked at from the nearest to the farthest: what the best line misses only grows, and ends the search. A
+    candidate that costs so much more than the cheapest of its slot as the last of the prices says is left out.
     One long loop on purpose: handing these arrays to a function for each pair of slots takes longer than the arithmetic.
     """
     sums, ticks, centers, unit = ground.sums, ground.ticks, ground.centers, ground.unit[0]
@@ -131,39 +133,47 @@ def _relax(ground: Ground, board: Board, first: int, widest: int, prices: NDArra
     quickest = min(time, prices[STAY_TIME])
     m, n = np.empty(dimension), np.empty(dimension)
     ends, lean = np.empty(width), np.empty(dimension)
-    cheapest = np.full(rows, np.inf)
+    cheapest, sofar = np.full(rows, np.inf), np.full(rows, np.inf)
     for c in range(counts[0]):
         cheapest[0] = min(cheapest[0], best[0, c])
-    # the best line's error grows with a span at either end: the first origin worth a look only moves on
-    lowest = 0
+    sofar[0] = cheapest[0]
     for row in range(1, rows):
         g = first + row
-        lowest = max(lowest, row - widest)
-        while lowest < row - 1:
-            a = first + lowest
-            w, u1, u2, q = span_moments(sums, a, g, ticks[a], ticks[g], centers[a], unit, m, n)
-            if error * free_cost(w, u1, u2, q, m, n) <= _TOO_DEAR:
-                break
-            lowest += 1
-        for origin in range(lowest, row):
-            worst = 0.0
-            for c in range(counts[row]):
-                worst = max(worst, best[row, c])
-            if cheapest[origin] + quickest >= worst:
+        limit = np.inf
+        # what led to the slot before is a good guess, and bounds the rest
+        guess = parent_row[row - 1, np.argmin(best[row - 1, : counts[row - 1]])]
+        missed = 0.0
+        for turn in range(row if guess < max(row - widest, 0) else row + 1, max(row - widest, 0), -1):
+            origin = turn - 1 if turn <= row else guess
+            if turn < row:
+                if sofar[origin] + quickest + missed >= limit:
+                    break
+                if origin == guess:
+                    continue
+            elif turn == row:
+                missed = 0.0
+                if origin == guess:
+                    continue
+            if cheapest[origin] + quickest + missed >= limit:
                 continue
             a = first + origin
             w, u1, u2, q = span_moments(sums, a, g, ticks[a], ticks[g], centers[a], unit, m, n)
-            least = error * free_cost(w, u1, u2, q, m, n) + quickest
-            if cheapest[origin] + least >= worst:
+            missed = error * free_cost(w, u1, u2, q, m, n)
+            if missed > _TOO_DEAR and origin < row - 1:
+                if turn < row:
+                    break
+                continue
+            if cheapest[origin] + quickest + missed >= limit:
                 continue
             for c in range(counts[row]):
                 ends[c] = 0.0
                 for axis in range(dimension):
                     y = spot[row, c, axis] - centers[a, axis] / unit
                     ends[c] += u2 * y * y - 2.0 * y * n[axis]
+            better = False
             for o in range(counts[origin]):
                 reached = best[origin, o]
-                if reached + least >= worst:
+                if reached + quickest + missed >= limit:
                     continue
                 begin = q
                 for axis in range(dimension):
@@ -175,7 +185,7 @@ def _relax(ground: Ground, board: Board, first: int, widest: int, prices: NDArra
                         cost = reached + stay
                     else:
                         cost = reached + time + table[local[origin, o], local[row, c]]
-                    if cost >= best[row, c]:
+                    if cost + missed >= best[row, c]:
                         continue
                     square = begin + ends[c]
                     for axis in range(dimension):
@@ -185,8 +195,14 @@ def _relax(ground: Ground, board: Board, first: int, widest: int, prices: NDArra
                         best[row, c] = cost
                         parent_row[row, c] = origin
                         parent_choice[row, c] = o
-        for c in range(counts[row]):
-            cheapest[row] = min(cheapest[row], best[row, c])
+                        better = True
+            if better:
+                limit = 0.0
+                for c in range(counts[row]):
+                    limit = max(limit, best[row, c])
+                    cheapest[row] = min(cheapest[row], best[row, c])
+                limit = min(limit, cheapest[row] + prices[BEAM])
+        sofar[row] = min(sofar[row - 1], cheapest[row])
 
 
 @jit
@@ -324,13 +340,12 @@ def _settle_window(
 
 
 @jit
-def settle_piece(
+def settle_stretch(
     draft: Draft,
     ground: Ground,
     at: NDArray[np.int64],
-    begin: int,
     start: int,
-    end: int,
+    stretch: NDArray[np.int64],
     phase: int,
     window: int,
     most: int,
@@ -338,7 +353,7 @@ def settle_piece(
     prices: NDArray[np.float64],
     marks: NDArray[np.int64],
 ) -> int:
-    """Settle the windows of a piece, slots ``begin`` to ``end``, from slot ``start`` on.
+    """Settle the windows of a stretch of a piece from slot ``start`` on.
 
     Parameters
     ----------
@@ -346,6 +361,8 @@ def settle_piece(
         The slots and samples; where it has a reach, only parts within it are taken.
     at : int64 array, shape (slots,)
         Node of each slot, -1 where there is no knot; changed in place.
+    stretch : int64 array, shape (4,)
+        First and last slot, both with knots, and whether the piece begins and ends there: only then do their knots change.
     phase, window : int
         Knots in the first window and in the others.
     most, widest : int
@@ -354,10 +371,11 @@ def settle_piece(
     Returns
     -------
     int
-        Slot from which to go on once the draft has been given more room; ``end`` when all is done.
+        Slot from which to go on once the draft has been given more room; the last one when all is done.
     """
+    begin, end = stretch[0], stretch[1]
     first = start
-    size = phase
+    size = phase if start == begin else window
     while first < end:
         last = first
         knots = 0
@@ -369,9 +387,8 @@ def settle_piece(
                     break
         if room(draft) < last - first + 8:
             return first
-        _settle_window(
-            draft, ground, at, first, last, first == begin, last == end, most, widest, prices, marks,
-        )  # fmt: skip
+        open_first, open_last = first == begin and stretch[2] == 1, last == end and stretch[3] == 1
+        _settle_window(draft, ground, at, first, last, open_first, open_last, most, widest, prices, marks)
         first = last
         size = window
     return end

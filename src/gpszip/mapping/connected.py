@@ -53,11 +53,17 @@ _STARTS = tuple(
 _BUDGET = (0, 30_000, 60_000, 90_000, 120_000, 250_000, 500_000, 1_000_000, 2_000_000)
 _MOST_STARTS = (1, 3, 6, 9, 16, 20, 24, 28, 32)
 
-#: Samples of the excerpt on which quanta are chosen.
-_EXCERPT = 12_000
+#: Samples of the excerpt on which quanta are chosen, the slots that it may have, and samples that it has in any case.
+_EXCERPT, _EXCERPT_SLOTS, _LEAST_EXCERPT = 12_000, 40_000, 4000
 
-#: Rounds of a search that only compares quanta, of the only start of a large log, and of each start of a small one.
-_ROUGH_ROUNDS, _ROUNDS, _MANY_ROUNDS = 8, 12, 24
+#: Rounds of a search that only compares quanta, on the whole log or an excerpt, of the only start of a large log, and of each
+#: start of a small one.
+_ROUGH_ROUNDS, _HASTY_ROUNDS, _ROUNDS, _MANY_ROUNDS = 8, 6, 12, 24
+#: Rounds that may follow on a large log.
+_EXTRA = 5
+#: On large logs: bits beyond a slot's cheapest node above which another isn't looked at, and the excess of the error above which
+#: quanta are given up that hardly bring it down.
+_BEAM, _HOPELESS = 6.0, 1.2
 
 #: Rounds are spent on thin slots where these are at most this share of all.
 THIN = 0.7
@@ -103,9 +109,13 @@ def learn(
         raise OptionError("a map needs a bound on its error: give rmse or max_error")
     search = _Search(tuple(tracks), tuple(gaps), _RMSE_OF_MAXIMUM * max_error if max_error is not None else rmse or 0.0, max_error)
     run = map if executor is None else executor.map
-    chosen = _choose_quanta(search.excerpt(_EXCERPT), run)
+    chosen = _choose_quanta(_excerpt(search), run)
     trials = _starts(chosen, effort, search.count_slots(chosen))
-    search = replace(search, rounds=_ROUNDS if len(trials) == 1 else _MANY_ROUNDS)
+    alone = len(trials) == 1
+    if alone:  # one search spreads its own work
+        search, run = replace(search, rounds=_ROUNDS, hasty=True, extra=_EXTRA if max_error is None else 0, inner=executor), map
+    else:
+        search = replace(search, rounds=_MANY_ROUNDS)
     best: tuple[Frame, Outcome] | None = None
     for done, (frame, outcome) in enumerate(run(search.run, trials), 1):
         if outcome is not None and (best is None or outcome.cost < best[1].cost):
@@ -125,6 +135,9 @@ class _Search:
     max_error: float | None = None
     rounds: int = 0
     rough: bool = False
+    hasty: bool = False
+    extra: int = 0
+    inner: Executor | None = None
 
     @property
     def samples(self) -> int:
@@ -136,12 +149,16 @@ class _Search:
     def run(self, trial: _Trial) -> _Found:
         frame = self.frame(trial)
         maximum = None if self.max_error is None else 0.999 * self.max_error / quantum(frame.space)
-        plan = Plan(target=0.9995 * self.rmse / quantum(frame.space), leader=trial.leader, rounds=self.rounds, maximum=maximum)
+        plan = Plan(
+            target=0.9995 * self.rmse / quantum(frame.space), leader=trial.leader, rounds=self.rounds, extra=self.extra,
+            maximum=maximum, hopeless=_HOPELESS if self.hasty and self.rough else math.inf, beam=_BEAM if self.hasty else math.inf,
+        )  # fmt: skip
         thin = lay_slots(self.tracks, self.gaps, frame, sparse=True)
         if self.rough:
-            return frame, fit(thin, len(self.tracks), plan)
+            return frame, fit(thin, len(self.tracks), plan, executor=self.inner)
         slots = lay_slots(self.tracks, self.gaps, frame)
-        outcome = fit(slots, len(self.tracks), plan, thin=thin if len(thin.cells) < THIN * len(slots.cells) else None)
+        sparse = thin if len(thin.cells) < THIN * len(slots.cells) else None
+        outcome = fit(slots, len(self.tracks), plan, thin=sparse, executor=self.inner)
         return (frame, outcome) if outcome is None or self.max_error is None else self._mended(frame, outcome)
 
     def _mended(self, frame: Frame, outcome: Outcome) -> _Found:
@@ -167,7 +184,14 @@ class _Search:
                 tracks.append(Track(track.id, track.times[:count], track.positions[:count], weights, plane=track.plane))
                 gaps.append(gap[: count - 1])
                 left -= count
-        return replace(self, tracks=tuple(tracks), gaps=tuple(gaps), rounds=_ROUGH_ROUNDS, rough=True)
+        return replace(self, tracks=tuple(tracks), gaps=tuple(gaps), rounds=_HASTY_ROUNDS, rough=True, hasty=True)
+
+
+def _excerpt(search: _Search) -> _Search:
+    """Return a search of a part of the log that takes little time."""
+    excerpt = search.excerpt(_EXCERPT)
+    slots = len(lay_slots(excerpt.tracks, excerpt.gaps, excerpt.frame(_FIRST), sparse=True).cells)
+    return search.excerpt(max(_EXCERPT * _EXCERPT_SLOTS // slots, _LEAST_EXCERPT)) if slots > _EXCERPT_SLOTS else excerpt
 
 
 def _choose_quanta(search: _Search, run: _Run) -> _Trial:

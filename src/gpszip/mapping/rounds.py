@@ -15,14 +15,10 @@ from scipy.spatial import cKDTree
 
 from gpszip.coding.past import Past
 from gpszip.coding.walks import encode_with_ledger
-from gpszip.kernels.chain import settle_chain
+from gpszip.kernels.chain import settle_chains
 from gpszip.kernels.draft import enter_nodes, keep_disjoint, lead_clusters
-from gpszip.kernels.ground import Ground
-from gpszip.kernels.settle import settle_piece
 from gpszip.kernels.walk_model import KIND_BITS, PLACE_BITS, SPAN_BITS
-from gpszip.kernels.within import directions
 from gpszip.mapping.drafting import (
-    draft_of,
     empty_draft,
     free_equations,
     list_parts,
@@ -33,16 +29,22 @@ from gpszip.mapping.drafting import (
     squared_error,
     walks_of,
 )
-from gpszip.mapping.slots import Slots, carry_knots, weigh_samples
-from gpszip.model import LatticeWalks
+from gpszip.mapping.settling import compact, cut_pieces, settle
+from gpszip.mapping.slots import Slots, carry_knots, pick_slots, slots_near, weigh_samples
+from gpszip.model import Executor, LatticeWalks
 
 __all__ = ["Outcome", "Plan", "fit", "place", "prices_of", "realise", "rounded_places", "settle", "unite"]
 
 #: Steps of the walks' kinds in the coder's ledger.
 _BACK, _KNOWN, _LINK, _NEW, _STAY = range(5)
-_NEAR_NODES = 5
 #: Power of the error's excess by which the price rises after the first miss.
 _PUSH = 2.5
+#: Share of it below which the price falls harder each round, too.
+_SLACK = 0.99
+#: Share of the error allowed that is to be made use of.
+_FULL = 0.992
+#: Share of the last round's error above which it hardly falls.
+_STUCK = 0.98
 #: Every so many rounds the price falls by this factor: walks that need fewer knots leave a local optimum behind.
 _KICK_EVERY, _KICK = 6, 0.6
 #: A maximum: share of it beyond which a sample pulls harder, the heaviest weight, the share of parts that may miss it before the
@@ -51,7 +53,9 @@ _PULL, _HEAVIEST, _MISSES, _HOLD, _MEND, _GENTLY = 0.87, 64.0, 0.04, 3.0, 8.0, 0
 #: Rounds in which knots are settled along parts that keep the maximum.
 _HOLDING_ROUNDS = 4
 #: Rounds on all slots after those on the thin ones.
-_LAST_ROUNDS = 4
+_LAST_ROUNDS = 5
+#: Slots to either side of a knot to which it may move in one of them.
+_NEAR_SLOTS = 3
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,12 @@ class Plan:
         Radius, in targets, within which the first knots are gathered into shared nodes; 0 leaves each its own.
     rounds : int
         Number of rounds of E-step, M-step and merging.
+    extra : int
+        Rounds that may follow while the error allowed isn't made use of.
+    hopeless : float
+        Give up where the error is so many times the target, and hardly falls when the price rises.
+    beam : float
+        Bits beyond the cheapest node of a slot above which another one isn't looked at.
     maximum : float, optional
         Largest distance of any sample, in quanta, to aim for instead; ``target`` is then the error of the first walks.
     window : int
@@ -79,6 +89,9 @@ class Plan:
     target: float
     leader: float = 1.0
     rounds: int = 12
+    extra: int = 0
+    hopeless: float = np.inf
+    beam: float = np.inf
     maximum: float | None = None
     window: int = 24
     widest: int = 300
@@ -100,7 +113,9 @@ class Outcome:
         return self.size + _MEND * self.misses
 
 
-def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None, known: Past | None = None) -> Outcome | None:
+def fit(
+    slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None, known: Past | None = None, executor: Executor | None = None
+) -> Outcome | None:
     """Learn a map and walks of few bytes whose error is within the plan's target.
 
     Parameters
@@ -115,6 +130,8 @@ def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None, kno
         Some of the slots: all rounds but the last few are spent on them, for speed.
     known : Past, optional
         Walks whose nodes these may take, too: they stay where they are and come first in the outcome.
+    executor : Executor, optional
+        Where the batches of a round are settled; the outcome does not depend on it.
 
     Returns
     -------
@@ -122,17 +139,20 @@ def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None, kno
         The smallest that was met on the way; None if no round met the target.
     """
     here, fixed = slots if thin is None else thin, 0 if known is None else known.nodes
-    at, places, price = _private_chains(here, plan)
+    at, places, price = _private_chains(here, plan, executor)
     at, places = _gather(here, at, places, plan, known)
     best: Outcome | None = None
     kept: tuple[Slots, NDArray[np.int64], NDArray[np.float64]] | None = None
-    push, bits, weights = _PUSH, prices_of(None, price, len(places)), np.ones(len(slots.times))
-    for turn in range(plan.rounds):
-        if here is not slots and turn >= plan.rounds - _LAST_ROUNDS:
-            at, here = carry_knots(at, here, slots), slots
+    last = np.inf
+    push, fall, bits, weights = _PUSH, _PUSH, prices_of(None, price, len(places), plan.beam), np.ones(len(slots.times))
+    for turn in range(plan.rounds + plan.extra):
+        if turn >= plan.rounds and best is not None and best.error > _FULL * plan.target:
+            break
+        if thin is not None and turn >= plan.rounds - _LAST_ROUNDS:
+            at, here = _refined(slots, thin, here, at)
         if plan.maximum is not None:
             here = weigh_samples(here, np.rint(weights).astype(np.int64))
-        at, places = settle(here, at, places, plan, bits, turn, known=known)
+        at, places = settle(here, at, places, plan, bits, turn, known=known, executor=executor)
         places = place(here, at, places, fixed)
         at, places = unite(here, at, places, plan, bits, fixed)
         rounded = rounded_places(here, at, places, fixed)
@@ -143,13 +163,24 @@ def fit(slots: Slots, tracks: int, plan: Plan, *, thin: Slots | None = None, kno
             weights = _reweigh(weights, errors, plan.maximum)
         if turn >= 1:
             over = _excess(outcome, plan)
+            if over > plan.hopeless and outcome.error > _STUCK * last:
+                return None
+            last = outcome.error
             # a map that lags behind its price is pushed harder each round
             push = push + 1.5 if over > 1 else _PUSH
-            price *= over ** (push if over > 1 else _PUSH)
+            fall = fall + 1.5 if over < _SLACK and thin is not None else _PUSH
+            price *= over ** (push if over > 1 else fall)
         if turn % _KICK_EVERY == _KICK_EVERY - 1 and turn + _KICK_EVERY < plan.rounds:
-            price, push = _KICK * price, _PUSH
-        bits = prices_of(ledger, price, len(outcome.walks.nodes))
-    return best if plan.maximum is None or kept is None else _hold(*kept, tracks, plan, bits, known)
+            price, push, fall = _KICK * price, _PUSH, _PUSH
+        bits = prices_of(ledger, price, len(outcome.walks.nodes), plan.beam)
+    return best if plan.maximum is None or kept is None else _hold(*kept, tracks, plan, bits, known, executor)
+
+
+def _refined(slots: Slots, thin: Slots, here: Slots, at: NDArray[np.int64]) -> tuple[NDArray[np.int64], Slots]:
+    """Carry the knots to slots that lie closely about them."""
+    whole = carry_knots(at, here, slots)
+    near = slots_near(thin, slots, np.flatnonzero(whole >= 0), _NEAR_SLOTS)
+    return whole[near], pick_slots(slots, near)
 
 
 def _hold(
@@ -160,13 +191,14 @@ def _hold(
     plan: Plan,
     bits: NDArray[np.float64],
     known: Past | None,
+    executor: Executor | None,
 ) -> Outcome:
     """Settle the knots once more on places that are whole already, along parts that keep the maximum."""
     whole = replace(slots, places=np.rint(slots.places))
     bits = np.concatenate([[0.0], bits[1:]])  # where the maximum is kept, squared error costs nothing
     best = realise(slots, at, places, tracks, plan, known)[0]
     for turn in range(_HOLDING_ROUNDS):
-        at, places = settle(whole, at, places, plan, bits, turn, plan.maximum or 0.0, known)
+        at, places = settle(whole, at, places, plan, bits, turn, maximum=plan.maximum or 0.0, known=known, executor=executor)
         outcome, ledger, _ = realise(slots, at, places, tracks, plan, known)
         bits = prices_of(ledger, 0.0, len(outcome.walks.nodes))
         best = outcome if outcome.cost < best.cost else best
@@ -193,13 +225,18 @@ def _reweigh(weights: NDArray[np.float64], errors: NDArray[np.float64], maximum:
     return np.asarray(np.clip(weights * np.clip((errors / (_PULL * maximum)) ** 2, 0.5, 4.0), 1.0, _HEAVIEST))
 
 
-def _private_chains(slots: Slots, plan: Plan) -> tuple[NDArray[np.int64], NDArray[np.float64], float]:
+def _private_chains(slots: Slots, plan: Plan, executor: Executor | None) -> tuple[NDArray[np.int64], NDArray[np.float64], float]:
     """Give every piece the cheapest chain of its own, at a price that meets the target."""
     price = 0.3 * len(slots.cells) / (slots.samples * plan.target**2)
     at = np.full(len(slots.cells), -1, np.int64)
+    batches = cut_pieces(slots, np.where(np.isin(np.arange(len(at)), slots.lasts), 0, -1), 0)
+
+    def chain(batch: NDArray[np.int64]) -> None:
+        settle_chains(slots.sums, slots.ticks, slots.centers, slots.places, slots.place_unit, batch, price, 7.0, plan.widest, at)
+
     for _ in range(4):
-        for first, last in zip(slots.firsts.tolist(), slots.lasts.tolist(), strict=True):
-            settle_chain(slots.sums, slots.ticks, slots.centers, slots.places, slots.place_unit, first, last, price, 7.0, plan.widest, at)
+        for _ in (map if executor is None else executor.map)(chain, batches):
+            pass
         at[at >= 0] = np.arange((at >= 0).sum())
         places = place(slots, at, slots.places[at >= 0])
         error = np.sqrt(squared_error(list_parts(slots, at), places) / slots.samples)
@@ -241,55 +278,6 @@ def rounded_places(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float
     return np.concatenate([places[:fixed], round_nodes(*free_equations(*equations, places, fixed), places[fixed:])])
 
 
-def _compact(at: NDArray[np.int64], places: NDArray[np.float64], fixed: int = 0) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Drop the nodes without a knot, save the first ``fixed``."""
-    knots = at >= 0
-    used, inverse = np.unique(np.concatenate([np.arange(fixed), at[knots]]), return_inverse=True)
-    at = at.copy()
-    at[knots] = inverse[fixed:]
-    return at, places[used]
-
-
-def settle(
-    slots: Slots,
-    at: NDArray[np.int64],
-    places: NDArray[np.float64],
-    plan: Plan,
-    bits: NDArray[np.float64],
-    turn: int,
-    maximum: float = 0.0,
-    known: Past | None = None,
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """E-step over all pieces; with a maximum, along parts that keep it."""
-    reach, fixed = plan.reach * plan.target, 0 if known is None else known.nodes
-    spare = int((at >= 0).sum()) + 4096
-    draft = draft_of(slots, at, places, reach, spare, known)
-    marks = np.zeros(len(draft.places), np.int64)
-    ground = _ground(slots, maximum)
-    order = np.arange(len(slots.firsts))
-    phase = 1 + (turn * 7) % plan.window
-    for piece in order[:: 1 if turn % 2 == 0 else -1].tolist():
-        first, last = int(slots.firsts[piece]), int(slots.lasts[piece])
-        start = first
-        while start < last:
-            start = settle_piece(
-                draft, ground, at, first, start, last, phase, plan.window, _NEAR_NODES, plan.widest, bits, marks
-            )  # fmt: skip
-            if start < last:
-                at, places = _compact(at, draft.places, fixed)
-                draft = draft_of(slots, at, places, reach, 2 * spare + 2 * plan.widest * plan.window, known)
-                marks = np.zeros(len(draft.places), np.int64)
-    return _compact(at, draft.places, fixed)
-
-
-def _ground(slots: Slots, maximum: float) -> Ground:
-    fan, share = directions(slots.places.shape[1])
-    return Ground(
-        slots.sums, slots.ticks, slots.centers, slots.places, np.array([slots.place_unit]), slots.ends, slots.times, slots.spots,
-        slots.cells.astype(np.float64), fan, np.array([share * maximum]),
-    )  # fmt: skip
-
-
 def unite(
     slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], plan: Plan, bits: NDArray[np.float64], fixed: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -317,7 +305,7 @@ def unite(
     target = np.arange(count)
     keep_disjoint(pairs[order], target)
     at = np.where(at >= 0, target[at], -1)
-    at, places = _compact(at, places, fixed)
+    at, places = compact(at, places, fixed)
     return at, place(slots, at, places, fixed)
 
 
@@ -346,7 +334,7 @@ def realise(
     return Outcome(walks, len(data), float(np.sqrt((slots.weights * errors**2).sum() / slots.samples)), misses), ledger, errors
 
 
-def prices_of(ledger: NDArray[np.float64] | None, price: float, nodes: int) -> NDArray[np.float64]:
+def prices_of(ledger: NDArray[np.float64] | None, price: float, nodes: int, beam: float = np.inf) -> NDArray[np.float64]:
     """Prices of the E-step in bits, from what the coder last paid."""
     spent = np.zeros((13, 2)) if ledger is None else ledger
 
@@ -365,5 +353,6 @@ def prices_of(ledger: NDArray[np.float64] | None, price: float, nodes: int) -> N
             mean([KIND_BITS + _STAY], 4.0),
             np.log2(nodes + 2.0),
             0.2,
+            beam,
         ]
     )

@@ -12,7 +12,7 @@ from gpszip.kernels.moments import prefix_sums
 from gpszip.model import Frame, Track
 from gpszip.model.frame import quantum
 
-__all__ = ["Slots", "carry_knots", "lay_slots", "weigh_samples"]
+__all__ = ["Slots", "carry_knots", "lay_slots", "pick_slots", "slots_near", "weigh_samples"]
 
 #: Time ticks of a cell, and position ticks of a quantum where the log's extent allows it.
 _TIME_TICKS = 256
@@ -129,6 +129,15 @@ def lay_slots(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], frame:
     )  # fmt: skip
 
 
+def pick_slots(slots: Slots, keep: NDArray[np.bool_]) -> Slots:
+    """Return only those slots that are to be kept; all first and last slots of pieces must be among them."""
+    number = np.cumsum(keep) - 1
+    return replace(
+        slots, cells=slots.cells[keep], ticks=slots.ticks[keep], places=slots.places[keep], centers=slots.centers[keep],
+        sums=slots.sums[keep], ends=slots.ends[keep], firsts=number[slots.firsts], lasts=number[slots.lasts],
+    )  # fmt: skip
+
+
 def weigh_samples(slots: Slots, weights: NDArray[np.int64]) -> Slots:
     """Return the same slots with sums in which each sample counts as often as its weight says."""
     return replace(slots, sums=_sums(slots.times, slots.spots, weights * slots.weights, slots.ends, slots.place_unit))
@@ -180,6 +189,15 @@ def _slot_cells(times: NDArray[np.float64], low: int, high: int, sparse: bool) -
     halfway = np.rint((times[1:] + times[:-1]) / 2)
     near = np.concatenate([np.floor(times), np.ceil(times), halfway, [low, high]]).astype(np.int64)
     return np.unique(near[(near >= low) & (near <= high)])
+
+
+def slots_near(thin: Slots, full: Slots, knots: NDArray[np.int64], reach: int) -> NDArray[np.bool_]:
+    """Tell which of the full slots are sparse ones, or at most ``reach`` slots from those with the given numbers."""
+    near = np.zeros(len(full.cells), np.bool_)
+    near[np.searchsorted(_order(full), _order(thin))] = True
+    for step in range(-reach, reach + 1):
+        near[np.clip(knots + step, 0, len(near) - 1)] = True
+    return near
 
 
 def carry_knots(at: NDArray[np.int64], thin: Slots, full: Slots) -> NDArray[np.int64]:
