@@ -115,12 +115,12 @@ def read_network(source: Any, *, plane: Plane | None = None, near: Sequence[Trac
     return read_network_with_account(_roads_of_archives(source), plane=plane, near=near)
 
 
-def prepare_network(sources: Any, *, metric: bool | None = None) -> Prepared:
+def prepare_network(sources: Any, *, metric: bool | None = None, directed: bool | None = None) -> Prepared:
     """Read and join roads, to be written once and loaded in parts for many logs."""
     from gpszip.io.networks import join_sources
     from gpszip.io.prepared import Prepared
 
-    return Prepared(join_sources(_roads_of_archives(sources), metric=metric))
+    return Prepared(join_sources(_roads_of_archives(sources), metric=metric, directed=directed))
 
 
 def _roads_of_archives(source: Any) -> list[Any]:

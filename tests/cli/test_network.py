@@ -55,3 +55,9 @@ def test_the_map_of_an_archive_is_a_network(gpszip, log, tmp_path):
     assert network.forward.all()
     assert network.backward.all()
     assert np.isfinite(network.speeds).all()
+
+
+def test_directions_can_be_decided(gpszip, roads, tmp_path):
+    for option, both in (("--directed", [True, False]), ("--undirected", [True, True])):
+        assert gpszip("network", roads, "-o", "ready.gpsz", "--metres", option, "--force").code == 0
+        assert read_network(tmp_path / "ready.gpsz").backward.tolist() == both

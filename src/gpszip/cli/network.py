@@ -20,11 +20,18 @@ __all__ = ["command"]
 @click.argument("sources", metavar="IN...", nargs=-1, required=True)
 @output("roads.gpsz")
 @click.option("--metres", is_flag=True, help="Coordinates are x and y in metres, as in a building; told from the file where left out.")
+@click.option(
+    "--directed/--undirected",
+    default=None,
+    help="Lines that say nothing of their direction lead along it only, or both ways; told from them.",
+)
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @force
 @common
 @click.pass_obj
-def command(settings: Settings, /, sources: tuple[str, ...], target: str, force: bool, quiet: bool, metres: bool) -> None:
+def command(
+    settings: Settings, /, sources: tuple[str, ...], target: str, force: bool, quiet: bool, metres: bool, directed: bool | None
+) -> None:
     """Join roads to one network, and write it so that match and patch load only what is near a log.
 
     IN is OpenStreetMap PBF or XML, GeoJSON, GeoPackage, FlatGeobuf, Shapefile, GraphML, or an archive, for its map.
@@ -35,7 +42,7 @@ def command(settings: Settings, /, sources: tuple[str, ...], target: str, force:
 
     check_output(target, force=force, binary=True)
     start = time.perf_counter()
-    prepared = pipeline.prepare_network(sources, metric=True if metres else None)
+    prepared = pipeline.prepare_network(sources, metric=True if metres else None, directed=directed)
     with writing(sys.stdout.buffer if target == "-" else target) as stream:
         size = prepared.write(stream)
     if settings.json or not quiet:

@@ -279,7 +279,7 @@ def _span(points: Floats) -> str:
     return f"{x0:.6g}..{x1:.6g}, {y0:.6g}..{y1:.6g}"
 
 
-def join_sources(source: Any, *, metric: bool | None = None) -> JoinedRoads:
+def join_sources(source: Any, *, metric: bool | None = None, directed: bool | None = None) -> JoinedRoads:
     """Read sources that are not prepared, and join their lines.
 
     Parameters
@@ -288,12 +288,16 @@ def join_sources(source: Any, *, metric: bool | None = None) -> JoinedRoads:
         As for :func:`read_network`.
     metric : bool, optional
         Whether the log it is for is in x and y; told from the source where left out.
+    directed : bool, optional
+        Whether a line without a property that tells its direction may be travelled along it only, as where a source holds one
+        for each direction; told from the lines where left out.
     """
     several = list(source) if isinstance(source, (list, tuple)) else [source]
     read = [lines for item in several for lines in ([item] if isinstance(item, RoadLines) else _read(item, metric))]
     if not read:
         raise InputError("no network given; name a file")
-    return join_roads(read[0] if len(read) == 1 else _together(read))
+    lines = read[0] if len(read) == 1 else _together(read)
+    return join_roads(replace(lines, directed=directed) if directed is not None and lines.directed is None else lines)
 
 
 def _read(source: Any, metric: bool | None) -> list[RoadLines]:

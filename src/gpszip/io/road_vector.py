@@ -75,7 +75,7 @@ def read_vector_lines(path: Any, name: str, *, metric: bool | None = None, metre
     rows, crs = _rows(path, name, loose)
     counts = np.concatenate(rows.counts) if rows.counts else np.empty(0, np.int64)
     if not len(counts):
-        what = f"{rows.features:,} features, but no line" if rows.features else "no features"
+        what = f"{rows.features:,} feature(s), but no line" if rows.features else "no features"
         raise InputError(f"{name}: holds {what}; a network needs LineStrings")
     points = np.concatenate(rows.points)
     points, geographic, notes = _system(points, counts, crs, name, metric or (metres or None), loose=loose)
