@@ -309,7 +309,19 @@ def warm() -> None:
         archive, _ = compress(tracks, options)
         decompress(open_archive(archive.to_bytes()))
     patch(tracks, archive, gap=60.0)
+    _warm_live(archive)
     compress(tracks[:1], Options(k=8, m=4))
+
+
+def _warm_live(archive: Archive) -> None:
+    from gpszip.matching.live import LiveMatcher
+
+    (track, *_) = archive.decompress()
+    network = read_network(archive, near=track).network
+    matcher = LiveMatcher(network, match(track, network).scales, lag=1)
+    for time, place in zip(track.times.tolist(), track.positions, strict=True):
+        for still in (0.0, 1e-6):
+            matcher.push(time + still, place)
 
 
 def _checked(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
