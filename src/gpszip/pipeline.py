@@ -319,9 +319,9 @@ def _warm_live(archive: Archive) -> None:
     (track, *_) = archive.decompress()
     network = read_network(archive, near=track).network
     matcher = LiveMatcher(network, match(track, network).scales, lag=1)
-    for time, place in zip(track.times.tolist(), track.positions, strict=True):
+    for when, place in zip(track.times.tolist(), track.positions, strict=True):
         for still in (0.0, 1e-6):
-            matcher.push(time + still, place)
+            matcher.push(when + still, place)
 
 
 def _checked(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
