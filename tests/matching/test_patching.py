@@ -200,3 +200,10 @@ def test_roads_and_tracks_on_different_planes():
         patch(Track("car", times, seen, plane=Plane(((0, 0),))), grid())
     with pytest.raises((InputError, OptionError), match="track"):
         patch([], grid())
+
+
+@pytest.mark.parametrize("gap", [0.0, -1.0, math.nan])
+def test_gaps_must_be_positive(gap):
+    times, _, seen = drive(ROUND)
+    with pytest.raises(OptionError, match="positive"):
+        patch(Track("car", times, seen), grid(), gap=gap)

@@ -77,7 +77,7 @@ def patch(tracks: Sequence[Track] | Track, network: Network, *, gap: float | Non
     Raises
     ------
     OptionError
-        If there is no track or no road, or tracks and roads lie on different planes.
+        If there is no track or no road, tracks and roads lie on different planes, or the gap is not positive.
     """
     several = [tracks] if isinstance(tracks, Track) else list(tracks)
     if not several or not len(network):
@@ -85,6 +85,10 @@ def patch(tracks: Sequence[Track] | Track, network: Network, *, gap: float | Non
     if any(track.plane != network.plane for track in several):
         raise OptionError("the roads are not on the plane of the tracks; read them with near=tracks")
     wanted = estimate_gap(several) if gap is None else gap
+    if not wanted > 0:
+        raise OptionError(f"a gap of {wanted:g} s; it must be a positive number of seconds")
+    if not any(gap_parts(track.times, wanted).any() for track in several):
+        return Patching(tuple(several), (), wanted)
     matches = match(several, network, gap=wanted)
     everybody = habits_of(several, wanted)
     habits = [_own(habits_of([track], wanted), everybody, track) for track in several]
