@@ -136,3 +136,13 @@ def test_memory_is_kept(tmp_path):
     for _ in range(2):
         done = subprocess.run([sys.executable, "-c", script, str(tmp_path / "log.parquet")], capture_output=True, text=True, check=True)
     assert float(done.stdout) < 1.2 * 410
+
+
+def test_a_dense_excerpt_is_thinned_and_a_sparse_one_is_not():
+    dense = [patrol(4000, seed=5)]
+    gaps = [np.zeros(3999, bool)]
+    few, _ = large._thinned(dense, gaps, Options(rmse=0.3))
+    assert len(few[0]) <= 8 * 100 + 2
+    assert few[0].weights.sum() == pytest.approx(4000)
+    assert large._thinned(dense, gaps, Options(rmse=0.01))[0] is dense
+    assert large._thinned(dense, gaps, Options(max_error=0.02))[0] is dense

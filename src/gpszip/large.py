@@ -37,6 +37,10 @@ _SORTED, _LEARNT, _LAID = 150, 700, 1200
 #: Samples of a batch, of which several are in work at once, and of an excerpt at most.
 _BATCH, _AT_ONCE, _EXCERPT = 100_000, 4, 2_000_000
 
+#: A log is dense if blocks of so many samples, on average, have lines whose RMSE is at most this share of the bound; and
+#: what the RMSE of a bound on the maximum is.
+_DENSE, _LINES, _RMSE_OF_MAXIMUM = 40, 0.8, 0.4
+
 #: Shares of the bound for which a map is learnt, until one is found; else so many samples are the map as they are.
 _EXCERPT_SHARES, _VERBATIM = (1.0, 0.9, 0.8), 1000
 
@@ -183,21 +187,35 @@ def _learned(log: StoredLog, excerpt: Sequence[Track], gap: float, options: Opti
     from gpszip.mapping.verbatim import keep_samples
 
     gaps = [gap_parts(track.times, gap) | plane_changes(track.positions, track.plane) for track in excerpt]
+    few, few_gaps = _thinned(excerpt, gaps, options)
     found = None
     for share in _EXCERPT_SHARES:
         aim = _shared(options, share)
         found = found or learn(
-            excerpt, gaps, rmse=aim.rmse, max_error=aim.max_error, effort=aim.effort, executor=executor,
+            few, few_gaps, rmse=aim.rmse, max_error=aim.max_error, effort=aim.effort, executor=executor,
             progress=lambda done, whole: tell(Progress("learn", done / whole)),
         )  # fmt: skip
     if found is None:
-        few = log.read(log.tracks[0], 0, min(_VERBATIM, log.tracks[0].count))
-        found = keep_samples(
-            [few], [gap_parts(few.times, gap) | plane_changes(few.positions, few.plane)], options.max_error or options.rmse or 0.0
-        )
+        start = log.read(log.tracks[0], 0, min(_VERBATIM, log.tracks[0].count))
+        silent = gap_parts(start.times, gap) | plane_changes(start.positions, start.plane)
+        found = keep_samples([start], [silent], options.max_error or options.rmse or 0.0)
     known = Past(found[1])
     known.model(0)  # learnt once, before several batches ask for it
     return _Ground(log, found[0], known, gap, options)
+
+
+def _thinned(
+    tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], options: Options
+) -> tuple[Sequence[Track], Sequence[NDArray[np.bool_]]]:
+    """Few weighted samples of a log that is sampled far more densely than its error asks for: they show more of it at once."""
+    from gpszip.mapping.thinning import thin_out
+    from gpszip.sketches.partition import build
+
+    size = sum(map(len, tracks)) // _DENSE
+    bound = options.rmse if options.rmse is not None else _RMSE_OF_MAXIMUM * (options.max_error or 0.0)
+    if size < len(tracks) or build(tracks, size=size).rmse > _LINES * bound:
+        return tracks, gaps
+    return thin_out(tracks, gaps, size)
 
 
 def _laid(ground: _Ground, batch: int, executor: Executor, tell: Listener) -> tuple[Archive, Fit]:
