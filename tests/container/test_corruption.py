@@ -78,7 +78,8 @@ def test_missing_repeated_and_swapped_sections_are_noticed():
         (b"\xa7Z", "within its head"),
         (b"\xa7Z\x03rest", "version 3.*upgrade"),
         (b"\xa7Z\x07", "version 7.*upgrade"),
-        (b"\xa7Z\x00", "version 0"),
+        (b"\xa7Z\x01rest", "version 1, which no release"),
+        (b"\xa7Z\x00", "version 0, which no release"),
     ],
 )
 def test_strangers_get_a_plain_answer(data, says):
@@ -94,28 +95,35 @@ OPENING = [section(1, FRAME), section(2, NAMES)]
 TWO = [section(1, FRAME), section(2, b"\x08\0"), section(3, WALKS), section(3, b"\1" + WALKS[1:])]
 HERE = 3 + sum(map(len, OPENING))
 BOMB = bz2.compress(bytes(30_000_000))
+NONE = b"\0\0"  # no promise
 DEEP = bytes([128, 120]) + b"\0\0\0"
 
+
+def layered(payload):
+    """A small archive that says that its payload is packed."""
+    return compact(0xBA, b"\x01\x06" + FRAME + b"\x02\x02" + NAMES + b"\x03" + number(len(payload) + 3) + WALKS[:3] + payload)
+
+
 FORGED = {
-    "compact: nothing": compact(1, b""),
-    "compact: half a frame": compact(1, b"\x80"),
-    "compact: long varint": compact(1, bytes([1, 1]) + b"\x80\x00\x00\x00"),
-    "compact: endless varint": compact(1, bytes([1, 1]) + b"\x80" * 30),
-    "compact: origin past 2^62": compact(1, bytes([1, 1]) + b"\0\0" + number((1 << 64) - 1)),
-    "compact: whole origin past 2^62": compact(0x81, bytes([1, 1]) + b"\0\0" + number(1 << 62)),
-    "compact: latitude": compact(1 | 2 << 5, (900_000_001).to_bytes(4, "little") + b"\0" * 4 + DEEP),
-    "compact: longitude": compact(1 | 3 << 5, b"\0\0" + (-18_001).to_bytes(2, "little", signed=True) + DEEP),
-    "compact: a trillion names": compact(1 | 1 << 3, DEEP + number((1 << 42) | 0) + b"\0"),
-    "layer: no bz2": compact(1 | 2 << 3, DEEP + NAMES + b"walks"),
-    "layer: empty": compact(1 | 2 << 3, DEEP + NAMES),
-    "layer: half": compact(1 | 2 << 3, DEEP + NAMES + bz2.compress(b"walks")[:-1]),
-    "layer: twice": compact(1 | 2 << 3, DEEP + NAMES + bz2.compress(b"walks") * 2),
-    "layer: bomb": compact(1 | 2 << 3, DEEP + NAMES + bz2.compress(bytes(100_000_000))),
-    "small: nothing": compact(0x39, b""),
-    "small: length past the end": compact(0x39, b"\x01" + number(1 << 50) + FRAME),
-    "small: frame of no axes": compact(0x39, b"\x01\x03\x00\x01\x01" + b"\x02\x02" + NAMES + b"\x03\x03" + WALKS[:3]),
+    "compact: nothing": compact(2, b""),
+    "compact: half a frame": compact(2, NONE + b"\x80"),
+    "compact: long varint": compact(2, NONE + bytes([1, 1]) + b"\x80\x00\x00\x00"),
+    "compact: endless varint": compact(2, NONE + bytes([1, 1]) + b"\x80" * 30),
+    "compact: origin past 2^62": compact(2, NONE + bytes([1, 1]) + b"\0\0" + number((1 << 64) - 1)),
+    "compact: whole origin past 2^62": compact(0x82, NONE + bytes([1, 1]) + b"\0\0" + number(1 << 62)),
+    "compact: latitude": compact(2 | 2 << 5, NONE + (900_000_001).to_bytes(4, "little") + b"\0" * 4 + DEEP),
+    "compact: longitude": compact(2 | 3 << 5, NONE + b"\0\0" + (-18_001).to_bytes(2, "little", signed=True) + DEEP),
+    "compact: a trillion names": compact(2 | 1 << 3, NONE + DEEP + number((1 << 42) | 0) + b"\0"),
+    "layer: no bz2": layered(b"walks"),
+    "layer: empty": layered(b""),
+    "layer: half": layered(bz2.compress(b"walks")[:-1]),
+    "layer: twice": layered(bz2.compress(b"walks") * 2),
+    "layer: bomb": layered(bz2.compress(bytes(100_000_000))),
+    "small: nothing": compact(0x3A, b""),
+    "small: length past the end": compact(0x3A, b"\x01" + number(1 << 50) + FRAME),
+    "small: frame of no axes": compact(0x3A, b"\x01\x03\x00\x01\x01" + b"\x02\x02" + NAMES + b"\x03\x03" + WALKS[:3]),
     "small: too large": compact(
-        0x39, b"\x01\x06" + FRAME + b"\x02\x02" + NAMES + b"\x03\x08" + WALKS + b"\x05" + number(70_000) + bytes(70_000)
+        0x3A, b"\x01\x06" + FRAME + b"\x02\x02" + NAMES + b"\x03\x08" + WALKS + b"\x05" + number(70_000) + bytes(70_000)
     ),
     "large: nothing": large([]),
     "large: no walks": large(OPENING),
@@ -130,14 +138,13 @@ FORGED = {
     "large: no planes": large([section(1, b"\x12\x00" + FRAME[1:]), section(2, NAMES), section(3, WALKS)]),
     "large: third kind of centre": large([section(1, b"\x16\x01" + bytes(30)), section(2, NAMES), section(3, WALKS)]),
     "large: dimension 2^50": large([section(1, number(1 << 53) + FRAME[1:]), section(2, NAMES), section(3, WALKS)]),
-    "large: hash of 3 bytes": large([section(4, bytes(3)), section(2, NAMES), section(3, WALKS)], third=0x1A),
-    "large: map goes on": large([section(4, bytes(6)), section(2, NAMES), section(3, WALKS)], third=0x1A),
-    "large: map halved 4 times": large([section(4, bytes(4) + b"\4"), section(2, NAMES), section(3, WALKS)], third=0x1A),
-    "large: map in version 1": large([section(4, bytes(5)), section(2, NAMES), section(3, WALKS)]),
-    "large: frame and map": large([*OPENING, section(4, bytes(5)), section(3, WALKS)], third=0x1A),
-    "large: promise after walks": large([*OPENING, section(3, WALKS), section(8, b"\1\0")], third=0x1A),
-    "large: two promises": large([*OPENING, section(8, b"\1\0"), section(8, b"\1\0"), section(3, WALKS)], third=0x1A),
-    "large: promise goes on": large([*OPENING, section(8, b"\1\0\0"), section(3, WALKS)], third=0x1A),
+    "large: hash of 3 bytes": large([section(4, bytes(3)), section(2, NAMES), section(3, WALKS)]),
+    "large: map goes on": large([section(4, bytes(6)), section(2, NAMES), section(3, WALKS)]),
+    "large: map halved 4 times": large([section(4, bytes(4) + b"\4"), section(2, NAMES), section(3, WALKS)]),
+    "large: frame and map": large([*OPENING, section(4, bytes(5)), section(3, WALKS)]),
+    "large: promise after walks": large([*OPENING, section(3, WALKS), section(8, b"\1\0")]),
+    "large: two promises": large([*OPENING, section(8, b"\1\0"), section(8, b"\1\0"), section(3, WALKS)]),
+    "large: promise goes on": large([*OPENING, section(8, b"\1\0\0"), section(3, WALKS)]),
     "compact: promise of no digits": compact(2, b"\0\4" + DEEP),
     "compact: promise of 1023 digits": compact(2, b"\xff\3" + DEEP),
     "compact: half a map": compact(0x12, b"\0\0\1\2\3"),
@@ -151,13 +158,13 @@ FORGED = {
     "large: index in the head": large([*OPENING, section(3, WALKS)], 1),
     "large: index in a section": large([*OPENING, section(3, WALKS)], 3),
     "large: index too early": large([*OPENING, section(3, WALKS), section(6, b"\1" + number(HERE) + b"\x12\1\0"), section(9, b"")]),
-    "large: low 2": large([*OPENING, section(3, WALKS)], third=0x59),
+    "large: low 2": large([*OPENING, section(3, WALKS)], third=0x5A),
     "large: kind 0": large([*OPENING, section(3, WALKS), section(0, b"")]),
     "large: span past 64 bits": large([*OPENING, section(3, b"\0\1" + number((1 << 64) - 1) + number((1 << 64) - 2))]),
     "large: many sections": large([*OPENING, section(3, WALKS)] + [section(9, b"")] * 5_000),
     "large: layer bombs": large(
         [section(1, FRAME), section(2, number(400 << 2) + b"\0")] + [section(3, number(i) + b"\1\0" + BOMB) for i in range(400)],
-        third=0x99,
+        third=0x9A,
     ),
 }
 
@@ -186,9 +193,9 @@ def _all_groups(data):
 
 
 def test_honest_twins_of_the_forged_are_read():
-    assert from_bytes(compact(1, DEEP)).groups[0].payload == b""
-    assert from_bytes(compact(1 | 2 << 3, DEEP + NAMES + bz2.compress(b"walks"))).groups[0].payload == b"walks"
-    assert from_bytes(compact(0x39, SMALL)).ids == ("0",)
+    assert from_bytes(compact(2, NONE + DEEP)).groups[0].payload == b""
+    assert from_bytes(layered(bz2.compress(b"walks"))).groups[0].payload == b"walks"
+    assert from_bytes(compact(0x3A, SMALL)).ids == ("0",)
     assert from_bytes(large([*OPENING, section(3, WALKS)])).groups[0].payload == b"walks"
     index = section(6, b"\1" + number(HERE) + b"\x12\1\0")
     assert from_bytes(large([*OPENING, section(3, WALKS), section(9, b""), index])).groups[0].payload == b"walks"
@@ -204,4 +211,4 @@ def test_names_that_would_fill_the_memory(way):
     names = number(100_000_001 << 2 | 3), number(60_000 << 2 | 3)
     for head in names:
         with pytest.raises(CorruptArchiveError):
-            from_bytes(compact(1 | 1 << 3, DEEP + head + number(len(packed) << 2 | (way == "lzma")) + packed))
+            from_bytes(compact(2 | 1 << 3, NONE + DEEP + head + number(len(packed) << 2 | (way == "lzma")) + packed))

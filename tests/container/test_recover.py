@@ -82,7 +82,7 @@ def test_sections_within_sections_take_bounded_work():
     # each marker opens a section that claims to reach the end, so that all its bytes are summed up in vain
     size = 400_000
     hollow = b"\xa7SEC\x03" + archives.number(size) + b"\0"
-    data = b"\xa7Z\x19" + section(1, b"\x10\1\1\0\0\0") + hollow * (2 * size // len(hollow))
+    data = b"\xa7Z\x1a" + section(1, b"\x10\1\1\0\0\0") + hollow * (2 * size // len(hollow))
     with pytest.raises(CorruptArchiveError, match="walks are lost"):
         recover_bytes(data)
 

@@ -82,7 +82,7 @@ def section(kind: int, body: bytes, length: int | None = None) -> bytes:
     return b"\xa7SEC" + content + crc(content)
 
 
-def large(sections: list[bytes], index_offset: int | None = None, third: int = 0x19) -> bytes:
+def large(sections: list[bytes], index_offset: int | None = None, third: int = 0x1A) -> bytes:
     """Archive of sections with the right digest, whatever the sections are."""
     head = b"\xa7Z" + bytes([third])
     offset = 0

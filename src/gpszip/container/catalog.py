@@ -66,7 +66,7 @@ def open_catalog(file: BinaryIO) -> Catalog:
     Examples
     --------
     >>> import io
-    >>> open_catalog(io.BytesIO(bytes.fromhex("a75a81807800000077616c6b73d112ee6a"))).ids
+    >>> open_catalog(io.BytesIO(bytes.fromhex("a75a820000807800000077616c6b73592744d4"))).ids
     ('0',)
     """
     size = file.seek(0, os.SEEK_END)
@@ -174,7 +174,7 @@ def _opening(file: BinaryIO, stop: int) -> list[Piece]:
 
 
 def _opened(found: list[Piece], entries: tuple[Entry, ...], head: Head, size: int) -> Catalog:
-    frame, reference, _ = opening(found, head)
+    frame, reference, _ = opening(found)
     ids = finished(found[1], lambda cursor: read_names(cursor, size))
     groups = tuple(Group(line.first_track, line.tracks, b"", line.span) for line in entries)
     wrong = complaint(Contents(frame, ids, groups, reference))

@@ -60,7 +60,7 @@ class Form(IntEnum):
 
     LONE = 0  # one track named '0', one group, one checksum
     NAMED = 1  # any tracks, one group, one checksum
-    ON_MAP = 2  # walks on a map kept elsewhere; in version 1: as NAMED, the payload under bzip2
+    ON_MAP = 2  # walks on a map kept elsewhere
     SECTIONS = 3  # sections of their own length and kind
 
 
@@ -70,7 +70,7 @@ class Kind(IntEnum):
     FRAME = 1
     NAMES = 2
     WALKS = 3
-    MAP = 4  # reserved in version 1
+    MAP = 4
     ATTRIBUTES = 5
     INDEX = 6
     END = 7
@@ -88,7 +88,7 @@ class Head:
     low, high : int
         Two bits and one bit whose meaning depends on the form.
     version : int, optional
-        Version of the format, 1 to 7; the newest by default.
+        Version of the format, at most 7.
     """
 
     form: Form
@@ -108,7 +108,7 @@ def read_head(data: bytes) -> Head:
     Raises
     ------
     CorruptArchiveError
-        If the bytes are no archive, or one of a newer version.
+        If the bytes are no archive, or one of another version.
 
     Examples
     --------
@@ -127,8 +127,8 @@ def read_head(data: bytes) -> Head:
     version = byte & 7
     if version > VERSION:
         raise CorruptArchiveError(f"archive of version {version}; this GPSZip reads up to version {VERSION}: upgrade gpszip", 2)
-    if version < 1:
-        raise CorruptArchiveError("there is no version 0 of the format", 2)
+    if version < VERSION:
+        raise CorruptArchiveError(f"archive of version {version}, which no release of GPSZip has written: compress the log again", 2)
     head = Head(Form(byte >> 3 & 3), byte >> 5 & 3, byte >> 7, version)
     if head.form is Form.SECTIONS and head.low > 1:
         raise CorruptArchiveError("no archive has this form", 2)

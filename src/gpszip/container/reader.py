@@ -107,7 +107,7 @@ def from_bytes(data: bytes) -> Contents:
 
     Examples
     --------
-    >>> from_bytes(bytes.fromhex("a75a81807800000077616c6b73d112ee6a")).groups[0].payload
+    >>> from_bytes(bytes.fromhex("a75a820000807800000077616c6b73592744d4")).groups[0].payload
     b'walks'
     """
     head = read_head(data)
@@ -178,12 +178,12 @@ def read_piece(cursor: Cursor) -> Piece:
     return Piece(kind, cursor.base + offset, cursor.at - offset, body, seal, body_offset)
 
 
-def opening(found: list[Piece], head: Head) -> tuple[Frame | None, MapReference | None, Promise | None]:
+def opening(found: list[Piece]) -> tuple[Frame | None, MapReference | None, Promise | None]:
     """Where an archive lies, or on which map, and what it promises."""
     kinds = [piece.kind for piece in found[:2]]
-    if kinds not in ([Kind.FRAME, Kind.NAMES], [Kind.MAP, Kind.NAMES]) or (head.version == 1 and kinds[0] == Kind.MAP):
+    if kinds not in ([Kind.FRAME, Kind.NAMES], [Kind.MAP, Kind.NAMES]):
         raise CorruptArchiveError("an archive begins with its frame or its map, and its names", HEAD_BYTES)
-    promise = next((finished(piece, read_promise) for piece in found if piece.kind == Kind.PROMISE), None) if head.version > 1 else None
+    promise = next((finished(piece, read_promise) for piece in found if piece.kind == Kind.PROMISE), None)
     if kinds[0] == Kind.MAP:
         return None, finished(found[0], read_reference), promise
     return finished(found[0], read_frame), None, promise
@@ -191,8 +191,8 @@ def opening(found: list[Piece], head: Head) -> tuple[Frame | None, MapReference 
 
 def assemble(found: list[Piece], head: Head, file_size: int) -> Contents:
     """Contents from the sections of an archive, each checked against the others."""
-    frame, reference, promise = opening(found, head)
-    _check_order(found, head)
+    frame, reference, promise = opening(found)
+    _check_order(found)
     ids = finished(found[1], lambda cursor: read_names(cursor, file_size))
     layered = bool(head.high)
     walks = [piece for piece in found if piece.kind == Kind.WALKS]
@@ -225,20 +225,15 @@ def _read_compact(data: bytes, head: Head) -> Contents:
     if checksum(memoryview(data)[:end]) != data[end:]:
         raise CorruptArchiveError("the archive's checksum is wrong: bytes are missing or changed", end)
     cursor = Cursor(data, HEAD_BYTES, end)
-    promise = read_promise(cursor) if head.version > 1 else None
-    if head.form is Form.ON_MAP and head.version > 1:
+    promise = read_promise(cursor)
+    if head.form is Form.ON_MAP:
         reference = MapReference(cursor.take(MAP_HASH_BYTES, "the map's hash"), head.low)
         own = read_names(cursor, len(data)) if head.high else None
         group = Group(0, 1 if own is None else len(own), cursor.rest())
         return _believed(Contents(None, own, (group,), reference, promise=promise), HEAD_BYTES)
     frame = read_short_frame(cursor, head.low, bool(head.high))
     ids = (LONE_ID,) if head.form is Form.LONE else read_names(cursor, len(data))
-    at, payload = cursor.at, cursor.rest()
-    layered = head.form is Form.ON_MAP
-    if layered:
-        payload = unpack_bz2(payload, layer_limit(len(data)), at)
-    contents = Contents(frame, ids, (Group(0, len(ids), payload),), layer="bz2" if layered else None, promise=promise)
-    return _believed(contents, HEAD_BYTES)
+    return _believed(Contents(frame, ids, (Group(0, len(ids), cursor.rest()),), promise=promise), HEAD_BYTES)
 
 
 def _believed(contents: Contents, offset: int) -> Contents:
@@ -278,9 +273,9 @@ def _check_end(data: bytes, end: Piece, found: list[Piece]) -> None:
         raise CorruptArchiveError("the end mark points to no index", end.offset)
 
 
-def _check_order(found: list[Piece], head: Head) -> None:
+def _check_order(found: list[Piece]) -> None:
     kinds = [piece.kind for piece in found]
-    both = Kind.FRAME in kinds and Kind.MAP in kinds and head.version > 1
+    both = Kind.FRAME in kinds and Kind.MAP in kinds
     for piece in found:
         if piece.kind in {0, Kind.END} or (piece.kind in _ONCE and kinds.count(piece.kind) > 1) or (both and piece.kind == Kind.MAP):
             raise CorruptArchiveError(f"a section of kind {piece.kind} has no place here", piece.offset)

@@ -89,7 +89,7 @@ def whole_pieces(data: bytes) -> Iterator[Piece]:
 
 
 def _joined(found: list[Piece], head: Head, size: int, reason: str) -> Recovered:
-    frame, reference = _place(found, head)
+    frame, reference = _place(found)
     if frame is None and reference is None:
         raise CorruptArchiveError(f"nothing can be saved, as the frame is lost: {reason}")
     lost, layered = [reason], bool(head.high)
@@ -104,7 +104,7 @@ def _joined(found: list[Piece], head: Head, size: int, reason: str) -> Recovered
     if len(kept) < len(ids) and any(extra.kind == Kind.ATTRIBUTES for extra in extras):
         extras = tuple(extra for extra in extras if extra.kind != Kind.ATTRIBUTES)
         lost.append("kept columns and times of samples, as they stand for all tracks together")
-    promises = [read_promise(piece.cursor()) for piece in found if piece.kind == Kind.PROMISE and head.version > 1]
+    promises = [read_promise(piece.cursor()) for piece in found if piece.kind == Kind.PROMISE]
     layer = "bz2" if layered else None
     contents = Contents(frame, kept, _renumbered(groups), reference, extras, layer, promises[0] if promises else None)
     wrong = complaint(contents)
@@ -113,11 +113,11 @@ def _joined(found: list[Piece], head: Head, size: int, reason: str) -> Recovered
     return Recovered(contents, tuple(lost))
 
 
-def _place(found: list[Piece], head: Head) -> tuple[Frame | None, MapReference | None]:
+def _place(found: list[Piece]) -> tuple[Frame | None, MapReference | None]:
     for piece in found:
         if piece.kind == Kind.FRAME:
             return read_frame(piece.cursor()), None
-        if piece.kind == Kind.MAP and head.version > 1:
+        if piece.kind == Kind.MAP:
             return None, read_reference(piece.cursor())
     return None, None
 
