@@ -187,6 +187,9 @@ def test_kept_columns_are_carried_over(logs):
     assert set(made.attributes(logs[0].id)["note"]) == {""}
     assert any("note" in note for note in report.notes)
     assert len(made.samples()) == 3
+    mixed, _ = merge([parts[0], hand_made(("bare",))], MergeOptions(deviation=5.0))
+    assert len(mixed.samples(logs[0].id)) == 1
+    assert len(mixed.sample_times("bare")) == 0
 
 
 def test_tracks_of_one_name_are_refused_renamed_or_joined():
