@@ -21,6 +21,7 @@ from gpszip.container.map_record import map_hash
 from gpszip.container.reader import from_bytes, load
 from gpszip.container.writer import save, to_bytes
 from gpszip.errors import CorruptArchiveError, InputError, MapError, OptionError
+from gpszip.model.executor import Executor, sharing
 from gpszip.model.frame import Frame, quantum, refined_frame
 from gpszip.model.lattice import LatticeWalks, refined
 from gpszip.model.promise import Promise
@@ -499,6 +500,7 @@ def new_archive(
     extras: Sequence[Section] = (),
     on: Archive | None = None,
     halvings: int = 0,
+    executor: Executor | None = None,
 ) -> Archive:
     """Code map and walks as an archive.
 
@@ -518,6 +520,8 @@ def new_archive(
         The map on which the walks lie, if it is not to be in the archive.
     halvings : int, default 0
         How often that map's quanta are halved.
+    executor : Executor, optional
+        Where runs of walks are coded.
 
     Returns
     -------
@@ -530,7 +534,7 @@ def new_archive(
     payload = encode(lattice, past)
     groups = [Group(0, len(ids), payload)]
     if len(payload) >= 2 * _GROUP_BYTES and len(ids) > 1:
-        groups = _groups(lattice, len(payload) // _GROUP_BYTES, past)
+        groups = _groups(lattice, len(payload) // _GROUP_BYTES, past, executor)
     reference = None if on is None else MapReference(on.hash, halvings)
     contents = Contents(frame if on is None else None, tuple(ids), tuple(groups), reference, tuple(extras), layer)
     if on is not None and contents.plain and contents.ids == on.ids[:1]:
@@ -599,21 +603,24 @@ def _map_beside(path: Path, wanted: MapReference) -> Archive | None:
     return None
 
 
-def _groups(lattice: LatticeWalks, count: int, past: Past | None = None) -> list[Group]:
+def _groups(lattice: LatticeWalks, count: int, past: Past | None, executor: Executor | None) -> list[Group]:
     """Cut the walks in at most so many runs of about as many knots each."""
-    from gpszip.coding.walks import encode, number_by_visit
-
     ends = np.cumsum([len(walk.nodes) for walk in lattice.walks])
     cuts = np.unique(np.searchsorted(ends, ends[-1] * np.arange(1, count) / count, side="right"))
     bounds = [0, *(int(cut) for cut in cuts if 0 < cut < len(ends)), len(ends)]
-    out = []
-    for first, after in pairwise(bounds):
-        walks = lattice.walks[first:after]
-        span = (min(int(walk.cells[0]) for walk in walks), max(int(walk.cells[-1]) for walk in walks))
-        own = number_by_visit(LatticeWalks(lattice.nodes, walks, lattice.timed), 0 if past is None else past.nodes)
-        payload = encode(own, past)
-        out.append(Group(first, after - first, payload, span))
-    return out
+    with sharing(executor, (lattice, past)) as shared:
+        return list(shared.map(_group, pairwise(bounds)))
+
+
+def _group(shared: tuple[LatticeWalks, Past | None], run: tuple[int, int]) -> Group:
+    """Code one run of walks by itself."""
+    from gpszip.coding.walks import encode, number_by_visit
+
+    (lattice, past), (first, after) = shared, run
+    walks = lattice.walks[first:after]
+    span = (min(int(walk.cells[0]) for walk in walks), max(int(walk.cells[-1]) for walk in walks))
+    own = number_by_visit(LatticeWalks(lattice.nodes, walks, lattice.timed), 0 if past is None else past.nodes)
+    return Group(first, after - first, encode(own, past), span)
 
 
 def _stretches(walk: Walk, fresh: NDArray[np.bool_], places: NDArray[np.float64]) -> list[NDArray[np.float64]]:

@@ -9,6 +9,7 @@
     ├── CorruptArchiveError       bytes that are no whole archive
     ├── MapError                  the map an archive needs is missing or another one
     ├── OutputError               the output exists or can't be written
+    ├── WorkerError               a process or machine that did some of the work is gone
     └── MissingExtraError         an optional dependency is not installed
 
 A message says what is wrong, where, and how to mend it.
@@ -27,6 +28,7 @@ __all__ = [
     "OutputError",
     "TrackError",
     "UnknownFormatError",
+    "WorkerError",
 ]
 
 
@@ -78,6 +80,10 @@ class OutputError(GPSZipError):
     """The output exists already or can't be written."""
 
 
+class WorkerError(GPSZipError):
+    """A process or machine that did some of the work is gone, and nobody can take over."""
+
+
 class MissingExtraError(GPSZipError, ImportError):
     """An optional dependency is not installed.
 
@@ -92,3 +98,6 @@ class MissingExtraError(GPSZipError, ImportError):
     def __init__(self, extra: str, purpose: str) -> None:
         super().__init__(f"{purpose} needs the extra '{extra}': pip install 'gpszip[{extra}]'")
         self.extra = extra
+
+    def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, str]]:
+        return type(self), (self.extra, str(self).split(" needs the extra ", 1)[0])

@@ -21,6 +21,7 @@ from gpszip.container.contents import Section
 from gpszip.container.layout import Kind
 from gpszip.errors import BoundError, InputError, OptionError
 from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Network, Options, Plane, Progress, Report, SegmentMean, Track
+from gpszip.model.executor import local
 from gpszip.model.frame import refined_frame
 from gpszip.model.promise import Promise, promise_of
 
@@ -211,14 +212,14 @@ def compress(
     BoundError
         If the bound can't be held, or no archive is as small as it should be.
     """
-    from gpszip.run.threads import Threads
+    from gpszip.run import executor_of
 
     start = time.perf_counter()
     options = options or Options()
     whole = _checked(tracks) if map is None else laid_on(map, _checked(tracks), options)
     gap, gaps = _gaps(whole, options.gap)
     options, notes = _bounded(whole, gaps, _sized(whole, options, bytes_in))
-    job = _Job(whole, gaps, options, executor or Threads(), progress, kept(whole, options), map)
+    job = _Job(whole, gaps, options, executor_of(executor), progress, kept(whole, options), map)
     archive, fit = _within_size(job, options.size) if options.size is not None else _finished(options, *_within_bound(job))
     notes += _off_map(archive, map)
     if not options.times:
@@ -263,10 +264,10 @@ def merge(
     """
     from gpszip import union
     from gpszip.model.merge_options import MergeOptions
-    from gpszip.run.threads import Threads
+    from gpszip.run import executor_of
 
     called = [str(number) for number in range(1, len(archives) + 1)] if names is None else names
-    return union.merge(archives, options or MergeOptions(), names=called, executor=executor or Threads(), progress=progress)
+    return union.merge(archives, options or MergeOptions(), names=called, executor=executor_of(executor), progress=progress)
 
 
 def decompress(archive: Archive, *, every: float | None = None, at: ArrayLike | None = None) -> list[Track]:
@@ -289,9 +290,11 @@ def segment_mean(track: Track, k: int | None = None, m: int | None = None, *, ex
 
     k is searched up to a tenth of the samples and 300, m up to k and 100.
     """
+    from gpszip.run import executor_of
     from gpszip.segmentation.em import segment_mean as with_both
     from gpszip.segmentation.search import find_parameters
 
+    executor = None if executor is None else executor_of(executor)
     if k is not None and m is not None:
         return with_both(track, k, m, executor=executor)
     most = max(m or 1, min(len(track), max(_FEWEST_PARTS, min(len(track) // 10, _MOST_PARTS))))
@@ -491,7 +494,8 @@ def _last_resort(job: _Job) -> tuple[Archive, Fit]:
 
 def _written(job: _Job, learned: _Learned) -> tuple[Archive, Fit]:
     archive = new_archive(
-        learned.frame, job.ids, learned.lattice, layer=job.options.layer, extras=job.extras, on=job.map, halvings=learned.halvings
+        learned.frame, job.ids, learned.lattice, layer=job.options.layer, extras=job.extras, on=job.map, halvings=learned.halvings,
+        executor=local(job.executor),
     )  # fmt: skip
     job.tell("measure", 0.0)
     fit = measure(job.tracks, archive)

@@ -15,12 +15,12 @@ from gpszip.mapping.maximum import mend
 from gpszip.mapping.rounds import Outcome, Plan, fit
 from gpszip.mapping.slots import lay_slots
 from gpszip.model import Executor, Frame, LatticeWalks, Track
+from gpszip.model.executor import Shared, local, sharing
 from gpszip.model.frame import quantum, quantum_index
 
 __all__ = ["THIN", "learn"]
 
 _Found = tuple[Frame, Outcome | None]
-_Run = Callable[[Callable[["_Trial"], _Found], Iterable["_Trial"]], Iterable[_Found]]
 
 #: The mean error with which the walks for a maximum begin, as a share of it.
 _RMSE_OF_MAXIMUM = 0.4
@@ -108,20 +108,24 @@ def learn(
     if rmse is None and max_error is None:
         raise OptionError("a map needs a bound on its error: give rmse or max_error")
     search = _Search(tuple(tracks), tuple(gaps), _RMSE_OF_MAXIMUM * max_error if max_error is not None else rmse or 0.0, max_error)
-    run = map if executor is None else executor.map
-    chosen = _choose_quanta(_excerpt(search), run)
+    with sharing(executor, _excerpt(search)) as excerpt:
+        chosen = _choose_quanta(excerpt)
     trials = _starts(chosen, effort, search.count_slots(chosen))
-    alone = len(trials) == 1
-    if alone:  # one search spreads its own work
-        search, run = replace(search, rounds=_ROUNDS, hasty=True, extra=_EXTRA if max_error is None else 0, inner=executor), map
-    else:
-        search = replace(search, rounds=_MANY_ROUNDS)
+    if len(trials) == 1:  # one search spreads its own work
+        alone = replace(search, rounds=_ROUNDS, hasty=True, extra=_EXTRA if max_error is None else 0, inner=local(executor))
+        return _smallest([alone.run(trials[0])], 1, progress)
+    with sharing(executor, replace(search, rounds=_MANY_ROUNDS)) as whole:
+        return _smallest(whole.map(_run, trials), len(trials), progress)
+
+
+def _smallest(results: Iterable[_Found], count: int, progress: Callable[[int, int], None] | None) -> tuple[Frame, LatticeWalks] | None:
+    """Return the smallest of what searches found."""
     best: tuple[Frame, Outcome] | None = None
-    for done, (frame, outcome) in enumerate(run(search.run, trials), 1):
+    for done, (frame, outcome) in enumerate(results, 1):
         if outcome is not None and (best is None or outcome.cost < best[1].cost):
             best = frame, outcome
         if progress is not None:
-            progress(done, len(trials))
+            progress(done, count)
     return None if best is None else (best[0], best[1].walks)
 
 
@@ -194,13 +198,17 @@ def _excerpt(search: _Search) -> _Search:
     return search.excerpt(max(_EXCERPT * _EXCERPT_SLOTS // slots, _LEAST_EXCERPT)) if slots > _EXCERPT_SLOTS else excerpt
 
 
-def _choose_quanta(search: _Search, run: _Run) -> _Trial:
+def _run(search: _Search, trial: _Trial) -> _Found:
+    return search.run(trial)
+
+
+def _choose_quanta(search: Shared[_Search]) -> _Trial:
     """Walk downhill on the coded size from the usual quanta."""
     sizes: dict[_Trial, float] = {}
 
     def measure(trials: list[_Trial]) -> None:
         new = [trial for trial in trials if trial not in sizes]
-        for trial, (_, outcome) in zip(new, run(search.run, new), strict=True):
+        for trial, (_, outcome) in zip(new, search.map(_run, new), strict=True):
             sizes[trial] = _NEVER if outcome is None else outcome.cost
 
     best = _FIRST

@@ -14,6 +14,7 @@ from gpszip.mapping.maximum import mend
 from gpszip.mapping.rounds import Outcome, Plan, fit
 from gpszip.mapping.slots import lay_slots
 from gpszip.model import Executor, Frame, LatticeWalks, Track
+from gpszip.model.executor import local, sharing
 from gpszip.model.frame import MOST_HALVINGS, quantum
 
 __all__ = ["halvings", "learn_on"]
@@ -43,6 +44,7 @@ class _Search:
     target: float
     maximum: float | None
     rounds: int
+    inner: Executor | None = None
 
     def run(self, leader: float) -> Outcome | None:
         """Learn from one start."""
@@ -50,7 +52,12 @@ class _Search:
         limit = None if self.maximum is None else 0.999 * self.maximum / unit
         plan = Plan(target=0.9995 * self.target / unit, leader=leader, rounds=self.rounds, maximum=limit)
         slots, thin = (lay_slots(self.tracks, self.gaps, self.frame, sparse=sparse) for sparse in (False, True))
-        return fit(slots, len(self.tracks), plan, thin=thin if len(thin.cells) < THIN * len(slots.cells) else None, known=self.known)
+        sparse = thin if len(thin.cells) < THIN * len(slots.cells) else None
+        return fit(slots, len(self.tracks), plan, thin=sparse, known=self.known, executor=self.inner)
+
+
+def _run(search: _Search, leader: float) -> Outcome | None:
+    return search.run(leader)
 
 
 def halvings(frame: Frame, rmse: float | None, max_error: float | None) -> int:
@@ -108,11 +115,14 @@ def learn_on(
     if len(starts) > 1:
         search = replace(search, rounds=_MANY_ROUNDS)
     best: Outcome | None = None
-    for done, outcome in enumerate((map if executor is None else executor.map)(search.run, starts), 1):
-        if outcome is not None and (best is None or outcome.cost < best.cost):
-            best = outcome
-        if progress is not None:
-            progress(done, len(starts))
+    if len(starts) == 1:  # one start spreads its own work
+        search, executor = replace(search, inner=local(executor)), None
+    with sharing(executor, search) as shared:
+        for done, outcome in enumerate(shared.map(_run, starts), 1):
+            if outcome is not None and (best is None or outcome.cost < best.cost):
+                best = outcome
+            if progress is not None:
+                progress(done, len(starts))
     if best is None or max_error is None or not best.misses:
         return None if best is None else best.walks
     return _mended(search, best, max_error)

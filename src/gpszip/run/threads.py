@@ -10,11 +10,13 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from gpszip.errors import OptionError
+from gpszip.model.executor import Executor, Held, Shared
 
 __all__ = ["Threads"]
 
 T = TypeVar("T")
 R = TypeVar("R")
+V = TypeVar("V")
 
 
 @dataclass(frozen=True)
@@ -59,3 +61,11 @@ class Threads:
                 yield waiting.popleft().result()
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
+
+    def share(self, value: V, /) -> Shared[V]:
+        """Return the value where it is: threads see the same memory."""
+        return Held(self, value)
+
+    def local(self) -> Executor:
+        """Return itself."""
+        return self

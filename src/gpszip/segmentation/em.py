@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gpszip.errors import OptionError
 from gpszip.kernels.sums import Sums
 from gpszip.model import Executor, SegmentMean, Track
+from gpszip.model.executor import local
 from gpszip.segmentation import estep
 from gpszip.segmentation.bottom_up import bottom_up, relaxed
 from gpszip.segmentation.clustering import k_means, ward
@@ -135,6 +136,7 @@ def _labels(sums: Sums, boundaries: NDArray[np.int64], m: int, rng: np.random.Ge
 
 
 def _round(sums: Sums, expectation: str, shortest: int, executor: Executor | None) -> _Round:
+    executor = None if executor is None else local(executor)
     steps: dict[str, _Round] = {
         "odd-even": partial(estep.odd_even, sums, shortest=shortest, executor=executor),
         "linear": partial(estep.linear, sums, shortest=shortest),

@@ -16,10 +16,14 @@ import numpy as np
 
 from gpszip.errors import OptionError
 from gpszip.model import Executor, SegmentMean, Track
+from gpszip.model.executor import Shared, sharing
 from gpszip.segmentation.em import segment_mean
 from gpszip.segmentation.memo import Memo, digest
 
 __all__ = ["Parameters", "elbow", "find_parameters"]
+
+#: The track, and the options of all segment means.
+_Given = tuple[Track, dict[str, Any]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +90,7 @@ def find_parameters(
     tried: dict[tuple[int, int], SegmentMean] = {}
 
     def costs_of(pairs: list[tuple[int, int]]) -> list[float]:
-        _solve(track, pairs, tried, key, memo, executor, options)
+        _solve(shared, pairs, tried, key, memo)
         return [tried[pair].cost for pair in pairs]
 
     def best_k(m: int) -> tuple[float, int]:
@@ -99,7 +103,8 @@ def find_parameters(
         found.update({m: best_k(m) for m in ms})
         return [found[m][0] for m in ms]
 
-    m = elbow(*m_range, best_costs)
+    with sharing(executor, (track, options)) as shared:
+        m = elbow(*m_range, best_costs)
     evaluated = tuple(sorted((k, m, mean.cost) for (k, m), mean in tried.items()))
     return Parameters(tried[found[m][1], m], evaluated)
 
@@ -115,13 +120,7 @@ def _check(track: Track, k_range: tuple[int, int], m_range: tuple[int, int]) -> 
 
 
 def _solve(
-    track: Track,
-    pairs: Iterable[tuple[int, int]],
-    tried: dict[tuple[int, int], SegmentMean],
-    key: str,
-    memo: Memo,
-    executor: Executor | None,
-    options: dict[str, Any],
+    shared: Shared[_Given], pairs: Iterable[tuple[int, int]], tried: dict[tuple[int, int], SegmentMean], key: str, memo: Memo
 ) -> None:
     """Solve the pairs that neither this search nor the memo knows, side by side."""
     for pair in pairs:
@@ -129,13 +128,13 @@ def _solve(
         if known is not None:
             tried[pair] = known
     missing = [pair for pair in dict.fromkeys(pairs) if pair not in tried]
-    run = map if executor is None else executor.map
-    for pair, mean in zip(missing, run(partial(_segment_mean, track, options), missing), strict=True):
+    for pair, mean in zip(missing, shared.map(_segment_mean, missing), strict=True):
         tried[pair] = mean
         memo.put(key, mean)
 
 
-def _segment_mean(track: Track, options: dict[str, Any], pair: tuple[int, int]) -> SegmentMean:
+def _segment_mean(given: _Given, pair: tuple[int, int]) -> SegmentMean:
+    track, options = given
     return segment_mean(track, *pair, **options)
 
 

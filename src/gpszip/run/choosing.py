@@ -1,0 +1,35 @@
+"""What the user gave as an executor, made one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from gpszip.errors import OptionError
+from gpszip.model.executor import Executor
+from gpszip.run.dask import Dask
+from gpszip.run.threads import Threads
+
+__all__ = ["executor_of"]
+
+
+def executor_of(given: Any) -> Executor:
+    """Return an executor: the one given, that of a ready ``distributed.Client``, or a thread for each core.
+
+    Raises
+    ------
+    OptionError
+        If it is nothing that work can run on.
+
+    Examples
+    --------
+    >>> executor_of(Threads(2))
+    Threads(workers=2)
+    """
+    if given is None:
+        return Threads()
+    if hasattr(given, "scatter") and hasattr(given, "submit"):
+        return Dask(given)
+    if not hasattr(given, "map") or hasattr(given, "submit"):
+        raise OptionError(f"{given!r} is no executor; give one of gpszip.run or a distributed.Client")
+    executor: Executor = given
+    return executor

@@ -1,0 +1,160 @@
+"""Work in further processes of this machine."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from functools import lru_cache, partial
+from multiprocessing.context import SpawnContext, SpawnProcess
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Generic, Self, TypeVar
+
+from gpszip.errors import OptionError, WorkerError
+from gpszip.model.executor import Executor, Shared
+from gpszip.run.in_order import in_order
+from gpszip.run.threads import Threads
+
+__all__ = ["Processes"]
+
+T = TypeVar("T")
+R = TypeVar("R")
+V = TypeVar("V")
+
+
+class Processes:
+    """Runs items in up to ``workers`` processes, which start at the first item and end with the ``with`` block.
+
+    At most twice as many items as workers are in work or waiting to be fetched. Functions must lie at the top of a module, and
+    a script that uses processes must have its ``if __name__ == "__main__":``. Run ``gpszip warm`` once before: else each
+    process compiles for itself.
+
+    Parameters
+    ----------
+    workers : int, default the number of cores
+        Processes, at least 1.
+
+    Raises
+    ------
+    OptionError
+        If there is no worker.
+    WorkerError
+        From ``map``, if a process is killed or ends by itself.
+
+    Examples
+    --------
+    >>> with Processes(1) as executor:
+    ...     list(executor.map(abs, [-2, 1, -3]))
+    [2, 1, 3]
+    """
+
+    def __init__(self, workers: int | None = None) -> None:
+        self.workers = (os.cpu_count() or 1) if workers is None else workers
+        if self.workers < 1:
+            raise OptionError(f"{self.workers} processes can't do any work; choose 1 or more")
+        self._context = _Recorded()
+        self._pool: ProcessPoolExecutor | None = None
+
+    def __repr__(self) -> str:
+        return f"Processes(workers={self.workers})"
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        """End the processes, at once where an error leads out."""
+        self.close(at_once=error is not None)
+
+    def close(self, *, at_once: bool = False) -> None:
+        """End the processes, after what they work on, or at once."""
+        if self._pool is None:
+            return
+        if at_once:
+            for process in self._context.started:
+                process.terminate()
+        self._pool.shutdown(wait=True, cancel_futures=True)
+        self._pool = None
+        self._context.started.clear()
+
+    def map(self, function: Callable[[T], R], items: Iterable[T], /) -> Iterator[R]:
+        """Yield ``function(item)`` for each item, in the order of the items; an item's error is raised in its turn."""
+        if self._pool is None:
+            self._pool = ProcessPoolExecutor(self.workers, mp_context=self._context, initializer=_be_deaf)
+        pool = self._pool
+        try:
+            yield from in_order(lambda item: pool.submit(function, item), items, 2 * self.workers)
+        except BrokenProcessPool as error:
+            self.close(at_once=True)
+            raise WorkerError("a process was killed or ran out of memory; try again with fewer workers") from error
+        except KeyboardInterrupt:
+            self.close(at_once=True)
+            raise
+
+    def share(self, value: V, /) -> Shared[V]:
+        """Write the value to a file that each process reads once."""
+        return _Filed(self, value)
+
+    def local(self) -> Executor:
+        """Return as many threads of this process."""
+        return Threads(self.workers)
+
+
+class _Filed(Generic[V]):
+    """A value in a file of its own."""
+
+    def __init__(self, executor: Processes, value: V) -> None:
+        self._executor = executor
+        handle, name = tempfile.mkstemp(prefix="gpszip-", suffix=".shared")
+        self._path = Path(name)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                pickle.dump(value, file, protocol=pickle.HIGHEST_PROTOCOL)
+        except BaseException:
+            self._path.unlink()
+            raise
+
+    def map(self, function: Callable[[V, T], R], items: Iterable[T], /) -> Iterator[R]:
+        """Yield ``function(value, item)`` for each item, in the order of the items."""
+        return self._executor.map(partial(_with_filed, function, str(self._path)), items)
+
+    def __enter__(self) -> Self:
+        """Return itself."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        """Remove the file."""
+        self._path.unlink(missing_ok=True)
+
+
+class _Recorded(SpawnContext):
+    """Starts fresh processes and knows them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.started: list[SpawnProcess] = []
+
+    def Process(self, *arguments: Any, **options: Any) -> SpawnProcess:  # type: ignore[override]  # noqa: N802
+        process = SpawnProcess(*arguments, **options)
+        self.started.append(process)
+        return process
+
+
+def _be_deaf() -> None:
+    """Leave the answer to Ctrl-C to the process that started this one."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+@lru_cache(maxsize=2)
+def _filed(path: str) -> Any:
+    with Path(path).open("rb") as file:
+        return pickle.load(file)
+
+
+def _with_filed(function: Callable[[Any, T], R], path: str, item: T) -> R:
+    return function(_filed(path), item)

@@ -1,0 +1,109 @@
+import os
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from gpszip import pipeline
+from gpszip.errors import BoundError, OptionError, WorkerError
+from gpszip.model import Options
+from gpszip.model.executor import sharing, united
+from gpszip.run import Dask, Processes, Serial, Threads, executor_of
+from gpszip.run.dask import connect
+from gpszip.testing import patrol
+from oracle.chores import die, fail, halved, identity_of, joined, scaled
+
+distributed = pytest.importorskip("distributed")
+
+pytestmark = pytest.mark.filterwarnings("default")
+
+
+@pytest.fixture(scope="module")
+def client():
+    with (
+        distributed.LocalCluster(n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None, memory_limit=0) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        yield client
+
+
+def test_results_come_in_order_from_the_workers(client):
+    executor = Dask(client)
+    assert list(executor.map(halved, iter(range(40)))) == [x / 2 for x in range(40)]
+    with executor.share([1, 2, 3]) as shared:
+        assert list(shared.map(scaled, range(9))) == [0, 2, 6, 3, 8, 15, 6, 14, 24]
+        assert {process for process, _ in shared.map(identity_of, range(12))} <= set(client.run(os.getpid).values())
+
+
+def test_errors_come_back_as_ours(client):
+    with pytest.raises(BoundError, match="too tight"):
+        list(Dask(client).map(fail, [0]))
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 8])
+def test_values_are_united_in_the_same_tree_everywhere(client, count):
+    words = list("abcdefgh"[:count])
+    assert united(Dask(client), joined, words) == united(None, joined, words) == united(Threads(2), joined, words)
+
+
+def test_a_client_is_taken_for_its_cluster(client):
+    assert isinstance(executor_of(client), Dask)
+    assert isinstance(executor_of(None), Threads)
+    with pytest.raises(OptionError, match="no executor"):
+        executor_of(3)
+
+
+def test_a_worker_killed_midway_does_not_change_the_result(client):
+    executor = Dask(client)
+    with executor.share(np.arange(100_000)) as shared:
+        first = next(iter(client.run(os.getpid).values()))
+        killer = threading.Timer(0.3, os.kill, (first, signal.SIGKILL))
+        killer.start()
+
+        def slow(values, item):
+            time.sleep(0.05)
+            return int(values[item] + item)
+
+        assert list(shared.map(slow, range(60))) == [2 * x for x in range(60)]
+        killer.join()
+    client.wait_for_workers(3, timeout=30)
+    assert first not in client.run(os.getpid).values()
+
+
+def test_work_that_kills_every_worker_is_told(client):
+    with pytest.raises(WorkerError, match="too little memory"):
+        list(Dask(client).map(die, [3]))
+    client.wait_for_workers(3, timeout=30)
+
+
+def test_an_archive_is_the_same_on_every_engine(client):
+    track = patrol(1500, seed=5)
+    options = Options(rmse=0.3, effort=3)
+    expected = pipeline.compress(track, options, executor=Serial())[0].to_bytes()
+    with Processes(2) as processes:
+        for executor in (Threads(1), Threads(2), Threads(3), processes, client):
+            assert pipeline.compress(track, options, executor=executor)[0].to_bytes() == expected
+        parameters = [pipeline.segment_mean(track, m=4, executor=executor) for executor in (None, Threads(3), processes, client)]
+    assert len({mean.cost for mean in parameters}) == 1
+    assert len({mean.boundaries.tobytes() for mean in parameters}) == 1
+
+
+def test_executors_that_only_map_are_enough():
+    class Backwards:
+        def map(self, function, items):
+            items = list(items)
+            return iter([function(item) for item in items[::-1]][::-1])
+
+    with sharing(Backwards(), 5) as shared:
+        assert list(shared.map(pow, [1, 2])) == [5, 25]
+    track = patrol(600, seed=5)
+    archives = [pipeline.compress(track, Options(rmse=0.3, effort=2), executor=executor)[0] for executor in (Backwards(), Serial())]
+    assert archives[0].to_bytes() == archives[1].to_bytes()
+
+
+def test_a_scheduler_that_does_not_answer_is_named(monkeypatch):
+    monkeypatch.setattr("gpszip.run.dask._PATIENCE", 1)
+    with pytest.raises(WorkerError, match="no scheduler answers"):
+        connect("tcp://127.0.0.1:9")
