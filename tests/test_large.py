@@ -1,8 +1,10 @@
 """Logs larger than memory: the same promises, whoever works and however the log is spread over files."""
 
+import pickle
 import subprocess
 import sys
 import textwrap
+from functools import partial
 
 import numpy as np
 import pyarrow as pa
@@ -64,6 +66,22 @@ def test_the_same_bytes_whoever_works(folder):
     assert one.to_bytes() == two.to_bytes()
 
 
+def test_what_batches_are_given_can_be_sent_to_other_processes(folder):
+    class Elsewhere:
+        """Sends batches through bytes, as an executor of processes does."""
+
+        def map(self, function, items):
+            for item in items:
+                batch = isinstance(function, partial)
+                there, work = pickle.loads(pickle.dumps((function, item))) if batch else (function, item)
+                yield pickle.loads(pickle.dumps(there(work))) if batch else there(work)
+
+    here, there = (
+        large.compress_large(folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=x)[0] for x in (Serial(), Elsewhere())
+    )
+    assert here.to_bytes() == there.to_bytes()
+
+
 def test_degrees_and_gaps(tmp_path):
     rows = ["id,time,lat,lon"]
     for name, (times, degrees) in city(vehicles=3, period=10.0, duration=9000.0, blocks=3).items():
@@ -122,7 +140,7 @@ def test_memory_is_kept(tmp_path):
         import numpy as np, pyarrow as pa, pyarrow.parquet as pq
         from gpszip import large
         from gpszip.model import Options
-        n = 400_000; noise = np.random.default_rng(1).normal(0, 0.5, (2, n))
+        n = 200_000; noise = np.random.default_rng(1).normal(0, 0.5, (2, n))
         with pq.ParquetWriter(sys.argv[1], pa.schema([("t", pa.float64()), ("x", pa.float64()), ("y", pa.float64())])) as file:
             for a in range(0, n, 50_000):
                 t = np.arange(a, a + 50_000) / 10

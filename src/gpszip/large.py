@@ -321,17 +321,19 @@ def _measured(ground: _Ground, archive: Archive, batches: Sequence[Sequence[Stre
     """Decode the archive's bytes and compare them with every sample, batch by batch."""
     read_back = open_archive(archive.to_bytes())
     walks, nodes = read_back.walks, read_back.road_map.nodes
-
-    def one(batch: Sequence[Stretch]) -> Fit:
-        tracks = [ground.log.read(ground.log.tracks[part.track], part.begin, part.end) for part in batch]
-        return fit(tracks, [walks[part.track] for part in batch], nodes)
-
+    measure = partial(_measured_batch, ground.log, nodes)
+    work = ((batch, [walks[part.track] for part in batch]) for batch in batches)
     points, squares, worst, uncovered = 0, 0.0, 0.0, 0
-    for number, found in enumerate(executor.map(one, batches), 1):
+    for number, found in enumerate(executor.map(measure, work), 1):
         points, uncovered, worst = points + found.points, uncovered + found.uncovered, max(worst, found.max_error)
         squares += found.rmse**2 * (found.points - found.uncovered)
         tell(Progress("measure", number / len(batches)))
     return Fit(math.sqrt(squares / max(points - uncovered, 1)), worst, points, uncovered)
+
+
+def _measured_batch(log: StoredLog, nodes: NDArray[np.float64], work: tuple[Sequence[Stretch], Sequence[Walk]]) -> Fit:
+    stretches, walks = work
+    return fit([log.read(log.tracks[part.track], part.begin, part.end) for part in stretches], walks, nodes)
 
 
 def _excess(found: Fit, options: Options) -> float:
