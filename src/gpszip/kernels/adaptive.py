@@ -188,6 +188,42 @@ def _prepare(
 
 
 @jit
+def _find(
+    at: int,
+    low: int,
+    high: int,
+    kinds: NDArray[np.int64],
+    centers: NDArray[np.int64],
+    scales: NDArray[np.int64],
+    count: int,
+    weights: NDArray[np.int64],
+    bases: NDArray[np.int64],
+    cumulative: NDArray[np.int64],
+) -> int:
+    """Find the largest value that what the mixture puts below is at most ``at``: near zero first, where most lie."""
+    first, last = low, high
+    middle, step = min(max(low + 8, np.int64(0)), (low + high) >> 1), np.int64(8)
+    galloping = True
+    while last - first > 1:
+        start = middle - low
+        for i in range(count):
+            start += weights[i] * _share(middle, i, kinds, centers, scales, low, bases, cumulative)
+        if start <= at:
+            first = middle
+            galloping = galloping and last == high
+            middle += step
+        else:
+            last = middle
+            galloping = galloping and first == low
+            middle -= step
+        if not galloping or middle <= first or middle >= last:
+            galloping = False
+            middle = (first + last) >> 1
+        step *= 4
+    return first
+
+
+@jit
 def code_mixture(
     coder: Coder,
     value: int,
@@ -223,18 +259,7 @@ def code_mixture(
         sum_weights += weights[i]
     total = (sum_weights << _UNIT) + (high - low)
     if coder.cursor[1] == 1:
-        at = target(coder, total)
-        first, last = low, high
-        while last - first > 1:
-            middle = (first + last) >> 1
-            start = middle - low
-            for i in range(count):
-                start += weights[i] * _share(middle, i, kinds, centers, scales, low, bases, cumulative)
-            if start <= at:
-                first = middle
-            else:
-                last = middle
-        value = first
+        value = _find(target(coder, total), low, high, kinds, centers, scales, count, weights, bases, cumulative)
     start = np.int64(value - low)
     width = np.int64(1)
     chances = np.empty(count, np.int64)

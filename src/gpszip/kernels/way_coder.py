@@ -164,10 +164,11 @@ def _classify(model: WalkModel, u: int, before: int, layer: int, classes: NDArra
         while octave < OCTAVES - 1 and square >= bound:
             bound *= 2
             octave += 1
-        kind = _bearing(model.places, before, u, w)
         if layer == ON_GAP:
             rests = model.rests[w]
             kind = 3 if rests > 3 else min(rests, 2)
+        else:
+            kind = _bearing(model.places, before, u, w)
         classes[i] = octave * 8 + kind
 
 
