@@ -62,11 +62,13 @@ class Work(NamedTuple):
     """Room for one search at a time, as large as the graph.
 
     ``state`` holds the number of the search and the size of its heap; what belongs to a directed road is of this search if ``stamps``
-    says so. ``targets`` is the first candidate on a directed road, -1 for none, also between searches.
+    says so. ``keys`` are prices with what is at least missing to the goal; ``slots`` the place in the heap, -1 for what has left it.
+    ``targets`` is the first candidate on a directed road, -1 for none, also between searches.
     """
 
     state: NDArray[np.int64]
     stamps: NDArray[np.int64]
+    keys: NDArray[np.float64]
     price: NDArray[np.float64]
     metres: NDArray[np.float64]
     parents: NDArray[np.int32]

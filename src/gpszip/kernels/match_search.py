@@ -1,9 +1,11 @@
-"""Bounded search for ways over directed roads, with prices for turns.
+"""Bounded search for ways over directed roads towards a goal, with prices for turns.
 
 A label of the search belongs to the beginning of a directed road: the metres to it, and their price, which is metres and turns.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,14 +30,14 @@ def _turn_price(a: int, b: int, graph: Graph, model: Model) -> float:
 
 @jit
 def _sift_up(work: Work, slot: int) -> None:
-    heap, slots, price = work.heap, work.slots, work.price
+    heap, slots, keys = work.heap, work.slots, work.keys
     item = heap[slot]
-    key = price[item]
+    key = keys[item]
     i = slot
     while i > 0:
         parent = (i - 1) // 2
         other = heap[parent]
-        if price[other] < key or (price[other] == key and other <= item):
+        if keys[other] < key or (keys[other] == key and other <= item):
             break
         heap[i] = other
         slots[other] = i
@@ -46,18 +48,18 @@ def _sift_up(work: Work, slot: int) -> None:
 
 @jit
 def _sift_down(work: Work, size: int) -> None:
-    heap, slots, price = work.heap, work.slots, work.price
+    heap, slots, keys = work.heap, work.slots, work.keys
     item = heap[0]
-    key = price[item]
+    key = keys[item]
     i = 0
     while 2 * i + 1 < size:
         child = 2 * i + 1
         if child + 1 < size:
             left, right = heap[child], heap[child + 1]
-            if price[right] < price[left] or (price[right] == price[left] and right < left):
+            if keys[right] < keys[left] or (keys[right] == keys[left] and right < left):
                 child += 1
         other = heap[child]
-        if key < price[other] or (key == price[other] and item <= other):
+        if key < keys[other] or (key == keys[other] and item <= other):
             break
         heap[i] = other
         slots[other] = i
@@ -72,21 +74,22 @@ def _relax(
 ) -> None:
     """Offer the way to the end of a directed road to all that leave from there, unless the goal is out of bound from there."""
     node = graph.heads[road]
-    left = bound - price + near
     square = 0.0
     for axis in range(len(goal)):
         square += (graph.nodes[node, axis] - goal[axis]) ** 2
-    if left < 0.0 or square > left * left:
+    missing = max(math.sqrt(square) - near, 0.0)
+    if price + missing > bound:
         return
     for i in range(graph.begins[node], graph.begins[node + 1]):
         out = graph.outs[i]
-        key = price + _turn_price(road, out, graph, model)
-        if key > bound:
+        here = price + _turn_price(road, out, graph, model)
+        if here + missing > bound:
             continue
         new = work.stamps[out] != work.state[0]
-        if not new and not key < work.price[out]:
+        if not new and (work.slots[out] < 0 or not here < work.price[out]):
             continue
-        work.stamps[out], work.price[out], work.metres[out], work.parents[out] = work.state[0], key, metres, road
+        work.stamps[out], work.price[out], work.metres[out], work.parents[out] = work.state[0], here, metres, road
+        work.keys[out] = here + missing
         if new:
             work.slots[out] = work.state[1]
             work.state[1] += 1
@@ -109,12 +112,13 @@ def begin_search(
 
 @jit
 def next_settled(bound: float, goal: NDArray[np.float64], near: float, graph: Graph, model: Model, work: Work) -> int:
-    """Directed road whose beginning is reached next at the least price, or -1 if none is within the bound."""
+    """Directed road whose beginning, and then the goal, is reached next at the least price; -1 if none is within the bound."""
     if work.state[1] == 0:
         return -1
     road = work.heap[0]
-    if work.price[road] > bound:
+    if work.keys[road] > bound:
         return -1
+    work.slots[road] = -1
     work.state[1] -= 1
     if work.state[1] > 0:
         work.heap[0] = work.heap[work.state[1]]

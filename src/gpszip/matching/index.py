@@ -49,7 +49,8 @@ def workspace(index: RoadIndex) -> Work:
     size = len(index.graph.open)
     parents, slots, heap = (np.zeros(size, np.int32) for _ in range(3))
     state, stamps, targets = np.zeros(2, np.int64), np.zeros(size, np.int64), np.full(size, -1, np.int32)
-    return Work(state, stamps, np.zeros(size), np.zeros(size), parents, slots, heap, targets)
+    keys, price, metres = (np.zeros(size) for _ in range(3))
+    return Work(state, stamps, keys, price, metres, parents, slots, heap, targets)
 
 
 def index_network(network: Network, dimension: int | None = None) -> RoadIndex:
