@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gpszip.coding.walks import encode
 from gpszip.errors import OptionError
 from gpszip.mapping.maximum import mend
+from gpszip.mapping.polishing import WORK_OF_EFFORT, best_outcomes, polish
 from gpszip.mapping.rounds import Outcome, Plan, fit
 from gpszip.mapping.slots import lay_slots
 from gpszip.model import Executor, Frame, LatticeWalks, Track
@@ -111,21 +112,35 @@ def learn(
     with sharing(executor, _excerpt(search)) as excerpt:
         chosen = _choose_quanta(excerpt)
     trials = _starts(chosen, effort, search.count_slots(chosen))
+    search = replace(search, work=WORK_OF_EFFORT[effort - 1])
     if len(trials) == 1:  # one search spreads its own work
         alone = replace(search, rounds=_ROUNDS, hasty=True, extra=_EXTRA if max_error is None else 0, inner=local(executor))
-        return _smallest([alone.run(trials[0])], 1, progress)
+        found = _found([alone.run(trials[0])], 1, progress)
+        return _smallest(alone.polish(one) for one in _finalists(found, effort))
     with sharing(executor, replace(search, rounds=_MANY_ROUNDS)) as whole:
-        return _smallest(whole.map(_run, trials), len(trials), progress)
+        found = _found(whole.map(_run, trials), len(trials), progress)
+        return _smallest(whole.map(_polish, _finalists(found, effort)))
 
 
-def _smallest(results: Iterable[_Found], count: int, progress: Callable[[int, int], None] | None) -> tuple[Frame, LatticeWalks] | None:
-    """Return the smallest of what searches found."""
-    best: tuple[Frame, Outcome] | None = None
+def _found(results: Iterable[_Found], count: int, progress: Callable[[int, int], None] | None) -> list[tuple[Frame, Outcome]]:
+    """Return what searches found, telling how far they are."""
+    found: list[tuple[Frame, Outcome]] = []
     for done, (frame, outcome) in enumerate(results, 1):
-        if outcome is not None and (best is None or outcome.cost < best[1].cost):
-            best = frame, outcome
+        if outcome is not None:
+            found.append((frame, outcome))
         if progress is not None:
             progress(done, count)
+    return found
+
+
+def _finalists(found: list[tuple[Frame, Outcome]], effort: int) -> list[tuple[Frame, Outcome]]:
+    """Return the outcomes that are to be polished."""
+    frames = {id(outcome): frame for frame, outcome in found}
+    return [(frames[id(outcome)], outcome) for outcome in best_outcomes((outcome for _, outcome in found), effort)]
+
+
+def _smallest(found: Iterable[tuple[Frame, Outcome]]) -> tuple[Frame, LatticeWalks] | None:
+    best = min(found, key=lambda one: one[1].cost, default=None)
     return None if best is None else (best[0], best[1].walks)
 
 
@@ -142,6 +157,7 @@ class _Search:
     hasty: bool = False
     extra: int = 0
     inner: Executor | None = None
+    work: int = 0
 
     @property
     def samples(self) -> int:
@@ -172,6 +188,14 @@ class _Search:
             return frame, None
         return mended[0], replace(outcome, walks=mended[1], size=len(encode(mended[1])), misses=0)
 
+    def polish(self, found: tuple[Frame, Outcome]) -> tuple[Frame, Outcome]:
+        """What becomes of an outcome by single changes."""
+        frame, outcome = found
+        unit = quantum(frame.space)
+        maximum = None if self.max_error is None else (1 - 1e-6) * self.max_error / unit
+        slots = lay_slots(self.tracks, self.gaps, frame)
+        return frame, polish(slots, outcome, target=self.rmse / unit, maximum=maximum, work=self.work)
+
     def count_slots(self, trial: _Trial) -> int:
         return len(lay_slots(self.tracks, self.gaps, self.frame(trial)).cells)
 
@@ -200,6 +224,10 @@ def _excerpt(search: _Search) -> _Search:
 
 def _run(search: _Search, trial: _Trial) -> _Found:
     return search.run(trial)
+
+
+def _polish(search: _Search, found: tuple[Frame, Outcome]) -> tuple[Frame, Outcome]:
+    return search.polish(found)
 
 
 def _choose_quanta(search: Shared[_Search]) -> _Trial:

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.coding.past import Past
+from gpszip.coding.walks import encode
 from gpszip.mapping.connected import THIN
 from gpszip.mapping.maximum import mend
+from gpszip.mapping.polishing import WORK_OF_EFFORT, best_outcomes, polish
 from gpszip.mapping.rounds import Outcome, Plan, fit
 from gpszip.mapping.slots import lay_slots
 from gpszip.model import Executor, Frame, LatticeWalks, Track
@@ -25,8 +27,12 @@ _COARSEST = 2.4
 #: The mean error with which the walks for a maximum begin, as a share of it.
 _RMSE_OF_MAXIMUM = 0.4
 
-#: Radii, in targets, within which first knots take a known node or each other, in the order in which they are tried.
-_LEADERS = (1.2, 2.0, 0.0, 0.7)
+#: Starts in the order in which they are tried: the radius, in targets, within which first knots take a known node or each other, and the
+#: knots of a window.
+_STARTS = tuple((leader, window) for window in (24, 12, 40) for leader in (1.2, 2.0, 0.0, 0.7))
+
+#: The most starts at each effort.
+_MOST_STARTS = (1, 3, 4, 4, 8, 8, 12, 12, 12)
 
 #: Slots that all starts may take together at each effort, and their most.
 _BUDGET = (0, 30_000, 60_000, 90_000, 120_000, 250_000, 500_000, 1_000_000, 2_000_000)
@@ -45,19 +51,37 @@ class _Search:
     maximum: float | None
     rounds: int
     inner: Executor | None = None
+    work: int = 0
 
-    def run(self, leader: float) -> Outcome | None:
+    def run(self, start: tuple[float, int]) -> Outcome | None:
         """Learn from one start."""
         unit = quantum(self.frame.space)
         limit = None if self.maximum is None else 0.999 * self.maximum / unit
-        plan = Plan(target=0.9995 * self.target / unit, leader=leader, rounds=self.rounds, maximum=limit)
+        plan = Plan(target=0.9995 * self.target / unit, leader=start[0], window=start[1], rounds=self.rounds, maximum=limit)
         slots, thin = (lay_slots(self.tracks, self.gaps, self.frame, sparse=sparse) for sparse in (False, True))
         sparse = thin if len(thin.cells) < THIN * len(slots.cells) else None
         return fit(slots, len(self.tracks), plan, thin=sparse, known=self.known, executor=self.inner)
 
+    def polish(self, outcome: Outcome) -> Outcome | None:
+        """What becomes of an outcome by mending and single changes; None if it can't be mended."""
+        unit, maximum = quantum(self.frame.space), None
+        if self.maximum is not None:
+            maximum = (1 - 1e-6) * self.maximum / unit
+            if outcome.misses:
+                mended = mend(self.tracks, self.frame, outcome.walks, self.maximum, known=self.known.nodes)
+                if mended is None:
+                    return None
+                outcome = replace(outcome, walks=mended[1], size=len(encode(mended[1], self.known)), misses=0)
+        slots = lay_slots(self.tracks, self.gaps, self.frame)
+        return polish(slots, outcome, target=self.target / unit, maximum=maximum, known=self.known, work=self.work)
 
-def _run(search: _Search, leader: float) -> Outcome | None:
-    return search.run(leader)
+
+def _run(search: _Search, start: tuple[float, int]) -> Outcome | None:
+    return search.run(start)
+
+
+def _polish(search: _Search, outcome: Outcome) -> Outcome | None:
+    return search.polish(outcome)
 
 
 def halvings(frame: Frame, rmse: float | None, max_error: float | None) -> int:
@@ -111,24 +135,18 @@ def learn_on(
     target = _RMSE_OF_MAXIMUM * max_error if max_error is not None else rmse or 0.0
     search = _Search(tuple(tracks), tuple(gaps), frame, known, target, max_error, _ROUNDS)
     slots = len(lay_slots(tracks, gaps, frame).cells)
-    starts = _LEADERS[: max(1, min(len(_LEADERS), _BUDGET[effort - 1] // slots))]
+    starts = _STARTS[: max(1, min(_MOST_STARTS[effort - 1], _BUDGET[effort - 1] // slots))]
     if len(starts) > 1:
         search = replace(search, rounds=_MANY_ROUNDS)
-    best: Outcome | None = None
+    search = replace(search, work=WORK_OF_EFFORT[effort - 1])
     if len(starts) == 1:  # one start spreads its own work
         search, executor = replace(search, inner=local(executor)), None
+    found: list[Outcome] = []
     with sharing(executor, search) as shared:
         for done, outcome in enumerate(shared.map(_run, starts), 1):
-            if outcome is not None and (best is None or outcome.cost < best.cost):
-                best = outcome
+            if outcome is not None:
+                found.append(outcome)
             if progress is not None:
                 progress(done, len(starts))
-    if best is None or max_error is None or not best.misses:
-        return None if best is None else best.walks
-    return _mended(search, best, max_error)
-
-
-def _mended(search: _Search, outcome: Outcome, max_error: float) -> LatticeWalks | None:
-    """What becomes of walks of which a few parts miss the maximum, on the very same lattice."""
-    found = mend(search.tracks, search.frame, outcome.walks, max_error, known=search.known.nodes)
-    return None if found is None else found[1]
+        polished = [outcome for outcome in shared.map(_polish, best_outcomes(found, effort)) if outcome is not None]
+    return min(polished, key=lambda outcome: outcome.size).walks if polished else None

@@ -31,8 +31,8 @@ from gpszip.model import LatticeWalks
 
 __all__ = ["WORK_OF_EFFORT", "best_outcomes", "polish"]
 
-#: Knots that may be coded for one outcome, at each effort; a million take about 4 s.
-WORK_OF_EFFORT = (0, 50_000, 100_000, 200_000, 400_000, 800_000, 1_600_000, 3_200_000, 6_400_000)
+#: Knots that may be coded for one outcome, at each effort; a million take about 6 s.
+WORK_OF_EFFORT = (0, 40_000, 80_000, 150_000, 300_000, 600_000, 1_200_000, 2_500_000, 5_000_000)
 
 #: Knots coded, for each of the walks, until nothing is left to do; outcomes polished at least and at most.
 _WORK_PER_KNOT, _FEWEST, _MOST = 1600, 2, 8
