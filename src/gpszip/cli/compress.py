@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpszip.cli.engine import engine_options, running
 from gpszip.cli.options import Settings, common, force, output
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
@@ -57,6 +58,7 @@ _BOUNDS = {"rmse": "--rmse", "max_error": "--max-error", "size": "--bytes", "rat
 @click.option("--keep", metavar="COLUMNS", help="Further columns to keep exactly, such as ele,speed, with the times of the points.")
 @click.option("--keep-times", is_flag=True, help="Keep the times of the points exactly.")
 @click.option("--format", metavar="FORMAT", help="Format of the logs, csv, gpx, geojson or parquet; found from the content where left out.")
+@engine_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @force
 @common
@@ -81,12 +83,13 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
     from gpszip.cli.progress import progress
     from gpszip.cli.summary import show_summary
 
-    with progress(quiet=quiet or settings.json) as listener:
+    with progress(quiet=quiet or settings.json) as listener, running(*_engine(choices)) as executor:
         reading = pipeline.read(logs, **_reading(choices))
+        where: dict[str, Any] = {"executor": executor, "progress": listener}
         if before is not None:
-            archive, report = append(before, reading.tracks, options, progress=listener)
+            archive, report = append(before, reading.tracks, options, **where)
         else:
-            archive, report = pipeline.compress(reading.tracks, options, bytes_in=reading.bytes, map=there, progress=listener)
+            archive, report = pipeline.compress(reading.tracks, options, bytes_in=reading.bytes, map=there, **where)
     if there is not None and choices["update_map"]:
         write_archive(choices["update_map"], grown_map(there, archive, report.gap), force=force)
     write_archive(target, archive, force=force or before is not None)
@@ -116,14 +119,23 @@ def _in_batches(
         if choices[name]:
             raise OptionError(f"{option} needs the whole log at once, which is larger than --memory; allow more, or leave it out")
     names = ("format", "columns", "time_unit", "sort", "skip_bad")
-    with progress(quiet=quiet or settings.json) as listener:
+    with progress(quiet=quiet or settings.json) as listener, running(*_engine(choices)) as executor:
         archive, report, reading = compress_large(
-            logs, options, memory=int(choices["memory"]), progress=listener, **{name: choices[name] for name in names}
+            logs,
+            options,
+            memory=int(choices["memory"]),
+            executor=executor.local(),
+            progress=listener,
+            **{name: choices[name] for name in names},
         )
     write_archive(target, archive, force=force)
     if settings.json or not quiet:
         show_summary(target, reading, report, as_json=settings.json)
     return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+
+
+def _engine(choices: dict[str, Any]) -> tuple[int | None, str | None, str | None]:
+    return choices["workers"], choices["engine"], choices["scheduler"]
 
 
 def _archive_to_grow(target: str, choices: dict[str, Any]) -> Archive | None:

@@ -12,6 +12,7 @@ from typing import Any, BinaryIO
 import pyarrow as pa
 
 from gpszip.errors import InputError
+from gpszip.io.remote import fetch, is_remote
 
 __all__ = ["Source", "expand"]
 
@@ -111,7 +112,7 @@ def expand(sources: Iterable[str | Path | BinaryIO] | str | Path | BinaryIO) -> 
     ----------
     sources : str, Path, binary stream, or iterable of these
         ``-`` is standard input. A name with ``*``, ``?`` or ``[`` that is no file is a pattern; it stands for the
-        files it matches, in the order of their names.
+        files it matches, in the order of their names. URLs such as ``s3://bucket/logs/*.parquet`` are fetched.
 
     Yields
     ------
@@ -124,6 +125,9 @@ def expand(sources: Iterable[str | Path | BinaryIO] | str | Path | BinaryIO) -> 
             yield _stream(item)
         elif str(item) == "-":
             yield Source("standard input", data=sys.stdin.buffer.read())
+        elif is_remote(str(item)):
+            for found in fetch(str(item)):
+                yield found if isinstance(found, InputError) else Source(found[0], data=found[1])
         else:
             for name in _names(str(item)):
                 yield from _files(name)
