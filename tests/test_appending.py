@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gpszip
-from gpszip.appending import append, grown_map
+from gpszip.pipeline.appending import append, grown_map
 from gpszip.errors import BoundError, OptionError
 from gpszip.model import Options, Track
 from gpszip.pipeline import compress

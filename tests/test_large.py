@@ -138,7 +138,7 @@ def test_memory_is_kept(tmp_path):
         """
         import resource, sys
         import numpy as np, pyarrow as pa, pyarrow.parquet as pq
-        from gpszip import large
+        from gpszip.pipeline import large
         from gpszip.model import Options
         n = 200_000; noise = np.random.default_rng(1).normal(0, 0.5, (2, n))
         with pq.ParquetWriter(sys.argv[1], pa.schema([("t", pa.float64()), ("x", pa.float64()), ("y", pa.float64())])) as file:

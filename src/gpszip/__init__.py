@@ -27,8 +27,8 @@ if TYPE_CHECKING:
         TrackError,
         UnknownFormatError,
     )
-    from gpszip.localising import Matcher
     from gpszip.model import RoadMap, SegmentMean, Track, Walk
+    from gpszip.pipeline.localising import Matcher
     from gpszip.sketches.coreset import Coreset
     from gpszip.sketches.stream import CoresetStream
 
@@ -84,7 +84,7 @@ _HOMES = {
         "segment_mean",
     ),
     "gpszip.archive": ("Archive",),
-    "gpszip.localising": ("Matcher",),
+    "gpszip.pipeline.localising": ("Matcher",),
     "gpszip.sketches.coreset": ("Coreset",),
     "gpszip.sketches.stream": ("CoresetStream",),
     "gpszip.model": ("RoadMap", "SegmentMean", "Track", "Walk"),

@@ -203,7 +203,7 @@ def append(
     >>> archive.tracks, len(archive.road_map.edges)
     (('monday', 'tuesday'), 2)
     """
-    from gpszip.appending import append as grow
+    from gpszip.pipeline.appending import append as grow
 
     there = archive if isinstance(archive, Archive) else open_archive(archive)
     return grow(there, tracks, Options(rmse, max_error, gap=gap, effort=effort), executor=executor, progress=progress)[0]

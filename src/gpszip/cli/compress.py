@@ -79,9 +79,9 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
     if choices["memory"] is not None and not _fits(logs, choices):
         return _in_batches(settings, logs, target, options, choices, force=force, quiet=quiet)
     from gpszip import pipeline
-    from gpszip.appending import append, grown_map
     from gpszip.cli.progress import progress
     from gpszip.cli.summary import show_summary
+    from gpszip.pipeline.appending import append, grown_map
 
     with progress(quiet=quiet or settings.json) as listener, running(*_engine(choices)) as executor:
         reading = pipeline.read(logs, **_reading(choices))
@@ -100,7 +100,7 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
 
 def _fits(logs: tuple[str, ...], choices: dict[str, Any]) -> bool:
     """Whether the logs are small enough for the memory given; standard input always is, as it can be read once only."""
-    from gpszip.large import fits
+    from gpszip.pipeline.large import fits
 
     return "-" in logs or fits(logs, int(choices["memory"]), format=choices["format"], columns=choices["columns"])
 
@@ -113,7 +113,7 @@ def _in_batches(
     from gpszip.cli.progress import progress
     from gpszip.cli.summary import show_summary
     from gpszip.errors import OptionError
-    from gpszip.large import compress_large
+    from gpszip.pipeline.large import compress_large
 
     for name, option in (("clean", "--clean"), ("split", "--split"), ("append", "--append"), ("map_name", "--map")):
         if choices[name]:

@@ -1,8 +1,4 @@
-"""The use cases, each composed of the rooms below: read, compress, decompress, segment_mean, warm.
-
-Nothing here prints. Whoever wants to see how far a long computation is passes a listener, and gets
-:class:`~gpszip.model.report.Progress` events.
-"""
+"""Compressing tracks: learn, write, read back and measure, until the bound is held."""
 
 from __future__ import annotations
 
@@ -13,44 +9,23 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from gpszip.archive import Archive, new_archive, open_archive, promising
 from gpszip.container.attributes import Kept, attributes_body
 from gpszip.container.contents import Section
 from gpszip.container.layout import Kind
 from gpszip.errors import BoundError, InputError, OptionError
-from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Network, Options, Plane, Progress, Report, SegmentMean, Track
+from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Options, Plane, Progress, Report, Track
 from gpszip.model.executor import local
 from gpszip.model.frame import refined_frame
 from gpszip.model.promise import Promise, promise_of
 
 if TYPE_CHECKING:
-    from gpszip.io.networks import NetworkReading
-    from gpszip.io.prepared import Prepared
     from gpszip.mapping.fitting import Fit
     from gpszip.mapping.size_search import Try
-    from gpszip.model.match import Matching
-    from gpszip.model.merge_options import MergeOptions
-    from gpszip.model.merge_report import MergeReport
-    from gpszip.model.patching import Patching
-    from gpszip.model.reading import Reading
 
-__all__ = [
-    "compress",
-    "decompress",
-    "excess",
-    "kept",
-    "laid_on",
-    "measure",
-    "merge",
-    "patch",
-    "prepare_network",
-    "read",
-    "read_network",
-    "segment_mean",
-    "warm",
-]
+__all__ = ["compress", "excess", "kept", "laid_on", "measure"]
 
 #: Share of the bound below which no target is tried.
 _LEAST_AIM = 0.1
@@ -66,10 +41,6 @@ _FARTHEST = 1e14
 
 #: A bound counts as held up to the rounding of its own measurement.
 _ROUNDING = 1e-9
-
-
-#: How far k and m are searched where the user leaves it open.
-_FEWEST_PARTS, _MOST_PARTS, _MOST_SEGMENTS = 10, 300, 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,71 +71,6 @@ class _Learned:
     frame: Frame
     lattice: LatticeWalks
     halvings: int = 0
-
-
-def read(sources: Any, **options: Any) -> Reading:
-    """Read logs; all that :func:`gpszip.io.reading.read_logs` takes."""
-    from gpszip.io.reading import read_logs
-
-    return read_logs(sources, **options)
-
-
-def read_network(source: Any, *, plane: Plane | None = None, near: Sequence[Track] | Track | None = None) -> NetworkReading:
-    """Read roads for a log: what :func:`gpszip.io.networks.read_network` takes, and archives, whose clean map is the network."""
-    from gpszip.io.networks import read_network_with_account
-
-    return read_network_with_account(_roads_of_archives(source), plane=plane, near=near)
-
-
-def prepare_network(sources: Any, *, metric: bool | None = None, directed: bool | None = None) -> Prepared:
-    """Read and join roads, to be written once and loaded in parts for many logs."""
-    from gpszip.io.networks import join_sources
-    from gpszip.io.prepared import Prepared
-
-    return Prepared(join_sources(_roads_of_archives(sources), metric=metric, directed=directed))
-
-
-def _roads_of_archives(source: Any) -> list[Any]:
-    """Sources of roads, with archives replaced by the ways of their maps."""
-    from gpszip.io.networks import is_archive
-
-    sources = list(source) if isinstance(source, (list, tuple)) else [source]
-    return [_roads_of(one, str(one)) if isinstance(one, Archive) or is_archive(one) else one for one in sources]
-
-
-def _roads_of(source: Any, name: str) -> Any:
-    from gpszip.io.road_map_lines import way_map_lines
-
-    archive = source if isinstance(source, Archive) else open_archive(source)
-    return way_map_lines(archive.clean_map(), "the archive" if source is archive else name)
-
-
-def match(
-    tracks: Sequence[Track] | Track,
-    network: Any,
-    *,
-    sigma: float | None = None,
-    beta: float | None = None,
-    gap: float | None = None,
-    progress: Listener | None = None,
-) -> Matching:
-    """Find the roads that tracks took; ``network`` is a :class:`~gpszip.model.Network` or what :func:`read_network` takes."""
-    from gpszip.matching import match as matching
-
-    def tell(done: float) -> None:
-        if progress is not None:
-            progress(Progress("match", done))
-
-    roads = network if isinstance(network, Network) else read_network(network, near=tracks).network
-    return matching.match(tracks, roads, sigma=sigma, beta=beta, gap=gap, progress=tell)
-
-
-def patch(tracks: Sequence[Track] | Track, network: Any, *, gap: float | None = None) -> Patching:
-    """Fill gaps with the likeliest way over roads; ``network`` is a :class:`~gpszip.model.Network` or what :func:`read_network` takes."""
-    from gpszip.matching import patching
-
-    roads = network if isinstance(network, Network) else read_network(network, near=tracks).network
-    return patching.patch(tracks, roads, gap=gap)
 
 
 def compress(
@@ -225,106 +131,6 @@ def compress(
     if not options.times:
         notes += ("times were left out after measuring: positions at a time can't be had from the archive",)
     return archive, _report(archive, fit, options, notes, gap, time.perf_counter() - start)
-
-
-def merge(
-    archives: Sequence[Archive],
-    options: MergeOptions | None = None,
-    *,
-    names: Sequence[str] | None = None,
-    executor: Executor | None = None,
-    progress: Listener | None = None,
-) -> tuple[Archive, MergeReport]:
-    """Unite archives on one map, without their logs (thesis, 2.4).
-
-    Parameters
-    ----------
-    archives : sequence of Archive
-        Two or more, all in degrees or all on one plane of x and y.
-    options : MergeOptions, optional
-        How far tracks may be moved, and what becomes of those of one name.
-    names : sequence of str, optional
-        What messages and prefixes call the archives; by default they are numbered from 1.
-    executor, progress : optional
-        As for :func:`compress`.
-
-    Returns
-    -------
-    Archive
-        With the tracks of all archives, in their order.
-    MergeReport
-        What was done; how far each archive's tracks were moved is measured on the bytes.
-
-    Raises
-    ------
-    OptionError
-        If archives don't go together.
-    BoundError
-        If tracks would be moved farther than they may.
-    """
-    from gpszip import union
-    from gpszip.model.merge_options import MergeOptions
-    from gpszip.run import executor_of
-
-    called = [str(number) for number in range(1, len(archives) + 1)] if names is None else names
-    return union.merge(archives, options or MergeOptions(), names=called, executor=executor_of(executor), progress=progress)
-
-
-def decompress(archive: Archive, *, every: float | None = None, at: ArrayLike | None = None) -> list[Track]:
-    """Give back the tracks of an archive.
-
-    Parameters
-    ----------
-    archive : Archive
-        With times.
-    every : float, optional
-        Sample at the whole multiples of so many seconds.
-    at : array_like, optional
-        Sample at these instants in seconds. Without any, the knots of the walks are given.
-    """
-    return archive.decompress() if every is None and at is None else archive.sample(every, at=at)
-
-
-def segment_mean(track: Track, k: int | None = None, m: int | None = None, *, executor: Executor | None = None) -> SegmentMean:
-    """Approximate a track by k parts on m segments; those left out are searched.
-
-    k is searched up to a tenth of the samples and 300, m up to k and 100.
-    """
-    from gpszip.run import executor_of
-    from gpszip.segmentation.em import segment_mean as with_both
-    from gpszip.segmentation.search import find_parameters
-
-    executor = None if executor is None else executor_of(executor)
-    if k is not None and m is not None:
-        return with_both(track, k, m, executor=executor)
-    most = max(m or 1, min(len(track), max(_FEWEST_PARTS, min(len(track) // 10, _MOST_PARTS))))
-    ks = (m or 1, most) if k is None else (k, k)
-    ms = (1, min(ks[1], _MOST_SEGMENTS)) if m is None else (m, m)
-    return find_parameters(track, ks, ms, executor=executor).mean
-
-
-def warm() -> None:
-    """Compile everything now, into the cache, so that the first log needn't wait."""
-    turn = np.linspace(0, 4 * math.pi, 120)
-    loop = np.stack((40 * np.cos(turn), 30 * np.sin(turn)), axis=1)
-    tracks = [Track("0", np.arange(120.0), loop), Track("1", np.append(np.arange(119.0), 1e4), loop[::-1] + 0.1)]
-    for options in (Options(rmse=1.0), Options(max_error=2.0)):
-        archive, _ = compress(tracks, options)
-        decompress(open_archive(archive.to_bytes()))
-    patch(tracks, archive, gap=60.0)
-    _warm_live(archive)
-    compress(tracks[:1], Options(k=8, m=4))
-
-
-def _warm_live(archive: Archive) -> None:
-    from gpszip.matching.live import LiveMatcher
-
-    (track, *_) = archive.decompress()
-    network = read_network(archive, near=track).network
-    matcher = LiveMatcher(network, match(track, network).scales, lag=1)
-    for when, place in zip(track.times.tolist(), track.positions, strict=True):
-        for still in (0.0, 1e-6):
-            matcher.push(when + still, place)
 
 
 def _checked(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gpszip import pipeline
 from gpszip.archive import Archive, new_archive, promising
 from gpszip.coding.walks import number_by_visit
 from gpszip.container.attributes import Kept, attributes_body
@@ -21,6 +20,7 @@ from gpszip.model import Executor, LatticeWalk, LatticeWalks, Listener, Options,
 from gpszip.model.frame import quantum
 from gpszip.model.lattice import refined
 from gpszip.model.promise import Promise
+from gpszip.pipeline import compressing
 
 if TYPE_CHECKING:
     from gpszip.mapping.fitting import Fit
@@ -81,17 +81,17 @@ def append(
     """
     whole = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
     options = _completed(options or Options(), archive)
-    whole = pipeline.laid_on(archive, whole, options)
-    pipeline.kept(whole, options)
+    whole = compressing.laid_on(archive, whole, options)
+    compressing.kept(whole, options)
     gap = estimate_gap(whole) if options.gap is None else options.gap
     led = tuple(_led_on(archive, track, gap) if track.id in archive.ids else track for track in whole)
     for share in _SHARES:
-        on_map, report = pipeline.compress(led, _bare(options, gap, share), map=archive, executor=executor, progress=progress)
+        on_map, report = compressing.compress(led, _bare(options, gap, share), map=archive, executor=executor, progress=progress)
         if on_map.map is None:
             break
         grown = grown_map(archive, on_map, gap, whole if options.keep_times else ())
-        found = pipeline.measure(whole, grown)
-        if pipeline.excess(found, options) <= 1:
+        found = compressing.measure(whole, grown)
+        if compressing.excess(found, options) <= 1:
             return grown, _report(report, grown, found)
     raise BoundError("the archive's lattice is too coarse for this bound; allow a larger error, or compress all logs together")
 

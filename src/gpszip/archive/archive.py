@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.container.attributes import Kept, kept_names, read_attributes
-from gpszip.container.contents import Contents, Group, MapReference, Section
+from gpszip.container.contents import Contents, MapReference
 from gpszip.container.layout import Kind
 from gpszip.container.map_record import map_hash
-from gpszip.container.reader import from_bytes, load
 from gpszip.container.writer import save, to_bytes
-from gpszip.errors import CorruptArchiveError, InputError, MapError, OptionError
-from gpszip.model.executor import Executor, sharing
+from gpszip.errors import CorruptArchiveError, MapError, OptionError
 from gpszip.model.frame import Frame, quantum, refined_frame
 from gpszip.model.lattice import LatticeWalks, refined
 from gpszip.model.promise import Promise
@@ -35,13 +32,7 @@ if TYPE_CHECKING:
     from gpszip.coding.waypoints import Waypoints
     from gpszip.graph.road_graph import RoadGraph
 
-__all__ = ["Archive", "new_archive", "open_archive", "promising"]
-
-#: Groups of walks take at least this many bytes, so that cutting an archive in groups costs next to nothing.
-_GROUP_BYTES = 1 << 16
-
-#: At most so many files of a folder are looked at to find a map.
-_NEIGHBOURS = 1000
+__all__ = ["Archive"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,6 +51,7 @@ class Archive:
 
     Examples
     --------
+    >>> from gpszip.archive import new_archive
     >>> from gpszip.model import LatticeWalk
     >>> walk = LatticeWalk(np.array([0, 1], np.int32), np.array([0, 10]), np.array([False]))
     >>> archive = new_archive(Frame((0, 0), 0, 128, 128), ["walk-3"], LatticeWalks(np.array([[0, 0], [5, 0]]), (walk,)))
@@ -489,138 +481,6 @@ class Archive:
             "t_start": min((float(times[0]) for times in timed), default=None),
             "t_end": max((float(times[-1]) for times in timed), default=None),
         }
-
-
-def new_archive(
-    frame: Frame,
-    ids: Sequence[str],
-    lattice: LatticeWalks,
-    *,
-    layer: str | None = None,
-    extras: Sequence[Section] = (),
-    on: Archive | None = None,
-    halvings: int = 0,
-    executor: Executor | None = None,
-) -> Archive:
-    """Code map and walks as an archive.
-
-    Parameters
-    ----------
-    frame : Frame
-        The lattice; on a map kept elsewhere, that map's own, its quanta halved ``halvings`` times.
-    ids : sequence of str
-        Name of each walk.
-    lattice : LatticeWalks
-        Nodes in the order in which the walks first visit them, after those of the map kept elsewhere.
-    layer : str, optional
-        ``"bz2"`` packs the walks once more.
-    extras : sequence of Section
-        What is kept besides.
-    on : Archive, optional
-        The map on which the walks lie, if it is not to be in the archive.
-    halvings : int, default 0
-        How often that map's quanta are halved.
-    executor : Executor, optional
-        Where runs of walks are coded.
-
-    Returns
-    -------
-    Archive
-        One that has decoded nothing yet: what it answers comes from the bytes.
-    """
-    from gpszip.coding.walks import encode
-
-    past = None if on is None else on.past(halvings)
-    payload = encode(lattice, past)
-    groups = [Group(0, len(ids), payload)]
-    if len(payload) >= 2 * _GROUP_BYTES and len(ids) > 1:
-        groups = _groups(lattice, len(payload) // _GROUP_BYTES, past, executor)
-    reference = None if on is None else MapReference(on.hash, halvings)
-    contents = Contents(frame if on is None else None, tuple(ids), tuple(groups), reference, tuple(extras), layer)
-    if on is not None and contents.plain and contents.ids == on.ids[:1]:
-        contents = replace(contents, ids=None)
-    return Archive(contents, on)
-
-
-def promising(archive: Archive, promise: Promise | None) -> Archive:
-    """Return the archive with what its walks have been found to keep."""
-    return replace(archive, contents=replace(archive.contents, promise=promise))
-
-
-def open_archive(
-    source: str | os.PathLike[str] | bytes,
-    map: Archive | str | os.PathLike[str] | bytes | None = None,
-    *,
-    beside: str | os.PathLike[str] | None = None,
-) -> Archive:
-    """Open an archive from a file or from its bytes.
-
-    Parameters
-    ----------
-    source : path or bytes
-        A ``.gpsz`` file or all that is in it.
-    map : Archive, path or bytes, optional
-        The map, for an archive whose walks lie on one that is kept elsewhere. It is looked for in the archive's folder if it
-        isn't given.
-    beside : path, optional
-        The file from which bytes came, in whose folder a map is looked for.
-
-    Raises
-    ------
-    InputError
-        If there is no such file or it can't be read.
-    MapError
-        If another map is given than the one that the walks were written on.
-    CorruptArchiveError
-        If it is no whole archive. Bytes that pass all checksums and still are no walks are found when they are decoded.
-    """
-    contents = from_bytes(source) if isinstance(source, bytes) else load(Path(source))
-    if contents.map is None:
-        return Archive(contents)
-    if map is None:
-        place = beside if isinstance(source, bytes) else source
-        return Archive(contents, None if place is None else _map_beside(Path(place), contents.map))
-    return Archive(contents, _right_map(map if isinstance(map, Archive) else open_archive(map), contents.map))
-
-
-def _right_map(found: Archive, wanted: MapReference) -> Archive:
-    if found.contents.map is not None:
-        raise MapError("the map given lies on another map itself; give one that holds its own walks")
-    if found.hash != wanted.hash:
-        raise MapError(f"the archive lies on the map {wanted.hash.hex()}, and another one, {found.hash.hex()}, was given")
-    return found
-
-
-def _map_beside(path: Path, wanted: MapReference) -> Archive | None:
-    """The map that lies in the archive's folder, if it does."""
-    for other in sorted(path.parent.glob("*.gpsz"))[:_NEIGHBOURS]:
-        try:
-            found = Archive(load(other))
-        except (InputError, CorruptArchiveError):
-            continue
-        if found.contents.map is None and found.hash == wanted.hash:
-            return found
-    return None
-
-
-def _groups(lattice: LatticeWalks, count: int, past: Past | None, executor: Executor | None) -> list[Group]:
-    """Cut the walks in at most so many runs of about as many knots each."""
-    ends = np.cumsum([len(walk.nodes) for walk in lattice.walks])
-    cuts = np.unique(np.searchsorted(ends, ends[-1] * np.arange(1, count) / count, side="right"))
-    bounds = [0, *(int(cut) for cut in cuts if 0 < cut < len(ends)), len(ends)]
-    with sharing(executor, (lattice, past)) as shared:
-        return list(shared.map(_group, pairwise(bounds)))
-
-
-def _group(shared: tuple[LatticeWalks, Past | None], run: tuple[int, int]) -> Group:
-    """Code one run of walks by itself."""
-    from gpszip.coding.walks import encode, number_by_visit
-
-    (lattice, past), (first, after) = shared, run
-    walks = lattice.walks[first:after]
-    span = (min(int(walk.cells[0]) for walk in walks), max(int(walk.cells[-1]) for walk in walks))
-    own = number_by_visit(LatticeWalks(lattice.nodes, walks, lattice.timed), 0 if past is None else past.nodes)
-    return Group(first, after - first, encode(own, past), span)
 
 
 def _stretches(walk: Walk, fresh: NDArray[np.bool_], places: NDArray[np.float64]) -> list[NDArray[np.float64]]:

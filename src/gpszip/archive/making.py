@@ -1,0 +1,102 @@
+"""From a map and walks on a lattice to an archive."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from gpszip.archive.archive import Archive
+from gpszip.container.contents import Contents, Group, MapReference, Section
+from gpszip.model import Executor
+from gpszip.model.executor import sharing
+from gpszip.model.frame import Frame
+from gpszip.model.lattice import LatticeWalks
+from gpszip.model.promise import Promise
+
+if TYPE_CHECKING:
+    from gpszip.coding.past import Past
+
+__all__ = ["new_archive", "promising"]
+
+#: Groups of walks take at least this many bytes, so that cutting an archive in groups costs next to nothing.
+_GROUP_BYTES = 1 << 16
+
+
+def new_archive(
+    frame: Frame,
+    ids: Sequence[str],
+    lattice: LatticeWalks,
+    *,
+    layer: str | None = None,
+    extras: Sequence[Section] = (),
+    on: Archive | None = None,
+    halvings: int = 0,
+    executor: Executor | None = None,
+) -> Archive:
+    """Code map and walks as an archive.
+
+    Parameters
+    ----------
+    frame : Frame
+        The lattice; on a map kept elsewhere, that map's own, its quanta halved ``halvings`` times.
+    ids : sequence of str
+        Name of each walk.
+    lattice : LatticeWalks
+        Nodes in the order in which the walks first visit them, after those of the map kept elsewhere.
+    layer : str, optional
+        ``"bz2"`` packs the walks once more.
+    extras : sequence of Section
+        What is kept besides.
+    on : Archive, optional
+        The map on which the walks lie, if it is not to be in the archive.
+    halvings : int, default 0
+        How often that map's quanta are halved.
+    executor : Executor, optional
+        Where runs of walks are coded.
+
+    Returns
+    -------
+    Archive
+        One that has decoded nothing yet: what it answers comes from the bytes.
+    """
+    from gpszip.coding.walks import encode
+
+    past = None if on is None else on.past(halvings)
+    payload = encode(lattice, past)
+    groups = [Group(0, len(ids), payload)]
+    if len(payload) >= 2 * _GROUP_BYTES and len(ids) > 1:
+        groups = _groups(lattice, len(payload) // _GROUP_BYTES, past, executor)
+    reference = None if on is None else MapReference(on.hash, halvings)
+    contents = Contents(frame if on is None else None, tuple(ids), tuple(groups), reference, tuple(extras), layer)
+    if on is not None and contents.plain and contents.ids == on.ids[:1]:
+        contents = replace(contents, ids=None)
+    return Archive(contents, on)
+
+
+def promising(archive: Archive, promise: Promise | None) -> Archive:
+    """Return the archive with what its walks have been found to keep."""
+    return replace(archive, contents=replace(archive.contents, promise=promise))
+
+
+def _groups(lattice: LatticeWalks, count: int, past: Past | None, executor: Executor | None) -> list[Group]:
+    """Cut the walks in at most so many runs of about as many knots each."""
+    ends = np.cumsum([len(walk.nodes) for walk in lattice.walks])
+    cuts = np.unique(np.searchsorted(ends, ends[-1] * np.arange(1, count) / count, side="right"))
+    bounds = [0, *(int(cut) for cut in cuts if 0 < cut < len(ends)), len(ends)]
+    with sharing(executor, (lattice, past)) as shared:
+        return list(shared.map(_group, pairwise(bounds)))
+
+
+def _group(shared: tuple[LatticeWalks, Past | None], run: tuple[int, int]) -> Group:
+    """Code one run of walks by itself."""
+    from gpszip.coding.walks import encode, number_by_visit
+
+    (lattice, past), (first, after) = shared, run
+    walks = lattice.walks[first:after]
+    span = (min(int(walk.cells[0]) for walk in walks), max(int(walk.cells[-1]) for walk in walks))
+    own = number_by_visit(LatticeWalks(lattice.nodes, walks, lattice.timed), 0 if past is None else past.nodes)
+    return Group(first, after - first, encode(own, past), span)
