@@ -3,7 +3,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from gpszip.mapping.slots import carry_knots, lay_slots, weigh_samples
+from gpszip.mapping.slots import carry_knots, count_slots, lay_slots, pick_slots, slots_near, weigh_samples
 from gpszip.model import Frame, Track
 from gpszip.model.frame import quantum
 from gpszip.testing.strategies import track_lists
@@ -51,6 +51,7 @@ def test_every_sample_lies_in_one_part_and_pieces_do_not_overlap(log, sparse):
 def test_gaps_part_pieces_where_a_cell_fits_in(log):
     tracks, gaps, frame = log
     slots = lay_slots(tracks, gaps, frame)
+    assert count_slots(tracks, gaps, frame) == len(slots.cells)
     for owner, gap in enumerate(gaps):
         assert 1 <= (slots.owners == owner).sum() <= 1 + gap.sum()
 
@@ -113,3 +114,20 @@ def test_samples_of_weight_one_are_what_they_were(log):
     assume(slots.samples > 1)
     np.testing.assert_array_equal(weigh_samples(slots, np.ones(slots.samples, np.int64)).sums, slots.sums)
     np.testing.assert_array_equal(weigh_samples(slots, np.full(slots.samples, 3)).sums, 3 * slots.sums)
+
+
+@given(logs(), st.integers(0, 3), st.integers(0, 2**32 - 1))
+def test_slots_near_knots_hand_them_on_and_price_parts_alike(log, reach, seed):
+    tracks, gaps, frame = log
+    full, thin = lay_slots(tracks, gaps, frame), lay_slots(tracks, gaps, frame, sparse=True)
+    knots = np.flatnonzero(np.random.default_rng(seed).random(len(full.cells)) < 0.2)
+    near = slots_near(thin, full, knots, reach)
+    assert near[knots].all()
+    assert near[full.firsts].all()
+    assert near[full.lasts].all()
+    assert near.sum() <= len(thin.cells) + (2 * reach + 1) * len(knots)
+    picked = pick_slots(full, near)
+    np.testing.assert_array_equal(picked.cells[picked.firsts], full.cells[full.firsts])
+    np.testing.assert_array_equal(picked.sums[picked.lasts], full.sums[full.lasts])
+    at = np.where(np.isin(np.arange(len(full.cells)), knots), 7, -1)
+    np.testing.assert_array_equal(carry_knots(at[near], picked, full), at)

@@ -14,7 +14,7 @@ from gpszip.errors import OptionError
 from gpszip.mapping.maximum import mend
 from gpszip.mapping.polishing import WORK_OF_EFFORT, best_outcomes, polish
 from gpszip.mapping.rounds import Outcome, Plan, fit
-from gpszip.mapping.slots import lay_slots
+from gpszip.mapping.slots import count_slots, lay_slots
 from gpszip.model import Executor, Frame, LatticeWalks, Track
 from gpszip.model.executor import Shared, local, sharing
 from gpszip.model.frame import quantum, quantum_index
@@ -197,7 +197,7 @@ class _Search:
         return frame, polish(slots, outcome, target=self.rmse / unit, maximum=maximum, work=self.work)
 
     def count_slots(self, trial: _Trial) -> int:
-        return len(lay_slots(self.tracks, self.gaps, self.frame(trial)).cells)
+        return count_slots(self.tracks, self.gaps, self.frame(trial))
 
     def excerpt(self, samples: int) -> _Search:
         """Whole tracks, evenly chosen, or the start of one, of about so many samples in all."""

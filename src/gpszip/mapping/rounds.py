@@ -6,7 +6,10 @@ One objective decides everything: J = bits + price x squared error. Each round m
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +35,7 @@ from gpszip.mapping.drafting import (
 from gpszip.mapping.settling import compact, cut_pieces, settle
 from gpszip.mapping.slots import Slots, carry_knots, pick_slots, slots_near, weigh_samples
 from gpszip.model import Executor, LatticeWalks
+from gpszip.model.executor import local
 
 __all__ = ["Outcome", "Plan", "fit", "place", "prices_of", "realise", "rounded_places", "settle", "unite"]
 
@@ -156,7 +160,7 @@ def fit(
         places = place(here, at, places, fixed)
         at, places = unite(here, at, places, plan, bits, fixed)
         rounded = rounded_places(here, at, places, fixed)
-        outcome, ledger, errors = realise(here, at, rounded, tracks, plan, known)
+        outcome, ledger, errors = realise(here, at, rounded, tracks, plan, known, executor)
         if _better(outcome, best, plan):
             best, kept = outcome, (here, at.copy(), rounded)
         if plan.maximum is not None:
@@ -324,14 +328,27 @@ def _near_pairs(places: NDArray[np.float64], reach: float, fixed: int) -> NDArra
 
 
 def realise(
-    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int, plan: Plan, known: Past | None = None
+    slots: Slots,
+    at: NDArray[np.int64],
+    places: NDArray[np.float64],
+    tracks: int,
+    plan: Plan,
+    known: Past | None = None,
+    executor: Executor | None = None,
 ) -> tuple[Outcome, NDArray[np.float64], NDArray[np.float64]]:
-    """Code the walks, at whole places, and measure what came out, sample by sample."""
+    """Code the walks, at whole places, and at the same time measure what came out, sample by sample."""
     walks = walks_of(slots, at, places, tracks, 0 if known is None else known.nodes)
-    data, ledger = encode_with_ledger(walks, known)
-    errors, part = sample_errors(slots, list_parts(slots, at), places)
+    steps: list[Callable[[], Any]] = [
+        partial(encode_with_ledger, walks, known),
+        partial(sample_errors, slots, list_parts(slots, at), places),
+    ]
+    (data, ledger), (errors, part) = local(executor).map(_done, steps)
     misses = 0 if plan.maximum is None else len(np.unique(part[errors > plan.maximum]))
     return Outcome(walks, len(data), float(np.sqrt((slots.weights * errors**2).sum() / slots.samples)), misses), ledger, errors
+
+
+def _done(step: Callable[[], Any]) -> Any:
+    return step()
 
 
 def prices_of(ledger: NDArray[np.float64] | None, price: float, nodes: int, beam: float = np.inf) -> NDArray[np.float64]:

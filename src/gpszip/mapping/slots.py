@@ -12,7 +12,7 @@ from gpszip.kernels.moments import prefix_sums
 from gpszip.model import Frame, Track
 from gpszip.model.frame import quantum
 
-__all__ = ["Slots", "carry_knots", "lay_slots", "pick_slots", "slots_near", "weigh_samples"]
+__all__ = ["Slots", "carry_knots", "count_slots", "lay_slots", "pick_slots", "slots_near", "weigh_samples"]
 
 #: Time ticks of a cell, and position ticks of a quantum where the log's extent allows it.
 _TIME_TICKS = 256
@@ -127,6 +127,15 @@ def lay_slots(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], frame:
         _sums(every, places, weights, before, unit), float(unit),
         np.array(firsts), np.array(lasts), np.array(owners), before, every, places, weights,
     )  # fmt: skip
+
+
+def count_slots(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], frame: Frame) -> int:
+    """Count the slots that :func:`lay_slots` would lay."""
+    count = 0
+    for track, gap in zip(tracks, gaps, strict=True):
+        times = _in_cells(track, frame)
+        count += sum(len(_slot_cells(times[a:b], low, high, False)) for a, b, low, high in _pieces(times, gap))
+    return count
 
 
 def pick_slots(slots: Slots, keep: NDArray[np.bool_]) -> Slots:
