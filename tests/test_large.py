@@ -12,9 +12,10 @@ import pyarrow.parquet as pq
 import pytest
 
 import gpszip
-from gpszip import OptionError, large
+from gpszip import OptionError
 from gpszip.cli.main import main
 from gpszip.model import Options
+from gpszip.pipeline import large
 from gpszip.run.serial import Serial
 from gpszip.run.threads import Threads
 from gpszip.testing import city
@@ -138,8 +139,8 @@ def test_memory_is_kept(tmp_path):
         """
         import resource, sys
         import numpy as np, pyarrow as pa, pyarrow.parquet as pq
-        from gpszip.pipeline import large
         from gpszip.model import Options
+        from gpszip.pipeline import large
         n = 200_000; noise = np.random.default_rng(1).normal(0, 0.5, (2, n))
         with pq.ParquetWriter(sys.argv[1], pa.schema([("t", pa.float64()), ("x", pa.float64()), ("y", pa.float64())])) as file:
             for a in range(0, n, 50_000):

@@ -176,7 +176,7 @@ def test_archive_of_a_later_version(gpszip, archive):
     archive.write_bytes(data)
     done = gpszip("info", archive)
     assert done.code == 4
-    assert "archive of version 3; this GPSZip reads up to version 1: upgrade gpszip" in done.err
+    assert "archive of version 4; this GPSZip reads up to version 2: upgrade gpszip" in done.err
     assert "make it again" not in done.err
 
 

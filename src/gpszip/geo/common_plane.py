@@ -47,7 +47,7 @@ def lay_together(
     >>> none = np.zeros(1, np.int64)
     >>> plane, (one, two), _ = lay_together([here, there], [np.zeros((2, 2)), np.zeros((1, 2))], [none, none])
     >>> plane == here, two.round().tolist()
-    (True, [[0.0, 11127.0]])
+    (True, [[0.0, 11128.0]])
     """
     order = sorted(range(len(planes)), key=lambda i: (-len(positions[i]), planes[i].centers))
     centers = list(planes[order[0]].centers)
