@@ -151,3 +151,13 @@ def test_what_no_reader_would_take_is_not_written(place, cell):
     walk = LatticeWalk(np.array([0, 1], np.int32), np.array([0, cell]), np.zeros(1, bool))
     with pytest.raises(BoundError, match="too far apart"):
         encode(LatticeWalks(np.array([[0, 0], [place, 3]]), (walk,)))
+
+
+def test_many_new_ways_that_cost_next_to_nothing_come_back():
+    # to and fro over gaps between two of seventy places, so often that few places are weighed any more
+    line = np.column_stack([np.arange(70) * 9, np.zeros(70)]).astype(np.int64)
+    route = np.concatenate([np.arange(70), np.tile([3, 66], 8300)])
+    gaps = np.arange(len(route) - 1) >= 69
+    walks = LatticeWalks(line, (walk(route, np.arange(len(route)) * 4, gaps),))
+    data = assert_comes_back(walks)
+    assert len(data) < 8 * 8300

@@ -28,7 +28,7 @@ FIRST_WEIGHTS = {  # of 1024
     "beside": (36,) * 18,
     "jump": (41, 166, 116, 100, 117, 190, 142, 30, 62, 25, 20, 15),
 }
-RECENT = 4096
+RECENT, FEW, CHEAP_WAYS = 4096, 64, 1 << 14
 LIKELY_DISTANCE = (160, 128, 128, 112, 112, 96, 80, 64, 48, 48, 1, 1, 1)
 LIKELY_BEARING = (5, 4, 4, 4, 2, 1, 2, 4)
 LIKELY_BEYOND = (128, 128, 128, 128, 128, 128, 128, 96, 64, 48, 40, 24, 24)
@@ -107,6 +107,7 @@ class Decoder:
         self.step_length = 0
         self.heading = self.turn = None
         self.rests = []  # of each node: how often gaps began or ended there
+        self.cheap = 0  # how many more links were cheap than not
         self.usual = {}  # mean logarithm of cells by class of length, of stops and of gaps, and of how many
         self.offers = {layer: [[FIRST_OFFERS] * 8 for _ in LIKELY_DISTANCE] for layer in ("link", "gap")}
         self.hits = {
@@ -281,17 +282,23 @@ class Decoder:
     def link(self, u, before, layer):
         nodes = len(self.places)
         hits, offers = self.hits[layer], self.offers[layer]
-        near = []
-        for w in range(nodes - 1, max(nodes - RECENT, 0) - 1, -1):
+        near, cheap = [], False
+        recent = RECENT if self.cheap < CHEAP_WAYS else FEW
+        for w in range(nodes - 1, max(nodes - recent, 0) - 1, -1):
             if w != u and (layer == "gap" or not self.way(u, w)):
                 kind = self.bearing(before, u, w) if layer == "link" else min(self.rests[w].bit_length(), 3)
                 near.append((w, self.octave(u, w), kind))
-        if near and (nodes <= RECENT or self.bit("near", FIRST_NEAR)):
-            v, o, b = near[read_choice(self.coder, [(hits[o][b] << 16) // offers[o][b] + 1 for _, o, b in near])]
+        if near and (nodes <= recent or self.bit("near", FIRST_NEAR)):
+            weights = [(hits[o][b] << 16) // offers[o][b] + 1 for _, o, b in near]
+            choice = read_choice(self.coder, weights)
+            v, o, b = near[choice]
+            cheap = 4 * weights[choice] > sum(weights)
             hits[o][b] += HIT_STEP
         else:
             v = self.coder.target(nodes)
             self.coder.interval(v, 1, nodes)
+        if nodes > FEW:
+            self.cheap = max(self.cheap + (1 if cheap else -1), 0)
         for _, o, b in near:
             offers[o][b] += 1
         return v

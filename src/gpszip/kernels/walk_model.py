@@ -16,6 +16,7 @@ from gpszip.kernels.pair_table import pair_slot
 __all__ = [
     "ACCOUNTS",
     "BEGUN",
+    "CHEAP",
     "CLASSES",
     "FLAGS",
     "F_BACK",
@@ -63,7 +64,7 @@ __all__ = [
 
 #: Numbers kept in ``WalkModel.scalars``; two are the node (plus 1) and the first cell of the latest track. Paces are logarithms,
 #: known once a step was ``TIMED``; the heading is -1 and the turn ``NO_TURN`` where none is known.
-NODES, HALVES, PACE, PACE_SLOW, STEP_LENGTH, LATEST, BEGUN, TIMED, HEADING, TURN = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+NODES, HALVES, PACE, PACE_SLOW, STEP_LENGTH, LATEST, BEGUN, TIMED, HEADING, TURN, CHEAP = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
 NO_TURN = 1 << 10
 
 #: Rows of ``WalkModel.usual``: spans by class of length, of stops and of gaps.
@@ -175,7 +176,7 @@ def new_model(knots: int, dimension: int) -> WalkModel:
         tree=np.zeros(size + 1, np.int64),
         rests=np.zeros(size, np.int64),
         usual=np.zeros((CLASSES + 2, 2), np.int64),
-        scalars=np.array([0] * 8 + [-1, NO_TURN], np.int64),
+        scalars=np.array([0] * 8 + [-1, NO_TURN, 0], np.int64),
         offers=np.array([10, 10, _TURNS], np.int64)[:, None, None] * np.ones((3, OCTAVES, 8), np.int64),
         hits=_first_hits(),
         ledger=np.zeros((ACCOUNTS, 2)),

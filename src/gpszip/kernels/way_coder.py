@@ -9,6 +9,7 @@ from gpszip.kernels.adaptive import PARTS, code_bit, code_choice
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder, code_interval, target
 from gpszip.kernels.walk_model import (
+    CHEAP,
     F_BACK,
     F_ESCAPE,
     F_NEAR,
@@ -30,8 +31,9 @@ __all__ = ["KIND_BACK", "KIND_KNOWN", "KIND_LINK", "KIND_NEW", "KIND_STAY", "cod
 #: Kinds of steps.
 KIND_BACK, KIND_KNOWN, KIND_LINK, KIND_NEW, KIND_STAY = 0, 1, 2, 3, 4
 
-#: Most nodes that a new way is weighed for, and the largest sum of weights.
-_LINKS = 4096
+#: Most nodes that a new way is weighed for, and the largest sum of weights. Once so many more new ways were cheap than not, as
+#: only forged bytes have them, few nodes are weighed: each byte read then takes bounded time.
+_LINKS, _FEW_LINKS, _CHEAP_WAYS = 4096, 64, 1 << 14
 _MOST = np.int64(1) << 40
 
 
@@ -194,12 +196,12 @@ def _weigh_nodes(model: WalkModel, u: int, layer: int, classes: NDArray[np.int64
 def code_link(coder: Coder, model: WalkModel, u: int, before: int, v: int, layer: int) -> int:
     """Code the node that a new way or a gap leads to: one of the newest, by where it lies, or any."""
     nodes = model.scalars[NODES]
-    count = min(nodes, np.int64(_LINKS))
+    count = min(nodes, np.int64(_LINKS if model.scalars[CHEAP] < _CHEAP_WAYS else _FEW_LINKS))
     classes, weights = np.empty(count, np.int64), np.empty(count, np.int64)
     _classify(model, u, before, layer, classes)
     _weigh_nodes(model, u, layer, classes, weights)
     total = weights.sum()
-    is_near = 1 if total > 0 else 0
+    is_near, cheap = 1 if total > 0 else 0, False
     if total > 0 and nodes > count:
         is_near = code_bit(coder, model.flags, F_NEAR, 1 if nodes - 1 - v < count else 0)
     if not is_near:
@@ -209,7 +211,10 @@ def code_link(coder: Coder, model: WalkModel, u: int, before: int, v: int, layer
     else:
         choice = code_choice(coder, weights, count, nodes - 1 - v)
         v = nodes - 1 - choice
+        cheap = 4 * weights[choice] > total
         model.hits[layer, classes[choice] // 8, classes[choice] % 8] += 128
+    if nodes > _FEW_LINKS:
+        model.scalars[CHEAP] = max(model.scalars[CHEAP] + (1 if cheap else -1), np.int64(0))
     for i in range(count):
         if weights[i] > 0:
             model.offers[layer, classes[i] // 8, classes[i] % 8] += 1
