@@ -172,6 +172,7 @@ class _Search:
         plan = Plan(
             target=0.9995 * self.rmse / quantum(frame.space), leader=trial.leader, rounds=self.rounds, extra=self.extra,
             maximum=maximum, hopeless=_HOPELESS if self.hasty and self.rough else math.inf, beam=_BEAM if self.hasty else math.inf,
+            frugal=self.hasty and self.max_error is None,
         )  # fmt: skip
         thin = lay_slots(self.tracks, self.gaps, frame, sparse=True)
         if self.rough:

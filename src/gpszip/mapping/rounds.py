@@ -20,7 +20,7 @@ from gpszip.coding.past import Past
 from gpszip.coding.walks import encode_with_ledger
 from gpszip.kernels.chain import settle_chains
 from gpszip.kernels.draft import enter_nodes, keep_disjoint, lead_clusters
-from gpszip.kernels.walk_model import KIND_BITS, PLACE_BITS, SPAN_BITS
+from gpszip.kernels.walk_model import ACCOUNTS, KIND_BITS, PLACE_BITS, SPAN_BITS
 from gpszip.mapping.drafting import (
     empty_draft,
     free_equations,
@@ -58,6 +58,8 @@ _PULL, _HEAVIEST, _MISSES, _HOLD, _MEND, _GENTLY = 0.87, 64.0, 0.04, 3.0, 8.0, 0
 _HOLDING_ROUNDS = 4
 #: Rounds on all slots after those on the thin ones.
 _LAST_ROUNDS = 5
+#: Rounds at the end whose walks are coded in any case.
+_CODED_ROUNDS = 2
 #: Slots to either side of a knot to which it may move in one of them.
 _NEAR_SLOTS = 3
 
@@ -80,6 +82,8 @@ class Plan:
         Give up where the error is so many times the target, and hardly falls when the price rises.
     beam : float
         Bits beyond the cheapest node of a slot above which another one isn't looked at.
+    frugal : bool
+        Code the walks only every other round before the last few.
     maximum : float, optional
         Largest distance of any sample, in quanta, to aim for instead; ``target`` is then the error of the first walks.
     window : int
@@ -96,6 +100,7 @@ class Plan:
     extra: int = 0
     hopeless: float = np.inf
     beam: float = np.inf
+    frugal: bool = False
     maximum: float | None = None
     window: int = 24
     widest: int = 300
@@ -147,7 +152,7 @@ def fit(
     at, places = _gather(here, at, places, plan, known)
     best: Outcome | None = None
     kept: tuple[Slots, NDArray[np.int64], NDArray[np.float64]] | None = None
-    last = np.inf
+    last, ledger = np.inf, np.zeros((ACCOUNTS, 2))
     push, fall, bits, weights = _PUSH, _PUSH, prices_of(None, price, len(places), plan.beam), np.ones(len(slots.times))
     for turn in range(plan.rounds + plan.extra):
         if turn >= plan.rounds and best is not None and best.error > _FULL * plan.target:
@@ -160,8 +165,10 @@ def fit(
         places = place(here, at, places, fixed)
         at, places = unite(here, at, places, plan, bits, fixed)
         rounded = rounded_places(here, at, places, fixed)
-        outcome, ledger, errors = realise(here, at, rounded, tracks, plan, known, executor)
-        if _better(outcome, best, plan):
+        coded = not plan.frugal or turn % 2 == 0 or turn >= plan.rounds - _CODED_ROUNDS
+        outcome, spent, errors = realise(here, at, rounded, tracks, plan, known, executor, coded=coded)
+        ledger = spent if coded else ledger
+        if coded and _better(outcome, best, plan):
             best, kept = outcome, (here, at.copy(), rounded)
         if plan.maximum is not None:
             weights = _reweigh(weights, errors, plan.maximum)
@@ -335,16 +342,25 @@ def realise(
     plan: Plan,
     known: Past | None = None,
     executor: Executor | None = None,
+    *,
+    coded: bool = True,
 ) -> tuple[Outcome, NDArray[np.float64], NDArray[np.float64]]:
-    """Code the walks, at whole places, and at the same time measure what came out, sample by sample."""
+    """Code the walks, at whole places, and at the same time measure what came out, sample by sample.
+
+    Walks that are not to be coded have size 0 and an empty ledger.
+    """
     walks = walks_of(slots, at, places, tracks, 0 if known is None else known.nodes)
     steps: list[Callable[[], Any]] = [
-        partial(encode_with_ledger, walks, known),
+        partial(encode_with_ledger, walks, known) if coded else _uncoded,
         partial(sample_errors, slots, list_parts(slots, at), places),
     ]
     (data, ledger), (errors, part) = local(executor).map(_done, steps)
     misses = 0 if plan.maximum is None else len(np.unique(part[errors > plan.maximum]))
     return Outcome(walks, len(data), float(np.sqrt((slots.weights * errors**2).sum() / slots.samples)), misses), ledger, errors
+
+
+def _uncoded() -> tuple[bytes, NDArray[np.float64]]:
+    return b"", np.zeros((ACCOUNTS, 2))
 
 
 def _done(step: Callable[[], Any]) -> Any:
@@ -353,7 +369,7 @@ def _done(step: Callable[[], Any]) -> Any:
 
 def prices_of(ledger: NDArray[np.float64] | None, price: float, nodes: int, beam: float = np.inf) -> NDArray[np.float64]:
     """Prices of the E-step in bits, from what the coder last paid."""
-    spent = np.zeros((13, 2)) if ledger is None else ledger
+    spent = np.zeros((ACCOUNTS, 2)) if ledger is None else ledger
 
     def mean(rows: list[int], guess: float) -> float:
         return float((spent[rows, 0].sum() + 4 * guess) / (spent[rows, 1].sum() + 4))
