@@ -25,6 +25,7 @@ PUBLIC = [
     "TrackError",
     "UnknownFormatError",
     "Walk",
+    "WorkerError",
     "__version__",
     "append",
     "compress",

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         OutputError,
         TrackError,
         UnknownFormatError,
+        WorkerError,
     )
     from gpszip.model import RoadMap, SegmentMean, Track, Walk
     from gpszip.pipeline.localising import Matcher
@@ -53,6 +54,7 @@ __all__ = [
     "TrackError",
     "UnknownFormatError",
     "Walk",
+    "WorkerError",
     "__version__",
     "append",
     "compress",

@@ -1,0 +1,81 @@
+"""Seconds with one worker and with two on a generated fleet: learning, engine by engine, and EM over k/2 parts (thesis, 6.3.3).
+
+Runs with one worker and with two alternate, so that other load on the machine meets both alike.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import time
+
+import numpy as np
+
+from gpszip import pipeline, testing
+from gpszip.model import Options, Track
+from gpszip.run import Processes, Threads
+from gpszip.segmentation import estep
+from gpszip.segmentation.bottom_up import bottom_up
+from gpszip.segmentation.clustering import ward
+from gpszip.segmentation.mstep import segments_of
+from gpszip.segmentation.state import State, sums_of
+from gpszip.testing.city import drives
+
+
+def fleet(points: int) -> list[Track]:
+    """Vehicles of a town, half an hour each, a sample each second."""
+    return [Track(name, *drive) for name, drive in drives(blocks=12, vehicles=max(points // 1800, 1), period=1.0).items()]
+
+
+def learning(points: int, rmse: float, engines: list[str], turns: int) -> None:
+    tracks = fleet(points)
+    print(f"fleet of {sum(map(len, tracks))} points in {len(tracks)} tracks, RMSE {rmse} m")
+    for engine in engines:
+        kind = Threads if engine == "threads" else Processes
+        best, seen = {1: np.inf, 2: np.inf}, set()
+        for _ in range(turns):
+            for workers in (1, 2):
+                executor = kind(workers)
+                start = time.perf_counter()
+                archive, report = pipeline.compress(tracks, Options(rmse=rmse), executor=executor)
+                best[workers] = min(best[workers], time.perf_counter() - start)
+                seen.add(hashlib.sha256(archive.to_bytes()).hexdigest())
+                if engine == "processes":
+                    executor.close()
+        print(f"  {engine}: 1 worker {best[1]:.1f} s, 2 workers {best[2]:.1f} s, {best[1] / best[2]:.2f} times the speed; ", end="")
+        print(f"{report.bytes_out} B, {'the same bytes' if len(seen) == 1 else 'DIFFERENT BYTES'}")
+
+
+def expectation(points: int, k: int, turns: int) -> None:
+    patrol = testing.patrol(points)
+    sums = sums_of(patrol)
+    boundaries = np.linspace(0, points, k + 1).astype(np.int64)
+    labels = ward(sums, bottom_up(sums, k), 20)
+    state = State(boundaries, labels, *segments_of(sums, boundaries, labels, 20))
+    best = {1: np.inf, 2: np.inf}
+    for _ in range(turns):
+        for workers in (1, 2):
+            start = time.perf_counter()
+            for _ in range(5):
+                estep.odd_even(sums, state, executor=Threads(workers))
+            best[workers] = min(best[workers], (time.perf_counter() - start) / 5)
+    print(
+        f"EM over k/2 parts, n = {points}, k = {k}: 1 worker {1000 * best[1]:.0f} ms, 2 workers {1000 * best[2]:.0f} ms a sweep, ", end=""
+    )
+    print(f"{best[1] / best[2]:.2f} times the speed")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--points", type=int, default=1_000_000)
+    parser.add_argument("--rmse", type=float, default=8.0)
+    parser.add_argument("--turns", type=int, default=1)
+    parser.add_argument("--engines", nargs="+", default=["threads", "processes"])
+    options = parser.parse_args()
+    pipeline.warm()
+    expectation(200_000, 2000, max(options.turns, 3))
+    learning(options.points, options.rmse, options.engines, options.turns)
+
+
+if __name__ == "__main__":
+    main()
