@@ -9,7 +9,7 @@ import numba
 
 from gpszip.kernels.source_stamp import source_stamp
 
-__all__ = ["jit"]
+__all__ = ["inlined", "jit"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -21,6 +21,15 @@ def jit(function: F) -> F:
     """
     compiled: F = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     _renew_after_changes(compiled, function.__module__.rpartition(".")[2])
+    return compiled
+
+
+def inlined(function: F) -> F:
+    """Compile a small kernel into those that call it.
+
+    A call that takes tuples of arrays counts references to each, which costs more than a few numbers' work.
+    """
+    compiled: F = numba.njit(inline="always", nogil=True, error_model="numpy")(function)
     return compiled
 
 

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inlined, jit
 from gpszip.kernels.match_near import near_roads
 from gpszip.kernels.match_roads import Cells, Graph, Model, Roads, Work, apart, larger
-from gpszip.kernels.match_search import begin_search, next_settled
+from gpszip.kernels.match_search import clear_search, leave_to_goal, leave_to_wanted, next_to_goal, next_to_wanted, search_back
 
 __all__ = [
     "GAP",
@@ -38,6 +38,9 @@ NOWHERE = -1
 
 #: How one candidate was reached from the one before: over other roads, on the same one, turned round on it, without a way, after a silence.
 OVER, STAY, ROUND, JUMP, GAP = 0, 1, 2, 3, 4
+
+#: Two sums of the same numbers differ by less.
+_ROUNDING = 1e-9
 
 
 class Layer(NamedTuple):
@@ -149,24 +152,102 @@ def advance(
             ends = (before.roads[i] >= 0) + (after.roads[j] >= 0)
             moves[i, j] = 0.5 * model.jump * ends
             _offer(i, j, moves[i, j], JUMP, before, after, moves)
-    order = np.argsort(before.scores[:n0])
+    order = np.argsort(np.floor(before.scores[:n0] / _ROUNDING + 0.5), kind="mergesort")
+    order = order[before.roads[order] >= 0]
+    for i in order:
+        _on_same_road(i, straight, longest, before, after, linked, graph, model, work, moves)
+    if distinct > 0 and len(order) > 0:
+        wanted = _within_reach(order, straight, longest, before, after.scores[:n1].copy(), after, linked, goal, graph, model, work)
+        _over_roads(order, straight, longest, before, wanted, after, linked, distinct, graph, model, work, moves)
+    for j in range(n1):
+        if after.roads[j] >= 0:
+            work.targets[after.roads[j]] = -1
+        after.scores[j] += after.prices[j]
+    after.scores[:n1] -= after.scores[:n1].min()  # only differences count, and a long track must not wear them down
+
+
+@inlined
+def _within_reach(
+    order: NDArray[np.int64],
+    straight: float,
+    longest: float,
+    before: Layer,
+    scores: NDArray[np.float64],
+    after: Layer,
+    linked: NDArray[np.int32],
+    goal: NDArray[np.float64],
+    graph: Graph,
+    model: Model,
+    work: Work,
+) -> NDArray[np.float64]:
+    """Lower the scores of candidates to what some way makes of them, by one search from all candidates before at once.
+
+    The way that comes first at a place need not be the best one where ways are shorter than the straight line, but it is never better.
+    """
+    most = _worst(scores, after)
+    bound = straight + model.beta * most
+    clear_search(work)
     for i in order:
         road = before.roads[i]
-        if road < 0:
+        rest = graph.lengths[road] - before.metres[i]
+        leave_to_goal(road, rest, rest + model.beta * before.scores[i], bound, longest, goal, model.reach, graph, model, work)
+    met = np.zeros(len(scores), np.bool_)
+    for j in range(len(scores)):
+        met[j] = after.roads[j] < 0
+    while True:
+        found = next_to_goal(bound, longest, goal, model.reach, graph, model, work)
+        if found < 0:
+            return scores
+        j = work.targets[found]
+        if j < 0:
             continue
-        worst = -np.inf
-        for j in range(n1):
-            if after.roads[j] >= 0:
-                worst = max(worst, after.scores[j])
-        budget = min(worst - before.scores[i] + model.margin, model.jump)
-        if budget < 0:
-            continue
-        _on_same_road(i, straight, longest, before, after, linked, graph, model, work, moves)
-        bound = straight + model.beta * budget
-        begin_search(road, graph.lengths[road] - before.metres[i], bound, goal, model.reach, graph, model, work)
+        while j >= 0:
+            metres = work.metres[found] + after.metres[j]
+            if metres <= longest:
+                price = (work.price[found] - work.metres[found] + abs(metres - straight)) / model.beta
+                scores[j] = min(scores[j], price)
+            met[j] = True
+            j = linked[j]
+        most = -np.inf
+        for k in range(len(scores)):
+            if not met[k]:
+                most = max(most, scores[k])
+        bound = straight + model.beta * most
+
+
+@inlined
+def _over_roads(
+    order: NDArray[np.int64],
+    straight: float,
+    longest: float,
+    before: Layer,
+    wanted: NDArray[np.float64],
+    after: Layer,
+    linked: NDArray[np.int32],
+    distinct: int,
+    graph: Graph,
+    model: Model,
+    work: Work,
+    moves: NDArray[np.float64],
+) -> None:
+    """Offer the ways over other roads that make chains with a score wanted, or a margin worse."""
+    targets, begins = np.empty(len(wanted), np.int32), np.empty(len(wanted))
+    count = 0
+    for j in range(len(wanted)):
+        if after.roads[j] >= 0:
+            targets[count] = after.roads[j]
+            begins[count] = after.metres[j] - model.beta * (wanted[j] + model.margin + _ROUNDING)
+            count += 1
+    least = straight - model.beta * before.scores[order[0]]
+    search_back(before.roads[order], targets[:count], begins[:count], least, longest, graph, work.rest)
+    for i in order:
+        road, bound = before.roads[i], straight - model.beta * before.scores[i]
+        rest = graph.lengths[road] - before.metres[i]
+        clear_search(work)
+        leave_to_wanted(road, rest, rest, bound, longest, graph, model, work)
         reached = 0
         while reached < distinct:
-            found = next_settled(bound, goal, model.reach, graph, model, work)
+            found = next_to_wanted(bound, longest, graph, model, work)
             if found < 0:
                 break
             j = work.targets[found]
@@ -177,14 +258,19 @@ def advance(
                     turns = (work.price[found] - work.metres[found]) / model.beta
                     _offer(i, j, abs(metres - straight) / model.beta + turns, OVER, before, after, moves)
                 j = linked[j]
-    for j in range(n1):
-        if after.roads[j] >= 0:
-            work.targets[after.roads[j]] = -1
-        after.scores[j] += after.prices[j]
-    after.scores[:n1] -= after.scores[:n1].min()  # only differences count, and a long track must not wear them down
 
 
-@jit
+@inlined
+def _worst(scores: NDArray[np.float64], layer: Layer) -> float:
+    """The highest score of a candidate on a road."""
+    worst = -np.inf
+    for j in range(len(scores)):
+        if layer.roads[j] >= 0:
+            worst = max(worst, scores[j])
+    return worst
+
+
+@inlined
 def _on_same_road(
     i: int,
     straight: float,
@@ -213,11 +299,11 @@ def _on_same_road(
         j = linked[j]
 
 
-@jit
+@inlined
 def _offer(i: int, j: int, price: float, kind: int, before: Layer, after: Layer, moves: NDArray[np.float64]) -> None:
-    """Take a way from candidate i to candidate j where it is cheaper than what is known."""
+    """Take a way from candidate i to candidate j where it is cheaper than what is known, by more than rounding."""
     moves[i, j] = min(moves[i, j], price)
-    if before.scores[i] + price < after.scores[j]:
+    if before.scores[i] + price < after.scores[j] - _ROUNDING:
         after.scores[j], after.backs[j], after.kinds[j] = before.scores[i] + price, i, kind
 
 

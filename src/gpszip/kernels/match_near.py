@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inlined, jit
 from gpszip.kernels.match_roads import Cells, Roads, project
 
 __all__ = ["count_cells", "file_cells", "hash_cells", "near_roads", "nearest_distances"]
@@ -136,15 +136,15 @@ def _nearest(
 ) -> int:
     """Take distance, road and offset of the nearest places; those near one on the same road go without saying."""
     count, most = 0, len(roads)
-    for i in range(1, len(found)):
-        j = i
-        while j > 0 and _before(found, j, j - 1):
-            for axis in range(3):
-                found[j, axis], found[j - 1, axis] = found[j - 1, axis], found[j, axis]
-            j -= 1
     for hit in range(len(found)):
         if count == most:
             break
+        best = hit
+        for i in range(hit + 1, len(found)):
+            if _before(found, i, best):
+                best = i
+        for axis in range(3):
+            found[hit, axis], found[best, axis] = found[best, axis], found[hit, axis]
         stands = False
         for i in range(count):
             stands = stands or (roads[i] == found[hit, 1] and abs(offsets[i] - found[hit, 2]) <= apart)
@@ -154,7 +154,7 @@ def _nearest(
     return count
 
 
-@jit
+@inlined
 def _before(found: NDArray[np.float64], i: int, j: int) -> bool:
     """Whether hit i comes before hit j: by distance, then road, then offset."""
     for axis in range(3):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["Cells", "Graph", "Model", "Roads", "Work", "apart", "larger", "place", "project", "vertex_before"]
+__all__ = ["Cells", "Graph", "Model", "Rest", "Roads", "Work", "apart", "larger", "place", "project", "vertex_before"]
 
 
 class Roads(NamedTuple):
@@ -43,7 +43,7 @@ class Cells(NamedTuple):
 
 
 class Graph(NamedTuple):
-    """Directed roads that may be travelled out of each node, ``outs[begins[v]:begins[v + 1]]``.
+    """Directed roads that may be travelled out of each node, ``outs[begins[v]:begins[v + 1]]``, and into it, ``ins[arrivals[v]:...]``.
 
     For each directed road: the node at its end, its length, the unit vector at its beginning, and whether it may be travelled.
     ``nodes`` are the places of the nodes.
@@ -56,6 +56,25 @@ class Graph(NamedTuple):
     headings: NDArray[np.float64]
     open: NDArray[np.bool_]
     nodes: NDArray[np.float64]
+    arrivals: NDArray[np.int64]
+    ins: NDArray[np.int32]
+
+
+class Rest(NamedTuple):
+    """What is at least missing from each node to what a layer wants, found by one search back from there.
+
+    ``state`` holds the number of the search, the size of its heap and the node near which ways come from; ``limits`` how far it got, and
+    how near. A node was met by this search if ``stamps`` says so, and ``slots`` is its place in the heap, -1 for what has left it.
+    """
+
+    state: NDArray[np.int64]
+    limits: NDArray[np.float64]
+    stamps: NDArray[np.int64]
+    keys: NDArray[np.float64]
+    price: NDArray[np.float64]
+    slots: NDArray[np.int32]
+    heap: NDArray[np.int32]
+    wanted: NDArray[np.bool_]
 
 
 class Work(NamedTuple):
@@ -63,7 +82,7 @@ class Work(NamedTuple):
 
     ``state`` holds the number of the search and the size of its heap; what belongs to a directed road is of this search if ``stamps``
     says so. ``keys`` are prices with what is at least missing to the goal; ``slots`` the place in the heap, -1 for what has left it.
-    ``targets`` is the first candidate on a directed road, -1 for none, also between searches.
+    ``targets`` is the first candidate on a directed road, -1 for none, also between searches. ``rest`` is room for searches back.
     """
 
     state: NDArray[np.int64]
@@ -75,6 +94,7 @@ class Work(NamedTuple):
     slots: NDArray[np.int32]
     heap: NDArray[np.int32]
     targets: NDArray[np.int32]
+    rest: Rest
 
 
 class Model(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
-from gpszip.kernels.match_lattice import NOWHERE, OVER, ROUND, STAY, Lattice
+from gpszip.kernels.match_lattice import NOWHERE, OVER, ROUND, STAY, Lattice, longest_way
 from gpszip.kernels.match_roads import Graph, Model, Roads, Work, apart, larger, place, project, vertex_before
 from gpszip.kernels.match_search import find_way
 
@@ -40,6 +40,7 @@ def best_chain(lattice: Lattice) -> NDArray[np.int64]:
 @jit
 def trace(
     positions: NDArray[np.float64],
+    times: NDArray[np.float64],
     used: NDArray[np.int64],
     chain: NDArray[np.int64],
     lattice: Lattice,
@@ -61,8 +62,10 @@ def trace(
         if kind == OVER:
             last = chain[layer - 1]
             rest = graph.lengths[lattice.all.roads[last]] - lattice.all.metres[last]
-            bound = apart(positions, used[layer - 1], used[layer]) + model.beta * model.jump
-            way = find_way(lattice.all.roads[last], rest, road, bound, positions[used[layer]], model.reach, graph, model, work)
+            straight = apart(positions, used[layer - 1], used[layer])
+            longest = longest_way(straight, times[used[layer]] - times[used[layer - 1]], model)
+            bound, goal = straight + model.beta * model.jump, positions[used[layer]]
+            way = find_way(lattice.all.roads[last], rest, road, bound, longest, goal, model.reach, graph, model, work)
         if count + len(way) + 1 > room:
             room = 2 * room + len(way)
             legs = Legs(larger(legs.roads, room), larger(legs.begin, room), larger(legs.end, room), larger(legs.piece, room))

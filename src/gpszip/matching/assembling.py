@@ -129,6 +129,6 @@ def _obstacle(index: RoadIndex, work: Work, chain: Chain, scales: Scales, a: int
         return "detour"
     rest = float(index.graph.lengths[road] - chain.metres[a])
     free = model_of(scales)._replace(turn=0.0, u_turn=0.0)
-    goal = chain.stretch.positions[j]
-    found = find_way(road, rest, target, _FAR * (straight + reach(scales)), goal, math.inf, index.graph, free, work)
+    goal, far = chain.stretch.positions[j], _FAR * (straight + reach(scales))
+    found = find_way(road, rest, target, far, far, goal, math.inf, index.graph, free, work)
     return "detour" if len(found) else "no route"

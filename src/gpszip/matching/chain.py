@@ -101,7 +101,7 @@ def follow(index: RoadIndex, work: Work, stretch: Stretch, scales: Scales, *, su
     used = thin(positions, stretch.silent, apart(scales))
     layers = lattice(positions, stretch.times, stretch.silent, used, index.roads, index.cells, index.graph, model, work)
     chain = best_chain(layers)
-    legs, leg, metres = trace(positions, used, chain, layers, index.graph, model, work)
+    legs, leg, metres = trace(positions, stretch.times, used, chain, layers, index.graph, model, work)
     confidence = way_share(layers, posterior(layers), legs.roads, leg) if sure else np.zeros(len(used))
     alone = np.diff(layers.begins) == 1
     return Chain(stretch, used, layers.all.roads[chain], layers.all.kinds[chain], alone, confidence, legs, leg, metres)

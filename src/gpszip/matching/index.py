@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.match_near import count_cells, file_cells, hash_cells
-from gpszip.kernels.match_roads import Cells, Graph, Roads, Work
+from gpszip.kernels.match_roads import Cells, Graph, Rest, Roads, Work
 from gpszip.model import Network
 
 __all__ = ["RoadIndex", "index_network", "workspace"]
@@ -46,11 +46,13 @@ class RoadIndex:
 
 def workspace(index: RoadIndex) -> Work:
     """Room for searches on one index, for one thread; made once, since it is as large as the network."""
-    size = len(index.graph.open)
+    size, nodes = len(index.graph.open), len(index.graph.nodes)
     parents, slots, heap = (np.zeros(size, np.int32) for _ in range(3))
     state, stamps, targets = np.zeros(2, np.int64), np.zeros(size, np.int64), np.full(size, -1, np.int32)
     keys, price, metres = (np.zeros(size) for _ in range(3))
-    return Work(state, stamps, keys, price, metres, parents, slots, heap, targets)
+    back = np.zeros(nodes, np.int64), np.zeros(nodes), np.zeros(nodes), np.zeros(nodes, np.int32), np.zeros(nodes, np.int32)
+    rest = Rest(np.zeros(3, np.int64), np.zeros(2), *back, np.zeros(nodes, np.bool_))
+    return Work(state, stamps, keys, price, metres, parents, slots, heap, targets, rest)
 
 
 def index_network(network: Network, dimension: int | None = None) -> RoadIndex:
@@ -76,7 +78,9 @@ def index_network(network: Network, dimension: int | None = None) -> RoadIndex:
     open_ = np.stack((network.forward, network.backward), axis=1).ravel()
     lengths = np.repeat(along[network.offsets[1:] - 1], 2)
     heads = np.stack((network.ends, network.starts), axis=1).ravel().astype(np.int32)
-    graph = Graph(*_outs(network, open_), heads, lengths, _headings(network, points), open_, _coordinates(network.nodes, dimension))
+    tails = heads.reshape(-1, 2)[:, ::-1].ravel()
+    outs, ins = _links(tails, open_, len(network.nodes)), _links(heads, open_, len(network.nodes))
+    graph = Graph(*outs, heads, lengths, _headings(network, points), open_, _coordinates(network.nodes, dimension), *ins)
     roads = Roads(points, np.ascontiguousarray(along), np.ascontiguousarray(network.offsets, dtype=np.int64))
     return RoadIndex(network, roads, _cells(roads), graph)
 
@@ -96,12 +100,11 @@ def _along(points: NDArray[np.float64], offsets: NDArray[np.int64]) -> NDArray[n
     return along
 
 
-def _outs(network: Network, open_: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Directed roads that may be travelled out of each node."""
-    tails = np.stack((network.starts, network.ends), axis=1).ravel()
+def _links(nodes: NDArray[np.int32], open_: NDArray[np.bool_], count: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Directed roads that may be travelled, filed by their nodes at one end."""
     usable = np.flatnonzero(open_)
-    order = usable[np.argsort(tails[usable], kind="stable")]
-    begins = np.searchsorted(tails[order], np.arange(len(network.nodes) + 1)).astype(np.int64)
+    order = usable[np.argsort(nodes[usable], kind="stable")]
+    begins = np.searchsorted(nodes[order], np.arange(count + 1)).astype(np.int64)
     return begins, order.astype(np.int32)
 
 
