@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import gpszip
-from gpszip.pipeline.appending import append, grown_map
 from gpszip.errors import BoundError, OptionError
 from gpszip.model import Options, Track
 from gpszip.pipeline import compress
+from gpszip.pipeline.appending import append, grown_map
 from gpszip.testing import drives, patrol
 
 RMSE = 0.3

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpszip.sketches.sketch import cost, costs, delete, fitting_matrix, free_cost, insert, merge, sketch
 from gpszip.model import Track
+from gpszip.sketches.sketch import cost, costs, delete, fitting_matrix, free_cost, insert, merge, sketch
 
 numbers = st.floats(-1e3, 1e3, allow_subnormal=False)
 
