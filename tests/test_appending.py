@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import gpszip
-from gpszip.errors import BoundError, OptionError
+from gpszip.errors import BoundError, InputError, OptionError
 from gpszip.model import Options, Track
 from gpszip.pipeline import compress
-from gpszip.pipeline.appending import append, grown_map
-from gpszip.testing import drives, patrol
+from gpszip.pipeline.appending import append
+from gpszip.testing import patrol
 
 RMSE = 0.3
 
@@ -114,14 +114,18 @@ def test_a_far_finer_bound_is_refused(day, morning):
         append(morning, stretch(day, 1500, 1560), Options(rmse=1e-4, effort=1))
 
 
-def test_a_map_is_renewed_by_walks_on_it():
-    town = drives(vehicles=12, duration=600.0, period=5.0, seed=3)
-    fleet = [Track(name, times, positions) for name, (times, positions) in town.items()]
-    city = compress(fleet[:8], Options(rmse=8.0, effort=1))[0]
-    later, report = compress(fleet[8:], Options(rmse=8.0, effort=1), map=city)
-    renewed = grown_map(city, later, report.gap)
-    assert renewed.tracks == tuple(track.id for track in fleet)
-    assert renewed.hash != city.hash
-    for track in fleet[8:]:
-        np.testing.assert_allclose(renewed.position(track.id, track.times), later.position(track.id, track.times), atol=1e-6)
-    assert len(renewed.road_map.edges) >= len(city.road_map.edges)
+def test_no_tracks_are_refused(morning):
+    with pytest.raises(InputError, match="no tracks"):
+        append(morning, [])
+
+
+def test_a_log_that_begins_within_the_last_cell_goes_on():
+    # the first walk ends at a whole cell, at or after its last sample
+    track = patrol(32000, seed=8)
+    times, positions = track.times[::16], track.positions[::16]
+    halves = [Track("0", times[:1000], positions[:1000]), Track("0", times[1000:], positions[1000:])]
+    for shift in (0.0, 0.3, 0.7):
+        first = Track("0", halves[0].times + shift, halves[0].positions)
+        archive, _ = append(compress(first, Options(rmse=RMSE, effort=1))[0], halves[1], Options(effort=1))
+        assert archive.walk("0").times[0] <= first.times[0]
+        assert rmse(archive, halves[1]) <= RMSE

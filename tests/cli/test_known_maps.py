@@ -81,6 +81,15 @@ def test_appending_hour_by_hour(gpszip, logs):
     assert package.open("robot.gpsz").to_bytes() == before
 
 
+def test_a_map_is_not_renewed_with_a_log_that_it_holds_already(gpszip, logs, tmp_path):
+    gpszip("compress", logs[0], "-o", "map.gpsz", "--rmse", "0.4", "--effort", "1")
+    done = gpszip("compress", logs[0], "-o", "on.gpsz", "--rmse", "0.4", "--effort", "1", "--map", "map.gpsz", "--update-map", "new.gpsz")
+    assert done.code == 2
+    assert "track '0' overlaps in time" in done.err
+    assert not (tmp_path / "on.gpsz").exists()
+    assert not (tmp_path / "new.gpsz").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [

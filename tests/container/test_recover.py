@@ -10,6 +10,7 @@ from gpszip.container.recover import recover, recover_bytes
 from gpszip.container.verify import verify, verify_bytes
 from gpszip.container.writer import to_bytes
 from gpszip.errors import CorruptArchiveError, InputError
+from gpszip.model.promise import Promise
 from oracle import archives
 from oracle.archives import section
 
@@ -47,6 +48,17 @@ def test_kept_columns_are_not_given_to_the_wrong_tracks():
     saved = recover_bytes(bytes(data))
     assert saved.contents.extras == extras[1:]
     assert any("kept columns" in sentence for sentence in saved.lost)
+
+
+@pytest.mark.parametrize("maximum", [True, False])
+def test_a_promise_about_all_tracks_is_not_one_about_some(maximum):
+    promise = Promise(5, 0, maximum)
+    data = bytearray(to_bytes(replace(WHOLE, promise=promise)))
+    assert recover_bytes(bytes(data)).contents.promise == promise
+    data[next(report.offset for report in verify_bytes(data).sections if report.kind == "walks") + 12] ^= 0xFF
+    saved = recover_bytes(bytes(data))
+    assert saved.contents.promise == (promise if maximum else None)
+    assert any("error promised" in sentence for sentence in saved.lost) != maximum
 
 
 def test_every_truncation_saves_the_whole_groups_before_it():

@@ -301,6 +301,34 @@ class Archive:
         """
         return [self._sampled_as_read(name) for name in (self.ids if track is None else (track,))]
 
+    @property
+    def promise(self) -> Promise | None:
+        """The error that the walks keep: the bound that was asked for, or what was reached where none was."""
+        return self.contents.promise
+
+    @cached_property
+    def hash(self) -> bytes:
+        """Four bytes by which other archives name this one as their map."""
+        return map_hash(self.contents)
+
+    def past(self, halvings: int = 0) -> Past:
+        """The archive's walks as others go on from them, on quanta halved so many times."""
+        from gpszip.coding.past import Past
+
+        if halvings not in self._pasts:
+            self._pasts[halvings] = Past(refined(self.lattice, halvings))
+        return self._pasts[halvings]
+
+    @property
+    def new_ways(self) -> list[NDArray[np.float64]]:
+        """Stretches that lie off the map kept elsewhere: float64 arrays of shape (n, d), in metres."""
+        if self._past is None:
+            return []
+        known, own = self._past.walks.nodes, self.lattice.nodes
+        _, first, number = np.unique(np.concatenate([known, own]), axis=0, return_index=True, return_inverse=True)
+        fresh = first[number.reshape(-1)[len(known) :]] >= len(known)
+        return [line for walk in self.walks for line in _stretches(walk, fresh, self.road_map.nodes)]
+
     def info(self, *, decode: bool = False) -> dict[str, Any]:
         """What the archive is, as plain values.
 
@@ -360,33 +388,6 @@ class Archive:
             found = decode(group.payload, self.frame.dimension, group.tracks, past)
             self._decoded[number] = found if past is None else number_by_visit(found)
         return self._decoded[number]
-
-    @property
-    def promise(self) -> Promise | None:
-        """The error that the walks keep: the bound that was asked for, or what was reached where none was."""
-        return self.contents.promise
-
-    @cached_property
-    def hash(self) -> bytes:
-        """Four bytes by which other archives name this one as their map."""
-        return map_hash(self.contents)
-
-    def past(self, halvings: int = 0) -> Past:
-        """The archive's walks as others go on from them, on quanta halved so many times."""
-        from gpszip.coding.past import Past
-
-        if halvings not in self._pasts:
-            self._pasts[halvings] = Past(refined(self.lattice, halvings))
-        return self._pasts[halvings]
-
-    @property
-    def new_ways(self) -> list[NDArray[np.float64]]:
-        """Stretches that lie off the map kept elsewhere: float64 arrays of shape (n, d), in metres."""
-        known = {tuple(place) for place in self._past.walks.nodes.tolist()} if self._past is not None else set()
-        if not known:
-            return []
-        fresh = np.array([tuple(place) not in known for place in self.lattice.nodes.tolist()])
-        return [line for walk in self.walks for line in _stretches(walk, fresh, self.road_map.nodes)]
 
     @property
     def _past(self) -> Past | None:

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from gpszip.archive.archive import Archive
 from gpszip.container.contents import MapReference
 from gpszip.container.reader import from_bytes, load
 from gpszip.errors import CorruptArchiveError, InputError, MapError
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = ["open_archive"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,7 @@ from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
+    from gpszip.model import Options
 
 __all__ = ["command"]
 
@@ -81,7 +83,7 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
     from gpszip import pipeline
     from gpszip.cli.progress import progress
     from gpszip.cli.summary import show_summary
-    from gpszip.pipeline.appending import append, grown_map
+    from gpszip.pipeline.appending import append
 
     with progress(quiet=quiet or settings.json) as listener, running(*_engine(choices)) as executor:
         reading = pipeline.read(logs, **_reading(choices))
@@ -90,8 +92,9 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
             archive, report = append(before, reading.tracks, options, **where)
         else:
             archive, report = pipeline.compress(reading.tracks, options, bytes_in=reading.bytes, map=there, **where)
-    if there is not None and choices["update_map"]:
-        write_archive(choices["update_map"], grown_map(there, archive, report.gap), force=force)
+        renewed = append(there, reading.tracks, _of_a_map(options), **where)[0] if there is not None and choices["update_map"] else None
+    if renewed is not None:
+        write_archive(choices["update_map"], renewed, force=force)
     write_archive(target, archive, force=force or before is not None)
     if settings.json or not quiet:
         show_summary(target, reading, report, as_json=settings.json)
@@ -164,7 +167,12 @@ def _map(choices: dict[str, Any]) -> Archive | None:
     return None
 
 
-def _options(choices: dict[str, Any]) -> Any:
+def _of_a_map(options: Options) -> Options:
+    """The options as far as they are of use for a map that is renewed: it need not keep what the archive of the logs keeps."""
+    return replace(options, size=None, ratio=None, keep=(), keep_times=False)
+
+
+def _options(choices: dict[str, Any]) -> Options:
     """The pipeline's options; those that contradict each other are refused before anything is read."""
     from gpszip.errors import OptionError
     from gpszip.model import Options

@@ -57,6 +57,7 @@ def command(
     """
     from gpszip import pipeline
     from gpszip.cli.output import check_output, say, show_json
+    from gpszip.cli.summary import account_of, name_left_out, place_of, repairs_in_words
     from gpszip.errors import OptionError
     from gpszip.sketches.partition import build
 
@@ -66,13 +67,12 @@ def command(
     reading = pipeline.read(logs, **choices)
     made = build(reading.tracks, k=k if eps else None, eps=eps, size=size, max_bytes=None if max_bytes is None else int(max_bytes))
     written = _write(made, reading, target, points)
-    facts = _facts(made, reading, k, written)
+    facts = _facts(made, k, written)
     if settings.json:
-        show_json({"output": target, **facts}, err=target == "-")
+        show_json({"output": target, **facts, **account_of(reading.repairs, reading.left_out)}, err=target == "-")
     elif not quiet:
-        for left in reading.left_out:
-            say(f"gpszip: left out {left.name}: {left.reason}")
-        say(f"{'standard output' if target == '-' else target}: {_describe(facts)}")
+        name_left_out(reading)
+        say(f"{place_of(target)}: {'; '.join([_describe(facts), *repairs_in_words(reading.repairs)])}")
     return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
 
 
@@ -93,12 +93,11 @@ def _write(made: Coreset, reading: Reading, target: str, points: bool) -> int | 
     return sum(map(len, few))
 
 
-def _facts(made: Coreset, reading: Reading, k: int | None, points: int | None) -> dict[str, Any]:
+def _facts(made: Coreset, k: int | None, points: int | None) -> dict[str, Any]:
     facts: dict[str, Any] = {"samples": made.samples, "tracks": len(made.tracks), "blocks": len(made), "points": points}
     facts |= {"rmse": made.rmse, "largest": float(made.free_costs.max()), "k": k}
     facts |= {"eps": None, "least_cost": None} if k is None else {"eps": made.eps(k), "least_cost": made.least_cost(k)}
-    facts["repairs"] = [{"what": one.what, "count": one.count, "where": one.where} for one in reading.repairs]
-    return facts | {"left_out": [{"name": one.name, "reason": one.reason} for one in reading.left_out]}
+    return facts
 
 
 def _describe(facts: dict[str, Any]) -> str:
@@ -111,4 +110,4 @@ def _describe(facts: dict[str, Any]) -> str:
         known = facts["eps"] < 10
         text += f"; any {facts['k']}-segment costs {facts['least_cost']:.4g} m^2 or more"
         text += f" and is priced within {100 * facts['eps']:.3g} %" if known else "; too few blocks to promise its price beforehand"
-    return "; ".join([text, *(f"{one['where']}: {one['count']:,} {one['what']}" for one in facts["repairs"])])
+    return text

@@ -64,17 +64,15 @@ def command(settings: Settings, /, logs: tuple[str, ...], network: tuple[str, ..
 
 def _show(target: str, reading: Reading, roads: NetworkReading, matching: Matching, seconds: float, settings: Settings) -> None:
     from gpszip.cli.output import STDOUT, say, show_json
+    from gpszip.cli.summary import account_of, name_left_out, place_of, repairs_in_words
     from gpszip.cli.units import format_length
 
     repairs = [*reading.repairs, *roads.repairs]
     if settings.json:
         facts = _facts(matching) | {"seconds": round(seconds, 3)}
-        facts["repairs"] = [{"what": one.what, "count": one.count, "where": one.where} for one in repairs]
-        facts["left_out"] = [{"name": one.name, "reason": one.reason} for one in reading.left_out]
-        show_json({"output": target, **facts}, err=target == STDOUT)
+        show_json({"output": target, **facts, **account_of(repairs, reading.left_out)}, err=target == STDOUT)
         return
-    for left in reading.left_out:
-        say(f"gpszip: left out {left.name}: {left.reason}")
+    name_left_out(reading)
     facts = _facts(matching)
     breaks = ", ".join(f"{reason} {count:,}" for reason, count in matching.breaks.items()) or "none"
     scales = [f"{name} {format_length(facts[name])}" for name in ("error", "sigma", "beta")]
@@ -82,9 +80,9 @@ def _show(target: str, reading: Reading, roads: NetworkReading, matching: Matchi
         f"{facts['points']:,} points in {facts['tracks']:,} tracks, {100 * matching.share:.1f} % on {facts['pieces']:,} routes of "
         f"{format_length(facts['length'])}, {', '.join(scales)}, {seconds:.1f} s",
         f"breaks: {breaks}",
-        *(f"{one.where}: {one.count:,} {one.what}" for one in repairs),
+        *repairs_in_words(repairs),
     ]
-    say(f"{'standard output' if target == STDOUT else target}: {'; '.join(words)}")
+    say(f"{place_of(target)}: {'; '.join(words)}")
 
 
 def _facts(matching: Matching) -> dict[str, Any]:

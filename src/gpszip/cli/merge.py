@@ -41,6 +41,7 @@ def command(settings: Settings, /, archives: tuple[str, ...], target: str, force
     """
     from gpszip.cli.output import check_output, say, show_json, write_archive
     from gpszip.cli.progress import progress
+    from gpszip.cli.summary import place_of
     from gpszip.errors import OptionError
     from gpszip.model.merge_options import MergeOptions
 
@@ -57,7 +58,7 @@ def command(settings: Settings, /, archives: tuple[str, ...], target: str, force
     if settings.json:
         show_json({"output": target, **_facts(archives, made, report)}, err=target == "-")
     elif not quiet:
-        say(f"{'standard output' if target == '-' else target}: {_describe(made, report)}")
+        say(f"{place_of(target)}: {_describe(made, report)}")
     return Outcome.DONE
 
 

@@ -51,15 +51,16 @@ def command(
 
 def _show(prepared: Prepared, target: str, size: int, seconds: float, settings: Settings) -> None:
     from gpszip.cli.output import STDOUT, say, show_json
+    from gpszip.cli.summary import account_of, repairs_in_words
     from gpszip.cli.units import format_bytes, format_length
 
     facts = prepared.facts
     if settings.json:
-        repairs = [{"what": repair.what, "count": repair.count, "where": repair.where} for repair in prepared.roads.repairs]
-        show_json({"output": target, "bytes": size, "seconds": seconds, **facts, "repairs": repairs}, err=target == STDOUT)
+        account = account_of(prepared.roads.repairs)
+        show_json({"output": target, "bytes": size, "seconds": seconds, **facts, **account}, err=target == STDOUT)
         return
-    for repair in prepared.roads.repairs:
-        say(f"{repair.where}: {repair.what}: {repair.count:,}")
+    for words in repairs_in_words(prepared.roads.repairs):
+        say(words)
     say(
         f"{target}: {facts['roads']:,} roads between {facts['nodes']:,} nodes, {format_length(facts['length'])}, "
         f"{facts['one_way']:,} one-way, {facts['with_speed']:,} with a speed, {facts['components']:,} connected parts; "

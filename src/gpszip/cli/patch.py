@@ -74,17 +74,15 @@ def _write(patching: Patching, text: TextLog | None, target: str) -> None:
 
 def _show(target: str, reading: Reading, roads: NetworkReading, patching: Patching, seconds: float, settings: Settings) -> None:
     from gpszip.cli.output import STDOUT, say, show_json
+    from gpszip.cli.summary import account_of, name_left_out, place_of, repairs_in_words
     from gpszip.cli.units import format_duration
 
     repairs = [*reading.repairs, *roads.repairs]
     if settings.json:
         facts = _facts(patching) | {"seconds": round(seconds, 3)}
-        facts["repairs"] = [{"what": one.what, "count": one.count, "where": one.where} for one in repairs]
-        facts["left_out"] = [{"name": one.name, "reason": one.reason} for one in reading.left_out]
-        show_json({"output": target, **facts}, err=target == STDOUT)
+        show_json({"output": target, **facts, **account_of(repairs, reading.left_out)}, err=target == STDOUT)
         return
-    for left in reading.left_out:
-        say(f"gpszip: left out {left.name}: {left.reason}")
+    name_left_out(reading)
     open_ = _open(patching)
     for one in open_[:_NAMED]:
         say(f"left open: track {one['track']!r} at {one['from']:.15g}, {format_duration(one['seconds'])}: {one['reason']}")
@@ -93,9 +91,9 @@ def _show(target: str, reading: Reading, roads: NetworkReading, patching: Patchi
     words = [
         f"{patching.added:,} points added in {patching.filled:,} of {len(patching.patches):,} gaps over {format_duration(patching.gap)}, "
         f"{seconds:.1f} s",
-        *(f"{one.where}: {one.count:,} {one.what}" for one in repairs),
+        *repairs_in_words(repairs),
     ]
-    say(f"{'standard output' if target == STDOUT else target}: {'; '.join(words)}")
+    say(f"{place_of(target)}: {'; '.join(words)}")
 
 
 def _facts(patching: Patching) -> dict[str, Any]:

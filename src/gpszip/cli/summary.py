@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from gpszip.cli.output import STDOUT, say, show_json
 from gpszip.cli.units import format_bytes, format_duration, format_length
 from gpszip.model import Report
-from gpszip.model.reading import Reading
+from gpszip.model.reading import LeftOut, Reading, Repair
 
-__all__ = ["describe", "show_summary", "summarise"]
+__all__ = ["account_of", "describe", "name_left_out", "place_of", "repairs_in_words", "show_summary", "summarise"]
 
 
 def show_summary(target: str, reading: Reading, report: Report, *, as_json: bool) -> None:
@@ -17,9 +18,32 @@ def show_summary(target: str, reading: Reading, report: Report, *, as_json: bool
     if as_json:
         show_json({"output": target, **summarise(reading, report)}, err=target == STDOUT)
         return
+    name_left_out(reading)
+    say(f"{place_of(target)}: {describe(reading, report)}")
+
+
+def place_of(target: str) -> str:
+    """What a person calls the output."""
+    return "standard output" if target == STDOUT else target
+
+
+def name_left_out(reading: Reading) -> None:
+    """One line for each log that was left out."""
     for left in reading.left_out:
         say(f"gpszip: left out {left.name}: {left.reason}")
-    say(f"{'standard output' if target == STDOUT else target}: {describe(reading, report)}")
+
+
+def repairs_in_words(repairs: Iterable[Repair]) -> list[str]:
+    """What was mended while reading, a few words for each."""
+    return [f"{one.where}: {one.count:,} {one.what}" for one in repairs]
+
+
+def account_of(repairs: Iterable[Repair], left_out: Iterable[LeftOut] = ()) -> dict[str, Any]:
+    """What was mended and what was left out while reading, as values for programs."""
+    return {
+        "repairs": [{"what": one.what, "count": one.count, "where": one.where, "drops": one.drops} for one in repairs],
+        "left_out": [{"name": one.name, "reason": one.reason} for one in left_out],
+    }
 
 
 def describe(reading: Reading, report: Report) -> str:
@@ -39,7 +63,7 @@ def _remarks(reading: Reading, report: Report) -> list[str]:
     remarks = [f"asked for: {report.bound}"] if report.bound.startswith("size") else []
     remarks += [] if report.gap == float("inf") else [f"gaps over {format_duration(report.gap)}"]
     remarks += report.notes
-    remarks += [f"{repair.where}: {repair.count:,} {repair.what}" for repair in reading.repairs]
+    remarks += repairs_in_words(reading.repairs)
     if reading.dropped:
         remarks.append(f"not kept: {', '.join(reading.dropped)}")
     return remarks
@@ -66,7 +90,6 @@ def summarise(reading: Reading, report: Report) -> dict[str, Any]:
         "nodes": report.nodes,
         "edges": report.edges,
         "notes": list(report.notes),
-        "repairs": [{"what": one.what, "count": one.count, "where": one.where, "drops": one.drops} for one in reading.repairs],
-        "left_out": [{"name": one.name, "reason": one.reason} for one in reading.left_out],
+        **account_of(reading.repairs, reading.left_out),
         "dropped": list(reading.dropped),
     }

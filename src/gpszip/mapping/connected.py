@@ -19,12 +19,12 @@ from gpszip.model import Executor, Frame, LatticeWalks, Track
 from gpszip.model.executor import Shared, local, sharing
 from gpszip.model.frame import quantum, quantum_index
 
-__all__ = ["THIN", "learn"]
+__all__ = ["RMSE_OF_MAXIMUM", "SLOTS_OF_EFFORT", "THIN", "learn"]
 
 _Found = tuple[Frame, Outcome | None]
 
 #: The mean error with which the walks for a maximum begin, as a share of it.
-_RMSE_OF_MAXIMUM = 0.4
+RMSE_OF_MAXIMUM = 0.4
 
 #: Size that stands for a bound not kept.
 _NEVER = 1 << 62
@@ -51,7 +51,7 @@ _STARTS = tuple(
 )
 
 #: Slots that all starts of one log may take together, at each effort, and the most starts.
-_BUDGET = (0, 30_000, 60_000, 90_000, 120_000, 250_000, 500_000, 1_000_000, 2_000_000)
+SLOTS_OF_EFFORT = (0, 30_000, 60_000, 90_000, 120_000, 250_000, 500_000, 1_000_000, 2_000_000)
 _MOST_STARTS = (1, 3, 6, 9, 16, 20, 24, 28, 32)
 
 #: Samples of the excerpt on which quanta are chosen, the slots that it may have, and samples that it has in any case.
@@ -108,7 +108,7 @@ def learn(
     """
     if rmse is None and max_error is None:
         raise OptionError("a map needs a bound on its error: give rmse or max_error")
-    search = _Search(tuple(tracks), tuple(gaps), _RMSE_OF_MAXIMUM * max_error if max_error is not None else rmse or 0.0, max_error)
+    search = _Search(tuple(tracks), tuple(gaps), RMSE_OF_MAXIMUM * max_error if max_error is not None else rmse or 0.0, max_error)
     with sharing(executor, _excerpt(search)) as excerpt:
         chosen = _choose_quanta(excerpt)
     trials = _starts(chosen, effort, search.count_slots(chosen))
@@ -253,7 +253,7 @@ def _choose_quanta(search: Shared[_Search]) -> _Trial:
 
 def _starts(chosen: _Trial, effort: int, slots: int) -> list[_Trial]:
     """Starts around the chosen quanta: the smaller the log, the more of them."""
-    count = max(1, min(_MOST_STARTS[effort - 1], _BUDGET[effort - 1] // slots))
+    count = max(1, min(_MOST_STARTS[effort - 1], SLOTS_OF_EFFORT[effort - 1] // slots))
     return [_Trial(chosen.space * space, chosen.time * time, leader) for space, time, leader in _STARTS[:count]]
 
 

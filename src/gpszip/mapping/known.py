@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gpszip.coding.past import Past
 from gpszip.coding.walks import encode
-from gpszip.mapping.connected import THIN
+from gpszip.mapping.connected import RMSE_OF_MAXIMUM, SLOTS_OF_EFFORT, THIN
 from gpszip.mapping.maximum import mend
 from gpszip.mapping.polishing import WORK_OF_EFFORT, best_outcomes, polish
 from gpszip.mapping.rounds import Outcome, Plan, fit
@@ -24,9 +24,6 @@ __all__ = ["halvings", "learn_on"]
 #: Quanta are halved while they are coarser than these shares of the RMSE allowed; the best lie about 1.2.
 _COARSEST = 2.4
 
-#: The mean error with which the walks for a maximum begin, as a share of it.
-_RMSE_OF_MAXIMUM = 0.4
-
 #: Starts in the order in which they are tried: the radius, in targets, within which first knots take a known node or each other, and the
 #: knots of a window.
 _STARTS = tuple((leader, window) for window in (24, 12, 40) for leader in (1.2, 2.0, 0.0, 0.7))
@@ -34,8 +31,7 @@ _STARTS = tuple((leader, window) for window in (24, 12, 40) for leader in (1.2, 
 #: The most starts at each effort.
 _MOST_STARTS = (1, 3, 4, 4, 8, 8, 12, 12, 12)
 
-#: Slots that all starts may take together at each effort, and their most.
-_BUDGET = (0, 30_000, 60_000, 90_000, 120_000, 250_000, 500_000, 1_000_000, 2_000_000)
+#: Rounds of the only start of a large log, and of each of several.
 _ROUNDS, _MANY_ROUNDS = 12, 18
 
 
@@ -86,7 +82,7 @@ def _polish(search: _Search, outcome: Outcome) -> Outcome | None:
 
 def halvings(frame: Frame, rmse: float | None, max_error: float | None) -> int:
     """How often a map's quanta are to be halved for a bound on the error."""
-    bound = rmse if rmse is not None else _RMSE_OF_MAXIMUM * (max_error or 0.0)
+    bound = rmse if rmse is not None else RMSE_OF_MAXIMUM * (max_error or 0.0)
     times = 0
     while times < min(MOST_HALVINGS, frame.space // 8, frame.time // 8) and quantum(frame.space - 8 * times) > _COARSEST * bound:
         times += 1
@@ -132,10 +128,10 @@ def learn_on(
         The map's nodes, then the new ones in the order of their first visit, and one walk for each track. None if no start
         kept the bound.
     """
-    target = _RMSE_OF_MAXIMUM * max_error if max_error is not None else rmse or 0.0
+    target = RMSE_OF_MAXIMUM * max_error if max_error is not None else rmse or 0.0
     search = _Search(tuple(tracks), tuple(gaps), frame, known, target, max_error, _ROUNDS)
     slots = len(lay_slots(tracks, gaps, frame).cells)
-    starts = _STARTS[: max(1, min(_MOST_STARTS[effort - 1], _BUDGET[effort - 1] // slots))]
+    starts = _STARTS[: max(1, min(_MOST_STARTS[effort - 1], SLOTS_OF_EFFORT[effort - 1] // slots))]
     if len(starts) > 1:
         search = replace(search, rounds=_MANY_ROUNDS)
     search = replace(search, work=WORK_OF_EFFORT[effort - 1])

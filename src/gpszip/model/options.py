@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gpszip.errors import OptionError
 
@@ -70,6 +70,17 @@ class Options:
     layer: str | None = None
     effort: int = 5
     coreset: int | None = None
+
+    def tightened(self, share: float) -> Options:
+        """Return the options with the bound on the error multiplied by ``share``.
+
+        Examples
+        --------
+        >>> Options(rmse=5.0).tightened(0.9).rmse
+        4.5
+        """
+        rmse, max_error = (None if bound is None else share * bound for bound in (self.rmse, self.max_error))
+        return replace(self, rmse=rmse, max_error=max_error)
 
     @property
     def bounded(self) -> bool:

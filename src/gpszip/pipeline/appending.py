@@ -25,7 +25,7 @@ from gpszip.pipeline import compressing
 if TYPE_CHECKING:
     from gpszip.mapping.fitting import Fit
 
-__all__ = ["append", "grown_map"]
+__all__ = ["append"]
 
 #: Shares of the bound that are tried: where a walk goes on, the end of the older one stays as it is.
 _SHARES = (1.0, 0.97, 0.9, 0.75)
@@ -79,27 +79,21 @@ def append(
     >>> archive.tracks, len(archive.road_map.nodes), bool(abs(archive.position("a", 14.0)[0] - 4) <= 0.1)
     (('a',), 2, True)
     """
-    whole = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
     options = _completed(options or Options(), archive)
-    whole = compressing.laid_on(archive, whole, options)
+    whole = compressing.laid_on(archive, compressing.checked(tracks), options)
     compressing.kept(whole, options)
     gap = estimate_gap(whole) if options.gap is None else options.gap
     led = tuple(_led_on(archive, track, gap) if track.id in archive.ids else track for track in whole)
     for share in _SHARES:
-        on_map, report = compressing.compress(led, _bare(options, gap, share), map=archive, executor=executor, progress=progress)
+        aim = replace(options.tightened(share), gap=gap, keep=(), keep_times=False)
+        on_map, report = compressing.compress(led, aim, map=archive, executor=executor, progress=progress)
         if on_map.map is None:
             break
-        grown = grown_map(archive, on_map, gap, whole if options.keep_times else ())
+        grown = _grown(archive, on_map, gap, whole if options.keep_times else ())
         found = compressing.measure(whole, grown)
-        if compressing.excess(found, options) <= 1:
+        if compressing.holds(found, options):
             return grown, _report(report, grown, found)
     raise BoundError("the archive's lattice is too coarse for this bound; allow a larger error, or compress all logs together")
-
-
-def _bare(options: Options, gap: float, share: float) -> Options:
-    """Options for the walks alone, with a share of the bound."""
-    rmse, max_error = (None if bound is None else share * bound for bound in (options.rmse, options.max_error))
-    return replace(options, rmse=rmse, max_error=max_error, gap=gap, keep=(), keep_times=False)
 
 
 def _led_on(archive: Archive, track: Track, gap: float) -> Track:
@@ -128,25 +122,8 @@ def _report(report: Report, grown: Archive, found: Fit) -> Report:
     )  # fmt: skip
 
 
-def grown_map(archive: Archive, on_map: Archive, gap: float, kept: Sequence[Track] = ()) -> Archive:
-    """Unite an archive with the walks of another one on its map.
-
-    Parameters
-    ----------
-    archive : Archive
-        The map.
-    on_map : Archive
-        Walks on it. Those of a name that the map's archive has, too, go on there.
-    gap : float
-        Seconds; no travel is claimed between a walk and what it goes on with if more lie between them.
-    kept : sequence of Track
-        The samples of the new walks, where the map's archive keeps such.
-
-    Raises
-    ------
-    OptionError
-        If two walks of one name overlap in time.
-    """
+def _grown(archive: Archive, on_map: Archive, gap: float, kept: Sequence[Track]) -> Archive:
+    """Unite an archive with walks on it; between a walk and what it goes on with, at most ``gap`` seconds are no gap."""
     halvings = on_map.contents.map.halvings if on_map.contents.map is not None else 0
     lattice = join_lattices([refined(archive.lattice, halvings), on_map.lattice])
     most = gap / quantum(on_map.frame.time)
@@ -202,8 +179,9 @@ def _united_extras(archive: Archive, tracks: Sequence[Track], ids: tuple[str, ..
     others = tuple(section for section in archive.contents.extras if section.kind != Kind.ATTRIBUTES)
     if archive.kept is None:
         return others
-    rows = [(archive.ids.index(name), archive.sample_times(name), archive.attributes(name)) for name in archive.ids]
-    rows += [(ids.index(track.id), track.times, track.attributes) for track in tracks]
+    number = {name: i for i, name in enumerate(ids)}
+    rows = [(number[name], archive.sample_times(name), archive.attributes(name)) for name in archive.ids]
+    rows += [(number[track.id], track.times, track.attributes) for track in tracks]
     # a stable sort keeps what was there before what goes on
     rows.sort(key=lambda row: row[0])
     counts = np.bincount([owner for owner, _, _ in rows], [len(times) for _, times, _ in rows], len(ids)).astype(int)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from gpszip.mapping.fitting import Fit
     from gpszip.mapping.size_search import Try
 
-__all__ = ["compress", "excess", "kept", "laid_on", "measure"]
+__all__ = ["checked", "compress", "holds", "kept", "laid_on", "measure", "promised", "report_on"]
 
 #: Share of the bound below which no target is tried.
 _LEAST_AIM = 0.1
@@ -122,7 +122,7 @@ def compress(
 
     start = time.perf_counter()
     options = options or Options()
-    whole = _checked(tracks) if map is None else laid_on(map, _checked(tracks), options)
+    whole = checked(tracks) if map is None else laid_on(map, checked(tracks), options)
     gap, gaps = _gaps(whole, options.gap)
     options, notes = _bounded(whole, gaps, _sized(whole, options, bytes_in))
     job = _Job(whole, gaps, options, executor_of(executor), progress, kept(whole, options), map)
@@ -130,10 +130,11 @@ def compress(
     notes += _off_map(archive, map)
     if not options.times:
         notes += ("times were left out after measuring: positions at a time can't be had from the archive",)
-    return archive, _report(archive, fit, options, notes, gap, time.perf_counter() - start)
+    return archive, report_on(archive, fit, options, notes, gap, time.perf_counter() - start)
 
 
-def _checked(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
+def checked(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
+    """Tracks that go together: at least one, on one plane, each with a name of its own."""
     whole = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
     if not whole:
         raise InputError("no tracks: there is nothing to compress")
@@ -275,12 +276,11 @@ def _within_bound(job: _Job) -> tuple[Archive, Fit]:
             target = _tightened(target, 1.0 + 0.1 * failures, job.options) if failures < _FAILURES else None
             continue
         archive, fit = _written(job, learned)
-        over = excess(fit, job.options)
-        if over <= 1 + _ROUNDING:
+        if holds(fit, job.options):
             return archive, fit
         if fit.uncovered:
             break
-        target = _tightened(target, over, job.options)
+        target = _tightened(target, _excess(fit, job.options), job.options)
     return _last_resort(job)
 
 
@@ -293,7 +293,7 @@ def _last_resort(job: _Job) -> tuple[Archive, Fit]:
     bound = job.options.rmse or job.options.max_error
     if job.options.k is None and bound is not None:
         archive, fit = _written(job, _Learned(*keep_samples(job.tracks, job.gaps, bound)))
-        if excess(fit, job.options) <= 1 + _ROUNDING:
+        if holds(fit, job.options):
             return archive, fit
     raise BoundError(f"{_bound(job.options)} can't be held; allow a larger error" + (", or more parts" if job.options.k else ""))
 
@@ -306,12 +306,12 @@ def _written(job: _Job, learned: _Learned) -> tuple[Archive, Fit]:
     job.tell("measure", 0.0)
     fit = measure(job.tracks, archive)
     job.tell("measure", 1.0)
-    return promising(archive, _promise(job.options, fit)), fit
+    return promising(archive, promised(job.options, fit)), fit
 
 
-def _promise(options: Options, fit: Fit) -> Promise | None:
+def promised(options: Options, fit: Fit) -> Promise | None:
     """The bound that was asked for; where none was, the error that was reached. Nothing where that is not (yet) kept."""
-    if options.bounded and excess(fit, options) > 1 + _ROUNDING:
+    if options.bounded and not holds(fit, options):
         return None
     return promise_of(options.max_error or options.rmse or fit.rmse, maximum=options.max_error is not None)
 
@@ -367,7 +367,12 @@ def measure(tracks: Sequence[Track], archive: Archive) -> Fit:
     return fit(tracks, [read_back.walk(track.id) for track in tracks], read_back.road_map.nodes)
 
 
-def excess(fit: Fit, options: Options) -> float:
+def holds(fit: Fit, options: Options) -> bool:
+    """Whether what was measured is within the bound, and every sample has a position."""
+    return _excess(fit, options) <= 1 + _ROUNDING
+
+
+def _excess(fit: Fit, options: Options) -> float:
     """What was reached as a multiple of what was asked for; 0 where nothing was, infinite where a sample has no position."""
     if fit.uncovered:
         return math.inf
@@ -378,10 +383,9 @@ def excess(fit: Fit, options: Options) -> float:
 
 def _tightened(target: Options, over: float, asked: Options) -> Options | None:
     """Aim lower by what was missed; None where that is of no more use."""
-    factor = max(_TIGHTER / over, 0.5)
-    rmse, max_error = (None if bound is None else bound * factor for bound in (target.rmse, target.max_error))
-    aim = (rmse or max_error or 0.0) / (asked.rmse or asked.max_error or 1.0)
-    return None if aim < _LEAST_AIM or asked.k is not None else replace(target, rmse=rmse, max_error=max_error)
+    tighter = target.tightened(max(_TIGHTER / over, 0.5))
+    aim = (tighter.rmse or tighter.max_error or 0.0) / (asked.rmse or asked.max_error or 1.0)
+    return None if aim < _LEAST_AIM or asked.k is not None else tighter
 
 
 def _without_times(lattice: LatticeWalks) -> LatticeWalks:
@@ -397,7 +401,8 @@ def _bound(options: Options) -> str:
     return "" if options.max_error is None else f"maximum <= {options.max_error:g} m"
 
 
-def _report(archive: Archive, fit: Fit, options: Options, notes: tuple[str, ...], gap: float, seconds: float) -> Report:
+def report_on(archive: Archive, fit: Fit, options: Options, notes: tuple[str, ...], gap: float, seconds: float) -> Report:
+    """What was done, found and measured."""
     return Report(
         points=fit.points,
         tracks=len(archive.ids),

@@ -18,13 +18,14 @@ from gpszip.errors import BoundError, OptionError
 from gpszip.geo.gaps import estimate_gap, gap_parts
 from gpszip.geo.planes import plane_changes
 from gpszip.io.streaming import StoredLog, count_rows, store_logs
+from gpszip.mapping.connected import RMSE_OF_MAXIMUM
 from gpszip.mapping.fitting import Fit, fit
 from gpszip.mapping.lattice_map import join_lattices, node_positions, to_lattice, walks_of
 from gpszip.mapping.maximum import mend
 from gpszip.mapping.stretches import Stretch, cut_stretches, gather, seam
 from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Options, Progress, Reading, Report, Track, Walk
 from gpszip.model.frame import quantum
-from gpszip.model.promise import promise_of
+from gpszip.pipeline.compressing import holds, promised, report_on
 
 __all__ = ["compress_large", "fits"]
 
@@ -37,9 +38,8 @@ _SORTED, _LEARNT, _LAID = 150, 700, 1200
 #: Samples of a batch, of which several are in work at once, and of an excerpt at most.
 _BATCH, _AT_ONCE, _EXCERPT = 100_000, 4, 2_000_000
 
-#: A log is dense if blocks of so many samples, on average, have lines whose RMSE is at most this share of the bound; and
-#: what the RMSE of a bound on the maximum is.
-_DENSE, _LINES, _RMSE_OF_MAXIMUM = 40, 0.8, 0.4
+#: A log is dense if blocks of so many samples, on average, have lines whose RMSE is at most this share of the bound.
+_DENSE, _LINES = 40, 0.8
 
 #: Shares of the bound for which a map is learnt, until one is found; else so many samples are the map as they are.
 _EXCERPT_SHARES, _VERBATIM = (1.0, 0.9, 0.8), 1000
@@ -129,14 +129,12 @@ def compress_large(
         options, notes = _bounded(excerpt, gap, options)
         batch = max(min(_BATCH, room // (_LAID * _AT_ONCE)), 5000)
         for share in _SHARES:
-            aim = _shared(options, share)
+            aim = options.tightened(share)
             ground = _learned(log, excerpt, gap, aim, executor or Threads(), tell)
             archive, found = _laid(ground, batch, executor or Threads(), tell)
-            if _excess(found, options) <= 1:
-                archive = promising(
-                    archive, promise_of(options.max_error or options.rmse or found.rmse, maximum=options.max_error is not None)
-                )
-                return archive, _report(archive, found, options, notes, gap, time.perf_counter() - start), log.reading
+            if holds(found, options):
+                archive = promising(archive, promised(options, found))
+                return archive, report_on(archive, found, options, notes, gap, time.perf_counter() - start), log.reading
     raise BoundError("the bound can't be held batch by batch; allow a larger error, or more memory")
 
 
@@ -177,11 +175,6 @@ def _bounded(excerpt: Sequence[Track], gap: float, options: Options) -> tuple[Op
     return replace(options, rmse=rmse), (f"no bound was given: RMSE {rmse:g} m was estimated from an excerpt",)
 
 
-def _shared(options: Options, share: float) -> Options:
-    rmse, max_error = (None if bound is None else share * bound for bound in (options.rmse, options.max_error))
-    return replace(options, rmse=rmse, max_error=max_error)
-
-
 def _learned(log: StoredLog, excerpt: Sequence[Track], gap: float, options: Options, executor: Executor, tell: Listener) -> _Ground:
     from gpszip.mapping.connected import learn
     from gpszip.mapping.verbatim import keep_samples
@@ -190,7 +183,7 @@ def _learned(log: StoredLog, excerpt: Sequence[Track], gap: float, options: Opti
     few, few_gaps = _thinned(excerpt, gaps, options)
     found = None
     for share in _EXCERPT_SHARES:
-        aim = _shared(options, share)
+        aim = options.tightened(share)
         found = found or learn(
             few, few_gaps, rmse=aim.rmse, max_error=aim.max_error, effort=aim.effort, executor=executor,
             progress=lambda done, whole: tell(Progress("learn", done / whole)),
@@ -212,7 +205,7 @@ def _thinned(
     from gpszip.sketches.partition import build
 
     size = sum(map(len, tracks)) // _DENSE
-    bound = options.rmse if options.rmse is not None else _RMSE_OF_MAXIMUM * (options.max_error or 0.0)
+    bound = options.rmse if options.rmse is not None else RMSE_OF_MAXIMUM * (options.max_error or 0.0)
     if size < len(tracks) or build(tracks, size=size).rmse > _LINES * bound:
         return tracks, gaps
     return thin_out(tracks, gaps, size)
@@ -249,9 +242,9 @@ def _walks(ground: _Ground, stretches: Sequence[Stretch]) -> LatticeWalks:
     tracks = [ground.read(stretch) for stretch in stretches]
     gaps = [ground.gaps(track) for track in tracks]
     for share in _SHARES:
-        aim = _shared(ground.options, share)
+        aim = ground.options.tightened(share)
         found = learn_on(ground.known, ground.frame, tracks, gaps, rmse=aim.rmse, max_error=aim.max_error, effort=aim.effort)
-        if found is not None and _excess(_fit(tracks, found, ground.frame), ground.options) <= 1:
+        if found is not None and holds(_fit(tracks, found, ground.frame), ground.options):
             return found
     return _every_need(ground, tracks, gaps)
 
@@ -264,7 +257,7 @@ def _every_need(ground: _Ground, tracks: Sequence[Track], gaps: Sequence[NDArray
     limit = ground.options.max_error or ground.options.rmse or 0.0
     for share in (1.0, 0.7, 0.5) if ground.options.max_error is not None else (1.7, 1.0, 0.7):
         found = mend(tracks, ground.frame, start, share * limit, known=len(known))
-        if found is not None and _excess(_fit(tracks, found[1], ground.frame), ground.options) <= 1:
+        if found is not None and holds(_fit(tracks, found[1], ground.frame), ground.options):
             return found[1]
     raise BoundError("the map's lattice is too coarse for the bound on some of the log; allow a larger error, or more memory")
 
@@ -334,29 +327,3 @@ def _measured(ground: _Ground, archive: Archive, batches: Sequence[Sequence[Stre
 def _measured_batch(log: StoredLog, nodes: NDArray[np.float64], work: tuple[Sequence[Stretch], Sequence[Walk]]) -> Fit:
     stretches, walks = work
     return fit([log.read(log.tracks[part.track], part.begin, part.end) for part in stretches], walks, nodes)
-
-
-def _excess(found: Fit, options: Options) -> float:
-    if found.uncovered:
-        return math.inf
-    if options.max_error is not None:
-        return found.max_error / (options.max_error * (1 + 1e-9))
-    return found.rmse / ((options.rmse or math.inf) * (1 + 1e-9))
-
-
-def _report(archive: Archive, found: Fit, options: Options, notes: tuple[str, ...], gap: float, seconds: float) -> Report:
-    lattice = archive.lattice
-    return Report(
-        points=found.points,
-        tracks=len(archive.ids),
-        parts=sum(len(walk.gaps) for walk in lattice.walks),
-        nodes=len(archive.road_map.nodes),
-        edges=len(archive.road_map.edges),
-        bytes_out=len(archive.to_bytes()),
-        rmse=found.rmse,
-        max_error=found.max_error,
-        seconds=seconds,
-        gap=gap,
-        bound=f"maximum <= {options.max_error:g} m" if options.max_error is not None else f"RMSE <= {options.rmse:g} m",
-        notes=notes,
-    )
