@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from gpszip.archive import Archive, open_archive
+from gpszip.errors import CorruptArchiveError, MapError
 from gpszip.model import Listener, Network, Plane, Progress, Track
 
 if TYPE_CHECKING:
@@ -43,8 +44,12 @@ def _roads_of_archives(source: Any) -> list[Any]:
 def _roads_of(source: Any, name: str) -> Any:
     from gpszip.io.road_map_lines import way_map_lines
 
-    archive = source if isinstance(source, Archive) else open_archive(source)
-    return way_map_lines(archive.clean_map(), "the archive" if source is archive else name)
+    if isinstance(source, Archive):
+        return way_map_lines(source.clean_map(), "the archive")
+    try:
+        return way_map_lines(open_archive(source).clean_map(), name)
+    except (CorruptArchiveError, MapError) as error:
+        raise type(error)(f"{name}: {error}") from error
 
 
 def match(

@@ -34,6 +34,10 @@ _SEAM = 5e-4
 _ROUNDING = 1e-6
 
 
+#: What to do about tracks of one name.
+_SAME_ID = "--same-id prefix keeps both apart, --same-id join makes them one (same_id in Python)"
+
+
 @dataclass(frozen=True, eq=False)
 class _Source:
     """One archive on the common plane."""
@@ -119,7 +123,7 @@ def _sources(archives: Sequence[Archive], names: Sequence[str], options: MergeOp
         ids = tuple(f"{name}:{one}" for one in archive.ids) if options.same_id == "prefix" else archive.ids
         for one in ids:
             if one in seen and options.same_id != "join":
-                cure = "name the archives differently" if options.same_id == "prefix" else "choose to prefix or to join such tracks"
+                cure = "name the archives differently" if options.same_id == "prefix" else _SAME_ID
                 raise OptionError(f"track {one!r} is in {seen[one]} and in {name}; {cure}")
             seen.setdefault(one, name)
         nodes = archive.road_map.nodes
@@ -221,7 +225,7 @@ def _chain(name: str, pairs: list[tuple[Curve, _Source]]) -> Curve:
         if ends - begins > blur:
             raise OptionError(
                 f"track {name!r} is in {source.name} until {ends:.3f} s and in {other.name} from {begins:.3f} s: "
-                "one agent can't be at two places; choose to prefix such tracks"
+                "one agent can't be at two places; --same-id prefix keeps both apart (in Python: same_id)"
             )
         if ends >= begins:
             seam = (ends + begins) / 2
