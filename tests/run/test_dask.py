@@ -20,10 +20,21 @@ distributed = pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("default")
 
 
+class Cluster(distributed.LocalCluster):
+    """A local cluster that bears to be told of the end of a worker that died before its beginning was told.
+
+    ``LocalCluster`` keeps the ``KeyError`` of that until it is closed, and then raises it instead of closing.
+    """
+
+    def _update_worker_status(self, op, msg):
+        if op != "remove" or msg in self.scheduler_info["workers"]:
+            super()._update_worker_status(op, msg)
+
+
 @pytest.fixture(scope="module")
 def client():
     with (
-        distributed.LocalCluster(n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None, memory_limit=0) as cluster,
+        Cluster(n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None, memory_limit=0) as cluster,
         distributed.Client(cluster) as client,
     ):
         yield client
