@@ -4,7 +4,6 @@ import pickle
 import subprocess
 import sys
 import textwrap
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +14,9 @@ import pytest
 import gpszip
 from gpszip import OptionError
 from gpszip.cli.main import main
-from gpszip.model import Options
+from gpszip.model import Options, Track
 from gpszip.pipeline import large
-from gpszip.run.serial import Serial
-from gpszip.run.threads import Threads
+from gpszip.run import Processes, Serial, Threads
 from gpszip.testing import city
 from gpszip.testing.patrol import patrol
 
@@ -64,24 +62,46 @@ def test_the_bound_holds_at_every_sample(folder, bound):
 
 
 def test_the_same_bytes_whoever_works(folder):
-    one, two = (large.compress_large(folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=x)[0] for x in (Serial(), Threads(3)))
-    assert one.to_bytes() == two.to_bytes()
+    made = []
+    with Processes(2) as processes:
+        for executor in (Serial(), Threads(1), Threads(3), processes):
+            made.append(large.compress_large(folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=executor)[0].to_bytes())
+    assert len(set(made)) == 1
 
 
-def test_what_batches_are_given_can_be_sent_to_other_processes(folder):
+def test_batches_are_worked_on_by_other_processes(folder):
+    """Nothing but bytes comes and goes: an executor in whose map both are pickled does the same."""
+
     class Elsewhere:
-        """Sends batches through bytes, as an executor of processes does."""
+        def __init__(self):
+            self.batches = []
+
+        def local(self):
+            return Serial()
 
         def map(self, function, items):
             for item in items:
-                batch = isinstance(function, partial)
-                there, work = pickle.loads(pickle.dumps((function, item))) if batch else (function, item)
-                yield pickle.loads(pickle.dumps(there(work))) if batch else there(work)
+                there, work = pickle.loads(pickle.dumps((function, item)))
+                self.batches.append(work)
+                yield pickle.loads(pickle.dumps(there(work)))
 
+    elsewhere = Elsewhere()
     here, there = (
-        large.compress_large(folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=x)[0] for x in (Serial(), Elsewhere())
+        large.compress_large(folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=x)[0] for x in (Serial(), elsewhere)
     )
     assert here.to_bytes() == there.to_bytes()
+    laid = sum(isinstance(work, list) and isinstance(work[0], Track) for work in elsewhere.batches)
+    assert laid >= 3
+    assert laid % 3 == 0  # all batches, for each share of the bound that is tried
+
+
+def test_no_more_threads_work_than_there_is_memory_for(folder, monkeypatch):
+    seen = []
+    monkeypatch.setattr(large, "_laid", lambda log, ground, batch, executor, tell: seen.append(executor) or 1 / 0)
+    monkeypatch.setattr(large, "_LAID", 4000)
+    with pytest.raises(ZeroDivisionError):
+        large.compress_large(folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=Threads(9))
+    assert seen[0].workers * 5000 * 4000 <= MEMORY - large._PROGRAM < (seen[0].workers + 1) * 5000 * 4000
 
 
 def test_degrees_and_gaps(tmp_path):
@@ -141,7 +161,7 @@ def test_memory_is_kept(tmp_path):
         """
         import sys
         import numpy as np, pyarrow as pa, pyarrow.parquet as pq
-        from gpszip.model import Options
+        from gpszip.model import Options, Track
         from gpszip.pipeline import large
         n = 200_000; noise = np.random.default_rng(1).normal(0, 0.5, (2, n))
         with pq.ParquetWriter(sys.argv[1], pa.schema([("t", pa.float64()), ("x", pa.float64()), ("y", pa.float64())])) as file:

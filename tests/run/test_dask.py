@@ -10,6 +10,7 @@ from gpszip import pipeline
 from gpszip.errors import BoundError, OptionError, WorkerError
 from gpszip.model import Options
 from gpszip.model.executor import sharing, united
+from gpszip.pipeline import large
 from gpszip.run import Dask, Processes, Serial, Threads, executor_of
 from gpszip.run.dask import connect
 from gpszip.testing import patrol
@@ -99,6 +100,19 @@ def test_an_archive_is_the_same_on_every_engine(client):
         parameters = [pipeline.segment_mean(track, m=4, executor=executor) for executor in (None, Threads(3), processes, client)]
     assert len({mean.cost for mean in parameters}) == 1
     assert len({mean.boundaries.tobytes() for mean in parameters}) == 1
+
+
+def test_a_log_larger_than_memory_is_the_same_on_a_cluster(client, tmp_path, monkeypatch):
+    monkeypatch.setattr(large, "_BATCH", 2000)
+    monkeypatch.setattr(large, "_EXCERPT", 3000)
+    track = patrol(12_000, seed=5)
+    log = tmp_path / "log.csv"
+    log.write_text("t,x,y\n" + "\n".join(f"{t},{x},{y}" for t, (x, y) in zip(track.times, track.positions, strict=True)))
+    made = [
+        large.compress_large(str(log), Options(rmse=0.3, effort=1), memory=420 << 20, executor=executor)[0].to_bytes()
+        for executor in (Serial(), Dask(client))
+    ]
+    assert made[0] == made[1]
 
 
 def test_executors_that_only_map_are_enough():

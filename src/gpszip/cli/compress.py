@@ -127,7 +127,7 @@ def _in_batches(
             logs,
             options,
             memory=int(choices["memory"]),
-            executor=executor.local(),
+            executor=executor,
             progress=listener,
             **{name: choices[name] for name in names},
         )

@@ -77,10 +77,6 @@ class StoredLog:
     def __exit__(self, *_: object) -> None:
         self._room.close()
 
-    def __getstate__(self) -> dict[str, Any]:
-        """Another process may read, but the file is this one's to remove."""
-        return {**self.__dict__, "_room": ExitStack()}
-
     @property
     def samples(self) -> int:
         """Number of samples of all tracks."""

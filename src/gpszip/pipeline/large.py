@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -24,6 +23,7 @@ from gpszip.mapping.lattice_map import join_lattices, node_positions, to_lattice
 from gpszip.mapping.maximum import mend
 from gpszip.mapping.stretches import Stretch, cut_stretches, gather, seam
 from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Options, Progress, Reading, Report, Track, Walk
+from gpszip.model.executor import sharing
 from gpszip.model.frame import quantum
 from gpszip.pipeline.compressing import holds, promised, report_on
 
@@ -50,21 +50,12 @@ _SHARES = (0.998, 0.97, 0.9, 0.75)
 
 @dataclass(frozen=True, eq=False)
 class _Ground:
-    """What all batches have in common."""
+    """What all batches have in common, wherever they are worked on."""
 
-    log: StoredLog
     frame: Frame
     known: Past
     gap: float
     options: Options
-
-    def read(self, stretch: Stretch) -> Track:
-        found = self.log.read(self.log.tracks[stretch.track], stretch.first, stretch.last)
-        return replace(found, id=f"{stretch.track}/{stretch.begin}")
-
-    def gaps(self, track: Track) -> NDArray[np.bool_]:
-        gaps: NDArray[np.bool_] = gap_parts(track.times, self.gap) | plane_changes(track.positions, track.plane)
-        return gaps
 
 
 def fits(sources: Any, memory: int, *, format: str | None = None, columns: Any = None) -> bool:
@@ -95,9 +86,9 @@ def compress_large(
     options : Options
         With rmse, max_error, or neither; what only a log in memory allows is refused.
     memory : int
-        Bytes that the process should take at most, at least 500 MiB.
+        Bytes that the process should take at most, at least 400 MiB; other processes that work for it take no more each.
     executor : Executor, optional
-        Spreads batches.
+        Where batches are worked on; the log stays with the process that asks. Of threads, as many work as there is memory for.
     progress : callable, optional
         Called with :class:`~gpszip.model.report.Progress` events.
     **reading
@@ -128,10 +119,12 @@ def compress_large(
         gap = estimate_gap(excerpt) if options.gap is None else options.gap
         options, notes = _bounded(excerpt, gap, options)
         batch = max(min(_BATCH, room // (_LAID * _AT_ONCE)), 5000)
+        workers = executor or Threads()
+        if isinstance(workers, Threads):
+            workers = Threads(max(min(workers.workers, room // (_LAID * batch)), 1))
         for share in _SHARES:
-            aim = options.tightened(share)
-            ground = _learned(log, excerpt, gap, aim, executor or Threads(), tell)
-            archive, found = _laid(ground, batch, executor or Threads(), tell)
+            ground = _learned(log, excerpt, gap, options.tightened(share), workers, tell)
+            archive, found = _laid(log, ground, batch, workers, tell)
             if holds(found, options):
                 archive = promising(archive, promised(options, found))
                 return archive, report_on(archive, found, options, notes, gap, time.perf_counter() - start), log.reading
@@ -194,7 +187,7 @@ def _learned(log: StoredLog, excerpt: Sequence[Track], gap: float, options: Opti
         found = keep_samples([start], [silent], options.max_error or options.rmse or 0.0)
     known = Past(found[1])
     known.model(0)  # learnt once, before several batches ask for it
-    return _Ground(log, found[0], known, gap, options)
+    return _Ground(found[0], known, gap, options)
 
 
 def _thinned(
@@ -211,36 +204,41 @@ def _thinned(
     return thin_out(tracks, gaps, size)
 
 
-def _laid(ground: _Ground, batch: int, executor: Executor, tell: Listener) -> tuple[Archive, Fit]:
+def _laid(log: StoredLog, ground: _Ground, batch: int, executor: Executor, tell: Listener) -> tuple[Archive, Fit]:
     """Lay all batches, join their walks, write and measure the archive."""
-    log = ground.log
     batches = gather(cut_stretches([track.count for track in log.tracks], batch), batch)
     walks: list[LatticeWalk | None] = [None] * len(log.tracks)
     nodes = [ground.known.walks.nodes]
-    for number, (own, lattice) in enumerate(zip(batches, executor.map(partial(_lay_batch, ground), batches), strict=True), 1):
-        renumber = np.concatenate([np.arange(ground.known.nodes), sum(map(len, nodes)) + np.arange(len(lattice.nodes))]).astype(np.int32)
-        nodes.append(lattice.nodes)
-        for stretch, walk in zip(own, lattice.walks, strict=True):
-            here = LatticeWalk(renumber[walk.nodes], walk.cells, walk.gaps)
-            before = walks[stretch.track]
-            walks[stretch.track] = here if before is None else _sewn(ground, before, here, stretch, nodes)
-        tell(Progress("encode", number / len(batches)))
+    with sharing(executor, ground) as shared:
+        found = shared.map(_lay_batch, ([_read(log, stretch) for stretch in own] for own in batches))
+        for number, (own, lattice) in enumerate(zip(batches, found, strict=True), 1):
+            new = sum(map(len, nodes)) + np.arange(len(lattice.nodes))
+            renumber = np.concatenate([np.arange(ground.known.nodes), new]).astype(np.int32)
+            nodes.append(lattice.nodes)
+            for stretch, walk in zip(own, lattice.walks, strict=True):
+                here = LatticeWalk(renumber[walk.nodes], walk.cells, walk.gaps)
+                before = walks[stretch.track]
+                walks[stretch.track] = here if before is None else _sewn(log, ground, before, here, stretch, nodes)
+            tell(Progress("encode", number / len(batches)))
     lattice = join_lattices([LatticeWalks(np.concatenate(nodes), tuple(walk for walk in walks if walk is not None))])
     archive = new_archive(ground.frame, [track.id for track in log.tracks], lattice)
-    return archive, _measured(ground, archive, batches, executor, tell)
+    return archive, _measured(log, archive, batches, executor, tell)
 
 
-def _lay_batch(ground: _Ground, stretches: Sequence[Stretch]) -> LatticeWalks:
+def _read(log: StoredLog, stretch: Stretch) -> Track:
+    return replace(log.read(log.tracks[stretch.track], stretch.first, stretch.last), id=f"{stretch.track}/{stretch.begin}")
+
+
+def _lay_batch(ground: _Ground, tracks: Sequence[Track]) -> LatticeWalks:
     """Walks of the stretches on the known nodes and new ones after these, of which only the new ones are returned."""
-    found = _walks(ground, stretches)
+    found = _walks(ground, tracks)
     return replace(found, nodes=found.nodes[ground.known.nodes :])
 
 
-def _walks(ground: _Ground, stretches: Sequence[Stretch]) -> LatticeWalks:
+def _walks(ground: _Ground, tracks: Sequence[Track]) -> LatticeWalks:
     from gpszip.mapping.known import learn_on
 
-    tracks = [ground.read(stretch) for stretch in stretches]
-    gaps = [ground.gaps(track) for track in tracks]
+    gaps = [gap_parts(track.times, ground.gap) | plane_changes(track.positions, track.plane) for track in tracks]
     for share in _SHARES:
         aim = ground.options.tightened(share)
         found = learn_on(ground.known, ground.frame, tracks, gaps, rmse=aim.rmse, max_error=aim.max_error, effort=aim.effort)
@@ -274,10 +272,12 @@ def _ends(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], frame: Fra
     return to_lattice(np.concatenate(places), walks, frame)
 
 
-def _sewn(ground: _Ground, before: LatticeWalk, after: LatticeWalk, stretch: Stretch, nodes: list[NDArray[np.int64]]) -> LatticeWalk:
+def _sewn(
+    log: StoredLog, ground: _Ground, before: LatticeWalk, after: LatticeWalk, stretch: Stretch, nodes: list[NDArray[np.int64]]
+) -> LatticeWalk:
     """One walk of two stretches; where they don't meet within a maximum, it gets the knots that it needs."""
-    track = ground.log.tracks[stretch.track]
-    overlap = ground.log.read(track, stretch.first, min(2 * stretch.begin - stretch.first, track.count))
+    track = log.tracks[stretch.track]
+    overlap = log.read(track, stretch.first, min(2 * stretch.begin - stretch.first, track.count))
     every = np.concatenate(nodes)
     places = np.asarray(ground.frame.origin) / 1000 + every * quantum(ground.frame.space)
     when = float(overlap.times[stretch.begin - stretch.first])
@@ -310,20 +310,28 @@ def _fit(tracks: Sequence[Track], lattice: LatticeWalks, frame: Frame) -> Fit:
     return fit(tracks, walks_of(lattice, frame, [track.id for track in tracks]), node_positions(lattice, frame))
 
 
-def _measured(ground: _Ground, archive: Archive, batches: Sequence[Sequence[Stretch]], executor: Executor, tell: Listener) -> Fit:
+def _measured(log: StoredLog, archive: Archive, batches: Sequence[Sequence[Stretch]], executor: Executor, tell: Listener) -> Fit:
     """Decode the archive's bytes and compare them with every sample, batch by batch."""
     read_back = open_archive(archive.to_bytes())
-    walks, nodes = read_back.walks, read_back.road_map.nodes
-    measure = partial(_measured_batch, ground.log, nodes)
-    work = ((batch, [walks[part.track] for part in batch]) for batch in batches)
+    walks = read_back.walks
     points, squares, worst, uncovered = 0, 0.0, 0.0, 0
-    for number, found in enumerate(executor.map(measure, work), 1):
-        points, uncovered, worst = points + found.points, uncovered + found.uncovered, max(worst, found.max_error)
-        squares += found.rmse**2 * (found.points - found.uncovered)
-        tell(Progress("measure", number / len(batches)))
+    with sharing(executor, read_back.road_map.nodes) as shared:
+        work = ([_with_walk(log, walks[stretch.track], stretch) for stretch in batch] for batch in batches)
+        for number, found in enumerate(shared.map(_measure_batch, work), 1):
+            points, uncovered, worst = points + found.points, uncovered + found.uncovered, max(worst, found.max_error)
+            squares += found.rmse**2 * (found.points - found.uncovered)
+            tell(Progress("measure", number / len(batches)))
     return Fit(math.sqrt(squares / max(points - uncovered, 1)), worst, points, uncovered)
 
 
-def _measured_batch(log: StoredLog, nodes: NDArray[np.float64], work: tuple[Sequence[Stretch], Sequence[Walk]]) -> Fit:
-    stretches, walks = work
-    return fit([log.read(log.tracks[part.track], part.begin, part.end) for part in stretches], walks, nodes)
+def _with_walk(log: StoredLog, walk: Walk, stretch: Stretch) -> tuple[Track, Walk]:
+    """Samples of a stretch, and the knots of its track's walk about them."""
+    track = log.read(log.tracks[stretch.track], stretch.begin, stretch.end)
+    assert walk.times is not None
+    first = max(int(np.searchsorted(walk.times, track.times[0])) - 2, 0)
+    after = int(np.searchsorted(walk.times, track.times[-1])) + 2
+    return track, Walk(walk.id, walk.nodes[first:after], walk.times[first:after], walk.gaps[first : after - 1])
+
+
+def _measure_batch(nodes: NDArray[np.float64], work: Sequence[tuple[Track, Walk]]) -> Fit:
+    return fit([track for track, _ in work], [walk for _, walk in work], nodes)
