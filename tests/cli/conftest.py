@@ -41,7 +41,7 @@ def shell(tmp_path):
     """Run the command as a user does, in a process of its own."""
 
     def call(*arguments, data=None):
-        command = [sys.executable, "-c", "from gpszip.cli.main import run; run()", *map(str, arguments)]
+        command = [sys.executable, "-m", "gpszip", *map(str, arguments)]
         return subprocess.run(command, input=data, capture_output=True, cwd=tmp_path, check=False, timeout=120)
 
     return call

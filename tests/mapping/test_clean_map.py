@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -51,6 +52,19 @@ def test_a_street_driven_often_is_one_way_at_its_middle():
 def test_streets_apart_stay_two_ways():
     road_map, walks = archive_like(street() + street(y=60.0, seed=2))
     assert len(clean_map(road_map, walks, 4.0)) == 2
+
+
+@pytest.mark.parametrize(("moves", "kept"), [(30, True), (2, False)])
+def test_a_busy_street_swallows_only_what_may_have_gone_over_it_unseen(moves, kept):
+    across = np.linspace(0, 1, moves + 1)
+    curved = np.column_stack([900 * across, 150 * np.sin(np.pi * across)])
+    straight = np.array([[0.0, 0.0], [900.0, 0.0]])
+    road_map, walks = archive_like([curved] * 20 + [straight], seconds=300 / moves)
+    walks[-1] = replace(walks[-1], times=np.array([0.0, 280.0]))
+    made = clean_map(road_map, walks, 8.0)
+    curve, middle = (min(distance_to_line(np.array(point), made[i]) for i in range(len(made))) for point in ([450.0, 150.0], [450.0, 0.0]))
+    assert curve < 8
+    assert (middle < 8) == kept
 
 
 def test_a_crossing_is_shared():
@@ -155,15 +169,18 @@ def test_cells_know_their_neighbours_and_lines_are_one_high():
     assert np.allclose(blur(values, grid.near, 3), blurred(values, grid.near, 3))
 
 
-def test_routes_are_the_cheapest_within_their_ellipse():
+def test_routes_are_the_cheapest_within_their_corridor():
     rng = np.random.default_rng(5)
     grid = cells_along(np.array([[0.0, 0.0]]), np.array([[12.0, 4.0]]), 1.0, 3)
     price = rng.random(len(grid)) + 0.05
     starts, ends = rng.integers(0, len(grid), (2, 40)).astype(np.int32)
-    offsets, cells = cheapest_routes(grid.centers, grid.near, price, starts, ends, 1.2, 2.0)
+    far = 1.2 * np.linalg.norm(grid.centers[ends] - grid.centers[starts], axis=1) + 2.0
+    wide = rng.uniform(0.1, 4.0, 40)
+    offsets, cells = cheapest_routes(grid.centers, grid.near, price, starts, ends, far, wide)
+    assert 5 < (np.diff(offsets) > 0).sum() < 40
     for i in range(40):
         route = cells[offsets[i] : offsets[i + 1]]
-        expected = route_cost(grid.centers, grid.near, price, starts[i], ends[i], 1.2, 2.0)
+        expected = route_cost(grid.centers, grid.near, price, starts[i], ends[i], far[i], wide[i])
         assert (len(route) > 0) == np.isfinite(expected)
         if len(route):
             assert (route[0], route[-1]) == (starts[i], ends[i])
@@ -204,5 +221,5 @@ def test_lines_keep_their_shape_within_the_tolerance():
 
 def test_bundles_hold_all_travels():
     nodes = np.array([[0.0, 0], [100, 2], [0, 1], [100, -1]])
-    ground = bundle(nodes, np.array([[0, 1], [2, 3]], np.int32), np.array([5.0, 2.0]), 3.0)
+    ground = bundle(nodes, np.array([[0, 1], [2, 3]], np.int32), np.array([5.0, 2.0]), np.full(2, 100.0), 3.0)
     assert ground.density.max() == 7.0

@@ -13,13 +13,14 @@ def blurred(values, near, passes):
     return values
 
 
-def route_cost(places, near, price, start, end, detour, margin):
-    """Cost of the cheapest route within the ellipse; infinite where there is none."""
+def route_cost(places, near, price, start, end, far, wide):
+    """Cost of the cheapest route within the ellipse and beside the straight line; infinite where there is none."""
 
     def away(a, b):
         return float(np.linalg.norm(places[a] - places[b]))
 
-    far, cost, heap = detour * away(start, end) + margin, {start: 0.0}, [(0.0, start)]
+    line = places[[start, end]]
+    cost, heap = {start: 0.0}, [(0.0, start)]
     while heap:
         reached, place = heapq.heappop(heap)
         if place == end:
@@ -28,7 +29,8 @@ def route_cost(places, near, price, start, end, detour, margin):
             continue
         for other in near[place][near[place] >= 0].tolist():
             total = reached + away(place, other) * (price[place] + price[other]) / 2
-            if away(other, start) + away(other, end) <= far and total < cost.get(other, np.inf):
+            allowed = away(other, start) + away(other, end) <= far and distance_to_line(places[other], line) <= wide
+            if allowed and total < cost.get(other, np.inf):
                 cost[other] = total
                 heapq.heappush(heap, (total, other))
     return np.inf

@@ -29,19 +29,30 @@ def _away(places: NDArray[np.float64], one: int, other: int) -> float:
 
 
 @jit
+def _within(places: NDArray[np.float64], place: int, start: int, end: int, far: float, wide: float) -> bool:
+    x, y = places[place, 0] - places[start, 0], places[place, 1] - places[start, 1]
+    along, up = places[end, 0] - places[start, 0], places[end, 1] - places[start, 1]
+    length = along**2 + up**2
+    share = min(max((x * along + y * up) / length, 0.0), 1.0) if length > 0 else 0.0
+    if (x - share * along) ** 2 + (y - share * up) ** 2 > wide**2:
+        return False
+    return _away(places, place, start) + _away(places, place, end) <= far
+
+
+@jit
 def cheapest_routes(
     places: NDArray[np.float64],
     near: NDArray[np.int32],
     price: NDArray[np.float64],
     starts: NDArray[np.int32],
     ends: NDArray[np.int32],
-    detour: float,
-    margin: float,
+    far: NDArray[np.float64],
+    wide: NDArray[np.float64],
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """Offsets and places of the routes; empty where there is none.
 
-    A step costs its length times the mean price of both its places. A route stays where the distances to both its ends add
-    up to at most ``detour`` times the distance between them and ``margin``. Neighbours of a place end with -1.
+    A step costs its length times the mean price of both its places. Route i stays where the distances to both its ends add up
+    to at most ``far[i]``, and within ``wide[i]`` of the straight line between them. Neighbours of a place end with -1.
     """
     cost = np.empty(len(places))
     seen, done = np.full(len(places), -1, np.int32), np.full(len(places), -1, np.int32)
@@ -50,7 +61,6 @@ def cheapest_routes(
     offsets, out, total = np.zeros(len(starts) + 1, np.int64), np.empty(1024, np.int32), 0
     for i in range(len(starts)):
         start, end = starts[i], ends[i]
-        far = detour * _away(places, start, end) + margin
         size = push(keys, items, 0, 0.0, start)
         cost[start], seen[start] = 0.0, i
         while size > 0:
@@ -62,7 +72,7 @@ def cheapest_routes(
                 break
             for k in range(near.shape[1]):
                 other = near[place, k]
-                if other < 0 or done[other] == i or _away(places, other, start) + _away(places, other, end) > far:
+                if other < 0 or done[other] == i or not _within(places, other, start, end, far[i], wide[i]):
                     continue
                 reached = cost[place] + _away(places, place, other) * 0.5 * (price[place] + price[other])
                 if seen[other] != i or reached < cost[other]:

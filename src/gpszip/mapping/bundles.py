@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.mapping.chords import corridors
 from gpszip.mapping.cell_grid import CellGrid, cells_along, cells_at, line_density, smooth
 
 __all__ = ["Bundles", "bundle", "trust"]
@@ -53,7 +54,7 @@ class Bundles:
     density: NDArray[np.float64]
 
 
-def bundle(nodes: NDArray[np.float64], edges: NDArray[np.int32], travels: NDArray[np.float64], scale: float) -> Bundles:
+def bundle(nodes: NDArray[np.float64], edges: NDArray[np.int32], travels: NDArray[np.float64], chord: NDArray[np.float64], scale: float) -> Bundles:
     """Draw the edges together.
 
     Parameters
@@ -63,7 +64,9 @@ def bundle(nodes: NDArray[np.float64], edges: NDArray[np.int32], travels: NDArra
     edges : int32 array, shape (E, 2)
         At least one.
     travels : float64 array, shape (E,)
-        How often each was travelled. Long edges, which cut more corners, count less at first.
+        How often each was travelled.
+    chord : float64 array, shape (E,)
+        Metres of each that may have been travelled unseen. Those with long chords, which cut more corners, count less at first.
     scale : float
         Deviation in metres of the bell by which edges attract each other.
     """
@@ -73,7 +76,7 @@ def bundle(nodes: NDArray[np.float64], edges: NDArray[np.int32], travels: NDArra
     starts, ends = nodes[edges[:, 0]], nodes[edges[:, 1]]
     length = np.linalg.norm(ends - starts, axis=1)
     grid = _ground(starts, ends, length, scale)
-    density = line_density(grid, starts, ends, travels * trust(length, travels))
+    density = line_density(grid, starts, ends, travels * trust(chord, travels))
     home = np.maximum(cells_at(grid, nodes), 0)
     used = np.unique(edges)
     at = home.copy()
@@ -81,15 +84,17 @@ def bundle(nodes: NDArray[np.float64], edges: NDArray[np.int32], travels: NDArra
         height = smooth(grid, density, scale * _SHARPER**turn)
         at[used] = climb(nodes[used], home[used], grid.centers, grid.near, np.log(height + 1e-3), _REACH * scale, scale)
         price = (_FLOOR + height) ** -_POWER
-        offsets, cells = cheapest_routes(grid.centers, grid.near, price, at[edges[:, 0]], at[edges[:, 1]], _DETOUR, _MARGIN * scale)
+        first, last = at[edges[:, 0]], at[edges[:, 1]]
+        apart = np.linalg.norm(grid.centers[last] - grid.centers[first], axis=1)
+        offsets, cells = cheapest_routes(grid.centers, grid.near, price, first, last, *corridors(apart, chord, _DETOUR, _MARGIN * scale))
         density = np.bincount(cells, weights=np.repeat(travels, np.diff(offsets)), minlength=len(grid)).astype(np.float64)
     return Bundles(grid, density)
 
 
-def trust(length: NDArray[np.float64], travels: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Weight of edges by their length in metres: half for one of typical length, less for longer ones, which cut corners."""
-    typical = float(np.average(length, weights=travels))
-    weight: NDArray[np.float64] = 1 / (1 + (length / typical) ** 2)
+def trust(chord: NDArray[np.float64], travels: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weight of edges by their chords in metres: half for a typical one, less for longer ones, which cut corners."""
+    typical = float(np.average(chord, weights=travels))
+    weight: NDArray[np.float64] = 1 / (1 + (chord / typical) ** 2)
     return weight
 
 

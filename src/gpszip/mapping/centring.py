@@ -13,7 +13,7 @@ from gpszip.model import RoadMap
 __all__ = ["centred"]
 
 
-def centred(road_map: RoadMap, travelled: NDArray[np.float64], lines: LineGraph, routes: Routes, scale: float) -> LineGraph:
+def centred(road_map: RoadMap, travelled: NDArray[np.float64], chord: NDArray[np.float64], lines: LineGraph, routes: Routes, scale: float) -> LineGraph:
     """Move each vertex to the mean of the nearest points on the edges that pass it, and dead ends to the nodes where walks ended.
 
     Parameters
@@ -21,7 +21,9 @@ def centred(road_map: RoadMap, travelled: NDArray[np.float64], lines: LineGraph,
     road_map : RoadMap
         Whose edges were matched with the lines.
     travelled : float64 array, shape (E,)
-        How often each edge was. Long edges count less, and so do distant ones, which cut a corner there.
+        How often each edge was. Those with long chords count less, and so do distant ones, which cut a corner there.
+    chord : float64 array, shape (E,)
+        Metres of each edge that may have been travelled unseen.
     lines : LineGraph
         The lines.
     routes : Routes
@@ -32,7 +34,7 @@ def centred(road_map: RoadMap, travelled: NDArray[np.float64], lines: LineGraph,
     nodes, edge = road_map.nodes[:, :2], routes.owner
     starts = nodes[road_map.edges[:, 0]]
     along = nodes[road_map.edges[:, 1]] - starts
-    weight = travelled * trust(np.linalg.norm(along, axis=1), travelled)
+    weight = travelled * trust(chord, travelled)
     sums, total = np.zeros_like(lines.places), np.zeros(len(lines.places))
     for vertex in lines.pairs[routes.steps].T:
         nearest = _nearest(lines.places[vertex], starts[edge], along[edge])

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gpszip.mapping import travels
 from gpszip.mapping.bundles import bundle
 from gpszip.mapping.centring import centred
+from gpszip.mapping.chords import chords
 from gpszip.mapping.line_graph import LineGraph, contract, prune, simplified, skeleton, smooth_lines, string
 from gpszip.model import RoadMap, Walk
 from gpszip.model.way_map import WayMap
@@ -69,10 +70,12 @@ def clean_map(road_map: RoadMap, walks: Sequence[Walk], resolution: float, *, mi
     hops = travels.hops_of(road_map, walks)
     believed = _believed(road_map, hops)
     travelled = np.bincount(hops.edges[believed], minlength=len(road_map.edges))
-    lines = _lines(road_map, travelled, resolution)
-    routes = travels.match_edges(road_map, lines, resolution)
+    length = np.linalg.norm(np.diff(road_map.nodes[road_map.edges], axis=1)[:, 0], axis=1)
+    chord = chords(length, hops.edges[believed], hops.seconds[believed])
+    lines = _lines(road_map, travelled, chord, resolution)
+    routes = travels.match_edges(road_map, lines, chord, resolution)
     if lines.places.shape[1] == 2 and len(lines.pairs):
-        lines = smooth_lines(centred(road_map, travelled.astype(np.float64), lines, routes, resolution), _SMOOTHING)
+        lines = smooth_lines(centred(road_map, travelled.astype(np.float64), chord, lines, routes, resolution), _SMOOTHING)
     lines, routes = _often(road_map, lines, routes, max(min_traversals, 1))
     trusted = replace(hops, seconds=np.where(believed, hops.seconds, np.nan))
     return _told(road_map, trusted, lines, routes, resolution)
@@ -88,11 +91,11 @@ def _believed(road_map: RoadMap, hops: travels.Hops) -> NDArray[np.bool_]:
     return slow
 
 
-def _lines(road_map: RoadMap, travelled: NDArray[np.int64], scale: float) -> LineGraph:
+def _lines(road_map: RoadMap, travelled: NDArray[np.int64], chord: NDArray[np.float64], scale: float) -> LineGraph:
     flat, kept = road_map.nodes[:, :2], np.flatnonzero(travelled)
     if flat.shape[1] < 2 or not len(kept):
         return LineGraph(flat, road_map.edges[kept])
-    ground = bundle(flat, road_map.edges[kept], travelled[kept].astype(np.float64), scale)
+    ground = bundle(flat, road_map.edges[kept], travelled[kept].astype(np.float64), chord[kept], scale)
     lines = skeleton(ground.grid, ground.density, math.pi * (_HOLE * scale) ** 2)
     lines = contract(prune(lines, _SPUR * scale), _JUNCTION * scale)
     return smooth_lines(prune(lines, _SPUR * scale), _SMOOTHING)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from gpszip.mapping.chords import corridors
 from gpszip.mapping.line_graph import LineGraph, Strings
 from gpszip.model import RoadMap, Walk
 
@@ -84,7 +85,7 @@ def hops_of(road_map: RoadMap, walks: Sequence[Walk]) -> Hops:
     return Hops(found, clocks[:, 1] - clocks[:, 0], clocks.mean(axis=1))
 
 
-def match_edges(road_map: RoadMap, lines: LineGraph, scale: float) -> Routes:
+def match_edges(road_map: RoadMap, lines: LineGraph, chord: NDArray[np.float64], scale: float) -> Routes:
     """Find the shortest way over the lines for each edge of the road map.
 
     Parameters
@@ -93,6 +94,8 @@ def match_edges(road_map: RoadMap, lines: LineGraph, scale: float) -> Routes:
         Of whose nodes the first two axes count.
     lines : LineGraph
         Where the edges shall go.
+    chord : float64 array, shape (E,)
+        Metres of each edge that may have been travelled unseen.
     scale : float
         Metres; nodes farther than 4 of them from the lines are not matched.
     """
@@ -105,7 +108,10 @@ def match_edges(road_map: RoadMap, lines: LineGraph, scale: float) -> Routes:
     start, end = at[road_map.edges[:, 0]], at[road_map.edges[:, 1]]
     matched = np.flatnonzero((start >= 0) & (end >= 0))
     price = np.ones(len(lines.places))
-    offsets, nodes = cheapest_routes(lines.places, _neighbours(lines), price, start[matched], end[matched], _DETOUR, _MARGIN * scale)
+    first, last = start[matched], end[matched]
+    apart = np.linalg.norm(lines.places[last] - lines.places[first], axis=1)
+    bounds = corridors(apart, chord[matched], _DETOUR, _MARGIN * scale)
+    offsets, nodes = cheapest_routes(lines.places, _neighbours(lines), price, first, last, *bounds)
     stops = np.zeros(len(road_map.edges), np.int64)
     stops[matched] = np.maximum(np.diff(offsets) - 1, 0)
     hop = np.stack((nodes[:-1], nodes[1:]), axis=1).astype(np.int64)
