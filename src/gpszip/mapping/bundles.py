@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.mapping.chords import corridors
 from gpszip.mapping.cell_grid import CellGrid, cells_along, cells_at, line_density, smooth
+from gpszip.mapping.chords import corridors
 
 __all__ = ["Bundles", "bundle", "trust"]
 
@@ -54,7 +54,9 @@ class Bundles:
     density: NDArray[np.float64]
 
 
-def bundle(nodes: NDArray[np.float64], edges: NDArray[np.int32], travels: NDArray[np.float64], chord: NDArray[np.float64], scale: float) -> Bundles:
+def bundle(
+    nodes: NDArray[np.float64], edges: NDArray[np.int32], travels: NDArray[np.float64], chord: NDArray[np.float64], scale: float
+) -> Bundles:
     """Draw the edges together.
 
     Parameters

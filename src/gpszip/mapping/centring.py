@@ -13,7 +13,9 @@ from gpszip.model import RoadMap
 __all__ = ["centred"]
 
 
-def centred(road_map: RoadMap, travelled: NDArray[np.float64], chord: NDArray[np.float64], lines: LineGraph, routes: Routes, scale: float) -> LineGraph:
+def centred(
+    road_map: RoadMap, travelled: NDArray[np.float64], chord: NDArray[np.float64], lines: LineGraph, routes: Routes, scale: float
+) -> LineGraph:
     """Move each vertex to the mean of the nearest points on the edges that pass it, and dead ends to the nodes where walks ended.
 
     Parameters
