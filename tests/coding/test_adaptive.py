@@ -7,14 +7,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gpszip.kernels import adaptive, binary_log
-from gpszip.kernels.adaptive import SIZES, code_bit, code_choice, code_mixture, code_size, code_whole
+from gpszip.kernels.adaptive import (
+    CENTERS,
+    KINDS,
+    SCALES,
+    SHEET_ROWS,
+    SIZES,
+    code_bit,
+    code_choice,
+    code_mixture,
+    code_size,
+    code_whole,
+)
 from gpszip.kernels.binary_log import log2_of
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import finish, reader, writer
 from oracle import adaptive as plain
 from oracle.range_coder import Reader, Writer
 
-KINDS = (plain.TWO_SIDED, plain.ONE_SIDED, plain.HISTOGRAM)
+SHAPES = (plain.TWO_SIDED, plain.ONE_SIDED, plain.HISTOGRAM)
 LARGEST = 2**47
 
 
@@ -44,8 +55,10 @@ def _code_choices(coder, weights, choices):
 
 @jit
 def _code_mixtures(coder, values, low, high, kinds, centers, scales, count, weights, histogram):
+    sheet = np.zeros((SHEET_ROWS, count), np.int64)
     for i in range(len(values)):
-        values[i] = code_mixture(coder, values[i], low, high, kinds, centers[i], scales[i], count, weights, histogram)
+        sheet[KINDS], sheet[CENTERS], sheet[SCALES] = kinds, centers[i], scales[i]
+        values[i] = code_mixture(coder, values[i], low, high, sheet, count, weights, histogram)
 
 
 def there_and_back(code, values, *state):
@@ -139,7 +152,7 @@ def test_mixtures_come_back_from_hostile_parameters_and_are_the_plain_twins(case
 
     data = there_and_back(code, values, weights, histogram)
     model, coder = plain.Mixture([2340] * 28), Reader(data)
-    names = [KINDS[kind] for kind in kinds]
+    names = [SHAPES[kind] for kind in kinds]
     for c, s, value in zip(centers.tolist(), scales.tolist(), values, strict=True):
         assert model.read(coder, low, high, list(zip(names, c, s, strict=True))) == value
     code(writer(10_000), weights, histogram, np.array(values))
@@ -153,7 +166,7 @@ def test_every_value_of_a_mixture_has_a_share_of_its_own(case, seed):
     low, high, kinds, centers, scales, values = case
     model = plain.Mixture([2340] * 28)
     model.weights = np.random.default_rng(seed).integers(16, 4000, 28).tolist()
-    distributions = [(KINDS[k], c, s) for k, c, s in zip(kinds, centers[0].tolist(), scales[0].tolist(), strict=True)]
+    distributions = [(SHAPES[k], c, s) for k, c, s in zip(kinds, centers[0].tolist(), scales[0].tolist(), strict=True)]
     near = [v for value in values for v in range(value - 3, value + 4)] + [c // 16 + d for c in centers[0].tolist() for d in (-1, 0, 1)]
     for value in near:
         if low <= value < high:
@@ -208,7 +221,7 @@ def test_the_twin_writes_what_the_kernel_writes():
     _code_mixtures(coder, values, 1, 2**25, kinds, centers, scales, 4, weights, histogram)
     twin, model = Writer(), plain.Mixture([2340] * 28)
     for value in values.tolist():
-        model.code(twin, value, 1, 2**25, [(KINDS[k], 90, 40) for k in kinds])
+        model.code(twin, value, 1, 2**25, [(SHAPES[k], 90, 40) for k in kinds])
     assert finish(coder) == twin.finish()
 
 

@@ -14,9 +14,13 @@ from gpszip.kernels.range_coder import Coder, code_bits, code_interval, target
 
 __all__ = [
     "BY_RATIO",
+    "CENTERS",
     "HISTOGRAM",
+    "KINDS",
     "ONE_SIDED",
     "PARTS",
+    "SCALES",
+    "SHEET_ROWS",
     "SIZES",
     "TWO_SIDED",
     "WEIGHT",
@@ -37,7 +41,11 @@ _WHOLE = 1 << _UNIT
 _FIRST_STEP, _LAST_STEP, _SETTLING = 40_000, 6_500, 16
 
 #: Kinds of distributions in a mixture.
-TWO_SIDED, ONE_SIDED, HISTOGRAM, BY_RATIO = 0, 1, 2, 3
+TWO_SIDED, ONE_SIDED, HISTOGRAM, BY_RATIO = np.arange(4)
+
+#: Rows of a sheet of distributions: kinds, centres and scales, and what is worked out from them.
+KINDS, CENTERS, SCALES, _BASES, _CHANCES = np.arange(5)
+SHEET_ROWS = 5
 
 #: Bit contexts that one integer of any size takes.
 SIZES = 48 + 8 * 48
@@ -121,16 +129,23 @@ def code_choice(coder: Coder, weights: NDArray[np.int64], count: int, choice: in
 
 
 @jit
-def _below(value: int, kind: int, center: int, scale: int, low: int) -> int:
-    """Probability, in units of 2**-24, that a distribution puts below ``value`` - 1/2."""
-    if kind == 1:
+def _log_below(value: int) -> int:
+    """Logarithm of ``value`` - 1/2, in units of 2**-16; of no meaning below 1."""
+    return log2_of(max(value * PARTS - PARTS // 2, np.int64(1))) - 4 * WEIGHT
+
+
+@jit
+def _below(value: int, log: int, low: int, sheet: NDArray[np.int64], i: int) -> int:
+    """Probability, in units of 2**-24, that a distribution puts below ``value`` - 1/2, whose logarithm is ``log``."""
+    kind, center, scale = sheet[KINDS, i], sheet[CENTERS, i], sheet[SCALES, i]
+    if kind == ONE_SIDED:
         z = ((value - low) * PARTS << 16) // scale
         if z >= (_REACH << 16):
             return np.int64(_WHOLE)
         at = z >> 10
         return _EXPONENTIAL[at] + ((_EXPONENTIAL[at + 1] - _EXPONENTIAL[at]) * (z & 1023) >> 10)
-    if kind == 3:
-        z = ((log2_of(value * PARTS - PARTS // 2) - 4 * WEIGHT - center) * scale >> 1) + (_REACH << 16)
+    if kind == BY_RATIO:
+        z = ((log - center) * scale >> 1) + (_REACH << 16)
     else:
         z = ((value * PARTS - PARTS // 2 - center) << 16) // scale + (_REACH << 16)
     if z < 0:
@@ -142,72 +157,32 @@ def _below(value: int, kind: int, center: int, scale: int, low: int) -> int:
 
 
 @jit
-def _share(
-    value: int,
-    i: int,
-    kinds: NDArray[np.int64],
-    centers: NDArray[np.int64],
-    scales: NDArray[np.int64],
-    low: int,
-    bases: NDArray[np.int64],
-    cumulative: NDArray[np.int64],
-) -> int:
-    if kinds[i] == HISTOGRAM:
-        return cumulative[min(value - low, len(cumulative) - 1)]
-    below = _below(value, kinds[i], centers[i], scales[i], low)
-    base = bases[i]
+def _share(value: int, log: int, low: int, sheet: NDArray[np.int64], i: int, histogram: NDArray[np.int64]) -> int:
+    """What a distribution puts below ``value``, of what it puts above the lowest one."""
+    if sheet[KINDS, i] == HISTOGRAM:
+        fewer, total = np.int64(0), np.int64(0)
+        for j in range(len(histogram)):
+            fewer += histogram[j] if j < value - low else np.int64(0)
+            total += histogram[j]
+        return (fewer << _UNIT) // total
+    below, base = _below(value, log, low, sheet, i), sheet[_BASES, i]
     if base == 0:
         return below
     return ((below - base) << _UNIT) // (_WHOLE - base)
 
 
 @jit
-def _prepare(
-    kinds: NDArray[np.int64],
-    centers: NDArray[np.int64],
-    scales: NDArray[np.int64],
-    count: int,
-    low: int,
-    histogram: NDArray[np.int64],
-    bases: NDArray[np.int64],
-    cumulative: NDArray[np.int64],
-) -> None:
-    for i in range(count):
-        bases[i] = 0
-        if kinds[i] == TWO_SIDED or kinds[i] == BY_RATIO:
-            bases[i] = min(_below(low, kinds[i], centers[i], scales[i], low), _WHOLE - 64)
-        elif kinds[i] == HISTOGRAM:
-            total = np.int64(0)
-            for j in range(len(histogram)):
-                total += histogram[j]
-            running = np.int64(0)
-            for j in range(len(histogram)):
-                cumulative[j] = (running << _UNIT) // total
-                running += histogram[j]
-            cumulative[len(histogram)] = _WHOLE
-
-
-@jit
 def _find(
-    at: int,
-    low: int,
-    high: int,
-    kinds: NDArray[np.int64],
-    centers: NDArray[np.int64],
-    scales: NDArray[np.int64],
-    count: int,
-    weights: NDArray[np.int64],
-    bases: NDArray[np.int64],
-    cumulative: NDArray[np.int64],
+    at: int, low: int, high: int, sheet: NDArray[np.int64], count: int, weights: NDArray[np.int64], histogram: NDArray[np.int64]
 ) -> int:
     """Find the largest value that what the mixture puts below is at most ``at``: near zero first, where most lie."""
     first, last = low, high
     middle, step = min(max(low + 8, np.int64(0)), (low + high) >> 1), np.int64(8)
     galloping = True
     while last - first > 1:
-        start = middle - low
+        start, log = middle - low, _log_below(middle)
         for i in range(count):
-            start += weights[i] * _share(middle, i, kinds, centers, scales, low, bases, cumulative)
+            start += weights[i] * _share(middle, log, low, sheet, i, histogram)
         if start <= at:
             first = middle
             galloping = galloping and last == high
@@ -229,9 +204,7 @@ def code_mixture(
     value: int,
     low: int,
     high: int,
-    kinds: NDArray[np.int64],
-    centers: NDArray[np.int64],
-    scales: NDArray[np.int64],
+    sheet: NDArray[np.int64],
     count: int,
     weights: NDArray[np.int64],
     histogram: NDArray[np.int64],
@@ -240,43 +213,41 @@ def code_mixture(
 
     Parameters
     ----------
-    kinds, centers, scales : int64 arrays
-        Shape, centre and scale of each distribution, the last two in sixteenths. A two-sided one is logistic, a one-sided
-        one falls exponentially from ``low``, a histogram counts the values that came. One by ratio is logistic in the
-        logarithm of the value, which must be positive: its centre is a logarithm to the base of two in units of 2**-16, its
-        scale how steep it is, in halves for an octave.
+    sheet : int64 array, shape (SHEET_ROWS, >= count)
+        Rows ``KINDS``, ``CENTERS`` and ``SCALES`` hold shape, centre and scale of each distribution, the last two in sixteenths. A
+        two-sided one is logistic, a one-sided one falls exponentially from ``low``, a histogram counts the values that came. One by
+        ratio is logistic in the logarithm of the value, which must be positive: its centre is a logarithm to the base of two in units
+        of 2**-16, its scale how steep it is, in halves for an octave. Further rows are scratch.
     weights : int64 array
         Weights of the distributions, changed in place; their sum is about ``WEIGHT``. The last element counts the numbers
         coded: at first the weights follow each number closely, later they settle.
     histogram : int64 array
         Counts of ``low``, ``low`` + 1, ..., changed in place; used where a kind asks for it.
     """
-    bases = np.empty(count, np.int64)
-    cumulative = np.empty(len(histogram) + 1, np.int64)
-    _prepare(kinds, centers, scales, count, low, histogram, bases, cumulative)
-    sum_weights = np.int64(0)
+    sum_weights, log = np.int64(0), _log_below(low)
     for i in range(count):
         sum_weights += weights[i]
+        symmetric = sheet[KINDS, i] == TWO_SIDED or sheet[KINDS, i] == BY_RATIO
+        sheet[_BASES, i] = min(_below(low, log, low, sheet, i), np.int64(_WHOLE - 64)) if symmetric else np.int64(0)
     total = (sum_weights << _UNIT) + (high - low)
     if coder.cursor[1] == 1:
-        value = _find(target(coder, total), low, high, kinds, centers, scales, count, weights, bases, cumulative)
-    start = np.int64(value - low)
-    width = np.int64(1)
-    chances = np.empty(count, np.int64)
+        value = _find(target(coder, total), low, high, sheet, count, weights, histogram)
+    start, width = np.int64(value - low), np.int64(1)
+    log, log_after = _log_below(value), _log_below(value + 1)
     for i in range(count):
-        a = _share(value, i, kinds, centers, scales, low, bases, cumulative)
-        b = np.int64(_WHOLE) if value + 1 == high else _share(value + 1, i, kinds, centers, scales, low, bases, cumulative)
-        chances[i] = weights[i] * (b - a)
+        a = _share(value, log, low, sheet, i, histogram)
+        b = np.int64(_WHOLE) if value + 1 == high else _share(value + 1, log_after, low, sheet, i, histogram)
+        sheet[_CHANCES, i] = weights[i] * (b - a)
         start += weights[i] * a
-        width += chances[i]
+        width += sheet[_CHANCES, i]
     code_interval(coder, start, width, total)
     used = len(weights) - 1
-    step = max(_LAST_STEP, _FIRST_STEP * _SETTLING // (_SETTLING + weights[used]))
+    step = max(np.int64(_LAST_STEP), _FIRST_STEP * _SETTLING // (_SETTLING + weights[used]))
     weights[used] += 1
     # the least weights would make the sum grow for ever
     shared = min(sum_weights, np.int64(WEIGHT))
     for i in range(count):
-        posterior = np.int64((chances[i] >> 8) * shared // max(width >> 8, np.int64(1)))
+        posterior = np.int64((sheet[_CHANCES, i] >> 8) * shared // max(width >> 8, np.int64(1)))
         weights[i] = max(weights[i] + (((posterior - weights[i]) * step) >> 16), np.int64(16))
     if value - low < len(histogram):
         histogram[value - low] += 64

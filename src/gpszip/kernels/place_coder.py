@@ -3,80 +3,75 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gpszip.kernels.adaptive import PARTS, TWO_SIDED, code_mixture
 from gpszip.kernels.heading import bend, rotate, rotate_back
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder
-from gpszip.kernels.spread import REACH, code_far, fill
+from gpszip.kernels.spread import FAR_OFFSET, REACH, ZERO, code_far, fill
 from gpszip.kernels.walk_model import HEADING, NO_TURN, STEP_LENGTH, TURN, WalkModel
 
-__all__ = ["code_step"]
+__all__ = ["ON_AXES", "ON_HEADING", "code_step"]
 
 #: Mixtures of coordinates: along the heading, across it, on further axes, and of jumps on each axis.
-_P_ALONG, _P_ACROSS, _P_BESIDE, _P_JUMP = 5, 6, 7, 8
+_P_ALONG, _P_ACROSS, _P_BESIDE, _P_JUMP = np.arange(5, 9)
+
+#: Frames of a new place.
+ON_AXES, ON_HEADING = np.array([False, True])
 
 
 @jit
-def _code_axis(
-    coder: Coder,
-    model: WalkModel,
-    mixture: int,
-    value: int,
-    kinds: NDArray[np.int64],
-    centers: NDArray[np.int64],
-    scales: NDArray[np.int64],
-    count: int,
-) -> int:
+def _code_axis(coder: Coder, model: WalkModel, mixture: int, value: int, count: int) -> int:
+    """Code a coordinate, of which the first ``count`` distributions are told already."""
+    sheet = model.sheet
     for octave in (0, 2, 3, 4, 5, 6, 7, 9, 11, 13, 15, 17):
-        count = fill(count, TWO_SIDED, 0, PARTS << octave, kinds, centers, scales)
+        count = fill(sheet, count, TWO_SIDED, ZERO, np.int64(PARTS) << octave)
     outside = value >= REACH - 1 or value < -REACH
     near = REACH - 1 if outside else value
-    coded = code_mixture(coder, near, -REACH, REACH, kinds, centers, scales, count, model.weights[mixture], model.histograms[mixture][:0])
+    coded = code_mixture(coder, near, -REACH, REACH, sheet, count, model.weights[mixture], model.histograms[mixture][:0])
     if coded == REACH - 1:
-        return code_far(coder, model, 1, value)
+        return code_far(coder, model, FAR_OFFSET, value)
     return coded
 
 
 @jit
 def _code_along(coder: Coder, model: WalkModel, value: int, reach: int) -> int:
-    kinds, centers, scales = np.empty(28, np.int64), np.empty(28, np.int64), np.empty(28, np.int64)
-    count = 0
+    sheet = model.sheet
+    count = ZERO
     for shift in range(1, 5):
-        count = fill(count, TWO_SIDED, reach, reach >> shift, kinds, centers, scales)
-    count = fill(count, TWO_SIDED, reach >> 1, reach >> 2, kinds, centers, scales)
-    count = fill(count, TWO_SIDED, 0, reach >> 2, kinds, centers, scales)
-    count = fill(count, TWO_SIDED, 0, reach, kinds, centers, scales)
-    count = fill(count, TWO_SIDED, reach << 1, reach >> 1, kinds, centers, scales)
-    return _code_axis(coder, model, _P_ALONG, value, kinds, centers, scales, count)
+        count = fill(sheet, count, TWO_SIDED, reach, reach >> shift)
+    count = fill(sheet, count, TWO_SIDED, reach >> 1, reach >> 2)
+    count = fill(sheet, count, TWO_SIDED, ZERO, reach >> 2)
+    count = fill(sheet, count, TWO_SIDED, ZERO, reach)
+    count = fill(sheet, count, TWO_SIDED, reach << 1, reach >> 1)
+    return _code_axis(coder, model, _P_ALONG, value, count)
 
 
 @jit
 def _code_across(coder: Coder, model: WalkModel, value: int, reach: int, along: int) -> int:
-    kinds, centers, scales = np.empty(28, np.int64), np.empty(28, np.int64), np.empty(28, np.int64)
-    count = 0
+    sheet = model.sheet
+    count = ZERO
     for shift in range(1, 6):
-        count = fill(count, TWO_SIDED, 0, reach >> shift, kinds, centers, scales)
+        count = fill(sheet, count, TWO_SIDED, ZERO, reach >> shift)
     forth = min(abs(along), np.int64(1) << 26) * PARTS
     reach = min(reach, np.int64(1) << 30)
     side = np.int64(np.sqrt(np.float64(reach * reach - forth * forth))) if forth < reach else np.int64(0)
     for sign in (-1, 1):
-        count = fill(count, TWO_SIDED, sign * side, reach >> 4, kinds, centers, scales)
-        count = fill(count, TWO_SIDED, sign * side, reach >> 2, kinds, centers, scales)
+        count = fill(sheet, count, TWO_SIDED, sign * side, reach >> 4)
+        count = fill(sheet, count, TWO_SIDED, sign * side, reach >> 2)
     turn = model.scalars[TURN]
     aside = bend(forth if along >= 0 else -forth, turn) if turn != NO_TURN else np.int64(0)
     for shift in range(2, 4):
-        count = fill(count, TWO_SIDED, aside, forth >> shift, kinds, centers, scales)
-    return _code_axis(coder, model, _P_ACROSS, value, kinds, centers, scales, count)
+        count = fill(sheet, count, TWO_SIDED, aside, forth >> shift)
+    return _code_axis(coder, model, _P_ACROSS, value, count)
 
 
 @jit
 def code_step(coder: Coder, model: WalkModel, u: int, node: int, frame: bool) -> None:
-    """Code the place of ``node`` relative to u, in the frame of the last step (``frame``) or of the axes."""
+    """Code the place of ``node`` relative to u, in the frame of the last step (``ON_HEADING``) or of the axes (``ON_AXES``)."""
     places = model.places
     dimension = places.shape[1]
-    kinds, centers, scales = np.empty(28, np.int64), np.empty(28, np.int64), np.empty(28, np.int64)
+    sheet = model.sheet
     first = 0
     reach = max(model.scalars[STEP_LENGTH], np.int64(64))
     if frame and dimension > 1:
@@ -88,11 +83,9 @@ def code_step(coder: Coder, model: WalkModel, u: int, node: int, frame: bool) ->
         places[node, 0], places[node, 1] = places[u, 0] + x, places[u, 1] + y
         first = 2
     for axis in range(first, dimension):
-        count = 0
+        count = ZERO
         if frame:
             for shift in range(0, 6):
-                count = fill(count, TWO_SIDED, 0, reach >> shift, kinds, centers, scales)
+                count = fill(sheet, count, TWO_SIDED, ZERO, reach >> shift)
         offset = places[node, axis] - places[u, axis]
-        places[node, axis] = places[u, axis] + _code_axis(
-            coder, model, _P_BESIDE if frame else _P_JUMP + axis % 4, offset, kinds, centers, scales, count
-        )
+        places[node, axis] = places[u, axis] + _code_axis(coder, model, _P_BESIDE if frame else _P_JUMP + axis % 4, offset, count)

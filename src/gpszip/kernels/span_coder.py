@@ -5,24 +5,26 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.adaptive import BY_RATIO, HISTOGRAM, ONE_SIDED, PARTS, code_mixture
+from gpszip.kernels.adaptive import BY_RATIO, CENTERS, HISTOGRAM, KINDS, ONE_SIDED, PARTS, SCALES, code_mixture
 from gpszip.kernels.binary_log import log2_of
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder
-from gpszip.kernels.spread import REACH, code_far, fill
+from gpszip.kernels.spread import FAR_SPAN, REACH, ZERO, code_far, fill
 from gpszip.kernels.walk_model import CLASSES, MOST, PACE, PACE_SLOW, TIMED, WalkModel, class_of, length, settle_usual
 
 __all__ = ["T_GAP", "T_MOVE", "T_STAY", "code_move", "code_rest"]
 
 #: Mixtures of durations: of parts that move, of stops and of gaps.
-T_MOVE, T_STAY, T_GAP = 0, 1, 2
+T_MOVE, T_STAY, T_GAP = np.arange(3)
 
 #: How steep the widest distribution about a guess is, and how many there are, each twice as steep as the one before.
-_MOVE_STEEP, _MOVE_WIDTHS = 3, 5
-_REST_STEEP, _REST_WIDTHS = 1, 3
+_MOVE_STEEP, _MOVE_WIDTHS, _REST_STEEP, _REST_WIDTHS = np.array([3, 5, 1, 3])
+
+#: Spans are at least this long.
+_LEAST = np.int64(1)
 
 #: A mean of stops or gaps is that of about so many.
-_RESTS = 20
+_RESTS = np.int64(20)
 
 
 @jit
@@ -30,19 +32,19 @@ def _code_span(
     coder: Coder, model: WalkModel, mixture: int, guesses: NDArray[np.int64], known: int, steep: int, widths: int, cells: int
 ) -> int:
     """Code a duration in cells; ``guesses`` holds ``known`` logarithms of the cells to expect."""
-    kinds, centers, scales = np.empty(28, np.int64), np.empty(28, np.int64), np.empty(28, np.int64)
-    count = fill(0, HISTOGRAM, 0, 16, kinds, centers, scales)
+    sheet = model.sheet
+    count = fill(sheet, ZERO, HISTOGRAM, ZERO, np.int64(PARTS))
     for i in range(9):
-        count = fill(count, ONE_SIDED, 0, PARTS << (i if i < 5 else 2 * i - 4), kinds, centers, scales)
+        count = fill(sheet, count, ONE_SIDED, ZERO, np.int64(PARTS) << (i if i < 5 else 2 * i - 4))
     for i in range(known):
         for width in range(widths):
-            kinds[count], centers[count], scales[count] = BY_RATIO, guesses[i], steep << width
+            sheet[KINDS, count], sheet[CENTERS, count], sheet[SCALES, count] = BY_RATIO, guesses[i], steep << width
             count += 1
     far = cells >= REACH
     cells_near = min(cells, REACH - 1)
-    coded = code_mixture(coder, cells_near, 1, REACH, kinds, centers, scales, count, model.weights[mixture], model.histograms[mixture])
+    coded = code_mixture(coder, cells_near, _LEAST, REACH, sheet, count, model.weights[mixture], model.histograms[mixture])
     if coded == REACH - 1:
-        return coded + code_far(coder, model, 0, cells - coded if far else np.int64(0))
+        return coded + code_far(coder, model, FAR_SPAN, cells - coded if far else np.int64(0))
     return coded
 
 

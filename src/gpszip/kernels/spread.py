@@ -5,12 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.adaptive import SIZES, code_whole
+from gpszip.kernels.adaptive import CENTERS, KINDS, SCALES, SIZES, code_whole
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder
 from gpszip.kernels.walk_model import FLAGS, MOST, WalkModel
 
-__all__ = ["REACH", "code_far", "fill"]
+__all__ = ["FAR_OFFSET", "FAR_SPAN", "FIRST_PLACE", "REACH", "TRACK_START", "ZERO", "code_far", "fill"]
+
+#: Sets of contexts of whole numbers.
+FAR_SPAN, FAR_OFFSET, FIRST_PLACE, TRACK_START = np.arange(4)
+
+#: The compiler takes a number written out for a type of its own, and compiles a kernel once more for each.
+ZERO = np.int64(0)
 
 #: Numbers at or beyond this are coded apart from the mixtures.
 REACH = np.int64(1) << 25
@@ -23,11 +29,9 @@ def code_far(coder: Coder, model: WalkModel, slot: int, value: int) -> int:
 
 
 @jit
-def fill(
-    at: int, kind: int, center: int, scale: int, kinds: NDArray[np.int64], centers: NDArray[np.int64], scales: NDArray[np.int64]
-) -> int:
+def fill(sheet: NDArray[np.int64], at: int, kind: int, center: int, scale: int) -> int:
     """Enter a distribution at index ``at``; return the next index."""
-    kinds[at] = kind
-    centers[at] = center
-    scales[at] = min(max(scale, np.int64(6)), MOST)
+    sheet[KINDS, at] = kind
+    sheet[CENTERS, at] = center
+    sheet[SCALES, at] = min(max(scale, np.int64(6)), MOST)
     return at + 1

@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.adaptive import code_bit
+from gpszip.kernels.borrowed import borrowed
 from gpszip.kernels.jit import jit
-from gpszip.kernels.place_coder import code_step
+from gpszip.kernels.link_coder import code_link
+from gpszip.kernels.place_coder import ON_AXES, ON_HEADING, code_step
 from gpszip.kernels.range_coder import Coder, code_interval, target, used_bits
 from gpszip.kernels.span_coder import T_GAP, T_STAY, code_move, code_rest
-from gpszip.kernels.spread import code_far
+from gpszip.kernels.spread import FIRST_PLACE, TRACK_START, code_far
 from gpszip.kernels.walk_model import (
     BEGUN,
     F_END,
@@ -42,7 +44,7 @@ from gpszip.kernels.walk_model import (
     weigh,
     weight_below,
 )
-from gpszip.kernels.way_coder import KIND_BACK, KIND_KNOWN, KIND_LINK, KIND_NEW, KIND_STAY, code_kind, code_link, code_way, kind_of
+from gpszip.kernels.way_coder import KIND_BACK, KIND_KNOWN, KIND_LINK, KIND_NEW, KIND_STAY, code_kind, code_way, kind_of
 
 __all__ = ["code_walks"]
 
@@ -50,7 +52,10 @@ __all__ = ["code_walks"]
 _FARTHEST, _LATEST = np.int64(1) << 45, np.int64(1) << 60
 
 #: Weight that a node gains each time a track starts or ends there.
-_WEIGHTS_END = 24
+_WEIGHTS_END = np.int64(24)
+
+#: What stands for no node.
+_NOWHERE = np.int64(-1)
 
 
 @jit
@@ -70,9 +75,9 @@ def _code_start(coder: Coder, model: WalkModel, last: int, node: int) -> int:
     node = nodes
     if last < 0:
         for axis in range(model.places.shape[1]):
-            model.places[node, axis] = code_far(coder, model, 2, model.places[node, axis])
+            model.places[node, axis] = code_far(coder, model, FIRST_PLACE, model.places[node, axis])
     else:
-        code_step(coder, model, last, node, False)
+        code_step(coder, model, last, node, ON_AXES)
     return add_node(model)
 
 
@@ -85,9 +90,9 @@ def _code_gap(coder: Coder, model: WalkModel, u: int, node: int, cells: int, tim
         return u, cells
     nodes = model.scalars[NODES]
     if code_bit(coder, model.flags, F_GAP_KIND + 1, 1 if node < nodes else 0):
-        return code_link(coder, model, u, -1, node, ON_GAP), cells
+        return code_link(coder, model, u, _NOWHERE, node, ON_GAP), cells
     node = nodes
-    code_step(coder, model, u, node, False)
+    code_step(coder, model, u, node, ON_AXES)
     return add_node(model), cells
 
 
@@ -121,7 +126,7 @@ def _code_part(
     if kind == KIND_NEW:
         bits = used_bits(coder)
         node = model.scalars[NODES]
-        code_step(coder, model, u, node, True)
+        code_step(coder, model, u, node, ON_HEADING)
         add_node(model)
         book(model, PLACE_BITS, used_bits(coder) - bits)
     if timed:
@@ -173,6 +178,7 @@ def code_walks(
     int
         Number of nodes, or -1 if what was read is no walk.
     """
+    coder, model = borrowed(coder), borrowed(model)
     knots = len(nodes)
     left = tracks
     u, before, arrived, last = model.scalars[LATEST] - 1, -1, -1, KIND_NEW
@@ -187,7 +193,7 @@ def code_walks(
             left -= 1
             begins[j] = 1
             if timed:
-                cells[j] = start + code_far(coder, model, 3, cells[j] - start)
+                cells[j] = start + code_far(coder, model, TRACK_START, cells[j] - start)
                 start = cells[j]
             bits = used_bits(coder)
             u = _code_start(coder, model, u, nodes[j])
@@ -201,7 +207,7 @@ def code_walks(
             span = cells[j] - cells[j - 1]
             gap = 0
             if gapped:
-                gap = code_bit(coder, model.flags, _gap_context(model, u, last), gaps[j])
+                gap = code_bit(coder, model.flags, _gap_context(model, u, last), np.int64(gaps[j]))
             gaps[j] = gap
             if gap:
                 bits = used_bits(coder)

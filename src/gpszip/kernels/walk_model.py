@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.adaptive import PARTS, SIZES
+from gpszip.kernels.adaptive import PARTS, SHEET_ROWS, SIZES
 from gpszip.kernels.binary_log import log2_of
 from gpszip.kernels.heading import DIRECTIONS, direction
 from gpszip.kernels.jit import jit
@@ -64,22 +64,25 @@ __all__ = [
 
 #: Numbers kept in ``WalkModel.scalars``; two are the node (plus 1) and the first cell of the latest track. Paces are logarithms,
 #: known once a step was ``TIMED``; the heading is -1 and the turn ``NO_TURN`` where none is known.
-NODES, HALVES, PACE, PACE_SLOW, STEP_LENGTH, LATEST, BEGUN, TIMED, HEADING, TURN, CHEAP = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10
+NODES, HALVES, PACE, PACE_SLOW, STEP_LENGTH, LATEST, BEGUN, TIMED, HEADING, TURN, CHEAP = np.arange(11)
 NO_TURN = 1 << 10
 
 #: Rows of ``WalkModel.usual``: spans by class of length, of stops and of gaps.
 CLASSES = 48
-U_STAY, U_GAP = 48, 49
+U_STAY, U_GAP = np.array([48, 49])
+
+#: A mean of steps about as long is that of about so many.
+_SPANS = np.int64(20)
 
 #: Layers of ``WalkModel.hits`` and ``offers``: links, what follows on gaps, turns between ways.
-ON_LINK, ON_GAP, ON_WAY = 0, 1, 2
+ON_LINK, ON_GAP, ON_WAY = np.arange(3)
 
 #: Classes of length of new ways.
 OCTAVES = 13
 
 #: Rows of the ledger: kinds of steps (back, known, link, new, stay), their durations, places of new nodes, starts, gaps.
 ACCOUNTS = 13
-KIND_BITS, SPAN_BITS, PLACE_BITS, START_BITS, GAP_BITS = 0, 5, 10, 11, 12
+KIND_BITS, SPAN_BITS, PLACE_BITS, START_BITS, GAP_BITS = np.array([0, 5, 10, 11, 12])
 
 #: Bit contexts, ahead of those of whole numbers.
 FLAGS = 512
@@ -91,7 +94,7 @@ _DISTRIBUTIONS = 28
 _HISTOGRAM = 48
 
 #: First bit context of each flag.
-F_END, F_GAP, F_ESCAPE, F_BACK, F_STAY, F_NEW, F_KNOWN_START, F_NEAR, F_GAP_KIND = 0, 8, 16, 96, 176, 200, 232, 240, 256
+F_END, F_GAP, F_ESCAPE, F_BACK, F_STAY, F_NEW, F_KNOWN_START, F_NEAR, F_GAP_KIND = np.array([0, 8, 16, 96, 176, 200, 232, 240, 256])
 
 #: What is expected of flags before any is seen: counts of zeros and ones where they aren't even.
 _EXPECTED = (
@@ -153,6 +156,7 @@ class WalkModel(NamedTuple):
     scalars: NDArray[np.int64]
     offers: NDArray[np.int64]  # by layer and class: how much was to be had there, and what was chosen
     hits: NDArray[np.int64]
+    sheet: NDArray[np.int64]  # the distributions being mixed
     ledger: NDArray[np.float64]  # bits written and how often, by ``ACCOUNTS``; nothing is decided by it
 
 
@@ -179,6 +183,7 @@ def new_model(knots: int, dimension: int) -> WalkModel:
         scalars=np.array([0] * 8 + [-1, NO_TURN, 0], np.int64),
         offers=np.array([10, 10, _TURNS], np.int64)[:, None, None] * np.ones((3, OCTAVES, 8), np.int64),
         hits=_first_hits(),
+        sheet=np.zeros((SHEET_ROWS, _DISTRIBUTIONS), np.int64),
         ledger=np.zeros((ACCOUNTS, 2)),
     )
 
@@ -325,7 +330,7 @@ def _learn_span(model: WalkModel, half: int, far: int, cells: int) -> None:
     """Learn how many cells a step took."""
     scalars = model.scalars
     span = log2_of(min(max(cells, np.int64(1)), MOST))
-    settle_usual(model, class_of(far), 20, span)
+    settle_usual(model, class_of(far), _SPANS, span)
     model.usual_span[half] += (span - model.usual_span[half]) // min(model.count[half], np.int64(12))
     if far > 0:
         pace = span - log2_of(far)
@@ -362,7 +367,7 @@ def add_node(model: WalkModel) -> int:
     """Add a node whose place is set already; return it."""
     node = model.scalars[NODES]
     model.scalars[NODES] = node + 1
-    weigh(model, node, 1)
+    weigh(model, node, np.int64(1))
     return node
 
 

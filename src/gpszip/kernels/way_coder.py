@@ -5,35 +5,27 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.adaptive import PARTS, code_bit, code_choice
+from gpszip.kernels.adaptive import code_bit, code_choice
 from gpszip.kernels.jit import jit
-from gpszip.kernels.range_coder import Coder, code_interval, target
+from gpszip.kernels.range_coder import Coder
 from gpszip.kernels.walk_model import (
-    CHEAP,
     F_BACK,
     F_ESCAPE,
-    F_NEAR,
     F_NEW,
     F_STAY,
     NODES,
-    OCTAVES,
-    ON_GAP,
-    ON_LINK,
     ON_WAY,
-    STEP_LENGTH,
     WalkModel,
     half_edge,
     pair_count,
 )
 
-__all__ = ["KIND_BACK", "KIND_KNOWN", "KIND_LINK", "KIND_NEW", "KIND_STAY", "code_kind", "code_link", "code_way", "kind_of"]
+__all__ = ["KIND_BACK", "KIND_KNOWN", "KIND_LINK", "KIND_NEW", "KIND_STAY", "code_kind", "code_way", "kind_of"]
 
 #: Kinds of steps.
-KIND_BACK, KIND_KNOWN, KIND_LINK, KIND_NEW, KIND_STAY = 0, 1, 2, 3, 4
+KIND_BACK, KIND_KNOWN, KIND_LINK, KIND_NEW, KIND_STAY = np.arange(5)
 
-#: Most nodes that a new way is weighed for, and the largest sum of weights. Once so many more new ways were cheap than not, as
-#: only forged bytes have them, few nodes are weighed: each byte read then takes bounded time.
-_LINKS, _FEW_LINKS, _CHEAP_WAYS = 4096, 64, 1 << 14
+#: Largest sum of weights.
 _MOST = np.int64(1) << 40
 
 
@@ -120,16 +112,6 @@ def code_way(coder: Coder, model: WalkModel, u: int, before: int, arrived: int, 
 
 
 @jit
-def _square(places: NDArray[np.int64], u: int, v: int) -> int:
-    """Squared distance of two nodes in sixteenths of a quantum, each axis at most 2**25 quanta."""
-    square = np.int64(0)
-    for axis in range(places.shape[1]):
-        step = min(abs(places[u, axis] - places[v, axis]), np.int64(1) << 25)
-        square += step * step
-    return square * (PARTS * PARTS)
-
-
-@jit
 def _bearing(places: NDArray[np.int64], before: int, u: int, v: int) -> int:
     """Turn from the last step towards v in eight classes by its cosine; 7 if there was none."""
     if before < 0:
@@ -150,75 +132,6 @@ def _bearing(places: NDArray[np.int64], before: int, u: int, v: int) -> int:
         if square > bound:
             return i
     return 6
-
-
-@jit
-def _classify(model: WalkModel, u: int, before: int, layer: int, classes: NDArray[np.int64]) -> None:
-    """Class of each node, from the newest down: how far it is, and its bearing, or how often gaps began or ended there."""
-    nodes = model.scalars[NODES]
-    reach = min(max(model.scalars[STEP_LENGTH], np.int64(64)), np.int64(1) << 27)
-    nearest = (reach * 181 >> 10) ** 2
-    for i in range(len(classes)):
-        w = nodes - 1 - i
-        square = _square(model.places, u, w)
-        octave = 0
-        bound = nearest
-        while octave < OCTAVES - 1 and square >= bound:
-            bound *= 2
-            octave += 1
-        if layer == ON_GAP:
-            rests = model.rests[w]
-            kind = 3 if rests > 3 else min(rests, 2)
-        else:
-            kind = _bearing(model.places, before, u, w)
-        classes[i] = octave * 8 + kind
-
-
-@jit
-def _weigh_nodes(model: WalkModel, u: int, layer: int, classes: NDArray[np.int64], weights: NDArray[np.int64]) -> None:
-    """Weight of each node, from the newest down: none for u and, but after gaps, for those that u has a way to."""
-    nodes = model.scalars[NODES]
-    by_class = np.empty(OCTAVES * 8, np.int64)
-    for i in range(OCTAVES * 8):
-        by_class[i] = (model.hits[layer, i // 8, i % 8] << 16) // model.offers[layer, i // 8, i % 8] + 1
-    for i in range(len(classes)):
-        weights[i] = by_class[classes[i]]
-    if nodes - 1 - u < len(classes):
-        weights[nodes - 1 - u] = 0
-    half = model.head[u]
-    while half >= 0 and layer == ON_LINK:
-        if nodes - 1 - model.into[half] < len(classes):
-            weights[nodes - 1 - model.into[half]] = 0
-        half = model.following[half]
-
-
-@jit
-def code_link(coder: Coder, model: WalkModel, u: int, before: int, v: int, layer: int) -> int:
-    """Code the node that a new way or a gap leads to: one of the newest, by where it lies, or any."""
-    nodes = model.scalars[NODES]
-    count = min(nodes, np.int64(_LINKS if model.scalars[CHEAP] < _CHEAP_WAYS else _FEW_LINKS))
-    classes, weights = np.empty(count, np.int64), np.empty(count, np.int64)
-    _classify(model, u, before, layer, classes)
-    _weigh_nodes(model, u, layer, classes, weights)
-    total = weights.sum()
-    is_near, cheap = 1 if total > 0 else 0, False
-    if total > 0 and nodes > count:
-        is_near = code_bit(coder, model.flags, F_NEAR, 1 if nodes - 1 - v < count else 0)
-    if not is_near:
-        if coder.cursor[1] == 1:
-            v = target(coder, nodes)
-        code_interval(coder, v, 1, nodes)
-    else:
-        choice = code_choice(coder, weights, count, nodes - 1 - v)
-        v = nodes - 1 - choice
-        cheap = 4 * weights[choice] > total
-        model.hits[layer, classes[choice] // 8, classes[choice] % 8] += 128
-    if nodes > _FEW_LINKS:
-        model.scalars[CHEAP] = max(model.scalars[CHEAP] + (1 if cheap else -1), np.int64(0))
-    for i in range(count):
-        if weights[i] > 0:
-            model.offers[layer, classes[i] // 8, classes[i] % 8] += 1
-    return v
 
 
 @jit

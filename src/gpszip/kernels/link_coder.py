@@ -1,0 +1,154 @@
+"""Coding of links: which known node a new way or a gap leads to, by how far it lies and in which direction.
+
+Thousands of nodes are weighed for one link. What is worked out for each of them has no branches, so that the compiler takes several
+at a time; weights are had once for each class of nodes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.kernels.adaptive import PARTS, code_bit
+from gpszip.kernels.jit import jit
+from gpszip.kernels.range_coder import Coder, code_interval, target
+from gpszip.kernels.walk_model import CHEAP, F_NEAR, NODES, OCTAVES, ON_GAP, ON_LINK, STEP_LENGTH, WalkModel
+
+__all__ = ["code_link"]
+
+#: Most nodes that a new way is weighed for. Once so many more new ways were cheap than not, as only forged bytes have them, few nodes
+#: are weighed: each byte read then takes bounded time.
+_LINKS, _FEW_LINKS, _CHEAP_WAYS = 4096, 64, 1 << 14
+
+#: Classes of nodes: octaves of distance by eight kinds, and those that no link leads to.
+_KINDS = 8
+_CLASSES = OCTAVES * _KINDS
+_BARRED = _CLASSES
+
+#: Axes count up to this many quanta. Sums of squares beyond 2**53 aren't exact any more, but lie beyond all bounds.
+_FARTHEST = 2.0**25
+
+
+@jit
+def _add_octaves(model: WalkModel, u: int, first: int, classes: NDArray[np.uint8]) -> None:
+    """Add to the class of each node from ``first`` on how far it is from u, in half octaves of the step to expect."""
+    places = model.places
+    squares = np.zeros(len(classes))
+    for axis in range(places.shape[1]):
+        here = places[u, axis]
+        for i in range(len(classes)):
+            step = min(abs(np.float64(places[first + i, axis] - here)), _FARTHEST)
+            squares[i] += step * step
+    reach = min(max(model.scalars[STEP_LENGTH], np.int64(64)), np.int64(1) << 27)
+    bound = np.float64((reach * 181 >> 10) ** 2) / (PARTS * PARTS)
+    for _ in range(OCTAVES - 1):
+        for i in range(len(classes)):
+            classes[i] += np.uint8(_KINDS) if squares[i] >= bound else np.uint8(0)
+        bound *= 2.0
+
+
+@jit
+def _add_bearings(places: NDArray[np.int64], before: int, u: int, first: int, classes: NDArray[np.uint8]) -> None:
+    """Add to the class of each node the turn from the last step towards it, by its cosine; 7 if there was none."""
+    one = 0.0
+    dots, twos = np.zeros(len(classes)), np.zeros(len(classes))
+    if before >= 0:
+        for axis in range(places.shape[1]):
+            here = places[u, axis]
+            a = np.float64(here - places[before, axis])
+            one += a * a
+            for i in range(len(classes)):
+                b = np.float64(places[first + i, axis] - here)
+                dots[i] += a * b
+                twos[i] += b * b
+    for i in range(len(classes)):
+        square = dots[i] * abs(dots[i]) / (one * twos[i])
+        kind = np.uint8(0)
+        for bound in (0.97, 0.75, 0.25, -0.25, -0.75, -0.97):
+            kind += np.uint8(0) if square > bound else np.uint8(1)
+        classes[i] += kind if one * twos[i] > 0.0 else np.uint8(7)
+
+
+@jit
+def _add_rests(rests: NDArray[np.int64], first: int, classes: NDArray[np.uint8]) -> None:
+    """Add to the class of each node how often gaps began or ended there."""
+    for i in range(len(classes)):
+        for bound in (0, 1, 3):
+            classes[i] += np.uint8(1) if rests[first + i] > bound else np.uint8(0)
+
+
+@jit
+def _bar(model: WalkModel, u: int, layer: int, first: int, classes: NDArray[np.uint8]) -> None:
+    """Bar u and, but after gaps, the nodes that u has a way to."""
+    if u >= first:
+        classes[u - first] = _BARRED
+    half = model.head[u]
+    while half >= 0 and layer == ON_LINK:
+        if model.into[half] >= first:
+            classes[model.into[half] - first] = _BARRED
+        half = model.following[half]
+
+
+@jit
+def _class_weights(model: WalkModel, layer: int) -> NDArray[np.int64]:
+    """Weight of a node of each class; none for those barred."""
+    weights = np.zeros(_CLASSES + 1, np.int64)
+    for i in range(_CLASSES):
+        weights[i] = (model.hits[layer, i // _KINDS, i % _KINDS] << 16) // model.offers[layer, i // _KINDS, i % _KINDS] + 1
+    return weights
+
+
+@jit
+def _code_near(coder: Coder, classes: NDArray[np.uint8], weights: NDArray[np.int64], total: int, v: int) -> int:
+    """Code which of the nodes it is, the newest first."""
+    i = len(classes)
+    start = np.int64(0)
+    if coder.cursor[1] == 1:
+        at = target(coder, total)
+        while i > 0 and start <= at:
+            i -= 1
+            start += weights[classes[i]]
+        start -= weights[classes[i]]
+    else:
+        while i - 1 > v:
+            i -= 1
+            start += weights[classes[i]]
+        i = v
+    code_interval(coder, start, weights[classes[i]], total)
+    return i
+
+
+@jit
+def code_link(coder: Coder, model: WalkModel, u: int, before: int, v: int, layer: int) -> int:
+    """Code the node that a new way or a gap leads to: one of the newest, by where it lies, or any."""
+    nodes = model.scalars[NODES]
+    count = min(nodes, np.int64(_LINKS if model.scalars[CHEAP] < _CHEAP_WAYS else _FEW_LINKS))
+    first = nodes - count
+    classes = np.zeros(count, np.uint8)
+    _add_octaves(model, u, first, classes)
+    if layer == ON_GAP:
+        _add_rests(model.rests, first, classes)
+    else:
+        _add_bearings(model.places, before, u, first, classes)
+    _bar(model, u, layer, first, classes)
+    weights, had = _class_weights(model, layer), np.zeros(_CLASSES + 1, np.int64)
+    for i in range(count):
+        had[classes[i]] += 1
+    total = (weights * had).sum()
+    is_near, cheap = 1 if total > 0 else 0, False
+    if total > 0 and first > 0:
+        is_near = code_bit(coder, model.flags, F_NEAR, 1 if v >= first else 0)
+    if not is_near:
+        if coder.cursor[1] == 1:
+            v = target(coder, nodes)
+        code_interval(coder, v, 1, nodes)
+    else:
+        v = first + _code_near(coder, classes, weights, total, v - first)
+        chosen = classes[v - first]
+        cheap = 4 * weights[chosen] > total
+        model.hits[layer, chosen // _KINDS, chosen % _KINDS] += 128
+    if nodes > _FEW_LINKS:
+        model.scalars[CHEAP] = max(model.scalars[CHEAP] + (1 if cheap else -1), np.int64(0))
+    for i in range(_CLASSES):
+        model.offers[layer, i // _KINDS, i % _KINDS] += had[i]
+    return v
