@@ -122,6 +122,19 @@ def test_a_batch_that_learning_does_not_master_keeps_the_knots_that_it_needs(fol
     assert report.points == 12_000
 
 
+def test_a_batch_may_take_more_error_where_others_take_less(folder, monkeypatch):
+    from gpszip.mapping.known import learn_on
+
+    def only_for_more(known, frame, tracks, gaps, *, rmse, **others):
+        hard = tracks[0].id == "0/0"
+        return None if hard and rmse < 0.31 else learn_on(known, frame, tracks, gaps, rmse=rmse if hard else 0.8 * rmse, **others)
+
+    monkeypatch.setattr("gpszip.mapping.known.learn_on", only_for_more)
+    archive, report, _ = large.compress_large(folder[0], Options(rmse=0.31, effort=1), memory=MEMORY)
+    assert report.rmse <= 0.31
+    assert np.sqrt((off(archive, folder[1]) ** 2).mean()) <= 0.31
+
+
 @pytest.mark.parametrize(
     "options", [{"k": 3}, {"size": 900}, {"ratio": 5}, {"keep_times": True}, {"times": False, "rmse": 1.0}, {"coreset": 5}]
 )
