@@ -14,7 +14,7 @@ from gpszip.pipeline import large
 from gpszip.run import Dask, Processes, Serial, Threads, executor_of
 from gpszip.run.dask import connect
 from gpszip.testing import patrol
-from oracle.chores import die, fail, halved, identity_of, joined, scaled
+from oracle.chores import departed, die, fail, halved, identity_of, joined, met, scaled
 
 distributed = pytest.importorskip("distributed")
 
@@ -54,10 +54,17 @@ def test_errors_come_back_as_ours(client):
         list(Dask(client).map(fail, [0]))
 
 
-@pytest.mark.parametrize("count", [1, 2, 5, 8])
+@pytest.mark.parametrize("count", [1, 2, 3, 5, 6, 7, 8, 23])
 def test_values_are_united_in_the_same_tree_everywhere(client, count):
-    words = list("abcdefgh"[:count])
-    assert united(Dask(client), joined, words) == united(None, joined, words) == united(Threads(2), joined, words)
+    words = "abcdefghijklmnopqrstuvw"[:count]
+    here = united(None, joined, words, str.upper)
+    assert here.replace("(", "").replace(")", "").split() == list(words.upper())
+    assert united(Dask(client), joined, iter(words), str.upper) == united(Threads(2), joined, words, str.upper) == here
+
+
+def test_what_is_half_united_stays_with_the_workers(client):
+    whole = united(Dask(client), met, range(8), departed)
+    assert whole.stations.count(os.getpid()) == 1  # only the last value came here, once
 
 
 def test_a_client_is_taken_for_its_cluster(client):

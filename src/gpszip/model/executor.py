@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain, islice
 from types import TracebackType
 from typing import Generic, Protocol, Self, TypeVar
 
@@ -126,35 +127,46 @@ def local(executor: Executor | None) -> Executor:
     return own.local() if hasattr(own, "local") else own
 
 
-def united(executor: Executor | None, unite: Callable[[T, T], T], values: Iterable[T]) -> T:
-    """Unite values two by two, as a tree whose shape depends on nothing but their number.
+def united(executor: Executor | None, unite: Callable[[R, R], R], items: Iterable[T], leaf: Callable[[T], R]) -> R:
+    """Unite what becomes of items two by two, as a tree whose shape depends on nothing but their number.
 
-    Where the executor has workers with memories of their own and can unite there, what is half united doesn't come back.
+    Only as many items and partial results are held as workers are busy with. Where the executor has workers with memories of
+    their own and can unite there, partial results stay with them.
 
     Parameters
     ----------
     executor : Executor, optional
-        Where values are united.
+        Where values are made and united.
     unite : callable
-        Makes one of two.
-    values : iterable
+        Makes one value of two.
+    items : iterable
         At least one.
+    leaf : callable
+        Makes a value of an item.
 
     Examples
     --------
-    >>> united(None, "({} {})".format, "abcde")
-    '(((a b) (c d)) e)'
+    >>> united(None, "({} {})".format, "abcde", str.upper)
+    '(((A B) (C D)) E)'
     """
     own = Serial() if executor is None else executor
     if hasattr(own, "unite"):
-        whole: T = own.unite(unite, values)
+        whole: R = own.unite(unite, items, leaf)
         return whole
-    level = list(values)
-    while len(level) > 1:
-        pairs = [(level[i], level[i + 1]) for i in range(0, len(level) - 1, 2)]
-        level = [*own.map(partial(_unite_pair, unite), pairs), *level[2 * len(pairs) :]]
-    return level[0]
+    level = own.map(leaf, items)
+    while True:
+        first = next(level)
+        second = next(level, None)
+        if second is None:
+            return first
+        level = own.map(partial(_unite_pair, unite), _pairs(chain([first, second], level)))
 
 
-def _unite_pair(unite: Callable[[T, T], T], pair: tuple[T, T]) -> T:
-    return unite(*pair)
+def _pairs(values: Iterator[T]) -> Iterator[tuple[T, ...]]:
+    """Neighbours; the last value may be alone."""
+    while pair := tuple(islice(values, 2)):
+        yield pair
+
+
+def _unite_pair(unite: Callable[[T, T], T], pair: tuple[T, ...]) -> T:
+    return unite(*pair) if len(pair) > 1 else pair[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError
 from types import TracebackType
@@ -57,19 +58,35 @@ class Dask:
         """Return the threads of this process."""
         return Threads()
 
-    def unite(self, unite: Callable[[T, T], T], values: Iterable[T]) -> T:
-        """Unite values two by two; what is half united stays with the workers."""
-        level: list[Any] = [self.client.scatter([value], hash=False)[0] for value in values]
-        while len(level) > 1:
-            pairs = len(level) // 2
-            joined = [self.client.submit(unite, level[2 * i], level[2 * i + 1], pure=False) for i in range(pairs)]
-            level = [*joined, *level[2 * pairs :]]
-        whole: T = _result(level[0])
+    def unite(self, unite: Callable[[R, R], R], items: Iterable[T], leaf: Callable[[T], R]) -> R:
+        """Unite what becomes of items two by two; it stays with the workers until all is one."""
+        from distributed import wait
+
+        done: list[tuple[int, Any]] = []  # what is united so far, and of how many items each: powers of 2 that fall
+        leaves: deque[Any] = deque()
+        for item in items:
+            leaves.append(self.client.submit(leaf, item, pure=False))
+            done.append((1, leaves[-1]))
+            while len(done) > 1 and done[-2][0] == done[-1][0]:
+                self._unite_last(unite, done)
+            if len(leaves) >= self._ahead():
+                wait(leaves.popleft())  # type: ignore[no-untyped-call]
+        while len(done) > 1:
+            self._unite_last(unite, done)
+        whole: R = _result(done[0][1])
         return whole
 
+    def _unite_last(self, unite: Callable[[R, R], R], done: list[tuple[int, Any]]) -> None:
+        (some, left), (others, right) = done[-2:]
+        done[-2:] = [(some + others, self.client.submit(unite, left, right, pure=False))]
+
+    def _ahead(self) -> int:
+        """How many items may be under way."""
+        threads: int = sum(self.client.nthreads().values())
+        return max(2 * threads, 4)
+
     def _results(self, submit: Callable[[T], Any], items: Iterable[T]) -> Iterator[Any]:
-        threads = sum(self.client.nthreads().values())
-        return in_order(lambda item: _Checked(submit(item)), items, max(2 * threads, 4))  # type: ignore[arg-type,return-value]
+        return in_order(lambda item: _Checked(submit(item)), items, self._ahead())  # type: ignore[arg-type,return-value]
 
 
 class _Scattered(Generic[V]):
