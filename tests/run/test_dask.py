@@ -8,9 +8,10 @@ import pytest
 
 from gpszip import pipeline
 from gpszip.errors import BoundError, OptionError, WorkerError
+from gpszip.io.streaming import store_logs
 from gpszip.model import Options
 from gpszip.model.executor import sharing, united
-from gpszip.pipeline import large
+from gpszip.pipeline import large, sketching
 from gpszip.run import Dask, Processes, Serial, Threads, executor_of
 from gpszip.run.dask import connect
 from gpszip.testing import patrol
@@ -120,6 +121,17 @@ def test_a_log_larger_than_memory_is_the_same_on_a_cluster(client, tmp_path, mon
         for executor in (Serial(), Dask(client))
     ]
     assert made[0] == made[1]
+
+
+def test_coresets_are_the_same_on_a_cluster(client, tmp_path, monkeypatch):
+    monkeypatch.setattr(sketching, "_BATCH", 500)
+    track = patrol(5300, seed=5)
+    log = tmp_path / "log.csv"
+    log.write_text("t,x,y\n" + "\n".join(f"{t},{x},{y}" for t, (x, y) in zip(track.times, track.positions, strict=True)))
+    with store_logs(str(log), rows=2000) as stored:
+        for options in ({"size": 40}, {"k": 5, "eps": 0.6}):
+            here, there = (sketching.sketch_log(stored, executor=executor, **options) for executor in (Serial(), Dask(client)))
+            assert here.rows.tobytes() == there.rows.tobytes()
 
 
 def test_executors_that_only_map_are_enough():

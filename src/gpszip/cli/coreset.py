@@ -6,18 +6,20 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpszip.cli.engine import engine_options, running
 from gpszip.cli.options import Settings, common, force, output
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import SIZE
 
 if TYPE_CHECKING:
-    from gpszip.model.reading import Reading
+    from gpszip.io.streaming import StoredLog
+    from gpszip.model import Executor
     from gpszip.sketches.coreset import Coreset
 
 __all__ = ["command"]
 
-#: Decimals of metres of the points that are written.
-_DECIMALS = 6
+#: Decimals of metres of the points that are written, and rows of the logs that are in memory at once.
+_DECIMALS, _ROWS = 6, 1 << 20
 
 
 @click.command("coreset", short_help="Make the (k, eps)-coreset of logs.")
@@ -33,6 +35,7 @@ _DECIMALS = 6
 @click.option("--skip-bad", is_flag=True, help="Leave out logs that can't be read, name them, end with exit code 3.")
 @click.option("--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north, or names in order.")
 @click.option("--format", metavar="FORMAT", help="Format of the logs; found from the content where left out.")
+@engine_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @force
 @common
@@ -47,26 +50,35 @@ def command(
     k: int | None,
     max_bytes: float | None,
     points: bool,
+    workers: int | None,
+    engine: str | None,
+    scheduler: str | None,
     quiet: bool,
     force: bool,
     **choices: Any,
 ) -> Outcome:
-    """Read every LOG and write its coreset as Parquet: blocks whose moments price every line exactly.
+    """Read every LOG, of any size, and write its coreset as Parquet: blocks whose moments price every line exactly.
 
-    Give one of --size, --max-bytes, or --k with --eps.
+    Give one of --size, --max-bytes, or --k with --eps. LOG - is standard input.
     """
-    from gpszip import pipeline
     from gpszip.cli.output import check_output, say, show_json
     from gpszip.cli.summary import account_of, name_left_out, place_of, repairs_in_words
     from gpszip.errors import OptionError
-    from gpszip.sketches.partition import build
+    from gpszip.io.coreset_file import write_coreset
+    from gpszip.io.source import spooled
+    from gpszip.io.streaming import store_logs
+    from gpszip.pipeline.sketching import sketch_log
 
     if (size is not None) + (max_bytes is not None) + (eps is not None) != 1 or (eps is not None and k is None):
         raise OptionError("how large is the coreset to be? give --size, or --max-bytes, or --k and --eps together")
     check_output(target, force=force, binary=not points or target.endswith(".parquet"))
-    reading = pipeline.read(logs, **choices)
-    made = build(reading.tracks, k=k if eps else None, eps=eps, size=size, max_bytes=None if max_bytes is None else int(max_bytes))
-    written = _write(made, reading, target, points)
+    limit = None if max_bytes is None else int(max_bytes)
+    with spooled(logs) as sources, running(workers, engine, scheduler) as executor, store_logs(sources, rows=_ROWS, **choices) as log:
+        made = sketch_log(log, k=k if eps else None, eps=eps, size=size, max_bytes=limit, executor=executor)
+        written = _write(made, log, target, executor) if points else None
+        reading = log.reading
+    if not points:
+        write_coreset(made, target, force=True)
     facts = _facts(made, k, written)
     if settings.json:
         show_json({"output": target, **facts, **account_of(reading.repairs, reading.left_out)}, err=target == "-")
@@ -76,20 +88,15 @@ def command(
     return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
 
 
-def _write(made: Coreset, reading: Reading, target: str, points: bool) -> int | None:
-    """Write blocks, or points, of which the number is returned."""
-    if not points:
-        from gpszip.io.coreset_file import write_coreset
-
-        write_coreset(made, target, force=True)
-        return None
+def _write(made: Coreset, log: StoredLog, target: str, executor: Executor) -> int:
+    """Write weighted points and return their number."""
     from dataclasses import replace
 
     from gpszip.io.writing import write_tracks
-    from gpszip.sketches.samples import weighted_samples
+    from gpszip.pipeline.sketching import thin_log
 
-    few = weighted_samples(made, reading.tracks)
-    write_tracks((replace(track, attributes={"weight": track.weights}) for track in few), target, decimals=_DECIMALS)  # type: ignore[dict-item]
+    few = [replace(track, attributes={"weight": track.weights}) for track in thin_log(log, made, executor=executor)]  # type: ignore[dict-item]
+    write_tracks(few, target, decimals=_DECIMALS)
     return sum(map(len, few))
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import glob
 import sys
+import tempfile
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -14,10 +16,11 @@ import pyarrow as pa
 from gpszip.errors import InputError
 from gpszip.io.remote import fetch, is_remote
 
-__all__ = ["Source", "expand"]
+__all__ = ["Source", "expand", "spooled"]
 
 _GZIP = b"\x1f\x8b"
 _HEAD = 1 << 18
+_PIECE = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -105,12 +108,44 @@ class Source:
             raise InputError(f"{self.name}: damaged gzip file ({error}); unpack what is left of it with zcat, or fetch it again") from None
 
 
-def expand(sources: Iterable[str | Path | BinaryIO] | str | Path | BinaryIO) -> Iterator[Source | InputError]:
-    """Turn names, patterns and streams into logs to read.
+@contextmanager
+def spooled(sources: Iterable[Any] | Any) -> Iterator[list[Any]]:
+    r"""Copy standard input and streams to temporary files for as long as the context lasts, so that they may be read twice.
 
     Parameters
     ----------
     sources : str, Path, binary stream, or iterable of these
+        As for :func:`expand`.
+
+    Examples
+    --------
+    >>> import io
+    >>> with spooled(io.BytesIO(b"t,x,y\n0,0,0\n")) as sources:
+    ...     [(source.name, source.size) for source in sources]
+    [('stream', 12)]
+    """
+    single = isinstance(sources, (str, Path)) or hasattr(sources, "read")
+    with tempfile.TemporaryDirectory(prefix="gpszip-") as folder:
+        found: list[Any] = []
+        for item in [sources] if single else sources:
+            stream = sys.stdin.buffer if item == "-" else item
+            if not hasattr(stream, "read"):
+                found.append(item)
+                continue
+            path = Path(folder) / str(len(found))
+            with path.open("wb") as file:
+                while piece := stream.read(_PIECE):
+                    file.write(piece.encode() if isinstance(piece, str) else piece)
+            found.append(Source("standard input" if item == "-" else _name(stream), path=path))
+        yield found
+
+
+def expand(sources: Iterable[str | Path | BinaryIO | Source] | str | Path | BinaryIO) -> Iterator[Source | InputError]:
+    """Turn names, patterns and streams into logs to read.
+
+    Parameters
+    ----------
+    sources : str, Path, binary stream, or iterable of these and of what :func:`spooled` gives
         ``-`` is standard input. A name with ``*``, ``?`` or ``[`` that is no file is a pattern; it stands for the
         files it matches, in the order of their names. URLs such as ``s3://bucket/logs/*.parquet`` are fetched.
 
@@ -121,7 +156,9 @@ def expand(sources: Iterable[str | Path | BinaryIO] | str | Path | BinaryIO) -> 
     """
     single = isinstance(sources, (str, Path)) or hasattr(sources, "read")
     for item in [sources] if single else sources:  # type: ignore[union-attr]
-        if not isinstance(item, (str, Path)):
+        if isinstance(item, Source):
+            yield item
+        elif not isinstance(item, (str, Path)):
             yield _stream(item)
         elif str(item) == "-":
             yield Source("standard input", data=sys.stdin.buffer.read())
@@ -137,8 +174,12 @@ def _stream(stream: Any) -> Source:
     data = stream.read()
     if isinstance(data, str):
         data = data.encode()
+    return Source(_name(stream), data=data)
+
+
+def _name(stream: Any) -> str:
     name = getattr(stream, "name", None)
-    return Source(name if isinstance(name, str) else "stream", data=data)
+    return name if isinstance(name, str) else "stream"
 
 
 def _names(name: str) -> list[str]:

@@ -17,10 +17,10 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.errors import InputError
+from gpszip.errors import InputError, OptionError
 from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.io.columns import parse_columns
-from gpszip.io.raw_log import RawLog, Request
+from gpszip.io.raw_log import RawLog, Request, unused
 from gpszip.io.shards import Shard, shard_of
 from gpszip.io.source import expand
 from gpszip.model import Plane, Track
@@ -108,6 +108,7 @@ def store_logs(
     columns: str | Sequence[str] | Mapping[str, str] | None = None,
     time_unit: str | None = None,
     sort: bool = False,
+    split: bool = False,
     skip_bad: bool = False,
 ) -> StoredLog:
     r"""Sort position logs of any size into a temporary file.
@@ -118,7 +119,7 @@ def store_logs(
         As for :func:`gpszip.io.reading.read_logs`.
     rows : int
         How many rows may be in memory at once; each takes about 100 bytes.
-    format, columns, time_unit, sort, skip_bad
+    format, columns, time_unit, sort, split, skip_bad
         As for :func:`gpszip.io.reading.read_logs`.
 
     Returns
@@ -140,11 +141,13 @@ def store_logs(
     ...     [(track.id, log.read(track).times.tolist()) for track in log.tracks]
     [('b', [0.0, 1.0]), ('a', [5.0])]
     """
+    if sort and split:
+        raise OptionError("--sort and --split exclude each other")
     request = Request(parse_columns(columns), time_unit)
     shards, size, errors = _planned(sources, format, request, skip_bad)
     with ExitStack() as stack:
         room = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="gpszip-")))
-        sorter = _Sorter(room, max(rows, 1000), sort)
+        sorter = _Sorter(room, max(rows, 1000), sort, split)
         sorter.errors += errors
         alone = len({shard.source.log for shard in shards}) == 1
         for shard in shards:
@@ -219,8 +222,8 @@ class _Part:
 class _Sorter:
     """Gathers rows, writes them as sorted runs, and at last as one sorted file."""
 
-    def __init__(self, room: Path, rows: int, sort: bool) -> None:
-        self.room, self.rows, self.sort = room, rows, sort
+    def __init__(self, room: Path, rows: int, sort: bool, split: bool) -> None:
+        self.room, self.rows, self.sort, self.split = room, rows, sort, split
         self.parts: list[_Part] = []
         self.errors: list[InputError] = []
         self.repairs: list[Repair] = []
@@ -228,7 +231,9 @@ class _Sorter:
         self.points, self.dimension, self.geographic = 0, 0, False
         self.plane: Plane | None = None
         self._alive: list[int] = []
-        self._own: dict[str, int] = {}
+        self._own: dict[str, int] = {}  # the part that each name of the present file stands for
+        self._here: list[int] = []  # all of its parts, and those that keep their names
+        self._first: set[int] = set()
         self._shard: tuple[Shard, str] | None = None
         self._before: tuple[int, list[Repair]] = (0, [])
         self._held: list[tuple[NDArray[np.int32], Floats, Floats]] = []
@@ -236,7 +241,7 @@ class _Sorter:
         self._sample = _Sample()
 
     def begin(self, shard: Shard, stem: str) -> None:
-        self._shard, self._own, self._usable = (shard, stem), {}, 0
+        self._shard, self._own, self._here, self._first, self._usable = (shard, stem), {}, [], set(), 0
         self._before = (self.points, list(self.repairs))
 
     def end(self) -> None:
@@ -245,13 +250,17 @@ class _Sorter:
         name = self._shard[0].name
         if not self._usable:
             raise InputError(f"{name}: no row has a time and position that can be read; name the columns: --columns t=COLUMN,...")
-        for number in self._own.values():
+        for number in self._here:
             part = self.parts[number]
             if part.back and not self.sort:
-                raise InputError(f"{name}: time goes back in track {part.name!r}; --sort orders the points")
+                raise InputError(f"{name}: time goes back in track {part.name!r}; --sort orders the points, --split starts a new track")
             if part.back:
                 self.repairs.append(Repair("points put in the order of time", part.back, name, drops=False))
-        self._alive += self._own.values()
+        taken = set(self._own)
+        for part in (self.parts[number] for number in self._here if number not in self._first):
+            part.name = unused(part.name, taken)
+            taken.add(part.name)
+        self._alive += self._here
 
     def drop_shard(self) -> None:
         """Forget what the present file has brought."""
@@ -272,6 +281,8 @@ class _Sorter:
         self._usable += int(good.sum())
         times, places = raw.times[good], raw.coordinates[good]
         codes = self._codes(raw, good)
+        if self.split:
+            codes = self._split(codes, times, f"{raw.name}: {raw.word} {raw.first}")
         self._count(codes, times)
         if raw.geographic:
             self._sample.add(places)
@@ -332,9 +343,28 @@ class _Sorter:
 
     def _part(self, name: str, where: str) -> int:
         if name not in self._own:
-            self._own[name] = len(self.parts)
-            self.parts.append(_Part(name, where))
+            self._own[name] = self._new(name, where)
+            self._first.add(self._own[name])
         return self._own[name]
+
+    def _new(self, name: str, where: str) -> int:
+        self.parts.append(_Part(name, where))
+        self._here.append(len(self.parts) - 1)
+        return self._here[-1]
+
+    def _split(self, codes: NDArray[np.int32], times: Floats, where: str) -> NDArray[np.int32]:
+        """Give rows from where a track's time goes back to a new part, which gets its own name at the end of the file."""
+        split = codes.copy()
+        for code in np.unique(codes).tolist():
+            rows = np.flatnonzero(codes == code)
+            part = self.parts[code]
+            back = np.flatnonzero(np.diff(times[rows], prepend=part.last) < 0).tolist()
+            for first, after in zip(back, [*back[1:], len(rows)], strict=True):
+                self._own[part.name] = number = self._new(part.name, part.where)
+                split[rows[first:after]] = number
+            if back:
+                self._add_repair(Repair("tracks started where time goes back", len(back), where, drops=False))
+        return split
 
     def _count(self, codes: NDArray[np.int32], times: Floats) -> None:
         """Keep the extent of each part, and how often its times go back."""

@@ -17,10 +17,10 @@ from gpszip.model import Track
 from gpszip.sketches.coreset import Coreset
 from gpszip.sketches.prefix import part_sums
 
-__all__ = ["blocks_within", "build", "file_size"]
+__all__ = ["SEVERAL", "blocks_asked", "blocks_below", "blocks_within", "build", "file_size", "largest_cost"]
 
 #: Partitions into so many times k blocks give lower bounds on the least cost of k parts.
-_SEVERAL = (2.0, 3.0, 4.0, 6.0)
+SEVERAL = (2.0, 3.0, 4.0, 6.0)
 
 #: Halvings of the logarithm of the largest cost of a block.
 _STEPS = 48
@@ -81,15 +81,13 @@ def build(
     """
     whole = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
     _check(whole)
-    most = _size(whole, k, eps, size, max_bytes)
-    sums = [part_sums(track) for track in whole]
+    most = blocks_asked(len(whole), whole[0].dimension, k, eps, size, max_bytes)
     if most is None:
         assert k is not None
         assert eps is not None
-        cuts = [_cuts(one, _sigma(one, track, k, eps)) for one, track in zip(sums, whole, strict=True)]
+        rows = [blocks_below(track, largest_cost(track, k, eps)) for track in whole]
     else:
-        cuts = _search(sums, most)
-    rows = [_rows(track, own) for track, own in zip(whole, cuts, strict=True)]
+        rows = [_rows(track, own) for track, own in zip(whole, _search([part_sums(track) for track in whole], most), strict=True)]
     owners = np.repeat(np.arange(len(whole)), [len(own) for own in rows])
     return Coreset(tuple(track.id for track in whole), owners, np.concatenate(rows), whole[0].plane)
 
@@ -113,6 +111,61 @@ def blocks_within(max_bytes: float, tracks: int, dimension: int) -> int:
     return most
 
 
+def blocks_asked(
+    tracks: int, dimension: int, k: int | None = None, eps: float | None = None, size: int | None = None, max_bytes: int | None = None
+) -> int | None:
+    """Largest number of blocks of a coreset of so many tracks; None where k and eps tell it.
+
+    Raises
+    ------
+    OptionError
+        If not exactly one of k with eps, size and max_bytes is given, or one is out of range.
+    """
+    if (k is None) != (eps is None) or (k is not None) + (size is not None) + (max_bytes is not None) != 1:
+        raise OptionError("how large is the coreset to be? give size, or max_bytes, or k and eps together")
+    if k is not None and eps is not None:
+        if k < 1:
+            raise OptionError(f"k is {k}; a track has at least 1 part")
+        if not 0 < eps < 1:
+            raise OptionError(f"eps is {eps:g}; it lies between 0 and 1")
+        return None
+    most = size if size is not None else blocks_within(max_bytes or 0, tracks, dimension)
+    if most < tracks:
+        raise OptionError(f"size is {most}; {tracks} tracks need as many blocks at least")
+    return most
+
+
+def largest_cost(of: Track | Coreset, k: int, eps: float) -> float:
+    """How much each block of a track may cost, in square metres, so that any k-segment is priced within ``eps``: sigma.
+
+    Parameters
+    ----------
+    of : Track or Coreset
+        A track, or some blocks of it, 6 k or more.
+    k, eps : int, float
+        Parts, and relative error.
+    """
+    if k == 1:
+        return math.inf
+    if isinstance(of, Coreset):
+        return _sigma(lambda size: of.reduced(size).rows, k, eps)
+    sums = [part_sums(of)]
+    return _sigma(lambda size: _rows(of, _search(sums, size)[0]), k, eps)
+
+
+def _sigma(balanced: Callable[[int], NDArray[np.float64]], k: int, eps: float) -> float:
+    least = 0.0
+    for several in SEVERAL:
+        costs = np.array([kernel.free_cost(row) for row in balanced(math.ceil(several * k))])
+        least = max(least, math.fsum(np.sort(costs)[: max(len(costs) - k + 1, 0)]))
+    return eps * eps * least / (4 * (1 + eps) * (k - 1))
+
+
+def blocks_below(track: Track, cost: float) -> NDArray[np.float64]:
+    """Rows of the longest blocks of a track whose free costs are at most so many square metres."""
+    return _rows(track, _cuts(part_sums(track), cost))
+
+
 def _check(tracks: Sequence[Track]) -> None:
     if not tracks:
         raise InputError("no tracks: there is nothing to make a coreset of")
@@ -123,22 +176,6 @@ def _check(tracks: Sequence[Track]) -> None:
             raise OptionError(f"tracks {tracks[0].id!r} and {track.id!r} lie on different planes; make a coreset of each")
 
 
-def _size(tracks: Sequence[Track], k: int | None, eps: float | None, size: int | None, max_bytes: int | None) -> int | None:
-    """Largest number of blocks; None where k and eps tell it."""
-    if (k is None) != (eps is None) or (k is not None) + (size is not None) + (max_bytes is not None) != 1:
-        raise OptionError("how large is the coreset to be? give size, or max_bytes, or k and eps together")
-    if k is not None and eps is not None:
-        if k < 1:
-            raise OptionError(f"k is {k}; a track has at least 1 part")
-        if not 0 < eps < 1:
-            raise OptionError(f"eps is {eps:g}; it lies between 0 and 1")
-        return None
-    most = size if size is not None else blocks_within(max_bytes or 0, len(tracks), tracks[0].dimension)
-    if most < len(tracks):
-        raise OptionError(f"size is {most}; {len(tracks)} tracks need as many blocks at least")
-    return most
-
-
 def _rows(track: Track, cuts: NDArray[np.int64]) -> NDArray[np.float64]:
     weights = np.ones(len(track)) if track.weights is None else track.weights
     return kernel.block_rows(track.times, track.positions, weights, cuts)
@@ -147,16 +184,6 @@ def _rows(track: Track, cuts: NDArray[np.int64]) -> NDArray[np.float64]:
 def _cuts(sums: Sums, limit: float) -> NDArray[np.int64]:
     """Cuts of the balanced partition for a limit in square metres."""
     return balanced_cuts(sums, limit / sums.place_tick**2, len(sums.t))
-
-
-def _sigma(sums: Sums, track: Track, k: int, eps: float) -> float:
-    if k == 1:
-        return math.inf
-    least = 0.0
-    for several in _SEVERAL:
-        costs = np.array([kernel.free_cost(row) for row in _rows(track, _search([sums], math.ceil(several * k))[0])])
-        least = max(least, math.fsum(np.sort(costs)[: max(len(costs) - k + 1, 0)]))
-    return eps * eps * least / (4 * (1 + eps) * (k - 1))
 
 
 def _search(sums: Sequence[Sums], size: int) -> _Cuts:

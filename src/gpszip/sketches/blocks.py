@@ -1,0 +1,59 @@
+"""Blocks of some of a log's samples, and of two such batches together: the leaves and the branches of a tree of coresets."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.kernels import blocks as kernel
+from gpszip.model import Track
+from gpszip.sketches.coreset import Coreset
+from gpszip.sketches.stream import merge
+
+__all__ = ["fine_blocks", "united_blocks"]
+
+
+def fine_blocks(most: int, tracks: Sequence[Track]) -> Coreset:
+    """Make a block of every two samples, and merge neighbours that cost least as one while there are more than ``most``.
+
+    Parameters
+    ----------
+    most : int
+        Largest number of blocks, but for one of each track.
+    tracks : sequence of Track
+        Samples of one or more tracks, on one plane.
+
+    Examples
+    --------
+    >>> track = Track("lane", range(100), [[t % 50] for t in range(100)])
+    >>> len(fine_blocks(8, [track])), fine_blocks(8, [track]).samples
+    (8, 100)
+    """
+    rows = [_absorbed(most, track) for track in tracks]
+    owners = np.repeat(np.arange(len(rows)), [len(own) for own in rows])
+    return _few(most, Coreset(tuple(track.id for track in tracks), owners, np.concatenate(rows), tracks[0].plane))
+
+
+def united_blocks(most: int, one: Coreset, other: Coreset) -> Coreset:
+    """Blocks of both, of which neighbours are merged while there are more than ``most``."""
+    return _few(most, merge([one, other]))
+
+
+def _absorbed(most: int, track: Track) -> NDArray[np.float64]:
+    weights = np.ones(len(track)) if track.weights is None else track.weights
+    whole = len(track) // kernel.LEAF * kernel.LEAF
+    room = np.empty((min(2 * most, whole // kernel.LEAF), kernel.FIXED + 3 * track.dimension))
+    count = kernel.absorb(room, 0, most, track.times[:whole], track.positions[:whole], weights[:whole])
+    rest = kernel.block_rows(track.times, track.positions, weights, np.arange(whole, len(track) + 1))
+    return np.concatenate([room[:count], rest])
+
+
+def _few(most: int, blocks: Coreset) -> Coreset:
+    if len(blocks) <= max(most, len(blocks.tracks)):
+        return blocks
+    rows, owners = blocks.rows.copy(), blocks.owners.copy()
+    count = kernel.reduce_blocks(rows, owners, len(rows), max(most, len(blocks.tracks)))
+    return replace(blocks, rows=rows[:count], owners=owners[:count])
