@@ -47,7 +47,7 @@ def plain_errors(slots, at, places):
 @pytest.mark.parametrize("seed", range(4))
 def test_errors_of_samples_and_their_sum_are_the_plain_twins(seed):
     slots, at, places = drafted(seed, dimension=1 + seed % 3)
-    parts = list_parts(slots, at)
+    parts = list_parts(slots, at, len(places))
     errors, part = sample_errors(slots, parts, places)
     np.testing.assert_allclose(errors, plain_errors(slots, at, places), atol=1e-9)
     # sums are of positions and times in whole ticks
@@ -58,7 +58,7 @@ def test_errors_of_samples_and_their_sum_are_the_plain_twins(seed):
 @pytest.mark.parametrize("seed", range(4))
 def test_nodes_are_placed_where_the_error_is_least(seed):
     slots, at, places = drafted(seed)
-    parts = list_parts(slots, at)
+    parts = list_parts(slots, at, len(places))
     solved = place_nodes(*normal_equations(parts, places))
     best = squared_error(parts, solved)
     # least squares over all samples, set up row by row
@@ -78,7 +78,7 @@ def test_nodes_are_placed_where_the_error_is_least(seed):
 @pytest.mark.parametrize("seed", range(4))
 def test_rounded_places_are_whole_and_near_as_good(seed):
     slots, at, places = drafted(seed)
-    parts = list_parts(slots, at)
+    parts = list_parts(slots, at, len(places))
     system = normal_equations(parts, places)
     solved = place_nodes(*system)
     rounded = round_nodes(*system, solved)
@@ -89,7 +89,7 @@ def test_rounded_places_are_whole_and_near_as_good(seed):
 def test_a_node_that_nothing_binds_stays_where_it_is():
     slots, at, places = drafted(1)
     places = np.vstack([places, [[77.0, -5.0]]])
-    solved = place_nodes(*normal_equations(list_parts(slots, at), places))
+    solved = place_nodes(*normal_equations(list_parts(slots, at, len(places)), places))
     np.testing.assert_allclose(solved[-1], [77.0, -5.0])
 
 
@@ -112,7 +112,16 @@ def test_a_draft_counts_the_knots_of_its_walks():
     slots, at, places = drafted(2)
     draft = draft_of(slots, at, places, 3.0, 50)
     np.testing.assert_array_equal(draft.uses[:9], np.bincount(at[at >= 0], minlength=9))
-    parts = list_parts(slots, at)
+    parts = list_parts(slots, at, len(places))
     moving = parts.starts != parts.ends
     leaving = np.bincount(parts.starts[moving], minlength=9) + 0.5 * np.bincount(parts.ends[moving], minlength=9)
     np.testing.assert_array_equal(draft.leaving[:9], leaving)
+
+
+def test_parts_between_other_nodes_are_those_listed_anew():
+    slots, at, places = drafted(5)
+    joined = np.where(at > 4, 4, at)
+    renamed, listed = list_parts(slots, at, len(places)).renamed(joined, 5), list_parts(slots, joined, 5)
+    for field in ("froms", "tos", "starts", "ends", "moments", "centers"):
+        np.testing.assert_array_equal(getattr(renamed, field), getattr(listed, field))
+    np.testing.assert_array_equal(renamed.stiffness.toarray(), listed.stiffness.toarray())

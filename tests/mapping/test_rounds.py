@@ -7,6 +7,7 @@ from gpszip.mapping.rounds import Plan, fit
 from gpszip.mapping.slots import lay_slots
 from gpszip.model import Frame, Track, Walk
 from gpszip.model.frame import quantum
+from gpszip.run import Serial, Threads
 from gpszip.testing import patrol
 
 FRAME = Frame((-1000, -1000), 0, 111, 136)
@@ -72,3 +73,18 @@ def test_thin_slots_keep_the_target_too(track):
 
 def test_a_target_below_what_whole_quanta_allow_is_not_met(track):
     assert fit(laid(track), 1, Plan(target=0.01, rounds=3)) is None
+
+
+@pytest.mark.parametrize("executor", [Serial(), Threads(1), Threads(2)], ids=str)
+def test_walks_coded_beside_the_next_round_are_the_same_whoever_codes_them(track, executor):
+    slots, plan = laid(track), Plan(target=0.9, rounds=9, extra=3, frugal=True)
+    expected, found = fit(slots, 1, plan), fit(slots, 1, plan, executor=executor)
+    assert encode(found.walks) == encode(expected.walks)
+    assert len(encode(found.walks)) == found.size
+
+
+def test_rounds_follow_until_the_error_allowed_is_made_use_of(track):
+    slots = laid(track)
+    short, long = (fit(slots, 1, Plan(target=0.9, rounds=12, extra=extra)) for extra in (0, 6))
+    assert long.size <= short.size
+    assert long.error <= 0.9

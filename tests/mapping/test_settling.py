@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from gpszip.mapping import settling
-from gpszip.mapping.rounds import Plan, place, prices_of
+from gpszip.mapping.drafting import list_parts
+from gpszip.mapping.placing import place
+from gpszip.mapping.rounds import Plan, prices_of
 from gpszip.mapping.settling import compact, cut_pieces, settle
 from gpszip.mapping.slots import lay_slots
 from gpszip.model import Frame, Track
@@ -27,6 +29,7 @@ def town():
 
 @pytest.fixture
 def small_batches(monkeypatch):
+    monkeypatch.setattr(settling, "_ALONE", 300)
     monkeypatch.setattr(settling, "_BATCH_SLOTS", 300)
 
 
@@ -81,7 +84,7 @@ def test_batches_find_about_as_few_knots_as_one_sweep(town, monkeypatch):
         here, nodes = at, places
         for turn in range(4):
             here, nodes = settle(slots, here, nodes, PLAN, prices_of(None, 0.3, len(nodes)), turn)
-            nodes = place(slots, here, nodes)
+            nodes = place(list_parts(slots, here, len(nodes)), nodes)
         counts.append((here >= 0).sum() + len(nodes))
     assert counts[0] < 1.05 * counts[1]
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from gpszip.mapping.slots import carry_knots, count_slots, lay_slots, pick_slots, slots_near, weigh_samples
+from gpszip.mapping.slots import carry_knots, count_slots, lay_slots, pick_slots, slots_near, thin_slots, weigh_samples
 from gpszip.model import Frame, Track
 from gpszip.model.frame import quantum
 from gpszip.testing.strategies import track_lists
@@ -73,6 +73,36 @@ def test_sparse_slots_are_some_of_the_full_ones_and_hand_their_knots_on(log, see
     np.testing.assert_array_equal(
         np.searchsorted(full.lasts, np.flatnonzero(carried >= 0)), np.searchsorted(thin.lasts, np.flatnonzero(at >= 0))
     )
+
+
+def same_as_laid_thin(tracks, gaps, frame):
+    """Whether thinned slots are those of a sparse grid; where these are most of all there are none."""
+    full, thin = lay_slots(tracks, gaps, frame), lay_slots(tracks, gaps, frame, sparse=True)
+    found = thin_slots(full)
+    if found is None:
+        return len(thin.cells) >= 0.7 * len(full.cells)
+    fields = ("cells", "ticks", "places", "centers", "sums", "firsts", "lasts", "owners", "ends")
+    return all(np.array_equal(getattr(found, field), getattr(thin, field)) for field in fields)
+
+
+@given(logs())
+@settings(max_examples=150)
+def test_slots_are_thinned_to_a_sparse_grid(log):
+    assert same_as_laid_thin(*log)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_slots_of_tracks_with_pauses_and_gaps_are_thinned_to_a_sparse_grid(seed):
+    rng = np.random.default_rng(seed)
+    tracks, gaps = [], []
+    for name in "abc":
+        gap = rng.random(59) < 0.1
+        times = np.cumsum(rng.integers(1, 20_000, 60) + 90_000 * (seed % 2) * np.append(False, gap)) / 1000
+        tracks.append(Track(name, times, np.cumsum(rng.normal(0, 1, (60, 2)), axis=0)))
+        gaps.append(gap)
+    frame = Frame((0, 0), 0, 112, 132)
+    assert thin_slots(lay_slots(tracks, gaps, frame)) is not None
+    assert same_as_laid_thin(tracks, gaps, frame)
 
 
 @pytest.mark.parametrize("shift", [(1e9, 1e7), (1_600_000_000.0, -(2.0**22)), (-3600.0, 5e6)])

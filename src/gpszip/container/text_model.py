@@ -6,6 +6,8 @@ numbers are integers, so that every machine decodes the same text. docs/format.m
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 from gpszip.errors import CorruptArchiveError
 
 __all__ = ["MODEL_LIMIT", "model_bytes", "read_model"]
@@ -29,6 +31,8 @@ _WEIGHTS = (4, 8, 4, 8, 28, 40)
 _Counts = dict[int, list[int]]
 
 
+# the same names are written once to be measured and once to be saved
+@lru_cache(maxsize=4)
 def model_bytes(text: bytes) -> bytes:
     r"""Code text that ends with a newline and is at most MODEL_LIMIT bytes long.
 

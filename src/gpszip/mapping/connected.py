@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,14 +13,14 @@ from numpy.typing import NDArray
 from gpszip.coding.walks import encode
 from gpszip.errors import OptionError
 from gpszip.mapping.maximum import mend
-from gpszip.mapping.polishing import WORK_OF_EFFORT, best_outcomes, polish
+from gpszip.mapping.polishing import WORK_OF_EFFORT, best_outcomes, polish, worthwhile
 from gpszip.mapping.rounds import Outcome, Plan, fit
-from gpszip.mapping.slots import count_slots, lay_slots
+from gpszip.mapping.slots import count_slots, lay_slots, thin_slots
 from gpszip.model import Executor, Frame, LatticeWalks, Track
 from gpszip.model.executor import Shared, local, sharing
 from gpszip.model.frame import quantum, quantum_index
 
-__all__ = ["RMSE_OF_MAXIMUM", "SLOTS_OF_EFFORT", "THIN", "learn"]
+__all__ = ["RMSE_OF_MAXIMUM", "SLOTS_OF_EFFORT", "learn"]
 
 _Found = tuple[Frame, Outcome | None]
 
@@ -66,9 +67,6 @@ _EXTRA = 5
 #: quanta are given up that hardly bring it down.
 _BEAM, _HOPELESS = 6.0, 1.2
 
-#: Rounds are spent on thin slots where these are at most this share of all.
-THIN = 0.7
-
 
 def learn(
     tracks: Sequence[Track],
@@ -109,7 +107,8 @@ def learn(
     if rmse is None and max_error is None:
         raise OptionError("a map needs a bound on its error: give rmse or max_error")
     search = _Search(tuple(tracks), tuple(gaps), RMSE_OF_MAXIMUM * max_error if max_error is not None else rmse or 0.0, max_error)
-    with sharing(executor, _excerpt(search)) as excerpt:
+    # an excerpt is done with before processes would have started
+    with sharing(local(executor), _excerpt(search)) as excerpt:
         chosen = _choose_quanta(excerpt)
     trials = _starts(chosen, effort, search.count_slots(chosen))
     search = replace(search, work=WORK_OF_EFFORT[effort - 1])
@@ -163,8 +162,12 @@ class _Search:
     def samples(self) -> int:
         return sum(len(track) for track in self.tracks)
 
+    @cached_property
+    def speed(self) -> float:
+        return _typical_speed(self.tracks, self.gaps, self.rmse)
+
     def frame(self, trial: _Trial) -> Frame:
-        return _frame(self.tracks, self.rmse, _typical_speed(self.tracks, self.gaps, self.rmse), trial)
+        return _frame(self.tracks, self.rmse, self.speed, trial)
 
     def run(self, trial: _Trial) -> _Found:
         frame = self.frame(trial)
@@ -174,12 +177,10 @@ class _Search:
             maximum=maximum, hopeless=_HOPELESS if self.hasty and self.rough else math.inf, beam=_BEAM if self.hasty else math.inf,
             frugal=self.hasty and self.max_error is None,
         )  # fmt: skip
-        thin = lay_slots(self.tracks, self.gaps, frame, sparse=True)
+        slots = lay_slots(self.tracks, self.gaps, frame, sparse=self.rough)
+        outcome = fit(slots, len(self.tracks), plan, thin=None if self.rough else thin_slots(slots), executor=self.inner)
         if self.rough:
-            return frame, fit(thin, len(self.tracks), plan, executor=self.inner)
-        slots = lay_slots(self.tracks, self.gaps, frame)
-        sparse = thin if len(thin.cells) < THIN * len(slots.cells) else None
-        outcome = fit(slots, len(self.tracks), plan, thin=sparse, executor=self.inner)
+            return frame, outcome
         return (frame, outcome) if outcome is None or self.max_error is None else self._mended(frame, outcome)
 
     def _mended(self, frame: Frame, outcome: Outcome) -> _Found:
@@ -192,6 +193,8 @@ class _Search:
     def polish(self, found: tuple[Frame, Outcome]) -> tuple[Frame, Outcome]:
         """What becomes of an outcome by single changes."""
         frame, outcome = found
+        if not worthwhile(outcome, self.work):
+            return found
         unit = quantum(frame.space)
         maximum = None if self.max_error is None else (1 - 1e-6) * self.max_error / unit
         slots = lay_slots(self.tracks, self.gaps, frame)

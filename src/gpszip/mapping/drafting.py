@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from scipy.sparse.linalg import splu
 
 from gpszip.coding.past import Past
 from gpszip.coding.walks import flatten, number_by_visit
+from gpszip.kernels.along import distances_along
 from gpszip.kernels.draft import Draft, enter_known, enter_nodes, enter_walks
 from gpszip.kernels.moments import part_costs, part_moments
 from gpszip.kernels.rounding import round_places
@@ -38,7 +40,7 @@ class Parts:
     """The parts between consecutive knots of all pieces.
 
     ``froms`` and ``tos`` are slots, ``starts`` and ``ends`` nodes, all int64 arrays of shape (k,); ``moments`` has the
-    columns W, U1, U2, Q, M..., N... about the places ``centers``, in quanta.
+    columns W, U1, U2, Q, M..., N... about the places ``centers``, in quanta. ``nodes`` is the number of nodes.
     """
 
     froms: NDArray[np.int64]
@@ -47,16 +49,31 @@ class Parts:
     ends: NDArray[np.int64]
     moments: NDArray[np.float64]
     centers: NDArray[np.float64]
+    nodes: int
+
+    def renamed(self, at: NDArray[np.int64], nodes: int) -> Parts:
+        """Return the same parts between other nodes."""
+        return replace(self, starts=at[self.froms], ends=at[self.tos], nodes=nodes)
+
+    @cached_property
+    def stiffness(self) -> csr_array:
+        """How firmly the samples hold each node, and each pair of nodes together; it does not depend on where they are."""
+        w, u1, u2 = self.moments[:, 0], self.moments[:, 1], self.moments[:, 2]
+        every = np.arange(self.nodes)
+        rows = np.concatenate([self.starts, self.ends, self.starts, self.ends, every])
+        columns = np.concatenate([self.starts, self.ends, self.ends, self.starts, every])
+        values = np.concatenate([w - 2 * u1 + u2, u2, u1 - u2, u1 - u2, np.full(self.nodes, _ANCHOR)])
+        return csr_array(coo_array((values, (rows, columns)), shape=(self.nodes, self.nodes)))
 
 
-def list_parts(slots: Slots, at: NDArray[np.int64]) -> Parts:
-    """List the parts of a draft with the moments of their samples."""
+def list_parts(slots: Slots, at: NDArray[np.int64], nodes: int) -> Parts:
+    """List the parts of a draft on so many nodes, with the moments of their samples."""
     knots = np.flatnonzero(at >= 0)
     piece = np.searchsorted(slots.lasts, knots)
     inside = piece[1:] == piece[:-1]
     froms, tos = knots[:-1][inside], knots[1:][inside]
     moments = part_moments(slots.sums, froms, tos, slots.ticks, slots.centers, slots.place_unit)
-    return Parts(froms, tos, at[froms], at[tos], moments, slots.centers[froms] / slots.place_unit)
+    return Parts(froms, tos, at[froms], at[tos], moments, slots.centers[froms] / slots.place_unit, nodes)
 
 
 def squared_error(parts: Parts, places: NDArray[np.float64]) -> float:
@@ -66,34 +83,21 @@ def squared_error(parts: Parts, places: NDArray[np.float64]) -> float:
 
 def sample_errors(slots: Slots, parts: Parts, places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Synchronised distance of every sample in quanta, and the part that each lies in."""
-    part = np.repeat(np.arange(len(parts.froms)), slots.ends[parts.tos] - slots.ends[parts.froms])
-    start, end = slots.cells[parts.froms][part], slots.cells[parts.tos][part]
-    share = ((slots.times - start) / (end - start))[:, None]
-    away = (1 - share) * places[parts.starts][part] + share * places[parts.ends][part] - slots.spots
-    return np.sqrt((away**2).sum(axis=1)), part
+    errors, part = np.empty(len(slots.times)), np.empty(len(slots.times), np.int64)
+    starts, ends = places[parts.starts], places[parts.ends]
+    distances_along(parts.froms, parts.tos, starts, ends, slots.cells, slots.ends, slots.times, slots.spots, errors, part)
+    return errors, part
 
 
 def normal_equations(parts: Parts, places: NDArray[np.float64]) -> tuple[csr_array, NDArray[np.float64]]:
     """Return K and r whose solution K x = r places all nodes at least squared error."""
     dimension = places.shape[1]
-    w, u1, u2 = parts.moments[:, 0], parts.moments[:, 1], parts.moments[:, 2]
-    m = parts.moments[:, 4 : 4 + dimension] + parts.centers * w[:, None]
-    n = parts.moments[:, 4 + dimension :] + parts.centers * u1[:, None]
-    rows = np.concatenate([parts.starts, parts.ends, parts.starts, parts.ends])
-    columns = np.concatenate([parts.starts, parts.ends, parts.ends, parts.starts])
-    values = np.concatenate([w - 2 * u1 + u2, u2, u1 - u2, u1 - u2])
-    count = len(places)
-    every = np.arange(count)
-    anchor = np.full(count, _ANCHOR)
-    stiffness = csr_array(
-        coo_array(
-            (np.concatenate([values, anchor]), (np.concatenate([rows, every]), np.concatenate([columns, every]))), shape=(count, count)
-        )
-    )
+    m = parts.moments[:, 4 : 4 + dimension] + parts.centers * parts.moments[:, :1]
+    n = parts.moments[:, 4 + dimension :] + parts.centers * parts.moments[:, 1:2]
     right = _ANCHOR * places
     np.add.at(right, parts.starts, m - n)
     np.add.at(right, parts.ends, n)
-    return stiffness, right
+    return parts.stiffness, right
 
 
 def free_equations(

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
+from gpszip.kernels.along import positions_along
 from gpszip.model.track import Track
 from gpszip.model.walk import Walk
 
@@ -21,9 +22,6 @@ __all__ = ["SLACK", "Fit", "fit", "positions_at", "synchronised_errors"]
 
 #: Instants up to this many seconds outside of a piece belong to it.
 SLACK = 1e-3
-
-#: Instants looked up at once: what they need fits in a processor's cache.
-_BATCH = 1 << 15
 
 
 @dataclass(frozen=True)
@@ -74,11 +72,8 @@ def positions_at(walk: Walk, nodes: NDArray[np.float64], when: NDArray[np.float6
     """
     if walk.times is None:
         raise OptionError(f"track {walk.id!r} has no times: the archive was written without them, so positions at a time can't be had")
-    places = nodes[walk.nodes]
     out = np.empty((len(when), nodes.shape[1]))
-    for start in range(0, len(when), _BATCH):
-        batch = slice(start, start + _BATCH)
-        out[batch] = _interpolate(walk.times, places, walk.gaps, when[batch])
+    positions_along(walk.times, nodes[walk.nodes], walk.gaps, np.array(when, np.float64), SLACK, out)
     return out
 
 
@@ -126,19 +121,3 @@ def fit(tracks: Sequence[Track], walks: Sequence[Walk], nodes: NDArray[np.float6
         uncovered += len(errors) - len(covered)
     points = sum(map(len, tracks))
     return Fit(math.sqrt(squares / max(points - uncovered, 1)), worst, points, uncovered)
-
-
-def _interpolate(
-    times: NDArray[np.float64], places: NDArray[np.float64], gaps: NDArray[np.bool_], when: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    after = np.searchsorted(times, when, side="right")
-    left, right = np.maximum(after - 1, 0), np.minimum(after, len(times) - 1)
-    span = times[right] - times[left]
-    share = (when - times[left]) / np.where(span > 0, span, 1.0)
-    outside = (after == 0) | (after == len(times)) | np.append(gaps, True)[left]
-    nearer = np.where(np.abs(when - times[left]) <= np.abs(when - times[right]), 0.0, 1.0)
-    share = np.where(outside, nearer, share)[:, None]
-    found: NDArray[np.float64] = (1 - share) * places[left] + share * places[right]
-    lost = outside & (np.minimum(np.abs(when - times[left]), np.abs(when - times[right])) > SLACK)
-    found[lost | np.isnan(when)] = np.nan
-    return found

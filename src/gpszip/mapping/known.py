@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from gpszip.coding.past import Past
 from gpszip.coding.walks import encode
-from gpszip.mapping.connected import RMSE_OF_MAXIMUM, SLOTS_OF_EFFORT, THIN
+from gpszip.mapping.connected import RMSE_OF_MAXIMUM, SLOTS_OF_EFFORT
 from gpszip.mapping.maximum import mend
 from gpszip.mapping.polishing import WORK_OF_EFFORT, best_outcomes, polish
 from gpszip.mapping.rounds import Outcome, Plan, fit
-from gpszip.mapping.slots import lay_slots
+from gpszip.mapping.slots import count_slots, lay_slots, thin_slots
 from gpszip.model import Executor, Frame, LatticeWalks, Track
 from gpszip.model.executor import local, sharing
 from gpszip.model.frame import MOST_HALVINGS, quantum
@@ -54,9 +54,8 @@ class _Search:
         unit = quantum(self.frame.space)
         limit = None if self.maximum is None else 0.999 * self.maximum / unit
         plan = Plan(target=0.9995 * self.target / unit, leader=start[0], window=start[1], rounds=self.rounds, maximum=limit)
-        slots, thin = (lay_slots(self.tracks, self.gaps, self.frame, sparse=sparse) for sparse in (False, True))
-        sparse = thin if len(thin.cells) < THIN * len(slots.cells) else None
-        return fit(slots, len(self.tracks), plan, thin=sparse, known=self.known, executor=self.inner)
+        slots = lay_slots(self.tracks, self.gaps, self.frame)
+        return fit(slots, len(self.tracks), plan, thin=thin_slots(slots), known=self.known, executor=self.inner)
 
     def polish(self, outcome: Outcome) -> Outcome | None:
         """What becomes of an outcome by mending and single changes; None if it can't be mended."""
@@ -130,7 +129,7 @@ def learn_on(
     """
     target = RMSE_OF_MAXIMUM * max_error if max_error is not None else rmse or 0.0
     search = _Search(tuple(tracks), tuple(gaps), frame, known, target, max_error, _ROUNDS)
-    slots = len(lay_slots(tracks, gaps, frame).cells)
+    slots = count_slots(tracks, gaps, frame)
     starts = _STARTS[: max(1, min(_MOST_STARTS[effort - 1], SLOTS_OF_EFFORT[effort - 1] // slots))]
     if len(starts) > 1:
         search = replace(search, rounds=_MANY_ROUNDS)

@@ -310,7 +310,7 @@ def _cost(search: _Search, frame: Frame) -> tuple[float, int]:
         return np.inf, len(slots.cells)
     at, places = draft_on(slots, branch.walks)
     size = len(encode(drafted(slots, at, places, len(branch.curves))))
-    errors, _ = sample_errors(slots, list_parts(slots, at), places)
+    errors, _ = sample_errors(slots, list_parts(slots, at, len(places)), places)
     square = (errors**2).mean() / float(search.allowed(frame, np.ones(1)).rms[0]) ** 2
     return 8 * size + _ERROR * sum(part.knots for part in search.parts) * square, len(slots.cells)
 

@@ -29,7 +29,7 @@ from gpszip.mapping.rounds import Outcome
 from gpszip.mapping.slots import Slots
 from gpszip.model import LatticeWalks
 
-__all__ = ["WORK_OF_EFFORT", "best_outcomes", "polish"]
+__all__ = ["WORK_OF_EFFORT", "best_outcomes", "polish", "worthwhile"]
 
 #: Knots that may be coded for one outcome, at each effort; a million take about 6 s.
 WORK_OF_EFFORT = (0, 40_000, 80_000, 150_000, 300_000, 600_000, 1_200_000, 2_500_000, 5_000_000)
@@ -100,6 +100,12 @@ def best_outcomes(found: Iterable[Outcome], effort: int) -> list[Outcome]:
     return smallest[: min(max(work // (_WORK_PER_KNOT * max(knots, 1)), _FEWEST), _MOST)]
 
 
+def worthwhile(outcome: Outcome, work: int) -> bool:
+    """Whether polishing with so much work can do anything for an outcome."""
+    knots = sum(len(walk.nodes) for walk in outcome.walks.walks)
+    return not outcome.misses and work >= _WORTHWHILE * _WORK_PER_KNOT * knots
+
+
 def polish(
     slots: Slots,
     outcome: Outcome,
@@ -132,13 +138,13 @@ def polish(
         Fewer bytes, or the very same outcome.
     """
     walks = outcome.walks
-    at = _knots_on(slots, walks)
-    if at is None or outcome.misses or work < _WORTHWHILE * _WORK_PER_KNOT * int((at >= 0).sum()):
+    at = _knots_on(slots, walks) if worthwhile(outcome, work) else None
+    if at is None:
         return outcome
     bench = _bench(slots, at, walks, known, int((1 - _RESERVE) * work))
     bound = np.inf
     if maximum is None:
-        errors = sample_errors(slots, list_parts(slots, at), walks.nodes.astype(np.float64))[0]
+        errors = sample_errors(slots, list_parts(slots, at, len(walks.nodes)), walks.nodes.astype(np.float64))[0]
         exact = float((slots.weights * errors**2).sum())
         bound = slots.samples * (_AIM * (target or 0.0)) ** 2 - abs(exact - float(bench.chain.totals[SQUARE]))
     _work(bench, bound, maximum or 0.0, int(_RESERVE * work))
@@ -170,7 +176,7 @@ def _finished(slots: Slots, outcome: Outcome, chain: Chain, target: float | None
     at[chain.slot[:knots]] = chain.node[:knots]
     places = chain.places[:nodes]
     walks = walks_of(slots, at, places, len(outcome.walks.walks), 0 if known is None else known.nodes)
-    errors = sample_errors(slots, list_parts(slots, at), places)[0]
+    errors = sample_errors(slots, list_parts(slots, at, len(places)), places)[0]
     error, size = float(np.sqrt((slots.weights * errors**2).sum() / slots.samples)), len(encode(walks, known))
     held = error <= (target or 0.0) if maximum is None else float(errors.max()) <= maximum
     return replace(outcome, walks=walks, size=size, error=error) if held and size < outcome.size else outcome
@@ -192,8 +198,9 @@ def _knots_on(slots: Slots, walks: LatticeWalks) -> NDArray[np.int64] | None:
     """Node of each slot, -1 where there is no knot; None if a knot is on no slot, or a piece does not begin and end with one."""
     at = np.full(len(slots.cells), -1, np.int64)
     owner = np.repeat(slots.owners, slots.lasts - slots.firsts + 1)
+    bounds = np.searchsorted(owner, np.arange(len(walks.walks) + 1))
     for track, walk in enumerate(walks.walks):
-        own = np.flatnonzero(owner == track)
+        own = np.arange(bounds[track], bounds[track + 1])
         found = np.searchsorted(slots.cells[own], walk.cells)
         if found.max(initial=0) >= len(own) or (slots.cells[own[found]] != walk.cells).any():
             return None

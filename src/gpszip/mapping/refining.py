@@ -7,7 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.mapping.rounds import Outcome, Plan, place, prices_of, realise, rounded_places, settle, unite
+from gpszip.mapping.drafting import list_parts
+from gpszip.mapping.placing import place, rounded_places, unite
+from gpszip.mapping.rounds import Outcome, Plan, prices_of, realise
+from gpszip.mapping.settling import settle
 from gpszip.mapping.slots import Slots, weigh_samples
 from gpszip.model import LatticeWalks
 
@@ -97,8 +100,9 @@ def refine(
         bits = prices_of(ledger, float(price.max()) / _WEIGHTS, len(places))
         at, places = settle(replace(weighed, places=np.rint(slots.places)), at, places, plan, bits, turn, allowed.maximum)
         if turn % 2 == 0 and turn < rounds - _LAST_ROUNDS:
-            at, places = unite(weighed, at, place(weighed, at, places), plan, bits, 0)
-            places = rounded_places(weighed, at, places, 0)
+            parts = list_parts(weighed, at, len(places))
+            at, parts, places = unite(at, parts, place(parts, places), plan, bits, 0)
+            places = rounded_places(parts, places, 0)
         outcome, ledger, over = measured()
         if (over <= 1).all() and (not held or outcome.cost < best.cost):
             best, held = outcome, True

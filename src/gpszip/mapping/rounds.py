@@ -7,44 +7,35 @@ One objective decides everything: J = bits + price x squared error. Each round m
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
 
 from gpszip.coding.past import Past
 from gpszip.coding.walks import encode_with_ledger
 from gpszip.kernels.chain import settle_chains
-from gpszip.kernels.draft import enter_nodes, keep_disjoint, lead_clusters
+from gpszip.kernels.draft import enter_nodes, lead_clusters
 from gpszip.kernels.walk_model import ACCOUNTS, KIND_BITS, PLACE_BITS, SPAN_BITS
-from gpszip.mapping.drafting import (
-    empty_draft,
-    free_equations,
-    list_parts,
-    normal_equations,
-    place_nodes,
-    round_nodes,
-    sample_errors,
-    squared_error,
-    walks_of,
-)
-from gpszip.mapping.settling import compact, cut_pieces, settle
+from gpszip.mapping.drafting import Parts, empty_draft, list_parts, sample_errors, squared_error, walks_of
+from gpszip.mapping.placing import place, rounded_places, unite
+from gpszip.mapping.settling import cut_pieces, settle
 from gpszip.mapping.slots import Slots, carry_knots, pick_slots, slots_near, weigh_samples
 from gpszip.model import Executor, LatticeWalks
 from gpszip.model.executor import local
 
-__all__ = ["Outcome", "Plan", "fit", "place", "prices_of", "realise", "rounded_places", "settle", "unite"]
+__all__ = ["Outcome", "Plan", "fit", "prices_of", "realise"]
+
+T = TypeVar("T")
 
 #: Steps of the walks' kinds in the coder's ledger.
 _BACK, _KNOWN, _LINK, _NEW, _STAY = range(5)
 #: Power of the error's excess by which the price rises after the first miss.
 _PUSH = 2.5
-#: Share of it below which the price falls harder each round, too.
-_SLACK = 0.99
+#: Share of it below which the price falls harder each round, too: on thin slots, and where rounds follow until none is left.
+_SLACK, _NO_SLACK = 0.99, 0.998
 #: Share of the error allowed that is to be made use of.
 _FULL = 0.992
 #: Share of the last round's error above which it hardly falls.
@@ -83,7 +74,7 @@ class Plan:
     beam : float
         Bits beyond the cheapest node of a slot above which another one isn't looked at.
     frugal : bool
-        Code the walks only every other round before the last few.
+        Code the walks only every other round before the last few, beside the next round's work: prices lag behind by one.
     maximum : float, optional
         Largest distance of any sample, in quanta, to aim for instead; ``target`` is then the error of the first walks.
     window : int
@@ -150,26 +141,26 @@ def fit(
     here, fixed = slots if thin is None else thin, 0 if known is None else known.nodes
     at, places, price = _private_chains(here, plan, executor)
     at, places = _gather(here, at, places, plan, known)
-    best: Outcome | None = None
-    kept: tuple[Slots, NDArray[np.int64], NDArray[np.float64]] | None = None
-    last, ledger = np.inf, np.zeros((ACCOUNTS, 2))
+    tally, last = _Tally(plan, known), np.inf
+    slack = _SLACK if thin is not None else _NO_SLACK if plan.extra else 0.0
     push, fall, bits, weights = _PUSH, _PUSH, prices_of(None, price, len(places), plan.beam), np.ones(len(slots.times))
     for turn in range(plan.rounds + plan.extra):
-        if turn >= plan.rounds and best is not None and best.error > _FULL * plan.target:
+        if turn >= plan.rounds and tally.is_full():
             break
         if thin is not None and turn >= plan.rounds - _LAST_ROUNDS:
             at, here = _refined(slots, thin, here, at)
         if plan.maximum is not None:
             here = weigh_samples(here, np.rint(weights).astype(np.int64))
-        at, places = settle(here, at, places, plan, bits, turn, known=known, executor=executor)
-        places = place(here, at, places, fixed)
-        at, places = unite(here, at, places, plan, bits, fixed)
-        rounded = rounded_places(here, at, places, fixed)
-        coded = not plan.frugal or turn % 2 == 0 or turn >= plan.rounds - _CODED_ROUNDS
-        outcome, spent, errors = realise(here, at, rounded, tracks, plan, known, executor, coded=coded)
-        ledger = spent if coded else ledger
-        if coded and _better(outcome, best, plan):
-            best, kept = outcome, (here, at.copy(), rounded)
+        anew = partial(settle, here, at, places, plan, bits, turn, known=known, executor=executor)
+        at, places = anew() if tally.waiting is None else _beside(local(executor), tally.code, anew)
+        parts = list_parts(here, at, len(places))
+        at, parts, places = unite(at, parts, place(parts, places, fixed), plan, bits, fixed)
+        rounded = rounded_places(parts, places, fixed)
+        outcome, errors = _measured(here, at, rounded, tracks, plan, known, parts)
+        if not plan.frugal or turn % 2 == 0 or turn >= plan.rounds - _CODED_ROUNDS:
+            tally.add(outcome, _Layout(here, at, rounded))
+        if turn == 0 or not plan.frugal:
+            tally.code()
         if plan.maximum is not None:
             weights = _reweigh(weights, errors, plan.maximum)
         if turn >= 1:
@@ -179,12 +170,68 @@ def fit(
             last = outcome.error
             # a map that lags behind its price is pushed harder each round
             push = push + 1.5 if over > 1 else _PUSH
-            fall = fall + 1.5 if over < _SLACK and thin is not None else _PUSH
+            fall = fall + 1.5 if over < slack else _PUSH
             price *= over ** (push if over > 1 else fall)
         if turn % _KICK_EVERY == _KICK_EVERY - 1 and turn + _KICK_EVERY < plan.rounds:
             price, push, fall = _KICK * price, _PUSH, _PUSH
-        bits = prices_of(ledger, price, len(outcome.walks.nodes), plan.beam)
-    return best if plan.maximum is None or kept is None else _hold(*kept, tracks, plan, bits, known, executor)
+        bits = prices_of(tally.ledger, price, len(outcome.walks.nodes), plan.beam)
+    tally.code()
+    if plan.maximum is None or tally.layout is None:
+        return tally.best
+    return _hold(tally.layout, tracks, plan, bits, known, executor)
+
+
+@dataclass(frozen=True, eq=False)
+class _Layout:
+    """Knots on slots, and whole places of their nodes."""
+
+    slots: Slots
+    at: NDArray[np.int64]
+    places: NDArray[np.float64]
+
+
+@dataclass(eq=False)
+class _Tally:
+    """The smallest outcome so far with its layout, what the coder last paid, and an outcome that it has still to code."""
+
+    plan: Plan
+    known: Past | None
+    best: Outcome | None = None
+    layout: _Layout | None = None
+    ledger: NDArray[np.float64] = field(default_factory=lambda: np.zeros((ACCOUNTS, 2)))
+    waiting: tuple[Outcome, _Layout] | None = None
+
+    def add(self, outcome: Outcome, layout: _Layout) -> None:
+        """Take note of an outcome whose size nobody knows yet."""
+        self.waiting = outcome, layout
+
+    def code(self) -> None:
+        """Code what waits."""
+        if self.waiting is None:
+            return
+        (outcome, layout), self.waiting = self.waiting, None
+        outcome, self.ledger = _coded(outcome, self.known)
+        if _better(outcome, self.best, self.plan):
+            self.best, self.layout = outcome, layout
+
+    def is_full(self) -> bool:
+        """Whether the best outcome makes use of the error allowed."""
+        enough = _FULL * self.plan.target
+        if self.waiting is not None and max(self.waiting[0].error, self.best.error if self.best else 0.0) > enough:
+            self.code()
+        return self.best is not None and self.best.error > enough
+
+
+def _beside(executor: Executor, aside: Callable[[], None], work: Callable[[], T]) -> T:
+    """Return what comes of work; something else is done at the same time."""
+    found: list[T] = []
+    for _ in executor.map(_do, [aside, lambda: found.append(work())]):
+        pass
+    return found[0]
+
+
+def _do(step: Callable[[], None]) -> None:
+    step()
 
 
 def _refined(slots: Slots, thin: Slots, here: Slots, at: NDArray[np.int64]) -> tuple[NDArray[np.int64], Slots]:
@@ -194,17 +241,9 @@ def _refined(slots: Slots, thin: Slots, here: Slots, at: NDArray[np.int64]) -> t
     return whole[near], pick_slots(slots, near)
 
 
-def _hold(
-    slots: Slots,
-    at: NDArray[np.int64],
-    places: NDArray[np.float64],
-    tracks: int,
-    plan: Plan,
-    bits: NDArray[np.float64],
-    known: Past | None,
-    executor: Executor | None,
-) -> Outcome:
+def _hold(layout: _Layout, tracks: int, plan: Plan, bits: NDArray[np.float64], known: Past | None, executor: Executor | None) -> Outcome:
     """Settle the knots once more on places that are whole already, along parts that keep the maximum."""
+    slots, at, places = layout.slots, layout.at, layout.places
     whole = replace(slots, places=np.rint(slots.places))
     bits = np.concatenate([[0.0], bits[1:]])  # where the maximum is kept, squared error costs nothing
     best = realise(slots, at, places, tracks, plan, known)[0]
@@ -249,8 +288,9 @@ def _private_chains(slots: Slots, plan: Plan, executor: Executor | None) -> tupl
         for _ in (map if executor is None else executor.map)(chain, batches):
             pass
         at[at >= 0] = np.arange((at >= 0).sum())
-        places = place(slots, at, slots.places[at >= 0])
-        error = np.sqrt(squared_error(list_parts(slots, at), places) / slots.samples)
+        parts = list_parts(slots, at, int((at >= 0).sum()))
+        places = place(parts, slots.places[at >= 0])
+        error = np.sqrt(squared_error(parts, places) / slots.samples)
         miss = max(error, 1e-3) / (0.93 * plan.target)
         if 0.95 < miss < 1.05:
             break
@@ -274,97 +314,32 @@ def _gather(
     spots[at >= 0] = places[at[at >= 0]]
     lead_clusters(draft, spots, at)
     nodes = draft.places[: int(draft.scalars[0])]
-    return at, place(slots, at, nodes, len(there))
-
-
-def place(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], fixed: int = 0) -> NDArray[np.float64]:
-    """Place all nodes but the first ``fixed`` at least squared error (M-step)."""
-    equations = normal_equations(list_parts(slots, at), places)
-    return np.concatenate([places[:fixed], place_nodes(*free_equations(*equations, places, fixed))])
-
-
-def rounded_places(slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], fixed: int) -> NDArray[np.float64]:
-    """Whole places of all nodes; the first ``fixed`` are so already."""
-    equations = normal_equations(list_parts(slots, at), places)
-    return np.concatenate([places[:fixed], round_nodes(*free_equations(*equations, places, fixed), places[fixed:])])
-
-
-def unite(
-    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], plan: Plan, bits: NDArray[np.float64], fixed: int
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Unite nodes whose error apart costs fewer bits than the second node, which is never one of the first ``fixed``."""
-    parts = list_parts(slots, at)
-    stiffness, _ = normal_equations(parts, places)
-    pairs = _near_pairs(places, 4 * plan.target, fixed)
-    if len(pairs) == 0:
-        return at, places
-    own = stiffness.diagonal()
-    square = ((places[pairs[:, 0]] - places[pairs[:, 1]]) ** 2).sum(axis=1)
-    # a node that stays where it is pulls as if it were infinitely stiff
-    pull = np.where(pairs[:, 0] < fixed, 1.0, own[pairs[:, 0]] / (own[pairs[:, 0]] + own[pairs[:, 1]]))
-    harm = bits[0] * square * own[pairs[:, 1]] * pull
-    count = len(places)
-    ones = np.ones(len(parts.starts))
-    one_way = csr_array((ones, (parts.starts, parts.ends)), shape=(count, count))
-    linked = ((one_way + one_way.T) > 0).astype(np.float64)
-    shared = (linked @ linked).tocsr()[pairs[:, 0], pairs[:, 1]]
-    gain = 0.7 * (bits[3] + bits[4]) + 0.7 * bits[5] * np.asarray(shared).ravel() - harm
-    good = np.flatnonzero(gain > 0)
-    if len(good) == 0:
-        return at, places
-    order = good[np.argsort(-gain[good], kind="stable")]
-    target = np.arange(count)
-    keep_disjoint(pairs[order], target)
-    at = np.where(at >= 0, target[at], -1)
-    at, places = compact(at, places, fixed)
-    return at, place(slots, at, places, fixed)
-
-
-def _near_pairs(places: NDArray[np.float64], reach: float, fixed: int) -> NDArray[np.int64]:
-    """Pairs of nodes within reach, the lower number first, at least one of them not of the first ``fixed``."""
-    if fixed == 0:
-        return cKDTree(places).query_pairs(reach, output_type="ndarray").astype(np.int64)
-    free = cKDTree(places[fixed:])
-    pairs = [free.query_pairs(reach, output_type="ndarray") + fixed]
-    low, high = places[fixed:].min(axis=0, initial=np.inf) - reach, places[fixed:].max(axis=0, initial=-np.inf) + reach
-    near = np.flatnonzero(((places[:fixed] >= low) & (places[:fixed] <= high)).all(axis=1))
-    found = cKDTree(places[near]).sparse_distance_matrix(free, reach, output_type="ndarray") if len(near) and free.n else None
-    if found is not None:
-        pairs.append(np.stack([near[found["i"]], found["j"] + fixed], axis=1))
-    return np.concatenate(pairs).astype(np.int64)
+    return at, place(list_parts(slots, at, len(nodes)), nodes, len(there))
 
 
 def realise(
-    slots: Slots,
-    at: NDArray[np.int64],
-    places: NDArray[np.float64],
-    tracks: int,
-    plan: Plan,
-    known: Past | None = None,
-    executor: Executor | None = None,
-    *,
-    coded: bool = True,
+    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int, plan: Plan, known: Past | None = None
 ) -> tuple[Outcome, NDArray[np.float64], NDArray[np.float64]]:
-    """Code the walks, at whole places, and at the same time measure what came out, sample by sample.
+    """Measure the walks at whole places, sample by sample, and code them: outcome, ledger and distances."""
+    outcome, errors = _measured(slots, at, places, tracks, plan, known, list_parts(slots, at, len(places)))
+    outcome, ledger = _coded(outcome, known)
+    return outcome, ledger, errors
 
-    Walks that are not to be coded have size 0 and an empty ledger.
-    """
-    walks = walks_of(slots, at, places, tracks, 0 if known is None else known.nodes)
-    steps: list[Callable[[], Any]] = [
-        partial(encode_with_ledger, walks, known) if coded else _uncoded,
-        partial(sample_errors, slots, list_parts(slots, at), places),
-    ]
-    (data, ledger), (errors, part) = local(executor).map(_done, steps)
+
+def _measured(
+    slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], tracks: int, plan: Plan, known: Past | None, parts: Parts
+) -> tuple[Outcome, NDArray[np.float64]]:
+    """The walks with their error but without a size, and the distance of each sample."""
+    errors, part = sample_errors(slots, parts, places)
     misses = 0 if plan.maximum is None else len(np.unique(part[errors > plan.maximum]))
-    return Outcome(walks, len(data), float(np.sqrt((slots.weights * errors**2).sum() / slots.samples)), misses), ledger, errors
+    walks = walks_of(slots, at, places, tracks, 0 if known is None else known.nodes)
+    return Outcome(walks, 0, float(np.sqrt((slots.weights * errors**2).sum() / slots.samples)), misses), errors
 
 
-def _uncoded() -> tuple[bytes, NDArray[np.float64]]:
-    return b"", np.zeros((ACCOUNTS, 2))
-
-
-def _done(step: Callable[[], Any]) -> Any:
-    return step()
+def _coded(outcome: Outcome, known: Past | None) -> tuple[Outcome, NDArray[np.float64]]:
+    """The outcome with its size, and what the bits were spent on."""
+    data, ledger = encode_with_ledger(outcome.walks, known)
+    return replace(outcome, size=len(data)), ledger
 
 
 def prices_of(ledger: NDArray[np.float64] | None, price: float, nodes: int, beam: float = np.inf) -> NDArray[np.float64]:

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 __all__ = ["compact", "cut_pieces", "settle"]
 
 _NEAR_NODES = 5
-#: Slots of a batch, at least, and the most batches.
-_BATCH_SLOTS, _MOST_BATCHES = 40_000, 64
+#: Slots that are settled as one batch, slots of a batch of more, at least, and the most batches.
+_ALONE, _BATCH_SLOTS, _MOST_BATCHES = 60_000, 25_000, 64
 #: Room for new nodes in a batch's draft, beside one for each of its knots.
 _SPARE = 4096
 #: Numbers kept in ``Draft.scalars``.
@@ -110,7 +110,7 @@ def cut_pieces(slots: Slots, at: NDArray[np.int64], turn: int) -> list[NDArray[n
         First and last slot of each stretch of a batch, and whether a piece begins and ends there.
     """
     size = max(_BATCH_SLOTS, -(-len(at) // _MOST_BATCHES))
-    if len(at) <= 1.5 * size:
+    if len(at) <= _ALONE:
         count = len(slots.firsts)
         return [np.stack([slots.firsts, slots.lasts, np.ones(count, np.int64), np.ones(count, np.int64)], axis=1).astype(np.int64)]
     marks = np.arange(size * (2 + turn % 3) // 4, len(at) - size // 4, size)

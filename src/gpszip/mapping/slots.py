@@ -12,7 +12,7 @@ from gpszip.kernels.moments import prefix_sums
 from gpszip.model import Frame, Track
 from gpszip.model.frame import quantum
 
-__all__ = ["Slots", "carry_knots", "count_slots", "lay_slots", "pick_slots", "slots_near", "weigh_samples"]
+__all__ = ["Slots", "carry_knots", "count_slots", "lay_slots", "pick_slots", "slots_near", "thin_slots", "weigh_samples"]
 
 #: Time ticks of a cell, and position ticks of a quantum where the log's extent allows it.
 _TIME_TICKS = 256
@@ -21,6 +21,8 @@ _PLACE_TICKS = 64
 _WEIGHT_TICKS = 16
 #: Every cell carries a slot while there are at most this many for each sample; else only those next to samples.
 _CELLS_PER_SAMPLE = 16
+#: Slots are thinned only where at most this share of them is left.
+_THIN = 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +147,22 @@ def pick_slots(slots: Slots, keep: NDArray[np.bool_]) -> Slots:
         slots, cells=slots.cells[keep], ticks=slots.ticks[keep], places=slots.places[keep], centers=slots.centers[keep],
         sums=slots.sums[keep], ends=slots.ends[keep], firsts=number[slots.firsts], lasts=number[slots.lasts],
     )  # fmt: skip
+
+
+def thin_slots(slots: Slots) -> Slots | None:
+    """Return the slots that a sparse grid would have; None if those are most of them."""
+    counts = slots.lasts - slots.firsts + 1
+    dense = counts > slots.cells[slots.lasts] - slots.cells[slots.firsts]
+    keep = np.repeat(~dense, counts)
+    keep[slots.firsts] = keep[slots.lasts] = True
+    samples = slots.ends[slots.lasts] - slots.ends[slots.firsts]
+    times = slots.times[np.repeat(dense, samples)]
+    offset = np.repeat((slots.firsts - slots.cells[slots.firsts])[dense], samples[dense])
+    halfway = np.rint((times[1:] + times[:-1]) / 2)[offset[1:] == offset[:-1]]
+    for near, first in ((np.floor(times), offset), (np.ceil(times), offset), (halfway, offset[1:][offset[1:] == offset[:-1]])):
+        # what lies just outside of a piece is an end of one, too
+        keep[np.minimum(first + near.astype(np.int64), len(keep) - 1)] = True
+    return pick_slots(slots, keep) if keep.sum() < _THIN * len(keep) else None
 
 
 def weigh_samples(slots: Slots, weights: NDArray[np.int64]) -> Slots:

@@ -299,12 +299,13 @@ def _last_resort(job: _Job) -> tuple[Archive, Fit]:
 
 
 def _written(job: _Job, learned: _Learned) -> tuple[Archive, Fit]:
-    archive = new_archive(
+    made = new_archive(
         learned.frame, job.ids, learned.lattice, layer=job.options.layer, extras=job.extras, on=job.map, halvings=learned.halvings,
         executor=local(job.executor),
     )  # fmt: skip
     job.tell("measure", 0.0)
-    fit = measure(job.tracks, archive)
+    archive = open_archive(made.to_bytes(), job.map)
+    fit = _measured(job.tracks, archive)
     job.tell("measure", 1.0)
     return promising(archive, promised(job.options, fit)), fit
 
@@ -361,10 +362,14 @@ def _mended(job: _Job, found: tuple[Frame, LatticeWalks] | None, target: Options
 
 def measure(tracks: Sequence[Track], archive: Archive) -> Fit:
     """Decode an archive's bytes and compare the walks of these tracks with every sample."""
-    from gpszip.mapping.fitting import fit
+    return _measured(tracks, open_archive(archive.to_bytes(), archive.map))
 
-    read_back = open_archive(archive.to_bytes(), archive.map)
-    return fit(tracks, [read_back.walk(track.id) for track in tracks], read_back.road_map.nodes)
+
+def _measured(tracks: Sequence[Track], archive: Archive) -> Fit:
+    from gpszip.mapping.fitting import fit
+    from gpszip.mapping.lattice_map import node_positions
+
+    return fit(tracks, [archive.walk(track.id) for track in tracks], node_positions(archive.lattice, archive.frame))
 
 
 def holds(fit: Fit, options: Options) -> bool:
