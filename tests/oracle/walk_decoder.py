@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from fractions import Fraction
 
-from oracle.adaptive import BY_RATIO, HISTOGRAM, ONE_SIDED, TWO_SIDED, Bit, Mixture, Whole, log2_of, read_choice
+from oracle.adaptive import BY_RATIO, HISTOGRAM, ONE_SIDED, TWO_SIDED, Bit, Mixture, Size, Whole, log2_of, read_choice
 from oracle.range_coder import Reader
 
 # Constants of docs/format.md. A change of the coder's must be mirrored here and there.
@@ -23,6 +24,9 @@ FIRST_WEIGHTS = {  # of 1024
     "move": (26, 3, 3, 13, 30, 53, 6, 14, 3, 3, 151, 230, 73, 17, 11, 6, 68, 45, 14, 35, 8, 115, 66, 16, 9),
     "stay": (54, 4, 20, 153, 214, 122, 120, 34, 4, 4, 8, 179, 108),
     "gap": (40, 5, 5, 6, 20, 16, 90, 90, 232, 89, 125, 193, 113),
+    "ahead": (259, 8, 34, 11, 53, 46, 7, 6, 5, 5, 7, 18, 215, 205, 22, 7, 11, 28, 52, 27),
+    "paced along": (20, 57, 48, 75, 5, 5, 36, 265, 40, 66, 16, 25, 13, 236, 49, 22, 9, 6, 5, 4, 4, 4, 4, 4, 4),
+    "paced across": (75, 15, 11, 16, 10, 265, 51, 176, 69, 5, 13, 38, 205, 18, 18, 6, 5, 5, 5, 5, 5, 5, 5),
     "along": (257, 4, 3, 3, 203, 23, 10, 40, 63, 158, 126, 68, 31, 13, 5, 4, 4, 3, 3, 3),
     "across": (123, 15, 13, 16, 8, 6, 45, 6, 20, 38, 5, 11, 78, 478, 131, 8, 5, 4, 4, 3, 3, 2, 2),
     "beside": (36,) * 18,
@@ -33,6 +37,12 @@ LIKELY_DISTANCE = (160, 128, 128, 112, 112, 96, 80, 64, 48, 48, 1, 1, 1)
 LIKELY_BEARING = (5, 4, 4, 4, 2, 1, 2, 4)
 LIKELY_BEYOND = (128, 128, 128, 128, 128, 128, 128, 96, 64, 48, 40, 24, 24)
 LIKELY_AGAIN = (1, 4, 8, 16)
+LIKELY_RANK = (1, 4, 16, 48, 96, 128, 128, 96, 64, 1, 1, 1, 1)
+LIKELY_END = (2, 4, 6, 8, 8, 8, 8, 8)
+SORTED, PACED, AIMS = 1, 2, 4
+MOST_SORTED = 4096
+BREADTH, FEW_SETTLED, MOST_OFFERS = 256, 16, 4096
+FIRST_AIM = (36, 4)
 FIRST_OFFERS, HIT_STEP = 10, 128
 FIRST_TURN, TURN_STEP = 5 << 16, 1 << 16
 CLASSES, CLASS_SHARES = 48, {-2: 1, -1: 5, 0: 33, 1: 5, 2: 1}
@@ -98,8 +108,12 @@ class Way:
 
 
 class Decoder:
-    def __init__(self, payload, dimension, timed, gapped):
+    def __init__(self, payload, dimension, timed, gapped, modes=0):
         self.coder = Reader(payload)
+        self.modes, self.trail = modes, []  # the nodes still ahead on the way to the one aimed at
+        self.speed = None  # length and cells of the last step
+        self.sums = (0, 0)  # fading sums of both
+        self.last_new = None  # logarithm of the span of the last new way coded ahead
         self.dimension, self.timed, self.gapped = dimension, timed, gapped
         self.bits, self.wholes, self.mixtures = {}, {}, {}
         self.places, self.ends, self.ways = [], [], []  # of each node: place, weight as an end, ways (newest first)
@@ -109,10 +123,11 @@ class Decoder:
         self.rests = []  # of each node: how often gaps began or ended there
         self.cheap = 0  # how many more links were cheap than not
         self.usual = {}  # mean logarithm of cells by class of length, of stops and of gaps, and of how many
-        self.offers = {layer: [[FIRST_OFFERS] * 8 for _ in LIKELY_DISTANCE] for layer in ("link", "gap")}
+        self.offers = {layer: [[FIRST_OFFERS] * 8 for _ in LIKELY_DISTANCE] for layer in ("link", "gap", "aim")}
         self.hits = {
             "link": [[d * b for b in LIKELY_BEARING] for d in LIKELY_DISTANCE],
             "gap": [[d * a for a in LIKELY_AGAIN] for d in LIKELY_BEYOND],
+            "aim": [[r * e for e in LIKELY_END] for r in LIKELY_RANK],
         }
         self.turns_had, self.turns_taken = [FIRST_TURN] * 8, [FIRST_TURN] * 8
 
@@ -123,6 +138,9 @@ class Decoder:
 
     def whole(self, key):
         return self.wholes.setdefault(key, Whole()).read(self.coder)
+
+    def count(self, key):
+        return self.wholes.setdefault(key, Size()).read(self.coder)
 
     def mixture(self, key, low, high, distributions):
         first = FIRST_WEIGHTS[key if isinstance(key, str) else key[0]]
@@ -179,7 +197,7 @@ class Decoder:
             arrived.then[way] = arrived.then.get(way, 0) + 1
             arrived.passed += 1
         if self.timed:
-            self.learn_span(way, far, log2_of(min(max(span, 1), 1 << 36)))
+            self.learn_span(way, far, log2_of(min(max(span, 1), 1 << 36)), span)
         if self.dimension > 1:
             heading = plain_direction(*(b - a for a, b in zip(self.places[u][:2], self.places[v][:2], strict=True)))
             self.turn = None if self.heading is None else (heading - self.heading + 128) % 256 - 128
@@ -187,13 +205,18 @@ class Decoder:
         self.step_length = far if self.step_length == 0 else self.step_length + (far - self.step_length) // 8
         return way
 
-    def learn_span(self, way, far, span):
+    def learn_span(self, way, far, span, cells):
         row = self.length_class(far)
         self.usual[row] = moved(*self.usual.get(row, (0, 0)), MOST_OF_CLASS, span)
         way.usual += (span - way.usual) // min(way.taken, MOST_OF_WAY)
         if far > 0:
             self.pace = span - log2_of(far)
+            self.learn_speed(min(far, 1 << 34), min(cells, 1 << 25))
             self.slow_pace = self.pace if self.slow_pace is None else self.slow_pace + 5 * (self.pace - self.slow_pace) // 32
+
+    def learn_speed(self, far, cells):
+        self.speed = far, cells
+        self.sums = tuple(total + new - (total >> 3) for total, new in zip(self.sums, self.speed, strict=True))
 
     def length_class(self, far):
         return 0 if far < 16 else min(1 + ((log2_of(far) - (4 << 16)) >> 15), CLASSES - 1)
@@ -281,7 +304,6 @@ class Decoder:
 
     def link(self, u, before, layer):
         nodes = len(self.places)
-        hits, offers = self.hits[layer], self.offers[layer]
         near, cheap = [], False
         recent = RECENT if self.cheap < CHEAP_WAYS else FEW
         for w in range(nodes - 1, max(nodes - recent, 0) - 1, -1):
@@ -289,24 +311,71 @@ class Decoder:
                 kind = self.bearing(before, u, w) if layer == "link" else min(self.rests[w].bit_length(), 3)
                 near.append((w, self.octave(u, w), kind))
         if near and (nodes <= recent or self.bit("near", FIRST_NEAR)):
-            weights = [(hits[o][b] << 16) // offers[o][b] + 1 for _, o, b in near]
-            choice = read_choice(self.coder, weights)
-            v, o, b = near[choice]
-            cheap = 4 * weights[choice] > sum(weights)
-            hits[o][b] += HIT_STEP
+            choice, cheap = self.candidate(layer, near)
+            v = near[choice][0]
         else:
             v = self.coder.target(nodes)
             self.coder.interval(v, 1, nodes)
-        if nodes > FEW:
-            self.cheap = max(self.cheap + (1 if cheap else -1), 0)
-        for _, o, b in near:
-            offers[o][b] += 1
+        self.learn_candidates(layer, near, cheap)
         return v
 
-    def ahead(self, u):
-        """A new place in the frame of the last step."""
+    def candidate(self, layer, near):
+        """Which of the candidates it is, and whether that was cheap."""
+        hits, offers = self.hits[layer], self.offers[layer]
+        weights = [(hits[o][b] << 16) // offers[o][b] + 1 for _, o, b in near]
+        choice = read_choice(self.coder, weights)
+        _, o, b = near[choice]
+        hits[o][b] += HIT_STEP
+        return choice, 4 * weights[choice] > sum(weights)
+
+    def learn_candidates(self, layer, near, cheap):
+        if len(self.places) > FEW:
+            self.cheap = max(self.cheap + (1 if cheap else -1), 0)
+        for _, o, b in near:
+            self.offers[layer][o][b] += 1
+
+    def settle(self, u):
+        """Nodes nearest to u along the ways, u first, each with the index of the one that it was reached from."""
+        breadth = BREADTH if self.cheap < CHEAP_WAYS else FEW_SETTLED
+        settled, done, offers, made = [], set(), [(0, 0, u, None)], 1
+        while offers and len(settled) < breadth:
+            far, _, node, origin = heapq.heappop(offers)
+            if node in done:
+                continue
+            done.add(node)
+            for way in self.ways[node]:
+                if made < MOST_OFFERS and way.end not in done:
+                    heapq.heappush(offers, (far + max(self.length(node, way.end), 1), made, way.end, len(settled)))
+                    made += 1
+            settled.append((node, origin))
+        return settled
+
+    def aim(self, u, context):
+        """The way to the place that the walk aims at, if it does."""
+        if not self.ways[u] or not self.bit(("aim", context), FIRST_AIM):
+            return
+        settled = self.settle(u)
+        ends = [self.ends[node] // TERMINAL for node, _ in settled]
+        near = [(at, at.bit_length(), min(ends[at].bit_length(), 7)) for at in range(len(settled) - 1, 0, -1)]
+        choice, cheap = self.candidate("aim", near)
+        self.learn_candidates("aim", near, cheap)
+        at = near[choice][0]
+        self.ends[settled[at][0]] += TERMINAL
+        while at > 0:
+            self.trail.insert(0, settled[at][0])
+            at = settled[at][1]
+
+    def ahead(self, u, span=0):
+        """A new place in the frame of the last step, of which the span is known or 0."""
         here, out, reach = self.places[u], [], self.reach()
-        if self.dimension > 1:
+        if self.dimension > 1 and span and self.speed:
+            span = min(span, 1 << 25)
+            reach, usual = (min(max(far * span // cells, 64), 1 << 36) for far, cells in (self.speed, self.sums))
+            spots = [(reach, reach >> s) for s in range(1, 7)] + [(usual, usual >> s) for s in range(1, 6)]
+            along = self.offset("paced along", [(TWO_SIDED, *spot) for spot in [*spots, (0, reach >> 2), (0, reach)]])
+            across = self.offset("paced across", self.across(reach, along))
+            out = list(plain_rotate_back(along, across, self.heading or 0))
+        elif self.dimension > 1:
             along = self.offset("along", self.along(reach))
             across = self.offset("across", self.across(reach, along))
             out = list(plain_rotate_back(along, across, self.heading or 0))
@@ -334,9 +403,24 @@ class Decoder:
         """A new place in the frame of the axes."""
         return [x + self.offset(("jump", axis % 4)) for axis, x in enumerate(self.places[u])]
 
+    def span_ahead(self):
+        """Span of a new way, before its place."""
+        mean, times = self.usual.get("new", (0, 0))
+        cells = self.span("ahead", [mean, self.last_new] if times else [], (1, 2, 4, 8, 16))
+        self.last_new = log2_of(min(max(cells, 1), 1 << 36))
+        self.usual["new"] = moved(mean, times, MOST_RESTS, self.last_new)
+        return cells
+
     def part(self, u, before, arrived, last):
+        if self.trail:
+            way = self.way(u, self.trail.pop(0))
+            kind = BACK if arrived and way is arrived.opposite else KNOWN
+            return kind, way.end, self.span("move", self.guesses(u, way.end, way), (3, 6, 12, 24, 48)) if self.timed else 0
         kind = self.kind(u, arrived, last)
         v, way = u, None
+        if kind == NEW and self.timed and self.modes & PACED:
+            span = self.span_ahead()
+            return kind, self.add_node(self.ahead(u, span)), span
         if kind in (BACK, KNOWN):
             way = arrived.opposite if kind == BACK else self.known_way(u, before, arrived)
             v = way.end
@@ -362,23 +446,49 @@ class Decoder:
             return read_choice(self.coder, self.ends)
         return self.add_node(self.jump(u) if self.places else [self.whole("first") for _ in range(self.dimension)])
 
+    def first_cells(self, tracks):
+        """First cells of all tracks, in order."""
+        cells = [self.whole("start")] if tracks else []
+        while len(cells) < tracks:
+            cells.append(cells[-1] + self.count("start gap"))
+        if any(abs(cell) >= LATEST for cell in cells):
+            raise BadWalks("out of bounds")
+        return list(enumerate(cells))
+
+    def first_cell(self, starts, last):
+        """The first cell of a track, and its place among those that are left; the last track's was at ``last`` of all."""
+        skipped = self.count("track order") % self.all_tracks
+        after = [start for start in starts if start[0] >= last] + [start for start in starts if start[0] < last]
+        chosen = after[skipped % len(after)]
+        starts.remove(chosen)
+        return chosen
+
     def tracks(self, knots, tracks):
         """Lists of (node, cell, whether a gap leads there), one for each track."""
         out, ended, u, first = [], True, None, 0
+        self.all_tracks, at = tracks, 0
+        starts = self.first_cells(tracks) if self.modes & SORTED else []
         for _ in range(knots):
             if self.coder.is_spent:
                 raise BadWalks("too short")
             if ended:
                 if len(out) == tracks:
                     raise BadWalks("too many knots")
-                first = cell = first + self.whole("start") if self.timed else 0
+                if self.modes & SORTED:
+                    at, first = self.first_cell(starts, at)
+                    at, cell = at + 1, first
+                else:
+                    first = cell = first + self.whole("start") if self.timed else 0
                 u = self.start(u)
                 self.ends[u] += TERMINAL
                 out.append([(u, cell, False)])
-                before, arrived, last = None, None, NEW
+                before, arrived, last, arrival = None, None, NEW, False
                 self.heading = self.turn = None
             else:
-                gap = bool(self.gapped and self.bit(("gap", min((self.rests[u] + 1) // 2, 2), last == STAY), FIRST_GAP))
+                gap = bool(self.gapped and not self.trail and self.bit(("gap", min((self.rests[u] + 1) // 2, 2), last == STAY), FIRST_GAP))
+                if self.modes & AIMS and not gap and not self.trail:
+                    self.aim(u, "arrival" if arrival else last)
+                arrival = len(self.trail) == 1
                 if gap:
                     v, span = self.gap(u)
                     before, arrived, last = None, None, NEW
@@ -395,17 +505,21 @@ class Decoder:
             if abs(cell) >= LATEST or max(map(abs, self.places[u])) >= FARTHEST:
                 raise BadWalks("out of bounds")
             ended = False
-            if len(out) < tracks:
+            if len(out) < tracks and not self.trail:
                 ended = bool(self.bit(("end", self.ends[u] > 1), FIRST_END))
                 self.ends[u] += TERMINAL * ended
-        if len(out) < tracks:
+        if len(out) < tracks or self.trail:
             raise BadWalks("too few tracks")
         return out
 
 
 def decode(data, dimension, tracks):
     """Return (places of the nodes, tracks, timed)."""
-    count = place = 0
+    count = place = modes = 0
+    if tracks and data and data[0] < 4:
+        if data[0] == 0 and data[1:2] not in (b"\4", b"\5", b"\6", b"\7"):
+            raise BadWalks("no such modes")
+        modes, data = (data[0], data[1:]) if data[0] else (data[1], data[2:])
     for place, byte in enumerate(data[:9]):
         count |= (byte & 127) << 7 * place
         if byte < 128:
@@ -415,7 +529,9 @@ def decode(data, dimension, tracks):
     payload, knots = data[place + 1 :], count >> 2
     if Fraction(knots - 4096, 512) > len(payload) or knots < tracks or (tracks == 0) != (knots == 0):
         raise BadWalks("that many knots can't be")
-    decoder = Decoder(payload, dimension, bool(count & 1), bool(count & 2))
+    if modes & SORTED and not (count & 1 and tracks <= MOST_SORTED):
+        raise BadWalks("starts can't be sorted")
+    decoder = Decoder(payload, dimension, bool(count & 1), bool(count & 2), modes)
     walks = decoder.tracks(knots, tracks)
     if decoder.timed and any(b[1] <= a[1] for walk in walks for a, b in zip(walk, walk[1:], strict=False)):
         raise BadWalks("times go back")

@@ -2,8 +2,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpszip.coding.walks import decode, encode, number_by_visit
+from gpszip.coding.smallest import encode_smallest
+from gpszip.coding.walks import decode, encode, encode_in_modes, number_by_visit
 from gpszip.errors import CorruptArchiveError
+from gpszip.kernels.walk_model import SORTED
 from gpszip.model import LatticeWalks
 from oracle import walk_decoder
 from oracle.walks import assert_same, random_walks, walk
@@ -43,6 +45,31 @@ def test_what_is_encoded_is_decoded(walks):
     assert_same(decode(encode(walks), walks.nodes.shape[1], len(walks.walks)), walks)
 
 
+def in_modes(walks, modes):
+    """Walks coded in the modes of ``modes`` that they allow, after a look at what their ways cost."""
+    modes -= modes & SORTED if not walks.timed else 0
+    spent = np.zeros(sum(len(one.nodes) for one in walks.walks))
+    encode_in_modes(walks, None, 0, spent)
+    # dear ways make a writer aim wherever it can
+    return encode_in_modes(walks, None, modes, spent + 20)[0]
+
+
+@given(lattice_walks(), st.integers(1, 7))
+@settings(max_examples=200)
+def test_what_is_encoded_in_modes_is_decoded(walks, modes):
+    data = in_modes(walks, modes)
+    assert_same(decode(data, walks.nodes.shape[1], len(walks.walks)), walks)
+    judge(data, walks.nodes.shape[1], len(walks.walks))
+
+
+@given(lattice_walks())
+@settings(max_examples=100)
+def test_the_smallest_is_no_larger_than_without_modes(walks):
+    data = encode_smallest(walks)
+    assert len(data) <= len(encode(walks))
+    assert_same(decode(data, walks.nodes.shape[1], len(walks.walks)), walks)
+
+
 def judge(data, dimension, tracks):
     """Whatever the bytes are: walks that hold together, the plain decoder's own, or a refusal by both."""
     try:
@@ -64,6 +91,16 @@ def judge(data, dimension, tracks):
         assert (np.diff(one.cells) > 0).all() or not found.timed
         assert [node for node, _, _ in twin] == one.nodes.tolist()
         assert [cell for _, cell, _ in twin] == one.cells.tolist()
+
+
+@given(st.integers(0, 50), st.integers(1, 7), st.data())
+@settings(max_examples=200)
+def test_damaged_walks_in_modes_are_refused_or_are_walks(seed, modes, data):
+    walks = random_walks(seed, longest=25)
+    payload = bytearray(in_modes(walks, modes))
+    for at in data.draw(st.lists(st.integers(0, len(payload) - 1), min_size=1, max_size=4)):
+        payload[at] = data.draw(st.integers(0, 255))
+    judge(bytes(payload[: data.draw(st.integers(0, len(payload)))]), walks.nodes.shape[1], len(walks.walks))
 
 
 @given(st.integers(0, 50), st.data())

@@ -63,10 +63,10 @@ def new_archive(
     Archive
         One that has decoded nothing yet: what it answers comes from the bytes.
     """
-    from gpszip.coding.walks import encode
+    from gpszip.coding.smallest import encode_smallest
 
     past = None if on is None else on.past(halvings)
-    payload = encode(lattice, past)
+    payload = encode_smallest(lattice, past)
     groups = [Group(0, len(ids), payload)]
     if len(payload) >= 2 * _GROUP_BYTES and len(ids) > 1:
         groups = _groups(lattice, len(payload) // _GROUP_BYTES, past, executor)
@@ -93,10 +93,11 @@ def _groups(lattice: LatticeWalks, count: int, past: Past | None, executor: Exec
 
 def _group(shared: tuple[LatticeWalks, Past | None], run: tuple[int, int]) -> Group:
     """Code one run of walks by itself."""
-    from gpszip.coding.walks import encode, number_by_visit
+    from gpszip.coding.smallest import encode_smallest
+    from gpszip.coding.walks import number_by_visit
 
     (lattice, past), (first, after) = shared, run
     walks = lattice.walks[first:after]
     span = (min(int(walk.cells[0]) for walk in walks), max(int(walk.cells[-1]) for walk in walks))
     own = number_by_visit(LatticeWalks(lattice.nodes, walks, lattice.timed), 0 if past is None else past.nodes)
-    return Group(first, after - first, encode(own, past), span)
+    return Group(first, after - first, encode_smallest(own, past), span)

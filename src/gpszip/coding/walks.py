@@ -11,10 +11,13 @@ from gpszip.coding.past import Past
 from gpszip.errors import BoundError, CorruptArchiveError
 from gpszip.kernels.range_coder import finish, reader, writer
 from gpszip.kernels.walk_coder import code_walks
-from gpszip.kernels.walk_model import WalkModel, new_model
+from gpszip.kernels.walk_model import AIMS, PACED, SORTED, WalkModel, new_model, prepared
 from gpszip.model import LatticeWalk, LatticeWalks
 
-__all__ = ["decode", "encode", "encode_with_ledger", "flatten", "number_by_visit"]
+__all__ = ["MOST_SORTED", "decode", "encode", "encode_in_modes", "encode_with_ledger", "flatten", "number_by_visit"]
+
+#: Starts of at most so many tracks are sorted: which one is meant is found by counting.
+MOST_SORTED = 4096
 
 _TIMED, _GAPPED = 1, 2
 #: An archive holds at most this many knots for each byte, so that forged counts can't ask for memory.
@@ -79,13 +82,34 @@ def encode(walks: LatticeWalks, past: Past | None = None) -> bytes:
 
 def encode_with_ledger(walks: LatticeWalks, past: Past | None = None) -> tuple[bytes, NDArray[np.float64]]:
     """Code walks as :func:`encode` does, and return what the bits were spent on, by ``walk_model.ACCOUNTS``: bits, and how often."""
+    data, model = encode_in_modes(walks, past, 0, np.zeros(0))
+    return data, model.ledger
+
+
+def encode_in_modes(walks: LatticeWalks, past: Past | None, modes: int, spent: NDArray[np.float64]) -> tuple[bytes, WalkModel]:
+    """Code walks with some of the modes ``SORTED``, ``PACED`` and ``AIMS`` on.
+
+    Parameters
+    ----------
+    walks, past
+        As :func:`encode` takes them; ``SORTED`` takes times and at most ``MOST_SORTED`` tracks.
+    modes : int
+        A sum of modes.
+    spent : float64 array, shape (K,) or (0,)
+        Bits of the ways to all knots: filled in without ``AIMS``, asked for with it.
+
+    Returns
+    -------
+    bytes, WalkModel
+        What :func:`decode` reads, and the model as it is then.
+    """
     nodes, cells, gaps, begins = flatten(walks)
     if max(_extent(walks.nodes), _extent(cells)) >= _FARTHEST:
         raise BoundError("places or times lie too far apart for so fine a lattice; allow a larger error")
     dimension = walks.nodes.shape[1]
     capacity = 64 + 16 * len(nodes) + 16 * walks.nodes.size
     while True:
-        model = _model(len(nodes), dimension, past)
+        model = prepared(_model(len(nodes), dimension, past), modes, np.sort(cells[begins == 1]), spent)
         model.places[: len(walks.nodes)] = walks.nodes
         coder = writer(capacity)
         code_walks(coder, model, nodes, cells, gaps, begins, len(walks.walks), walks.timed, bool(gaps.any()))
@@ -95,7 +119,8 @@ def encode_with_ledger(walks: LatticeWalks, past: Past | None = None) -> tuple[b
         capacity *= 4
     least = -(-(len(nodes) - _KNOTS_AT_LEAST) // _KNOTS_PER_BYTE)
     flags = _TIMED * walks.timed + _GAPPED * bool(gaps.any())
-    return _varint(4 * len(nodes) + flags) + payload + bytes(max(least - len(payload), 0)), model.ledger
+    head = _mode_head(modes) + _varint(4 * len(nodes) + flags)
+    return head + payload + bytes(max(least - len(payload), 0)), model
 
 
 def decode(data: bytes, dimension: int, tracks: int, past: Past | None = None) -> LatticeWalks:
@@ -115,13 +140,16 @@ def decode(data: bytes, dimension: int, tracks: int, past: Past | None = None) -
     CorruptArchiveError
         If the bytes are no walks of so many tracks.
     """
+    modes, data = _read_modes(data) if tracks else (0, data)
     count, start = _read_varint(data)
     knots = count >> 2
     payload = data[start:]
     if knots > _KNOTS_AT_LEAST + _KNOTS_PER_BYTE * len(payload) or knots < tracks or (tracks == 0) != (knots == 0):
         raise CorruptArchiveError(f"{knots} knots of {tracks} tracks can't lie in {len(payload)} bytes of walks")
     timed, gapped = bool(count & _TIMED), bool(count & _GAPPED)
-    model = _model(knots, dimension, past)
+    if modes & SORTED and not (timed and tracks <= MOST_SORTED):
+        raise CorruptArchiveError("starts of tracks can't be sorted here")
+    model = prepared(_model(knots, dimension, past), modes, np.zeros(tracks, np.int64), np.zeros(0))
     nodes, cells = np.zeros(knots, np.int64), np.zeros(knots, np.int64)
     gaps, begins = np.zeros(knots, np.int8), np.zeros(knots, np.int8)
     found = int(code_walks(reader(payload), model, nodes, cells, gaps, begins, tracks, timed, gapped))
@@ -132,6 +160,21 @@ def decode(data: bytes, dimension: int, tracks: int, past: Past | None = None) -
     bounds = np.append(np.flatnonzero(begins), knots)
     walks = tuple(LatticeWalk(nodes[a:b].astype(np.int32), cells[a:b].copy(), gaps[a + 1 : b] == 1) for a, b in pairwise(bounds.tolist()))
     return LatticeWalks(model.places[:found].copy(), walks, timed)
+
+
+def _mode_head(modes: int) -> bytes:
+    """What comes ahead of the count where modes are on: the modes, or a zero and the modes. A count there is 4 at least."""
+    return b"" if modes == 0 else bytes([modes]) if modes < 4 else bytes([0, modes])
+
+
+def _read_modes(data: bytes) -> tuple[int, bytes]:
+    """Modes, and the data behind them."""
+    if not data or data[0] >= 4:
+        return 0, data
+    modes, rest = (data[0], data[1:]) if data[0] else (data[1] if len(data) > 1 else 0, data[2:])
+    if _mode_head(modes) != data[: len(data) - len(rest)] or modes > SORTED | PACED | AIMS:
+        raise CorruptArchiveError("the walks are coded in a way that this version doesn't know")
+    return modes, rest
 
 
 def _model(knots: int, dimension: int, past: Past | None) -> WalkModel:

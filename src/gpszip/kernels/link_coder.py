@@ -14,16 +14,19 @@ from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder, code_interval, target
 from gpszip.kernels.walk_model import CHEAP, F_NEAR, NODES, OCTAVES, ON_GAP, ON_LINK, STEP_LENGTH, WalkModel
 
-__all__ = ["code_link"]
+__all__ = ["KINDS", "class_weights", "code_candidate", "code_link", "has_narrowed", "learn_choice", "sum_weights"]
 
 #: Most nodes that a new way is weighed for. Once so many more new ways were cheap than not, as only forged bytes have them, few nodes
 #: are weighed: each byte read then takes bounded time.
 _LINKS, _FEW_LINKS, _CHEAP_WAYS = 4096, 64, 1 << 14
 
 #: Classes of nodes: octaves of distance by eight kinds, and those that no link leads to.
-_KINDS = 8
-_CLASSES = OCTAVES * _KINDS
+KINDS = 8
+_CLASSES = OCTAVES * KINDS
 _BARRED = _CLASSES
+
+#: What stands for no candidate.
+_NONE = np.int64(-1)
 
 #: Axes count up to this many quanta. Sums of squares beyond 2**53 aren't exact any more, but lie beyond all bounds.
 _FARTHEST = 2.0**25
@@ -43,7 +46,7 @@ def _add_octaves(model: WalkModel, u: int, first: int, classes: NDArray[np.uint8
     bound = np.float64((reach * 181 >> 10) ** 2) / (PARTS * PARTS)
     for _ in range(OCTAVES - 1):
         for i in range(len(classes)):
-            classes[i] += np.uint8(_KINDS) if squares[i] >= bound else np.uint8(0)
+            classes[i] += np.uint8(KINDS) if squares[i] >= bound else np.uint8(0)
         bound *= 2.0
 
 
@@ -90,16 +93,45 @@ def _bar(model: WalkModel, u: int, layer: int, first: int, classes: NDArray[np.u
 
 
 @jit
-def _class_weights(model: WalkModel, layer: int) -> NDArray[np.int64]:
+def sum_weights(classes: NDArray[np.uint8], weights: NDArray[np.int64]) -> int:
+    """Sum of the weights of candidates of these classes."""
+    total = np.int64(0)
+    for i in range(len(classes)):
+        total += weights[classes[i]]
+    return total
+
+
+@jit
+def has_narrowed(model: WalkModel) -> bool:
+    """Whether so many choices were cheap that only few nodes are weighed any more."""
+    return model.scalars[CHEAP] >= _CHEAP_WAYS
+
+
+@jit
+def learn_choice(model: WalkModel, layer: int, classes: NDArray[np.uint8], chosen: int, cheap: bool) -> None:
+    """Learn which of the candidates was taken (-1: none) and whether that was cheap."""
+    had = np.zeros(_CLASSES + 1, np.int64)
+    for i in range(len(classes)):
+        had[classes[i]] += 1
+    for i in range(_CLASSES):
+        model.offers[layer, i // KINDS, i % KINDS] += had[i]
+    if chosen >= 0:
+        model.hits[layer, classes[chosen] // KINDS, classes[chosen] % KINDS] += 128
+    if model.scalars[NODES] > _FEW_LINKS:
+        model.scalars[CHEAP] = max(model.scalars[CHEAP] + (1 if cheap else -1), np.int64(0))
+
+
+@jit
+def class_weights(model: WalkModel, layer: int) -> NDArray[np.int64]:
     """Weight of a node of each class; none for those barred."""
     weights = np.zeros(_CLASSES + 1, np.int64)
     for i in range(_CLASSES):
-        weights[i] = (model.hits[layer, i // _KINDS, i % _KINDS] << 16) // model.offers[layer, i // _KINDS, i % _KINDS] + 1
+        weights[i] = (model.hits[layer, i // KINDS, i % KINDS] << 16) // model.offers[layer, i // KINDS, i % KINDS] + 1
     return weights
 
 
 @jit
-def _code_near(coder: Coder, classes: NDArray[np.uint8], weights: NDArray[np.int64], total: int, v: int) -> int:
+def code_candidate(coder: Coder, classes: NDArray[np.uint8], weights: NDArray[np.int64], total: int, v: int) -> int:
     """Code which of the nodes it is, the newest first."""
     i = len(classes)
     start = np.int64(0)
@@ -122,7 +154,7 @@ def _code_near(coder: Coder, classes: NDArray[np.uint8], weights: NDArray[np.int
 def code_link(coder: Coder, model: WalkModel, u: int, before: int, v: int, layer: int) -> int:
     """Code the node that a new way or a gap leads to: one of the newest, by where it lies, or any."""
     nodes = model.scalars[NODES]
-    count = min(nodes, np.int64(_LINKS if model.scalars[CHEAP] < _CHEAP_WAYS else _FEW_LINKS))
+    count = min(nodes, np.int64(_FEW_LINKS if has_narrowed(model) else _LINKS))
     first = nodes - count
     classes = np.zeros(count, np.uint8)
     _add_octaves(model, u, first, classes)
@@ -131,11 +163,9 @@ def code_link(coder: Coder, model: WalkModel, u: int, before: int, v: int, layer
     else:
         _add_bearings(model.places, before, u, first, classes)
     _bar(model, u, layer, first, classes)
-    weights, had = _class_weights(model, layer), np.zeros(_CLASSES + 1, np.int64)
-    for i in range(count):
-        had[classes[i]] += 1
-    total = (weights * had).sum()
-    is_near, cheap = 1 if total > 0 else 0, False
+    weights = class_weights(model, layer)
+    total = sum_weights(classes, weights)
+    is_near, chosen, cheap = 1 if total > 0 else 0, _NONE, False
     if total > 0 and first > 0:
         is_near = code_bit(coder, model.flags, F_NEAR, 1 if v >= first else 0)
     if not is_near:
@@ -143,12 +173,8 @@ def code_link(coder: Coder, model: WalkModel, u: int, before: int, v: int, layer
             v = target(coder, nodes)
         code_interval(coder, v, 1, nodes)
     else:
-        v = first + _code_near(coder, classes, weights, total, v - first)
-        chosen = classes[v - first]
-        cheap = 4 * weights[chosen] > total
-        model.hits[layer, chosen // _KINDS, chosen % _KINDS] += 128
-    if nodes > _FEW_LINKS:
-        model.scalars[CHEAP] = max(model.scalars[CHEAP] + (1 if cheap else -1), np.int64(0))
-    for i in range(_CLASSES):
-        model.offers[layer, i // _KINDS, i % _KINDS] += had[i]
+        chosen = code_candidate(coder, classes, weights, total, v - first)
+        cheap = 4 * weights[classes[chosen]] > total
+        v = first + chosen
+    learn_choice(model, layer, classes, chosen, cheap)
     return v

@@ -9,12 +9,16 @@ from gpszip.kernels.heading import bend, rotate, rotate_back
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder
 from gpszip.kernels.spread import FAR_OFFSET, REACH, ZERO, code_far, fill
-from gpszip.kernels.walk_model import HEADING, NO_TURN, STEP_LENGTH, TURN, WalkModel
+from gpszip.kernels.walk_model import HEADING, LAST_CELLS, LAST_FAR, MOST, NO_TURN, STEP_LENGTH, SUM_CELLS, SUM_FAR, TURN, WalkModel
 
 __all__ = ["ON_AXES", "ON_HEADING", "code_step"]
 
 #: Mixtures of coordinates: along the heading, across it, on further axes, and of jumps on each axis.
 _P_ALONG, _P_ACROSS, _P_BESIDE, _P_JUMP = np.arange(5, 9)
+_P_ALONG_PACED, _P_ACROSS_PACED = np.array([12, 13])
+
+#: A step is taken for one of at most so many cells when it is told how far speeds lead: products stay below 2**63.
+_LONGEST = np.int64(1) << 25
 
 #: Frames of a new place.
 ON_AXES, ON_HEADING = np.array([False, True])
@@ -48,7 +52,21 @@ def _code_along(coder: Coder, model: WalkModel, value: int, reach: int) -> int:
 
 
 @jit
-def _code_across(coder: Coder, model: WalkModel, value: int, reach: int, along: int) -> int:
+def _code_along_paced(coder: Coder, model: WalkModel, value: int, reach: int, usual: int) -> int:
+    """The same where the duration tells how far the step goes at the last speed (``reach``) and at that of the last few."""
+    sheet = model.sheet
+    count = ZERO
+    for shift in range(1, 7):
+        count = fill(sheet, count, TWO_SIDED, reach, reach >> shift)
+    for shift in range(1, 6):
+        count = fill(sheet, count, TWO_SIDED, usual, usual >> shift)
+    count = fill(sheet, count, TWO_SIDED, ZERO, reach >> 2)
+    count = fill(sheet, count, TWO_SIDED, ZERO, reach)
+    return _code_axis(coder, model, _P_ALONG_PACED, value, count)
+
+
+@jit
+def _code_across(coder: Coder, model: WalkModel, mixture: int, value: int, reach: int, along: int) -> int:
     sheet = model.sheet
     count = ZERO
     for shift in range(1, 6):
@@ -63,22 +81,33 @@ def _code_across(coder: Coder, model: WalkModel, value: int, reach: int, along: 
     aside = bend(forth if along >= 0 else -forth, turn) if turn != NO_TURN else np.int64(0)
     for shift in range(2, 4):
         count = fill(sheet, count, TWO_SIDED, aside, forth >> shift)
-    return _code_axis(coder, model, _P_ACROSS, value, count)
+    return _code_axis(coder, model, mixture, value, count)
 
 
 @jit
-def code_step(coder: Coder, model: WalkModel, u: int, node: int, frame: bool) -> None:
-    """Code the place of ``node`` relative to u, in the frame of the last step (``ON_HEADING``) or of the axes (``ON_AXES``)."""
+def code_step(coder: Coder, model: WalkModel, u: int, node: int, frame: bool, cells: int) -> None:
+    """Code the place of ``node`` relative to u, in the frame of the last step (``ON_HEADING``) or of the axes (``ON_AXES``).
+
+    Where it is told already in how many cells the step went, speeds say how far; otherwise ``cells`` is 0.
+    """
     places = model.places
     dimension = places.shape[1]
     sheet = model.sheet
+    scalars = model.scalars
     first = 0
-    reach = max(model.scalars[STEP_LENGTH], np.int64(64))
+    reach = max(scalars[STEP_LENGTH], np.int64(64))
     if frame and dimension > 1:
         turn = max(model.scalars[HEADING], np.int64(0))
         x, y = rotate(places[node, 0] - places[u, 0], places[node, 1] - places[u, 1], turn)
-        x = _code_along(coder, model, x, reach)
-        y = _code_across(coder, model, y, reach, x)
+        if cells > 0 and scalars[LAST_CELLS] > 0:
+            cells = min(cells, _LONGEST)
+            reach = min(max(scalars[LAST_FAR] * cells // scalars[LAST_CELLS], np.int64(64)), MOST)
+            usual = min(max(scalars[SUM_FAR] * cells // scalars[SUM_CELLS], np.int64(64)), MOST)
+            x = _code_along_paced(coder, model, x, reach, usual)
+            y = _code_across(coder, model, _P_ACROSS_PACED, y, reach, x)
+        else:
+            x = _code_along(coder, model, x, reach)
+            y = _code_across(coder, model, _P_ACROSS, y, reach, x)
         x, y = rotate_back(x, y, turn)
         places[node, 0], places[node, 1] = places[u, 0] + x, places[u, 1] + y
         first = 2

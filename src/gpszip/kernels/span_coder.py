@@ -10,15 +10,15 @@ from gpszip.kernels.binary_log import log2_of
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder
 from gpszip.kernels.spread import FAR_SPAN, REACH, ZERO, code_far, fill
-from gpszip.kernels.walk_model import CLASSES, MOST, PACE, PACE_SLOW, TIMED, WalkModel, class_of, length, settle_usual
+from gpszip.kernels.walk_model import CLASSES, LAST_NEW, MOST, PACE, PACE_SLOW, TIMED, U_NEW, WalkModel, class_of, length, settle_usual
 
-__all__ = ["T_GAP", "T_MOVE", "T_STAY", "code_move", "code_rest"]
+__all__ = ["T_GAP", "T_MOVE", "T_STAY", "code_ahead", "code_move", "code_rest"]
 
 #: Mixtures of durations: of parts that move, of stops and of gaps.
-T_MOVE, T_STAY, T_GAP = np.arange(3)
+T_MOVE, T_STAY, T_GAP, _T_AHEAD = np.arange(4)
 
 #: How steep the widest distribution about a guess is, and how many there are, each twice as steep as the one before.
-_MOVE_STEEP, _MOVE_WIDTHS, _REST_STEEP, _REST_WIDTHS = np.array([3, 5, 1, 3])
+_MOVE_STEEP, _MOVE_WIDTHS, _REST_STEEP, _REST_WIDTHS, _AHEAD_WIDTHS = np.array([3, 5, 1, 3, 5])
 
 #: Spans are at least this long.
 _LEAST = np.int64(1)
@@ -55,6 +55,17 @@ def code_rest(coder: Coder, model: WalkModel, mixture: int, row: int, cells: int
     guesses[0] = model.usual[row, 0]
     cells = _code_span(coder, model, mixture, guesses, min(model.usual[row, 1], 1), _REST_STEEP, _REST_WIDTHS, cells)
     settle_usual(model, row, _RESTS, log2_of(min(max(cells, np.int64(1)), MOST)))
+    return cells
+
+
+@jit
+def code_ahead(coder: Coder, model: WalkModel, cells: int) -> int:
+    """Code the duration of a step to a new node before its place is told, by those before."""
+    guesses = np.empty(2, np.int64)
+    guesses[0], guesses[1] = model.usual[U_NEW, 0], model.scalars[LAST_NEW]
+    cells = _code_span(coder, model, _T_AHEAD, guesses, 2 * min(model.usual[U_NEW, 1], 1), _REST_STEEP, _AHEAD_WIDTHS, cells)
+    model.scalars[LAST_NEW] = log2_of(min(max(cells, np.int64(1)), MOST))
+    settle_usual(model, U_NEW, _RESTS, model.scalars[LAST_NEW])
     return cells
 
 

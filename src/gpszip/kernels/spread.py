@@ -5,15 +5,27 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.adaptive import CENTERS, KINDS, SCALES, SIZES, code_whole
+from gpszip.kernels.adaptive import CENTERS, KINDS, SCALES, SIZES, code_size, code_whole
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder
 from gpszip.kernels.walk_model import FLAGS, MOST, WalkModel
 
-__all__ = ["FAR_OFFSET", "FAR_SPAN", "FIRST_PLACE", "REACH", "TRACK_START", "ZERO", "code_far", "fill"]
+__all__ = [
+    "FAR_OFFSET",
+    "FAR_SPAN",
+    "FIRST_PLACE",
+    "REACH",
+    "START_GAP",
+    "TRACK_ORDER",
+    "TRACK_START",
+    "ZERO",
+    "code_count",
+    "code_far",
+    "fill",
+]
 
 #: Sets of contexts of whole numbers.
-FAR_SPAN, FAR_OFFSET, FIRST_PLACE, TRACK_START = np.arange(4)
+FAR_SPAN, FAR_OFFSET, FIRST_PLACE, TRACK_START, START_GAP, TRACK_ORDER = np.arange(6)
 
 #: The compiler takes a number written out for a type of its own, and compiles a kernel once more for each.
 ZERO = np.int64(0)
@@ -26,6 +38,12 @@ REACH = np.int64(1) << 25
 def code_far(coder: Coder, model: WalkModel, slot: int, value: int) -> int:
     """Code a number of any size with the contexts of ``slot``."""
     return code_whole(coder, model.flags, FLAGS + slot * SIZES, value)
+
+
+@jit
+def code_count(coder: Coder, model: WalkModel, slot: int, value: int) -> int:
+    """Code a number >= 0 of any size with the contexts of ``slot``."""
+    return code_size(coder, model.flags, FLAGS + slot * SIZES, value)
 
 
 @jit

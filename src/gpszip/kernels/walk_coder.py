@@ -11,14 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.adaptive import code_bit
+from gpszip.kernels.aim_coder import code_aim, is_aiming, next_on_trail
 from gpszip.kernels.borrowed import borrowed
 from gpszip.kernels.jit import jit
 from gpszip.kernels.link_coder import code_link
 from gpszip.kernels.place_coder import ON_AXES, ON_HEADING, code_step
 from gpszip.kernels.range_coder import Coder, code_interval, target, used_bits
-from gpszip.kernels.span_coder import T_GAP, T_STAY, code_move, code_rest
-from gpszip.kernels.spread import FIRST_PLACE, TRACK_START, code_far
+from gpszip.kernels.span_coder import T_GAP, T_STAY, code_ahead, code_move, code_rest
+from gpszip.kernels.spread import FIRST_PLACE, START_GAP, TRACK_ORDER, TRACK_START, ZERO, code_count, code_far
 from gpszip.kernels.walk_model import (
+    AIMS,
     BEGUN,
     F_END,
     F_GAP,
@@ -27,9 +29,12 @@ from gpszip.kernels.walk_model import (
     GAP_BITS,
     KIND_BITS,
     LATEST,
+    MODES,
     NODES,
     ON_GAP,
     ON_LINK,
+    ORDER_AT,
+    PACED,
     PLACE_BITS,
     SPAN_BITS,
     START_BITS,
@@ -40,6 +45,7 @@ from gpszip.kernels.walk_model import (
     book,
     follow,
     forget_way,
+    half_edge,
     pick,
     weigh,
     weight_below,
@@ -56,6 +62,40 @@ _WEIGHTS_END = np.int64(24)
 
 #: What stands for no node.
 _NOWHERE = np.int64(-1)
+
+
+@jit
+def _code_starts(coder: Coder, model: WalkModel, cell: int) -> bool:
+    """Code the first cells of all tracks in order, as gaps after ``cell``; return whether they are bearable."""
+    starts = model.starts
+    for i in range(len(starts)):
+        gap = starts[i, 0] - cell
+        cell += code_far(coder, model, TRACK_START, gap) if i == 0 else code_count(coder, model, START_GAP, gap)
+        starts[i, 0], starts[i, 1] = cell, 0
+        if abs(cell) >= _LATEST:
+            return False
+    return True
+
+
+@jit
+def _code_first_cell(coder: Coder, model: WalkModel, cell: int, first: int) -> int:
+    """Code the first cell of a track after a track that began at ``cell``."""
+    starts = model.starts
+    if len(starts) == 0:
+        return cell + code_far(coder, model, TRACK_START, first - cell)
+    at, skipped = model.scalars[ORDER_AT], np.int64(0)
+    if coder.cursor[1] != 1:
+        while starts[at, 1] == 1 or starts[at, 0] != first:
+            skipped += 1 - starts[at, 1]
+            at = (at + 1) % len(starts)
+    skipped = code_count(coder, model, TRACK_ORDER, skipped) % len(starts)
+    at = model.scalars[ORDER_AT]
+    while starts[at, 1] == 1 or skipped > 0:
+        skipped -= 1 - starts[at, 1]
+        at = (at + 1) % len(starts)
+    starts[at, 1] = 1
+    model.scalars[ORDER_AT] = (at + 1) % len(starts)
+    return starts[at, 0]
 
 
 @jit
@@ -77,7 +117,7 @@ def _code_start(coder: Coder, model: WalkModel, last: int, node: int) -> int:
         for axis in range(model.places.shape[1]):
             model.places[node, axis] = code_far(coder, model, FIRST_PLACE, model.places[node, axis])
     else:
-        code_step(coder, model, last, node, ON_AXES)
+        code_step(coder, model, last, node, ON_AXES, ZERO)
     return add_node(model)
 
 
@@ -92,7 +132,7 @@ def _code_gap(coder: Coder, model: WalkModel, u: int, node: int, cells: int, tim
     if code_bit(coder, model.flags, F_GAP_KIND + 1, 1 if node < nodes else 0):
         return code_link(coder, model, u, _NOWHERE, node, ON_GAP), cells
     node = nodes
-    code_step(coder, model, u, node, ON_AXES)
+    code_step(coder, model, u, node, ON_AXES, ZERO)
     return add_node(model), cells
 
 
@@ -104,14 +144,11 @@ def _gap_context(model: WalkModel, u: int, last: int) -> int:
 
 
 @jit
-def _code_part(
-    coder: Coder, model: WalkModel, u: int, before: int, arrived: int, last: int, node: int, cells: int, timed: bool
-) -> tuple[int, int, int]:
-    """Code one part from u: return its kind, the node it ends at and its cells."""
-    back = arrived ^ 1 if arrived >= 0 else -1
-    bits = used_bits(coder)
+def _code_way_on(coder: Coder, model: WalkModel, u: int, before: int, arrived: int, last: int, node: int) -> tuple[int, int, int]:
+    """Code what kind of step follows on u and along which way: return the kind, the half-edge if there is one, and where it leads."""
+    back = arrived ^ 1 if arrived >= 0 else _NOWHERE
     kind = code_kind(coder, model, u, arrived, back, kind_of(model, u, back, node), last)
-    half = -1
+    half = _NOWHERE
     if kind == KIND_STAY:
         node = u
     elif kind == KIND_BACK:
@@ -120,23 +157,34 @@ def _code_part(
         half = code_way(coder, model, u, before, arrived, back, node)
     elif kind == KIND_LINK:
         node = code_link(coder, model, u, before, node, ON_LINK)
+    elif kind == KIND_NEW:
+        node = model.scalars[NODES]
     if half >= 0:
         node = model.into[half]
-    book(model, KIND_BITS + kind, used_bits(coder) - bits)
-    if kind == KIND_NEW:
+    return kind, half, node
+
+
+@jit
+def _code_part(coder: Coder, model: WalkModel, kind: int, half: int, u: int, node: int, cells: int, timed: bool) -> int:
+    """Code where a new node lies, and how many cells the step to a node takes; return these."""
+    bits = used_bits(coder)
+    ahead = timed and kind == KIND_NEW and model.scalars[MODES] & PACED > 0
+    if ahead:
+        cells = code_ahead(coder, model, cells)
+        book(model, SPAN_BITS + kind, used_bits(coder) - bits)
         bits = used_bits(coder)
-        node = model.scalars[NODES]
-        code_step(coder, model, u, node, ON_HEADING)
+    if kind == KIND_NEW:
+        code_step(coder, model, u, node, ON_HEADING, cells if ahead else ZERO)
         add_node(model)
         book(model, PLACE_BITS, used_bits(coder) - bits)
-    if timed:
         bits = used_bits(coder)
+    if timed and not ahead:
         if kind == KIND_STAY:
             cells = code_rest(coder, model, T_STAY, U_STAY, cells)
         else:
             cells = code_move(coder, model, half, u, node, cells)
         book(model, SPAN_BITS + kind, used_bits(coder) - bits)
-    return kind, node, cells
+    return cells
 
 
 @jit
@@ -181,9 +229,15 @@ def code_walks(
     coder, model = borrowed(coder), borrowed(model)
     knots = len(nodes)
     left = tracks
-    u, before, arrived, last = model.scalars[LATEST] - 1, -1, -1, KIND_NEW
+    u, before, arrived, last = model.scalars[LATEST] - 1, _NOWHERE, _NOWHERE, KIND_NEW
     start = model.scalars[BEGUN]
-    ended = True
+    ended, arrival = True, False
+    aims = model.scalars[MODES] & AIMS > 0
+    joined = np.zeros(knots if aims else 0, np.bool_)
+    for j in range(len(joined)):
+        joined[j] = begins[j] == 0 and gaps[j] == 0 and j > 0
+    if timed and len(model.starts) > 0 and not _code_starts(coder, model, start):
+        return -1
     for j in range(knots):
         if coder.cursor[1] == 1 and coder.cursor[0] > len(coder.data) + 8:
             return -1
@@ -193,45 +247,59 @@ def code_walks(
             left -= 1
             begins[j] = 1
             if timed:
-                cells[j] = start + code_far(coder, model, TRACK_START, cells[j] - start)
-                start = cells[j]
+                start = _code_first_cell(coder, model, start, cells[j])
+                cells[j] = start
             bits = used_bits(coder)
             u = _code_start(coder, model, u, nodes[j])
             book(model, START_BITS, used_bits(coder) - bits)
             nodes[j] = u
             weigh(model, u, _WEIGHTS_END)
-            before, arrived, last = -1, -1, KIND_NEW
+            before, arrived, last, arrival = _NOWHERE, _NOWHERE, KIND_NEW, False
             forget_way(model)
         else:
             begins[j] = 0
             span = cells[j] - cells[j - 1]
             gap = 0
-            if gapped:
+            bits = used_bits(coder)
+            under_way = is_aiming(model)
+            if gapped and not under_way:
                 gap = code_bit(coder, model.flags, _gap_context(model, u, last), np.int64(gaps[j]))
             gaps[j] = gap
+            if aims and gap == 0 and not under_way and model.head[u] >= 0:
+                code_aim(coder, model, u, np.int64(5) if arrival else last, nodes, joined, j)
+            under_way = is_aiming(model)
             if gap:
-                bits = used_bits(coder)
                 node, span = _code_gap(coder, model, u, nodes[j], span, timed)
                 book(model, GAP_BITS, used_bits(coder) - bits)
-                before, arrived, last = -1, -1, KIND_NEW
+                before, arrived, last = _NOWHERE, _NOWHERE, KIND_NEW
                 forget_way(model)
                 model.rests[u] += 1
                 model.rests[node] += 1
             else:
-                last, node, span = _code_part(coder, model, u, before, arrived, last, nodes[j], span, timed)
+                if is_aiming(model):
+                    node = next_on_trail(model)
+                    half = half_edge(model, u, node)
+                    last = KIND_BACK if arrived >= 0 and half == arrived ^ 1 else KIND_KNOWN
+                else:
+                    last, half, node = _code_way_on(coder, model, u, before, arrived, last, nodes[j])
+                book(model, KIND_BITS + last, used_bits(coder) - bits)
+                if len(model.spent) > 0 and not aims:
+                    model.spent[j] = used_bits(coder) - bits
+                span = _code_part(coder, model, last, half, u, node, span, timed)
                 if node != u:
                     arrived = follow(model, arrived, u, node, span if timed else np.int64(0))
                     before = u
+            arrival = under_way and not is_aiming(model)
             nodes[j] = node
             u = node
             cells[j] = cells[j - 1] + span if timed else 0
         if coder.cursor[1] == 1 and not _is_sound(model, u, cells[j]):
             return -1
         ended = False
-        if left > 0:
+        if left > 0 and not is_aiming(model):
             terminal = 1 if weight_below(model, u + 1) - weight_below(model, u) > 1 else 0
             ended = code_bit(coder, model.flags, F_END + terminal, 1 if j + 1 == knots or begins[j + 1] == 1 else 0) == 1
             if ended:
                 weigh(model, u, _WEIGHTS_END)
     model.scalars[LATEST], model.scalars[BEGUN] = u + 1, start
-    return model.scalars[NODES] if left == 0 else np.int64(-1)
+    return model.scalars[NODES] if left == 0 and not is_aiming(model) else np.int64(-1)

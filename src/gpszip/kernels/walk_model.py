@@ -15,10 +15,13 @@ from gpszip.kernels.pair_table import pair_slot
 
 __all__ = [
     "ACCOUNTS",
+    "AIMS",
     "BEGUN",
+    "BREADTH",
     "CHEAP",
     "CLASSES",
     "FLAGS",
+    "F_AIM",
     "F_BACK",
     "F_END",
     "F_ESCAPE",
@@ -31,19 +34,33 @@ __all__ = [
     "GAP_BITS",
     "HEADING",
     "KIND_BITS",
+    "LAST_CELLS",
+    "LAST_FAR",
+    "LAST_NEW",
     "LATEST",
+    "MODES",
     "MOST",
     "NO_TURN",
     "OCTAVES",
+    "ON_AIM",
     "ON_GAP",
     "ON_LINK",
     "ON_WAY",
+    "ORDER_AT",
+    "PACED",
     "PLACE_BITS",
+    "SEARCHES",
+    "SORTED",
     "SPAN_BITS",
     "START_BITS",
+    "SUM_CELLS",
+    "SUM_FAR",
     "TIMED",
+    "TRAIL_AT",
+    "TRAIL_END",
     "TURN",
     "U_GAP",
+    "U_NEW",
     "U_STAY",
     "WalkModel",
     "add_node",
@@ -57,6 +74,7 @@ __all__ = [
     "new_model",
     "pair_count",
     "pick",
+    "prepared",
     "settle_usual",
     "weigh",
     "weight_below",
@@ -64,18 +82,27 @@ __all__ = [
 
 #: Numbers kept in ``WalkModel.scalars``; two are the node (plus 1) and the first cell of the latest track. Paces are logarithms,
 #: known once a step was ``TIMED``; the heading is -1 and the turn ``NO_TURN`` where none is known.
-NODES, HALVES, PACE, PACE_SLOW, STEP_LENGTH, LATEST, BEGUN, TIMED, HEADING, TURN, CHEAP = np.arange(11)
+NODES, HALVES, PACE, PACE_SLOW, STEP_LENGTH, LATEST, BEGUN, TIMED, HEADING, TURN, CHEAP, MODES = np.arange(12)
+LAST_FAR, LAST_CELLS, SUM_FAR, SUM_CELLS, LAST_NEW, TRAIL_AT, TRAIL_END, ORDER_AT, SEARCHES = np.arange(12, 21)
+_SCALARS = 21
 NO_TURN = 1 << 10
 
-#: Rows of ``WalkModel.usual``: spans by class of length, of stops and of gaps.
+#: Modes, of which any may be on: starts of tracks are told ahead, in order; spans of new ways come before their places; walks aim at
+#: places, to which they take the shortest path.
+SORTED, PACED, AIMS = np.array([1, 2, 4])
+
+#: Rows of ``WalkModel.usual``: spans by class of length, of stops, of gaps and of new ways coded ahead of their places.
 CLASSES = 48
-U_STAY, U_GAP = np.array([48, 49])
+U_STAY, U_GAP, U_NEW = np.array([48, 49, 50])
 
 #: A mean of steps about as long is that of about so many.
 _SPANS = np.int64(20)
 
-#: Layers of ``WalkModel.hits`` and ``offers``: links, what follows on gaps, turns between ways.
-ON_LINK, ON_GAP, ON_WAY = np.arange(3)
+#: Layers of ``WalkModel.hits`` and ``offers``: links, what follows on gaps, turns between ways, aims.
+ON_LINK, ON_GAP, ON_WAY, ON_AIM = np.arange(4)
+
+#: Nodes that a search for aims settles at most.
+BREADTH = 256
 
 #: Classes of length of new ways.
 OCTAVES = 13
@@ -94,7 +121,9 @@ _DISTRIBUTIONS = 28
 _HISTOGRAM = 48
 
 #: First bit context of each flag.
-F_END, F_GAP, F_ESCAPE, F_BACK, F_STAY, F_NEW, F_KNOWN_START, F_NEAR, F_GAP_KIND = np.array([0, 8, 16, 96, 176, 200, 232, 240, 256])
+F_END, F_GAP, F_ESCAPE, F_BACK, F_STAY, F_NEW, F_KNOWN_START, F_NEAR, F_GAP_KIND, F_AIM = np.array(
+    [0, 8, 16, 96, 176, 200, 232, 240, 256, 264]
+)
 
 #: What is expected of flags before any is seen: counts of zeros and ones where they aren't even.
 _EXPECTED = (
@@ -107,6 +136,7 @@ _EXPECTED = (
     (F_STAY, 10, 1, 28, 12),
     (F_KNOWN_START, 1, 1, 12, 28),
     (F_NEAR, 1, 1, 8, 32),
+    (F_AIM, 6, 1, 36, 4),
 )
 
 #: How likely a new way leads to a node at a distance (in half octaves of the expected one) and a bearing, before any is seen.
@@ -116,6 +146,10 @@ _LIKELY_BEARING = (5, 4, 4, 4, 2, 1, 2, 4)
 #: How likely a gap leads to a node at a distance, and to one where none, one, few, many gaps began or ended.
 _LIKELY_BEYOND = (128, 128, 128, 128, 128, 128, 128, 96, 64, 48, 40, 24, 24)
 _LIKELY_AGAIN = (1, 4, 8, 16, 1, 1, 1, 1)
+
+#: How likely an aim is a node at a rank (by its binary digits) by distance, and one where so often (by binary digits) tracks or aims ended.
+_LIKELY_RANK = (1, 4, 16, 48, 96, 128, 128, 96, 64, 1, 1, 1, 1)
+_LIKELY_END = (2, 4, 6, 8, 8, 8, 8, 8)
 
 #: Turns between ways count from this, so that the first few don't weigh too much.
 _TURNS = 5 << 16
@@ -127,12 +161,19 @@ _WEIGHTS = {
     2: (40, 5, 5, 6, 20, 16, 90, 90, 232, 89, 125, 193, 113),
     5: (257, 4, 3, 3, 203, 23, 10, 40, 63, 158, 126, 68, 31, 13, 5, 4, 4, 3, 3, 3),
     6: (123, 15, 13, 16, 8, 6, 45, 6, 20, 38, 5, 11, 78, 478, 131, 8, 5, 4, 4, 3, 3, 2, 2),
+    3: (259, 8, 34, 11, 53, 46, 7, 6, 5, 5, 7, 18, 215, 205, 22, 7, 11, 28, 52, 27),
+    12: (20, 57, 48, 75, 5, 5, 36, 265, 40, 66, 16, 25, 13, 236, 49, 22, 9, 6, 5, 4, 4, 4, 4, 4, 4),
+    13: (75, 15, 11, 16, 10, 265, 51, 176, 69, 5, 13, 38, 205, 18, 18, 6, 5, 5, 5, 5, 5, 5, 5),
     **dict.fromkeys((8, 9, 10, 11), (41, 166, 116, 100, 117, 190, 142, 30, 62, 25, 20, 15)),
 }
 _EVEN = 36
 
 #: Spans are learnt as if at most this many cells, and lengths are below it.
 MOST = np.int64(1) << 36
+
+
+#: Steps count as at most this long and as at most so many cells for the speed.
+_FARTHEST, _LONGEST = np.int64(1) << 34, np.int64(1) << 25
 
 
 class WalkModel(NamedTuple):
@@ -157,6 +198,10 @@ class WalkModel(NamedTuple):
     offers: NDArray[np.int64]  # by layer and class: how much was to be had there, and what was chosen
     hits: NDArray[np.int64]
     sheet: NDArray[np.int64]  # the distributions being mixed
+    starts: NDArray[np.int64]  # by time, of each track: its first cell and whether it was had
+    trail: NDArray[np.int64]  # the way to the place aimed at, and nodes settled in search for one
+    found: NDArray[np.int64]  # of each node, where it was settled in the latest search, and which that was
+    spent: NDArray[np.float64]  # bits that the steps to the knots take without aims; only a writer's choice of aims asks for it
     ledger: NDArray[np.float64]  # bits written and how often, by ``ACCOUNTS``; nothing is decided by it
 
 
@@ -179,11 +224,15 @@ def new_model(knots: int, dimension: int) -> WalkModel:
         counts=np.zeros(table, np.int64),
         tree=np.zeros(size + 1, np.int64),
         rests=np.zeros(size, np.int64),
-        usual=np.zeros((CLASSES + 2, 2), np.int64),
-        scalars=np.array([0] * 8 + [-1, NO_TURN, 0], np.int64),
-        offers=np.array([10, 10, _TURNS], np.int64)[:, None, None] * np.ones((3, OCTAVES, 8), np.int64),
+        usual=np.zeros((CLASSES + 3, 2), np.int64),
+        scalars=np.array([0] * 8 + [-1, NO_TURN] + [0] * (_SCALARS - 10), np.int64),
+        offers=np.array([10, 10, _TURNS, 10], np.int64)[:, None, None] * np.ones((4, OCTAVES, 8), np.int64),
         hits=_first_hits(),
         sheet=np.zeros((SHEET_ROWS, _DISTRIBUTIONS), np.int64),
+        starts=np.zeros((0, 2), np.int64),
+        trail=np.zeros(0, np.int64),
+        found=np.zeros((0, 2), np.int64),
+        spent=np.zeros(0),
         ledger=np.zeros((ACCOUNTS, 2)),
     )
 
@@ -227,6 +276,23 @@ def _extend_tree(tree: NDArray[np.int64], longer: NDArray[np.int64]) -> None:
             child *= 2
 
 
+def prepared(model: WalkModel, modes: int, starts: NDArray[np.int64], spent: NDArray[np.float64]) -> WalkModel:
+    """Return a model that codes in these modes.
+
+    Parameters
+    ----------
+    starts : int64 array, shape (tracks,)
+        For ``SORTED`` the first cells of the tracks, in order; a reader's are filled in.
+    spent : float64 array, shape (K,) or (0,)
+        For a writer that aims, bits that the steps to the knots take without; filled in where no mode is on.
+    """
+    model.scalars[MODES] = modes
+    starts = np.column_stack([starts, np.zeros_like(starts)]) if modes & SORTED else model.starts
+    if not modes & AIMS:
+        return model._replace(starts=starts, spent=spent)
+    return model._replace(starts=starts, spent=spent, trail=np.zeros(BREADTH, np.int64), found=np.zeros((len(model.head), 2), np.int64))
+
+
 def _first_weights() -> NDArray[np.int64]:
     weights = np.full((_MIXTURES, _DISTRIBUTIONS + 1), 64 * _EVEN, np.int64)
     for mixture, shares in _WEIGHTS.items():
@@ -236,9 +302,10 @@ def _first_weights() -> NDArray[np.int64]:
 
 
 def _first_hits() -> NDArray[np.int64]:
-    hits = np.full((3, OCTAVES, 8), _TURNS, np.int64)
+    hits = np.full((4, OCTAVES, 8), _TURNS, np.int64)
     hits[ON_LINK] = np.outer(_LIKELY_DISTANCE, _LIKELY_BEARING)
     hits[ON_GAP] = np.outer(_LIKELY_BEYOND, _LIKELY_AGAIN)
+    hits[ON_AIM] = np.outer(_LIKELY_RANK, _LIKELY_END)
     return hits
 
 
@@ -326,6 +393,14 @@ def _turn(model: WalkModel, u: int, v: int) -> None:
 
 
 @jit
+def _learn_speed(scalars: NDArray[np.int64], far: int, cells: int) -> None:
+    """Learn how far the last step went in how many cells, and the last few in all."""
+    scalars[LAST_FAR], scalars[LAST_CELLS] = far, cells
+    scalars[SUM_FAR] += far - (scalars[SUM_FAR] >> 3)
+    scalars[SUM_CELLS] += cells - (scalars[SUM_CELLS] >> 3)
+
+
+@jit
 def _learn_span(model: WalkModel, half: int, far: int, cells: int) -> None:
     """Learn how many cells a step took."""
     scalars = model.scalars
@@ -337,6 +412,7 @@ def _learn_span(model: WalkModel, half: int, far: int, cells: int) -> None:
         scalars[PACE] = pace
         scalars[PACE_SLOW] = pace if scalars[TIMED] == 0 else scalars[PACE_SLOW] + 5 * (pace - scalars[PACE_SLOW]) // 32
         scalars[TIMED] = 1
+        _learn_speed(scalars, min(far, _FARTHEST), min(cells, _LONGEST))
 
 
 @jit
