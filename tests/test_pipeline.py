@@ -10,6 +10,7 @@ from gpszip.archive import open_archive
 from gpszip.errors import BoundError, InputError, OptionError
 from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.model import Options, Plane, Progress, Track
+from gpszip.pipeline.appending import append
 from gpszip.run.serial import Serial
 from gpszip.run.threads import Threads
 from oracle.decoded import measure
@@ -315,3 +316,23 @@ def test_progress_goes_on_and_ends_whole():
 
 def test_warming_compiles_without_a_log():
     pipeline.warm()
+
+
+def test_larger_archives_tell_how_their_log_was_sampled():
+    small, _ = pipeline.compress(wander(40), Options(rmse=2.0, effort=1))
+    large, _ = pipeline.compress(wander(1200, step=4.0, noise=0.0), Options(rmse=0.02, effort=1))
+    assert (len(small.to_bytes()) < 256, small.sampling) == (True, None)
+    assert len(large.to_bytes()) >= 256
+    assert open_archive(large.to_bytes()).sampling == pytest.approx(4.0, rel=0.1)
+
+
+def test_archives_united_tell_of_the_rarest_samples():
+    often = wander(1200, seed=7, name="often", noise=0.0)
+    seldom = wander(1200, seed=8, name="seldom", start=9e4, step=16.0, noise=0.0)
+    options = Options(rmse=0.02, effort=1)
+    parts = [pipeline.compress(one, options)[0] for one in (often, seldom)]
+    assert [part.sampling for part in parts] == [1.0, 16.0]
+    assert pipeline.merge(parts)[0].sampling == 16.0
+    assert append(parts[0], seldom, options)[0].sampling == 16.0
+    unknown = pipeline.compress(wander(40, seed=9, name="short", start=5e5), Options(rmse=2.0, effort=1))[0]
+    assert pipeline.merge([parts[0], unknown])[0].sampling is None

@@ -145,6 +145,7 @@ FORGED = {
     "large: promise after walks": large([*OPENING, section(3, WALKS), section(8, b"\1\0")]),
     "large: two promises": large([*OPENING, section(8, b"\1\0"), section(8, b"\1\0"), section(3, WALKS)]),
     "large: promise goes on": large([*OPENING, section(8, b"\1\0\0"), section(3, WALKS)]),
+    "large: sampling is missing": large([*OPENING, section(8, b"\1\x40"), section(3, WALKS)]),
     "compact: promise of no digits": compact(2, b"\0\4" + DEEP),
     "compact: promise of 1023 digits": compact(2, b"\xff\3" + DEEP),
     "compact: half a map": compact(0x12, b"\0\0\1\2\3"),

@@ -53,11 +53,12 @@ def test_kept_columns_are_not_given_to_the_wrong_tracks():
 @pytest.mark.parametrize("maximum", [True, False])
 def test_a_promise_about_all_tracks_is_not_one_about_some(maximum):
     promise = Promise(5, 0, maximum)
-    data = bytearray(to_bytes(replace(WHOLE, promise=promise)))
+    data = bytearray(to_bytes(replace(WHOLE, promise=promise, sampling=99)))
     assert recover_bytes(bytes(data)).contents.promise == promise
     data[next(report.offset for report in verify_bytes(data).sections if report.kind == "walks") + 12] ^= 0xFF
     saved = recover_bytes(bytes(data))
     assert saved.contents.promise == (promise if maximum else None)
+    assert saved.contents.sampling == 99
     assert any("error promised" in sentence for sentence in saved.lost) != maximum
 
 

@@ -67,6 +67,27 @@ def test_a_busy_street_swallows_only_what_may_have_gone_over_it_unseen(moves, ke
     assert (middle < 8) == kept
 
 
+def test_carriageways_15_m_apart_stay_two_ways():
+    rng = np.random.default_rng(3)
+    paths = []
+    for i in range(60):
+        along = np.sort(np.r_[0, rng.uniform(0, 3000, 10), 3000])
+        across = (7.5 if i % 2 else -7.5) + rng.normal(0, 2.0, len(along))
+        paths.append(np.column_stack([along, across])[:: 1 if i % 2 else -1])
+    road_map, walks = archive_like(paths, seconds=24.0)
+    made = clean_map(road_map, walks, 3.0, sampling=1.0)
+    assert made.length.sum() == pytest.approx(6000, rel=0.02)
+    assert made.length[np.minimum(made.forward, made.backward) > 2].sum() < 60
+
+
+def test_only_what_is_on_the_map_tells_widths():
+    # A way that is left out for its few travels had lent its knots to the first one.
+    road_map, walks = archive_like([*street(noise=0.0), *street(1, noise=0.0, y=300.0)])
+    made = clean_map(road_map, walks, 4.0, min_traversals=2)
+    assert len(made) == 1
+    assert made.width[0] < 1.0
+
+
 def test_a_crossing_is_shared():
     paths = street() + [path[:, ::-1] + [297.0, -300.0] for path in street(seed=3)]
     road_map, walks = archive_like(paths)

@@ -51,10 +51,13 @@ def promising_archives() -> dict[str, Contents]:
     there, small, group = MapReference(b"ABCD", 2), MapReference(b"\0\xff\0\xff"), (Group(0, 1, b"walks"),)
     return {
         "rmse": replace(one_group(DEGREES, ("0",), b"walks"), promise=Promise(240, -3, False)),
-        "maximum": replace(one_group(TALL, ("a", "b"), b"walks"), promise=Promise(1, 23, True)),
+        "maximum": replace(one_group(TALL, ("a", "b"), b"walks"), promise=Promise(1, 7, True)),
         "small with promise": Contents(WIDE, ("0",), group, None, (), None, Promise(999, -8, False)),
         "large with promise": replace(several(), promise=Promise(41, 0, False)),
-        "on map": Contents(None, None, group, small, promise=Promise(5, -1, False)),
+        "sampling": replace(one_group(FLAT, ("0",), b"walks"), sampling=255),
+        "rmse and sampling": replace(one_group(DEGREES, ("0",), b"walks"), promise=Promise(240, -3, False), sampling=0),
+        "large with sampling": replace(several(), sampling=130),
+        "on map": Contents(None, None, group, small, promise=Promise(5, -1, False), sampling=150),
         "on map, named": Contents(None, ("walk", "bike"), (Group(0, 2, b"walks"),), there),
         "on map, small": Contents(None, ("0",), group, there, (Section(5, b"kept"),), None, Promise(5, -1, True)),
         "on map, layered": Contents(None, ("0",), group, there, (), "bz2"),

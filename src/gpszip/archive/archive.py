@@ -127,7 +127,7 @@ class Archive:
         """
         from gpszip.mapping.clean_map import clean_map
 
-        return clean_map(self.road_map, self.walks, quantum(self.frame.space), min_traversals=min_traversals)
+        return clean_map(self.road_map, self.walks, quantum(self.frame.space), sampling=self.sampling, min_traversals=min_traversals)
 
     def walk(self, track: str) -> Walk:
         """Walk of one track over the nodes of ``road_map``.
@@ -306,6 +306,11 @@ class Archive:
         """The error that the walks keep: the bound that was asked for, or what was reached where none was."""
         return self.contents.promise
 
+    @property
+    def sampling(self) -> float | None:
+        """About the seconds between two samples of the log; None where that is not kept."""
+        return None if self.contents.sampling is None else quantum(self.contents.sampling)
+
     @cached_property
     def hash(self) -> bytes:
         """Four bytes by which other archives name this one as their map."""
@@ -351,6 +356,7 @@ class Archive:
             "map": None if self.contents.map is None else self.contents.map.hash.hex(),
             "promise_m": None if self.promise is None else self.promise.metres,
             "promise": None if self.promise is None else ("max_error" if self.promise.maximum else "rmse"),
+            "sampling_s": self.sampling,
         }
         return {**facts, **self._counts()} if decode else facts
 

@@ -13,14 +13,17 @@ from gpszip.archive.archive import Archive
 from gpszip.container.contents import Contents, Group, MapReference, Section
 from gpszip.model import Executor
 from gpszip.model.executor import sharing
-from gpszip.model.frame import Frame
+from gpszip.model.frame import Frame, quantum_index
 from gpszip.model.lattice import LatticeWalks
 from gpszip.model.promise import Promise
 
 if TYPE_CHECKING:
     from gpszip.coding.past import Past
 
-__all__ = ["new_archive", "promising"]
+__all__ = ["new_archive", "promising", "sampled"]
+
+#: Smaller archives are not told how their log was sampled: a byte is a byte.
+_TOLD = 256
 
 #: Groups of walks take at least this many bytes, so that cutting an archive in groups costs next to nothing.
 _GROUP_BYTES = 1 << 16
@@ -80,6 +83,12 @@ def new_archive(
 def promising(archive: Archive, promise: Promise | None) -> Archive:
     """Return the archive with what its walks have been found to keep."""
     return replace(archive, contents=replace(archive.contents, promise=promise))
+
+
+def sampled(archive: Archive, seconds: float | None) -> Archive:
+    """Return the archive with the time between two samples of its log, where a byte for that is less than half a percent."""
+    told = seconds is not None and len(archive.to_bytes()) >= _TOLD
+    return replace(archive, contents=replace(archive.contents, sampling=quantum_index(seconds) if told and seconds else None))
 
 
 def _groups(lattice: LatticeWalks, count: int, past: Past | None, executor: Executor | None) -> list[Group]:

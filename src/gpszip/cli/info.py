@@ -97,6 +97,8 @@ def _rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
         rows.append(("map", f"kept elsewhere, {facts['map']}"))
     if facts["promise"]:
         rows.append(("promise", f"{_PROMISES[facts['promise']]} at most {format_length(facts['promise_m'])}"))
+    if facts["sampling_s"]:
+        rows.append(("sampling", f"about every {facts['sampling_s']:.2g} s"))
     return [*rows, *_kept_rows(facts["kept"])]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from gpszip.model.frame import MOST_HALVINGS, Frame, Plane
+from gpszip.model.frame import MOST_HALVINGS, QUANTUM_STEPS, Frame, Plane
 from gpszip.model.promise import Promise
 
 __all__ = ["LONE_ID", "MAP_HASH_BYTES", "Contents", "Group", "MapReference", "Section", "complaint", "one_group"]
@@ -88,6 +88,8 @@ class Contents:
         What the payloads are wrapped in inside the file; in ``groups`` they are unwrapped.
     promise : Promise, optional
         The error that the walks keep.
+    sampling : int, optional
+        Index of the quantum that is about the time between two samples of the log.
     """
 
     frame: Frame | None
@@ -97,6 +99,7 @@ class Contents:
     extras: tuple[Section, ...] = ()
     layer: str | None = None
     promise: Promise | None = None
+    sampling: int | None = None
 
     @property
     def tracks(self) -> int:
@@ -174,4 +177,6 @@ def _rest_complaint(contents: Contents) -> str | None:
     wrong = [section.kind for section in contents.extras if section.kind in _RESERVED_KINDS or not 0 <= section.kind < 256]
     if wrong:
         return f"further sections can't be of kind {wrong[0]}"
+    if contents.sampling is not None and not 0 <= contents.sampling < QUANTUM_STEPS:
+        return f"sampling {contents.sampling}; an archive can name 0 to {QUANTUM_STEPS - 1}"
     return None if contents.layer in {None, "bz2"} else f"no layer is called {contents.layer!r}; there is 'bz2'"

@@ -1,31 +1,31 @@
-"""What an archive promises, in two bytes."""
+"""What an archive promises, and how its log was sampled, in two or three bytes."""
 
 from __future__ import annotations
 
 from gpszip.container.layout import Cursor
 from gpszip.model.promise import Promise
 
-__all__ = ["PROMISE_BYTES", "promise_bytes", "read_promise"]
+__all__ = ["promise_bytes", "read_promise"]
 
-PROMISE_BYTES = 2
-
-_DIGIT_BITS, _EXPONENT_BITS, _FINEST = 10, 5, -8
-
-
-def promise_bytes(promise: Promise | None) -> bytes:
-    """Ten bits of digits, five of the exponent plus 8, one for a maximum; zeros where nothing is promised."""
-    if promise is None:
-        return bytes(PROMISE_BYTES)
-    packed = promise.digits | (promise.exponent - _FINEST) << _DIGIT_BITS | promise.maximum << _DIGIT_BITS + _EXPONENT_BITS
-    return packed.to_bytes(PROMISE_BYTES, "little")
+_DIGIT_BITS, _FINEST = 10, -8
+_EXPONENTS, _SAMPLED, _MAXIMUM = 0b1111, 1 << 14, 1 << 15
 
 
-def read_promise(cursor: Cursor) -> Promise | None:
+def promise_bytes(promise: Promise | None, sampling: int | None) -> bytes:
+    """Ten bits of digits, four of the exponent plus 8, one if a byte for the sampling follows, one for a maximum; zeros promise nothing."""
+    packed = 0 if sampling is None else _SAMPLED
+    if promise is not None:
+        packed |= promise.digits | (promise.exponent - _FINEST) << _DIGIT_BITS | promise.maximum * _MAXIMUM
+    return packed.to_bytes(2, "little") + (b"" if sampling is None else bytes([sampling]))
+
+
+def read_promise(cursor: Cursor) -> tuple[Promise | None, int | None]:
     """Undo :func:`promise_bytes`."""
-    packed = int.from_bytes(cursor.take(PROMISE_BYTES, "the promise"), "little")
-    if packed == 0:
-        return None
-    digits, rest = packed & (1 << _DIGIT_BITS) - 1, packed >> _DIGIT_BITS
+    packed = int.from_bytes(cursor.take(2, "the promise"), "little")
+    sampling = cursor.byte("the sampling") if packed & _SAMPLED else None
+    if packed & ~_SAMPLED == 0:
+        return None, sampling
+    digits = packed & (1 << _DIGIT_BITS) - 1
     if not 1 <= digits < 1000:
         raise cursor.fail(f"a promise of {digits} digits")
-    return Promise(digits, (rest & (1 << _EXPONENT_BITS) - 1) + _FINEST, bool(rest >> _EXPONENT_BITS))
+    return Promise(digits, (packed >> _DIGIT_BITS & _EXPONENTS) + _FINEST, bool(packed & _MAXIMUM)), sampling

@@ -178,20 +178,20 @@ def read_piece(cursor: Cursor) -> Piece:
     return Piece(kind, cursor.base + offset, cursor.at - offset, body, seal, body_offset)
 
 
-def opening(found: list[Piece]) -> tuple[Frame | None, MapReference | None, Promise | None]:
-    """Where an archive lies, or on which map, and what it promises."""
+def opening(found: list[Piece]) -> tuple[Frame | None, MapReference | None, Promise | None, int | None]:
+    """Where an archive lies, or on which map, what it promises, and how its log was sampled."""
     kinds = [piece.kind for piece in found[:2]]
     if kinds not in ([Kind.FRAME, Kind.NAMES], [Kind.MAP, Kind.NAMES]):
         raise CorruptArchiveError("an archive begins with its frame or its map, and its names", HEAD_BYTES)
-    promise = next((finished(piece, read_promise) for piece in found if piece.kind == Kind.PROMISE), None)
+    said = next((finished(piece, read_promise) for piece in found if piece.kind == Kind.PROMISE), (None, None))
     if kinds[0] == Kind.MAP:
-        return None, finished(found[0], read_reference), promise
-    return finished(found[0], read_frame), None, promise
+        return None, finished(found[0], read_reference), *said
+    return finished(found[0], read_frame), None, *said
 
 
 def assemble(found: list[Piece], head: Head, file_size: int) -> Contents:
     """Contents from the sections of an archive, each checked against the others."""
-    frame, reference, promise = opening(found)
+    frame, reference, promise, sampling = opening(found)
     _check_order(found)
     ids = finished(found[1], lambda cursor: read_names(cursor, file_size))
     layered = bool(head.high)
@@ -206,6 +206,7 @@ def assemble(found: list[Piece], head: Head, file_size: int) -> Contents:
         tuple(Section(piece.kind, piece.body) for piece in found if piece.kind not in {*_ONCE, Kind.WALKS}),
         "bz2" if layered else None,
         promise,
+        sampling,
     )
     return _believed(contents, found[-1].offset)
 
@@ -225,15 +226,16 @@ def _read_compact(data: bytes, head: Head) -> Contents:
     if checksum(memoryview(data)[:end]) != data[end:]:
         raise CorruptArchiveError("the archive's checksum is wrong: bytes are missing or changed", end)
     cursor = Cursor(data, HEAD_BYTES, end)
-    promise = read_promise(cursor)
+    promise, sampling = read_promise(cursor)
     if head.form is Form.ON_MAP:
         reference = MapReference(cursor.take(MAP_HASH_BYTES, "the map's hash"), head.low)
         own = read_names(cursor, len(data)) if head.high else None
         group = Group(0, 1 if own is None else len(own), cursor.rest())
-        return _believed(Contents(None, own, (group,), reference, promise=promise), HEAD_BYTES)
+        return _believed(Contents(None, own, (group,), reference, promise=promise, sampling=sampling), HEAD_BYTES)
     frame = read_short_frame(cursor, head.low, bool(head.high))
     ids = (LONE_ID,) if head.form is Form.LONE else read_names(cursor, len(data))
-    return _believed(Contents(frame, ids, (Group(0, len(ids), cursor.rest()),), promise=promise), HEAD_BYTES)
+    group = Group(0, len(ids), cursor.rest())
+    return _believed(Contents(frame, ids, (group,), promise=promise, sampling=sampling), HEAD_BYTES)
 
 
 def _believed(contents: Contents, offset: int) -> Contents:

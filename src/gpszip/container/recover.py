@@ -104,12 +104,12 @@ def _joined(found: list[Piece], head: Head, size: int, reason: str) -> Recovered
     if len(kept) < len(ids) and any(extra.kind == Kind.ATTRIBUTES for extra in extras):
         extras = tuple(extra for extra in extras if extra.kind != Kind.ATTRIBUTES)
         lost.append("kept columns and times of samples, as they stand for all tracks together")
-    promise = next((read_promise(piece.cursor()) for piece in found if piece.kind == Kind.PROMISE), None)
+    promise, sampling = next((read_promise(piece.cursor()) for piece in found if piece.kind == Kind.PROMISE), (None, None))
     if promise is not None and not promise.maximum and len(kept) < len(ids):
         promise = None
         lost.append("the error promised, which is of all tracks together")
     layer = "bz2" if layered else None
-    contents = Contents(frame, kept, _renumbered(groups), reference, extras, layer, promise)
+    contents = Contents(frame, kept, _renumbered(groups), reference, extras, layer, promise, sampling)
     wrong = complaint(contents)
     if wrong:
         raise CorruptArchiveError(wrong)

@@ -189,7 +189,7 @@ def _compact(contents: Contents, payload: bytes) -> bytes:
         place = short_frame_bytes(frame)
     elif contents.map is not None:
         head, place = Head(Form.ON_MAP, contents.map.halvings, int(not lone)), contents.map.hash
-    return _sealed(head_bytes(head) + promise_bytes(contents.promise) + place + names + payload)
+    return _sealed(head_bytes(head) + promise_bytes(contents.promise, contents.sampling) + place + names + payload)
 
 
 def _sealed(data: bytes) -> bytes:
@@ -198,8 +198,8 @@ def _sealed(data: bytes) -> bytes:
 
 def _opening(contents: Contents) -> list[tuple[int, bytes]]:
     sections = [(int(Kind.NAMES), names_bytes(contents.ids or ()))]
-    if contents.promise is not None:
-        sections.append((int(Kind.PROMISE), promise_bytes(contents.promise)))
+    if contents.promise is not None or contents.sampling is not None:
+        sections.append((int(Kind.PROMISE), promise_bytes(contents.promise, contents.sampling)))
     if contents.frame is not None:
         return [(int(Kind.FRAME), frame_bytes(contents.frame)), *sections]
     return [(int(Kind.MAP), reference_bytes(contents.map)), *sections] if contents.map is not None else sections

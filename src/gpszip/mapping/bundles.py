@@ -24,9 +24,9 @@ _ROUNDS = 2
 #: Each round looks more closely, by this factor.
 _SHARPER = 0.7
 
-#: A node goes no farther than this many scales. An edge's way stays in the ellipse about its ends whose axis is so many times the
-#: edge's length, and as many scales.
-_REACH, _DETOUR, _MARGIN = 2.5, 1.35, 2.0
+#: A node goes no farther than this many scales. A way between two samples stays in the ellipse about them whose axis is so many times
+#: their distance; samples err by so many scales.
+_REACH, _DETOUR, _MARGIN = 2.5, 1.35, 3.0
 
 #: Price of a metre: 1 / (floor + density) to this power. The floor is what untravelled ground counts for in single edges.
 _FLOOR, _POWER = 0.3, 0.8

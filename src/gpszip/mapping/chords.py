@@ -7,15 +7,15 @@ from numpy.typing import NDArray
 
 __all__ = ["chords", "corridors"]
 
-#: This share of all moves takes less time than two samples are apart, or hardly more: where samples are rare nearly every move is a step
-#: between two of them, and where they are dense short moves are those round corners.
+#: Where it isn't known how far apart samples are: this share of all moves takes no longer, or hardly. Where samples are rare nearly every
+#: move is a step between two of them; where they are dense, short moves are those round corners.
 _STEP = 0.25
 
 
-def chords(length: NDArray[np.float64], edges: NDArray[np.int32], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
+def chords(
+    length: NDArray[np.float64], edges: NDArray[np.int32], seconds: NDArray[np.float64], sampling: float | None
+) -> NDArray[np.float64]:
     """Metres of each edge that were travelled between two samples, at most: the log itself is witness that a longer edge is straight.
-
-    An archive doesn't keep the samples. What it keeps is how long each move took, and few are shorter than the time between two samples.
 
     Parameters
     ----------
@@ -25,6 +25,8 @@ def chords(length: NDArray[np.float64], edges: NDArray[np.int32], seconds: NDArr
         Edge of each move.
     seconds : float64 array, shape (h,)
         How long each took; where that isn't known, an edge may be a single step.
+    sampling : float or None
+        Seconds between two samples. Where that isn't known, it is less than most moves take.
 
     Returns
     -------
@@ -32,13 +34,14 @@ def chords(length: NDArray[np.float64], edges: NDArray[np.int32], seconds: NDArr
 
     Examples
     --------
-    >>> chords(np.array([10.0, 100.0]), np.array([0, 0, 0, 1]), np.array([1.0, 1.0, 1.0, 10.0])).tolist()
-    [10.0, 10.0]
+    >>> moves = np.array([0, 0, 0, 1]), np.array([1.0, 1.0, 1.0, 10.0])
+    >>> chords(np.array([10.0, 100.0]), *moves, 0.5).tolist(), chords(np.array([10.0, 100.0]), *moves, None).tolist()
+    ([5.0, 5.0], [10.0, 10.0])
     """
     known = seconds > 0
     if not known.any():
         return length
-    step = float(np.quantile(seconds[known], _STEP))
+    step = float(np.quantile(seconds[known], _STEP)) if sampling is None else sampling
     count = np.bincount(edges[known], minlength=len(length))
     total = np.bincount(edges[known], weights=seconds[known], minlength=len(length))
     share = np.where(count > 0, step * count / np.maximum(total, 1e-9), 1.0)
@@ -51,14 +54,17 @@ def corridors(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Bounds of the ground on which the way of an edge may run.
 
-    A step between two samples stays in an ellipse about its ends. An edge of many steps stays as near to its straight line.
+    A step between two samples stays in an ellipse about its ends. An edge of many steps stays as near to its straight line, or
+    nearly: samples err.
 
     Parameters
     ----------
     length, chord : float64 array, shape (E,)
         Of each edge, and of one step on it, in metres.
-    detour, margin : float
-        The distances to both ends of a step add up to at most ``detour`` times its length and ``margin`` metres.
+    detour : float
+        The distances to both ends of a step add up to at most so many times its length.
+    margin : float
+        Metres that samples err.
 
     Returns
     -------
@@ -73,6 +79,5 @@ def corridors(
     >>> far.round(2).tolist(), wide.tolist()
     ([5.0, 300.03], [2.0, 2.0])
     """
-    chord = np.minimum(chord, length)
-    bulge = (detour * chord + margin) ** 2 - chord**2
-    return np.sqrt(length**2 + bulge), np.sqrt(bulge) / 2
+    wide = np.sqrt((detour**2 - 1) / 4 * np.minimum(chord, length) ** 2 + margin**2)
+    return np.sqrt(length**2 + 4 * wide**2), wide

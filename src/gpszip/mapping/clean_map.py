@@ -35,7 +35,9 @@ _PARTS = 4
 _SHAPE = 0.1
 
 
-def clean_map(road_map: RoadMap, walks: Sequence[Walk], resolution: float, *, min_traversals: int = 1) -> WayMap:
+def clean_map(
+    road_map: RoadMap, walks: Sequence[Walk], resolution: float, *, sampling: float | None = None, min_traversals: int = 1
+) -> WayMap:
     """Make one way of what was travelled along the same street.
 
     Edges of the road map attract each other within the scale of their bundles and follow shared ground instead of cutting its
@@ -50,6 +52,8 @@ def clean_map(road_map: RoadMap, walks: Sequence[Walk], resolution: float, *, mi
         All walks on it.
     resolution : float
         Quantum of the archive's nodes in metres: it goes with the error that was allowed, and is the least scale.
+    sampling : float, optional
+        Seconds between two samples of the log; guessed from the walks where that is not known.
     min_traversals : int, default 1
         Leave out ways that were travelled less often, both directions together.
 
@@ -71,7 +75,7 @@ def clean_map(road_map: RoadMap, walks: Sequence[Walk], resolution: float, *, mi
     believed = _believed(road_map, hops)
     travelled = np.bincount(hops.edges[believed], minlength=len(road_map.edges))
     length = np.linalg.norm(np.diff(road_map.nodes[road_map.edges], axis=1)[:, 0], axis=1)
-    chord = chords(length, hops.edges[believed], hops.seconds[believed])
+    chord = chords(length, hops.edges[believed], hops.seconds[believed], sampling)
     lines = _lines(road_map, travelled, chord, resolution)
     routes = travels.match_edges(road_map, lines, chord, resolution)
     if lines.places.shape[1] == 2 and len(lines.pairs):

@@ -20,7 +20,7 @@ _EARLIEST = 315_532_800.0
 
 _DAY = 86_400.0
 
-#: A matched edge may be this much longer than the straight line, and as many scales.
+#: A way between two samples may be this much longer than the straight line; samples and lines err by so many scales.
 _DETOUR, _MARGIN = 1.5, 6.0
 
 
@@ -153,10 +153,10 @@ def hourly_speeds(road_map: RoadMap, hops: Hops, lines: LineGraph, strings: Stri
 def widths(road_map: RoadMap, hops: Hops, lines: LineGraph, strings: Strings, routes: Routes) -> NDArray[np.float64]:
     """Root mean square distance between each string and the knots on it, in metres, shape (w,); NaN where there is none."""
     visits = np.bincount(road_map.edges[hops.edges].ravel(), minlength=len(road_map.nodes))
-    known = np.flatnonzero((routes.at >= 0) & (visits > 0))
-    # The nearest pair at the vertex nearest to the node.
+    known = np.flatnonzero((routes.at >= 0) & (lines.degrees[routes.at] > 0) & (visits > 0))
     if not len(strings):
         return np.zeros(0)
+    # The nearest pair at the vertex nearest to the node.
     home = _pair_of(lines, strings)[routes.at[known]]
     away = _beside(road_map.nodes[known, :2], lines, home)
     owner = np.empty(len(lines.pairs), np.int64)

@@ -9,7 +9,7 @@ from fractions import Fraction
 __all__ = ["Promise", "promise_of"]
 
 #: A promise has three digits; its exponents of ten, in metres, and the exponent of the smallest one.
-_DIGITS, _EXPONENTS, _FINEST = 1000, 32, -8
+_DIGITS, _EXPONENTS, _FINEST = 1000, 16, -8
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Promise:
     digits : int
         1 to 1000.
     exponent : int
-        -8 to 23.
+        -8 to 7.
     maximum : bool
         Whether every sample is that near, rather than all of them in the root mean square.
     """

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gpszip.archive import Archive, new_archive, promising
+from gpszip.archive import Archive, new_archive, promising, sampled
 from gpszip.coding.walks import number_by_visit
 from gpszip.container.attributes import Kept, attributes_body
 from gpszip.container.contents import Section
 from gpszip.container.layout import Kind
 from gpszip.errors import BoundError, OptionError
-from gpszip.geo.gaps import estimate_gap
+from gpszip.geo.gaps import estimate_gap, gap_parts
+from gpszip.geo.sampling import sampling_step
 from gpszip.mapping.lattice_map import join_lattices, knot_times, node_positions
 from gpszip.model import Executor, LatticeWalk, LatticeWalks, Listener, Options, Report, Track
 from gpszip.model.frame import quantum
@@ -83,13 +84,14 @@ def append(
     whole = compressing.laid_on(archive, compressing.checked(tracks), options)
     compressing.kept(whole, options)
     gap = estimate_gap(whole) if options.gap is None else options.gap
+    sampling = sampling_step(whole, [gap_parts(track.times, gap) for track in whole])
     led = tuple(_led_on(archive, track, gap) if track.id in archive.ids else track for track in whole)
     for share in _SHARES:
         aim = replace(options.tightened(share), gap=gap, keep=(), keep_times=False)
         on_map, report = compressing.compress(led, aim, map=archive, executor=executor, progress=progress)
         if on_map.map is None:
             break
-        grown = _grown(archive, on_map, gap, whole if options.keep_times else ())
+        grown = _grown(archive, on_map, gap, sampling, whole if options.keep_times else ())
         found = compressing.measure(whole, grown)
         if compressing.holds(found, options):
             return grown, _report(report, grown, found)
@@ -122,7 +124,7 @@ def _report(report: Report, grown: Archive, found: Fit) -> Report:
     )  # fmt: skip
 
 
-def _grown(archive: Archive, on_map: Archive, gap: float, kept: Sequence[Track]) -> Archive:
+def _grown(archive: Archive, on_map: Archive, gap: float, sampling: float | None, kept: Sequence[Track]) -> Archive:
     """Unite an archive with walks on it; between a walk and what it goes on with, at most ``gap`` seconds are no gap."""
     halvings = on_map.contents.map.halvings if on_map.contents.map is not None else 0
     lattice = join_lattices([refined(archive.lattice, halvings), on_map.lattice])
@@ -137,7 +139,8 @@ def _grown(archive: Archive, on_map: Archive, gap: float, kept: Sequence[Track])
         layer=archive.contents.layer,
         extras=_united_extras(archive, kept, tuple(walks)),
     )
-    return promising(united, _weaker(archive.promise, on_map.promise))
+    told = None if archive.sampling is None or sampling is None else max(archive.sampling, sampling)
+    return sampled(promising(united, _weaker(archive.promise, on_map.promise)), told)
 
 
 def _completed(options: Options, archive: Archive) -> Options:

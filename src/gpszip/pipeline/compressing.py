@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.archive import Archive, new_archive, open_archive, promising
+from gpszip.archive import Archive, new_archive, open_archive, promising, sampled
 from gpszip.container.attributes import Kept, attributes_body
 from gpszip.container.contents import Section
 from gpszip.container.layout import Kind
@@ -54,6 +54,7 @@ class _Job:
     listener: Listener | None
     extras: tuple[Section, ...] = ()
     map: Archive | None = None
+    sampling: float | None = None
 
     @property
     def ids(self) -> list[str]:
@@ -118,6 +119,7 @@ def compress(
     BoundError
         If the bound can't be held, or no archive is as small as it should be.
     """
+    from gpszip.geo.sampling import sampling_step
     from gpszip.run import executor_of
 
     start = time.perf_counter()
@@ -125,7 +127,7 @@ def compress(
     whole = checked(tracks) if map is None else laid_on(map, checked(tracks), options)
     gap, gaps = _gaps(whole, options.gap)
     options, notes = _bounded(whole, gaps, _sized(whole, options, bytes_in))
-    job = _Job(whole, gaps, options, executor_of(executor), progress, kept(whole, options), map)
+    job = _Job(whole, gaps, options, executor_of(executor), progress, kept(whole, options), map, sampling_step(whole, gaps))
     archive, fit = _within_size(job, options.size) if options.size is not None else _finished(options, *_within_bound(job))
     notes += _off_map(archive, map)
     if not options.times:
@@ -307,7 +309,7 @@ def _written(job: _Job, learned: _Learned) -> tuple[Archive, Fit]:
     archive = open_archive(made.to_bytes(), job.map)
     fit = _measured(job.tracks, archive)
     job.tell("measure", 1.0)
-    return promising(archive, promised(job.options, fit)), fit
+    return sampled(promising(archive, promised(job.options, fit)), job.sampling), fit
 
 
 def promised(options: Options, fit: Fit) -> Promise | None:

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.archive import Archive, new_archive, open_archive, promising
+from gpszip.archive import Archive, new_archive, open_archive, promising, sampled
 from gpszip.coding.past import Past
 from gpszip.errors import BoundError, OptionError
 from gpszip.geo.gaps import estimate_gap, gap_parts
 from gpszip.geo.planes import plane_changes
+from gpszip.geo.sampling import sampling_step
 from gpszip.io.streaming import StoredLog, count_rows, store_logs
 from gpszip.mapping.connected import RMSE_OF_MAXIMUM
 from gpszip.mapping.fitting import Fit, fit
@@ -122,6 +123,7 @@ def compress_large(
         excerpt = _excerpt(log, min(room // _LEARNT, _EXCERPT))
         gap = estimate_gap(excerpt) if options.gap is None else options.gap
         options, notes = _bounded(excerpt, gap, options)
+        sampling = sampling_step(excerpt, [gap_parts(track.times, gap) for track in excerpt])
         batch = max(min(_BATCH, room // (_LAID * _AT_ONCE)), 5000)
         workers = executor or Threads()
         if isinstance(workers, Threads):
@@ -130,7 +132,7 @@ def compress_large(
             ground = _learned(log, excerpt, gap, options.tightened(share), workers, tell)
             archive, found = _laid(log, ground, batch, workers, tell)
             if holds(found, options):
-                archive = promising(archive, promised(options, found))
+                archive = sampled(promising(archive, promised(options, found)), sampling)
                 return archive, report_on(archive, found, options, notes, gap, time.perf_counter() - start), log.reading
     raise BoundError("the bound can't be held batch by batch; allow a larger error, or more memory")
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.archive import Archive, new_archive, open_archive, promising
+from gpszip.archive import Archive, new_archive, open_archive, promising, sampled
 from gpszip.container.attributes import Kept, attributes_body, read_attributes
 from gpszip.container.contents import Section
 from gpszip.container.layout import Kind
@@ -82,7 +82,8 @@ def merge(
     moved = _measured(sources, made)
     if len(parts) > 1 and (limit.excess(moved) > 1 + _ROUNDING).any():
         raise BoundError(f"a deviation of {limit.metres:g} m can't be held; allow a larger one")
-    made = promising(made, _promise(sources, moved))
+    steps = [archive.sampling for archive in archives if archive.sampling is not None]
+    made = sampled(promising(made, _promise(sources, moved)), max(steps) if len(steps) == len(archives) else None)
     return made, _report(archives, made, limit, moved, time.perf_counter() - start, (*notes, *more))
 
 
