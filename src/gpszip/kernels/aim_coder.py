@@ -14,19 +14,8 @@ from gpszip.kernels.heap import pop, push
 from gpszip.kernels.jit import jit
 from gpszip.kernels.link_coder import KINDS, class_weights, code_candidate, has_narrowed, learn_choice, sum_weights
 from gpszip.kernels.range_coder import Coder
-from gpszip.kernels.walk_model import (
-    BREADTH,
-    F_AIM,
-    ON_AIM,
-    SEARCHES,
-    TRAIL_AT,
-    TRAIL_END,
-    WalkModel,
-    half_edge,
-    length,
-    weigh,
-    weight_below,
-)
+from gpszip.kernels.walk_model import BREADTH, SEARCHES, TRAIL_AT, TRAIL_END, WalkModel, half_edge, length, weigh, weight_below
+from gpszip.kernels.walk_priors import F_AIM, ON_AIM
 
 __all__ = ["code_aim", "is_aiming", "next_on_trail"]
 

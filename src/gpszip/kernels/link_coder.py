@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from gpszip.kernels.adaptive import PARTS, code_bit
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder, code_interval, target
-from gpszip.kernels.walk_model import CHEAP, F_NEAR, NODES, OCTAVES, ON_GAP, ON_LINK, STEP_LENGTH, WalkModel
+from gpszip.kernels.walk_model import CHEAP, NODES, STEP_LENGTH, WalkModel
+from gpszip.kernels.walk_priors import F_NEAR, OCTAVES, ON_GAP, ON_LINK
 
 __all__ = ["KINDS", "class_weights", "code_candidate", "code_link", "has_narrowed", "learn_choice", "sum_weights"]
 

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from gpszip.kernels.adaptive import CENTERS, KINDS, SCALES, SIZES, code_size, code_whole
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder
-from gpszip.kernels.walk_model import FLAGS, MOST, WalkModel
+from gpszip.kernels.walk_model import MOST, WalkModel
+from gpszip.kernels.walk_priors import FLAGS
 
 __all__ = [
     "FAR_OFFSET",

@@ -22,17 +22,11 @@ from gpszip.kernels.spread import FIRST_PLACE, START_GAP, TRACK_ORDER, TRACK_STA
 from gpszip.kernels.walk_model import (
     AIMS,
     BEGUN,
-    F_END,
-    F_GAP,
-    F_GAP_KIND,
-    F_KNOWN_START,
     GAP_BITS,
     KIND_BITS,
     LATEST,
     MODES,
     NODES,
-    ON_GAP,
-    ON_LINK,
     ORDER_AT,
     PACED,
     PLACE_BITS,
@@ -50,6 +44,7 @@ from gpszip.kernels.walk_model import (
     weigh,
     weight_below,
 )
+from gpszip.kernels.walk_priors import F_END, F_GAP, F_GAP_KIND, F_KNOWN_START, ON_GAP, ON_LINK
 from gpszip.kernels.way_coder import KIND_BACK, KIND_KNOWN, KIND_LINK, KIND_NEW, KIND_STAY, code_kind, code_way, kind_of
 
 __all__ = ["code_walks"]
@@ -99,7 +94,7 @@ def _code_first_cell(coder: Coder, model: WalkModel, cell: int, first: int) -> i
 
 
 @jit
-def _code_start(coder: Coder, model: WalkModel, last: int, node: int) -> int:
+def _code_first(coder: Coder, model: WalkModel, last: int, node: int) -> int:
     """Code the first node of a track: a known one, likelier where tracks began or ended, or a new one."""
     nodes = model.scalars[NODES]
     known = 0
@@ -119,6 +114,16 @@ def _code_start(coder: Coder, model: WalkModel, last: int, node: int) -> int:
     else:
         code_step(coder, model, last, node, ON_AXES, ZERO)
     return add_node(model)
+
+
+@jit
+def _code_start(coder: Coder, model: WalkModel, last: int, node: int) -> int:
+    """Code the first node of a track after one that ended at ``last``, and learn it."""
+    bits = used_bits(coder)
+    node = _code_first(coder, model, last, node)
+    book(model, START_BITS, used_bits(coder) - bits)
+    weigh(model, node, _WEIGHTS_END)
+    return node
 
 
 @jit
@@ -144,9 +149,22 @@ def _gap_context(model: WalkModel, u: int, last: int) -> int:
 
 
 @jit
+def _joined(gaps: NDArray[np.int8], begins: NDArray[np.int8]) -> NDArray[np.bool_]:
+    """Whether a step leads to each knot."""
+    joined = np.zeros(len(gaps), np.bool_)
+    for j in range(1, len(gaps)):
+        joined[j] = begins[j] == 0 and gaps[j] == 0
+    return joined
+
+
+@jit
 def _code_way_on(coder: Coder, model: WalkModel, u: int, before: int, arrived: int, last: int, node: int) -> tuple[int, int, int]:
     """Code what kind of step follows on u and along which way: return the kind, the half-edge if there is one, and where it leads."""
     back = arrived ^ 1 if arrived >= 0 else _NOWHERE
+    if is_aiming(model):
+        node = next_on_trail(model)
+        half = half_edge(model, u, node)
+        return KIND_BACK if half == back else KIND_KNOWN, half, node
     kind = code_kind(coder, model, u, arrived, back, kind_of(model, u, back, node), last)
     half = _NOWHERE
     if kind == KIND_STAY:
@@ -185,6 +203,16 @@ def _code_part(coder: Coder, model: WalkModel, kind: int, half: int, u: int, nod
             cells = code_move(coder, model, half, u, node, cells)
         book(model, SPAN_BITS + kind, used_bits(coder) - bits)
     return cells
+
+
+@jit
+def _code_end(coder: Coder, model: WalkModel, u: int, ends: bool) -> bool:
+    """Code whether a track that has come to u ends."""
+    terminal = 1 if weight_below(model, u + 1) - weight_below(model, u) > 1 else 0
+    ended = code_bit(coder, model.flags, F_END + terminal, 1 if ends else 0) == 1
+    if ended:
+        weigh(model, u, _WEIGHTS_END)
+    return ended
 
 
 @jit
@@ -233,9 +261,7 @@ def code_walks(
     start = model.scalars[BEGUN]
     ended, arrival = True, False
     aims = model.scalars[MODES] & AIMS > 0
-    joined = np.zeros(knots if aims else 0, np.bool_)
-    for j in range(len(joined)):
-        joined[j] = begins[j] == 0 and gaps[j] == 0 and j > 0
+    joined = _joined(gaps, begins)
     if timed and len(model.starts) > 0 and not _code_starts(coder, model, start):
         return -1
     for j in range(knots):
@@ -249,11 +275,8 @@ def code_walks(
             if timed:
                 start = _code_first_cell(coder, model, start, cells[j])
                 cells[j] = start
-            bits = used_bits(coder)
             u = _code_start(coder, model, u, nodes[j])
-            book(model, START_BITS, used_bits(coder) - bits)
             nodes[j] = u
-            weigh(model, u, _WEIGHTS_END)
             before, arrived, last, arrival = _NOWHERE, _NOWHERE, KIND_NEW, False
             forget_way(model)
         else:
@@ -276,12 +299,7 @@ def code_walks(
                 model.rests[u] += 1
                 model.rests[node] += 1
             else:
-                if is_aiming(model):
-                    node = next_on_trail(model)
-                    half = half_edge(model, u, node)
-                    last = KIND_BACK if arrived >= 0 and half == arrived ^ 1 else KIND_KNOWN
-                else:
-                    last, half, node = _code_way_on(coder, model, u, before, arrived, last, nodes[j])
+                last, half, node = _code_way_on(coder, model, u, before, arrived, last, nodes[j])
                 book(model, KIND_BITS + last, used_bits(coder) - bits)
                 if len(model.spent) > 0 and not aims:
                     model.spent[j] = used_bits(coder) - bits
@@ -295,11 +313,6 @@ def code_walks(
             cells[j] = cells[j - 1] + span if timed else 0
         if coder.cursor[1] == 1 and not _is_sound(model, u, cells[j]):
             return -1
-        ended = False
-        if left > 0 and not is_aiming(model):
-            terminal = 1 if weight_below(model, u + 1) - weight_below(model, u) > 1 else 0
-            ended = code_bit(coder, model.flags, F_END + terminal, 1 if j + 1 == knots or begins[j + 1] == 1 else 0) == 1
-            if ended:
-                weigh(model, u, _WEIGHTS_END)
+        ended = left > 0 and not is_aiming(model) and _code_end(coder, model, u, j + 1 == knots or begins[j + 1] == 1)
     model.scalars[LATEST], model.scalars[BEGUN] = u + 1, start
     return model.scalars[NODES] if left == 0 and not is_aiming(model) else np.int64(-1)

@@ -8,17 +8,8 @@ from numpy.typing import NDArray
 from gpszip.kernels.adaptive import code_bit, code_choice
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder
-from gpszip.kernels.walk_model import (
-    F_BACK,
-    F_ESCAPE,
-    F_NEW,
-    F_STAY,
-    NODES,
-    ON_WAY,
-    WalkModel,
-    half_edge,
-    pair_count,
-)
+from gpszip.kernels.walk_model import NODES, WalkModel, half_edge, pair_count
+from gpszip.kernels.walk_priors import F_BACK, F_ESCAPE, F_NEW, F_STAY, ON_WAY
 
 __all__ = ["KIND_BACK", "KIND_KNOWN", "KIND_LINK", "KIND_NEW", "KIND_STAY", "code_kind", "code_way", "kind_of"]
 
