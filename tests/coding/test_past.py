@@ -1,3 +1,6 @@
+from collections import Counter
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -79,9 +82,23 @@ def test_other_walks_than_those_written_after_give_other_walks_or_an_error():
 
 @pytest.mark.parametrize("knots", [7, 8, 9, 64, 1000])
 def test_a_grown_model_weighs_nodes_as_before(knots):
-    model = Past(random_walks(5)).model(0)
-    larger = grown(model, len(model.places) + knots)
-    last = len(model.tree) - 1
+    past = Past(random_walks(5))
+    model, last = past.model(0), past.nodes
+    larger = grown(model, knots)
     assert [weight_below(larger, i) for i in range(last + 1)] == [weight_below(model, i) for i in range(last + 1)]
     weigh(larger, last + knots - 1, 5)
     assert weight_below(larger, last + knots) == weight_below(model, last) + 5
+
+
+def test_steps_and_visits_are_those_of_the_walks():
+    past = Past(random_walks(6))
+    pairs, counts = past.steps
+    steps = [pair for walk in past.walks.walks for pair, gap in zip(pairwise(walk.nodes.tolist()), walk.gaps, strict=True) if not gap]
+    assert dict(zip(map(tuple, pairs.tolist()), counts.tolist(), strict=True)) == dict(Counter(steps))
+    assert past.visits.tolist() == [sum(walk.nodes.tolist().count(v) for walk in past.walks.walks) for v in range(past.nodes)]
+
+
+def test_a_copy_is_as_large_as_what_was_learned_not_as_the_walks_are_long():
+    there = LatticeWalk(np.arange(5000, dtype=np.int32) % 10, np.arange(5000), np.zeros(4999, bool))
+    model = Past(LatticeWalks(np.arange(20).reshape(10, 2), (there,))).model(7)
+    assert max(len(values) for values in model if values is not model.flags) < 100

@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gpszip.kernels.range_coder import listener
 from gpszip.kernels.walk_coder import code_walks
 from gpszip.kernels.walk_model import WalkModel, grown, new_model
@@ -37,10 +40,25 @@ class Past:
 
     walks: LatticeWalks
 
-    @property
-    def knots(self) -> int:
-        """Number of knots of all walks."""
-        return sum(len(walk.nodes) for walk in self.walks.walks)
+    @cached_property
+    def row(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int8], NDArray[np.int8]]:
+        """All knots in a row: nodes, cells, whether a gap leads there, whether a track begins there."""
+        from gpszip.coding.walks import flatten
+
+        return flatten(self.walks)
+
+    @cached_property
+    def steps(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Each pair of nodes between which a step leads, shape (s, 2), and how many do, shape (s,)."""
+        nodes, _, gaps, begins = self.row
+        inside = (gaps[1:] == 0) & (begins[1:] == 0)
+        pairs, counts = np.unique(nodes[:-1][inside] * max(self.nodes, 1) + nodes[1:][inside], return_counts=True)
+        return np.stack(np.divmod(pairs, max(self.nodes, 1)), axis=1), counts
+
+    @cached_property
+    def visits(self) -> NDArray[np.int64]:
+        """How many knots each node has, shape (V,)."""
+        return np.bincount(self.row[0], minlength=self.nodes).astype(np.int64)
 
     @property
     def nodes(self) -> int:
@@ -49,14 +67,13 @@ class Past:
 
     def model(self, knots: int) -> WalkModel:
         """What has been learned, with room for so many further knots; the caller's own copy."""
-        return grown(self._model, self.knots + knots)
+        return grown(self._model, knots)
 
     @cached_property
     def _model(self) -> WalkModel:
-        from gpszip.coding.walks import flatten
-
-        knots = flatten(self.walks)
-        model = new_model(self.knots, self.walks.nodes.shape[1])
+        nodes, cells, gaps, begins = self.row
+        model = new_model(len(nodes), self.walks.nodes.shape[1])
         model.places[: self.nodes] = self.walks.nodes
-        code_walks(listener(), model, *knots, len(self.walks.walks), self.walks.timed, bool(knots[2].any()))
-        return model
+        code_walks(listener(), model, nodes, cells, gaps, begins, len(self.walks.walks), self.walks.timed, bool(gaps.any()))
+        # each copy is as large as what was learned, however long that took
+        return grown(model, 0)

@@ -199,12 +199,10 @@ def enter_walks(draft: Draft, slots_at: NDArray[np.int64], lasts: NDArray[np.int
 
 
 @jit
-def enter_known(draft: Draft, nodes: NDArray[np.int64], breaks: NDArray[np.int8]) -> None:
-    """Count knots that are not to be moved, and the steps between them but those that lead to a break."""
-    for i in range(len(nodes)):
-        draft.uses[nodes[i]] += 1
-        if breaks[i] == 0:
-            count_step(draft, nodes[i - 1], nodes[i], 1)
+def enter_known(draft: Draft, pairs: NDArray[np.int64], counts: NDArray[np.int64]) -> None:
+    """Count steps between knots that are not to be moved."""
+    for i in range(len(pairs)):
+        count_step(draft, pairs[i, 0], pairs[i, 1], counts[i])
 
 
 @jit

@@ -128,23 +128,27 @@ class WalkModel(NamedTuple):
 
 def new_model(knots: int, dimension: int) -> WalkModel:
     """Return the model before the first knot; memory is about 250 bytes for each knot."""
-    size = max(knots, 1)
-    table = 1 << (2 * size).bit_length()
+    return _empty(max(knots, 1), max(knots, 1), max(knots, 1), dimension)
+
+
+def _empty(nodes: int, steps: int, pairs: int, dimension: int) -> WalkModel:
+    """Return the model before the first knot, with room for so many nodes, edges, and pairs of them in a row."""
+    table = 1 << (2 * pairs).bit_length()
     return WalkModel(
         flags=first_flags(),
         weights=first_weights(),
         histograms=np.full((MIXTURES, HISTOGRAM_BINS), 2, np.int64),
-        places=np.zeros((size, dimension), np.int64),
-        head=np.full(size, -1, np.int64),
-        into=np.zeros(2 * size, np.int64),
-        following=np.zeros(2 * size, np.int64),
-        count=np.zeros(2 * size, np.int64),
-        usual_span=np.zeros(2 * size, np.int64),
-        passed=np.zeros(2 * size, np.int64),
+        places=np.zeros((nodes, dimension), np.int64),
+        head=np.full(nodes, -1, np.int64),
+        into=np.zeros(2 * steps, np.int64),
+        following=np.zeros(2 * steps, np.int64),
+        count=np.zeros(2 * steps, np.int64),
+        usual_span=np.zeros(2 * steps, np.int64),
+        passed=np.zeros(2 * steps, np.int64),
         keys=np.full(table, -1, np.int64),
         counts=np.zeros(table, np.int64),
-        tree=np.zeros(size + 1, np.int64),
-        rests=np.zeros(size, np.int64),
+        tree=np.zeros(nodes + 1, np.int64),
+        rests=np.zeros(nodes, np.int64),
         usual=np.zeros((CLASSES + 3, 2), np.int64),
         scalars=np.array([0] * 8 + [-1, NO_TURN] + [0] * (_SCALARS - 10), np.int64),
         offers=first_offers(),
@@ -158,7 +162,7 @@ def new_model(knots: int, dimension: int) -> WalkModel:
     )
 
 
-#: Fields of which a larger model begins with what a smaller one holds.
+#: Fields that are copied as far as anything is in them.
 _KEPT = (
     "flags", "weights", "histograms", "scalars", "offers", "hits", "places", "head", "into", "following", "count", "usual_span", "passed",
     "rests", "usual",
@@ -166,13 +170,16 @@ _KEPT = (
 
 
 def grown(model: WalkModel, knots: int) -> WalkModel:
-    """Return a copy of a model with room for so many knots in all; its ledger begins anew."""
-    whole = new_model(knots, model.places.shape[1])
+    """Return a copy of what a model has learned, with room for so many more knots; its ledger begins anew."""
+    nodes, halves = int(model.scalars[NODES]), int(model.scalars[HALVES])
+    pairs, more = int((model.keys >= 0).sum()), max(knots, 1)
+    whole = _empty(nodes + more, halves // 2 + more, pairs + more, model.places.shape[1])
     for field in _KEPT:
         old, new = getattr(model, field), getattr(whole, field)
-        new[: len(old)] = old
+        known = min(len(old), len(new))
+        new[:known] = old[:known]
     _enter_pairs(model.keys, model.counts, whole.keys, whole.counts)
-    _extend_tree(model.tree, whole.tree)
+    _extend_tree(model.tree[: nodes + 1], whole.tree)
     return whole
 
 

@@ -11,7 +11,7 @@ from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import splu
 
 from gpszip.coding.past import Past
-from gpszip.coding.walks import flatten, number_by_visit
+from gpszip.coding.walks import number_by_visit
 from gpszip.kernels.along import distances_along
 from gpszip.kernels.draft import Draft, enter_known, enter_nodes, enter_walks
 from gpszip.kernels.moments import part_costs, part_moments
@@ -162,13 +162,13 @@ def draft_of(
     slots: Slots, at: NDArray[np.int64], places: NDArray[np.float64], reach: float, spare: int, known: Past | None = None
 ) -> Draft:
     """Return a draft of the present walks, and of those known before, with ``spare`` room for more nodes and steps."""
-    knots = int((at >= 0).sum()) + (0 if known is None else known.knots)
+    knots = int((at >= 0).sum()) + (0 if known is None else len(known.steps[0]))
     draft = empty_draft(places.shape[1], len(places) + spare, knots + spare, reach)
     draft.places[: len(places)] = places
     draft.scalars[0] = len(places)
     enter_nodes(draft, len(places))
     enter_walks(draft, at, slots.lasts)
     if known is not None:
-        nodes, _, gaps, begins = flatten(known.walks)
-        enter_known(draft, nodes, gaps + begins)
+        draft.uses[: known.nodes] += known.visits
+        enter_known(draft, *known.steps)
     return draft

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.coding.past import Past
-from gpszip.coding.walks import encode, flatten
+from gpszip.coding.walks import encode
 from gpszip.kernels.pointer import pointer_to
 from gpszip.kernels.polish import Calls, Rule, decide, sweep_knots
 from gpszip.kernels.polish_code import WORK, Desk, code_all, code_window
@@ -263,9 +263,7 @@ def _in_a_row(model: WalkModel) -> tuple[WalkModel, NDArray[np.int64]]:
 def _ways(known: Past | None) -> Ways:
     if known is None:
         return Ways(np.zeros(1, np.int64), np.zeros(0, np.int64))
-    nodes, _, gaps, begins = flatten(known.walks)
-    inside = (gaps[1:] == 0) & (begins[1:] == 0)
-    one, two = nodes[:-1][inside], nodes[1:][inside]
+    one, two = known.steps[0].T
     pairs = np.unique(np.stack([np.append(one, two), np.append(two, one)], axis=1), axis=0)
     return Ways(np.searchsorted(pairs[:, 0], np.arange(known.nodes + 1)), pairs[:, 1].copy())
 
