@@ -244,6 +244,7 @@ def match(
     sigma: float | None = None,
     beta: float | None = None,
     gap: float | None = None,
+    heading: float | None = None,
     progress: Listener | None = None,
 ) -> Matching:
     """Find the roads that tracks took, by a hidden Markov model.
@@ -259,6 +260,9 @@ def match(
         straight line. Estimated from the log by default.
     gap : float, optional
         Silences longer than this, in seconds, break a route; ``math.inf`` for none. Estimated by default.
+    heading : float, optional
+        Spread in degrees of the headings that tracks have as attribute ``heading`` (``gpszip.read(..., heading=True)``), in degrees
+        clockwise from north; ``math.inf`` to leave them out. Estimated by default, and left out where they don't follow the roads.
     progress : callable, optional
         Called with :class:`~gpszip.model.report.Progress` events.
 
@@ -281,7 +285,7 @@ def match(
     >>> found.share, round(found[0].pieces[0].length)
     (1.0, 16)
     """
-    return pipeline.match(tracks, network, sigma=sigma, beta=beta, gap=gap, progress=progress)
+    return pipeline.match(tracks, network, sigma=sigma, beta=beta, gap=gap, heading=heading, progress=progress)
 
 
 def merge(

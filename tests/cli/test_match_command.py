@@ -76,6 +76,35 @@ def test_json_has_the_numbers(gpszip, drive, streets):
     }  # fmt: skip
 
 
+@pytest.fixture
+def headed(drive, tmp_path):
+    """The drive with a column that says where the vehicles face."""
+    rows = [line.split(",") for line in drive.read_text().replace("bus, red", "red").splitlines()[1:]]
+    course = [90 if float(t) < 20 or float(t) >= 50 else 0 for _, t, *_ in rows]
+    path = tmp_path / "headed.csv"
+    path.write_text("track_id,t,x,y,Course (deg)\n" + "".join(",".join(row) + f",{one}\n" for row, one in zip(rows, course, strict=True)))
+    return path
+
+
+def test_headings_are_used_and_told(gpszip, headed, streets):
+    run = ("match", headed, "--network", streets, "-o", "routes.geojson", "--force")
+    assert "heading " in gpszip(*run).err
+    assert 1 < gpszip(*run, "--json").json["heading"] < 20
+    assert gpszip(*run, "--json", "--heading", "12deg").json["heading"] == 12
+    assert (gpszip(*run, "--json", "--heading", "none").json["heading"], "heading" in gpszip(*run, "--heading", "none").err) == (
+        None,
+        False,
+    )
+
+
+def test_headings_that_tell_nothing_are_named(gpszip, headed, streets):
+    run = ("match", headed, "--network", streets, "-o", "routes.geojson", "--columns", "heading=y")
+    assert "no position" in gpszip(*run).err
+    headed.write_text(headed.read_text().replace(",90\n", ",0\n"))
+    done = gpszip(*run[:-2])
+    assert "headings of 2 tracks left out, as they don't show that they follow the roads travelled" in done.err
+
+
 def test_standard_output_carries_the_routes(shell, drive, streets):
     done = shell("match", drive, "--network", streets, "-o", "-", "--format", "csv")
     assert done.returncode == 0, done.stderr

@@ -234,3 +234,18 @@ def test_what_is_no_log_is_refused(data):
 
 def test_latin_1_ids_survive():
     assert only("track_id,t,x,y\nStraße,0,0,0\n".encode("latin-1")).id == "Straße"
+
+
+@pytest.mark.parametrize("name", ["heading", "Bearing", "course_deg", "COG", "Heading (deg)", "gps_course"])
+def test_headings_are_read_where_they_are_asked_for(name):
+    text = f"t,x,y,{name}\n0,1,2,270\n1,3,4,\n2,3,5,none\n"
+    reading = read(text, heading=True)
+    np.testing.assert_array_equal(reading.tracks[0].attributes["heading"], [270, np.nan, np.nan])
+    assert reading.dropped == ()
+    assert read(text).dropped == (name,)
+
+
+def test_a_column_can_be_named_the_heading():
+    track = only("t,x,y,dir,course\n0,1,2,30,99\n", columns="heading=dir", heading=True)
+    assert track.attributes["heading"].tolist() == [30]
+    assert not only("t,x,y\n0,1,2\n", heading=True).attributes

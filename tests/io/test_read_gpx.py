@@ -115,3 +115,23 @@ def test_the_content_counts_not_the_name(tmp_path):
     path = tmp_path / "walk.csv"
     path.write_text(HEAD + track([A]) + "</gpx>")
     assert len(read_logs(path).tracks) == 1
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        "<course>271.5</course>",
+        "<extensions><gpxtpx:TrackPointExtension><gpxtpx:course> 271.5 </gpxtpx:course></gpxtpx:TrackPointExtension></extensions>",
+    ],
+    ids=["1.0", "extension"],
+)
+def test_the_course_is_a_heading_where_it_is_asked_for(more):
+    head = HEAD.replace("<gpx ", '<gpx xmlns:gpxtpx="http://www.garmin.com/xmlschemas/TrackPointExtension/v2" ')
+    points = ["<!-- <trkpt> -->", point(50, 8, "2023-11-14T22:13:20Z", more), point(50.1, 8, "2023-11-14T22:14:20Z")]
+    (only,) = read(track(points), head=head, heading=True).tracks
+    np.testing.assert_array_equal(only.attributes["heading"], [271.5, np.nan])
+    assert not read(track(points), head=head).tracks[0].attributes
+
+
+def test_points_without_a_course_have_no_headings():
+    assert not read(track([A, B]), heading=True).tracks[0].attributes

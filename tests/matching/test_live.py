@@ -37,11 +37,33 @@ def test_what_is_settled_is_what_the_batch_finds(period, seed):
     kept = ~((times > 200) & (times < 290))  # a silence, in which the last sample before it may have no layer yet
     index, track = index_network(town()), Track("bus", times[kept], places[kept])
     silent = np.diff(track.times) > 60
-    whole = follow(index, workspace(index), Stretch(track.positions, track.times, silent), SCALES)
-    _, settled = live(LiveMatcher(index, SCALES, lag=40, gap=60.0), track)
+    whole = follow(index, workspace(index), Stretch(track.positions, track.times, silent, np.zeros_like(track.positions)), SCALES)
+    _, settled = live(LiveMatcher(index, SCALES, gap=60.0), track)
+    assert all(one.final for one in settled)
     assert [one.time for one in settled] == track.times[whole.used].tolist()
     assert [one.edge for one in settled] == np.where(whole.roads >= 0, whole.roads >> 1, -1).tolist()
     assert [one.forward for one in settled] == ((whole.roads >= 0) & (whole.roads % 2 == 0)).tolist()
+
+
+@pytest.mark.parametrize(("lag", "period", "seed"), [(1, 1.0, 3), (4, 2.0, 4), (20, 1.0, 5), (6, 20.0, 6), (200, 20.0, 7)])
+def test_what_is_final_is_what_the_batch_finds_whatever_the_lag(lag, period, seed):
+    times, places = drives(vehicles=1, period=period, duration=500.0 * period**0.5, seed=seed, noise=12.0)["bus-0"]
+    kept = ~((times > 200) & (times < 290)) & ~((times > 330) & (times < 395))
+    index, track = index_network(town()), Track("bus", times[kept], places[kept])
+    stretch = Stretch(track.positions, track.times, np.diff(track.times) > 60, np.zeros_like(track.positions))
+    whole = follow(index, workspace(index), stretch, SCALES)
+    told, settled = live(LiveMatcher(index, SCALES, lag=lag, gap=60.0), track)
+    assert [one.time for one in settled] == track.times[whole.used].tolist()
+    final = np.array([one.final for one in settled])
+    roads = np.array([2 * one.edge + (not one.forward) if one.edge >= 0 else -1 for one in settled])
+    np.testing.assert_array_equal(roads[final], whole.roads[final])
+    assert final.mean() > (0.0 if lag < 5 else 0.95)
+    assert final.all() or lag < 200
+    layers = np.searchsorted(track.times[whole.used], [here.time for here in told], side="right")
+    waited = [
+        layer - np.searchsorted(track.times[whole.used], one.time) for layer, here in zip(layers, told, strict=True) for one in here.settled
+    ]
+    assert max(waited) <= lag + 1
 
 
 def test_now_is_near_what_later_samples_tell():

@@ -21,6 +21,15 @@ class Plain:
         step = self.lines[a][1] - self.lines[a][0]
         return step / np.linalg.norm(step)
 
+    def cosine(self, a, metres, heading):
+        """Cosine between a heading and the bit of a directed road just behind so many metres."""
+        if heading is None:
+            return 0.0
+        steps = np.diff(self.lines[a], axis=0)
+        ends = np.cumsum(np.linalg.norm(steps, axis=1))
+        step = steps[min(int((ends <= metres + 1e-6).sum()), len(steps) - 1)]
+        return float(heading @ step) / float(np.linalg.norm(step))
+
     def turn(self, a, b, model):
         if b == a ^ 1:
             return model.u_turn
@@ -43,8 +52,8 @@ class Plain:
         return found
 
 
-def candidates(plain, place, model):
-    """(directed road, metres on it, price) of a layer; the last one is off the roads."""
+def candidates(plain, place, model, heading=None):
+    """(directed road, metres on it, price) of a layer; the last one is off the roads. ``heading`` is a vector, None for not known."""
     hits = []
     for e in range(0, len(plain.lines), 2):
         along = 0.0
@@ -59,13 +68,19 @@ def candidates(plain, place, model):
     for far, e, offset in sorted(hits):
         if len(kept) < model.most and not any(e == other and abs(offset - at) <= model.reach for _, other, at in kept):
             kept.append((far, e, offset))
+
+    def turned(cosine):
+        return 0.0 if heading is None else math.log(1 + model.heading * (1 - cosine))
+
     out = [
-        (a, offset if a == e else plain.length[e] - offset, 0.5 * (far / model.sigma) ** 2)
+        (a, offset, 0.5 * (far / model.sigma) ** 2 + turned(plain.cosine(e, offset, heading)))
+        if a == e
+        else (a, plain.length[e] - offset, 0.5 * (far / model.sigma) ** 2 + turned(-plain.cosine(e, offset, heading)))
         for far, e, offset in kept
         for a in (e, e ^ 1)
         if plain.open[a]
     ]
-    return [*out, (-1, 0.0, model.off)]
+    return [*out, (-1, 0.0, model.off + turned(0.0))]
 
 
 def move(plain, ways, here, there, straight, longest, model):
@@ -84,10 +99,15 @@ def move(plain, ways, here, there, straight, longest, model):
     return min(prices)
 
 
-def cheapest(network, places, times, model):
+def first_least(scores):
+    """The first of those that are least but for rounding."""
+    return next(i for i, score in enumerate(scores) if score <= min(scores) + 1e-9)
+
+
+def cheapest(network, places, times, model, headings=None):
     """Price of the cheapest chain through all places, the candidates on it, and a function that prices any other chain."""
     plain = Plain(network)
-    layers = [candidates(plain, place, model) for place in places]
+    layers = [candidates(plain, place, model, facing) for place, facing in zip(places, headings or [None] * len(places), strict=True)]
     moves = []
     for k in range(1, len(places)):
         straight, seconds = float(np.linalg.norm(places[k] - places[k - 1])), times[k] - times[k - 1]
@@ -98,10 +118,10 @@ def cheapest(network, places, times, model):
         )
     score, backs = [one[2] for one in layers[0]], []
     for k in range(1, len(places)):
-        best = [min(range(len(score)), key=lambda i, j=j: score[i] + moves[k - 1][i][j]) for j in range(len(layers[k]))]
+        best = [first_least([score[i] + moves[k - 1][i][j] for i in range(len(score))]) for j in range(len(layers[k]))]
         score = [score[i] + moves[k - 1][i][j] + layers[k][j][2] for j, i in enumerate(best)]
         backs.append(best)
-    chosen = [min(range(len(score)), key=score.__getitem__)]
+    chosen = [first_least(score)]
     for best in backs[::-1]:
         chosen.append(best[chosen[-1]])
     chain = [layer[j] for layer, j in zip(layers, chosen[::-1], strict=True)]

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
+_ANGLE = Quantity("angle", {"deg": 1.0, "rad": math.degrees(1.0)}, words={"none": math.inf})
 _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 
 
@@ -29,9 +30,15 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 @click.option("--sigma", type=LENGTH, metavar="LENGTH", help="Scale of the distance to the roads. Estimated from the log where left out.")
 @click.option("--beta", type=LENGTH, metavar="LENGTH", help="Scale of the way's difference from the straight line. Estimated, too.")
 @click.option("--gap", type=_GAP, metavar="DURATION", help="Silences longer than this break a route, or none. Estimated where left out.")
+@click.option(
+    "--heading",
+    type=_ANGLE,
+    metavar="ANGLE",
+    help="Spread of the log's headings about the roads, or none to leave them out. Estimated, too.",
+)
 @click.option("--format", "kind", metavar="FORMAT", help="Instead of the output's suffix: geojson, or csv with a row for each point.")
 @click.option("--skip-bad", is_flag=True, help="Leave out logs that can't be read, name them, end with exit code 3.")
-@click.option("--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north.")
+@click.option("--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north,heading=course.")
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @force
 @common
@@ -52,9 +59,9 @@ def command(settings: Settings, /, logs: tuple[str, ...], network: tuple[str, ..
 
     start = time.perf_counter()
     with progress(quiet=choices["quiet"] or settings.json) as listener:
-        reading = pipeline.read(logs, skip_bad=choices["skip_bad"], columns=choices["columns"])
+        reading = pipeline.read(logs, skip_bad=choices["skip_bad"], columns=choices["columns"], heading=choices["heading"] != math.inf)
         roads = pipeline.read_network(list(network), near=reading.tracks)
-        scales = {name: choices[name] for name in ("sigma", "beta", "gap")}
+        scales = {name: choices[name] for name in ("sigma", "beta", "gap", "heading")}
         matching = pipeline.match(reading.tracks, roads.network, **scales, progress=listener)
     write_routes(matching, reading.tracks, roads.network, target, kind)
     if settings.json or not choices["quiet"]:
@@ -76,13 +83,21 @@ def _show(target: str, reading: Reading, roads: NetworkReading, matching: Matchi
     facts = _facts(matching)
     breaks = ", ".join(f"{reason} {count:,}" for reason, count in matching.breaks.items()) or "none"
     scales = [f"{name} {format_length(facts[name])}" for name in ("error", "sigma", "beta")]
+    if facts["heading"] is not None:
+        scales.append(f"heading {facts['heading']:.3g} deg")
     words = [
         f"{facts['points']:,} points in {facts['tracks']:,} tracks, {100 * matching.share:.1f} % on {facts['pieces']:,} routes of "
         f"{format_length(facts['length'])}, {', '.join(scales)}, {seconds:.1f} s",
         f"breaks: {breaks}",
+        *([_unheeded(facts["unheeded"])] if facts["unheeded"] else []),
         *repairs_in_words(repairs),
     ]
     say(f"{place_of(target)}: {'; '.join(words)}")
+
+
+def _unheeded(tracks: list[str]) -> str:
+    several = f"{len(tracks):,} tracks" if len(tracks) > 1 else f"track {tracks[0]!r}"
+    return f"headings of {several} left out, as they don't show that they follow the roads travelled"
 
 
 def _facts(matching: Matching) -> dict[str, Any]:
@@ -96,5 +111,7 @@ def _facts(matching: Matching) -> dict[str, Any]:
         "error": matching.scales.error,
         "sigma": matching.scales.sigma,
         "beta": matching.scales.beta,
+        "heading": matching.scales.heading if math.isfinite(matching.scales.heading) else None,
+        "unheeded": list(matching.unheeded),
         "breaks": matching.breaks,
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from gpszip.io.networks import NetworkReading
     from gpszip.io.text_log import TextLog
     from gpszip.model import Patching, Reading
+    from gpszip.model.reading import Repair
 
 __all__ = ["command"]
 
@@ -52,10 +54,13 @@ def command(settings: Settings, /, logs: tuple[str, ...], network: tuple[str, ..
 
     start = time.perf_counter()
     names = ("columns", "time_unit", "sort", "split", "skip_bad")
-    reading, text = read_to_write_again(list(logs), **{name: choices[name] for name in names})
+    reading, text = read_to_write_again(list(logs), heading=True, **{name: choices[name] for name in names})
     roads = pipeline.read_network(list(network), near=reading.tracks)
     patching = pipeline.patch(reading.tracks, roads.network, gap=choices["gap"])
-    _write(patching, text, target)
+    again = text if target.lower().endswith((".csv", ".tsv", ".txt", "-")) else None
+    _write(patching, again, target)
+    if again is not None:
+        reading = replace(reading, repairs=tuple(map(_kept, reading.repairs)))
     if settings.json or not choices["quiet"]:
         _show(target, reading, roads, patching, time.perf_counter() - start, settings)
     return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
@@ -65,11 +70,18 @@ def _write(patching: Patching, text: TextLog | None, target: str) -> None:
     from gpszip.io.sink import writing
     from gpszip.io.writing import write_tracks
 
-    if text is None or not target.lower().endswith((".csv", ".tsv", ".txt", "-")):
+    if text is None:
         write_tracks(patching.to_tracks(), target)
         return
     with writing(target) as stream:
         text.write(patching.patches, stream)
+
+
+def _kept(repair: Repair) -> Repair:
+    """Say what becomes of rows that reading drops where all rows are written again."""
+    if not repair.what.endswith(" dropped"):
+        return repair
+    return replace(repair, what=repair.what.removesuffix("dropped") + "kept as they are, but not used", drops=False)
 
 
 def _show(target: str, reading: Reading, roads: NetworkReading, patching: Patching, seconds: float, settings: Settings) -> None:

@@ -44,6 +44,10 @@ _AXES = {
         *("position_lon", "longitude_deg", "lon_deg", "lng_deg", "lon_wgs84"),
     ),
 }
+_HEADING = (
+    *("heading", "bearing", "course", "cog", "course_over_ground", "track_angle", "true_track", "true_heading", "hdg", "head"),
+    *("gps_heading", "gps_bearing", "gps_course", "ground_course", "direction_of_travel", "azimuth"),
+)
 _ALT = ("alt", "altitude", "ele", "elevation", "height")
 _UNITS = {"s": 1.0, "sec": 1.0, "secs": 1.0, "seconds": 1.0, "ms": 1e-3, "msec": 1e-3, "millis": 1e-3, "milliseconds": 1e-3}
 _UNITS |= {"us": 1e-6, "usec": 1e-6, "micros": 1e-6, "microseconds": 1e-6, "ns": 1e-9, "nsec": 1e-9, "nanos": 1e-9, "nanoseconds": 1e-9}
@@ -66,6 +70,8 @@ class Roles:
         The name of the track.
     keep : mapping of str to int
         Attributes.
+    heading : int, optional
+        Where the agent faces, in degrees clockwise from north.
     """
 
     time: tuple[int, ...]
@@ -73,14 +79,15 @@ class Roles:
     geographic: bool
     id: int | None
     keep: Mapping[str, int]
+    heading: int | None = None
 
     @property
     def used(self) -> tuple[int, ...]:
         """All columns that are read, each once, in the order of the table."""
-        return tuple(sorted({*self.time, *self.axes, *self.keep.values(), *([] if self.id is None else [self.id])}))
+        return tuple(sorted({*self.time, *self.axes, *self.keep.values(), *(i for i in (self.id, self.heading) if i is not None)}))
 
 
-def find_roles(names: Sequence[str], columns: Mapping[str, str] | None, keep: Sequence[str], where: str) -> Roles:
+def find_roles(names: Sequence[str], columns: Mapping[str, str] | None, keep: Sequence[str], where: str, *, heading: bool = False) -> Roles:
     """Find out which column is what.
 
     Parameters
@@ -88,11 +95,13 @@ def find_roles(names: Sequence[str], columns: Mapping[str, str] | None, keep: Se
     names : sequence of str
         The columns' names as the log gives them.
     columns : mapping of str to str, optional
-        The column for some roles (``id``, ``t``, ``x``, ``y``, ``z``, ``lat``, ``lon``), overriding what names suggest.
+        The column for some roles (``id``, ``t``, ``x``, ``y``, ``z``, ``lat``, ``lon``, ``heading``), overriding what names suggest.
     keep : sequence of str
         Attributes to keep.
     where : str
         The log's name for messages.
+    heading : bool
+        Look for headings, too; a log may have none.
 
     Returns
     -------
@@ -129,6 +138,7 @@ def find_roles(names: Sequence[str], columns: Mapping[str, str] | None, keep: Se
         geographic=degrees,
         id=find("id", _ID),
         keep={name: _attribute(names, plain, name, where) for name in keep},
+        heading=find("heading", _HEADING) if heading else None,
     )
 
 
@@ -227,9 +237,9 @@ def _attribute(names: Sequence[str], plain: Sequence[str], name: str, where: str
 
 def _role(role: str) -> str:
     known = {"id": "id", "track_id": "id", "t": "t", "time": "t", "timestamp": "t"} | {axis: axis for axis in _AXES}
-    known |= {"latitude": "lat", "longitude": "lon", "lng": "lon"}
+    known |= {"latitude": "lat", "longitude": "lon", "lng": "lon", "heading": "heading"}
     if role.strip().lower() not in known:
-        raise OptionError(f"--columns: {role!r} is not one of id, t, x, y, z, lat, lon")
+        raise OptionError(f"--columns: {role!r} is not one of id, t, x, y, z, lat, lon, heading")
     return known[role.strip().lower()]
 
 

@@ -81,7 +81,7 @@ def read_csv(source: Source, request: Request) -> RawLog:
     """
     dialect = dialect_of(source.head(), request, source.name)
     by_role = request.columns if isinstance(request.columns, Mapping) else None
-    roles = find_roles(dialect.names, by_role, request.keep, source.name)
+    roles = find_roles(dialect.names, by_role, request.keep, source.name, heading=request.heading)
     comma = dialect.delimiter != "," and any(_has_decimal_comma(dialect.cells(axis)) for axis in roles.axes)
     table, bad = _table(source, dialect, roles)
     if table.num_rows == 0:

@@ -251,7 +251,7 @@ def _point_log(features: Sequence[Mapping[str, Any]], source: Source, request: R
     names = [*axes, *(key for key in keys if key not in axes)]
     own = {"x": "x", "y": "y"} if metric else {"lat": "lat", "lon": "lon"}
     by_role = request.columns if isinstance(request.columns, Mapping) else {}
-    roles = find_roles(names, {**by_role, **own}, request.keep, source.name)
+    roles = find_roles(names, {**by_role, **own}, request.keep, source.name, heading=request.heading)
     columns = [[position[i] for position in positions] for i in range(len(axes))]
     columns += [[_properties(feature).get(name) for feature in points] for name in names[len(axes) :]]
     return table_log([_column(columns[i]) for i in roles.used], names, roles, request, source.name)

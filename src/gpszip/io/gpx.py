@@ -29,6 +29,9 @@ _DANGER = re.compile(rb"<!DOCTYPE|<!ENTITY|<OGR\w*DataSource", re.IGNORECASE)
 HEIGHTS = ("alt", "altitude", "ele", "elevation", "height")
 #: Fields of a track point besides its place and time that can be kept, as GDAL names them.
 _FIELDS = ("ele", "magvar", "geoidheight", "name", "cmt", "desc", "src", "sym", "type", "fix", "sat", "hdop", "vdop", "pdop")
+_TRACK_POINT = re.compile(rb"<(?:\w+:)?trkpt\b[^>]*?(?:/>|>(.*?)</(?:\w+:)?trkpt\s*>)", re.DOTALL)
+_COURSE = re.compile(rb"<(?:\w+:)?course\s*>\s*([-+]?[0-9]+\.?[0-9]*|\.[0-9]+)\s*<")
+_COMMENT = re.compile(rb"<!--.*?-->", re.DOTALL)
 _YEAR_1, _YEAR_10000 = -62_135_596_800_000, 253_402_300_800_000  # milliseconds
 _POINT = np.dtype([("order", "u1"), ("kind", "<u4"), ("lon", "<f8"), ("lat", "<f8")])
 
@@ -52,7 +55,7 @@ def read_gpx(source: Source, request: Request) -> RawLog:
     source : Source
         The file or stream.
     request : Request
-        Attributes to keep: ``ele`` or another field of the points, but not of their extensions.
+        Attributes to keep: ``ele`` or another field of the points, but of their extensions only the course, as heading.
 
     Returns
     -------
@@ -84,7 +87,7 @@ def read_gpx(source: Source, request: Request) -> RawLog:
         times=times,
         coordinates=np.stack([points["lat"], points["lon"]], axis=1),
         geographic=True,
-        attributes={name: _kept(columns[field]) for name, field in keep.items()},
+        attributes={name: _kept(columns[field]) for name, field in keep.items()} | (_courses(data, len(times)) if request.heading else {}),
         word="point",
         labels=True,
         dropped=_dropped(data, keep.values()),
@@ -142,6 +145,17 @@ def _points(data: bytes, fields: Sequence[str], where: str) -> tuple[dict[str, N
     except pyogrio.errors.DataSourceError as error:
         raise InputError(f"{where}: damaged GPX file: {str(error).split('; It might')[0][:200]}") from None
     return dict(zip(meta["fields"].tolist(), arrays, strict=True)), geometry
+
+
+def _courses(data: bytes, points: int) -> dict[str, NDArray[np.float64]]:
+    """Courses of the track points, which GDAL doesn't tell: an element of a point (GPX 1.0) or of its extensions."""
+    if b"course>" not in data:
+        return {}
+    inside = _TRACK_POINT.findall(_COMMENT.sub(b"", data))
+    found = [_COURSE.search(one) for one in inside]
+    if len(inside) != points or not any(found):
+        return {}
+    return {"heading": np.array([float(one[1]) if one else np.nan for one in found])}
 
 
 def _coordinates(geometry: NDArray[np.object_], where: str) -> NDArray[Any]:

@@ -46,7 +46,9 @@ def read_parquet(source: Source, request: Request) -> RawLog:
         dataset = parquet_dataset(source)
         names = [str(name) for name in dataset.schema.names]
         titles = _titles(names, request, source.name)
-        roles = find_roles(titles, request.columns if isinstance(request.columns, Mapping) else None, request.keep, source.name)
+        roles = find_roles(
+            titles, request.columns if isinstance(request.columns, Mapping) else None, request.keep, source.name, heading=request.heading
+        )
         table = dataset.to_table(columns=[names[i] for i in roles.used])
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"{source.name}: damaged Parquet file: {str(error).splitlines()[0]}") from None

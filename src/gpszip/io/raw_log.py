@@ -26,11 +26,14 @@ class Request:
         ``s``, ``ms``, ``us`` or ``ns``; found from the size of the numbers where left out.
     keep : tuple of str
         Further columns to keep as attributes.
+    heading : bool
+        Keep headings, too, as attribute ``heading``, where there are some.
     """
 
     columns: Mapping[str, str] | tuple[str, ...] | None = None
     time_unit: str | None = None
     keep: tuple[str, ...] = ()
+    heading: bool = False
 
 
 @dataclass(frozen=True, eq=False)

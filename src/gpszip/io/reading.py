@@ -50,6 +50,7 @@ def read_logs(
     sort: bool = False,
     split: bool = False,
     keep: Sequence[str] = (),
+    heading: bool = False,
     skip_bad: bool = False,
 ) -> Reading:
     r"""Read position logs.
@@ -75,6 +76,9 @@ def read_logs(
         What to do where time goes back: put the points in order, or start a new track.
     keep : sequence of str
         Further columns to keep, as attributes of the tracks.
+    heading : bool
+        Keep a column of headings (``heading``, ``bearing``, ``course``, ...; the course of GPX points), where there is one, as the
+        attribute ``heading``: degrees clockwise from north, NaN where not known.
     skip_bad : bool
         Leave out logs that can't be read, instead of raising.
 
@@ -97,7 +101,7 @@ def read_logs(
     >>> [(track.id, len(track)) for track in reading.tracks], reading.points, reading.lost
     ([('007', 2)], 3, 1)
     """
-    request = Request(parse_columns(columns), time_unit, (keep,) if isinstance(keep, str) else tuple(keep))
+    request = Request(parse_columns(columns), time_unit, (keep,) if isinstance(keep, str) else tuple(keep), heading)
     account = _Account()
     for source in expand(sources):
         account.logs.add(source.log if isinstance(source, Source) else str(source))
@@ -220,7 +224,8 @@ def _concatenated(chain: list[Piece], repairs: list[Repair]) -> Piece:
     keep = np.append(True, np.diff(times) > 0)
     if not keep.all():
         repairs.append(Repair("points at a time that another file has, too, dropped", int((~keep).sum()), chain[0].where))
-    attributes = {name: np.concatenate([piece.attributes[name] for piece in chain]) for name in chain[0].attributes}
+    shared = [name for name in chain[0].attributes if all(name in piece.attributes for piece in chain)]
+    attributes = {name: np.concatenate([piece.attributes[name] for piece in chain]) for name in shared}
     coordinates = np.concatenate([piece.coordinates for piece in chain])
     return replace(chain[0], times=times, coordinates=coordinates, attributes=attributes).take(keep)
 

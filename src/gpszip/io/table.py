@@ -71,6 +71,10 @@ def table_log(
             ids, index = (), None
         else:
             kept.add(roles.id)
+    headings = {}
+    if roles.heading is not None:
+        kept.add(roles.heading)
+        headings = {"heading": numbers(column[roles.heading], decimal_comma)}
     axes = [numbers(column[axis], decimal_comma) for axis in roles.axes]
     _check_numbers(axes, [names[axis] for axis in roles.axes], where)
     return RawLog(
@@ -80,7 +84,7 @@ def table_log(
         times=_times(column, names, roles, request, where, decimal_comma),
         coordinates=np.stack(axes, axis=1),
         geographic=roles.geographic,
-        attributes={name: values(column[i]) for name, i in roles.keep.items()},
+        attributes={name: values(column[i]) for name, i in roles.keep.items()} | headings,
         first=first,
         dropped=tuple(name for i, name in enumerate(names) if i not in kept),
         repairs=repairs,

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
-from gpszip.kernels.match_lattice import JUMP, Layer, advance, begin, candidates, empty_layer, layer_from, longest_way
+from gpszip.kernels.match_layer import Layer, begin, candidates, cheapest, empty_layer, layer_from
+from gpszip.kernels.match_moves import advance, longest_way
 from gpszip.kernels.match_roads import Cells, Graph, Model, Roads, Work
 
-__all__ = ["Ring", "add_layer", "empty_ring", "settled"]
+__all__ = ["Ring", "add_layer", "best", "empty_ring", "merged", "trail"]
 
 
 class Ring(NamedTuple):
@@ -38,6 +39,7 @@ def add_layer(
     ring: Ring,
     number: int,
     at: NDArray[np.float64],
+    heading: NDArray[np.float64],
     straight: float,
     seconds: float,
     roads: Roads,
@@ -54,11 +56,11 @@ def add_layer(
     size, width = len(ring.sizes), len(ring.moves)
     low = (number % size) * width
     here = layer_from(ring.layers, low)
-    n = candidates(at, roads, cells, graph, model, here)
+    n = candidates(at, heading, roads, cells, graph, model, here)
     ring.sizes[number % size] = n
     ahead = ring.ahead[low : low + n]
     if number == 0 or seconds == np.inf:
-        begin(here, n, 0 if number == 0 else _best(ring, number - 1))
+        begin(here, n, 0 if number == 0 else best(ring, number - 1))
         ahead[:] = -here.prices[:n]
     else:
         last = ((number - 1) % size) * width
@@ -68,20 +70,21 @@ def add_layer(
         _arrive(ring.ahead[last : last + n0], ring.moves, ahead)
         ahead -= here.prices[:n]
     ahead -= ahead.max()
-    best = _best(ring, number)
+    chosen = best(ring, number)
     total, share = 0.0, 0.0
     for j in range(n):
         total += math.exp(ahead[j])
-        if here.roads[j] == here.roads[best]:
+        if here.roads[j] == here.roads[chosen]:
             share += math.exp(ahead[j])
-    return here.roads[best], here.metres[best], here.distances[best], share / total, here.kinds[best]
+    return here.roads[chosen], here.metres[chosen], here.distances[chosen], share / total, here.kinds[chosen]
 
 
 @jit
-def _best(ring: Ring, number: int) -> int:
+def best(ring: Ring, number: int) -> int:
+    """The candidate of a layer to which the cheapest chain leads."""
     slot = number % len(ring.sizes)
     low = slot * len(ring.moves)
-    return int(np.argmin(ring.layers.scores[low : low + ring.sizes[slot]]))
+    return cheapest(ring.layers.scores[low : low + ring.sizes[slot]])
 
 
 @jit
@@ -98,11 +101,33 @@ def _arrive(before: NDArray[np.float64], moves: NDArray[np.float64], after: NDAr
 
 
 @jit
-def settled(ring: Ring, number: int, back: int) -> tuple[int, float, float, bool]:
-    """Directed road, metres, distance and whether a way led there, of the layer so many before layer ``number`` on the cheapest chain."""
+def merged(ring: Ring, number: int, first: int) -> tuple[int, int]:
+    """The last layer, from layer ``first`` to layer ``number``, in which all chains to the latter are on one candidate, and that candidate.
+
+    Whatever follows, the cheapest chain comes from there. The layer is -1 if there is none.
+    """
     size, width = len(ring.sizes), len(ring.moves)
-    chosen = _best(ring, number)
-    for one in range(number, number - back, -1):
-        chosen = ring.layers.backs[(one % size) * width + chosen]
-    here = ((number - back) % size) * width + chosen
-    return ring.layers.roads[here], ring.layers.metres[here], ring.layers.distances[here], ring.layers.kinds[here] < JUMP
+    alive, before = np.zeros(width, np.bool_), np.zeros(width, np.bool_)
+    alive[: ring.sizes[number % size]] = True
+    for layer in range(number, first - 1, -1):
+        low, count, last = (layer % size) * width, 0, 0
+        before[:] = False
+        for j in range(ring.sizes[layer % size]):
+            if alive[j]:
+                count, last = count + 1, j
+                before[ring.layers.backs[low + j]] = True
+        if count == 1:
+            return layer, last
+        alive, before = before, alive
+    return -1, -1
+
+
+@jit
+def trail(ring: Ring, number: int, chosen: int, first: int) -> NDArray[np.int64]:
+    """Places in the ring of the cheapest chain to a candidate of layer ``number``, from layer ``first`` on."""
+    size, width = len(ring.sizes), len(ring.moves)
+    out = np.empty(number - first + 1, np.int64)
+    for layer in range(number, first - 1, -1):
+        out[layer - first] = (layer % size) * width + chosen
+        chosen = ring.layers.backs[out[layer - first]]
+    return out

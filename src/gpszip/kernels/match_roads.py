@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["Cells", "Graph", "Model", "Rest", "Roads", "Work", "apart", "larger", "place", "project", "vertex_before"]
+__all__ = ["Cells", "Graph", "Model", "Rest", "Roads", "Work", "apart", "direction", "larger", "place", "project", "vertex_before"]
+
+#: Metres behind a place at which its road's direction is taken: more than offsets err by rounding.
+_BEHIND = 1e-6
 
 
 class Roads(NamedTuple):
@@ -61,10 +64,11 @@ class Graph(NamedTuple):
 
 
 class Rest(NamedTuple):
-    """What is at least missing from each node to what a layer wants, found by one search back from there.
+    """What is missing from the beginning of each directed road to what a layer wants, found by one search back from there.
 
     ``state`` holds the number of the search, the size of its heap and the node near which ways come from; ``limits`` how far it got, and
-    how near. A node was met by this search if ``stamps`` says so, and ``slots`` is its place in the heap, -1 for what has left it.
+    how near. A road was met by this search if ``stamps`` says so, and ``slots`` is its place in the heap, -1 for what has left it.
+    ``wanted`` are the nodes from which ways come.
     """
 
     state: NDArray[np.int64]
@@ -82,7 +86,8 @@ class Work(NamedTuple):
 
     ``state`` holds the number of the search and the size of its heap; what belongs to a directed road is of this search if ``stamps``
     says so. ``keys`` are prices with what is at least missing to the goal; ``slots`` the place in the heap, -1 for what has left it.
-    ``targets`` is the first candidate on a directed road, -1 for none, also between searches. ``rest`` is room for searches back.
+    ``targets`` is the first candidate of a layer on a directed road, and ``known`` the one of the layer before whose ways on are known;
+    -1 for none, also between searches. ``rest`` is room for searches back.
     """
 
     state: NDArray[np.int64]
@@ -94,6 +99,7 @@ class Work(NamedTuple):
     slots: NDArray[np.int32]
     heap: NDArray[np.int32]
     targets: NDArray[np.int32]
+    known: NDArray[np.int32]
     rest: Rest
 
 
@@ -104,7 +110,8 @@ class Model(NamedTuple):
     ``off``. A way that is x metres longer or shorter than the straight line costs ``x / beta``, a link that no road makes ``jump``,
     turning off up to ``turn``, turning round ``u_turn``. A candidate may seem to go ``slack`` metres back,
     and steps off a crossing and back within ``spur`` metres are dropped. Ways that cost ``margin`` more
-    than the best are not looked for. The last four bound the length of a way, see ``longest_way``.
+    than the best are not looked for. The next four bound the length of a way, see ``longest_way``. Going another way than the heading
+    says costs ``log(1 + heading * (1 - cosine))``: headings err often a little, sometimes much; 0 where they say nothing.
     """
 
     sigma: float
@@ -122,6 +129,7 @@ class Model(NamedTuple):
     usual: float
     detour: float
     spare: float
+    heading: float
 
 
 @jit
@@ -161,6 +169,15 @@ def place(roads: Roads, road: int, offset: float, out: NDArray[np.float64]) -> N
     share = min(max((offset - roads.along[a]) / bit, 0.0), 1.0) if bit > 0 else 0.0
     for axis in range(len(out)):
         out[axis] = roads.points[a, axis] + share * (roads.points[a + 1, axis] - roads.points[a, axis])
+
+
+@jit
+def direction(roads: Roads, road: int, offset: float) -> tuple[float, float]:
+    """Unit vector of a road, from its start to its end, at an offset; where it bends, behind the bend. Zero where it has no length."""
+    first = vertex_before(roads, road, offset + _BEHIND)
+    east, north = roads.points[first + 1, 0] - roads.points[first, 0], roads.points[first + 1, 1] - roads.points[first, 1]
+    length = np.hypot(east, north)
+    return (east / length, north / length) if length > 0 else (0.0, 0.0)
 
 
 @jit

@@ -86,28 +86,18 @@ def _distance(node: int, at: NDArray[np.float64], graph: Graph) -> float:
 
 
 @inlined
-def _relax(
-    road: int, metres: float, price: float, missing: float, bound: float, longest: float, graph: Graph, model: Model, work: Work
-) -> None:
-    """Offer the way to the end of a directed road to all that leave from there, unless what is missing from there is out of bound."""
-    if metres > longest or price + missing > bound:
+def _label(road: int, price: float, metres: float, missing: float, parent: int, work: Work) -> None:
+    """Note that the beginning of a directed road is reached, unless it was reached as cheaply before."""
+    new = work.stamps[road] != work.state[0]
+    if not new and (work.slots[road] < 0 or not price < work.price[road]):
         return
-    node = graph.heads[road]
-    for i in range(graph.begins[node], graph.begins[node + 1]):
-        out = graph.outs[i]
-        here = price + _turn_price(road, out, graph, model)
-        if here + missing > bound:
-            continue
-        new = work.stamps[out] != work.state[0]
-        if not new and (work.slots[out] < 0 or not here < work.price[out]):
-            continue
-        work.stamps[out], work.price[out], work.metres[out], work.parents[out] = work.state[0], here, metres, road
-        work.keys[out] = here + missing
-        if new:
-            work.slots[out] = work.state[1]
-            work.state[1] += 1
-        work.heap[work.slots[out]] = out
-        _sift_up(work.heap, work.slots, work.keys, work.slots[out])
+    work.stamps[road], work.price[road], work.metres[road], work.parents[road] = work.state[0], price, metres, parent
+    work.keys[road] = price + missing
+    if new:
+        work.slots[road] = work.state[1]
+        work.state[1] += 1
+    work.heap[work.slots[road]] = road
+    _sift_up(work.heap, work.slots, work.keys, work.slots[road])
 
 
 @jit
@@ -145,8 +135,15 @@ def leave_to_goal(
 
     None is followed that strays too far to be there at a price in metres within the bound, or is longer than ``longest`` metres.
     """
-    missing = max(_distance(graph.heads[road], goal, graph) - near, 0.0)
-    _relax(road, metres, price, missing, bound, longest, graph, model, work)
+    node = graph.heads[road]
+    missing = max(_distance(node, goal, graph) - near, 0.0)
+    if metres > longest or price + missing > bound:
+        return
+    for i in range(graph.begins[node], graph.begins[node + 1]):
+        out = graph.outs[i]
+        here = price + _turn_price(road, out, graph, model)
+        if here + missing <= bound:
+            _label(out, here, metres, missing, road, work)
 
 
 @inlined
@@ -162,25 +159,23 @@ def next_to_goal(bound: float, longest: float, goal: NDArray[np.float64], near: 
 @inlined
 def leave_to_wanted(road: int, metres: float, price: float, bound: float, longest: float, graph: Graph, model: Model, work: Work) -> None:
     """Go on from the end of a directed road to what the last search back wanted."""
-    _relax(road, metres, price, _missing(graph.heads[road], graph, work.rest), bound, longest, graph, model, work)
+    if metres > longest:
+        return
+    node = graph.heads[road]
+    least = work.rest.limits[0] - _away(node, graph, work.rest)  # where the search back did not get to, more is missing
+    for i in range(graph.begins[node], graph.begins[node + 1]):
+        out = graph.outs[i]
+        met = work.rest.stamps[out] == work.rest.state[0] and work.rest.slots[out] < 0
+        missing = work.rest.price[out] if met else least
+        here = price + _turn_price(road, out, graph, model)
+        if here + missing <= bound:
+            _label(out, here, metres, missing, road, work)
 
 
 @inlined
-def next_to_wanted(bound: float, longest: float, graph: Graph, model: Model, work: Work) -> int:
+def next_to_wanted(bound: float, work: Work) -> int:
     """Directed road whose beginning, and then what is wanted, is reached next at the least price; -1 if none is within the bound."""
-    road = _next(bound, work)
-    if road >= 0:
-        length = graph.lengths[road]
-        leave_to_wanted(road, work.metres[road] + length, work.price[road] + length, bound, longest, graph, model, work)
-    return road
-
-
-@inlined
-def _missing(node: int, graph: Graph, rest: Rest) -> float:
-    """The least price in metres, without turns, from a node to what is wanted; a lower bound where the search did not get to."""
-    if rest.stamps[node] == rest.state[0] and rest.slots[node] < 0:
-        return float(rest.price[node])
-    return float(rest.limits[0] - _away(node, graph, rest))
+    return _next(bound, work)
 
 
 @inlined
@@ -197,11 +192,12 @@ def search_back(
     bound: float,
     longest: float,
     graph: Graph,
+    model: Model,
     rest: Rest,
 ) -> None:
-    """Find what is missing from nodes to the beginnings of directed roads, the targets, each with a price to begin with.
+    """Find what is missing from the beginnings of directed roads to those of others, the targets, each with a price to begin with.
 
-    Ways come from the ends of other directed roads, the sources; the search ends when it met them all, or is out of bound.
+    Ways come from the ends of directed roads, the sources; the search ends when it met them all, or is out of bound.
     """
     rest.state[0] += 1
     rest.state[1] = 0
@@ -214,37 +210,38 @@ def search_back(
         missing += not rest.wanted[node]
         rest.wanted[node] = True
     for j in range(len(targets)):
-        _back_to(graph.heads[targets[j] ^ 1], begins[j], bound, longest, graph, rest)
+        _back_to(targets[j], begins[j], _away(graph.heads[targets[j] ^ 1], graph, rest), bound, longest, rest)
     rest.limits[0] = bound
     while rest.state[1] > 0:
-        node = rest.heap[0]
+        road = rest.heap[0]
         if missing == 0:
-            rest.limits[0] = rest.keys[node]
+            rest.limits[0] = rest.keys[road]
             break
         _take_least(rest.heap, rest.slots, rest.keys, rest.state)
+        node = graph.heads[road ^ 1]
         missing -= rest.wanted[node]
+        rest.wanted[node] = False
         for i in range(graph.arrivals[node], graph.arrivals[node + 1]):
-            road = graph.ins[i]
-            _back_to(graph.heads[road ^ 1], rest.price[node] + graph.lengths[road], bound, longest, graph, rest)
+            before = graph.ins[i]
+            price = rest.price[road] + _turn_price(before, road, graph, model) + graph.lengths[before]
+            _back_to(before, price, _away(graph.heads[before ^ 1], graph, rest), bound, longest, rest)
     for road in sources:
         rest.wanted[graph.heads[road]] = False
 
 
 @inlined
-def _back_to(node: int, price: float, bound: float, longest: float, graph: Graph, rest: Rest) -> None:
-    new = rest.stamps[node] != rest.state[0]
-    if not new and (rest.slots[node] < 0 or not price < rest.price[node]):
+def _back_to(road: int, price: float, away: float, bound: float, longest: float, rest: Rest) -> None:
+    new = rest.stamps[road] != rest.state[0]
+    if not new and (rest.slots[road] < 0 or not price < rest.price[road]):
         return
-    away = _away(node, graph, rest)
-    key = price + away
-    if key > bound or away > longest:
+    if price + away > bound or away > longest:
         return
-    rest.stamps[node], rest.price[node], rest.keys[node] = rest.state[0], price, key
+    rest.stamps[road], rest.price[road], rest.keys[road] = rest.state[0], price, price + away
     if new:
-        rest.slots[node] = rest.state[1]
+        rest.slots[road] = rest.state[1]
         rest.state[1] += 1
-    rest.heap[rest.slots[node]] = node
-    _sift_up(rest.heap, rest.slots, rest.keys, rest.slots[node])
+    rest.heap[rest.slots[road]] = road
+    _sift_up(rest.heap, rest.slots, rest.keys, rest.slots[road])
 
 
 @jit
@@ -262,6 +259,7 @@ def find_way(
 ) -> NDArray[np.int32]:
     """Directed roads after ``road``, ``rest`` metres before its end, up to and with ``target``; none if it is out of bound."""
     clear_search(work)
+    longest += rest  # as in the lattice, whose searches begin at the ends of roads
     leave_to_goal(road, rest, rest, bound, longest, goal, near, graph, model, work)
     found = -1
     while found != target:

@@ -9,11 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
-from gpszip.kernels.match_lattice import NOWHERE, OVER, ROUND, STAY, Lattice, longest_way
-from gpszip.kernels.match_roads import Graph, Model, Roads, Work, apart, larger, place, project, vertex_before
+from gpszip.kernels.match_lattice import Lattice
+from gpszip.kernels.match_layer import NOWHERE, OVER, ROUND, STAY, cheapest
+from gpszip.kernels.match_moves import longest_way
+from gpszip.kernels.match_roads import Graph, Model, Roads, Work, apart, direction, larger, place, project, vertex_before
 from gpszip.kernels.match_search import find_way
 
-__all__ = ["Legs", "best_chain", "draw", "nearest_on", "place_samples", "places", "trace"]
+__all__ = ["Legs", "best_chain", "directions", "draw", "nearest_on", "place_samples", "places", "trace"]
 
 
 class Legs(NamedTuple):
@@ -31,7 +33,7 @@ def best_chain(lattice: Lattice) -> NDArray[np.int64]:
     begins = lattice.begins
     layers = len(begins) - 1
     chain = np.empty(layers, np.int64)
-    chain[-1] = begins[layers - 1] + np.argmin(lattice.all.scores[begins[layers - 1] : begins[layers]])
+    chain[-1] = begins[layers - 1] + cheapest(lattice.all.scores[begins[layers - 1] : begins[layers]])
     for layer in range(layers - 1, 0, -1):
         chain[layer - 1] = begins[layer - 1] + lattice.all.backs[chain[layer]]
     return chain
@@ -177,6 +179,17 @@ def places(directed: NDArray[np.int32], metres: NDArray[np.float64], roads: Road
     for i in range(len(directed)):
         offset = graph.lengths[directed[i]] - metres[i] if directed[i] & 1 else metres[i]
         place(roads, directed[i] >> 1, offset, out[i])
+    return out
+
+
+@jit
+def directions(directed: NDArray[np.int32], metres: NDArray[np.float64], roads: Roads, graph: Graph) -> NDArray[np.float64]:
+    """Unit vectors in which directed roads lead, so many metres along them."""
+    out = np.empty((len(directed), 2))
+    for i in range(len(directed)):
+        back = directed[i] & 1
+        east, north = direction(roads, directed[i] >> 1, graph.lengths[directed[i]] - metres[i] if back else metres[i])
+        out[i, 0], out[i, 1] = (-east, -north) if back else (east, north)
     return out
 
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.match_lattice import GAP
+from gpszip.kernels.match_layer import GAP
 from gpszip.kernels.match_roads import Work, apart
 from gpszip.kernels.match_search import find_way
 from gpszip.kernels.match_trace import Legs, draw, place_samples

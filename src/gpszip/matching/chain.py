@@ -28,11 +28,14 @@ class Stretch:
         Metres in the coordinates of the index, and seconds.
     silent : bool array, shape (n - 1,)
         Intervals that break every way.
+    headings : float64 array, shape (n, 2)
+        Unit vectors in which the agent faces, zero where that is not known.
     """
 
     positions: NDArray[np.float64]
     times: NDArray[np.float64]
     silent: NDArray[np.bool_]
+    headings: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +51,7 @@ class Chain:
     roads : int32 array, shape (k,)
         Directed road of each layer, -1 for none.
     kinds : uint8 array, shape (k,)
-        How each was reached, see :mod:`gpszip.kernels.match_lattice`.
+        How each was reached, see :mod:`gpszip.kernels.match_layer`.
     alone : bool array, shape (k,)
         Layers that have no road near.
     confidence : float64 array, shape (k,)
@@ -99,7 +102,7 @@ def follow(index: RoadIndex, work: Work, stretch: Stretch, scales: Scales, *, su
     if not sure:
         model = model._replace(margin=0.0)
     used = thin(positions, stretch.silent, apart(scales))
-    layers = lattice(positions, stretch.times, stretch.silent, used, index.roads, index.cells, index.graph, model, work)
+    layers = lattice(positions, stretch.times, stretch.headings, stretch.silent, used, index.roads, index.cells, index.graph, model, work)
     chain = best_chain(layers)
     legs, leg, metres = trace(positions, stretch.times, used, chain, layers, index.graph, model, work)
     confidence = way_share(layers, posterior(layers), legs.roads, leg) if sure else np.zeros(len(used))

@@ -48,11 +48,12 @@ def workspace(index: RoadIndex) -> Work:
     """Room for searches on one index, for one thread; made once, since it is as large as the network."""
     size, nodes = len(index.graph.open), len(index.graph.nodes)
     parents, slots, heap = (np.zeros(size, np.int32) for _ in range(3))
-    state, stamps, targets = np.zeros(2, np.int64), np.zeros(size, np.int64), np.full(size, -1, np.int32)
+    state, stamps = np.zeros(2, np.int64), np.zeros(size, np.int64)
+    targets, known = np.full((2, size), -1, np.int32)
     keys, price, metres = (np.zeros(size) for _ in range(3))
-    back = np.zeros(nodes, np.int64), np.zeros(nodes), np.zeros(nodes), np.zeros(nodes, np.int32), np.zeros(nodes, np.int32)
+    back = np.zeros(size, np.int64), np.zeros(size), np.zeros(size), np.zeros(size, np.int32), np.zeros(size, np.int32)
     rest = Rest(np.zeros(3, np.int64), np.zeros(2), *back, np.zeros(nodes, np.bool_))
-    return Work(state, stamps, keys, price, metres, parents, slots, heap, targets, rest)
+    return Work(state, stamps, keys, price, metres, parents, slots, heap, targets, known, rest)
 
 
 def index_network(network: Network, dimension: int | None = None) -> RoadIndex:

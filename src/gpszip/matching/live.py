@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import OptionError, TrackError
-from gpszip.kernels.match_lattice import GAP, JUMP
-from gpszip.kernels.match_live import add_layer, empty_ring, settled
+from gpszip.kernels.match_layer import GAP, JUMP
+from gpszip.kernels.match_live import add_layer, best, empty_ring, merged, trail
 from gpszip.kernels.match_trace import nearest_on
+from gpszip.matching.headings import unit_vectors
 from gpszip.matching.index import RoadIndex, index_network, workspace
 from gpszip.matching.rules import apart, model_of
 from gpszip.model import Network
@@ -20,7 +21,10 @@ from gpszip.model.match import Scales
 __all__ = ["LiveMatcher", "Next", "Settled", "Whereabouts"]
 
 #: Receivers in vehicles at about one sample a second, on the maps that there are of streets (docs/matching.md).
-_STREETS = Scales(error=6.5, sigma=40.0, beta=6.5, usual=10.0, fastest=150.0)
+_STREETS = Scales(error=6.5, sigma=40.0, beta=6.5, usual=10.0, fastest=150.0, heading=30.0)
+
+#: Facing nowhere.
+_NOWHERE = np.zeros(2)
 
 
 class Next(NamedTuple):
@@ -42,7 +46,7 @@ class Next(NamedTuple):
 
 
 class Settled(NamedTuple):
-    """Where a sample was, as seen after the lag.
+    """Where a sample was, as seen from later ones.
 
     Parameters
     ----------
@@ -58,6 +62,8 @@ class Settled(NamedTuple):
         Metres from the sample to its place, NaN for none.
     linked : bool
         Whether a way leads there from the sample settled before.
+    final : bool
+        Whether no later sample could change it: it is what the batch finds. False where the lag was over before all chains agreed.
     """
 
     time: float
@@ -66,6 +72,7 @@ class Settled(NamedTuple):
     offset: float
     distance: float
     linked: bool
+    final: bool
 
 
 class Whereabouts(NamedTuple):
@@ -90,7 +97,8 @@ class Whereabouts(NamedTuple):
     next : tuple of Next
         Roads that leave from the end of this one.
     settled : tuple of Settled
-        Where earlier samples were, each told once, when its lag has passed: those that lie apart, not each of a standing agent.
+        Where earlier samples were, each told once, as soon as no later one can change it, or when its lag has passed: those that
+        lie apart, not each of a standing agent.
     """
 
     time: float
@@ -114,8 +122,8 @@ class LiveMatcher:
     scales : Scales, optional
         What the model knows of the log, such as ``gpszip.match(earlier, network).scales``. By default those of vehicles with
         a receiver, on roads in degrees.
-    lag : int, default 20
-        Samples are settled after so many that lie apart.
+    lag : int, default 100
+        Samples are settled as soon as no later one can change them, at the latest after so many that lie apart.
     gap : float, default 120.0
         Silences longer than this, in seconds, break the way.
 
@@ -137,7 +145,7 @@ class LiveMatcher:
     (0, True, 63.0, [(0, False), (1, True)], 45.0)
     """
 
-    def __init__(self, network: Network | RoadIndex, scales: Scales | None = None, *, lag: int = 20, gap: float = 120.0) -> None:
+    def __init__(self, network: Network | RoadIndex, scales: Scales | None = None, *, lag: int = 100, gap: float = 120.0) -> None:
         self.index = network if isinstance(network, RoadIndex) else index_network(network)
         if scales is None and self.index.network.plane is None:
             raise OptionError("roads on a plane of their own have no usual scales; give those of gpszip.match(earlier, network).scales")
@@ -151,12 +159,13 @@ class LiveMatcher:
         self._times = [0.0] * (lag + 2)
         self._places = np.zeros((lag + 2, self.index.dimension))
         self._used = self._run = 0  # layers so far, and of these since the last silence
-        self._last: tuple[float, NDArray[np.float64], bool] | None = None  # the last sample, and whether it has a layer
+        # the last sample: time, place, where it faced, and whether it has a layer
+        self._last: tuple[float, NDArray[np.float64], NDArray[np.float64], bool] | None = None
         self._at: Whereabouts | None = None
         self._told = 0  # layers that have been settled
         self._next: dict[int, tuple[Next, ...]] = {}
 
-    def push(self, time: float, position: ArrayLike) -> Whereabouts:
+    def push(self, time: float, position: ArrayLike, heading: float | None = None) -> Whereabouts:
         """Take in a sample and tell where the agent is.
 
         Parameters
@@ -165,6 +174,9 @@ class LiveMatcher:
             Seconds, later than the one before.
         position : array_like, shape (d,)
             Metres on the plane of the network.
+        heading : float, optional
+            Where the agent faces, in degrees clockwise from north (y on a plane of its own); NaN is as good as none. It counts as far
+            as the scales have a spread of headings.
 
         Raises
         ------
@@ -178,30 +190,37 @@ class LiveMatcher:
             raise TrackError(f"sample at {time:g} s is not finite; drop it")
         if self._last is not None and time <= self._last[0]:
             raise TrackError(f"time {time:g} does not follow {self._last[0]:g}; drop the sample")
-        now = self._taken(time, place)
-        behind = self._used - self._lag
-        return now._replace(settled=self._settle(behind)) if behind > self._told else now
+        layers = self._used
+        now = self._taken(time, place, self._facing(heading, place))
+        settled = self._settle() if self._used > layers else ()
+        return now._replace(settled=settled) if settled else now
 
     def finish(self) -> tuple[Settled, ...]:
         """Tell where the rest of the samples were; what is pushed from here on begins anew."""
-        if self._last is not None and not self._last[2]:
-            self._end(*self._last[:2])
-        rest = self._settle(self._used)
+        if self._last is not None and not self._last[3]:
+            self._end(*self._last[:3])
+        rest = self._tell(self._used - 1, best(self._ring, self._used - 1), final=True) if self._used else ()
         self._last = self._at = None
         self._used = self._run = self._told = 0
         return rest
 
-    def _taken(self, time: float, place: NDArray[np.float64]) -> Whereabouts:
+    def _facing(self, heading: float | None, place: NDArray[np.float64]) -> NDArray[np.float64]:
+        if heading is None or not math.isfinite(heading):
+            return _NOWHERE
+        (vector,) = unit_vectors(np.array([heading]), place[None], self.index.network.plane)
+        return np.asarray(vector)
+
+    def _taken(self, time: float, place: NDArray[np.float64], facing: NDArray[np.float64]) -> Whereabouts:
         if self._last is None:
-            return self._layer(time, place, silent=True)
-        last, where, used = self._last
+            return self._layer(time, place, facing, silent=True)
+        last, where, faced, used = self._last
         if time - last > self._gap:
             if not used:
-                self._end(last, where)
-            return self._layer(time, place, silent=True)
+                self._end(last, where, faced)
+            return self._layer(time, place, facing, silent=True)
         if self._distance(place) >= self._apart:
-            return self._layer(time, place, silent=False)
-        self._last = (time, place, False)
+            return self._layer(time, place, facing, silent=False)
+        self._last = (time, place, facing, False)
         return self._between(time, place)
 
     def _distance(self, place: NDArray[np.float64]) -> float:
@@ -211,42 +230,55 @@ class LiveMatcher:
             square += (one - other) * (one - other)
         return math.sqrt(square)
 
-    def _end(self, time: float, place: NDArray[np.float64]) -> None:
+    def _end(self, time: float, place: NDArray[np.float64], facing: NDArray[np.float64]) -> None:
         """Give the last sample before a silence its layer; it stands for the one just before it."""
         if self._run > 1:
             self._used -= 1
             self._run -= 1
-        self._layer(time, place, silent=False)
+        self._layer(time, place, facing, silent=False)
 
-    def _layer(self, time: float, place: NDArray[np.float64], *, silent: bool) -> Whereabouts:
+    def _layer(self, time: float, place: NDArray[np.float64], facing: NDArray[np.float64], *, silent: bool) -> Whereabouts:
         number, slot = self._used, self._used % len(self._times)
         straight, seconds = 0.0, math.inf
         if not silent:
             straight, seconds = self._distance(place), time - self._times[(number - 1) % len(self._times)]
         index = self.index
         road, metres, distance, share, kind = add_layer(
-            self._ring, number, place, straight, seconds, index.roads, index.cells, index.graph, self._model, self._work
+            self._ring, number, place, facing, straight, seconds, index.roads, index.cells, index.graph, self._model, self._work
         )  # fmt: skip
         self._times[slot], self._places[slot] = time, place
-        self._used, self._run, self._last = number + 1, 1 if silent else self._run + 1, (time, place, True)
+        self._used, self._run, self._last = number + 1, 1 if silent else self._run + 1, (time, place, facing, True)
         before = self._at
         if before is not None and kind not in {GAP, JUMP} and before.edge == road >> 1 and before.forward == (not road & 1):
             metres = max(metres, self._metres(road, before.offset))  # a little back is standing still
         self._at = self._whereabouts(time, road, metres, distance, share)
         return self._at
 
-    def _settle(self, until: int) -> tuple[Settled, ...]:
-        """Tell the layers before one that have not been told yet."""
-        layers = range(self._told, until)
-        self._told = max(self._told, until)
-        return tuple(self._one_settled(layer) for layer in layers)
+    def _settle(self) -> tuple[Settled, ...]:
+        """Tell the layers on which all chains agree, and those whose lag has passed."""
+        last = self._used - 1
+        # the end of a run of samples may yet take the place of its last layer, see _end
+        layer, candidate = merged(self._ring, last if self._run == 1 else last - 1, self._told)
+        sure = self._tell(layer, candidate, final=True) if layer >= 0 else ()
+        late = self._used - self._lag
+        if late <= self._told:
+            return sure
+        chain = trail(self._ring, last, best(self._ring, last), late - 1)
+        return sure + self._tell(late - 1, int(chain[0]) % len(self._ring.moves), final=False)
 
-    def _one_settled(self, layer: int) -> Settled:
-        road, metres, distance, linked = settled(self._ring, self._used - 1, self._used - 1 - layer)
-        time = self._times[layer % len(self._times)]
+    def _tell(self, layer: int, candidate: int, *, final: bool) -> tuple[Settled, ...]:
+        """Tell all layers up to one that have not been told yet, on the cheapest chain to a candidate there."""
+        first, self._told = self._told, layer + 1
+        chain = trail(self._ring, layer, candidate, first).tolist()
+        return tuple(self._one_settled(first + i, place, final) for i, place in enumerate(chain))
+
+    def _one_settled(self, layer: int, place: int, final: bool) -> Settled:
+        layers, time = self._ring.layers, self._times[layer % len(self._times)]
+        road = int(layers.roads[place])
         if road < 0:
-            return Settled(time, -1, False, math.nan, math.nan, False)
-        return Settled(time, road >> 1, not road & 1, self._metres(road, metres), distance, linked)
+            return Settled(time, -1, False, math.nan, math.nan, False, final)
+        offset, linked = self._metres(road, float(layers.metres[place])), bool(layers.kinds[place] < JUMP)
+        return Settled(time, road >> 1, not road & 1, offset, float(layers.distances[place]), linked, final)
 
     def _metres(self, road: int, metres: float) -> float:
         """From metres along a directed road to metres from the road's start, and back."""

@@ -13,6 +13,7 @@ from gpszip.geo.gaps import estimate_gap, gap_parts
 from gpszip.geo.planes import plane_changes
 from gpszip.matching.assembling import assemble
 from gpszip.matching.chain import Stretch, follow
+from gpszip.matching.headings import headings_of
 from gpszip.matching.index import RoadIndex, index_network, workspace
 from gpszip.matching.scales import estimate_scales
 from gpszip.model import Network, Track
@@ -28,6 +29,7 @@ def match(
     sigma: float | None = None,
     beta: float | None = None,
     gap: float | None = None,
+    heading: float | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Matching:
     """Find the roads that tracks took.
@@ -42,6 +44,9 @@ def match(
         Scales in metres, see :class:`~gpszip.model.match.Scales`; estimated from the log by default.
     gap : float, optional
         Silences longer than this, in seconds, are breaks; ``math.inf`` for none. Estimated by default.
+    heading : float, optional
+        Spread in degrees of the headings in the tracks' attribute ``heading`` (degrees clockwise from north, NaN where not known);
+        ``math.inf`` to leave them out. Estimated by default, and left out where they don't follow the roads.
     progress : callable, optional
         Called with the share of the samples that is done.
 
@@ -69,18 +74,19 @@ def match(
     ([0, 0, 1, 1], [10.0, 60.0, 20.0, 60.0], 150)
     """
     whole = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
-    _check(whole, network.network if isinstance(network, RoadIndex) else network, sigma=sigma, beta=beta, gap=gap)
+    _check(whole, network.network if isinstance(network, RoadIndex) else network, sigma=sigma, beta=beta, gap=gap, heading=heading)
     index = network if isinstance(network, RoadIndex) else index_network(network, min(track.dimension for track in whole))
     stretches = _stretches(whole, index, gap)
     work = workspace(index)
-    scales, each = estimate_scales(index, work, stretches, sigma=sigma, beta=beta)
+    scales, each = estimate_scales(index, work, stretches, sigma=sigma, beta=beta, heading=heading)
     matches, done, samples = [], 0, sum(map(len, whole))
     for track, one, own in zip(whole, stretches, each, strict=True):
         matches.append(assemble(index, work, track.id, follow(index, work, one, own), own))
         done += len(track)
         if progress is not None:
             progress(done / samples)
-    return Matching(tuple(matches), scales)
+    unheeded = [track.id for track, one, own in zip(whole, stretches, each, strict=True) if one.headings.any() and own.heading == math.inf]
+    return Matching(tuple(matches), scales, () if heading == math.inf else tuple(unheeded))
 
 
 def _check(tracks: Sequence[Track], network: Network, **numbers: float | None) -> None:
@@ -89,7 +95,7 @@ def _check(tracks: Sequence[Track], network: Network, **numbers: float | None) -
     if not len(network):
         raise InputError("the network has no roads: there is nothing to match with")
     for name, value in numbers.items():
-        if value is not None and not (value > 0 and (name == "gap" or math.isfinite(value))):
+        if value is not None and not (value > 0 and (name in {"gap", "heading"} or math.isfinite(value))):
             raise OptionError(f"{name} is {value:g}; it must be a positive number")
     for track in tracks:
         if track.plane != network.plane:
@@ -102,7 +108,7 @@ def _stretches(tracks: Sequence[Track], index: RoadIndex, gap: float | None) -> 
     out = []
     for track in tracks:
         silent = gap_parts(track.times, length) | plane_changes(track.positions, track.plane)
-        out.append(Stretch(_coordinates(track.positions, index.dimension), track.times, silent))
+        out.append(Stretch(_coordinates(track.positions, index.dimension), track.times, silent, headings_of(track)))
     return out
 
 

@@ -12,6 +12,7 @@ from gpszip.errors import OptionError
 from gpszip.geo.gaps import estimate_gap, gap_parts
 from gpszip.geo.planes import plane_changes
 from gpszip.matching.gap_ways import Place, Prices, Way, WayFinder
+from gpszip.matching.headings import headings_of
 from gpszip.matching.match import match
 from gpszip.matching.pace import Habits, bend_speed, habits_of, travelled
 from gpszip.matching.road_pace import road_pace
@@ -121,6 +122,8 @@ class _Filler:
         usual = steps[steps <= gap]
         self.rhythm = float(np.median(usual)) if len(usual) else gap
         self.seconds = slowness * np.maximum(finder.lengths, 1e-3) / habits.usual
+        heeded = math.isfinite(found.scales.heading)
+        self.headings = headings_of(track) if heeded else np.zeros((len(track), 2))
         off = found.distance[np.isfinite(found.distance)]
         self.error = max(_TO_SIGMA * float(np.median(off)), _LEAST) if len(off) else _LEAST
 
@@ -192,7 +195,9 @@ class _Filler:
         return likely
 
     def _heading(self, sample: int, side: int) -> Floats | None:
-        """Unit vector of travel beside a gap, where the agent moved by more than the error."""
+        """Unit vector of travel beside a gap: what the log tells, or where the agent moved by more than the error."""
+        if self.headings[sample].any():
+            return np.asarray(self.headings[sample])
         positions = self.track.positions[:, :2]
         near = positions[sample - 60 if sample >= 60 else 0 : sample + 1][::-1] if side < 0 else positions[sample : sample + 61]
         far = np.flatnonzero(np.linalg.norm(near - near[0], axis=1) > 2 * self.error)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from gpszip.kernels.match_roads import Model
 from gpszip.model.match import Scales
 
@@ -48,5 +50,6 @@ def model_of(scales: Scales) -> Model:
     A sample off the roads costs as much as on one at the edge of reach.
     """
     far, error = reach(scales), scales.error
+    heading = 1.0 / math.radians(scales.heading) ** 2
     prices = (scales.sigma, scales.beta, far, 0.5 * (far / scales.sigma) ** 2, _JUMP, _TURN, _U_TURN)
-    return Model(*prices, _SLACK * error, _SPUR * error, _MARGIN, _MOST_ROADS, scales.fastest, scales.usual, _DETOUR, far)
+    return Model(*prices, _SLACK * error, _SPUR * error, _MARGIN, _MOST_ROADS, scales.fastest, scales.usual, _DETOUR, far, heading)

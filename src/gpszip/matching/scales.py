@@ -9,11 +9,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.match_lattice import JUMP, thin
+from gpszip.kernels.match_lattice import thin
+from gpszip.kernels.match_layer import JUMP
 from gpszip.kernels.match_near import nearest_distances
 from gpszip.kernels.match_roads import Work
 from gpszip.kernels.match_trace import places
 from gpszip.matching.chain import Chain, Stretch, follow
+from gpszip.matching.headings import agreeing, spread
 from gpszip.matching.index import RoadIndex
 from gpszip.model.match import Scales
 
@@ -24,6 +26,10 @@ _ROUNDS = 2
 
 #: Samples that the rounds look at, and that the last one does; of each track at least the third number.
 _SOME, _MANY, _FEW = 10_000, 100_000, 30
+
+#: A first guess of how much longer than the straight line a way is. Rather too much: if ways that wind seem too dear, layers are
+#: matched to far roads instead, which looks like a large error, and this never mends.
+_WINDING = 0.25
 
 #: What the whole log tells counts for a track as much as so many layers of its own.
 _PRIOR = 300.0
@@ -68,7 +74,13 @@ class _Sums:
 
 
 def estimate_scales(
-    index: RoadIndex, work: Work, stretches: Sequence[Stretch], *, sigma: float | None = None, beta: float | None = None
+    index: RoadIndex,
+    work: Work,
+    stretches: Sequence[Stretch],
+    *,
+    sigma: float | None = None,
+    beta: float | None = None,
+    heading: float | None = None,
 ) -> tuple[Scales, list[Scales]]:
     """Find the scales of a log as a whole and of each track.
 
@@ -82,7 +94,7 @@ def estimate_scales(
         The network, and room to search it.
     stretches : sequence of Stretch
         The log.
-    sigma, beta : float, optional
+    sigma, beta, heading : float, optional
         Those that are known.
     """
     some = _some(stretches, _SOME)
@@ -91,17 +103,32 @@ def estimate_scales(
     for _ in range(_ROUNDS):
         total = sum((_summed(index, follow(index, work, one, scales, sure=False)) for one in some), _Sums())
         if not total.ways:
+            scales = replace(scales, heading=heading or math.inf)
             return scales, [scales] * len(stretches)
         scales = _fixed(_of(total, _speeds(some, scales.error), least), sigma, beta)
     many = _some(stretches, _MANY)
-    sums = [_summed(index, follow(index, work, one, scales, sure=False)) for one in many]
+    chains = [follow(index, work, one, scales, sure=False) for one in many]
+    sums = [_summed(index, chain) for chain in chains]
+    facing, facings = _facing(index, work, chains, scales) if heading is None else (heading, [heading] * len(many))
     total = sum(sums, _Sums())
     whole = _fixed(_of(total, _speeds(many, scales.error), least), sigma, beta)
     prior, speeds = total.shrunk(_PRIOR), (whole.usual, whole.fastest)
     own = (
         _of(one + prior, _blend(_speeds([track], whole.error), speeds, one.ways), least) for one, track in zip(sums, many, strict=True)
     )  # fmt: skip
-    return whole, [_fixed(one, sigma, beta) for one in own]
+    each = [replace(_fixed(one, sigma, beta), heading=turned) for one, turned in zip(own, facings, strict=True)]
+    return replace(whole, heading=facing), each
+
+
+def _facing(index: RoadIndex, work: Work, chains: Sequence[Chain], scales: Scales) -> tuple[float, list[float]]:
+    """Spread of headings, of a log as a whole and of each track: measured, matched with, and measured again."""
+    whole, each = agreeing(index, chains)
+    if not any(each):
+        return math.inf, [math.inf] * len(chains)
+    followed = [chain for chain, agrees in zip(chains, each, strict=True) if agrees]
+    headed = replace(scales, heading=spread(index, followed))
+    found = spread(index, [follow(index, work, chain.stretch, headed, sure=False) for chain in followed])
+    return found if whole else math.inf, [found if agrees else math.inf for agrees in each]
 
 
 def _some(stretches: Sequence[Stretch], samples: int) -> list[Stretch]:
@@ -115,7 +142,7 @@ def _middle(stretch: Stretch, share: float) -> Stretch:
     size = min(max(math.ceil(n * share), _FEW), n)
     first = (n - size) // 2
     last = first + size
-    return Stretch(stretch.positions[first:last], stretch.times[first:last], stretch.silent[first : last - 1])
+    return Stretch(stretch.positions[first:last], stretch.times[first:last], stretch.silent[first : last - 1], stretch.headings[first:last])
 
 
 def _fixed(scales: Scales, sigma: float | None, beta: float | None) -> Scales:
@@ -130,7 +157,17 @@ def _first(index: RoadIndex, stretches: Sequence[Stretch]) -> Scales:
     near = np.concatenate([nearest_distances(one.positions, index.roads, index.cells) for one in stretches])
     known = near[np.isfinite(near)]
     error = max(2.0 * float(np.median(known)) if len(known) else 0.0, _least_error(index))
-    return Scales(error, 2.0 * error, 2.0 * error, *_speeds(stretches, error))
+    return Scales(error, 2.0 * error, 2.0 * error + _WINDING * _step(stretches, error), *_speeds(stretches, error))
+
+
+def _step(stretches: Sequence[Stretch], error: float) -> float:
+    """Median distance between samples that lie apart, 0 where none do."""
+    steps = [np.zeros(0)]
+    for one in stretches:
+        used = thin(one.positions, one.silent, 2 * error)
+        steps.append(np.sqrt((np.diff(one.positions[used], axis=0) ** 2).sum(axis=1)))
+    pooled = np.concatenate(steps)
+    return float(np.median(pooled)) if len(pooled) else 0.0
 
 
 def _least_error(index: RoadIndex) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,6 +29,9 @@ class Scales:
         Scale in metres of the difference between the way over roads and the straight line.
     usual, fastest : float
         Median speed in m/s, and one that is never exceeded.
+    heading : float, default infinite
+        Spread in degrees between headings that the log tells and the roads travelled, larger by as much as differences of samples in
+        a row are alike; infinite where there are none, or they don't follow the roads.
     """
 
     error: float
@@ -35,6 +39,7 @@ class Scales:
     beta: float
     usual: float
     fastest: float
+    heading: float = math.inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,10 +207,13 @@ class Matching:
         One for each track.
     scales : Scales
         Of the log as a whole; a track's own are nearer to them the shorter it is.
+    unheeded : tuple of str
+        Tracks whose headings were left out, since they don't show that they follow the roads travelled.
     """
 
     matches: tuple[Match, ...]
     scales: Scales
+    unheeded: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.matches)

@@ -32,8 +32,8 @@ class Matcher(LiveMatcher):
     scales : Scales, optional
         What is known of the log, best from an earlier one: ``gpszip.match(earlier, map).scales``. By default those of vehicles
         with a receiver for a network in degrees, and for an archive what its own error and speeds tell.
-    lag : int, default 20
-        Samples are settled after so many that lie apart.
+    lag : int, default 100
+        Samples are settled as soon as no later one can change them, at the latest after so many that lie apart.
     gap : float, default 120.0
         Silences longer than this, in seconds, break the way.
 
@@ -57,7 +57,7 @@ class Matcher(LiveMatcher):
         map: Network | Archive | str | os.PathLike[str],
         scales: Scales | None = None,
         *,
-        lag: int = 20,
+        lag: int = 100,
         gap: float = 120.0,
     ) -> None:
         if not isinstance(map, Network):

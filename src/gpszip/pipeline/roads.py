@@ -59,6 +59,7 @@ def match(
     sigma: float | None = None,
     beta: float | None = None,
     gap: float | None = None,
+    heading: float | None = None,
     progress: Listener | None = None,
 ) -> Matching:
     """Find the roads that tracks took; ``network`` is a :class:`~gpszip.model.Network` or what :func:`read_network` takes."""
@@ -69,7 +70,7 @@ def match(
             progress(Progress("match", done))
 
     roads = network if isinstance(network, Network) else read_network(network, near=tracks).network
-    return matching.match(tracks, roads, sigma=sigma, beta=beta, gap=gap, progress=tell)
+    return matching.match(tracks, roads, sigma=sigma, beta=beta, gap=gap, heading=heading, progress=tell)
 
 
 def patch(tracks: Sequence[Track] | Track, network: Any, *, gap: float | None = None) -> Patching:
