@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from gpszip.archive.making import new_archive
 from gpszip.coding.past import Past
 from gpszip.coding.smallest import encode_smallest
 from gpszip.coding.walks import MOST_SORTED, decode, encode, encode_in_modes, number_by_visit
@@ -12,6 +13,7 @@ from gpszip.graph.trees import arcs_of, search_on
 from gpszip.kernels.shortest_paths import trace
 from gpszip.kernels.walk_model import AIMS, PACED, SORTED
 from gpszip.model import LatticeWalk, LatticeWalks
+from gpszip.model.frame import Frame
 from oracle import walk_decoder
 from oracle.walks import assert_same, random_walks, walk
 
@@ -118,6 +120,27 @@ def test_sorted_starts_win_where_tracks_follow_each_other():
     assert len(ordered) < len(encode(walks)) - 6
     assert_twin_agrees(ordered, walks)
     assert encode_smallest(walks) == ordered
+
+
+def test_large_walks_aim_if_it_pays_at_first(on_a_known_town):
+    past, _ = on_a_known_town
+    numbers = {tuple(place): number for number, place in enumerate(past.walks.nodes.tolist())}
+    places, ways = town()
+    order = np.array([numbers[tuple(place)] for place in places.tolist()], np.int32)
+    many = errands(places, ways, 1100)
+    trips = LatticeWalks(past.walks.nodes, tuple(LatticeWalk(order[trip.nodes], trip.cells, trip.gaps) for trip in many))
+    assert knots_of(trips) > 8192
+    data = encode_smallest(trips, past)
+    assert data[:1] == b"\0" and data[1] & AIMS
+    assert_same(decode(data, 2, len(trips.walks), past), trips)
+
+
+def test_archives_hold_the_smallest():
+    starts = np.cumsum(np.random.default_rng(4).integers(1, 200_000, 80))
+    walks = LatticeWalks(np.array([[0, 0], [40, 9]]), tuple(walk([0, 1], [start, start + 9]) for start in starts))
+    archive = new_archive(Frame((0, 0), 0, 128, 128), [str(number) for number in range(80)], walks)
+    assert archive.contents.groups[0].payload == encode_smallest(walks) != encode(walks)
+    assert_same(archive.lattice, walks)
 
 
 def test_what_needs_no_mode_pays_for_none():

@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpszip.coding.past import Past
-from gpszip.coding.walks import MOST_SORTED, encode_in_modes
+from gpszip.coding.walks import MOST_SORTED, encode_in_modes, number_by_visit
 from gpszip.kernels.walk_model import AIMS, KIND_BITS, PACED, SORTED
-from gpszip.model import LatticeWalks
+from gpszip.model import LatticeWalk, LatticeWalks
 
 __all__ = ["encode_smallest"]
 
-#: Aims are tried for walks of at most so many knots: the searches for them take a tenth of a second for each thousand or two.
-_MOST_AIMING = 1 << 15
+#: Whether aims pay is found out on so many knots, so that large logs don't wait for it.
+_SAMPLE = 1 << 13
 
-#: Kinds of steps whose ways an aim may spare.
+#: Kinds of steps that modes may spare bits of.
 _BACK, _KNOWN, _NEW = 0, 1, 3
 
 
 def encode_smallest(walks: LatticeWalks, past: Past | None = None) -> bytes:
     """Code walks as :func:`gpszip.coding.walks.encode` does, but in the modes that take the fewest bytes.
 
-    Each mode is tried by itself, and those that pay together once more: at most four times the work of coding once, and that of the
-    searches for aims.
+    Each mode is tried by itself, and those that pay together once more. To aim takes searches: walks with more than 8,192 knots are
+    coded with aims only if these pay for the first so many.
 
     Examples
     --------
@@ -34,20 +35,43 @@ def encode_smallest(walks: LatticeWalks, past: Past | None = None) -> bytes:
     >>> decode(data, dimension=2, tracks=1).walks[0].cells.tolist()
     [0, 9, 18]
     """
-    spent = np.zeros(sum(len(walk.nodes) for walk in walks.walks))
-    best, model = encode_in_modes(walks, past, 0, spent)
+    spent = _no_bits(walks)
+    plain, model = encode_in_modes(walks, past, 0, spent)
     steps = model.ledger[KIND_BITS : KIND_BITS + 5, 1]
-    tries = [
-        (SORTED, walks.timed and 2 < len(walks.walks) <= MOST_SORTED),
-        (PACED, walks.timed and walks.nodes.shape[1] > 1 and steps[_NEW] > 1),
-        (AIMS, steps[_BACK] + steps[_KNOWN] > 1 and len(spent) <= _MOST_AIMING),
-    ]
-    plain, paying = len(best), []
-    for mode, worth in tries:
-        data = encode_in_modes(walks, past, mode, spent)[0] if worth else best
-        if len(data) < plain:
-            paying.append(mode)
-        best = min(best, data, key=len)
-    if len(paying) > 1:
-        best = min(best, encode_in_modes(walks, past, int(sum(paying)), spent)[0], key=len)
-    return best
+    worth = {
+        int(SORTED): walks.timed and 2 < len(walks.walks) <= MOST_SORTED,
+        int(PACED): walks.timed and walks.nodes.shape[1] > 1 and steps[_NEW] > 1,
+        int(AIMS): steps[_BACK] + steps[_KNOWN] > 1 and _aims_pay_at_first(walks, past),
+    }
+    coded = {mode: encode_in_modes(walks, past, mode, spent)[0] for mode, is_worth in worth.items() if is_worth}
+    paying = [mode for mode, data in coded.items() if len(data) < len(plain)]
+    together = [encode_in_modes(walks, past, sum(paying), spent)[0]] if len(paying) > 1 else []
+    return min([plain, *coded.values(), *together], key=len)
+
+
+def _aims_pay_at_first(walks: LatticeWalks, past: Past | None) -> bool:
+    """Whether aims may pay for few walks, or do for the first knots of many."""
+    sample = _first_knots(walks, _SAMPLE, 0 if past is None else past.nodes)
+    if sample is walks:
+        return True
+    spent = _no_bits(sample)
+    plain, _ = encode_in_modes(sample, past, 0, spent)
+    return len(encode_in_modes(sample, past, int(AIMS), spent)[0]) < len(plain)
+
+
+def _no_bits(walks: LatticeWalks) -> NDArray[np.float64]:
+    return np.zeros(sum(len(walk.nodes) for walk in walks.walks))
+
+
+def _first_knots(walks: LatticeWalks, count: int, known: int) -> LatticeWalks:
+    """The first ``count`` knots of all walks; the very same walks if they have no more."""
+    if sum(len(walk.nodes) for walk in walks.walks) <= count:
+        return walks
+    first = []
+    for walk in walks.walks:
+        kept = min(count, len(walk.nodes))
+        first.append(LatticeWalk(walk.nodes[:kept], walk.cells[:kept], walk.gaps[: kept - 1]))
+        count -= kept
+        if count == 0:
+            break
+    return number_by_visit(LatticeWalks(walks.nodes, tuple(first), walks.timed), known)
