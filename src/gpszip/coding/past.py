@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.coding.knots import flatten
 from gpszip.kernels.range_coder import listener
 from gpszip.kernels.walk_coder import code_walks
 from gpszip.kernels.walk_model import WalkModel, grown, new_model
@@ -43,8 +44,6 @@ class Past:
     @cached_property
     def row(self) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int8], NDArray[np.int8]]:
         """All knots in a row: nodes, cells, whether a gap leads there, whether a track begins there."""
-        from gpszip.coding.walks import flatten
-
         return flatten(self.walks)
 
     @cached_property

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.coding.knots import flatten
 from gpszip.coding.past import Past
 from gpszip.errors import BoundError, CorruptArchiveError
 from gpszip.kernels.range_coder import finish, reader, writer
@@ -14,7 +15,7 @@ from gpszip.kernels.walk_coder import code_walks
 from gpszip.kernels.walk_model import AIMS, PACED, SORTED, WalkModel, new_model, prepared
 from gpszip.model import LatticeWalk, LatticeWalks
 
-__all__ = ["MOST_SORTED", "decode", "encode", "encode_in_modes", "encode_with_ledger", "flatten", "number_by_visit"]
+__all__ = ["MOST_SORTED", "decode", "encode", "encode_in_modes", "encode_with_ledger", "number_by_visit"]
 
 #: Starts of at most so many tracks are sorted: which one is meant is found by counting.
 MOST_SORTED = 4096
@@ -183,18 +184,6 @@ def _model(knots: int, dimension: int, past: Past | None) -> WalkModel:
 
 def _extent(values: NDArray[np.int64]) -> int:
     return int(np.abs(values).max()) if values.size else 0
-
-
-def flatten(walks: LatticeWalks) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int8], NDArray[np.int8]]:
-    """All knots of all walks in a row: nodes, cells, whether a gap leads there, whether a track begins there."""
-    if not walks.walks:
-        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0, np.int8), np.zeros(0, np.int8)
-    nodes = np.concatenate([walk.nodes for walk in walks.walks]).astype(np.int64)
-    cells = np.concatenate([walk.cells for walk in walks.walks]).astype(np.int64)
-    gaps = np.concatenate([np.append(False, walk.gaps) for walk in walks.walks]).astype(np.int8)
-    begins = np.zeros(len(nodes), np.int8)
-    begins[np.cumsum([0] + [len(walk.nodes) for walk in walks.walks[:-1]])] = 1
-    return nodes, cells, gaps, begins
 
 
 def _varint(value: int) -> bytes:
