@@ -59,7 +59,7 @@ def new_archive(
     halvings : int, default 0
         How often that map's quanta are halved.
     executor : Executor, optional
-        Where runs of walks are coded.
+        Where walks, and runs of them, are coded.
 
     Returns
     -------
@@ -69,7 +69,7 @@ def new_archive(
     from gpszip.coding.smallest import encode_smallest
 
     past = None if on is None else on.past(halvings)
-    payload = encode_smallest(lattice, past)
+    payload = encode_smallest(lattice, past, executor)
     groups = [Group(0, len(ids), payload)]
     if len(payload) >= 2 * _GROUP_BYTES and len(ids) > 1:
         groups = _groups(lattice, len(payload) // _GROUP_BYTES, past, executor)

@@ -2,28 +2,38 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.coding.past import Past
 from gpszip.coding.walks import MOST_SORTED, encode_in_modes, number_by_visit
 from gpszip.kernels.walk_model import AIMS, KIND_BITS, PACED, SORTED
-from gpszip.model import LatticeWalk, LatticeWalks
+from gpszip.model import Executor, LatticeWalk, LatticeWalks
+from gpszip.model.executor import local
 
 __all__ = ["encode_smallest"]
 
 #: Whether aims pay is found out on so many knots, so that large logs don't wait for it.
-_SAMPLE = 1 << 13
+_SAMPLE = 1 << 12
 
 #: Kinds of steps that modes may spare bits of.
 _BACK, _KNOWN, _NEW = 0, 1, 3
 
 
-def encode_smallest(walks: LatticeWalks, past: Past | None = None) -> bytes:
+def encode_smallest(walks: LatticeWalks, past: Past | None = None, executor: Executor | None = None) -> bytes:
     """Code walks as :func:`gpszip.coding.walks.encode` does, but in the modes that take the fewest bytes.
 
-    Each mode is tried by itself, and those that pay together once more. To aim takes searches: walks with more than 8,192 knots are
+    Each mode is tried by itself, and those that pay together once more. To aim takes searches: walks with more than 4,096 knots are
     coded with aims only if these pay for the first so many.
+
+    Parameters
+    ----------
+    walks, past
+        As :func:`gpszip.coding.walks.encode` takes them.
+    executor : Executor, optional
+        Where modes are tried; the bytes do not depend on it.
 
     Examples
     --------
@@ -41,12 +51,18 @@ def encode_smallest(walks: LatticeWalks, past: Past | None = None) -> bytes:
     worth = {
         int(SORTED): walks.timed and 2 < len(walks.walks) <= MOST_SORTED,
         int(PACED): walks.timed and walks.nodes.shape[1] > 1 and steps[_NEW] > 1,
-        int(AIMS): steps[_BACK] + steps[_KNOWN] > 1 and _aims_pay_at_first(walks, past),
+        int(AIMS): steps[_BACK] + steps[_KNOWN] > 1,
     }
-    coded = {mode: encode_in_modes(walks, past, mode, spent)[0] for mode, is_worth in worth.items() if is_worth}
+    modes = [mode for mode, is_worth in worth.items() if is_worth]
+    coded = dict(zip(modes, local(executor).map(partial(_in_mode, walks, past, spent, plain), modes), strict=True))
     paying = [mode for mode, data in coded.items() if len(data) < len(plain)]
     together = [encode_in_modes(walks, past, sum(paying), spent)[0]] if len(paying) > 1 else []
     return min([plain, *coded.values(), *together], key=len)
+
+
+def _in_mode(walks: LatticeWalks, past: Past | None, spent: NDArray[np.float64], plain: bytes, mode: int) -> bytes:
+    """The walks in one mode; as they are without, where aims don't pay."""
+    return plain if mode == AIMS and not _aims_pay_at_first(walks, past) else encode_in_modes(walks, past, mode, spent)[0]
 
 
 def _aims_pay_at_first(walks: LatticeWalks, past: Past | None) -> bool:
