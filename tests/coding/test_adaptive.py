@@ -249,7 +249,8 @@ def test_logarithms_are_the_plain_twins_and_never_fall(value):
     here, above = log2_of(value), log2_of(value + 1)
     assert here == plain.log2_of(value)
     assert here <= above
-    assert abs(here / 65536 - math.log2(value)) < 2e-5
+    # half a unit is the table rounded, one the line between its entries rounded down
+    assert abs(here - 65536 * math.log2(value)) < 1.6
 
 
 @pytest.mark.parametrize("power", range(62))
