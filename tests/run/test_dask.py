@@ -9,7 +9,7 @@ import pytest
 from gpszip import pipeline
 from gpszip.errors import BoundError, OptionError, WorkerError
 from gpszip.io.streaming import store_logs
-from gpszip.model import Options
+from gpszip.model import Options, Track
 from gpszip.model.executor import sharing, united
 from gpszip.pipeline import large, sketching
 from gpszip.run import Dask, Processes, Serial, Threads, executor_of
@@ -132,6 +132,16 @@ def test_coresets_are_the_same_on_a_cluster(client, tmp_path, monkeypatch):
         for options in ({"size": 40}, {"k": 5, "eps": 0.6}):
             here, there = (sketching.sketch_log(stored, executor=executor, **options) for executor in (Serial(), Dask(client)))
             assert here.rows.tobytes() == there.rows.tobytes()
+
+
+def test_merged_archives_are_the_same_on_every_engine(client):
+    track = patrol(1200, seed=5)
+    thirds = [Track(str(i), track.times[i::3], track.positions[i::3]) for i in range(3)]
+    archives = [pipeline.compress(one, Options(rmse=0.3, effort=1))[0] for one in thirds]
+    expected = pipeline.merge(archives, executor=Serial())[0].to_bytes()
+    with Processes(2) as processes:
+        for executor in (Threads(3), processes, client):
+            assert pipeline.merge(archives, executor=executor)[0].to_bytes() == expected
 
 
 def test_executors_that_only_map_are_enough():

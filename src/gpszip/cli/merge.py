@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpszip.cli.engine import engine_options, running
 from gpszip.cli.options import Settings, common, force, output
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import LENGTH
@@ -30,6 +31,7 @@ __all__ = ["command"]
     show_default=True,
     help="Where a track's name is in several archives: refuse, name all tracks ARCHIVE:TRACK, or join them as one agent's.",
 )
+@engine_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @force
 @common
@@ -47,13 +49,14 @@ def command(settings: Settings, /, archives: tuple[str, ...], target: str, force
 
     if choices["deviation"] is not None and choices["max_deviation"] is not None:
         raise OptionError("--deviation and --max-deviation were both given; give one")
+    where = choices.pop("workers"), choices.pop("engine"), choices.pop("scheduler")
     options = MergeOptions(**choices)
     check_output(target, force=force, binary=True)
     from gpszip import pipeline
 
     parts = [_whole(name) for name in archives]
-    with progress(quiet=quiet or settings.json) as listener:
-        made, report = pipeline.merge(parts, options, names=_names(archives), progress=listener)
+    with progress(quiet=quiet or settings.json) as listener, running(*where) as executor:
+        made, report = pipeline.merge(parts, options, names=_names(archives), executor=executor, progress=listener)
     write_archive(target, made, force=force)
     if settings.json:
         show_json({"output": target, **_facts(archives, made, report)}, err=target == "-")

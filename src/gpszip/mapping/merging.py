@@ -5,10 +5,9 @@ The curves are measured against what comes out at every knot of either, so that 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,18 +17,17 @@ from gpszip.mapping.curves import Curve, deviation, instants, pieces_of, sampled
 from gpszip.mapping.drafting import list_parts, sample_errors
 from gpszip.mapping.drafting import walks_of as drafted
 from gpszip.mapping.fitting import SLACK, positions_at
-from gpszip.mapping.lattice_map import node_positions, walks_of
+from gpszip.mapping.lattice_map import join_lattices, node_positions, walks_of
 from gpszip.mapping.maximum import mend
 from gpszip.mapping.refining import Allowance, draft_on, refine
 from gpszip.mapping.rounds import Outcome
 from gpszip.mapping.slots import Slots, lay_slots
 from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Track, Walk
+from gpszip.model.executor import Shared, sharing, united
 from gpszip.model.frame import QUANTUM_STEPS, quantum
 from gpszip.model.merge_report import Deviation
 
 __all__ = ["Limit", "Merged", "Part", "merge_parts"]
-
-_Run: TypeAlias = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 
 #: What is tried around each archive's own quanta: indices of space and time, eight to an octave.
 _AROUND = ((0, 0), (0, -4), (-4, 0), (0, -8), (4, 0))
@@ -137,10 +135,6 @@ class _Search:
             return Allowance(_RMS_OF_MAXIMUM * reach * aims, 0.999 * reach * float(aims.min()))
         return Allowance(0.9995 * reach * aims, _FAR * reach)
 
-    def run(self, frame: Frame) -> Merged | None:
-        """Merge on one lattice, all parts at once; None if the limit isn't kept."""
-        return self.finish(frame, _join(_leaves(self.parts, frame)))
-
     def finish(self, frame: Frame, branch: _Branch) -> Merged | None:
         """Refine walks of all parts until they keep the limit."""
         slots = _slots(branch.curves, frame)
@@ -196,7 +190,8 @@ def merge_parts(
     """Find one map and walks on it for the curves of all parts.
 
     Lattices of the parts, and finer and coarser ones about them, are ranked by what rounding to them costs; on the best few of
-    them, walks are refined together. Of more than two parts, neighbours are merged first, as the leaves of a tree.
+    them, walks are refined together. Of more than two parts, neighbours are merged first, as the leaves of a
+    tree. What is sought does not depend on the order of the parts, but that of the walks does.
 
     Parameters
     ----------
@@ -214,21 +209,43 @@ def merge_parts(
     Merged or None
         The smallest that was found; None if none kept the limit.
     """
-    run = map if executor is None else executor.map
+    order = sorted(range(len(parts)), key=lambda i: (-parts[i].knots, parts[i].nodes.tobytes()))
+    found = _merged([parts[i] for i in order], limit, executor, progress)
+    return None if found is None else _in_order(found, [len(part.curves) for part in parts], order)
+
+
+def _in_order(found: Merged, counts: Sequence[int], order: Sequence[int]) -> Merged:
+    """What was found for parts in one order, as of the parts as they were given."""
+    if list(order) == sorted(order):
+        return found
+    firsts = np.cumsum([0] + [counts[i] for i in order])
+    place = np.argsort(order).tolist()
+    walks = tuple(walk for i, own in enumerate(place) for walk in found.lattice.walks[firsts[own] : firsts[own] + counts[i]])
+    lattice = join_lattices([replace(found.lattice, walks=walks)])
+    return Merged(found.frame, lattice, tuple(found.deviations[own] for own in place), len(encode(lattice)))
+
+
+def _merged(parts: Sequence[Part], limit: Limit, executor: Executor | None, progress: Callable[[int, int], None] | None) -> Merged | None:
     search = _Search(tuple(parts), limit)
-    best: Merged | None = None
-    ranked = list(_ranked(search, _frames(parts, _AROUND), run))
-    finer = [frame for frame in _frames(parts[:1], _FINER) if frame not in ranked]
-    for frames in (ranked, *([frame] for frame in finer)):
-        found = run(search.run, frames) if len(parts) <= 2 else (_as_tree(search, frame, run) for frame in frames)
-        for done, merged in enumerate(found, 1):
-            if merged is not None and (best is None or merged.size < best.size):
-                best = merged
-            if progress is not None:
-                progress(done, len(frames))
-        if best is not None:
-            return best
+    with sharing(executor, search) as shared:
+        ranked = _ranked(_frames(parts, _AROUND), shared)
+        finer = [frame for frame in _frames(parts[:1], _FINER) if frame not in ranked]
+        for frames in (ranked, *([frame] for frame in finer)):
+            starts = [(frame, _as_tree(search, frame, executor)) for frame in frames]
+            found: list[Merged] = []
+            for done, merged in enumerate(shared.map(_finish, starts), 1):
+                if merged is not None:
+                    found.append(merged)
+                if progress is not None:
+                    progress(done, len(frames))
+            if found:
+                return min(found, key=lambda merged: merged.size)
     return None
+
+
+def _finish(search: _Search, start: tuple[Frame, _Branch | None]) -> Merged | None:
+    frame, branch = start
+    return search.finish(frame, _join(_leaves(search.parts, frame)) if branch is None else branch)
 
 
 def _leaves(parts: Sequence[Part], frame: Frame) -> list[_Branch]:
@@ -258,20 +275,22 @@ def _join(branches: Sequence[_Branch]) -> _Branch:
     return _Branch(tuple(curve for branch in branches for curve in branch.curves), LatticeWalks(nodes, tuple(walks)), groups)
 
 
-def _as_tree(search: _Search, frame: Frame, run: _Run) -> Merged | None:
-    """Merge neighbours, then neighbours of what came out, and at last all on one map."""
-    branches = _leaves(search.parts, frame)
+def _as_tree(search: _Search, frame: Frame, executor: Executor | None) -> _Branch | None:
+    """Merge neighbours, then neighbours of what came out, until all is one; of two parts, nothing yet."""
+    if len(search.parts) <= 2:
+        return None
     unite = partial(_united, frame, search.allowed(frame, np.ones(1)))
-    while len(branches) > 2:
-        pairs = [branches[i : i + 2] for i in range(0, len(branches), 2)]
-        branches = list(run(unite, pairs))
-    return search.finish(frame, _join(branches))
+    branch: _Branch = united(executor, unite, enumerate(search.parts), partial(_leaf_on, frame))
+    return branch
 
 
-def _united(frame: Frame, allowed: Allowance, pair: Sequence[_Branch]) -> _Branch:
-    both = _join(pair)
-    if len(pair) == 1:
-        return both
+def _leaf_on(frame: Frame, numbered: tuple[int, Part]) -> _Branch:
+    number, part = numbered
+    return _leaf(part, frame, number)
+
+
+def _united(frame: Frame, allowed: Allowance, one: _Branch, other: _Branch) -> _Branch:
+    both = _join([one, other])
     slots = _slots(both.curves, frame)
     alike = np.zeros(slots.samples, np.int64)
     outcome = refine(slots, len(both.curves), alike, *draft_on(slots, both.walks), allowed, _TREE_ROUNDS)
@@ -292,9 +311,9 @@ def _frames(parts: Sequence[Part], around: Sequence[tuple[int, int]]) -> list[Fr
     return list(dict.fromkeys(frame for frame in plane if 0 <= frame.space < QUANTUM_STEPS and 0 <= frame.time < QUANTUM_STEPS))
 
 
-def _ranked(search: _Search, frames: Sequence[Frame], run: _Run) -> list[Frame]:
+def _ranked(frames: Sequence[Frame], shared: Shared[_Search]) -> list[Frame]:
     """The lattices that promise most, as many as there is time for, without those that lose a gap."""
-    costs = list(run(partial(_cost, search), frames))
+    costs = list(shared.map(_cost, frames))
     order = sorted((number for number, (cost, _) in enumerate(costs) if cost < np.inf), key=lambda number: costs[number][0])
     if not order:
         return []
