@@ -15,6 +15,7 @@ from gpszip.mapping.slots import lay_slots
 from gpszip.model import Frame, LatticeWalk, LatticeWalks, Track
 from gpszip.model.frame import quantum, quantum_index
 from gpszip.testing import patrol
+from gpszip.testing.city import drives
 
 RMSE = 0.5
 WORK = 60_000
@@ -189,3 +190,13 @@ def exact(slots, chain):
             start, end = chain.places[chain.node[a]], chain.places[chain.node[b]]
             total += ((start + share[:, None] * (end - start) - slots.spots[inside]) ** 2).sum()
     return total
+
+
+def test_what_is_left_of_the_error_allowed_is_made_use_of():
+    tracks = [Track(name, *drive) for name, drive in drives(blocks=4, vehicles=6, period=15.0, seed=2).items()]
+    frame = Frame((0, 0), 0, quantum_index(9.6), quantum_index(2.2))
+    slots, unit = lay_slots(tracks, [np.zeros(len(track) - 1, bool) for track in tracks], frame), quantum(frame.space)
+    first = learn(slots, len(tracks), Plan(target=7.2 / unit, rounds=12))
+    polished = polish(slots, first, target=8.0 / unit, work=WORK)
+    assert polished.size < first.size
+    assert 0.985 * 8.0 < polished.error * unit <= 8.0

@@ -38,7 +38,7 @@ WORK_OF_EFFORT = (0, 40_000, 80_000, 150_000, 300_000, 600_000, 1_200_000, 2_500
 _WORK_PER_KNOT, _FEWEST, _MOST = 1600, 2, 8
 
 #: Walks of so many knots are left alone where this share of the work for a knot is not granted.
-_WORTHWHILE = 0.1
+_WORTHWHILE = 0.03
 
 #: Share of their bits that walks save when the squared error grows by a factor e.
 _SLOPE = 0.55
@@ -49,6 +49,9 @@ _SLOPE_WITHIN = 0.05
 #: Turns over all knots and nodes: those with the price going to and fro and the error up to a share above the bound, and the last
 #: ones, from the best walks, at falling prices within the bound; share of the work set aside for these.
 _TURNS, _LAST_TURNS, _OVER, _RESERVE = 10, 2, 1.05, 0.15
+
+#: Further turns while the root mean square error is below this share of the bound and walks still get smaller, each with as much work.
+_MORE_TURNS, _FULL = 4, 0.993
 _TO_AND_FRO, _LAST_PRICE = (1.0, 1.6, 1 / 1.6), 0.4
 
 #: How the price follows the error, whose excess counts within these bounds.
@@ -164,9 +167,15 @@ def _work(bench: _Bench, bound: float, maximum: float, reserve: int) -> None:
             price *= min(max(chain.totals[SQUARE] / (0.995 * bound), _LEAST_EXCESS), _MOST_EXCESS) ** _PUSH
     copy_chain(bench.best, chain)
     bench.desk.counts[WORK] += reserve
-    for _ in range(_LAST_TURNS):
+    for turn in range(_LAST_TURNS + _MORE_TURNS):
+        bits = chain.totals[BITS]
         price *= _LAST_PRICE
         bench.turn(Rule(price, bound, bound, maximum, _UNITE, _MOVE), _HOPES[-1])
+        settled = maximum > 0 or chain.totals[SQUARE] > _FULL**2 * bound
+        if turn + 1 >= _LAST_TURNS and (settled or chain.totals[BITS] >= bits):
+            break
+        if not settled:
+            bench.desk.counts[WORK] = max(bench.desk.counts[WORK], reserve)
 
 
 def _finished(slots: Slots, outcome: Outcome, chain: Chain, target: float | None, maximum: float | None, known: Past | None) -> Outcome:
