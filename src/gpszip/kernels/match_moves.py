@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.jit import inlined, jit
-from gpszip.kernels.match_layer import JUMP, OVER, ROUND, ROUNDING, STAY, Layer, cheapest
+from gpszip.kernels.match_layer import JUMP, OVER, ROUND, ROUNDING, STAY, Layer
 from gpszip.kernels.match_roads import Graph, Model, Work
 from gpszip.kernels.match_search import clear_search, leave_to_goal, leave_to_wanted, next_to_goal, next_to_wanted, search_back
 
@@ -57,8 +57,8 @@ def advance(
     for i in range(n0):
         for j in range(n1):
             ends = (before.roads[i] >= 0) + (after.roads[j] >= 0)
-            moves[i, j] = np.inf
-            _offer(i, j, 0.5 * model.jump * ends, JUMP, before, after, moves, kinds)
+            moves[i, j] = 0.5 * model.jump * ends
+            after.scores[j] = min(after.scores[j], before.scores[i] + moves[i, j])
     on = np.flatnonzero(before.roads[:n0] >= 0)
     for i in on:
         _on_same_road(i, straight, longest, before, after, linked, graph, model, work, moves, kinds)
@@ -68,8 +68,10 @@ def advance(
     for j in range(n1):
         if after.roads[j] >= 0:
             work.targets[after.roads[j]] = -1
-        after.backs[j] = cheapest(before.scores[:n0] + moves[:n0, j])
-        after.kinds[j] = kinds[after.backs[j], j]
+        i = 0
+        while before.scores[i] + moves[i, j] > after.scores[j] + ROUNDING:
+            i += 1
+        after.backs[j], after.kinds[j] = i, kinds[i, j]
         after.scores[j] += after.prices[j]
     after.scores[:n1] -= after.scores[:n1].min()  # only differences count, and a long track must not wear them down
 
