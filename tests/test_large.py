@@ -1,5 +1,6 @@
 """Logs larger than memory: the same promises, whoever works and however the log is spread over files."""
 
+import io
 import pickle
 import subprocess
 import sys
@@ -202,3 +203,18 @@ def test_a_dense_excerpt_is_thinned_and_a_sparse_one_is_not():
     assert few[0].weights.sum() == pytest.approx(4000)
     assert large._thinned(dense, gaps, Options(rmse=0.01))[0] is dense
     assert large._thinned(dense, gaps, Options(max_error=0.02))[0] is dense
+
+
+def test_standard_input_larger_than_memory_is_split_where_time_goes_back(tmp_path, monkeypatch, capfd):
+    times = np.tile(np.arange(6000.0), 2)
+    rows = "".join(f"{t:g},{50 * np.cos(t / 50):.3f},{30 * np.sin(t / 50):.3f}\n" for t in times)
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(("t,x,y\n" + rows).encode())))
+    monkeypatch.setattr(large, "_PROGRAM", 410 << 20)
+    monkeypatch.setattr(large, "_check", lambda *_: None)
+    target = tmp_path / "out.gpsz"
+    command = ["compress", "-", "-o", str(target), "--rmse", "1m", "--effort", "1", "--memory", "413MiB"]
+    assert main(command) == 1
+    assert "--split starts a new track" in capfd.readouterr().err
+    monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(("t,x,y\n" + rows).encode())))
+    assert main([*command, "--split"]) == 0, capfd.readouterr().err
+    assert gpszip.open(target).ids == ("0", "0-2")

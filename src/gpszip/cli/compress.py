@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -78,15 +79,18 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
     check_output(target, force=force or before is not None, binary=True)
     if choices["update_map"]:
         check_output(choices["update_map"], force=force, binary=True)
-    if choices["memory"] is not None and not _fits(logs, choices):
-        return _in_batches(settings, logs, target, options, choices, force=force, quiet=quiet)
+    sources: Sequence[Any] = logs
+    if choices["memory"] is not None:
+        sources = _spooled(logs)
+        if not _fits(sources, choices):
+            return _in_batches(settings, sources, target, options, choices, force=force, quiet=quiet)
     from gpszip import pipeline
     from gpszip.cli.progress import progress
     from gpszip.cli.summary import show_summary
     from gpszip.pipeline.appending import append
 
     with progress(quiet=quiet or settings.json) as listener, running(*_engine(choices)) as executor:
-        reading = pipeline.read(logs, **_reading(choices))
+        reading = pipeline.read(sources, **_reading(choices))
         where: dict[str, Any] = {"executor": executor, "progress": listener}
         if before is not None:
             archive, report = append(before, reading.tracks, options, **where)
@@ -101,15 +105,23 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
     return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
 
 
-def _fits(logs: tuple[str, ...], choices: dict[str, Any]) -> bool:
-    """Whether the logs are small enough for the memory given; standard input always is, as it can be read once only."""
+def _spooled(logs: tuple[str, ...]) -> Sequence[Any]:
+    """The logs, those that are no files as temporary ones until the command ends."""
+    from gpszip.io.source import spooled
+
+    found: Sequence[Any] = click.get_current_context().with_resource(spooled(logs))
+    return found
+
+
+def _fits(logs: Sequence[Any], choices: dict[str, Any]) -> bool:
+    """Whether the logs are small enough for the memory given."""
     from gpszip.pipeline.large import fits
 
-    return "-" in logs or fits(logs, int(choices["memory"]), format=choices["format"], columns=choices["columns"])
+    return fits(logs, int(choices["memory"]), format=choices["format"], columns=choices["columns"])
 
 
 def _in_batches(
-    settings: Settings, logs: tuple[str, ...], target: str, options: Any, choices: dict[str, Any], *, force: bool, quiet: bool
+    settings: Settings, logs: Sequence[Any], target: str, options: Any, choices: dict[str, Any], *, force: bool, quiet: bool
 ) -> Outcome:
     """Compress logs larger than memory."""
     from gpszip.cli.output import write_archive
@@ -118,10 +130,10 @@ def _in_batches(
     from gpszip.errors import OptionError
     from gpszip.pipeline.large import compress_large
 
-    for name, option in (("clean", "--clean"), ("split", "--split"), ("append", "--append"), ("map_name", "--map")):
+    for name, option in (("clean", "--clean"), ("append", "--append"), ("map_name", "--map")):
         if choices[name]:
             raise OptionError(f"{option} needs the whole log at once, which is larger than --memory; allow more, or leave it out")
-    names = ("format", "columns", "time_unit", "sort", "skip_bad")
+    names = ("format", "columns", "time_unit", "sort", "split", "skip_bad")
     with progress(quiet=quiet or settings.json) as listener, running(*_engine(choices)) as executor:
         archive, report, reading = compress_large(
             logs,

@@ -31,7 +31,7 @@ def is_remote(name: str) -> bool:
 def fetch(name: str) -> Iterator[tuple[str, bytes] | InputError]:
     """Read the objects that a URL stands for: one, those that its pattern matches, or the Parquet files in a folder.
 
-    Credentials and regions are taken from where the storage's own tools look for them.
+    Credentials, regions and AWS_ENDPOINT_URL are taken from where the storage's own tools look for them.
 
     Yields
     ------
@@ -48,7 +48,9 @@ def fetch(name: str) -> Iterator[tuple[str, bytes] | InputError]:
     except (OSError, ValueError, pa.ArrowException) as error:
         yield InputError(f"{name}: can't be read: {_told(error)}")
         return
-    if not paths:
+    if not paths and system.type_name == "s3" and system.get_file_info(root.split("/")[0]).type == fs.FileType.NotFound:
+        yield InputError(f"{name}: there is no bucket {root.split('/')[0]!r}")
+    elif not paths:
         yield InputError(f"{name}: no file matches this pattern" if pattern else f"{name}: no such file, and no folder with Parquet files")
     for path in paths:
         shown = name if path == root else base + path[len(root.rstrip("/")) :]
@@ -79,4 +81,6 @@ def _matches(path: str, pattern: str) -> bool:
 
 
 def _told(error: BaseException) -> str:
-    return str(error).splitlines()[0] if str(error) else type(error).__name__
+    text = str(error).splitlines()[0] if str(error) else type(error).__name__
+    denied = any(word in text for word in ("ACCESS_DENIED", "INVALID_ACCESS_KEY", "SIGNATURE_DOES_NOT_MATCH", "redentials"))
+    return f"access denied; check AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or the profile ({text})" if denied else text

@@ -110,7 +110,7 @@ class Source:
 
 @contextmanager
 def spooled(sources: Iterable[Any] | Any) -> Iterator[list[Any]]:
-    r"""Copy standard input and streams to temporary files for as long as the context lasts, so that they may be read twice.
+    r"""Copy streams and objects of a storage to temporary files for as long as the context lasts, so that they may be read in pieces.
 
     Parameters
     ----------
@@ -129,10 +129,14 @@ def spooled(sources: Iterable[Any] | Any) -> Iterator[list[Any]]:
         found: list[Any] = []
         for item in [sources] if single else sources:
             stream = sys.stdin.buffer if item == "-" else item
+            path = Path(folder) / str(len(found))
+            if isinstance(item, str) and is_remote(item):
+                path.mkdir()
+                found += [_stored(one, path / str(number)) for number, one in enumerate(fetch(item))]
+                continue
             if not hasattr(stream, "read"):
                 found.append(item)
                 continue
-            path = Path(folder) / str(len(found))
             with path.open("wb") as file:
                 while piece := stream.read(_PIECE):
                     file.write(piece.encode() if isinstance(piece, str) else piece)
@@ -140,7 +144,14 @@ def spooled(sources: Iterable[Any] | Any) -> Iterator[list[Any]]:
         yield found
 
 
-def expand(sources: Iterable[str | Path | BinaryIO | Source] | str | Path | BinaryIO) -> Iterator[Source | InputError]:
+def _stored(fetched: tuple[str, bytes] | InputError, path: Path) -> Source | InputError:
+    if isinstance(fetched, InputError):
+        return fetched
+    path.write_bytes(fetched[1])
+    return Source(fetched[0], path=path)
+
+
+def expand(sources: Iterable[str | Path | BinaryIO | Source | InputError] | str | Path | BinaryIO) -> Iterator[Source | InputError]:
     """Turn names, patterns and streams into logs to read.
 
     Parameters
@@ -156,7 +167,7 @@ def expand(sources: Iterable[str | Path | BinaryIO | Source] | str | Path | Bina
     """
     single = isinstance(sources, (str, Path)) or hasattr(sources, "read")
     for item in [sources] if single else sources:  # type: ignore[union-attr]
-        if isinstance(item, Source):
+        if isinstance(item, (Source, InputError)):
             yield item
         elif not isinstance(item, (str, Path)):
             yield _stream(item)
