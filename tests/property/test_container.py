@@ -38,7 +38,8 @@ spans = st.one_of(st.none(), st.tuples(st.integers(-(10**12), 10**12), st.intege
 extras = st.lists(st.builds(Section, st.sampled_from([5, 9, 90, 255]), st.binary(max_size=40)), max_size=3).map(tuple)
 layers = st.sampled_from([None, "bz2"])
 maps = st.builds(MapReference, st.binary(min_size=4, max_size=4), st.integers(0, 3))
-promises = st.one_of(st.none(), st.builds(Promise, st.integers(1, 999), st.integers(-8, 23), st.booleans()))
+promises = st.one_of(st.none(), st.builds(Promise, st.integers(1, 999), st.integers(-8, 7), st.booleans()))
+samplings = st.one_of(st.none(), indices)
 
 
 @st.composite
@@ -53,7 +54,7 @@ def contents(draw):
         groups = [replace(groups[0], span=None)]
     there = draw(st.one_of(st.none(), maps))
     frame = draw(st.one_of(frames, usual_frames)) if there is None else None
-    return Contents(frame, names, tuple(groups), there, draw(extras), draw(layers), draw(promises))
+    return Contents(frame, names, tuple(groups), there, draw(extras), draw(layers), draw(promises), draw(samplings))
 
 
 @given(contents())

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import signal
 import threading
 import time
 
@@ -45,6 +46,28 @@ def test_an_error_is_raised_in_its_turn(executor):
     assert [next(results), next(results)] == [2, 3]
     with pytest.raises(ZeroDivisionError):
         next(results)
+
+
+def test_an_interruption_ends_the_work_under_way():
+    begun, ended = threading.Barrier(3, timeout=60), []
+
+    def work(item):
+        begun.wait()
+        try:
+            for _ in range(3000):
+                time.sleep(0.01)
+        except KeyboardInterrupt:
+            ended.append(item)
+            raise
+
+    def interrupt():
+        begun.wait()
+        signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
+    threading.Thread(target=interrupt).start()
+    with pytest.raises(KeyboardInterrupt):
+        list(Threads(2).map(work, range(2)))
+    assert sorted(ended) == [0, 1]
 
 
 def test_no_threads_at_all_is_refused():

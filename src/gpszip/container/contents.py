@@ -177,6 +177,9 @@ def _rest_complaint(contents: Contents) -> str | None:
     wrong = [section.kind for section in contents.extras if section.kind in _RESERVED_KINDS or not 0 <= section.kind < 256]
     if wrong:
         return f"further sections can't be of kind {wrong[0]}"
+    promise = contents.promise
+    if promise is not None and not (0 < promise.digits < 1000 and -8 <= promise.exponent < 8):
+        return f"a promise of {promise.digits} * 10^{promise.exponent} m"
     if contents.sampling is not None and not 0 <= contents.sampling < QUANTUM_STEPS:
         return f"sampling {contents.sampling}; an archive can name 0 to {QUANTUM_STEPS - 1}"
     return None if contents.layer in {None, "bz2"} else f"no layer is called {contents.layer!r}; there is 'bz2'"

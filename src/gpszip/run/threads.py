@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
+import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -50,15 +52,18 @@ class Threads:
 
     def map(self, function: Callable[[T], R], items: Iterable[T], /) -> Iterator[R]:
         """Yield ``function(item)`` for each item, in the order of the items; an item's error is raised in its turn."""
-        pool = ThreadPoolExecutor(self.workers)
+        pool, busy = ThreadPoolExecutor(self.workers), _Busy()
         waiting: deque[Future[R]] = deque()
         try:
             for item in items:
-                waiting.append(pool.submit(function, item))
+                waiting.append(pool.submit(busy.run, function, item))
                 if len(waiting) >= 2 * self.workers:
                     yield waiting.popleft().result()
             while waiting:
                 yield waiting.popleft().result()
+        except KeyboardInterrupt:
+            busy.interrupt()
+            raise
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
@@ -69,3 +74,28 @@ class Threads:
     def local(self) -> Executor:
         """Return itself."""
         return self
+
+
+class _Busy:
+    """The threads that work on an item, so that an interruption of the one that waits for them reaches them, too."""
+
+    def __init__(self) -> None:
+        self._threads: set[int] = set()
+        self._lock = threading.Lock()
+
+    def run(self, function: Callable[[T], R], item: T) -> R:
+        """Work on an item."""
+        thread = threading.get_ident()
+        with self._lock:
+            self._threads.add(thread)
+        try:
+            return function(item)
+        finally:
+            with self._lock:
+                self._threads.discard(thread)
+
+    def interrupt(self) -> None:
+        """Have each thread that works on an item end it as soon as it is out of compiled code."""
+        with self._lock:
+            for thread in self._threads:
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(KeyboardInterrupt))
