@@ -98,3 +98,13 @@ def test_a_log_whose_single_steps_are_far_below_the_error_is_learned(rmse):
     frame, walks = learn([track], [np.zeros(5999, bool)], rmse=rmse, effort=1)
     assert len(walks.nodes) > 4
     assert quantum(frame.time) < 60
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_under_a_maximum_knots_can_lie_at_samples_of_whole_seconds(seed):
+    # Teleports: only a knot at the very sample comes near enough to it.
+    rng = np.random.default_rng(seed)
+    positions = np.cumsum(rng.normal(3.0, 1.0, (400, 2)), axis=0)
+    positions[50::60] += 500.0
+    frame, _ = learn([Track("a", np.arange(400.0), positions)], [np.zeros(399, bool)], max_error=7.0, effort=1)
+    assert (1 / quantum(frame.time)).is_integer() or quantum(frame.time).is_integer()

@@ -27,6 +27,9 @@ _Found = tuple[Frame, Outcome | None]
 #: The mean error with which the walks for a maximum begin, as a share of it.
 RMSE_OF_MAXIMUM = 0.4
 
+#: Indices of quanta from one to its double: every eighth is that of 1, 2, 4 ... or 1/2, 1/4 ... seconds.
+_OCTAVE = 8
+
 #: Size that stands for a bound not kept.
 _NEVER = 1 << 62
 
@@ -166,8 +169,15 @@ class _Search:
     def speed(self) -> float:
         return _typical_speed(self.tracks, self.gaps, self.rmse)
 
+    @cached_property
+    def ticking(self) -> bool:
+        """Whether all samples are at whole seconds."""
+        return all(bool((track.times == np.rint(track.times)).all()) for track in self.tracks)
+
     def frame(self, trial: _Trial) -> Frame:
-        return _frame(self.tracks, self.rmse, self.speed, trial)
+        frame = _frame(self.tracks, self.rmse, self.speed, trial)
+        # a knot at the very time of a sample comes as near to it as it likes, whatever lies beside
+        return replace(frame, time=_OCTAVE * round(frame.time / _OCTAVE)) if self.max_error is not None and self.ticking else frame
 
     def run(self, trial: _Trial) -> _Found:
         frame = self.frame(trial)
