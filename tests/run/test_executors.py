@@ -52,8 +52,8 @@ def test_an_interruption_ends_the_work_under_way():
     begun, ended = threading.Barrier(3, timeout=60), []
 
     def work(item):
-        begun.wait()
         try:
+            begun.wait()
             for _ in range(3000):
                 time.sleep(0.01)
         except KeyboardInterrupt:

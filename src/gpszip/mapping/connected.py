@@ -18,7 +18,7 @@ from gpszip.mapping.rounds import Outcome, Plan, fit
 from gpszip.mapping.slots import count_slots, lay_slots, thin_slots
 from gpszip.model import Executor, Frame, LatticeWalks, Track
 from gpszip.model.executor import Shared, local, sharing
-from gpszip.model.frame import quantum, quantum_index
+from gpszip.model.frame import QUANTUM_STEPS, quantum, quantum_index
 
 __all__ = ["RMSE_OF_MAXIMUM", "SLOTS_OF_EFFORT", "learn"]
 
@@ -176,8 +176,10 @@ class _Search:
 
     def frame(self, trial: _Trial) -> Frame:
         frame = _frame(self.tracks, self.rmse, self.speed, trial)
+        if self.max_error is None or not self.ticking:
+            return frame
         # a knot at the very time of a sample comes as near to it as it likes, whatever lies beside
-        return replace(frame, time=_OCTAVE * round(frame.time / _OCTAVE)) if self.max_error is not None and self.ticking else frame
+        return replace(frame, time=_OCTAVE * min(round(frame.time / _OCTAVE), QUANTUM_STEPS // _OCTAVE - 1))
 
     def run(self, trial: _Trial) -> _Found:
         frame = self.frame(trial)
