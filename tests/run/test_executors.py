@@ -64,9 +64,14 @@ def test_an_interruption_ends_the_work_under_way():
         begun.wait()
         signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
 
-    threading.Thread(target=interrupt).start()
-    with pytest.raises(KeyboardInterrupt):
-        list(Threads(2).map(work, range(2)))
+    # what runs in the background of a shell is born deaf to interruptions
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        threading.Thread(target=interrupt).start()
+        with pytest.raises(KeyboardInterrupt):
+            list(Threads(2).map(work, range(2)))
+    finally:
+        signal.signal(signal.SIGINT, before)
     assert sorted(ended) == [0, 1]
 
 

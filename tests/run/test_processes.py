@@ -68,10 +68,12 @@ def test_ctrl_c_ends_the_processes_at_once(tmp_path):
     script = tmp_path / "main.py"
     script.write_text(
         textwrap.dedent("""
-            import multiprocessing, sys
+            import multiprocessing, signal, sys
             from gpszip.run import Processes
             from oracle.chores import nap, process_of
             if __name__ == "__main__":
+                # what runs in the background of a shell is born deaf to interruptions
+                signal.signal(signal.SIGINT, signal.default_int_handler)
                 with Processes(2) as executor:
                     print(*sorted(set(executor.map(process_of, range(8)))), flush=True)
                     try:
