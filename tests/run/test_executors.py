@@ -49,11 +49,11 @@ def test_an_error_is_raised_in_its_turn(executor):
 
 
 def test_an_interruption_ends_the_work_under_way():
-    begun, ended = threading.Barrier(3, timeout=60), []
+    begun, ended = [threading.Event(), threading.Event()], []
 
     def work(item):
         try:
-            begun.wait()
+            begun[item].set()
             for _ in range(3000):
                 time.sleep(0.01)
         except KeyboardInterrupt:
@@ -61,7 +61,9 @@ def test_an_interruption_ends_the_work_under_way():
             raise
 
     def interrupt():
-        begun.wait()
+        for one in begun:
+            one.wait(60)
+        time.sleep(0.3)  # until both threads and the one that waits for them are where they stay
         signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
 
     # what runs in the background of a shell is born deaf to interruptions
