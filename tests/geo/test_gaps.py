@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from gpszip.geo.gaps import estimate_gap, gap_parts
-from gpszip.model import Track
+from gpszip.geo.gaps import estimate_gap, gap_parts, silences
+from gpszip.model import Plane, Track
 
 
 def track(times, name="a"):
@@ -67,3 +67,9 @@ def test_gaps_do_not_hang_on_the_zero_of_time(shift):
 def test_an_infinite_gap_is_never_exceeded():
     assert not gap_parts([0.0, 1.0, 1e12], np.inf).any()
     assert gap_parts([1.0], 5.0).shape == (0,)
+
+
+def test_a_step_from_plane_to_plane_is_silent_however_short_it_took():
+    plane = Plane(((476_200_000, -1_223_500_000), (400_000_000, -740_000_000)))
+    track = Track("a", [0.0, 1.0, 2.0, 90.0], [[0.0, 0.0], [9.0, 0.0], [Plane.SPREAD, 0.0], [Plane.SPREAD + 5.0, 0.0]], plane=plane)
+    assert silences(track, 30.0).tolist() == [False, True, True]

@@ -8,8 +8,9 @@ from gpszip.kernels.polish_offers import offer_changes
 from gpszip.kernels.polish_state import KNOTS, SQUARE, replace_knots
 from gpszip.mapping.fitting import fit
 from gpszip.mapping.lattice_map import node_positions, walks_of
+from gpszip.mapping.plan import Plan
 from gpszip.mapping.polishing import _bench, _knots_on, best_outcomes, polish
-from gpszip.mapping.rounds import Outcome, Plan
+from gpszip.mapping.rounds import Outcome
 from gpszip.mapping.rounds import fit as learn
 from gpszip.mapping.slots import lay_slots
 from gpszip.model import Frame, LatticeWalk, LatticeWalks, Track

@@ -3,7 +3,8 @@ import pytest
 
 from gpszip.coding.walks import decode, encode
 from gpszip.mapping.fitting import synchronised_errors
-from gpszip.mapping.rounds import Plan, fit
+from gpszip.mapping.plan import Plan
+from gpszip.mapping.rounds import fit
 from gpszip.mapping.slots import lay_slots
 from gpszip.model import Frame, Track, Walk
 from gpszip.model.frame import quantum

@@ -6,7 +6,8 @@ import pytest
 from gpszip.mapping import settling
 from gpszip.mapping.drafting import list_parts
 from gpszip.mapping.placing import place
-from gpszip.mapping.rounds import Plan, prices_of
+from gpszip.mapping.plan import Plan
+from gpszip.mapping.rounds import prices_of
 from gpszip.mapping.settling import compact, cut_pieces, settle
 from gpszip.mapping.slots import lay_slots
 from gpszip.model import Frame, Track

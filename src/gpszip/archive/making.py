@@ -87,8 +87,9 @@ def promising(archive: Archive, promise: Promise | None) -> Archive:
 
 def sampled(archive: Archive, seconds: float | None) -> Archive:
     """Return the archive with the time between two samples of its log, where a byte for that is less than half a percent."""
-    told = seconds is not None and len(archive.to_bytes()) >= _TOLD
-    return replace(archive, contents=replace(archive.contents, sampling=quantum_index(seconds) if told and seconds else None))
+    if seconds is None or len(archive.to_bytes()) < _TOLD:
+        return archive
+    return replace(archive, contents=replace(archive.contents, sampling=quantum_index(seconds)))
 
 
 def _groups(lattice: LatticeWalks, count: int, past: Past | None, executor: Executor | None) -> list[Group]:

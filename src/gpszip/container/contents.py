@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from gpszip.model.frame import MOST_HALVINGS, QUANTUM_STEPS, Frame, Plane
-from gpszip.model.promise import Promise
+from gpszip.model.promise import DIGITS, EXPONENTS, Promise
 
 __all__ = ["LONE_ID", "MAP_HASH_BYTES", "Contents", "Group", "MapReference", "Section", "complaint", "one_group"]
 
@@ -178,7 +178,7 @@ def _rest_complaint(contents: Contents) -> str | None:
     if wrong:
         return f"further sections can't be of kind {wrong[0]}"
     promise = contents.promise
-    if promise is not None and not (0 < promise.digits < 1000 and -8 <= promise.exponent < 8):
+    if promise is not None and not (promise.digits in DIGITS and promise.exponent in EXPONENTS):
         return f"a promise of {promise.digits} * 10^{promise.exponent} m"
     if contents.sampling is not None and not 0 <= contents.sampling < QUANTUM_STEPS:
         return f"sampling {contents.sampling}; an archive can name 0 to {QUANTUM_STEPS - 1}"

@@ -7,9 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gpszip.geo.planes import plane_changes
 from gpszip.model import Track
 
-__all__ = ["estimate_gap", "gap_parts"]
+__all__ = ["estimate_gap", "gap_parts", "silences"]
 
 #: No shorter interval is a gap: a robot or a car can be followed through it.
 _SHORTEST = 10.0
@@ -79,6 +80,29 @@ def gap_parts(times: ArrayLike, gap: float) -> NDArray[np.bool_]:
     """
     longer: NDArray[np.bool_] = _milliseconds(np.asarray(times, dtype=np.float64)) > np.rint(gap * 1000)
     return longer
+
+
+def silences(track: Track, gap: float) -> NDArray[np.bool_]:
+    """Steps of a track during which no travel is claimed: gaps, and steps from one plane to another.
+
+    Parameters
+    ----------
+    track : Track
+        The samples.
+    gap : float
+        Seconds, may be infinite.
+
+    Returns
+    -------
+    bool array, shape (n - 1,)
+
+    Examples
+    --------
+    >>> silences(Track("a", [0, 1, 90], [[0.0], [5.0], [7.0]]), 30.0).tolist()
+    [False, True]
+    """
+    silent: NDArray[np.bool_] = gap_parts(track.times, gap) | plane_changes(track.positions, track.plane)
+    return silent
 
 
 def _milliseconds(times: NDArray[np.float64]) -> NDArray[np.float64]:

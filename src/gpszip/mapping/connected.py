@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from gpszip.coding.walks import encode
 from gpszip.errors import OptionError
 from gpszip.mapping.maximum import mend
+from gpszip.mapping.plan import Plan
 from gpszip.mapping.polishing import WORK_OF_EFFORT, best_outcomes, polish, worthwhile
-from gpszip.mapping.rounds import Outcome, Plan, fit
+from gpszip.mapping.rounds import Outcome, fit
 from gpszip.mapping.slots import count_slots, lay_slots, thin_slots
 from gpszip.model import Executor, Frame, LatticeWalks, Track
 from gpszip.model.executor import Shared, local, sharing

@@ -12,8 +12,9 @@ from gpszip.coding.past import Past
 from gpszip.coding.walks import encode
 from gpszip.mapping.connected import RMSE_OF_MAXIMUM, SLOTS_OF_EFFORT
 from gpszip.mapping.maximum import mend
+from gpszip.mapping.plan import Plan
 from gpszip.mapping.polishing import WORK_OF_EFFORT, best_outcomes, polish
-from gpszip.mapping.rounds import Outcome, Plan, fit
+from gpszip.mapping.rounds import Outcome, fit
 from gpszip.mapping.slots import count_slots, lay_slots, thin_slots
 from gpszip.model import Executor, Frame, LatticeWalks, Track
 from gpszip.model.executor import local, sharing

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
@@ -11,10 +9,8 @@ from scipy.spatial import cKDTree
 
 from gpszip.kernels.draft import keep_disjoint
 from gpszip.mapping.drafting import Parts, free_equations, normal_equations, place_nodes, round_nodes
+from gpszip.mapping.plan import Plan
 from gpszip.mapping.settling import compact
-
-if TYPE_CHECKING:
-    from gpszip.mapping.rounds import Plan
 
 __all__ = ["place", "rounded_places", "unite"]
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from gpszip.mapping.drafting import list_parts
 from gpszip.mapping.placing import place, rounded_places, unite
-from gpszip.mapping.rounds import Outcome, Plan, prices_of, realise
+from gpszip.mapping.plan import Plan
+from gpszip.mapping.rounds import Outcome, prices_of, realise
 from gpszip.mapping.settling import settle
 from gpszip.mapping.slots import Slots, weigh_samples
 from gpszip.model import LatticeWalks

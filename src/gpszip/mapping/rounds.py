@@ -21,12 +21,13 @@ from gpszip.kernels.draft import enter_nodes, lead_clusters
 from gpszip.kernels.walk_model import ACCOUNTS, KIND_BITS, PLACE_BITS, SPAN_BITS
 from gpszip.mapping.drafting import Parts, empty_draft, list_parts, sample_errors, squared_error, walks_of
 from gpszip.mapping.placing import place, rounded_places, unite
+from gpszip.mapping.plan import Plan
 from gpszip.mapping.settling import cut_pieces, settle
 from gpszip.mapping.slots import Slots, carry_knots, pick_slots, slots_near, weigh_samples
 from gpszip.model import Executor, LatticeWalks
 from gpszip.model.executor import local
 
-__all__ = ["Outcome", "Plan", "fit", "prices_of", "realise"]
+__all__ = ["Outcome", "fit", "prices_of", "realise"]
 
 T = TypeVar("T")
 
@@ -53,49 +54,6 @@ _LAST_ROUNDS = 5
 _CODED_ROUNDS = 2
 #: Slots to either side of a knot to which it may move in one of them.
 _NEAR_SLOTS = 3
-
-
-@dataclass(frozen=True)
-class Plan:
-    """How one search for a map goes about it.
-
-    Parameters
-    ----------
-    target : float
-        Root mean square error to reach, in quanta.
-    leader : float
-        Radius, in targets, within which the first knots are gathered into shared nodes; 0 leaves each its own.
-    rounds : int
-        Number of rounds of E-step, M-step and merging.
-    extra : int
-        Rounds that may follow while the error allowed isn't made use of.
-    hopeless : float
-        Give up where the error is so many times the target, and hardly falls when the price rises.
-    beam : float
-        Bits beyond the cheapest node of a slot above which another one isn't looked at.
-    frugal : bool
-        Code the walks only every other round before the last few, beside the next round's work: prices lag behind by one.
-    maximum : float, optional
-        Largest distance of any sample, in quanta, to aim for instead; ``target`` is then the error of the first walks.
-    window : int
-        Knots that the E-step chooses at once.
-    widest : int
-        Slots that a part may span.
-    reach : float
-        Radius, in targets, within which a knot may take a node.
-    """
-
-    target: float
-    leader: float = 1.0
-    rounds: int = 12
-    extra: int = 0
-    hopeless: float = np.inf
-    beam: float = np.inf
-    frugal: bool = False
-    maximum: float | None = None
-    window: int = 24
-    widest: int = 300
-    reach: float = 3.0
 
 
 @dataclass(frozen=True, eq=False)

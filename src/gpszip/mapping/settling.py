@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +19,9 @@ from gpszip.kernels.ground import Ground
 from gpszip.kernels.settle import settle_stretch
 from gpszip.kernels.within import directions
 from gpszip.mapping.drafting import draft_of, empty_draft
+from gpszip.mapping.plan import Plan
 from gpszip.mapping.slots import Slots
 from gpszip.model import Executor
-
-if TYPE_CHECKING:
-    from gpszip.mapping.rounds import Plan
 
 __all__ = ["compact", "cut_pieces", "settle"]
 

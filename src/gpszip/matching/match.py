@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OptionError
-from gpszip.geo.gaps import estimate_gap, gap_parts
-from gpszip.geo.planes import plane_changes
+from gpszip.geo.gaps import estimate_gap, silences
 from gpszip.matching.assembling import assemble
 from gpszip.matching.chain import Stretch, follow
 from gpszip.matching.headings import headings_of
@@ -105,11 +104,10 @@ def _check(tracks: Sequence[Track], network: Network, **numbers: float | None) -
 def _stretches(tracks: Sequence[Track], index: RoadIndex, gap: float | None) -> list[Stretch]:
     """Tracks in the coordinates of the index, with their silences."""
     length = estimate_gap(tracks) if gap is None else gap
-    out = []
-    for track in tracks:
-        silent = gap_parts(track.times, length) | plane_changes(track.positions, track.plane)
-        out.append(Stretch(_coordinates(track.positions, index.dimension), track.times, silent, headings_of(track)))
-    return out
+    return [
+        Stretch(_coordinates(track.positions, index.dimension), track.times, silences(track, length), headings_of(track))
+        for track in tracks
+    ]
 
 
 def _coordinates(positions: NDArray[np.float64], dimension: int) -> NDArray[np.float64]:

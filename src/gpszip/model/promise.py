@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass
 from fractions import Fraction
 
-__all__ = ["Promise", "promise_of"]
+__all__ = ["DIGITS", "EXPONENTS", "Promise", "promise_of"]
 
-#: A promise has three digits; its exponents of ten, in metres, and the exponent of the smallest one.
-_DIGITS, _EXPONENTS, _FINEST = 1000, 16, -8
+#: What a promise may have as digits, and as exponents of ten.
+DIGITS, EXPONENTS = range(1, 1000), range(-8, 8)
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Promise:
     Parameters
     ----------
     digits : int
-        1 to 1000.
+        1 to 999.
     exponent : int
         -8 to 7.
     maximum : bool
@@ -48,8 +48,8 @@ def promise_of(metres: float, *, maximum: bool) -> Promise | None:
         return None
     # what 0.4 is written as is meant, not the float64 next to it
     exact = Fraction(repr(float(metres)))
-    for exponent in range(_FINEST, _FINEST + _EXPONENTS):
+    for exponent in EXPONENTS:
         digits = math.ceil(exact / Fraction(10) ** exponent)
-        if digits < _DIGITS:
+        if digits < DIGITS.stop:
             return Promise(max(digits, 1), exponent, maximum)
     return None

@@ -14,7 +14,7 @@ from gpszip.container.attributes import Kept, attributes_body
 from gpszip.container.contents import Section
 from gpszip.container.layout import Kind
 from gpszip.errors import BoundError, OptionError
-from gpszip.geo.gaps import estimate_gap, gap_parts
+from gpszip.geo.gaps import estimate_gap, silences
 from gpszip.geo.sampling import sampling_step
 from gpszip.mapping.lattice_map import join_lattices, knot_times, node_positions
 from gpszip.model import Executor, LatticeWalk, LatticeWalks, Listener, Options, Report, Track
@@ -84,7 +84,7 @@ def append(
     whole = compressing.laid_on(archive, compressing.checked(tracks), options)
     compressing.kept(whole, options)
     gap = estimate_gap(whole) if options.gap is None else options.gap
-    sampling = sampling_step(whole, [gap_parts(track.times, gap) for track in whole])
+    sampling = sampling_step(whole, [silences(track, gap) for track in whole])
     led = tuple(_led_on(archive, track, gap) if track.id in archive.ids else track for track in whole)
     for share in _SHARES:
         aim = replace(options.tightened(share), gap=gap, keep=(), keep_times=False)

@@ -198,11 +198,10 @@ def _off_map(archive: Archive, map: Archive | None) -> tuple[str, ...]:
 
 def _gaps(tracks: Sequence[Track], gap: float | None) -> tuple[float, tuple[NDArray[np.bool_], ...]]:
     """Seconds above which a step is a gap, and the steps of each track that are."""
-    from gpszip.geo.gaps import estimate_gap, gap_parts
-    from gpszip.geo.planes import plane_changes
+    from gpszip.geo.gaps import estimate_gap, silences
 
     length = estimate_gap(tracks) if gap is None else gap
-    return length, tuple(gap_parts(track.times, length) | plane_changes(track.positions, track.plane) for track in tracks)
+    return length, tuple(silences(track, length) for track in tracks)
 
 
 def _bounded(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], options: Options) -> tuple[Options, tuple[str, ...]]:

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from gpszip.archive import Archive, new_archive, open_archive, promising, sampled
 from gpszip.coding.past import Past
 from gpszip.errors import BoundError, OptionError
-from gpszip.geo.gaps import estimate_gap, gap_parts
-from gpszip.geo.planes import plane_changes
+from gpszip.geo.gaps import estimate_gap, silences
 from gpszip.geo.sampling import sampling_step
 from gpszip.io.streaming import StoredLog, count_rows, store_logs
 from gpszip.mapping.connected import RMSE_OF_MAXIMUM
@@ -123,7 +122,7 @@ def compress_large(
         excerpt = _excerpt(log, min(room // _LEARNT, _EXCERPT))
         gap = estimate_gap(excerpt) if options.gap is None else options.gap
         options, notes = _bounded(excerpt, gap, options)
-        sampling = sampling_step(excerpt, [gap_parts(track.times, gap) for track in excerpt])
+        sampling = sampling_step(excerpt, [silences(track, gap) for track in excerpt])
         batch = max(min(_BATCH, room // (_LAID * _AT_ONCE)), 5000)
         workers = executor or Threads()
         if isinstance(workers, Threads):
@@ -170,7 +169,7 @@ def _bounded(excerpt: Sequence[Track], gap: float, options: Options) -> tuple[Op
 
     if options.bounded:
         return options, ()
-    rmse = sensible_rmse(excerpt, [gap_parts(track.times, gap) | plane_changes(track.positions, track.plane) for track in excerpt])
+    rmse = sensible_rmse(excerpt, [silences(track, gap) for track in excerpt])
     return replace(options, rmse=rmse), (f"no bound was given: RMSE {rmse:g} m was estimated from an excerpt",)
 
 
@@ -178,7 +177,7 @@ def _learned(log: StoredLog, excerpt: Sequence[Track], gap: float, options: Opti
     from gpszip.mapping.connected import learn
     from gpszip.mapping.verbatim import keep_samples
 
-    gaps = [gap_parts(track.times, gap) | plane_changes(track.positions, track.plane) for track in excerpt]
+    gaps = [silences(track, gap) for track in excerpt]
     few, few_gaps = _thinned(excerpt, gaps, options)
     found = None
     for share in _EXCERPT_SHARES:
@@ -189,8 +188,7 @@ def _learned(log: StoredLog, excerpt: Sequence[Track], gap: float, options: Opti
         )  # fmt: skip
     if found is None:
         start = log.read(log.tracks[0], 0, min(_VERBATIM, log.tracks[0].count))
-        silent = gap_parts(start.times, gap) | plane_changes(start.positions, start.plane)
-        found = keep_samples([start], [silent], options.max_error or options.rmse or 0.0)
+        found = keep_samples([start], [silences(start, gap)], options.max_error or options.rmse or 0.0)
     known = Past(found[1])
     known.model(0)  # learnt once, before several batches ask for it
     return _Ground(found[0], known, gap, options)
@@ -244,7 +242,7 @@ def _lay_batch(ground: _Ground, tracks: Sequence[Track]) -> LatticeWalks:
 def _walks(ground: _Ground, tracks: Sequence[Track]) -> LatticeWalks:
     from gpszip.mapping.known import learn_on
 
-    gaps = [gap_parts(track.times, ground.gap) | plane_changes(track.positions, track.plane) for track in tracks]
+    gaps = [silences(track, ground.gap) for track in tracks]
 
     def laid(share: float) -> LatticeWalks | None:
         aim = ground.options.tightened(share)
