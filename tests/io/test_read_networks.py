@@ -125,6 +125,16 @@ def test_a_network_of_another_place(roads):
     swapped = geojson([[vertex[::-1] for vertex in line] for line in STREETS])
     with pytest.raises(InputError, match="swapped"):
         read_network(io.BytesIO(swapped.encode()), near=log_at())
+    line = geojson([[[50.0, 10.01 + 0.001 * i] for i in range(3)]])
+    with pytest.raises(InputError, match="swapped"):
+        read_network(io.BytesIO(line.encode()), near=log_at(50.001, 10.0))
+
+
+def test_a_vertex_that_is_no_number_does_not_make_metres_of_degrees():
+    broken = geojson([*STREETS, [[float("nan"), 50.0], STREETS[0][0]]])
+    reading = read_network_with_account(io.BytesIO(broken.encode()), near=log_at())
+    assert len(reading.network) == len(read_network(io.BytesIO(geojson(STREETS).encode())))
+    assert [repair.count for repair in reading.repairs if "no position" in repair.what] == [1]
 
 
 def test_roads_far_from_the_log_are_left_out():

@@ -32,7 +32,7 @@ NETWORK_FORMATS = (".osm.pbf", ".osm", ".geojson", ".gpkg", ".fgb", ".shp", ".gr
 #: Roads longer than this between two vertices, in metres, are looked at in between, too.
 _LONG = 1000.0
 
-#: Roads that begin so many degrees from near ground may lead there.
+#: Roads that begin so many degrees from near ground may lead there, and a network so far from a log may be of the same place.
 _REACH = 0.2
 
 #: A log of which one point in twenty is faster than this, in m/s, is of motor vehicles.
@@ -268,7 +268,7 @@ def _elsewhere(roads: JoinedRoads, plane: Plane | None, near: Sequence[Track]) -
         return f"{roads.name}: no road of it is near the log, which is at {_span(places)}; give a network of that place"
     own = roads.coordinates
     hint = "give a network of that place"
-    low, high = own.min(axis=0), own.max(axis=0)
+    low, high = own.min(axis=0) - _REACH, own.max(axis=0) + _REACH
     if plane is not None and ((places[:, ::-1] >= low) & (places[:, ::-1] <= high)).all(axis=1).any():
         hint = "latitude and longitude look swapped in one of them"
     return f"{roads.name}: lies elsewhere than the log: {_span(own)} of the network against {log}; {hint}"

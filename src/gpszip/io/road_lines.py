@@ -122,5 +122,6 @@ def take_lines(lines: RoadLines, chosen: NDArray[np.intp]) -> RoadLines:
 
 
 def within_globe(points: NDArray[np.float64]) -> bool:
-    """Whether coordinates could be longitudes and latitudes."""
-    return bool((np.abs(points[:, 0]) <= 360).all() and (np.abs(points[:, 1]) <= 90).all())
+    """Whether coordinates could be longitudes and latitudes, but for those that are no numbers."""
+    known = points[np.isfinite(points).all(axis=1)]
+    return bool((np.abs(known[:, 0]) <= 360).all() and (np.abs(known[:, 1]) <= 90).all())

@@ -227,4 +227,4 @@ def _looks_like_degrees(points: NDArray[np.float64], counts: NDArray[np.int64]) 
         return False
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     steps[np.cumsum(counts)[:-1] - 1] = 0.0
-    return bool(steps.sum() / len(counts) < 0.1)
+    return bool(np.nansum(steps) / len(counts) < 0.1)
