@@ -72,6 +72,14 @@ def test_gaps_left_open_are_named(gpszip, torn, roads, tmp_path):
     assert all(row["source"] == "log" for row in rows_of((tmp_path / "out.csv").read_text()))
 
 
+def test_a_log_without_gaps_is_said_to_have_none(gpszip, torn, roads):
+    run = gpszip("patch", torn, "--network", roads, "-o", "out.csv", "--gap", "1h")
+    assert "no gaps longer than 60 min, no points added" in run.err
+    short = "".join(torn.read_text().splitlines(keepends=True)[:30])
+    torn.write_text(short)
+    assert "no gaps, no points added" in gpszip("patch", torn, "--network", roads, "-o", "short.csv").err
+
+
 def test_other_formats_come_out_as_tracks(gpszip, torn, roads, tmp_path):
     run = gpszip("patch", torn, "--network", roads, "-o", "out.parquet", "--gap", "20s")
     assert run.code == 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -100,12 +101,18 @@ def _show(target: str, reading: Reading, roads: NetworkReading, patching: Patchi
         say(f"left open: track {one['track']!r} at {one['from']:.15g}, {format_duration(one['seconds'])}: {one['reason']}")
     if len(open_) > _NAMED:
         say(f"left open: {len(open_) - _NAMED:,} gaps more; --json names them all")
-    words = [
-        f"{patching.added:,} points added in {patching.filled:,} of {len(patching.patches):,} gaps over {format_duration(patching.gap)}, "
-        f"{seconds:.1f} s",
-        *repairs_in_words(repairs),
-    ]
-    say(f"{place_of(target)}: {'; '.join(words)}")
+    say(f"{place_of(target)}: {'; '.join([f'{_done(patching)}, {seconds:.1f} s', *repairs_in_words(repairs)])}")
+
+
+def _done(patching: Patching) -> str:
+    """What became of the gaps, in words."""
+    from gpszip.cli.units import format_duration
+
+    if not patching.patches:
+        longer = f" longer than {format_duration(patching.gap)}" if math.isfinite(patching.gap) else ""
+        return f"no gaps{longer}, no points added"
+    filled = f"{patching.filled:,} of {len(patching.patches):,} gaps over {format_duration(patching.gap)}"
+    return f"{patching.added:,} points added in {filled}"
 
 
 def _facts(patching: Patching) -> dict[str, Any]:
