@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from gpszip.container import columns
 from gpszip.container.attributes import Kept, attributes_body, kept_names, read_attributes
 from gpszip.container.layout import varint
 from gpszip.errors import CorruptArchiveError, OptionError
@@ -161,3 +162,25 @@ def test_what_can_t_be_kept_is_named():
     for values in (np.array([1, "a"], dtype=object), np.array([1, 1 << 63], np.uint64), np.array(["2024-01-01"] * 2, "M8[D]")):
         with pytest.raises(OptionError, match="'odd'"):
             attributes_body(Kept((2,), np.arange(2.0), {"odd": values}))
+
+
+@given(kepts(), st.integers(1, 5))
+@settings(max_examples=60, deadline=None)
+def test_columns_read_in_pieces_come_back_too(kept, piece):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(columns, "_CHUNK", piece)
+        patch.setattr(columns, "LARGE", 8)
+        patch.setattr(columns, "_HELD", 8)
+        body = attributes_body(kept)
+    back = read_attributes(body, len(kept.counts))
+    np.testing.assert_array_equal(back.times, kept.times)
+    for name, values in kept.columns.items():
+        np.testing.assert_array_equal(back.columns[name], values)
+
+
+def test_noise_that_nothing_packs_is_kept_as_it_is(monkeypatch):
+    monkeypatch.setattr(columns, "LARGE", 1000)
+    noise = np.random.default_rng(1).integers(-(1 << 62), 1 << 62, 4000)
+    body = attributes_body(Kept((4000,), np.arange(4000.0), {"noise": noise}))
+    assert np.array_equal(read_attributes(body, 1).columns["noise"], noise)
+    assert len(body) < 32_200

@@ -1,11 +1,15 @@
 import os
+import random
 import stat
+import tempfile
+from dataclasses import replace
 
 import pytest
 
-from gpszip.container.contents import one_group
+from gpszip.container.contents import Section, Spooled, one_group
+from gpszip.container.layout import Kind
 from gpszip.container.reader import load
-from gpszip.container.writer import save, to_bytes
+from gpszip.container.writer import save, size_of, to_bytes
 from gpszip.errors import InputError, OptionError, OutputError
 from oracle import archives
 
@@ -110,3 +114,16 @@ def test_load_of_no_file(tmp_path):
         load(tmp_path)
     with pytest.raises(InputError, match="no regular file"):
         load("/dev/null")
+
+
+@pytest.mark.parametrize("size", [5, 1 << 17, 3 << 20])
+def test_a_section_in_a_temporary_file_is_written_as_one_in_memory(tmp_path, size):
+    body = random.Random(size).randbytes(size)
+    with tempfile.TemporaryFile() as file:
+        file.write(body)
+        spooled = replace(CONTENTS, extras=(Section(Kind.ATTRIBUTES, Spooled(file, size)),))
+        held = replace(CONTENTS, extras=(Section(Kind.ATTRIBUTES, body),))
+        assert to_bytes(spooled) == to_bytes(held)
+        assert save(spooled, tmp_path / "a.gpsz") == size_of(spooled) == len(to_bytes(held))
+    assert (tmp_path / "a.gpsz").read_bytes() == to_bytes(held)
+    assert load(tmp_path / "a.gpsz") == held

@@ -211,3 +211,78 @@ def test_other_formats_are_read_file_by_file(tmp_path):
     write_tracks([track], tmp_path / "log.gpx")
     with store_logs(tmp_path / "log.gpx", rows=TINY) as log:
         assert [one.count for one in log.tracks] == [9]
+
+
+def kept_at_once(sources, keep, **options):
+    """Columns of each track, read at once and in batches."""
+    whole = {track.id: track.attributes for track in read_logs(sources, keep=keep, **options).tracks}
+    with store_logs(sources, rows=TINY, keep=keep, **options) as log:
+        columns = {column.name: column for column in log.columns}
+        values = {name: np.concatenate(list(column.chunks())) for name, column in columns.items()}
+        batches = {}
+        for track in log.tracks:
+            rows = slice(track.offset, track.offset + track.count)
+            batches[track.id] = {
+                name: np.array(columns[name].texts)[own[rows]] if columns[name].kind == "U" else own[rows] for name, own in values.items()
+            }
+        assert np.array_equal(np.concatenate(list(log.times())), np.concatenate([log.read(track).times for track in log.tracks]))
+    return whole, batches
+
+
+def same_columns(whole, batches):
+    assert whole.keys() == batches.keys()
+    for name, columns in whole.items():
+        for column, values in columns.items():
+            found = batches[name][column]
+            assert found.dtype.kind == values.dtype.kind
+            assert np.array_equal(found, values, equal_nan=values.dtype.kind == "f")
+
+
+def test_further_columns_of_interleaved_tracks_in_files_of_any_order(tmp_path):
+    rows = fleet()
+    n = len(rows["t"])
+    rng = np.random.default_rng(2)
+    rows |= {"fuel": rng.normal(50, 9, n), "gear": rng.integers(-5, 1 << 60, n), "note": rng.choice(["", "stop", "é"], n)}
+    for number, cut in enumerate((slice(n // 2, n), slice(0, n // 2))):
+        pq.write_table(pa.table(part(rows, cut)), tmp_path / f"{number}.parquet")
+    whole, batches = kept_at_once(str(tmp_path), ("note", "gear", "fuel"))
+    same_columns(whole, batches)
+
+
+def test_a_column_of_several_kinds_is_what_it_is_when_read_at_once(tmp_path):
+    """Whole numbers in one file, holes in the next, texts in the last; an earlier file comes later in time."""
+    for number, values in enumerate(([1, 2, 3], [4, None, 6], ["7", "eight", ""])):
+        times = [float(3 * number + i) for i in range(3)]
+        table = {"t": times, "x": times, "y": times, "a": values, "b": values if number < 2 else [1, 2, 3]}
+        pq.write_table(pa.table(table), tmp_path / f"{9 - number}.parquet")
+    whole, batches = kept_at_once(str(tmp_path), ("a", "b"), sort=True)
+    same_columns(whole, batches)
+
+
+@pytest.mark.parametrize("late", ["7", "7.25", "seven", "", "true", "2024-05-01", "2024-05-01 10:00:00"])
+@pytest.mark.parametrize("cell", ["3", "3.5", "", "False", "2024-05-01", "2024-05-01T10:00:00Z"])
+def test_text_decides_on_a_column_as_a_whole(tmp_path, late, cell):
+    (tmp_path / "log.csv").write_text("t,x,y,c\n" + "".join(f"{i},{i},0,{late if i == 79 else cell}\n" for i in range(80)) + "1,2\n")
+    whole, batches = kept_at_once(str(tmp_path / "log.csv"), ("c",))
+    same_columns(whole, batches)
+    values = whole["0"]["c"]
+    if values.dtype.kind == "U":
+        assert values.tolist() == [cell] * 79 + [late]
+
+
+def test_too_many_different_texts_and_a_missing_column_are_named(tmp_path, monkeypatch):
+    path = csv({"t": range(3000), "x": range(3000), "y": range(3000), "c": [f"row {i}" for i in range(3000)]}, tmp_path / "log.csv")
+    monkeypatch.setattr(streaming, "_TEXT_BYTES", 5)
+    with pytest.raises(InputError, match="'c' holds more different texts than there is memory for"):
+        store_logs(path, rows=TINY, keep=("c",))
+    with pytest.raises(InputError, match="no column 'd'"):
+        store_logs(path, rows=TINY, keep=("d",))
+
+
+def test_what_a_file_left_out_held_does_not_change_a_column(tmp_path):
+    good, bad = ({"t": [0.0, 1.0], "track_id": ["a", "a"], "x": [0, 1], "y": [0, 1], "c": values} for values in ([1, 2], ["x", "y"]))
+    pq.write_table(pa.table(good), tmp_path / "a.parquet")
+    pq.write_table(pa.table(bad | {"t": [1.0, 0.0]}), tmp_path / "b.parquet")
+    whole, batches = kept_at_once(str(tmp_path), ("c",), skip_bad=True)
+    same_columns(whole, batches)
+    assert whole["a"]["c"].dtype.kind == "i"

@@ -17,7 +17,7 @@ from gpszip.container.attributes import Kept, kept_names, read_attributes
 from gpszip.container.contents import Contents, MapReference
 from gpszip.container.layout import Kind
 from gpszip.container.map_record import map_hash
-from gpszip.container.writer import save, to_bytes
+from gpszip.container.writer import save, size_of, to_bytes
 from gpszip.errors import CorruptArchiveError, MapError, OptionError
 from gpszip.model.frame import Frame, quantum, refined_frame
 from gpszip.model.lattice import LatticeWalks, refined
@@ -345,7 +345,7 @@ class Archive:
         frame = self.frame
         facts: dict[str, Any] = {
             "tracks": len(self.ids),
-            "bytes": len(self.to_bytes()),
+            "bytes": self.size,
             "groups": len(self.contents.groups),
             "dimension": frame.dimension,
             "geographic": frame.plane is not None,
@@ -359,6 +359,11 @@ class Archive:
             "sampling_s": self.sampling,
         }
         return {**facts, **self._counts()} if decode else facts
+
+    @property
+    def size(self) -> int:
+        """Number of bytes of the file."""
+        return size_of(self.contents)
 
     def to_bytes(self) -> bytes:
         """Bytes of the file."""
@@ -457,7 +462,7 @@ class Archive:
 
     @property
     def _attributes(self) -> bytes | None:
-        bodies = [extra.body for extra in self.contents.extras if extra.kind == Kind.ATTRIBUTES]
+        bodies = [bytes(extra.body) for extra in self.contents.extras if extra.kind == Kind.ATTRIBUTES]
         if len(bodies) > 1:
             raise CorruptArchiveError("there are two sections of kept columns")
         return bodies[0] if bodies else None

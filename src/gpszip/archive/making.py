@@ -20,7 +20,7 @@ from gpszip.model.promise import Promise
 if TYPE_CHECKING:
     from gpszip.coding.past import Past
 
-__all__ = ["new_archive", "promising", "sampled"]
+__all__ = ["keeping", "new_archive", "promising", "sampled"]
 
 #: Smaller archives are not told how their log was sampled: a byte is a byte.
 _TOLD = 256
@@ -80,6 +80,11 @@ def new_archive(
     return Archive(contents, on)
 
 
+def keeping(archive: Archive, extras: Sequence[Section]) -> Archive:
+    """Return the archive with further sections."""
+    return replace(archive, contents=replace(archive.contents, extras=(*archive.contents.extras, *extras)))
+
+
 def promising(archive: Archive, promise: Promise | None) -> Archive:
     """Return the archive with what its walks have been found to keep."""
     return replace(archive, contents=replace(archive.contents, promise=promise))
@@ -87,7 +92,7 @@ def promising(archive: Archive, promise: Promise | None) -> Archive:
 
 def sampled(archive: Archive, seconds: float | None) -> Archive:
     """Return the archive with the time between two samples of its log, where a byte for that is less than half a percent."""
-    if seconds is None or len(archive.to_bytes()) < _TOLD:
+    if seconds is None or archive.size < _TOLD:
         return archive
     return replace(archive, contents=replace(archive.contents, sampling=quantum_index(seconds)))
 

@@ -2,33 +2,22 @@
 
 from __future__ import annotations
 
-import math
-import zlib
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.container.expansion import deflate, inflate, pack_lzma, unpack_lzma
-from gpszip.container.layout import Cursor, signed, varint
-from gpszip.errors import OptionError
+from gpszip.container.columns import BITS, BYTES_PER_BYTE, FREE_BYTES, INTEGERS, TEXT, Column, column_of, write_column
+from gpszip.container.expansion import inflate, unpack_lzma
+from gpszip.container.layout import Cursor, varint
 
-__all__ = ["Kept", "attributes_body", "kept_names", "read_attributes"]
+__all__ = ["Kept", "attributes_body", "kept_names", "read_attributes", "write_attributes"]
 
 #: An archive's kept columns hold at most so many values, and so many more for each byte of theirs.
 _FREE_VALUES, _VALUES_PER_BYTE = 1 << 20, 1 << 12
-
-#: A packed block expands to at most so many bytes, and so many more for each of its own.
-_FREE_BYTES, _BYTES_PER_BYTE = 1 << 20, 1 << 10
-
-#: Kinds of columns; between INTEGERS and BITS are decimals with kind - 1 digits after the point.
-_INTEGERS, _BITS, _TEXT = 0, 11, 12
-_DIGITS = 9
-_EXACT = 2.0**53
-
-#: Values on which the order of differences is tried.
-_SAMPLE = 1 << 16
 
 _Ints = NDArray[np.int64]
 _Values = NDArray[np.generic]
@@ -73,12 +62,32 @@ def attributes_body(kept: Kept) -> bytes:
     >>> back.times.tolist(), back.columns["note"].tolist()
     ([0.0, 1.0, 2.5], ['a', 'b', 'a'])
     """
-    names = [name.encode() for name in kept.columns]
-    head = b"".join(map(varint, kept.counts)) + varint(len(names)) + b"".join(varint(len(name)) + name for name in names)
-    columns = [_column("t", kept.times), *(_column(name, values) for name, values in kept.columns.items())]
-    body = head + b"".join(columns)
-    values = len(kept.times) * len(columns)
-    return body + bytes(max(0, -(-(values - _FREE_VALUES) // _VALUES_PER_BYTE) - len(body)))
+    sink = io.BytesIO()
+    columns = {name: column_of(name, values) for name, values in kept.columns.items()}
+    write_attributes(kept.counts, column_of("t", kept.times), columns, sink)
+    return sink.getvalue()
+
+
+def write_attributes(counts: Sequence[int], times: Column, columns: Mapping[str, Column], sink: BinaryIO) -> None:
+    """Write the body of the section for columns of any length.
+
+    Parameters
+    ----------
+    counts : sequence of int
+        Number of samples of each track.
+    times : Column
+        Instants of all samples.
+    columns : mapping of str to Column
+        Further columns, by their names.
+    sink : binary file
+        Where to; only written to, from its start on.
+    """
+    names = [name.encode() for name in columns]
+    sink.write(b"".join(map(varint, counts)) + varint(len(names)) + b"".join(varint(len(name)) + name for name in names))
+    for column in (times, *columns.values()):
+        write_column(column, sink)
+    values = sum(counts) * (1 + len(columns))
+    sink.write(bytes(max(0, -(-(values - _FREE_VALUES) // _VALUES_PER_BYTE) - sink.tell())))
 
 
 def kept_names(body: bytes, tracks: int) -> tuple[str, ...]:
@@ -137,81 +146,12 @@ def _increase(times: _Values, counts: Sequence[int]) -> bool:
     return bool(later.all())
 
 
-def _column(name: str, values: _Values) -> bytes:
-    """Byte of kind, order and holes; the holes; the texts; the numbers."""
-    if values.dtype.kind in "SUO":
-        texts, codes = np.unique(np.array([_text(name, value) for value in values.tolist()], dtype=object), return_inverse=True)
-        raw = [text.encode() for text in texts.tolist()]
-        joined = b"".join(varint(len(text)) + text for text in raw)
-        return _numbers(_TEXT, codes.reshape(-1).astype(np.int64), varint(len(raw)) + varint(len(joined)) + _packed(joined))
-    if values.dtype.kind in "biu":
-        if len(values) and int(values.max()) >= 1 << 63:
-            raise OptionError(f"column {name!r} holds {values.max()}, which is too large to be kept")
-        return _numbers(_INTEGERS, values.astype(np.int64))
-    if values.dtype.kind != "f":
-        raise OptionError(f"column {name!r} holds {values.dtype}; numbers and texts can be kept")
-    return _floats(values.astype(np.float64))
-
-
-def _text(name: str, value: object) -> str:
-    if value is None:
-        return ""
-    if not isinstance(value, str):
-        raise OptionError(f"column {name!r} holds {value!r} among texts; numbers or texts can be kept, but not both")
-    return value
-
-
-def _floats(values: NDArray[np.float64]) -> bytes:
-    holes = np.isnan(values)
-    known = values[~holes]
-    for digits in range(_DIGITS + 1) if (np.abs(known) < _EXACT).all() else ():
-        scaled = np.rint(known * 10.0**digits)
-        fits = (np.abs(scaled) < _EXACT) & (scaled / 10.0**digits == known)
-        if fits.all():
-            whole = np.zeros(len(values), np.int64)
-            whole[~holes] = scaled.astype(np.int64)
-            whole = whole[np.maximum.accumulate(np.where(holes, 0, np.arange(len(values))))]
-            return _numbers(1 + digits, whole, _packed(np.packbits(holes).tobytes()) if holes.any() else b"", holes=bool(holes.any()))
-    return _numbers(_BITS, values.view(np.int64))
-
-
-def _numbers(kind: int, values: _Ints, before: bytes = b"", *, holes: bool = False) -> bytes:
-    """Choose the order of differences that packs a sample best."""
-    order = min(range(3), key=lambda one: len(zlib.compress(_shuffled(_differences(values[:_SAMPLE], one)[1])[1], 1)))
-    starts, rest = _differences(values, order)
-    width, data = _shuffled(rest)
-    return bytes([kind | order << 4 | holes << 6]) + before + b"".join(map(signed, starts)) + bytes([width]) + _packed(data)
-
-
-def _differences(values: _Ints, order: int) -> tuple[list[int], NDArray[np.uint64]]:
-    """First values, and the others' differences with their sign in the lowest bit, all modulo 2^64."""
-    starts = []
-    for _ in range(order):
-        starts.append(int(values[0]) if len(values) else 0)
-        values = np.diff(values)
-    rest: NDArray[np.uint64] = ((values << 1) ^ (values >> 63)).view(np.uint64)
-    return starts, rest
-
-
-def _shuffled(values: NDArray[np.uint64]) -> tuple[int, bytes]:
-    """Bytes that the largest takes, and all lowest bytes, then all second lowest, and so on."""
-    width = math.ceil(int(values.max()).bit_length() / 8) if len(values) else 0
-    return width, values.astype("<u8").view(np.uint8).reshape(-1, 8)[:, :width].T.tobytes()
-
-
-def _packed(data: bytes) -> bytes:
-    tries = [(0, data), (1, deflate(data)), (2, pack_lzma(data))]
-    allowed = [(number, one) for number, one in tries if not number or len(data) <= _FREE_BYTES + _BYTES_PER_BYTE * len(one)]
-    packing, shortest = min(allowed, key=lambda one: len(one[1]))
-    return varint(4 * len(shortest) + packing) + shortest
-
-
 def _read_packed(cursor: Cursor, size: int) -> bytes:
     """Read a packed block that expands to ``size`` bytes."""
     tag = cursor.varint("the length of a block")
     data = cursor.take(tag >> 2, "a block")
     packing = tag & 3
-    if packing > 2 or (packing and size > _FREE_BYTES + _BYTES_PER_BYTE * len(data)):
+    if packing > 2 or (packing and size > FREE_BYTES + BYTES_PER_BYTE * len(data)):
         raise cursor.fail(f"a block of packing {packing} and {len(data)} bytes can't hold {size}")
     if packing:
         data = (inflate if packing == 1 else unpack_lzma)(data, size, cursor.base + cursor.at)
@@ -223,18 +163,18 @@ def _read_packed(cursor: Cursor, size: int) -> bytes:
 def _read_column(cursor: Cursor, count: int) -> _Values:
     byte = cursor.byte("a column's kind")
     kind, order, holes = byte & 15, byte >> 4 & 3, byte >> 6
-    if kind > _TEXT or order > 2 or holes > 1 or (holes and not _INTEGERS < kind < _BITS):
+    if kind > TEXT or order > 2 or holes > 1 or (holes and not INTEGERS < kind < BITS):
         raise cursor.fail(f"no column is of kind {byte}")
     empty = np.unpackbits(np.frombuffer(_read_packed(cursor, -(-count // 8)), np.uint8), count=count) == 1 if holes else None
-    texts = _read_texts(cursor) if kind == _TEXT else []
+    texts = _read_texts(cursor) if kind == TEXT else []
     values = _read_numbers(cursor, count, order)
-    if kind == _TEXT:
+    if kind == TEXT:
         if count and not (values.min() >= 0 and values.max() < len(texts)):
             raise cursor.fail(f"a row holds none of the {len(texts)} texts")
         return np.array(texts, dtype=object)[values] if texts else np.zeros(0, dtype=object)
-    if kind == _INTEGERS:
+    if kind == INTEGERS:
         return values
-    if kind == _BITS:
+    if kind == BITS:
         return values.view(np.float64)
     numbers: NDArray[np.float64] = values / 10.0 ** (kind - 1)
     if empty is not None:

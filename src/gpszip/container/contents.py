@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import BinaryIO
 
 from gpszip.model.frame import MOST_HALVINGS, QUANTUM_STEPS, Frame, Plane
 from gpszip.model.promise import DIGITS, EXPONENTS, Promise
 
-__all__ = ["LONE_ID", "MAP_HASH_BYTES", "Contents", "Group", "MapReference", "Section", "complaint", "one_group"]
+__all__ = ["LONE_ID", "MAP_HASH_BYTES", "Contents", "Group", "MapReference", "Section", "Spooled", "complaint", "one_group"]
 
 #: Name of the track of a log that names none.
 LONE_ID = "0"
 
 #: Bytes of the hash that stands for a map kept elsewhere.
 MAP_HASH_BYTES = 4
+
+#: Bytes of a temporary file that are read at a time.
+_PIECE = 1 << 20
 
 _LARGEST = 1 << 62
 _DIMENSIONS = 15
@@ -43,12 +48,40 @@ class Group:
     span: tuple[int, int] | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class Spooled:
+    """Bytes too many for memory, in a temporary file that goes when nobody holds it any more.
+
+    Parameters
+    ----------
+    file : binary file
+        Holds them from its start on.
+    size : int
+        How many there are.
+    """
+
+    file: BinaryIO
+    size: int
+
+    def __len__(self) -> int:
+        return self.size
+
+    def __bytes__(self) -> bytes:
+        return b"".join(self.pieces())
+
+    def pieces(self) -> Iterator[bytes]:
+        """Yield them one after the other."""
+        self.file.seek(0)
+        for first in range(0, self.size, _PIECE):
+            yield self.file.read(min(_PIECE, self.size - first))
+
+
 @dataclass(frozen=True)
 class Section:
     """Bytes of a kind that the container does not look into: kept attributes, or what a later version added."""
 
     kind: int
-    body: bytes
+    body: bytes | Spooled
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,18 @@ from typing import Protocol
 
 from gpszip.errors import CorruptArchiveError
 
-__all__ = ["deflate", "inflate", "pack_bz2", "pack_lzma", "unpack_bz2", "unpack_lzma"]
+__all__ = ["LARGE", "deflate", "deflater", "inflate", "lzma_packer", "pack_bz2", "pack_lzma", "unpack_bz2", "unpack_lzma"]
+
+#: Above so many bytes, LZMA is asked for its usual settings only.
+LARGE = 1 << 20
 
 _LZMA_WINDOW = 1 << 22
-_LARGE = 1 << 20
 _READ = [{"id": lzma.FILTER_LZMA2, "dict_size": _LZMA_WINDOW}]
+
+
+class _Compressor(Protocol):
+    def compress(self, data: bytes, /) -> bytes: ...
+    def flush(self) -> bytes: ...
 
 
 class _Decompressor(Protocol):
@@ -26,8 +33,13 @@ class _Decompressor(Protocol):
 
 def deflate(data: bytes) -> bytes:
     """Raw deflate stream (RFC 1951)."""
-    packer = zlib.compressobj(9, zlib.DEFLATED, -15, 9)
+    packer = deflater()
     return packer.compress(data) + packer.flush()
+
+
+def deflater() -> _Compressor:
+    """What writes a raw deflate stream piece by piece."""
+    return zlib.compressobj(9, zlib.DEFLATED, -15, 9)
 
 
 def inflate(data: bytes, limit: int, offset: int) -> bytes:
@@ -49,9 +61,16 @@ def pack_lzma(data: bytes) -> bytes:
     """Raw LZMA2 stream: of small data the shortest of several settings, of large the usual ones."""
     usual = {"id": lzma.FILTER_LZMA2, "preset": 9, "dict_size": _LZMA_WINDOW}
     tries = [usual, {**usual, "lc": 0, "pb": 0}, {**usual, "pb": 0}]
-    if len(data) > _LARGE:
-        tries = [{**usual, "preset": 6}]
+    if len(data) > LARGE:
+        packer = lzma_packer()
+        return packer.compress(data) + packer.flush()
     return min((lzma.compress(data, format=lzma.FORMAT_RAW, filters=[one]) for one in tries), key=len)
+
+
+def lzma_packer() -> _Compressor:
+    """What writes a raw LZMA2 stream of much data piece by piece."""
+    usual = {"id": lzma.FILTER_LZMA2, "preset": 6, "dict_size": _LZMA_WINDOW}
+    return lzma.LZMACompressor(format=lzma.FORMAT_RAW, filters=[usual])
 
 
 def unpack_lzma(data: bytes, limit: int, offset: int) -> bytes:

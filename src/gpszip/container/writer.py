@@ -5,15 +5,18 @@ from __future__ import annotations
 import contextlib
 import os
 import secrets
+import zlib
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import TypeAlias
 
-from gpszip.container.contents import LONE_ID, Contents, Group, complaint
+from gpszip.container.contents import LONE_ID, Contents, Group, Section, Spooled, complaint
 from gpszip.container.expansion import pack_bz2
 from gpszip.container.frame_record import fits_head, frame_bytes, is_whole, short_frame_bytes, short_shape
 from gpszip.container.group_index import Entry, end_body, entry, group_body, index_body
 from gpszip.container.layout import (
     CHECKSUM_BYTES,
-    HEAD_BYTES,
+    MARKER,
     SMALL_LIMIT,
     Form,
     Head,
@@ -31,7 +34,9 @@ from gpszip.container.promise_record import promise_bytes
 from gpszip.container.reader import layer_limit
 from gpszip.errors import OptionError, OutputError
 
-__all__ = ["save", "to_bytes"]
+__all__ = ["save", "size_of", "to_bytes"]
+
+_Piece: TypeAlias = bytes | Spooled
 
 
 def to_bytes(contents: Contents) -> bytes:
@@ -56,15 +61,36 @@ def to_bytes(contents: Contents) -> bytes:
     >>> to_bytes(one_group(Frame((0, 0), 0, 128, 120), ("0",), b"walks")).hex()
     'a75a820000807800000077616c6b73592744d4'
     """
+    return b"".join(bytes(piece) for piece in _pieces(contents))
+
+
+def size_of(contents: Contents) -> int:
+    """Bytes that an archive takes.
+
+    Raises
+    ------
+    OptionError
+        If the contents contradict each other.
+    """
+    return _total(_pieces(contents))
+
+
+def _pieces(contents: Contents) -> list[_Piece]:
+    """The bytes one after the other, some of which may lie in a temporary file."""
     wrong = complaint(contents)
     if wrong:
         raise OptionError(f"this can't be written as an archive: {wrong}")
-    data = _shortest(contents, _wrapped(contents))
-    if contents.tracks > track_limit(len(data)):
-        raise OptionError(f"{contents.tracks} tracks in {len(data)} bytes are more than readers believe; split the archive")
-    if len(contents.groups) + len(contents.extras) + 4 > section_limit(len(data)):
-        raise OptionError(f"{len(contents.groups)} groups in {len(data)} bytes are more than readers believe; make them larger")
-    return data
+    found = _shortest(contents, _wrapped(contents))
+    size = _total(found)
+    if contents.tracks > track_limit(size):
+        raise OptionError(f"{contents.tracks} tracks in {size} bytes are more than readers believe; split the archive")
+    if len(contents.groups) + len(contents.extras) + 4 > section_limit(size):
+        raise OptionError(f"{len(contents.groups)} groups in {size} bytes are more than readers believe; make them larger")
+    return found
+
+
+def _total(pieces: Sequence[_Piece]) -> int:
+    return sum(map(len, pieces))
 
 
 def save(contents: Contents, path: str | os.PathLike[str], *, force: bool = False) -> int:
@@ -98,28 +124,29 @@ def save(contents: Contents, path: str | os.PathLike[str], *, force: bool = Fals
     target = Path(os.path.realpath(target))
     if os.path.lexists(target) and not os.path.isfile(target):  # noqa: PTH113  # unlike pathlib's, it never raises
         raise OutputError(f"{target}: is no regular file and can't be replaced")
-    data = to_bytes(contents)
+    pieces = _pieces(contents)
     try:
-        _replace(target, data, force)
+        _replace(target, pieces, force)
     except FileExistsError:
         raise _exists(target) from None
     except FileNotFoundError:
         raise OutputError(f"{target}: the folder {target.parent} does not exist; create it first") from None
     except OSError as error:
         raise OutputError(f"{target}: can't be written: {error.strerror or error}") from None
-    return len(data)
+    return _total(pieces)
 
 
 def _exists(target: Path) -> OutputError:
     return OutputError(f"{target}: exists already; --force overwrites it")
 
 
-def _replace(target: Path, data: bytes, force: bool) -> None:
+def _replace(target: Path, pieces: Sequence[_Piece], force: bool) -> None:
     name = target.parent / f".gpszip-{secrets.token_hex(8)}.part"
     handle = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(data)
+            for piece in pieces:
+                file.writelines(_parts(piece))
             file.flush()
             os.fsync(file.fileno())
         if target.exists():
@@ -157,13 +184,17 @@ def _sync_folder(folder: Path) -> None:
             os.close(handle)
 
 
-def _shortest(contents: Contents, wrapped: list[bytes]) -> bytes:
-    if len(contents.groups) > 1:
+def _parts(piece: _Piece) -> Iterator[bytes]:
+    return piece.pieces() if isinstance(piece, Spooled) else iter((piece,))
+
+
+def _shortest(contents: Contents, wrapped: list[bytes]) -> list[_Piece]:
+    if len(contents.groups) > 1 or any(len(extra.body) >= SMALL_LIMIT for extra in contents.extras):
         return _large(contents, wrapped)
     if _is_plain(contents):
-        return _compact(contents, wrapped[0])
+        return [_compact(contents, wrapped[0])]
     small = _small(contents, wrapped)
-    return small if len(small) < SMALL_LIMIT else _large(contents, wrapped)
+    return [small] if len(small) < SMALL_LIMIT else _large(contents, wrapped)
 
 
 def _is_plain(contents: Contents) -> bool:
@@ -208,26 +239,41 @@ def _opening(contents: Contents) -> list[tuple[int, bytes]]:
 def _small(contents: Contents, wrapped: list[bytes]) -> bytes:
     lone = contents.groups[0]
     walks = (int(Kind.WALKS), group_body(Group(lone.first_track, lone.tracks, b""), wrapped[0]))
-    sections = [*_opening(contents), walks, *((extra.kind, extra.body) for extra in contents.extras)]
+    sections = [*_opening(contents), walks, *((extra.kind, bytes(extra.body)) for extra in contents.extras)]
     head = head_bytes(Head(Form.SECTIONS, 1, int(contents.layer is not None)))
     return _sealed(head + b"".join(bytes([kind]) + varint(len(body)) + body for kind, body in sections))
 
 
-def _large(contents: Contents, wrapped: list[bytes]) -> bytes:
+def _large(contents: Contents, wrapped: list[bytes]) -> list[_Piece]:
     head = head_bytes(Head(Form.SECTIONS, 0, int(contents.layer is not None)))
-    parts = [section_bytes(kind, body) for kind, body in _opening(contents)]
+    parts: list[_Piece] = [head, *(section_bytes(kind, body) for kind, body in _opening(contents))]
     entries: list[Entry] = []
-    offset = HEAD_BYTES + sum(map(len, parts))
+    offset = _total(parts)
     for group, payload in zip(contents.groups, wrapped, strict=True):
         kept = group if len(contents.groups) > 1 else Group(group.first_track, group.tracks, b"")
         section = section_bytes(Kind.WALKS, group_body(kept, payload))
         entries.append(entry(kept, offset, len(section)))
         parts.append(section)
         offset += len(section)
-    parts += [section_bytes(extra.kind, extra.body) for extra in contents.extras]
+    seals = [bytes(part)[-CHECKSUM_BYTES:] for part in parts[1:]]
+    for extra in contents.extras:
+        section_parts = _section(extra)
+        parts += section_parts
+        seals.append(bytes(section_parts[-1])[-CHECKSUM_BYTES:])
     index_offset = 0
     if len(entries) > 1:
-        index_offset = HEAD_BYTES + sum(map(len, parts))
+        index_offset = _total(parts)
         parts.append(section_bytes(Kind.INDEX, index_body(tuple(entries))))
-    digest = checksum(head + b"".join(part[-CHECKSUM_BYTES:] for part in parts))
-    return head + b"".join(parts) + section_bytes(Kind.END, end_body(index_offset, digest))
+        seals.append(bytes(parts[-1])[-CHECKSUM_BYTES:])
+    return [*parts, section_bytes(Kind.END, end_body(index_offset, checksum(head + b"".join(seals))))]
+
+
+def _section(extra: Section) -> list[_Piece]:
+    """A further section, whose body may lie in a temporary file."""
+    if isinstance(extra.body, bytes):
+        return [section_bytes(extra.kind, extra.body)]
+    start = bytes([extra.kind]) + varint(len(extra.body))
+    digest = zlib.crc32(start)
+    for piece in extra.body.pieces():
+        digest = zlib.crc32(piece, digest)
+    return [MARKER + start, extra.body, digest.to_bytes(CHECKSUM_BYTES, "little")]

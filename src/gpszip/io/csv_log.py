@@ -23,7 +23,10 @@ from gpszip.io.track_table import track_tables
 from gpszip.model import Track
 from gpszip.model.reading import Repair
 
-__all__ = ["Dialect", "column_types", "dialect_of", "read_csv", "sniff_csv", "whole_encoding", "write_csv"]
+__all__ = ["KEPT_TYPES", "Dialect", "column_types", "dialect_of", "read_csv", "sniff_csv", "whole_encoding", "write_csv"]
+
+#: What a column to keep is read as, the first that all of its cells are; else its texts are kept letter by letter.
+KEPT_TYPES = (pa.null(), pa.int64(), pa.float64(), pa.string())
 
 _SAMPLE = 50
 
@@ -189,10 +192,17 @@ def _has_decimal_comma(cells: Sequence[str]) -> bool:
     return any("," in cell and looks_like_number(cell.replace(",", ".", 1)) for cell in cells)
 
 
-def _table(source: Source, dialect: Dialect, roles: Roles) -> tuple[Any, int]:
-    text = {str(i): pa.string() for i in (*roles.axes, *roles.time)}
+def _table(source: Source, dialect: Dialect, roles: Roles, kept: Mapping[str, Any] | None = None) -> tuple[Any, int]:
+    text = {str(i): pa.string() for i in (*roles.axes, *roles.time)} | dict(kept or {})
+    table, bad = _parsed(source, dialect, roles, text)
+    if kept is None and (others := {str(i): pa.string() for i in roles.keep.values() if table.column(str(i)).type not in KEPT_TYPES}):
+        return _table(source, dialect, roles, others)
+    return table, bad
+
+
+def _parsed(source: Source, dialect: Dialect, roles: Roles, text: Mapping[str, Any]) -> tuple[Any, int]:
     try:
-        return _parse(source, dialect, roles, text | column_types(dialect, roles), None), 0
+        return _parse(source, dialect, roles, {**text, **column_types(dialect, roles)}, None), 0
     except (pa.ArrowInvalid, UnicodeDecodeError):
         pass  # some row or cell is not like the others: read texts, and let each speak for itself
     skipped: list[None] = []

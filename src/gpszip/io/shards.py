@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
@@ -189,9 +189,9 @@ def _csv_tables(shard: Shard) -> Iterator[tuple[Any, int]]:
     """Read text by types that its first rows tell; from where that fails on, each cell as a text that speaks for itself."""
     assert shard.dialect is not None
     assert shard.roles is not None
-    done, whole = 0, False
+    done, whole, kept = 0, False, _kept_types(shard)
     with suppress(pa.ArrowInvalid, UnicodeDecodeError):
-        for batch in _csv_batches(shard, csv_log.column_types(shard.dialect, shard.roles), [], shard.dialect.encoding):
+        for batch in _csv_batches(shard, kept | csv_log.column_types(shard.dialect, shard.roles), None, shard.dialect.encoding):
             yield pa.Table.from_batches([batch]), 0
             done += batch.num_rows
         whole = True
@@ -200,23 +200,48 @@ def _csv_tables(shard: Shard) -> Iterator[tuple[Any, int]]:
     skipped: list[None] = []
     encoding = csv_log.whole_encoding(shard.source, shard.dialect)
     seen = told = 0
-    for batch in _csv_batches(shard, {}, skipped, encoding):
+    for batch in _csv_batches(shard, kept, skipped, encoding):
         fresh = batch.slice(max(done - seen, 0))
         seen += batch.num_rows
         yield pa.Table.from_batches([fresh]), len(skipped) - told
         told = len(skipped)
 
 
-def _csv_batches(shard: Shard, types: Mapping[str, Any], skipped: list[None], encoding: str) -> Iterator[Any]:
+def _kept_types(shard: Shard) -> dict[str, Any]:
+    """Types of the columns to keep, which only the whole file tells: the first that no cell contradicts."""
+    assert shard.roles is not None
+    if not shard.roles.keep:
+        return {}
+    assert shard.dialect is not None
+    encoding = csv_log.whole_encoding(shard.source, shard.dialect)
+    return {str(i): next(kind for kind in csv_log.KEPT_TYPES if _fits(shard, i, kind, encoding)) for i in set(shard.roles.keep.values())}
+
+
+def _fits(shard: Shard, column: int, kind: Any, encoding: str) -> bool:
+    if kind == pa.string():
+        return True
+    with suppress(pa.ArrowInvalid):
+        for _ in _csv_batches(shard, {str(column): kind}, [], encoding, [column]):
+            pass
+        return True
+    return False
+
+
+def _csv_batches(
+    shard: Shard, types: Mapping[str, Any], skipped: list[None] | None, encoding: str, columns: Sequence[int] | None = None
+) -> Iterator[Any]:
+    """Yield rows; those with another number of cells are an error, or gathered where there is a list for them."""
     dialect, roles = shard.dialect, shard.roles
     assert dialect is not None
     assert roles is not None
+    wanted = [str(i) for i in (roles.used if columns is None else columns)]
 
     def skip(_row: Any) -> str:
+        assert skipped is not None
         skipped.append(None)
         return "skip"
 
-    texts = {str(i): pa.string() for i in roles.used}
+    texts = dict.fromkeys(wanted, pa.string())
     with _unmapped(shard.source) as stream:
         yield from pc.open_csv(
             stream,
@@ -227,8 +252,8 @@ def _csv_batches(shard: Shard, types: Mapping[str, Any], skipped: list[None], en
                 block_size=_BYTES,
                 use_threads=False,
             ),
-            pc.ParseOptions(delimiter=dialect.delimiter, newlines_in_values=True, invalid_row_handler=None if types else skip),
-            pc.ConvertOptions(include_columns=[str(i) for i in roles.used], column_types=texts | dict(types)),
+            pc.ParseOptions(delimiter=dialect.delimiter, newlines_in_values=True, invalid_row_handler=None if skipped is None else skip),
+            pc.ConvertOptions(include_columns=wanted, column_types=texts | dict(types)),
         )
 
 

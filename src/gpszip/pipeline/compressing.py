@@ -25,7 +25,12 @@ if TYPE_CHECKING:
     from gpszip.mapping.fitting import Fit
     from gpszip.mapping.size_search import Try
 
-__all__ = ["checked", "compress", "holds", "kept", "laid_on", "measure", "promised", "report_on"]
+__all__ = [
+    "NO_TIMES", "check_names", "checked", "compress", "holds", "kept", "laid_on", "measure", "promised", "report_on", "without_times",
+]  # fmt: skip
+
+#: What is to be said of an archive without times.
+NO_TIMES = "times were left out after measuring: positions at a time can't be had from the archive"
 
 #: Share of the bound below which no target is tried.
 _LEAST_AIM = 0.1
@@ -131,7 +136,7 @@ def compress(
     archive, fit = _within_size(job, options.size) if options.size is not None else _finished(options, *_within_bound(job))
     notes += _off_map(archive, map)
     if not options.times:
-        notes += ("times were left out after measuring: positions at a time can't be had from the archive",)
+        notes += (NO_TIMES,)
     return archive, report_on(archive, fit, options, notes, gap, time.perf_counter() - start)
 
 
@@ -218,10 +223,8 @@ def kept(tracks: Sequence[Track], options: Options) -> tuple[Section, ...]:
     """Sections of what is to be kept besides the walks, which the tracks must have."""
     if not (options.keep or options.keep_times):
         return ()
-    axes = {"lat", "lon"} if tracks[0].plane is not None else {"x", "y", "z"}
+    check_names(options.keep, geographic=tracks[0].plane is not None)
     for name in options.keep:
-        if name in {"track_id", "t"} | axes:
-            raise OptionError(f"column {name!r} can't be kept besides: each position has one of that name; rename the column")
         lacking = next((track for track in tracks if name not in track.attributes), None)
         if lacking is not None:
             there = ", ".join(lacking.attributes) or "none; name it when reading: keep"
@@ -229,6 +232,21 @@ def kept(tracks: Sequence[Track], options: Options) -> tuple[Section, ...]:
     columns = {name: np.concatenate([track.attributes[name] for track in tracks]) for name in options.keep}
     kept = Kept(tuple(map(len, tracks)), np.concatenate([track.times for track in tracks]), columns)
     return (Section(Kind.ATTRIBUTES, attributes_body(kept)),)
+
+
+def check_names(names: Sequence[str], *, geographic: bool) -> None:
+    """Refuse to keep columns that are called as what decompressed tracks have anyway."""
+    own = {"track_id", "t"} | ({"lat", "lon"} if geographic else {"x", "y", "z"})
+    wrong = next((name for name in names if name in own), None)
+    if wrong is not None:
+        raise OptionError(f"column {wrong!r} can't be kept besides: each position has one of that name; rename the column")
+
+
+def without_times(archive: Archive) -> Archive:
+    """Return an archive of the shapes alone, once their error has been measured."""
+    walks = tuple(LatticeWalk(walk.nodes, np.zeros_like(walk.cells), walk.gaps) for walk in archive.lattice.walks)
+    lattice = LatticeWalks(archive.lattice.nodes, walks, timed=False)
+    return new_archive(archive.frame, archive.ids, lattice, layer=archive.contents.layer)
 
 
 def _sized(tracks: Sequence[Track], options: Options, bytes_in: int | None) -> Options:
@@ -261,9 +279,7 @@ def _within_size(job: _Job, size: int) -> tuple[Archive, Fit]:
 
 def _finished(options: Options, archive: Archive, fit: Fit) -> tuple[Archive, Fit]:
     """Leave out of a measured archive what is not to be kept."""
-    if options.times:
-        return archive, fit
-    return new_archive(archive.frame, archive.ids, _without_times(archive.lattice), layer=options.layer), fit
+    return (archive if options.times else without_times(archive)), fit
 
 
 def _within_bound(job: _Job) -> tuple[Archive, Fit]:
@@ -394,11 +410,6 @@ def _tightened(target: Options, over: float, asked: Options) -> Options | None:
     return None if aim < _LEAST_AIM or asked.k is not None else tighter
 
 
-def _without_times(lattice: LatticeWalks) -> LatticeWalks:
-    walks = tuple(LatticeWalk(walk.nodes, np.zeros_like(walk.cells), walk.gaps) for walk in lattice.walks)
-    return LatticeWalks(lattice.nodes, walks, timed=False)
-
-
 def _bound(options: Options) -> str:
     if options.rmse is not None:
         return f"RMSE <= {options.rmse:g} m"
@@ -415,7 +426,7 @@ def report_on(archive: Archive, fit: Fit, options: Options, notes: tuple[str, ..
         parts=sum(len(walk.gaps) for walk in archive.lattice.walks),
         nodes=len(archive.road_map.nodes),
         edges=len(archive.road_map.edges),
-        bytes_out=len(archive.to_bytes()),
+        bytes_out=archive.size,
         rmse=fit.rmse,
         max_error=fit.max_error,
         seconds=seconds,

@@ -273,7 +273,7 @@ def _kept(sources: Sequence[_Source], order: Sequence[str]) -> tuple[tuple[Secti
     if not any(bodies):
         return (), ()
     tables = [
-        read_attributes(body[0], len(source.ids)) if body else Kept((0,) * len(source.ids), np.zeros(0))
+        read_attributes(bytes(body[0]), len(source.ids)) if body else Kept((0,) * len(source.ids), np.zeros(0))
         for source, body in zip(sources, bodies, strict=True)
     ]
     names = list(dict.fromkeys(name for table in tables for name in table.columns))

@@ -1,0 +1,60 @@
+"""Further columns of a log larger than memory as a section of its archive, which is written piece by piece."""
+
+from __future__ import annotations
+
+import tempfile
+import weakref
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import BinaryIO, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.container.attributes import write_attributes
+from gpszip.container.contents import Section, Spooled
+from gpszip.container.layout import Kind
+from gpszip.io.streaming import StoredLog
+from gpszip.model import Options
+from gpszip.pipeline.compressing import check_names
+
+__all__ = ["kept_of"]
+
+#: Sections up to so many bytes stay in memory.
+_SMALL = 1 << 24
+
+
+@dataclass(frozen=True, eq=False)
+class _Times:
+    """Instants of all samples as a column."""
+
+    log: StoredLog
+    kind: str = "f"
+    texts: tuple[str, ...] = ()
+
+    def chunks(self) -> Iterator[NDArray[np.float64]]:
+        """Yield the instants from the first on."""
+        return self.log.times()
+
+
+def kept_of(log: StoredLog, options: Options) -> tuple[Section, ...]:
+    """Sections of what is to be kept of a log besides the walks.
+
+    Raises
+    ------
+    OptionError
+        If a column can't be kept.
+    """
+    if not (options.keep or options.keep_times):
+        return ()
+    check_names(options.keep, geographic=log.plane is not None)
+    columns = {column.name: column for column in log.columns}
+    with ExitStack() as stack:
+        file = cast(BinaryIO, stack.enter_context(tempfile.SpooledTemporaryFile(_SMALL, prefix="gpszip-")))
+        write_attributes([track.count for track in log.tracks], _Times(log), columns, file)
+        body = Spooled(file, file.tell())
+        if len(body) <= _SMALL:
+            return (Section(Kind.ATTRIBUTES, bytes(body)),)
+        weakref.finalize(body, stack.pop_all().close)
+        return (Section(Kind.ATTRIBUTES, body),)
