@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpszip.archive import Archive, new_archive, promising, sampled
 from gpszip.coding.walks import number_by_visit
@@ -26,10 +27,10 @@ from gpszip.pipeline import compressing
 if TYPE_CHECKING:
     from gpszip.mapping.fitting import Fit
 
-__all__ = ["append"]
+__all__ = ["SHARES", "append", "completed", "end_of", "grown", "overlapping"]
 
 #: Shares of the bound that are tried: where a walk goes on, the end of the older one stays as it is.
-_SHARES = (1.0, 0.97, 0.9, 0.75)
+SHARES = (1.0, 0.97, 0.9, 0.75)
 
 
 def append(
@@ -80,39 +81,47 @@ def append(
     >>> archive.tracks, len(archive.road_map.nodes), bool(abs(archive.position("a", 14.0)[0] - 4) <= 0.1)
     (('a',), 2, True)
     """
-    options = _completed(options or Options(), archive)
+    options = completed(options or Options(), archive)
     whole = compressing.laid_on(archive, compressing.checked(tracks), options)
     compressing.kept(whole, options)
     gap = estimate_gap(whole) if options.gap is None else options.gap
     sampling = sampling_step(whole, [silences(track, gap) for track in whole])
     led = tuple(_led_on(archive, track, gap) if track.id in archive.ids else track for track in whole)
-    for share in _SHARES:
+    for share in SHARES:
         aim = replace(options.tightened(share), gap=gap, keep=(), keep_times=False)
         on_map, report = compressing.compress(led, aim, map=archive, executor=executor, progress=progress)
         if on_map.map is None:
             break
-        grown = _grown(archive, on_map, gap, sampling, whole if options.keep_times else ())
-        found = compressing.measure(whole, grown)
+        extras = _united_extras(archive, whole if options.keep_times else (), on_map.ids)
+        both = grown(archive, on_map, gap, sampling, extras)
+        found = compressing.measure(whole, both)
         if compressing.holds(found, options):
-            return grown, _report(report, grown, found)
+            return both, _report(report, both, found)
     raise BoundError("the archive's lattice is too coarse for this bound; allow a larger error, or compress all logs together")
 
 
 def _led_on(archive: Archive, track: Track, gap: float) -> Track:
     """A track that begins where the archive's walk of that name ends, unless there is a gap between them."""
-    lattice, frame = archive.lattice, archive.frame
-    before = lattice.walks[archive.ids.index(track.id)]
-    end = float(knot_times(before.cells[-1:], frame)[0])
+    end, there = end_of(archive, track.id)
     if track.times[0] - end > gap:
         return track
     after = int(np.searchsorted(track.times, end, side="right"))
-    if track.times[0] < end - quantum(frame.time) or after == len(track):
-        raise OptionError(
-            f"track {track.id!r} overlaps in time with the one in the archive; give it another name, or append in order of time"
-        )
-    there = node_positions(lattice, frame)[before.nodes[-1:]]
+    if track.times[0] < end - quantum(archive.frame.time) or after == len(track):
+        raise overlapping(track.id)
     times, positions = np.append(end, track.times[after:]), np.concatenate([there, track.positions[after:]])
     return Track(track.id, times, positions, plane=track.plane)
+
+
+def end_of(archive: Archive, name: str) -> tuple[float, NDArray[np.float64]]:
+    """Time and place, shape (1, d), of the last knot of a track."""
+    lattice, frame = archive.lattice, archive.frame
+    walk = lattice.walks[archive.ids.index(name)]
+    return float(knot_times(walk.cells[-1:], frame)[0]), node_positions(lattice, frame)[walk.nodes[-1:]]
+
+
+def overlapping(name: str) -> OptionError:
+    """Error of a track that begins before the one in the archive ends."""
+    return OptionError(f"track {name!r} overlaps in time with the one in the archive; give it another name, or append in order of time")
 
 
 def _report(report: Report, grown: Archive, found: Fit) -> Report:
@@ -124,8 +133,11 @@ def _report(report: Report, grown: Archive, found: Fit) -> Report:
     )  # fmt: skip
 
 
-def _grown(archive: Archive, on_map: Archive, gap: float, sampling: float | None, kept: Sequence[Track]) -> Archive:
-    """Unite an archive with walks on it; between a walk and what it goes on with, at most ``gap`` seconds are no gap."""
+def grown(archive: Archive, on_map: Archive, gap: float, sampling: float | None, extras: tuple[Section, ...]) -> Archive:
+    """Unite an archive with walks on it; between a walk and what it goes on with, at most ``gap`` seconds are no gap.
+
+    ``extras`` are the further sections of the whole; ``sampling`` is about the seconds between samples of what was added.
+    """
     halvings = on_map.contents.map.halvings if on_map.contents.map is not None else 0
     lattice = join_lattices([refined(archive.lattice, halvings), on_map.lattice])
     most = gap / quantum(on_map.frame.time)
@@ -137,13 +149,13 @@ def _grown(archive: Archive, on_map: Archive, gap: float, sampling: float | None
         tuple(walks),
         number_by_visit(LatticeWalks(lattice.nodes, tuple(walks.values()))),
         layer=archive.contents.layer,
-        extras=_united_extras(archive, kept, tuple(walks)),
+        extras=extras,
     )
     told = None if archive.sampling is None or sampling is None else max(archive.sampling, sampling)
     return sampled(promising(united, _weaker(archive.promise, on_map.promise)), told)
 
 
-def _completed(options: Options, archive: Archive) -> Options:
+def completed(options: Options, archive: Archive) -> Options:
     """Options with the bound that the archive promises and the columns that it keeps, where they say nothing."""
     if options.sized:
         raise OptionError("a size can't be asked of what is appended; give rmse or max_error")
@@ -159,7 +171,7 @@ def _gone_on(name: str, before: LatticeWalk, after: LatticeWalk, most: float) ->
     """One walk that goes on with another, from the same cell or a later one."""
     last = int(before.cells[-1])
     if after.cells[0] < last:
-        raise OptionError(f"track {name!r} overlaps in time with the one in the archive; give it another name, or append in order of time")
+        raise overlapping(name)
     same = int(after.cells[0] == last)
     silent = [] if same else [bool(after.cells[0] - last > most)]
     return LatticeWalk(
@@ -177,8 +189,9 @@ def _weaker(one: Promise | None, other: Promise | None) -> Promise | None:
     return replace(larger, maximum=one.maximum and other.maximum)
 
 
-def _united_extras(archive: Archive, tracks: Sequence[Track], ids: tuple[str, ...]) -> tuple[Section, ...]:
+def _united_extras(archive: Archive, tracks: Sequence[Track], added: Sequence[str]) -> tuple[Section, ...]:
     """Sections of an archive, its kept columns with those of further tracks."""
+    ids = tuple(dict.fromkeys([*archive.ids, *added]))
     others = tuple(section for section in archive.contents.extras if section.kind != Kind.ATTRIBUTES)
     if archive.kept is None:
         return others

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from gpszip.mapping.size_search import Try
 
 __all__ = [
-    "NO_TIMES", "check_names", "checked", "compress", "holds", "kept", "laid_on", "measure", "promised", "report_on", "without_times",
+    "NO_TIMES", "check_map", "check_names", "checked", "compress", "holds", "kept", "laid_on", "measure", "off_map", "promised",
+    "report_on", "without_times",
 ]  # fmt: skip
 
 #: What is to be said of an archive without times.
@@ -134,7 +135,7 @@ def compress(
     options, notes = _bounded(whole, gaps, _sized(whole, options, bytes_in))
     job = _Job(whole, gaps, options, executor_of(executor), progress, kept(whole, options), map, sampling_step(whole, gaps))
     archive, fit = _within_size(job, options.size) if options.size is not None else _finished(options, *_within_bound(job))
-    notes += _off_map(archive, map)
+    notes += off_map(archive, map)
     if not options.times:
         notes += (NO_TIMES,)
     return archive, report_on(archive, fit, options, notes, gap, time.perf_counter() - start)
@@ -173,6 +174,13 @@ def laid_on(map: Archive, tracks: Sequence[Track], options: Options) -> tuple[Tr
     """Tracks on the plane of a map, which they and the options must fit."""
     from gpszip.geo.planes import on_plane
 
+    check_map(map, tracks[0].dimension, tracks[0].plane, options)
+    plane = map.frame.plane
+    return tuple(tracks) if plane is None else tuple(on_plane(track, plane) for track in tracks)
+
+
+def check_map(map: Archive, dimension: int, plane: Plane | None, options: Options) -> None:
+    """Refuse a map that doesn't fit tracks of so many coordinates, or that options don't go with."""
     if options.thesis or options.layer or not options.times:
         raise OptionError("k, m, layer and leaving out times don't go with a map that is there already; leave them out")
     if map.contents.map is not None:
@@ -180,17 +188,16 @@ def laid_on(map: Archive, tracks: Sequence[Track], options: Options) -> tuple[Tr
     if not map.timed:
         raise OptionError("the map was written without times; compress its log with them")
     frame = map.frame
-    if frame.dimension != tracks[0].dimension or (frame.plane is None) != (tracks[0].plane is None):
-        theirs, ours = _axes(frame.dimension, frame.plane), _axes(tracks[0].dimension, tracks[0].plane)
+    if frame.dimension != dimension or (frame.plane is None) != (plane is None):
+        theirs, ours = _axes(frame.dimension, frame.plane), _axes(dimension, plane)
         raise OptionError(f"the map has {theirs}, the log {ours}; give a map of the same place")
-    return tuple(tracks) if frame.plane is None else tuple(on_plane(track, frame.plane) for track in tracks)
 
 
 def _axes(dimension: int, plane: Plane | None) -> str:
     return f"{dimension} coordinates on a plane of its own" if plane is None else "latitude and longitude"
 
 
-def _off_map(archive: Archive, map: Archive | None) -> tuple[str, ...]:
+def off_map(archive: Archive, map: Archive | None) -> tuple[str, ...]:
     """What is to be said of stretches that the map lacks."""
     if map is None:
         return ()
