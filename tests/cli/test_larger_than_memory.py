@@ -90,3 +90,90 @@ def test_the_bz2_layer_and_a_coreset_go_with_batches(gpszip, log):
     assert done.code == 0, done.err
     assert done.json["rmse"] <= 0.4
     assert gpszip("info", "a.gpsz", "--json").json["layer"] == "bz2"
+
+
+def halves(log):
+    """The log in two folders, one of them with all that comes before a time."""
+    rows = pa.concat_tables([pq.read_table(path) for path in log.glob("*.parquet")]).sort_by("t")
+    middle = float(np.median(rows["t"].to_numpy()))
+    early = rows["t"].to_numpy() < middle
+    for name, which in (("early", early), ("late", ~early)):
+        (log.parent / name).mkdir()
+        pq.write_table(rows.filter(pa.array(which)), log.parent / name / "a.parquet")
+    return log.parent / "early", log.parent / "late"
+
+
+def off(archive, log):
+    errors = [np.linalg.norm(archive.position(one.id, one.times) - one.positions, axis=1) for one in package.read(str(log))]
+    return float(np.sqrt((np.concatenate(errors) ** 2).mean()))
+
+
+@pytest.mark.parametrize("keep", [(), ("--keep", "note,gear,speed")])
+def test_logs_are_appended_in_batches(gpszip, log, keep):
+    early, late = halves(log)
+    for first in ((), ("--memory", "420MiB")):
+        assert gpszip("compress", early, "-o", "a.gpsz", "--rmse", "0.4m", "--effort", "1", "--append", *keep, *first, "--force").code == 0
+        done = gpszip("compress", late, "-o", "a.gpsz", "--effort", "1", "--append", "--memory", "420MiB", *keep, "--json")
+        assert done.code == 0, done.err
+        archive = package.open("a.gpsz")
+        assert done.json["rmse"] <= 0.4
+        assert off(archive, early) <= 0.4
+        assert off(archive, late) == pytest.approx(done.json["rmse"], rel=1e-6)
+        assert archive.promise.metres == 0.4
+        if keep:
+            for track in package.read(str(log), keep=["note", "gear", "speed"], sort=True):
+                assert np.array_equal(archive.sample_times(track.id), track.times)
+                for name, values in archive.attributes(track.id).items():
+                    assert np.array_equal(values, track.attributes[name], equal_nan=name == "speed")
+        (log.parent / "a.gpsz").unlink()
+
+
+def test_what_is_appended_goes_on_where_the_archive_ends(gpszip, log):
+    early, late = halves(log)
+    assert gpszip("compress", early, "-o", "a.gpsz", "--rmse", "0.4m", "--effort", "1").code == 0
+    assert gpszip("compress", late, "-o", "a.gpsz", "--effort", "1", "--append", "--memory", "420MiB").code == 0
+    assert not package.open("a.gpsz").walk("one").gaps.any()
+    before = (log.parent / "a.gpsz").read_bytes()
+    done = gpszip("compress", early, "-o", "a.gpsz", "--effort", "1", "--append", "--memory", "420MiB")
+    assert done.code == 2
+    assert "overlaps in time with the one in the archive" in done.err
+    assert (log.parent / "a.gpsz").read_bytes() == before
+
+
+def test_batches_are_laid_on_a_known_map_which_may_be_renewed(gpszip, log):
+    early, late = halves(log)
+    assert gpszip("compress", early, "-o", "map.gpsz", "--rmse", "0.4m", "--effort", "1").code == 0
+    done = gpszip("compress", late, "-o", "on.gpsz", "--map", "map.gpsz", "--update-map", "new.gpsz", *batches("--json", "--keep", "gear"))
+    assert done.code == 0, done.err
+    archive = package.open("on.gpsz")
+    assert archive.contents.map is not None
+    assert off(archive, late) == pytest.approx(done.json["rmse"], rel=1e-6)
+    assert archive.kept == ("gear",)
+    alone = gpszip("compress", late, "-o", "alone.gpsz", *batches("--json", "--keep", "gear"))
+    assert done.json["bytes_out"] < alone.json["bytes_out"]
+    assert off(package.open("new.gpsz"), late) <= 0.4
+
+
+def test_a_map_too_coarse_for_the_bound_is_left_aside(gpszip, log):
+    assert gpszip("compress", log, "-o", "map.gpsz", "--rmse", "20m", "--effort", "1").code == 0
+    done = gpszip("compress", log, "-o", "on.gpsz", "--map", "map.gpsz", *batches())
+    assert done.code == 0, done.err
+    assert "the map's lattice is too coarse for the bound" in done.err
+    assert off(package.open("on.gpsz"), log) <= 0.4
+
+
+@pytest.mark.parametrize("choice", [("--no-times",), ("--layer", "bz2")])
+def test_what_does_not_go_with_a_map_is_refused(gpszip, log, choice):
+    assert gpszip("compress", log, "-o", "map.gpsz", "--rmse", "0.4m", "--effort", "1").code == 0
+    done = gpszip("compress", log, "-o", "on.gpsz", "--map", "map.gpsz", *batches(*choice))
+    assert done.code == 2
+    assert "don't go with a map" in done.err
+
+
+def test_a_log_elsewhere_on_the_earth_than_the_map(gpszip, log, tmp_path):
+    assert gpszip("compress", log, "-o", "map.gpsz", "--rmse", "0.4m", "--effort", "1").code == 0
+    rows = "".join(f"{t},{48 + t / 1e5},{11 + t / 1e5}\n" for t in range(900))
+    (tmp_path / "earth.csv").write_text("t,lat,lon\n" + rows)
+    done = gpszip("compress", tmp_path / "earth.csv", "-o", "on.gpsz", "--map", "map.gpsz", *batches())
+    assert done.code == 2
+    assert "the log latitude and longitude" in done.err

@@ -83,7 +83,7 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
     if choices["memory"] is not None:
         sources = _spooled(logs)
         if not _fits(sources, choices):
-            return _in_batches(settings, sources, target, options, choices, force=force, quiet=quiet)
+            return _in_batches(settings, sources, target, options, choices, before, there, force=force, quiet=quiet)
     from gpszip import pipeline
     from gpszip.cli.progress import progress
     from gpszip.cli.summary import show_summary
@@ -121,29 +121,31 @@ def _fits(logs: Sequence[Any], choices: dict[str, Any]) -> bool:
 
 
 def _in_batches(
-    settings: Settings, logs: Sequence[Any], target: str, options: Any, choices: dict[str, Any], *, force: bool, quiet: bool
-) -> Outcome:
+    settings: Settings, logs: Sequence[Any], target: str, options: Options, choices: dict[str, Any], before: Archive | None,
+    there: Archive | None, *, force: bool, quiet: bool,
+) -> Outcome:  # fmt: skip
     """Compress logs larger than memory."""
     from gpszip.cli.output import write_archive
     from gpszip.cli.progress import progress
     from gpszip.cli.summary import show_summary
     from gpszip.errors import OptionError
+    from gpszip.pipeline.growing import append_large
     from gpszip.pipeline.large import compress_large
 
-    for name, option in (("clean", "--clean"), ("append", "--append"), ("map_name", "--map")):
-        if choices[name]:
-            raise OptionError(f"{option} needs the whole log at once, which is larger than --memory; allow more, or leave it out")
+    if choices["clean"]:
+        raise OptionError("--clean needs the whole log at once, which is larger than --memory; allow more, or leave it out")
     names = ("format", "columns", "time_unit", "sort", "split", "skip_bad")
     with progress(quiet=quiet or settings.json) as listener, running(*_engine(choices)) as executor:
-        archive, report, reading = compress_large(
-            logs,
-            options,
-            memory=int(choices["memory"]),
-            executor=executor,
-            progress=listener,
-            **{name: choices[name] for name in names},
-        )
-    write_archive(target, archive, force=force)
+        how: dict[str, Any] = {name: choices[name] for name in names}
+        how |= {"memory": int(choices["memory"]), "executor": executor, "progress": listener}
+        if before is not None:
+            archive, report, reading = append_large(before, logs, options, **how)
+        else:
+            archive, report, reading = compress_large(logs, options, map=there, **how)
+        renewed = append_large(there, logs, _of_a_map(options), **how)[0] if there is not None and choices["update_map"] else None
+    if renewed is not None:
+        write_archive(choices["update_map"], renewed, force=force)
+    write_archive(target, archive, force=force or before is not None)
     if settings.json or not quiet:
         show_summary(target, reading, report, as_json=settings.json)
     return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE

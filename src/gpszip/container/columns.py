@@ -17,7 +17,7 @@ from gpszip.container.layout import signed, varint
 from gpszip.errors import OptionError
 
 __all__ = [
-    "BITS", "BYTES_PER_BYTE", "FREE_BYTES", "INTEGERS", "TEXT", "Column", "column_of", "write_column",
+    "BITS", "BYTES_PER_BYTE", "FREE_BYTES", "INTEGERS", "TEXT", "Column", "Values", "column_of", "write_column",
 ]  # fmt: skip
 
 #: A packed block expands to at most so many bytes, and so many more for each of its own.

@@ -44,11 +44,12 @@ class StoredColumn:
     texts: tuple[str, ...] = ()
     _ranks: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
-    def chunks(self) -> Iterator[Values]:
-        """Yield the values from the first on; numbers into ``texts`` where it holds texts."""
-        with self.path.open("rb") as file:
-            while len(found := np.fromfile(file, np.float64 if self.kind == "f" else np.int64, _CHUNK)):
-                yield self._ranks[found] if self.kind == "U" else found
+    def chunks(self, first: int = 0, count: int | None = None) -> Iterator[Values]:
+        """Yield so many values from a row on, in pieces; numbers into ``texts`` where it holds texts."""
+        last = self.path.stat().st_size // 8 if count is None else first + count
+        for row in range(first, last, _CHUNK):
+            found = np.fromfile(self.path, np.float64 if self.kind == "f" else np.int64, min(_CHUNK, last - row), offset=8 * row)
+            yield self._ranks[found] if self.kind == "U" else found
 
 
 class Slots:

@@ -90,10 +90,11 @@ class StoredLog:
         rows = read_rows(self._path, track.offset + first, last - first, 1 + self.dimension)
         return Track(track.id, rows[:, 0], rows[:, 1:], plane=self.plane)
 
-    def times(self) -> Iterator[NDArray[np.float64]]:
-        """Yield the times of all samples, one track after the other, in pieces."""
-        for first in range(0, self.samples, _CHUNK):
-            yield read_rows(self._path, first, min(_CHUNK, self.samples - first), 1 + self.dimension)[:, 0]
+    def times(self, first: int = 0, count: int | None = None) -> Iterator[NDArray[np.float64]]:
+        """Yield the times of so many samples from one on, one track after the other, in pieces."""
+        last = self.samples if count is None else first + count
+        for row in range(first, last, _CHUNK):
+            yield read_rows(self._path, row, min(_CHUNK, last - row), 1 + self.dimension)[:, 0]
 
 
 def count_rows(sources: Any, *, format: str | None = None, columns: Any = None) -> int:

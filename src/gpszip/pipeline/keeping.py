@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import BinaryIO, cast
@@ -13,29 +13,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.container.attributes import write_attributes
+from gpszip.container.columns import Column
 from gpszip.container.contents import Section, Spooled
 from gpszip.container.layout import Kind
 from gpszip.io.streaming import StoredLog
 from gpszip.model import Options
 from gpszip.pipeline.compressing import check_names
 
-__all__ = ["kept_of"]
+__all__ = ["Times", "kept_of", "section_of"]
 
 #: Sections up to so many bytes stay in memory.
 _SMALL = 1 << 24
 
 
 @dataclass(frozen=True, eq=False)
-class _Times:
+class Times:
     """Instants of all samples as a column."""
 
     log: StoredLog
     kind: str = "f"
     texts: tuple[str, ...] = ()
 
-    def chunks(self) -> Iterator[NDArray[np.float64]]:
-        """Yield the instants from the first on."""
-        return self.log.times()
+    def chunks(self, first: int = 0, count: int | None = None) -> Iterator[NDArray[np.float64]]:
+        """Yield so many instants from a sample on."""
+        return self.log.times(first, count)
 
 
 def kept_of(log: StoredLog, options: Options) -> tuple[Section, ...]:
@@ -50,11 +51,16 @@ def kept_of(log: StoredLog, options: Options) -> tuple[Section, ...]:
         return ()
     check_names(options.keep, geographic=log.plane is not None)
     columns = {column.name: column for column in log.columns}
+    return (section_of([track.count for track in log.tracks], Times(log), columns),)
+
+
+def section_of(counts: Sequence[int], times: Column, columns: Mapping[str, Column]) -> Section:
+    """Write columns of any length to a section, which stays in a temporary file if it is large."""
     with ExitStack() as stack:
         file = cast(BinaryIO, stack.enter_context(tempfile.SpooledTemporaryFile(_SMALL, prefix="gpszip-")))
-        write_attributes([track.count for track in log.tracks], _Times(log), columns, file)
+        write_attributes(counts, times, columns, file)
         body = Spooled(file, file.tell())
         if len(body) <= _SMALL:
-            return (Section(Kind.ATTRIBUTES, bytes(body)),)
+            return Section(Kind.ATTRIBUTES, bytes(body))
         weakref.finalize(body, stack.pop_all().close)
-        return (Section(Kind.ATTRIBUTES, body),)
+        return Section(Kind.ATTRIBUTES, body)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,22 +13,24 @@ from numpy.typing import NDArray
 
 from gpszip.archive import Archive, keeping, new_archive, promising, sampled
 from gpszip.coding.past import Past
+from gpszip.coding.walks import number_by_visit
 from gpszip.errors import BoundError, OptionError
 from gpszip.geo.gaps import estimate_gap, silences
 from gpszip.geo.sampling import sampling_step
 from gpszip.io.streaming import StoredLog, count_rows, store_logs
 from gpszip.mapping.connected import RMSE_OF_MAXIMUM
 from gpszip.mapping.fitting import Fit
-from gpszip.mapping.lattice_map import join_lattices
 from gpszip.mapping.stretches import Stretch, cut_stretches, gather
-from gpszip.model import Executor, Listener, Options, Progress, Reading, Report, Track
-from gpszip.pipeline.compressing import NO_TIMES, holds, promised, report_on, without_times
+from gpszip.model import Executor, LatticeWalks, Listener, Options, Progress, Reading, Report, Track
+from gpszip.model.executor import local
+from gpszip.model.frame import refined_frame
+from gpszip.pipeline.compressing import NO_TIMES, check_map, holds, off_map, promised, report_on, without_times
 from gpszip.pipeline.keeping import kept_of
-from gpszip.pipeline.laying import SHARES, Ground, lay
+from gpszip.pipeline.laying import SHARES, Ground, Samples, lay
 from gpszip.pipeline.measuring import measured
 from gpszip.run.threads import Threads
 
-__all__ = ["compress_large", "fits"]
+__all__ = ["Job", "check_memory", "compress_large", "fits", "ground_on", "stored"]
 
 #: Bytes that one sample takes at most while a whole log is compressed in memory, and those that the program takes by itself.
 _IN_MEMORY, _PROGRAM = 700, 300 << 20
@@ -47,16 +50,30 @@ _EXCERPT_SHARES, _VERBATIM = (0.95, 0.85, 0.75), 1000
 
 
 @dataclass(frozen=True, eq=False)
-class _Job:
-    """What is compressed, how, and by whom."""
+class Job:
+    """A log in a temporary file, what an excerpt tells of it, and how it is to be compressed."""
 
     log: StoredLog
     excerpt: Sequence[Track]
     gap: float
+    sampling: float | None
     options: Options
-    batches: Sequence[Sequence[Stretch]]
+    notes: tuple[str, ...]
+    batch: int
     executor: Executor
     tell: Listener
+    map: Archive | None = None
+
+    def lay(self, log: Samples, ground: Ground) -> LatticeWalks:
+        """Walks of all tracks, over the nodes that are known and then others."""
+        return lay(log, ground, self._batches(log), self.executor, lambda done: self.tell(Progress("encode", done)))
+
+    def measure(self, archive: Archive) -> Fit:
+        """Error of an archive at all samples."""
+        return measured(self.log, archive, self._batches(self.log), self.executor, lambda done: self.tell(Progress("measure", done)))
+
+    def _batches(self, log: Samples) -> list[list[Stretch]]:
+        return gather(cut_stretches([track.count for track in log.tracks], self.batch), self.batch)
 
 
 def fits(sources: Any, memory: int, *, format: str | None = None, columns: Any = None) -> bool:
@@ -69,6 +86,7 @@ def compress_large(
     options: Options,
     *,
     memory: int,
+    map: Archive | None = None,
     executor: Executor | None = None,
     progress: Listener | None = None,
     **reading: Any,
@@ -88,6 +106,8 @@ def compress_large(
         With rmse, max_error, or neither; what only a log in memory allows is refused.
     memory : int
         Bytes that the process should take at most, at least 400 MiB; other processes that work for it take no more each.
+    map : Archive, optional
+        A map that is there already, on which batches are laid instead of one that is learnt from an excerpt.
     executor : Executor, optional
         Where batches are worked on; the log stays with the process that asks. Of threads, as many work as there is memory for.
     progress : callable, optional
@@ -108,52 +128,78 @@ def compress_large(
         If the bound can't be held.
     """
     start = time.perf_counter()
-    _check(options, memory)
-    room = memory - _PROGRAM
-    tell = progress or (lambda _event: None)
-    tell(Progress("read", 0.0))
-    rows = room // (_SORTED + _SORTED_COLUMN * len(options.keep))
-    with store_logs(sources, rows=rows, keep=options.keep, **reading) as log:
-        tell(Progress("read", 1.0))
-        kept = kept_of(log, options)
-        excerpt = _excerpt(log, min(room // _LEARNT, _EXCERPT))
-        gap = estimate_gap(excerpt) if options.gap is None else options.gap
-        options, notes = _bounded(excerpt, gap, options)
-        job = _Job(log, excerpt, gap, options, *_shares_of_work(log, executor, room), tell)
+    check_memory(memory)
+    _check(options)
+    with stored(sources, options, memory, map, executor, progress or (lambda _event: None), **reading) as job:
+        kept = kept_of(job.log, options)
         archive, found = _within_bound(job)
+        notes = (*job.notes, *off_map(archive, map))
         if not options.times:
             archive, notes = without_times(archive), (*notes, NO_TIMES)
         else:
-            sampling = sampling_step(excerpt, [silences(track, gap) for track in excerpt])
-            archive = sampled(promising(keeping(archive, kept), promised(options, found)), sampling)
-        return archive, report_on(archive, found, options, notes, gap, time.perf_counter() - start), log.reading
+            archive = sampled(promising(keeping(archive, kept), promised(job.options, found)), job.sampling)
+        return archive, report_on(archive, found, job.options, notes, job.gap, time.perf_counter() - start), job.log.reading
 
 
-def _shares_of_work(log: StoredLog, executor: Executor | None, room: int) -> tuple[list[list[Stretch]], Executor]:
-    """All stretches of the log in batches, and who works on them: of threads, as many as there is memory for."""
-    batch = max(min(_BATCH, room // (_LAID * _AT_ONCE)), 5000)
-    workers = executor or Threads()
-    if isinstance(workers, Threads):
-        workers = Threads(max(min(workers.workers, room // (_LAID * batch)), 1))
-    return gather(cut_stretches([track.count for track in log.tracks], batch), batch), workers
+@contextmanager
+def stored(
+    sources: Any, options: Options, memory: int, map: Archive | None, executor: Executor | None, tell: Listener, **reading: Any
+) -> Iterator[Job]:
+    """Sort a log into a temporary file, on the plane of a map if there is one, and see what kind of log it is."""
+    room = memory - _PROGRAM
+    rows = room // (_SORTED + _SORTED_COLUMN * len(options.keep))
+    tell(Progress("read", 0.0))
+    with store_logs(sources, rows=rows, keep=options.keep, plane=None if map is None else map.frame.plane, **reading) as log:
+        tell(Progress("read", 1.0))
+        if map is not None:
+            check_map(map, log.dimension, log.plane, options)
+        excerpt = _excerpt(log, min(room // _LEARNT, _EXCERPT))
+        gap = estimate_gap(excerpt) if options.gap is None else options.gap
+        sampling = sampling_step(excerpt, [silences(track, gap) for track in excerpt])
+        options, notes = _bounded(excerpt, gap, options)
+        batch = max(min(_BATCH, room // (_LAID * _AT_ONCE)), 5000)
+        workers = executor or Threads()
+        if isinstance(workers, Threads):
+            workers = Threads(max(min(workers.workers, room // (_LAID * batch)), 1))
+        yield Job(log, excerpt, gap, sampling, options, notes, batch, workers, tell, map)
 
 
-def _within_bound(job: _Job) -> tuple[Archive, Fit]:
+def _within_bound(job: Job) -> tuple[Archive, Fit]:
     """Lay, write and measure, until the bound is held."""
     for share in SHARES:
-        archive, found = _laid(job, _learned(job, job.options.tightened(share)))
+        target = job.options.tightened(share)
+        try:
+            archive, found = _laid(job, _learned(job, target) if job.map is None else ground_on(job.map, job, target))
+        except BoundError:
+            if job.map is None:
+                raise
+            break
         if holds(found, job.options):
             return archive, found
+    if job.map is not None:
+        return _within_bound(replace(job, map=None))
     raise BoundError("the bound can't be held batch by batch; allow a larger error, or more memory")
 
 
-def _check(options: Options, memory: int) -> None:
-    if memory < _PROGRAM + (100 << 20):
-        raise OptionError(f"{memory / 2**20:.0f} MiB are too little memory to work in; give at least {(_PROGRAM >> 20) + 100} MiB")
+def ground_on(map: Archive, job: Job, options: Options) -> Ground:
+    """The walks of a map, on which a log is laid."""
+    from gpszip.mapping.known import halvings
+
+    times = halvings(map.frame, options.rmse, options.max_error)
+    return Ground(refined_frame(map.frame, times), map.past(times), job.gap, options, times)
+
+
+def _check(options: Options) -> None:
     unfit = {"k and m": options.thesis, "bytes and ratio": options.sized}
     wrong = next((name for name, given in unfit.items() if given), None)
     if wrong is not None:
         raise OptionError(f"{wrong} can't be had of a log larger than the memory given; allow more memory, or leave it out")
+
+
+def check_memory(memory: int) -> None:
+    """Refuse to work in next to nothing."""
+    if memory < _PROGRAM + (100 << 20):
+        raise OptionError(f"{memory / 2**20:.0f} MiB are too little memory to work in; give at least {(_PROGRAM >> 20) + 100} MiB")
 
 
 def _excerpt(log: StoredLog, samples: int) -> list[Track]:
@@ -181,7 +227,7 @@ def _bounded(excerpt: Sequence[Track], gap: float, options: Options) -> tuple[Op
     return replace(options, rmse=rmse), (f"no bound was given: RMSE {rmse:g} m was estimated from an excerpt",)
 
 
-def _learned(job: _Job, options: Options) -> Ground:
+def _learned(job: Job, options: Options) -> Ground:
     """A map of the excerpt."""
     from gpszip.mapping.connected import learn
     from gpszip.mapping.verbatim import keep_samples
@@ -219,8 +265,13 @@ def _thinned(
     return thin_out(tracks, gaps, size)
 
 
-def _laid(job: _Job, ground: Ground) -> tuple[Archive, Fit]:
+def _laid(job: Job, ground: Ground) -> tuple[Archive, Fit]:
     """Lay all batches, write the archive and measure it."""
-    lattice = join_lattices([lay(job.log, ground, job.batches, job.executor, lambda done: job.tell(Progress("encode", done)))])
-    archive = new_archive(ground.frame, [track.id for track in job.log.tracks], lattice, layer=job.options.layer)
-    return archive, measured(job.log, archive, job.batches, job.executor, lambda done: job.tell(Progress("measure", done)))
+    lattice = job.lay(job.log, ground)
+    if job.map is None:
+        lattice = number_by_visit(lattice)
+    archive = new_archive(
+        ground.frame, [track.id for track in job.log.tracks], lattice, layer=job.options.layer, on=job.map, halvings=ground.halvings,
+        executor=local(job.executor),
+    )  # fmt: skip
+    return archive, job.measure(archive)

@@ -55,6 +55,7 @@ class Ground:
     known: Past
     gap: float
     options: Options
+    halvings: int = 0
 
 
 def lay(
@@ -81,14 +82,14 @@ def lay(
     Returns
     -------
     LatticeWalks
-        The nodes that are known, then others; a walk for each track.
+        The nodes that are known, then others in the order of their first visit, no two at one place; a walk for each track.
 
     Raises
     ------
     BoundError
         If a batch can't hold the bound.
     """
-    sheet, done = _Sheet(log, ground), 0
+    sheet, done, fixed = _Sheet(log, ground), 0, ground.known.nodes
     for wave in _waves(batches):
         with sharing(executor, sheet.ground) as shared:
             work = ([_read(log, stretch) for stretch in own] for own in wave)
@@ -97,7 +98,10 @@ def lay(
                 done += 1
                 tell(done / len(batches))
         sheet.grow()
-    return sheet.lattice
+    _, first, number = np.unique(sheet.lattice.nodes, axis=0, return_index=True, return_inverse=True)
+    same = first[number.reshape(-1)].astype(np.int32)
+    walks = tuple(LatticeWalk(same[walk.nodes], walk.cells, walk.gaps) for walk in sheet.lattice.walks)
+    return number_by_visit(LatticeWalks(sheet.lattice.nodes, walks), fixed)
 
 
 def _waves(batches: Sequence[Sequence[Stretch]]) -> Iterator[Sequence[Sequence[Stretch]]]:
