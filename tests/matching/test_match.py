@@ -183,7 +183,7 @@ def test_a_stretch_far_from_roads_is_named():
 
 
 def test_disconnected_roads_break_the_route():
-    roads = network([(0, 0), (400, 0), (420, 0), (800, 0)], [(0, 1), (2, 3)])
+    roads = network([(0, 0), (400, 0), (408, 0), (800, 0)], [(0, 1), (2, 3)])
     found = match(along([(10, 1), (790, 1)], noise=1.0), roads)[0]
     assert [one.reason for one in found.breaks] == ["no route"]
     assert [piece.route.edges.tolist() for piece in found.pieces] == [[0], [1]]

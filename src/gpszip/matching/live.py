@@ -21,7 +21,7 @@ from gpszip.model.match import Scales
 __all__ = ["LiveMatcher", "Next", "Settled", "Whereabouts"]
 
 #: Receivers in vehicles at about one sample a second, on the maps that there are of streets (docs/matching.md).
-_STREETS = Scales(error=6.5, sigma=40.0, beta=6.5, usual=10.0, fastest=150.0, heading=30.0)
+_STREETS = Scales(error=5.5, sigma=33.0, beta=5.5, usual=10.0, fastest=150.0, heading=30.0)
 
 #: Facing nowhere.
 _NOWHERE = np.zeros(2)

@@ -17,19 +17,29 @@ from gpszip.kernels.match_trace import places
 from gpszip.matching.chain import Chain, Stretch, follow
 from gpszip.matching.headings import agreeing, spread
 from gpszip.matching.index import RoadIndex
+from gpszip.matching.on_roads import Distances, tell_apart
+from gpszip.matching.rules import reach
 from gpszip.model.match import Scales
 
 __all__ = ["estimate_scales"]
 
-#: Rounds of matching and measuring on a few samples, before one on many; the numbers hardly move any more.
-_ROUNDS = 2
+#: Rounds of matching and measuring on a few samples, before one on many: as many as it takes until the error is the same but for so
+#: much, which are two or three, but where who stands beside the roads for hours makes the first guess far too large.
+_ROUNDS, _SAME = 8, 0.2
 
 #: Samples that the rounds look at, and that the last one does; of each track at least the third number.
 _SOME, _MANY, _FEW = 10_000, 100_000, 30
 
+#: A share of a track is looked at in at most so many parts, so that one long walk off the roads is not all that is seen.
+_PARTS = 10
+
 #: A first guess of how much longer than the straight line a way is. Rather too much: if ways that wind seem too dear, layers are
 #: matched to far roads instead, which looks like a large error, and this never mends.
 _WINDING = 0.25
+
+#: A first guess of the error is so many times the distance that a quarter of the samples have at most: four times is 1.3 errors where
+#: all samples are on roads, and 2.4 where only 55 in a hundred are, since then that distance is exceeded by every second one of them.
+_QUARTER = 4.0
 
 #: What the whole log tells counts for a track as much as so many layers of its own.
 _PRIOR = 300.0
@@ -43,9 +53,31 @@ _FASTER = 4.0
 Floats = NDArray[np.float64]
 
 
+@dataclass(frozen=True, eq=False)
+class _Shown:
+    """What the layers of a matched track show.
+
+    Parameters
+    ----------
+    errors : float64 array, shape (k, d)
+        From the place of each layer to its sample, NaN off the roads.
+    differences : float64 array, shape (k - 1,)
+        Way over roads less straight line between layers in a row, NaN where no way joins them.
+    """
+
+    errors: Floats
+    differences: Floats
+
+    @property
+    def distances(self) -> Floats:
+        """From each layer to its place."""
+        distances: Floats = np.sqrt((self.errors**2).sum(axis=1))
+        return distances
+
+
 @dataclass(frozen=True)
 class _Sums:
-    """What layers of matched tracks add up to.
+    """What layers of matched tracks add up to, each as far as it is on its road.
 
     Parameters
     ----------
@@ -88,6 +120,8 @@ def estimate_scales(
     one layer is alike that of the next by a share rho, n of them tell as much as n (1 - rho) / (1 + rho) independent ones; the prices
     of all candidates are lowered by as much, which is a larger sigma. Where samples are far apart nothing is left of this.
 
+    A part of the log may be off all roads, and still be matched where roads are near: layers count as far as they are on their roads.
+
     Parameters
     ----------
     index, work : RoadIndex, Work
@@ -101,16 +135,21 @@ def estimate_scales(
     least = _least_error(index)
     scales = _fixed(_first(index, some), sigma, beta)
     for _ in range(_ROUNDS):
-        total = sum((_summed(index, follow(index, work, one, scales, sure=False)) for one in some), _Sums())
+        shown = [_shown(index, follow(index, work, one, scales, sure=False)) for one in some]
+        total = _total(shown, _usual(shown, scales))
         if not total.ways:
             scales = replace(scales, heading=heading or math.inf)
             return scales, [scales] * len(stretches)
-        scales = _fixed(_of(total, _speeds(some, scales.error), least), sigma, beta)
+        before, scales = scales, _fixed(_of(total, _speeds(some, scales.error), least), sigma, beta)
+        if abs(math.log(scales.error / before.error)) < _SAME:
+            break
     many = _some(stretches, _MANY)
     chains = [follow(index, work, one, scales, sure=False) for one in many]
-    sums = [_summed(index, chain) for chain in chains]
+    shown = [_shown(index, chain) for chain in chains]
+    usual = _usual(shown, scales)
+    sums = [_summed(one, tell_apart(one.distances, usual, _PRIOR)) for one in shown]
     facing, facings = _facing(index, work, chains, scales) if heading is None else (heading, [heading] * len(many))
-    total = sum(sums, _Sums())
+    total = _total(shown, usual)
     whole = _fixed(_of(total, _speeds(many, scales.error), least), sigma, beta)
     prior, speeds = total.shrunk(_PRIOR), (whole.usual, whole.fastest)
     own = (
@@ -132,17 +171,21 @@ def _facing(index: RoadIndex, work: Work, chains: Sequence[Chain], scales: Scale
 
 
 def _some(stretches: Sequence[Stretch], samples: int) -> list[Stretch]:
-    """So many samples of a log: the same share of each track, from its middle."""
+    """So many samples of a log: the same share of each track."""
     share = min(samples / max(sum(len(one.times) for one in stretches), 1), 1.0)
-    return [_middle(one, share) for one in stretches]
+    return [_parts(one, share) for one in stretches]
 
 
-def _middle(stretch: Stretch, share: float) -> Stretch:
+def _parts(stretch: Stretch, share: float) -> Stretch:
+    """A share of a track, from all over it; nothing is told of what lies between two parts."""
     n = len(stretch.times)
     size = min(max(math.ceil(n * share), _FEW), n)
-    first = (n - size) // 2
-    last = first + size
-    return Stretch(stretch.positions[first:last], stretch.times[first:last], stretch.silent[first : last - 1], stretch.headings[first:last])
+    count = min(max(size // _FEW, 1), _PARTS) if size < n else 1
+    starts = np.round(np.linspace(0, n - size, 2 * count + 1)[1::2]).astype(np.int64)  # of what is left out before each part
+    number = np.arange(size)
+    kept = number + starts[number * count // size]
+    silent = stretch.silent[kept[:-1]] | (np.diff(kept) > 1)
+    return Stretch(stretch.positions[kept], stretch.times[kept], silent, stretch.headings[kept])
 
 
 def _fixed(scales: Scales, sigma: float | None, beta: float | None) -> Scales:
@@ -156,7 +199,7 @@ def _first(index: RoadIndex, stretches: Sequence[Stretch]) -> Scales:
     """A first guess, from the distance to the nearest road."""
     near = np.concatenate([nearest_distances(one.positions, index.roads, index.cells) for one in stretches])
     known = near[np.isfinite(near)]
-    error = max(2.0 * float(np.median(known)) if len(known) else 0.0, _least_error(index))
+    error = max(_QUARTER * float(np.quantile(known, 0.25)) if len(known) else 0.0, _least_error(index))
     return Scales(error, 2.0 * error, 2.0 * error + _WINDING * _step(stretches, error), *_speeds(stretches, error))
 
 
@@ -208,16 +251,35 @@ def _of(sums: _Sums, speeds: tuple[float, float], least: float) -> Scales:
     return Scales(error, error * math.sqrt((1 + rho) / (1 - rho)), math.sqrt(square + error**2), *speeds)
 
 
-def _summed(index: RoadIndex, chain: Chain) -> _Sums:
-    errors = _errors(index, chain)
+def _differences(chain: Chain) -> Floats:
+    """Way over roads less straight line between layers in a row, NaN where no way joins them."""
+    steps = np.sqrt((np.diff(chain.stretch.positions[chain.used], axis=0) ** 2).sum(axis=1))
+    return np.where(chain.kinds[1:] < JUMP, np.diff(chain.along) - steps, np.nan)
+
+
+def _usual(shown: Sequence[_Shown], scales: Scales) -> Distances:
+    """Distances of all layers, on roads and off them."""
+    return tell_apart(np.concatenate([one.distances for one in shown]), Distances(0.5, scales.error, reach(scales)))
+
+
+def _total(shown: Sequence[_Shown], usual: Distances) -> _Sums:
+    return sum((_summed(one, usual) for one in shown), _Sums())
+
+
+def _summed(shown: _Shown, usual: Distances) -> _Sums:
+    """What is on roads, added up: who crosses a field within reach of a road tells nothing of errors, nor of ways."""
+    on = usual.on_roads(shown.distances)
+    errors = np.nan_to_num(shown.errors)
     squares = (errors**2).sum(axis=1)
-    known = np.isfinite(squares)
-    a, b = errors[:-1], errors[1:]
-    both = known[:-1] & known[1:]
-    square = 0.5 * float((a[both] ** 2).sum() + (b[both] ** 2).sum())
-    differences = _differences(chain)
-    product, difference = float((a[both] * b[both]).sum()), float((differences**2).sum())
-    return _Sums(float(squares[known].sum()), float(known.sum()), product, square, difference, float(len(differences)))
+    both = on[:-1] * on[1:]
+    products = both @ (errors[:-1] * errors[1:]).sum(axis=1)
+    joined = np.where(np.isfinite(shown.differences), both, 0.0)
+    differences = joined @ np.nan_to_num(shown.differences) ** 2
+    return _Sums(*map(float, (on @ squares, on.sum(), products, 0.5 * both @ (squares[:-1] + squares[1:]), differences, joined.sum())))
+
+
+def _shown(index: RoadIndex, chain: Chain) -> _Shown:
+    return _Shown(_errors(index, chain), _differences(chain))
 
 
 def _errors(index: RoadIndex, chain: Chain) -> Floats:
@@ -225,10 +287,3 @@ def _errors(index: RoadIndex, chain: Chain) -> Floats:
     on = chain.leg >= 0
     at = places(np.where(on, chain.roads, 0), chain.metres, index.roads, index.graph)
     return np.where(on[:, None], chain.stretch.positions[chain.used] - at, np.nan)
-
-
-def _differences(chain: Chain) -> Floats:
-    """Way over roads less straight line, of layers that a way joins."""
-    steps = np.sqrt((np.diff(chain.stretch.positions[chain.used], axis=0) ** 2).sum(axis=1))
-    differences: Floats = (np.diff(chain.along) - steps)[chain.kinds[1:] < JUMP]
-    return differences

@@ -22,7 +22,8 @@ class Scales:
     Parameters
     ----------
     error : float
-        Root mean square distance in metres between samples and the roads travelled: the log's and the map's errors together.
+        Root mean square distance in metres between samples and the roads travelled, where they are on roads: the log's and the map's
+        errors together.
     sigma : float
         Scale in metres of the distance in the prices of candidates: the error, larger by as much as errors of samples in a row are alike.
     beta : float
