@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import gpszip
-from gpszip import OptionError
+from gpszip import BoundError, OptionError
 from gpszip.cli.main import main
 from gpszip.model import Options, Track
 from gpszip.pipeline import large
@@ -136,10 +136,22 @@ def test_a_batch_may_take_more_error_where_others_take_less(folder, monkeypatch)
     assert np.sqrt((off(archive, folder[1]) ** 2).mean()) <= 0.31
 
 
-@pytest.mark.parametrize("options", [{"k": 3}, {"size": 900}, {"ratio": 5}])
-def test_what_needs_the_whole_log_is_refused(folder, options):
-    with pytest.raises(OptionError, match="larger than the memory"):
-        large.compress_large(folder[0], Options(**options), memory=MEMORY)
+def test_what_needs_the_whole_log_is_refused(folder):
+    with pytest.raises(OptionError, match=r"larger than the memory.*give --rmse instead of k and m"):
+        large.compress_large(folder[0], Options(k=3), memory=MEMORY)
+
+
+@pytest.mark.parametrize("bound", [{"size": 500}, {"ratio": 500.0}])
+def test_a_size_is_kept_and_made_use_of(folder, bound):
+    archive, report, reading = large.compress_large(folder[0], Options(effort=1, **bound), memory=MEMORY)
+    size = bound.get("size") or int(reading.bytes / bound["ratio"])
+    assert 0.9 * size <= len(archive.to_bytes()) == report.bytes_out <= size
+    assert report.rmse == pytest.approx(np.sqrt((off(archive, folder[1]) ** 2).mean()), rel=1e-6)
+
+
+def test_a_size_that_nothing_has_names_what_would_do(folder):
+    with pytest.raises(BoundError, match="20 bytes are too few for this log: the smallest archive takes"):
+        large.compress_large(folder[0], Options(size=20, effort=1), memory=MEMORY)
 
 
 def test_too_little_memory_is_refused(folder):
@@ -154,7 +166,7 @@ def test_small_logs_fit(folder):
 
 def test_the_command_line_compresses_in_batches(folder, capfd, monkeypatch):
     monkeypatch.setattr(large, "_PROGRAM", 410 << 20)
-    monkeypatch.setattr(large, "_check", lambda *_: None)
+    monkeypatch.setattr(large, "check_memory", lambda _: None)
     (folder[0] / "bad.parquet").write_bytes(b"PAR1 none")
     target = folder[0].parent / "out.gpsz"
     command = ["compress", str(folder[0]), "-o", str(target), "--rmse", "30cm", "--effort", "1", "--memory", "415MiB"]
@@ -163,7 +175,7 @@ def test_the_command_line_compresses_in_batches(folder, capfd, monkeypatch):
     assert main([*command, "--skip-bad"]) == 3
     assert "bad.parquet" in capfd.readouterr().err
     assert np.sqrt((off(gpszip.open(target), folder[1]) ** 2).mean()) <= 0.3
-    assert main([*command, "--skip-bad", "--force", "--clean"]) == 2
+    assert main([*command, "--skip-bad", "--force", "--k", "9"]) == 2
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="the peak of a process is read from Linux")
@@ -208,7 +220,7 @@ def test_standard_input_larger_than_memory_is_split_where_time_goes_back(tmp_pat
     rows = "".join(f"{t:g},{50 * np.cos(t / 50):.3f},{30 * np.sin(t / 50):.3f}\n" for t in times)
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(("t,x,y\n" + rows).encode())))
     monkeypatch.setattr(large, "_PROGRAM", 410 << 20)
-    monkeypatch.setattr(large, "_check", lambda *_: None)
+    monkeypatch.setattr(large, "check_memory", lambda _: None)
     target = tmp_path / "out.gpsz"
     command = ["compress", "-", "-o", str(target), "--rmse", "1m", "--effort", "1", "--memory", "413MiB"]
     assert main(command) == 1

@@ -177,3 +177,30 @@ def test_a_log_elsewhere_on_the_earth_than_the_map(gpszip, log, tmp_path):
     done = gpszip("compress", tmp_path / "earth.csv", "-o", "on.gpsz", "--map", "map.gpsz", *batches())
     assert done.code == 2
     assert "the log latitude and longitude" in done.err
+
+
+def test_a_size_with_columns_kept(gpszip, log):
+    how = ("--effort", "1", "--memory", "420MiB", "--keep", "gear")
+    done = gpszip("compress", log, "-o", "a.gpsz", *how, "--bytes", "5kB")
+    assert done.code == 6
+    kept = int(done.err.split("alone take ")[1].split(";")[0].replace(",", ""))
+    done = gpszip("compress", log, "-o", "a.gpsz", *how, "--bytes", kept + 500, "--json")
+    assert done.code == 0, done.err
+    assert kept + 440 < done.json["bytes_out"] == (log.parent / "a.gpsz").stat().st_size <= kept + 500
+
+
+def test_spikes_are_dropped_and_counted(gpszip, log):
+    rows = pq.read_table(log / "9.parquet")
+    places = rows["x"].to_numpy().copy()
+    places[[100, 700]] += 5000
+    pq.write_table(rows.set_column(2, "x", pa.array(places)), log / "9.parquet")
+    done = gpszip("compress", log, "-o", "a.gpsz", *batches("--clean", "--json"))
+    assert done.code == 0, done.err
+    assert sum(one["count"] for one in done.json["repairs"] if one["what"] == "spikes dropped") == 2
+    assert done.json["points"] == N - 2
+
+
+def test_segments_of_the_thesis_are_refused_with_a_way_out(gpszip, log):
+    done = gpszip("compress", log, "-o", "a.gpsz", "--k", "20", "--m", "5", "--memory", "420MiB")
+    assert done.code == 2
+    assert "allow more with --memory" in done.err

@@ -7,10 +7,12 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import gpszip
 from gpszip import InputError
-from gpszip.io import streaming
+from gpszip.io import despiking, streaming
 from gpszip.io.reading import read_logs
 from gpszip.io.streaming import count_rows, store_logs
 
@@ -286,3 +288,55 @@ def test_what_a_file_left_out_held_does_not_change_a_column(tmp_path):
     whole, batches = kept_at_once(str(tmp_path), ("c",), skip_bad=True)
     same_columns(whole, batches)
     assert whole["a"]["c"].dtype.kind == "i"
+
+
+def spiky(n=7000, seed=4):
+    """A calm walk with single and double spikes, some of them at the borders of pieces of 1,000."""
+    rng = np.random.default_rng(seed)
+    times = np.cumsum(rng.choice([0.5, 1.0, 1.5], n))
+    places = np.cumsum(rng.normal(0, 1, (n, 2)), axis=0)
+    leaps = np.unique(np.concatenate([rng.integers(5, n - 9, 40), [998, 999, 1999, 2001, 3000]]))
+    places[leaps] += 900
+    places[leaps[::3] + 1] += 900
+    return times, places
+
+
+@pytest.mark.parametrize("degrees", [False, True])
+def test_spikes_of_long_tracks_are_those_found_at_once(tmp_path, degrees):
+    times, places = spiky()
+    names, places = (("lat", "lon"), 48 + places / 1e5) if degrees else (("x", "y"), places)
+    rows = {"t": times, names[0]: places[:, 0], names[1]: places[:, 1], "row": np.arange(len(times))}
+    path = csv(rows, tmp_path / "log.csv")
+    whole = read_logs(path, clean=True, keep=("row",))
+    with store_logs(path, rows=TINY, clean=True, keep=("row",)) as log:
+        found = log.read(log.tracks[0])
+        kept = np.concatenate(list(log.columns[0].chunks()))
+        assert log.plane == whole.tracks[0].plane
+    assert 20 < len(times) - len(found) < 100
+    assert np.array_equal(kept, whole.tracks[0].attributes["row"])
+    assert np.array_equal(found.times, whole.tracks[0].times)
+    assert np.abs(found.positions - whole.tracks[0].positions).max() < 1e-6
+    assert [(one.what, one.count) for one in log.reading.repairs] == [(one.what, one.count) for one in whole.repairs]
+
+
+def test_spikes_far_away_do_not_count_for_the_plane(tmp_path):
+    lat, lon = np.full(3000, 48.0) + np.arange(3000) / 1e6, np.full(3000, 11.0)
+    lat[1500], lon[1500] = 0.0, 0.0
+    path = csv({"t": np.arange(3000), "lat": lat, "lon": lon}, tmp_path / "log.csv")
+    with store_logs(path, rows=TINY, clean=True) as log:
+        assert len(log.plane.centers) == 1
+        assert log.samples == 2999
+    with store_logs(path, rows=TINY) as log:
+        assert len(log.plane.centers) == 2
+
+
+def test_a_track_that_stands_still_has_no_spikes(tmp_path):
+    path = csv({"t": np.arange(2500), "x": np.zeros(2500), "y": np.zeros(2500)}, tmp_path / "log.csv")
+    with store_logs(path, rows=TINY, clean=True) as log:
+        assert log.samples == 2500
+
+
+@given(st.lists(st.floats(0, 1e300), min_size=1, max_size=60), st.floats(0, 1))
+def test_quantiles_by_passes_are_those_of_numpy(numbers, share):
+    pieces = [np.array(numbers[a : a + 7]) for a in range(0, len(numbers), 7)]
+    assert despiking._quantile(lambda: iter(pieces), share) == pytest.approx(float(np.quantile(numbers, share)), rel=1e-12)

@@ -128,13 +128,10 @@ def _in_batches(
     from gpszip.cli.output import write_archive
     from gpszip.cli.progress import progress
     from gpszip.cli.summary import show_summary
-    from gpszip.errors import OptionError
     from gpszip.pipeline.growing import append_large
     from gpszip.pipeline.large import compress_large
 
-    if choices["clean"]:
-        raise OptionError("--clean needs the whole log at once, which is larger than --memory; allow more, or leave it out")
-    names = ("format", "columns", "time_unit", "sort", "split", "skip_bad")
+    names = ("format", "columns", "time_unit", "clean", "sort", "split", "skip_bad")
     with progress(quiet=quiet or settings.json) as listener, running(*_engine(choices)) as executor:
         how: dict[str, Any] = {name: choices[name] for name in names}
         how |= {"memory": int(choices["memory"]), "executor": executor, "progress": listener}

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["find_spikes"]
+__all__ = ["FACTOR", "QUANTILE", "calm_speeds", "find_spikes", "mark_spikes"]
 
 #: The longest run of samples that counts as one spike.
 _LONGEST = 4
 
-#: A leap is this many times faster than the track's high calm speed.
-_FACTOR = 5.0
+#: A leap is this many times faster than the track's high calm speed, which is this quantile of those that aren't 0.
+FACTOR, QUANTILE = 5.0, 0.95
 
 
 def find_spikes(times: ArrayLike, positions: ArrayLike) -> NDArray[np.bool_]:
@@ -40,13 +40,25 @@ def find_spikes(times: ArrayLike, positions: ArrayLike) -> NDArray[np.bool_]:
     [3]
     """
     times, positions = np.asarray(times, dtype=np.float64), np.asarray(positions, dtype=np.float64)
-    spikes = np.zeros(len(times), dtype=np.bool_)
     if len(times) < 3:
-        return spikes
+        return np.zeros(len(times), dtype=np.bool_)
     shortest = 0.5 * float(np.median(np.diff(times)))  # two fixes in the same instant are noise, not speed
-    speeds, past = _speeds(times, positions, 1, shortest), _speeds(times, positions, 2, shortest)
-    limit = _leap(np.minimum(np.minimum(speeds[:-1], speeds[1:]), past))
-    fast = speeds > limit
+    calm = calm_speeds(times, positions, shortest)
+    moving = calm[calm > 0]
+    return mark_spikes(times, positions, shortest, FACTOR * float(np.quantile(moving, QUANTILE)) if len(moving) else float("inf"))
+
+
+def calm_speeds(times: NDArray[np.float64], positions: NDArray[np.float64], shortest: float) -> NDArray[np.float64]:
+    """Calm speed of each sample but the first and the last, in m/s; shorter steps than ``shortest`` seconds count as such."""
+    speeds = _speeds(times, positions, 1, shortest)
+    calm: NDArray[np.float64] = np.minimum(np.minimum(speeds[:-1], speeds[1:]), _speeds(times, positions, 2, shortest))
+    return calm
+
+
+def mark_spikes(times: NDArray[np.float64], positions: NDArray[np.float64], shortest: float, limit: float) -> NDArray[np.bool_]:
+    """Samples that belong to spikes, if speeds above ``limit`` are leaps."""
+    spikes = np.zeros(len(times), dtype=np.bool_)
+    fast = _speeds(times, positions, 1, shortest) > limit
     for run in range(1, min(_LONGEST, len(times) - 2) + 1):
         passes = _speeds(times, positions, run + 1, shortest) <= limit
         starts = np.flatnonzero(fast[: len(passes)] & fast[run:] & passes) + 1
@@ -54,11 +66,6 @@ def find_spikes(times: ArrayLike, positions: ArrayLike) -> NDArray[np.bool_]:
         for offset in range(run):
             spikes[starts + offset] = True
     return spikes
-
-
-def _leap(calm: NDArray[np.float64]) -> float:
-    moving = calm[calm > 0]
-    return _FACTOR * float(np.quantile(moving, 0.95)) if len(moving) else float("inf")
 
 
 def _speeds(times: NDArray[np.float64], positions: NDArray[np.float64], step: int, shortest: float) -> NDArray[np.float64]:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from gpszip.errors import InputError, OptionError
 from gpszip.geo.planes import to_plane
 from gpszip.io.columns import parse_columns
+from gpszip.io.despiking import Despiked
 from gpszip.io.kept_columns import Slots, StoredColumn
 from gpszip.io.raw_log import Request
 from gpszip.io.shards import Shard, shard_of
@@ -119,6 +120,7 @@ def store_logs(
     split: bool = False,
     skip_bad: bool = False,
     keep: Sequence[str] = (),
+    clean: bool = False,
     plane: Plane | None = None,
 ) -> StoredLog:
     r"""Sort position logs of any size into a temporary file.
@@ -129,7 +131,7 @@ def store_logs(
         As for :func:`gpszip.io.reading.read_logs`.
     rows : int
         How many rows may be in memory at once; each takes about 100 bytes.
-    format, columns, time_unit, sort, split, skip_bad, keep
+    format, columns, time_unit, sort, split, skip_bad, keep, clean
         As for :func:`gpszip.io.reading.read_logs`.
     plane : Plane, optional
         Where positions on the earth are to be laid; chosen for them where left out.
@@ -165,23 +167,27 @@ def store_logs(
         for shard in shards:
             _take_in(sorter, shard, alone=alone, skip_bad=skip_bad)
         sorter.flush()
-        if sorter.geographic:
-            plane = plane or sorter.sample.plane()
-        tracks, kept = _written(sorter, room, plane if sorter.geographic else None, skip_bad)
-        reading = Reading(
-            (), sorter.points, size, sorter.geographic, tuple(sorter.repairs), tuple(sorter.left_out()), tuple(sorter.dropped)
-        )
-        return StoredLog(tracks, reading, sorter.dimension, plane if sorter.geographic else None, kept, room / "samples", stack.pop_all())
+        rows_of, sample, repairs = sorter.tracks(skip_bad), sorter.sample, sorter.repairs
+        if clean:
+            measure = sample.plane() if sorter.geographic else None
+            left = Despiked(rows_of, room / "with-spikes", sorter.width, sorter.dimension, sorter.rows, measure)
+            rows_of, sample, repairs = left.tracks(), left.sample, [*repairs, *left.repairs]
+        plane = (plane or sample.plane()) if sorter.geographic else None
+        tracks, kept = _written(rows_of, sorter, room, plane)
+        reading = Reading((), sorter.points, size, sorter.geographic, tuple(repairs), tuple(sorter.left_out()), tuple(sorter.dropped))
+        return StoredLog(tracks, reading, sorter.dimension, plane, kept, room / "samples", stack.pop_all())
 
 
-def _written(sorter: Sorter, room: Path, plane: Plane | None, skip_bad: bool) -> tuple[tuple[StoredTrack, ...], tuple[StoredColumn, ...]]:
+def _written(
+    rows_of: Iterator[tuple[str, Iterator[NDArray[np.float64]]]], sorter: Sorter, room: Path, plane: Plane | None
+) -> tuple[tuple[StoredTrack, ...], tuple[StoredColumn, ...]]:
     """Write the sorted samples on their plane, and each further column to a file of its own."""
     tracks: list[StoredTrack] = []
     own, offset = 1 + sorter.dimension, 0
     paths = [room / f"column-{number}" for number in range(len(sorter.slots.names))]
     with ExitStack() as stack:
         samples, *columns = (stack.enter_context(path.open("wb")) for path in (room / "samples", *paths))
-        for name, blocks in sorter.tracks(skip_bad):
+        for name, blocks in rows_of:
             count = 0
             for block in blocks:
                 if plane is not None:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from gpszip.mapping.size_search import Try
 
 __all__ = [
-    "NO_TIMES", "check_map", "check_names", "checked", "compress", "holds", "kept", "laid_on", "measure", "off_map", "promised",
+    "NO_TIMES", "check_map", "check_names", "checked", "compress", "holds", "in_bytes", "kept", "laid_on", "measure", "off_map", "promised",
     "report_on", "without_times",
 ]  # fmt: skip
 
@@ -132,7 +132,8 @@ def compress(
     options = options or Options()
     whole = checked(tracks) if map is None else laid_on(map, checked(tracks), options)
     gap, gaps = _gaps(whole, options.gap)
-    options, notes = _bounded(whole, gaps, _sized(whole, options, bytes_in))
+    numbers = sum(8 * (1 + track.dimension) * len(track) for track in whole)
+    options, notes = _bounded(whole, gaps, in_bytes(options, numbers if bytes_in is None else bytes_in))
     job = _Job(whole, gaps, options, executor_of(executor), progress, kept(whole, options), map, sampling_step(whole, gaps))
     archive, fit = _within_size(job, options.size) if options.size is not None else _finished(options, *_within_bound(job))
     notes += off_map(archive, map)
@@ -256,12 +257,9 @@ def without_times(archive: Archive) -> Archive:
     return new_archive(archive.frame, archive.ids, lattice, layer=archive.contents.layer)
 
 
-def _sized(tracks: Sequence[Track], options: Options, bytes_in: int | None) -> Options:
-    """Options that say in bytes what they said as a ratio."""
-    if options.ratio is None:
-        return options
-    whole = sum(8 * (1 + track.dimension) * len(track) for track in tracks) if bytes_in is None else bytes_in
-    return replace(options, ratio=None, size=max(int(whole / options.ratio), 1))
+def in_bytes(options: Options, whole: int) -> Options:
+    """Options that say in bytes what they said as a ratio to so many bytes."""
+    return options if options.ratio is None else replace(options, ratio=None, size=max(int(whole / options.ratio), 1))
 
 
 def _within_size(job: _Job, size: int) -> tuple[Archive, Fit]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gpszip.archive import Archive, keeping, new_archive, promising, sampled
 from gpszip.coding.past import Past
 from gpszip.coding.walks import number_by_visit
+from gpszip.container.contents import Section
 from gpszip.errors import BoundError, OptionError
 from gpszip.geo.gaps import estimate_gap, silences
 from gpszip.geo.sampling import sampling_step
@@ -24,7 +25,7 @@ from gpszip.mapping.stretches import Stretch, cut_stretches, gather
 from gpszip.model import Executor, LatticeWalks, Listener, Options, Progress, Reading, Report, Track
 from gpszip.model.executor import local
 from gpszip.model.frame import refined_frame
-from gpszip.pipeline.compressing import NO_TIMES, check_map, holds, off_map, promised, report_on, without_times
+from gpszip.pipeline.compressing import NO_TIMES, check_map, holds, in_bytes, off_map, promised, report_on, without_times
 from gpszip.pipeline.keeping import kept_of
 from gpszip.pipeline.laying import SHARES, Ground, Samples, lay
 from gpszip.pipeline.measuring import measured
@@ -103,7 +104,7 @@ def compress_large(
     sources : path, str or sequence of them
         CSV or Parquet of any size, folders of Parquet; other formats file by file.
     options : Options
-        With rmse, max_error, or neither; what only a log in memory allows is refused.
+        k and m are refused: their segments are sought for a whole track at once. For a size, batches are laid several times.
     memory : int
         Bytes that the process should take at most, at least 400 MiB; other processes that work for it take no more each.
     map : Archive, optional
@@ -132,12 +133,8 @@ def compress_large(
     _check(options)
     with stored(sources, options, memory, map, executor, progress or (lambda _event: None), **reading) as job:
         kept = kept_of(job.log, options)
-        archive, found = _within_bound(job)
-        notes = (*job.notes, *off_map(archive, map))
-        if not options.times:
-            archive, notes = without_times(archive), (*notes, NO_TIMES)
-        else:
-            archive = sampled(promising(keeping(archive, kept), promised(job.options, found)), job.sampling)
+        archive, found = _within_bound(job, kept) if job.options.size is None else _within_size(job, kept, job.options.size)
+        notes = (*job.notes, *off_map(archive, map), *(() if options.times else (NO_TIMES,)))
         return archive, report_on(archive, found, job.options, notes, job.gap, time.perf_counter() - start), job.log.reading
 
 
@@ -156,7 +153,7 @@ def stored(
         excerpt = _excerpt(log, min(room // _LEARNT, _EXCERPT))
         gap = estimate_gap(excerpt) if options.gap is None else options.gap
         sampling = sampling_step(excerpt, [silences(track, gap) for track in excerpt])
-        options, notes = _bounded(excerpt, gap, options)
+        options, notes = _bounded(excerpt, gap, in_bytes(options, log.reading.bytes))
         batch = max(min(_BATCH, room // (_LAID * _AT_ONCE)), 5000)
         workers = executor or Threads()
         if isinstance(workers, Threads):
@@ -164,7 +161,31 @@ def stored(
         yield Job(log, excerpt, gap, sampling, options, notes, batch, workers, tell, map)
 
 
-def _within_bound(job: Job) -> tuple[Archive, Fit]:
+def _within_size(job: Job, kept: Sequence[Section], size: int) -> tuple[Archive, Fit]:
+    """Look for the smallest RMSE whose archive takes at most so many bytes; the log stays sorted between one try and the next."""
+    from gpszip.mapping.noise import extent_rmse, sensible_rmse
+    from gpszip.mapping.size_search import Try, smallest_error
+
+    beside = sum(len(section.body) for section in kept)
+    if size <= beside:
+        raise BoundError(f"{size:,} bytes are too few for this log: the columns kept alone take {beside:,}; allow more, or keep less")
+
+    def attempt(rmse: float, effort: int) -> Try[tuple[Archive, Fit]] | None:
+        aim = replace(job, options=replace(job.options, size=None, rmse=rmse, effort=effort))
+        try:
+            archive, found = _within_bound(aim, kept)
+        except BoundError:
+            return None
+        return Try(archive.size - beside, found.rmse, (archive, found))
+
+    first = sensible_rmse(job.excerpt, [silences(track, job.gap) for track in job.excerpt])
+    best, smallest = smallest_error(attempt, size - beside, first=first, coarsest=2 * extent_rmse(job.excerpt), effort=job.options.effort)
+    if best is None:
+        raise BoundError(f"{size:,} bytes are too few for this log: the smallest archive takes {smallest + beside:,}; allow as many")
+    return best.made
+
+
+def _within_bound(job: Job, kept: Sequence[Section]) -> tuple[Archive, Fit]:
     """Lay, write and measure, until the bound is held."""
     for share in SHARES:
         target = job.options.tightened(share)
@@ -175,10 +196,17 @@ def _within_bound(job: Job) -> tuple[Archive, Fit]:
                 raise
             break
         if holds(found, job.options):
-            return archive, found
+            return _finished(job, archive, found, kept), found
     if job.map is not None:
-        return _within_bound(replace(job, map=None))
+        return _within_bound(replace(job, map=None), kept)
     raise BoundError("the bound can't be held batch by batch; allow a larger error, or more memory")
+
+
+def _finished(job: Job, archive: Archive, found: Fit, kept: Sequence[Section]) -> Archive:
+    """The archive with what belongs into it besides walks, or without times."""
+    if not job.options.times:
+        return without_times(archive)
+    return sampled(promising(keeping(archive, kept), promised(job.options, found)), job.sampling)
 
 
 def ground_on(map: Archive, job: Job, options: Options) -> Ground:
@@ -190,10 +218,11 @@ def ground_on(map: Archive, job: Job, options: Options) -> Ground:
 
 
 def _check(options: Options) -> None:
-    unfit = {"k and m": options.thesis, "bytes and ratio": options.sized}
-    wrong = next((name for name, given in unfit.items() if given), None)
-    if wrong is not None:
-        raise OptionError(f"{wrong} can't be had of a log larger than the memory given; allow more memory, or leave it out")
+    if options.thesis:
+        raise OptionError(
+            "k and m segment a track that is in memory as a whole, and the logs are larger than the memory given; "
+            "allow more with --memory, leave it out, or give --rmse instead of k and m"
+        )
 
 
 def check_memory(memory: int) -> None:
@@ -221,7 +250,7 @@ def _excerpt(log: StoredLog, samples: int) -> list[Track]:
 def _bounded(excerpt: Sequence[Track], gap: float, options: Options) -> tuple[Options, tuple[str, ...]]:
     from gpszip.mapping.noise import sensible_rmse
 
-    if options.bounded:
+    if options.bounded or options.sized:
         return options, ()
     rmse = sensible_rmse(excerpt, [silences(track, gap) for track in excerpt])
     return replace(options, rmse=rmse), (f"no bound was given: RMSE {rmse:g} m was estimated from an excerpt",)
