@@ -30,7 +30,7 @@ def test_archives_become_one_and_one_line_tells_of_it(gpszip, two, tmp_path):
     assert "2 archives with 3 tracks" in run.err
     assert "nodes 6 -> 3" in run.err
     city = open_archive(tmp_path / "city.gpsz")
-    assert city.tracks == ("bus", "tram", "metro")
+    assert city.tracks == ("bus", "metro", "tram")
     np.testing.assert_allclose(city.position("tram", 105.0), [50.0, 0.0], atol=1.5)
 
 
@@ -53,7 +53,7 @@ def test_promises_add_up(gpszip, tmp_path, log):
     assert run.code == 0, run.err
     assert run.json["promise_kind"] == "max_error"
     assert run.json["promise"] <= 2.01
-    assert open_archive(tmp_path / "both.gpsz").tracks == ("walk:0", "other:0")
+    assert open_archive(tmp_path / "both.gpsz").tracks == ("other:0", "walk:0")
 
 
 def test_tracks_of_one_name_are_refused_by_name(gpszip, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,7 +15,7 @@ from gpszip.mapping.fitting import SLACK, positions_at
 from gpszip.model import Track, Walk
 from gpszip.model.merge_report import Deviation
 
-__all__ = ["Curve", "curve_of", "deviation", "instants", "pieces_of", "sampled"]
+__all__ = ["Curve", "curve_of", "deviation", "in_turn", "instants", "name_key", "pieces_of", "sampled"]
 
 #: Points between two knots at which curves are sampled.
 _BETWEEN = 3
@@ -44,6 +45,29 @@ class Curve:
 def curve_of(walk: Walk, nodes: NDArray[np.float64]) -> Curve:
     """Curve of a walk with times over nodes in metres."""
     return Curve(Track(walk.id, np.asarray(walk.times), nodes[walk.nodes]), walk.gaps)
+
+
+def name_key(name: str) -> tuple[tuple[str | tuple[int, str], ...], str]:
+    """What names are sorted by: numbers in them by value.
+
+    Examples
+    --------
+    >>> sorted(["b", "a10", "a9", "7", "a09"], key=name_key)
+    ['7', 'a09', 'a9', 'a10', 'b']
+    """
+    # texts and numbers take turns, a text first, so that like is compared with like
+    return tuple(_by_value(word) if i % 2 else word for i, word in enumerate(re.split(r"([0-9]+)", name))), name
+
+
+def _by_value(digits: str) -> tuple[int, str]:
+    """What sorts digits like their value, however many there are."""
+    number = digits.lstrip("0")
+    return len(number), number
+
+
+def in_turn(curves: Sequence[Curve]) -> list[int]:
+    """Numbers of the curves in the order in which their tracks start; of those that start together, in the order of their names."""
+    return sorted(range(len(curves)), key=lambda i: (float(curves[i].track.times[0]), name_key(curves[i].track.id)))
 
 
 def pieces_of(gaps: NDArray[np.bool_]) -> list[tuple[int, int]]:

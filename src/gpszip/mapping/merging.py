@@ -12,12 +12,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.coding.walks import encode
-from gpszip.mapping.curves import Curve, deviation, instants, pieces_of, sampled
+from gpszip.coding.walks import encode, number_by_visit
+from gpszip.mapping.curves import Curve, deviation, in_turn, instants, pieces_of, sampled
 from gpszip.mapping.drafting import list_parts, sample_errors
 from gpszip.mapping.drafting import walks_of as drafted
 from gpszip.mapping.fitting import SLACK, positions_at
-from gpszip.mapping.lattice_map import join_lattices, node_positions, walks_of
+from gpszip.mapping.lattice_map import node_positions, walks_of
 from gpszip.mapping.maximum import mend
 from gpszip.mapping.refining import Allowance, draft_on, refine
 from gpszip.mapping.rounds import Outcome
@@ -100,9 +100,10 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Merged:
-    """A map of all parts, the walks of all their tracks in order, and how far each part was moved."""
+    """A map of all parts, the walks of all their tracks in the order of their starts with their names, and how far each part was moved."""
 
     frame: Frame
+    ids: tuple[str, ...]
     lattice: LatticeWalks
     deviations: tuple[Deviation, ...]
     size: int
@@ -116,6 +117,16 @@ class _Branch:
     walks: LatticeWalks
     groups: tuple[int, ...]
 
+    @property
+    def ids(self) -> tuple[str, ...]:
+        return tuple(curve.track.id for curve in self.curves)
+
+    def sorted(self) -> _Branch:
+        """The same in the order of starts."""
+        order = in_turn(self.curves)
+        walks = replace(self.walks, walks=tuple(self.walks.walks[i] for i in order))
+        return _Branch(tuple(self.curves[i] for i in order), number_by_visit(walks), tuple(self.groups[i] for i in order))
+
 
 @dataclass(frozen=True, eq=False)
 class _Search:
@@ -123,10 +134,6 @@ class _Search:
 
     parts: tuple[Part, ...]
     limit: Limit
-
-    @property
-    def curves(self) -> tuple[Curve, ...]:
-        return tuple(curve for part in self.parts for curve in part.curves)
 
     def allowed(self, frame: Frame, aims: NDArray[np.float64]) -> Allowance:
         """What may be done on a lattice to aim at these shares of the limit."""
@@ -137,6 +144,7 @@ class _Search:
 
     def finish(self, frame: Frame, branch: _Branch) -> Merged | None:
         """Refine walks of all parts until they keep the limit."""
+        branch = branch.sorted()
         slots = _slots(branch.curves, frame)
         groups = np.repeat(branch.groups, [len(sampled(curve).track) for curve in branch.curves])
         aims, rounds = np.ones(len(self.parts)), _ROUNDS if len(slots.cells) < _LARGE else _FEW_ROUNDS
@@ -145,7 +153,7 @@ class _Search:
             outcome = refine(slots, len(branch.curves), groups, *draft_on(slots, branch.walks), allowed, rounds)
             if outcome is None:
                 return None
-            found = self.mended(frame, outcome)
+            found = self.mended(frame, branch, outcome)
             if found is None:
                 return None
             over = np.maximum(self.limit.excess(found.deviations), 1e-9)
@@ -155,29 +163,29 @@ class _Search:
             branch = replace(branch, walks=outcome.walks)
         return None
 
-    def mended(self, frame: Frame, outcome: Outcome) -> Merged | None:
+    def mended(self, frame: Frame, branch: _Branch, outcome: Outcome) -> Merged | None:
         """What becomes of walks of which a few parts miss the maximum, where that is limited."""
-        lattice, curves = outcome.walks, self.curves
+        lattice = outcome.walks
         for _ in range(_MENDS if self.limit.maximum else 0):
-            moved = self.measure(frame, lattice)
+            moved = self.measure(frame, branch, lattice)
             if (self.limit.excess(moved) <= 1).all():
                 break
-            walks = walks_of(lattice, frame, [curve.track.id for curve in curves])
-            tracks = [_with_instants(curve, walk) for curve, walk in zip(curves, walks, strict=True)]
+            walks = walks_of(lattice, frame, branch.ids)
+            tracks = [_with_instants(curve, walk) for curve, walk in zip(branch.curves, walks, strict=True)]
             mending = mend(tracks, frame, lattice, 0.999 * self.limit.metres)
             if mending is None:
                 return None
             frame, lattice = mending
-        return Merged(frame, lattice, self.measure(frame, lattice), len(encode(lattice)))
+        return Merged(frame, branch.ids, lattice, self.measure(frame, branch, lattice), len(encode(lattice)))
 
-    def measure(self, frame: Frame, lattice: LatticeWalks) -> tuple[Deviation, ...]:
+    def measure(self, frame: Frame, branch: _Branch, lattice: LatticeWalks) -> tuple[Deviation, ...]:
         """How far each part's curves were moved."""
-        walks = walks_of(lattice, frame, [curve.track.id for curve in self.curves])
-        nodes, bounds = node_positions(lattice, frame), np.cumsum([0] + [len(part.curves) for part in self.parts])
-        return tuple(
-            deviation(part.curves, walks[first : first + len(part.curves)], nodes)
-            for part, first in zip(self.parts, bounds.tolist(), strict=False)
-        )
+        walks, nodes = walks_of(lattice, frame, branch.ids), node_positions(lattice, frame)
+        found = []
+        for part in range(len(self.parts)):
+            own = [i for i, group in enumerate(branch.groups) if group == part]
+            found.append(deviation([branch.curves[i] for i in own], [walks[i] for i in own], nodes))
+        return tuple(found)
 
 
 def merge_parts(
@@ -190,8 +198,7 @@ def merge_parts(
     """Find one map and walks on it for the curves of all parts.
 
     Lattices of the parts, and finer and coarser ones about them, are ranked by what rounding to them costs; on the best few of
-    them, walks are refined together. Of more than two parts, neighbours are merged first, as the leaves of a
-    tree. What is sought does not depend on the order of the parts, but that of the walks does.
+    them, walks are refined together. Of more than two parts, neighbours are merged first, as the leaves of a tree.
 
     Parameters
     ----------
@@ -209,23 +216,6 @@ def merge_parts(
     Merged or None
         The smallest that was found; None if none kept the limit.
     """
-    order = sorted(range(len(parts)), key=lambda i: (-parts[i].knots, parts[i].nodes.tobytes()))
-    found = _merged([parts[i] for i in order], limit, executor, progress)
-    return None if found is None else _in_order(found, [len(part.curves) for part in parts], order)
-
-
-def _in_order(found: Merged, counts: Sequence[int], order: Sequence[int]) -> Merged:
-    """What was found for parts in one order, as of the parts as they were given."""
-    if list(order) == sorted(order):
-        return found
-    firsts = np.cumsum([0] + [counts[i] for i in order])
-    place = np.argsort(order).tolist()
-    walks = tuple(walk for i, own in enumerate(place) for walk in found.lattice.walks[firsts[own] : firsts[own] + counts[i]])
-    lattice = join_lattices([replace(found.lattice, walks=walks)])
-    return Merged(found.frame, lattice, tuple(found.deviations[own] for own in place), len(encode(lattice)))
-
-
-def _merged(parts: Sequence[Part], limit: Limit, executor: Executor | None, progress: Callable[[int, int], None] | None) -> Merged | None:
     search = _Search(tuple(parts), limit)
     with sharing(executor, search) as shared:
         ranked = _ranked(_frames(parts, _AROUND), shared)

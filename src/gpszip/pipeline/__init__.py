@@ -71,7 +71,7 @@ def merge(
     Returns
     -------
     Archive
-        With the tracks of all archives, in their order.
+        With the tracks of all archives, in the order of their starts or of their names, whichever takes fewer bytes.
     MergeReport
         What was done; how far each archive's tracks were moved is measured on the bytes.
 

@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.archive import Archive, new_archive, open_archive, promising, sampled
+from gpszip.coding.walks import number_by_visit
 from gpszip.container.attributes import Kept, attributes_body, read_attributes
 from gpszip.container.contents import Section
 from gpszip.container.layout import Kind
 from gpszip.errors import BoundError, OptionError
-from gpszip.mapping.curves import Curve, curve_of, deviation, pieces_of
-from gpszip.mapping.merging import Limit, Part, merge_parts
+from gpszip.mapping.curves import Curve, curve_of, deviation, name_key, pieces_of
+from gpszip.mapping.merging import Limit, Merged, Part, merge_parts
 from gpszip.model import Executor, Frame, Listener, Plane, Progress, Track
 from gpszip.model.frame import quantum
 from gpszip.model.merge_options import MergeOptions
@@ -62,12 +63,12 @@ def merge(
     start = time.perf_counter()
     _check(archives, names)
     limit, notes = _limit(archives, names, options)
-    sources = _on_one_plane(_sources(archives, names, options), limit)
+    turn = _turn(archives)
+    sources = _on_one_plane(_sources(archives, names, options, turn), limit)
     frames = [_frame_on(source) for source in sources]
     parts = [_part(source.curves, frame) for source, frame in zip(sources, frames, strict=True)]
-    order = [name for source in sources for name in source.ids]
-    if len(set(order)) < len(order):
-        parts, order = [_joined(sources, frames)], list(dict.fromkeys(order))
+    if len({name for source in sources for name in source.ids}) < sum(len(source.ids) for source in sources):
+        parts = [_joined(sources, frames)]
 
     def tell(done: int, whole: int) -> None:
         if progress is not None:
@@ -76,15 +77,35 @@ def merge(
     merged = merge_parts(parts, limit, executor=executor, progress=tell)
     if merged is None:
         raise BoundError(f"a deviation of {limit.metres:g} m can't be held; allow a larger one")
-    extras, more = _kept(sources, order)
     layers = {archive.contents.layer for archive in archives}
-    made = new_archive(merged.frame, order, merged.lattice, layer=layers.pop() if len(layers) == 1 else None, extras=extras)
+    made, more = _smaller(merged, sources, layers.pop() if len(layers) == 1 else None)
     moved = _measured(sources, made)
     if len(parts) > 1 and (limit.excess(moved) > 1 + _ROUNDING).any():
         raise BoundError(f"a deviation of {limit.metres:g} m can't be held; allow a larger one")
     steps = [archive.sampling for archive in archives if archive.sampling is not None]
     made = sampled(promising(made, _promise(sources, moved)), max(steps) if len(steps) == len(archives) else None)
-    return made, _report(archives, made, limit, moved, time.perf_counter() - start, (*notes, *more))
+    as_given = tuple(moved[turn.index(number)] for number in range(len(turn)))
+    return made, _report(archives, made, limit, as_given, time.perf_counter() - start, (*notes, *more))
+
+
+def _turn(archives: Sequence[Archive]) -> list[int]:
+    """Numbers of the archives, the largest first, in an order that does not depend on how they were given."""
+    return sorted(range(len(archives)), key=lambda i: (-sum(len(walk.nodes) for walk in archives[i].lattice.walks), archives[i].to_bytes()))
+
+
+def _smaller(merged: Merged, sources: Sequence[_Source], layer: str | None) -> tuple[Archive, tuple[str, ...]]:
+    """The archive with its tracks in the order of their starts, or in that of their names if that takes fewer bytes; and remarks."""
+    by_name = sorted(range(len(merged.ids)), key=lambda i: name_key(merged.ids[i]))
+    orders = [list(range(len(merged.ids))), *([by_name] if by_name != list(range(len(by_name))) else [])]
+    made = [_in_order(merged, order, sources, layer) for order in orders]
+    return min(made, key=lambda one: len(one[0].to_bytes()))
+
+
+def _in_order(merged: Merged, order: Sequence[int], sources: Sequence[_Source], layer: str | None) -> tuple[Archive, tuple[str, ...]]:
+    ids = [merged.ids[i] for i in order]
+    walks = number_by_visit(replace(merged.lattice, walks=tuple(merged.lattice.walks[i] for i in order)))
+    extras, remarks = _kept(sources, ids)
+    return new_archive(merged.frame, ids, walks, layer=layer, extras=extras), remarks
 
 
 def _check(archives: Sequence[Archive], names: Sequence[str]) -> None:
@@ -117,8 +138,8 @@ def _limit(archives: Sequence[Archive], names: Sequence[str], options: MergeOpti
     return Limit(metres, any(one.promise is not None and one.promise.maximum for one in archives)), notes
 
 
-def _sources(archives: Sequence[Archive], names: Sequence[str], options: MergeOptions) -> list[_Source]:
-    """Curves of all archives with the names that their tracks get."""
+def _sources(archives: Sequence[Archive], names: Sequence[str], options: MergeOptions, turn: Sequence[int]) -> list[_Source]:
+    """Curves of all archives, in turn, with the names that their tracks get."""
     sources, seen = [], dict[str, str]()
     for name, archive in zip(names, archives, strict=True):
         ids = tuple(f"{name}:{one}" for one in archive.ids) if options.same_id == "prefix" else archive.ids
@@ -128,8 +149,9 @@ def _sources(archives: Sequence[Archive], names: Sequence[str], options: MergeOp
                 raise OptionError(f"track {one!r} is in {seen[one]} and in {name}; {cure}")
             seen.setdefault(one, name)
         nodes = archive.road_map.nodes
-        sources.append(_Source(name, archive, ids, tuple(curve_of(walk, nodes) for walk in archive.walks)))
-    return sources
+        curves = tuple(curve_of(replace(walk, id=one), nodes) for one, walk in zip(ids, archive.walks, strict=True))
+        sources.append(_Source(name, archive, ids, curves))
+    return [sources[i] for i in turn]
 
 
 def _on_one_plane(sources: list[_Source], limit: Limit) -> list[_Source]:
