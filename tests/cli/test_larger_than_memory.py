@@ -1,6 +1,11 @@
 """What compress can do of logs larger than the memory given, as it is asked for on the command line."""
 
 import csv
+import os
+import signal
+import subprocess
+import sys
+import time
 
 import numpy as np
 import pyarrow as pa
@@ -204,3 +209,27 @@ def test_segments_of_the_thesis_are_refused_with_a_way_out(gpszip, log):
     done = gpszip("compress", log, "-o", "a.gpsz", "--k", "20", "--m", "5", "--memory", "420MiB")
     assert done.code == 2
     assert "allow more with --memory" in done.err
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="signals of POSIX")
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP"])
+def test_a_run_that_is_told_to_end_leaves_nothing_behind(tmp_path, number):
+    """Standard input stays open, so that the run waits for more of it with a temporary file at hand."""
+    room = tmp_path / "room"
+    room.mkdir()
+    script = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); from gpszip.cli.main import main; "
+    script += "sys.exit(main(['compress', '-', '-o', 'a.gpsz', '--memory', '420MiB']))"
+    run = subprocess.Popen(
+        [sys.executable, "-c", script], cwd=tmp_path, env={**os.environ, "TMPDIR": str(room)}, stdin=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    with run:
+        run.stdin.write(b"t,x,y\n" + b"0,0,0\n" * 1000)
+        run.stdin.flush()
+        while not list(room.glob("gpszip-*/*")):
+            assert run.poll() is None
+            time.sleep(0.02)
+        run.send_signal(getattr(signal, number))
+        assert run.wait(60) == 130
+        assert b"interrupted; nothing was written" in run.stderr.read()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["room"]
+    assert not list(room.iterdir())

@@ -194,7 +194,7 @@ def test_nothing_to_read(tmp_path):
 def test_temporary_files_go_also_when_reading_fails(tmp_path, monkeypatch):
     room = tmp_path / "room"
     room.mkdir()
-    monkeypatch.setattr(streaming.tempfile, "tempdir", str(room))
+    monkeypatch.setenv("TMPDIR", str(room))
     with pytest.raises(InputError):
         store_logs(two_files(tmp_path, BAD["time goes back"]), rows=TINY)
     assert list(room.iterdir()) == []
@@ -340,3 +340,9 @@ def test_a_track_that_stands_still_has_no_spikes(tmp_path):
 def test_quantiles_by_passes_are_those_of_numpy(numbers, share):
     pieces = [np.array(numbers[a : a + 7]) for a in range(0, len(numbers), 7)]
     assert despiking._quantile(lambda: iter(pieces), share) == pytest.approx(float(np.quantile(numbers, share)), rel=1e-12)
+
+
+def test_a_file_without_rows_says_so(tmp_path):
+    pq.write_table(pa.table({"t": [0.0], "x": [0.0], "y": [0.0]}).slice(0, 0), tmp_path / "a.parquet")
+    with pytest.raises(InputError, match=r"a\.parquet: columns, but no rows"):
+        store_logs(str(tmp_path), rows=TINY)

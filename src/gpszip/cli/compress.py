@@ -13,6 +13,7 @@ import click
 from gpszip.cli.engine import engine_options, running
 from gpszip.cli.options import Settings, common, force, output
 from gpszip.cli.outcome import Outcome
+from gpszip.cli.signals import ending_cleanly
 from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
 
 if TYPE_CHECKING:
@@ -81,6 +82,7 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
         check_output(choices["update_map"], force=force, binary=True)
     sources: Sequence[Any] = logs
     if choices["memory"] is not None:
+        click.get_current_context().with_resource(ending_cleanly())
         sources = _spooled(logs)
         if not _fits(sources, choices):
             return _in_batches(settings, sources, target, options, choices, before, there, force=force, quiet=quiet)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gpszip.geo.planes import to_plane
 from gpszip.geo.spikes import FACTOR, QUANTILE, calm_speeds, find_spikes, mark_spikes
 from gpszip.io.plane_sample import PlaneSample
+from gpszip.io.scratch import writing
 from gpszip.io.sorting import read_rows
 from gpszip.model import Plane
 from gpszip.model.reading import Repair
@@ -53,7 +54,7 @@ class Despiked:
         self._tracks: list[tuple[str, int, int]] = []
         self._spikes: list[NDArray[np.int64]] = []
         first = 0
-        with path.open("wb") as file:
+        with writing(), path.open("wb") as file:
             for name, blocks in tracks:
                 count = 0
                 for block in blocks:

@@ -13,6 +13,7 @@ from gpszip.errors import InputError
 from gpszip.io.kept_columns import Slots
 from gpszip.io.plane_sample import PlaneSample
 from gpszip.io.raw_log import RawLog, unused
+from gpszip.io.scratch import writing
 from gpszip.io.shards import Shard
 from gpszip.model.reading import LeftOut, Repair
 
@@ -69,7 +70,7 @@ class Sorter:
         self._kinds: set[tuple[int, ...]] = set()  # those of the present file's columns
         self._held_kinds: tuple[int, ...] = ()
         self._runs: list[tuple[int, ...]] = []  # kinds of each run's columns
-        self._gathered = self._usable = 0
+        self._gathered = self._usable = self._seen = 0
         self.sample = PlaneSample()
 
     @property
@@ -80,13 +81,15 @@ class Sorter:
     def begin(self, shard: Shard, stem: str) -> None:
         """Expect the rows of a file, whose track has this name if it names none."""
         self._shard, self._own, self._here, self._first, self._usable = (shard, stem), {}, [], set(), 0
-        self._kinds = set()
+        self._kinds, self._seen = set(), 0
         self._before = (self.points, list(self.repairs))
 
     def end(self) -> None:
         """Refuse a file of which no row can be used, and one whose times go back."""
         assert self._shard is not None
         name = self._shard[0].name
+        if not self._seen:
+            raise InputError(f"{name}: columns, but no rows")
         if not self._usable:
             raise InputError(f"{name}: no row has a time and position that can be read; name the columns: --columns t=COLUMN,...")
         for number in self._here:
@@ -120,6 +123,7 @@ class Sorter:
         self.dropped |= dict.fromkeys(raw.dropped)
         good = self._usable_rows(raw)
         self._usable += int(good.sum())
+        self._seen += len(good)
         times, places = raw.times[good], raw.coordinates[good]
         codes = self._codes(raw, good)
         if self.split:
@@ -239,7 +243,7 @@ class Sorter:
         self._held, self._gathered = [], 0
         order = np.lexsort((rows[:, 0], codes))
         codes = codes[order]
-        with self._run(len(self._runs)).open("wb") as file:
+        with writing(), self._run(len(self._runs)).open("wb") as file:
             rows[order].tofile(file)
         starts = np.flatnonzero(np.diff(codes, prepend=-1))
         for start, after in zip(starts.tolist(), [*starts[1:].tolist(), len(codes)], strict=True):

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import glob
 import sys
-import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ import pyarrow as pa
 
 from gpszip.errors import InputError
 from gpszip.io.remote import fetch, is_remote
+from gpszip.io.scratch import scratch, writing
 
 __all__ = ["Source", "expand", "spooled"]
 
@@ -125,11 +125,11 @@ def spooled(sources: Iterable[Any] | Any) -> Iterator[list[Any]]:
     [('stream', 12)]
     """
     single = isinstance(sources, (str, Path)) or hasattr(sources, "read")
-    with tempfile.TemporaryDirectory(prefix="gpszip-") as folder:
+    with scratch() as folder:
         found: list[Any] = []
         for item in [sources] if single else sources:
             stream = sys.stdin.buffer if item == "-" else item
-            path = Path(folder) / str(len(found))
+            path = folder / str(len(found))
             if isinstance(item, str) and is_remote(item):
                 path.mkdir()
                 found += [_stored(one, path / str(number)) for number, one in enumerate(fetch(item))]
@@ -137,7 +137,7 @@ def spooled(sources: Iterable[Any] | Any) -> Iterator[list[Any]]:
             if not hasattr(stream, "read"):
                 found.append(item)
                 continue
-            with path.open("wb") as file:
+            with writing(), path.open("wb") as file:
                 while piece := stream.read(_PIECE):
                     file.write(piece.encode() if isinstance(piece, str) else piece)
             found.append(Source("standard input" if item == "-" else _name(stream), path=path))
@@ -147,7 +147,8 @@ def spooled(sources: Iterable[Any] | Any) -> Iterator[list[Any]]:
 def _stored(fetched: tuple[str, bytes] | InputError, path: Path) -> Source | InputError:
     if isinstance(fetched, InputError):
         return fetched
-    path.write_bytes(fetched[1])
+    with writing():
+        path.write_bytes(fetched[1])
     return Source(fetched[0], path=path)
 
 

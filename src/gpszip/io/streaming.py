@@ -7,7 +7,6 @@ rows were not in order. The files lie in a temporary folder, which goes when the
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -23,6 +22,7 @@ from gpszip.io.columns import parse_columns
 from gpszip.io.despiking import Despiked
 from gpszip.io.kept_columns import Slots, StoredColumn
 from gpszip.io.raw_log import Request
+from gpszip.io.scratch import scratch, writing
 from gpszip.io.shards import Shard, shard_of
 from gpszip.io.sorting import Sorter, kind_of, read_rows
 from gpszip.io.source import expand
@@ -160,7 +160,7 @@ def store_logs(
     request = Request(parse_columns(columns), time_unit, tuple(keep))
     shards, size, errors = _planned(sources, format, request, skip_bad)
     with ExitStack() as stack:
-        room = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="gpszip-")))
+        room = stack.enter_context(scratch())
         sorter = Sorter(room, max(rows, 1000), sort, split, Slots(request.keep, _TEXT_BYTES * rows))
         sorter.errors += errors
         alone = len({shard.source.log for shard in shards}) == 1
@@ -185,7 +185,7 @@ def _written(
     tracks: list[StoredTrack] = []
     own, offset = 1 + sorter.dimension, 0
     paths = [room / f"column-{number}" for number in range(len(sorter.slots.names))]
-    with ExitStack() as stack:
+    with writing(), ExitStack() as stack:
         samples, *columns = (stack.enter_context(path.open("wb")) for path in (room / "samples", *paths))
         for name, blocks in rows_of:
             count = 0

@@ -16,6 +16,7 @@ from gpszip.container.attributes import write_attributes
 from gpszip.container.columns import Column
 from gpszip.container.contents import Section, Spooled
 from gpszip.container.layout import Kind
+from gpszip.io.scratch import writing
 from gpszip.io.streaming import StoredLog
 from gpszip.model import Options
 from gpszip.pipeline.compressing import check_names
@@ -56,7 +57,7 @@ def kept_of(log: StoredLog, options: Options) -> tuple[Section, ...]:
 
 def section_of(counts: Sequence[int], times: Column, columns: Mapping[str, Column]) -> Section:
     """Write columns of any length to a section, which stays in a temporary file if it is large."""
-    with ExitStack() as stack:
+    with writing(), ExitStack() as stack:
         file = cast(BinaryIO, stack.enter_context(tempfile.SpooledTemporaryFile(_SMALL, prefix="gpszip-")))
         write_attributes(counts, times, columns, file)
         body = Spooled(file, file.tell())

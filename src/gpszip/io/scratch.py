@@ -1,0 +1,53 @@
+"""A folder for temporary files as large as logs, and what is said where these find no room."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from gpszip.errors import OutputError
+
+__all__ = ["scratch", "writing"]
+
+
+@contextmanager
+def scratch() -> Iterator[Path]:
+    """Make a folder for temporary files, in the one that ``TMPDIR`` names if it is set; it goes at the end with all that is in it.
+
+    Raises
+    ------
+    OutputError
+        If no folder can be made there.
+    """
+    try:
+        # unlike tempfile by itself, don't fill another disk than the one that was named
+        folder = tempfile.TemporaryDirectory(prefix="gpszip-", dir=os.environ.get("TMPDIR") or None)
+    except OSError as error:
+        place = f"TMPDIR names {os.environ['TMPDIR']}" if os.environ.get("TMPDIR") else "TMPDIR is not set"
+        raise OutputError(f"{place}: no temporary files can be made ({error.strerror}); let it name a folder with room") from None
+    with folder as name:
+        yield Path(name)
+
+
+@contextmanager
+def writing() -> Iterator[None]:
+    """Say where temporary files find no room.
+
+    Raises
+    ------
+    OutputError
+        In place of any OSError.
+    """
+    try:
+        yield
+    except OSError as error:
+        folder = os.environ.get("TMPDIR") or tempfile.gettempdir()
+        free = shutil.disk_usage(folder).free
+        raise OutputError(
+            f"{folder}: temporary files can't be written: {error.strerror or 'no room'}, {free / 2**20:,.0f} MiB are free; "
+            "let TMPDIR name a folder with more room"
+        ) from None
