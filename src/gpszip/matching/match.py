@@ -14,6 +14,7 @@ from gpszip.matching.assembling import assemble
 from gpszip.matching.chain import Stretch, follow
 from gpszip.matching.headings import headings_of
 from gpszip.matching.index import RoadIndex, index_network, workspace
+from gpszip.matching.rules import JOINED
 from gpszip.matching.scales import estimate_scales
 from gpszip.model import Network, Track
 from gpszip.model.match import Matching
@@ -42,7 +43,8 @@ def match(
     sigma, beta : float, optional
         Scales in metres, see :class:`~gpszip.model.match.Scales`; estimated from the log by default.
     gap : float, optional
-        Silences longer than this, in seconds, are breaks; ``math.inf`` for none. Estimated by default.
+        Silences longer than this, in seconds, are breaks; ``math.inf`` for none. By default two minutes, or what is estimated from
+        the log, if that is longer.
     heading : float, optional
         Spread in degrees of the headings in the tracks' attribute ``heading`` (degrees clockwise from north, NaN where not known);
         ``math.inf`` to leave them out. Estimated by default, and left out where they don't follow the roads.
@@ -103,7 +105,7 @@ def _check(tracks: Sequence[Track], network: Network, **numbers: float | None) -
 
 def _stretches(tracks: Sequence[Track], index: RoadIndex, gap: float | None) -> list[Stretch]:
     """Tracks in the coordinates of the index, with their silences."""
-    length = estimate_gap(tracks) if gap is None else gap
+    length = max(estimate_gap(tracks), JOINED) if gap is None else gap
     return [
         Stretch(_coordinates(track.positions, index.dimension), track.times, silences(track, length), headings_of(track))
         for track in tracks

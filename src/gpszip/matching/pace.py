@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,6 +21,10 @@ _WIDTH = 4.0
 
 #: Lags in seconds over which a log's speeds are compared.
 _LAGS = (2.0, 4.0, 8.0, 15.0, 30.0, 60.0, 120.0, 240.0)
+
+#: A step so many times as long as a sample's white noise is a tenth too long, in the mean; that of one sample in four must be, since
+#: the agent may stand most of the time. No step takes more samples than the next, and a track has so many steps at least.
+_CLEAR, _MOVING, _LONGEST, _ENOUGH = 5.0, 0.75, 64, 20
 
 #: Speeds are followed through a gap in so many steps.
 _STEPS = 240
@@ -89,11 +94,30 @@ def habits_of(tracks: Sequence[Track], gap: float) -> Habits:
 
 
 def _speeds(track: Track, gap: float) -> tuple[Floats, Floats, Floats]:
-    """Middle, speed and length in seconds of the steps that are no gaps."""
-    step = np.diff(track.times)
-    speed = np.linalg.norm(np.diff(track.positions, axis=0), axis=1) / step
-    known = step <= gap
-    return (track.times[:-1] + step / 2)[known], speed[known], step[known]
+    """Middle, speed and length in seconds of steps without a gap: of so many samples that they tell of travel, not of noise."""
+    gaps = np.append(0, np.cumsum(np.diff(track.times) > gap))
+    every = _stride(track.positions, gaps)
+    times, positions = track.times[::every], track.positions[::every]
+    step = np.diff(times)
+    speed = np.linalg.norm(np.diff(positions, axis=0), axis=1) / step
+    known = np.diff(gaps[::every]) == 0
+    return (times[:-1] + step / 2)[known], speed[known], step[known]
+
+
+def _stride(positions: Floats, gaps: NDArray[np.int64]) -> int:
+    """So many samples lead so far that white noise, as second differences show it, makes steps hardly longer."""
+    known = gaps[2:] == gaps[:-2]
+    if known.sum() < _ENOUGH:
+        return 1
+    bends = np.diff(positions, n=2, axis=0)[known]
+    noise = math.sqrt(float(np.median((bends**2).mean(axis=1))) / 6)
+    every = 1
+    while every < _LONGEST and len(positions) > _ENOUGH * every:
+        steps = np.linalg.norm(positions[every:] - positions[:-every], axis=1)[gaps[every:] == gaps[:-every]]
+        if not len(steps) or np.quantile(steps, _MOVING) >= _CLEAR * noise:
+            break
+        every *= 2
+    return every
 
 
 def _push(steps: Sequence[tuple[Floats, Floats, Floats]], usual: float) -> float:

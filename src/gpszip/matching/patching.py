@@ -34,8 +34,8 @@ _WAIT, _HURRY = 0.5, 0.3
 #: How much less likely (as a logarithm) roads near the end of a gap are that matching didn't choose, and going against their direction.
 _STRAY, _AGAINST = 4.0, 4.0
 
-#: So many ways are compared, and so many samples tell the speed at an end of a gap.
-_WAYS, _SECONDS = 40, 3.0
+#: So many ways are compared; so many seconds tell the speed at an end of a gap, or as many as usually lead so many errors away.
+_WAYS, _SECONDS, _AWAY = 40, 3.0, 4.0
 
 #: From the median distance to the road to its standard deviation, and the least that this counts for in metres.
 _TO_SIGMA, _LEAST = 1.4826, 0.1
@@ -229,7 +229,8 @@ class _Filler:
         off = 0.0
         if way.doubt == 0:
             line, _ = self._cut(way, after)
-            off = float(((self.track.positions[after : after + 2, : line.shape[1]] - line[[0, -1]]) ** 2).sum()) / (2 * self.error**2)
+            squares = ((self.track.positions[after : after + 2, : line.shape[1]] - line[[0, -1]]) ** 2).sum(axis=1) / self.error**2
+            off = float(np.log1p(0.5 * squares).sum())  # receivers err much where they come out of a tunnel
         late = (seconds - expected) / (_WAIT * seconds) if seconds > expected else 0.5 * (math.log(expected / seconds) / _HURRY) ** 2
         return -(way.price + way.doubt) / _worth(seconds) - late - off
 
@@ -266,7 +267,7 @@ class _Filler:
     def _speed(self, sample: int, side: int) -> float:
         """Speed over a few seconds beside a gap."""
         times, along, piece = self.track.times, self.match.along, self.match.piece
-        reach = max(_SECONDS, 1.5 * self.rhythm)
+        reach = max(_SECONDS, 1.5 * self.rhythm, _AWAY * self.error / self.habits.usual)
         near = np.flatnonzero((side * (times - times[sample]) >= 0) & (np.abs(times - times[sample]) <= reach) & (piece == piece[sample]))
         if len(near) < 2:
             return self.habits.usual

@@ -7,7 +7,10 @@ import math
 from gpszip.kernels.match_roads import Model
 from gpszip.model.match import Scales
 
-__all__ = ["apart", "model_of", "reach"]
+__all__ = ["JOINED", "apart", "model_of", "reach"]
+
+#: No shorter silence, in seconds, breaks a way unless asked for: logs of a point every other minute are matched, too. Tunnels are shorter.
+JOINED = 120.0
 
 #: Samples nearer than so many errors to the last one used make no layer of their own: two differ by less in one case of five even if
 #: nobody moved (Newson and Krumm 2009 skip within two).
