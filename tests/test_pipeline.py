@@ -1,4 +1,6 @@
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -314,8 +316,32 @@ def test_progress_goes_on_and_ends_whole():
     assert events[-1].done == 1
 
 
-def test_warming_compiles_without_a_log():
-    pipeline.warm()
+def test_nothing_is_compiled_after_warming():
+    events: list[Progress] = []
+    pipeline.warm(events.append)
+    assert [event.done for event in events] == [0.2, 0.4, 0.6, 0.8, 1.0]
+    compiled = subprocess.run([sys.executable, "-c", COUNT_COMPILATIONS], capture_output=True, text=True, check=True, timeout=120)
+    assert compiled.stdout == "0\n"
+
+
+COUNT_COMPILATIONS = """
+from gpszip import Matcher, compress, pipeline
+from gpszip.kernels.compiling import noticing
+from gpszip.model import Options, Track
+from gpszip.testing import patrol
+
+seen = []
+with noticing(lambda: seen.append(1)):
+    track = patrol(3000)
+    for options in (Options(rmse=0.3), Options(max_error=1.0), Options(k=9, m=5)):
+        archive, _ = pipeline.compress([track], options)
+    later = compress([track], rmse=0.3, map=archive)
+    pipeline.decompress(later)
+    torn = Track("torn", *(part[[*range(1000), *range(2000, 3000)]] for part in (track.times, track.positions)))
+    pipeline.patch([torn], archive, gap=30.0)
+    Matcher(archive, pipeline.match(track, archive).scales).push(0.0, [0.0, 0.0])
+print(len(seen))
+"""
 
 
 def test_larger_archives_tell_how_their_log_was_sampled():

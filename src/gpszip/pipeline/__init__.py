@@ -6,17 +6,16 @@ Nothing here prints. Whoever wants to see how far a long computation is passes a
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
-from gpszip.archive import Archive, open_archive
-from gpszip.model import Executor, Listener, Options, SegmentMean, Track
+from gpszip.archive import Archive
+from gpszip.model import Executor, Listener, SegmentMean, Track
 from gpszip.pipeline.compressing import compress
 from gpszip.pipeline.roads import match, patch, prepare_network, read_network
+from gpszip.pipeline.warming import warm
 
 if TYPE_CHECKING:
     from gpszip.model.merge_options import MergeOptions
@@ -121,27 +120,3 @@ def segment_mean(track: Track, k: int | None = None, m: int | None = None, *, ex
     ks = (m or 1, most) if k is None else (k, k)
     ms = (1, min(ks[1], _MOST_SEGMENTS)) if m is None else (m, m)
     return find_parameters(track, ks, ms, executor=executor).mean
-
-
-def warm() -> None:
-    """Compile everything now, into the cache, so that the first log needn't wait."""
-    turn = np.linspace(0, 4 * math.pi, 120)
-    loop = np.stack((40 * np.cos(turn), 30 * np.sin(turn)), axis=1)
-    tracks = [Track("0", np.arange(120.0), loop), Track("1", np.append(np.arange(119.0), 1e4), loop[::-1] + 0.1)]
-    for options in (Options(rmse=1.0), Options(max_error=2.0)):
-        archive, _ = compress(tracks, options)
-        decompress(open_archive(archive.to_bytes()))
-    patch(tracks, archive, gap=60.0)
-    _warm_live(archive)
-    compress(tracks[:1], Options(k=8, m=4))
-
-
-def _warm_live(archive: Archive) -> None:
-    from gpszip.matching.live import LiveMatcher
-
-    (track, *_) = archive.decompress()
-    network = read_network(archive, near=track).network
-    matcher = LiveMatcher(network, match(track, network).scales, lag=1)
-    for when, place in zip(track.times.tolist(), track.positions, strict=True):
-        for still in (0.0, 1e-6):
-            matcher.push(when + still, place)
