@@ -3,7 +3,7 @@ import math
 import numpy as np
 import pytest
 
-from gpszip.mapping.curves import Curve, deviation, pieces_of, sampled
+from gpszip.mapping.curves import Curve, deviation, pieces_of, sampled, weighed
 from gpszip.model import Track, Walk
 
 
@@ -69,3 +69,30 @@ def test_points_between_knots_lie_on_the_curve_and_none_in_its_gaps():
     np.testing.assert_array_equal(dense.track.times[:-1][dense.gaps], curve.track.times[:-1][curve.gaps])
     np.testing.assert_array_equal(dense.track.times[1:][dense.gaps], curve.track.times[1:][curve.gaps])
     assert len(dense.track) == 12 + 3 * int((~curve.gaps).sum())
+
+
+def test_weighted_points_stand_for_the_time_travelled():
+    curve = Curve(Track("a", [0.0, 10.0, 40.0, 100.0], [[0.0], [3.0], [3.0], [9.0]]), np.array([False, False, True]))
+    (points,) = weighed([curve], 0.0)
+    assert points.track.weights.mean() == pytest.approx(1.0, abs=0.01)
+    own = points.track.weights / points.track.weights.sum()
+    assert own[points.track.times < 10].sum() + own[points.track.times == 10] / 4 == pytest.approx(0.25, abs=0.01)
+    assert own[-1] < 0.001
+
+
+def test_knots_have_the_share_of_the_weight_that_is_asked_for():
+    curve = Curve(Track("a", [0.0, 10.0, 40.0], [[0.0], [3.0], [3.0]]), np.zeros(2, bool))
+    (all_at_knots,) = weighed([curve], 1.0)
+    inside = ~np.isin(all_at_knots.track.times, curve.track.times)
+    assert all_at_knots.track.weights[inside].sum() < 0.01 * all_at_knots.track.weights.sum()
+    assert np.ptp(all_at_knots.track.weights[~inside]) == pytest.approx(0.0)
+
+
+def test_deviations_at_knots_count_by_their_share():
+    curve = Curve(Track("a", [0.0, 2.0, 4.0], [[0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]), np.zeros(2, bool))
+    walk = Walk("a", np.array([0, 1, 0], np.int32), np.array([0.0, 2.0, 4.0]), np.zeros(2, bool))
+    nodes = np.array([[3.0, 0.0], [0.0, 0.0]])
+    in_time, in_knots = 3.0, 6.0
+    for share in (0.0, 0.25, 1.0):
+        found = deviation([curve], [walk], nodes, share).rms
+        assert found**2 == pytest.approx((1 - share) * in_time + share * in_knots)

@@ -15,10 +15,13 @@ from gpszip.mapping.fitting import SLACK, positions_at
 from gpszip.model import Track, Walk
 from gpszip.model.merge_report import Deviation
 
-__all__ = ["Curve", "curve_of", "deviation", "in_turn", "instants", "name_key", "pieces_of", "sampled"]
+__all__ = ["Curve", "curve_of", "deviation", "in_turn", "instants", "name_key", "pieces_of", "sampled", "share_at_knots", "weighed"]
 
 #: Points between two knots at which curves are sampled.
 _BETWEEN = 3
+
+#: Weight that every point has at least: tracks have no points without.
+_LIGHTEST = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +84,22 @@ def pieces_of(gaps: NDArray[np.bool_]) -> list[tuple[int, int]]:
     return list(pairwise([0, *(np.flatnonzero(gaps) + 1).tolist(), len(gaps) + 1]))
 
 
+def share_at_knots(curves: Sequence[Curve], step: float | None) -> float:
+    """Share of a log's points that may lie at knots: as many as there are knots, of one each ``step`` seconds; all if that is not known.
+
+    Examples
+    --------
+    >>> curve = Curve(Track("a", [0, 60, 100], [[0.0], [9.0], [2.0]]), np.zeros(2, bool))
+    >>> share_at_knots([curve], 1.0), share_at_knots([curve], 60.0), share_at_knots([curve], None)
+    (0.03, 1.0, 1.0)
+    """
+    seconds = sum(float(np.diff(curve.track.times)[~curve.gaps].sum()) for curve in curves)
+    knots = sum(len(curve.track) for curve in curves)
+    return 1.0 if step is None or knots * step >= seconds else knots * step / seconds
+
+
 def sampled(curve: Curve) -> Curve:
-    """Return the curve with three more points on each part, evenly spaced, so that a sum over points is as good as one over time."""
+    """Return the curve with three more points on each part, evenly spaced."""
     knots, shares = len(curve.track), np.arange(1, _BETWEEN + 1) / (_BETWEEN + 1)
     inside = np.flatnonzero(~curve.gaps)
     at = np.sort(np.concatenate([np.arange(knots), (inside[:, None] + shares).ravel()]))
@@ -94,7 +111,25 @@ def sampled(curve: Curve) -> Curve:
     return Curve(Track(curve.track.id, times, positions), gaps)
 
 
-def deviation(curves: Sequence[Curve], walks: Sequence[Walk], nodes: NDArray[np.float64]) -> Deviation:
+def weighed(curves: Sequence[Curve], at_knots: float) -> list[Curve]:
+    """Sample curves so that a weighted sum over points is one over time, and over the knots for a share of the weight.
+
+    The weights are 1 in the mean of all curves.
+    """
+    points = [sampled(curve) for curve in curves]
+    knots = [np.isin(point.track.times, curve.track.times) for point, curve in zip(points, curves, strict=True)]
+    steps = [np.where(point.gaps, 0.0, np.diff(point.track.times)) for point in points]
+    spans = [(np.append(step, 0.0) + np.append(0.0, step)) / 2 for step in steps]
+    count, whole = sum(map(len, knots)), sum(float(span.sum()) for span in spans)
+    each = count * (at_knots if whole > 0 else 1.0) / sum(int(own.sum()) for own in knots)
+    second = count * (1 - at_knots) / whole if whole > 0 else 0.0
+    return [
+        Curve(Track(point.track.id, point.track.times, point.track.positions, each * own + second * span + _LIGHTEST), point.gaps)
+        for point, own, span in zip(points, knots, spans, strict=True)
+    ]
+
+
+def deviation(curves: Sequence[Curve], walks: Sequence[Walk], nodes: NDArray[np.float64], at_knots: float = 1.0) -> Deviation:
     """How far walks lie from curves, at the same times.
 
     Both are linear between knots, so the largest distance is at a knot of either and the mean square has a closed form: what
@@ -108,6 +143,8 @@ def deviation(curves: Sequence[Curve], walks: Sequence[Walk], nodes: NDArray[np.
         One for each curve, with times.
     nodes : float64 array, shape (V, d)
         Places of the walks' nodes in metres.
+    at_knots : float, default 1.0
+        Share of a log's points that may lie at knots; the others are taken to lie evenly in time.
 
     Returns
     -------
@@ -135,7 +172,8 @@ def deviation(curves: Sequence[Curve], walks: Sequence[Walk], nodes: NDArray[np.
             span += float(steps.sum())
             own = squares[np.isin(times, curve.track.times[first:after])]
             knot_square, knots = knot_square + float(own.sum()), knots + len(own)
-    mean = max(square / span if span > 0 else 0.0, knot_square / max(knots, 1))
+    in_time, in_knots = square / span if span > 0 else 0.0, knot_square / max(knots, 1)
+    mean = in_time + at_knots * max(in_knots - in_time, 0.0)
     return Deviation(math.sqrt(mean), math.sqrt(worst))
 
 

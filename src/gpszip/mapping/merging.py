@@ -7,27 +7,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.coding.walks import encode, number_by_visit
-from gpszip.mapping.curves import Curve, deviation, in_turn, instants, pieces_of, sampled
+from gpszip.mapping.curves import Curve, deviation, in_turn, instants, pieces_of, share_at_knots, weighed
 from gpszip.mapping.drafting import list_parts, sample_errors
 from gpszip.mapping.drafting import walks_of as drafted
 from gpszip.mapping.fitting import SLACK, positions_at
 from gpszip.mapping.lattice_map import node_positions, walks_of
 from gpszip.mapping.maximum import mend
+from gpszip.mapping.polishing import polish
 from gpszip.mapping.refining import Allowance, draft_on, refine
 from gpszip.mapping.rounds import Outcome
-from gpszip.mapping.slots import Slots, lay_slots
+from gpszip.mapping.slots import Slots, lay_slots, weigh_samples
 from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Track, Walk
 from gpszip.model.executor import Shared, sharing, united
 from gpszip.model.frame import QUANTUM_STEPS, quantum
 from gpszip.model.merge_report import Deviation
 
 __all__ = ["Limit", "Merged", "Part", "merge_parts"]
+
+T = TypeVar("T")
 
 #: What is tried around each archive's own quanta: indices of space and time, eight to an octave.
 _AROUND = ((0, 0), (0, -4), (-4, 0), (0, -8), (4, 0))
@@ -54,6 +58,15 @@ _RMS_OF_MAXIMUM = 0.5
 
 #: Where what came out deviates more than is allowed, the next aim lies this much below what should do; this often.
 _TIGHTER, _AIMS = 0.97, 4
+
+#: Merged walks that are polished; knots that may be coded for each in all, and at once at least: in all, and for each of the walks.
+_FINALISTS, _WORK, _WORK_AT_LEAST, _WORK_PER_KNOT = 2, 300_000, 60_000, 100
+#: The heaviest weight of a part's points; the share of the limit that is aimed for in the mean of the parts, and the least and the most by
+#: which the next aim is lower after a miss.
+_WEIGHTS, _FULL, _LESS, _LEAST = 16, 0.94, 0.98, 0.7
+
+#: The most weight that knots have in searches: without any between them, curves would stray there.
+_AT_KNOTS = 0.6
 
 #: How often knots are added where the maximum is missed at a knot that mending put in.
 _MENDS = 6
@@ -85,12 +98,25 @@ class Part:
         Node at each knot of each curve.
     frame : Frame
         The archive's lattice, whose quanta are tried.
+    step : float, optional
+        Seconds between two samples of the log, where that is known.
     """
 
     curves: tuple[Curve, ...]
     nodes: NDArray[np.float64]
     visits: tuple[NDArray[np.int32], ...]
     frame: Frame
+    step: float | None = None
+
+    @cached_property
+    def at_knots(self) -> float:
+        """Share of the log's points that may lie at knots."""
+        return share_at_knots(self.curves, self.step)
+
+    @cached_property
+    def points(self) -> tuple[Curve, ...]:
+        """The curves as points with weights."""
+        return tuple(weighed(self.curves, min(self.at_knots, _AT_KNOTS)))
 
     @property
     def knots(self) -> int:
@@ -114,6 +140,7 @@ class _Branch:
     """Some of the curves with walks for them on the common lattice."""
 
     curves: tuple[Curve, ...]
+    points: tuple[Curve, ...]
     walks: LatticeWalks
     groups: tuple[int, ...]
 
@@ -124,8 +151,18 @@ class _Branch:
     def sorted(self) -> _Branch:
         """The same in the order of starts."""
         order = in_turn(self.curves)
-        walks = replace(self.walks, walks=tuple(self.walks.walks[i] for i in order))
-        return _Branch(tuple(self.curves[i] for i in order), number_by_visit(walks), tuple(self.groups[i] for i in order))
+        walks = LatticeWalks(self.walks.nodes, _picked(self.walks.walks, order))
+        return _Branch(_picked(self.curves, order), _picked(self.points, order), number_by_visit(walks), _picked(self.groups, order))
+
+    def slots(self, frame: Frame) -> Slots:
+        """The slots of a lattice over the points, sparse ones where there would be very many."""
+        tracks, gaps = [point.track for point in self.points], [point.gaps for point in self.points]
+        slots = lay_slots(tracks, gaps, frame)
+        return slots if len(slots.cells) < _SPARSE else lay_slots(tracks, gaps, frame, sparse=True)
+
+    def point_groups(self) -> NDArray[np.int64]:
+        """Part of each point."""
+        return np.repeat(self.groups, [len(point.track) for point in self.points])
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +182,7 @@ class _Search:
     def finish(self, frame: Frame, branch: _Branch) -> Merged | None:
         """Refine walks of all parts until they keep the limit."""
         branch = branch.sorted()
-        slots = _slots(branch.curves, frame)
-        groups = np.repeat(branch.groups, [len(sampled(curve).track) for curve in branch.curves])
+        slots, groups = branch.slots(frame), branch.point_groups()
         aims, rounds = np.ones(len(self.parts)), _ROUNDS if len(slots.cells) < _LARGE else _FEW_ROUNDS
         for _ in range(_AIMS):
             allowed = self.allowed(frame, aims)
@@ -178,13 +214,37 @@ class _Search:
             frame, lattice = mending
         return Merged(frame, branch.ids, lattice, self.measure(frame, branch, lattice), len(encode(lattice)))
 
+    def polish(self, found: Merged) -> Merged:
+        """What becomes of walks that keep the limit by single changes; each part's points weigh such that it comes to keep it, too."""
+        branch = _join(_leaves(self.parts, found.frame)).sorted()
+        slots, groups, allowed = branch.slots(found.frame), branch.point_groups(), self.allowed(found.frame, np.ones(len(self.parts)))
+        target, weights, best = float(allowed.rms[0]), np.ones(len(self.parts)), found
+        work = max(_WORK_AT_LEAST, _WORK_PER_KNOT * sum(part.knots for part in self.parts))
+        for _ in range(min(_WORK // work, 1) if self.limit.maximum else _WORK // work):
+            weighing = np.rint(_WEIGHTS * weights / weights.max()).clip(1).astype(np.int64)[groups]
+            heavier = replace(weigh_samples(slots, weighing), weights=weighing * slots.weights)
+            start = Outcome(best.lattice, best.size, 0.0)
+            maximum = allowed.maximum if self.limit.maximum else None
+            outcome = polish(heavier, start, target=target, maximum=maximum, work=work)
+            if outcome is start:
+                break
+            made = self.mended(best.frame, branch, outcome)
+            if made is None:
+                break
+            over = np.maximum(self.limit.excess(made.deviations), 0.1)
+            if (over <= 1).all() and made.size < best.size:
+                best = made
+            mean = float(np.sqrt((over**2).mean()))
+            weights, target = weights * over / mean, target * min(max(_FULL / mean, _LEAST), 1.0 if over.max() <= 1 else _LESS)
+        return best
+
     def measure(self, frame: Frame, branch: _Branch, lattice: LatticeWalks) -> tuple[Deviation, ...]:
         """How far each part's curves were moved."""
         walks, nodes = walks_of(lattice, frame, branch.ids), node_positions(lattice, frame)
         found = []
         for part in range(len(self.parts)):
             own = [i for i, group in enumerate(branch.groups) if group == part]
-            found.append(deviation([branch.curves[i] for i in own], [walks[i] for i in own], nodes))
+            found.append(deviation([branch.curves[i] for i in own], [walks[i] for i in own], nodes, self.parts[part].at_knots))
         return tuple(found)
 
 
@@ -229,8 +289,13 @@ def merge_parts(
                 if progress is not None:
                     progress(done, len(frames))
             if found:
-                return min(found, key=lambda merged: merged.size)
+                finalists = sorted(found, key=lambda merged: merged.size)[:_FINALISTS]
+                return min(shared.map(_Search.polish, finalists), key=lambda merged: merged.size)
     return None
+
+
+def _picked(values: Sequence[T], order: Sequence[int]) -> tuple[T, ...]:
+    return tuple(values[i] for i in order)
 
 
 def _finish(search: _Search, start: tuple[Frame, _Branch | None]) -> Merged | None:
@@ -250,7 +315,7 @@ def _leaf(part: Part, frame: Frame, number: int) -> _Branch:
         LatticeWalk(visits, np.rint((curve.track.times - frame.epoch / 1000) / quantum(frame.time)).astype(np.int64), curve.gaps)
         for curve, visits in zip(part.curves, part.visits, strict=True)
     ]
-    return _Branch(part.curves, LatticeWalks(nodes, tuple(walks)), (number,) * len(walks))
+    return _Branch(part.curves, part.points, LatticeWalks(nodes, tuple(walks)), (number,) * len(walks))
 
 
 def _join(branches: Sequence[_Branch]) -> _Branch:
@@ -262,7 +327,9 @@ def _join(branches: Sequence[_Branch]) -> _Branch:
         first += len(branch.walks.nodes)
     nodes = np.concatenate([branch.walks.nodes for branch in branches])
     groups = tuple(group for branch in branches for group in branch.groups)
-    return _Branch(tuple(curve for branch in branches for curve in branch.curves), LatticeWalks(nodes, tuple(walks)), groups)
+    curves = tuple(curve for branch in branches for curve in branch.curves)
+    points = tuple(point for branch in branches for point in branch.points)
+    return _Branch(curves, points, LatticeWalks(nodes, tuple(walks)), groups)
 
 
 def _as_tree(search: _Search, frame: Frame, executor: Executor | None) -> _Branch | None:
@@ -281,17 +348,10 @@ def _leaf_on(frame: Frame, numbered: tuple[int, Part]) -> _Branch:
 
 def _united(frame: Frame, allowed: Allowance, one: _Branch, other: _Branch) -> _Branch:
     both = _join([one, other])
-    slots = _slots(both.curves, frame)
-    alike = np.zeros(slots.samples, np.int64)
+    slots = both.slots(frame)
+    alike = np.zeros(len(slots.times), np.int64)
     outcome = refine(slots, len(both.curves), alike, *draft_on(slots, both.walks), allowed, _TREE_ROUNDS)
     return both if outcome is None else replace(both, walks=outcome.walks)
-
-
-def _slots(curves: Sequence[Curve], frame: Frame) -> Slots:
-    points = [sampled(curve) for curve in curves]
-    tracks, gaps = [point.track for point in points], [point.gaps for point in points]
-    slots = lay_slots(tracks, gaps, frame)
-    return slots if len(slots.cells) < _SPARSE else lay_slots(tracks, gaps, frame, sparse=True)
 
 
 def _frames(parts: Sequence[Part], around: Sequence[tuple[int, int]]) -> list[Frame]:
@@ -314,13 +374,13 @@ def _ranked(frames: Sequence[Frame], shared: Shared[_Search]) -> list[Frame]:
 def _cost(search: _Search, frame: Frame) -> tuple[float, int]:
     """Bits of the walks rounded to a lattice, with what their error will take to mend; and how many slots there are."""
     branch = _join(_leaves(search.parts, frame))
-    slots = _slots(branch.curves, frame)
+    slots = branch.slots(frame)
     if len(slots.firsts) < sum(1 + _count_gaps(curve) for curve in branch.curves):
         return np.inf, len(slots.cells)
     at, places = draft_on(slots, branch.walks)
     size = len(encode(drafted(slots, at, places, len(branch.curves))))
     errors, _ = sample_errors(slots, list_parts(slots, at, len(places)), places)
-    square = (errors**2).mean() / float(search.allowed(frame, np.ones(1)).rms[0]) ** 2
+    square = float(np.average(errors**2, weights=slots.weights)) / float(search.allowed(frame, np.ones(1)).rms[0]) ** 2
     return 8 * size + _ERROR * sum(part.knots for part in search.parts) * square, len(slots.cells)
 
 

@@ -37,7 +37,7 @@ class Allowance:
     Parameters
     ----------
     rms : float64 array, shape (G,)
-        In the root mean square of each group of points.
+        In the root mean square of each group of points by their weights.
     maximum : float
         Anywhere.
     """
@@ -84,13 +84,13 @@ def refine(
         The smallest that was met on the way, the walks as given among them; None if none kept to the root mean squares.
     """
     plan = Plan(target=float(allowed.rms.max()), maximum=allowed.maximum, rounds=rounds)
-    counts = np.bincount(groups, minlength=len(allowed.rms))
+    counts = np.bincount(groups, weights=slots.weights, minlength=len(allowed.rms))
     price = 0.3 * len(slots.cells) / (slots.samples * allowed.rms**2)
     push = np.full(len(price), _PUSH)
 
     def measured() -> tuple[Outcome, NDArray[np.float64], NDArray[np.float64]]:
         outcome, ledger, errors = realise(slots, at, places, tracks, plan)
-        mean = np.bincount(groups, weights=errors**2, minlength=len(counts)) / np.maximum(counts, 1)
+        mean = np.bincount(groups, weights=slots.weights * errors**2, minlength=len(counts)) / np.maximum(counts, 1)
         return outcome, ledger, np.sqrt(mean) / allowed.rms
 
     places = np.rint(places)

@@ -15,7 +15,7 @@ from gpszip.container.attributes import Kept, attributes_body, read_attributes
 from gpszip.container.contents import Section
 from gpszip.container.layout import Kind
 from gpszip.errors import BoundError, OptionError
-from gpszip.mapping.curves import Curve, curve_of, deviation, name_key, pieces_of
+from gpszip.mapping.curves import Curve, curve_of, deviation, name_key, pieces_of, share_at_knots
 from gpszip.mapping.merging import Limit, Merged, Part, merge_parts
 from gpszip.model import Executor, Frame, Listener, Plane, Progress, Track
 from gpszip.model.frame import quantum
@@ -50,6 +50,10 @@ class _Source:
     stretch: float = 1.0
     bend: float = 0.0
 
+    @property
+    def at_knots(self) -> float:
+        return share_at_knots(self.curves, self.archive.sampling)
+
 
 def merge(
     archives: Sequence[Archive],
@@ -66,7 +70,7 @@ def merge(
     turn = _turn(archives)
     sources = _on_one_plane(_sources(archives, names, options, turn), limit)
     frames = [_frame_on(source) for source in sources]
-    parts = [_part(source.curves, frame) for source, frame in zip(sources, frames, strict=True)]
+    parts = [_part(source.curves, frame, source.archive.sampling) for source, frame in zip(sources, frames, strict=True)]
     if len({name for source in sources for name in source.ids}) < sum(len(source.ids) for source in sources):
         parts = [_joined(sources, frames)]
 
@@ -82,10 +86,15 @@ def merge(
     moved = _measured(sources, made)
     if len(parts) > 1 and (limit.excess(moved) > 1 + _ROUNDING).any():
         raise BoundError(f"a deviation of {limit.metres:g} m can't be held; allow a larger one")
-    steps = [archive.sampling for archive in archives if archive.sampling is not None]
-    made = sampled(promising(made, _promise(sources, moved)), max(steps) if len(steps) == len(archives) else None)
+    made = sampled(promising(made, _promise(sources, moved)), _step(archives))
     as_given = tuple(moved[turn.index(number)] for number in range(len(turn)))
     return made, _report(archives, made, limit, as_given, time.perf_counter() - start, (*notes, *more))
+
+
+def _step(archives: Sequence[Archive]) -> float | None:
+    """Seconds between two samples of the log that has the fewest, if that is known of all."""
+    steps = [archive.sampling for archive in archives if archive.sampling is not None]
+    return max(steps) if len(steps) == len(archives) else None
 
 
 def _turn(archives: Sequence[Archive]) -> list[int]:
@@ -220,11 +229,11 @@ def _frame_on(source: _Source) -> Frame:
     return replace(frame, origin=origin, plane=plane)
 
 
-def _part(curves: Sequence[Curve], frame: Frame) -> Part:
+def _part(curves: Sequence[Curve], frame: Frame, step: float | None) -> Part:
     places = np.concatenate([curve.track.positions for curve in curves])
     nodes, visits = np.unique(places, axis=0, return_inverse=True)
     cuts = np.cumsum([len(curve.track) for curve in curves])[:-1]
-    return Part(tuple(curves), nodes, tuple(np.split(visits.reshape(-1).astype(np.int32), cuts)), frame)
+    return Part(tuple(curves), nodes, tuple(np.split(visits.reshape(-1).astype(np.int32), cuts)), frame, step)
 
 
 def _joined(sources: Sequence[_Source], frames: Sequence[Frame]) -> Part:
@@ -234,7 +243,7 @@ def _joined(sources: Sequence[_Source], frames: Sequence[Frame]) -> Part:
         for name, curve in zip(source.ids, source.curves, strict=True):
             curves.setdefault(name, []).append((curve, source))
     largest = max(range(len(sources)), key=lambda i: sum(len(curve.track) for curve in sources[i].curves))
-    return _part([_chain(name, pairs) for name, pairs in curves.items()], frames[largest])
+    return _part([_chain(name, pairs) for name, pairs in curves.items()], frames[largest], _step([source.archive for source in sources]))
 
 
 def _chain(name: str, pairs: list[tuple[Curve, _Source]]) -> Curve:
@@ -274,7 +283,8 @@ def _cut(curve: Curve, first: float, last: float) -> Curve:
 def _measured(sources: Sequence[_Source], made: Archive) -> tuple[Deviation, ...]:
     """How far each archive's curves were moved, by what the bytes decode to."""
     back = open_archive(made.to_bytes())
-    return tuple(deviation(source.curves, [back.walk(name) for name in source.ids], back.road_map.nodes) for source in sources)
+    nodes = back.road_map.nodes
+    return tuple(deviation(one.curves, [back.walk(name) for name in one.ids], nodes, one.at_knots) for one in sources)
 
 
 def _promise(sources: Sequence[_Source], moved: Sequence[Deviation]) -> Promise | None:
