@@ -16,7 +16,7 @@ import gpszip
 from gpszip import BoundError, OptionError
 from gpszip.cli.main import main
 from gpszip.model import Options, Track
-from gpszip.pipeline import large
+from gpszip.pipeline import large, laying
 from gpszip.run import Processes, Serial, Threads
 from gpszip.testing import city
 from gpszip.testing.patrol import patrol
@@ -98,7 +98,7 @@ def test_batches_are_worked_on_by_other_processes(folder):
 
 def test_no_more_threads_work_than_there_is_memory_for(folder, monkeypatch):
     seen = []
-    monkeypatch.setattr(large, "_within_bound", lambda job: seen.append(job.executor) or 1 / 0)
+    monkeypatch.setattr(large, "_within_bound", lambda job, _: seen.append(job.executor) or 1 / 0)
     monkeypatch.setattr(large, "_LAID", 4000)
     with pytest.raises(ZeroDivisionError):
         large.compress_large(folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=Threads(9))
@@ -141,10 +141,9 @@ def test_what_needs_the_whole_log_is_refused(folder):
         large.compress_large(folder[0], Options(k=3), memory=MEMORY)
 
 
-@pytest.mark.parametrize("bound", [{"size": 500}, {"ratio": 500.0}])
-def test_a_size_is_kept_and_made_use_of(folder, bound):
-    archive, report, reading = large.compress_large(folder[0], Options(effort=1, **bound), memory=MEMORY)
-    size = bound.get("size") or int(reading.bytes / bound["ratio"])
+def test_a_size_is_kept_and_made_use_of(folder):
+    archive, report, reading = large.compress_large(folder[0], Options(effort=1, ratio=500.0), memory=MEMORY)
+    size = int(reading.bytes / 500)
     assert 0.9 * size <= len(archive.to_bytes()) == report.bytes_out <= size
     assert report.rmse == pytest.approx(np.sqrt((off(archive, folder[1]) ** 2).mean()), rel=1e-6)
 
@@ -228,3 +227,61 @@ def test_standard_input_larger_than_memory_is_split_where_time_goes_back(tmp_pat
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(("t,x,y\n" + rows).encode())))
     assert main([*command, "--split"]) == 0, capfd.readouterr().err
     assert gpszip.open(target).ids == ("0", "0-2")
+
+
+@pytest.fixture
+def rounds(tmp_path, monkeypatch):
+    """A robot that goes round and round at a pace of its own, in twelve batches."""
+    monkeypatch.setattr(large, "_BATCH", 2500)
+    times, rng = np.arange(30_000.0), np.random.default_rng(2)
+    phase = np.cumsum(np.repeat(rng.uniform(0.01, 0.03, 600), 50))
+    x, y = np.stack([50 * np.cos(phase), 30 * np.sin(phase)]) + rng.normal(0, 0.5, (2, len(times)))
+    pq.write_table(pa.table({"t": times, "x": x, "y": y}), tmp_path / "log.parquet")
+    return str(tmp_path / "log.parquet")
+
+
+def test_times_get_as_coarse_as_the_error_left_allows(rounds, monkeypatch):
+    archive, report, _ = large.compress_large(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)
+    monkeypatch.setattr(large, "coarsened", lambda log, ground, batches, executor: ground)
+    fine, before, _ = large.compress_large(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)
+    assert 0.98 < report.rmse <= 1.0
+    assert archive.frame.time > fine.frame.time
+    assert report.bytes_out < before.bytes_out
+
+
+def test_twelve_batches_give_the_same_bytes_whoever_works(rounds):
+    made = [large.compress_large(rounds, Options(rmse=1.0, effort=1), memory=MEMORY, executor=one)[0] for one in (Serial(), Threads(3))]
+    assert made[0].to_bytes() == made[1].to_bytes()
+
+
+def test_what_a_batch_adds_to_the_map_is_known_to_later_ones(rounds, monkeypatch):
+    """The excerpt ends before the robot leaves its round for another one."""
+    monkeypatch.setattr(large, "coarsened", lambda log, ground, batches, executor: ground)
+    rows = pq.read_table(rounds).slice(0, 22_000)
+    x = rows["x"].to_numpy() + np.where(np.arange(22_000) >= 5000, 300.0, 0.0)
+    pq.write_table(rows.set_column(1, "x", pa.array(x)), rounds)
+    monkeypatch.setattr(large, "_excerpt", lambda log, _: [log.read(log.tracks[0], 0, 4000)])
+    nodes = []
+    for wave in (2, 100):
+        monkeypatch.setattr(laying, "_WAVE", wave)
+        nodes.append(large.compress_large(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)[1].nodes)
+    assert nodes[0] < nodes[1]
+    monkeypatch.setattr(laying, "_MOST_KNOTS", 0)
+    monkeypatch.setattr(laying, "_WAVE", 2)
+    assert large.compress_large(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)[1].nodes == nodes[1]
+
+
+def test_times_too_coarse_for_some_batch_are_taken_back(rounds, monkeypatch):
+    """Where the bound can't be held on coarser times, it is on those that were learnt."""
+    laid, lay = [], large.lay
+
+    def on_fine_times_only(log, ground, batches, executor, tell):
+        laid.append(ground.frame.time)
+        if len(laid) == 1:
+            raise BoundError("too coarse")
+        return lay(log, ground, batches, executor, tell)
+
+    monkeypatch.setattr(large, "lay", on_fine_times_only)
+    _, report, _ = large.compress_large(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)
+    assert laid[1] < laid[0]
+    assert report.rmse <= 1.0

@@ -25,6 +25,7 @@ from gpszip.mapping.stretches import Stretch, cut_stretches, gather
 from gpszip.model import Executor, LatticeWalks, Listener, Options, Progress, Reading, Report, Track
 from gpszip.model.executor import local
 from gpszip.model.frame import refined_frame
+from gpszip.pipeline.coarsening import coarsened
 from gpszip.pipeline.compressing import NO_TIMES, check_map, holds, in_bytes, off_map, promised, report_on, without_times
 from gpszip.pipeline.keeping import kept_of
 from gpszip.pipeline.laying import SHARES, Ground, Samples, lay
@@ -68,6 +69,10 @@ class Job:
     def lay(self, log: Samples, ground: Ground) -> LatticeWalks:
         """Walks of all tracks, over the nodes that are known and then others."""
         return lay(log, ground, self._batches(log), self.executor, lambda done: self.tell(Progress("encode", done)))
+
+    def coarsened(self, ground: Ground) -> Ground:
+        """The ground with the lattice of times that suits the whole log."""
+        return coarsened(self.log, ground, self._batches(self.log), self.executor)
 
     def measure(self, archive: Archive) -> Fit:
         """Error of an archive at all samples."""
@@ -187,19 +192,33 @@ def _within_size(job: Job, kept: Sequence[Section], size: int) -> tuple[Archive,
 
 def _within_bound(job: Job, kept: Sequence[Section]) -> tuple[Archive, Fit]:
     """Lay, write and measure, until the bound is held."""
-    for share in SHARES:
-        target = job.options.tightened(share)
+    failure = BoundError("the bound can't be held batch by batch; allow a larger error, or more memory")
+    for ground in _grounds(job):
         try:
-            archive, found = _laid(job, _learned(job, target) if job.map is None else ground_on(job.map, job, target))
-        except BoundError:
-            if job.map is None:
-                raise
-            break
+            archive, found = _laid(job, ground)
+        except BoundError as error:
+            failure = error
+            if job.map is not None:
+                break
+            continue
         if holds(found, job.options):
             return _finished(job, archive, found, kept), found
     if job.map is not None:
         return _within_bound(replace(job, map=None), kept)
-    raise BoundError("the bound can't be held batch by batch; allow a larger error, or more memory")
+    raise failure
+
+
+def _grounds(job: Job) -> Iterator[Ground]:
+    """What batches may be laid on: ever finer, until they hold the bound."""
+    for share in SHARES:
+        target = job.options.tightened(share)
+        if job.map is not None:
+            yield ground_on(job.map, job, target)
+            continue
+        learned = _learned(job, target)
+        yield (coarse := job.coarsened(learned))
+        if coarse is not learned:
+            yield learned
 
 
 def _finished(job: Job, archive: Archive, found: Fit, kept: Sequence[Section]) -> Archive:

@@ -23,7 +23,7 @@ from gpszip.model.executor import sharing
 from gpszip.model.frame import quantum
 from gpszip.pipeline.compressing import holds
 
-__all__ = ["SHARES", "Ground", "Samples", "lay"]
+__all__ = ["SHARES", "Ground", "Samples", "lay", "lay_batch", "read_stretch"]
 
 #: Shares of the bound that are tried for the walks, one after the other.
 SHARES = (0.998, 0.97, 0.9, 0.75)
@@ -92,8 +92,8 @@ def lay(
     sheet, done, fixed = _Sheet(log, ground), 0, ground.known.nodes
     for wave in _waves(batches):
         with sharing(executor, sheet.ground) as shared:
-            work = ([_read(log, stretch) for stretch in own] for own in wave)
-            for own, lattice in zip(wave, shared.map(_lay_batch, work), strict=True):
+            work = ([read_stretch(log, stretch) for stretch in own] for own in wave)
+            for own, lattice in zip(wave, shared.map(lay_batch, work), strict=True):
                 sheet.add(own, lattice)
                 done += 1
                 tell(done / len(batches))
@@ -160,11 +160,12 @@ class _Sheet:
             self.ground, self._number = replace(self.ground, known=past), np.concatenate(number)
 
 
-def _read(log: Samples, stretch: Stretch) -> Track:
+def read_stretch(log: Samples, stretch: Stretch) -> Track:
+    """Samples of a stretch and of the overlaps about it."""
     return replace(log.read(log.tracks[stretch.track], stretch.first, stretch.last), id=f"{stretch.track}/{stretch.begin}")
 
 
-def _lay_batch(ground: Ground, tracks: Sequence[Track]) -> LatticeWalks:
+def lay_batch(ground: Ground, tracks: Sequence[Track]) -> LatticeWalks:
     """Walks of the stretches on the known nodes and new ones after these, of which only the new ones are returned."""
     found = number_by_visit(_walks(ground, tracks), ground.known.nodes)
     return replace(found, nodes=found.nodes[ground.known.nodes :])
