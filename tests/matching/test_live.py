@@ -5,6 +5,7 @@ import pytest
 
 from gpszip import Matcher, compress
 from gpszip.errors import OptionError, TrackError
+from gpszip.matching.averaging import averaged
 from gpszip.matching.chain import Stretch, follow
 from gpszip.matching.index import index_network, workspace
 from gpszip.matching.live import LiveMatcher
@@ -140,3 +141,20 @@ def test_an_archive_is_a_map_to_follow(tmp_path):
         told = [matcher.push(t, place) for t, place in zip(times.tolist(), places, strict=True)]
         assert np.mean([one.off_map for one in told]) < 0.2
         assert np.nanmedian([one.distance for one in told]) < 4
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_means_are_matched_as_in_the_batch(seed):
+    times, places = drives(vehicles=1, duration=700.0, seed=seed, noise=25.0, block=150.0)["bus-0"]
+    kept = ~((times > 200) & (times < 390)) & ~((times > 392) & (times < 550))  # silences, and two samples between them
+    streets, track = town(block=150.0), Track("bus", times[kept], places[kept])
+    scales = match(track, streets).scales
+    assert scales.averaged >= 3
+    index, silent = index_network(streets), np.diff(track.times) > 120
+    means = averaged(track.positions, silent, scales.averaged)
+    whole = follow(index, workspace(index), Stretch(means, track.times, silent, np.zeros_like(means)), scales)
+    told, settled = live(LiveMatcher(index, scales, gap=120.0), track)
+    assert [here.time for here in told] == track.times.tolist()
+    assert [one.time for one in settled] == track.times[whole.used].tolist()
+    assert [one.edge for one in settled] == np.where(whole.roads >= 0, whole.roads >> 1, -1).tolist()
+    assert all(one.final for one in settled)

@@ -132,7 +132,7 @@ def test_samples_of_a_standing_car_stay_where_it_stands():
     on = along([(240, 0), (360, 0), (360, 240)], noise=2.0, seed=4).positions
     places = np.concatenate((drive.positions, still, on))
     found = match(Track("car", np.arange(len(places)), places), town())[0]
-    assert sum(piece.length for piece in found.pieces) == pytest.approx(600, abs=15)
+    assert sum(piece.length for piece in found.pieces) == pytest.approx(600, abs=20)
 
 
 def test_a_car_turns_inside_a_road():
@@ -190,7 +190,7 @@ def test_disconnected_roads_break_the_route():
 
 
 def test_a_far_detour_breaks_the_route():
-    roads = network([(0, 0), (400, 0), (400, 800), (420, 800), (420, 0), (800, 0)], [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5)])
+    roads = network([(0, 0), (400, 0), (400, 800), (408, 800), (408, 0), (800, 0)], [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5)])
     found = match(along([(10, 1), (790, 1)], noise=1.0), roads)[0]
     assert [one.reason for one in found.breaks] == ["detour"]
     assert sum(piece.length for piece in found.pieces) == pytest.approx(760, abs=30)

@@ -12,6 +12,7 @@ from gpszip.errors import OptionError, TrackError
 from gpszip.kernels.match_layer import GAP, JUMP
 from gpszip.kernels.match_live import add_layer, best, empty_ring, merged, trail
 from gpszip.kernels.match_trace import nearest_on
+from gpszip.matching.averaging import RunningMeans, Sample
 from gpszip.matching.headings import unit_vectors
 from gpszip.matching.index import RoadIndex, index_network, workspace
 from gpszip.matching.rules import apart, model_of
@@ -21,7 +22,7 @@ from gpszip.model.match import Scales
 __all__ = ["LiveMatcher", "Next", "Settled", "Whereabouts"]
 
 #: Receivers in vehicles at about one sample a second, on the maps that there are of streets (docs/matching.md).
-_STREETS = Scales(error=5.5, sigma=33.0, beta=5.5, usual=10.0, fastest=150.0, heading=30.0)
+_STREETS = Scales(error=5.8, sigma=36.0, beta=5.9, usual=10.0, fastest=150.0, heading=30.0)
 
 #: Facing nowhere.
 _NOWHERE = np.zeros(2)
@@ -162,6 +163,7 @@ class LiveMatcher:
         # the last sample: time, place, where it faced, and whether it has a layer
         self._last: tuple[float, NDArray[np.float64], NDArray[np.float64], bool] | None = None
         self._at: Whereabouts | None = None
+        self._means, self._newest = RunningMeans(self.scales.averaged), -math.inf
         self._told = 0  # layers that have been settled
         self._next: dict[int, tuple[Next, ...]] = {}
 
@@ -188,21 +190,33 @@ class LiveMatcher:
         place[: len(given)] = given
         if not (math.isfinite(time) and np.isfinite(place).all()):
             raise TrackError(f"sample at {time:g} s is not finite; drop it")
-        if self._last is not None and time <= self._last[0]:
-            raise TrackError(f"time {time:g} does not follow {self._last[0]:g}; drop the sample")
-        layers = self._used
-        now = self._taken(time, place, self._facing(heading, place))
-        settled = self._settle() if self._used > layers else ()
+        if time <= self._newest:
+            raise TrackError(f"time {time:g} does not follow {self._newest:g}; drop the sample")
+        ended = self._means.finish() if time - self._newest > self._gap else []
+        self._newest = time
+        settled = self._heard([*ended, *self._means.push((time, place, self._facing(heading, place)))])
+        now = self._at if self._at is not None and self._at.time == time else self._near(time, place)
         return now._replace(settled=settled) if settled else now
 
     def finish(self) -> tuple[Settled, ...]:
         """Tell where the rest of the samples were; what is pushed from here on begins anew."""
+        settled = self._heard(self._means.finish())
         if self._last is not None and not self._last[3]:
             self._end(*self._last[:3])
         rest = self._tell(self._used - 1, best(self._ring, self._used - 1), final=True) if self._used else ()
         self._last = self._at = None
+        self._newest = -math.inf
         self._used = self._run = self._told = 0
-        return rest
+        return settled + rest
+
+    def _heard(self, samples: list[Sample]) -> tuple[Settled, ...]:
+        """Take in samples, and tell what they settle."""
+        settled: tuple[Settled, ...] = ()
+        for time, place, facing in samples:
+            layers = self._used
+            self._taken(time, place, facing)
+            settled += self._settle() if self._used > layers else ()
+        return settled
 
     def _facing(self, heading: float | None, place: NDArray[np.float64]) -> NDArray[np.float64]:
         if heading is None or not math.isfinite(heading):
@@ -286,6 +300,11 @@ class LiveMatcher:
 
     def _between(self, time: float, place: NDArray[np.float64]) -> Whereabouts:
         """A sample near the last one that has a layer: on the same road."""
+        self._at = self._near(time, place)
+        return self._at
+
+    def _near(self, time: float, place: NDArray[np.float64]) -> Whereabouts:
+        """Where a sample is on the road on which the agent was last, not before that place."""
         at = self._at
         assert at is not None
         if at.off_map:
@@ -293,8 +312,7 @@ class LiveMatcher:
         road = 2 * at.edge + (not at.forward)
         low = self._metres(road, at.offset)
         metres, distance = nearest_on(place, road, low, float(self.index.graph.lengths[road]), self.index.roads, self.index.graph)
-        self._at = at._replace(time=time, offset=self._metres(road, metres), distance=distance)
-        return self._at
+        return at._replace(time=time, offset=self._metres(road, metres), distance=distance)
 
     def _whereabouts(self, time: float, road: int, metres: float, distance: float, share: float) -> Whereabouts:
         if road < 0:

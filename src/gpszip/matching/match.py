@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +12,14 @@ from numpy.typing import NDArray
 from gpszip.errors import InputError, OptionError
 from gpszip.geo.gaps import estimate_gap, silences
 from gpszip.matching.assembling import assemble
+from gpszip.matching.averaging import averaged, window
 from gpszip.matching.chain import Stretch, follow
 from gpszip.matching.headings import headings_of
 from gpszip.matching.index import RoadIndex, index_network, workspace
 from gpszip.matching.rules import JOINED
-from gpszip.matching.scales import estimate_scales
+from gpszip.matching.scales import estimate_scales, guess_error
 from gpszip.model import Network, Track
-from gpszip.model.match import Matching
+from gpszip.model.match import Match, Matching
 
 __all__ = ["match"]
 
@@ -77,12 +79,15 @@ def match(
     whole = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
     _check(whole, network.network if isinstance(network, RoadIndex) else network, sigma=sigma, beta=beta, gap=gap, heading=heading)
     index = network if isinstance(network, RoadIndex) else index_network(network, min(track.dimension for track in whole))
-    stretches = _stretches(whole, index, gap)
+    stretches, sizes = _stretches(whole, index, gap)
     work = workspace(index)
     scales, each = estimate_scales(index, work, stretches, sigma=sigma, beta=beta, heading=heading)
+    scales = replace(scales, averaged=sorted(sizes)[len(sizes) // 2])
+    each = [replace(one, averaged=size) for one, size in zip(each, sizes, strict=True)]
     matches, done, samples = [], 0, sum(map(len, whole))
     for track, one, own in zip(whole, stretches, each, strict=True):
-        matches.append(assemble(index, work, track.id, follow(index, work, one, own), own))
+        found = assemble(index, work, track.id, follow(index, work, one, own), own)
+        matches.append(found if own.averaged == 1 else _measured(found, track, index.network))
         done += len(track)
         if progress is not None:
             progress(done / samples)
@@ -103,13 +108,24 @@ def _check(tracks: Sequence[Track], network: Network, **numbers: float | None) -
             raise OptionError(f"track {track.id!r} and the network lie on different planes; read the network near the tracks")
 
 
-def _stretches(tracks: Sequence[Track], index: RoadIndex, gap: float | None) -> list[Stretch]:
-    """Tracks in the coordinates of the index, with their silences."""
+def _stretches(tracks: Sequence[Track], index: RoadIndex, gap: float | None) -> tuple[list[Stretch], list[int]]:
+    """Tracks in the coordinates of the index, with their silences, and how many samples were averaged for each."""
     length = max(estimate_gap(tracks), JOINED) if gap is None else gap
-    return [
+    stretches = [
         Stretch(_coordinates(track.positions, index.dimension), track.times, silences(track, length), headings_of(track))
         for track in tracks
     ]
+    most = guess_error(index, stretches)
+    sizes = [window(one.positions[:, : track.dimension], one.silent, most) for one, track in zip(stretches, tracks, strict=True)]
+    means = [averaged(one.positions, one.silent, size) for one, size in zip(stretches, sizes, strict=True)]
+    return [replace(one, positions=places) for one, places in zip(stretches, means, strict=True)], sizes
+
+
+def _measured(found: Match, track: Track, network: Network) -> Match:
+    """The same with distances from the samples themselves, not from means of them."""
+    places = found.places(network)
+    axes = min(places.shape[1], track.dimension)
+    return replace(found, distance=np.linalg.norm(places[:, :axes] - track.positions[:, :axes], axis=1))
 
 
 def _coordinates(positions: NDArray[np.float64], dimension: int) -> NDArray[np.float64]:

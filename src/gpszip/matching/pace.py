@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.matching.averaging import stride, white_noise
 from gpszip.model import Track
 
 __all__ = ["Habits", "bend_speed", "habits_of", "travelled"]
@@ -21,10 +22,6 @@ _WIDTH = 4.0
 
 #: Lags in seconds over which a log's speeds are compared.
 _LAGS = (2.0, 4.0, 8.0, 15.0, 30.0, 60.0, 120.0, 240.0)
-
-#: A step so many times as long as a sample's white noise is a tenth too long, in the mean; that of one sample in four must be, since
-#: the agent may stand most of the time. No step takes more samples than the next, and a track has so many steps at least.
-_CLEAR, _MOVING, _LONGEST, _ENOUGH = 5.0, 0.75, 64, 20
 
 #: Speeds are followed through a gap in so many steps.
 _STEPS = 240
@@ -64,7 +61,7 @@ class Habits:
         return float(np.clip(-near / np.log(np.clip(value, 0.02, 0.98)), 0.05 * seconds, 2 * seconds))
 
 
-def habits_of(tracks: Sequence[Track], gap: float) -> Habits:
+def habits_of(tracks: Sequence[Track], gap: float, error: float = math.inf) -> Habits:
     """Learn from the steps of a log that are no gaps.
 
     Parameters
@@ -73,6 +70,8 @@ def habits_of(tracks: Sequence[Track], gap: float) -> Habits:
         The log, or one agent's tracks.
     gap : float
         Seconds above which a step is a gap.
+    error : float, default infinite
+        Metres that samples err at most: what looks like larger noise is travel.
 
     Examples
     --------
@@ -80,7 +79,7 @@ def habits_of(tracks: Sequence[Track], gap: float) -> Habits:
     >>> habits_of([track], 30.0).usual
     2.0
     """
-    steps = [_speeds(track, gap) for track in tracks if len(track) > 1]
+    steps = [_speeds(track, gap, error) for track in tracks if len(track) > 1]
     speeds = np.concatenate([speed for _, speed, _ in steps]) if steps else np.empty(0)
     seconds = np.concatenate([step for _, _, step in steps]) if steps else np.empty(0)
     if not len(speeds) or speeds.max() <= 0:
@@ -93,31 +92,16 @@ def habits_of(tracks: Sequence[Track], gap: float) -> Habits:
     return Habits(usual, fastest, _push(steps, usual), likeness)
 
 
-def _speeds(track: Track, gap: float) -> tuple[Floats, Floats, Floats]:
+def _speeds(track: Track, gap: float, error: float) -> tuple[Floats, Floats, Floats]:
     """Middle, speed and length in seconds of steps without a gap: of so many samples that they tell of travel, not of noise."""
-    gaps = np.append(0, np.cumsum(np.diff(track.times) > gap))
-    every = _stride(track.positions, gaps)
+    silent = np.diff(track.times) > gap
+    every, _ = stride(track.positions, silent, min(white_noise(track.positions, silent), error))
+    gaps = np.append(0, np.cumsum(silent))
     times, positions = track.times[::every], track.positions[::every]
     step = np.diff(times)
     speed = np.linalg.norm(np.diff(positions, axis=0), axis=1) / step
     known = np.diff(gaps[::every]) == 0
     return (times[:-1] + step / 2)[known], speed[known], step[known]
-
-
-def _stride(positions: Floats, gaps: NDArray[np.int64]) -> int:
-    """So many samples lead so far that white noise, as second differences show it, makes steps hardly longer."""
-    known = gaps[2:] == gaps[:-2]
-    if known.sum() < _ENOUGH:
-        return 1
-    bends = np.diff(positions, n=2, axis=0)[known]
-    noise = math.sqrt(float(np.median((bends**2).mean(axis=1))) / 6)
-    every = 1
-    while every < _LONGEST and len(positions) > _ENOUGH * every:
-        steps = np.linalg.norm(positions[every:] - positions[:-every], axis=1)[gaps[every:] == gaps[:-every]]
-        if not len(steps) or np.quantile(steps, _MOVING) >= _CLEAR * noise:
-            break
-        every *= 2
-    return every
 
 
 def _push(steps: Sequence[tuple[Floats, Floats, Floats]], usual: float) -> float:

@@ -91,8 +91,9 @@ def patch(tracks: Sequence[Track] | Track, network: Network, *, gap: float | Non
     if not any(gap_parts(track.times, wanted).any() for track in several):
         return Patching(tuple(several), (), wanted)
     matches = match(several, network, gap=wanted)
-    everybody = habits_of(several, wanted)
-    habits = [_own(habits_of([track], wanted), everybody, track) for track in several]
+    error = _error(np.concatenate([found.distance for found in matches]))
+    everybody = habits_of(several, wanted, error)
+    habits = [_own(habits_of([track], wanted, error), everybody, track) for track in several]
     slowness = road_pace(several, list(matches), habits, network, wanted)
     finder, near = WayFinder(network), RoadsNear(network)
     patches: list[Patch] = []
@@ -124,8 +125,7 @@ class _Filler:
         self.seconds = slowness * np.maximum(finder.lengths, 1e-3) / habits.usual
         heeded = math.isfinite(found.scales.heading)
         self.headings = headings_of(track) if heeded else np.zeros((len(track), 2))
-        off = found.distance[np.isfinite(found.distance)]
-        self.error = max(_TO_SIGMA * float(np.median(off)), _LEAST) if len(off) else _LEAST
+        self.error = _error(found.distance)
 
     def fill(self, number: int, after: int, *, apart: bool) -> Patch:
         """Fill the gap after a sample, or say why not."""
@@ -279,6 +279,12 @@ class _Filler:
         flat = positions[:, : self.track.dimension]
         rest = [np.interp(times, when, ends[:, axis]) for axis in range(flat.shape[1], self.track.dimension)]
         return np.column_stack([flat, *rest])
+
+
+def _error(distances: Floats) -> float:
+    """Standard deviation of samples from their roads, deaf to strays."""
+    known = distances[np.isfinite(distances)]
+    return max(_TO_SIGMA * float(np.median(known)), _LEAST) if len(known) else _LEAST
 
 
 def _worth(seconds: float) -> float:

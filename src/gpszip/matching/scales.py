@@ -21,7 +21,7 @@ from gpszip.matching.on_roads import Distances, tell_apart
 from gpszip.matching.rules import reach
 from gpszip.model.match import Scales
 
-__all__ = ["estimate_scales"]
+__all__ = ["estimate_scales", "guess_error"]
 
 #: Rounds of matching and measuring on a few samples, before one on many: as many as it takes until the error is the same but for so
 #: much, which are two or three, but where who stands beside the roads for hours makes the first guess far too large.
@@ -37,9 +37,12 @@ _PARTS = 10
 #: matched to far roads instead, which looks like a large error, and this never mends.
 _WINDING = 0.25
 
-#: A first guess of the error is so many times the distance that a quarter of the samples have at most: four times is 1.3 errors where
-#: all samples are on roads, and 2.4 where only 55 in a hundred are, since then that distance is exceeded by every second one of them.
-_QUARTER = 4.0
+#: A first guess of the error is so many times the distance that a quarter of the samples have at most, or that half of them have, whichever
+#: is more: 1.3 errors where all are on roads. Where only 55 in a hundred are it is 3.4: nine in ten of these are nearer than the median.
+_GUESS = np.array([4.0, 2.0])
+
+#: Layers so many errors away tell whether a track keeps its distance beside a road: who crosses it by 30 degrees has come as far again.
+_BESIDE = 5.0
 
 #: What the whole log tells counts for a track as much as so many layers of its own.
 _PRIOR = 300.0
@@ -63,16 +66,26 @@ class _Shown:
         From the place of each layer to its sample, NaN off the roads.
     differences : float64 array, shape (k - 1,)
         Way over roads less straight line between layers in a row, NaN where no way joins them.
+    lag : int
+        Layers so many places on are some five errors away.
     """
 
     errors: Floats
     differences: Floats
+    lag: int
 
     @property
-    def distances(self) -> Floats:
-        """From each layer to its place."""
-        distances: Floats = np.sqrt((self.errors**2).sum(axis=1))
-        return distances
+    def strays(self) -> Floats:
+        """How far each layer is from its road, or from being as far beside it as the layers before or after it are.
+
+        A map that is wrong shifts whole streets, and who follows them keeps his distance; who crosses a field does not.
+        """
+        length = np.sqrt((self.errors**2).sum(axis=1))
+        change = np.sqrt(((self.errors[self.lag :] - self.errors[: -self.lag]) ** 2).sum(axis=1))
+        strays: Floats = length.copy()
+        strays[self.lag :] = np.fmin(strays[self.lag :], np.where(np.isnan(strays[self.lag :]), np.nan, change))
+        strays[: -self.lag] = np.fmin(strays[: -self.lag], np.where(np.isnan(strays[: -self.lag]), np.nan, change))
+        return strays
 
 
 @dataclass(frozen=True)
@@ -135,7 +148,7 @@ def estimate_scales(
     least = _least_error(index)
     scales = _fixed(_first(index, some), sigma, beta)
     for _ in range(_ROUNDS):
-        shown = [_shown(index, follow(index, work, one, scales, sure=False)) for one in some]
+        shown = [_shown(index, follow(index, work, one, scales, sure=False), scales) for one in some]
         total = _total(shown, _usual(shown, scales))
         if not total.ways:
             scales = replace(scales, heading=heading or math.inf)
@@ -145,9 +158,9 @@ def estimate_scales(
             break
     many = _some(stretches, _MANY)
     chains = [follow(index, work, one, scales, sure=False) for one in many]
-    shown = [_shown(index, chain) for chain in chains]
+    shown = [_shown(index, chain, scales) for chain in chains]
     usual = _usual(shown, scales)
-    sums = [_summed(one, tell_apart(one.distances, usual, _PRIOR)) for one in shown]
+    sums = [_summed(one, tell_apart(one.strays, usual, _PRIOR)) for one in shown]
     facing, facings = _facing(index, work, chains, scales) if heading is None else (heading, [heading] * len(many))
     total = _total(shown, usual)
     whole = _fixed(_of(total, _speeds(many, scales.error), least), sigma, beta)
@@ -196,11 +209,16 @@ def _fixed(scales: Scales, sigma: float | None, beta: float | None) -> Scales:
 
 
 def _first(index: RoadIndex, stretches: Sequence[Stretch]) -> Scales:
-    """A first guess, from the distance to the nearest road."""
-    near = np.concatenate([nearest_distances(one.positions, index.roads, index.cells) for one in stretches])
-    known = near[np.isfinite(near)]
-    error = max(_QUARTER * float(np.quantile(known, 0.25)) if len(known) else 0.0, _least_error(index))
+    """A first guess."""
+    error = guess_error(index, stretches)
     return Scales(error, 2.0 * error, 2.0 * error + _WINDING * _step(stretches, error), *_speeds(stretches, error))
+
+
+def guess_error(index: RoadIndex, stretches: Sequence[Stretch]) -> float:
+    """A first guess of the error, from the distance to the nearest road of some samples."""
+    near = np.concatenate([nearest_distances(one.positions, index.roads, index.cells) for one in _some(stretches, _SOME)])
+    known = near[np.isfinite(near)]
+    return max(*(_GUESS * np.quantile(known, [0.25, 0.5])).tolist(), _least_error(index)) if len(known) else _least_error(index)
 
 
 def _step(stretches: Sequence[Stretch], error: float) -> float:
@@ -259,7 +277,7 @@ def _differences(chain: Chain) -> Floats:
 
 def _usual(shown: Sequence[_Shown], scales: Scales) -> Distances:
     """Distances of all layers, on roads and off them."""
-    return tell_apart(np.concatenate([one.distances for one in shown]), Distances(0.5, scales.error, reach(scales)))
+    return tell_apart(np.concatenate([one.strays for one in shown]), Distances(0.5, scales.error, reach(scales)))
 
 
 def _total(shown: Sequence[_Shown], usual: Distances) -> _Sums:
@@ -268,7 +286,7 @@ def _total(shown: Sequence[_Shown], usual: Distances) -> _Sums:
 
 def _summed(shown: _Shown, usual: Distances) -> _Sums:
     """What is on roads, added up: who crosses a field within reach of a road tells nothing of errors, nor of ways."""
-    on = usual.on_roads(shown.distances)
+    on = usual.on_roads(shown.strays)
     errors = np.nan_to_num(shown.errors)
     squares = (errors**2).sum(axis=1)
     both = on[:-1] * on[1:]
@@ -278,8 +296,10 @@ def _summed(shown: _Shown, usual: Distances) -> _Sums:
     return _Sums(*map(float, (on @ squares, on.sum(), products, 0.5 * both @ (squares[:-1] + squares[1:]), differences, joined.sum())))
 
 
-def _shown(index: RoadIndex, chain: Chain) -> _Shown:
-    return _Shown(_errors(index, chain), _differences(chain))
+def _shown(index: RoadIndex, chain: Chain, scales: Scales) -> _Shown:
+    steps = np.sqrt((np.diff(chain.stretch.positions[chain.used], axis=0) ** 2).sum(axis=1))
+    step = float(np.median(steps)) if steps.any() else 0.0
+    return _Shown(_errors(index, chain), _differences(chain), max(math.ceil(_BESIDE * scales.error / step), 1) if step else 1)
 
 
 def _errors(index: RoadIndex, chain: Chain) -> Floats:

@@ -33,6 +33,8 @@ class Scales:
     heading : float, default infinite
         Spread in degrees between headings that the log tells and the roads travelled, larger by as much as differences of samples in
         a row are alike; infinite where there are none, or they don't follow the roads.
+    averaged : int, default 1
+        Number of samples in a row of which means are matched, odd: as many as are travelled within twice their white noise.
     """
 
     error: float
@@ -41,6 +43,7 @@ class Scales:
     usual: float
     fastest: float
     heading: float = math.inf
+    averaged: int = 1
 
 
 @dataclass(frozen=True, eq=False)
