@@ -98,6 +98,29 @@ def test_mistakes_are_named(gpszip, two, tmp_path):
     assert (tmp_path / "city.gpsz").read_text() == "mine"
 
 
+def test_bad_archives_are_left_out_if_that_is_asked_for(gpszip, two, tmp_path):
+    (tmp_path / "torn.gpsz").write_bytes((tmp_path / "pm.gpsz").read_bytes()[:-9])
+    (tmp_path / "empty.gpsz").write_bytes(b"")
+    bad = ("torn.gpsz", "empty.gpsz", "nowhere.gpsz")
+    run = gpszip("merge", two[0], *bad, two[1], "-o", "city.gpsz", "--skip-bad")
+    assert run.code == 3, run.err
+    assert all(f"left out {name}: " in run.err for name in bad)
+    assert len(open_archive(tmp_path / "city.gpsz").tracks) == 3
+    run = gpszip("merge", two[0], *bad, two[1], "-o", "-", "--skip-bad", "--json")
+    assert (run.code, list(json.loads(run.err)["left_out"])) == (3, list(bad))
+    run = gpszip("merge", *bad, "-o", "none.gpsz", "--skip-bad")
+    assert (run.code, "none of the archives can be read" in run.err) == (1, True)
+    run = gpszip("merge", two[0], *bad, "-o", "none.gpsz", "--skip-bad")
+    assert (run.code, "two or more" in run.err) == (2, True)
+    assert not (tmp_path / "none.gpsz").exists()
+
+
+def test_an_archive_named_twice_is_refused(gpszip, two):
+    for choice in ("refuse", "prefix", "join"):
+        run = gpszip("merge", *two, two[0], "-o", "city.gpsz", "--same-id", choice)
+        assert (run.code, "am.gpsz is named twice" in run.err) == (2, True)
+
+
 def test_errors_as_json(gpszip, two):
     run = gpszip("merge", two[0], two[0], "-o", "city.gpsz", "--json")
     assert json.loads(run.err)["error"]["exit_code"] == run.code == 2

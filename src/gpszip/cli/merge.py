@@ -31,12 +31,15 @@ __all__ = ["command"]
     show_default=True,
     help="Where a track's name is in several archives: refuse, name all tracks ARCHIVE:TRACK, or join them as one agent's.",
 )
+@click.option("--skip-bad", is_flag=True, help="Leave out archives that can't be read, name them, end with exit code 3.")
 @engine_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @force
 @common
 @click.pass_obj
-def command(settings: Settings, /, archives: tuple[str, ...], target: str, force: bool, quiet: bool, **choices: Any) -> Outcome:
+def command(
+    settings: Settings, /, archives: tuple[str, ...], target: str, force: bool, quiet: bool, skip_bad: bool, **choices: Any
+) -> Outcome:
     """Unite every ARCHIVE on one map, without the logs: places and ways that are the same become one, all tracks are kept.
 
     Without --deviation or --max-deviation, tracks may be moved by the least that any archive promises.
@@ -54,15 +57,41 @@ def command(settings: Settings, /, archives: tuple[str, ...], target: str, force
     check_output(target, force=force, binary=True)
     from gpszip import pipeline
 
-    parts = [_whole(name) for name in archives]
+    _check_twice(archives)
+    parts, bad = _readable(archives) if skip_bad else ({name: _whole(name) for name in archives}, {})
     with progress(quiet=quiet or settings.json) as listener, running(*where) as executor:
-        made, report = pipeline.merge(parts, options, names=_names(archives), executor=executor, progress=listener)
+        made, report = pipeline.merge([*parts.values()], options, names=_names(tuple(parts)), executor=executor, progress=listener)
     write_archive(target, made, force=force)
     if settings.json:
-        show_json({"output": target, **_facts(archives, made, report)}, err=target == "-")
+        show_json({"output": target, **_facts(tuple(parts), made, report), "left_out": bad}, err=target == "-")
     elif not quiet:
-        say(f"{place_of(target)}: {_describe(made, report)}")
-    return Outcome.DONE
+        say("; ".join([f"{place_of(target)}: {_describe(made, report)}", *(f"left out {reason}" for reason in bad.values())]))
+    return Outcome.LEFT_OUT if bad else Outcome.DONE
+
+
+def _check_twice(archives: tuple[str, ...]) -> None:
+    """Refuse an archive that is named twice: its tracks would be there twice."""
+    from gpszip.errors import OptionError
+
+    for name in archives:
+        if archives.count(name) > 1:
+            raise OptionError(f"{name} is named twice; name each archive once")
+
+
+def _readable(archives: tuple[str, ...]) -> tuple[dict[str, Archive], dict[str, str]]:
+    """Archives that can be read, and why the others can't be."""
+    from gpszip.errors import CorruptArchiveError, InputError
+
+    whole: dict[str, Archive] = {}
+    bad: dict[str, str] = {}
+    for name in archives:
+        try:
+            whole[name] = _whole(name)
+        except (CorruptArchiveError, InputError) as error:
+            bad[name] = str(error)
+    if not whole:
+        raise InputError(f"none of the archives can be read: {'; '.join(bad.values())}")
+    return whole, bad
 
 
 def _whole(name: str) -> Archive:
