@@ -218,6 +218,51 @@ def test_a_teleport_breaks_the_route():
     assert found.share == 1.0
 
 
+def drive_beside(metres=3.0):
+    """Thirty samples exactly so many metres beside a street: every error is the same, so that many of them tell hardly more than one."""
+    track = along([(-300, 0), (280, 0)], period=2.0)
+    return Track("car", track.times, track.positions + np.array([0.0, metres]))
+
+
+def moved(track, samples, metres):
+    positions = track.positions.copy()
+    positions[samples] += metres
+    return Track(track.id, track.times, positions)
+
+
+@pytest.mark.parametrize("run", [1, 2, 4])
+def test_samples_that_leap_away_and_back_are_on_no_road_and_the_piece_goes_on(run):
+    track = drive_beside()
+    far = np.arange(12, 12 + run)
+    found, alone = match(moved(track, far, [90_000.0, 50_000.0]), town())[0], match(track, town())[0]
+    assert [(one.after, one.before, one.reason) for one in found.breaks] == [(11, 12 + run, "leap")]
+    assert np.flatnonzero(found.piece < 0).tolist() == far.tolist()
+    assert (found.confidence[far] == 0).all()
+    assert np.isnan(found.distance[far]).all()
+    rest = np.delete(np.arange(len(track)), far)
+    np.testing.assert_array_equal(found.edge[rest], alone.edge[rest])
+    np.testing.assert_allclose(found.along[rest], alone.along[rest], atol=1e-6)
+    assert [(one.first, one.last) for one in found.pieces] == [(0, len(track) - 1)]
+
+
+@pytest.mark.parametrize("far", [[0], [29], [10, 11, 12, 13, 14, 15], [0, 1, 20, 21, 22, 23, 24, 25]])
+def test_a_short_log_that_is_elsewhere_for_a_while_is_matched_for_the_rest(far):
+    track = drive_beside()
+    found = match(moved(track, far, [90_000.0, 50_000.0]), town(), gap=math.inf)[0]
+    assert np.flatnonzero(found.piece < 0).tolist() == far
+    assert {one.reason for one in found.breaks} == {"no road near"}
+
+
+def test_leaps_shift_the_samples_of_breaks_behind_them():
+    track = drive_beside()
+    times = track.times.copy()
+    times[20:] += 900
+    torn = Track("car", times, moved(track, [5, 9], [90_000.0, 50_000.0]).positions)
+    found = match(torn, town(), gap=60.0)[0]
+    assert [(one.after, one.before, one.reason) for one in found.breaks] == [(4, 6, "leap"), (8, 10, "leap"), (19, 20, "gap")]
+    assert [(one.first, one.last, one.reason) for one in found.pieces] == [(0, 19, "gap"), (20, 29, "end of track")]
+
+
 # bad input
 
 

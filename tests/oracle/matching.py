@@ -112,6 +112,9 @@ def cheapest(network, places, times, model, headings=None):
     for k in range(1, len(places)):
         straight, seconds = float(np.linalg.norm(places[k] - places[k - 1])), times[k] - times[k - 1]
         longest = min(model.fastest * seconds, max(model.detour * straight, model.usual * seconds)) + model.spare
+        if straight > model.fastest * seconds + model.spare:  # as good as the begin of another track
+            moves.append([[0.0] * len(layers[k]) for _ in layers[k - 1]])
+            continue
         ways = [{} if one[0] < 0 else plain.reached(one[0], plain.length[one[0]] - one[1], model) for one in layers[k - 1]]
         moves.append(
             [[move(plain, way, a, b, straight, longest, model) for b in layers[k]] for way, a in zip(ways, layers[k - 1], strict=True)]

@@ -104,7 +104,7 @@ def _properties(match: Match, number: int, piece: Piece, track: Track) -> dict[s
         "piece": number,
         "t_start": start,
         "t_end": end,
-        "points": piece.last - piece.first + 1,
+        "points": int((match.piece == number).sum()),
         "length": round(piece.length, _DECIMALS),
         "confidence": round(piece.confidence, _DECIMALS),
         "matched": round(match.share, 4),

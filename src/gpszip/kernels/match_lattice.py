@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 from gpszip.kernels.match_layer import Layer, begin, candidates, cheapest, empty_layer, layer_from
-from gpszip.kernels.match_moves import advance, longest_way
+from gpszip.kernels.match_moves import advance, longest_way, too_fast
 from gpszip.kernels.match_roads import Cells, Graph, Model, Roads, Work, apart, larger
 
 __all__ = ["Lattice", "lattice", "thin"]
@@ -18,7 +18,7 @@ __all__ = ["Lattice", "lattice", "thin"]
 class Lattice(NamedTuple):
     """All layers of a track: layer i has the candidates ``begins[i]`` to ``begins[i + 1]`` of ``all``.
 
-    ``moves[starts[i]:starts[i + 1]]`` are the prices of moves from each candidate of layer i - 1 to each of layer i, none after a silence.
+    ``moves[starts[i]:starts[i + 1]]`` are the prices of moves from each candidate of layer i - 1 to each of layer i, none after a break.
     """
 
     begins: NDArray[np.int64]
@@ -82,11 +82,11 @@ def lattice(
             continue
         last = begins[layer - 1]
         before = layer_from(every, last)
-        if _silence(silent, used[layer - 1], used[layer]):
+        straight, seconds = apart(positions, used[layer - 1], used[layer]), times[used[layer]] - times[used[layer - 1]]
+        if _silence(silent, used[layer - 1], used[layer]) or too_fast(straight, seconds, model):
             begin(here, n, cheapest(every.scores[last:low]))
             continue
-        straight = apart(positions, used[layer - 1], used[layer])
-        longest = longest_way(straight, times[used[layer]] - times[used[layer - 1]], model)
+        longest = longest_way(straight, seconds, model)
         n0 = low - last
         advance(before, n0, here, n, positions[used[layer]], straight, longest, graph, model, work, moves)
         if filled + n0 * n > len(kept):

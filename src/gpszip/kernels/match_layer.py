@@ -33,7 +33,7 @@ __all__ = [
 
 NOWHERE = -1
 
-#: How one candidate was reached from the one before: over other roads, on the same one, turned round on it, without a way, after a silence.
+#: How one candidate was reached from the one before: over other roads, on the same one, turned round on it, without a way, after a break.
 OVER, STAY, ROUND, JUMP, GAP = 0, 1, 2, 3, 4
 
 #: Two sums of the same numbers differ by less.

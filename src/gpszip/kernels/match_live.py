@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 from gpszip.kernels.match_layer import Layer, begin, candidates, cheapest, empty_layer, layer_from
-from gpszip.kernels.match_moves import advance, longest_way
+from gpszip.kernels.match_moves import advance, longest_way, too_fast
 from gpszip.kernels.match_roads import Cells, Graph, Model, Roads, Work
 
 __all__ = ["Ring", "add_layer", "best", "empty_ring", "merged", "trail"]
@@ -59,7 +59,7 @@ def add_layer(
     n = candidates(at, heading, roads, cells, graph, model, here)
     ring.sizes[number % size] = n
     ahead = ring.ahead[low : low + n]
-    if number == 0 or seconds == np.inf:
+    if number == 0 or seconds == np.inf or too_fast(straight, seconds, model):
         begin(here, n, 0 if number == 0 else best(ring, number - 1))
         ahead[:] = -here.prices[:n]
     else:

@@ -10,7 +10,7 @@ from gpszip.kernels.match_layer import JUMP, OVER, ROUND, ROUNDING, STAY, Layer
 from gpszip.kernels.match_roads import Graph, Model, Work
 from gpszip.kernels.match_search import clear_search, leave_to_goal, leave_to_wanted, next_to_goal, next_to_wanted, search_back
 
-__all__ = ["advance", "longest_way"]
+__all__ = ["advance", "longest_way", "too_fast"]
 
 
 @jit
@@ -20,6 +20,12 @@ def longest_way(straight: float, seconds: float, model: Model) -> float:
     What the usual speed allows is no detour: a vehicle that waits for its samples may have gone round.
     """
     return min(model.fastest * seconds, max(model.detour * straight, model.usual * seconds)) + model.spare
+
+
+@jit
+def too_fast(straight: float, seconds: float, model: Model) -> bool:
+    """Whether nobody goes so far in so many seconds: what comes after has nothing to do with what was before."""
+    return straight > model.fastest * seconds + model.spare
 
 
 @jit

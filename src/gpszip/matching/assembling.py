@@ -114,7 +114,7 @@ def _reason(index: RoadIndex, work: Work, chain: Chain, scales: Scales, a: int, 
     if b - a > 1:
         return "no road near" if chain.alone[a + 1 : b].any() else "off road"
     if chain.kinds[b] == GAP:
-        return "gap"
+        return "gap" if chain.stretch.silent[chain.used[a] : chain.used[b]].any() else "too fast"
     return _obstacle(index, work, chain, scales, a, b)
 
 
@@ -122,8 +122,6 @@ def _obstacle(index: RoadIndex, work: Work, chain: Chain, scales: Scales, a: int
     """Why no way was taken from layer a to layer b, both on roads."""
     i, j = chain.used[a], chain.used[b]
     straight = apart(chain.stretch.positions, i, j)
-    if straight > scales.fastest * (chain.stretch.times[j] - chain.stretch.times[i]) + reach(scales):
-        return "too fast"
     road, target = int(chain.roads[a]), int(chain.roads[b])
     if road in {target, target ^ 1}:
         return "detour"

@@ -116,6 +116,8 @@ class Whereabouts(NamedTuple):
 class LiveMatcher:
     """Follows one agent over a network, with the model of :func:`gpszip.match`; work and memory don't grow with the log.
 
+    A sample that leaps far away is off the roads and breaks the way; only the batch knows whether the next ones come back.
+
     Parameters
     ----------
     network : Network or RoadIndex

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OptionError
 from gpszip.geo.gaps import estimate_gap, silences
+from gpszip.geo.spikes import find_spikes
 from gpszip.matching.assembling import assemble
 from gpszip.matching.averaging import averaged, window
 from gpszip.matching.chain import Stretch, follow
 from gpszip.matching.headings import headings_of
 from gpszip.matching.index import RoadIndex, index_network, workspace
+from gpszip.matching.leaps import among, without
 from gpszip.matching.rules import JOINED
 from gpszip.matching.scales import estimate_scales, guess_error
 from gpszip.model import Network, Track
@@ -56,7 +58,8 @@ def match(
     Returns
     -------
     Matching
-        A match for each track.
+        A match for each track. Samples that leap far away and back (:func:`~gpszip.geo.spikes.find_spikes`) are on no road; the piece
+        goes on.
 
     Raises
     ------
@@ -79,14 +82,15 @@ def match(
     whole = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
     _check(whole, network.network if isinstance(network, RoadIndex) else network, sigma=sigma, beta=beta, gap=gap, heading=heading)
     index = network if isinstance(network, RoadIndex) else index_network(network, min(track.dimension for track in whole))
-    stretches, sizes = _stretches(whole, index, gap)
+    leaps = [find_spikes(track.times, track.positions) for track in whole]
+    stretches, sizes = _stretches(whole, leaps, index, gap)
     work = workspace(index)
     scales, each = estimate_scales(index, work, stretches, sigma=sigma, beta=beta, heading=heading)
     scales = replace(scales, averaged=sorted(sizes)[len(sizes) // 2])
     each = [replace(one, averaged=size) for one, size in zip(each, sizes, strict=True)]
     matches, done, samples = [], 0, sum(map(len, whole))
-    for track, one, own in zip(whole, stretches, each, strict=True):
-        found = assemble(index, work, track.id, follow(index, work, one, own), own)
+    for track, one, own, far in zip(whole, stretches, each, leaps, strict=True):
+        found = among(assemble(index, work, track.id, follow(index, work, one, own), own), far)
         matches.append(found if own.averaged == 1 else _measured(found, track, index.network))
         done += len(track)
         if progress is not None:
@@ -108,12 +112,14 @@ def _check(tracks: Sequence[Track], network: Network, **numbers: float | None) -
             raise OptionError(f"track {track.id!r} and the network lie on different planes; read the network near the tracks")
 
 
-def _stretches(tracks: Sequence[Track], index: RoadIndex, gap: float | None) -> tuple[list[Stretch], list[int]]:
-    """Tracks in the coordinates of the index, with their silences, and how many samples were averaged for each."""
+def _stretches(
+    tracks: Sequence[Track], leaps: Sequence[NDArray[np.bool_]], index: RoadIndex, gap: float | None
+) -> tuple[list[Stretch], list[int]]:
+    """Tracks without their leaps in the coordinates of the index, with their silences, and how many samples were averaged for each."""
     length = max(estimate_gap(tracks), JOINED) if gap is None else gap
     stretches = [
-        Stretch(_coordinates(track.positions, index.dimension), track.times, silences(track, length), headings_of(track))
-        for track in tracks
+        without(Stretch(_coordinates(track.positions, index.dimension), track.times, silences(track, length), headings_of(track)), far)
+        for track, far in zip(tracks, leaps, strict=True)
     ]
     most = guess_error(index, stretches)
     sizes = [window(one.positions[:, : track.dimension], one.silent, most) for one, track in zip(stretches, tracks, strict=True)]

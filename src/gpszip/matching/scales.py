@@ -50,7 +50,7 @@ _PRIOR = 300.0
 #: The most that errors are alike from layer to layer, so that sigma stays finite.
 _MOST_ALIKE = 0.95
 
-#: No speed is more than so many times the one that one in twenty exceeds: fewer may be teleports.
+#: No speed is more than so many times the one that one in twenty exceeds.
 _FASTER = 4.0
 
 Floats = NDArray[np.float64]
@@ -238,16 +238,19 @@ def _least_error(index: RoadIndex) -> float:
 
 def _speeds(stretches: Sequence[Stretch], error: float) -> tuple[float, float]:
     """Usual and fastest speed between samples that lie apart; 0 and infinite where there are none."""
-    speeds = [np.zeros(0)]
+    speeds, calm = [np.zeros(0)], [np.zeros(0)]
     for one in stretches:
         used = thin(one.positions, one.silent, 2 * error)
         steps = np.sqrt((np.diff(one.positions[used], axis=0) ** 2).sum(axis=1))
         silent = np.concatenate(([0], np.cumsum(one.silent)))[used]
-        speeds.append((steps / np.diff(one.times[used]))[np.diff(silent) == 0])
+        own = (steps / np.diff(one.times[used]))[np.diff(silent) == 0]
+        speeds.append(own)
+        # the lesser of two in a row, so that in a short log a leap or two don't become the fastest that it knows
+        calm.append(np.minimum(own[:-1], own[1:]) if len(own) > 1 else own)
     pooled = np.concatenate(speeds)
     if not len(pooled):
         return 0.0, math.inf
-    return float(np.median(pooled)), _FASTER * float(np.quantile(pooled, 0.95))
+    return float(np.median(pooled)), _FASTER * float(np.quantile(np.concatenate(calm), 0.95))
 
 
 def _blend(own: tuple[float, float], whole: tuple[float, float], ways: float) -> tuple[float, float]:

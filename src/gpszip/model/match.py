@@ -125,7 +125,8 @@ class Break:
         off the roads, and the number of its samples where it ends so.
     reason : str
         Why: ``"gap"``, ``"no road near"``, ``"no route"``, ``"detour"`` (the only way over roads is far longer than what was
-        travelled) or ``"off road"`` (it lies between roads rather than on one).
+        travelled), ``"off road"`` (it lies between roads rather than on one), ``"too fast"``, or ``"leap"``: the samples in between
+        leap far away and back, and the piece goes on.
     """
 
     after: int
