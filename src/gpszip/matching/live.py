@@ -160,7 +160,7 @@ class LiveMatcher:
         self._work = workspace(self.index)
         self._ring = empty_ring(lag + 2, 2 * self._model.most + 1)
         self._times = [0.0] * (lag + 2)
-        self._places = np.zeros((lag + 2, self.index.dimension))
+        self._places: list[list[float]] = [[]] * (lag + 2)
         self._used = self._run = 0  # layers so far, and of these since the last silence
         # the last sample: time, place, where it faced, and whether it has a layer
         self._last: tuple[float, NDArray[np.float64], NDArray[np.float64], bool] | None = None
@@ -187,10 +187,10 @@ class LiveMatcher:
         TrackError
             If time stands still or goes back, or a number is not finite; the sample is not taken in.
         """
-        place = np.zeros(self.index.dimension)
-        given = np.asarray(position, dtype=np.float64)[: len(place)]
-        place[: len(given)] = given
-        if not (math.isfinite(time) and np.isfinite(place).all()):
+        place = np.array(position, dtype=np.float64)[: self.index.dimension]
+        if len(place) < self.index.dimension:
+            place = np.append(place, np.zeros(self.index.dimension - len(place)))
+        if not (math.isfinite(time) and all(map(math.isfinite, place.tolist()))):
             raise TrackError(f"sample at {time:g} s is not finite; drop it")
         if time <= self._newest:
             raise TrackError(f"time {time:g} does not follow {self._newest:g}; drop the sample")
@@ -242,7 +242,7 @@ class LiveMatcher:
     def _distance(self, place: NDArray[np.float64]) -> float:
         """From the sample of the last layer, rounded as in the batch: at a crossing the last bit decides between two names of one place."""
         square = 0.0
-        for one, other in zip(place.tolist(), self._places[(self._used - 1) % len(self._times)].tolist(), strict=True):
+        for one, other in zip(place.tolist(), self._places[(self._used - 1) % len(self._times)], strict=True):
             square += (one - other) * (one - other)
         return math.sqrt(square)
 
@@ -262,7 +262,7 @@ class LiveMatcher:
         road, metres, distance, share, kind = add_layer(
             self._ring, number, place, facing, straight, seconds, index.roads, index.cells, index.graph, self._model, self._work
         )  # fmt: skip
-        self._times[slot], self._places[slot] = time, place
+        self._times[slot], self._places[slot] = time, place.tolist()
         self._used, self._run, self._last = number + 1, 1 if silent else self._run + 1, (time, place, facing, True)
         before = self._at
         if before is not None and kind not in {GAP, JUMP} and before.edge == road >> 1 and before.forward == (not road & 1):
@@ -314,7 +314,7 @@ class LiveMatcher:
         road = 2 * at.edge + (not at.forward)
         low = self._metres(road, at.offset)
         metres, distance = nearest_on(place, road, low, float(self.index.graph.lengths[road]), self.index.roads, self.index.graph)
-        return at._replace(time=time, offset=self._metres(road, metres), distance=distance)
+        return Whereabouts(time, at.edge, at.forward, self._metres(road, metres), distance, at.confidence, False, at.next, ())
 
     def _whereabouts(self, time: float, road: int, metres: float, distance: float, share: float) -> Whereabouts:
         if road < 0:
