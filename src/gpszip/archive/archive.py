@@ -7,12 +7,12 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gpszip.archive.pieces import pieces_by_track
 from gpszip.container.attributes import Kept, kept_names, read_attributes
 from gpszip.container.contents import Contents, MapReference
 from gpszip.container.layout import Kind
@@ -202,12 +202,13 @@ class Archive:
             Name and positions in metres of the knots of each piece, named as by :meth:`decompress`.
         """
         nodes = self.road_map.nodes
-        return [(name, nodes[walk.nodes[knots]]) for walk in self.walks for name, knots in _pieces(walk)]
+        return [(name, nodes[walk.nodes[knots]]) for walk in self.walks for name, knots in self._pieces[walk.id]]
 
     def decompress(self) -> list[Track]:
         """Tracks of the knots, between which every track is linear in time.
 
-        A track with gaps comes back as its pieces between them, named ``id/0``, ``id/1`` and so on; any other keeps its id.
+        A track with gaps comes back as its pieces between them, named ``id/0``, ``id/1`` and so on, or ``id//0`` and so on where a
+        name is taken; any other keeps its id.
 
         Raises
         ------
@@ -218,7 +219,7 @@ class Archive:
         out: list[Track] = []
         for walk in self.walks:
             times = _times(walk)
-            out += [Track(name, times[knots], nodes[walk.nodes[knots]], plane=plane) for name, knots in _pieces(walk)]
+            out += [Track(name, times[knots], nodes[walk.nodes[knots]], plane=plane) for name, knots in self._pieces[walk.id]]
         return out
 
     def sample(self, every: float | None = None, *, at: ArrayLike | None = None, track: str | None = None) -> list[Track]:
@@ -449,7 +450,7 @@ class Archive:
 
         nodes, times = self.road_map.nodes, _times(walk)
         out: list[Track] = []
-        for name, knots in _pieces(walk):
+        for name, knots in self._pieces[walk.id]:
             first, last = times[knots][[0, -1]] + (-SLACK, SLACK)
             when = instants if every is None else np.arange(math.ceil(first / every), math.floor(last / every) + 1) * every
             when = when[(when >= first) & (when <= last)]
@@ -459,6 +460,10 @@ class Archive:
             if claimed.any():
                 out.append(Track(name, when[claimed], found[claimed], plane=self.frame.plane))
         return out
+
+    @cached_property
+    def _pieces(self) -> dict[str, list[tuple[str, slice]]]:
+        return pieces_by_track(self.walks)
 
     @property
     def _attributes(self) -> bytes | None:
@@ -506,14 +511,6 @@ def _times(walk: Walk) -> NDArray[np.float64]:
     if walk.times is None:
         raise OptionError("the archive keeps no times, so that its tracks can't be had; paths() has their ways")
     return walk.times
-
-
-def _pieces(walk: Walk) -> list[tuple[str, slice]]:
-    """Name and knots of each piece between gaps."""
-    cuts = [0, *(np.flatnonzero(walk.gaps) + 1).tolist(), len(walk.nodes)]
-    if len(cuts) == 2:
-        return [(walk.id, slice(0, cuts[1]))]
-    return [(f"{walk.id}/{i}", slice(a, b)) for i, (a, b) in enumerate(pairwise(cuts))]
 
 
 def _instants(every: float | None, at: ArrayLike | None) -> NDArray[np.float64]:
