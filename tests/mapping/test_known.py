@@ -84,6 +84,20 @@ def test_the_executor_does_not_matter(known, later):
     assert encode(one, past) == encode(two, past)
 
 
+def test_a_small_part_of_a_log_gets_a_small_part_of_its_work(known, later):
+    frame, past = known
+
+    def searched(**work):
+        starts = []
+        walks = learn_on(past, frame, later, no_gaps(later), rmse=RMSE, **work, progress=lambda _, count: starts.append(count))
+        return starts[-1], len(encode(walks, past))
+
+    alone, (most, best) = searched(effort=1), searched(effort=5)
+    assert most > alone[0] == 1
+    assert best <= alone[1]
+    assert searched(effort=5, share=1e-6) == alone
+
+
 def test_a_finer_bound_takes_a_finer_lattice(known):
     frame, _ = known
     assert halvings(frame, RMSE, None) == 0

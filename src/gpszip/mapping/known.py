@@ -98,6 +98,7 @@ def learn_on(
     rmse: float | None = None,
     max_error: float | None = None,
     effort: int = 5,
+    share: float = 1.0,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> LatticeWalks | None:
@@ -117,6 +118,8 @@ def learn_on(
         Root mean square of the synchronised distance over all samples, or the largest one, in metres; one must be given.
     effort : int, default 5
         From 1 to 9: how many starts are tried.
+    share : float, default 1
+        Share that these tracks have in the work of this effort, where they are only a part of a log.
     executor : Executor, optional
         Where the starts are tried; the result does not depend on it.
     progress : callable, optional
@@ -131,10 +134,10 @@ def learn_on(
     target = RMSE_OF_MAXIMUM * max_error if max_error is not None else rmse or 0.0
     search = _Search(tuple(tracks), tuple(gaps), frame, known, target, max_error, _ROUNDS)
     slots = count_slots(tracks, gaps, frame)
-    starts = _STARTS[: max(1, min(_MOST_STARTS[effort - 1], SLOTS_OF_EFFORT[effort - 1] // slots))]
+    starts = _STARTS[: max(1, min(_MOST_STARTS[effort - 1], int(share * SLOTS_OF_EFFORT[effort - 1]) // slots))]
     if len(starts) > 1:
         search = replace(search, rounds=_MANY_ROUNDS)
-    search = replace(search, work=WORK_OF_EFFORT[effort - 1])
+    search = replace(search, work=int(share * WORK_OF_EFFORT[effort - 1]))
     if len(starts) == 1:  # one start spreads its own work
         search, executor = replace(search, inner=local(executor)), None
     found: list[Outcome] = []

@@ -66,6 +66,11 @@ class Job:
     tell: Listener
     map: Archive | None = None
 
+    @property
+    def share(self) -> float:
+        """Share of a batch in the log."""
+        return 1 / max(len(self._batches(self.log)), 1)
+
     def lay(self, log: Samples, ground: Ground) -> LatticeWalks:
         """Walks of all tracks, over the nodes that are known and then others."""
         return lay(log, ground, self._batches(log), self.executor, lambda done: self.tell(Progress("encode", done)))
@@ -233,7 +238,7 @@ def ground_on(map: Archive, job: Job, options: Options) -> Ground:
     from gpszip.mapping.known import halvings
 
     times = halvings(map.frame, options.rmse, options.max_error)
-    return Ground(refined_frame(map.frame, times), map.past(times), job.gap, options, times)
+    return Ground(refined_frame(map.frame, times), map.past(times), job.gap, options, times, job.share)
 
 
 def _check(options: Options) -> None:
@@ -294,7 +299,7 @@ def _learned(job: Job, options: Options) -> Ground:
         found = keep_samples([start], [silences(start, job.gap)], options.max_error or options.rmse or 0.0)
     known = Past(found[1])
     known.model(0)  # learnt once, before several batches ask for it
-    return Ground(found[0], known, job.gap, options)
+    return Ground(found[0], known, job.gap, options, share=job.share)
 
 
 def _thinned(

@@ -49,13 +49,14 @@ class Samples(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What batches have in common, wherever they are worked on."""
+    """What batches have in common, wherever they are worked on; each has so large a share in the work of the effort asked for."""
 
     frame: Frame
     known: Past
     gap: float
     options: Options
     halvings: int = 0
+    share: float = 1.0
 
 
 def lay(
@@ -178,7 +179,9 @@ def _walks(ground: Ground, tracks: Sequence[Track]) -> LatticeWalks:
 
     def laid(share: float) -> LatticeWalks | None:
         aim = ground.options.tightened(share)
-        return learn_on(ground.known, ground.frame, tracks, gaps, rmse=aim.rmse, max_error=aim.max_error, effort=aim.effort)
+        return learn_on(
+            ground.known, ground.frame, tracks, gaps, rmse=aim.rmse, max_error=aim.max_error, effort=aim.effort, share=ground.share
+        )
 
     for share in SHARES:
         found = laid(share)
