@@ -23,6 +23,7 @@ from gpszip.model.frame import quantum
 from gpszip.model.lattice import refined
 from gpszip.model.promise import Promise
 from gpszip.pipeline import compressing
+from gpszip.pipeline.checking import checked, laid_on
 
 if TYPE_CHECKING:
     from gpszip.mapping.fitting import Fit
@@ -82,7 +83,7 @@ def append(
     (('a',), 2, True)
     """
     options = completed(options or Options(), archive)
-    whole = compressing.laid_on(archive, compressing.checked(tracks), options)
+    whole = laid_on(archive, checked(tracks), options)
     compressing.kept(whole, options)
     gap = estimate_gap(whole) if options.gap is None else options.gap
     sampling = sampling_step(whole, [silences(track, gap) for track in whole])

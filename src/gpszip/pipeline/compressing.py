@@ -15,20 +15,18 @@ from gpszip.archive import Archive, new_archive, open_archive, promising, sample
 from gpszip.container.attributes import Kept, attributes_body
 from gpszip.container.contents import Section
 from gpszip.container.layout import Kind
-from gpszip.errors import BoundError, InputError, OptionError
-from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Options, Plane, Progress, Report, Track
+from gpszip.errors import BoundError, OptionError
+from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Options, Progress, Report, Track
 from gpszip.model.executor import local
 from gpszip.model.frame import refined_frame
 from gpszip.model.promise import Promise, promise_of
+from gpszip.pipeline.checking import check_names, checked, laid_on
 
 if TYPE_CHECKING:
     from gpszip.mapping.fitting import Fit
     from gpszip.mapping.size_search import Try
 
-__all__ = [
-    "NO_TIMES", "check_map", "check_names", "checked", "compress", "holds", "in_bytes", "kept", "laid_on", "measure", "off_map", "promised",
-    "report_on", "without_times",
-]  # fmt: skip
+__all__ = ["NO_TIMES", "compress", "holds", "in_bytes", "kept", "measure", "off_map", "promised", "report_on", "without_times"]
 
 #: What is to be said of an archive without times.
 NO_TIMES = "times were left out after measuring: positions at a time can't be had from the archive"
@@ -41,9 +39,6 @@ _TIGHTER = 0.98
 
 #: How often learning may come to nothing before every sample is kept instead.
 _FAILURES = 3
-
-#: Metres and seconds from zero that positions and times may have; a float64 still tells their tenths.
-_FARTHEST = 1e14
 
 #: A bound counts as held up to the rounding of its own measurement.
 _ROUNDING = 1e-9
@@ -142,62 +137,6 @@ def compress(
     return archive, report_on(archive, fit, options, notes, gap, time.perf_counter() - start)
 
 
-def checked(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
-    """Tracks that go together: at least one, on one plane, each with a name of its own."""
-    whole = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
-    if not whole:
-        raise InputError("no tracks: there is nothing to compress")
-    first, seen = whole[0], set[str]()
-    for track in whole:
-        if track.dimension != first.dimension:
-            raise OptionError(f"track {track.id!r} has {track.dimension} coordinates, {first.id!r} {first.dimension}; compress them apart")
-        if track.plane != first.plane:
-            raise OptionError(f"tracks {first.id!r} and {track.id!r} lie on different planes; read them together")
-        _check_range(track)
-        if track.id in seen:
-            raise OptionError(f"two tracks are called {track.id!r}; give each its own id")
-        seen.add(track.id)
-    return whole
-
-
-def _check_range(track: Track) -> None:
-    """Refuse numbers that no lattice reaches."""
-    for what, values in (("position", np.abs(track.positions).max(axis=1)), ("time", np.abs(track.times))):
-        far = values > _FARTHEST
-        if far.any():
-            where = f"track {track.id!r}: sample {int(far.argmax())}"
-            raise InputError(
-                f"{where}: a {what} of {values[far.argmax()]:.3g} is too far from zero; drop such samples, or name other columns"
-            )
-
-
-def laid_on(map: Archive, tracks: Sequence[Track], options: Options) -> tuple[Track, ...]:
-    """Tracks on the plane of a map, which they and the options must fit."""
-    from gpszip.geo.planes import on_plane
-
-    check_map(map, tracks[0].dimension, tracks[0].plane, options)
-    plane = map.frame.plane
-    return tuple(tracks) if plane is None else tuple(on_plane(track, plane) for track in tracks)
-
-
-def check_map(map: Archive, dimension: int, plane: Plane | None, options: Options) -> None:
-    """Refuse a map that doesn't fit tracks of so many coordinates, or that options don't go with."""
-    if options.thesis or options.layer or not options.times:
-        raise OptionError("k, m, layer and leaving out times don't go with a map that is there already; leave them out")
-    if map.contents.map is not None:
-        raise OptionError("the map lies on another map itself; give one that holds its own walks")
-    if not map.timed:
-        raise OptionError("the map was written without times; compress its log with them")
-    frame = map.frame
-    if frame.dimension != dimension or (frame.plane is None) != (plane is None):
-        theirs, ours = _axes(frame.dimension, frame.plane), _axes(dimension, plane)
-        raise OptionError(f"the map has {theirs}, the log {ours}; give a map of the same place")
-
-
-def _axes(dimension: int, plane: Plane | None) -> str:
-    return f"{dimension} coordinates on a plane of its own" if plane is None else "latitude and longitude"
-
-
 def off_map(archive: Archive, map: Archive | None) -> tuple[str, ...]:
     """What is to be said of stretches that the map lacks."""
     if map is None:
@@ -240,14 +179,6 @@ def kept(tracks: Sequence[Track], options: Options) -> tuple[Section, ...]:
     columns = {name: np.concatenate([track.attributes[name] for track in tracks]) for name in options.keep}
     kept = Kept(tuple(map(len, tracks)), np.concatenate([track.times for track in tracks]), columns)
     return (Section(Kind.ATTRIBUTES, attributes_body(kept)),)
-
-
-def check_names(names: Sequence[str], *, geographic: bool) -> None:
-    """Refuse to keep columns that are called as what decompressed tracks have anyway."""
-    own = {"track_id", "t"} | ({"lat", "lon"} if geographic else {"x", "y", "z"})
-    wrong = next((name for name in names if name in own), None)
-    if wrong is not None:
-        raise OptionError(f"column {wrong!r} can't be kept besides: each position has one of that name; rename the column")
 
 
 def without_times(archive: Archive) -> Archive:

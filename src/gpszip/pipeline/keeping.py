@@ -19,7 +19,7 @@ from gpszip.container.layout import Kind
 from gpszip.io.scratch import writing
 from gpszip.io.streaming import StoredLog
 from gpszip.model import Options
-from gpszip.pipeline.compressing import check_names
+from gpszip.pipeline.checking import check_names
 
 __all__ = ["Times", "kept_of", "section_of"]
 

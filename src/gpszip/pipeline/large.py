@@ -25,8 +25,9 @@ from gpszip.mapping.stretches import Stretch, cut_stretches, gather
 from gpszip.model import Executor, LatticeWalks, Listener, Options, Progress, Reading, Report, Track
 from gpszip.model.executor import local
 from gpszip.model.frame import refined_frame
+from gpszip.pipeline.checking import check_map
 from gpszip.pipeline.coarsening import coarsened
-from gpszip.pipeline.compressing import NO_TIMES, check_map, holds, in_bytes, off_map, promised, report_on, without_times
+from gpszip.pipeline.compressing import NO_TIMES, holds, in_bytes, off_map, promised, report_on, without_times
 from gpszip.pipeline.keeping import kept_of
 from gpszip.pipeline.laying import SHARES, Ground, Samples, lay
 from gpszip.pipeline.measuring import measured
