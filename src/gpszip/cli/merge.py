@@ -89,8 +89,8 @@ def _readable(archives: tuple[str, ...]) -> tuple[dict[str, Archive], dict[str, 
             whole[name] = _whole(name)
         except (CorruptArchiveError, InputError) as error:
             bad[name] = str(error)
-    if not whole:
-        raise InputError(f"none of the archives can be read: {'; '.join(bad.values())}")
+    if bad and len(whole) < 2:
+        raise InputError(f"{'only one' if whole else 'none'} of the archives can be read, a merge takes two: {'; '.join(bad.values())}")
     return whole, bad
 
 
