@@ -148,6 +148,7 @@ FORGED = {
     "large: sampling is missing": large([*OPENING, section(8, b"\1\x40"), section(3, WALKS)]),
     "compact: promise of no digits": compact(2, b"\0\4" + DEEP),
     "compact: promise of 1023 digits": compact(2, b"\xff\3" + DEEP),
+    "compact: promise grown too much": compact(2, b"\xff\3\xfa" + DEEP),
     "compact: half a map": compact(0x12, b"\0\0\1\2\3"),
     "large: group of 2^63 tracks": large([*OPENING, section(3, b"\0" + number(1 << 63) + b"\0")]),
     "large: group too far": large([*OPENING, section(3, b"\x01\x01\0")]),

@@ -6,12 +6,14 @@ from gpszip.coding.walks import decode, encode
 from gpszip.kernels.polish_nodes import _error_at
 from gpszip.kernels.polish_offers import offer_changes
 from gpszip.kernels.polish_state import KNOTS, SQUARE, replace_knots
+from gpszip.mapping.drafting import list_parts, sample_errors
 from gpszip.mapping.fitting import fit
 from gpszip.mapping.lattice_map import node_positions, walks_of
 from gpszip.mapping.plan import Plan
 from gpszip.mapping.polishing import _bench, _knots_on, best_outcomes, polish
 from gpszip.mapping.rounds import Outcome
 from gpszip.mapping.rounds import fit as learn
+from gpszip.mapping.shares import Shares
 from gpszip.mapping.slots import lay_slots
 from gpszip.model import Frame, LatticeWalk, LatticeWalks, Track
 from gpszip.model.frame import quantum, quantum_index
@@ -201,3 +203,32 @@ def test_what_is_left_of_the_error_allowed_is_made_use_of():
     polished = polish(slots, first, target=8.0 / unit, work=WORK)
     assert polished.size < first.size
     assert 0.985 * 8.0 < polished.error * unit <= 8.0
+
+
+def share_of(slots, walks, groups):
+    """Root mean square error of each group, in quanta, sample by sample."""
+    at = _knots_on(slots, walks)
+    errors, _ = sample_errors(slots, list_parts(slots, at, len(walks.nodes)), walks.nodes.astype(float))
+    return np.sqrt(np.bincount(groups, weights=errors**2) / np.bincount(groups))
+
+
+def test_each_group_keeps_to_an_error_of_its_own(day):
+    tracks, gaps, frame = setting("tracks", day)
+    slots, unit = lay_slots(tracks, gaps, frame), quantum(frame.space)
+    groups = np.repeat([0, 0, 1], [len(track) for track in tracks])
+    first = learn(slots, len(tracks), Plan(target=0.9995 * RMSE / unit, rounds=6))
+    allowed = share_of(slots, first.walks, groups) * [0.9, 1.3]
+    polished = polish(slots, first, shares=Shares(groups, allowed), work=WORK)
+    found = share_of(slots, polished.walks, groups)
+    assert (found <= allowed).all()
+    assert found[1] > allowed[1] / 1.3
+    again = polish(slots, polished, shares=Shares(groups, allowed), work=WORK)
+    assert again.size <= polished.size < 1.1 * first.size
+
+
+def test_walks_are_given_back_where_no_share_can_be_kept(day):
+    tracks, gaps, frame = setting("tracks", day)
+    slots = lay_slots(tracks, gaps, frame)
+    first = learn(slots, len(tracks), Plan(target=RMSE / quantum(frame.space), rounds=6))
+    groups = np.repeat([0, 1, 1], [len(track) for track in tracks])
+    assert polish(slots, first, shares=Shares(groups, np.array([1e-3, 1.0])), work=WORK // 10) is first

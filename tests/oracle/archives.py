@@ -57,6 +57,8 @@ def promising_archives() -> dict[str, Contents]:
         "sampling": replace(one_group(FLAT, ("0",), b"walks"), sampling=255),
         "rmse and sampling": replace(one_group(DEGREES, ("0",), b"walks"), promise=Promise(240, -3, False), sampling=0),
         "large with sampling": replace(several(), sampling=130),
+        "grown promise": replace(one_group(TALL, ("a", "b"), b"walks"), promise=Promise(50, -1, False, 16)),
+        "grown promise and sampling": replace(one_group(FLAT, ("a", "b"), b"walks"), promise=Promise(99, 7, True, 62), sampling=9),
         "on map": Contents(None, None, group, small, promise=Promise(5, -1, False), sampling=150),
         "on map, named": Contents(None, ("walk", "bike"), (Group(0, 2, b"walks"),), there),
         "on map, small": Contents(None, ("0",), group, there, (Section(5, b"kept"),), None, Promise(5, -1, True)),

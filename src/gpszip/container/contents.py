@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import BinaryIO
 
 from gpszip.model.frame import MOST_HALVINGS, QUANTUM_STEPS, Frame, Plane
-from gpszip.model.promise import DIGITS, EXPONENTS, Promise
+from gpszip.model.promise import DIGITS, EXPONENTS, FEW_DIGITS, GROWN, Promise
 
 __all__ = ["LONE_ID", "MAP_HASH_BYTES", "Contents", "Group", "MapReference", "Section", "Spooled", "complaint", "one_group"]
 
@@ -206,13 +206,18 @@ def _groups_complaint(groups: tuple[Group, ...], tracks: int) -> str | None:
     return None if following == tracks else f"walks of {following} tracks, names of {tracks}"
 
 
+def _can_be_said(promise: Promise) -> bool:
+    digits = promise.digits in DIGITS if promise.grown == 0 else promise.digits in FEW_DIGITS and promise.grown in GROWN
+    return digits and promise.exponent in EXPONENTS
+
+
 def _rest_complaint(contents: Contents) -> str | None:
     wrong = [section.kind for section in contents.extras if section.kind in _RESERVED_KINDS or not 0 <= section.kind < 256]
     if wrong:
         return f"further sections can't be of kind {wrong[0]}"
     promise = contents.promise
-    if promise is not None and not (promise.digits in DIGITS and promise.exponent in EXPONENTS):
-        return f"a promise of {promise.digits} * 10^{promise.exponent} m"
+    if promise is not None and not _can_be_said(promise):
+        return f"a promise of {promise.digits} * 10^{promise.exponent} m, grown by {promise.grown} steps"
     if contents.sampling is not None and not 0 <= contents.sampling < QUANTUM_STEPS:
         return f"sampling {contents.sampling}; an archive can name 0 to {QUANTUM_STEPS - 1}"
     return None if contents.layer in {None, "bz2"} else f"no layer is called {contents.layer!r}; there is 'bz2'"

@@ -39,6 +39,8 @@ class Rule(NamedTuple):
     maximum: float  # largest distance of a sample, 0 if there is none
     unite: float  # bits of error that uniting two nodes may cost and be coded
     move: float  # the same for moving one
+    bounds: NDArray[np.float64]  # largest squared error of each group in the best
+    over: float  # what multiple of it is allowed on the way
 
 
 @jit
@@ -51,7 +53,19 @@ def _cost(chain: Chain, rule: Rule) -> float:
 def _keep_best(chain: Chain, best: Chain, rule: Rule) -> None:
     """Remember the smallest walks within the bound."""
     if chain.totals[SQUARE] <= rule.bound and chain.totals[BITS] < best.totals[BITS]:
+        for g in range(len(chain.squares)):
+            if chain.squares[g] > rule.bounds[g]:
+                return
         copy_chain(chain, best)
+
+
+@jit
+def _strays(chain: Chain, spare: Chain, rule: Rule) -> bool:
+    """Whether a change brings a group farther beyond its bound."""
+    strays = False
+    for g in range(len(chain.squares)):
+        strays |= chain.squares[g] > rule.over * rule.bounds[g] and chain.squares[g] > spare.squares[g]
+    return strays
 
 
 @jit
@@ -59,6 +73,9 @@ def _is_allowed(samples: Samples, chain: Chain, offers: Offers, rule: Rule, row:
     """Whether the error stays small enough with an offer."""
     square = chain.totals[SQUARE] + offers.error[row]
     if square > rule.most and offers.error[row] > 0:
+        return False
+    group = samples.groups[chain.slot[offers.first[row]]]
+    if offers.error[row] > 0 and chain.squares[group] + offers.error[row] > rule.over * rule.bounds[group]:
         return False
     if rule.maximum == 0:
         return True
@@ -87,6 +104,9 @@ def _look_ahead(desk: Desk, chain: Chain, end: int) -> None:
 @jit
 def decide(code: Any, desk: Desk, cells: NDArray[np.int64], chain: Chain, spare: Chain, best: Chain, rule: Rule) -> bool:
     """Code walks that were changed; take the change back, from ``spare``, unless it saves."""
+    if _strays(chain, spare, rule):
+        copy_chain(spare, chain)
+        return False
     chain.totals[BITS] = code_all(code, desk, chain, cells)
     if _cost(chain, rule) < _cost(spare, rule) - _LEAST:
         _keep_best(chain, best, rule)

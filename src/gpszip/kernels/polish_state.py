@@ -45,6 +45,7 @@ class Samples(NamedTuple):
     times: NDArray[np.float64]  # of the samples, in cells
     spots: NDArray[np.float64]  # of the samples, in quanta
     cells: NDArray[np.int64]  # time of each slot, in cells
+    groups: NDArray[np.int64]  # group of each slot, whose parts keep to an error of their own
 
 
 class Chain(NamedTuple):
@@ -59,6 +60,7 @@ class Chain(NamedTuple):
     uses: NDArray[np.int64]  # knots at each node
     counts: NDArray[np.int64]
     totals: NDArray[np.float64]
+    squares: NDArray[np.float64]  # squared error of each group
 
 
 @jit
@@ -82,6 +84,8 @@ def copy_chain(chain: Chain, to: Chain) -> None:
             to.places[v, axis] = chain.places[v, axis]
     for i in range(2):
         to.counts[i], to.totals[i] = chain.counts[i], chain.totals[i]
+    for g in range(len(chain.squares)):
+        to.squares[g] = chain.squares[g]
 
 
 @jit
@@ -120,9 +124,12 @@ def renew(samples: Samples, chain: Chain, first: int, last: int) -> None:
         if chain.joined[i]:
             u, v = chain.node[i - 1], chain.node[i]
             chain.error[i] = error_of(samples, chain.slot[i - 1], chain.places[u], chain.slot[i], chain.places[v])
+    for g in range(len(chain.squares)):
+        chain.squares[g] = 0.0
     square = 0.0
     for i in range(chain.counts[KNOTS]):
         square += chain.error[i]
+        chain.squares[samples.groups[chain.slot[i]]] += chain.error[i]
     chain.totals[SQUARE] = square
 
 

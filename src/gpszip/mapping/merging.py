@@ -13,18 +13,21 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.coding.walks import encode, number_by_visit
-from gpszip.mapping.curves import Curve, deviation, in_turn, instants, pieces_of, share_at_knots, weighed
+from gpszip.coding.walks import encode
+from gpszip.mapping.branches import Branch, Part, join, leaf, leaves
+from gpszip.mapping.curves import Curve, deviation, instants, pieces_of
 from gpszip.mapping.drafting import list_parts, sample_errors
 from gpszip.mapping.drafting import walks_of as drafted
 from gpszip.mapping.fitting import SLACK, positions_at
 from gpszip.mapping.lattice_map import node_positions, walks_of
 from gpszip.mapping.maximum import mend
+from gpszip.mapping.plan import Plan
 from gpszip.mapping.polishing import polish
 from gpszip.mapping.refining import Allowance, draft_on, refine
-from gpszip.mapping.rounds import Outcome
-from gpszip.mapping.slots import Slots, lay_slots, weigh_samples
-from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Track, Walk
+from gpszip.mapping.rounds import Outcome, fit
+from gpszip.mapping.shares import Shares
+from gpszip.mapping.slots import Slots
+from gpszip.model import Executor, Frame, LatticeWalks, Track, Walk
 from gpszip.model.executor import Shared, sharing, united
 from gpszip.model.frame import QUANTUM_STEPS, quantum
 from gpszip.model.merge_report import Deviation
@@ -40,9 +43,6 @@ _FINER = ((-8, -8), (-8, -16), (-16, -16), (-16, -24), (-24, -32), (-32, -48), (
 
 #: Slots that all searches may take together, and the most of them; archives whose lattices are tried.
 _BUDGET, _MOST, _LATTICES = 80_000, 4, 4
-
-#: Slots from which on only those next to points are taken.
-_SPARSE = 500_000
 
 #: Bits for each knot that an error as large as is allowed counts for when lattices are ranked.
 _ERROR = 2.0
@@ -61,12 +61,12 @@ _TIGHTER, _AIMS = 0.97, 4
 
 #: Merged walks that are polished; knots that may be coded for each in all, and at once at least: in all, and for each of the walks.
 _FINALISTS, _WORK, _WORK_AT_LEAST, _WORK_PER_KNOT = 2, 300_000, 60_000, 100
-#: The heaviest weight of a part's points; the share of the limit that is aimed for in the mean of the parts, and the least and the most by
-#: which the next aim is lower after a miss.
-_WEIGHTS, _FULL, _LESS, _LEAST = 16, 0.94, 0.98, 0.7
 
-#: The most weight that knots have in searches: without any between them, curves would stray there.
-_AT_KNOTS = 0.6
+#: Slots up to which maps are searched anew, too; share by which walks grow when their error has to fall by a factor e.
+_ANEW, _SLOPE = 4000, 1.1
+
+#: The share of the limit that is aimed for; the factor by which its measure may differ between points and curves.
+_FULL, _OTHER = 0.999, 1.6
 
 #: How often knots are added where the maximum is missed at a knot that mending put in.
 _MENDS = 6
@@ -85,46 +85,6 @@ class Limit:
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
-    """The curves of one archive, on the plane that all share, and its map.
-
-    Parameters
-    ----------
-    curves : tuple of Curve
-        One for each track.
-    nodes : float64 array, shape (V, d)
-        Places of the map's nodes in metres.
-    visits : tuple of int32 arrays
-        Node at each knot of each curve.
-    frame : Frame
-        The archive's lattice, whose quanta are tried.
-    step : float, optional
-        Seconds between two samples of the log, where that is known.
-    """
-
-    curves: tuple[Curve, ...]
-    nodes: NDArray[np.float64]
-    visits: tuple[NDArray[np.int32], ...]
-    frame: Frame
-    step: float | None = None
-
-    @cached_property
-    def at_knots(self) -> float:
-        """Share of the log's points that may lie at knots."""
-        return share_at_knots(self.curves, self.step)
-
-    @cached_property
-    def points(self) -> tuple[Curve, ...]:
-        """The curves as points with weights."""
-        return tuple(weighed(self.curves, min(self.at_knots, _AT_KNOTS)))
-
-    @property
-    def knots(self) -> int:
-        """Number of knots of all curves."""
-        return sum(map(len, self.visits))
-
-
-@dataclass(frozen=True, eq=False)
 class Merged:
     """A map of all parts, the walks of all their tracks in the order of their starts with their names, and how far each part was moved."""
 
@@ -136,41 +96,20 @@ class Merged:
 
 
 @dataclass(frozen=True, eq=False)
-class _Branch:
-    """Some of the curves with walks for them on the common lattice."""
-
-    curves: tuple[Curve, ...]
-    points: tuple[Curve, ...]
-    walks: LatticeWalks
-    groups: tuple[int, ...]
-
-    @property
-    def ids(self) -> tuple[str, ...]:
-        return tuple(curve.track.id for curve in self.curves)
-
-    def sorted(self) -> _Branch:
-        """The same in the order of starts."""
-        order = in_turn(self.curves)
-        walks = LatticeWalks(self.walks.nodes, _picked(self.walks.walks, order))
-        return _Branch(_picked(self.curves, order), _picked(self.points, order), number_by_visit(walks), _picked(self.groups, order))
-
-    def slots(self, frame: Frame) -> Slots:
-        """The slots of a lattice over the points, sparse ones where there would be very many."""
-        tracks, gaps = [point.track for point in self.points], [point.gaps for point in self.points]
-        slots = lay_slots(tracks, gaps, frame)
-        return slots if len(slots.cells) < _SPARSE else lay_slots(tracks, gaps, frame, sparse=True)
-
-    def point_groups(self) -> NDArray[np.int64]:
-        """Part of each point."""
-        return np.repeat(self.groups, [len(point.track) for point in self.points])
-
-
-@dataclass(frozen=True, eq=False)
 class _Search:
     """What all searches of one merge have in common."""
 
     parts: tuple[Part, ...]
     limit: Limit
+
+    @cached_property
+    def rooms(self) -> NDArray[np.float64]:
+        """Share of the limit of each part."""
+        return np.array([part.room for part in self.parts])
+
+    def excess(self, moved: Sequence[Deviation]) -> NDArray[np.float64]:
+        """What each part's curves were moved by as a multiple of what is allowed."""
+        return self.limit.excess(moved) / self.rooms
 
     def allowed(self, frame: Frame, aims: NDArray[np.float64]) -> Allowance:
         """What may be done on a lattice to aim at these shares of the limit."""
@@ -179,11 +118,10 @@ class _Search:
             return Allowance(_RMS_OF_MAXIMUM * reach * aims, 0.999 * reach * float(aims.min()))
         return Allowance(0.9995 * reach * aims, _FAR * reach)
 
-    def finish(self, frame: Frame, branch: _Branch) -> Merged | None:
+    def finish(self, frame: Frame, branch: Branch) -> Merged | None:
         """Refine walks of all parts until they keep the limit."""
-        branch = branch.sorted()
         slots, groups = branch.slots(frame), branch.point_groups()
-        aims, rounds = np.ones(len(self.parts)), _ROUNDS if len(slots.cells) < _LARGE else _FEW_ROUNDS
+        aims, rounds = self.rooms, _ROUNDS if len(slots.cells) < _LARGE else _FEW_ROUNDS
         for _ in range(_AIMS):
             allowed = self.allowed(frame, aims)
             outcome = refine(slots, len(branch.curves), groups, *draft_on(slots, branch.walks), allowed, rounds)
@@ -192,19 +130,36 @@ class _Search:
             found = self.mended(frame, branch, outcome)
             if found is None:
                 return None
-            over = np.maximum(self.limit.excess(found.deviations), 1e-9)
-            if (over <= 1).all():
+            over = np.maximum(self.excess(found.deviations), 1e-9)
+            if self.holds(found):
                 return found
             aims, rounds = np.where(over > 1, aims * np.maximum(_TIGHTER / over, 0.5), aims), _FEW_ROUNDS
             branch = replace(branch, walks=outcome.walks)
         return None
 
-    def mended(self, frame: Frame, branch: _Branch, outcome: Outcome) -> Merged | None:
+    def anew(self, frame: Frame, branch: Branch) -> Merged | None:
+        """Walks that a search finds without those of the parts; only in the mean of all parts within the limit."""
+        slots = branch.slots(frame)
+        if self.limit.maximum or len(slots.cells) > _ANEW:
+            return None
+        plan = Plan(target=float(self.allowed(frame, self.rooms).rms.mean()), rounds=_ROUNDS)
+        outcome = fit(slots, len(branch.curves), plan)
+        return None if outcome is None else self.mended(frame, branch, outcome)
+
+    def holds(self, found: Merged) -> bool:
+        """Whether each part is within its limit."""
+        return bool((self.excess(found.deviations) <= 1).all())
+
+    def prospect(self, found: Merged) -> float:
+        """Size of walks, with what it will take to bring them within the limit."""
+        return found.size * (1 + _SLOPE * float(np.log(max(self.excess(found.deviations).max(), 1.0))))
+
+    def mended(self, frame: Frame, branch: Branch, outcome: Outcome) -> Merged | None:
         """What becomes of walks of which a few parts miss the maximum, where that is limited."""
         lattice = outcome.walks
         for _ in range(_MENDS if self.limit.maximum else 0):
             moved = self.measure(frame, branch, lattice)
-            if (self.limit.excess(moved) <= 1).all():
+            if (self.excess(moved) <= 1).all():
                 break
             walks = walks_of(lattice, frame, branch.ids)
             tracks = [_with_instants(curve, walk) for curve, walk in zip(branch.curves, walks, strict=True)]
@@ -215,30 +170,43 @@ class _Search:
         return Merged(frame, branch.ids, lattice, self.measure(frame, branch, lattice), len(encode(lattice)))
 
     def polish(self, found: Merged) -> Merged:
-        """What becomes of walks that keep the limit by single changes; each part's points weigh such that it comes to keep it, too."""
-        branch = _join(_leaves(self.parts, found.frame)).sorted()
-        slots, groups, allowed = branch.slots(found.frame), branch.point_groups(), self.allowed(found.frame, np.ones(len(self.parts)))
-        target, weights, best = float(allowed.rms[0]), np.ones(len(self.parts)), found
+        """What becomes of walks that keep the limit by single changes; each part keeps to it by itself."""
+        branch = join(leaves(self.parts, found.frame)).sorted()
+        slots, groups = branch.slots(found.frame), branch.point_groups()
         work = max(_WORK_AT_LEAST, _WORK_PER_KNOT * sum(part.knots for part in self.parts))
-        for _ in range(min(_WORK // work, 1) if self.limit.maximum else _WORK // work):
-            weighing = np.rint(_WEIGHTS * weights / weights.max()).clip(1).astype(np.int64)[groups]
-            heavier = replace(weigh_samples(slots, weighing), weights=weighing * slots.weights)
-            start = Outcome(best.lattice, best.size, 0.0)
-            maximum = allowed.maximum if self.limit.maximum else None
-            outcome = polish(heavier, start, target=target, maximum=maximum, work=work)
-            if outcome is start:
-                break
-            made = self.mended(best.frame, branch, outcome)
+        if self.limit.maximum:
+            maximum = self.allowed(found.frame, self.rooms).maximum
+            made = self.polished(found, branch, partial(polish, slots, maximum=maximum, work=work))
+            return found if made is None else self.better(made, found)
+        last, best = found, found
+        for _ in range(_WORK // work):
+            shares = Shares(groups, _FULL * self.rooms / self.measures(slots, groups, last))
+            made = self.polished(last, branch, partial(polish, slots, shares=shares, work=work))
             if made is None:
                 break
-            over = np.maximum(self.limit.excess(made.deviations), 0.1)
-            if (over <= 1).all() and made.size < best.size:
-                best = made
-            mean = float(np.sqrt((over**2).mean()))
-            weights, target = weights * over / mean, target * min(max(_FULL / mean, _LEAST), 1.0 if over.max() <= 1 else _LESS)
+            last, best = made, self.better(made, best)
         return best
 
-    def measure(self, frame: Frame, branch: _Branch, lattice: LatticeWalks) -> tuple[Deviation, ...]:
+    def measures(self, slots: Slots, groups: NDArray[np.int64], last: Merged) -> NDArray[np.float64]:
+        """What each part moves by, as a share of the limit, where its points move by a quantum: as they do in the last walks."""
+        at, places = draft_on(slots, last.lattice)
+        errors, _ = sample_errors(slots, list_parts(slots, at, len(places)), places)
+        mean = np.sqrt(np.bincount(groups, weights=slots.weights * errors**2) / np.bincount(groups, weights=slots.weights))
+        usual = quantum(last.frame.space) / self.limit.metres
+        found: NDArray[np.float64] = np.clip(self.limit.excess(last.deviations) / np.maximum(mean, 1e-9), usual / _OTHER, usual * _OTHER)
+        return found
+
+    def better(self, made: Merged, best: Merged) -> Merged:
+        """The smaller one of those that keep the limit."""
+        return made if self.holds(made) and not (self.holds(best) and best.size <= made.size) else best
+
+    def polished(self, last: Merged, branch: Branch, step: Callable[[Outcome], Outcome]) -> Merged | None:
+        """What a step makes of walks; None if that is nothing new."""
+        start = Outcome(last.lattice, last.size, 0.0)
+        outcome = step(start)
+        return None if outcome is start else self.mended(last.frame, branch, outcome)
+
+    def measure(self, frame: Frame, branch: Branch, lattice: LatticeWalks) -> tuple[Deviation, ...]:
         """How far each part's curves were moved."""
         walks, nodes = walks_of(lattice, frame, branch.ids), node_positions(lattice, frame)
         found = []
@@ -284,70 +252,39 @@ def merge_parts(
             starts = [(frame, _as_tree(search, frame, executor)) for frame in frames]
             found: list[Merged] = []
             for done, merged in enumerate(shared.map(_finish, starts), 1):
-                if merged is not None:
-                    found.append(merged)
+                found += merged
                 if progress is not None:
                     progress(done, len(frames))
-            if found:
-                finalists = sorted(found, key=lambda merged: merged.size)[:_FINALISTS]
-                return min(shared.map(_Search.polish, finalists), key=lambda merged: merged.size)
+            finalists = sorted(found, key=search.prospect)[:_FINALISTS]
+            held = [merged for merged in shared.map(_Search.polish, finalists) if search.holds(merged)]
+            if held:
+                return min(held, key=lambda merged: merged.size)
     return None
 
 
-def _picked(values: Sequence[T], order: Sequence[int]) -> tuple[T, ...]:
-    return tuple(values[i] for i in order)
-
-
-def _finish(search: _Search, start: tuple[Frame, _Branch | None]) -> Merged | None:
+def _finish(search: _Search, start: tuple[Frame, Branch | None]) -> list[Merged]:
     frame, branch = start
-    return search.finish(frame, _join(_leaves(search.parts, frame)) if branch is None else branch)
+    branch = (join(leaves(search.parts, frame)) if branch is None else branch).sorted()
+    found = search.finish(frame, branch), search.anew(frame, branch)
+    return [merged for merged in found if merged is not None]
 
 
-def _leaves(parts: Sequence[Part], frame: Frame) -> list[_Branch]:
-    return [_leaf(part, frame, number) for number, part in enumerate(parts)]
-
-
-def _leaf(part: Part, frame: Frame, number: int) -> _Branch:
-    """Round one part to a lattice."""
-    corner = np.asarray(frame.origin, dtype=np.float64) / 1000
-    nodes = np.rint((part.nodes - corner) / quantum(frame.space)).astype(np.int64)
-    walks = [
-        LatticeWalk(visits, np.rint((curve.track.times - frame.epoch / 1000) / quantum(frame.time)).astype(np.int64), curve.gaps)
-        for curve, visits in zip(part.curves, part.visits, strict=True)
-    ]
-    return _Branch(part.curves, part.points, LatticeWalks(nodes, tuple(walks)), (number,) * len(walks))
-
-
-def _join(branches: Sequence[_Branch]) -> _Branch:
-    """Put branches side by side, each with its own nodes still."""
-    walks: list[LatticeWalk] = []
-    first = 0
-    for branch in branches:
-        walks += [replace(walk, nodes=walk.nodes + np.int32(first)) for walk in branch.walks.walks]
-        first += len(branch.walks.nodes)
-    nodes = np.concatenate([branch.walks.nodes for branch in branches])
-    groups = tuple(group for branch in branches for group in branch.groups)
-    curves = tuple(curve for branch in branches for curve in branch.curves)
-    points = tuple(point for branch in branches for point in branch.points)
-    return _Branch(curves, points, LatticeWalks(nodes, tuple(walks)), groups)
-
-
-def _as_tree(search: _Search, frame: Frame, executor: Executor | None) -> _Branch | None:
+def _as_tree(search: _Search, frame: Frame, executor: Executor | None) -> Branch | None:
     """Merge neighbours, then neighbours of what came out, until all is one; of two parts, nothing yet."""
     if len(search.parts) <= 2:
         return None
     unite = partial(_united, frame, search.allowed(frame, np.ones(1)))
-    branch: _Branch = united(executor, unite, enumerate(search.parts), partial(_leaf_on, frame))
+    branch: Branch = united(executor, unite, enumerate(search.parts), partial(_leaf_on, frame))
     return branch
 
 
-def _leaf_on(frame: Frame, numbered: tuple[int, Part]) -> _Branch:
+def _leaf_on(frame: Frame, numbered: tuple[int, Part]) -> Branch:
     number, part = numbered
-    return _leaf(part, frame, number)
+    return leaf(part, frame, number)
 
 
-def _united(frame: Frame, allowed: Allowance, one: _Branch, other: _Branch) -> _Branch:
-    both = _join([one, other])
+def _united(frame: Frame, allowed: Allowance, one: Branch, other: Branch) -> Branch:
+    both = join([one, other])
     slots = both.slots(frame)
     alike = np.zeros(len(slots.times), np.int64)
     outcome = refine(slots, len(both.curves), alike, *draft_on(slots, both.walks), allowed, _TREE_ROUNDS)
@@ -373,7 +310,7 @@ def _ranked(frames: Sequence[Frame], shared: Shared[_Search]) -> list[Frame]:
 
 def _cost(search: _Search, frame: Frame) -> tuple[float, int]:
     """Bits of the walks rounded to a lattice, with what their error will take to mend; and how many slots there are."""
-    branch = _join(_leaves(search.parts, frame))
+    branch = join(leaves(search.parts, frame))
     slots = branch.slots(frame)
     if len(slots.firsts) < sum(1 + _count_gaps(curve) for curve in branch.curves):
         return np.inf, len(slots.cells)

@@ -26,7 +26,8 @@ from gpszip.kernels.walk_coder import code_walks
 from gpszip.kernels.walk_model import WalkModel, new_model
 from gpszip.mapping.drafting import list_parts, sample_errors, walks_of
 from gpszip.mapping.rounds import Outcome
-from gpszip.mapping.slots import Slots
+from gpszip.mapping.shares import Shares
+from gpszip.mapping.slots import Slots, weigh_samples
 from gpszip.model import LatticeWalks
 
 __all__ = ["WORK_OF_EFFORT", "best_outcomes", "polish", "worthwhile"]
@@ -69,6 +70,9 @@ _UNITE, _MOVE = 24.0, 2.5
 #: The bound that is aimed at, as a share of that allowed, since the sums count in whole ticks.
 _AIM = 0.9999
 
+#: Weight of the samples of the dearest group; the others have less, but at least 1.
+_WEIGHTS = 16
+
 
 @dataclass(frozen=True, eq=False)
 class _Bench:
@@ -82,12 +86,62 @@ class _Bench:
     offers: Offers
     ways: Ways
     calls: Calls
+    slots: Slots
 
     def turn(self, rule: Rule, hope: float) -> None:
         """Go once over all knots and all nodes."""
         self.offers.terms[0] = hope
         sweep_knots(self.calls, self.desk, self.samples, self.ways, self.chain, self.spare, self.best, self.offers, rule)
         sweep_nodes(self.calls, self.desk, self.samples, self.chain, self.spare, self.best, rule)
+
+    def weigh(self, weights: NDArray[np.int64]) -> None:
+        """Give the samples other weights."""
+        np.copyto(self.samples.sums, weigh_samples(self.slots, weights).sums)
+        self.renew()
+
+    def renew(self) -> None:
+        """Measure all parts anew."""
+        renew(self.samples, self.chain, 0, int(self.chain.counts[KNOTS]))
+
+
+@dataclass(eq=False)
+class _Steering:
+    """What bounds the error and the price of it, which follows the error.
+
+    With shares, each group has a price of its own: its samples weigh as much.
+    """
+
+    bench: _Bench
+    bounds: NDArray[np.float64]
+    prices: NDArray[np.float64]
+    maximum: float
+    shares: Shares | None
+    weights: NDArray[np.float64]
+
+    @property
+    def bound(self) -> float:
+        """Largest squared error, as its groups weigh now."""
+        return float((self.weights * self.bounds).sum())
+
+    def rule(self, swing: float, over: float) -> Rule:
+        """What decides now, at a price so many times what it is."""
+        price = swing * float(self.prices.max()) / float(self.weights.max())
+        bounds = np.full(1, np.inf) if self.shares is None else self.weights * self.bounds
+        return Rule(price, over * self.bound, self.bound, self.maximum, _UNITE, _MOVE, bounds, over)
+
+    def follow(self) -> None:
+        """Let the price follow the error."""
+        if self.maximum > 0:
+            return
+        excess = self.bench.chain.squares / (0.995 * self.weights * self.bounds)
+        self.prices = self.prices * excess.clip(_LEAST_EXCESS, _MOST_EXCESS) ** _PUSH
+        self.weigh()
+
+    def weigh(self) -> None:
+        """Let the samples of each group weigh what their error is worth."""
+        if self.shares is not None:
+            self.weights = np.rint(_WEIGHTS * self.prices / self.prices.max()).clip(1)
+            self.bench.weigh(self.weights.astype(np.int64)[self.shares.groups])
 
 
 def best_outcomes(found: Iterable[Outcome], effort: int) -> list[Outcome]:
@@ -117,6 +171,7 @@ def polish(
     maximum: float | None = None,
     known: Past | None = None,
     work: int = WORK_OF_EFFORT[4],
+    shares: Shares | None = None,
 ) -> Outcome:
     """Change walks knot by knot and node by node such that they take fewer bytes within the same bound.
 
@@ -129,57 +184,90 @@ def polish(
     target : float, optional
         Largest root mean square error, in quanta.
     maximum : float, optional
-        Largest distance of any sample, in quanta; one of the two bounds must be given, this one wins.
+        Largest distance of any sample, in quanta; one of the bounds must be given, this one wins.
     known : Past, optional
         Walks on whose map these lie; its nodes stay where they are.
     work : int
         Knots that may be coded in all.
+    shares : Shares, optional
+        Root mean square errors that groups of samples keep to, in place of the target.
 
     Returns
     -------
     Outcome
-        Fewer bytes, or the very same outcome.
+        Fewer bytes, or the very same outcome; where that misses its shares, the smallest found that keeps to them, if any.
     """
     walks = outcome.walks
     at = _knots_on(slots, walks) if worthwhile(outcome, work) else None
     if at is None:
         return outcome
-    bench = _bench(slots, at, walks, known, int((1 - _RESERVE) * work))
-    bound = np.inf
-    if maximum is None:
+    bench = _bench(slots, at, walks, known, int((1 - _RESERVE) * work), shares)
+    steering = _steering(bench, slots, at, walks, target, maximum, shares)
+    if shares is not None and (bench.chain.squares > steering.bounds).any():
+        bench.best.totals[BITS] = np.inf
+    _work(bench, steering, int(_RESERVE * work))
+    return _finished(slots, outcome, bench.best, target, maximum, known, shares)
+
+
+def _steering(
+    bench: _Bench,
+    slots: Slots,
+    at: NDArray[np.int64],
+    walks: LatticeWalks,
+    target: float | None,
+    maximum: float | None,
+    shares: Shares | None,
+) -> _Steering:
+    """Bounds of the squared error by the sums that count in whole ticks, and prices to begin with."""
+    bounds, chain = np.full(len(bench.chain.squares), np.inf), bench.chain
+    if maximum is None or shares is not None:
         errors = sample_errors(slots, list_parts(slots, at, len(walks.nodes)), walks.nodes.astype(np.float64))[0]
-        exact = float((slots.weights * errors**2).sum())
-        bound = slots.samples * (_AIM * (target or 0.0)) ** 2 - abs(exact - float(bench.chain.totals[SQUARE]))
-    _work(bench, bound, maximum or 0.0, int(_RESERVE * work))
-    return _finished(slots, outcome, bench.best, target, maximum, known)
+        squares = slots.weights * errors**2
+        if shares is None:
+            bounds[0] = slots.samples * (_AIM * (target or 0.0)) ** 2 - abs(float(squares.sum()) - float(chain.totals[SQUARE]))
+        else:
+            bounds = shares.sums(slots.weights) * (_AIM * shares.rms) ** 2 - abs(shares.sums(squares) - chain.squares)
+    slope = _SLOPE if maximum is None else _SLOPE_WITHIN
+    price = slope * chain.totals[BITS] / max(min(float(bounds.sum()), chain.totals[SQUARE]), 1e-9)
+    return _Steering(bench, bounds, np.full(len(bounds), price), maximum or 0.0, shares, np.ones(len(bounds)))
 
 
-def _work(bench: _Bench, bound: float, maximum: float, reserve: int) -> None:
+def _work(bench: _Bench, steering: _Steering, reserve: int) -> None:
     """All turns; the smallest walks are the bench's best ones then."""
-    chain, slope = bench.chain, _SLOPE if maximum == 0 else _SLOPE_WITHIN
-    price = slope * chain.totals[BITS] / max(min(bound, chain.totals[SQUARE]), 1e-9)
+    chain = bench.chain
+    steering.weigh()
     for turn in range(_TURNS):
-        swing = _TO_AND_FRO[turn % len(_TO_AND_FRO)]
-        bench.turn(Rule(price * swing, _OVER * bound, bound, maximum, _UNITE, _MOVE), _HOPES[min(turn, len(_HOPES) - 1)])
+        bench.turn(steering.rule(_TO_AND_FRO[turn % len(_TO_AND_FRO)], _OVER), _HOPES[min(turn, len(_HOPES) - 1)])
         if bench.desk.counts[WORK] <= 0:
             break
-        if maximum == 0:
-            price *= min(max(chain.totals[SQUARE] / (0.995 * bound), _LEAST_EXCESS), _MOST_EXCESS) ** _PUSH
-    copy_chain(bench.best, chain)
+        steering.follow()
+    if bench.best.totals[BITS] < np.inf:
+        copy_chain(bench.best, chain)
+        bench.renew()
     bench.desk.counts[WORK] += reserve
     for turn in range(_LAST_TURNS + _MORE_TURNS):
         bits = chain.totals[BITS]
-        price *= _LAST_PRICE
-        bench.turn(Rule(price, bound, bound, maximum, _UNITE, _MOVE), _HOPES[-1])
-        settled = maximum > 0 or chain.totals[SQUARE] > _FULL**2 * bound
+        steering.prices = _LAST_PRICE * steering.prices
+        bench.turn(steering.rule(1.0, 1.0), _HOPES[-1])
+        settled = steering.maximum > 0 or chain.totals[SQUARE] > _FULL**2 * steering.bound
         if turn + 1 >= _LAST_TURNS and (settled or chain.totals[BITS] >= bits):
             break
         if not settled:
             bench.desk.counts[WORK] = max(bench.desk.counts[WORK], reserve)
 
 
-def _finished(slots: Slots, outcome: Outcome, chain: Chain, target: float | None, maximum: float | None, known: Past | None) -> Outcome:
+def _finished(
+    slots: Slots,
+    outcome: Outcome,
+    chain: Chain,
+    target: float | None,
+    maximum: float | None,
+    known: Past | None,
+    shares: Shares | None,
+) -> Outcome:
     """The polished walks as an outcome, measured sample by sample; the old one if they aren't smaller or miss the bound after all."""
+    if chain.totals[BITS] == np.inf:
+        return outcome
     at = np.full(len(slots.cells), -1, np.int64)
     knots, nodes = chain.counts.tolist()
     at[chain.slot[:knots]] = chain.node[:knots]
@@ -187,20 +275,33 @@ def _finished(slots: Slots, outcome: Outcome, chain: Chain, target: float | None
     walks = walks_of(slots, at, places, len(outcome.walks.walks), 0 if known is None else known.nodes)
     errors = sample_errors(slots, list_parts(slots, at, len(places)), places)[0]
     error, size = float(np.sqrt((slots.weights * errors**2).sum() / slots.samples)), len(encode(walks, known))
+    polished = replace(outcome, walks=walks, size=size, error=error)
+    if shares is not None:
+        mean = np.sqrt(shares.sums(slots.weights * errors**2) / shares.sums(slots.weights))
+        return polished if (mean <= shares.rms).all() else outcome
     held = error <= (target or 0.0) if maximum is None else float(errors.max()) <= maximum
-    return replace(outcome, walks=walks, size=size, error=error) if held and size < outcome.size else outcome
+    return polished if held and size < outcome.size else outcome
 
 
-def _bench(slots: Slots, at: NDArray[np.int64], walks: LatticeWalks, known: Past | None, work: int) -> _Bench:
-    samples = Samples(slots.sums, slots.ticks, slots.centers, slots.place_unit, slots.ends, slots.times, slots.spots, slots.cells)
-    chain = _chain(slots, at, walks.nodes)
+def _bench(slots: Slots, at: NDArray[np.int64], walks: LatticeWalks, known: Past | None, work: int, shares: Shares | None = None) -> _Bench:
+    sums = slots.sums if shares is None else slots.sums.copy()
+    samples = Samples(
+        sums, slots.ticks, slots.centers, slots.place_unit, slots.ends, slots.times, slots.spots, slots.cells, _slot_groups(slots, shares)
+    )
+    chain = _chain(slots, at, walks.nodes, 1 if shares is None else len(shares.rms))
     desk, offers, zero = _desk(chain, walks, known, work), _offers(chain), np.int64(0)
     code = pointer_to(code_walks, desk.coder, desk.model, desk.nodes, desk.cells, desk.gaps, desk.begins, 1, True, True)
     window = pointer_to(code_window, code, desk, chain, slots.cells, zero, zero, zero, zero, zero, offers.slots[0], offers.nodes[0])
-    accept = pointer_to(decide, code, desk, slots.cells, chain, chain, chain, Rule(0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+    accept = pointer_to(decide, code, desk, slots.cells, chain, chain, chain, Rule(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, chain.squares, 0.0))
     renew(samples, chain, 0, int(chain.counts[KNOTS]))
     chain.totals[BITS] = code_all(code, desk, chain, slots.cells)
-    return _Bench(samples, chain, _like(chain), _like(chain), desk, offers, _ways(known), Calls(code, window, accept))
+    return _Bench(samples, chain, _like(chain), _like(chain), desk, offers, _ways(known), Calls(code, window, accept), slots)
+
+
+def _slot_groups(slots: Slots, shares: Shares | None) -> NDArray[np.int64]:
+    if shares is None:
+        return np.zeros(len(slots.cells), np.int64)
+    return np.repeat(shares.groups[slots.ends[slots.firsts]], slots.lasts - slots.firsts + 1)
 
 
 def _knots_on(slots: Slots, walks: LatticeWalks) -> NDArray[np.int64] | None:
@@ -217,7 +318,7 @@ def _knots_on(slots: Slots, walks: LatticeWalks) -> NDArray[np.int64] | None:
     return at if (at[slots.firsts] >= 0).all() and (at[slots.lasts] >= 0).all() else None
 
 
-def _chain(slots: Slots, at: NDArray[np.int64], nodes: NDArray[np.int64]) -> Chain:
+def _chain(slots: Slots, at: NDArray[np.int64], nodes: NDArray[np.int64], groups: int) -> Chain:
     knots = np.flatnonzero(at >= 0)
     count = len(knots)
     piece = np.searchsorted(slots.lasts, knots)
@@ -230,7 +331,7 @@ def _chain(slots: Slots, at: NDArray[np.int64], nodes: NDArray[np.int64]) -> Cha
     slot, node, uses = np.zeros(room, np.int64), np.zeros(room, np.int64), np.zeros(len(places), np.int64)
     slot[:count], node[:count] = knots, at[knots]
     uses += np.bincount(at[knots], minlength=len(places))
-    return Chain(slot, node, joined, begins, np.zeros(room), places, uses, np.array([count, len(nodes)]), np.zeros(2))
+    return Chain(slot, node, joined, begins, np.zeros(room), places, uses, np.array([count, len(nodes)]), np.zeros(2), np.zeros(groups))
 
 
 def _like(chain: Chain) -> Chain:

@@ -6,33 +6,44 @@ import math
 from dataclasses import dataclass
 from fractions import Fraction
 
-__all__ = ["DIGITS", "EXPONENTS", "Promise", "promise_of"]
+__all__ = ["DIGITS", "EXPONENTS", "FEW_DIGITS", "GROWN", "Promise", "grown_promise", "promise_of"]
 
 #: What a promise may have as digits, and as exponents of ten.
 DIGITS, EXPONENTS = range(1, 1000), range(-8, 8)
 
+#: Steps by which merges may have made a promise larger, and the digits that it has then; a factor 2 has so many steps.
+GROWN, FEW_DIGITS, _DOUBLE = range(1, 63), range(1, 100), 16
+
 
 @dataclass(frozen=True)
 class Promise:
-    """No more error than this: ``digits * 10 ** exponent`` metres.
+    """No more error than this: ``digits * 10 ** exponent * 2 ** (grown / 16)`` metres.
 
     Parameters
     ----------
     digits : int
-        1 to 999.
+        1 to 999; 1 to 99 of a promise that has grown.
     exponent : int
         -8 to 7.
     maximum : bool
         Whether every sample is that near, rather than all of them in the root mean square.
+    grown : int, default 0
+        Steps by which merges have made it larger, up to 62.
     """
 
     digits: int
     exponent: int
     maximum: bool
+    grown: int = 0
 
     @property
     def metres(self) -> float:
         """The error in metres."""
+        return self.before * math.pow(2.0, self.grown / _DOUBLE)
+
+    @property
+    def before(self) -> float:
+        """What was promised before any merge, in metres."""
         return float(self.digits * Fraction(10) ** self.exponent)
 
 
@@ -53,3 +64,26 @@ def promise_of(metres: float, *, maximum: bool) -> Promise | None:
         if digits < DIGITS.stop:
             return Promise(max(digits, 1), exponent, maximum)
     return None
+
+
+def grown_promise(before: float, metres: float, *, maximum: bool) -> Promise | None:
+    """Promise an error of ``metres`` where merges have added to ``before``; None where that is beyond all that can be promised.
+
+    Examples
+    --------
+    >>> promise = grown_promise(5.0, 9.9, maximum=False)
+    >>> promise.before, promise.metres
+    (5.0, 10.0)
+    """
+    if not 0 < before < metres < math.inf:
+        return promise_of(metres, maximum=maximum)
+    # what has grown beyond all steps counts as if it had been more from the start
+    least = max(before, metres * 2.0 ** (-GROWN[-1] / _DOUBLE))
+    exponent = max(math.ceil(math.log10(least / (FEW_DIGITS.stop - 0.5))), EXPONENTS.start)
+    digits = max(round(least / 10.0**exponent), 1)
+    for number in range(digits, FEW_DIGITS.stop if exponent in EXPONENTS else 0):
+        for grown in GROWN:
+            promise = Promise(number, exponent, maximum, grown)
+            if promise.metres >= metres:
+                return promise
+    return promise_of(metres, maximum=maximum)

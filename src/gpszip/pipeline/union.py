@@ -21,12 +21,15 @@ from gpszip.model import Executor, Frame, Listener, Plane, Progress, Track
 from gpszip.model.frame import quantum
 from gpszip.model.merge_options import MergeOptions
 from gpszip.model.merge_report import Deviation, MergeReport
-from gpszip.model.promise import Promise, promise_of
+from gpszip.model.promise import Promise, grown_promise
 
 __all__ = ["merge"]
 
 #: A line on one plane that is laid on another may bend by this share of the deviation allowed.
 _BEND = 0.02
+
+#: Limits that tracks may be moved by in any number of merges; each takes as large a share of one as is left of those, at least this.
+_IN_ALL, _LEAST_ROOM = 4.0, 0.5
 
 #: Seconds between tracks that are joined where their ends were rounded over each other.
 _SEAM = 5e-4
@@ -70,9 +73,12 @@ def merge(
     turn = _turn(archives)
     sources = _on_one_plane(_sources(archives, names, options, turn), limit)
     frames = [_frame_on(source) for source in sources]
-    parts = [_part(source.curves, frame, source.archive.sampling) for source, frame in zip(sources, frames, strict=True)]
+    parts = [
+        replace(_part(source.curves, frame, source.archive.sampling), room=_room(source.archive, limit))
+        for source, frame in zip(sources, frames, strict=True)
+    ]
     if len({name for source in sources for name in source.ids}) < sum(len(source.ids) for source in sources):
-        parts = [_joined(sources, frames)]
+        parts = [replace(_joined(sources, frames), room=min(part.room for part in parts))]
 
     def tell(done: int, whole: int) -> None:
         if progress is not None:
@@ -84,11 +90,17 @@ def merge(
     layers = {archive.contents.layer for archive in archives}
     made, more = _smaller(merged, sources, layers.pop() if len(layers) == 1 else None)
     moved = _measured(sources, made)
-    if len(parts) > 1 and (limit.excess(moved) > 1 + _ROUNDING).any():
+    if len(parts) > 1 and (limit.excess(moved) / [part.room for part in parts] > 1 + _ROUNDING).any():
         raise BoundError(f"a deviation of {limit.metres:g} m can't be held; allow a larger one")
     made = sampled(promising(made, _promise(sources, moved)), _step(archives))
     as_given = tuple(moved[turn.index(number)] for number in range(len(turn)))
     return made, _report(archives, made, limit, as_given, time.perf_counter() - start, (*notes, *more))
+
+
+def _room(archive: Archive, limit: Limit) -> float:
+    """Share of the limit by which an archive's tracks may be moved: less where earlier merges have moved them."""
+    moved = 0.0 if archive.promise is None else archive.promise.metres - archive.promise.before
+    return max(1 - moved / (_IN_ALL * limit.metres), _LEAST_ROOM)
 
 
 def _step(archives: Sequence[Archive]) -> float | None:
@@ -142,7 +154,7 @@ def _limit(archives: Sequence[Archive], names: Sequence[str], options: MergeOpti
     if given is not None:
         return Limit(given, options.max_deviation is not None), ()
     silent = [name for name, archive in zip(names, archives, strict=True) if archive.promise is None]
-    metres = min(quantum(one.frame.space) if one.promise is None else one.promise.metres for one in archives)
+    metres = min(quantum(one.frame.space) if one.promise is None else one.promise.before for one in archives)
     notes = (f"{', '.join(silent)} promised nothing: the step of the lattice was allowed as deviation",) if silent else ()
     return Limit(metres, any(one.promise is not None and one.promise.maximum for one in archives)), notes
 
@@ -288,7 +300,7 @@ def _measured(sources: Sequence[_Source], made: Archive) -> tuple[Deviation, ...
 
 
 def _promise(sources: Sequence[_Source], moved: Sequence[Deviation]) -> Promise | None:
-    """The sum of what was promised and of what was added, for the archive for which it is most."""
+    """The sum of what was promised and of what was added, for the archive for which it is most, beside the least that was at first."""
     promises = [source.archive.promise for source in sources]
     maximum = all(promise is not None and promise.maximum for promise in promises)
     total = 0.0
@@ -296,7 +308,7 @@ def _promise(sources: Sequence[_Source], moved: Sequence[Deviation]) -> Promise 
         if promise is None:
             return None
         total = max(total, promise.metres * source.stretch + source.bend + (one.maximum if maximum else one.rms))
-    return promise_of(total, maximum=maximum)
+    return grown_promise(min(promise.before for promise in promises if promise is not None), total, maximum=maximum)
 
 
 def _kept(sources: Sequence[_Source], order: Sequence[str]) -> tuple[tuple[Section, ...], tuple[str, ...]]:
