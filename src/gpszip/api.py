@@ -308,7 +308,7 @@ def merge(
         Two or more, all in degrees or all on one plane of x and y.
     deviation, max_deviation : float, optional
         Metres by which the tracks of each archive may be moved, in the root mean square or at any instant. Without either,
-        the least that any of them promises.
+        the least that any of them promised before any merge.
     same_id : str, default "refuse"
         What becomes of tracks of one name in several archives: ``"prefix"`` names all tracks ``archive:track``, ``"join"``
         makes them one track, if their times don't overlap.

@@ -171,7 +171,7 @@ def test_archives_on_different_planes_share_one_or_lie_side_by_side(logs, lat, l
         assert farthest(archive, made) <= moved.maximum * 1.003 + 0.1
     found = made.position(far.id, far.times, geographic=True)
     away = to_plane(*found.T, far.plane) - far.positions
-    assert math.sqrt((away**2).sum(axis=1).mean()) <= made.promise.metres <= 10.1
+    assert math.sqrt((away**2).sum(axis=1).mean()) <= made.promise.metres <= 1.05 * 10.1
 
 
 def test_pieces_keep_to_one_plane_and_what_stays_is_not_changed():

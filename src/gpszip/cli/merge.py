@@ -42,7 +42,7 @@ def command(
 ) -> Outcome:
     """Unite every ARCHIVE on one map, without the logs: places and ways that are the same become one, all tracks are kept.
 
-    Without --deviation or --max-deviation, tracks may be moved by the least that any archive promises.
+    Without --deviation or --max-deviation, tracks may be moved by the least that any archive promised before any merge.
     """
     from gpszip.cli.output import check_output, say, show_json, write_archive
     from gpszip.cli.progress import progress

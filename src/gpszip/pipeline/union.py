@@ -149,7 +149,7 @@ def _check(archives: Sequence[Archive], names: Sequence[str]) -> None:
 
 
 def _limit(archives: Sequence[Archive], names: Sequence[str], options: MergeOptions) -> tuple[Limit, tuple[str, ...]]:
-    """What is asked for, or the least that any archive promises."""
+    """What is asked for, or the least that any archive promised before any merge."""
     given = options.max_deviation or options.deviation
     if given is not None:
         return Limit(given, options.max_deviation is not None), ()
