@@ -211,16 +211,29 @@ def test_segments_of_the_thesis_are_refused_with_a_way_out(gpszip, log):
     assert "allow more with --memory" in done.err
 
 
+#: Whoever runs the tests may have them ignore signals, and so would what they start.
+COMPRESS_STDIN = """
+import signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+signal.signal(signal.SIGTERM, signal.SIG_DFL)
+signal.signal(signal.SIGHUP, signal.SIG_DFL)
+from gpszip.cli.main import main
+sys.exit(main(["compress", "-", "-o", "a.gpsz", "--memory", "420MiB"]))
+"""
+
+
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="signals of POSIX")
 @pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP"])
 def test_a_run_that_is_told_to_end_leaves_nothing_behind(tmp_path, number):
     """Standard input stays open, so that the run waits for more of it with a temporary file at hand."""
     room = tmp_path / "room"
     room.mkdir()
-    script = "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); from gpszip.cli.main import main; "
-    script += "sys.exit(main(['compress', '-', '-o', 'a.gpsz', '--memory', '420MiB']))"
     run = subprocess.Popen(
-        [sys.executable, "-c", script], cwd=tmp_path, env={**os.environ, "TMPDIR": str(room)}, stdin=subprocess.PIPE, stderr=subprocess.PIPE
+        [sys.executable, "-c", COMPRESS_STDIN],
+        cwd=tmp_path,
+        env={**os.environ, "TMPDIR": str(room)},
+        stdin=subprocess.PIPE,
+        stderr=subprocess.PIPE,
     )
     with run:
         run.stdin.write(b"t,x,y\n" + b"0,0,0\n" * 1000)
