@@ -263,6 +263,13 @@ def test_leaps_shift_the_samples_of_breaks_behind_them():
     assert [(one.first, one.last, one.reason) for one in found.pieces] == [(0, 19, "gap"), (20, 29, "end of track")]
 
 
+def test_a_leap_in_a_break_is_no_break_of_its_own():
+    track = drive_beside()
+    away = moved(track, np.arange(10, 20), [0.0, 20_000.0])
+    found = match(moved(away, [14], [90_000.0, 0.0]), town(), gap=math.inf)[0]
+    assert [(one.after, one.before, one.reason) for one in found.breaks] == [(9, 20, "no road near")]
+
+
 # bad input
 
 

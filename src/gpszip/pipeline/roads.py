@@ -48,8 +48,10 @@ def _roads_of(source: Any, name: str) -> Any:
         return way_map_lines(source.clean_map(), "the archive")
     try:
         return way_map_lines(open_archive(source).clean_map(), name)
-    except (CorruptArchiveError, MapError) as error:
-        raise type(error)(f"{name}: {error}") from error
+    except CorruptArchiveError as error:
+        raise CorruptArchiveError(f"{name}: {error}; fetch or make it again") from error
+    except MapError as error:
+        raise MapError(f"{name}: {error}") from error
 
 
 def match(
