@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +32,6 @@ from gpszip.model.frame import QUANTUM_STEPS, quantum
 from gpszip.model.merge_report import Deviation
 
 __all__ = ["Limit", "Merged", "Part", "merge_parts"]
-
-T = TypeVar("T")
 
 #: What is tried around each archive's own quanta: indices of space and time, eight to an octave.
 _AROUND = ((0, 0), (0, -4), (-4, 0), (0, -8), (4, 0))
@@ -256,7 +253,8 @@ def merge_parts(
                 if progress is not None:
                     progress(done, len(frames))
             finalists = sorted(found, key=search.prospect)[:_FINALISTS]
-            held = [merged for merged in shared.map(_Search.polish, finalists) if search.holds(merged)]
+            # of finalists that don't hold yet, polishing may mend none
+            held = [merged for merged in (*shared.map(_Search.polish, finalists), *found) if search.holds(merged)]
             if held:
                 return min(held, key=lambda merged: merged.size)
     return None
