@@ -35,13 +35,13 @@ def name_left_out(reading: Reading) -> None:
 
 def repairs_in_words(repairs: Iterable[Repair]) -> list[str]:
     """What was mended while reading, a few words for each."""
-    return [f"{one.where}: {one.count:,} {one.what}" for one in repairs]
+    return [f"{one.where}: {one.count:,} {one.what}" + (f" ({one.value})" if one.value else "") for one in repairs]
 
 
 def account_of(repairs: Iterable[Repair], left_out: Iterable[LeftOut] = ()) -> dict[str, Any]:
     """What was mended and what was left out while reading, as values for programs."""
     return {
-        "repairs": [{"what": one.what, "count": one.count, "where": one.where, "drops": one.drops} for one in repairs],
+        "repairs": [{"what": one.what, "count": one.count, "where": one.where, "drops": one.drops, "value": one.value} for one in repairs],
         "left_out": [{"name": one.name, "reason": one.reason} for one in left_out],
     }
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gpszip.model.reading import LeftOut, Repair
 
-__all__ = ["RawLog", "Request", "unused"]
+__all__ = ["RawLog", "Request", "Unread", "unused"]
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,25 @@ class Request:
     time_unit: str | None = None
     keep: tuple[str, ...] = ()
     heading: bool = False
+
+
+@dataclass(frozen=True)
+class Unread:
+    """The first cell of a column that can't be read.
+
+    Parameters
+    ----------
+    column : str
+        Name of the column or element, such as ``lat``.
+    row : int
+        Index of the row, counted from 0.
+    value : str
+        The text of the cell, as it stands in the log.
+    """
+
+    column: str
+    row: int
+    value: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +87,11 @@ class RawLog:
         What the reader itself had to drop; such points are not among the n rows.
     left_out : tuple of LeftOut
         Parts of the log that hold no track.
+    unread : tuple of Unread
+        For each column of times or coordinates, the first cell that holds something, but nothing that can be read.
+    untimed : frozenset of int
+        Codes of the tracks that have no times at all, and are read as shapes; 0 stands for the track of a log that names none.
+        Their rows hold NaN for the time and are in the order of travel.
     """
 
     name: str
@@ -83,6 +107,8 @@ class RawLog:
     dropped: tuple[str, ...] = ()
     repairs: tuple[Repair, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
+    unread: tuple[Unread, ...] = ()
+    untimed: frozenset[int] = frozenset()
 
 
 def unused(name: str, taken: Container[str]) -> str:

@@ -23,12 +23,15 @@ class Repair:
         Name of the log, with the first row concerned where that is known.
     drops : bool
         Whether the ``count`` points are in no track for it.
+    value : str
+        The first value concerned, with its column, such as ``lat 'undefined'``; empty where none is to be shown.
     """
 
     what: str
     count: int
     where: str
     drops: bool = True
+    value: str = ""
 
 
 @dataclass(frozen=True)

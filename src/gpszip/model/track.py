@@ -32,6 +32,8 @@ class Track:
         Further columns of the log, such as ``alt`` or ``speed``.
     plane : Plane, optional
         Where the positions lie on the earth. Left out for a log that came with x and y.
+    timed : bool, default True
+        Whether the log has times. A track without times is a shape: its ``times`` hold the distance along it in metres.
 
     Raises
     ------
@@ -51,6 +53,7 @@ class Track:
     weights: NDArray[np.float64] | None = None
     attributes: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
     plane: Plane | None = None
+    timed: bool = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", _frozen(self.times))
