@@ -204,6 +204,11 @@ class Archive:
         nodes = self.road_map.nodes
         return [(name, nodes[walk.nodes[knots]]) for walk in self.walks for name, knots in self._pieces[walk.id]]
 
+    @property
+    def pieces(self) -> Mapping[str, str]:
+        """Name of the track to which each piece belongs, by the names that :meth:`decompress` gives to pieces."""
+        return {name: track for track, pieces in self._pieces.items() for name, _ in pieces}
+
     def decompress(self) -> list[Track]:
         """Tracks of the knots, between which every track is linear in time.
 

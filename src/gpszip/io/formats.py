@@ -13,7 +13,7 @@ from gpszip.io.gpx import read_gpx, sniff_gpx, write_gpx
 from gpszip.io.parquet_log import read_parquet, sniff_parquet, write_parquet
 from gpszip.io.raw_log import RawLog, Request
 from gpszip.io.source import Source
-from gpszip.model import Track
+from gpszip.io.track_rows import TrackRows
 
 __all__ = ["FORMATS", "Format", "format_for_reading", "format_for_writing", "format_named"]
 
@@ -43,7 +43,7 @@ class Format:
     about: str
     sniff: Callable[[bytes], bool]
     read: Callable[[Source, Request], RawLog]
-    write: Callable[[Iterable[Track], BinaryIO, int], None] | None
+    write: Callable[[Iterable[TrackRows], BinaryIO], None] | None
 
 
 #: In the order in which they are asked whether they know a file; text comes last, as it is least sure.
