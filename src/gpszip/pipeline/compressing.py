@@ -220,7 +220,7 @@ def _finished(options: Options, archive: Archive, fit: Fit) -> tuple[Archive, Fi
 
 def _within_bound(job: _Job) -> tuple[Archive, Fit]:
     """Learn, write, read back and measure, until the bound is held."""
-    target: Options | None = job.options
+    target: Options | None = job.options.aim
     failures = 0
     while target is not None:
         learned = _learned(job, target)
@@ -229,11 +229,11 @@ def _within_bound(job: _Job) -> tuple[Archive, Fit]:
             target = _tightened(target, 1.0 + 0.1 * failures, job.options) if failures < _FAILURES else None
             continue
         archive, fit = _written(job, learned)
-        if holds(fit, job.options):
+        if holds(fit, job.options.aim):
             return archive, fit
         if fit.uncovered:
             break
-        target = _tightened(target, _excess(fit, job.options), job.options)
+        target = _tightened(target, _excess(fit, job.options.aim), job.options)
     return _last_resort(job)
 
 
@@ -243,10 +243,10 @@ def _last_resort(job: _Job) -> tuple[Archive, Fit]:
 
     if job.map is not None:
         return _within_bound(replace(job, map=None))
-    bound = job.options.rmse or job.options.max_error
+    bound = job.options.aim.rmse or job.options.aim.max_error
     if job.options.k is None and bound is not None:
         archive, fit = _written(job, _Learned(*keep_samples(job.tracks, job.gaps, bound)))
-        if holds(fit, job.options):
+        if holds(fit, job.options.aim):
             return archive, fit
     raise BoundError(f"{_bound(job.options)} can't be held; allow a larger error" + (", or more parts" if job.options.k else ""))
 

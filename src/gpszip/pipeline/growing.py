@@ -79,14 +79,14 @@ def _within_bound(archive: Archive, job: Job, extras: tuple[Section, ...]) -> tu
     bound = promise_of(job.options.max_error or job.options.rmse or 0.0, maximum=job.options.max_error is not None)
     for share in SHARES:
         try:
-            ground = ground_on(archive, job, job.options.tightened(share))
+            ground = ground_on(archive, job, job.options.aim.tightened(share))
             lattice = job.lay(led, ground)
         except BoundError:
             break
         on_map = new_archive(ground.frame, [track.id for track in led.tracks], lattice, on=archive, halvings=ground.halvings)
         both = grown(archive, promising(on_map, bound), job.gap, job.sampling, extras)
         found = job.measure(both)
-        if holds(found, job.options):
+        if holds(found, job.options.aim):
             return both, found
     raise BoundError("the archive's lattice is too coarse for this bound; allow a larger error, or compress all logs together")
 
