@@ -10,9 +10,9 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from gpszip.errors import OutputError
-from gpszip.io.track_rows import DEGREE_DIGITS, TIME_DECIMALS, TrackRows, decimal
+from gpszip.io.track_rows import TrackRows
 
-__all__ = ["DEGREE_DIGITS", "TIME_DECIMALS", "decimal", "track_tables"]
+__all__ = ["track_tables"]
 
 _BATCH = 1_000_000
 
