@@ -116,8 +116,13 @@ def with_crossings(times: Floats, lat: Floats, lon: Floats, tick: float) -> tupl
     if tick:
         when = np.clip(np.rint(when / tick) * tick, start + tick, end - 2 * tick)
 
-    where = np.repeat(across + 1, 2)
-    there = np.repeat(lat[across] + share * (lat[across + 1] - lat[across]), 2)
-    instants = np.stack([when, when + tick], axis=1).ravel()
-    sides = np.stack([side, -side], axis=1).ravel()
+    # a step that starts on the antimeridian needs no more than the point on the other side
+    wanted = np.ones((len(across), 2), np.bool_)
+    wanted[:, 0] = share > 0
+    wanted = wanted.ravel()
+
+    where = np.repeat(across + 1, 2)[wanted]
+    there = np.repeat(lat[across] + share * (lat[across + 1] - lat[across]), 2)[wanted]
+    instants = np.stack([when, when + tick], axis=1).ravel()[wanted]
+    sides = np.stack([side, -side], axis=1).ravel()[wanted]
     return np.insert(times, where, instants), np.insert(lat, where, there), np.insert(lon, where, sides)

@@ -61,7 +61,7 @@ def straight_in_degrees(
     plane : Plane
         Where they lie on the earth.
     within : float
-        Metres by which the line in degrees may deviate. Rounding takes a part of it.
+        Metres by which the line in degrees may deviate. Rounding, of times, too, takes a part of it.
     decimals : int
         To which degrees are rounded.
     ticks : int
@@ -83,11 +83,12 @@ def straight_in_degrees(
     [0.0, 2500.0, 5000.0, 7500.0, 10000.0]
     """
     lat, lon = to_geographic(positions, plane)
-    legs = _suspects(positions, lat, within - _rounding(decimals)) & ~plane_changes(positions, plane)
+    room = np.maximum(within - _shifts(times, positions, ticks), within / 4)
+    legs = _suspects(positions, lat, room - _rounding(decimals)) & ~plane_changes(positions, plane)
     if apart is not None:
         legs &= ~apart
-    line = _Line(times, positions, plane, decimals, ticks)
-    number, share = line.cuts(np.flatnonzero(legs), within)
+    line = _Line(times, positions, plane, room, decimals, ticks)
+    number, share = line.cuts(np.flatnonzero(legs))
 
     # put the new points behind the starts of their legs
     order = np.lexsort((share, number))
@@ -107,8 +108,16 @@ def _rounding(decimals: int) -> float:
     return float(_RADIUS * np.radians(0.5 * 10.0**-decimals) * np.sqrt(2))
 
 
-def _suspects(positions: Floats, lat: Floats, within: float) -> NDArray[np.bool_]:
-    """Legs that may be off by more than so many metres: cheap, and true of all legs that are."""
+def _shifts(times: Floats, positions: Floats, ticks: int) -> Floats:
+    """Metres by which rounded times move what is on each leg at most."""
+    moved = np.abs(np.round(times, ticks) - times)
+    lengths = np.sqrt((np.diff(positions, axis=0) ** 2).sum(axis=1))
+    shifts: Floats = lengths / np.diff(times) * np.maximum(moved[:-1], moved[1:])
+    return shifts
+
+
+def _suspects(positions: Floats, lat: Floats, within: Floats) -> NDArray[np.bool_]:
+    """Legs that may be off by more than so many metres each: cheap, and true of all legs that are."""
     steps = np.diff(positions, axis=0)
     squares = np.einsum("ij,ij->i", steps, steps)
     highest = np.maximum(np.abs(lat[:-1]), np.abs(lat[1:])) + np.degrees(np.sqrt(squares) / 6e6)
@@ -122,20 +131,21 @@ def _suspects(positions: Floats, lat: Floats, within: float) -> NDArray[np.bool_
 
 @dataclass(frozen=True, eq=False)
 class _Line:
-    """A line on a plane, to be written in degrees."""
+    """A line on a plane, to be written in degrees, each leg of it within so many metres."""
 
     times: Floats
     positions: Floats
     plane: Plane
+    within: Floats
     decimals: int
     ticks: int
 
-    def cuts(self, legs: Ints, within: float) -> tuple[Ints, Floats]:
+    def cuts(self, legs: Ints) -> tuple[Ints, Floats]:
         """Leg and share of the leg of each point to be added."""
         pieces: _Pieces = (legs, np.zeros(len(legs)), np.ones(len(legs)))
         numbers, shares = [np.empty(0, np.int64)], [np.empty(0)]
         while len(pieces[0]):
-            new, at, pieces = self._cut(pieces, within)
+            new, at, pieces = self._cut(pieces)
             numbers.append(new)
             shares.append(at)
         return np.concatenate(numbers), np.concatenate(shares)
@@ -149,16 +159,17 @@ class _Line:
         start = self.positions[legs]
         return to_geographic(start + shares[:, None] * (self.positions[legs + 1] - start), self.plane)
 
-    def _cut(self, pieces: _Pieces, within: float) -> tuple[Ints, Floats, _Pieces]:
+    def _cut(self, pieces: _Pieces) -> tuple[Ints, Floats, _Pieces]:
         """Cut the pieces that are off; the points where they are cut, and what is to be measured again."""
         legs, start, end = pieces
         off = self._deviation(pieces)
-        wide = off > within
+        wide = off > self.within[legs]
         legs, start, end, off = legs[wide], start[wide], end[wide], off[wide]
 
         # the error shrinks with the square of the number of parts; half a tick would be no time
         room = np.floor((end - start) * np.diff(self.times)[legs] * 10.0**self.ticks / 2)
-        allowed = max(within - _rounding(self.decimals), within / 3)
+        within = self.within[legs]
+        allowed = np.maximum(within - _rounding(self.decimals), within / 3)
         parts = np.clip(np.ceil(np.sqrt(1.05 * off / allowed)), 2, _MOST_PARTS)
         parts = np.minimum(parts, room).astype(np.int64)
         legs, start, end, parts = (column[parts > 1] for column in (legs, start, end, parts))

@@ -35,8 +35,8 @@ _ROUNDING = math.sqrt(2) / 2 * 1.12  # the fifth decimal of a degree is 1.12 m
 #: Share of the allowed deviation that rounding may take; the rest is left to the line between the points.
 _ROUNDING_SHARE = 2 / 3
 
-#: Times are rounded to a coarser decimal where this moves what is on the way by less than this share of what is allowed.
-_TIME_SHARE = 1 / 4
+#: Times are rounded to a coarser decimal where this moves what is on the way by at most this share of what is allowed.
+_TIME_SHARE = 1 / 2
 
 #: Steps shorter than so many units of the last decimal of seconds call for finer times.
 _LEAST_STEP = 8
@@ -208,5 +208,5 @@ def _fine(track: Track, ticks: int, within: float) -> bool:
         return True
     unit = 10.0**-ticks
     steps, ways = np.diff(track.times), np.sqrt((np.diff(track.positions, axis=0) ** 2).sum(axis=1))
-    slow: bool = (ways / steps * unit / 2 <= _TIME_SHARE * within).all()
-    return bool((steps >= _LEAST_STEP * unit).all()) and slow
+    slow = ways / steps * unit / 2 <= _TIME_SHARE * within
+    return bool((slow & (steps >= _LEAST_STEP * unit)).all())
