@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -63,7 +64,7 @@ def command(
     if not tracks:
         raise OptionError(_nothing(archive, track))
     points = write_tracks(tracks, target, kind, decimals=metre_decimals(error), pieces=pieces, within=None if given else error)
-    for warning in _changes(tracks, form):
+    for warning in _changes(tracks, pieces or {}, form):
         say(f"gpszip: {warning}")
     if settings.json:
         show_json({"output": target, "pieces": len(tracks), "points": points}, err=target == "-")
@@ -80,7 +81,7 @@ def _samples(archive: Archive, track: str | None) -> list[Track]:
     return archive.samples(track)
 
 
-def _changes(tracks: list[Track], form: str) -> list[str]:
+def _changes(tracks: list[Track], pieces: Mapping[str, str], form: str) -> list[str]:
     """What a format can't hold as it is, in words."""
     from gpszip.io.gpx import HEIGHTS, unwritable
 
@@ -88,12 +89,11 @@ def _changes(tracks: list[Track], form: str) -> list[str]:
         return []
     heights = [name for name in HEIGHTS if name in tracks[0].attributes]
     lacking = [name for name in tracks[0].attributes if name not in heights[:1]]
-    changed = [track.id for track in tracks if unwritable(track.id)]
     words = [f"gpx has no room for {', '.join(lacking)}; write CSV, GeoJSON or Parquet to have them"] if lacking else []
-    if changed:
+    if changed := [name for name in dict.fromkeys(pieces.get(track.id, track.id) for track in tracks) if unwritable(name)]:
         words.append(
-            f"gpx can't hold control characters: {len(changed):,} names have the letter U+FFFD instead, "
-            f"the first is {changed[0]!r}; write GeoJSON or Parquet to have them"
+            f"gpx can't hold control characters: they are U+FFFD in the names of tracks, in {len(changed):,} of them, "
+            f"the first {changed[0]!r}; write GeoJSON or Parquet to have them"
         )
     return words
 

@@ -117,9 +117,7 @@ def with_crossings(times: Floats, lat: Floats, lon: Floats, tick: float) -> tupl
         when = np.clip(np.rint(when / tick) * tick, start + tick, end - 2 * tick)
 
     # a step that starts on the antimeridian needs no more than the point on the other side
-    wanted = np.ones((len(across), 2), np.bool_)
-    wanted[:, 0] = share > 0
-    wanted = wanted.ravel()
+    wanted = np.stack([share > 0, np.ones(len(share), np.bool_)], axis=1).ravel()
 
     where = np.repeat(across + 1, 2)[wanted]
     there = np.repeat(lat[across] + share * (lat[across + 1] - lat[across]), 2)[wanted]
