@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import BinaryIO
 
+from gpszip.container.layout import OLDEST, VERSION
 from gpszip.model.frame import MOST_HALVINGS, QUANTUM_STEPS, Frame, Plane
 from gpszip.model.promise import DIGITS, EXPONENTS, FEW_DIGITS, GROWN, Promise
 
@@ -123,6 +124,8 @@ class Contents:
         The error that the walks keep.
     sampling : int, optional
         Index of the quantum that is about the time between two samples of the log.
+    version : int
+        Version of the format in which the walks are coded.
     """
 
     frame: Frame | None
@@ -133,6 +136,12 @@ class Contents:
     layer: str | None = None
     promise: Promise | None = None
     sampling: int | None = None
+    version: int = VERSION
+
+    @property
+    def ends(self) -> bool:
+        """Whether walks with times tell where their pieces begin and end."""
+        return self.version > OLDEST
 
     @property
     def tracks(self) -> int:

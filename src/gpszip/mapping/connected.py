@@ -21,7 +21,7 @@ from gpszip.model import Executor, Frame, LatticeWalks, Track
 from gpszip.model.executor import Shared, local, sharing
 from gpszip.model.frame import QUANTUM_STEPS, quantum, quantum_index
 
-__all__ = ["RMSE_OF_MAXIMUM", "SLOTS_OF_EFFORT", "learn"]
+__all__ = ["RMSE_OF_MAXIMUM", "SLOTS_OF_EFFORT", "learn", "suited_time_step"]
 
 _Found = tuple[Frame, Outcome | None]
 
@@ -280,6 +280,12 @@ def _frame(tracks: Sequence[Track], rmse: float, speed: float, trial: _Trial) ->
     # whole metres and seconds take fewer bytes in the head than they cost in the first place
     origin = tuple(1000 * math.floor(float(x) + 1e-6) for x in first.positions[0])
     return Frame(origin, 1000 * math.floor(float(first.times[0]) + 1e-6), space, time, first.plane)
+
+
+def suited_time_step(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], space: int) -> float:
+    """Time step in seconds with which the search for quanta would begin: about that in which tracks go two space quanta."""
+    size = quantum(space)
+    return _FIRST.time * size / _typical_speed(tracks, gaps, size)
 
 
 def _typical_speed(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], scale: float) -> float:

@@ -58,6 +58,18 @@ class _Job:
     sampling: float | None = None
 
     @property
+    def spans(self) -> list[NDArray[np.float64]]:
+        """Times of first and last sample of each run between gaps, for each track."""
+        from gpszip.geo.gaps import sample_spans
+
+        return [sample_spans(track.times, gap) for track, gap in zip(self.tracks, self.gaps, strict=True)]
+
+    @property
+    def step(self) -> float:
+        """Seconds between two samples of the track that has the most; 0 where none has two."""
+        return min((float(np.median(np.diff(track.times))) for track in self.tracks if len(track) > 1), default=0.0)
+
+    @property
     def ids(self) -> list[str]:
         return [track.id for track in self.tracks]
 
@@ -254,7 +266,7 @@ def _last_resort(job: _Job) -> tuple[Archive, Fit]:
 def _written(job: _Job, learned: _Learned) -> tuple[Archive, Fit]:
     made = new_archive(
         learned.frame, job.ids, learned.lattice, layer=job.options.layer, extras=job.extras, on=job.map, halvings=learned.halvings,
-        executor=local(job.executor),
+        executor=local(job.executor), spans=job.spans, step=job.step,
     )  # fmt: skip
     job.tell("measure", 0.0)
     archive = open_archive(made.to_bytes(), job.map)
