@@ -369,6 +369,7 @@ class Archive:
             "kept": None if self.kept is None else list(self.kept),
             "map": None if self.contents.map is None else self.contents.map.hash.hex(),
             "promise_m": None if self.promise is None else self.promise.metres,
+            "promise_max_m": None if self.promise is None else self.promise.most,
             "promise": None if self.promise is None else ("max_error" if self.promise.maximum else "rmse"),
             "sampling_s": self.sampling,
         }

@@ -8,7 +8,7 @@ from typing import BinaryIO
 
 from gpszip.container.layout import OLDEST, VERSION
 from gpszip.model.frame import MOST_HALVINGS, QUANTUM_STEPS, Frame, Plane
-from gpszip.model.promise import DIGITS, EXPONENTS, FEW_DIGITS, GROWN, Promise
+from gpszip.model.promise import DIGITS, EXPONENTS, FEW_DIGITS, GROWN, MOST_OVER, Promise
 
 __all__ = ["LONE_ID", "MAP_HASH_BYTES", "Contents", "Group", "MapReference", "Section", "Spooled", "complaint", "one_group"]
 
@@ -217,7 +217,12 @@ def _groups_complaint(groups: tuple[Group, ...], tracks: int) -> str | None:
 
 def _can_be_said(promise: Promise) -> bool:
     digits = promise.digits in DIGITS if promise.grown == 0 else promise.digits in FEW_DIGITS and promise.grown in GROWN
-    return digits and promise.exponent in EXPONENTS
+    return digits and promise.exponent in EXPONENTS and (promise.most_digits == 0 or _both_can_be_said(promise))
+
+
+def _both_can_be_said(promise: Promise) -> bool:
+    over = promise.most_exponent - promise.exponent
+    return promise.most_digits in DIGITS and over in MOST_OVER and not promise.maximum and promise.grown == 0
 
 
 def _rest_complaint(contents: Contents) -> str | None:

@@ -1,7 +1,8 @@
 """Coding of where travel begins and ends within the first and last cell of each piece.
 
 An offset o >= 0, in ticks, is coded as a quotient and a remainder: with L levels, q = o // L times a "more" of probability 1/64 and
-one "no more" of 63/64, then r = o - q L, uniform below L. Nearly all offsets are below L, so that q takes 0.02 bits.
+one "no more" of 63/64, then r = o - q L, uniform below L. Nearly all offsets are below L, so that q takes 0.02 bits. Ends beside a
+gap are mostly 0: an adaptive bit says whether they are not, and comes first.
 """
 
 from __future__ import annotations
@@ -9,10 +10,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.kernels.adaptive import code_bit
 from gpszip.kernels.jit import jit
 from gpszip.kernels.range_coder import Coder, code_interval, target
 
-__all__ = ["MOST_WRAPS", "code_ends"]
+__all__ = ["ALWAYS", "MOST_WRAPS", "NEVER", "SOMETIMES", "code_ends"]
+
+#: Which ends have an offset: those of tracks, those beside a gap where much may happen in a cell, and all others.
+ALWAYS, SOMETIMES, NEVER = np.arange(3, dtype=np.int8)
 
 #: The largest quotient.
 MOST_WRAPS = 255
@@ -22,7 +27,7 @@ _STOP_TOTAL = 64
 
 
 @jit
-def code_ends(coder: Coder, offsets: NDArray[np.int64], levels: int) -> bool:
+def code_ends(coder: Coder, offsets: NDArray[np.int64], kinds: NDArray[np.int8], counts: NDArray[np.int32], levels: int) -> bool:
     """Code offsets in place.
 
     Parameters
@@ -30,7 +35,11 @@ def code_ends(coder: Coder, offsets: NDArray[np.int64], levels: int) -> bool:
     coder : Coder
         Writes or reads.
     offsets : int64 array, shape (n,)
-        At least 0 and below ``(MOST_WRAPS + 1) * levels``; filled in when reading.
+        At least 0 and below ``(MOST_WRAPS + 1) * levels``; filled in when reading. Those of kind ``NEVER`` are 0.
+    kinds : int8 array, shape (n,)
+        ``ALWAYS``, ``SOMETIMES`` or ``NEVER``.
+    counts : int32 array, shape (1, 2)
+        Counts of zeros and ones of the adaptive bit; changed in place.
     levels : int
         L, at least 1 and at most 2**41.
 
@@ -41,6 +50,12 @@ def code_ends(coder: Coder, offsets: NDArray[np.int64], levels: int) -> bool:
     """
     reads = coder.cursor[1] == 1
     for i in range(len(offsets)):
+        if kinds[i] == NEVER:
+            offsets[i] = 0
+            continue
+        if kinds[i] == SOMETIMES and code_bit(coder, counts, 0, 1 if offsets[i] > 0 else 0) == 0:
+            offsets[i] = 0
+            continue
         wraps = np.int64(0) if reads else offsets[i] // levels
         done = np.int64(0)
 

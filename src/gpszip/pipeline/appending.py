@@ -179,6 +179,7 @@ def completed(options: Options, archive: Archive) -> Options:
     if not options.bounded and archive.promise is not None:
         bound = archive.promise.metres
         options = replace(options, max_error=bound) if archive.promise.maximum else replace(options, rmse=bound)
+        options = options if archive.promise.most is None else replace(options, max_error=archive.promise.most)
     if archive.kept is None and (options.keep or options.keep_times):
         raise OptionError("the archive keeps no columns, so that none can be appended; leave out keep")
     return options if archive.kept is None else replace(options, keep=archive.kept, keep_times=True)
@@ -203,7 +204,9 @@ def _weaker(one: Promise | None, other: Promise | None) -> Promise | None:
     if one is None or other is None:
         return None
     larger = one if one.metres >= other.metres else other
-    return replace(larger, maximum=one.maximum and other.maximum)
+    most = None if one.most is None or other.most is None else max(one, other, key=lambda promise: promise.most or 0.0)
+    both = (0, 0) if most is None else (most.most_digits, most.most_exponent)
+    return replace(larger, maximum=one.maximum and other.maximum, most_digits=both[0], most_exponent=both[1])
 
 
 def _united_extras(archive: Archive, tracks: Sequence[Track], added: Sequence[str]) -> tuple[Section, ...]:

@@ -22,9 +22,8 @@ from gpszip.io.streaming import StoredLog, StoredTrack
 from gpszip.mapping.connected import suited_time_step
 from gpszip.mapping.fitting import SLACK, Fit
 from gpszip.model import Executor, Listener, Options, Reading, Report, Track
-from gpszip.model.promise import promise_of
 from gpszip.pipeline.appending import SHARES, completed, grown, last_knot, overlapping
-from gpszip.pipeline.compressing import holds, report_on
+from gpszip.pipeline.compressing import asked, holds, report_on
 from gpszip.pipeline.continuing import end_of, ready_to_continue
 from gpszip.pipeline.keeping import Times, section_of
 from gpszip.pipeline.large import Job, check_memory, ground_on, stored
@@ -81,7 +80,7 @@ def _within_bound(archive: Archive, job: Job, extras: tuple[Section, ...]) -> tu
     starts = {track.id: float(job.log.read(track, 0, 1).times[0]) for track in job.log.tracks if track.id in archive.ids}
     archive = ready_to_continue(archive, starts, suited_time_step(job.excerpt, silent, archive.frame.space))
     led = _LedOn(archive, job.log, job.gap)
-    bound = promise_of(job.options.max_error or job.options.rmse or 0.0, maximum=job.options.max_error is not None)
+    bound = asked(job.options)
     for share in SHARES:
         try:
             ground = ground_on(archive, job, job.options.tightened(share))

@@ -28,7 +28,7 @@ from gpszip.model.executor import local
 from gpszip.model.frame import refined_frame
 from gpszip.pipeline.checking import check_map
 from gpszip.pipeline.coarsening import coarsened
-from gpszip.pipeline.compressing import NO_TIMES, holds, in_bytes, off_map, promised, report_on, without_times
+from gpszip.pipeline.compressing import NO_TIMES, estimated, holds, in_bytes, off_map, promised, report_on, without_times
 from gpszip.pipeline.keeping import kept_of
 from gpszip.pipeline.laying import SHARES, Ground, Samples, lay
 from gpszip.pipeline.measuring import measured
@@ -305,8 +305,7 @@ def _bounded(excerpt: Sequence[Track], gap: float, options: Options) -> tuple[Op
 
     if options.bounded or options.sized:
         return options, ()
-    rmse = sensible_rmse(excerpt, [silences(track, gap) for track in excerpt])
-    return replace(options, rmse=rmse), (f"no bound was given: RMSE {rmse:g} m was estimated from an excerpt",)
+    return estimated(options, sensible_rmse(excerpt, [silences(track, gap) for track in excerpt]), "an excerpt")
 
 
 def _learned(job: Job, options: Options) -> Ground:
