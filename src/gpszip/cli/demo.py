@@ -89,7 +89,7 @@ def _write_back(archive: Archive, folder: Path) -> None:
     from gpszip.io.writing import write_tracks
 
     write_tracks(archive.decompress(), folder / "knots.csv")
-    write_map(archive.road_map, folder / "map.geojson")
+    write_map(archive.drawn_map, folder / "map.geojson")
 
 
 def _draw(folder: Path, reading: Reading, archive: Archive, report: Report) -> str:

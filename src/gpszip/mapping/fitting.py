@@ -74,7 +74,17 @@ def positions_at(walk: Walk, nodes: NDArray[np.float64], when: NDArray[np.float6
         raise OptionError(f"track {walk.id!r} has no times: the archive was written without them, so positions at a time can't be had")
     out = np.empty((len(when), nodes.shape[1]))
     positions_along(walk.times, nodes[walk.nodes], walk.gaps, np.array(when, np.float64), SLACK, out)
+    if walk.spans is not None:
+        out[~_claimed(walk.spans, when)] = np.nan
     return out
+
+
+def _claimed(spans: NDArray[np.float64], when: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether each instant lies between the start and the end of a piece, within the slack."""
+    if len(spans) == 1:
+        return np.asarray((when >= spans[0, 0] - SLACK) & (when <= spans[0, 1] + SLACK))
+    piece = np.clip(np.searchsorted(spans[:, 0], when + SLACK, side="right") - 1, 0, None)
+    return np.asarray((when >= spans[piece, 0] - SLACK) & (when <= spans[piece, 1] + SLACK))
 
 
 def synchronised_errors(track: Track, walk: Walk, nodes: NDArray[np.float64]) -> NDArray[np.float64]:

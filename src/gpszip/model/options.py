@@ -20,12 +20,12 @@ class Options:
     rmse : float, optional
         Largest root mean square of all synchronised distances in metres.
     max_error : float, optional
-        Largest synchronised distance in metres.
+        Largest synchronised distance in metres. May be given together with ``rmse``.
     size : int, optional
         Largest number of bytes of the archive; the smallest RMSE that they allow is found.
     ratio : float, optional
-        How many times smaller than the log the archive is to be, at least. Give one of these four bounds; without any, an
-        RMSE is estimated from the log.
+        How many times smaller than the log the archive is to be, at least. A size or a ratio excludes all other bounds. Without any
+        bound, an RMSE is estimated from the log, and a maximum of four times that.
     gap : float, optional
         Silences longer than this, in seconds, are gaps; ``math.inf`` for none. Estimated from the log by default.
     k, m : int, optional
@@ -53,9 +53,9 @@ class Options:
     --------
     >>> Options(rmse=5.0).effort
     5
-    >>> Options(rmse=5.0, max_error=10.0)
+    >>> Options(rmse=5.0, size=900)
     Traceback (most recent call last):
-    gpszip.errors.OptionError: rmse and max_error were both given; give one
+    gpszip.errors.OptionError: rmse and size were both given; give one
     """
 
     rmse: float | None = None
@@ -124,8 +124,8 @@ class Options:
 def _check_bounds(options: Options) -> None:
     bounds = {"rmse": options.rmse, "max_error": options.max_error, "size": options.size, "ratio": options.ratio}
     given = [name for name, value in bounds.items() if value is not None]
-    if len(given) > 1:
-        raise OptionError(f"{given[0]} and {given[1]} were both given; give one")
+    if len(given) > 1 and given != ["rmse", "max_error"]:
+        raise OptionError(f"{given[0]} and {given[-1]} were both given; give one")
     kinds = {"size": "number of bytes", "ratio": "number"}
     for name, value in bounds.items():
         if value is not None and not 0 < value < math.inf:

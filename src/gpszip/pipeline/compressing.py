@@ -19,17 +19,34 @@ from gpszip.errors import BoundError, OptionError
 from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Options, Progress, Report, Track
 from gpszip.model.executor import local
 from gpszip.model.frame import refined_frame
-from gpszip.model.promise import Promise, promise_of
+from gpszip.model.promise import Promise, promise_of, promise_of_both
 from gpszip.pipeline.checking import check_names, checked, laid_on
 
 if TYPE_CHECKING:
     from gpszip.mapping.fitting import Fit
     from gpszip.mapping.size_search import Try
 
-__all__ = ["NO_TIMES", "compress", "holds", "in_bytes", "kept", "measure", "off_map", "promised", "report_on", "without_times"]
+__all__ = [
+    "MAXIMUM_OF_RMSE",
+    "NO_TIMES",
+    "asked",
+    "compress",
+    "estimated",
+    "holds",
+    "in_bytes",
+    "kept",
+    "measure",
+    "off_map",
+    "promised",
+    "report_on",
+    "without_times",
+]
 
 #: What is to be said of an archive without times.
 NO_TIMES = "times were left out after measuring: positions at a time can't be had from the archive"
+
+#: Without any bound, no sample is farther away than so many times the RMSE: an RMSE alone says nothing of the worst sample.
+MAXIMUM_OF_RMSE = 4.0
 
 #: Share of the bound below which no target is tried.
 _LEAST_AIM = 0.1
@@ -56,6 +73,18 @@ class _Job:
     extras: tuple[Section, ...] = ()
     map: Archive | None = None
     sampling: float | None = None
+
+    @property
+    def spans(self) -> list[NDArray[np.float64]]:
+        """Times of first and last sample of each run between gaps, for each track."""
+        from gpszip.geo.gaps import sample_spans
+
+        return [sample_spans(track.times, gap) for track, gap in zip(self.tracks, self.gaps, strict=True)]
+
+    @property
+    def step(self) -> float:
+        """Seconds between two samples of the track that has the most; 0 where none has two."""
+        return min((float(np.median(np.diff(track.times))) for track in self.tracks if len(track) > 1), default=0.0)
 
     @property
     def ids(self) -> list[str]:
@@ -162,8 +191,14 @@ def _bounded(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], options
 
     if options.bounded or options.sized or options.thesis:
         return options, ()
-    rmse = sensible_rmse(tracks, gaps)
-    return replace(options, rmse=rmse), (f"no bound was given: RMSE {rmse:g} m was estimated from the log",)
+    return estimated(options, sensible_rmse(tracks, gaps), "the log")
+
+
+def estimated(options: Options, rmse: float, source: str) -> tuple[Options, tuple[str, ...]]:
+    """Options with a bound on RMSE and maximum, and what is to be said of it."""
+    maximum = MAXIMUM_OF_RMSE * rmse
+    note = f"no bound was given: RMSE {rmse:g} m and maximum {maximum:g} m were estimated from {source}"
+    return replace(options, rmse=rmse, max_error=maximum), (note,)
 
 
 def kept(tracks: Sequence[Track], options: Options) -> tuple[Section, ...]:
@@ -243,10 +278,11 @@ def _last_resort(job: _Job) -> tuple[Archive, Fit]:
 
     if job.map is not None:
         return _within_bound(replace(job, map=None))
-    bound = job.options.aim.rmse or job.options.aim.max_error
-    if job.options.k is None and bound is not None:
-        archive, fit = _written(job, _Learned(*keep_samples(job.tracks, job.gaps, bound)))
-        if holds(fit, job.options.aim):
+    aim = job.options.aim
+    bounds = [bound for bound in (aim.rmse, aim.max_error) if bound is not None]
+    if job.options.k is None and bounds:
+        archive, fit = _written(job, _Learned(*keep_samples(job.tracks, job.gaps, min(bounds))))
+        if holds(fit, aim):
             return archive, fit
     raise BoundError(f"{_bound(job.options)} can't be held; allow a larger error" + (", or more parts" if job.options.k else ""))
 
@@ -254,7 +290,7 @@ def _last_resort(job: _Job) -> tuple[Archive, Fit]:
 def _written(job: _Job, learned: _Learned) -> tuple[Archive, Fit]:
     made = new_archive(
         learned.frame, job.ids, learned.lattice, layer=job.options.layer, extras=job.extras, on=job.map, halvings=learned.halvings,
-        executor=local(job.executor),
+        executor=local(job.executor), spans=job.spans, step=job.step,
     )  # fmt: skip
     job.tell("measure", 0.0)
     archive = open_archive(made.to_bytes(), job.map)
@@ -267,7 +303,14 @@ def promised(options: Options, fit: Fit) -> Promise | None:
     """The bound that was asked for; where none was, the error that was reached. Nothing where that is not (yet) kept."""
     if options.bounded and not holds(fit, options):
         return None
-    return promise_of(options.max_error or options.rmse or fit.rmse, maximum=options.max_error is not None)
+    return asked(options) if options.bounded else promise_of(fit.rmse, maximum=False)
+
+
+def asked(options: Options) -> Promise | None:
+    """The bound that was asked for, as a promise."""
+    if options.rmse is not None and options.max_error is not None:
+        return promise_of_both(options.rmse, options.max_error)
+    return promise_of(options.max_error or options.rmse or 0.0, maximum=options.max_error is not None)
 
 
 def _learned(job: _Job, target: Options) -> _Learned | None:
@@ -334,9 +377,8 @@ def _excess(fit: Fit, options: Options) -> float:
     """What was reached as a multiple of what was asked for; 0 where nothing was, infinite where a sample has no position."""
     if fit.uncovered:
         return math.inf
-    if options.rmse is not None:
-        return fit.rmse / options.rmse
-    return fit.max_error / options.max_error if options.max_error is not None else 0.0
+    rmse = fit.rmse / options.rmse if options.rmse is not None else 0.0
+    return max(rmse, fit.max_error / options.max_error if options.max_error is not None else 0.0)
 
 
 def _tightened(target: Options, over: float, asked: Options) -> Options | None:
@@ -347,11 +389,10 @@ def _tightened(target: Options, over: float, asked: Options) -> Options | None:
 
 
 def _bound(options: Options) -> str:
-    if options.rmse is not None:
-        return f"RMSE <= {options.rmse:g} m"
     if options.size is not None:
         return f"size <= {options.size} bytes"
-    return "" if options.max_error is None else f"maximum <= {options.max_error:g} m"
+    bounds = {"RMSE": options.rmse, "maximum": options.max_error}
+    return ", ".join(f"{name} <= {bound:g} m" for name, bound in bounds.items() if bound is not None)
 
 
 def report_on(archive: Archive, fit: Fit, options: Options, notes: tuple[str, ...], gap: float, seconds: float) -> Report:

@@ -22,6 +22,7 @@ from gpszip.model.frame import quantum
 from gpszip.model.merge_options import MergeOptions
 from gpszip.model.merge_report import Deviation, MergeReport
 from gpszip.model.promise import Promise, grown_promise
+from gpszip.pipeline.continuing import claimed
 
 __all__ = ["merge"]
 
@@ -126,7 +127,17 @@ def _in_order(merged: Merged, order: Sequence[int], sources: Sequence[_Source], 
     ids = [merged.ids[i] for i in order]
     walks = number_by_visit(replace(merged.lattice, walks=tuple(merged.lattice.walks[i] for i in order)))
     extras, remarks = _kept(sources, ids)
-    return new_archive(merged.frame, ids, walks, layer=layer, extras=extras), remarks
+    return new_archive(merged.frame, ids, walks, layer=layer, extras=extras, spans=_spans(sources, ids)), remarks
+
+
+def _spans(sources: Sequence[_Source], ids: Sequence[str]) -> list[NDArray[np.float64]]:
+    """Seconds at which the pieces of each track begin and end, in the order of time."""
+    runs: dict[str, list[NDArray[np.float64]]] = {name: [] for name in ids}
+    for source in sources:
+        for name, spans in zip(source.ids, claimed(source.archive), strict=True):
+            runs[name].append(spans)
+    whole = (np.concatenate(runs[name]) for name in ids)
+    return [spans[np.argsort(spans[:, 0], kind="stable")] for spans in whole]
 
 
 def _check(archives: Sequence[Archive], names: Sequence[str]) -> None:
@@ -296,7 +307,9 @@ def _measured(sources: Sequence[_Source], made: Archive) -> tuple[Deviation, ...
     """How far each archive's curves were moved, by what the bytes decode to."""
     back = open_archive(made.to_bytes())
     nodes = back.road_map.nodes
-    return tuple(deviation(one.curves, [back.walk(name) for name in one.ids], nodes, one.at_knots) for one in sources)
+    # curves are compared from knot to knot, whatever of them is claimed
+    walks = {walk.id: replace(walk, spans=None) for walk in back.walks}
+    return tuple(deviation(one.curves, [walks[name] for name in one.ids], nodes, one.at_knots) for one in sources)
 
 
 def _promise(sources: Sequence[_Source], moved: Sequence[Deviation]) -> Promise | None:
