@@ -45,8 +45,9 @@ _LETTERS = {0xDC00 + byte: bytes([byte]).decode("cp1252", "replace") for byte in
 #: The word around a replaced byte, to be shown.
 _WORD = re.compile(r"[^\s<>]{0,20}[\ud800-\udfff][^\s<>]{0,20}")
 
-#: The first tag, for files that are damaged within it.
-_TAG = re.compile(r"<([^\s<>/!?]+)")
+#: A tag, and what may hold some that don't count, for files that are damaged before the end of their first tag.
+_TAG = re.compile(r"<(\w[\w:.-]*)")
+_COMMENT = re.compile(r"<!--.*?(?:-->|\Z)", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -187,14 +188,14 @@ def root_of(head: bytes) -> str | None:
     parser.StartElementHandler = lambda name, _attributes: _found(name, names)
     parser.StartDoctypeDeclHandler = lambda name, *_ids: _found(name, names)
     try:
-        parser.Parse(text)
+        parser.Parse(text, True)
     except _FoundError:
         pass
     except expat.ExpatError:
-        names = _TAG.findall(text.decode())[:1]
-        if not names:
-            return None
-    return names[0].rpartition(":")[2] if names else ""
+        names = _TAG.findall(_COMMENT.sub("", text.decode()))[:1]
+    if not names:
+        return "" if text.startswith((b"<?", b"<!")) else None
+    return names[0].rpartition(":")[2]
 
 
 class _FoundError(Exception):
