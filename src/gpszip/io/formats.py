@@ -51,7 +51,7 @@ class Format:
 #: In the order in which they are asked whether they know a file; text comes last, as it is least sure.
 FORMATS: tuple[Format, ...] = (
     Format("parquet", (".parquet", ".pq"), "columns as in CSV; a folder of files, too", sniff_parquet, read_parquet, write_parquet),
-    Format("gpx", (".gpx",), "tracks and routes; points of extensions, too", sniff_gpx, read_gpx, write_gpx),
+    Format("gpx", (".gpx",), "tracks and routes; extensions with --keep", sniff_gpx, read_gpx, write_gpx),
     Format(
         "geojson",
         (".geojson", ".json"),

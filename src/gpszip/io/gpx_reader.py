@@ -1,13 +1,13 @@
-"""GPX: tracks with times, and routes and tracks without times as shapes.
+"""Reading GPX: tracks with times, and tracks and routes without times, which are shapes.
 
-The points are collected by :mod:`gpszip.io.gpx_points` and read here, column by column. The reader is GPSZip's own, as
-those at hand don't fit: GDAL's driver takes ``48,1371`` for 48 and what is no number for 0, and leaves out extensions
-and all times that are not quite as they should be; gpxpy is no longer worked on, and ten times as slow.
+GPSZip has a reader of its own because others lose or change data without a word. GDAL's driver
+reads ``48,1371`` as 48 and takes 0 for what is no number; it leaves out extensions, and times that
+are written in unusual ways. gpxpy has had no release since 2023, and took ten times as long.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,16 +19,17 @@ from gpszip.errors import InputError
 from gpszip.io.arrow_values import numbers, seconds, unit_seconds
 from gpszip.io.coordinates import degrees, has_decimal_comma, unread
 from gpszip.io.gpx import HEIGHTS
-from gpszip.io.gpx_points import GpxPoints, parse_points
+from gpszip.io.gpx_parser import parse_points
+from gpszip.io.gpx_points import GpxPoints
 from gpszip.io.raw_log import RawLog, Request, Unread
 from gpszip.io.source import Source
-from gpszip.io.xml_text import root_of
+from gpszip.io.xml_text import Replaced, root_of
 from gpszip.model.reading import LeftOut, Repair
 
 __all__ = ["read_gpx", "sniff_gpx"]
 
-#: Names for one thing: whoever asks for one of them gets another where the points have that.
-_SAME = (
+#: Names of one quantity. Who asks for one name gets another one that the points have.
+_SYNONYMS = (
     HEIGHTS,
     ("hr", "heart_rate", "heartrate"),
     ("cad", "cadence"),
@@ -36,21 +37,29 @@ _SAME = (
     ("power", "watts"),
 )
 
-#: The element that holds where the agent faces.
-_HEADING = "course"
+#: The element that says where the agent is heading.
+_COURSE = "course"
 
-#: What XML calls a number that is not known.
+#: How XML writes a number that is not known.
 _NAN = r"(?i)^\s*[+-]?nan\s*$"
 
-#: Bytes that a column of texts may take, in which each text takes as many as the longest.
-_TEXT_BYTES = 1 << 30
+#: Bytes that NumPy may take for a column of texts. Each text takes as much as the longest one.
+_MAX_TEXT_BYTES = 1 << 30
+
+#: Letters of a value, and names of elements, that a message shows.
+_SHOWN_LETTERS, _SHOWN_NAMES = 40, 20
 
 Floats = NDArray[np.float64]
-Rows = NDArray[np.bool_]
+Flags = NDArray[np.bool_]
 
 
 def sniff_gpx(head: bytes) -> bool:
     """Whether a file that starts like this is GPX.
+
+    Parameters
+    ----------
+    head : bytes
+        The first bytes of the file.
 
     Examples
     --------
@@ -63,61 +72,69 @@ def sniff_gpx(head: bytes) -> bool:
 def read_gpx(source: Source, request: Request) -> RawLog:
     """Read the tracks and routes of a GPX file.
 
-    The segments of a track with times follow each other, and long pauses between them are gaps. A track without any time
-    and a route are shapes. As nothing is known of the way between two segments of a shape, each segment is a shape of
-    its own.
+    The segments of a track with times are one track; long pauses between them are gaps. A track in
+    which no point has a time is a shape, and so is each route. Nothing tells how a shape goes from
+    one segment to the next, so each segment becomes a shape of its own.
 
     Parameters
     ----------
     source : Source
         The file or stream.
     request : Request
-        Unit of times that are numbers, and elements of the points to keep, those of extensions among them: ``ele``,
-        ``hr``, ``speed``. Common other names of them do as well, such as ``heart_rate``.
+        The unit of times that are numbers, and the elements of points to keep (``ele``, ``hr``,
+        ``speed``), from extensions, too. Other common names of them will do (``heart_rate``).
 
     Returns
     -------
     RawLog
-        Tracks and routes by name, in the order of the file; those of one name are numbered. A point with a latitude or
-        longitude that can't be read has NaN for it. Waypoints are left out.
+        Tracks and routes in the order of the file, with numbers after names that occur twice.
+        Points with a coordinate that can't be read have NaN for it. Waypoints are left out.
 
     Raises
     ------
     InputError
-        If the file is damaged or refused (a document type, or beyond a limit), has no point of a track or route, none
-        with a position, or times of which none can be read; or if no point has what is to be kept.
+        If the file is damaged, has a document type or goes beyond a limit; if no point has a
+        position, or there are times and none can be read; or if no point has an element to keep.
 
     Examples
     --------
     >>> point = '<trkpt lat="48.1" lon="11.5"><time>1970-01-01T00:00:01Z</time><hr>120</hr></trkpt>'
-    >>> source = Source("a.gpx", data=f"<gpx><trk><name>walk</name>{point}</trk></gpx>".encode())
-    >>> log = read_gpx(source, Request(keep=("heart_rate",)))
+    >>> data = f"<gpx><trk><name>walk</name><trkseg>{point}</trkseg></trk></gpx>".encode()
+    >>> log = read_gpx(Source("a.gpx", data=data), Request(keep=("heart_rate",)))
     >>> log.ids, log.times.tolist(), log.coordinates.tolist(), log.attributes["heart_rate"].tolist()
     (('walk',), [1.0], [[48.1, 11.5]], [120.0])
     """
-    # Collect texts.
-    wanted = {other for name in request.keep for other in _same(name)}
-    points = parse_points(source, {"time", *wanted, *((_HEADING,) if request.heading else ())})
+    # Collect the texts of all points.
+    wanted = {field for name in request.keep for field in _fields_named(name)}
+    wanted |= {"time", *((_COURSE,) if request.heading else ())}
+    points, replaced = parse_points(source, wanted)
     if not len(points.lat):
-        raise InputError(f"{source.name}: no track points{_others(points)}; GPSZip reads tracks (trk) and routes (rte)")
-    kept = _kept_fields(points, request, source.name)
+        only = f", only {_waypoints(points)}" if points.waypoints else ""
+        raise InputError(f"{source.name}: no track points{only}; GPSZip reads tracks (trk) and routes (rte)")
 
-    # Tell tracks from shapes.
-    cells = points.fields.get("time", pa.chunked_array([pa.nulls(len(points.lat), pa.string())]))
-    timed = _is_timed(points, cells)
-    ids, codes, shapes = _tracks(points, timed, source.stem)
+    # Tell tracks from shapes, and name both.
+    time_texts = points.fields.get("time", pa.chunked_array([pa.nulls(len(points.lat), pa.string())]))
+    has_times = _has_times(points, time_texts)
+    ids, codes, is_shape = _tracks(points, has_times, source.stem)
 
-    # Read texts as numbers.
+    # Read the texts.
     comma = has_decimal_comma([points.lat, points.lon])
-    coordinates, unplaced = _coordinates(points, comma)
-    time_cells = pc.if_else(pa.array(timed[_parent_of_rows(points)]), cells, None)
-    times = _times(time_cells, request, source.name)
-    found = [*unplaced, unread(time_cells, times, "time")]
-    _require_a_point(source.name, times, coordinates, shapes[codes], unplaced)
+    coordinates, unread_places = _coordinates(points, comma)
+    time_texts_of_tracks = pc.if_else(pa.array(has_times[_parent_of_points(points)]), time_texts, None)
+    times = _times(time_texts_of_tracks, request, source.name)
+    unread_time = unread(time_texts_of_tracks, times, "time")
+    _require_usable_points(source.name, times, coordinates, is_shape[codes], unread_places)
 
+    # Read what else is to be kept.
+    kept = _kept_fields(points, request, source.name)
     attributes = {name: _values(points.fields[field], comma, f"{source.name}: {field}") for name, field in kept.items()}
-    if request.heading and _HEADING in points.fields:
-        attributes |= _headings(numbers(points.fields[_HEADING], comma))
+    used = list(kept.values())
+    if _COURSE in points.fields and request.heading:
+        headings = numbers(points.fields[_COURSE], comma)
+        if np.isfinite(headings).any():
+            attributes["heading"] = headings
+            used.append(_COURSE)
+
     return RawLog(
         name=source.name,
         ids=ids,
@@ -128,150 +145,171 @@ def read_gpx(source: Source, request: Request) -> RawLog:
         attributes=attributes,
         word="point",
         labels=True,
-        dropped=_dropped(points, [*kept.values(), *([_HEADING] if "heading" in attributes else [])]),
-        repairs=_repairs(points, cells, source.name),
-        left_out=_left_out(points, source.name),
-        unread=tuple(cell for cell in found if cell is not None),
-        untimed=frozenset(np.flatnonzero(shapes).tolist()),
+        dropped=_dropped(points, used),
+        repairs=(*_replacements(replaced, source.name), *_ignored_times(points, time_texts, source.name)),
+        left_out=(LeftOut(f"{source.name}: {_waypoints(points)}", "not a track"),) if points.waypoints else (),
+        unread=(*unread_places, *((unread_time,) if unread_time is not None else ())),
+        untimed=frozenset(np.flatnonzero(is_shape).tolist()),
     )
 
 
-def _same(name: str) -> list[str]:
-    """The elements that a name may stand for, itself first."""
-    plain = name.lower()
-    others = next((group for group in _SAME if plain in group), ())
-    return list(dict.fromkeys((plain, *others)))
+# Tracks and shapes
 
 
-def _kept_fields(points: GpxPoints, request: Request, where: str) -> dict[str, str]:
-    """The element to keep for each name that was asked for."""
-    kept = {}
-    there = {field: shown for field, shown in points.present.items() if field != "time"}
-    for name in request.keep:
-        field = next((field for field in _same(name) if field in there), None)
-        if field is None:
-            raise InputError(f"{where}: no {name!r} to keep; its points have: {', '.join(there.values()) or 'place and time only'}")
-        kept[name] = field
-    return kept
+def _parent_of_points(points: GpxPoints) -> NDArray[np.intp]:
+    """Index of the track or route of each point."""
+    return np.repeat(points.parents, _segment_lengths(points))
 
 
-def _dropped(points: GpxPoints, kept: Iterable[str]) -> tuple[str, ...]:
-    others = set(kept) | {"time"}
-    return tuple(shown for field, shown in points.present.items() if field not in others)
+def _segment_lengths(points: GpxPoints) -> NDArray[np.intp]:
+    return np.diff(points.starts, append=len(points.lat))
 
 
-def _parent_of_rows(points: GpxPoints) -> NDArray[np.intp]:
-    """The track or route of each point."""
-    return np.repeat(points.parents, np.diff(points.starts, append=len(points.lat)))
+def _has_times(points: GpxPoints, time_texts: Any) -> Flags:
+    """Whether each track has times, readable or not. Those of routes are plans and don't count."""
+    filled = time_texts.is_valid().to_numpy()
+    has_times = np.zeros(len(points.names), dtype=np.bool_)
+    has_times[_parent_of_points(points)[filled]] = True
+    return has_times & ~points.routes
 
 
-def _is_timed(points: GpxPoints, cells: Any) -> Rows:
-    """Whether each track or route has a time that counts, whether or not it can be read. Routes are planned: theirs don't."""
-    has_time = cells.is_valid().to_numpy()
-    timed = np.zeros(len(points.names), dtype=np.bool_)
-    timed[_parent_of_rows(points)[has_time]] = True
-    return timed & ~points.routes
+def _tracks(points: GpxPoints, has_times: Flags, stem: str) -> tuple[tuple[str, ...], NDArray[np.int32], Flags]:
+    """Return names of tracks and shapes, the index of a name for each point, and which are shapes."""
+    # A track with times starts with its first segment, a shape with each segment.
+    starts_parent = np.diff(points.parents, prepend=-1) > 0
+    starts_track = starts_parent | ~has_times[points.parents]
+    parents = points.parents[starts_track]
+    codes = np.repeat(np.cumsum(starts_track) - 1, _segment_lengths(points)).astype(np.int32)
+    is_shape: Flags = ~has_times[parents]
 
-
-def _tracks(points: GpxPoints, timed: Rows, stem: str) -> tuple[tuple[str, ...], NDArray[np.int32], Rows]:
-    """Names of all tracks and shapes (none for a nameless one that is alone), the code of each point, and which are shapes."""
-    # A track with times is one, whatever its segments; a shape is one segment.
-    first_of_parent = np.diff(points.parents, prepend=-1) > 0
-    is_first = first_of_parent | ~timed[points.parents]
-    parents = points.parents[is_first]
-    codes = np.repeat(np.cumsum(is_first) - 1, np.diff(points.starts, append=len(points.lat))).astype(np.int32)
-    shapes: Rows = ~timed[parents]
-
-    # A nameless track among others is named after the file and numbered.
-    alone = len(points.names) == 1
-    titles = [name if name is not None else stem if alone else f"{stem}-{i + 1}" for i, name in enumerate(points.names)]
-    nameless = points.names == (None,) and len(parents) == 1
-    return (() if nameless else _distinct([titles[i] for i in parents.tolist()])), codes, shapes
+    # What has no name is named after the file, or has none at all where it is alone.
+    if points.names == (None,):
+        titles = [stem]
+        ids = _distinct(titles * len(parents)) if len(parents) > 1 else ()
+    else:
+        titles = [f"{stem}-{number}" if name is None else name for number, name in enumerate(points.names, 1)]
+        ids = _distinct([titles[parent] for parent in parents.tolist()])
+    return ids, codes, is_shape
 
 
 def _distinct(names: Sequence[str]) -> tuple[str, ...]:
-    """Names of which no two are the same: the second ``a`` becomes ``a-2``, or the next such name that is free."""
+    """Number names that occur twice: the second ``a`` becomes ``a-2``, or the next free one."""
     found: dict[str, None] = {}
-    last: dict[str, int] = {}
+    last_number: dict[str, int] = {}
     for name in names:
-        new, number = name, last.get(name, 1)
+        new, number = name, last_number.get(name, 1)
         while new in found:
             number += 1
             new = f"{name}-{number}"
-        last[name] = number
+        last_number[name] = number
         found[new] = None
     return tuple(found)
 
 
-def _coordinates(points: GpxPoints, comma: bool) -> tuple[Floats, list[Unread]]:
-    """Latitudes and longitudes, and the first of each that can't be read."""
-    lat, lon = degrees(points.lat, "lat", decimal_comma=comma), degrees(points.lon, "lon", decimal_comma=comma)
-    found = [_first_unread(points.lat, lat, "lat"), _first_unread(points.lon, lon, "lon")]
-    return np.stack([lat, lon], axis=1), [cell for cell in found if cell is not None]
+# Positions and times
 
 
-def _first_unread(column: Any, values: Floats, name: str) -> Unread | None:
-    """The first cell that can't be read; that holds nothing counts, too, as each point must have a position."""
+def _coordinates(points: GpxPoints, comma: bool) -> tuple[Floats, tuple[Unread, ...]]:
+    """Return latitudes and longitudes, and the first of each that can't be read."""
+    lat = degrees(points.lat, "lat", decimal_comma=comma)
+    lon = degrees(points.lon, "lon", decimal_comma=comma)
+    found = (_first_unread(points.lat, lat, "lat"), _first_unread(points.lon, lon, "lon"))
+    return np.stack([lat, lon], axis=1), tuple(cell for cell in found if cell is not None)
+
+
+def _first_unread(texts: Any, values: Floats, name: str) -> Unread | None:
+    """Return the first coordinate that can't be read, or isn't there: each point must have one."""
     bad = ~np.isfinite(values)
     if not bad.any():
         return None
     row = int(bad.argmax())
-    cell = column[row].as_py()
-    return Unread(name, row, f"no {name}" if cell is None else cell)
+    text = texts[row].as_py()
+    return Unread(name, row, f"no {name}" if text is None else text)
 
 
-def _times(cells: Any, request: Request, where: str) -> Floats:
-    if cells.null_count == len(cells):
-        return np.full(len(cells), np.nan)
+def _times(texts: Any, request: Request, where: str) -> Floats:
+    if texts.null_count == len(texts):
+        return np.full(len(texts), np.nan)
     unit = unit_seconds(request.time_unit) if request.time_unit else None
-    return seconds(cells, unit, f"{where}: time")
+    return seconds(texts, unit, f"{where}: time")
 
 
-def _require_a_point(where: str, times: Floats, coordinates: Floats, in_shape: Rows, unplaced: Sequence[Unread]) -> None:
-    placed: Rows = np.asarray(np.isfinite(coordinates).all(axis=1))
+def _require_usable_points(where: str, times: Floats, coordinates: Floats, in_shape: Flags, unread_places: Sequence[Unread]) -> None:
+    placed: Flags = np.asarray(np.isfinite(coordinates).all(axis=1))
     if not placed.any():
-        first = f"; the first has {unplaced[0].column}={unplaced[0].value!r}" if unplaced else ""
-        raise InputError(f'{where}: no point has a position that can be read{first}; write degrees such as lat="48.1371"')
+        first = unread_places[0]
+        raise InputError(
+            f"{where}: no point has a position that can be read; the first has "
+            f"{first.column}={_shown(first.value)}; write degrees such as lat='48.1371'"
+        )
     if not (placed & (in_shape | np.isfinite(times))).any():
         raise InputError(f"{where}: no point has both a position and a time that can be read")
 
 
-def _values(column: Any, comma: bool, where: str) -> NDArray[np.generic]:
-    """Floats where all cells that hold something are numbers, else texts."""
-    unknown = pc.fill_null(pc.match_substring_regex(column, _NAN), True).to_numpy(zero_copy_only=False)
-    floats = numbers(column, comma)
+# Attributes
+
+
+def _fields_named(name: str) -> list[str]:
+    """Elements that a name may stand for, itself first."""
+    field = name.lower()
+    synonyms = next((group for group in _SYNONYMS if field in group), ())
+    return list(dict.fromkeys((field, *synonyms)))
+
+
+def _kept_fields(points: GpxPoints, request: Request, where: str) -> dict[str, str]:
+    """Return the element to keep for each name that was asked for."""
+    present = {field: shown for field, shown in points.present.items() if field != "time"}
+    kept = {}
+    for name in request.keep:
+        field = next((field for field in _fields_named(name) if field in present), None)
+        if field is None:
+            shown = ", ".join(list(present.values())[:_SHOWN_NAMES]) or "place and time only"
+            raise InputError(f"{where}: no {name!r} to keep; its points have: {shown}")
+        kept[name] = field
+    return kept
+
+
+def _dropped(points: GpxPoints, used: Iterable[str]) -> tuple[str, ...]:
+    known = {"time", *used}
+    return tuple(shown for field, shown in points.present.items() if field not in known)
+
+
+def _values(texts: Any, comma: bool, where: str) -> NDArray[np.generic]:
+    """Return floats where all texts are numbers, NaN for those that are not there; else texts."""
+    unknown = pc.fill_null(pc.match_substring_regex(texts, _NAN), True).to_numpy(zero_copy_only=False)
+    floats = numbers(texts, comma)
     if (np.isfinite(floats) | unknown.astype(np.bool_)).all():
         return floats
-    longest = int(pc.max(pc.utf8_length(column)).as_py() or 0)
-    if longest * np.dtype("U1").itemsize * len(column) > _TEXT_BYTES:
-        raise InputError(f"{where}: holds texts of {longest} letters, too long to keep for {len(column)} points; don't keep it")
-    return np.array(pc.fill_null(column, "").to_pylist(), dtype=np.str_)
+
+    letters = int(pc.max(pc.utf8_length(texts)).as_py())
+    if letters * np.dtype("U1").itemsize * len(texts) > _MAX_TEXT_BYTES:
+        raise InputError(f"{where}: texts of {letters} letters are too long to keep for {len(texts)} points; leave them out")
+    return np.array(pc.fill_null(texts, "").to_pylist(), dtype=np.str_)
 
 
-def _headings(courses: Floats) -> Mapping[str, NDArray[np.generic]]:
-    return {"heading": courses} if np.isfinite(courses).any() else {}
+# What the user must know
 
 
-def _repairs(points: GpxPoints, cells: Any, where: str) -> tuple[Repair, ...]:
-    repairs = []
-    if points.replaced.count:
-        what = "bytes that don't fit the file's encoding read as Windows-1252"
-        repairs.append(Repair(what, points.replaced.count, where, drops=False, value=f"text {points.replaced.first!r}"))
-    planned = np.flatnonzero(cells.is_valid().to_numpy() & points.routes[_parent_of_rows(points)])
-    if len(planned):
-        first = int(planned[0])
-        what = "times of route points not read, as a route is a shape"
-        repairs.append(Repair(what, len(planned), f"{where}: point {first + 1}", drops=False, value=f"time {cells[first].as_py()!r}"))
-    return tuple(repairs)
+def _replacements(replaced: Replaced, where: str) -> tuple[Repair, ...]:
+    if not replaced.count:
+        return ()
+    what = "bytes that don't fit the file's encoding read as Windows-1252"
+    return (Repair(what, replaced.count, where, drops=False, value=f"text {_shown(replaced.first)}"),)
+
+
+def _ignored_times(points: GpxPoints, time_texts: Any, where: str) -> tuple[Repair, ...]:
+    rows = np.flatnonzero(time_texts.is_valid().to_numpy() & points.routes[_parent_of_points(points)])
+    if not len(rows):
+        return ()
+    first = int(rows[0])
+    what = "times of route points not read, as routes are shapes"
+    value = f"time {_shown(time_texts[first].as_py())}"
+    return (Repair(what, len(rows), f"{where}: point {first + 1}", drops=False, value=value),)
 
 
 def _waypoints(points: GpxPoints) -> str:
-    return f"{points.waypoints} waypoint{'s' if points.waypoints > 1 else ''}" if points.waypoints else ""
+    return f"{points.waypoints} waypoint{'' if points.waypoints == 1 else 's'}"
 
 
-def _others(points: GpxPoints) -> str:
-    return f", only {_waypoints(points)}" if points.waypoints else ""
-
-
-def _left_out(points: GpxPoints, where: str) -> tuple[LeftOut, ...]:
-    return (LeftOut(f"{where}: {_waypoints(points)}", "not a track"),) if points.waypoints else ()
+def _shown(text: str) -> str:
+    return repr(text if len(text) <= _SHOWN_LETTERS else text[:_SHOWN_LETTERS] + "...")

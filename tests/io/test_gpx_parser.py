@@ -3,7 +3,7 @@ import gzip
 import pytest
 
 from gpszip.errors import InputError
-from gpszip.io.gpx_points import parse_points
+from gpszip.io.gpx_parser import parse_points
 from gpszip.io.reading import read_logs
 from gpszip.io.source import Source
 
@@ -12,7 +12,7 @@ OPEN, CLOSE = "<gpx>\n<trk><trkseg>\n", "</trkseg></trk></gpx>"
 
 
 def parse(text, fields=("time",)):
-    return parse_points(Source("walk.gpx", data=text.encode() if isinstance(text, str) else text), fields)
+    return parse_points(Source("walk.gpx", data=text.encode() if isinstance(text, str) else text), fields)[0]
 
 
 def refusal(text):
@@ -61,8 +61,8 @@ def test_entities_are_not_known_without_a_document_type():
 
 def test_depth_is_limited_within_points_and_around_them():
     deep = "<a>" * 201 + "</a>" * 201
-    assert "line 3: elements 200 deep" in refusal(OPEN + f'<trkpt lat="1" lon="2">{deep}</trkpt>' + CLOSE)
-    assert "line 3: elements 200 deep" in refusal(OPEN + deep + CLOSE)
+    assert "line 3: elements more than 200 deep" in refusal(OPEN + f'<trkpt lat="1" lon="2">{deep}</trkpt>' + CLOSE)
+    assert "line 3: elements more than 200 deep" in refusal(OPEN + deep + CLOSE)
     shallow = "<a>" * 150 + "</a>" * 150
     assert len(parse(OPEN + shallow + f'<trkpt lat="1" lon="2">{shallow}</trkpt>' + CLOSE).lat) == 1
 
@@ -130,7 +130,7 @@ def test_gzip_is_unpacked_and_damaged_gzip_refused():
         (OPEN + POINT + POINT[:30], "line 4: damaged GPX: the file ends within <trkseg>, after"),
         ("\n\n" + OPEN + POINT + POINT[:10], "line 6: damaged GPX: the file ends within <trkseg>, after 1 point;"),
         (f"<g:gpx><g:trk>{POINT}", "with </g:trk></g:gpx> after the last whole point"),
-        ("<?xml version='1.0'?>", "the file ends before its first element"),
+        ("<?xml version='1.0'?>", "the file ends within its first element"),
         (f"{OPEN}<name>Tom & Jerry</name>", "line 3: damaged GPX: not well-formed (invalid token), after 0 points; write & as &amp;"),
         (f"{OPEN}{POINT}<name>\x07</name>", "line 4: damaged GPX: not well-formed (invalid token)"),
         (f"{OPEN}{POINT}</trk>", "line 4: damaged GPX: mismatched tag, after 1 point; close each element"),
