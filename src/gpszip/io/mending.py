@@ -37,6 +37,8 @@ class Piece:
         Name of the log.
     label : bool
         Whether the id is a title that other tracks may share.
+    timed : bool
+        Whether the track has times; those of a shape number its points.
     """
 
     id: str | None
@@ -45,6 +47,7 @@ class Piece:
     attributes: Mapping[str, NDArray[np.generic]]
     where: str
     label: bool
+    timed: bool = True
 
     def take(self, rows: NDArray[np.bool_] | slice) -> Piece:
         """Keep some of the samples."""
@@ -79,12 +82,22 @@ def mend(raw: RawLog, *, sort: bool = False, split: bool = False) -> tuple[list[
     if sort and split:
         raise OptionError("--sort and --split exclude each other")
     repairs: list[Repair] = []
+    raw = _with_shapes_in_order(raw)
     rows = _usable(raw, repairs)
     if raw.geographic:
         rows = _on_globe(raw, rows, repairs)
     rows, starts = _in_order(raw, rows, sort, split, repairs)
     rows, starts = _distinct(raw, rows, starts, repairs)
     return _pieces(raw, rows, starts), repairs
+
+
+def _with_shapes_in_order(raw: RawLog) -> RawLog:
+    """Number the points of tracks without times, so that they stay in the order of travel."""
+    if not raw.untimed:
+        return raw
+    codes = np.zeros(len(raw.times), np.int64) if raw.codes is None else raw.codes
+    shapes = np.isin(codes, list(raw.untimed))
+    return replace(raw, times=np.where(shapes, np.arange(len(codes), dtype=np.float64), raw.times))
 
 
 def _usable(raw: RawLog, repairs: list[Repair]) -> NDArray[np.intp]:
@@ -186,6 +199,8 @@ def _pieces(raw: RawLog, rows: NDArray[np.intp], starts: NDArray[np.bool_]) -> l
     seen: set[str] = set()
     for first, last in pairwise(bounds):
         piece = whole.take(slice(first, last))
+        code = 0 if raw.codes is None else int(raw.codes[rows[first]])
+        piece = replace(piece, timed=code not in raw.untimed)
         if raw.codes is not None:
             name = raw.ids[int(raw.codes[rows[first]])]
             name = unused(name, seen.union(raw.ids)) if name in seen else name
