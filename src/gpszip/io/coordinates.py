@@ -15,7 +15,10 @@ from numpy.typing import NDArray
 
 from gpszip.io.raw_log import Unread
 
-__all__ = ["degrees", "has_decimal_comma", "has_packed_minutes", "is_text", "texts", "unread"]
+__all__ = ["HEMISPHERES", "Axis", "degrees", "has_decimal_comma", "has_packed_minutes", "is_text", "texts", "unread"]
+
+Axis = Literal["lat", "lon"]
+Floats = NDArray[np.float64]
 
 #: Largest degrees of each axis. Longitudes from 180 to 360 are degrees, too, but no longitude with a hemisphere.
 _LIMIT = {"lat": 90, "lon": 180}
@@ -23,7 +26,8 @@ _LIMIT = {"lat": 90, "lon": 180}
 #: Minutes of a degree, and seconds of a minute.
 _SIXTY = 60
 
-_HEMISPHERES = {
+#: What a column beside the latitude or longitude may say, and the sign that it means.
+HEMISPHERES: dict[Axis, dict[str, float]] = {
     "lat": {"n": 1.0, "north": 1.0, "s": -1.0, "south": -1.0},
     "lon": {"e": 1.0, "east": 1.0, "w": -1.0, "west": -1.0},
 }
@@ -54,9 +58,6 @@ _LETTERED = (
 _FORMS = tuple(
     rf"^(?P<before>[NSEWnsew]?)\s*(?P<sign>[+-]?){form}\s*(?P<after>[NSEWnsew]?)$" for form in (_DEGREES, _MINUTES, _SECONDS, _LETTERED)
 )
-
-Axis = Literal["lat", "lon"]
-Floats = NDArray[np.float64]
 
 
 def degrees(
@@ -309,7 +310,7 @@ def _signs(column: Any, axis: Axis) -> Floats:
     """1 for north and east, -1 for south and west, NaN for all else."""
     if not is_text(column.type):
         return np.full(len(column), np.nan)
-    names = _HEMISPHERES[axis]
+    names = HEMISPHERES[axis]
     index = pc.index_in(pc.utf8_lower(texts(column)), pa.array(list(names)))
     signs: Floats = np.append(list(names.values()), np.nan)
     found: Floats = signs[pc.fill_null(index, -1).to_numpy(zero_copy_only=False)]
