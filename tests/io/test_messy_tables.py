@@ -147,7 +147,7 @@ def test_names_of_rows_are_no_names_of_tracks(read):
     log = read("uuid,t,lat,lon\n" + rows)
     assert len(log.places) == 40
     (told,) = log.repairs.values()
-    assert told.what == "column 'uuid' names every row: not used as track id; --columns id=uuid uses it"
+    assert told.what == "rows named one by one in column 'uuid', which is no track id; --columns id=uuid makes it one"
     assert not told.drops
     assert len(read("uuid,t,lat,lon\n" + rows, columns="id=uuid").tracks) == 40
     assert len(read("uuid,t,lat,lon\n" + rows, columns="id,t,lat,lon").tracks) == 40

@@ -313,8 +313,9 @@ def _unpacked(values: Floats) -> Floats:
 
 def _marked(text: Any, axis: Axis) -> tuple[Floats, NDArray[np.bool_]]:
     """Read cells with a hemisphere, or with minutes and seconds; and tell which have a hemisphere."""
-    for plain, others in _ALIKE.items():
-        text = pc.replace_substring_regex(text, f"[{others}]", plain)
+    if not pc.all(pc.string_is_ascii(text)).as_py():
+        for plain, others in _ALIKE.items():
+            text = pc.replace_substring_regex(text, f"[{others}]", plain)
     text = pc.utf8_trim_whitespace(pc.replace_substring(text, "''", '"'))
 
     # The forms exclude each other: at most one of them fits a cell.

@@ -191,7 +191,7 @@ def table_log(
 
 
 def _told(name: str, rows: int, where: str) -> Repair:
-    what = f"column {name!r} names every row: not used as track id; --columns id={name} uses it"
+    what = f"rows named one by one in column {name!r}, which is no track id; --columns id={name} makes it one"
     return Repair(what, rows, where, drops=False)
 
 

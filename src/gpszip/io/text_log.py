@@ -182,7 +182,7 @@ def read_text_log(source: Source, columns: Any = None, **options: Any) -> TextLo
     records, first = _records(source.read().decode(encoding), dialect.header)
     by_role = request.columns if isinstance(request.columns, Mapping) else None
     roles = find_roles(dialect.names, by_role, (), source.name, cells=dialect.some)
-    _check_plain(dialect, roles, source.name)
+    _check_plain(dialect, roles, records[first - 1] if first else "", source.name)
     log = _Named("".join(_numbered(records, first, dialect.delimiter)).encode(encoding), source.name)
     names = [*dialect.names, _ROW] if isinstance(request.columns, tuple) else columns
     try:
@@ -193,10 +193,11 @@ def read_text_log(source: Source, columns: Any = None, **options: Any) -> TextLo
     return TextLog(reading, records, dialect, roles, first)
 
 
-def _check_plain(dialect: Dialect, roles: Roles, where: str) -> None:
+def _check_plain(dialect: Dialect, roles: Roles, header: str, where: str) -> None:
     """Refuse tables to which no row can be added in the way in which they are written."""
-    if dialect.spare:
-        raise InputError(f"{where}: its rows have a cell more than its header; name that column, and rows can be added")
+    titles = next(csv.reader([header.rstrip("\r\n")], delimiter=dialect.delimiter), [])
+    if dialect.spare or (len(titles) == dialect.width + 1 and not titles[-1].strip()):
+        raise InputError(f"{where}: its header and its rows differ by an empty cell; give them as many cells, and rows can be added")
     cells = [cell for axis in roles.axes for cell in dialect.cells(axis)]
     odd = next((cell for cell in cells if not looks_like_number(cell.replace(",", "."))), None)
     if roles.sides or (odd is not None and odd.strip()[-1:] in "NSEWnsew\"'"):
