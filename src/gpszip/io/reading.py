@@ -71,7 +71,7 @@ def read_logs(
     time_unit : str, optional
         ``s``, ``ms``, ``us`` or ``ns`` of times that are numbers; told from their size where left out.
     clean : bool
-        Drop spikes, see :func:`gpszip.geo.spikes.find_spikes`.
+        Drop spikes, see :func:`gpszip.geo.spikes.find_spikes`, and positions at 0,0 where all others are far from there.
     sort, split : bool
         What to do where time goes back: put the points in order, or start a new track.
     keep : sequence of str
@@ -80,7 +80,7 @@ def read_logs(
         Keep a column of headings (``heading``, ``bearing``, ``course``, ...; the course of GPX points), where there is one, as the
         attribute ``heading``: degrees clockwise from north, NaN where not known.
     skip_bad : bool
-        Leave out logs that can't be read, instead of raising.
+        Leave out logs that can't be read, and positions off the globe, instead of raising.
 
     Returns
     -------
@@ -107,7 +107,7 @@ def read_logs(
         account.logs.add(source.log if isinstance(source, Source) else str(source))
         try:
             raw = _read(source, format, request)
-            _add(account, raw, *mend(raw, sort=sort, split=split), source)
+            _add(account, raw, *mend(raw, sort=sort, split=split, skip_bad=skip_bad, clean=clean), source)
         except InputError as error:
             if not skip_bad:
                 raise
