@@ -38,7 +38,7 @@ def drive(tmp_path):
 def test_lines_tell_when_where_and_how_sure(shell, drive, streets, tmp_path):
     done = shell("match", drive, "--network", streets, "-o", "routes.geojson")
     assert done.returncode == 0, done.stderr
-    assert b"140 points in 2 tracks, 100.0 % on 2 routes" in done.stderr
+    assert b"matched 100 % of 140 points in 2 tracks on 2 routes of 1.3" in done.stderr
     assert b"sigma" in done.stderr
     assert b"breaks: none" in done.stderr
     found = json.loads((tmp_path / "routes.geojson").read_text())
@@ -60,6 +60,7 @@ def test_rows_tell_the_place_of_every_point(gpszip, drive, streets, tmp_path):
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == [
         "track_id", "t", "x", "y", "road_x", "road_y", "distance", "piece", "road", "forward", "offset", "along", "confidence",
+        "reason", "against",
     ]  # fmt: skip
     assert len(rows) == 140
     assert rows[70]["track_id"] == "bus, red"
@@ -71,8 +72,9 @@ def test_rows_tell_the_place_of_every_point(gpszip, drive, streets, tmp_path):
 def test_json_has_the_numbers(gpszip, drive, streets):
     done = gpszip("match", drive, "--network", streets, "-o", "routes.geojson", "--json", "--sigma", "5m", "--beta", "7m")
     assert done.code == 0
-    assert {key: done.json[key] for key in ("points", "tracks", "pieces", "matched", "sigma", "beta", "breaks")} == {
+    assert {key: done.json[key] for key in ("points", "tracks", "pieces", "matched", "sigma", "beta", "breaks", "unmatched", "one_way")} == {
         "points": 140, "tracks": 2, "pieces": 2, "matched": 1.0, "sigma": 5.0, "beta": 7.0, "breaks": {},
+        "unmatched": {}, "one_way": [],
     }  # fmt: skip
 
 
@@ -110,7 +112,7 @@ def test_standard_output_carries_the_routes(shell, drive, streets):
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(b"track_id,t,x,y")
     assert len(done.stdout.splitlines()) == 141
-    assert done.stderr.startswith(b"standard output: 140 points")
+    assert done.stderr.startswith(b"standard output: matched 100 % of 140 points")
 
 
 def test_a_break_is_counted(gpszip, drive, streets, tmp_path):

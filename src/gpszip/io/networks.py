@@ -231,7 +231,11 @@ def _for_users(roads: JoinedRoads, parts: list[Any], near: Sequence[Track], repa
 
 
 def _of_motors(tracks: Sequence[Track]) -> bool:
-    fast = [np.linalg.norm(np.diff(track.positions, axis=0), axis=1) / np.diff(track.times) for track in tracks if len(track) > 1]
+    fast = [
+        np.linalg.norm(np.diff(track.positions, axis=0), axis=1) / np.diff(track.times)
+        for track in tracks
+        if track.timed and len(track) > 1
+    ]
     return bool(fast) and bool(np.quantile(np.concatenate(fast), 0.95) > _MOTORS)
 
 
