@@ -366,6 +366,8 @@ def _lines(source: Source | InputError, metric: bool | None) -> RoadLines:
     packed = head.startswith(b"BZh") and source.name.lower().endswith(".osm.bz2")
     if packed or b"OSMHeader" in head[:64] or (text[:1] == b"<" and b"<osm" in text[:4096]):
         return read_osm_lines(_path(source), source.name)
+    if text[:1] == b"<" and b"<!ENTITY" in text:
+        raise InputError(f"{source.name}: declares XML entities, which are not expanded; write it without them")
     if text[:1] == b"<" and b"<graphml" in text[:4096]:
         with source.open() as stream:
             return read_graphml_lines(stream, source.name, metric=metric)

@@ -12,6 +12,7 @@ from gpszip.kernels.match_roads import Work
 from gpszip.kernels.match_roads import apart as distance_between
 from gpszip.kernels.match_search import find_way
 from gpszip.kernels.match_trace import Legs, draw, place_samples
+from gpszip.matching.averaging import white_noise
 from gpszip.matching.chain import Chain
 from gpszip.matching.index import RoadIndex
 from gpszip.matching.rules import apart, model_of, reach, slack
@@ -24,6 +25,9 @@ _FAR = 100.0
 
 #: A piece shorter than this share of what its samples move stays at one place: so much way is made by errors.
 _NOTHING = 0.1
+
+#: Errors of a standing receiver wander: within an hour by so many times what they change from sample to sample.
+_WANDER = 100.0
 
 
 def route_of(index: RoadIndex, legs: Legs) -> Route:
@@ -112,7 +116,18 @@ def _claims_nothing(chain: Chain, scales: Scales, first: int, last: int) -> bool
     a, b = int(chain.used[first - before]), int(chain.used[last + behind])
     places = chain.stretch.positions[a : b + 1]
     moved = float(np.sqrt(((places - chain.stretch.positions[chain.used[first]]) ** 2).sum(axis=1)).max())
-    return moved > (apart(scales) if before or behind else slack(scales)) and length <= _NOTHING * moved
+    if length > _NOTHING * moved:
+        return False
+    return moved > (apart(scales) if before or behind else _standing(chain, scales))
+
+
+def _standing(chain: Chain, scales: Scales) -> float:
+    """Metres that samples of a standing agent may lie apart.
+
+    The error tells it, but not where the whole log is far off the roads; then the samples' own noise does.
+    """
+    noise = white_noise(chain.stretch.positions, chain.stretch.silent)
+    return min(slack(scales), max(_WANDER * noise, 0.5 * scales.error)) if noise else slack(scales)
 
 
 def _taken_off(chain: Chain, leg: NDArray[np.int64], spans: list[tuple[int, int]]) -> NDArray[np.int64]:
