@@ -226,6 +226,11 @@ class Archive:
         """
         return [(piece.id, piece.positions) for piece in self.decompress()]
 
+    @property
+    def pieces(self) -> Mapping[str, str]:
+        """Name of the track to which each piece belongs, by the names that :meth:`decompress` gives to pieces."""
+        return {name: track for track, pieces in self._pieces.items() for name, _ in pieces}
+
     def decompress(self) -> list[Track]:
         """Tracks of the knots, between which every track is linear in time.
 

@@ -20,8 +20,8 @@ from gpszip.io.quotes import check_quotes
 from gpszip.io.raw_log import RawLog, Request
 from gpszip.io.source import Source
 from gpszip.io.table import table_log
+from gpszip.io.track_rows import TrackRows
 from gpszip.io.track_table import track_tables
-from gpszip.model import Track
 from gpszip.model.reading import Repair
 
 __all__ = [
@@ -126,20 +126,20 @@ def read_csv(source: Source, request: Request) -> RawLog:
     return table_log(table.columns, dialect.names, roles, request, source.name, first=dialect.header + 1, repairs=repairs)
 
 
-def write_csv(tracks: Iterable[Track], sink: BinaryIO, decimals: int) -> None:
+def write_csv(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
     """Write tracks as ``track_id,t,x,y[,z]`` or ``track_id,t,lat,lon``, and their attributes.
+
+    Tracks without times have empty cells for ``t``; where no track has times, there is no such column.
 
     Parameters
     ----------
-    tracks : iterable of Track
+    tracks : iterable of TrackRows
         All in x and y, or all on the earth.
     sink : binary file
         Where to.
-    decimals : int
-        Of metres; degrees have five more, seconds have six.
     """
     head = True
-    for table in track_tables(tracks, decimals):
+    for table in track_tables(tracks):
         if head:
             sink.write((",".join(_quoted(name) for name in table.column_names) + "\n").encode())
         head = False

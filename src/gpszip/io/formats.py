@@ -14,8 +14,8 @@ from gpszip.io.gpx_reader import read_gpx, sniff_gpx
 from gpszip.io.parquet_log import read_parquet, sniff_parquet, write_parquet
 from gpszip.io.raw_log import RawLog, Request
 from gpszip.io.source import Source
+from gpszip.io.track_rows import TrackRows
 from gpszip.io.xml_text import root_of
-from gpszip.model import Track
 
 __all__ = ["FORMATS", "Format", "format_for_reading", "format_for_writing", "format_named"]
 
@@ -45,7 +45,7 @@ class Format:
     about: str
     sniff: Callable[[bytes], bool]
     read: Callable[[Source, Request], RawLog]
-    write: Callable[[Iterable[Track], BinaryIO, int], None] | None
+    write: Callable[[Iterable[TrackRows], BinaryIO], None] | None
 
 
 #: In the order in which they are asked whether they know a file; text comes last, as it is least sure.

@@ -1,7 +1,8 @@
-"""Tracks written as GPX, with times to the millisecond."""
+"""GPX: writing tracks."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from typing import Any, BinaryIO
 from xml.sax.saxutils import escape
@@ -9,68 +10,84 @@ from xml.sax.saxutils import escape
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-from numpy.typing import NDArray
 
 from gpszip.errors import OutputError
-from gpszip.geo.planes import to_geographic
-from gpszip.io.track_table import DEGREE_DIGITS, decimal
-from gpszip.model import Track
+from gpszip.io.track_rows import TrackRows, as_lines, decimal
 
-__all__ = ["HEIGHTS", "write_gpx"]
+__all__ = ["HEIGHTS", "unwritable", "write_gpx"]
 
 #: What the height above the sea is called; GPX has room for one such column.
 HEIGHTS = ("alt", "altitude", "ele", "elevation", "height")
-_YEAR_1, _YEAR_10000 = -62_135_596_800_000, 253_402_300_800_000  # milliseconds
+#: Seconds since 1970 of the first day that a date can name, and of the first one that it can't.
+_YEAR_1, _YEAR_10000 = -62_135_596_800, 253_402_300_800
+#: Letters that XML 1.0 can't hold, not even as a reference.
+_NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
-def write_gpx(tracks: Iterable[Track], sink: BinaryIO, decimals: int) -> None:
-    """Write each track as a ``trk`` of one segment; times count from 1970.
+def write_gpx(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
+    """Write each track as a ``trk``, with a ``trkseg`` for each piece between gaps; times count from 1970.
+
+    A track that crosses the antimeridian begins a new segment there. Points of tracks without times have no ``time``. Letters
+    that XML can't hold, see :func:`unwritable`, are written as the replacement character U+FFFD.
 
     Parameters
     ----------
-    tracks : iterable of Track
+    tracks : iterable of TrackRows
         On the earth; an attribute ``ele`` or ``alt`` is kept.
     sink : binary file
         Where to.
-    decimals : int
-        Of metres; degrees have five more, seconds have three.
 
     Raises
     ------
     OutputError
-        If a track is in x and y.
+        If a track is in x and y, or its times can't be dates.
     """
     sink.write(b'<?xml version="1.0" encoding="UTF-8"?>\n<gpx version="1.1" creator="GPSZip" xmlns="http://www.topografix.com/GPX/1/1">\n')
-    for track in tracks:
-        if track.plane is None:
-            raise OutputError("GPX holds latitudes and longitudes, but this log is in x and y; write CSV, Parquet or GeoJSON")
-        sink.write(f"<trk><name>{_xml(track.id)}</name><trkseg>\n".encode())
-        lines = _trackpoints(track, decimals + DEGREE_DIGITS)
-        sink.write("\n".join(lines.to_pylist()).encode())
-        sink.write(b"\n</trkseg></trk>\n")
+    for name, lines in as_lines(tracks):
+        sink.write(f"<trk><name>{_xml(name)}</name>".encode())
+        for line in lines:
+            if not line.geographic:
+                raise OutputError("GPX holds latitudes and longitudes, but this log is in x and y; write CSV, Parquet or GeoJSON")
+            sink.write(b"<trkseg>\n")
+            sink.write("\n".join(_trackpoints(line).to_pylist()).encode())
+            sink.write(b"\n</trkseg>")
+        sink.write(b"</trk>\n")
     sink.write(b"</gpx>\n")
 
 
+def unwritable(name: str) -> bool:
+    r"""Whether a name has letters that XML 1.0 can't hold, not even escaped: most control characters, and two others.
+
+    Examples
+    --------
+    >>> unwritable("walk <1> & \U0001f6b6"), unwritable("bell \a")
+    (False, True)
+    """
+    return _NOT_XML.search(name) is not None
+
+
 def _xml(text: str) -> str:
-    return escape("".join(letter for letter in text if letter >= " " or letter in "\t\n\r"), {"\r": "&#13;"})
+    return escape(_NOT_XML.sub("\ufffd", text), {"\r": "&#13;"})
 
 
-def _trackpoints(track: Track, digits: int) -> Any:
-    lat, lon = to_geographic(track.positions[:, :2], track.plane)  # type: ignore[arg-type]
-    milliseconds = np.rint(track.times * 1000)
-    if milliseconds[0] < _YEAR_1 or milliseconds[-1] >= _YEAR_10000:
-        raise OutputError(f"track {track.id!r}: times outside the years 1 to 9999 can't be dates; write CSV")
-    when = pc.strftime(pa.array(milliseconds.astype(np.int64), pa.timestamp("ms", "UTC")), "%Y-%m-%dT%H:%M:%SZ")
-    parts = ['<trkpt lat="', _digits(lat, digits), '" lon="', _digits(lon, digits), '">', *_ele(track), "<time>", when, "</time></trkpt>"]
-    return pc.binary_join_element_wise(*parts, "")
+def _trackpoints(line: TrackRows) -> Any:
+    lat, lon = (pc.cast(pa.array(axis), pa.string()) for axis in line.places.T)
+    return pc.binary_join_element_wise('<trkpt lat="', lat, '" lon="', lon, '">', *_ele(line), *_time(line), "</trkpt>", "")
 
 
-def _digits(degrees: NDArray[np.float64], digits: int) -> Any:
-    return pc.cast(pa.array(decimal(degrees, digits)), pa.string())
+def _time(line: TrackRows) -> list[Any]:
+    """Dates in milliseconds where these are all that times have, else in microseconds."""
+    if line.times is None:
+        return []
+    if line.times[0] < _YEAR_1 or line.times[-1] >= _YEAR_10000:
+        raise OutputError(f"track {line.track!r}: times outside the years 1 to 9999 can't be dates; write CSV")
+    unit, per_second = ("ms", 1e3) if np.array_equal(decimal(line.times, 3), line.times) else ("us", 1e6)
+    instants = pa.array(np.rint(line.times * per_second).astype(np.int64), pa.timestamp(unit, "UTC"))
+    return ["<time>", pc.strftime(instants, "%Y-%m-%dT%H:%M:%SZ"), "</time>"]
 
 
-def _ele(track: Track) -> list[Any]:
-    heights = next((track.attributes[name] for name in HEIGHTS if name in track.attributes), None)
+def _ele(line: TrackRows) -> list[Any]:
+    heights = next((line.attributes[name] for name in HEIGHTS if name in line.attributes), None)
     if heights is None:
         return []
     known = pa.array(np.isfinite(heights.astype(np.float64)))

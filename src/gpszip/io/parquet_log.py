@@ -13,8 +13,8 @@ from gpszip.io.columns import find_roles
 from gpszip.io.raw_log import RawLog, Request
 from gpszip.io.source import Source
 from gpszip.io.table import table_log
+from gpszip.io.track_rows import TrackRows
 from gpszip.io.track_table import track_tables
-from gpszip.model import Track
 
 __all__ = ["parquet_dataset", "read_parquet", "sniff_parquet", "write_parquet"]
 
@@ -58,21 +58,19 @@ def read_parquet(source: Source, request: Request) -> RawLog:
     return table_log(table.columns, titles, roles, request, source.name)
 
 
-def write_parquet(tracks: Iterable[Track], sink: BinaryIO, decimals: int) -> None:
+def write_parquet(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
     """Write tracks with the columns that :func:`gpszip.io.csv_log.write_csv` has.
 
     Parameters
     ----------
-    tracks : iterable of Track
+    tracks : iterable of TrackRows
         All in x and y, or all on the earth.
     sink : binary file
         Where to.
-    decimals : int
-        Of metres; degrees have five more, seconds have six.
     """
     import pyarrow.parquet as pq
 
-    tables = track_tables(tracks, decimals)
+    tables = track_tables(tracks)
     first = next(tables)
     with pq.ParquetWriter(sink, first.schema) as writer:
         writer.write_table(first)

@@ -97,6 +97,7 @@ def join_roads(lines: RoadLines) -> JoinedRoads:
     """
     repairs = list(lines.repairs)
     lines = _whole(lines, repairs)
+    lines = _on_one_antimeridian(lines)
     places, at = _places(lines)
     lines, at = _moving(lines, at, repairs)
     lines, at = _united(lines, at, repairs, whole=True)
@@ -120,6 +121,14 @@ def join_roads(lines: RoadLines) -> JoinedRoads:
         names=lines.names,
         repairs=tuple(repairs),
     )
+
+
+def _on_one_antimeridian(lines: RoadLines) -> RoadLines:
+    """Lines that were cut at the antimeridian meet there again: -180 degrees are 180."""
+    if not lines.geographic or not (lines.coordinates[:, 0] == -180.0).any():
+        return lines
+    lon, lat = lines.coordinates.T
+    return replace(lines, coordinates=np.stack([np.where(lon == -180.0, 180.0, lon), lat], axis=1))
 
 
 def _whole(lines: RoadLines, repairs: list[Repair]) -> RoadLines:

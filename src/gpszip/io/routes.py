@@ -14,10 +14,11 @@ import pyarrow.csv as pc
 from numpy.typing import NDArray
 
 from gpszip.errors import OutputError
+from gpszip.geo.degree_lines import cut_lines
 from gpszip.geo.planes import to_geographic
 from gpszip.io.geojson import METRES
 from gpszip.io.sink import writing
-from gpszip.io.track_table import DEGREE_DIGITS, TIME_DECIMALS, decimal
+from gpszip.io.track_rows import DEGREE_DIGITS, TIME_DECIMALS, decimal
 from gpszip.model import Network, Plane, Track
 from gpszip.model.match import Break, Match, Matching, Piece
 
@@ -108,14 +109,25 @@ def _unmatched(match: Match, track: Track, network: Network) -> Iterator[dict[st
 
 def _features(match: Match, track: Track, network: Network) -> Iterator[dict[str, Any]]:
     for number, piece in enumerate(match.pieces):
-        line = _places(piece.line if len(piece.line) > 1 else np.repeat(piece.line, 2, axis=0), network.plane).tolist()
+        line = _places(piece.line if len(piece.line) > 1 else np.repeat(piece.line, 2, axis=0), network.plane)
         properties = _properties(match, number, piece, track) | {"roads": _roads(piece, network)}
         if network.names is not None:
             properties["names"] = _street_names(piece, network.names)
         against = [name for one in match.breaks if one.after == piece.last and one.edges for name in _labels(one, network)]
         if against:
             properties["against"] = against
-        yield {"type": "Feature", "properties": properties, "geometry": {"type": "LineString", "coordinates": line}}
+        yield {"type": "Feature", "properties": properties, "geometry": _geometry(line, network.plane)}
+
+
+def _geometry(line: NDArray[np.float64], plane: Plane | None) -> dict[str, Any]:
+    """A line, in two or more parts where it crosses the antimeridian (RFC 7946, 3.1.9)."""
+    if plane is None:
+        return {"type": "LineString", "coordinates": line.tolist()}
+    found = cut_lines(line, np.array([0, len(line)]), decimals=_DECIMALS + DEGREE_DIGITS)
+    parts = [part.tolist() for part in np.split(found.points, found.cuts)]
+    if len(parts) == 1:
+        return {"type": "LineString", "coordinates": parts[0]}
+    return {"type": "MultiLineString", "coordinates": parts}
 
 
 def _properties(match: Match, number: int, piece: Piece, track: Track) -> dict[str, Any]:

@@ -6,7 +6,19 @@ import math
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-__all__ = ["DIGITS", "EXPONENTS", "FEW_DIGITS", "GROWN", "MOST_OVER", "Promise", "grown_promise", "promise_of", "promise_of_both"]
+__all__ = [
+    "DIGITS",
+    "EXPONENTS",
+    "FEW_DIGITS",
+    "GROWN",
+    "MOST_OVER",
+    "WRITING_SHARE",
+    "Promise",
+    "grown_promise",
+    "promise_of",
+    "promise_of_both",
+    "writing_error",
+]
 
 #: What a promise may have as digits, and as exponents of ten.
 DIGITS, EXPONENTS = range(1, 1000), range(-8, 7)
@@ -16,6 +28,13 @@ MOST_OVER = range(4)
 
 #: Steps by which merges may have made a promise larger, and the digits that it has then; a factor 2 has so many steps.
 GROWN, FEW_DIGITS, _DOUBLE = range(1, 63), range(1, 100), 16
+
+#: Share of the error promised by which tracks may move when they are written to a file, as numbers are rounded there and
+#: straight lines are straight in degrees.
+WRITING_SHARE = 1 / 500
+
+#: Metres by which tracks may move when they are written: at most, and where nothing is promised.
+_MOST_WRITING_ERROR, _WRITING_ERROR = 1.0, 0.01
 
 
 @dataclass(frozen=True)
@@ -119,3 +138,16 @@ def grown_promise(before: float, metres: float, *, maximum: bool) -> Promise | N
             if promise.metres >= metres:
                 return promise
     return promise_of(metres, maximum=maximum)
+
+
+def writing_error(promise: Promise | None) -> float:
+    """Metres by which tracks may move when they are written to a file, so little that the promise means the file, too.
+
+    Examples
+    --------
+    >>> writing_error(Promise(1, 1, maximum=True)), writing_error(None)
+    (0.02, 0.01)
+    """
+    if promise is None:
+        return _WRITING_ERROR
+    return min(promise.before * WRITING_SHARE, _MOST_WRITING_ERROR)

@@ -290,7 +290,7 @@ def _finished(options: Options, archive: Archive, fit: Fit) -> tuple[Archive, Fi
 
 def _within_bound(job: _Job) -> tuple[Archive, Fit]:
     """Learn, write, read back and measure, until the bound is held."""
-    target: Options | None = job.options
+    target: Options | None = job.options.aim
     failures = 0
     while target is not None:
         learned = _learned(job, target)
@@ -299,11 +299,11 @@ def _within_bound(job: _Job) -> tuple[Archive, Fit]:
             target = _tightened(target, 1.0 + 0.1 * failures, job.options) if failures < _FAILURES else None
             continue
         archive, fit = _written(job, learned)
-        if holds(fit, job.options):
+        if holds(fit, job.options.aim):
             return archive, fit
         if fit.uncovered:
             break
-        target = _tightened(target, _excess(fit, job.options), job.options)
+        target = _tightened(target, _excess(fit, job.options.aim), job.options)
     return _last_resort(job)
 
 
@@ -314,11 +314,12 @@ def _last_resort(job: _Job) -> tuple[Archive, Fit]:
 
     if job.map is not None:
         return _within_bound(replace(job, map=None))
-    bounds = [bound for bound in (job.options.rmse, job.options.max_error) if bound is not None]
+    aim = job.options.aim
+    bounds = [bound for bound in (aim.rmse, aim.max_error) if bound is not None]
     if job.options.k is None and bounds:
         for share in _VERBATIM_SHARES if job.untimed else (1.0,):
             archive, fit = _written(job, _Learned(*keep_samples(paced(job.tracks, job.gaps), job.gaps, share * min(bounds))))
-            if holds(fit, job.options):
+            if holds(fit, aim):
                 return archive, fit
     raise BoundError(f"{_bound(job.options)} can't be held; allow a larger error" + (", or more parts" if job.options.k else ""))
 

@@ -235,7 +235,7 @@ def _within_bound(job: Job, kept: Sequence[Section]) -> tuple[Archive, Fit]:
             if job.map is not None:
                 break
             continue
-        if holds(found, job.options):
+        if holds(found, job.options.aim):
             return _finished(job, archive, found, kept), found
     if job.map is not None:
         return _within_bound(replace(job, map=None), kept)
@@ -245,7 +245,7 @@ def _within_bound(job: Job, kept: Sequence[Section]) -> tuple[Archive, Fit]:
 def _grounds(job: Job) -> Iterator[Ground]:
     """What batches may be laid on: ever finer, until they hold the bound."""
     for share in SHARES:
-        target = job.options.tightened(share)
+        target = job.options.aim.tightened(share)
         if job.map is not None:
             yield ground_on(job.map, job, target)
             continue
