@@ -1,3 +1,4 @@
+import csv
 import io
 import json
 
@@ -5,23 +6,50 @@ import numpy as np
 
 from gpszip.io.routes import write_routes
 from gpszip.matching.match import match
-from gpszip.model import Network, Plane, Track
-
-DATE_LINE = Plane(((-170000000, 1800000000),))
+from gpszip.model import Network, Track
 
 
-def test_routes_are_cut_at_the_antimeridian():
-    line = np.array([[-150.0, 0.0], [150.0, 0.0]])
-    both = np.ones(1, np.bool_)
-    road = Network(
-        nodes=line, starts=np.array([0], np.int32), ends=np.array([1], np.int32), offsets=np.array([0, 2]), points=line,
-        forward=both, backward=both, speeds=np.full(1, np.nan), plane=DATE_LINE,
-    )  # fmt: skip
-    east = np.arange(-140.0, 141.0, 20.0)
-    bus = Track("bus", 5.0 * np.arange(len(east)), np.stack([east, np.full(len(east), 2.0)], axis=1), plane=DATE_LINE)
-    out = io.BytesIO()
-    write_routes(match([bus], road, sigma=5.0), [bus], road, out, "geojson")
-    (feature,) = json.loads(out.getvalue())["features"]
-    assert feature["geometry"]["type"] == "MultiLineString"
-    assert [[np.sign(lon) for lon, _ in part] for part in feature["geometry"]["coordinates"]] == [[1, 1], [-1, -1]]
-    assert [part[end][0] for part, end in zip(feature["geometry"]["coordinates"], (-1, 0), strict=True)] == [180, -180]
+def street(names):
+    """Three roads in a row, the last of which leads back only."""
+    nodes = np.array([[0, 0], [100, 0], [200, 0], [300, 0]], float)
+    starts, ends = np.arange(3, dtype=np.int32), np.arange(1, 4, dtype=np.int32)
+    points = np.stack((nodes[:-1], nodes[1:]), axis=1).reshape(-1, 2)
+    forward, both = np.array([True, True, False]), np.ones(3, bool)
+    return Network(nodes, starts, ends, 2 * np.arange(4), points, forward, both, np.full(3, np.nan), ["a", "b", "c"], names=names)
+
+
+def written(tracks, network, kind):
+    stream = io.BytesIO()
+    write_routes(match(tracks, network), tracks, network, stream, kind)
+    return stream.getvalue().decode()
+
+
+def test_routes_bear_the_names_of_their_streets():
+    drive = Track("car", np.arange(0, 21.0), np.stack((10.0 * np.arange(21), np.zeros(21)), axis=1))
+    (route,) = json.loads(written([drive], street(["Main St", "Main St", ""]), "geojson"))["features"]
+    assert (route["properties"]["roads"], route["properties"]["names"]) == (["a", "b"], ["Main St"])
+    rows = list(csv.DictReader(io.StringIO(written([drive], street(["Main St", "", ""]), "csv"))))
+    assert (rows[0]["road"], rows[0]["name"], rows[-1]["road"], rows[-1]["name"]) == ("a", "Main St", "b", "")
+    (bare,) = json.loads(written([drive], street(None), "geojson"))["features"]
+    assert "names" not in bare["properties"]
+    assert "name" not in next(csv.DictReader(io.StringIO(written([drive], street(None), "csv"))))
+
+
+def test_a_route_tells_the_road_against_which_its_track_goes_on():
+    drive = Track("car", np.arange(0, 31.0), np.stack((10.0 * np.arange(31), np.zeros(31)), axis=1))
+    found = json.loads(written([drive], street(["", "", "Back Ln"]), "geojson"))
+    (route,) = found["features"]
+    assert (route["properties"]["end"], route["properties"]["against"]) == ("one-way", ["Back Ln"])
+    (rest,) = found["unmatched"]
+    assert (rest["reason"], rest["against"], rest["t_end"]) == ("one-way", ["Back Ln"], 30.0)
+    assert rest["points"] + route["properties"]["points"] == 31
+
+
+def test_what_has_no_times_is_written_without():
+    shape = Track("plan", [0, 60, 150], [[0, 0], [60, 0], [150, 0]], timed=False)
+    drive = Track("car", np.arange(0, 21.0), np.stack((10.0 * np.arange(21), np.zeros(21)), axis=1))
+    plan, car = json.loads(written([shape, drive], street(None), "geojson"))["features"]
+    assert (plan["properties"]["length"], "t_start" in plan["properties"], "t_end" in plan["properties"]) == (150.0, False, False)
+    assert car["properties"]["t_end"] == 20.0
+    rows = list(csv.DictReader(io.StringIO(written([shape, drive], street(None), "csv"))))
+    assert [row["t"] for row in rows[:4]] == ["", "", "", "0"]

@@ -71,7 +71,12 @@ def ends_of(spans: Sequence[NDArray[np.float64]], walks: LatticeWalks, frame: Fr
     >>> TICKS[ends.tick], ends.first.tolist(), ends.last.tolist()
     ((30, 1), [0], [3])
     """
-    pieces = [_claimed(own, _windows(walk, frame)) for own, walk in zip(spans, walks.walks, strict=True)]
+    windows = [_windows(walk, frame) for walk in walks.walks]
+    pieces = [
+        # any time on the coarsest tick will do for what has no times
+        np.full_like(window, frame.epoch / 1000) if number in walks.untimed else _claimed(own, window)
+        for number, (own, window) in enumerate(zip(spans, windows, strict=True))
+    ]
     since = np.concatenate(pieces) - frame.epoch / 1000 if pieces else np.zeros((0, 2))
     tick, first, last = _on_ticks(since, max(_SHARE_OF_STEP * step, min(_ROUNDED, step)))
 

@@ -15,7 +15,21 @@ from numpy.typing import NDArray
 
 from gpszip.io.raw_log import Unread
 
-__all__ = ["degrees", "has_decimal_comma", "has_packed_minutes", "is_text", "texts", "unread"]
+__all__ = [
+    "HEMISPHERES",
+    "Axis",
+    "degrees",
+    "has_decimal_comma",
+    "has_decimal_point",
+    "has_packed_minutes",
+    "is_text",
+    "plain_numbers",
+    "texts",
+    "unread",
+]
+
+Axis = Literal["lat", "lon"]
+Floats = NDArray[np.float64]
 
 #: Largest degrees of each axis. Longitudes from 180 to 360 are degrees, too, but no longitude with a hemisphere.
 _LIMIT = {"lat": 90, "lon": 180}
@@ -23,7 +37,8 @@ _LIMIT = {"lat": 90, "lon": 180}
 #: Minutes of a degree, and seconds of a minute.
 _SIXTY = 60
 
-_HEMISPHERES = {
+#: What a column beside the latitude or longitude may say, and the sign that it means.
+HEMISPHERES: dict[Axis, dict[str, float]] = {
     "lat": {"n": 1.0, "north": 1.0, "s": -1.0, "south": -1.0},
     "lon": {"e": 1.0, "east": 1.0, "w": -1.0, "west": -1.0},
 }
@@ -54,9 +69,6 @@ _LETTERED = (
 _FORMS = tuple(
     rf"^(?P<before>[NSEWnsew]?)\s*(?P<sign>[+-]?){form}\s*(?P<after>[NSEWnsew]?)$" for form in (_DEGREES, _MINUTES, _SECONDS, _LETTERED)
 )
-
-Axis = Literal["lat", "lon"]
-Floats = NDArray[np.float64]
 
 
 def degrees(
@@ -98,7 +110,7 @@ def degrees(
     >>> degrees(cells, "lat").round(6).tolist()
     [48.137, 48.137, -48.137, nan, nan]
     """
-    values = _plain(column, decimal_comma)
+    values = plain_numbers(column, decimal_comma)
     if packed_minutes:
         values = _unpacked(values)
     lettered = np.zeros(len(values), dtype=np.bool_)
@@ -131,7 +143,23 @@ def has_decimal_comma(columns: Iterable[pa.ChunkedArray]) -> bool:
     (False, False)
     """
     cells = [texts(column) for column in columns if is_text(column.type)]
-    return any(_any(column, r"\d,\d") for column in cells) and not any(_any(column, r"\d\.|\.\d|\d,\d+,\d") for column in cells)
+    return any(_any(column, r"\d,\d") for column in cells) and not has_decimal_point(cells)
+
+
+def has_decimal_point(columns: Iterable[pa.ChunkedArray]) -> bool:
+    """Whether some text has a point beside a digit, or several commas between digits: its commas are no decimal ones.
+
+    Parameters
+    ----------
+    columns : iterable of pyarrow.ChunkedArray
+        All coordinates of a log.
+
+    Examples
+    --------
+    >>> has_decimal_point([pa.chunked_array([["48,1", "48.2"]])]), has_decimal_point([pa.chunked_array([["48,1"]])])
+    (True, False)
+    """
+    return any(_any(texts(column), r"\d\.|\.\d|\d,\d+,\d") for column in columns if is_text(column.type))
 
 
 def has_packed_minutes(lat: pa.ChunkedArray, lon: pa.ChunkedArray, *, decimal_comma: bool = False) -> bool:
@@ -157,7 +185,7 @@ def has_packed_minutes(lat: pa.ChunkedArray, lon: pa.ChunkedArray, *, decimal_co
     """
     proofs = []
     for column, limit, digits in ((lat, _LIMIT["lat"], 4), (lon, _LIMIT["lon"], 5)):
-        values = _plain(column, decimal_comma)
+        values = plain_numbers(column, decimal_comma)
         known = values[np.isfinite(values)]
         if not len(known) or (np.abs(known) % 100 >= _SIXTY).any() or (np.abs(known) // 100 > limit).any():
             return False
@@ -210,8 +238,26 @@ def texts(column: pa.ChunkedArray) -> Any:
     return pc.utf8_trim_whitespace(pc.cast(column, pa.string()))
 
 
-def _plain(column: Any, decimal_comma: bool) -> Floats:
-    """Numbers, and text that is nothing but a decimal number; NaN for all else."""
+def plain_numbers(column: pa.ChunkedArray, decimal_comma: bool = False) -> Floats:
+    """Read a column of numbers, or of text that is nothing but a decimal number.
+
+    Parameters
+    ----------
+    column : pyarrow.ChunkedArray, shape (n,)
+        Numbers, or text.
+    decimal_comma : bool, default False
+        Whether text writes 1,5 for one and a half; see :func:`has_decimal_comma`.
+
+    Returns
+    -------
+    float64 array, shape (n,)
+        NaN for all else.
+
+    Examples
+    --------
+    >>> plain_numbers(pa.chunked_array([["1.5", " -2e3 ", "1,5", "nan", "12 m"]])).tolist()
+    [1.5, -2000.0, nan, nan, nan]
+    """
     if pa.types.is_dictionary(column.type):
         column = pc.cast(column, column.type.value_type)
     if is_text(column.type):
@@ -267,8 +313,9 @@ def _unpacked(values: Floats) -> Floats:
 
 def _marked(text: Any, axis: Axis) -> tuple[Floats, NDArray[np.bool_]]:
     """Read cells with a hemisphere, or with minutes and seconds; and tell which have a hemisphere."""
-    for plain, others in _ALIKE.items():
-        text = pc.replace_substring_regex(text, f"[{others}]", plain)
+    if not pc.all(pc.string_is_ascii(text)).as_py():
+        for plain, others in _ALIKE.items():
+            text = pc.replace_substring_regex(text, f"[{others}]", plain)
     text = pc.utf8_trim_whitespace(pc.replace_substring(text, "''", '"'))
 
     # The forms exclude each other: at most one of them fits a cell.
@@ -309,7 +356,7 @@ def _signs(column: Any, axis: Axis) -> Floats:
     """1 for north and east, -1 for south and west, NaN for all else."""
     if not is_text(column.type):
         return np.full(len(column), np.nan)
-    names = _HEMISPHERES[axis]
+    names = HEMISPHERES[axis]
     index = pc.index_in(pc.utf8_lower(texts(column)), pa.array(list(names)))
     signs: Floats = np.append(list(names.values()), np.nan)
     found: Floats = signs[pc.fill_null(index, -1).to_numpy(zero_copy_only=False)]

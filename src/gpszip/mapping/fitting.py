@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
 from gpszip.kernels.along import positions_along
+from gpszip.mapping.shapes import shape_error
 from gpszip.model.track import Track
 from gpszip.model.walk import Walk
 
@@ -113,6 +114,8 @@ def synchronised_errors(track: Track, walk: Walk, nodes: NDArray[np.float64]) ->
 def fit(tracks: Sequence[Track], walks: Sequence[Walk], nodes: NDArray[np.float64]) -> Fit:
     """Measure walks against their tracks at every sample, all samples alike.
 
+    Tracks without times are compared at equal shares of the way, at all places of it; their mean counts as often as they have points.
+
     Parameters
     ----------
     tracks : sequence of Track
@@ -124,6 +127,10 @@ def fit(tracks: Sequence[Track], walks: Sequence[Walk], nodes: NDArray[np.float6
     """
     squares, worst, uncovered = 0.0, 0.0, 0
     for track, walk in zip(tracks, walks, strict=True):
+        if not track.timed:
+            mean, most = shape_error(track.positions, nodes[walk.nodes])
+            squares, worst = squares + len(track) * mean, max(worst, most)
+            continue
         errors = synchronised_errors(track, walk, nodes)
         covered = errors[~np.isnan(errors)]
         squares += float(covered @ covered)

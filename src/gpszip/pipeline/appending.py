@@ -15,11 +15,10 @@ from gpszip.container.attributes import Kept, attributes_body
 from gpszip.container.contents import Section
 from gpszip.container.layout import Kind
 from gpszip.errors import BoundError, OptionError
-from gpszip.geo.gaps import estimate_gap, silences
-from gpszip.geo.sampling import sampling_step
 from gpszip.mapping.connected import suited_time_step
 from gpszip.mapping.fitting import SLACK
 from gpszip.mapping.lattice_map import join_lattices, knot_times, node_positions
+from gpszip.mapping.shapes import paced
 from gpszip.model import Executor, LatticeWalk, LatticeWalks, Listener, Options, Report, Track
 from gpszip.model.frame import quantum
 from gpszip.model.lattice import refined
@@ -88,11 +87,12 @@ def append(
     options = completed(options or Options(), archive)
     whole = laid_on(archive, checked(tracks), options)
     compressing.kept(whole, options)
-    gap = estimate_gap(whole) if options.gap is None else options.gap
-    silent = [silences(track, gap) for track in whole]
-    sampling = sampling_step(whole, silent)
-    starts = {track.id: float(track.times[0]) for track in whole}
-    archive = ready_to_continue(archive, starts, suited_time_step(whole, silent, archive.frame.space))
+    gap, silent = compressing.gaps_of(whole, options.gap)
+    sampling = compressing.sampling_of(whole, silent)
+    check_goes_on(archive, whole)
+    starts = {track.id: float(track.times[0]) for track in whole if track.timed}
+    suited = suited_time_step(paced(whole, silent), silent, archive.frame.space)
+    archive = ready_to_continue(archive, starts, suited)
     led = tuple(_led_on(archive, track, gap) if track.id in archive.ids else track for track in whole)
     for share in SHARES:
         aim = replace(options.tightened(share), gap=gap, keep=(), keep_times=False)
@@ -105,6 +105,13 @@ def append(
         if compressing.holds(found, options.aim):
             return both, _report(report, both, found)
     raise BoundError("the archive's lattice is too coarse for this bound; allow a larger error, or compress all logs together")
+
+
+def check_goes_on(archive: Archive, tracks: Sequence[Track]) -> None:
+    """Refuse tracks that would go on with, or as, one that has no times."""
+    for track in tracks:
+        if track.id in archive.ids and (not track.timed or track.id in archive.untimed):
+            raise OptionError(f"track {track.id!r} is in the archive, and one of both has no times; give it another name")
 
 
 def _led_on(archive: Archive, track: Track, gap: float) -> Track:
@@ -151,10 +158,12 @@ def grown(archive: Archive, on_map: Archive, gap: float, sampling: float | None,
     walks = dict(zip(archive.ids, lattice.walks[: len(archive.ids)], strict=True))
     for name, walk in zip(on_map.ids, lattice.walks[len(archive.ids) :], strict=True):
         walks[name] = _gone_on(name, walks[name], walk, most) if name in walks else walk
+    shapes = {*archive.untimed, *on_map.untimed}
+    untimed = frozenset(number for number, name in enumerate(walks) if name in shapes)
     united = new_archive(
         on_map.frame,
         tuple(walks),
-        number_by_visit(LatticeWalks(lattice.nodes, tuple(walks.values()))),
+        number_by_visit(LatticeWalks(lattice.nodes, tuple(walks.values()), untimed=untimed)),
         layer=archive.contents.layer,
         extras=extras,
         spans=_spans_of_both(archive, on_map, tuple(walks)),

@@ -45,7 +45,7 @@ def ready_to_continue(archive: Archive, starts: Mapping[str, float], suited: flo
         The same archive where nothing has to change.
     """
     halvings = _halvings(archive.frame, suited)
-    late = [name for name, start in starts.items() if name in archive.ids and start < float(_last_knot(archive, name))]
+    late = [name for name, start in starts.items() if name in archive.ids and start < _last_knot(archive, name)]
     if not late and halvings == 0:
         return archive
 
@@ -59,7 +59,7 @@ def ready_to_continue(archive: Archive, starts: Mapping[str, float], suited: flo
         number = archive.ids.index(name)
         walks[number], own = _cut(walks[number], archive.lattice.nodes, sum(map(len, nodes)), _end_cell(archive, name, frame))
         nodes.append(own)
-    lattice = number_by_visit(LatticeWalks(np.concatenate(nodes), tuple(walks)))
+    lattice = number_by_visit(LatticeWalks(np.concatenate(nodes), tuple(walks), untimed=archive.lattice.untimed))
     made = new_archive(frame, archive.ids, lattice, layer=archive.contents.layer, extras=archive.contents.extras, spans=claimed(archive))
     return promising(replace(made, contents=replace(made.contents, sampling=archive.contents.sampling)), archive.promise)
 
@@ -68,7 +68,9 @@ def claimed(archive: Archive) -> list[NDArray[np.float64]]:
     """Seconds at which each piece of each track begins and ends, shape (pieces, 2)."""
     spans = []
     for walk in archive.walks:
-        assert walk.times is not None
+        if walk.times is None:
+            spans.append(np.zeros((0, 2)))
+            continue
         first, last = np.append(True, walk.gaps), np.append(walk.gaps, True)
         spans.append(np.stack([walk.times[first], walk.times[last]], axis=1) if walk.spans is None else walk.spans)
     return spans
@@ -77,7 +79,7 @@ def claimed(archive: Archive) -> list[NDArray[np.float64]]:
 def end_of(archive: Archive, name: str) -> float:
     """Time in seconds at which a track ends in an archive."""
     walk = archive.walk(name)
-    return float(_last_knot(archive, name) if walk.spans is None else walk.spans[-1, 1])
+    return _last_knot(archive, name) if walk.spans is None else float(walk.spans[-1, 1])
 
 
 def _last_knot(archive: Archive, name: str) -> float:
