@@ -304,6 +304,12 @@ def test_control_characters_are_kept_where_the_format_can_hold_them():
     assert not any(map(unwritable, TITLES))
 
 
+@pytest.mark.parametrize("format_", ["csv", "geojson", "gpx", "parquet"])
+def test_half_a_letter_is_refused(format_):
+    with pytest.raises(OutputError, match="half a letter"):
+        written([on_earth("caf\udcc3", 2)], format_)
+
+
 def gpx_times(track, **options):
     return [time for _, parts in gpx_tracks(written([track], "gpx", **options)) for part in parts for *_, time in part]
 

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import BinaryIO
 
+from gpszip.errors import OutputError
 from gpszip.io.formats import format_for_writing
 from gpszip.io.sink import writing
 from gpszip.io.track_rows import TIME_DECIMALS, TrackRows, straight_rows, track_rows
@@ -74,6 +75,7 @@ def write_tracks(
     def rows() -> Iterator[TrackRows]:
         nonlocal count
         for track in tracks:
+            _check_name(track.id)
             whole = None if pieces is None else pieces.get(track.id)
             if within is None:
                 made = track_rows(track, decimals, whole)
@@ -85,3 +87,10 @@ def write_tracks(
     with writing(sink) as stream:
         chosen.write(rows(), stream)
     return count
+
+
+def _check_name(name: str) -> None:
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        raise OutputError(f"track {name!r}: its name holds half a letter, which can't be written; give the track another name") from None
