@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.cli.engine import engine_options, running
-from gpszip.cli.options import Settings, common, force, output
+from gpszip.cli.options import Settings, common, force, output, time_options
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.signals import ending_cleanly
 from gpszip.cli.units import SIZE
@@ -35,6 +35,7 @@ _DECIMALS, _ROWS = 6, 1 << 20
 @click.option("--split", is_flag=True, help="Begin a new track where time goes back.")
 @click.option("--skip-bad", is_flag=True, help="Leave out logs that can't be read, name them, end with exit code 3.")
 @click.option("--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north, or names in order.")
+@time_options
 @click.option("--format", metavar="FORMAT", help="Format of the logs; found from the content where left out.")
 @engine_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")

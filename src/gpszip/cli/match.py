@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpszip.cli.options import Settings, common, force, output
+from gpszip.cli.options import Settings, common, force, output, time_options
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH, Quantity
 
@@ -39,6 +39,7 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 @click.option("--format", "kind", metavar="FORMAT", help="Instead of the output's suffix: geojson, or csv with a row for each point.")
 @click.option("--skip-bad", is_flag=True, help="Leave out logs that can't be read, name them, end with exit code 3.")
 @click.option("--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north,heading=course.")
+@time_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @force
 @common
@@ -59,7 +60,8 @@ def command(settings: Settings, /, logs: tuple[str, ...], network: tuple[str, ..
 
     start = time.perf_counter()
     with progress(quiet=choices["quiet"] or settings.json) as listener:
-        reading = pipeline.read(logs, skip_bad=choices["skip_bad"], columns=choices["columns"], heading=choices["heading"] != math.inf)
+        how = {name: choices[name] for name in ("skip_bad", "columns", "time_unit", "dates")}
+        reading = pipeline.read(logs, **how, heading=choices["heading"] != math.inf)
         roads = pipeline.read_network(list(network), near=reading.tracks)
         scales = {name: choices[name] for name in ("sigma", "beta", "gap", "heading")}
         matching = pipeline.match(reading.tracks, roads.network, **scales, progress=listener)

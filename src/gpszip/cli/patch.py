@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpszip.cli.options import Settings, common, force, output
+from gpszip.cli.options import Settings, common, force, output, time_options
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION
 
@@ -36,7 +36,7 @@ _NAMED = 20
 @click.option(
     "--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north, or names in order for a log without a header."
 )
-@click.option("--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Unit of a time column; found from its size where left out.")
+@time_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @force
 @common
@@ -54,7 +54,7 @@ def command(settings: Settings, /, logs: tuple[str, ...], network: tuple[str, ..
     from gpszip.io.text_log import read_to_write_again
 
     start = time.perf_counter()
-    names = ("columns", "time_unit", "sort", "split", "skip_bad")
+    names = ("columns", "time_unit", "dates", "sort", "split", "skip_bad")
     reading, text = read_to_write_again(list(logs), heading=True, **{name: choices[name] for name in names})
     roads = pipeline.read_network(list(network), near=reading.tracks)
     patching = pipeline.patch(reading.tracks, roads.network, gap=choices["gap"])

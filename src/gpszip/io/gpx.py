@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OutputError
 from gpszip.geo.planes import to_geographic
-from gpszip.io.arrow_values import seconds
 from gpszip.io.raw_log import RawLog, Request, unused
 from gpszip.io.source import Source
+from gpszip.io.timestamps import seconds
 from gpszip.io.track_table import DEGREE_DIGITS, decimal
 from gpszip.model import Track
 from gpszip.model.reading import LeftOut
@@ -75,7 +75,8 @@ def read_gpx(source: Source, request: Request) -> RawLog:
     if not len(geometry):
         raise InputError(f"{source.name}: no track points{_others(data)}; GPSZip reads tracks (trk)")
     points = _coordinates(geometry, source.name)
-    times = seconds(pa.chunked_array([pa.array(columns["time"], pa.string())]), None, f"{source.name}: time")
+    cells = pa.chunked_array([pa.array(columns["time"], pa.string())])
+    times = seconds(cells, None, f"{source.name}: time", dates=request.dates)
     if np.isnan(times).all():
         raise InputError(f"{source.name}: no point has a time; GPSZip needs the times of the points")
     fids, codes = np.unique(columns["track_fid"], return_inverse=True)

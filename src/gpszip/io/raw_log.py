@@ -23,17 +23,21 @@ class Request:
     columns : str, sequence of str, or mapping of str to str, optional
         Names of the columns by position, or the column for each role (``{"t": "when", "x": "east"}``).
     time_unit : str, optional
-        ``s``, ``ms``, ``us`` or ``ns``; found from the size of the numbers where left out.
+        Unit of times that are numbers, one of :data:`gpszip.io.timestamps.TIME_UNITS`; found from their size where left out.
     keep : tuple of str
         Further columns to keep as attributes.
     heading : bool
         Keep headings, too, as attribute ``heading``, where there are some.
+    dates : str, optional
+        ``dmy``, ``mdy`` or ``ymd``, the order of day, month and year in dates such as 03/04/2024; found from the whole column
+        where left out.
     """
 
     columns: Mapping[str, str] | tuple[str, ...] | None = None
     time_unit: str | None = None
     keep: tuple[str, ...] = ()
     heading: bool = False
+    dates: str | None = None
 
 
 @dataclass(frozen=True)
@@ -92,6 +96,10 @@ class RawLog:
     untimed : frozenset of int
         Codes of the tracks that have no times at all, and are read as shapes; 0 stands for the track of a log that names none.
         Their rows hold NaN for the time and are in the order of travel.
+    unit_guessed : bool
+        Whether times are numbers whose unit nobody but their size or column tells.
+    time_of_day : bool
+        Whether times are seconds from midnight, as the log has no dates.
     """
 
     name: str
@@ -109,6 +117,8 @@ class RawLog:
     left_out: tuple[LeftOut, ...] = ()
     unread: tuple[Unread, ...] = ()
     untimed: frozenset[int] = frozenset()
+    unit_guessed: bool = False
+    time_of_day: bool = False
 
 
 def unused(name: str, taken: Container[str]) -> str:

@@ -46,6 +46,7 @@ def read_logs(
     format: str | None = None,
     columns: str | Sequence[str] | Mapping[str, str] | None = None,
     time_unit: str | None = None,
+    dates: str | None = None,
     clean: bool = False,
     sort: bool = False,
     split: bool = False,
@@ -69,7 +70,11 @@ def read_logs(
     columns : str, sequence of str, or mapping of str to str, optional
         ``t,x,y`` names the columns by position, ``t=when,x=east,y=north`` by name.
     time_unit : str, optional
-        ``s``, ``ms``, ``us`` or ``ns`` of times that are numbers; told from their size where left out.
+        ``s``, ``ms``, ``us``, ``ns``, ``days``, ``excel`` (days from 1899-12-30) or ``matlab`` (days from the year 0) of times that
+        are numbers; told from their size where left out.
+    dates : str, optional
+        ``dmy``, ``mdy`` or ``ymd``, the order of day, month and year in dates such as 03/04/2024; told from the whole column where
+        left out.
     clean : bool
         Drop spikes, see :func:`gpszip.geo.spikes.find_spikes`.
     sort, split : bool
@@ -101,7 +106,7 @@ def read_logs(
     >>> [(track.id, len(track)) for track in reading.tracks], reading.points, reading.lost
     ([('007', 2)], 3, 1)
     """
-    request = Request(parse_columns(columns), time_unit, (keep,) if isinstance(keep, str) else tuple(keep), heading)
+    request = Request(parse_columns(columns), time_unit, (keep,) if isinstance(keep, str) else tuple(keep), heading, dates)
     account = _Account()
     for source in expand(sources):
         account.logs.add(source.log if isinstance(source, Source) else str(source))

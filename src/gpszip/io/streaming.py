@@ -116,6 +116,7 @@ def store_logs(
     format: str | None = None,
     columns: str | Sequence[str] | Mapping[str, str] | None = None,
     time_unit: str | None = None,
+    dates: str | None = None,
     sort: bool = False,
     split: bool = False,
     skip_bad: bool = False,
@@ -131,7 +132,7 @@ def store_logs(
         As for :func:`gpszip.io.reading.read_logs`.
     rows : int
         How many rows may be in memory at once; each takes about 100 bytes.
-    format, columns, time_unit, sort, split, skip_bad, keep, clean
+    format, columns, time_unit, dates, sort, split, skip_bad, keep, clean
         As for :func:`gpszip.io.reading.read_logs`.
     plane : Plane, optional
         Where positions on the earth are to be laid; chosen for them where left out.
@@ -157,7 +158,7 @@ def store_logs(
     """
     if sort and split:
         raise OptionError("--sort and --split exclude each other")
-    request = Request(parse_columns(columns), time_unit, tuple(keep))
+    request = Request(parse_columns(columns), time_unit, tuple(keep), dates=dates)
     shards, size, errors = _planned(sources, format, request, skip_bad)
     with ExitStack() as stack:
         room = stack.enter_context(scratch())

@@ -30,7 +30,10 @@ __all__ = ["TextLog", "read_text_log", "read_to_write_again"]
 
 _ROW = "gpszip_row"
 
-_ISO = re.compile(r"(\d{4})-(\d\d)-(\d\d)([T ])(\d\d):(\d\d):(\d\d)(?:[.,](\d+))?(.*)")
+_ISO = re.compile(r"(\d{4})-(\d\d)-(\d\d)([T ])([01]\d|2[0-3]):(\d\d):([0-5]\d)(?:[.,](\d+))?(.*)")
+
+#: Seconds of a day, numbers for a second below which they are days, and decimals of days that are written at least.
+_DAY, _DAILY, _DAY_DECIMALS = 86_400, 1e-3, 9
 
 #: Decimals of seconds and metres that are added at least; degrees have five more.
 _DECIMALS = 2
@@ -103,7 +106,10 @@ class TextLog:
         if roles.id is not None:
             row[roles.id] = cells[0][roles.id]
         when = track.times[patch.after : patch.after + 2].tolist()
-        clock = _Clock.of([cell[roles.time[-1]] for cell in cells], when, patch.times)
+        if len(roles.time) == 1:
+            clock = _Clock.of([cell[roles.time[-1]] for cell in cells], when, patch.times)
+        else:  # of a date and a time of day, the latter may hold both
+            clock = _Clock(when[0], None, 1, _fraction(float(patch.times[0]) - when[0], 0), False, None)
         axes = [_decimals([cell[axis] for cell in cells], roles.geographic) for axis in roles.axes]
         answer = []
         columns = (patch.times.tolist(), _coordinates(patch, track).tolist(), patch.confidence.tolist(), self._places(patch, numbers))
@@ -174,7 +180,7 @@ def read_text_log(source: Source, columns: Any = None, **options: Any) -> TextLo
     InputError
         If it can't be read as text with columns.
     """
-    request = Request(parse_columns(columns), options.get("time_unit"))
+    request = Request(parse_columns(columns), options.get("time_unit"), dates=options.get("dates"))
     dialect = dialect_of(source.head(), request, source.name)
     encoding = whole_encoding(source, dialect)
     dialect = Dialect(encoding, dialect.delimiter, dialect.header, dialect.names, dialect.rows)
@@ -239,7 +245,7 @@ class _Clock:
 
     start: float
     number: Decimal | None
-    unit: int
+    unit: float
     decimals: int
     comma: bool
     stamp: re.Match[str] | None
@@ -254,9 +260,12 @@ class _Clock:
         except ArithmeticError:
             return cls(when[0], None, 1, _fraction(rhythm, 0), comma, _ISO.fullmatch(texts[0].strip()))
         scale = float(other - one) / (when[1] - when[0])
-        unit = int(10 ** max(round(np.log10(max(scale, 1e-3)) / 3) * 3, 0))
+        if scale < _DAILY:
+            unit, least = 1 / _DAY, _DAY_DECIMALS
+        else:
+            unit, least = 10.0 ** max(round(np.log10(scale) / 3) * 3, 0), 0
         places = max(-int(number.as_tuple().exponent) for number in (one, other))
-        return cls(when[0], one, unit, max(places, _fraction(rhythm * unit, max(places, 0))), comma, None)
+        return cls(when[0], one, unit, max(places, least, _fraction(rhythm * unit, max(places, 0))), comma, None)
 
     def text(self, time: float) -> str:
         """One time."""
