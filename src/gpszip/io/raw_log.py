@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gpszip.model.reading import LeftOut, Repair
 
-__all__ = ["RawLog", "Request", "Unread", "unused"]
+__all__ = ["Guess", "RawLog", "Request", "Unread", "unused"]
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,22 @@ class Unread:
     value: str
 
 
+@dataclass(frozen=True)
+class Guess:
+    """A unit of times that the user hasn't said.
+
+    Parameters
+    ----------
+    unit : str
+        One of :data:`gpszip.io.timestamps.TIME_UNITS`.
+    named : bool
+        Whether the name of the column says it, rather than the size of the numbers.
+    """
+
+    unit: str
+    named: bool
+
+
 @dataclass(frozen=True, eq=False)
 class RawLog:
     """One log as its columns; rows that can't be used hold NaN.
@@ -96,10 +112,12 @@ class RawLog:
     untimed : frozenset of int
         Codes of the tracks that have no times at all, and are read as shapes; 0 stands for the track of a log that names none.
         Their rows hold NaN for the time and are in the order of travel.
-    unit_guessed : bool
-        Whether times are numbers whose unit nobody but their size or column tells.
+    guess : Guess, optional
+        The unit in which numbers were read as times, where the user doesn't say it.
     time_of_day : bool
         Whether times are seconds from midnight, as the log has no dates.
+    axes : tuple of str
+        Names of the columns of coordinates, as the log gives them; empty where it has no columns.
     """
 
     name: str
@@ -117,8 +135,9 @@ class RawLog:
     left_out: tuple[LeftOut, ...] = ()
     unread: tuple[Unread, ...] = ()
     untimed: frozenset[int] = frozenset()
-    unit_guessed: bool = False
+    guess: Guess | None = None
     time_of_day: bool = False
+    axes: tuple[str, ...] = ()
 
 
 def unused(name: str, taken: Container[str]) -> str:

@@ -16,6 +16,7 @@ from gpszip.geo.spikes import find_spikes
 from gpszip.io.columns import parse_columns
 from gpszip.io.formats import format_for_reading, format_named
 from gpszip.io.mending import Piece, mend
+from gpszip.io.plausibility import plausible
 from gpszip.io.raw_log import RawLog, Request, unused
 from gpszip.io.source import Source, expand
 from gpszip.model import Plane, Track
@@ -111,7 +112,7 @@ def read_logs(
     for source in expand(sources):
         account.logs.add(source.log if isinstance(source, Source) else str(source))
         try:
-            raw = _read(source, format, request)
+            raw = plausible(_read(source, format, request), request)
             _add(account, raw, *mend(raw, sort=sort, split=split), source)
         except InputError as error:
             if not skip_bad:

@@ -6,29 +6,31 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import reduce
+from operator import or_
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
 from gpszip.errors import InputError
 from gpszip.io import csv_log
-from gpszip.io.arrow_values import looks_like_number, numbers
-from gpszip.io.columns import Roles, find_roles, time_unit_of
+from gpszip.io.arrow_values import is_text, looks_like_number, trimmed
+from gpszip.io.columns import Roles, find_roles
+from gpszip.io.date_texts import DateOrders, date_orders
 from gpszip.io.formats import format_for_reading, format_named
 from gpszip.io.parquet_log import parquet_dataset
+from gpszip.io.plausibility import as_spreadsheet_days, plausible
 from gpszip.io.raw_log import RawLog, Request
 from gpszip.io.source import Source
 from gpszip.io.table import table_log
+from gpszip.io.time_columns import order_of, time_cells
 from gpszip.model.reading import Repair
 
 __all__ = ["Shard", "shard_of"]
 
 #: Rows and bytes that are read at a time.
 _ROWS, _BYTES = 1 << 17, 1 << 22
-
-_UNITS = ((1e11, "s"), (1e14, "ms"), (1e17, "us"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +90,7 @@ class Shard:
             If the file is damaged.
         """
         if self.kind == "whole":
-            yield format_for_reading(self.source).read(self.source, self.request)
+            yield plausible(format_for_reading(self.source).read(self.source, self.request), self.request)
             return
         try:
             yield from self._tables(_parquet_tables(self) if self.kind == "parquet" else _csv_tables(self))
@@ -98,14 +100,20 @@ class Shard:
     def _tables(self, tables: Iterator[tuple[Any, int]]) -> Iterator[RawLog]:
         roles, request, first = self.roles, self.request, 1 if self.dialect is None else self.dialect.header + 1
         assert roles is not None
+        seen = False
         for table, bad in tables:
-            if request.time_unit is None:
-                request = replace(request, time_unit=self._unit(table, roles))
+            if request.dates is None and table.num_rows:
+                request = replace(request, dates=self._order(table, roles))
             repairs = (Repair("rows with too many or too few cells dropped", bad, self.name),) if bad else ()
             if table.num_rows or bad:
                 raw = table_log(
                     table.columns, self.names, roles, request, self.name, first=first, decimal_comma=self._comma, repairs=repairs
                 )
+                if not seen and table.num_rows:  # what the first rows tell is said of all
+                    raw, seen = plausible(raw, self.request), True
+                    request = replace(request, time_unit=raw.guess.unit if raw.guess else self.request.time_unit)
+                elif request.time_unit == "excel" and self.request.time_unit is None:
+                    raw = as_spreadsheet_days(raw)
                 if raw.codes is None and roles.id is not None:
                     roles = replace(roles, id=None)
                 yield raw
@@ -118,14 +126,32 @@ class Shard:
         cells = [cell for axis in self.roles.axes for cell in self.dialect.cells(axis)]
         return any("," in cell and looks_like_number(cell.replace(",", ".", 1)) for cell in cells)
 
-    def _unit(self, table: Any, roles: Roles) -> str | None:
-        """The unit of times that are numbers, from the first rows, so that it is the same for all."""
-        column = table.columns[roles.used.index(roles.time[-1])]
-        if len(roles.time) > 1 or time_unit_of(self.names[roles.time[0]]) is not None or pa.types.is_temporal(column.type):
-            return None
-        values = numbers(column)
-        values = np.abs(values[np.isfinite(values)])
-        return next((unit for top, unit in _UNITS if float(np.median(values)) <= top), "ns") if len(values) else None
+    def _order(self, table: Any, roles: Roles) -> str | None:
+        """Order of day, month and year, from all rows, so that it is the same for all; None where this batch has no such dates."""
+        assert self.names
+        named = order_of(self.names, roles, self.request)
+        if named is not None or not self._orders(table).first:
+            return named
+        found = reduce(or_, (self._orders(batch) for batch in self._texts()))
+        return found.decide(f"{self.name}: column {self.names[roles.time[-1]]!r}")
+
+    def _texts(self) -> Iterator[Any]:
+        """Yield all rows once more, those of text with all cells as texts."""
+        if self.kind == "parquet":
+            yield from (table for table, _ in _parquet_tables(self))
+            return
+        assert self.dialect is not None
+        encoding = csv_log.whole_encoding(self.source, self.dialect)
+        yield from (pa.Table.from_batches([batch]) for batch in _csv_batches(self, {}, [], encoding))
+
+    def _orders(self, table: Any) -> DateOrders:
+        """Orders in which a batch's dates can be read."""
+        assert self.roles is not None
+        roles, columns = self.roles, dict(zip(self.roles.used, table.columns, strict=False))
+        if any(not is_text(columns[i].type) and pa.types.is_temporal(columns[i].type) for i in roles.time):
+            return DateOrders()
+        cells = time_cells(columns, self.names, roles, self.request, self.name, decimal_comma=self._comma)
+        return date_orders(trimmed(cells)) if is_text(cells.type) else DateOrders()
 
 
 def shard_of(source: Source, format_: str | None, request: Request) -> Shard | InputError:

@@ -89,8 +89,9 @@ def table_log(
         dropped=tuple(name for i, name in enumerate(names) if i not in kept),
         repairs=(*repairs, *when.repairs),
         unread=when.unread,
-        unit_guessed=when.unit_guessed,
+        guess=when.guess,
         time_of_day=when.time_of_day,
+        axes=tuple(names[axis] for axis in roles.axes),
     )
 
 

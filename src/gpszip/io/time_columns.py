@@ -16,8 +16,17 @@ from gpszip.io.arrow_values import is_text, trimmed
 from gpszip.io.columns import Roles, time_unit_of
 from gpszip.io.date_and_time import joined
 from gpszip.io.date_texts import ORDERS
-from gpszip.io.raw_log import Request, Unread
-from gpszip.io.timestamps import holds_numbers, holds_times_of_day, seconds, seconds_of_day, unit_origin, unit_seconds
+from gpszip.io.raw_log import Guess, Request, Unread
+from gpszip.io.timestamps import (
+    holds_numbers,
+    holds_times_of_day,
+    seconds,
+    seconds_of_day,
+    unit_by_size,
+    unit_of,
+    unit_origin,
+    unit_seconds,
+)
 from gpszip.model.reading import Repair
 
 __all__ = ["TimeColumn", "order_of", "read_times", "time_cells"]
@@ -34,8 +43,8 @@ class TimeColumn:
     ----------
     times : float64 array, shape (n,)
         Seconds; NaN where there is no time.
-    unit_guessed : bool
-        Whether they are numbers in a unit that the user hasn't named.
+    guess : Guess, optional
+        The unit of numbers, where the user doesn't say it.
     time_of_day : bool
         Whether they count from midnight, as there is no date.
     repairs : tuple of Repair
@@ -45,7 +54,7 @@ class TimeColumn:
     """
 
     times: NDArray[np.float64]
-    unit_guessed: bool = False
+    guess: Guess | None = None
     time_of_day: bool = False
     repairs: tuple[Repair, ...] = ()
     unread: tuple[Unread, ...] = ()
@@ -85,12 +94,12 @@ def read_times(
         told = Repair("times of day without a date read as seconds from midnight", int(np.isfinite(times).sum()), column, drops=False)
         return TimeColumn(times, time_of_day=True, repairs=(told,), unread=_unread(name, cells, times))
 
-    # Numbers are in the unit that the user names, or else the column's name.
-    unit = unit_seconds(request.time_unit) if request.time_unit else time_unit_of(name)
-    origin = unit_origin(request.time_unit)
-    times = seconds(cells, unit, column, origin=origin, dates=order_of(names, roles, request))
-    guessed = request.time_unit is None and holds_numbers(cells)
-    return TimeColumn(times, unit_guessed=guessed, unread=_unread(name, cells, times))
+    # Numbers are in the unit that the user says, or else the column's name, or else their size.
+    guess = _guess(cells, name) if request.time_unit is None else None
+    unit = request.time_unit if guess is None else guess.unit
+    factor = None if unit is None else unit_seconds(unit)
+    times = seconds(cells, factor, column, origin=unit_origin(unit), dates=order_of(names, roles, request))
+    return TimeColumn(times, guess=guess, unread=_unread(name, cells, times))
 
 
 def time_cells(
@@ -121,6 +130,13 @@ def order_of(names: Sequence[str], roles: Roles, request: Request) -> str | None
     found = re.search(r"(?i)(?<![a-z])(d{1,2}|m{1,2}|y{2,4})[-/. ]?(d{1,2}|m{1,2})[-/. ]?(d{1,2}|y{2,4})(?![a-z])", names[roles.time[0]])
     order = "".join(part[0].lower() for part in found.groups()) if found else ""
     return order if order in ORDERS else None
+
+
+def _guess(cells: Any, name: str) -> Guess | None:
+    """Return the unit of numbers that the name of their column tells, or else their size."""
+    named = unit_of(time_unit_of(name))
+    unit = (named if holds_numbers(cells) else None) or unit_by_size(cells)
+    return None if unit is None else Guess(unit, named=named is not None)
 
 
 def _unread(name: str, cells: Any, times: NDArray[np.float64]) -> tuple[Unread, ...]:

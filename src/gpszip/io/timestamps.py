@@ -13,7 +13,18 @@ from gpszip.errors import InputError, OptionError
 from gpszip.io.arrow_values import NUMBER, is_text, numbers, trimmed
 from gpszip.io.date_texts import date_seconds, day_seconds
 
-__all__ = ["TIME_UNITS", "holds_numbers", "holds_times_of_day", "in_unit", "seconds", "seconds_of_day", "unit_origin", "unit_seconds"]
+__all__ = [
+    "TIME_UNITS",
+    "holds_numbers",
+    "holds_times_of_day",
+    "in_unit",
+    "seconds",
+    "seconds_of_day",
+    "unit_by_size",
+    "unit_of",
+    "unit_origin",
+    "unit_seconds",
+]
 
 #: Seconds of a day.
 _DAY = 86400.0
@@ -33,7 +44,7 @@ _UNITS = {
 TIME_UNITS = tuple(_UNITS)
 
 #: Numbers up to the first are seconds, up to the next milliseconds, and so on, where nobody names the unit.
-_SIZES = ((1e11, 1.0), (1e14, 1e-3), (1e17, 1e-6), (np.inf, 1e-9))
+_SIZES = ((1e11, "s"), (1e14, "ms"), (1e17, "us"), (np.inf, "ns"))
 
 #: Decimals of seconds that spreadsheets tell, whose days are rounded.
 _EXCEL_DECIMALS = 3
@@ -95,7 +106,9 @@ def seconds(column: Any, unit: float | None, where: str, *, origin: float = 0.0,
         raise InputError(f"{where} holds {kind}, which is no time; give {_EXAMPLES}")
 
     # Numbers, and texts that hold them.
-    if holds_numbers(column) and not (unit is None and _is_compact(column)):
+    if unit is None and (size := unit_by_size(column)):
+        unit = unit_seconds(size)
+    if unit is not None and holds_numbers(column):
         return _scaled(column, unit, origin)
 
     # Dates.
@@ -193,6 +206,33 @@ def unit_origin(unit: str | None) -> float:
     return 0.0 if unit is None else _UNITS[unit][1]
 
 
+def unit_of(factor: float | None) -> str | None:
+    """Name of the unit of so many seconds; None for none.
+
+    Examples
+    --------
+    >>> unit_of(0.001), unit_of(None)
+    ('ms', None)
+    """
+    return next((name for name, (own, origin) in _UNITS.items() if own == factor and not origin), None)
+
+
+def unit_by_size(column: Any) -> str | None:
+    """Unit that the size of most numbers in a column tells; None where it holds dates.
+
+    Examples
+    --------
+    >>> unit_by_size(pa.chunked_array([[1700000000077]])), unit_by_size(pa.chunked_array([["2024-05-04"]]))
+    ('ms', None)
+    """
+    if not holds_numbers(column) or _is_compact(column):
+        return None
+    values = numbers(column)
+    values = np.abs(values[np.isfinite(values)])
+    size = float(np.median(values)) if len(values) else 0.0
+    return next(unit for top, unit in _SIZES if size <= top)
+
+
 def _is_numeric(kind: Any) -> bool:
     return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind) or pa.types.is_null(kind))
 
@@ -217,13 +257,9 @@ def _ticks(column: Any) -> Floats:
     return result
 
 
-def _scaled(column: Any, unit: float | None, origin: float) -> Floats:
-    """Seconds of numbers in a unit, or in the one that their size tells."""
-    # Find the unit.
+def _scaled(column: Any, unit: float, origin: float) -> Floats:
+    """Seconds of numbers in a unit."""
     plain = numbers(column)
-    finite = plain[np.isfinite(plain)]
-    size = float(np.median(np.abs(finite))) if len(finite) else 0.0
-    unit = unit or next(unit for top, unit in _SIZES if size <= top)
     if unit == 1 and not origin:
         return plain
 
