@@ -355,7 +355,7 @@ def test_the_order_of_day_and_month_is_told_by_the_whole_file(tmp_path, monkeypa
     path = csv({"t": dates, "x": np.arange(3100.0), "y": np.zeros(3100)}, tmp_path / "log.csv")
     assert same_as_at_once(path) == 3100
     path = csv({"t": dates[:1200], "x": np.arange(1200.0), "y": np.zeros(1200)}, tmp_path / "short.csv")
-    with pytest.raises(InputError, match="'01/01/2024 00:00' can be 1 Jan 2024 or|--dates dmy or --dates mdy"):
+    with pytest.raises(InputError, match="say which: --dates dmy or --dates mdy"):
         store_logs(path, rows=TINY)
     assert same_as_at_once(path, dates="dmy") == 1200
     late = csv({"t": [*dates[:2400], "01/31/2024"], "x": np.arange(2401.0), "y": np.zeros(2401)}, tmp_path / "late.csv")

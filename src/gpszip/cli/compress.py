@@ -104,7 +104,7 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
     write_archive(target, archive, force=force or before is not None)
     if settings.json or not quiet:
         show_summary(target, reading, report, as_json=settings.json)
-    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+    return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
 
 
 def _spooled(logs: tuple[str, ...]) -> Sequence[Any]:
@@ -147,7 +147,7 @@ def _in_batches(
     write_archive(target, archive, force=force or before is not None)
     if settings.json or not quiet:
         show_summary(target, reading, report, as_json=settings.json)
-    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+    return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
 
 
 def _engine(choices: dict[str, Any]) -> tuple[int | None, str | None, str | None]:

@@ -64,7 +64,7 @@ def command(
     Give one of --size, --max-bytes, or --k with --eps. LOG - is standard input.
     """
     from gpszip.cli.output import check_output, say, show_json
-    from gpszip.cli.summary import account_of, name_left_out, place_of, repairs_in_words
+    from gpszip.cli.summary import account_of, losses_of, name_left_out, name_losses, place_of, repairs_in_words
     from gpszip.errors import OptionError
     from gpszip.io.coreset_file import write_coreset
     from gpszip.io.source import spooled
@@ -84,11 +84,12 @@ def command(
         write_coreset(made, target, force=True)
     facts = _facts(made, k, written)
     if settings.json:
-        show_json({"output": target, **facts, **account_of(reading.repairs, reading.left_out)}, err=target == "-")
+        show_json({"output": target, **facts, **losses_of(reading), **account_of(reading.repairs, reading.left_out)}, err=target == "-")
     elif not quiet:
+        name_losses(reading)
         name_left_out(reading)
         say(f"{place_of(target)}: {'; '.join([_describe(facts), *repairs_in_words(reading.repairs)])}")
-    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+    return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
 
 
 def _write(made: Coreset, log: StoredLog, target: str, executor: Executor) -> int:

@@ -68,19 +68,20 @@ def command(settings: Settings, /, logs: tuple[str, ...], network: tuple[str, ..
     write_routes(matching, reading.tracks, roads.network, target, kind)
     if settings.json or not choices["quiet"]:
         _show(target, reading, roads, matching, time.perf_counter() - start, settings)
-    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+    return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
 
 
 def _show(target: str, reading: Reading, roads: NetworkReading, matching: Matching, seconds: float, settings: Settings) -> None:
     from gpszip.cli.output import STDOUT, say, show_json
-    from gpszip.cli.summary import account_of, name_left_out, place_of, repairs_in_words
+    from gpszip.cli.summary import account_of, losses_of, name_left_out, name_losses, place_of, repairs_in_words
     from gpszip.cli.units import format_length
 
     repairs = [*reading.repairs, *roads.repairs]
     if settings.json:
         facts = _facts(matching) | {"seconds": round(seconds, 3)}
-        show_json({"output": target, **facts, **account_of(repairs, reading.left_out)}, err=target == STDOUT)
+        show_json({"output": target, **facts, **losses_of(reading), **account_of(repairs, reading.left_out)}, err=target == STDOUT)
         return
+    name_losses(reading)
     name_left_out(reading)
     facts = _facts(matching)
     breaks = ", ".join(f"{reason} {count:,}" for reason, count in matching.breaks.items()) or "none"

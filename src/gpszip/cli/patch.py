@@ -61,10 +61,10 @@ def command(settings: Settings, /, logs: tuple[str, ...], network: tuple[str, ..
     again = text if target.lower().endswith((".csv", ".tsv", ".txt", "-")) else None
     _write(patching, again, target)
     if again is not None:
-        reading = replace(reading, repairs=tuple(map(_kept, reading.repairs)))
+        reading = replace(reading, repairs=tuple(map(_kept, reading.repairs)), losses=())
     if settings.json or not choices["quiet"]:
         _show(target, reading, roads, patching, time.perf_counter() - start, settings)
-    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+    return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
 
 
 def _write(patching: Patching, text: TextLog | None, target: str) -> None:
@@ -87,14 +87,15 @@ def _kept(repair: Repair) -> Repair:
 
 def _show(target: str, reading: Reading, roads: NetworkReading, patching: Patching, seconds: float, settings: Settings) -> None:
     from gpszip.cli.output import STDOUT, say, show_json
-    from gpszip.cli.summary import account_of, name_left_out, place_of, repairs_in_words
+    from gpszip.cli.summary import account_of, losses_of, name_left_out, name_losses, place_of, repairs_in_words
     from gpszip.cli.units import format_duration
 
     repairs = [*reading.repairs, *roads.repairs]
     if settings.json:
         facts = _facts(patching) | {"seconds": round(seconds, 3)}
-        show_json({"output": target, **facts, **account_of(repairs, reading.left_out)}, err=target == STDOUT)
+        show_json({"output": target, **facts, **losses_of(reading), **account_of(repairs, reading.left_out)}, err=target == STDOUT)
         return
+    name_losses(reading)
     name_left_out(reading)
     open_ = _open(patching)
     for one in open_[:_NAMED]:
