@@ -32,6 +32,9 @@ _ROW = "gpszip_row"
 
 _ISO = re.compile(r"(\d{4})-(\d\d)-(\d\d)([T ])([01]\d|2[0-3]):(\d\d):([0-5]\d)(?:[.,](\d+))?(.*)")
 
+# A date and time of day in numbers without marks, which can't be counted up, and a time of day without a date.
+_COMPACT, _OF_DAY = re.compile(r"\d{14}(\.\d*)?"), re.compile(r"\d{1,2}:\d{2}:\d{2}")
+
 #: Seconds of a day, numbers for a second below which they are days, and decimals of days that are written at least.
 _DAY, _DAILY, _DAY_DECIMALS = 86_400, 1e-3, 9
 
@@ -249,16 +252,20 @@ class _Clock:
     decimals: int
     comma: bool
     stamp: re.Match[str] | None
+    of_day: bool = False  # whether times are those of a day without a date
 
     @classmethod
     def of(cls, texts: Sequence[str], when: Sequence[float], times: NDArray[np.float64]) -> _Clock:
         """Learn from the two times around a gap."""
         rhythm = float(times[0]) - when[0] if len(times) else 1.0
         comma = "," in texts[0] and "." not in texts[0]
+        if any(re.fullmatch(_COMPACT, text.strip()) for text in texts):
+            return cls(when[0], None, 1, _fraction(rhythm, 0), comma, None)
         try:
             one, other = (Decimal(text.strip().replace(",", ".")) for text in texts)
         except ArithmeticError:
-            return cls(when[0], None, 1, _fraction(rhythm, 0), comma, _ISO.fullmatch(texts[0].strip()))
+            of_day = _OF_DAY.match(texts[0].strip()) is not None
+            return cls(when[0], None, 1, _fraction(rhythm, 0), comma, _ISO.fullmatch(texts[0].strip()), of_day)
         scale = float(other - one) / (when[1] - when[0])
         if scale < _DAILY:
             unit, least = 1 / _DAY, _DAY_DECIMALS
@@ -276,6 +283,8 @@ class _Clock:
         if self.stamp is not None:
             return self._stamped(time)
         moment = datetime.fromtimestamp(round(time, 6), UTC).replace(tzinfo=None)
+        if self.of_day:
+            return moment.time().isoformat(timespec="milliseconds" if self.decimals else "seconds")
         return moment.isoformat(timespec="milliseconds" if self.decimals else "seconds") + "Z"
 
     def _stamped(self, time: float) -> str:

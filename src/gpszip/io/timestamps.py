@@ -246,7 +246,7 @@ def _is_compact(column: Any) -> bool:
     if pa.types.is_floating(column.type) or not len(column):
         return False
     text = trimmed(column)
-    return _count(pc.match_substring_regex(text, _COMPACT)) == _count(pc.not_equal(text, "")) > 0
+    return _count(pc.match_substring_regex(text, _COMPACT)) == _count(pc.match_substring_regex(text, NUMBER)) > 0
 
 
 def _ticks(column: Any) -> Floats:
