@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 import gpszip as package
+from gpszip.io.date_texts import ORDERS
+from gpszip.io.timestamps import TIME_UNITS
 from gpszip.testing import city, patrol
 
 
@@ -198,6 +200,10 @@ def test_the_order_of_dates_and_the_unit_of_numbers_can_be_given(gpszip, log):
     assert done.code == 1
     assert "can be 3 Apr 2024 or 4 Mar 2024; say which: --dates dmy or --dates mdy" in done.err
     assert gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "1m", "--effort", "1", "--dates", "dmy", "--time-unit", "excel").code == 0
+    for option, known in (("--time-unit", TIME_UNITS), ("--dates", ORDERS)):
+        done = gpszip("compress", log, "-o", "walk.gpsz", option, "unknown")
+        assert done.code == 2
+        assert ", ".join(f"'{one}'" for one in known) in done.err
 
 
 def test_interruption_ends_with_130_and_leaves_nothing(tmp_path):

@@ -3,13 +3,15 @@ from datetime import UTC, datetime, timedelta, timezone
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError, OptionError
 from gpszip.io.reading import read_logs
-from gpszip.io.timestamps import seconds
+from gpszip.io.streaming import store_logs
+from gpszip.io.timestamps import seconds, unit_origin, unit_seconds
 
 EIGHT = 1714809600.0  # 2024-05-04T08:00:00Z
 
@@ -56,6 +58,7 @@ def times_read(text, **options):
         ("Sat, 04 May 2024 10:00:00 +0200", 0),
         ("Sat May 04 2024 10:00:00 GMT+0200 (Central European Summer Time)", 0),
         ("May 4, 2024 8:00:00 PM", 43200),
+        ("Saturday, 4th Sept. 2021 08:00", (datetime(2021, 9, 4) - datetime(2024, 5, 4)).total_seconds()),
         ("04.05.2024 08:00", 0),
         ("4.5.24, 08:00:30", 30),
         ("05/30/2024 12:00:00 AM", 25 * 86400 + 57600),
@@ -87,6 +90,8 @@ def test_dates_as_people_write_them(cell, after):
         "31/31/2024",
         "2024-05-04T08:00:00Zebra",
         "1.5 days",
+        "4 Marble 2024",
+        "Sunny 4 May 2024",
     ],
 )
 def test_what_is_no_time_is_one_bad_row_or_an_error(cell):
@@ -213,8 +218,6 @@ def test_what_two_columns_leave_open_is_refused():
 
 
 def test_arrow_s_own_times_beside_a_date():
-    import pyarrow.parquet as pq
-
     stream = io.BytesIO()
     clock = pa.array([28_800_000_000, 28_801_500_000], pa.time64("us"))
     table = pa.table({"date": pa.array([19847, 19847], pa.date32()), "time": clock, "x": [0.0, 1.0], "y": [0.0, 0.0]})
@@ -222,6 +225,31 @@ def test_arrow_s_own_times_beside_a_date():
     assert read_logs(io.BytesIO(stream.getvalue())).tracks[0].times.tolist() == [EIGHT, EIGHT + 1.5]
     pq.write_table(table.drop(["date"]), stream := io.BytesIO())
     assert read_logs(io.BytesIO(stream.getvalue())).tracks[0].times.tolist() == [28800, 28801.5]
+
+
+@pytest.mark.parametrize(
+    "column",
+    [
+        pa.array([b"2024-05-04T08:00:00Z", b"2024-05-04T08:00:01Z"]),
+        pa.array(["2024-05-04T08:00:00Z", "2024-05-04T08:00:01Z"]).dictionary_encode(),
+        pa.array([1714809600, 1714809601]).dictionary_encode(),
+        pa.array(["2024-05-04T10:00:00+0200", "2024-05-04T10:00:01+0200"], pa.large_string()),
+        pa.array([1714809600000, 1714809601000], pa.timestamp("ms", "Europe/Berlin")),
+        pa.array([20240504080000, 20240504080001]),
+    ],
+)
+def test_types_of_parquet(column, tmp_path):
+    pq.write_table(pa.table({"time": column, "x": [0.0, 1.0], "y": [0.0, 0.0]}), tmp_path / "log.parquet")
+    assert read_logs(tmp_path / "log.parquet").tracks[0].times.tolist() == [EIGHT, EIGHT + 1]
+    with store_logs(tmp_path / "log.parquet", rows=1000) as log:
+        assert log.read(log.tracks[0]).times.tolist() == [EIGHT, EIGHT + 1]
+
+
+@pytest.mark.parametrize("column", [pa.array([True, False]), pa.array([[1], [2]]), pa.array([b"\xff\xfe", b"\xff"])])
+def test_types_that_are_no_times(column):
+    pq.write_table(pa.table({"time": column, "x": [0.0, 1.0], "y": [0.0, 0.0]}), stream := io.BytesIO())
+    with pytest.raises(InputError, match="column 'time' holds"):
+        read_logs(io.BytesIO(stream.getvalue()))
 
 
 @pytest.mark.parametrize(
@@ -240,8 +268,6 @@ def test_arrow_s_own_times_beside_a_date():
     ],
 )
 def test_numbers_in_any_unit(cells, unit, expected):
-    from gpszip.io.timestamps import unit_origin, unit_seconds
-
     options = {} if unit is None else {"origin": unit_origin(unit)}
     assert times_of(*cells, unit=None if unit is None else unit_seconds(unit), **options) == expected
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError
 
-__all__ = ["ORDERS", "DateOrders", "date_orders", "date_seconds", "day_seconds", "is_date"]
+__all__ = ["ORDERS", "DateOrders", "date_orders", "date_seconds", "day_seconds"]
 
 #: Orders of day, month and year that people write, in the order in which messages name them.
 ORDERS = ("dmy", "mdy", "ymd")
@@ -31,24 +31,30 @@ _LAST_SHORT_YEAR = 68
 _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
 
 # Regular expressions, first the parts that several have.
-_CLOCK = r"(?P<hour>\d{1,2}):(?P<minute>\d{2})(?::(?P<second>\d{2})(?:[.,](?P<fraction>\d+))?)?(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
-_HOUR = r"(?P<hour>\d{1,2})(?::(?P<minute>\d{2})(?::(?P<second>\d{2})(?:[.,](?P<fraction>\d+))?)?)?(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
+_SECOND = r":(?P<second>\d{2})(?:[.,](?P<fraction>\d+))?"
+_HALF = r"(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
+_CLOCK = rf"(?P<hour>\d{{1,2}}):(?P<minute>\d{{2}})(?:{_SECOND})?{_HALF}"
+_HOUR = rf"(?P<hour>\d{{1,2}})(?::(?P<minute>\d{{2}})(?:{_SECOND})?)?{_HALF}"
 _REMARK = r"(?:\s*(?:\[[^\]]*\]|\([^)]*\)))?"  # the name of the zone: the offset before it says all
 _OFFSET = r"(?i:UTC|GMT)?(?P<sign>[+-])(?P<zone_hour>\d{2}):?(?P<zone_minute>\d{2})?"
 _ZONE = rf"(?:\s*(?:{_OFFSET}|(?i:Z|UTC|GMT|UT)){_REMARK}|\s*\[(?i:Z|UTC|GMT|Etc/UTC)\])?"
 _END = _ZONE + r"$"
-_WEEKDAY = r"^(?:(?i:mon|tue|wed|thu|fri|sat|sun)[a-z]*\.?,?\s+)?"
-_MONTH = rf"(?P<month>(?i:{'|'.join(_MONTHS)}))[a-z]*\.?"
+_WEEKDAY = r"^(?:(?i:mon|tues?|wed(?:nes)?|thu(?:rs)?|fri|sat(?:ur)?|sun)(?i:day)?\.?,?\s+)?"
+_LONG_MONTHS = "january|february|march|april|june|july|august|september|sept|october|november|december"
+_MONTH = rf"(?P<month>(?i:{_LONG_MONTHS}|{'|'.join(_MONTHS)}))\.?"
 _DAY_OF_MONTH = r"(?P<day>\d{1,2})(?:st|nd|rd|th)?"
+_LONG_OR_SHORT = r"\d{4}|\d{2}"
+
+# The forms of dates.
 _ISO = rf"^(?P<year>\d{{4}})[-/.:](?P<month>\d{{1,2}})[-/.:](?P<day>\d{{1,2}})(?:(?:[Tt]|,?\s+){_HOUR}{_ZONE})?$"
-_DAY_FIRST = rf"{_WEEKDAY}{_DAY_OF_MONTH}[-.\s]+{_MONTH}[-,\s]+(?P<year>\d{{4}}|\d{{2}})(?:[Tt,\s]\s*{_CLOCK})?{_END}"
+_DAY_FIRST = rf"{_WEEKDAY}{_DAY_OF_MONTH}[-.\s]+{_MONTH}[-,\s]+(?P<year>{_LONG_OR_SHORT})(?:[Tt,\s]\s*{_CLOCK})?{_END}"
 _MONTH_FIRST = rf"{_WEEKDAY}{_MONTH}\s+{_DAY_OF_MONTH},?\s+(?P<year>\d{{4}})(?:,?\s+(?:at\s+)?{_CLOCK})?{_END}"
 _YEAR_LAST = rf"{_WEEKDAY}{_MONTH}\s+{_DAY_OF_MONTH}\s+{_CLOCK}{_ZONE}\s+(?P<year>\d{{4}})$"
-_THREE_NUMBERS = rf"^(?P<a>\d{{1,2}})(?P<mark>[-/.])(?P<b>\d{{1,2}})[-/.](?P<c>\d{{4}}|\d{{2}})(?:[Tt,\s]\s*{_CLOCK})?{_END}"
-_TIME_OF_DAY = (
-    rf"^(?P<hour>\d{{1,2}}):(?P<minute>\d{{2}}):(?P<second>\d{{2}})(?:[.,](?P<fraction>\d+))?(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?{_END}"
-)
 _FORMS = (_ISO, _DAY_FIRST, _MONTH_FIRST, _YEAR_LAST)
+
+# Those of three numbers, whose order only the column tells, and of times without a date.
+_THREE_NUMBERS = rf"^(?P<a>\d{{1,2}})(?P<mark>[-/.])(?P<b>\d{{1,2}})[-/.](?P<c>{_LONG_OR_SHORT})(?:[Tt,\s]\s*{_CLOCK})?{_END}"
+_TIME_OF_DAY = rf"^(?P<hour>\d{{1,2}}):(?P<minute>\d{{2}}){_SECOND}{_HALF}{_END}"
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -106,31 +112,6 @@ class DateOrders:
         readings = " or ".join(_spoken(self.first, order) for order in orders)
         remedy = " or ".join(f"--dates {order}" for order in orders)
         raise InputError(f"{where}: {self.first!r} can be {readings}; say which: {remedy}")
-
-
-def is_date(text: Any) -> NDArray[np.bool_]:
-    """Whether each text is a date, in any order of day and month.
-
-    Parameters
-    ----------
-    text : pyarrow.ChunkedArray
-        Texts without white space around them.
-
-    Returns
-    -------
-    bool array, shape (n,)
-
-    Examples
-    --------
-    >>> is_date(pa.chunked_array([["2024-05-04", "4/5/24", "7", "08:00:00"]])).tolist()
-    [True, True, False, False]
-    """
-    text = _unpacked(text)
-    found = pc.match_substring_regex(text, _THREE_NUMBERS)
-    for form in _FORMS:
-        found = pc.or_(found, pc.match_substring_regex(text, form))
-    answer: NDArray[np.bool_] = pc.fill_null(found, False).to_numpy()
-    return answer
 
 
 def date_seconds(text: Any, order: str | None, where: str) -> Floats:
@@ -314,7 +295,7 @@ def _year(found: _Found, group: str) -> Integers:
 def _month(found: _Found) -> Integers:
     """Months by number or by name."""
     text = pc.utf8_lower(found.text("month"))
-    named = pc.index_in(text, pa.array(_MONTHS))
+    named = pc.index_in(pc.utf8_slice_codeunits(text, 0, 3), pa.array(_MONTHS))
     numbered = pc.cast(pc.if_else(pc.is_valid(named), "0", text), pa.int64())
     months: Integers = pc.if_else(pc.is_valid(named), pc.add(pc.cast(named, pa.int64()), 1), numbered).to_numpy()
     return months

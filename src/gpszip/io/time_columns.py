@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from gpszip.errors import OptionError
+from gpszip.errors import InputError, OptionError
 from gpszip.io.arrow_values import is_text, trimmed
 from gpszip.io.columns import Roles, time_unit_of
 from gpszip.io.date_and_time import joined
@@ -106,13 +107,29 @@ def time_cells(
     columns: Mapping[int, Any], names: Sequence[str], roles: Roles, request: Request, where: str, *, decimal_comma: bool = False
 ) -> Any:
     """Return the column of times as one: a date and a time of day are joined, and 1,5 becomes 1.5 where text writes numbers so."""
-    cells = columns[roles.time[-1]]
-    if len(roles.time) == 2:
+    parts = [_plain(columns[i], f"{where}: column {names[i]!r}") for i in roles.time]
+    cells = parts[-1]
+    if len(parts) == 2:
         name = names[roles.time[-1]]
-        cells = joined(columns[roles.time[0]], cells, f"{where}: column {name!r}", numbers_are_seconds=request.time_unit is not None)
+        cells = joined(parts[0], cells, f"{where}: column {name!r}", numbers_are_seconds=request.time_unit is not None)
     if decimal_comma and is_text(cells.type):
         cells = pc.replace_substring(trimmed(cells), ",", ".")
     return cells
+
+
+def _plain(column: Any, where: str) -> Any:
+    """Return a column without the wrapping of its type: dictionaries, extensions, and text as bytes, as in old Parquet files."""
+    kind = column.type
+    if isinstance(kind, pa.BaseExtensionType):
+        column, kind = pc.cast(column, kind.storage_type), kind.storage_type
+    if pa.types.is_dictionary(kind):
+        column, kind = pc.cast(column, kind.value_type), kind.value_type
+    if not (pa.types.is_binary(kind) or pa.types.is_large_binary(kind)):
+        return column
+    try:
+        return pc.cast(column, pa.string())
+    except pa.ArrowInvalid:
+        raise InputError(f"{where} holds bytes that are no text; name another with --columns t=COLUMN") from None
 
 
 def order_of(names: Sequence[str], roles: Roles, request: Request) -> str | None:
