@@ -100,7 +100,7 @@ def test_one_point_of_many_is_refused_with_the_causes(path, read):
 
 
 def test_points_at_one_time_in_different_batches(path, monkeypatch):
-    monkeypatch.setattr("gpszip.io.shards._BYTES", 512)
+    monkeypatch.setattr("gpszip.io.csv_log.BLOCK", 512)
     rng = np.random.default_rng(5)
     rows = [f"v{rng.integers(3)},{number // 7},{rng.integers(2)},0" for number in range(4000)]
     assert len(both_ways(text_of(rows, "id,t,x,y"), path).losses) == 3

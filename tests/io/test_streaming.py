@@ -349,7 +349,7 @@ def test_a_file_without_rows_says_so(tmp_path):
 
 
 def test_the_order_of_day_and_month_is_told_by_the_whole_file(tmp_path, monkeypatch):
-    monkeypatch.setattr("gpszip.io.shards._BYTES", 4096)
+    monkeypatch.setattr("gpszip.io.csv_log.BLOCK", 4096)
     days = [f"{day:02d}/01/2024" for day in range(1, 32)]
     dates = [f"{day} {second // 60:02d}:{second % 60:02d}" for day in days for second in range(100)]
     path = csv({"t": dates, "x": np.arange(3100.0), "y": np.zeros(3100)}, tmp_path / "log.csv")

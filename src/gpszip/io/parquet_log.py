@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
 from typing import Any, BinaryIO
 
@@ -84,12 +85,21 @@ def parquet_dataset(source: Source) -> Any:
     import pyarrow.dataset as ds
     import pyarrow.parquet as pq
 
+    packed = pq.read_table(pa.BufferReader(source.read())) if source.path is None or source.packed else None
+    _check_names(pq.read_schema(str(source.path)) if packed is None else packed.schema, source.name)
+    if packed is not None:
+        return ds.dataset(packed)
     if source.base is not None:
         hive = ds.partitioning(flavor="hive")
         return ds.dataset([str(source.path)], format="parquet", partitioning=hive, partition_base_dir=str(source.base))
-    if source.path is not None and not source.packed:
-        return ds.dataset(str(source.path), format="parquet")
-    return ds.dataset(pq.read_table(pa.BufferReader(source.read())))
+    return ds.dataset(str(source.path), format="parquet")
+
+
+def _check_names(schema: Any, where: str) -> None:
+    """Refuse columns of one name: Arrow can't tell them apart."""
+    name, times = Counter(schema.names).most_common(1)[0] if schema.names else ("", 0)
+    if times > 1:
+        raise InputError(f"{where}: {times} columns are named {name!r}; give them different names where the file is written")
 
 
 def _titles(names: list[str], request: Request, where: str) -> list[str]:

@@ -79,7 +79,7 @@ def read_logs(
         ``dmy``, ``mdy`` or ``ymd``, the order of day, month and year in dates such as 03/04/2024; told from the whole column where
         left out.
     clean : bool
-        Drop spikes, see :func:`gpszip.geo.spikes.find_spikes`.
+        Drop spikes, see :func:`gpszip.geo.spikes.find_spikes`, and positions at 0,0 where all others are far from there.
     sort, split : bool
         What to do where time goes back: put the points in order, or start a new track.
     keep : sequence of str
@@ -88,7 +88,7 @@ def read_logs(
         Keep a column of headings (``heading``, ``bearing``, ``course``, ...; the course of GPX points), where there is one, as the
         attribute ``heading``: degrees clockwise from north, NaN where not known.
     skip_bad : bool
-        Leave out logs that can't be read, instead of raising.
+        Leave out logs that can't be read, and positions off the globe, instead of raising.
 
     Returns
     -------
@@ -115,7 +115,7 @@ def read_logs(
         account.logs.add(source.log if isinstance(source, Source) else str(source))
         try:
             raw = plausible(_read(source, format, request), request)
-            _add(account, raw, mend(raw, sort=sort, split=split, skip_bad=skip_bad), source)
+            _add(account, raw, mend(raw, sort=sort, split=split, skip_bad=skip_bad, clean=clean), source)
         except InputError as error:
             if not skip_bad:
                 raise
