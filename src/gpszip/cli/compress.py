@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.cli.engine import engine_options, running
-from gpszip.cli.options import Settings, common, force, output
+from gpszip.cli.options import Settings, common, force, output, time_options
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.signals import ending_cleanly
 from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
@@ -58,7 +58,7 @@ _BOUNDS = {"rmse": "--rmse", "max_error": "--max-error", "size": "--bytes", "rat
 @click.option(
     "--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north, or names in order for a log without a header."
 )
-@click.option("--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Unit of a time column; found from its size where left out.")
+@time_options
 @click.option("--keep", metavar="COLUMNS", help="Further columns to keep exactly, such as ele,speed, with the times of the points.")
 @click.option("--keep-times", is_flag=True, help="Keep the times of the points exactly.")
 @click.option("--format", metavar="FORMAT", help="Format of the logs, csv, gpx, geojson or parquet; found from the content where left out.")
@@ -104,7 +104,7 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
     write_archive(target, archive, force=force or before is not None)
     if settings.json or not quiet:
         show_summary(target, reading, report, as_json=settings.json)
-    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+    return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
 
 
 def _spooled(logs: tuple[str, ...]) -> Sequence[Any]:
@@ -133,7 +133,7 @@ def _in_batches(
     from gpszip.pipeline.growing import append_large
     from gpszip.pipeline.large import compress_large
 
-    names = ("format", "columns", "time_unit", "clean", "sort", "split", "skip_bad")
+    names = ("format", "columns", "time_unit", "dates", "clean", "sort", "split", "skip_bad")
     with progress(quiet=quiet or settings.json) as listener, running(*_engine(choices)) as executor:
         how: dict[str, Any] = {name: choices[name] for name in names}
         how |= {"memory": int(choices["memory"]), "executor": executor, "progress": listener}
@@ -147,7 +147,7 @@ def _in_batches(
     write_archive(target, archive, force=force or before is not None)
     if settings.json or not quiet:
         show_summary(target, reading, report, as_json=settings.json)
-    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+    return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
 
 
 def _engine(choices: dict[str, Any]) -> tuple[int | None, str | None, str | None]:
@@ -204,5 +204,5 @@ def _keep(choices: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _reading(choices: dict[str, Any]) -> dict[str, Any]:
-    names = ("format", "columns", "time_unit", "clean", "sort", "split", "skip_bad")
+    names = ("format", "columns", "time_unit", "dates", "clean", "sort", "split", "skip_bad")
     return {name: choices[name] for name in names} | {"keep": _keep(choices)}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpszip.cli.options import Settings, common, force, output
+from gpszip.cli.options import Settings, common, force, output, time_options
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH, Quantity
 
@@ -43,6 +43,7 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 @click.option("--format", "kind", metavar="FORMAT", help="Instead of the output's suffix: geojson, or csv with a row for each point.")
 @click.option("--skip-bad", is_flag=True, help="Leave out logs that can't be read, name them, end with exit code 3.")
 @click.option("--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north,heading=course.")
+@time_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @force
 @common
@@ -64,26 +65,28 @@ def command(settings: Settings, /, logs: tuple[str, ...], network: tuple[str, ..
 
     start = time.perf_counter()
     with progress(quiet=choices["quiet"] or settings.json) as listener:
-        reading = pipeline.read(logs, skip_bad=choices["skip_bad"], columns=choices["columns"], heading=choices["heading"] != math.inf)
+        how = {name: choices[name] for name in ("skip_bad", "columns", "time_unit", "dates")}
+        reading = pipeline.read(logs, **how, heading=choices["heading"] != math.inf)
         roads = pipeline.read_network(list(network), near=reading.tracks)
         options = {name: choices[name] for name in ("sigma", "beta", "gap", "heading", "ignore_oneway")}
         matching = pipeline.match(reading.tracks, roads.network, **options, progress=listener)
     write_routes(matching, reading.tracks, roads.network, target, kind)
     if settings.json or not choices["quiet"]:
         _show(target, reading, roads, matching, time.perf_counter() - start, settings)
-    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+    return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
 
 
 def _show(target: str, reading: Reading, roads: NetworkReading, matching: Matching, seconds: float, settings: Settings) -> None:
     from gpszip.cli.output import STDOUT, say, show_json
-    from gpszip.cli.summary import account_of, name_left_out, place_of, repairs_in_words
+    from gpszip.cli.summary import account_of, losses_of, name_left_out, name_losses, place_of, repairs_in_words
     from gpszip.cli.units import format_length
 
     repairs = [*reading.repairs, *roads.repairs]
     if settings.json:
         facts = _facts(matching, roads.network) | {"seconds": round(seconds, 3)}
-        show_json({"output": target, **facts, **account_of(repairs, reading.left_out)}, err=target == STDOUT)
+        show_json({"output": target, **facts, **losses_of(reading), **account_of(repairs, reading.left_out)}, err=target == STDOUT)
         return
+    name_losses(reading)
     name_left_out(reading)
     facts = _facts(matching, roads.network)
     breaks = ", ".join(f"{reason} {count:,}" for reason, count in matching.breaks.items()) or "none"

@@ -15,11 +15,11 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OutputError
-from gpszip.io.arrow_values import seconds, unit_seconds
 from gpszip.io.columns import find_roles
 from gpszip.io.raw_log import RawLog, Request
 from gpszip.io.source import Source
 from gpszip.io.table import table_log
+from gpszip.io.timestamps import seconds, unit_origin, unit_seconds
 from gpszip.io.track_rows import TrackRows, as_lines, decimal
 from gpszip.model.reading import LeftOut
 
@@ -244,7 +244,8 @@ def _line_log(lines: _Lines, source: Source, request: Request, metric: bool, lef
     width = _width(flat)
     table = np.array([position[:width] for position in flat], dtype=np.float64)
     unit = unit_seconds(request.time_unit) if request.time_unit else None
-    times = seconds(_column([time for piece in lines.times for time in piece]), unit, f"{source.name}: times")
+    cells = _column([time for piece in lines.times for time in piece])
+    times = seconds(cells, unit, f"{source.name}: times", origin=unit_origin(request.time_unit), dates=request.dates)
     ids = tuple(dict.fromkeys(lines.names))
     index = {name: i for i, name in enumerate(ids)}
     codes = np.repeat([index[name] for name in lines.names], [len(piece) for piece in lines.coordinates]).astype(np.int32)

@@ -16,13 +16,14 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
-from gpszip.io.arrow_values import numbers, seconds, unit_seconds
+from gpszip.io.arrow_values import numbers
 from gpszip.io.coordinates import degrees, has_decimal_comma, unread
 from gpszip.io.gpx import HEIGHTS
 from gpszip.io.gpx_parser import parse_points
 from gpszip.io.gpx_points import GpxPoints
 from gpszip.io.raw_log import RawLog, Request, Unread
 from gpszip.io.source import Source
+from gpszip.io.timestamps import seconds, unit_origin, unit_seconds
 from gpszip.io.xml_text import Replaced, root_of
 from gpszip.model.reading import LeftOut, Repair
 
@@ -231,7 +232,7 @@ def _times(texts: Any, request: Request, where: str) -> Floats:
     if texts.null_count == len(texts):
         return np.full(len(texts), np.nan)
     unit = unit_seconds(request.time_unit) if request.time_unit else None
-    return seconds(texts, unit, f"{where}: time")
+    return seconds(texts, unit, f"{where}: time", origin=unit_origin(request.time_unit), dates=request.dates)
 
 
 def _require_usable_points(where: str, times: Floats, coordinates: Floats, in_shape: Flags, unread_places: Sequence[Unread]) -> None:

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OptionError
 from gpszip.io.globe import GlobeCheck, at_zero, off_globe_value
+from gpszip.io.losses import FEW, MIDNIGHT, Doubles, find_doubles, losses_of, nearly_lost, stopped_clock, stopped_tracks
 from gpszip.io.raw_log import RawLog, Unread, unused
-from gpszip.model.reading import Repair
+from gpszip.model.reading import LeftOut, Loss, Repair
 
-__all__ = ["Piece", "first_unread", "mend", "said", "value_of"]
+__all__ = ["Mended", "Piece", "first_unread", "mend", "said", "value_of"]
 
 #: Characters of a value that can't be read that messages show.
 _SHOWN = 40
@@ -56,9 +57,29 @@ class Piece:
         return replace(self, times=self.times[rows], coordinates=self.coordinates[rows], attributes=kept)
 
 
-def mend(
-    raw: RawLog, *, sort: bool = False, split: bool = False, skip_bad: bool = False, clean: bool = False
-) -> tuple[list[Piece], list[Repair]]:
+@dataclass(frozen=True, eq=False)
+class Mended:
+    """The tracks of a log, and what became of its other rows.
+
+    Parameters
+    ----------
+    pieces : list of Piece
+        In the order in which the log first names them.
+    repairs : list of Repair
+        What was dropped or changed. The points of the pieces and those that these repairs drop are the rows of the log.
+    losses : list of Loss
+        Tracks that lost many points.
+    left_out : list of LeftOut
+        Tracks that were left out.
+    """
+
+    pieces: list[Piece]
+    repairs: list[Repair]
+    losses: list[Loss]
+    left_out: list[LeftOut]
+
+
+def mend(raw: RawLog, *, sort: bool = False, split: bool = False, skip_bad: bool = False, clean: bool = False) -> Mended:
     """Cut a log into its tracks and make their times increase.
 
     Parameters
@@ -70,21 +91,19 @@ def mend(
     split : bool
         Start a new track, ``ID-2`` and so on, where time goes back.
     skip_bad : bool
-        Leave out positions off the globe even where they are many.
+        Leave out tracks that can't be used, and positions off the globe even where they are many, instead of raising.
     clean : bool
         Drop positions at 0,0 that were hardly measured.
 
     Returns
     -------
-    list of Piece
-        In the order in which the log first names them.
-    list of Repair
-        What was dropped or changed. The points of the pieces and those that these repairs drop are the rows of the log.
+    Mended
 
     Raises
     ------
     InputError
-        If no row can be used, positions are not on the globe, or time goes back and neither ``sort`` nor ``split`` is set.
+        If no row can be used, or only one of several, positions are not on the globe, all points of a track share one time, or
+        time goes back and neither ``sort`` nor ``split`` is set.
     """
     if sort and split:
         raise OptionError("--sort and --split exclude each other")
@@ -95,8 +114,14 @@ def mend(
         rows = _on_globe(raw, rows, repairs, skip_bad=skip_bad)
         rows = _measured(raw, rows, repairs, clean=clean)
     rows, starts = _in_order(raw, rows, sort, split, repairs)
-    rows, starts = _distinct(raw, rows, starts, repairs)
-    return _pieces(raw, rows, starts), repairs
+    rows, starts, left_out = _running(raw, rows, starts, skip_bad, repairs)
+    doubles = find_doubles(raw.times[rows], raw.coordinates[rows], starts)
+    named = {one.name for one in left_out}
+    losses = [loss for loss in losses_of(raw, rows, doubles) if f"{raw.name}: track {loss.track!r}" not in named]
+    rows, starts = _distinct(raw, rows, starts, doubles, repairs)
+    if len(rows) < 2 and len(raw.times) > FEW:
+        raise nearly_lost(raw.name, len(raw.times), raw.word, repairs)
+    return Mended(_pieces(raw, rows, starts), repairs, losses, left_out)
 
 
 def _with_shapes_in_order(raw: RawLog) -> RawLog:
@@ -135,10 +160,8 @@ def first_unread(raw: RawLog) -> tuple[Unread | None, Unread | None]:
 
 def _require(raw: RawLog, good: NDArray[np.bool_], what: str) -> None:
     if not good.any():
-        raise InputError(
-            f"{raw.name}: no {raw.word} has a {what} that can be read{said(raw.unread)}; "
-            "say which columns hold them with --columns t=COLUMN,..."
-        )
+        remedy = "say which columns hold them with --columns t=COLUMN,..." if raw.word == "row" else "mend the file, or leave it out"
+        raise InputError(f"{raw.name}: no {raw.word} has a {what} that can be read{said(raw.unread)}; {remedy}")
 
 
 def said(unread: tuple[Unread, ...]) -> str:
@@ -195,6 +218,8 @@ def _in_order(
     if not back.any():
         return rows, starts
     where = f"{raw.name}: {raw.word} {raw.first + int(rows[int(back.argmax())])}"
+    if raw.time_of_day and not split:
+        raise InputError(f"{where}: {MIDNIGHT}")
     if sort:
         repairs.append(Repair("points put in the order of time", int(back.sum()), where, drops=False))
         by_track = raw.codes[rows] if raw.codes is not None else np.zeros(len(rows), dtype=np.int8)
@@ -221,19 +246,38 @@ def _goes_back(raw: RawLog, rows: NDArray[np.intp], starts: NDArray[np.bool_]) -
     return back & ~starts
 
 
+def _running(
+    raw: RawLog, rows: NDArray[np.intp], starts: NDArray[np.bool_], skip_bad: bool, repairs: list[Repair]
+) -> tuple[NDArray[np.intp], NDArray[np.bool_], list[LeftOut]]:
+    """Refuse tracks whose points all have the same time, or leave them out."""
+    # Which tracks are they?
+    doubles = find_doubles(raw.times[rows], raw.coordinates[rows], starts)
+    stopped = stopped_tracks(raw, rows, doubles)
+    if not stopped:
+        return rows, starts, []
+    codes = np.zeros(len(rows), np.int64) if raw.codes is None else raw.codes[rows]
+    names = raw.ids or ("",)
+
+    # Say so of each.
+    errors = {}
+    for code in stopped:
+        own = rows[codes == code]
+        errors[code] = stopped_clock(raw.name, names[code], len(own), float(raw.times[own[0]]))
+        repairs.append(Repair(f"points of track {names[code]!r} left out", len(own), raw.name))
+    left = ~np.isin(codes, stopped)
+    if not skip_bad or not left.any():
+        raise errors[stopped[0]]
+    reasons = {code: str(error).removeprefix(f"{raw.name}: ") for code, error in errors.items()}
+    return rows[left], starts[left], [LeftOut(f"{raw.name}: track {names[code]!r}", reason) for code, reason in reasons.items()]
+
+
 def _distinct(
-    raw: RawLog, rows: NDArray[np.intp], starts: NDArray[np.bool_], repairs: list[Repair]
+    raw: RawLog, rows: NDArray[np.intp], starts: NDArray[np.bool_], doubles: Doubles, repairs: list[Repair]
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
     """Keep the first of several rows of the same time."""
-    keep = starts.copy()
-    keep[1:] |= np.diff(raw.times[rows]) != 0
-    if keep.all():
-        return rows, starts
-    kept_row = rows[np.maximum.accumulate(np.where(keep, np.arange(len(rows)), 0))]
-    same = (raw.coordinates[rows] == raw.coordinates[kept_row]).all(axis=1)
-    _count(raw, f"repeated {raw.word}s dropped", rows[~keep & same], repairs)
-    _count(raw, f"{raw.word}s at another position, but the same time dropped", rows[~keep & ~same], repairs)
-    return rows[keep], starts[keep]
+    _count(raw, f"repeated {raw.word}s dropped", rows[doubles.repeated], repairs)
+    _count(raw, f"{raw.word}s at another position, but the same time dropped", rows[doubles.elsewhere], repairs)
+    return rows[doubles.first], starts[doubles.first]
 
 
 def _pieces(raw: RawLog, rows: NDArray[np.intp], starts: NDArray[np.bool_]) -> list[Piece]:

@@ -6,31 +6,33 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import reduce
+from operator import or_
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
 from gpszip.errors import InputError
 from gpszip.io import csv_log
-from gpszip.io.arrow_values import numbers
-from gpszip.io.columns import Roles, find_roles, time_unit_of
+from gpszip.io.arrow_values import is_text, trimmed
+from gpszip.io.columns import Roles, find_roles
 from gpszip.io.coordinates import has_decimal_comma, has_decimal_point
+from gpszip.io.date_texts import DateOrders, date_orders
 from gpszip.io.formats import format_for_reading, format_named
 from gpszip.io.parquet_log import parquet_dataset
+from gpszip.io.plausibility import as_spreadsheet_days, plausible
 from gpszip.io.quotes import check_quotes
 from gpszip.io.raw_log import RawLog, Request
 from gpszip.io.source import Source
 from gpszip.io.table import Habits, habits_of, table_log
+from gpszip.io.time_columns import order_of, time_cells
 from gpszip.model.reading import Repair
 
 __all__ = ["Shard", "shard_of"]
 
 #: Rows of Parquet that are read at a time.
 _ROWS = 1 << 17
-
-_UNITS = ((1e11, "s"), (1e14, "ms"), (1e17, "us"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +92,7 @@ class Shard:
             If the file is damaged.
         """
         if self.kind == "whole":
-            yield format_for_reading(self.source).read(self.source, self.request)
+            yield plausible(format_for_reading(self.source).read(self.source, self.request), self.request)
             return
         try:
             yield from self._tables(_parquet_tables(self) if self.kind == "parquet" else _csv_tables(self))
@@ -104,16 +106,23 @@ class Shard:
         assert roles is not None
         for table, bad in tables:
             # What the first rows tell holds for all.
-            if request.time_unit is None:
-                request = replace(request, time_unit=self._unit(table, roles))
-            if habits is None and table.num_rows:
+            if request.dates is None and table.num_rows:
+                request = replace(request, dates=self._order(table, roles))
+            first_rows = habits is None and table.num_rows > 0
+            if first_rows:
                 habits = habits_of(table.columns, self.names, roles, request, self.name, decimal_comma=self._decimal_comma())
 
             repairs = (Repair("rows with too many or too few cells dropped", bad, self.name),) if bad else ()
             if table.num_rows or bad:
-                yield table_log(
+                raw = table_log(
                     table.columns, self.names, roles, request, self.name, first=first, habits=habits, repairs=repairs, whole=False
                 )
+                if first_rows:
+                    raw = plausible(raw, self.request)
+                    request = replace(request, time_unit=raw.guess.unit if raw.guess else self.request.time_unit)
+                elif request.time_unit == "excel" and self.request.time_unit is None:
+                    raw = as_spreadsheet_days(raw)
+                yield raw
             first += table.num_rows
 
     def _decimal_comma(self) -> bool | None:
@@ -131,14 +140,32 @@ class Shard:
                 return False
         return comma
 
-    def _unit(self, table: Any, roles: Roles) -> str | None:
-        """The unit of times that are numbers, from the first rows, so that it is the same for all."""
-        column = table.columns[roles.used.index(roles.time[-1])]
-        if len(roles.time) > 1 or time_unit_of(self.names[roles.time[0]]) is not None or pa.types.is_temporal(column.type):
-            return None
-        values = numbers(column)
-        values = np.abs(values[np.isfinite(values)])
-        return next((unit for top, unit in _UNITS if float(np.median(values)) <= top), "ns") if len(values) else None
+    def _order(self, table: Any, roles: Roles) -> str | None:
+        """Order of day, month and year, from all rows, so that it is the same for all; None where this batch has no such dates."""
+        assert self.names
+        named = order_of(self.names, roles, self.request)
+        if named is not None or not self._orders(table).first:
+            return named
+        found = reduce(or_, (self._orders(batch) for batch in self._texts()))
+        return found.decide(f"{self.name}: column {self.names[roles.time[-1]]!r}")
+
+    def _texts(self) -> Iterator[Any]:
+        """Yield all rows once more, those of text with all cells as texts."""
+        if self.kind == "parquet":
+            yield from (table for table, _ in _parquet_tables(self))
+            return
+        assert self.dialect is not None
+        encoding = csv_log.whole_encoding(self.source, self.dialect)
+        yield from (pa.Table.from_batches([batch]) for batch in _csv_batches(self, {}, [], encoding))
+
+    def _orders(self, table: Any) -> DateOrders:
+        """Orders in which a batch's dates can be read."""
+        assert self.roles is not None
+        roles, columns = self.roles, dict(zip(self.roles.used, table.columns, strict=False))
+        if any(not is_text(columns[i].type) and pa.types.is_temporal(columns[i].type) for i in roles.time):
+            return DateOrders()
+        cells = time_cells(columns, self.names, roles, self.request, self.name)
+        return date_orders(trimmed(cells)) if is_text(cells.type) else DateOrders()
 
 
 def shard_of(source: Source, format_: str | None, request: Request) -> Shard | InputError:

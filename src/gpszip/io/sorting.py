@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import chain as chain_of
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,13 @@ from numpy.typing import NDArray
 from gpszip.errors import InputError
 from gpszip.io.globe import GlobeCheck, at_zero, off_globe_value
 from gpszip.io.kept_columns import Slots
+from gpszip.io.losses import MIDNIGHT, STOPPED, find_doubles, loss_of, stopped_clock
 from gpszip.io.mending import first_unread, said, value_of
 from gpszip.io.plane_sample import PlaneSample
 from gpszip.io.raw_log import RawLog, Unread, unused
 from gpszip.io.scratch import writing
 from gpszip.io.shards import Shard
-from gpszip.model.reading import LeftOut, Repair
+from gpszip.model.reading import LeftOut, Loss, Repair
 
 __all__ = ["Sorter", "kind_of", "read_rows"]
 
@@ -35,6 +37,14 @@ class _Part:
     last: float = -np.inf
     back: int = 0
     slices: list[tuple[int, int, int]] = field(default_factory=list)  # run, row, rows
+
+
+@dataclass(frozen=True)
+class _Unusable:
+    """Rows of a track that can't be used, and the first file that has some."""
+
+    where: str
+    count: int
 
 
 class Sorter:
@@ -64,6 +74,7 @@ class Sorter:
         self.parts: list[_Part] = []
         self.errors: list[InputError] = []
         self.repairs: list[Repair] = []
+        self.losses: list[Loss] = []
         self.dropped: dict[str, None] = {}
         self.points, self.dimension, self.geographic = 0, 0, False
         self._alive: list[int] = []
@@ -71,7 +82,9 @@ class Sorter:
         self._here: list[int] = []  # all of its parts, and those that keep their names
         self._first: set[int] = set()
         self._shard: tuple[Shard, str] | None = None
-        self._before: tuple[int, list[Repair]] = (0, [])
+        self._before: tuple[int, list[Repair], dict[str, _Unusable]] = (0, [], {})
+        self._unusable: dict[str, _Unusable] = {}
+        self._clocks = False  # whether the present file has times of day without dates
         self._held: list[tuple[NDArray[np.int32], Floats]] = []
         self._kinds: set[tuple[int, ...]] = set()  # those of the present file's columns
         self._held_kinds: tuple[int, ...] = ()
@@ -94,9 +107,9 @@ class Sorter:
     def begin(self, shard: Shard, stem: str) -> None:
         """Expect the rows of a file, whose track has this name if it names none."""
         self._shard, self._own, self._here, self._first, self._usable = (shard, stem), {}, [], set(), 0
-        self._kinds, self._seen = set(), 0
+        self._kinds, self._seen, self._clocks = set(), 0, False
         self._globe, self._unread = GlobeCheck(), ()
-        self._before = (self.points, list(self.repairs))
+        self._before = (self.points, list(self.repairs), dict(self._unusable))
 
     def end(self) -> None:
         """Refuse a file of which no row can be used, and one whose times go back."""
@@ -111,6 +124,8 @@ class Sorter:
             )
         for number in self._here:
             part = self.parts[number]
+            if part.back and self._clocks:
+                raise InputError(f"{name}: track {part.name!r}: {MIDNIGHT}")
             if part.back and not self.sort:
                 raise InputError(f"{name}: time goes back in track {part.name!r}; --sort orders the points, --split starts a new track")
             if part.back:
@@ -124,7 +139,7 @@ class Sorter:
 
     def drop_shard(self) -> None:
         """Forget what the present file has brought."""
-        self.points, self.repairs = self._before[0], self._before[1]
+        self.points, self.repairs, self._unusable = self._before
 
     def left_out(self) -> Iterator[LeftOut]:
         """Yield what was left out, and why."""
@@ -138,10 +153,12 @@ class Sorter:
         self.points += len(raw.times) + sum(repair.count for repair in raw.repairs if repair.drops)
         for repair in raw.repairs:
             self._add_repair(repair)
+        self._clocks |= raw.time_of_day
         self.dropped |= dict.fromkeys(raw.dropped)
         good = self._usable_rows(raw)
         self._usable += int(good.sum())
         self._seen += len(good)
+        self._note_unusable(raw, good)
         times, places = raw.times[good], raw.coordinates[good]
         codes = self._codes(raw, good)
         if self.split:
@@ -203,6 +220,20 @@ class Sorter:
                 self.repairs[i] = replace(named, count=old.count + new.count)
                 return
         self.repairs.append(new)
+
+    def _note_unusable(self, raw: RawLog, good: NDArray[np.bool_]) -> None:
+        """Count the rows that can't be used by the track that they are of, those that belong to none by the file."""
+        assert self._shard is not None
+        before = sum(repair.count for repair in raw.repairs if repair.drops)
+        counts = {"": before} if before else {}
+        if raw.codes is None and not good.all():
+            counts[self._shard[1]] = int((~good).sum())
+        elif raw.codes is not None:
+            bad = np.bincount(raw.codes[~good], minlength=len(raw.ids))
+            counts |= {raw.ids[code]: int(bad[code]) for code in np.flatnonzero(bad).tolist()}
+        for name, count in counts.items():
+            old = self._unusable.get(name, _Unusable(raw.name, 0))
+            self._unusable[name] = _Unusable(old.where, old.count + count)
 
     def _codes(self, raw: RawLog, good: NDArray[np.bool_]) -> NDArray[np.int32]:
         assert self._shard is not None
@@ -290,8 +321,13 @@ class Sorter:
 
         Once all are through, the runs are gone.
         """
-        for name, chain in self._chains(skip_bad).items():
+        chains = self._chains(skip_bad)
+        for name, chain in chains.items():
             yield name, self._fresh(name, chain)
+        for name, unusable in self._unusable.items():
+            if name not in chains:  # of no track, or of one that is gone
+                points = unusable.count if name else self.points
+                self.losses += loss_of(name, unusable.where, unusable.count, points)
         for number in range(len(self._runs)):
             self._run(number).unlink()
 
@@ -310,18 +346,59 @@ class Sorter:
                 raise error
             self.errors.append(error)
             self._add_repair(Repair(f"points of track {part.name!r} left out", part.count, part.where))
+        for name in list(chains):
+            self._check_clock(name, chains, skip_bad)
         return {name: sorted(chain, key=lambda part: part.first) for name, chain in chains.items()}
 
+    def _check_clock(self, name: str, chains: dict[str, list[_Part]], skip_bad: bool) -> None:
+        """Refuse a track whose points all have the same time, or leave it out."""
+        # Is it one? Points at one place are one point.
+        chain = chains[name]
+        count, first = sum(part.count for part in chain), min(part.first for part in chain)
+        if count < STOPPED or first < max(part.last for part in chain):
+            return
+        blocks = (block[:, 1 : 1 + self.dimension] for part in chain for block in self._blocks(part))
+        start = next(blocks)
+        elsewhere = sum(int((block != start[0]).any(axis=1).sum()) for block in chain_of([start], blocks))
+        if elsewhere + 1 < STOPPED:
+            return
+
+        # Say so.
+        error = stopped_clock(chain[0].where, name, count, first)
+        if not skip_bad or len(chains) == 1:
+            raise error
+        self.errors.append(error)
+        self._add_repair(Repair(f"points of track {name!r} left out", count, chain[0].where))
+        del chains[name]
+        self._unusable.pop(name, None)
+
     def _fresh(self, name: str, chain: list[_Part]) -> Iterator[Floats]:
-        last = -np.inf
+        """Yield the rows of a track without those at a time that is there already."""
+        unusable = self._unusable.get(name, _Unusable(chain[0].where, 0))
+        lost, shared, run = unusable.count, 0, 0
+        last = np.full((1, self.width), -np.inf)  # the row of the time that came last
         for part in chain:
             for every in self._blocks(part):
-                fresh = np.diff(every[:, 0], prepend=last) > 0
-                last = float(every[-1, 0])
-                lost = len(every) - int(fresh.sum())
-                if lost:
-                    self._add_repair(Repair("rows at a time that the track has already dropped", lost, f"{part.where}: track {name!r}"))
-                yield every[fresh] if lost else every
+                # Compare with the row before the block, too.
+                rows = np.concatenate([last, every])
+                doubles = find_doubles(rows[:, 0], rows[:, 1 : 1 + self.dimension], np.zeros(len(rows), np.bool_))
+                first = doubles.first
+
+                # Count the others.
+                where = f"{part.where}: track {name!r}"
+                elsewhere = int(doubles.elsewhere.sum())
+                if repeated := int(doubles.repeated[1:].sum()):
+                    self._add_repair(Repair("repeated rows dropped", repeated, where))
+                if elsewhere:
+                    self._add_repair(Repair("rows at another position, but the same time dropped", elsewhere, where))
+                together = np.bincount(np.cumsum(first) - 1, weights=doubles.elsewhere)
+                together[0] += run
+                shared, run, lost = max(shared, int(together.max())), int(together[-1]), lost + elsewhere
+
+                last = rows[first][-1:]
+                yield every[first[1:]] if elsewhere or repeated else every
+        points = unusable.count + sum(part.count for part in chain)
+        self.losses += loss_of(name, unusable.where, lost, points, shared + 1 if shared else 0)
 
     def _blocks(self, part: _Part) -> Iterator[Floats]:
         """Samples of a part in the order of time, in blocks that fit in memory."""

@@ -21,13 +21,14 @@ from gpszip.geo.planes import to_plane
 from gpszip.io.columns import parse_columns
 from gpszip.io.despiking import Despiked
 from gpszip.io.kept_columns import Slots, StoredColumn
+from gpszip.io.losses import FEW, nearly_lost
 from gpszip.io.raw_log import Request
 from gpszip.io.scratch import scratch, writing
 from gpszip.io.shards import Shard, shard_of
 from gpszip.io.sorting import Sorter, kind_of, read_rows
 from gpszip.io.source import expand
 from gpszip.model import Plane, Track
-from gpszip.model.reading import Reading
+from gpszip.model.reading import Reading, Repair
 
 __all__ = ["StoredLog", "StoredTrack", "count_rows", "store_logs"]
 
@@ -116,6 +117,7 @@ def store_logs(
     format: str | None = None,
     columns: str | Sequence[str] | Mapping[str, str] | None = None,
     time_unit: str | None = None,
+    dates: str | None = None,
     sort: bool = False,
     split: bool = False,
     skip_bad: bool = False,
@@ -131,7 +133,7 @@ def store_logs(
         As for :func:`gpszip.io.reading.read_logs`.
     rows : int
         How many rows may be in memory at once; each takes about 100 bytes.
-    format, columns, time_unit, sort, split, skip_bad, keep, clean
+    format, columns, time_unit, dates, sort, split, skip_bad, keep, clean
         As for :func:`gpszip.io.reading.read_logs`.
     plane : Plane, optional
         Where positions on the earth are to be laid; chosen for them where left out.
@@ -157,7 +159,7 @@ def store_logs(
     """
     if sort and split:
         raise OptionError("--sort and --split exclude each other")
-    request = Request(parse_columns(columns), time_unit, tuple(keep))
+    request = Request(parse_columns(columns), time_unit, tuple(keep), dates=dates)
     shards, size, errors = _planned(sources, format, request, skip_bad)
     with ExitStack() as stack:
         room = stack.enter_context(scratch())
@@ -176,7 +178,17 @@ def store_logs(
             rows_of, sample, repairs = left.tracks(), left.sample, [*repairs, *left.repairs]
         plane = (plane or sample.plane()) if sorter.geographic else None
         tracks, kept = _written(rows_of, sorter, room, plane)
-        reading = Reading((), sorter.points, size, sorter.geographic, tuple(repairs), tuple(sorter.left_out()), tuple(sorter.dropped))
+        _require_several(tracks, sorter.points, repairs)
+        reading = Reading(
+            tracks=(),
+            points=sorter.points,
+            bytes=size,
+            geographic=sorter.geographic,
+            repairs=tuple(repairs),
+            left_out=tuple(sorter.left_out()),
+            dropped=tuple(sorter.dropped),
+            losses=tuple(sorter.losses),
+        )
         return StoredLog(tracks, reading, sorter.dimension, plane, kept, room / "samples", stack.pop_all())
 
 
@@ -203,6 +215,12 @@ def _written(
     if not tracks:
         raise sorter.errors[0] if sorter.errors else InputError("no log holds a sample")
     return tuple(tracks), tuple(sorter.slots.column(number, path) for number, path in enumerate(paths))
+
+
+def _require_several(tracks: Sequence[StoredTrack], points: int, repairs: Sequence[Repair]) -> None:
+    """Refuse a log of which one point is left of many."""
+    if sum(track.count for track in tracks) < 2 and points > FEW:
+        raise nearly_lost("the logs", points, "row", repairs)
 
 
 def _planned(sources: Any, format_: str | None, request: Request, skip_bad: bool) -> tuple[list[Shard], int, list[InputError]]:

@@ -12,19 +12,19 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
-from gpszip.io.arrow_values import codes, numbers, seconds, unit_seconds, values
-from gpszip.io.columns import Roles, time_unit_of
+from gpszip.io.arrow_values import codes, is_text, numbers, values
+from gpszip.io.columns import Roles
 from gpszip.io.coordinates import (
     degrees,
     has_decimal_comma,
     has_packed_minutes,
-    is_text,
     plain_numbers,
     texts,
     unread,
 )
 from gpszip.io.raw_log import RawLog, Request, Unread
 from gpszip.io.row_names import names_rows
+from gpszip.io.time_columns import read_times
 from gpszip.model.reading import Repair
 
 __all__ = ["Habits", "habits_of", "table_log"]
@@ -100,7 +100,7 @@ def habits_of(
     ids, index = _names(column[roles.id], names[roles.id], where)
     if len(ids) * 2 <= len(index):
         return found
-    times = _times(column, names, roles, request, where, comma)
+    times = read_times(column, names, roles, request, where, decimal_comma=comma).times
     coordinates = np.stack([_coordinates(column, names, roles, number, found, where) for number in range(len(axes))], axis=1)
     return Habits(comma, packed, names_rows(len(ids), times, coordinates, geographic=roles.geographic))
 
@@ -128,7 +128,7 @@ def table_log(
     roles : Roles
         Which column is what.
     request : Request
-        The unit of time.
+        The unit of time and the order of dates.
     where : str
         Name of the log.
     first : int
@@ -163,12 +163,11 @@ def table_log(
         repairs = (*repairs, _told(names[roles.id], len(columns[0]), where))
 
     # Times and positions, and what can't be read of them.
-    times = _times(column, names, roles, request, where, habits.decimal_comma)
+    when = read_times(column, names, roles, request, where, decimal_comma=habits.decimal_comma)
     axes = [_coordinates(column, names, roles, number, habits, where) for number in range(len(roles.axes))]
-    bad = [_unread_time(column, names, roles, times)]
-    bad += [_unread_axis(column, names, roles, number, habits, axis, where) for number, axis in enumerate(axes)]
+    bad = [_unread_axis(column, names, roles, number, habits, axis, where) for number, axis in enumerate(axes)]
     if whole:
-        _check_axes(axes, names, roles, bad[1:], where)
+        _check_axes(axes, names, roles, bad, where)
 
     # All else.
     attributes = {name: _kept(column[i], names[i], where) for name, i in roles.keep.items()}
@@ -179,14 +178,17 @@ def table_log(
         name=where,
         ids=ids,
         codes=index,
-        times=times,
+        times=when.times,
         coordinates=np.stack(axes, axis=1),
         geographic=roles.geographic,
         attributes=attributes,
         first=first,
         dropped=tuple(name for i, name in enumerate(names) if i not in kept),
-        repairs=repairs,
-        unread=tuple(one for one in bad if one is not None),
+        repairs=(*repairs, *when.repairs),
+        unread=(*when.unread, *(one for one in bad if one is not None)),
+        guess=when.guess,
+        time_of_day=when.time_of_day,
+        axes=tuple(names[axis] for axis in roles.axes),
     )
 
 
@@ -264,11 +266,6 @@ def _text(column: Any, name: str, where: str) -> Any:
     return cells if is_text(cells.type) else pc.cast(cells, pa.string())
 
 
-def _unread_time(column: Mapping[int, Any], names: Sequence[str], roles: Roles, times: Floats) -> Unread | None:
-    time = roles.time[-1]
-    return unread(column[time], times, names[time])
-
-
 def _unread_axis(
     column: Mapping[int, Any], names: Sequence[str], roles: Roles, number: int, habits: Habits, values: Floats, where: str
 ) -> Unread | None:
@@ -286,27 +283,6 @@ def _unread_axis(
     )
     said = column[side][found.row].as_py()
     return Unread(names[side], found.row, "" if said is None else str(said)) if np.isfinite(alone[0]) else found
-
-
-def _times(column: Mapping[int, Any], names: Sequence[str], roles: Roles, request: Request, where: str, decimal_comma: bool) -> Floats:
-    time = roles.time[-1]
-    cells = column[time]
-    if len(roles.time) == 2:
-        cells = _joined(column[roles.time[0]], cells)
-    if decimal_comma and pa.types.is_string(cells.type):
-        cells = pc.replace_substring(cells, ",", ".")
-    unit = unit_seconds(request.time_unit) if request.time_unit else time_unit_of(names[time])
-    return seconds(cells, unit, f"{where}: column {names[time]!r}")
-
-
-def _joined(date: Any, time: Any) -> Any:
-    """Join a date and a time of day; a time that holds its date, too, stands for itself."""
-    days, hours = pc.cast(date, pa.string()), pc.utf8_trim_whitespace(pc.cast(time, pa.string()))
-    if not pc.any(pc.match_substring_regex(hours, r"^\d{1,2}:\d{2}")).as_py():
-        return time
-    hours = pc.replace_substring_regex(hours, r"^(\d):", r"0\1:")
-    days = pc.utf8_slice_codeunits(pc.utf8_trim_whitespace(days), 0, 10)
-    return pc.binary_join_element_wise(days, hours, " ")
 
 
 def _check_axes(axes: Sequence[Floats], names: Sequence[str], roles: Roles, bad: Sequence[Unread | None], where: str) -> None:
