@@ -27,7 +27,7 @@ class Format:
     name : str
         As ``format=`` names it.
     suffixes : tuple of str
-        Of files, lower case; any may be followed by ``.gz`` when read.
+        Of files, lower case; any may be followed by ``.gz`` when read, and lie in a zip archive.
     about : str
         One line on what is read.
     sniff : callable
@@ -70,7 +70,7 @@ FORMATS: tuple[Format, ...] = (
 
 #: What else people bring, by its first bytes.
 _OTHERS = (
-    (b"PK\x03\x04", "a zip archive; unpack it first"),
+    (b"PK\x03\x04", "a zip archive inside another file; unpack the outer one first"),
     (b"BZh", "packed with bzip2; unpack it first: bzip2 -d"),
     (b"\xfd7zXZ", "packed with xz; unpack it first: xz -d"),
     (b"\x28\xb5\x2f\xfd", "packed with zstd; unpack it first: zstd -d"),
@@ -119,8 +119,16 @@ def format_for_reading(source: Source) -> Format:
         raise UnknownFormatError(f"{source.name}: is XML, but not GPX; convert it to GPX or CSV first")
     for known in FORMATS:
         if known.sniff(head):
+            if _is_mere_text(known, source):
+                raise UnknownFormatError(f"{source.name}: is text, but not named as a table; if it is a log, name it .csv")
             return known
     raise UnknownFormatError(f"{source.name}: neither text nor a format that is known; 'gpszip formats' lists what can be read")
+
+
+def _is_mere_text(known: Format, source: Source) -> bool:
+    """Whether a member of a zip archive is text, but not named as a table: a page or a licence that came with the logs."""
+    name = source.name.lower().removesuffix(".gz")
+    return bool(source.archive) and known.name == "csv" and not name.endswith(known.suffixes)
 
 
 def format_for_writing(name: str, format: str | None = None) -> Format:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, BinaryIO
 
 import pyarrow as pa
@@ -84,12 +85,22 @@ def parquet_dataset(source: Source) -> Any:
     import pyarrow.dataset as ds
     import pyarrow.parquet as pq
 
+    if source.path is not None and not _is_unicode(source.path):
+        raise InputError(f"{source.name}: the name is no UTF-8, as names of Parquet files have to be; rename it")
     if source.base is not None:
         hive = ds.partitioning(flavor="hive")
         return ds.dataset([str(source.path)], format="parquet", partitioning=hive, partition_base_dir=str(source.base))
     if source.path is not None and not source.packed:
         return ds.dataset(str(source.path), format="parquet")
     return ds.dataset(pq.read_table(pa.BufferReader(source.read())))
+
+
+def _is_unicode(path: Path) -> bool:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _titles(names: list[str], request: Request, where: str) -> list[str]:

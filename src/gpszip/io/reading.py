@@ -17,7 +17,7 @@ from gpszip.io.columns import parse_columns
 from gpszip.io.formats import format_for_reading, format_named
 from gpszip.io.mending import Piece, mend
 from gpszip.io.raw_log import RawLog, Request, unused
-from gpszip.io.source import Source, expand
+from gpszip.io.source import Source, expand, is_no_log
 from gpszip.model import Plane, Track
 from gpszip.model.reading import LeftOut, Reading, Repair
 
@@ -41,7 +41,7 @@ class _Account:
 
 
 def read_logs(
-    sources: str | Path | BinaryIO | Iterable[str | Path | BinaryIO],
+    sources: str | Path | BinaryIO | Iterable[str | Path | BinaryIO | Source | InputError],
     *,
     format: str | None = None,
     columns: str | Sequence[str] | Mapping[str, str] | None = None,
@@ -62,8 +62,8 @@ def read_logs(
 
     Parameters
     ----------
-    sources : str, Path, binary stream, or iterable of these
-        Files, patterns (``walks/*.gpx``), folders of Parquet, ``-`` for standard input.
+    sources : str, Path, binary stream, or iterable of these and of what :func:`gpszip.io.source.expand` gives
+        Files, patterns (``walks/*.gpx``), folders of Parquet, zip archives of files, ``-`` for standard input.
     format : str, optional
         ``csv``, ``parquet``, ``gpx`` or ``geojson``; told from the content where left out.
     columns : str, sequence of str, or mapping of str to str, optional
@@ -80,7 +80,8 @@ def read_logs(
         Keep a column of headings (``heading``, ``bearing``, ``course``, ...; the course of GPX points), where there is one, as the
         attribute ``heading``: degrees clockwise from north, NaN where not known.
     skip_bad : bool
-        Leave out logs that can't be read, instead of raising.
+        Leave out logs that can't be read, instead of raising. Files in a zip
+        archive that are no logs at all are left out in any case.
 
     Returns
     -------
@@ -109,7 +110,7 @@ def read_logs(
             raw = _read(source, format, request)
             _add(account, raw, *mend(raw, sort=sort, split=split), source)
         except InputError as error:
-            if not skip_bad:
+            if not (skip_bad or is_no_log(source, error)):
                 raise
             account.errors.append(error)
     _account_for_errors(account)

@@ -25,7 +25,7 @@ from gpszip.io.raw_log import Request
 from gpszip.io.scratch import scratch, writing
 from gpszip.io.shards import Shard, shard_of
 from gpszip.io.sorting import Sorter, kind_of, read_rows
-from gpszip.io.source import expand
+from gpszip.io.source import expand, is_no_log
 from gpszip.model import Plane, Track
 from gpszip.model.reading import Reading
 
@@ -211,7 +211,7 @@ def _planned(sources: Any, format_: str | None, request: Request, skip_bad: bool
     for source in expand(sources):
         shard = source if isinstance(source, InputError) else shard_of(source, format_, request)
         error = shard if isinstance(shard, InputError) else _misfit(shard, shards)
-        if error is not None and not skip_bad:
+        if error is not None and not (skip_bad or is_no_log(source, error)):
             raise error
         if error is not None:
             errors.append(error)
