@@ -346,3 +346,18 @@ def test_a_file_without_rows_says_so(tmp_path):
     pq.write_table(pa.table({"t": [0.0], "x": [0.0], "y": [0.0]}).slice(0, 0), tmp_path / "a.parquet")
     with pytest.raises(InputError, match=r"a\.parquet: columns, but no rows"):
         store_logs(str(tmp_path), rows=TINY)
+
+
+def test_geojson_leaves_out_the_same_as_in_memory(tmp_path):
+    line = '{"type":"Feature","properties":{"times":[0,1]},"geometry":{"type":"LineString","coordinates":[[8,50],[8,51]]}}'
+    polygon = '{"type":"Feature","properties":{},"geometry":{"type":"Polygon","coordinates":[]}}'
+    path = tmp_path / "log.json"
+    path.write_text("\n".join([line, polygon, '{"a": 7}']))
+    with pytest.raises(InputError, match="feature 3: is neither a feature nor a geometry"):
+        store_logs(path, rows=1000)
+    with store_logs(path, rows=1000, skip_bad=True) as log:
+        assert log.reading.left_out == read_logs(path, skip_bad=True).left_out
+        assert [left.name for left in log.reading.left_out] == [f"{path}: 1 Polygon", f"{path}: feature 3"]
+    path.write_text("t,x,y\n0,0,0\n")
+    with pytest.raises(InputError, match="damaged JSON file"):
+        store_logs(path, rows=1000, format="geojson")

@@ -8,7 +8,8 @@ from typing import BinaryIO
 
 from gpszip.errors import InputError, OptionError, OutputError, UnknownFormatError
 from gpszip.io.csv_log import read_csv, sniff_csv, write_csv
-from gpszip.io.geojson import read_geojson, sniff_geojson, write_geojson
+from gpszip.io.geojson import write_geojson
+from gpszip.io.geojson_reader import read_geojson, sniff_geojson
 from gpszip.io.gpx import read_gpx, sniff_gpx, write_gpx
 from gpszip.io.parquet_log import read_parquet, sniff_parquet, write_parquet
 from gpszip.io.raw_log import RawLog, Request
@@ -53,7 +54,7 @@ FORMATS: tuple[Format, ...] = (
     Format(
         "geojson",
         (".geojson", ".json"),
-        "LineStrings with coordTimes or times; Points with a time",
+        "LineStrings with coordTimes or times, or as shapes; Points with a time; one on each line, too",
         sniff_geojson,
         read_geojson,
         write_geojson,

@@ -28,12 +28,15 @@ class Request:
         Further columns to keep as attributes.
     heading : bool
         Keep headings, too, as attribute ``heading``, where there are some.
+    skip_bad : bool
+        Leave out parts of a log that can't be used, such as a feature of GeoJSON, and name them, instead of raising.
     """
 
     columns: Mapping[str, str] | tuple[str, ...] | None = None
     time_unit: str | None = None
     keep: tuple[str, ...] = ()
     heading: bool = False
+    skip_bad: bool = False
 
 
 @dataclass(frozen=True)

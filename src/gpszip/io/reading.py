@@ -80,7 +80,7 @@ def read_logs(
         Keep a column of headings (``heading``, ``bearing``, ``course``, ...; the course of GPX points), where there is one, as the
         attribute ``heading``: degrees clockwise from north, NaN where not known.
     skip_bad : bool
-        Leave out logs that can't be read, instead of raising. Files in a zip
+        Leave out logs that can't be read, and parts of logs such as features of GeoJSON, instead of raising. Files in a zip
         archive that are no logs at all are left out in any case.
 
     Returns
@@ -102,7 +102,7 @@ def read_logs(
     >>> [(track.id, len(track)) for track in reading.tracks], reading.points, reading.lost
     ([('007', 2)], 3, 1)
     """
-    request = Request(parse_columns(columns), time_unit, (keep,) if isinstance(keep, str) else tuple(keep), heading)
+    request = Request(parse_columns(columns), time_unit, (keep,) if isinstance(keep, str) else tuple(keep), heading, skip_bad)
     account = _Account()
     for source in expand(sources):
         account.logs.add(source.log if isinstance(source, Source) else str(source))

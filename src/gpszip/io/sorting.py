@@ -65,7 +65,8 @@ class Sorter:
         self._here: list[int] = []  # all of its parts, and those that keep their names
         self._first: set[int] = set()
         self._shard: tuple[Shard, str] | None = None
-        self._before: tuple[int, list[Repair]] = (0, [])
+        self._parts_left_out: list[LeftOut] = []
+        self._before: tuple[int, list[Repair], list[LeftOut]] = (0, [], [])
         self._held: list[tuple[NDArray[np.int32], Floats]] = []
         self._kinds: set[tuple[int, ...]] = set()  # those of the present file's columns
         self._held_kinds: tuple[int, ...] = ()
@@ -82,7 +83,7 @@ class Sorter:
         """Expect the rows of a file, whose track has this name if it names none."""
         self._shard, self._own, self._here, self._first, self._usable = (shard, stem), {}, [], set(), 0
         self._kinds, self._seen = set(), 0
-        self._before = (self.points, list(self.repairs))
+        self._before = (self.points, list(self.repairs), list(self._parts_left_out))
 
     def end(self) -> None:
         """Refuse a file of which no row can be used, and one whose times go back."""
@@ -107,10 +108,11 @@ class Sorter:
 
     def drop_shard(self) -> None:
         """Forget what the present file has brought."""
-        self.points, self.repairs = self._before[0], self._before[1]
+        self.points, self.repairs, self._parts_left_out = self._before
 
     def left_out(self) -> Iterator[LeftOut]:
-        """Yield what was left out, and why."""
+        """Yield what was left out, and why: parts of files first, then whole files."""
+        yield from self._parts_left_out
         for error in self.errors:
             name, _, reason = str(error).partition(": ")
             yield LeftOut(name, reason)
@@ -120,6 +122,7 @@ class Sorter:
         self._check_kind(raw)
         self.points += len(raw.times) + sum(repair.count for repair in raw.repairs if repair.drops)
         self.repairs += raw.repairs
+        self._parts_left_out += raw.left_out
         self.dropped |= dict.fromkeys(raw.dropped)
         good = self._usable_rows(raw)
         self._usable += int(good.sum())

@@ -157,7 +157,7 @@ def store_logs(
     """
     if sort and split:
         raise OptionError("--sort and --split exclude each other")
-    request = Request(parse_columns(columns), time_unit, tuple(keep))
+    request = Request(parse_columns(columns), time_unit, tuple(keep), skip_bad=skip_bad)
     shards, size, errors = _planned(sources, format, request, skip_bad)
     with ExitStack() as stack:
         room = stack.enter_context(scratch())
