@@ -20,7 +20,7 @@ from gpszip.errors import InputError
 __all__ = ["Document", "Element", "encoding_of", "read_json"]
 
 #: Letters that a single value may take at most.
-_LETTERS = 96 << 20
+_LETTERS = 64 << 20
 
 #: Marks between values (commas, colons and opening brackets) that may be in it: what they part takes up to 100 bytes each.
 _MARKS = 8_000_000
