@@ -176,7 +176,12 @@ def test_of_many_bad_features_the_first_are_named_and_the_others_counted():
 def test_single_times_that_cannot_be_read_are_no_times():
     log = raw(collection(two(times=[0, 1]), line([[8, 50], [8, 51], [8, 52]], times=[None, "2024-05-04T08:00:00Z", "?"])))
     assert np.isnan(log.times).tolist() == [False, False, True, False, True]
-    assert log.unread == (Unread("times", 4, '"?"'),)
+    assert log.unread == (Unread("times", 4, "?"),)
+
+
+def test_shapes_and_tracks_with_times_are_kept_side_by_side():
+    reading = read(collection(two(id="plan"), two(lat=40, id="ride", times=[5, 6])))
+    assert [(track.id, track.timed, len(track)) for track in reading.tracks] == [("plan", False, 2), ("ride", True, 2)]
 
 
 @pytest.mark.parametrize("times", [{}, {"times": None}, {"time": "2024-05-04T08:00:00Z"}, {"coordTimes": [None, None]}, {"t": 5}])

@@ -153,3 +153,23 @@ def test_only_a_lone_text_is_written_again(tmp_path):
     reading, text = read_to_write_again([one, other])
     assert text is None
     assert len(reading.tracks) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("t,lat,N/S,lon,E/W\n0,33,S,70,W\n60,33,S,70,W\n", "hemispheres in columns of their own"),
+        ("t,lat,lon\n0,33S,70W\n60,33S,70W\n", "coordinates such as '33S'"),
+        ("t,x,y,\n0,1,2\n60,1,2\n", "differ by an empty cell"),
+        ("t,x,y\n0,1,2,\n60,1,2,\n", "differ by an empty cell"),
+    ],
+)
+def test_tables_to_which_no_row_can_be_added_are_refused(text, says):
+    with pytest.raises(InputError, match=says):
+        text_log(text)
+
+
+def test_rows_are_added_with_decimal_commas_within_quotes():
+    log = text_log('t,lat,lon\n0,"48,1371","11,575"\n60,"48,1372","11,576"\n')
+    rows = written(log, patch_of(log, 0, 0, [30])).splitlines()
+    assert rows[2] == '30,"48,137100","11,575000",patched,0.500'

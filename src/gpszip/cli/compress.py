@@ -191,8 +191,8 @@ def _options(choices: dict[str, Any]) -> Options:
     from gpszip.model import Options
 
     given = [option for name, option in _BOUNDS.items() if choices[name] is not None]
-    if len(given) > 1:
-        raise OptionError(f"{given[0]} and {given[1]} were both given; give one")
+    if len(given) > 1 and given != ["--rmse", "--max-error"]:
+        raise OptionError(f"{given[0]} and {given[-1]} were both given; give one")
     names = (*_BOUNDS, "gap", "effort", "coreset", "k", "m", "times", "layer", "keep_times")
     size = None if choices["size"] is None else int(choices["size"])
     return Options(**{name: choices[name] for name in names} | {"size": size, "keep": _keep(choices)})

@@ -30,6 +30,7 @@ _NAMED = 20
 @click.option("--network", metavar="FILE", multiple=True, required=True, help="Roads, prepared ones, or an archive, for its map.")
 @output("patched.csv")
 @click.option("--gap", type=DURATION, metavar="DURATION", help="Silences longer than this are gaps. Estimated where left out.")
+@click.option("--ignore-oneway", is_flag=True, help="All roads lead both ways, as for those who walk or cycle.")
 @click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
 @click.option("--split", is_flag=True, help="Begin a new track where time goes back.")
 @click.option("--skip-bad", is_flag=True, help="Leave out logs that can't be read, name them, end with exit code 3.")
@@ -57,7 +58,7 @@ def command(settings: Settings, /, logs: tuple[str, ...], network: tuple[str, ..
     names = ("columns", "time_unit", "sort", "split", "skip_bad")
     reading, text = read_to_write_again(list(logs), heading=True, **{name: choices[name] for name in names})
     roads = pipeline.read_network(list(network), near=reading.tracks)
-    patching = pipeline.patch(reading.tracks, roads.network, gap=choices["gap"])
+    patching = pipeline.patch(reading.tracks, roads.network, gap=choices["gap"], ignore_oneway=choices["ignore_oneway"])
     again = text if target.lower().endswith((".csv", ".tsv", ".txt", "-")) else None
     _write(patching, again, target)
     if again is not None:

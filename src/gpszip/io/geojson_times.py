@@ -82,7 +82,7 @@ def _unread(lines: Sequence[Line], found: list[NDArray[np.float64]], given: list
     for line, own, there in zip(lines, found, given, strict=True):
         if (bad := there & np.isnan(own)).any():
             row = int(bad.argmax())
-            return before + row, _cell(line, row)
+            return before + row, str(line.times[row].as_py())
         before += len(own)
     return None
 
@@ -92,10 +92,6 @@ def _faults(lines: Sequence[Line], found: list[NDArray[np.float64]], given: list
     for feature, group in groupby(range(len(lines)), key=lambda i: lines[i].feature):
         own = [i for i in group if given[i].any()]
         if own and not any(np.isfinite(found[i]).any() for i in own):
-            faults[feature] = f"no time of it can be read, such as {_cell(lines[own[0]], int(given[own[0]].argmax()))}"
+            first = lines[own[0]].times[int(given[own[0]].argmax())].as_py()
+            faults[feature] = f"no time of it can be read, such as {brief(first)}"
     return faults
-
-
-def _cell(line: Line, row: int) -> str:
-    assert line.times is not None
-    return brief(line.times[row].as_py())

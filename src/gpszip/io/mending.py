@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OptionError
-from gpszip.io.raw_log import RawLog, unused
+from gpszip.io.globe import GlobeCheck, at_zero, off_globe_value
+from gpszip.io.raw_log import RawLog, Unread, unused
 from gpszip.model.reading import Repair
 
-__all__ = ["Piece", "mend"]
+__all__ = ["Piece", "first_unread", "mend", "said", "value_of"]
 
-#: More than this share of positions off the globe is not noise, but another kind of coordinates.
-_STRAYS = 0.01
+#: Characters of a value that can't be read that messages show.
+_SHOWN = 40
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +38,8 @@ class Piece:
         Name of the log.
     label : bool
         Whether the id is a title that other tracks may share.
+    timed : bool
+        Whether the track has times; those of a shape number its points.
     """
 
     id: str | None
@@ -45,6 +48,7 @@ class Piece:
     attributes: Mapping[str, NDArray[np.generic]]
     where: str
     label: bool
+    timed: bool = True
 
     def take(self, rows: NDArray[np.bool_] | slice) -> Piece:
         """Keep some of the samples."""
@@ -52,7 +56,9 @@ class Piece:
         return replace(self, times=self.times[rows], coordinates=self.coordinates[rows], attributes=kept)
 
 
-def mend(raw: RawLog, *, sort: bool = False, split: bool = False) -> tuple[list[Piece], list[Repair]]:
+def mend(
+    raw: RawLog, *, sort: bool = False, split: bool = False, skip_bad: bool = False, clean: bool = False
+) -> tuple[list[Piece], list[Repair]]:
     """Cut a log into its tracks and make their times increase.
 
     Parameters
@@ -63,6 +69,10 @@ def mend(raw: RawLog, *, sort: bool = False, split: bool = False) -> tuple[list[
         Put the points of each track in the order of their times.
     split : bool
         Start a new track, ``ID-2`` and so on, where time goes back.
+    skip_bad : bool
+        Leave out positions off the globe even where they are many.
+    clean : bool
+        Drop positions at 0,0 that were hardly measured.
 
     Returns
     -------
@@ -79,12 +89,23 @@ def mend(raw: RawLog, *, sort: bool = False, split: bool = False) -> tuple[list[
     if sort and split:
         raise OptionError("--sort and --split exclude each other")
     repairs: list[Repair] = []
+    raw = _with_shapes_in_order(raw)
     rows = _usable(raw, repairs)
     if raw.geographic:
-        rows = _on_globe(raw, rows, repairs)
+        rows = _on_globe(raw, rows, repairs, skip_bad=skip_bad)
+        rows = _measured(raw, rows, repairs, clean=clean)
     rows, starts = _in_order(raw, rows, sort, split, repairs)
     rows, starts = _distinct(raw, rows, starts, repairs)
     return _pieces(raw, rows, starts), repairs
+
+
+def _with_shapes_in_order(raw: RawLog) -> RawLog:
+    """Number the points of tracks without times, so that they stay in the order of travel."""
+    if not raw.untimed:
+        return raw
+    codes = np.zeros(len(raw.times), np.int64) if raw.codes is None else raw.codes
+    shapes = np.isin(codes, list(raw.untimed))
+    return replace(raw, times=np.where(shapes, np.arange(len(codes), dtype=np.float64), raw.times))
 
 
 def _usable(raw: RawLog, repairs: list[Repair]) -> NDArray[np.intp]:
@@ -93,35 +114,73 @@ def _usable(raw: RawLog, repairs: list[Repair]) -> NDArray[np.intp]:
     _require(raw, timed, "time")
     _require(raw, placed, "position")
     _require(raw, timed & placed, "time and position")
-    _count(raw, f"{raw.word}s without a time dropped", np.flatnonzero(~timed), repairs)
-    _count(raw, f"{raw.word}s without a position dropped", np.flatnonzero(timed & ~placed), repairs)
+    no_time, no_place = first_unread(raw)
+    _count(raw, f"{raw.word}s without a time dropped", np.flatnonzero(~timed), repairs, no_time)
+    _count(raw, f"{raw.word}s without a position dropped", np.flatnonzero(timed & ~placed), repairs, no_place)
     return np.flatnonzero(timed & placed)
+
+
+def first_unread(raw: RawLog) -> tuple[Unread | None, Unread | None]:
+    """Return the first cell for which a row has no time, and the first for which one with a time has no position.
+
+    Parameters
+    ----------
+    raw : RawLog
+        Its ``unread`` cells of times come before those of coordinates.
+    """
+    no_time = next((cell for cell in raw.unread if not np.isfinite(raw.times[cell.row])), None)
+    no_place = (cell for cell in raw.unread if np.isfinite(raw.times[cell.row]))
+    return no_time, min(no_place, key=lambda cell: cell.row, default=None)
 
 
 def _require(raw: RawLog, good: NDArray[np.bool_], what: str) -> None:
     if not good.any():
         raise InputError(
-            f"{raw.name}: no {raw.word} has a {what} that can be read; say which columns hold them with --columns t=COLUMN,..."
+            f"{raw.name}: no {raw.word} has a {what} that can be read{said(raw.unread)}; "
+            "say which columns hold them with --columns t=COLUMN,..."
         )
 
 
-def _count(raw: RawLog, what: str, rows: NDArray[np.intp], repairs: list[Repair]) -> None:
+def said(unread: tuple[Unread, ...]) -> str:
+    """Return what the first cell says that can't be read, for an error; nothing where there is none."""
+    return f"; the first says {value_of(unread[0])}" if unread else ""
+
+
+def value_of(cell: Unread) -> str:
+    """Return a cell that can't be read as messages show it: ``lat 'undefined'``."""
+    return f"{cell.column} {cell.value if len(cell.value) <= _SHOWN else cell.value[:_SHOWN] + '...'!r}"
+
+
+def _count(raw: RawLog, what: str, rows: NDArray[np.intp], repairs: list[Repair], cell: Unread | None = None) -> None:
+    """Count rows, and name the first one; or that of the first cell that can't be read, if there is one."""
     if len(rows):
-        repairs.append(Repair(what, len(rows), f"{raw.name}: {raw.word} {raw.first + int(rows.min())}"))
+        first = int(rows.min()) if cell is None else cell.row
+        value = "" if cell is None else value_of(cell)
+        repairs.append(Repair(what, len(rows), f"{raw.name}: {raw.word} {raw.first + first}", value=value))
 
 
-def _on_globe(raw: RawLog, rows: NDArray[np.intp], repairs: list[Repair]) -> NDArray[np.intp]:
-    """Check degrees; longitudes from 180 to 360 count, too."""
-    lat, lon = raw.coordinates[rows, 0], raw.coordinates[rows, 1]
-    off = (np.abs(lat) > 90) | (lon < -180) | (lon > 360)
-    if off.sum() > _STRAYS * len(rows):
-        first = int(off.argmax())
-        where = f"{raw.name}: {raw.word} {raw.first + int(rows[first])}: latitude {lat[first]:g}, longitude {lon[first]:g}"
-        if (np.abs(lon) <= 90).all() and (np.abs(lat) <= 180).all():
-            raise InputError(f"{where}: they look swapped; name them: --columns lat=COLUMN,lon=COLUMN")
-        raise InputError(f"{where}: not degrees; if they are metres, name them so: --columns x=COLUMN,y=COLUMN")
+def _on_globe(raw: RawLog, rows: NDArray[np.intp], repairs: list[Repair], *, skip_bad: bool) -> NDArray[np.intp]:
+    """Drop positions off the globe, unless they are so many that the columns can't be degrees."""
+    check = GlobeCheck()
+    off = check.find(raw.coordinates[rows], rows + raw.first, f"{raw.name}: {raw.word}")
+    if not off.any():
+        return rows
+    check.check(skip_bad=skip_bad)
     _count(raw, f"{raw.word}s off the globe dropped", rows[off], repairs)
+    repairs[-1] = replace(repairs[-1], value=off_globe_value(raw.coordinates[rows[off.argmax()]]))
     kept: NDArray[np.intp] = rows[~off]
+    return kept
+
+
+def _measured(raw: RawLog, rows: NDArray[np.intp], repairs: list[Repair], *, clean: bool) -> NDArray[np.intp]:
+    """Tell of positions at 0,0 among others far from there, or drop them."""
+    zero = at_zero(raw.coordinates[rows])
+    if not zero.any():
+        return rows
+    what = f"{raw.word}s at 0,0 dropped" if clean else f"{raw.word}s at 0,0 kept, though hardly measured; --clean drops them"
+    where = f"{raw.name}: {raw.word} {raw.first + int(rows[zero.argmax()])}"
+    repairs.insert(0, Repair(what, int(zero.sum()), where, drops=clean))
+    kept: NDArray[np.intp] = rows[~zero] if clean else rows
     return kept
 
 
@@ -186,6 +245,8 @@ def _pieces(raw: RawLog, rows: NDArray[np.intp], starts: NDArray[np.bool_]) -> l
     seen: set[str] = set()
     for first, last in pairwise(bounds):
         piece = whole.take(slice(first, last))
+        code = 0 if raw.codes is None else int(raw.codes[rows[first]])
+        piece = replace(piece, timed=code not in raw.untimed)
         if raw.codes is not None:
             name = raw.ids[int(raw.codes[rows[first]])]
             name = unused(name, seen.union(raw.ids)) if name in seen else name

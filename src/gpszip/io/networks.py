@@ -231,7 +231,11 @@ def _for_users(roads: JoinedRoads, parts: list[Any], near: Sequence[Track], repa
 
 
 def _of_motors(tracks: Sequence[Track]) -> bool:
-    fast = [np.linalg.norm(np.diff(track.positions, axis=0), axis=1) / np.diff(track.times) for track in tracks if len(track) > 1]
+    fast = [
+        np.linalg.norm(np.diff(track.positions, axis=0), axis=1) / np.diff(track.times)
+        for track in tracks
+        if track.timed and len(track) > 1
+    ]
     return bool(fast) and bool(np.quantile(np.concatenate(fast), 0.95) > _MOTORS)
 
 
@@ -254,8 +258,16 @@ def _assembled(roads: JoinedRoads, parts: list[Any], plane: Plane | None) -> Net
         backward=roads.backward[chosen],
         speeds=roads.speeds[chosen],
         ids=TextColumn(roads.ids.take(pa.array(chosen))),
+        names=_names(roads, chosen),
         plane=plane,
     )
+
+
+def _names(roads: JoinedRoads, chosen: NDArray[np.intp]) -> TextColumn | None:
+    """Street names, empty where a road has none; nothing where no road of the source has one."""
+    if roads.names.null_count == len(roads.names):
+        return None
+    return TextColumn(roads.names.take(pa.array(chosen)).fill_null(""))
 
 
 def _elsewhere(roads: JoinedRoads, plane: Plane | None, near: Sequence[Track]) -> str:
@@ -316,6 +328,7 @@ def _together(read: list[RoadLines]) -> RoadLines:
         name=f"{read[0].name} and {len(read) - 1} more",
         offsets=np.append(0, np.cumsum(counts)),
         ids=pa.concat_arrays([lines.ids for lines in read]),
+        names=pa.concat_arrays([lines.names for lines in read]),
         directed=False if any(lines.directed is False for lines in read) else None,
         repairs=tuple(repair for lines in read for repair in lines.repairs),
         **joined,
@@ -353,6 +366,8 @@ def _lines(source: Source | InputError, metric: bool | None) -> RoadLines:
     packed = head.startswith(b"BZh") and source.name.lower().endswith(".osm.bz2")
     if packed or b"OSMHeader" in head[:64] or (text[:1] == b"<" and b"<osm" in text[:4096]):
         return read_osm_lines(_path(source), source.name)
+    if text[:1] == b"<" and b"<!ENTITY" in text:
+        raise InputError(f"{source.name}: declares XML entities, which are not expanded; write it without them")
     if text[:1] == b"<" and b"<graphml" in text[:4096]:
         with source.open() as stream:
             return read_graphml_lines(stream, source.name, metric=metric)

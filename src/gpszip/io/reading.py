@@ -71,7 +71,7 @@ def read_logs(
     time_unit : str, optional
         ``s``, ``ms``, ``us`` or ``ns`` of times that are numbers; told from their size where left out.
     clean : bool
-        Drop spikes, see :func:`gpszip.geo.spikes.find_spikes`.
+        Drop spikes, see :func:`gpszip.geo.spikes.find_spikes`, and positions at 0,0 where all others are far from there.
     sort, split : bool
         What to do where time goes back: put the points in order, or start a new track.
     keep : sequence of str
@@ -80,8 +80,8 @@ def read_logs(
         Keep a column of headings (``heading``, ``bearing``, ``course``, ...; the course of GPX points), where there is one, as the
         attribute ``heading``: degrees clockwise from north, NaN where not known.
     skip_bad : bool
-        Leave out logs that can't be read, and parts of logs such as features of GeoJSON, instead of raising. Files in a zip
-        archive that are no logs at all are left out in any case.
+        Leave out logs that can't be read, parts of logs such as features of GeoJSON, and positions off the globe, instead of raising.
+        Files in a zip archive that are no logs at all are left out in any case.
 
     Returns
     -------
@@ -108,7 +108,7 @@ def read_logs(
         account.logs.add(source.log if isinstance(source, Source) else str(source))
         try:
             raw = _read(source, format, request)
-            _add(account, raw, *mend(raw, sort=sort, split=split), source)
+            _add(account, raw, *mend(raw, sort=sort, split=split, skip_bad=skip_bad, clean=clean), source)
         except InputError as error:
             if not (skip_bad or is_no_log(source, error)):
                 raise
@@ -169,10 +169,20 @@ def _tracks(account: _Account, clean: bool) -> tuple[tuple[Track, ...], bool]:
     if clean:
         pieces, cleaned = _cleaned(pieces, positions, account.repairs)
         positions, plane = _projected(pieces, geographic) if cleaned else (positions, plane)
-    return tuple(
-        Track(str(piece.id), piece.times, own, attributes=piece.attributes, plane=plane)
-        for piece, own in zip(pieces, positions, strict=True)
-    ), geographic
+    return tuple(_track(piece, own, plane, account.repairs) for piece, own in zip(pieces, positions, strict=True)), geographic
+
+
+def _track(piece: Piece, positions: NDArray[np.float64], plane: Plane | None, repairs: list[Repair]) -> Track:
+    """A track of a piece; the times of a shape are the distances along it, at which no two points may be the same."""
+    if piece.timed:
+        return Track(str(piece.id), piece.times, positions, attributes=piece.attributes, plane=plane)
+    along = np.append(0.0, np.cumsum(np.sqrt((np.diff(positions, axis=0) ** 2).sum(axis=1))))
+    fresh = np.append(True, np.diff(along) > 0)
+    if not fresh.all():
+        where = f"{piece.where}: track {piece.id!r}"
+        repairs.append(Repair("points that repeat the one before, of a track without times, dropped", int((~fresh).sum()), where))
+    kept = piece.take(fresh)
+    return Track(str(kept.id), along[fresh], positions[fresh], attributes=kept.attributes, plane=plane, timed=False)
 
 
 def _named(account: _Account) -> list[Piece]:
@@ -208,7 +218,7 @@ def _joined(pieces: Sequence[Piece], repairs: list[Repair]) -> list[Piece]:
 
 def _chain(group: list[Piece]) -> tuple[list[Piece], list[Piece]]:
     """Split pieces of one name in those that follow each other in time and the others."""
-    if any(piece.label for piece in group):
+    if any(piece.label or not piece.timed for piece in group):
         return group[:1], group[1:]
     chain: list[Piece] = []
     others: list[Piece] = []
@@ -243,7 +253,7 @@ def _projected(pieces: Sequence[Piece], geographic: bool) -> tuple[list[NDArray[
 def _cleaned(pieces: Sequence[Piece], positions: Sequence[NDArray[np.float64]], repairs: list[Repair]) -> tuple[list[Piece], bool]:
     cleaned = []
     for piece, own in zip(pieces, positions, strict=True):
-        spikes = find_spikes(piece.times, own)
+        spikes = find_spikes(piece.times, own) if piece.timed else np.zeros(len(own), np.bool_)
         if spikes.any():
             repairs.append(Repair("spikes dropped", int(spikes.sum()), f"{piece.where}: track {piece.id!r}"))
         cleaned.append(piece.take(~spikes) if spikes.any() else piece)

@@ -10,12 +10,22 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
 from gpszip.geo.crs import is_geographic, to_degrees
 from gpszip.io.road_lines import RoadLines, take_lines, within_globe
-from gpszip.io.road_rules import NO_ROADS, class_speed, class_users, directions, each, expected_speed, speed_limit
+from gpszip.io.road_rules import (
+    NO_ROADS,
+    class_speed,
+    class_users,
+    directions,
+    each,
+    expected_speed,
+    speed_limit,
+    street_name,
+)
 from gpszip.io.wkb import lines_of_wkb
 from gpszip.model.reading import Repair
 
@@ -29,9 +39,11 @@ _COLUMNS = {
     "speed": ("speed",),
     "class": ("highway", "fclass", "road_class", "class", "roadclass", "type"),
     "junction": ("junction",),
+    "name": ("name", "street", "street_name", "streetname", "road_name", "roadname", "st_name", "full_name", "fullname", "label"),
+    "ref": ("ref", "road_ref", "road_number", "route"),
 }
 
-_WORDS = ("id", "oneway", "limit", "class", "junction")
+_WORDS = ("id", "oneway", "limit", "class", "junction", "name", "ref")
 
 
 @dataclass
@@ -75,15 +87,16 @@ def read_vector_lines(path: Any, name: str, *, metric: bool | None = None, metre
     rows, crs = _rows(path, name, loose)
     counts = np.concatenate(rows.counts) if rows.counts else np.empty(0, np.int64)
     if not len(counts):
-        what = f"{rows.features:,} feature(s), but no line" if rows.features else "no features"
-        raise InputError(f"{name}: holds {what}; a network needs LineStrings")
+        what = f"{rows.features:,} feature(s), but no line that can be read" if rows.features else "no features"
+        raise InputError(f"{name}: holds {what}; a network needs LineStrings whose coordinates are numbers")
     points = np.concatenate(rows.points)
     points, geographic, notes = _system(points, counts, crs, name, metric or (metres or None), loose=loose)
     owner = np.concatenate(rows.rows)
     columns = {role: pa.chunked_array(parts) for role, parts in rows.columns.items()}
     forward, backward, speeds, users, closed = _rules(columns, rows.features)
     if rows.others:
-        notes = (*notes, Repair("features that are no lines dropped", rows.others, name))
+        first = int(np.setdiff1d(np.arange(rows.features), owner)[0])
+        notes = (*notes, Repair("features that are no lines dropped", rows.others, name, value=f"feature {first}, counted from 0"))
     ids = columns["id"].combine_chunks() if "id" in columns else pa.array(np.arange(rows.features)).cast(pa.string())
     lines = RoadLines(
         name=name,
@@ -95,6 +108,7 @@ def read_vector_lines(path: Any, name: str, *, metric: bool | None = None, metre
         speeds=speeds[owner],
         users=users[owner],
         ids=ids.take(pa.array(owner)),
+        names=_names(columns, rows.features).take(pa.array(owner)),
         directed=False if "oneway" in columns else None,
         repairs=notes,
     )
@@ -181,6 +195,21 @@ def _rules(columns: dict[str, Any], rows: int) -> tuple[Any, Any, Any, Any, Any]
     usual, users = each(kind, class_speed, np.float64), each(kind, class_users, np.uint8)
     closed = each(kind, lambda text: text in NO_ROADS, np.bool_) | ~ways.any(axis=1)
     return ways[:, 0], ways[:, 1], _speeds(columns, usual), users, closed
+
+
+def _names(columns: dict[str, Any], rows: int) -> Any:
+    """Street names of all features: the name, or the number where there is none."""
+    answers = pa.nulls(rows, pa.string())
+    for role in ("name", "ref"):
+        if role in columns:
+            answers = pc.coalesce(answers, _each_once(columns[role].combine_chunks()))
+    return answers
+
+
+def _each_once(texts: Any) -> Any:
+    """Street names of texts, of which each kind is looked at once."""
+    kinds = texts.dictionary_encode()
+    return pa.array([street_name(text) for text in kinds.dictionary.to_pylist()], pa.string()).take(kinds.indices)
 
 
 def _direction(words: str | None) -> tuple[bool, bool]:

@@ -14,19 +14,21 @@ import pyarrow.csv as pc
 
 from gpszip.errors import InputError
 from gpszip.io import csv_log
-from gpszip.io.arrow_values import looks_like_number, numbers
+from gpszip.io.arrow_values import numbers
 from gpszip.io.columns import Roles, find_roles, time_unit_of
+from gpszip.io.coordinates import has_decimal_comma, has_decimal_point
 from gpszip.io.formats import format_for_reading, format_named
 from gpszip.io.parquet_log import parquet_dataset
+from gpszip.io.quotes import check_quotes
 from gpszip.io.raw_log import RawLog, Request
 from gpszip.io.source import Source
-from gpszip.io.table import table_log
+from gpszip.io.table import Habits, habits_of, table_log
 from gpszip.model.reading import Repair
 
 __all__ = ["Shard", "shard_of"]
 
-#: Rows and bytes that are read at a time.
-_ROWS, _BYTES = 1 << 17, 1 << 22
+#: Rows of Parquet that are read at a time.
+_ROWS = 1 << 17
 
 _UNITS = ((1e11, "s"), (1e14, "ms"), (1e17, "us"))
 
@@ -96,30 +98,41 @@ class Shard:
         try:
             yield from self._tables(_parquet_tables(self) if self.kind == "parquet" else _csv_tables(self))
         except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{self.name}: damaged: {str(error).splitlines()[0][:120]}") from None
+            said = csv_log.table_error(error) if self.kind == "csv" else f"damaged: {str(error).splitlines()[0][:120]}"
+            raise InputError(f"{self.name}: {said}") from None
 
     def _tables(self, tables: Iterator[tuple[Any, int]]) -> Iterator[RawLog]:
         roles, request, first = self.roles, self.request, 1 if self.dialect is None else self.dialect.header + 1
+        habits: Habits | None = None
         assert roles is not None
         for table, bad in tables:
+            # What the first rows tell holds for all.
             if request.time_unit is None:
                 request = replace(request, time_unit=self._unit(table, roles))
+            if habits is None and table.num_rows:
+                habits = habits_of(table.columns, self.names, roles, request, self.name, decimal_comma=self._decimal_comma())
+
             repairs = (Repair("rows with too many or too few cells dropped", bad, self.name),) if bad else ()
             if table.num_rows or bad:
-                raw = table_log(
-                    table.columns, self.names, roles, request, self.name, first=first, decimal_comma=self._comma, repairs=repairs
+                yield table_log(
+                    table.columns, self.names, roles, request, self.name, first=first, habits=habits, repairs=repairs, whole=False
                 )
-                if raw.codes is None and roles.id is not None:
-                    roles = replace(roles, id=None)
-                yield raw
             first += table.num_rows
 
-    @property
-    def _comma(self) -> bool:
-        if self.dialect is None or self.dialect.delimiter == "," or self.roles is None:
-            return False
+    def _decimal_comma(self) -> bool | None:
+        """Whether numbers have decimal commas. If the first rows have some, all are looked at."""
+        if self.dialect is None or self.roles is None:
+            return None
         cells = [cell for axis in self.roles.axes for cell in self.dialect.cells(axis)]
-        return any("," in cell and looks_like_number(cell.replace(",", ".", 1)) for cell in cells)
+        if not any("," in cell for cell in cells):
+            return False
+        comma = False
+        for batch in _csv_batches(self, {}, [], csv_log.whole_encoding(self.source, self.dialect), self.roles.axes):
+            columns = [pa.chunked_array([column]) for column in batch.columns]
+            comma = comma or has_decimal_comma(columns)
+            if has_decimal_point(columns):
+                return False
+        return comma
 
     def _unit(self, table: Any, roles: Roles) -> str | None:
         """The unit of times that are numbers, from the first rows, so that it is the same for all."""
@@ -156,7 +169,7 @@ def _shard(source: Source, format_: str | None, request: Request) -> Shard:
     by_role = request.columns if isinstance(request.columns, Mapping) else None
     if kind == "csv":
         dialect = csv_log.dialect_of(source.head(), request, source.name)
-        roles = find_roles(dialect.names, by_role, request.keep, source.name)
+        roles = find_roles(dialect.names, by_role, request.keep, source.name, cells=dialect.some)
         return Shard(source, request, kind, dialect.names, roles, dialect=dialect)
     if kind == "parquet" and source.path is not None and not source.packed:
         schema = parquet_dataset(source).schema
@@ -199,6 +212,7 @@ def _csv_tables(shard: Shard) -> Iterator[tuple[Any, int]]:
             done += batch.num_rows
         whole = True
     if whole:
+        check_quotes(shard.source, shard.dialect.encoding, shard.dialect.delimiter, shard.dialect.header + done)
         return
     skipped: list[None] = []
     encoding = csv_log.whole_encoding(shard.source, shard.dialect)
@@ -208,6 +222,7 @@ def _csv_tables(shard: Shard) -> Iterator[tuple[Any, int]]:
         seen += batch.num_rows
         yield pa.Table.from_batches([fresh]), len(skipped) - told
         told = len(skipped)
+    check_quotes(shard.source, encoding, shard.dialect.delimiter, shard.dialect.header + seen + len(skipped))
 
 
 def _kept_types(shard: Shard) -> dict[str, Any]:
@@ -249,10 +264,10 @@ def _csv_batches(
         yield from pc.open_csv(
             stream,
             pc.ReadOptions(
-                column_names=[str(i) for i in range(len(dialect.names))],
+                column_names=[str(i) for i in range(dialect.width)],
                 skip_rows=dialect.header,
                 encoding=encoding,
-                block_size=_BYTES,
+                block_size=csv_log.BLOCK,
                 use_threads=False,
             ),
             pc.ParseOptions(delimiter=dialect.delimiter, newlines_in_values=True, invalid_row_handler=None if skipped is None else skip),

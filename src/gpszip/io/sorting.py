@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
+from gpszip.io.globe import GlobeCheck, at_zero, off_globe_value
 from gpszip.io.kept_columns import Slots
+from gpszip.io.mending import first_unread, said, value_of
 from gpszip.io.plane_sample import PlaneSample
-from gpszip.io.raw_log import RawLog, unused
+from gpszip.io.raw_log import RawLog, Unread, unused
 from gpszip.io.scratch import writing
 from gpszip.io.shards import Shard
 from gpszip.model.reading import LeftOut, Repair
 
 __all__ = ["Sorter", "kind_of", "read_rows"]
-
-#: More than this share of positions off the globe is not noise, but another kind of coordinates.
-_STRAYS = 0.01
 
 Floats = NDArray[np.float64]
 
@@ -51,9 +50,16 @@ class Sorter:
         What to do where time goes back.
     slots : Slots
         The further columns of rows, which lie in the last columns of a block.
+    skip_bad : bool
+        Leave out positions off the globe even where they are many.
+    clean : bool
+        Drop positions at 0,0 that were hardly measured.
     """
 
-    def __init__(self, room: Path, rows: int, sort: bool, split: bool, slots: Slots) -> None:
+    def __init__(
+        self, room: Path, rows: int, sort: bool, split: bool, slots: Slots, *, skip_bad: bool = False, clean: bool = False
+    ) -> None:
+        self.skip_bad, self.clean = skip_bad, clean
         self.room, self.rows, self.sort, self.split, self.slots = room, rows, sort, split, slots
         self.parts: list[_Part] = []
         self.errors: list[InputError] = []
@@ -72,6 +78,8 @@ class Sorter:
         self._held_kinds: tuple[int, ...] = ()
         self._runs: list[tuple[int, ...]] = []  # kinds of each run's columns
         self._gathered = self._usable = self._seen = 0
+        self._globe = GlobeCheck()  # of the present file, as is what can't be read in it
+        self._unread: tuple[Unread, ...] = ()
         self.sample = PlaneSample()
 
     @property
@@ -79,10 +87,16 @@ class Sorter:
         """Numbers in a row: time, coordinates, further columns."""
         return 1 + self.dimension + len(self.slots.names)
 
+    @property
+    def empty(self) -> bool:
+        """Whether no file has brought a row."""
+        return not self._alive
+
     def begin(self, shard: Shard, stem: str) -> None:
         """Expect the rows of a file, whose track has this name if it names none."""
         self._shard, self._own, self._here, self._first, self._usable = (shard, stem), {}, [], set(), 0
         self._kinds, self._seen = set(), 0
+        self._globe, self._unread = GlobeCheck(), ()
         self._before = (self.points, list(self.repairs), list(self._parts_left_out))
 
     def end(self) -> None:
@@ -91,8 +105,11 @@ class Sorter:
         name = self._shard[0].name
         if not self._seen:
             raise InputError(f"{name}: columns, but no rows")
+        self._globe.check(skip_bad=self.skip_bad)
         if not self._usable:
-            raise InputError(f"{name}: no row has a time and position that can be read; name the columns: --columns t=COLUMN,...")
+            raise InputError(
+                f"{name}: no row has a time and position that can be read{said(self._unread)}; name the columns: --columns t=COLUMN,..."
+            )
         for number in self._here:
             part = self.parts[number]
             if part.back and not self.sort:
@@ -121,7 +138,8 @@ class Sorter:
         """Take in a batch; rows that can't be used are dropped and counted."""
         self._check_kind(raw)
         self.points += len(raw.times) + sum(repair.count for repair in raw.repairs if repair.drops)
-        self.repairs += raw.repairs
+        for repair in raw.repairs:
+            self._add_repair(repair)
         self._parts_left_out += raw.left_out
         self.dropped |= dict.fromkeys(raw.dropped)
         good = self._usable_rows(raw)
@@ -147,33 +165,45 @@ class Sorter:
     def _usable_rows(self, raw: RawLog) -> NDArray[np.bool_]:
         timed = np.isfinite(raw.times)
         placed = np.asarray(np.isfinite(raw.coordinates).all(axis=1))
-        self._repair(raw, "rows without a time dropped", ~timed)
-        self._repair(raw, "rows without a position dropped", timed & ~placed)
+        self._unread = self._unread or raw.unread
+        no_time, no_place = first_unread(raw)
+        self._repair(raw, f"{raw.word}s without a time dropped", ~timed, no_time)
+        self._repair(raw, f"{raw.word}s without a position dropped", timed & ~placed, no_place)
         good: NDArray[np.bool_] = timed & placed
-        if raw.geographic:
-            lat, lon = raw.coordinates[:, 0], raw.coordinates[:, 1]
-            off = good & ((np.abs(lat) > 90) | (lon < -180) | (lon > 360))
-            if off.sum() > _STRAYS * max(good.sum(), 1):
-                at = int(off.argmax())
-                raise InputError(
-                    f"{raw.name}: {raw.word} {raw.first + at}: latitude {lat[at]:g}, longitude {lon[at]:g}: not degrees; "
-                    "name the right columns with --columns"
-                )
-            self._repair(raw, "rows off the globe dropped", off)
-            good &= ~off
-        return good
+        return self._on_globe(raw, good) if raw.geographic else good
 
-    def _repair(self, raw: RawLog, what: str, rows: NDArray[np.bool_]) -> None:
+    def _on_globe(self, raw: RawLog, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Drop positions off the globe, whose number is checked at the end of the file, and those at 0,0."""
+        rows = np.flatnonzero(good)
+        off = np.zeros_like(good)
+        off[rows] = self._globe.find(raw.coordinates[rows], rows + raw.first, f"{raw.name}: {raw.word}")
+        value = off_globe_value(raw.coordinates[int(off.argmax())]) if off.any() else ""
+        self._repair(raw, f"{raw.word}s off the globe dropped", off, value=value)
+        good = good & ~off
+
+        rows = np.flatnonzero(good)
+        zero = np.zeros_like(good)
+        zero[rows] = at_zero(raw.coordinates[rows])
+        kept = f"{raw.word}s at 0,0 kept, though hardly measured; --clean drops them"
+        self._repair(raw, f"{raw.word}s at 0,0 dropped" if self.clean else kept, zero, drops=self.clean)
+        return good & ~zero if self.clean else good
+
+    def _repair(
+        self, raw: RawLog, what: str, rows: NDArray[np.bool_], cell: Unread | None = None, *, value: str = "", drops: bool = True
+    ) -> None:
         lost = int(rows.sum())
         if lost:
-            self._add_repair(Repair(what, lost, f"{raw.name}: {raw.word} {raw.first + int(rows.argmax())}"))
+            first = int(rows.argmax()) if cell is None else cell.row
+            value = value if cell is None else value_of(cell)
+            self._add_repair(Repair(what, lost, f"{raw.name}: {raw.word} {raw.first + first}", drops, value))
 
     def _add_repair(self, new: Repair) -> None:
         """Count on where the same was mended in the same file before."""
         name = new.where.split(": ")[0]
         for i, old in enumerate(self.repairs):
             if old.what == new.what and old.where.split(": ")[0] == name:
-                self.repairs[i] = Repair(old.what, old.count + new.count, old.where, old.drops)
+                named = old if old.value or not new.value else new
+                self.repairs[i] = replace(named, count=old.count + new.count)
                 return
         self.repairs.append(new)
 

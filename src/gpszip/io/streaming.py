@@ -161,11 +161,13 @@ def store_logs(
     shards, size, errors = _planned(sources, format, request, skip_bad)
     with ExitStack() as stack:
         room = stack.enter_context(scratch())
-        sorter = Sorter(room, max(rows, 1000), sort, split, Slots(request.keep, _TEXT_BYTES * rows))
+        sorter = Sorter(room, max(rows, 1000), sort, split, Slots(request.keep, _TEXT_BYTES * rows), skip_bad=skip_bad, clean=clean)
         sorter.errors += errors
         alone = len({shard.source.log for shard in shards}) == 1
         for shard in shards:
             _take_in(sorter, shard, alone=alone, skip_bad=skip_bad)
+        if sorter.empty:
+            raise sorter.errors[0] if sorter.errors else InputError("no log holds a sample")
         sorter.flush()
         rows_of, sample, repairs = sorter.tracks(skip_bad), sorter.sample, sorter.repairs
         if clean:

@@ -6,7 +6,7 @@ import csv
 import io
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from functools import cached_property
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError
 from gpszip.geo.planes import to_geographic
+from gpszip.io.arrow_values import looks_like_number
 from gpszip.io.columns import Roles, find_roles, parse_columns
 from gpszip.io.csv_log import Dialect, dialect_of, whole_encoding
 from gpszip.io.formats import format_for_reading
@@ -177,10 +178,11 @@ def read_text_log(source: Source, columns: Any = None, **options: Any) -> TextLo
     request = Request(parse_columns(columns), options.get("time_unit"))
     dialect = dialect_of(source.head(), request, source.name)
     encoding = whole_encoding(source, dialect)
-    dialect = Dialect(encoding, dialect.delimiter, dialect.header, dialect.names, dialect.rows)
+    dialect = replace(dialect, encoding=encoding)
     records, first = _records(source.read().decode(encoding), dialect.header)
     by_role = request.columns if isinstance(request.columns, Mapping) else None
-    roles = find_roles(dialect.names, by_role, (), source.name)
+    roles = find_roles(dialect.names, by_role, (), source.name, cells=dialect.some)
+    _check_plain(dialect, roles, records[first - 1] if first else "", source.name)
     log = _Named("".join(_numbered(records, first, dialect.delimiter)).encode(encoding), source.name)
     names = [*dialect.names, _ROW] if isinstance(request.columns, tuple) else columns
     try:
@@ -189,6 +191,18 @@ def read_text_log(source: Source, columns: Any = None, **options: Any) -> TextLo
         read_logs(_Named(source.read(), source.name), format="csv", columns=columns, **options)  # says it without our column
         raise
     return TextLog(reading, records, dialect, roles, first)
+
+
+def _check_plain(dialect: Dialect, roles: Roles, header: str, where: str) -> None:
+    """Refuse tables to which no row can be added in the way in which they are written."""
+    titles = next(csv.reader([header.rstrip("\r\n")], delimiter=dialect.delimiter), [])
+    if dialect.spare or (len(titles) == dialect.width + 1 and not titles[-1].strip()):
+        raise InputError(f"{where}: its header and its rows differ by an empty cell; give them as many cells, and rows can be added")
+    cells = [cell for axis in roles.axes for cell in dialect.cells(axis)]
+    odd = next((cell for cell in cells if not looks_like_number(cell.replace(",", "."))), None)
+    if roles.sides or (odd is not None and odd.strip()[-1:] in "NSEWnsew\"'"):
+        what = "hemispheres in columns of their own" if roles.sides else f"coordinates such as {odd!r}"
+        raise InputError(f"{where}: has {what}; rows can only be added to a table of plain numbers")
 
 
 def _coordinates(patch: Patch, track: Track) -> NDArray[np.float64]:
