@@ -102,7 +102,7 @@ def read_logs(
     >>> [(track.id, len(track)) for track in reading.tracks], reading.points, reading.lost
     ([('007', 2)], 3, 1)
     """
-    request = Request(parse_columns(columns), time_unit, (keep,) if isinstance(keep, str) else tuple(keep), heading, skip_bad)
+    request = Request(parse_columns(columns), time_unit, (keep,) if isinstance(keep, str) else tuple(keep), heading, skip_bad=skip_bad)
     account = _Account()
     for source in expand(sources):
         account.logs.add(source.log if isinstance(source, Source) else str(source))
