@@ -361,3 +361,18 @@ def test_the_order_of_day_and_month_is_told_by_the_whole_file(tmp_path, monkeypa
     late = csv({"t": [*dates[:2400], "01/31/2024"], "x": np.arange(2401.0), "y": np.zeros(2401)}, tmp_path / "late.csv")
     with pytest.raises(InputError, match="in different orders of day and month"):
         store_logs(late, rows=TINY)
+
+
+def test_geojson_leaves_out_the_same_as_in_memory(tmp_path):
+    line = '{"type":"Feature","properties":{"times":[0,1]},"geometry":{"type":"LineString","coordinates":[[8,50],[8,51]]}}'
+    polygon = '{"type":"Feature","properties":{},"geometry":{"type":"Polygon","coordinates":[]}}'
+    path = tmp_path / "log.json"
+    path.write_text("\n".join([line, polygon, '{"a": 7}']))
+    with pytest.raises(InputError, match="feature 3: is neither a feature nor a geometry"):
+        store_logs(path, rows=1000)
+    with store_logs(path, rows=1000, skip_bad=True) as log:
+        assert log.reading.left_out == read_logs(path, skip_bad=True).left_out
+        assert [left.name for left in log.reading.left_out] == [f"{path}: 1 Polygon", f"{path}: feature 3"]
+    path.write_text("t,x,y\n0,0,0\n")
+    with pytest.raises(InputError, match="damaged JSON file"):
+        store_logs(path, rows=1000, format="geojson")

@@ -8,7 +8,8 @@ from typing import BinaryIO
 
 from gpszip.errors import InputError, OptionError, OutputError, UnknownFormatError
 from gpszip.io.csv_log import read_csv, sniff_csv, write_csv
-from gpszip.io.geojson import read_geojson, sniff_geojson, write_geojson
+from gpszip.io.geojson import write_geojson
+from gpszip.io.geojson_reader import read_geojson, sniff_geojson
 from gpszip.io.gpx import write_gpx
 from gpszip.io.gpx_reader import read_gpx, sniff_gpx
 from gpszip.io.parquet_log import read_parquet, sniff_parquet, write_parquet
@@ -29,7 +30,7 @@ class Format:
     name : str
         As ``format=`` names it.
     suffixes : tuple of str
-        Of files, lower case; any may be followed by ``.gz`` when read.
+        Of files, lower case; any may be followed by ``.gz`` when read, and lie in a zip archive.
     about : str
         One line on what is read.
     sniff : callable
@@ -55,7 +56,7 @@ FORMATS: tuple[Format, ...] = (
     Format(
         "geojson",
         (".geojson", ".json"),
-        "LineStrings with coordTimes or times; Points with a time",
+        "LineStrings with coordTimes or times, or as shapes; Points with a time; one on each line, too",
         sniff_geojson,
         read_geojson,
         write_geojson,
@@ -72,7 +73,7 @@ FORMATS: tuple[Format, ...] = (
 
 #: What else people bring, by its first bytes.
 _OTHERS = (
-    (b"PK\x03\x04", "a zip archive; unpack it first"),
+    (b"PK\x03\x04", "a zip archive inside another file; unpack the outer one first"),
     (b"BZh", "packed with bzip2; unpack it first: bzip2 -d"),
     (b"\xfd7zXZ", "packed with xz; unpack it first: xz -d"),
     (b"\x28\xb5\x2f\xfd", "packed with zstd; unpack it first: zstd -d"),
@@ -131,8 +132,16 @@ def format_for_reading(source: Source) -> Format:
         raise UnknownFormatError(f"{source.name}: is XML, but not GPX: {_told(root)}")
     for known in FORMATS:
         if known.sniff(head):
+            if _is_mere_text(known, source):
+                raise UnknownFormatError(f"{source.name}: is text, but not named as a table; if it is a log, name it .csv")
             return known
     raise UnknownFormatError(f"{source.name}: neither text nor a format that is known; 'gpszip formats' lists what can be read")
+
+
+def _is_mere_text(known: Format, source: Source) -> bool:
+    """Whether a member of a zip archive is text, but not named as a table: a page or a licence that came with the logs."""
+    name = source.name.lower().removesuffix(".gz")
+    return bool(source.archive) and known.name == "csv" and not name.endswith(known.suffixes)
 
 
 def _told(root: str) -> str:

@@ -313,7 +313,7 @@ def join_sources(source: Any, *, metric: bool | None = None, directed: bool | No
 
 
 def _read(source: Any, metric: bool | None) -> list[RoadLines]:
-    return [_lines(one, metric) for one in expand(source)]
+    return [_lines(one, metric) for one in expand(source, unzip=False)]
 
 
 def _together(read: list[RoadLines]) -> RoadLines:

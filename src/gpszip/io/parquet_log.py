@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, BinaryIO
 
 import pyarrow as pa
@@ -83,6 +84,8 @@ def parquet_dataset(source: Source) -> Any:
     import pyarrow.dataset as ds
     import pyarrow.parquet as pq
 
+    if source.path is not None and not _is_unicode(source.path):
+        raise InputError(f"{source.name}: the name is no UTF-8, as names of Parquet files have to be; rename it")
     packed = pq.read_table(pa.BufferReader(source.read())) if source.path is None or source.packed else None
     _check_names(pq.read_schema(str(source.path)) if packed is None else packed.schema, source.name)
     if packed is not None:
@@ -98,6 +101,14 @@ def _check_names(schema: Any, where: str) -> None:
     name, times = Counter(schema.names).most_common(1)[0] if schema.names else ("", 0)
     if times > 1:
         raise InputError(f"{where}: {times} columns are named {name!r}; give them different names where the file is written")
+
+
+def _is_unicode(path: Path) -> bool:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _titles(names: list[str], request: Request, where: str) -> list[str]:

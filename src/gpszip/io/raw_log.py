@@ -31,6 +31,8 @@ class Request:
     dates : str, optional
         ``dmy``, ``mdy`` or ``ymd``, the order of day, month and year in dates such as 03/04/2024; found from the whole column
         where left out.
+    skip_bad : bool
+        Leave out parts of a log that can't be used, such as a feature of GeoJSON, and name them, instead of raising.
     """
 
     columns: Mapping[str, str] | tuple[str, ...] | None = None
@@ -38,6 +40,7 @@ class Request:
     keep: tuple[str, ...] = ()
     heading: bool = False
     dates: str | None = None
+    skip_bad: bool = False
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from gpszip.io.losses import loss_of
 from gpszip.io.mending import Mended, Piece, mend
 from gpszip.io.plausibility import plausible
 from gpszip.io.raw_log import RawLog, Request, unused
-from gpszip.io.source import Source, expand
+from gpszip.io.source import Source, expand, is_no_log
 from gpszip.model import Plane, Track
 from gpszip.model.reading import LeftOut, Loss, Reading, Repair
 
@@ -44,7 +44,7 @@ class _Account:
 
 
 def read_logs(
-    sources: str | Path | BinaryIO | Iterable[str | Path | BinaryIO],
+    sources: str | Path | BinaryIO | Iterable[str | Path | BinaryIO | Source | InputError],
     *,
     format: str | None = None,
     columns: str | Sequence[str] | Mapping[str, str] | None = None,
@@ -66,8 +66,8 @@ def read_logs(
 
     Parameters
     ----------
-    sources : str, Path, binary stream, or iterable of these
-        Files, patterns (``walks/*.gpx``), folders of Parquet, ``-`` for standard input.
+    sources : str, Path, binary stream, or iterable of these and of what :func:`gpszip.io.source.expand` gives
+        Files, patterns (``walks/*.gpx``), folders of Parquet, zip archives of files, ``-`` for standard input.
     format : str, optional
         ``csv``, ``parquet``, ``gpx`` or ``geojson``; told from the content where left out.
     columns : str, sequence of str, or mapping of str to str, optional
@@ -88,7 +88,8 @@ def read_logs(
         Keep a column of headings (``heading``, ``bearing``, ``course``, ...; the course of GPX points), where there is one, as the
         attribute ``heading``: degrees clockwise from north, NaN where not known.
     skip_bad : bool
-        Leave out logs that can't be read, and positions off the globe, instead of raising.
+        Leave out logs that can't be read, parts of logs such as features of GeoJSON, and positions off the globe, instead of raising.
+        Files in a zip archive that are no logs at all are left out in any case.
 
     Returns
     -------
@@ -109,7 +110,8 @@ def read_logs(
     >>> [(track.id, len(track)) for track in reading.tracks], reading.points, reading.lost
     ([('007', 2)], 3, 1)
     """
-    request = Request(parse_columns(columns), time_unit, (keep,) if isinstance(keep, str) else tuple(keep), heading, dates)
+    kept = (keep,) if isinstance(keep, str) else tuple(keep)
+    request = Request(parse_columns(columns), time_unit, kept, heading, dates, skip_bad=skip_bad)
     account = _Account()
     for source in expand(sources):
         account.logs.add(source.log if isinstance(source, Source) else str(source))
@@ -117,7 +119,7 @@ def read_logs(
             raw = plausible(_read(source, format, request), request)
             _add(account, raw, mend(raw, sort=sort, split=split, skip_bad=skip_bad, clean=clean), source)
         except InputError as error:
-            if not skip_bad:
+            if not (skip_bad or is_no_log(source, error)):
                 raise
             account.errors.append(error)
     _account_for_errors(account)

@@ -55,6 +55,8 @@ class Shard:
         The coordinate system that the file names; empty where it names none.
     dialect : Dialect, optional
         How text is written.
+    format : str
+        Name of the format of a file that is read at once.
     """
 
     source: Source
@@ -64,6 +66,7 @@ class Shard:
     roles: Roles | None = None
     crs: str = ""
     dialect: csv_log.Dialect | None = None
+    format: str = ""
 
     @property
     def name(self) -> str:
@@ -92,7 +95,7 @@ class Shard:
             If the file is damaged.
         """
         if self.kind == "whole":
-            yield plausible(format_for_reading(self.source).read(self.source, self.request), self.request)
+            yield plausible(format_named(self.format).read(self.source, self.request), self.request)
             return
         try:
             yield from self._tables(_parquet_tables(self) if self.kind == "parquet" else _csv_tables(self))
@@ -204,7 +207,7 @@ def _shard(source: Source, format_: str | None, request: Request) -> Shard:
             names = (*(new if new not in ("", "-", "_") else old for new, old in zip(request.columns, names, strict=False)),
                      *names[len(request.columns) :])  # fmt: skip
         return Shard(source, request, kind, names, find_roles(names, by_role, request.keep, source.name), _crs(schema))
-    return Shard(source, request, "whole")
+    return Shard(source, request, "whole", format=kind)
 
 
 def _crs(schema: Any) -> str:
@@ -284,7 +287,7 @@ def _csv_batches(
         return "skip"
 
     texts = dict.fromkeys(wanted, pa.string())
-    with _unmapped(shard.source) as stream:
+    with shard.source.open() as stream:
         yield from pc.open_csv(
             stream,
             pc.ReadOptions(
@@ -297,11 +300,3 @@ def _csv_batches(
             pc.ParseOptions(delimiter=dialect.delimiter, newlines_in_values=True, invalid_row_handler=None if skipped is None else skip),
             pc.ConvertOptions(include_columns=wanted, column_types=texts | dict(types)),
         )
-
-
-def _unmapped(source: Source) -> Any:
-    """Open a file for reading in pieces: what is mapped to memory would count as memory."""
-    if source.path is None:
-        return source.open()
-    plain = pa.OSFile(str(source.path))
-    return pa.CompressedInputStream(plain, "gzip") if source.packed else plain

@@ -82,7 +82,8 @@ class Sorter:
         self._here: list[int] = []  # all of its parts, and those that keep their names
         self._first: set[int] = set()
         self._shard: tuple[Shard, str] | None = None
-        self._before: tuple[int, list[Repair], dict[str, _Unusable]] = (0, [], {})
+        self._parts_left_out: list[LeftOut] = []
+        self._before: tuple[int, list[Repair], list[LeftOut], dict[str, _Unusable]] = (0, [], [], {})
         self._unusable: dict[str, _Unusable] = {}
         self._clocks = False  # whether the present file has times of day without dates
         self._held: list[tuple[NDArray[np.int32], Floats]] = []
@@ -109,7 +110,7 @@ class Sorter:
         self._shard, self._own, self._here, self._first, self._usable = (shard, stem), {}, [], set(), 0
         self._kinds, self._seen, self._clocks = set(), 0, False
         self._globe, self._unread = GlobeCheck(), ()
-        self._before = (self.points, list(self.repairs), dict(self._unusable))
+        self._before = (self.points, list(self.repairs), list(self._parts_left_out), dict(self._unusable))
 
     def end(self) -> None:
         """Refuse a file of which no row can be used, and one whose times go back."""
@@ -139,10 +140,11 @@ class Sorter:
 
     def drop_shard(self) -> None:
         """Forget what the present file has brought."""
-        self.points, self.repairs, self._unusable = self._before
+        self.points, self.repairs, self._parts_left_out, self._unusable = self._before
 
     def left_out(self) -> Iterator[LeftOut]:
-        """Yield what was left out, and why."""
+        """Yield what was left out, and why: parts of files first, then whole files."""
+        yield from self._parts_left_out
         for error in self.errors:
             name, _, reason = str(error).partition(": ")
             yield LeftOut(name, reason)
@@ -154,6 +156,7 @@ class Sorter:
         for repair in raw.repairs:
             self._add_repair(repair)
         self._clocks |= raw.time_of_day
+        self._parts_left_out += raw.left_out
         self.dropped |= dict.fromkeys(raw.dropped)
         good = self._usable_rows(raw)
         self._usable += int(good.sum())

@@ -26,7 +26,7 @@ from gpszip.io.raw_log import Request
 from gpszip.io.scratch import scratch, writing
 from gpszip.io.shards import Shard, shard_of
 from gpszip.io.sorting import Sorter, kind_of, read_rows
-from gpszip.io.source import expand
+from gpszip.io.source import expand, is_no_log
 from gpszip.model import Plane, Track
 from gpszip.model.reading import Reading, Repair
 
@@ -159,7 +159,7 @@ def store_logs(
     """
     if sort and split:
         raise OptionError("--sort and --split exclude each other")
-    request = Request(parse_columns(columns), time_unit, tuple(keep), dates=dates)
+    request = Request(parse_columns(columns), time_unit, tuple(keep), dates=dates, skip_bad=skip_bad)
     shards, size, errors = _planned(sources, format, request, skip_bad)
     with ExitStack() as stack:
         room = stack.enter_context(scratch())
@@ -231,7 +231,7 @@ def _planned(sources: Any, format_: str | None, request: Request, skip_bad: bool
     for source in expand(sources):
         shard = source if isinstance(source, InputError) else shard_of(source, format_, request)
         error = shard if isinstance(shard, InputError) else _misfit(shard, shards)
-        if error is not None and not skip_bad:
+        if error is not None and not (skip_bad or is_no_log(source, error)):
             raise error
         if error is not None:
             errors.append(error)
@@ -256,6 +256,12 @@ def _take_in(sorter: Sorter, shard: Shard, *, alone: bool, skip_bad: bool) -> No
     sorter.begin(shard, "0" if alone else shard.source.stem)
     try:
         for raw in shard.batches():
+            if raw.untimed:
+                name = raw.ids[min(raw.untimed)] if raw.ids else "0"
+                raise InputError(
+                    f"{raw.name}: track {name!r} has no times, by which logs larger than memory are sorted; "
+                    "leave out --memory, or allow more of it"
+                )
             sorter.add(raw)
         sorter.end()
     except InputError as error:

@@ -162,7 +162,7 @@ def read_to_write_again(sources: Any, **options: Any) -> tuple[Reading, TextLog 
         options.pop("format", None)
         log = read_text_log(alone, **options)
         return log.reading, log
-    return read_logs(sources, **options), None
+    return read_logs(several, **options), None  # streams can be read once only
 
 
 def read_text_log(source: Source, columns: Any = None, **options: Any) -> TextLog:
