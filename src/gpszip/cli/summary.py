@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
@@ -23,6 +24,9 @@ __all__ = [
     "summarise",
 ]
 
+
+#: The plural with which most repairs begin.
+_PLURAL = re.compile(r"^((?:repeated )?(?:row|point|position|spike|road|feature|track|time))s\b")
 
 #: So many losses are named in the first line; JSON names them all.
 _NAMED = 5
@@ -67,7 +71,12 @@ def name_left_out(reading: Reading) -> None:
 
 def repairs_in_words(repairs: Iterable[Repair]) -> list[str]:
     """What was mended while reading, a few words for each."""
-    return [f"{one.where}: {one.count:,} {one.what}" + (f" ({one.value})" if one.value else "") for one in repairs]
+    return [f"{one.where}: {one.count:,} {_agreeing(one)}" + (f" ({one.value})" if one.value else "") for one in repairs]
+
+
+def _agreeing(repair: Repair) -> str:
+    """What was mended, in the singular where it is one."""
+    return _PLURAL.sub(r"\1", repair.what) if repair.count == 1 else repair.what
 
 
 def account_of(repairs: Iterable[Repair], left_out: Iterable[LeftOut] = ()) -> dict[str, Any]:

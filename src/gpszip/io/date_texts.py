@@ -314,7 +314,8 @@ def _days(year: Integers, month: Integers, day: Integers) -> Floats:
 def _clock(found: _Found) -> Floats:
     """Seconds of the day in UTC; NaN for times that no clock shows.
 
-    Midnight may be 24:00:00. A leap second, 23:59:60, is the second that it is: the next midnight.
+    Midnight may be 24:00:00. A leap second, 23:59:60, is the next midnight, as in POSIX; but in a column of whole seconds it is half a
+    second before, so that it and 00:00:00 stay two times.
     """
     hour, minute, second = (found.number(name) for name in ("hour", "minute", "second"))
     digits = found.text("fraction")
@@ -325,6 +326,10 @@ def _clock(found: _Found) -> Floats:
     in_halves = pc.not_equal(half, "").to_numpy()
     good = (minute <= 59) & (second <= 60) & np.where(in_halves, (hour >= 1) & (hour <= 12), hour <= 23)
     good |= ~in_halves & (hour == 24) & (minute == 0) & (second == 0) & (fraction == 0)
+
+    # Keep a leap second apart from the midnight that follows.
+    if not fraction.any():
+        fraction = np.where(second == 60, -0.5, 0.0)
     hour = np.where(in_halves, hour % 12 + 12 * pc.equal(half, "p").to_numpy(), hour)
 
     # Bring it to UTC.

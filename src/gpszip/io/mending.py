@@ -170,7 +170,9 @@ def said(unread: tuple[Unread, ...]) -> str:
 
 
 def value_of(cell: Unread) -> str:
-    """Return a cell that can't be read as messages show it: ``lat 'undefined'``."""
+    """Return a cell that can't be read as messages show it: ``lat 'undefined'``, or ``no lat``."""
+    if cell.value == f"no {cell.column}":
+        return cell.value
     return f"{cell.column} {cell.value if len(cell.value) <= _SHOWN else cell.value[:_SHOWN] + '...'!r}"
 
 

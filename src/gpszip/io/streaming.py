@@ -22,11 +22,11 @@ from gpszip.io.columns import parse_columns
 from gpszip.io.despiking import Despiked
 from gpszip.io.kept_columns import Slots, StoredColumn
 from gpszip.io.losses import FEW, nearly_lost
-from gpszip.io.raw_log import Request
+from gpszip.io.raw_log import RawLog, Request
 from gpszip.io.scratch import scratch, writing
 from gpszip.io.shards import Shard, shard_of
 from gpszip.io.sorting import Sorter, kind_of, read_rows
-from gpszip.io.source import expand, is_no_log
+from gpszip.io.source import Source, expand, is_no_log
 from gpszip.model import Plane, Track
 from gpszip.model.reading import Reading, Repair
 
@@ -111,7 +111,7 @@ def count_rows(sources: Any, *, format: str | None = None, columns: Any = None) 
 
 
 def store_logs(
-    sources: str | Path | BinaryIO | Iterable[str | Path | BinaryIO],
+    sources: str | Path | BinaryIO | Iterable[str | Path | BinaryIO | Source | InputError],
     *,
     rows: int,
     format: str | None = None,
@@ -252,16 +252,20 @@ def _misfit(shard: Shard, before: Sequence[Shard]) -> InputError | None:
     return InputError(f"{shard.name}: holds {kind_of(shard.contents)}, but {first.name} {kind_of(first.contents)}; read them apart")
 
 
+def _check_times(raw: RawLog) -> None:
+    """Refuse tracks that have no times by which they could be sorted."""
+    if raw.untimed:
+        name = raw.ids[min(raw.untimed)] if raw.ids else "0"
+        raise InputError(
+            f"{raw.name}: track {name!r} has no times, by which logs larger than memory are sorted; leave out --memory, or allow more of it"
+        )
+
+
 def _take_in(sorter: Sorter, shard: Shard, *, alone: bool, skip_bad: bool) -> None:
     sorter.begin(shard, "0" if alone else shard.source.stem)
     try:
         for raw in shard.batches():
-            if raw.untimed:
-                name = raw.ids[min(raw.untimed)] if raw.ids else "0"
-                raise InputError(
-                    f"{raw.name}: track {name!r} has no times, by which logs larger than memory are sorted; "
-                    "leave out --memory, or allow more of it"
-                )
+            _check_times(raw)
             sorter.add(raw)
         sorter.end()
     except InputError as error:
