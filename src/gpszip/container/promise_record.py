@@ -1,4 +1,4 @@
-"""What an archive promises, and how its log was sampled, in two to five bytes."""
+"""What an archive promises, and how its log was sampled, in two to six bytes."""
 
 from __future__ import annotations
 
