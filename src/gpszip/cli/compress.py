@@ -49,7 +49,7 @@ _BOUNDS = {"rmse": "--rmse", "max_error": "--max-error", "size": "--bytes", "rat
     help="Number of parts of the thesis's (k,m)-segment mean, used instead of the connected map where k or m is given.",
 )
 @click.option("--m", type=click.IntRange(1), help="Number of segments that the k parts share; searched where left out.")
-@click.option("--times/--no-times", default=True, help="Keep the times, or the shape only.")
+@click.option("--times/--no-times", default=True, help="Keep the times, or the shape only; a table may then lack a column of times.")
 @click.option("--layer", type=click.Choice(["bz2"]), help="Pack the archive once more, as the thesis did.")
 @click.option("--clean", is_flag=True, help="Drop spikes: single points that no vehicle could have reached.")
 @click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
@@ -205,4 +205,4 @@ def _keep(choices: dict[str, Any]) -> tuple[str, ...]:
 
 def _reading(choices: dict[str, Any]) -> dict[str, Any]:
     names = ("format", "columns", "time_unit", "dates", "clean", "sort", "split", "skip_bad")
-    return {name: choices[name] for name in names} | {"keep": _keep(choices)}
+    return {name: choices[name] for name in names} | {"keep": _keep(choices), "times": choices["times"]}

@@ -107,7 +107,7 @@ class Roles:
     Parameters
     ----------
     time : tuple of int
-        The time; two columns for a date and a time of day.
+        The time; two columns for a date and a time of day, none for a table of shapes.
     axes : tuple of int
         The coordinates: lat, lon or x, y[, z].
     geographic : bool
@@ -145,6 +145,7 @@ def find_roles(
     *,
     heading: bool = False,
     cells: Callable[[int], Sequence[str]] | None = None,
+    times: bool = True,
 ) -> Roles:
     """Find out which column is what.
 
@@ -162,6 +163,8 @@ def find_roles(
         Look for headings, too; a log may have none.
     cells : callable, optional
         Returns some of the texts of a column, so that columns of N, S, E and W are found whatever their names.
+    times : bool, default True
+        Whether there must be a column of times.
 
     Returns
     -------
@@ -197,9 +200,10 @@ def find_roles(
 
     # The time.
     time = _time(plain, find)
-    if None in chosen[:2] or not time:
+    if None in chosen[:2] or (times and not time):
+        shapes = "" if None in chosen[:2] else "; or keep the shape alone: --no-times"
         raise InputError(
-            f"{where}: {_lacking(chosen, time)}; columns found: {_listed(names)}; {_NEEDED}; say which is which: --columns t=COLUMN"
+            f"{where}: {_lacking(chosen, time)}; columns found: {_listed(names)}; {_NEEDED}; say which is which: --columns t=COLUMN{shapes}"
         )
 
     # All else.

@@ -117,7 +117,7 @@ def read_csv(source: Source, request: Request) -> RawLog:
     """
     dialect = dialect_of(source.head(), request, source.name)
     by_role = request.columns if isinstance(request.columns, Mapping) else None
-    roles = find_roles(dialect.names, by_role, request.keep, source.name, heading=request.heading, cells=dialect.some)
+    roles = find_roles(dialect.names, by_role, request.keep, source.name, heading=request.heading, cells=dialect.some, times=request.times)
     table, bad = _table(source, dialect, roles)
     if table.num_rows == 0:
         raise InputError(f"{source.name}: a header, but no rows" if not bad else f"{source.name}: no row has {dialect.width} cells")

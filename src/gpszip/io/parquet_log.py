@@ -49,7 +49,12 @@ def read_parquet(source: Source, request: Request) -> RawLog:
         names = [str(name) for name in dataset.schema.names]
         titles = _titles(names, request, source.name)
         roles = find_roles(
-            titles, request.columns if isinstance(request.columns, Mapping) else None, request.keep, source.name, heading=request.heading
+            titles,
+            request.columns if isinstance(request.columns, Mapping) else None,
+            request.keep,
+            source.name,
+            heading=request.heading,
+            times=request.times,
         )
         table = dataset.to_table(columns=[names[i] for i in roles.used])
     except (pa.ArrowException, OSError) as error:

@@ -33,6 +33,8 @@ class Request:
         where left out.
     skip_bad : bool
         Leave out parts of a log that can't be used, such as a feature of GeoJSON, and name them, instead of raising.
+    times : bool
+        Whether a table needs a column of times; without one, its tracks are read as shapes.
     """
 
     columns: Mapping[str, str] | tuple[str, ...] | None = None
@@ -41,6 +43,7 @@ class Request:
     heading: bool = False
     dates: str | None = None
     skip_bad: bool = False
+    times: bool = True
 
 
 @dataclass(frozen=True)

@@ -56,6 +56,7 @@ def read_logs(
     keep: Sequence[str] = (),
     heading: bool = False,
     skip_bad: bool = False,
+    times: bool = True,
 ) -> Reading:
     r"""Read position logs.
 
@@ -111,7 +112,7 @@ def read_logs(
     ([('007', 2)], 3, 1)
     """
     kept = (keep,) if isinstance(keep, str) else tuple(keep)
-    request = Request(parse_columns(columns), time_unit, kept, heading, dates, skip_bad=skip_bad)
+    request = Request(parse_columns(columns), time_unit, kept, heading, dates, skip_bad=skip_bad, times=times)
     account = _Account()
     for source in expand(sources):
         account.logs.add(source.log if isinstance(source, Source) else str(source))

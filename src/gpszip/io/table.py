@@ -24,7 +24,7 @@ from gpszip.io.coordinates import (
 )
 from gpszip.io.raw_log import RawLog, Request, Unread
 from gpszip.io.row_names import names_rows
-from gpszip.io.time_columns import read_times
+from gpszip.io.time_columns import TimeColumn, read_times
 from gpszip.model.reading import Repair
 
 __all__ = ["Habits", "habits_of", "table_log"]
@@ -100,7 +100,7 @@ def habits_of(
     ids, index = _names(column[roles.id], names[roles.id], where)
     if len(ids) * 2 <= len(index):
         return found
-    times = read_times(column, names, roles, request, where, decimal_comma=comma).times
+    times = read_times(column, names, roles, request, where, decimal_comma=comma).times if roles.time else np.arange(len(index) * 1.0)
     coordinates = np.stack([_coordinates(column, names, roles, number, found, where) for number in range(len(axes))], axis=1)
     return Habits(comma, packed, names_rows(len(ids), times, coordinates, geographic=roles.geographic))
 
@@ -163,7 +163,9 @@ def table_log(
         repairs = (*repairs, _told(names[roles.id], len(columns[0]), where))
 
     # Times and positions, and what can't be read of them.
-    when = read_times(column, names, roles, request, where, decimal_comma=habits.decimal_comma)
+    when = TimeColumn(np.full(len(columns[0]), np.nan))
+    if roles.time:
+        when = read_times(column, names, roles, request, where, decimal_comma=habits.decimal_comma)
     axes = [_coordinates(column, names, roles, number, habits, where) for number in range(len(roles.axes))]
     bad = [_unread_axis(column, names, roles, number, habits, axis, where) for number, axis in enumerate(axes)]
     if whole:
@@ -189,6 +191,7 @@ def table_log(
         guess=when.guess,
         time_of_day=when.time_of_day,
         axes=tuple(names[axis] for axis in roles.axes),
+        untimed=frozenset() if roles.time else frozenset(range(max(len(ids), 1))),
     )
 
 
