@@ -10,7 +10,6 @@ import click
 from gpszip.cli.engine import engine_options, running
 from gpszip.cli.options import Settings, common, force, output
 from gpszip.cli.outcome import Outcome
-from gpszip.cli.signals import ending_cleanly
 from gpszip.cli.units import SIZE
 
 if TYPE_CHECKING:
@@ -78,7 +77,6 @@ def command(
         raise OptionError("how large is the coreset to be? give --size, or --max-bytes, or --k and --eps together")
     check_output(target, force=force, binary=not points or target.endswith(".parquet"))
     limit = None if max_bytes is None else int(max_bytes)
-    click.get_current_context().with_resource(ending_cleanly())
     with spooled(logs) as sources, running(workers, engine, scheduler) as executor, store_logs(sources, rows=_ROWS, **choices) as log:
         made = sketch_log(log, k=k if eps else None, eps=eps, size=size, max_bytes=limit, executor=executor)
         written = _write(made, log, target, executor) if points else None

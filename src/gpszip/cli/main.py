@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 import traceback
 import warnings
@@ -12,7 +13,10 @@ import click
 from gpszip.cli.options import Settings
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.output import say, show_json
+from gpszip.cli.signals import ending_cleanly
+from gpszip.cli.streams import flushed, open_standard_streams
 from gpszip.errors import BoundError, CorruptArchiveError, GPSZipError, MapError, OptionError
+from gpszip.files import cause
 
 __all__ = ["cli", "main", "run"]
 
@@ -87,9 +91,14 @@ def cli() -> None:
 
 def run() -> None:
     """Run the command line and leave the interpreter with its exit code."""
+    open_standard_streams()
     if not sys.warnoptions and "--debug" not in sys.argv:
         warnings.simplefilter("ignore")  # what libraries say to programmers is no news for users
-    sys.exit(main(sys.argv[1:]))
+    code = main(sys.argv[1:])
+    broken = flushed()
+    if broken is not None and code in (_DONE, _LEFT_OUT):
+        code = _fail(broken, Settings.of(sys.argv[1:]))
+    sys.exit(code)
 
 
 def main(arguments: list[str]) -> int:
@@ -107,7 +116,8 @@ def main(arguments: list[str]) -> int:
     """
     settings = Settings.of(arguments)
     try:
-        outcome = cli.main(arguments, prog_name="gpszip", standalone_mode=False, obj=settings)
+        with ending_cleanly():
+            outcome = cli.main(arguments, prog_name="gpszip", standalone_mode=False, obj=settings)
     except BaseException as error:
         if settings.debug:
             traceback.print_exc()
@@ -128,7 +138,9 @@ def _fail(error: BaseException, settings: Settings) -> int:
 def _explain(error: BaseException) -> tuple[int, str]:
     """Exit code and message of an error; no message where it has been shown."""
     code, text = _FAILED, f"a fault of GPSZip's own: {type(error).__name__}: {error}; please report it with what --debug shows"
-    if isinstance(error, SystemExit):
+    if isinstance(error, BrokenPipeError):
+        text = ""  # whoever reads the output has had enough
+    elif isinstance(error, SystemExit):
         code, text = (error.code if isinstance(error.code, int) else _FAILED), ""
     elif isinstance(error, click.exceptions.NoArgsIsHelpError):
         error.show()
@@ -143,7 +155,8 @@ def _explain(error: BaseException) -> tuple[int, str]:
         text = _system(error)
     elif isinstance(error, MemoryError):
         text = "not enough memory; compress fewer tracks at once"
-    return code, " ".join(text.split())
+    notes = getattr(error, "__notes__", ()) if text else ()
+    return code, " ".join("; ".join([text, *notes]).split())
 
 
 def _usage(error: click.ClickException) -> str:
@@ -152,6 +165,8 @@ def _usage(error: click.ClickException) -> str:
 
 
 def _system(error: OSError) -> str:
+    if error.filename is None:
+        return f"standard output: can't be written: {cause(error)}"
     hints: list[tuple[type[OSError], str]] = [
         (FileNotFoundError, "no such file; check the path"),
         (IsADirectoryError, "is a folder; name a file"),
@@ -159,4 +174,4 @@ def _system(error: OSError) -> str:
         (PermissionError, "no permission; check the owner and mode"),
     ]
     reason = next((hint for kind, hint in hints if isinstance(error, kind)), error.strerror or str(error))
-    return f"{error.filename or 'standard output'}: {reason}"
+    return f"{os.fsdecode(error.filename)}: {reason}"

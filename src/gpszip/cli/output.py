@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
 import sys
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gpszip.errors import OutputError
+from gpszip.files import OUTPUT_PREFIX, temporary_folder
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from gpszip.archive import Archive
 
-__all__ = ["STDOUT", "check_output", "say", "show_json", "write_archive"]
+__all__ = ["STDOUT", "check_output", "say", "show_json", "write_archive", "write_archives"]
 
 STDOUT = "-"
 
@@ -45,37 +48,60 @@ def check_output(target: str, *, force: bool, binary: bool = False) -> None:
 
 
 def _check_folder(folder: Path) -> None:
-    """Create a file and remove it again: the only test that all file systems and users answer truly."""
+    """Create a folder in it and remove that again: the only test that all file systems and users answer truly."""
     if not folder.is_dir():
         reason = (
             "is a file, not a folder; name another one with -o" if folder.exists() else "no such folder; make it first or name another one"
         )
         raise OutputError(f"{folder}: {reason}")
     try:
-        handle, name = tempfile.mkstemp(prefix=".gpszip-", dir=folder)
+        with temporary_folder(folder, OUTPUT_PREFIX):
+            pass
     except OSError as error:
         raise OutputError(f"{folder}: can't write to this folder ({error.strerror}); name another one with -o") from error
-    os.close(handle)
-    Path(name).unlink()
 
 
 def write_archive(target: str, archive: Archive, *, force: bool) -> None:
     """Save an archive to a file or put it on standard output."""
     if target == STDOUT:
-        sys.stdout.buffer.write(archive.to_bytes())
-        sys.stdout.buffer.flush()
+        write_archives([(target, archive)])
     else:
         archive.save(target, force=force)
 
 
+def write_archives(outputs: Sequence[tuple[str, Archive]]) -> None:
+    """Write several archives, of which none takes its name before all are on disk.
+
+    Parameters
+    ----------
+    outputs : sequence of (str, Archive)
+        Names and archives; the last one takes its name first. Files of these names are replaced.
+    """
+    from gpszip.container.writer import write
+    from gpszip.io.sink import writing
+
+    with contextlib.ExitStack() as stack:
+        for target, archive in outputs:
+            file = stack.enter_context(writing(target))
+            write(archive.contents, file)
+            file.flush()
+
+
 def say(text: str) -> None:
     """One line for the person, who reads standard error; standard output carries data only."""
-    click.echo(text, err=True)
+    # where nobody listens, the exit code still tells
+    with contextlib.suppress(OSError):
+        click.echo(text, err=True)
 
 
 def show_json(value: Any, *, err: bool = False) -> None:
-    """One line of strict JSON: numbers that it has no word for become null."""
-    click.echo(json.dumps(_plain(value), ensure_ascii=False), err=err)
+    """One line of strict JSON: numbers that it has no word for become null.
+
+    It is UTF-8 whatever the locale. Bytes of file names that are no UTF-8 are escaped as lone surrogates, as in Python.
+    """
+    line = json.dumps(_plain(value), ensure_ascii=False).encode("utf-8", "backslashreplace")
+    with contextlib.suppress(OSError) if err else contextlib.nullcontext():
+        click.echo(line, err=err)
 
 
 def _plain(value: Any) -> Any:

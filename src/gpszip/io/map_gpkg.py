@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import struct
 from itertools import pairwise
 from pathlib import Path
@@ -26,8 +27,10 @@ def write_map_gpkg(table: MapTable, path: Path) -> None:
     """
     import pyogrio
 
+    # GDAL builds it in memory: it tells nothing of a disk that is full when it closes a file
+    made = io.BytesIO()
     pyogrio.raw.write(
-        path,
+        made,
         geometry=_lines(table),
         field_data=list(table.properties.values()),
         fields=list(table.properties),
@@ -36,6 +39,7 @@ def write_map_gpkg(table: MapTable, path: Path) -> None:
         geometry_type="LineString" if table.places.shape[1] == 2 else "LineString Z",
         crs="EPSG:4326" if table.geographic else 'LOCAL_CS["metres",UNIT["metre",1]]',
     )
+    path.write_bytes(made.getbuffer())
 
 
 def _lines(table: MapTable) -> NDArray[np.object_]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import tempfile
@@ -10,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from gpszip.errors import OutputError
+from gpszip.files import SCRATCH_PREFIX, temporary_folder
 
 __all__ = ["scratch", "writing"]
 
@@ -21,16 +23,17 @@ def scratch() -> Iterator[Path]:
     Raises
     ------
     OutputError
-        If no folder can be made there.
+        If no folder can be made there, or it can't be removed.
     """
-    try:
-        # unlike tempfile by itself, don't fill another disk than the one that was named
-        folder = tempfile.TemporaryDirectory(prefix="gpszip-", dir=os.environ.get("TMPDIR") or None)
-    except OSError as error:
-        place = f"TMPDIR names {os.environ['TMPDIR']}" if os.environ.get("TMPDIR") else "TMPDIR is not set"
-        raise OutputError(f"{place}: no temporary files can be made ({error.strerror}); let it name a folder with room") from None
-    with folder as name:
-        yield Path(name)
+    with contextlib.ExitStack() as stack:
+        try:
+            # unlike tempfile by itself, don't fill another disk than the one that was named
+            parent = Path(os.environ.get("TMPDIR") or tempfile.gettempdir())
+            room = stack.enter_context(temporary_folder(parent, SCRATCH_PREFIX))
+        except OSError as error:
+            place = f"TMPDIR names {os.environ['TMPDIR']}" if os.environ.get("TMPDIR") else "TMPDIR is not set"
+            raise OutputError(f"{place}: no temporary files can be made ({error.strerror}); let it name a folder with room") from None
+        yield room
 
 
 @contextmanager
@@ -46,8 +49,14 @@ def writing() -> Iterator[None]:
         yield
     except OSError as error:
         folder = os.environ.get("TMPDIR") or tempfile.gettempdir()
-        free = shutil.disk_usage(folder).free
         raise OutputError(
-            f"{folder}: temporary files can't be written: {error.strerror or 'no room'}, {free / 2**20:,.0f} MiB are free; "
+            f"{folder}: temporary files can't be written: {error.strerror or 'no room'}{_free(folder)}; "
             "let TMPDIR name a folder with more room"
         ) from None
+
+
+def _free(folder: str) -> str:
+    """How much room a folder has, in words; nothing where it is gone."""
+    with contextlib.suppress(OSError):
+        return f", {shutil.disk_usage(folder).free / 2**20:,.0f} MiB are free"
+    return ""

@@ -137,9 +137,12 @@ def spooled(sources: Iterable[Any] | Any) -> Iterator[list[Any]]:
             if not hasattr(stream, "read"):
                 found.append(item)
                 continue
-            with writing(), path.open("wb") as file:
-                while piece := stream.read(_PIECE):
-                    file.write(piece.encode() if isinstance(piece, str) else piece)
+            with path.open("wb") as file:
+                while piece := _read(stream, _PIECE):
+                    with writing():
+                        file.write(piece)
+                with writing():
+                    file.flush()
             found.append(Source("standard input" if item == "-" else _name(stream), path=path))
         yield found
 
@@ -173,7 +176,7 @@ def expand(sources: Iterable[str | Path | BinaryIO | Source | InputError] | str 
         elif not isinstance(item, (str, Path)):
             yield _stream(item)
         elif str(item) == "-":
-            yield Source("standard input", data=sys.stdin.buffer.read())
+            yield Source("standard input", data=_read(sys.stdin.buffer))
         elif is_remote(str(item)):
             for found in fetch(str(item)):
                 yield found if isinstance(found, InputError) else Source(found[0], data=found[1])
@@ -183,10 +186,17 @@ def expand(sources: Iterable[str | Path | BinaryIO | Source | InputError] | str 
 
 
 def _stream(stream: Any) -> Source:
-    data = stream.read()
-    if isinstance(data, str):
-        data = data.encode()
-    return Source(_name(stream), data=data)
+    return Source(_name(stream), data=_read(stream))
+
+
+def _read(stream: Any, size: int = -1) -> bytes:
+    """Bytes from a stream, of bytes or text."""
+    try:
+        data = stream.read(size)
+    except OSError as error:
+        name = "standard input" if stream is sys.stdin.buffer else _name(stream)
+        raise InputError(f"{name}: can't be read: {error.strerror or error}; is it open?") from None
+    return data.encode() if isinstance(data, str) else bytes(data)
 
 
 def _name(stream: Any) -> str:

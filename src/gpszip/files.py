@@ -1,0 +1,261 @@
+"""Files that are there whole or not at all, temporary folders, and what is wrong with a disk in plain words."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from gpszip.errors import OutputError
+
+try:
+    import fcntl
+except ImportError:  # Windows has none: nobody can tell there whether a folder is still in use
+    fcntl = None  # type: ignore[assignment]
+
+__all__ = ["OUTPUT_PREFIX", "SCRATCH_PREFIX", "cause", "replacing", "temporary_folder"]
+
+#: Names of temporary folders begin like this: beside an output, and in TMPDIR.
+OUTPUT_PREFIX, SCRATCH_PREFIX = ".gpszip-", "gpszip-"
+
+#: Their names end like this.
+_SUFFIX = ".part"
+
+#: Seconds after which a folder that no process has locked is taken for one that a killed process left.
+_STALE = 3600.0
+
+#: What to do about a system's error.
+_REMEDIES = {
+    errno.ENOSPC: "free some room or name a file on another disk",
+    errno.EDQUOT: "free some room or name a file on another disk",
+    errno.EFBIG: "name a file on a disk that takes larger ones",
+    errno.EROFS: "name a file on another disk",
+    errno.EACCES: "check the owner and the mode of file and folder",
+    errno.EPERM: "check the owner, the mode and the attributes of file and folder",
+    errno.EIO: "check the disk or the connection to it, or name a file on another one",
+    errno.ENOENT: "its folder is gone or was never there; create it first",
+    errno.ENAMETOOLONG: "choose a shorter name",
+    errno.EBADF: "it is closed; name a file with -o or leave it open",
+}
+
+
+def cause(error: OSError) -> str:
+    """Say what the system complains of, and what to do about it.
+
+    Parameters
+    ----------
+    error : OSError
+        Of any call.
+
+    Examples
+    --------
+    >>> cause(OSError(errno.ENOSPC, "No space left on device"))
+    'No space left on device; free some room or name a file on another disk'
+    """
+    # Arrow's errors have several lines and no number
+    text = error.strerror or (str(error).splitlines() or [type(error).__name__])[0]
+    remedy = _REMEDIES.get(error.errno or 0)
+    return f"{text}; {remedy}" if remedy else text
+
+
+@contextmanager
+def replacing(path: str | os.PathLike[str], *, force: bool = True) -> Iterator[Path]:
+    """Give a temporary file in the same folder, with the same name; once filled without an error it takes the place of the file.
+
+    Parameters
+    ----------
+    path : path
+        The file to write. A link stays one: what it points to is replaced.
+    force : bool, default True
+        Whether a file of that name is replaced. It hands on its mode.
+
+    Raises
+    ------
+    OutputError
+        If it exists and ``force`` is not given, can't be written, or something else than a file has its name.
+    """
+    target = _target(path, force)
+    published = False
+    try:
+        with temporary_folder(target.parent, OUTPUT_PREFIX) as room:
+            whole = room / target.name
+            yield whole
+            _to_disk(whole)
+            if target.exists():
+                whole.chmod(target.stat().st_mode & 0o777)
+            _publish(whole, target, force=force)
+            published = True
+            _folder_to_disk(target.parent)
+    except OutputError as error:
+        if not published:
+            raise
+        raise OutputError(f"{target}: is written, but {error}") from None
+    except FileExistsError:
+        raise _exists(target) from None
+    except OSError as error:
+        if _is_of_another_file(error, target):
+            raise
+        raise _with_notes(OutputError(f"{target}: can't be written: {cause(error)}"), error) from error
+
+
+def _target(path: str | os.PathLike[str], force: bool) -> Path:
+    """The file behind a name, which may be replaced."""
+    named = Path(path)
+    # unlike pathlib's, the functions of os.path never raise
+    if os.path.isdir(named):  # noqa: PTH112
+        raise OutputError(f"{named}: is a folder; name a file in it")
+    if not force and os.path.lexists(named):
+        raise _exists(named)
+    target = Path(os.path.realpath(named))
+    if os.path.lexists(target) and not os.path.isfile(target):  # noqa: PTH113
+        raise OutputError(f"{named}: is no regular file and can't be replaced; - is standard output")
+    return target
+
+
+def _exists(target: Path) -> OutputError:
+    return OutputError(f"{target}: exists already; --force overwrites it")
+
+
+def _to_disk(file: Path) -> None:
+    with file.open("rb+") as stream:
+        os.fsync(stream.fileno())
+
+
+def _folder_to_disk(folder: Path) -> None:
+    # some systems don't open folders; the file itself is on disk by now
+    with contextlib.suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def _publish(whole: Path, target: Path, *, force: bool) -> None:
+    if not force:
+        try:
+            # unlike a rename, a link never takes the place of a file that another process made meanwhile
+            target.hardlink_to(whole)
+        except FileExistsError:
+            raise
+        except OSError:
+            pass  # the file system has no links
+        else:
+            return
+    whole.replace(target)
+
+
+def _is_of_another_file(error: OSError, target: Path) -> bool:
+    """Whether an error names a file that is neither the target nor on its way to become it."""
+    if not isinstance(error.filename, (str, bytes)):
+        return False
+    return target.parent not in (one := Path(os.fsdecode(error.filename)), *one.parents)
+
+
+@contextmanager
+def temporary_folder(parent: Path, prefix: str) -> Iterator[Path]:
+    """Make a folder for temporary files; it goes at the end with all that is in it, and so do those that killed processes left.
+
+    Parameters
+    ----------
+    parent : Path
+        The folder to make it in.
+    prefix : str
+        What its name begins with.
+
+    Raises
+    ------
+    OSError
+        If it can't be made.
+    OutputError
+        If it can't be removed. If something else went wrong before, that error bears a note.
+    """
+    _remove_stale(parent, prefix)
+    room = _Room(Path(tempfile.mkdtemp(prefix=prefix, suffix=_SUFFIX, dir=parent)))
+    try:
+        yield room.path
+    except BaseException as error:
+        if complaint := room.remove():
+            error.add_note(complaint)
+        raise
+    if complaint := room.remove():
+        raise OutputError(complaint)
+
+
+@dataclass
+class _Room:
+    """A temporary folder, locked for as long as it is in use."""
+
+    path: Path
+    lock: int | None = None
+
+    def __post_init__(self) -> None:
+        self.lock = _locked(self.path)
+
+    def remove(self) -> str:
+        """Remove the folder; return what is left of it to be removed by somebody else, in words."""
+        try:
+            shutil.rmtree(self.path)
+        except FileNotFoundError:
+            return ""  # somebody else has removed it, maybe with the folder that it was in
+        except OSError as error:
+            return f"{self.path}: this temporary folder can't be removed ({error.strerror}); delete it"
+        finally:
+            _unlocked(self.lock)
+        return ""
+
+
+def _locked(folder: Path) -> int | None:
+    """Lock a folder that nobody else has locked and return the handle that holds the lock; None where that can't be."""
+    if fcntl is None:
+        return None
+    handle = None
+    try:
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        _unlocked(handle)
+        return None
+    return handle
+
+
+def _unlocked(handle: int | None) -> None:
+    # nothing was written through it, so that nothing is lost if closing it fails
+    if handle is not None:
+        with contextlib.suppress(OSError):
+            os.close(handle)
+
+
+def _remove_stale(parent: Path, prefix: str) -> None:
+    """Remove the temporary folders of this user that no process has locked and nobody has written to for an hour."""
+    with contextlib.suppress(OSError), os.scandir(parent) as entries:
+        names = [entry.path for entry in entries if entry.name.startswith(prefix) and entry.name.endswith(_SUFFIX)]
+        for folder in map(Path, names):
+            if (lock := _locked(folder)) is None:
+                continue
+            try:
+                if _is_stale(folder):
+                    shutil.rmtree(folder, ignore_errors=True)
+            finally:
+                _unlocked(lock)
+
+
+def _is_stale(folder: Path) -> bool:
+    """Whether a folder is this user's and all in it is old."""
+    with contextlib.suppress(OSError):
+        found = [folder.lstat(), *(path.lstat() for path in folder.iterdir())]
+        return found[0].st_uid == os.geteuid() and max(one.st_mtime for one in found) < time.time() - _STALE
+    return False
+
+
+def _with_notes(error: OutputError, before: BaseException) -> OutputError:
+    for note in getattr(before, "__notes__", ()):
+        error.add_note(note)
+    return error
