@@ -8,7 +8,7 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +20,7 @@ try:
 except ImportError:  # Windows has none: nobody can tell there whether a folder is still in use
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["OUTPUT_PREFIX", "SCRATCH_PREFIX", "cause", "replacing", "temporary_folder"]
+__all__ = ["OUTPUT_PREFIX", "SCRATCH_PREFIX", "cause", "naming", "replacing", "replacing_together", "temporary_folder"]
 
 #: Names of temporary folders begin like this: beside an output, and in TMPDIR.
 OUTPUT_PREFIX, SCRATCH_PREFIX = ".gpszip-", "gpszip-"
@@ -81,28 +81,83 @@ def replacing(path: str | os.PathLike[str], *, force: bool = True) -> Iterator[P
     OutputError
         If it exists and ``force`` is not given, can't be written, or something else than a file has its name.
     """
-    target = _target(path, force)
-    published = False
+    with replacing_together([path], force=force) as (whole,):
+        yield whole
+
+
+@contextmanager
+def replacing_together(paths: Sequence[str | os.PathLike[str]], *, force: bool = True) -> Iterator[list[Path]]:
+    """Do the same for several files, none of which takes its place before all are on disk.
+
+    Parameters
+    ----------
+    paths : sequence of path
+        The files, in the order in which they take their places.
+    force : bool, default True
+        Whether files of that name are replaced.
+
+    Raises
+    ------
+    OutputError
+        As of :func:`replacing`; it names the files that have taken their places already.
+    """
+    targets = [_target(path, force) for path in paths]
+    written: list[Path] = []
     try:
-        with temporary_folder(target.parent, OUTPUT_PREFIX) as room:
-            whole = room / target.name
-            yield whole
-            _to_disk(whole)
-            if target.exists():
-                whole.chmod(target.stat().st_mode & 0o777)
-            _publish(whole, target, force=force)
-            published = True
-            _folder_to_disk(target.parent)
+        with contextlib.ExitStack() as stack:
+            rooms = [stack.enter_context(_room_beside(target)) for target in targets]
+            parts = [room / target.name for room, target in zip(rooms, targets, strict=True)]
+            yield parts
+            for part, target in zip(parts, targets, strict=True):
+                with naming(target):
+                    _to_disk(part, target)
+            for part, target in zip(parts, targets, strict=True):
+                with naming(target):
+                    _publish(part, target, force=force)
+                    written.append(target)
     except OutputError as error:
-        if not published:
-            raise
-        raise OutputError(f"{target}: is written, but {error}") from None
-    except FileExistsError:
-        raise _exists(target) from None
+        if written:
+            names = ", ".join(map(str, written))
+            raise _with_notes(OutputError(f"{error}; {names}: is written"), error) from error
+        raise
     except OSError as error:
-        if _is_of_another_file(error, target):
+        if len(targets) > 1 or _is_of_another_file(error, targets[0]):
             raise
-        raise _with_notes(OutputError(f"{target}: can't be written: {cause(error)}"), error) from error
+        raise _failed(targets[0], error) from error
+
+
+@contextmanager
+def _room_beside(target: Path) -> Iterator[Path]:
+    with contextlib.ExitStack() as stack:
+        with naming(target):
+            room = stack.enter_context(temporary_folder(target.parent, OUTPUT_PREFIX))
+        yield room
+
+
+@contextmanager
+def naming(target: str | os.PathLike[str]) -> Iterator[None]:
+    """Name the file that can't be written.
+
+    Parameters
+    ----------
+    target : path
+        The file.
+
+    Raises
+    ------
+    OutputError
+        In place of any OSError.
+    """
+    try:
+        yield
+    except FileExistsError:
+        raise _exists(Path(target)) from None
+    except OSError as error:
+        raise _failed(target, error) from error
+
+
+def _failed(target: str | os.PathLike[str], error: OSError) -> OutputError:
+    return _with_notes(OutputError(f"{os.fspath(target)}: can't be written: {cause(error)}"), error)
 
 
 def _target(path: str | os.PathLike[str], force: bool) -> Path:
@@ -123,9 +178,12 @@ def _exists(target: Path) -> OutputError:
     return OutputError(f"{target}: exists already; --force overwrites it")
 
 
-def _to_disk(file: Path) -> None:
-    with file.open("rb+") as stream:
+def _to_disk(part: Path, target: Path) -> None:
+    """Put what was written on disk, with the mode of the file that it replaces."""
+    with part.open("rb+") as stream:
         os.fsync(stream.fileno())
+    if target.exists():
+        part.chmod(target.stat().st_mode & 0o777)
 
 
 def _folder_to_disk(folder: Path) -> None:
@@ -138,18 +196,22 @@ def _folder_to_disk(folder: Path) -> None:
             os.close(handle)
 
 
-def _publish(whole: Path, target: Path, *, force: bool) -> None:
-    if not force:
-        try:
-            # unlike a rename, a link never takes the place of a file that another process made meanwhile
-            target.hardlink_to(whole)
-        except FileExistsError:
-            raise
-        except OSError:
-            pass  # the file system has no links
-        else:
-            return
-    whole.replace(target)
+def _publish(part: Path, target: Path, *, force: bool) -> None:
+    """Let what is on disk take its name."""
+    if force or not _linked(part, target):
+        part.replace(target)
+    _folder_to_disk(target.parent)
+
+
+def _linked(part: Path, target: Path) -> bool:
+    """Give a file a second name: unlike a rename, it never takes the place of a file that another process made meanwhile."""
+    try:
+        target.hardlink_to(part)
+    except FileExistsError:
+        raise
+    except OSError:
+        return False  # the file system has no links
+    return True
 
 
 def _is_of_another_file(error: OSError, target: Path) -> bool:

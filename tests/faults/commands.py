@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from gpszip.cli.main import main
+from gpszip.pipeline import large
 
 __all__ = ["COMMANDS", "prepare"]
 
@@ -55,6 +56,9 @@ def _features(path: Path) -> list[bytes] | None:
         return None
 
 
+# with --memory, even small logs are worked on as those that are larger than it
+large.fits = lambda *_, **__: False
+
 _TINY = ("two.gpsz",)
 _LOGS = ("a.csv", "b.csv")
 
@@ -62,7 +66,7 @@ COMMANDS = {
     "compress": Command(["compress", "a.csv", "-o", "out.gpsz", "--rmse", "1m", "--force", "--effort", "1"], _LOGS, ("out.gpsz",)),
     "append": Command(["compress", "b.csv", "-o", "out.gpsz", "--append", "--effort", "1"], _LOGS, ("out.gpsz",)),
     "memory": Command(
-        ["compress", "a.csv", "-o", "out.gpsz", "--rmse", "1m", "--memory", "1MB", "--keep-times", "--force", "--effort", "1"],
+        ["compress", "a.csv", "-o", "out.gpsz", "--rmse", "1m", "--memory", "420MB", "--keep-times", "--force", "--effort", "1"],
         _LOGS,
         ("out.gpsz",),
     ),

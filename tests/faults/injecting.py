@@ -111,11 +111,10 @@ def _attempt(name: str, template: Path, call: str = "", error: str = "", number:
             tracer.wait(_PATIENCE)
             struck = next((line for line in (room / "calls").read_text(errors="replace").splitlines() if "INJECTED" in line), "")
         told = (room / "told").read_text(errors="replace")
-        left = sorted(str(path.relative_to(room)) for path in room.rglob("*gpszip-*") if path.parent.name in ("there", "tmp"))
-        left += sorted(
-            path.name for path in (room / "there").iterdir() if path.name not in command.files and not path.name.startswith(".gpszip-")
-        )
-        return Outcome(name, f"{call}:{error}" if call else "kill", number, code, told, command.state(room / "there"), left, struck)
+        there, tmp = room / "there", room / "tmp"
+        left = sorted(f"tmp/{path.name}" for path in tmp.iterdir())
+        left += sorted(f"there/{path.name}" for path in there.iterdir() if path.name not in command.files)
+        return Outcome(name, f"{call}:{error}" if call else "kill", number, code, told, command.state(there), left, struck)
 
 
 def _child(room: Path, arguments: list[str]) -> tuple[int, socket.socket]:

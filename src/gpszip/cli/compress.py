@@ -144,13 +144,13 @@ def _in_batches(
 
 
 def _write(target: str, archive: Archive, map_target: str | None, renewed: Archive | None, *, force: bool) -> None:
-    """Write the archive, and the map if it was renewed: both or none."""
-    from gpszip.cli.output import write_archive, write_archives
+    """Write the archive, and the map if it was renewed."""
+    from gpszip.cli.output import write_archive, write_with_map
 
     if renewed is None or map_target is None:
         write_archive(target, archive, force=force)
     else:
-        write_archives([(map_target, renewed), (target, archive)])
+        write_with_map(target, archive, map_target, renewed)
 
 
 def _engine(choices: dict[str, Any]) -> tuple[int | None, str | None, str | None]:

@@ -16,11 +16,9 @@ from gpszip.errors import OutputError
 from gpszip.files import OUTPUT_PREFIX, temporary_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from gpszip.archive import Archive
 
-__all__ = ["STDOUT", "check_output", "say", "show_json", "write_archive", "write_archives"]
+__all__ = ["STDOUT", "check_output", "say", "show_json", "write_archive", "write_with_map"]
 
 STDOUT = "-"
 
@@ -63,28 +61,29 @@ def _check_folder(folder: Path) -> None:
 
 def write_archive(target: str, archive: Archive, *, force: bool) -> None:
     """Save an archive to a file or put it on standard output."""
-    if target == STDOUT:
-        write_archives([(target, archive)])
-    else:
-        archive.save(target, force=force)
-
-
-def write_archives(outputs: Sequence[tuple[str, Archive]]) -> None:
-    """Write several archives, of which none takes its name before all are on disk.
-
-    Parameters
-    ----------
-    outputs : sequence of (str, Archive)
-        Names and archives; the last one takes its name first. Files of these names are replaced.
-    """
     from gpszip.container.writer import write
     from gpszip.io.sink import writing
 
-    with contextlib.ExitStack() as stack:
-        for target, archive in outputs:
-            file = stack.enter_context(writing(target))
-            write(archive.contents, file)
-            file.flush()
+    if target != STDOUT:
+        archive.save(target, force=force)
+        return
+    with writing(STDOUT) as stream:
+        write(archive.contents, stream)
+
+
+def write_with_map(target: str, archive: Archive, map_target: str, renewed: Archive) -> None:
+    """Write an archive and a renewed map so that neither takes its place before both are on disk; both may replace files."""
+    from gpszip.container.writer import write
+    from gpszip.files import naming, replacing_together
+
+    if STDOUT in (target, map_target):
+        write_archive(target, archive, force=True)
+        write_archive(map_target, renewed, force=True)
+        return
+    with replacing_together([target, map_target]) as parts:
+        for name, part, one in zip((target, map_target), parts, (archive, renewed), strict=True):
+            with naming(name), part.open("wb") as file:
+                write(one.contents, file)
 
 
 def say(text: str) -> None:

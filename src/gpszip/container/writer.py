@@ -125,7 +125,7 @@ def write(contents: Contents, file: BinaryIO) -> int:
     contents : Contents
         What to write.
     file : binary stream
-        Where to.
+        Where to, buffered: a raw stream may take less than it is given.
 
     Raises
     ------

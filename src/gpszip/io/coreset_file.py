@@ -81,7 +81,8 @@ def read_coreset(source: str | Path | BinaryIO) -> Coreset:
     """
     where = str(source) if isinstance(source, (str, Path)) else "stream"
     try:
-        table = pq.read_table(source)
+        # Arrow opens no file whose name is not UTF-8
+        table = pq.read_table(pa.py_buffer(Path(source).read_bytes()) if isinstance(source, (str, Path)) else source)
         head = json.loads((table.schema.metadata or {})[_KEY])
         return _coreset(table, head, where)
     except KeyError:

@@ -371,7 +371,7 @@ def _lines(source: Source | InputError, metric: bool | None) -> RoadLines:
 
 def _path(source: Source) -> str:
     if source.path is None:
-        raise InputError(f"{source.name}: OpenStreetMap data is read from files only; save it first")
+        raise InputError(f"{source.name}: OpenStreetMap data is read only from files whose names are UTF-8; save or rename it first")
     return str(source.path)
 
 

@@ -13,7 +13,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
-from gpszip.geo.crs import is_geographic, to_degrees
+from gpszip.geo.crs import is_geographic, is_local, to_degrees
 from gpszip.io.road_lines import RoadLines, take_lines, within_globe
 from gpszip.io.road_rules import NO_ROADS, class_speed, class_users, directions, each, expected_speed, speed_limit
 from gpszip.io.wkb import lines_of_wkb
@@ -218,6 +218,8 @@ def _system(
         return points, False, ()
     if crs.upper() in ("EPSG:4326", "OGC:CRS84"):
         return points, True, ()
+    if is_local(crs, name):
+        return points, False, ()
     return to_degrees(points, crs, name), True, ()
 
 

@@ -9,11 +9,17 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, BinaryIO, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gpszip.errors import OutputError
 from gpszip.files import SCRATCH_PREFIX, temporary_folder
 
-__all__ = ["scratch", "writing"]
+__all__ = ["read_numbers", "scratch", "write_numbers", "writing"]
+
+Number = TypeVar("Number", bound=np.generic)
 
 
 @contextmanager
@@ -60,3 +66,42 @@ def _free(folder: str) -> str:
     with contextlib.suppress(OSError):
         return f", {shutil.disk_usage(folder).free / 2**20:,.0f} MiB are free"
     return ""
+
+
+def write_numbers(numbers: NDArray[Any], file: BinaryIO) -> None:
+    """Append numbers to a file. Unlike NumPy's ``tofile``, it misses no error of the disk, and goes on where it was interrupted.
+
+    Parameters
+    ----------
+    numbers : array
+        Of any shape and kind.
+    file : binary file
+        Open for writing.
+    """
+    file.write(np.ascontiguousarray(numbers).data.cast("B"))
+
+
+def read_numbers(path: Path, kind: type[Number], first: int, count: int) -> NDArray[Number]:
+    """Read numbers that :func:`write_numbers` wrote.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    kind : type
+        Of the numbers.
+    first, count : int
+        Number of the first one in the file, and how many.
+
+    Raises
+    ------
+    OutputError
+        If the file is shorter, or can't be read.
+    """
+    numbers = np.empty(count, kind)
+    with writing(), path.open("rb") as file:
+        file.seek(first * numbers.itemsize)
+        found = file.readinto(numbers.data.cast("B")) if count else 0
+    if found != numbers.nbytes:
+        raise OutputError(f"{path}: this temporary file is {numbers.nbytes - found} bytes too short; is the disk full, or failing?")
+    return numbers

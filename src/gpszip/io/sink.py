@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import shutil
 import sys
 from collections.abc import Iterator
@@ -30,7 +31,12 @@ def writing(sink: str | Path | BinaryIO) -> Iterator[BinaryIO]:
     OutputError
         If it can't be written.
     """
-    if not isinstance(sink, (str, Path)):
+    if isinstance(sink, io.RawIOBase):
+        buffered = io.BufferedWriter(sink)  # raw streams may take less than they are given
+        yield buffered
+        buffered.flush()
+        buffered.detach()
+    elif not isinstance(sink, (str, Path)):
         yield sink
     elif str(sink) == "-":
         with _standard_output() as stream:

@@ -16,7 +16,7 @@ from gpszip.errors import InputError
 from gpszip.io.remote import fetch, is_remote
 from gpszip.io.scratch import scratch, writing
 
-__all__ = ["Source", "expand", "spooled"]
+__all__ = ["Source", "expand", "readable", "spooled"]
 
 _GZIP = b"\x1f\x8b"
 _HEAD = 1 << 18
@@ -59,10 +59,13 @@ class Source:
 
     @property
     def stem(self) -> str:
-        """The log's name: the file's without its suffixes ``.gz`` and the like, or that of the folder that was named."""
+        """The log's name: the file's without its suffixes ``.gz`` and the like, or that of the folder that was named.
+
+        Bytes that are no UTF-8 are written out, see :func:`readable`.
+        """
         if self.base is not None:
-            return self.base.resolve().name
-        name = Path(self.name).name
+            return readable(self.base.resolve().name)
+        name = readable(Path(self.name).name)
         name = name[:-3] if name.lower().endswith(".gz") else name
         return Path(name).stem or name
 
@@ -147,6 +150,17 @@ def spooled(sources: Iterable[Any] | Any) -> Iterator[list[Any]]:
         yield found
 
 
+def readable(name: str) -> str:
+    r"""Name of a file as text, in which bytes that are no UTF-8 are written out.
+
+    Examples
+    --------
+    >>> readable("caf\udce9.csv")
+    'caf\\xe9.csv'
+    """
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
 def _stored(fetched: tuple[str, bytes] | InputError, path: Path) -> Source | InputError:
     if isinstance(fetched, InputError):
         return fetched
@@ -224,10 +238,10 @@ def _files(name: str) -> Iterator[Source | InputError]:
 
 def _file(name: str, path: Path) -> Source | InputError:
     try:
-        if path.is_file():
+        if path.is_file() and readable(str(path)) == str(path):
             with path.open("rb"):
                 return Source(name, path=path)
-        return Source(name, data=path.read_bytes())  # a pipe can't be mapped to memory
+        return Source(name, data=path.read_bytes())  # libraries can't map a pipe to memory, nor open a name that is no UTF-8
     except FileNotFoundError:
         pattern = any(mark in name for mark in "*?[")
         return InputError(f"{name}: no file matches this pattern" if pattern else f"{name}: no such file")
