@@ -1,5 +1,7 @@
+import base64
 import io
 import json
+import zlib
 
 import numpy as np
 import pyogrio
@@ -187,6 +189,7 @@ def test_several_sources_are_one_network(tmp_path, roads):
 
 GRAPH = """<?xml version='1.0' encoding='utf-8'?>
 <graphml xmlns="http://graphml.graphdrawing.org/xmlns">
+<key id="d10" for="edge" attr.name="name" attr.type="string"/>
 <key id="d9" for="edge" attr.name="maxspeed" attr.type="string"/><key id="d8" for="edge" attr.name="highway" attr.type="string"/>
 <key id="d7" for="edge" attr.name="geometry" attr.type="string"/><key id="d6" for="edge" attr.name="oneway" attr.type="string"/>
 <key id="d5" for="edge" attr.name="osmid" attr.type="string"/><key id="d2" for="node" attr.name="x" attr.type="string"/>
@@ -198,7 +201,7 @@ GRAPH = """<?xml version='1.0' encoding='utf-8'?>
 <edge source="1" target="2" id="0"><data key="d5">[5, 6]</data><data key="d6">False</data><data key="d9">['36', '50']</data></edge>
 <edge source="2" target="1" id="0"><data key="d5">[5, 6]</data><data key="d6">False</data><data key="d9">['36', '50']</data></edge>
 <edge source="2" target="3" id="0"><data key="d6">True</data><data key="d7">LINESTRING ({x1} {y1}, {x2} {y2}, {x0} {y1})</data>
-<data key="d8">tertiary</data></edge></graph></graphml>"""
+<data key="d8">tertiary</data><data key="d10">['Oak St', 'Elm St']</data></edge></graph></graphml>"""
 
 
 def graph(kind="directed", crs="epsg:4326", scale=1.0):
@@ -213,6 +216,7 @@ def test_graphml_of_osmnx():
     np.testing.assert_allclose(network.speeds * 3.6, [0.85 * 36, 45])
     assert np.diff(network.offsets).tolist() == [2, 3]
     assert network.ids[0] == "[5, 6]"
+    assert list(network.names) == ["", "Oak St; Elm St"]
 
 
 def test_undirected_graphml_goes_both_ways():
@@ -254,6 +258,16 @@ def test_unknown_coordinate_system(tmp_path):
     assert read_network(path).lengths.tolist() == pytest.approx([100], rel=1e-3)
 
 
+#: Two roads as the first version of the format has them, without street names.
+VERSION_1 = (
+    "p1JPQURTCgABAAAAAQAAAAMAAAAAAAAAAgAAAAAAAAABAAAAAAAAABIAAAAAAAAAeyJuYW1lIjogInN0cmVhbSJ9hgAAAAAAAABQAAAAAAAAAAIAAAAEAAAA4/Y4"
+    "FAAAAAAAAAAAAAAmQAAAAAAAAEhAjZduEoMAJkDjpZvEIABIQB7ThOGAd44GADicHJCejgYAOJwckJ6OBgA4nByQno4GEF+cHAAAAAABAAAAAQAAAAIAAAACAAAA"
+    "AgAAAAAAwH8AAMB/AwAAAAEAAAABA8OpMTIAAA=="
+)
+
+NAMES = ("Große Straße", None, "Main St", "7")
+
+
 def city(size=60):
     rng = np.random.default_rng(3)
     xs, ys = (
@@ -262,7 +276,9 @@ def city(size=60):
     )
     at = lambda i, j: [round(float(xs[i, j]), 7), round(float(ys[i, j]), 7)]  # noqa: E731
     lines = [[at(i, j), at(a, b)] for i in range(size) for j in range(size) for a, b in ((i + 1, j), (i, j + 1)) if a < size and b < size]
-    return geojson(lines, [{"id": f"é{i}", "oneway": "yes" if i % 3 == 0 else "no", "maxspeed": "50"} for i in range(len(lines))])
+    return geojson(
+        lines, [{"id": f"é{i}", "oneway": "yes" if i % 3 == 0 else "no", "maxspeed": "50", "name": NAMES[i % 4]} for i in range(len(lines))]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -283,11 +299,54 @@ def test_a_prepared_network_is_the_same_network(prepared):
     assert 0 < len(loaded) < len(roads)
     assert sorted(loaded.ids) == sorted(direct.ids)
     order, other = np.argsort(list(loaded.ids)), np.argsort(list(direct.ids))
+    assert [loaded.names[i] for i in order] == [direct.names[i] for i in other]
+    assert set(loaded.names) == {name or "" for name in NAMES}
     for name in ("forward", "backward", "speeds", "lengths"):
         np.testing.assert_allclose(getattr(loaded, name)[order], getattr(direct, name)[other], atol=1e-4)
     np.testing.assert_allclose(loaded.nodes[loaded.starts[order]], direct.nodes[direct.starts[other]], atol=0.01)
     assert len(loaded.nodes) == len(direct.nodes)
     assert len(read_network(path)) == len(roads)
+
+
+@pytest.mark.parametrize(
+    ("properties", "names"),
+    [
+        ([{"name": "A St"}, {"name": None}, {"name": " B  St "}], ["A St", "", "B St"]),
+        ([{"Name": "A St"}, {"Name": ""}, {}], ["A St", "", ""]),
+        ([{"street": "A St", "ref": "B 2"}, {"ref": "B 2"}, {}], ["A St", "B 2", ""]),
+        ([{"name": ["A St", "B St"]}, {"name": ["A St"]}, {"name": []}], ["A St; B St", "A St", ""]),
+        ([{"name": 5}, {"name": 7}, {"name": None}], ["5", "7", ""]),
+        ([{"name": "[not a list"}, {"name": "['"}, {"name": "[1, ("}], ["[not a list", "['", "[1, ("]),
+        ([{"name": None}, {"name": "nan"}, {"name": " "}], None),
+        ([{}, {}, {}], None),
+    ],
+)
+def test_streets_have_names(properties, names):
+    found = read_network(io.BytesIO(geojson(STREETS, properties).encode()), near=log_at()).names
+    assert (found if found is None else list(found)) == names
+
+
+def test_prepared_networks_of_version_1_are_read(tmp_path):
+    path = tmp_path / "old.gpsz"
+    path.write_bytes(base64.b64decode(VERSION_1))
+    network = read_network(path)
+    assert (list(network.ids), network.names, network.backward.tolist()) == (["é1", "2"], None, [False, True])
+
+
+def test_blocks_that_contradict_themselves_are_named(tmp_path):
+    data = bytearray(base64.b64decode(VERSION_1))
+    at = data.index(bytes([2, 0, 0, 0] * 3)) + 4  # numbers of vertices, behind the last node
+    for value in (1, 3, 255):
+        forged = data.copy()
+        forged[at] = value
+        size = int.from_bytes(forged[74:82], "little")
+        forged[90:94] = zlib.crc32(forged[-size:]).to_bytes(4, "little")
+        front = len(data) - size - 4
+        forged[front : front + 4] = zlib.crc32(forged[:front]).to_bytes(4, "little")
+        path = tmp_path / "forged.gpsz"
+        path.write_bytes(forged)
+        with pytest.raises(CorruptArchiveError, match="contradicts itself"):
+            read_network(path)
 
 
 def test_only_blocks_that_are_wanted_are_read(prepared):

@@ -7,7 +7,7 @@ from gpszip.io.networks import read_network, read_network_with_account
 PLACES = {1: (11.0, 48.0), 2: (11.001, 48.0), 3: (11.002, 48.0), 4: (11.001, 48.001), 5: (11.001, 47.999), 6: (11.003, 48.0)}
 WAYS = {
     10: ([1, 2, 3], {"highway": "residential", "name": "Weg"}),
-    11: ([4, 2, 5], {"highway": "primary", "oneway": "-1", "maxspeed": "60"}),
+    11: ([4, 2, 5], {"highway": "primary", "oneway": "-1", "maxspeed": "60", "ref": "B 2"}),
     12: ([3, 6, 4, 3], {"highway": "tertiary", "junction": "roundabout"}),
     13: ([5, 6], {"highway": "motorway"}),
     14: ([1, 5], {"highway": "proposed"}),
@@ -41,6 +41,7 @@ def test_ways_become_roads(extract):
         "13": [(True, False, 100)],
         "17": [(True, True, 15)],
     }
+    assert {(one, name) for one, name in zip(network.ids, network.names, strict=True) if name} == {("10", "Weg"), ("11", "B 2")}
     counts = {repair.what: repair.count for repair in read.repairs}
     assert counts["roads cut where the extract ends"] == 1
     assert counts["ways that are no roads (areas, planned, gone) dropped"] == 1

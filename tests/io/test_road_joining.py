@@ -10,7 +10,7 @@ from gpszip.io.road_lines import RoadLines
 from oracle.roads import joined
 
 
-def lines_of(shapes, forward=None, backward=None, speeds=None, geographic=False, directed=False):
+def lines_of(shapes, forward=None, backward=None, speeds=None, geographic=False, directed=False, names=None):
     points = [point for shape in shapes for point in shape]
     count = len(shapes)
     return RoadLines(
@@ -23,6 +23,7 @@ def lines_of(shapes, forward=None, backward=None, speeds=None, geographic=False,
         np.full(count, np.nan) if speeds is None else np.array(speeds, float),
         np.zeros(count, np.uint8),
         pa.array([str(i) for i in range(count)], pa.string()),
+        pa.array([None] * count if names is None else names, pa.string()),
         directed,
     )
 
@@ -124,3 +125,12 @@ def test_metres_that_are_said_to_be_degrees():
 def test_far_apart_roads_keep_their_places():
     roads = join_roads(lines_of([[(0, 0), (1, 0)], [(4e8, 4e8), (4e8 + 1, 4e8)]]))
     assert len(roads.places) == 4
+
+
+def test_street_names_stay_with_their_roads():
+    shapes = [[(0, 0), (5, 0), (9, 0)], [(5, 0), (5, 9)], [(9, 0), (5, 0), (0, 0)], [(9, 0), (9, 9)]]
+    roads = join_roads(lines_of(shapes, names=[None, "Side St", "Main St", None]))
+    named = {tuple(map(tuple, roads.coordinates[a:b].astype(int).tolist())): name for a, b, name in zip(
+        roads.offsets[:-1].tolist(), roads.offsets[1:].tolist(), roads.names.to_pylist(), strict=True
+    )}  # fmt: skip
+    assert named == {((0, 0), (5, 0)): "Main St", ((5, 0), (9, 0)): "Main St", ((5, 0), (5, 9)): "Side St", ((9, 0), (9, 9)): None}

@@ -254,8 +254,16 @@ def _assembled(roads: JoinedRoads, parts: list[Any], plane: Plane | None) -> Net
         backward=roads.backward[chosen],
         speeds=roads.speeds[chosen],
         ids=TextColumn(roads.ids.take(pa.array(chosen))),
+        names=_names(roads, chosen),
         plane=plane,
     )
+
+
+def _names(roads: JoinedRoads, chosen: NDArray[np.intp]) -> TextColumn | None:
+    """Street names, empty where a road has none; nothing where no road of the source has one."""
+    if roads.names.null_count == len(roads.names):
+        return None
+    return TextColumn(roads.names.take(pa.array(chosen)).fill_null(""))
 
 
 def _elsewhere(roads: JoinedRoads, plane: Plane | None, near: Sequence[Track]) -> str:
@@ -316,6 +324,7 @@ def _together(read: list[RoadLines]) -> RoadLines:
         name=f"{read[0].name} and {len(read) - 1} more",
         offsets=np.append(0, np.cumsum(counts)),
         ids=pa.concat_arrays([lines.ids for lines in read]),
+        names=pa.concat_arrays([lines.names for lines in read]),
         directed=False if any(lines.directed is False for lines in read) else None,
         repairs=tuple(repair for lines in read for repair in lines.repairs),
         **joined,

@@ -25,12 +25,13 @@ __all__ = ["ROADS_MAGIC", "read_roads_file", "write_roads_file"]
 #: First bytes of a prepared network.
 ROADS_MAGIC = b"\xa7ROADS\n\0"
 
-_VERSION = 1
+#: Version 1 has no street names.
+_VERSION = 2
 _HEAD = np.dtype(
     [("magic", "V8"), ("version", "<u4"), ("flags", "<u4"), ("nodes", "<u8"), ("roads", "<u8"), ("blocks", "<u8"), ("name", "<u8")]
 )
 _BLOCK = np.dtype(
-    [("offset", "<u8"), ("size", "<u8"), ("roads", "<u4"), ("points", "<u4"), ("crc", "<u4"), ("unused", "<u4"), ("box", "<f8", (4,))]
+    [("offset", "<u8"), ("size", "<u8"), ("roads", "<u4"), ("points", "<u4"), ("crc", "<u4"), ("streets", "<u4"), ("box", "<f8", (4,))]
 )
 _GEOGRAPHIC = 1
 _ROADS_IN_BLOCK = 2048
@@ -62,9 +63,9 @@ def write_roads_file(roads: JoinedRoads, stream: BinaryIO) -> int:
     at = _HEAD.itemsize + len(account) + index.nbytes + 4
     bodies = []
     for entry, chosen in zip(index, blocks, strict=True):
-        body, points, box = _block(roads, chosen)
+        body, points, streets, box = _block(roads, chosen)
         entry["offset"], entry["size"], entry["roads"], entry["points"] = at, len(body), len(chosen), points
-        entry["crc"], entry["box"] = zlib.crc32(body), box
+        entry["crc"], entry["streets"], entry["box"] = zlib.crc32(body), streets, box
         at += len(body)
         bodies.append(body)
     front = head.tobytes() + account + index.tobytes()
@@ -84,11 +85,14 @@ def _by_place(roads: JoinedRoads) -> NDArray[np.intp]:
     return np.argsort(cells[:, 0] | (cells[:, 1] << np.uint64(1)), kind="stable")
 
 
-def _block(roads: JoinedRoads, chosen: NDArray[np.intp]) -> tuple[bytes, int, NDArray[np.float64]]:
+def _block(roads: JoinedRoads, chosen: NDArray[np.intp]) -> tuple[bytes, int, int, NDArray[np.float64]]:
+    """Bytes of a block, its numbers of vertices and of street names, and the box of its vertices."""
     counts = np.diff(roads.offsets)[chosen]
     points = roads.coordinates[line_rows(roads.offsets, chosen)]
     stored = np.rint(points * _UNITS).astype("<i4") if roads.geographic else points.astype("<f8")
     texts = [text.encode() for text in roads.ids.take(pa.array(chosen)).fill_null("").to_pylist()]
+    names = roads.names.take(pa.array(chosen)).dictionary_encode()
+    streets = [text.encode() for text in names.dictionary.to_pylist()]
     columns = (
         stored,
         roads.starts[chosen].astype("<i4"),
@@ -96,10 +100,12 @@ def _block(roads: JoinedRoads, chosen: NDArray[np.intp]) -> tuple[bytes, int, ND
         counts.astype("<i4"),
         roads.speeds[chosen].astype("<f4"),
         np.array([len(text) for text in texts], "<i4"),
+        names.indices.fill_null(-1).to_numpy(zero_copy_only=False).astype("<i4"),
+        np.array([len(street) for street in streets], "<i4"),
         (roads.forward[chosen] | roads.backward[chosen].astype(np.uint8) << 1 | roads.users[chosen] << 2).astype("u1"),
     )
-    body = b"".join(column.tobytes() for column in columns) + b"".join(texts)
-    return body + bytes(-len(body) % 8), len(points), np.concatenate((points.min(axis=0), points.max(axis=0)))
+    body = b"".join(column.tobytes() for column in columns) + b"".join(texts + streets)
+    return body + bytes(-len(body) % 8), len(points), len(streets), np.concatenate((points.min(axis=0), points.max(axis=0)))
 
 
 def read_roads_file(path: str | Path, name: str, wanted: Any = None) -> JoinedRoads:
@@ -139,7 +145,7 @@ def _read(data: mmap.mmap, name: str, wanted: Any) -> JoinedRoads:
     geographic = bool(head["flags"] & _GEOGRAPHIC)
     boxes = index["box"].copy()
     chosen = np.ones(len(index), np.bool_) if wanted is None else wanted(boxes, geographic)
-    blocks = list(_bodies(data, index[chosen], geographic, name))
+    blocks = list(_bodies(data, index[chosen], geographic, int(head["version"]), name))
     width = 2 if not blocks else blocks[0][0].shape[1]
     columns = [np.concatenate(column) for column in zip(*(block[:7] for block in blocks), strict=True)] if blocks else _nothing(width)
     points, starts, ends, counts, speeds, flags = columns[0], columns[1], columns[2], columns[3], columns[4], columns[6]
@@ -162,6 +168,7 @@ def _read(data: mmap.mmap, name: str, wanted: Any) -> JoinedRoads:
         speeds=speeds.astype(np.float64),
         users=(flags >> 2).astype(np.uint8),
         ids=pa.concat_arrays([block[7] for block in blocks]) if blocks else pa.array([], pa.string()),
+        names=pa.concat_arrays([block[8] for block in blocks]) if blocks else pa.array([], pa.string()),
     )
 
 
@@ -185,23 +192,48 @@ def _front(data: mmap.mmap, name: str) -> tuple[Any, Any]:
     return head, np.frombuffer(data[at:end], _BLOCK)
 
 
-def _bodies(data: mmap.mmap, index: Any, geographic: bool, name: str) -> Iterator[tuple[Any, ...]]:
+def _bodies(data: mmap.mmap, index: Any, geographic: bool, version: int, name: str) -> Iterator[tuple[Any, ...]]:
+    """Columns of each block, then the ids and the street names of its roads."""
     for entry in index:
-        at, size, roads, points = (int(entry[key]) for key in ("offset", "size", "roads", "points"))
+        at, size, roads, points, streets = (int(entry[key]) for key in ("offset", "size", "roads", "points", "streets"))
         body = data[at : at + size]
         if len(body) != size or zlib.crc32(body) != entry["crc"]:
             raise CorruptArchiveError(f"{name}: damaged block of roads; prepare it again", at)
-        yield _columns(body, roads, points, geographic)
+        try:
+            yield _columns(body, roads, points, streets if version > 1 else None, geographic)
+        except ValueError as error:
+            raise CorruptArchiveError(f"{name}: a block of roads contradicts itself; prepare it again", at) from error
 
 
-def _columns(body: bytes, roads: int, points: int, geographic: bool) -> tuple[Any, ...]:
-    kinds = [("<i4" if geographic else "<f8", 2 * points), *((kind, roads) for kind in ("<i4", "<i4", "<i4", "<f4", "<i4", "u1"))]
+def _columns(body: bytes, roads: int, points: int, streets: int | None, geographic: bool) -> tuple[Any, ...]:
+    # the columns, one after the other
+    kinds = [("<i4" if geographic else "<f8", 2 * points), *((kind, roads) for kind in ("<i4", "<i4", "<i4", "<f4", "<i4"))]
+    kinds += [] if streets is None else [("<i4", roads), ("<i4", streets)]
     columns: list[Any] = []
     at = 0
-    for kind, count in kinds:
+    for kind, count in [*kinds, ("u1", roads)]:
         columns.append(np.frombuffer(body, kind, count, at))
         at += columns[-1].nbytes
-    columns[0] = columns[0].reshape(-1, 2) / (_UNITS if geographic else 1.0)
-    offsets = np.append(0, np.cumsum(columns[5], dtype=np.int32)).astype(np.int32)
-    texts = pa.StringArray.from_buffers(roads, pa.py_buffer(offsets.tobytes()), pa.py_buffer(body[at : at + int(offsets[-1])]))
-    return (*columns, texts)
+    flat, starts, ends, counts, speeds, lengths = columns[:6]
+    if (counts < 2).any() or counts.sum(dtype=np.int64) != points:
+        raise ValueError("numbers of vertices")
+
+    # the texts behind them
+    ids = _texts(body, at, lengths)
+    names = pa.nulls(roads, pa.string())
+    if streets is not None:
+        numbers = pa.array(columns[6], mask=columns[6] < 0)
+        names = pa.DictionaryArray.from_arrays(numbers, _texts(body, at + int(lengths.sum()), columns[7])).cast(pa.string())
+    return (flat.reshape(-1, 2) / (_UNITS if geographic else 1.0), starts, ends, counts, speeds, lengths, columns[-1], ids, names)
+
+
+def _texts(body: bytes, at: int, lengths: NDArray[np.int32]) -> Any:
+    """Texts of known lengths that begin at a byte."""
+    offsets = np.append(0, np.cumsum(lengths, dtype=np.int64))
+    if (lengths < 0).any() or at + offsets[-1] > len(body) or offsets[-1] > np.iinfo(np.int32).max:
+        raise ValueError("lengths of texts")
+    array = pa.StringArray.from_buffers(
+        len(lengths), pa.py_buffer(offsets.astype(np.int32).tobytes()), pa.py_buffer(body[at : at + int(offsets[-1])])
+    )
+    array.validate(full=True)  # pa.ArrowInvalid is a ValueError
+    return array

@@ -13,7 +13,7 @@ import pyarrow as pa
 from gpszip.errors import InputError
 from gpszip.geo.crs import is_geographic, to_degrees
 from gpszip.io.road_lines import RoadLines, within_globe
-from gpszip.io.road_rules import class_speed, class_users, directions, expected_speed, speed_limit
+from gpszip.io.road_rules import class_speed, class_users, directions, expected_speed, speed_limit, street_name
 from gpszip.io.wkb import points_of_wkt
 
 __all__ = ["read_graphml_lines"]
@@ -39,7 +39,8 @@ def read_graphml_lines(stream: Any, name: str, *, metric: bool | None = None) ->
 
     Nodes need ``x`` and ``y`` (or ``lon`` and ``lat``). An edge runs straight unless it has well-known text in ``geometry`` (or
     ``line``). In a directed graph an edge may be travelled from its source to its target, in another both ways, save where
-    it is ``oneway``. Speeds come from ``speed_kph``, ``maxspeed`` and ``highway``, or ``speed`` in m/s.
+    it is ``oneway``. Speeds come from ``speed_kph``, ``maxspeed`` and ``highway``, or ``speed`` in m/s; street names from ``name``,
+    or ``ref``.
 
     Parameters
     ----------
@@ -118,7 +119,7 @@ def _place(graph: _Graph, element: Element, name: str) -> tuple[float, float]:
 
 
 def _lines(graph: _Graph, name: str, metric: bool | None) -> RoadLines:
-    shapes, rules, ids = [], [], []
+    shapes, rules, ids, names = [], [], [], []
     kinds: dict[tuple[str | None, ...], tuple[bool, bool, float, int]] = {}
     for number, (source, target, data) in enumerate(graph.edges):
         if source not in graph.places or target not in graph.places:
@@ -130,6 +131,7 @@ def _lines(graph: _Graph, name: str, metric: bool | None) -> RoadLines:
             kinds[words] = _rules(graph.directed, *words)
         rules.append(kinds[words])
         ids.append(data.get("osmid", str(number)))
+        names.append(street_name(data.get("name"), data.get("ref")))
     flat = np.array([point for shape in shapes for point in shape])
     points, geographic = _system(graph, flat, name, metric)
     forward, backward, speeds, users = zip(*rules, strict=True)
@@ -143,6 +145,7 @@ def _lines(graph: _Graph, name: str, metric: bool | None) -> RoadLines:
         speeds=np.array(speeds, np.float64),
         users=np.array(users, np.uint8),
         ids=pa.array(ids, pa.string()),
+        names=pa.array(names, pa.string()),
     )
 
 

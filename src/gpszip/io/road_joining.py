@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
@@ -44,7 +45,7 @@ class JoinedRoads:
         Vertices of the roads, from start to end.
     geographic : bool
         Whether coordinates are degrees.
-    forward, backward, speeds, users, ids
+    forward, backward, speeds, users, ids, names
         As in :class:`RoadLines`.
     repairs : tuple of Repair
         What was mended.
@@ -62,6 +63,7 @@ class JoinedRoads:
     speeds: NDArray[np.float64]
     users: NDArray[np.uint8]
     ids: Any
+    names: Any
     repairs: tuple[Repair, ...] = field(default=())
 
     def __len__(self) -> int:
@@ -112,6 +114,7 @@ def join_roads(lines: RoadLines) -> JoinedRoads:
         speeds=lines.speeds,
         users=lines.users,
         ids=lines.ids,
+        names=lines.names,
         repairs=tuple(repairs),
     )
 
@@ -206,8 +209,17 @@ def _united(lines: RoadLines, at: Longs, repairs: list[Repair], *, whole: bool) 
         backward=np.where(turned, along[kept], against[kept]),
         speeds=speeds[kept],
         users=users[kept],
+        names=lines.names.take(pa.array(_named(lines, group, first)[kept])),
     )
     return united, at[line_rows(lines.offsets, chosen)]
+
+
+def _named(lines: RoadLines, group: Longs, first: Longs) -> Longs:
+    """For each group of lines the first one that has a name, or the first one of all."""
+    named = np.flatnonzero(lines.names.is_valid().to_numpy(zero_copy_only=False))
+    best = np.full(len(first), len(lines))
+    np.minimum.at(best, group[named], named)
+    return np.where(best < len(lines), best, first)
 
 
 def _one_directed(lines: RoadLines, turned: NDArray[np.bool_], group: Longs, groups: int, repairs: list[Repair]) -> RoadLines:

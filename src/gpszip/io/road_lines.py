@@ -67,7 +67,9 @@ class RoadLines:
     users : uint8 array, shape (E,)
         :class:`Users` of each line.
     ids : pyarrow string array of length E
-        Names.
+        What the source calls each line.
+    names : pyarrow string array of length E
+        Street names, null where there is none.
     directed : bool or None
         Whether the source holds one line for each direction; None where that is to be told from the lines.
     repairs : tuple of Repair
@@ -83,6 +85,7 @@ class RoadLines:
     speeds: NDArray[np.float64]
     users: NDArray[np.uint8]
     ids: Any
+    names: Any
     directed: bool | None = False
     repairs: tuple[Repair, ...] = field(default=())
 
@@ -112,6 +115,7 @@ def take_columns(lines: RoadLines, chosen: NDArray[np.intp]) -> RoadLines:
         speeds=lines.speeds[chosen],
         users=lines.users[chosen],
         ids=lines.ids.take(pa.array(chosen)),
+        names=lines.names.take(pa.array(chosen)),
     )
 
 

@@ -27,7 +27,7 @@ def way_map_lines(ways: WayMap, name: str) -> RoadLines:
     Returns
     -------
     RoadLines
-        With the median speeds where they are known; named by their numbers.
+        With the median speeds where they are known; the ids are their numbers, and they have no names.
     """
     points = ways.points[:, :2]
     if points.shape[1] < 2:
@@ -45,4 +45,5 @@ def way_map_lines(ways: WayMap, name: str) -> RoadLines:
         speeds=ways.speed[:, 1].astype(np.float64),
         users=np.full(len(ways), Users.ANYBODY, np.uint8),
         ids=pa.array([str(i) for i in range(len(ways))], pa.string()),
+        names=pa.nulls(len(ways), pa.string()),
     )

@@ -11,13 +11,13 @@ import pyarrow as pa
 
 from gpszip.errors import InputError, MissingExtraError
 from gpszip.io.road_lines import RoadLines
-from gpszip.io.road_rules import NO_ROADS, class_speed, class_users, directions, expected_speed, speed_limit
+from gpszip.io.road_rules import NO_ROADS, class_speed, class_users, directions, expected_speed, speed_limit, street_name
 from gpszip.io.wkb import lines_of_wkb
 from gpszip.model.reading import Repair
 
 __all__ = ["read_osm_lines"]
 
-_TAGS = ("highway", "oneway", "junction", "maxspeed", "area", "access")
+_TAGS = ("highway", "oneway", "junction", "maxspeed", "area")
 
 
 @dataclass
@@ -26,6 +26,7 @@ class _Found:
 
     geometries: list[bytes] = field(default_factory=list)
     ids: list[str] = field(default_factory=list)
+    names: list[str | None] = field(default_factory=list)
     tags: list[tuple[str | None, ...]] = field(default_factory=list)
     torn: int = 0
     areas: int = 0
@@ -80,6 +81,7 @@ def _add(found: _Found, way: Any, factory: Any, osmium: Any) -> None:
     if tags[0] in NO_ROADS or tags[4] == "yes":
         found.areas += 1
         return
+    name = street_name(way.tags.get("name"), way.tags.get("ref"))
     try:
         stretches = [bytes.fromhex(factory.create_linestring(way))]
     except (RuntimeError, osmium.InvalidLocationError):
@@ -88,6 +90,7 @@ def _add(found: _Found, way: Any, factory: Any, osmium: Any) -> None:
     for geometry in stretches:
         found.geometries.append(geometry)
         found.ids.append(str(way.id))
+        found.names.append(name)
         found.tags.append(tags)
 
 
@@ -126,6 +129,7 @@ def _lines(found: _Found, name: str) -> RoadLines:
         speeds=np.array(columns[2], np.float64)[rows],
         users=np.array(columns[3], np.uint8)[rows],
         ids=pa.array(found.ids, pa.string()).take(pa.array(rows)),
+        names=pa.array(found.names, pa.string()).take(pa.array(rows)),
         repairs=tuple(repairs),
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from gpszip.io.road_lines import Users
 
-__all__ = ["NO_ROADS", "class_speed", "class_users", "directions", "each", "expected_speed", "speed_limit"]
+__all__ = ["NO_ROADS", "class_speed", "class_users", "directions", "each", "expected_speed", "speed_limit", "street_name"]
 
 T = TypeVar("T")
 
@@ -74,6 +75,9 @@ _LIMITS = {
     "zone20": 20.0,
 }
 
+#: A longer text than this many characters is not searched for several names.
+_LONGEST_LIST = 10_000
+
 #: What is driven where so much is allowed: traffic, bends and crossings take the rest.
 _OF_LIMIT = 0.85
 
@@ -121,6 +125,44 @@ def _one_limit(text: str) -> float:
         return value if 0 < value < 100 else float("nan")
     word = plain.split(":")[-1]
     return _LIMITS[word] * _KMH if word in _LIMITS else float("nan")
+
+
+def street_name(name: str | None, ref: str | None = None) -> str | None:
+    """Name of a street as people read it, or its number where it has no name.
+
+    Parameters
+    ----------
+    name, ref : str or None
+        What the source says. Several names, which osmnx writes as the text of a Python list, are joined by ``; ``.
+
+    Returns
+    -------
+    str or None
+        None where neither says anything.
+
+    Examples
+    --------
+    >>> street_name(" Main St "), street_name(None, "B 2"), street_name("['Oak St', 'Elm St']"), street_name("", "nan")
+    ('Main St', 'B 2', 'Oak St; Elm St', None)
+    """
+    for text in (name, ref):
+        several = [" ".join(one.split()) for one in _parts_of_list(text or "")]
+        known = [one for one in dict.fromkeys(several) if one and one.lower() not in {"nan", "none", "null"}]
+        if known:
+            return "; ".join(known)
+    return None
+
+
+def _parts_of_list(text: str) -> list[str]:
+    """The members of a list that was written as text, or the text itself."""
+    plain = text.strip()
+    if not (plain.startswith("[") and plain.endswith("]") and len(plain) <= _LONGEST_LIST):
+        return [plain]
+    try:
+        members = ast.literal_eval(plain)
+    except (ValueError, SyntaxError, MemoryError, RecursionError):
+        return [plain]
+    return [str(one) for one in members if one is not None]
 
 
 def class_speed(road: str | None) -> float:

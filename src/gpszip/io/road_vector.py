@@ -10,12 +10,22 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
 from gpszip.geo.crs import is_geographic, is_local, to_degrees
 from gpszip.io.road_lines import RoadLines, take_lines, within_globe
-from gpszip.io.road_rules import NO_ROADS, class_speed, class_users, directions, each, expected_speed, speed_limit
+from gpszip.io.road_rules import (
+    NO_ROADS,
+    class_speed,
+    class_users,
+    directions,
+    each,
+    expected_speed,
+    speed_limit,
+    street_name,
+)
 from gpszip.io.wkb import lines_of_wkb
 from gpszip.model.reading import Repair
 
@@ -29,9 +39,11 @@ _COLUMNS = {
     "speed": ("speed",),
     "class": ("highway", "fclass", "road_class", "class", "roadclass", "type"),
     "junction": ("junction",),
+    "name": ("name", "street", "street_name", "streetname", "road_name", "roadname", "st_name", "full_name", "fullname", "label"),
+    "ref": ("ref", "road_ref", "road_number", "route"),
 }
 
-_WORDS = ("id", "oneway", "limit", "class", "junction")
+_WORDS = ("id", "oneway", "limit", "class", "junction", "name", "ref")
 
 
 @dataclass
@@ -95,6 +107,7 @@ def read_vector_lines(path: Any, name: str, *, metric: bool | None = None, metre
         speeds=speeds[owner],
         users=users[owner],
         ids=ids.take(pa.array(owner)),
+        names=_names(columns, rows.features).take(pa.array(owner)),
         directed=False if "oneway" in columns else None,
         repairs=notes,
     )
@@ -181,6 +194,21 @@ def _rules(columns: dict[str, Any], rows: int) -> tuple[Any, Any, Any, Any, Any]
     usual, users = each(kind, class_speed, np.float64), each(kind, class_users, np.uint8)
     closed = each(kind, lambda text: text in NO_ROADS, np.bool_) | ~ways.any(axis=1)
     return ways[:, 0], ways[:, 1], _speeds(columns, usual), users, closed
+
+
+def _names(columns: dict[str, Any], rows: int) -> Any:
+    """Street names of all features: the name, or the number where there is none."""
+    answers = pa.nulls(rows, pa.string())
+    for role in ("name", "ref"):
+        if role in columns:
+            answers = pc.coalesce(answers, _each_once(columns[role].combine_chunks()))
+    return answers
+
+
+def _each_once(texts: Any) -> Any:
+    """Street names of texts, of which each kind is looked at once."""
+    kinds = texts.dictionary_encode()
+    return pa.array([street_name(text) for text in kinds.dictionary.to_pylist()], pa.string()).take(kinds.indices)
 
 
 def _direction(words: str | None) -> tuple[bool, bool]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -33,9 +33,11 @@ class Network:
     speeds : float64 array, shape (E,)
         Expected speed in metres a second, NaN where unknown.
     ids : sequence of str, optional
-        Names of the roads in their source; roads that were split share one.
+        What the source calls each road; roads that were split share one.
     plane : Plane, optional
         The planes of a network that came in degrees; None for one in x and y.
+    names : sequence of str, optional
+        Street names, empty where a road has none; None where the source has no names at all.
 
     Examples
     --------
@@ -57,6 +59,7 @@ class Network:
     speeds: NDArray[np.float64]
     ids: Sequence[str] | None = None
     plane: Plane | None = None
+    names: Sequence[str] | None = None
 
     def __len__(self) -> int:
         return len(self.starts)
@@ -83,6 +86,22 @@ class Network:
         total = np.cumsum(steps)
         along: NDArray[np.float64] = total - np.repeat(total[self.offsets[:-1]], np.diff(self.offsets))
         return along
+
+    @property
+    def one_way(self) -> NDArray[np.bool_]:
+        """Whether each road may be travelled in one direction only, shape (E,)."""
+        one_way: NDArray[np.bool_] = self.forward != self.backward
+        return one_way
+
+    def two_way(self) -> Network:
+        """The same roads for those whom one-way rules don't bind: what is open in one direction is open in both."""
+        either = self.forward | self.backward
+        return replace(self, forward=either, backward=either)
+
+    def label(self, index: int) -> str:
+        """What people call a road: its street name, else its id in the source, else its number."""
+        named = self.names[index] if self.names is not None else ""
+        return named or (self.ids[index] if self.ids is not None else str(index))
 
     def road(self, index: int) -> NDArray[np.float64]:
         """Vertices of one road, shape (n, d), from its start node to its end node."""
