@@ -1,6 +1,6 @@
 """Run commands while the system fails at one call, once for every call, and print what became of each as a line of JSON.
 
-    python tests/faults/injecting.py [--all] [COMMAND...]
+    PYTHONPATH=tests python -m faults.injecting [--all] [--kills=N] [COMMAND...]
 
 A process that has everything loaded forks one child for each fault; strace is attached to the child and lets its n-th call of a
 kind fail. When no n-th call is left, the next kind follows. Each child starts in a new copy of a folder that holds the inputs,
@@ -23,8 +23,7 @@ import time
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from commands import COMMANDS, prepare
-
+from faults.commands import COMMANDS, prepare
 from gpszip.cli.main import main
 
 __all__ = ["BRIEF", "FAULTS", "Outcome", "sweep"]

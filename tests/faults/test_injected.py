@@ -17,7 +17,6 @@ import pytest
 from faults.judging import wrong
 
 ALL = os.environ.get("GPSZIP_FAULTS") == "all"
-HERE = Path(__file__).parent
 BRIEF = ["recover", "csv", "parquet", "gpkg", "coreset", "map"]
 
 linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="system calls of Linux")
@@ -25,9 +24,9 @@ linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="system 
 
 def _outcomes(*words):
     """Outcomes by command, of runs in processes of their own."""
-    paths = [str(HERE), str(HERE.parent), *sys.path]
+    paths = [str(Path(__file__).parents[1]), *sys.path]
     done = subprocess.run(
-        [sys.executable, str(HERE / "injecting.py"), *words],
+        [sys.executable, "-m", "faults.injecting", *words],
         capture_output=True,
         text=True,
         env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},

@@ -1,6 +1,6 @@
 """Fuzz every target in turn for as long as asked; print counts, keep the inputs that failed, end with 1 if there are any.
 
-python tests/fuzz/run.py [--minutes 60] [--seconds 5] [--seed 0] [--target NAME]... [--keep FOLDER]
+PYTHONPATH=tests python -m fuzz.run [--minutes 60] [--seconds 5] [--seed 0] [--target NAME]... [--keep FOLDER]
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from targets import TARGETS
-from worker import input_of
+from fuzz.targets import TARGETS
+from fuzz.worker import input_of
 
 __all__ = ["fuzz", "main"]
 
@@ -35,8 +35,9 @@ class Worker:
     """A process that takes inputs of one target."""
 
     def __init__(self, name: str) -> None:
-        command = [sys.executable, str(Path(__file__).with_name("worker.py")), name]
-        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        command, pipe = [sys.executable, "-m", "fuzz.worker", name], subprocess.PIPE
+        places = os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])
+        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env={**os.environ, "PYTHONPATH": places})
         self._rest = b""
         self._ready = selectors.DefaultSelector()
         self._ready.register(self.process.stdout, selectors.EVENT_READ)

@@ -13,8 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import mutations
-
+from fuzz import mutations
 from gpszip.errors import GPSZipError
 
 __all__ = ["TARGETS", "Target", "run"]

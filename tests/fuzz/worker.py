@@ -15,10 +15,10 @@ import time
 import traceback
 import warnings
 
-import mutations
-from targets import TARGETS, run
+from fuzz import mutations
+from fuzz.targets import TARGETS, run
 
-__all__ = ["ROOM", "input_of", "serve"]
+__all__ = ["ROOM", "answer", "input_of", "serve"]
 
 #: Bytes of address space that an input may take beside what is there before.
 ROOM = 1 << 30
@@ -43,7 +43,7 @@ def serve(name: str) -> None:
     for line in sys.stdin:
         seed = int(line)
         data = input_of(name, seed)
-        print(json.dumps(_answer(name, data)), file=answers, flush=True)
+        print(json.dumps(answer(name, data)), file=answers, flush=True)
 
 
 def _bound() -> None:
@@ -52,7 +52,8 @@ def _bound() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (there + ROOM, resource.RLIM_INFINITY))
 
 
-def _answer(name: str, data: bytes) -> dict:
+def answer(name: str, data: bytes) -> dict:
+    """What became of an input; a leak is all that is neither an answer nor an error raised on purpose."""
     start = time.process_time()
     try:
         accepted, leak = run(name, data), ""

@@ -149,6 +149,8 @@ def network_of(roads: JoinedRoads, *, plane: Plane | None = None, near: Sequence
     InputError
         If no road is near the log, or one is in degrees and the other in metres.
     """
+    if not near and not len(roads):
+        raise InputError(f"{roads.name}: holds no road")
     if near and roads.geographic != (plane is not None):
         own, other = ("degrees", "x and y") if roads.geographic else ("metres of no known place", "degrees")
         raise InputError(f"{roads.name}: is in {own}, but the log in {other}; convert one of them to the coordinates of the other")

@@ -166,6 +166,7 @@ def _add(rows: _Rows, batch: Any, geometry: str, names: dict[str, str]) -> None:
     rows.others += others
     for role, column in names.items():
         values = batch.column(column)
+        values.validate(full=True)  # GDAL hands on texts that are no UTF-8
         rows.columns[role].append(_texts(values) if role in _WORDS else _numbers(values))
 
 
