@@ -6,12 +6,16 @@ import contextlib
 import errno
 import os
 import shutil
+import signal
 import tempfile
+import threading
 import time
+import weakref
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from contextvars import ContextVar
 from pathlib import Path
+from types import FrameType
 
 from gpszip.errors import OutputError
 
@@ -20,7 +24,18 @@ try:
 except ImportError:  # Windows has none: nobody can tell there whether a folder is still in use
     fcntl = None  # type: ignore[assignment]
 
-__all__ = ["OUTPUT_PREFIX", "SCRATCH_PREFIX", "cause", "naming", "replacing", "replacing_together", "temporary_folder"]
+__all__ = [
+    "OUTPUT_PREFIX",
+    "SCRATCH_PREFIX",
+    "cause",
+    "naming",
+    "note",
+    "noting",
+    "replacing",
+    "replacing_together",
+    "temporary_folder",
+    "uninterrupted",
+]
 
 #: Names of temporary folders begin like this: beside an output, and in TMPDIR.
 OUTPUT_PREFIX, SCRATCH_PREFIX = ".gpszip-", "gpszip-"
@@ -30,6 +45,11 @@ _SUFFIX = ".part"
 
 #: Seconds after which a folder that no process has locked is taken for one that a killed process left.
 _STALE = 3600.0
+
+#: Signals that are put off while a file takes its place.
+_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+_written: ContextVar[list[str] | None] = ContextVar("written", default=None)
 
 #: What to do about a system's error.
 _REMEDIES = {
@@ -111,10 +131,13 @@ def replacing_together(paths: Sequence[str | os.PathLike[str]], *, force: bool =
             for part, target in zip(parts, targets, strict=True):
                 with naming(target):
                     _to_disk(part, target)
-            for part, target in zip(parts, targets, strict=True):
-                with naming(target):
-                    _publish(part, target, force=force)
-                    written.append(target)
+            with uninterrupted():
+                for part, target in zip(parts, targets, strict=True):
+                    with naming(target):
+                        _publish(part, target, force=force)
+                        written.append(target)
+                        note(f"{target} is written")
+                stack.close()
     except OutputError as error:
         if written:
             names = ", ".join(map(str, written))
@@ -158,6 +181,43 @@ def naming(target: str | os.PathLike[str]) -> Iterator[None]:
 
 def _failed(target: str | os.PathLike[str], error: OSError) -> OutputError:
     return _with_notes(OutputError(f"{os.fspath(target)}: can't be written: {cause(error)}"), error)
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Put off what Ctrl-C and signals to end do until the block is through. In other threads than the main one, they do nothing anyway."""
+    handlers = {}
+    if threading.current_thread() is threading.main_thread():
+        found = {number: signal.getsignal(number) for number in _SIGNALS}
+        handlers = {number: handler for number, handler in found.items() if callable(handler)}
+    came: list[tuple[int, FrameType | None]] = []
+    try:
+        for number in handlers:
+            signal.signal(number, lambda *signalled: came.append(signalled))
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    for number, frame in came[:1]:
+        handlers[signal.Signals(number)](number, frame)
+
+
+@contextmanager
+def noting() -> Iterator[list[str]]:
+    """Give a list that takes what is written, in words, for as long as the block lasts."""
+    written: list[str] = []
+    before = _written.set(written)
+    try:
+        yield written
+    finally:
+        _written.reset(before)
+
+
+def note(what: str) -> None:
+    """Tell whoever listens, see :func:`noting`, what is written."""
+    listener = _written.get()
+    if listener is not None:
+        listener.append(what)
 
 
 def _target(path: str | os.PathLike[str], force: bool) -> Path:
@@ -240,37 +300,46 @@ def temporary_folder(parent: Path, prefix: str) -> Iterator[Path]:
         If it can't be removed. If something else went wrong before, that error bears a note.
     """
     _remove_stale(parent, prefix)
-    room = _Room(Path(tempfile.mkdtemp(prefix=prefix, suffix=_SUFFIX, dir=parent)))
+    room = None
     try:
+        with uninterrupted():
+            room = _Room(Path(tempfile.mkdtemp(prefix=prefix, suffix=_SUFFIX, dir=parent)))
         yield room.path
     except BaseException as error:
-        if complaint := room.remove():
+        if room is not None and (complaint := room.remove()):
             error.add_note(complaint)
         raise
     if complaint := room.remove():
         raise OutputError(complaint)
 
 
-@dataclass
 class _Room:
-    """A temporary folder, locked for as long as it is in use."""
+    """A temporary folder, locked for as long as it is in use.
 
-    path: Path
-    lock: int | None = None
+    Parameters
+    ----------
+    path : Path
+        The folder, which is there.
+    """
 
-    def __post_init__(self) -> None:
-        self.lock = _locked(self.path)
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._lock = _locked(path)
+        # if a signal stops its removal, it goes when the interpreter ends
+        self._at_last = weakref.finalize(self, shutil.rmtree, path, ignore_errors=True)
 
     def remove(self) -> str:
         """Remove the folder; return what is left of it to be removed by somebody else, in words."""
-        try:
-            shutil.rmtree(self.path)
-        except FileNotFoundError:
-            return ""  # somebody else has removed it, maybe with the folder that it was in
-        except OSError as error:
-            return f"{self.path}: this temporary folder can't be removed ({error.strerror}); delete it"
-        finally:
-            _unlocked(self.lock)
+        with uninterrupted():
+            self._at_last.detach()
+            try:
+                shutil.rmtree(self.path)
+            except FileNotFoundError:
+                return ""  # somebody else has removed it, maybe with the folder that it was in
+            except OSError as error:
+                return f"{self.path}: this temporary folder can't be removed ({error.strerror}); delete it"
+            finally:
+                _unlocked(self._lock)
         return ""
 
 

@@ -1,6 +1,6 @@
 """Run commands while the system fails at one call, once for every call, and print what became of each as a line of JSON.
 
-    PYTHONPATH=tests python -m faults.injecting [--all] [--kills=N] [COMMAND...]
+    PYTHONPATH=tests python -m faults.injecting [--all | --times=N --signal=NUMBER] [COMMAND...]
 
 A process that has everything loaded forks one child for each fault; strace is attached to the child and lets its n-th call of a
 kind fail. When no n-th call is left, the next kind follows. Each child starts in a new copy of a folder that holds the inputs,
@@ -9,6 +9,7 @@ and an output of an earlier run.
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import json
 import os
@@ -20,11 +21,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from faults.commands import COMMANDS, prepare
-from gpszip.cli.main import main
+from gpszip.cli.main import run
 
 __all__ = ["BRIEF", "FAULTS", "Outcome", "sweep"]
 
@@ -79,20 +81,19 @@ def sweep(name: str, faults: dict[str, tuple[str, ...]], template: Path):
                 yield outcome
 
 
-def killed(name: str, template: Path, times: int, seed: int):
-    """Yield the outcome of a command that is killed at random moments."""
+def ended(name: str, template: Path, number: int, times: int, seed: int):
+    """Yield the outcome of a command that gets a signal at random moments."""
     chance = random.Random(seed)
     start = time.monotonic()
     _attempt(name, template)
     whole = time.monotonic() - start
-    for number in range(times):
-        yield _attempt(name, template, number=number, kill=chance.uniform(0, 1.1 * whole))
+    for _ in range(times):
+        yield _attempt(name, template, number=number, at=chance.uniform(0, 1.1 * whole))
 
 
-def _attempt(name: str, template: Path, call: str = "", error: str = "", number: int = 0, kill: float | None = None) -> Outcome:
+def _attempt(name: str, template: Path, call: str = "", error: str = "", number: int = 0, at: float | None = None) -> Outcome:
     command = COMMANDS[name]
-    with tempfile.TemporaryDirectory(prefix="faults-") as folder:
-        room = Path(folder)
+    with _folder() as room:
         shutil.copytree(template, room / "there")
         (room / "tmp").mkdir()
         child, gate = _child(room, command.arguments)
@@ -101,9 +102,9 @@ def _attempt(name: str, template: Path, call: str = "", error: str = "", number:
             tracer = _strace(child, room, call, error, number)
         gate.send(b"!")
         gate.close()
-        if kill is not None:
-            time.sleep(kill)
-            os.kill(child, signal.SIGKILL)
+        if at is not None:
+            time.sleep(at)
+            os.kill(child, number)
         code = _wait(child)
         struck = ""
         if tracer is not None:
@@ -113,7 +114,17 @@ def _attempt(name: str, template: Path, call: str = "", error: str = "", number:
         there, tmp = room / "there", room / "tmp"
         left = sorted(f"tmp/{path.name}" for path in tmp.iterdir())
         left += sorted(f"there/{path.name}" for path in there.iterdir() if path.name not in command.files)
-        return Outcome(name, f"{call}:{error}" if call else "kill", number, code, told, command.state(there), left, struck)
+        return Outcome(name, f"{call}:{error}" if call else f"signal {number}", number, code, told, command.state(there), left, struck)
+
+
+@contextmanager
+def _folder():
+    """A temporary folder that a child does not remove when it ends."""
+    folder = Path(tempfile.mkdtemp(prefix="faults-"))
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder)
 
 
 def _child(room: Path, arguments: list[str]) -> tuple[int, socket.socket]:
@@ -134,10 +145,17 @@ def _child(room: Path, arguments: list[str]) -> tuple[int, socket.socket]:
         told = os.open(room / "told", os.O_WRONLY | os.O_CREAT)
         os.dup2(told, 2)
         os.dup2(told, 1)
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # who runs this may have it ignore them
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
         its.send(b"!")
         its.recv(1)
-        code = main(arguments)
-        sys.stdout.flush()
+        sys.argv = ["gpszip", *arguments]
+        code = run()
+    except SystemExit as end:
+        code = end.code
+        atexit._run_exitfuncs()
+    except KeyboardInterrupt:
+        code = 97  # before it began
     finally:
         os._exit(code)
 
@@ -171,13 +189,14 @@ def _wait(child: int) -> int:
 def _run() -> None:
     words = sys.argv[1:]
     faults = FAULTS if "--all" in words else BRIEF
-    kills = next((int(word.partition("=")[2]) for word in words if word.startswith("--kills=")), 0)
+    given = dict(word[2:].split("=") for word in words if "=" in word)
+    times, number = int(given.get("times", 0)), int(given.get("signal", signal.SIGKILL))
     names = [word for word in words if not word.startswith("--")] or list(COMMANDS)
-    with tempfile.TemporaryDirectory(prefix="faults-") as folder:
+    with _folder() as folder:
         for name in names:
-            template = Path(folder) / name
+            template = folder / name
             prepare(template, name)
-            found = killed(name, template, kills, seed=len(name)) if kills else sweep(name, faults, template)
+            found = ended(name, template, number, times, seed=len(name)) if times else sweep(name, faults, template)
             for outcome in found:
                 print(json.dumps(outcome.__dict__), flush=True)  # noqa: T201
 

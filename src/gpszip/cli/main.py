@@ -7,16 +7,17 @@ import os
 import sys
 import traceback
 import warnings
+from collections.abc import Sequence
 
 import click
 
 from gpszip.cli.options import Settings
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.output import say, show_json
-from gpszip.cli.signals import ending_cleanly
+from gpszip.cli.signals import ending_cleanly, ignore_signals
 from gpszip.cli.streams import flushed, open_standard_streams
 from gpszip.errors import BoundError, CorruptArchiveError, GPSZipError, MapError, OptionError
-from gpszip.files import cause
+from gpszip.files import cause, noting
 
 __all__ = ["cli", "main", "run"]
 
@@ -94,10 +95,15 @@ def run() -> None:
     open_standard_streams()
     if not sys.warnoptions and "--debug" not in sys.argv:
         warnings.simplefilter("ignore")  # what libraries say to programmers is no news for users
-    code = main(sys.argv[1:])
-    broken = flushed()
-    if broken is not None and code in (_DONE, _LEFT_OUT):
-        code = _fail(broken, Settings.of(sys.argv[1:]))
+    settings = Settings.of(sys.argv[1:])
+    try:
+        code = main(sys.argv[1:])
+        broken = flushed()
+        if broken is not None and code in (_DONE, _LEFT_OUT):
+            code = _fail(broken, settings)
+        ignore_signals()
+    except KeyboardInterrupt:
+        code = _INTERRUPTED  # while the outcome was told
     sys.exit(code)
 
 
@@ -115,19 +121,22 @@ def main(arguments: list[str]) -> int:
         The exit code.
     """
     settings = Settings.of(arguments)
-    try:
-        with ending_cleanly():
-            outcome = cli.main(arguments, prog_name="gpszip", standalone_mode=False, obj=settings)
-    except BaseException as error:
-        if settings.debug:
-            traceback.print_exc()
-        return _fail(error, settings)
+    with noting() as written:
+        try:
+            with ending_cleanly():
+                outcome = cli.main(arguments, prog_name="gpszip", standalone_mode=False, obj=settings)
+        except BaseException as error:
+            if settings.debug:
+                traceback.print_exc()
+            return _fail(error, settings, written)
     return _LEFT_OUT if outcome is Outcome.LEFT_OUT else _DONE
 
 
-def _fail(error: BaseException, settings: Settings) -> int:
+def _fail(error: BaseException, settings: Settings, written: Sequence[str] = ()) -> int:
     """Say what is wrong in one line and choose the exit code."""
     code, text = _explain(error)
+    if code == _INTERRUPTED:
+        text = f"interrupted; {'; '.join(written) or 'nothing was written'}"
     if settings.json and text:
         show_json({"error": {"kind": type(error).__name__, "message": text, "exit_code": code}}, err=True)
     elif text:
@@ -147,8 +156,8 @@ def _explain(error: BaseException) -> tuple[int, str]:
         code, text = _USAGE, ""
     elif isinstance(error, click.ClickException):
         code, text = _USAGE, _usage(error)
-    elif isinstance(error, click.Abort | KeyboardInterrupt):
-        code, text = _INTERRUPTED, "interrupted; nothing was written"
+    elif _is_interrupt(error):
+        code, text = _INTERRUPTED, "interrupted"
     elif isinstance(error, GPSZipError):
         code, text = next((code for kind, code in _CODES.items() if isinstance(error, kind)), _FAILED), str(error)
     elif isinstance(error, OSError):
@@ -157,6 +166,13 @@ def _explain(error: BaseException) -> tuple[int, str]:
         text = "not enough memory; compress fewer tracks at once"
     notes = getattr(error, "__notes__", ()) if text else ()
     return code, " ".join("; ".join([text, *notes]).split())
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Whether somebody stopped the run; compiled code tells that by a SystemError, whose cause it is."""
+    while isinstance(error, SystemError):
+        error = error.__cause__
+    return isinstance(error, click.Abort | KeyboardInterrupt)
 
 
 def _usage(error: click.ClickException) -> str:

@@ -209,7 +209,7 @@ def _bodies(data: mmap.mmap, index: Any, geographic: bool, version: int, name: s
             raise CorruptArchiveError(f"{name}: damaged block of roads; prepare it again", at)
         try:
             yield _columns(body, roads, points, streets if version > 1 else None, geographic)
-        except ValueError as error:
+        except (ValueError, IndexError) as error:
             raise CorruptArchiveError(f"{name}: a block of roads contradicts itself; prepare it again", at) from error
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from gpszip.errors import OutputError
-from gpszip.files import cause, replacing
+from gpszip.files import cause, note, replacing
 from gpszip.io.scratch import scratch
 
 __all__ = ["pouring", "replacing", "writing"]
@@ -72,6 +72,7 @@ def _standard_output() -> Iterator[BinaryIO]:
     """Standard output for bytes; what can't be written to it is said at once, not when the process ends."""
     if sys.stdout is None:
         raise OutputError("standard output: is closed; name a file with -o or leave it open")
+    note("standard output may be incomplete")
     try:
         yield sys.stdout.buffer
         sys.stdout.buffer.flush()
