@@ -4,6 +4,7 @@ import errno
 import io
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -19,7 +20,7 @@ from gpszip.cli.output import write_with_map
 from gpszip.container.contents import one_group
 from gpszip.container.writer import to_bytes, write
 from gpszip.errors import InputError, OutputError
-from gpszip.files import OUTPUT_PREFIX, cause, replacing, replacing_together, temporary_folder
+from gpszip.files import OUTPUT_PREFIX, cause, noting, replacing, replacing_together, temporary_folder, uninterrupted
 from gpszip.io.scratch import read_numbers, write_numbers
 from gpszip.io.source import readable
 from gpszip.io.writing import write_tracks
@@ -338,6 +339,30 @@ def test_names_that_are_no_text(tmp_path, told):
     assert "no such file" in words
     assert len(words.splitlines()) == 1
     assert readable(name) == "caf\\xe9.csv"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_signals_wait_until_a_block_is_through(number):
+    before = signal.signal(number, signal.default_int_handler)
+    steps = []
+    try:
+        with pytest.raises(KeyboardInterrupt), uninterrupted():
+            os.kill(os.getpid(), number)
+            steps.append("through")
+        assert signal.getsignal(number) is signal.default_int_handler
+    finally:
+        signal.signal(number, before)
+    assert steps == ["through"]
+
+
+def test_what_is_written_is_told_to_who_listens(tmp_path):
+    two_walks().save(tmp_path / "before.gpsz")
+    with noting() as written:
+        two_walks().save(tmp_path / "a.gpsz")
+        with pytest.raises(OutputError):
+            two_walks().save(tmp_path / "a.gpsz")
+    two_walks().save(tmp_path / "after.gpsz")
+    assert written == [f"{tmp_path / 'a.gpsz'} is written"]
 
 
 def test_many_threads_write_side_by_side(tmp_path):
