@@ -20,7 +20,11 @@ from gpszip.cli.output import write_with_map
 from gpszip.container.contents import one_group
 from gpszip.container.writer import to_bytes, write
 from gpszip.errors import InputError, OutputError
-from gpszip.files import OUTPUT_PREFIX, cause, noting, replacing, replacing_together, temporary_folder, uninterrupted
+from gpszip.files.causes import cause
+from gpszip.files.interrupts import uninterrupted
+from gpszip.files.noting import noting
+from gpszip.files.replacing import replacing, replacing_together
+from gpszip.files.temporary import OUTPUT_PREFIX, temporary_folder
 from gpszip.io.scratch import read_numbers, write_numbers
 from gpszip.io.source import readable
 from gpszip.io.writing import write_tracks
@@ -195,7 +199,7 @@ def test_of_two_files_none_is_written_before_both_can_be(tmp_path):
 
 def test_of_two_files_the_one_that_is_written_is_told(tmp_path):
     with (
-        pytest.raises(OutputError, match=r"two: can't be written: .*; .*one: is written"),
+        pytest.raises(OutputError, match=r"two: can't be written: .*; .*one is written"),
         replacing_together([tmp_path / "one", tmp_path / "two"]) as parts,
     ):
         for part in parts:
@@ -245,7 +249,7 @@ def test_a_temporary_folder_that_stays_is_named(tmp_path):
     kept = []
     with (
         pytest.raises(
-            OutputError, match=r"this temporary folder can't be removed \(Operation not permitted\); delete it; .*out: is written"
+            OutputError, match=r"this temporary folder can't be removed \(Operation not permitted\); delete it; .*out is written"
         ),
         replacing(tmp_path / "out") as part,
     ):

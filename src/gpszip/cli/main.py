@@ -17,7 +17,8 @@ from gpszip.cli.output import say, show_json
 from gpszip.cli.signals import ending_cleanly, ignore_signals
 from gpszip.cli.streams import flushed, open_standard_streams
 from gpszip.errors import BoundError, CorruptArchiveError, GPSZipError, MapError, OptionError
-from gpszip.files import cause, noting
+from gpszip.files.causes import cause
+from gpszip.files.noting import noting
 
 __all__ = ["cli", "main", "run"]
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.errors import OutputError
-from gpszip.files import OUTPUT_PREFIX, temporary_folder
+from gpszip.files.temporary import OUTPUT_PREFIX, temporary_folder
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
@@ -74,7 +74,8 @@ def write_archive(target: str, archive: Archive, *, force: bool) -> None:
 def write_with_map(target: str, archive: Archive, map_target: str, renewed: Archive) -> None:
     """Write an archive and a renewed map so that neither takes its place before both are on disk; both may replace files."""
     from gpszip.container.writer import write
-    from gpszip.files import naming, replacing_together
+    from gpszip.files.causes import naming
+    from gpszip.files.replacing import replacing_together
 
     if STDOUT in (target, map_target):
         write_archive(target, archive, force=True)

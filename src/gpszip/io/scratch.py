@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import OutputError
-from gpszip.files import SCRATCH_PREFIX, temporary_folder
+from gpszip.files.temporary import SCRATCH_PREFIX, temporary_folder
 
 __all__ = ["read_numbers", "scratch", "write_numbers", "writing"]
 

@@ -11,7 +11,9 @@ from pathlib import Path
 from typing import BinaryIO
 
 from gpszip.errors import OutputError
-from gpszip.files import cause, note, replacing
+from gpszip.files.causes import cause
+from gpszip.files.noting import note
+from gpszip.files.replacing import replacing
 from gpszip.io.scratch import scratch
 
 __all__ = ["pouring", "replacing", "writing"]

@@ -17,7 +17,8 @@ from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
 from gpszip.errors import OptionError, WorkerError
-from gpszip.files import SCRATCH_PREFIX, naming, temporary_folder
+from gpszip.files.causes import naming
+from gpszip.files.temporary import SCRATCH_PREFIX, temporary_folder
 from gpszip.model.executor import Executor, Shared
 from gpszip.run.in_order import in_order
 from gpszip.run.threads import Threads
