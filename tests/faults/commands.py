@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from gpszip.cli.main import main
-from gpszip.pipeline import large
 
 __all__ = ["COMMANDS", "prepare"]
 
@@ -55,9 +54,6 @@ def _features(path: Path) -> list[bytes] | None:
     except Exception:  # whatever it is, it is no whole file
         return None
 
-
-# with --memory, even small logs are worked on as those that are larger than it
-large.fits = lambda *_, **__: False
 
 _TINY = ("two.gpsz",)
 _LOGS = ("a.csv", "b.csv")
