@@ -245,6 +245,7 @@ def match(
     beta: float | None = None,
     gap: float | None = None,
     heading: float | None = None,
+    ignore_oneway: bool = False,
     progress: Listener | None = None,
 ) -> Matching:
     """Find the roads that tracks took, by a hidden Markov model.
@@ -263,6 +264,9 @@ def match(
     heading : float, optional
         Spread in degrees of the headings that tracks have as attribute ``heading`` (``gpszip.read(..., heading=True)``), in degrees
         clockwise from north; ``math.inf`` to leave them out. Estimated by default, and left out where they don't follow the roads.
+    ignore_oneway : bool, default False
+        Whether all roads may be travelled both ways, as by those who walk or cycle. Otherwise points that travel against a
+        one-way road are on no road, and their break has the reason ``"one-way"``.
     progress : callable, optional
         Called with :class:`~gpszip.model.report.Progress` events.
 
@@ -285,7 +289,9 @@ def match(
     >>> found.share, round(found[0].pieces[0].length)
     (1.0, 16)
     """
-    return pipeline.match(tracks, network, sigma=sigma, beta=beta, gap=gap, heading=heading, progress=progress)
+    return pipeline.match(
+        tracks, network, sigma=sigma, beta=beta, gap=gap, heading=heading, ignore_oneway=ignore_oneway, progress=progress
+    )  # fmt: skip
 
 
 def merge(
@@ -372,7 +378,13 @@ def open(source: str | os.PathLike[str] | bytes, map: Archive | str | os.PathLik
     return open_archive(source, map)
 
 
-def patch(tracks: Sequence[Track] | Track, network: Network | Archive | str | os.PathLike[str], *, gap: float | None = None) -> Patching:
+def patch(
+    tracks: Sequence[Track] | Track,
+    network: Network | Archive | str | os.PathLike[str],
+    *,
+    gap: float | None = None,
+    ignore_oneway: bool = False,
+) -> Patching:
     """Fill the gaps of tracks with the likeliest ways over roads.
 
     Parameters
@@ -383,6 +395,8 @@ def patch(tracks: Sequence[Track] | Track, network: Network | Archive | str | os
         The roads: a file that ``gpszip network`` reads or wrote, or an archive, for its map.
     gap : float, optional
         Silences longer than this, in seconds, are gaps. Estimated by default.
+    ignore_oneway : bool, default False
+        Whether all roads may be travelled both ways, as by those who walk or cycle.
 
     Returns
     -------
@@ -404,7 +418,7 @@ def patch(tracks: Sequence[Track] | Track, network: Network | Archive | str | os
     >>> patching.filled, len(patching.to_tracks()[0]), round(patching.patches[0].length)
     (1, 17, 55)
     """
-    return pipeline.patch(tracks, network, gap=gap)
+    return pipeline.patch(tracks, network, gap=gap, ignore_oneway=ignore_oneway)
 
 
 def segment_mean(track: Track, k: int | None = None, m: int | None = None, *, executor: Executor | None = None) -> SegmentMean:

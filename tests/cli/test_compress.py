@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 import gpszip as package
+from gpszip.io.date_texts import ORDERS
+from gpszip.io.timestamps import TIME_UNITS
 from gpszip.testing import city, patrol
 
 
@@ -177,6 +179,31 @@ def test_bound_that_cannot_be_met_ends_with_6_and_no_file(gpszip, log):
     assert "can't be held" in done.err
     assert len(done.err.splitlines()) == 1
     assert not Path("walk.gpsz").exists()
+
+
+def test_losses_come_first_and_end_with_3(gpszip, log):
+    rows = log.read_text().splitlines()
+    log.write_text("\n".join([rows[0], *(f"{int(row.split(',')[0]) // 2},{row.split(',', 1)[1]}" for row in rows[1:])]) + "\n")
+    done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "1m", "--effort", "1")
+    assert (done.code, done.out) == (3, "")
+    assert done.err.splitlines()[0] == f"gpszip: lost 100 of 200 points of track '0' of {log}, up to 2 at one time"
+    done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "1m", "--effort", "1", "--force", "--json")
+    assert done.code == 3
+    assert (done.json["points"], done.json["points_read"], done.json["points_lost"]) == (100, 200, 100)
+    assert done.json["losses"] == [{"track": "0", "where": str(log), "lost": 100, "points": 200, "shared": 2}]
+
+
+def test_the_order_of_dates_and_the_unit_of_numbers_can_be_given(gpszip, log):
+    rows = log.read_text().splitlines()
+    log.write_text("\n".join([rows[0], *(f"03/04/2024 08:{number:02d},{row.split(',', 1)[1]}" for number, row in enumerate(rows[1:50]))]))
+    done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "1m", "--effort", "1")
+    assert done.code == 1
+    assert "can be 3 Apr 2024 or 4 Mar 2024; say which: --dates dmy or --dates mdy" in done.err
+    assert gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "1m", "--effort", "1", "--dates", "dmy", "--time-unit", "excel").code == 0
+    for option, known in (("--time-unit", TIME_UNITS), ("--dates", ORDERS)):
+        done = gpszip("compress", log, "-o", "walk.gpsz", option, "unknown")
+        assert done.code == 2
+        assert ", ".join(f"'{one}'" for one in known) in done.err
 
 
 def test_interruption_ends_with_130_and_leaves_nothing(tmp_path):

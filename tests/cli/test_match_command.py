@@ -38,7 +38,7 @@ def drive(tmp_path):
 def test_lines_tell_when_where_and_how_sure(shell, drive, streets, tmp_path):
     done = shell("match", drive, "--network", streets, "-o", "routes.geojson")
     assert done.returncode == 0, done.stderr
-    assert b"140 points in 2 tracks, 100.0 % on 2 routes" in done.stderr
+    assert b"matched 100 % of 140 points in 2 tracks on 2 routes of 1.3" in done.stderr
     assert b"sigma" in done.stderr
     assert b"breaks: none" in done.stderr
     found = json.loads((tmp_path / "routes.geojson").read_text())
@@ -60,6 +60,7 @@ def test_rows_tell_the_place_of_every_point(gpszip, drive, streets, tmp_path):
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == [
         "track_id", "t", "x", "y", "road_x", "road_y", "distance", "piece", "road", "forward", "offset", "along", "confidence",
+        "reason", "against",
     ]  # fmt: skip
     assert len(rows) == 140
     assert rows[70]["track_id"] == "bus, red"
@@ -71,8 +72,10 @@ def test_rows_tell_the_place_of_every_point(gpszip, drive, streets, tmp_path):
 def test_json_has_the_numbers(gpszip, drive, streets):
     done = gpszip("match", drive, "--network", streets, "-o", "routes.geojson", "--json", "--sigma", "5m", "--beta", "7m")
     assert done.code == 0
-    assert {key: done.json[key] for key in ("points", "tracks", "pieces", "matched", "sigma", "beta", "breaks")} == {
+    keys = ("points", "tracks", "pieces", "matched", "sigma", "beta", "breaks", "unmatched", "one_way")
+    assert {key: done.json[key] for key in keys} == {
         "points": 140, "tracks": 2, "pieces": 2, "matched": 1.0, "sigma": 5.0, "beta": 7.0, "breaks": {},
+        "unmatched": {}, "one_way": [],
     }  # fmt: skip
 
 
@@ -110,7 +113,7 @@ def test_standard_output_carries_the_routes(shell, drive, streets):
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith(b"track_id,t,x,y")
     assert len(done.stdout.splitlines()) == 141
-    assert done.stderr.startswith(b"standard output: 140 points")
+    assert done.stderr.startswith(b"standard output: matched 100 % of 140 points")
 
 
 def test_a_break_is_counted(gpszip, drive, streets, tmp_path):
@@ -179,3 +182,31 @@ def test_degrees_come_back_as_degrees(gpszip, tmp_path):
     assert gpszip("match", "log.csv", "--network", "road.geojson", "-o", "routes.geojson").code == 0
     (feature,) = json.loads((tmp_path / "routes.geojson").read_text())["features"]
     np.testing.assert_allclose(feature["geometry"]["coordinates"], [[11.0, 48.0], [11.0038, 48.0]], atol=1e-6)
+
+
+def test_travel_against_a_road_is_named_everywhere(gpszip, tmp_path):
+    line = {"type": "LineString", "coordinates": [[11.0, 48.0], [11.01, 48.0]]}
+    feature = {"type": "Feature", "properties": {"name": "Main St", "oneway": "yes"}, "geometry": line}
+    (tmp_path / "road.geojson").write_text(json.dumps(feature))
+    rows = [f"{t},48.0,{11.01 - 1e-4 * t:.7f}" for t in range(100)]
+    (tmp_path / "log.csv").write_text("\n".join(["t,lat,lon", *rows]) + "\n")
+    run = ("match", "log.csv", "--network", "road.geojson", "--force", "-o")
+    done = gpszip(*run, "routes.geojson")
+    assert (done.code, "matched 0 % of 100 points" in done.err, "unmatched: 100 one-way (Main St)" in done.err) == (0, True, True)
+    found = json.loads((tmp_path / "routes.geojson").read_text())
+    assert (found["features"], found["unmatched"]) == (
+        [],
+        [{"track_id": "0", "t_start": 0.0, "t_end": 99.0, "points": 100, "reason": "one-way", "against": ["Main St"]}],
+    )
+    facts = gpszip(*run, "routes.csv", "--json").json
+    assert (facts["matched"], facts["unmatched"], facts["one_way"]) == (0.0, {"one-way": 100}, ["Main St"])
+    with open(tmp_path / "routes.csv", newline="") as file:
+        assert {(row["road"], row["name"], row["reason"], row["against"]) for row in csv.DictReader(file)} == {
+            ("", "", "one-way", "Main St")
+        }
+    assert gpszip("network", "road.geojson", "-o", "roads.gpsz").code == 0
+    walked = ("match", "log.csv", "--network", "roads.gpsz", "--force", "-o", "routes.geojson")
+    assert "100 one-way (Main St)" in gpszip(*walked).err
+    assert "matched 100 % of 100 points" in gpszip(*walked, "--ignore-oneway").err
+    (route,) = json.loads((tmp_path / "routes.geojson").read_text())["features"]
+    assert (route["properties"]["names"], "against" in route["properties"]) == (["Main St"], False)

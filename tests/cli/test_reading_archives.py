@@ -7,7 +7,11 @@ import os
 import stat
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from gpszip.archive import new_archive
+from gpszip.model import Frame, LatticeWalk, LatticeWalks, Plane
 
 
 def rows(text):
@@ -50,6 +54,35 @@ def test_decompress_at_times_of_a_file(gpszip, archive, tmp_path):
 def test_decompress_only_one_track(gpszip, archive):
     done = gpszip("decompress", archive, "-o", "-", "--track", "a")
     assert {row["track_id"] for row in rows(done.out)} == {"a/0", "a/1"}
+
+
+def test_decompress_of_a_track_is_of_no_other_whose_name_looks_like_a_piece(gpszip, tmp_path):
+    walk = LatticeWalk(np.array([0, 1], np.int32), np.array([0, 10]), np.array([False]))
+    new_archive(Frame((0, 0), 0, 128, 128), ["a", "a/1"], LatticeWalks(np.array([[0, 0], [9, 0]]), (walk, walk))).save(tmp_path / "x.gpsz")
+    done = gpszip("decompress", "x.gpsz", "-o", "-", "--track", "a")
+    assert {row["track_id"] for row in rows(done.out)} == {"a"}
+
+
+def test_decompress_writes_pieces_as_segments_of_one_track(gpszip, earthly):
+    text = gpszip("decompress", earthly, "-o", "-", "--format", "gpx").out
+    assert (text.count("<trk>"), text.count("<trkseg>"), text.count("<name>a</name>")) == (2, 3, 1)
+    lines = json.loads(gpszip("decompress", earthly, "-o", "-", "--format", "geojson").out)["features"]
+    assert [(line["geometry"]["type"], line["properties"]["track_id"]) for line in lines] == [
+        ("MultiLineString", "a"),
+        ("LineString", "b c"),
+    ]
+
+
+def test_decompress_tells_of_names_that_gpx_cannot_hold(gpszip, tmp_path):
+    walk = LatticeWalk(np.array([0, 1], np.int32), np.array([0, 10]), np.array([False]))
+    frame = Frame((0, 0), 0, 128, 128, Plane(((480_000_000, 110_000_000),)))
+    new_archive(frame, ["bell \a"], LatticeWalks(np.array([[0, 0], [9, 0]]), (walk,))).save(tmp_path / "x.gpsz")
+    done = gpszip("decompress", "x.gpsz", "-o", "-", "--format", "gpx")
+    assert (done.code, "<name>bell \ufffd</name>" in done.out) == (0, True)
+    assert done.err.splitlines() == [
+        "gpszip: gpx can't hold control characters: they are U+FFFD in the names of tracks, in 1 of them, "
+        "the first 'bell \\x07'; write GeoJSON or Parquet to have them"
+    ]
 
 
 @pytest.mark.parametrize("suffix", ["gpx", "geojson", "parquet"])

@@ -26,7 +26,7 @@ from gpszip.files.noting import noting
 from gpszip.files.replacing import replacing, replacing_together
 from gpszip.files.temporary import OUTPUT_PREFIX, temporary_folder
 from gpszip.io.scratch import read_numbers, write_numbers
-from gpszip.io.source import readable
+from gpszip.io.shown import shown
 from gpszip.io.writing import write_tracks
 from gpszip.testing import patrol
 from oracle.archives import FLAT
@@ -342,7 +342,7 @@ def test_names_that_are_no_text(tmp_path, told):
     assert code == 1
     assert "no such file" in words
     assert len(words.splitlines()) == 1
-    assert readable(name) == "caf\\xe9.csv"
+    assert shown(name) == "caf\\xe9.csv"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

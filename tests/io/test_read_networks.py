@@ -398,3 +398,53 @@ def test_damaged_files_are_named(tmp_path):
     path.write_bytes(b"SQLite format 3\0" + bytes(200))
     with pytest.raises(InputError, match=r"roads\.gpkg: can't be read as lines"):
         read_network(path)
+
+
+LINE = {"type": "LineString", "coordinates": [[11.0, 48.0], [11.001, 48.0]]}
+
+
+def one_feature(coordinates, kind="LineString"):
+    geometry = f'{{"type": "{kind}", "coordinates": {coordinates}}}'
+    return f'{{"type": "Feature", "properties": {{}}, "geometry": {geometry}}}'
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "words"),
+    [
+        ('[["11", "48"], ["11.001", "48"]]', "no line that can be read"),
+        ("[[11], [12]]", "no line that can be read"),
+        ("[[NaN, 48], [11, 48]]", "holds no road"),
+        ("[[1e400, 48], [11, 48]]", "no degrees"),
+        ("[[1e300, 48], [1e301, 48]]", "holds no road"),
+        ("[[11, 48]]", "holds no road"),
+        ("[]", "holds no road"),
+    ],
+)
+def test_networks_without_a_usable_line_are_refused(tmp_path, coordinates, words):
+    path = tmp_path / "bad.geojson"
+    path.write_text(one_feature(coordinates))
+    with pytest.raises(InputError, match=f"bad.geojson: .*{words}"):
+        read_network(path)
+
+
+@pytest.mark.parametrize(
+    ("coordinates", "what", "value"),
+    [
+        ('[["11", "48"], ["11.001", "48"]]', "features that are no lines dropped", "feature 1, counted from 0"),
+        ("[[NaN, 48], [11, 48]]", "roads with a vertex that is no position dropped", "road '1'"),
+        ("[[11, 48]]", "roads without a length dropped", "road '1'"),
+    ],
+)
+def test_a_feature_that_is_no_road_is_named(tmp_path, coordinates, what, value):
+    path = tmp_path / "roads.geojson"
+    features = ", ".join([json.dumps({"type": "Feature", "properties": {}, "geometry": LINE}), one_feature(coordinates)])
+    path.write_text(f'{{"type": "FeatureCollection", "features": [{features}]}}')
+    read = read_network_with_account(path, near=log_at())
+    assert len(read.network) == 1
+    assert [(one.what, one.count, one.value) for one in read.repairs] == [(what, 1, value)]
+
+
+def test_entities_of_xml_are_not_expanded():
+    bomb = b"<!DOCTYPE g [<!ENTITY a 'aaaa'><!ENTITY b '&a;&a;'>]>" + graph().partition(b"?>")[2]
+    with pytest.raises(InputError, match="declares XML entities"):
+        read_network(io.BytesIO(bomb))

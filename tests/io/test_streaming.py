@@ -346,3 +346,33 @@ def test_a_file_without_rows_says_so(tmp_path):
     pq.write_table(pa.table({"t": [0.0], "x": [0.0], "y": [0.0]}).slice(0, 0), tmp_path / "a.parquet")
     with pytest.raises(InputError, match=r"a\.parquet: columns, but no rows"):
         store_logs(str(tmp_path), rows=TINY)
+
+
+def test_the_order_of_day_and_month_is_told_by_the_whole_file(tmp_path, monkeypatch):
+    monkeypatch.setattr("gpszip.io.csv_log.BLOCK", 4096)
+    days = [f"{day:02d}/01/2024" for day in range(1, 32)]
+    dates = [f"{day} {second // 60:02d}:{second % 60:02d}" for day in days for second in range(100)]
+    path = csv({"t": dates, "x": np.arange(3100.0), "y": np.zeros(3100)}, tmp_path / "log.csv")
+    assert same_as_at_once(path) == 3100
+    path = csv({"t": dates[:1200], "x": np.arange(1200.0), "y": np.zeros(1200)}, tmp_path / "short.csv")
+    with pytest.raises(InputError, match="say which: --dates dmy or --dates mdy"):
+        store_logs(path, rows=TINY)
+    assert same_as_at_once(path, dates="dmy") == 1200
+    late = csv({"t": [*dates[:2400], "01/31/2024"], "x": np.arange(2401.0), "y": np.zeros(2401)}, tmp_path / "late.csv")
+    with pytest.raises(InputError, match="in different orders of day and month"):
+        store_logs(late, rows=TINY)
+
+
+def test_geojson_leaves_out_the_same_as_in_memory(tmp_path):
+    line = '{"type":"Feature","properties":{"times":[0,1]},"geometry":{"type":"LineString","coordinates":[[8,50],[8,51]]}}'
+    polygon = '{"type":"Feature","properties":{},"geometry":{"type":"Polygon","coordinates":[]}}'
+    path = tmp_path / "log.json"
+    path.write_text("\n".join([line, polygon, '{"a": 7}']))
+    with pytest.raises(InputError, match="feature 3: is neither a feature nor a geometry"):
+        store_logs(path, rows=1000)
+    with store_logs(path, rows=1000, skip_bad=True) as log:
+        assert log.reading.left_out == read_logs(path, skip_bad=True).left_out
+        assert [left.name for left in log.reading.left_out] == [f"{path}: 1 Polygon", f"{path}: feature 3"]
+    path.write_text("t,x,y\n0,0,0\n")
+    with pytest.raises(InputError, match="damaged JSON file"):
+        store_logs(path, rows=1000, format="geojson")

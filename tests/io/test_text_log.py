@@ -72,6 +72,11 @@ def test_tracks_one_after_the_other_stay_apart():
         ("2024-05-06T07:08:09+02:00", "2024-05-06T07:09:09+02:00", 30, "2024-05-06T07:08:39+02:00"),
         ("2024-12-31T23:59:50Z", "2025-01-01T00:00:50Z", 30, "2025-01-01T00:00:20Z"),
         ("0", "60", 0.5, "0.5"),
+        ("08:00:00", "08:01:00", 30, "08:00:30"),
+        ("20240504080000", "20240504080100", 30, "2024-05-04T08:00:30Z"),
+        ("2024-05-04T24:00:00Z", "2024-05-05T00:01:00Z", 30, "2024-05-05T00:00:30Z"),
+        ("2016-12-31T23:59:60Z", "2017-01-01T00:01:00Z", 30, "2017-01-01T00:00:30Z"),
+        ("31/12/2016 08:00", "31/12/2016 08:01", 30, "2016-12-31T08:00:30Z"),
     ],
 )
 def test_times_are_written_as_the_log_writes_them(one, other, step, expected):
@@ -81,6 +86,23 @@ def test_times_are_written_as_the_log_writes_them(one, other, step, expected):
     assert line.split(",")[0] == expected
     again = text_log(written(log, patch_of(log, 0, 0, [start + step])))
     np.testing.assert_allclose(again.reading.tracks[0].times - start, [0, step, 60], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "options"),
+    [
+        ("date,time", ["2024-05-04,08:00:00", "2024-05-04,08:01:00", "2024-05-04,08:02:00"], {}),
+        ("date,time", ["20240504,080000", "20240504,080100", "20240504,080200"], {}),
+        ("time", ["45416.333333333", "45416.334027778", "45416.334722222"], {"time_unit": "excel"}),
+        ("time", ["08:00:00", "08:01:00", "08:02:00"], {}),
+        ("time", ["03/04/2024 08:00", "03/04/2024 08:01", "03/04/2024 08:02"], {"dates": "dmy"}),
+    ],
+)
+def test_times_that_are_written_read_as_they_were_meant(header, rows, options):
+    log = text_log(f"{header},x,y\n" + "".join(f"{row},0,0\n" for row in rows), **options)
+    start = log.reading.tracks[0].times[0]
+    again = text_log(written(log, patch_of(log, 0, 0, start + np.array([15.0, 30.0]))), **options)
+    np.testing.assert_allclose(again.reading.tracks[0].times - start, [0, 15, 30, 60, 120], atol=2e-3)
 
 
 def test_dates_that_nobody_writes_become_iso():
@@ -153,3 +175,23 @@ def test_only_a_lone_text_is_written_again(tmp_path):
     reading, text = read_to_write_again([one, other])
     assert text is None
     assert len(reading.tracks) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("t,lat,N/S,lon,E/W\n0,33,S,70,W\n60,33,S,70,W\n", "hemispheres in columns of their own"),
+        ("t,lat,lon\n0,33S,70W\n60,33S,70W\n", "coordinates such as '33S'"),
+        ("t,x,y,\n0,1,2\n60,1,2\n", "differ by an empty cell"),
+        ("t,x,y\n0,1,2,\n60,1,2,\n", "differ by an empty cell"),
+    ],
+)
+def test_tables_to_which_no_row_can_be_added_are_refused(text, says):
+    with pytest.raises(InputError, match=says):
+        text_log(text)
+
+
+def test_rows_are_added_with_decimal_commas_within_quotes():
+    log = text_log('t,lat,lon\n0,"48,1371","11,575"\n60,"48,1372","11,576"\n')
+    rows = written(log, patch_of(log, 0, 0, [30])).splitlines()
+    assert rows[2] == '30,"48,137100","11,575000",patched,0.500'

@@ -1,14 +1,22 @@
 import csv
 import json
+from dataclasses import replace
+from itertools import pairwise
 from xml.etree import ElementTree as ET
 
 import numpy as np
+import pyarrow as pa
 import pyogrio
 import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from gpszip.errors import OutputError
+from gpszip.geo.planes import to_plane
 from gpszip.io.maps import MAP_FORMATS, write_map
-from gpszip.model import Plane, RoadMap
+from gpszip.io.networks import read_network
+from gpszip.io.wkb import lines_of_wkb
+from gpszip.model import Plane, RoadMap, WayMap
 
 
 def square(d=2, plane=None):
@@ -99,3 +107,62 @@ def test_unknown_formats_are_named(tmp_path):
     with pytest.raises(OutputError, match=r"end it with one of \.geojson"):
         write_map(square(), tmp_path / "map.dwg")
     assert list(tmp_path.iterdir()) == []
+
+
+DATE_LINE = Plane(((-170000000, 1800000000),))
+
+
+def test_geojson_cuts_edges_at_the_antimeridian(tmp_path):
+    around = square(plane=DATE_LINE)
+    write_map(replace(around, nodes=around.nodes - [150, 0]), tmp_path / "map.geojson")
+    lines = [feature["geometry"] for feature in json.loads((tmp_path / "map.geojson").read_text())["features"]]
+    assert [line["type"] for line in lines] == ["MultiLineString", "MultiLineString", "LineString", "MultiLineString"]
+    (west, (lon, lat)), ((again, same), east) = lines[0]["coordinates"]
+    assert (lon, again, lat) == (180, -180, same)
+    assert west[0] == pytest.approx(179.99859, abs=1e-5)
+    assert east[0] == pytest.approx(-179.99859, abs=1e-5)
+
+
+def test_geopackage_cuts_edges_at_the_antimeridian(tmp_path):
+    around = square(plane=DATE_LINE)
+    write_map(replace(around, nodes=around.nodes - [150, 0]), tmp_path / "map.gpkg")
+    meta, _, geometry, _ = pyogrio.raw.read(tmp_path / "map.gpkg", layer="edges")
+    assert meta["geometry_type"] == "MultiLineString"
+    points, offsets, rows, others = lines_of_wkb(pa.array(geometry.tolist(), pa.binary()))
+    assert (rows.tolist(), others) == ([0, 0, 1, 1, 2, 3, 3], 0)
+    assert all(np.ptp(points[a:b, 0]) < 1 for a, b in pairwise(offsets.tolist()))
+
+
+def way(nodes, plane):
+    """A clean map of a single way."""
+    line, one = np.array(nodes, dtype=np.float64), np.ones(1, np.int64)
+    ends, none = np.array([[0, 1]], np.int32), np.zeros((1, 0))
+    return WayMap(line[[0, -1]], ends, np.array([0, len(line)]), line, np.ones(1), one, one, np.ones((1, 3)), none, np.ones(1), plane)
+
+
+def test_well_known_text_of_a_way_is_cut_at_the_antimeridian(tmp_path):
+    write_map(way([[-100, 0], [-50, 0], [50, 0]], DATE_LINE), tmp_path / "map.csv")
+    with (tmp_path / "map.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert row["line"].startswith("MULTILINESTRING ((179.99")
+    assert "180.0 -17.0), (-180.0 -17.0, -179.9995" in row["line"]
+
+
+@pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".graphml"])
+def test_a_map_that_was_cut_is_whole_again_as_a_network(tmp_path, suffix):
+    around = square(plane=DATE_LINE)
+    write_map(replace(around, nodes=around.nodes - [150, 0]), tmp_path / f"map{suffix}")
+    network = read_network(tmp_path / f"map{suffix}")
+    graph = coo_array((np.ones(len(network.starts)), (network.starts, network.ends)), shape=(len(network.nodes),) * 2)
+    assert connected_components(graph, directed=False)[0] == 1
+    assert np.ptp(network.points[:, 0]) == pytest.approx(300, abs=0.1)
+
+
+def test_long_edges_stay_where_they_are(tmp_path):
+    nodes = np.array([[-150_000.0, 0.0], [150_000.0, 0.0]])
+    write_map(RoadMap(nodes, np.array([[0, 1]], np.int32), np.ones(1, int), np.zeros(1, int), BERLIN), tmp_path / "map.geojson")
+    (feature,) = json.loads((tmp_path / "map.geojson").read_text())["features"]
+    lon, lat = np.array(feature["geometry"]["coordinates"]).T
+    number = np.linspace(0, len(lon) - 1, 20_000)
+    drawn = to_plane(*(np.interp(number, np.arange(len(lon)), axis) for axis in (lat, lon)), BERLIN)
+    assert np.abs(drawn[:, 1]).max() < 0.1

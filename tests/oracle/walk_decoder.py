@@ -515,6 +515,12 @@ class Decoder:
 
 def decode(data, dimension, tracks):
     """Return (places of the nodes, tracks, timed)."""
+    decoder, walks = read(data, dimension, tracks)
+    return decoder.places, walks, decoder.timed
+
+
+def read(data, dimension, tracks):
+    """Return the decoder, whose coder is at the tail by now, and the tracks."""
     count = place = modes = 0
     if tracks and data and data[0] < 4:
         if data[0] == 0 and data[1:2] not in (b"\4", b"\5", b"\6", b"\7"):
@@ -535,4 +541,4 @@ def decode(data, dimension, tracks):
     walks = decoder.tracks(knots, tracks)
     if decoder.timed and any(b[1] <= a[1] for walk in walks for a, b in zip(walk, walk[1:], strict=False)):
         raise BadWalks("times go back")
-    return decoder.places, walks, decoder.timed
+    return decoder, walks

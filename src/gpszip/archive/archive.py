@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gpszip.archive.pieces import pieces_by_track
+from gpszip.archive.pieces import cut_to_span, pieces_by_track, shape_knots
 from gpszip.container.attributes import Kept, kept_names, read_attributes
 from gpszip.container.contents import Contents, MapReference
 from gpszip.container.layout import Kind
@@ -20,7 +20,7 @@ from gpszip.container.map_record import map_hash
 from gpszip.container.writer import save, size_of, to_bytes
 from gpszip.errors import CorruptArchiveError, MapError, OptionError
 from gpszip.model.frame import Frame, quantum, refined_frame
-from gpszip.model.lattice import LatticeWalks, refined
+from gpszip.model.lattice import LatticeWalks, ends_within, refined
 from gpszip.model.promise import Promise
 from gpszip.model.road_map import RoadMap
 from gpszip.model.track import Track
@@ -33,6 +33,9 @@ if TYPE_CHECKING:
     from gpszip.graph.road_graph import RoadGraph
 
 __all__ = ["Archive"]
+
+#: A node this many times the error kept from where a track ends is not drawn as its end.
+_DRAWN_BEYOND = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +95,13 @@ class Archive:
 
     @property
     def timed(self) -> bool:
-        """Whether the times of the knots are kept."""
+        """Whether the times of the knots are kept, of any track at all."""
         return self._group(0).timed
+
+    @cached_property
+    def untimed(self) -> tuple[str, ...]:
+        """Names of the tracks that have no times: their shapes alone are kept."""
+        return tuple(walk.id for walk in self.walks if walk.times is None)
 
     @cached_property
     def lattice(self) -> LatticeWalks:
@@ -127,7 +135,22 @@ class Archive:
         """
         from gpszip.mapping.clean_map import clean_map
 
-        return clean_map(self.road_map, self.walks, quantum(self.frame.space), sampling=self.sampling, min_traversals=min_traversals)
+        road_map, walks = self._drawn
+        return clean_map(road_map, walks, quantum(self.frame.space), sampling=self.sampling, min_traversals=min_traversals)
+
+    @property
+    def drawn_map(self) -> RoadMap:
+        """The road map as far as tracks have gone: a part that leads on beyond the end of its track ends there, at a node of its own."""
+        return self._drawn[0]
+
+    @cached_property
+    def _drawn(self) -> tuple[RoadMap, tuple[Walk, ...]]:
+        from gpszip.mapping.counting import count_edges
+        from gpszip.mapping.drawn import cut_at_ends
+
+        error = quantum(self.frame.space) if self.promise is None else self.promise.metres
+        nodes, walks = cut_at_ends(self.road_map.nodes, self.walks, _DRAWN_BEYOND * error)
+        return count_edges(nodes, walks, plane=self.frame.plane), walks
 
     def walk(self, track: str) -> Walk:
         """Walk of one track over the nodes of ``road_map``.
@@ -201,26 +224,21 @@ class Archive:
         list of (str, float64 array of shape (n, d))
             Name and positions in metres of the knots of each piece, named as by :meth:`decompress`.
         """
-        nodes = self.road_map.nodes
-        return [(name, nodes[walk.nodes[knots]]) for walk in self.walks for name, knots in self._pieces[walk.id]]
+        return [(piece.id, piece.positions) for piece in self.decompress()]
+
+    @property
+    def pieces(self) -> Mapping[str, str]:
+        """Name of the track to which each piece belongs, by the names that :meth:`decompress` gives to pieces."""
+        return {name: track for track, pieces in self._pieces.items() for name, _ in pieces}
 
     def decompress(self) -> list[Track]:
         """Tracks of the knots, between which every track is linear in time.
 
         A track with gaps comes back as its pieces between them, named ``id/0``, ``id/1`` and so on, or ``id//0`` and so on where a
-        name is taken; any other keeps its id.
-
-        Raises
-        ------
-        OptionError
-            If the archive keeps no times: a track has some. :meth:`paths` has the ways alone.
+        name is taken; any other keeps its id. Each piece begins at its first sample and ends at its last. A track without times
+        comes back as a shape: its ``times`` are distances along it in metres, and its ``timed`` is False.
         """
-        nodes, plane = self.road_map.nodes, self.frame.plane
-        out: list[Track] = []
-        for walk in self.walks:
-            times = _times(walk)
-            out += [Track(name, times[knots], nodes[walk.nodes[knots]], plane=plane) for name, knots in self._pieces[walk.id]]
-        return out
+        return [piece for walk in self.walks for piece in self._decompressed(walk)]
 
     def sample(self, every: float | None = None, *, at: ArrayLike | None = None, track: str | None = None) -> list[Track]:
         """Tracks sampled anew.
@@ -242,7 +260,7 @@ class Archive:
         Raises
         ------
         OptionError
-            If none or both of ``every`` and ``at`` are given, a value is no time, or the archive keeps no times.
+            If none or both of ``every`` and ``at`` are given, a value is no time, or a track has no times.
         """
         instants = _instants(every, at)
         out: list[Track] = []
@@ -356,6 +374,7 @@ class Archive:
             "kept": None if self.kept is None else list(self.kept),
             "map": None if self.contents.map is None else self.contents.map.hash.hex(),
             "promise_m": None if self.promise is None else self.promise.metres,
+            "promise_max_m": None if self.promise is None else self.promise.most,
             "promise": None if self.promise is None else ("max_error" if self.promise.maximum else "rmse"),
             "sampling_s": self.sampling,
         }
@@ -397,7 +416,7 @@ class Archive:
             from gpszip.coding.walks import decode, number_by_visit
 
             group, past = self.contents.groups[number], self._past
-            found = decode(group.payload, self.frame.dimension, group.tracks, past)
+            found = decode(group.payload, self.frame.dimension, group.tracks, past, self.frame if self.contents.ends else None)
             self._decoded[number] = found if past is None else number_by_visit(found)
         return self._decoded[number]
 
@@ -442,18 +461,34 @@ class Archive:
         number = self._number(track)
         which = next(i for i, group in enumerate(self.contents.groups) if number < group.first_track + group.tracks)
         group = self._group(which)
-        own = LatticeWalks(group.nodes, (group.walks[number - self.contents.groups[which].first_track],), group.timed)
+        at = number - self.contents.groups[which].first_track
+        untimed = frozenset({0}) if at in group.untimed else frozenset[int]()
+        own = LatticeWalks(group.nodes, (group.walks[at],), group.timed, ends_within(group, at, at + 1), untimed)
         return walks_of(own, self.frame, [track])[0], node_positions(own, self.frame)
+
+    def _decompressed(self, walk: Walk) -> list[Track]:
+        nodes, plane = self.road_map.nodes, self.frame.plane
+        out: list[Track] = []
+        for number, (name, knots) in enumerate(self._pieces[walk.id]):
+            positions = nodes[walk.nodes[knots]]
+            if walk.times is None:
+                out.append(Track(name, *shape_knots(positions), plane=plane, timed=False))
+                continue
+            times = walk.times[knots]
+            first, last = (times[0], times[-1]) if walk.spans is None else walk.spans[number].tolist()
+            out.append(Track(name, *cut_to_span(times, positions, first, last), plane=plane))
+        return out
 
     def _sampled(self, walk: Walk, every: float | None, instants: NDArray[np.float64]) -> list[Track]:
         from gpszip.mapping.fitting import SLACK, positions_at
 
         nodes, times = self.road_map.nodes, _times(walk)
         out: list[Track] = []
-        for name, knots in self._pieces[walk.id]:
-            first, last = times[knots][[0, -1]] + (-SLACK, SLACK)
-            when = instants if every is None else np.arange(math.ceil(first / every), math.floor(last / every) + 1) * every
-            when = when[(when >= first) & (when <= last)]
+        for number, (name, knots) in enumerate(self._pieces[walk.id]):
+            ends = times[knots][[0, -1]] if walk.spans is None else walk.spans[number]
+            first, last = float(ends[0]) - SLACK, float(ends[1]) + SLACK
+            grid = np.arange(math.ceil(first / every), math.floor(last / every) + 1) * every if every is not None else instants
+            when = np.asarray(grid[(grid >= first) & (grid <= last)], dtype=np.float64)
             found = positions_at(walk, nodes, when)
             # rounding may put an instant just beyond the slack
             claimed = ~np.isnan(found[:, 0])
@@ -487,7 +522,7 @@ class Archive:
         return Track(name, times, positions, attributes=self.attributes(name), plane=self.frame.plane)
 
     def _counts(self) -> dict[str, Any]:
-        timed = [walk.times for walk in self.walks if walk.times is not None]
+        timed = [walk.times if walk.spans is None else walk.spans.ravel() for walk in self.walks if walk.times is not None]
         return {
             "nodes": len(self.road_map.nodes),
             "edges": len(self.road_map.edges),
@@ -495,6 +530,7 @@ class Archive:
             "waypoints": sum(len(self.waypoints(name)) for name in self.ids),
             "gaps": sum(int(walk.gaps.sum()) for walk in self.walks),
             "timed": self.timed,
+            "untimed": list(self.untimed),
             "t_start": min((float(times[0]) for times in timed), default=None),
             "t_end": max((float(times[-1]) for times in timed), default=None),
         }
@@ -509,7 +545,7 @@ def _stretches(walk: Walk, fresh: NDArray[np.bool_], places: NDArray[np.float64]
 
 def _times(walk: Walk) -> NDArray[np.float64]:
     if walk.times is None:
-        raise OptionError("the archive keeps no times, so that its tracks can't be had; paths() has their ways")
+        raise OptionError(f"track {walk.id!r} has no times, so that it can't be sampled in time; decompress() has its shape")
     return walk.times
 
 

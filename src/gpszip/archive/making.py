@@ -8,13 +8,14 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpszip.archive.archive import Archive
 from gpszip.container.contents import Contents, Group, MapReference, Section
 from gpszip.model import Executor
 from gpszip.model.executor import sharing
-from gpszip.model.frame import Frame, quantum_index
-from gpszip.model.lattice import LatticeWalks
+from gpszip.model.frame import Frame, quantum_index, refined_frame
+from gpszip.model.lattice import LatticeWalks, ends_within
 from gpszip.model.promise import Promise
 
 if TYPE_CHECKING:
@@ -39,6 +40,8 @@ def new_archive(
     on: Archive | None = None,
     halvings: int = 0,
     executor: Executor | None = None,
+    spans: Sequence[NDArray[np.float64]] | None = None,
+    step: float = 0.0,
 ) -> Archive:
     """Code map and walks as an archive.
 
@@ -60,19 +63,28 @@ def new_archive(
         How often that map's quanta are halved.
     executor : Executor, optional
         Where walks, and runs of them, are coded.
+    spans : sequence of float64 array, shape (n, 2), optional
+        For each walk the times of the first and last sample of each run without a gap, in seconds; between them alone travel is
+        claimed. From knot to knot where left out.
+    step : float, default 0
+        Seconds between two samples, of the track that has the most; ends may be rounded by less than that.
 
     Returns
     -------
     Archive
         One that has decoded nothing yet: what it answers comes from the bytes.
     """
+    from gpszip.coding.ends import ends_of
     from gpszip.coding.smallest import encode_smallest
 
     past = None if on is None else on.past(halvings)
-    payload = encode_smallest(lattice, past, executor)
+    own = frame if on is None else refined_frame(on.frame, halvings)
+    if spans is not None and lattice.timed:
+        lattice = replace(lattice, ends=ends_of(spans, lattice, own, step))
+    payload = encode_smallest(lattice, past, executor, frame=own)
     groups = [Group(0, len(ids), payload)]
     if len(payload) >= 2 * _GROUP_BYTES and len(ids) > 1:
-        groups = _groups(lattice, len(payload) // _GROUP_BYTES, past, executor)
+        groups = _groups(lattice, own, len(payload) // _GROUP_BYTES, past, executor)
     reference = None if on is None else MapReference(on.hash, halvings)
     contents = Contents(frame if on is None else None, tuple(ids), tuple(groups), reference, tuple(extras), layer)
     if on is not None and contents.plain and contents.ids == on.ids[:1]:
@@ -97,22 +109,24 @@ def sampled(archive: Archive, seconds: float | None) -> Archive:
     return replace(archive, contents=replace(archive.contents, sampling=quantum_index(seconds)))
 
 
-def _groups(lattice: LatticeWalks, count: int, past: Past | None, executor: Executor | None) -> list[Group]:
+def _groups(lattice: LatticeWalks, frame: Frame, count: int, past: Past | None, executor: Executor | None) -> list[Group]:
     """Cut the walks in at most so many runs of about as many knots each."""
     ends = np.cumsum([len(walk.nodes) for walk in lattice.walks])
     cuts = np.unique(np.searchsorted(ends, ends[-1] * np.arange(1, count) / count, side="right"))
     bounds = [0, *(int(cut) for cut in cuts if 0 < cut < len(ends)), len(ends)]
-    with sharing(executor, (lattice, past)) as shared:
+    with sharing(executor, (lattice, frame, past)) as shared:
         return list(shared.map(_group, pairwise(bounds)))
 
 
-def _group(shared: tuple[LatticeWalks, Past | None], run: tuple[int, int]) -> Group:
+def _group(shared: tuple[LatticeWalks, Frame, Past | None], run: tuple[int, int]) -> Group:
     """Code one run of walks by itself."""
     from gpszip.coding.smallest import encode_smallest
     from gpszip.coding.walks import number_by_visit
 
-    (lattice, past), (first, after) = shared, run
+    (lattice, frame, past), (first, after) = shared, run
     walks = lattice.walks[first:after]
     span = (min(int(walk.cells[0]) for walk in walks), max(int(walk.cells[-1]) for walk in walks))
-    own = number_by_visit(LatticeWalks(lattice.nodes, walks, lattice.timed), 0 if past is None else past.nodes)
-    return Group(first, after - first, encode_smallest(own, past), span)
+    part = LatticeWalks(lattice.nodes, walks, lattice.timed, ends_within(lattice, first, after))
+    part = replace(part, untimed=frozenset(number - first for number in lattice.untimed if first <= number < after))
+    own = number_by_visit(part, 0 if past is None else past.nodes)
+    return Group(first, after - first, encode_smallest(own, past, frame=frame), span)

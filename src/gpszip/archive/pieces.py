@@ -1,4 +1,4 @@
-"""Names of the pieces in which tracks with gaps come back."""
+"""The pieces in which tracks with gaps come back: their names, and their knots from start to end."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gpszip.model.walk import Walk
 
-__all__ = ["pieces_by_track"]
+__all__ = ["cut_to_span", "pieces_by_track", "shape_knots"]
 
 
 def pieces_by_track(walks: Sequence[Walk]) -> dict[str, list[tuple[str, slice]]]:
@@ -36,3 +37,49 @@ def pieces_by_track(walks: Sequence[Walk]) -> dict[str, list[tuple[str, slice]]]
             taken.update(names)
         found[walk.id] = [(name, slice(a, b)) for name, (a, b) in zip(names, pairwise(cuts), strict=True)]
     return found
+
+
+def cut_to_span(
+    times: NDArray[np.float64], positions: NDArray[np.float64], first: float, last: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Cut a piece to the time in which travel is claimed.
+
+    Parameters
+    ----------
+    times : float64 array, shape (k,)
+        Seconds of the knots, strictly increasing.
+    positions : float64 array, shape (k, d)
+        Metres.
+    first, last : float
+        Seconds, within the knots.
+
+    Returns
+    -------
+    float64 array, shape (j,), and float64 array, shape (j, d)
+        Knots at ``first``, at ``last`` and all between them.
+
+    Examples
+    --------
+    >>> times, positions = cut_to_span(np.array([0.0, 10.0]), np.array([[0.0], [20.0]]), 1.0, 6.0)
+    >>> times.tolist(), positions.tolist()
+    ([1.0, 6.0], [[2.0], [12.0]])
+    """
+    if first <= times[0] and last >= times[-1]:
+        return times, positions
+    inside = times[(times > first) & (times < last)]
+    when = np.unique(np.concatenate([[first], inside, [last]]))
+    return when, np.stack([np.interp(when, times, axis) for axis in positions.T], axis=1)
+
+
+def shape_knots(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Distance along a shape at each of its positions, in metres; positions that repeat the one before are left out.
+
+    Examples
+    --------
+    >>> along, positions = shape_knots(np.array([[0.0, 0.0], [3.0, 4.0], [3.0, 4.0], [3.0, 5.0]]))
+    >>> along.tolist(), len(positions)
+    ([0.0, 5.0, 6.0], 3)
+    """
+    along = np.append(0.0, np.cumsum(np.sqrt((np.diff(positions, axis=0) ** 2).sum(axis=1))))
+    fresh = np.append(True, np.diff(along) > 0)
+    return along[fresh], positions[fresh]

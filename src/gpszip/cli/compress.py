@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.cli.engine import engine_options, running
-from gpszip.cli.options import Settings, common, force, output
+from gpszip.cli.options import Settings, common, force, output, time_options
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
 
@@ -48,7 +48,7 @@ _BOUNDS = {"rmse": "--rmse", "max_error": "--max-error", "size": "--bytes", "rat
     help="Number of parts of the thesis's (k,m)-segment mean, used instead of the connected map where k or m is given.",
 )
 @click.option("--m", type=click.IntRange(1), help="Number of segments that the k parts share; searched where left out.")
-@click.option("--times/--no-times", default=True, help="Keep the times, or the shape only.")
+@click.option("--times/--no-times", default=True, help="Keep the times, or the shape only; a table may then lack a column of times.")
 @click.option("--layer", type=click.Choice(["bz2"]), help="Pack the archive once more, as the thesis did.")
 @click.option("--clean", is_flag=True, help="Drop spikes: single points that no vehicle could have reached.")
 @click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
@@ -57,7 +57,7 @@ _BOUNDS = {"rmse": "--rmse", "max_error": "--max-error", "size": "--bytes", "rat
 @click.option(
     "--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north, or names in order for a log without a header."
 )
-@click.option("--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Unit of a time column; found from its size where left out.")
+@time_options
 @click.option("--keep", metavar="COLUMNS", help="Further columns to keep exactly, such as ele,speed, with the times of the points.")
 @click.option("--keep-times", is_flag=True, help="Keep the times of the points exactly.")
 @click.option("--format", metavar="FORMAT", help="Format of the logs, csv, gpx, geojson or parquet; found from the content where left out.")
@@ -100,7 +100,7 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
     _write(target, archive, choices["update_map"], renewed, force=force or before is not None)
     if settings.json or not quiet:
         show_summary(target, reading, report, as_json=settings.json)
-    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+    return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
 
 
 def _spooled(logs: tuple[str, ...]) -> Sequence[Any]:
@@ -128,7 +128,7 @@ def _in_batches(
     from gpszip.pipeline.growing import append_large
     from gpszip.pipeline.large import compress_large
 
-    names = ("format", "columns", "time_unit", "clean", "sort", "split", "skip_bad")
+    names = ("format", "columns", "time_unit", "dates", "clean", "sort", "split", "skip_bad")
     with progress(quiet=quiet or settings.json) as listener, running(*_engine(choices)) as executor:
         how: dict[str, Any] = {name: choices[name] for name in names}
         how |= {"memory": int(choices["memory"]), "executor": executor, "progress": listener}
@@ -140,7 +140,7 @@ def _in_batches(
     _write(target, archive, choices["update_map"], renewed, force=force or before is not None)
     if settings.json or not quiet:
         show_summary(target, reading, report, as_json=settings.json)
-    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+    return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
 
 
 def _write(target: str, archive: Archive, map_target: str | None, renewed: Archive | None, *, force: bool) -> None:
@@ -194,8 +194,8 @@ def _options(choices: dict[str, Any]) -> Options:
     from gpszip.model import Options
 
     given = [option for name, option in _BOUNDS.items() if choices[name] is not None]
-    if len(given) > 1:
-        raise OptionError(f"{given[0]} and {given[1]} were both given; give one")
+    if len(given) > 1 and given != ["--rmse", "--max-error"]:
+        raise OptionError(f"{given[0]} and {given[-1]} were both given; give one")
     names = (*_BOUNDS, "gap", "effort", "coreset", "k", "m", "times", "layer", "keep_times")
     size = None if choices["size"] is None else int(choices["size"])
     return Options(**{name: choices[name] for name in names} | {"size": size, "keep": _keep(choices)})
@@ -207,5 +207,5 @@ def _keep(choices: dict[str, Any]) -> tuple[str, ...]:
 
 
 def _reading(choices: dict[str, Any]) -> dict[str, Any]:
-    names = ("format", "columns", "time_unit", "clean", "sort", "split", "skip_bad")
-    return {name: choices[name] for name in names} | {"keep": _keep(choices)}
+    names = ("format", "columns", "time_unit", "dates", "clean", "sort", "split", "skip_bad")
+    return {name: choices[name] for name in names} | {"keep": _keep(choices), "times": choices["times"]}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.cli.engine import engine_options, running
-from gpszip.cli.options import Settings, common, force, output
+from gpszip.cli.options import Settings, common, force, output, time_options
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import SIZE
 
@@ -38,6 +38,7 @@ _TELLS_NOTHING = 10
 @click.option("--split", is_flag=True, help="Begin a new track where time goes back.")
 @click.option("--skip-bad", is_flag=True, help="Leave out logs that can't be read, name them, end with exit code 3.")
 @click.option("--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north, or names in order.")
+@time_options
 @click.option("--format", metavar="FORMAT", help="Format of the logs; found from the content where left out.")
 @engine_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
@@ -66,7 +67,7 @@ def command(
     Give one of --size, --max-bytes, or --k with --eps. LOG - is standard input.
     """
     from gpszip.cli.output import check_output, say, show_json
-    from gpszip.cli.summary import account_of, name_left_out, place_of, repairs_in_words
+    from gpszip.cli.summary import account_of, losses_of, name_left_out, name_losses, place_of, repairs_in_words
     from gpszip.errors import OptionError
     from gpszip.io.coreset_file import write_coreset
     from gpszip.io.source import spooled
@@ -85,11 +86,12 @@ def command(
         write_coreset(made, target, force=True)
     facts = _facts(made, k, eps, written)
     if settings.json:
-        show_json({"output": target, **facts, **account_of(reading.repairs, reading.left_out)}, err=target == "-")
+        show_json({"output": target, **facts, **losses_of(reading), **account_of(reading.repairs, reading.left_out)}, err=target == "-")
     elif not quiet:
+        name_losses(reading)
         name_left_out(reading)
         say(f"{place_of(target)}: {'; '.join([_describe(facts), *repairs_in_words(reading.repairs)])}")
-    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+    return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
 
 
 def _write(made: Coreset, log: StoredLog, target: str, executor: Executor) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -47,7 +48,9 @@ def command(
     from gpszip.cli.times import parse_times
     from gpszip.errors import OptionError
     from gpszip.io.formats import format_for_writing
+    from gpszip.io.track_rows import metre_decimals
     from gpszip.io.writing import write_tracks
+    from gpszip.model.promise import writing_error
 
     given = [name for name, wanted in (("--every", every is not None), ("--at", at is not None), ("--samples", samples)) if wanted]
     if len(given) > 1:
@@ -57,12 +60,12 @@ def command(
     check_output(target, force=force, binary=form == "parquet")
     with opened(archive, map_name) as source:
         tracks = _samples(source, track) if samples else _tracks(source, every, times, track)
+        pieces, error = (None if samples else source.pieces), writing_error(source.promise)
     if not tracks:
         raise OptionError(_nothing(archive, track))
-    write_tracks(tracks, target, kind)
-    points = sum(len(one) for one in tracks)
-    if lacking := _without_room(tracks, form):
-        say(f"gpszip: {form} has no room for {', '.join(lacking)}; write CSV, GeoJSON or Parquet to have them")
+    points = write_tracks(tracks, target, kind, decimals=metre_decimals(error), pieces=pieces, within=None if given else error)
+    for warning in _changes(tracks, pieces or {}, form):
+        say(f"gpszip: {warning}")
     if settings.json:
         show_json({"output": target, "pieces": len(tracks), "points": points}, err=target == "-")
     elif target != "-":
@@ -78,20 +81,27 @@ def _samples(archive: Archive, track: str | None) -> list[Track]:
     return archive.samples(track)
 
 
-def _without_room(tracks: list[Track], form: str) -> list[str]:
-    """Columns that a format can't hold."""
-    from gpszip.io.gpx import HEIGHTS
+def _changes(tracks: list[Track], pieces: Mapping[str, str], form: str) -> list[str]:
+    """What a format can't hold as it is, in words."""
+    from gpszip.io.gpx import HEIGHTS, unwritable
 
     if form != "gpx":
         return []
     heights = [name for name in HEIGHTS if name in tracks[0].attributes]
-    return [name for name in tracks[0].attributes if name not in heights[:1]]
+    lacking = [name for name in tracks[0].attributes if name not in heights[:1]]
+    words = [f"gpx has no room for {', '.join(lacking)}; write CSV, GeoJSON or Parquet to have them"] if lacking else []
+    if changed := [name for name in dict.fromkeys(pieces.get(track.id, track.id) for track in tracks) if unwritable(name)]:
+        words.append(
+            f"gpx can't hold control characters: they are U+FFFD in the names of tracks, in {len(changed):,} of them, "
+            f"the first {changed[0]!r}; write GeoJSON or Parquet to have them"
+        )
+    return words
 
 
 def _tracks(archive: Archive, every: float | None, times: Any, track: str | None) -> list[Track]:
     if every is None and times is None:
-        pieces = archive.decompress()
-        return pieces if track is None else [piece for piece in pieces if piece.id == track or piece.id.rsplit("/", 1)[0] == track]
+        pieces, owners = archive.decompress(), archive.pieces
+        return pieces if track is None else [piece for piece in pieces if track in (piece.id, owners[piece.id])]
     return archive.sample(every, at=times, track=track)
 
 

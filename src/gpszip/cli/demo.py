@@ -86,10 +86,13 @@ def _write_log(path: Path, points: int, seed: int) -> None:
 def _write_back(archive: Archive, folder: Path) -> None:
     """Decompress, and write the map that was learned."""
     from gpszip.io.maps import write_map
+    from gpszip.io.track_rows import metre_decimals
     from gpszip.io.writing import write_tracks
+    from gpszip.model.promise import writing_error
 
-    write_tracks(archive.decompress(), folder / "knots.csv")
-    write_map(archive.road_map, folder / "map.geojson")
+    error = writing_error(archive.promise)
+    write_tracks(archive.decompress(), folder / "knots.csv", decimals=metre_decimals(error), within=error)
+    write_map(archive.drawn_map, folder / "map.geojson")
 
 
 def _draw(folder: Path, reading: Reading, archive: Archive, report: Report) -> str:

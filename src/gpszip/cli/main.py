@@ -82,7 +82,7 @@ def _version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
     cls=_LazyGroup,
     help=_HELP,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    epilog="Exit codes: 0 done, 1 failed, 2 usage, 3 done but inputs were left out, 4 corrupt archive, "
+    epilog="Exit codes: 0 done, 1 failed, 2 usage, 3 done but inputs or many points were left out, 4 corrupt archive, "
     "5 map missing or wrong, 6 bound not met, 130 interrupted.",
 )
 @click.option("--version", is_flag=True, expose_value=False, is_eager=True, callback=_version, help="Show the version and exit.")

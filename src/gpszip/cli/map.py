@@ -35,7 +35,7 @@ def command(
 
     check_output(target, force=force, binary=kind == "gpkg")
     with opened(archive, map_name) as source:
-        learned: RoadMap | WayMap = source.road_map if raw else source.clean_map(min_traversals)
+        learned: RoadMap | WayMap = source.drawn_map if raw else source.clean_map(min_traversals)
     write_map(learned, target, min_traversals, format=kind)
     ways = int((learned.forward + learned.backward >= min_traversals).sum())
     if settings.json:

@@ -8,16 +8,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpszip.cli.options import Settings, common, force, output
+from gpszip.cli.options import Settings, common, force, output, time_options
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH, Quantity
 
 if TYPE_CHECKING:
     from gpszip.io.networks import NetworkReading
-    from gpszip.model import Reading
+    from gpszip.model import Network, Reading
     from gpszip.model.match import Matching
 
 __all__ = ["command"]
+
+#: So many roads that points travel against are named; JSON names them all.
+_NAMED = 3
 
 _ANGLE = Quantity("angle", {"deg": 1.0, "rad": math.degrees(1.0)}, words={"none": math.inf})
 _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
@@ -36,9 +39,11 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
     metavar="ANGLE",
     help="Spread of the log's headings about the roads, or none to leave them out. Estimated, too.",
 )
+@click.option("--ignore-oneway", is_flag=True, help="All roads lead both ways, as for those who walk or cycle.")
 @click.option("--format", "kind", metavar="FORMAT", help="Instead of the output's suffix: geojson, or csv with a row for each point.")
 @click.option("--skip-bad", is_flag=True, help="Leave out logs that can't be read, name them, end with exit code 3.")
 @click.option("--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north,heading=course.")
+@time_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @force
 @common
@@ -46,7 +51,8 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 def command(settings: Settings, /, logs: tuple[str, ...], network: tuple[str, ...], target: str, **choices: Any) -> Outcome:
     """Find the way that every LOG took over the roads of a network, and write it as GeoJSON lines or CSV rows.
 
-    A route breaks, and goes on behind, where no road is near, no way joins two points, or the log is silent for long.
+    A route breaks, and goes on behind, where no road is near, no way joins two points, the points go against a one-way road, or the
+    log is silent for long.
     """
     from gpszip.cli.output import check_output
     from gpszip.io.routes import route_format
@@ -59,35 +65,38 @@ def command(settings: Settings, /, logs: tuple[str, ...], network: tuple[str, ..
 
     start = time.perf_counter()
     with progress(quiet=choices["quiet"] or settings.json) as listener:
-        reading = pipeline.read(logs, skip_bad=choices["skip_bad"], columns=choices["columns"], heading=choices["heading"] != math.inf)
+        how = {name: choices[name] for name in ("skip_bad", "columns", "time_unit", "dates")}
+        reading = pipeline.read(logs, **how, heading=choices["heading"] != math.inf)
         roads = pipeline.read_network(list(network), near=reading.tracks)
-        scales = {name: choices[name] for name in ("sigma", "beta", "gap", "heading")}
-        matching = pipeline.match(reading.tracks, roads.network, **scales, progress=listener)
+        options = {name: choices[name] for name in ("sigma", "beta", "gap", "heading", "ignore_oneway")}
+        matching = pipeline.match(reading.tracks, roads.network, **options, progress=listener)
     write_routes(matching, reading.tracks, roads.network, target, kind)
     if settings.json or not choices["quiet"]:
         _show(target, reading, roads, matching, time.perf_counter() - start, settings)
-    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+    return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
 
 
 def _show(target: str, reading: Reading, roads: NetworkReading, matching: Matching, seconds: float, settings: Settings) -> None:
     from gpszip.cli.output import STDOUT, say, show_json
-    from gpszip.cli.summary import account_of, name_left_out, place_of, repairs_in_words
+    from gpszip.cli.summary import account_of, losses_of, name_left_out, name_losses, place_of, repairs_in_words
     from gpszip.cli.units import format_length
 
     repairs = [*reading.repairs, *roads.repairs]
     if settings.json:
-        facts = _facts(matching) | {"seconds": round(seconds, 3)}
-        show_json({"output": target, **facts, **account_of(repairs, reading.left_out)}, err=target == STDOUT)
+        facts = _facts(matching, roads.network) | {"seconds": round(seconds, 3)}
+        show_json({"output": target, **facts, **losses_of(reading), **account_of(repairs, reading.left_out)}, err=target == STDOUT)
         return
+    name_losses(reading)
     name_left_out(reading)
-    facts = _facts(matching)
+    facts = _facts(matching, roads.network)
     breaks = ", ".join(f"{reason} {count:,}" for reason, count in matching.breaks.items()) or "none"
     scales = [f"{name} {format_length(facts[name])}" for name in ("error", "sigma", "beta")]
     if facts["heading"] is not None:
         scales.append(f"heading {facts['heading']:.3g} deg")
     words = [
-        f"{facts['points']:,} points in {facts['tracks']:,} tracks, {100 * matching.share:.1f} % on {facts['pieces']:,} routes of "
-        f"{format_length(facts['length'])}, {', '.join(scales)}, {seconds:.1f} s",
+        f"matched {_percentage(matching.matched, matching.points)} of {_count(matching.points, 'point')} in "
+        f"{_count(len(matching), 'track')} on {_routes(matching)}, {', '.join(scales)}, {seconds:.1f} s",
+        *([f"unmatched: {_unmatched(facts)}"] if facts["unmatched"] else []),
         f"breaks: {breaks}",
         *([_unheeded(facts["unheeded"])] if facts["unheeded"] else []),
         *repairs_in_words(repairs),
@@ -95,23 +104,57 @@ def _show(target: str, reading: Reading, roads: NetworkReading, matching: Matchi
     say(f"{place_of(target)}: {'; '.join(words)}")
 
 
+def _percentage(part: int, whole: int) -> str:
+    """A share in words, which says 100 % of the whole only, and 0 % of nothing only."""
+    if part == whole:
+        return "100 %"
+    tenths = 1000 * part // whole  # rounded down
+    return "less than 0.1 %" if part and not tenths else f"{tenths / 10:.1f} %" if tenths else "0 %"
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number:,} {word}" + ("" if number == 1 else "s")
+
+
+def _routes(matching: Matching) -> str:
+    """How many routes were found, and how many places at which points stand still."""
+    from gpszip.cli.units import format_length
+
+    lengths = [piece.length for match in matching for piece in match.pieces]
+    routes = [length for length in lengths if length]
+    words = [f"{_count(len(routes), 'route')} of {format_length(sum(routes))}"] if routes else [] if lengths else ["no route"]
+    if len(lengths) > len(routes):
+        words.append(f"{_count(len(lengths) - len(routes), 'place')} of standing still")
+    return " and ".join(words)
+
+
+def _unmatched(facts: dict[str, Any]) -> str:
+    """Numbers of points by reason, with the first roads that they travel against."""
+    roads = facts["one_way"]
+    named = ", ".join(roads[:_NAMED]) + (f" and {len(roads) - _NAMED:,} more" if len(roads) > _NAMED else "")
+    words = [f"{count:,} {reason}" + (f" ({named})" if reason == "one-way" else "") for reason, count in facts["unmatched"].items()]
+    return ", ".join(words)
+
+
 def _unheeded(tracks: list[str]) -> str:
     several = f"{len(tracks):,} tracks" if len(tracks) > 1 else f"track {tracks[0]!r}"
     return f"headings of {several} left out, as they don't show that they follow the roads travelled"
 
 
-def _facts(matching: Matching) -> dict[str, Any]:
+def _facts(matching: Matching, network: Network) -> dict[str, Any]:
     pieces = [piece for match in matching for piece in match.pieces]
     return {
         "points": matching.points,
         "tracks": len(matching),
         "matched": matching.share,
         "pieces": len(pieces),
-        "length": sum(piece.length for piece in pieces),
+        "length": math.fsum(piece.length for piece in pieces),
         "error": matching.scales.error,
         "sigma": matching.scales.sigma,
         "beta": matching.scales.beta,
         "heading": matching.scales.heading if math.isfinite(matching.scales.heading) else None,
         "unheeded": list(matching.unheeded),
         "breaks": matching.breaks,
+        "unmatched": matching.unmatched,
+        "one_way": list(dict.fromkeys(map(network.label, matching.against))),
     }

@@ -108,10 +108,10 @@ def _whole(name: str) -> Archive:
 
 def _names(archives: tuple[str, ...]) -> list[str]:
     """Short names of the archives; their paths where these are not enough to tell them apart."""
-    from gpszip.io.source import readable
+    from gpszip.io.shown import shown
 
-    short = [readable(Path(name).stem or name) for name in archives]
-    return short if len(set(short)) == len(short) else [readable(name) for name in archives]
+    short = [shown(Path(name).stem or name) for name in archives]
+    return short if len(set(short)) == len(short) else [shown(name) for name in archives]
 
 
 def _describe(made: Archive, report: MergeReport) -> str:

@@ -8,7 +8,11 @@ from typing import Any, TypeVar
 
 import click
 
-__all__ = ["Settings", "archive_argument", "common", "force", "on_map", "output"]
+__all__ = ["Settings", "archive_argument", "common", "force", "on_map", "output", "time_options"]
+
+# The choices of gpszip.io.timestamps and gpszip.io.date_texts, whose import takes longer than --help may.
+_TIME_UNITS = ("s", "ms", "us", "ns", "days", "excel", "matlab")
+_ORDERS = ("dmy", "mdy", "ymd")
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -50,6 +54,14 @@ def on_map(command: F) -> F:
     """Give a command that reads an archive --map, for archives that lie on a map kept elsewhere."""
     text = "Map that ARCHIVE lies on; looked for in its folder where left out."
     return click.option("--map", "map_name", metavar="CITY.gpsz", help=text)(command)
+
+
+def time_options(command: F) -> F:
+    """Give a command that reads logs --time-unit and --dates, which say how times are to be read."""
+    orders = "Order of day, month and year in dates such as 03/04/2024; found from the whole column where left out."
+    units = "Unit of times that are numbers; found from their size where left out. excel: days since 1899-12-30."
+    command = click.option("--dates", type=click.Choice(_ORDERS), help=orders)(command)
+    return click.option("--time-unit", type=click.Choice(_TIME_UNITS), help=units)(command)
 
 
 def output(example: str) -> Callable[[F], F]:

@@ -11,5 +11,5 @@ class Outcome(Enum):
     """How a command ended."""
 
     DONE = "done"
-    #: Done, but some inputs could not be used and were named.
+    #: Done, but some inputs, or many points of a track, could not be used and were named.
     LEFT_OUT = "left out"

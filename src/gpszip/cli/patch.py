@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpszip.cli.options import Settings, common, force, output
+from gpszip.cli.options import Settings, common, force, output, time_options
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION
 
@@ -30,13 +30,14 @@ _NAMED = 20
 @click.option("--network", metavar="FILE", multiple=True, required=True, help="Roads, prepared ones, or an archive, for its map.")
 @output("patched.csv")
 @click.option("--gap", type=DURATION, metavar="DURATION", help="Silences longer than this are gaps. Estimated where left out.")
+@click.option("--ignore-oneway", is_flag=True, help="All roads lead both ways, as for those who walk or cycle.")
 @click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
 @click.option("--split", is_flag=True, help="Begin a new track where time goes back.")
 @click.option("--skip-bad", is_flag=True, help="Leave out logs that can't be read, name them, end with exit code 3.")
 @click.option(
     "--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north, or names in order for a log without a header."
 )
-@click.option("--time-unit", type=click.Choice(["s", "ms", "us", "ns"]), help="Unit of a time column; found from its size where left out.")
+@time_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @force
 @common
@@ -54,17 +55,17 @@ def command(settings: Settings, /, logs: tuple[str, ...], network: tuple[str, ..
     from gpszip.io.text_log import read_to_write_again
 
     start = time.perf_counter()
-    names = ("columns", "time_unit", "sort", "split", "skip_bad")
+    names = ("columns", "time_unit", "dates", "sort", "split", "skip_bad")
     reading, text = read_to_write_again(list(logs), heading=True, **{name: choices[name] for name in names})
     roads = pipeline.read_network(list(network), near=reading.tracks)
-    patching = pipeline.patch(reading.tracks, roads.network, gap=choices["gap"])
+    patching = pipeline.patch(reading.tracks, roads.network, gap=choices["gap"], ignore_oneway=choices["ignore_oneway"])
     again = text if target.lower().endswith((".csv", ".tsv", ".txt", "-")) else None
     _write(patching, again, target)
     if again is not None:
-        reading = replace(reading, repairs=tuple(map(_kept, reading.repairs)))
+        reading = replace(reading, repairs=tuple(map(_kept, reading.repairs)), losses=())
     if settings.json or not choices["quiet"]:
         _show(target, reading, roads, patching, time.perf_counter() - start, settings)
-    return Outcome.LEFT_OUT if reading.left_out else Outcome.DONE
+    return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
 
 
 def _write(patching: Patching, text: TextLog | None, target: str) -> None:
@@ -87,14 +88,15 @@ def _kept(repair: Repair) -> Repair:
 
 def _show(target: str, reading: Reading, roads: NetworkReading, patching: Patching, seconds: float, settings: Settings) -> None:
     from gpszip.cli.output import STDOUT, say, show_json
-    from gpszip.cli.summary import account_of, name_left_out, place_of, repairs_in_words
+    from gpszip.cli.summary import account_of, losses_of, name_left_out, name_losses, place_of, repairs_in_words
     from gpszip.cli.units import format_duration
 
     repairs = [*reading.repairs, *roads.repairs]
     if settings.json:
         facts = _facts(patching) | {"seconds": round(seconds, 3)}
-        show_json({"output": target, **facts, **account_of(repairs, reading.left_out)}, err=target == STDOUT)
+        show_json({"output": target, **facts, **losses_of(reading), **account_of(repairs, reading.left_out)}, err=target == STDOUT)
         return
+    name_losses(reading)
     name_left_out(reading)
     open_ = _open(patching)
     for one in open_[:_NAMED]:

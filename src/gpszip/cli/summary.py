@@ -2,15 +2,34 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
+from dataclasses import asdict
 from typing import Any
 
 from gpszip.cli.output import STDOUT, say, show_json
 from gpszip.cli.units import format_bytes, format_duration, format_length
 from gpszip.model import Report
-from gpszip.model.reading import LeftOut, Reading, Repair
+from gpszip.model.reading import LeftOut, Loss, Reading, Repair
 
-__all__ = ["account_of", "describe", "name_left_out", "place_of", "repairs_in_words", "show_summary", "summarise"]
+__all__ = [
+    "account_of",
+    "describe",
+    "losses_of",
+    "name_left_out",
+    "name_losses",
+    "place_of",
+    "repairs_in_words",
+    "show_summary",
+    "summarise",
+]
+
+
+#: The plural with which most repairs begin.
+_PLURAL = re.compile(r"^((?:repeated )?(?:row|point|position|spike|road|feature|track|time))s\b")
+
+#: So many losses are named in the first line; JSON names them all.
+_NAMED = 5
 
 
 def show_summary(target: str, reading: Reading, report: Report, *, as_json: bool) -> None:
@@ -18,6 +37,7 @@ def show_summary(target: str, reading: Reading, report: Report, *, as_json: bool
     if as_json:
         show_json({"output": target, **summarise(reading, report)}, err=target == STDOUT)
         return
+    name_losses(reading)
     name_left_out(reading)
     say(f"{place_of(target)}: {describe(reading, report)}")
 
@@ -25,6 +45,22 @@ def show_summary(target: str, reading: Reading, report: Report, *, as_json: bool
 def place_of(target: str) -> str:
     """What a person calls the output."""
     return "standard output" if target == STDOUT else target
+
+
+def name_losses(reading: Reading) -> None:
+    """One line, which comes first, for the tracks that lost many of their points."""
+    if not reading.losses:
+        return
+    words = [_in_words(loss) for loss in reading.losses[:_NAMED]]
+    more = len(reading.losses) - _NAMED
+    words += [f"and of {more:,} more, which --json names"] if more > 0 else []
+    say(f"gpszip: lost {'; '.join(words)}")
+
+
+def _in_words(loss: Loss) -> str:
+    whose = f"track {loss.track!r} of {loss.where}" if loss.track else loss.where
+    shared = f", up to {loss.shared:,} at one time" if loss.shared else ""
+    return f"{loss.lost:,} of {loss.points:,} points of {whose}{shared}"
 
 
 def name_left_out(reading: Reading) -> None:
@@ -35,15 +71,22 @@ def name_left_out(reading: Reading) -> None:
 
 def repairs_in_words(repairs: Iterable[Repair]) -> list[str]:
     """What was mended while reading, a few words for each."""
-    return [f"{one.where}: {one.count:,} {one.what}" + (f" ({one.value})" if one.value else "") for one in repairs]
+    return [f"{one.where}: {one.count:,} {_agreeing(one)}" + (f" ({one.value})" if one.value else "") for one in repairs]
+
+
+def _agreeing(repair: Repair) -> str:
+    """What was mended, in the singular where it is one."""
+    return _PLURAL.sub(r"\1", repair.what) if repair.count == 1 else repair.what
 
 
 def account_of(repairs: Iterable[Repair], left_out: Iterable[LeftOut] = ()) -> dict[str, Any]:
     """What was mended and what was left out while reading, as values for programs."""
-    return {
-        "repairs": [{"what": one.what, "count": one.count, "where": one.where, "drops": one.drops, "value": one.value} for one in repairs],
-        "left_out": [{"name": one.name, "reason": one.reason} for one in left_out],
-    }
+    return {"repairs": [asdict(one) for one in repairs], "left_out": [asdict(one) for one in left_out]}
+
+
+def losses_of(reading: Reading) -> dict[str, Any]:
+    """How many points were read and lost, and which tracks lost many, as values for programs."""
+    return {"points_read": reading.points, "points_lost": reading.lost, "losses": [asdict(one) for one in reading.losses]}
 
 
 def describe(reading: Reading, report: Report) -> str:
@@ -90,6 +133,7 @@ def summarise(reading: Reading, report: Report) -> dict[str, Any]:
         "nodes": report.nodes,
         "edges": report.edges,
         "notes": list(report.notes),
+        **losses_of(reading),
         **account_of(reading.repairs, reading.left_out),
         "dropped": list(reading.dropped),
     }

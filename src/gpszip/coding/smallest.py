@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gpszip.coding.past import Past
 from gpszip.coding.walks import MOST_SORTED, encode_in_modes, number_by_visit
 from gpszip.kernels.walk_model import AIMS, KIND_BITS, PACED, SORTED
-from gpszip.model import Executor, LatticeWalk, LatticeWalks
+from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks
 from gpszip.model.executor import local
 
 __all__ = ["encode_smallest"]
@@ -22,7 +22,9 @@ _SAMPLE = 1 << 12
 _BACK, _KNOWN, _NEW = 0, 1, 3
 
 
-def encode_smallest(walks: LatticeWalks, past: Past | None = None, executor: Executor | None = None) -> bytes:
+def encode_smallest(
+    walks: LatticeWalks, past: Past | None = None, executor: Executor | None = None, *, frame: Frame | None = None
+) -> bytes:
     """Code walks as :func:`gpszip.coding.walks.encode` does, but in the modes that take the fewest bytes.
 
     Each mode is tried by itself, and those that pay together once more. To aim takes searches: walks with more than 4,096 knots are
@@ -34,6 +36,8 @@ def encode_smallest(walks: LatticeWalks, past: Past | None = None, executor: Exe
         As :func:`gpszip.coding.walks.encode` takes them.
     executor : Executor, optional
         Where modes are tried; the bytes do not depend on it.
+    frame : Frame, optional
+        Epoch and time step, for the ends of pieces; these are not coded without it.
 
     Examples
     --------
@@ -46,7 +50,7 @@ def encode_smallest(walks: LatticeWalks, past: Past | None = None, executor: Exe
     [0, 9, 18]
     """
     spent = _no_bits(walks)
-    plain, model = encode_in_modes(walks, past, 0, spent)
+    plain, model = encode_in_modes(walks, past, 0, spent, frame)
     steps = model.ledger[KIND_BITS : KIND_BITS + 5, 1]
     worth = {
         int(SORTED): walks.timed and 2 < len(walks.walks) <= MOST_SORTED,
@@ -54,15 +58,15 @@ def encode_smallest(walks: LatticeWalks, past: Past | None = None, executor: Exe
         int(AIMS): steps[_BACK] + steps[_KNOWN] > 1,
     }
     modes = [mode for mode, is_worth in worth.items() if is_worth]
-    coded = dict(zip(modes, local(executor).map(partial(_in_mode, walks, past, spent, plain), modes), strict=True))
+    coded = dict(zip(modes, local(executor).map(partial(_in_mode, walks, past, spent, plain, frame), modes), strict=True))
     paying = [mode for mode, data in coded.items() if len(data) < len(plain)]
-    together = [encode_in_modes(walks, past, sum(paying), spent)[0]] if len(paying) > 1 else []
+    together = [encode_in_modes(walks, past, sum(paying), spent, frame)[0]] if len(paying) > 1 else []
     return min([plain, *coded.values(), *together], key=len)
 
 
-def _in_mode(walks: LatticeWalks, past: Past | None, spent: NDArray[np.float64], plain: bytes, mode: int) -> bytes:
+def _in_mode(walks: LatticeWalks, past: Past | None, spent: NDArray[np.float64], plain: bytes, frame: Frame | None, mode: int) -> bytes:
     """The walks in one mode; as they are without, where aims don't pay."""
-    return plain if mode == AIMS and not _aims_pay_at_first(walks, past) else encode_in_modes(walks, past, mode, spent)[0]
+    return plain if mode == AIMS and not _aims_pay_at_first(walks, past) else encode_in_modes(walks, past, mode, spent, frame)[0]
 
 
 def _aims_pay_at_first(walks: LatticeWalks, past: Past | None) -> bool:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.coding.ends import code_tail
 from gpszip.coding.knots import flatten
 from gpszip.coding.past import Past
 from gpszip.errors import BoundError, CorruptArchiveError
 from gpszip.kernels.range_coder import finish, reader, writer
 from gpszip.kernels.walk_coder import code_walks
 from gpszip.kernels.walk_model import AIMS, PACED, SORTED, WalkModel, new_model, prepared
-from gpszip.model import LatticeWalk, LatticeWalks
+from gpszip.model import Frame, LatticeWalk, LatticeWalks
 
 __all__ = ["MOST_SORTED", "decode", "encode", "encode_in_modes", "encode_with_ledger", "number_by_visit"]
 
@@ -47,7 +49,7 @@ def number_by_visit(walks: LatticeWalks, known: int = 0) -> LatticeWalks:
     number = np.full(len(walks.nodes), -1, np.int32)
     number[order] = np.arange(len(order), dtype=np.int32)
     renumbered = tuple(LatticeWalk(number[walk.nodes], walk.cells, walk.gaps) for walk in walks.walks)
-    return LatticeWalks(walks.nodes[order], renumbered, walks.timed)
+    return replace(walks, nodes=walks.nodes[order], walks=renumbered)
 
 
 def encode(walks: LatticeWalks, past: Past | None = None) -> bytes:
@@ -87,7 +89,9 @@ def encode_with_ledger(walks: LatticeWalks, past: Past | None = None) -> tuple[b
     return data, model.ledger
 
 
-def encode_in_modes(walks: LatticeWalks, past: Past | None, modes: int, spent: NDArray[np.float64]) -> tuple[bytes, WalkModel]:
+def encode_in_modes(
+    walks: LatticeWalks, past: Past | None, modes: int, spent: NDArray[np.float64], frame: Frame | None = None
+) -> tuple[bytes, WalkModel]:
     """Code walks with some of the modes ``SORTED``, ``PACED`` and ``AIMS`` on.
 
     Parameters
@@ -98,6 +102,8 @@ def encode_in_modes(walks: LatticeWalks, past: Past | None, modes: int, spent: N
         A sum of modes.
     spent : float64 array, shape (K,) or (0,)
         Bits of the ways to all knots: filled in without ``AIMS``, asked for with it.
+    frame : Frame, optional
+        Epoch and time step, for the ends of pieces; these are not coded without it.
 
     Returns
     -------
@@ -114,6 +120,8 @@ def encode_in_modes(walks: LatticeWalks, past: Past | None, modes: int, spent: N
         model.places[: len(walks.nodes)] = walks.nodes
         coder = writer(capacity)
         code_walks(coder, model, nodes, cells, gaps, begins, len(walks.walks), walks.timed, bool(gaps.any()))
+        if frame is not None and walks.timed:
+            code_tail(coder, walks, frame)
         payload = finish(coder)
         if payload is not None:
             break
@@ -124,7 +132,7 @@ def encode_in_modes(walks: LatticeWalks, past: Past | None, modes: int, spent: N
     return head + payload + bytes(max(least - len(payload), 0)), model
 
 
-def decode(data: bytes, dimension: int, tracks: int, past: Past | None = None) -> LatticeWalks:
+def decode(data: bytes, dimension: int, tracks: int, past: Past | None = None, frame: Frame | None = None) -> LatticeWalks:
     """Read what :func:`encode` wrote.
 
     Parameters
@@ -135,6 +143,8 @@ def decode(data: bytes, dimension: int, tracks: int, past: Past | None = None) -
         Number of coordinates and of tracks.
     past : Past, optional
         The walks after which these were written; its nodes come first in those returned.
+    frame : Frame, optional
+        Epoch and time step of walks that were written with the ends of their pieces.
 
     Raises
     ------
@@ -153,14 +163,16 @@ def decode(data: bytes, dimension: int, tracks: int, past: Past | None = None) -
     model = prepared(_model(knots, dimension, past), modes, np.zeros(tracks, np.int64), np.zeros(0))
     nodes, cells = np.zeros(knots, np.int64), np.zeros(knots, np.int64)
     gaps, begins = np.zeros(knots, np.int8), np.zeros(knots, np.int8)
-    found = int(code_walks(reader(payload), model, nodes, cells, gaps, begins, tracks, timed, gapped))
+    coder = reader(payload)
+    found = int(code_walks(coder, model, nodes, cells, gaps, begins, tracks, timed, gapped))
     if found < 0:
         raise CorruptArchiveError("the walks end before all tracks are read")
     if timed and (np.diff(cells)[begins[1:] == 0] <= 0).any():
         raise CorruptArchiveError("times of the walks go back")
     bounds = np.append(np.flatnonzero(begins), knots)
     walks = tuple(LatticeWalk(nodes[a:b].astype(np.int32), cells[a:b].copy(), gaps[a + 1 : b] == 1) for a, b in pairwise(bounds.tolist()))
-    return LatticeWalks(model.places[:found].copy(), walks, timed)
+    whole = LatticeWalks(model.places[:found].copy(), walks, timed)
+    return code_tail(coder, whole, frame) if frame is not None and timed else whole
 
 
 def _mode_head(modes: int) -> bytes:

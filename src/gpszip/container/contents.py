@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import BinaryIO
 
+from gpszip.container.layout import OLDEST, VERSION
 from gpszip.model.frame import MOST_HALVINGS, QUANTUM_STEPS, Frame, Plane
-from gpszip.model.promise import DIGITS, EXPONENTS, FEW_DIGITS, GROWN, Promise
+from gpszip.model.promise import DIGITS, EXPONENTS, FEW_DIGITS, GROWN, MOST_OVER, Promise
 
 __all__ = ["LONE_ID", "MAP_HASH_BYTES", "Contents", "Group", "MapReference", "Section", "Spooled", "complaint", "one_group"]
 
@@ -123,6 +124,8 @@ class Contents:
         The error that the walks keep.
     sampling : int, optional
         Index of the quantum that is about the time between two samples of the log.
+    version : int
+        Version of the format in which the walks are coded.
     """
 
     frame: Frame | None
@@ -133,6 +136,12 @@ class Contents:
     layer: str | None = None
     promise: Promise | None = None
     sampling: int | None = None
+    version: int = VERSION
+
+    @property
+    def ends(self) -> bool:
+        """Whether walks with times tell where their pieces begin and end."""
+        return self.version > OLDEST
 
     @property
     def tracks(self) -> int:
@@ -208,7 +217,12 @@ def _groups_complaint(groups: tuple[Group, ...], tracks: int) -> str | None:
 
 def _can_be_said(promise: Promise) -> bool:
     digits = promise.digits in DIGITS if promise.grown == 0 else promise.digits in FEW_DIGITS and promise.grown in GROWN
-    return digits and promise.exponent in EXPONENTS
+    return digits and promise.exponent in EXPONENTS and (promise.most_digits == 0 or _both_can_be_said(promise))
+
+
+def _both_can_be_said(promise: Promise) -> bool:
+    over = promise.most_exponent - promise.exponent
+    return promise.most_digits in DIGITS and over in MOST_OVER and not promise.maximum and promise.grown == 0
 
 
 def _rest_complaint(contents: Contents) -> str | None:

@@ -14,6 +14,7 @@ __all__ = [
     "HEAD_BYTES",
     "MAGIC",
     "MARKER",
+    "OLDEST",
     "SMALL_LIMIT",
     "VERSION",
     "Cursor",
@@ -34,7 +35,10 @@ __all__ = [
 MAGIC = b"\xa7Z"
 
 #: Version of the format that this package writes, and the newest that it reads.
-VERSION = 2
+VERSION = 3
+
+#: The oldest version that it reads: walks without the ends of their pieces.
+OLDEST = 2
 
 #: Magic, then one byte of version and form.
 HEAD_BYTES = 3
@@ -127,7 +131,7 @@ def read_head(data: bytes) -> Head:
     version = byte & 7
     if version > VERSION:
         raise CorruptArchiveError(f"archive of version {version}; this GPSZip reads up to version {VERSION}: upgrade gpszip", 2)
-    if version < VERSION:
+    if version < OLDEST:
         raise CorruptArchiveError(f"archive of version {version}, which no release of GPSZip has written: compress the log again", 2)
     head = Head(Form(byte >> 3 & 3), byte >> 5 & 3, byte >> 7, version)
     if head.form is Form.SECTIONS and head.low > 1:

@@ -207,6 +207,7 @@ def assemble(found: list[Piece], head: Head, file_size: int) -> Contents:
         "bz2" if layered else None,
         promise,
         sampling,
+        head.version,
     )
     return _believed(contents, found[-1].offset)
 
@@ -231,11 +232,11 @@ def _read_compact(data: bytes, head: Head) -> Contents:
         reference = MapReference(cursor.take(MAP_HASH_BYTES, "the map's hash"), head.low)
         own = read_names(cursor, len(data)) if head.high else None
         group = Group(0, 1 if own is None else len(own), cursor.rest())
-        return _believed(Contents(None, own, (group,), reference, promise=promise, sampling=sampling), HEAD_BYTES)
+        return _believed(Contents(None, own, (group,), reference, promise=promise, sampling=sampling, version=head.version), HEAD_BYTES)
     frame = read_short_frame(cursor, head.low, bool(head.high))
     ids = (LONE_ID,) if head.form is Form.LONE else read_names(cursor, len(data))
     group = Group(0, len(ids), cursor.rest())
-    return _believed(Contents(frame, ids, (group,), promise=promise, sampling=sampling), HEAD_BYTES)
+    return _believed(Contents(frame, ids, (group,), promise=promise, sampling=sampling, version=head.version), HEAD_BYTES)
 
 
 def _believed(contents: Contents, offset: int) -> Contents:

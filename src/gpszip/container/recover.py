@@ -109,7 +109,7 @@ def _joined(found: list[Piece], head: Head, size: int, reason: str) -> Recovered
         promise = None
         lost.append("the error promised, which is of all tracks together")
     layer = "bz2" if layered else None
-    contents = Contents(frame, kept, _renumbered(groups), reference, extras, layer, promise, sampling)
+    contents = Contents(frame, kept, _renumbered(groups), reference, extras, layer, promise, sampling, head.version)
     wrong = complaint(contents)
     if wrong:
         raise CorruptArchiveError(wrong)

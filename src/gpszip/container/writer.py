@@ -170,10 +170,10 @@ def _compact(contents: Contents, payload: bytes) -> bytes:
     lone = contents.ids is None or (frame is not None and contents.ids == (LONE_ID,))
     names = b"" if lone or contents.ids is None else names_bytes(contents.ids)
     if frame is not None:
-        head = Head(Form.LONE if lone else Form.NAMED, short_shape(frame), int(is_whole(frame)))
+        head = Head(Form.LONE if lone else Form.NAMED, short_shape(frame), int(is_whole(frame)), contents.version)
         place = short_frame_bytes(frame)
     elif contents.map is not None:
-        head, place = Head(Form.ON_MAP, contents.map.halvings, int(not lone)), contents.map.hash
+        head, place = Head(Form.ON_MAP, contents.map.halvings, int(not lone), contents.version), contents.map.hash
     return _sealed(head_bytes(head) + promise_bytes(contents.promise, contents.sampling) + place + names + payload)
 
 
@@ -194,12 +194,12 @@ def _small(contents: Contents, wrapped: list[bytes]) -> bytes:
     lone = contents.groups[0]
     walks = (int(Kind.WALKS), group_body(Group(lone.first_track, lone.tracks, b""), wrapped[0]))
     sections = [*_opening(contents), walks, *((extra.kind, bytes(extra.body)) for extra in contents.extras)]
-    head = head_bytes(Head(Form.SECTIONS, 1, int(contents.layer is not None)))
+    head = head_bytes(Head(Form.SECTIONS, 1, int(contents.layer is not None), contents.version))
     return _sealed(head + b"".join(bytes([kind]) + varint(len(body)) + body for kind, body in sections))
 
 
 def _large(contents: Contents, wrapped: list[bytes]) -> list[_Piece]:
-    head = head_bytes(Head(Form.SECTIONS, 0, int(contents.layer is not None)))
+    head = head_bytes(Head(Form.SECTIONS, 0, int(contents.layer is not None), contents.version))
     parts: list[_Piece] = [head, *(section_bytes(kind, body) for kind, body in _opening(contents))]
     entries: list[Entry] = []
     offset = _total(parts)

@@ -105,6 +105,28 @@ def silences(track: Track, gap: float) -> NDArray[np.bool_]:
     return silent
 
 
+def sample_spans(times: NDArray[np.float64], silent: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Times of the first and the last sample of each run between gaps.
+
+    Parameters
+    ----------
+    times : float64 array, shape (n,)
+        Seconds.
+    silent : bool array, shape (n - 1,)
+        Steps that are gaps.
+
+    Returns
+    -------
+    float64 array, shape (gaps + 1, 2)
+
+    Examples
+    --------
+    >>> sample_spans(np.array([0.0, 1.0, 90.0]), np.array([False, True])).tolist()
+    [[0.0, 1.0], [90.0, 90.0]]
+    """
+    return np.stack([times[np.append(True, silent)], times[np.append(silent, True)]], axis=1)
+
+
 def _milliseconds(times: NDArray[np.float64]) -> NDArray[np.float64]:
     rounded: NDArray[np.float64] = np.rint(np.diff(times) * 1000)
     return rounded

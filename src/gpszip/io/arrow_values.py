@@ -1,4 +1,4 @@
-"""Numbers, times and names from Arrow columns, whatever their type; what can't be understood becomes NaN."""
+"""Numbers and names from Arrow columns, whatever their type; what can't be understood becomes NaN."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from gpszip.errors import InputError, OptionError
+from gpszip.errors import InputError
 
-__all__ = ["codes", "looks_like_number", "looks_like_time", "numbers", "seconds", "unit_seconds", "values"]
+__all__ = ["NUMBER", "codes", "is_text", "looks_like_number", "looks_like_time", "numbers", "trimmed", "values"]
 
-_NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?$"
-_ZONE = r"[zZ]|[+-]\d{2}:?\d{2}|[+-]\d{2}"
-_NAIVE = r"^\d{4}-\d{2}-\d{2}([T ]\d{2}:\d{2}(:\d{2}(\.\d{1,9})?)?)?$"
-_ZONED = rf"^\d{{4}}-\d{{2}}-\d{{2}}[T ]\d{{2}}:\d{{2}}(:\d{{2}}(\.\d{{1,9}})?)?({_ZONE})$"
-_TICKS = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
+#: What a decimal number looks like.
+NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?$"
+#: What a date or a time of day begins with.
+_TIME = r"""(?ix)^ (?: \d{4}[-/.:]\d{1,2}[-/.:]\d  |  \d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}  |  \d{1,2}:\d{2}  |  \d{8}[T ]\d{2,6}
+    |  (?:(?:mon|tue|wed|thu|fri|sat|sun)[a-z]*,?\s+)? (?:\d{1,2}[-\s]%(months)s[-\s]\d{2}  |  %(months)s\s+\d{1,2}[,\s]) )"""
+_TIME %= {"months": "(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*"}
 
 Floats = NDArray[np.float64]
 
@@ -31,7 +32,7 @@ def looks_like_number(cell: str) -> bool:
     >>> looks_like_number(" -1.5e3"), looks_like_number("t")
     (True, False)
     """
-    return re.match(_NUMBER, cell.strip()) is not None
+    return re.match(NUMBER, cell.strip()) is not None
 
 
 def looks_like_time(cell: str) -> bool:
@@ -42,7 +43,7 @@ def looks_like_time(cell: str) -> bool:
     >>> looks_like_time("2024-01-31T12:00Z"), looks_like_time("12:30"), looks_like_time("time")
     (True, True, False)
     """
-    return re.match(r"^\d{4}[-/.]\d{1,2}[-/.]\d|^\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}|^\d{1,2}:\d{2}", cell.strip()) is not None
+    return re.match(_TIME, cell.strip()) is not None
 
 
 def numbers(column: Any, decimal_comma: bool = False) -> Floats:
@@ -66,59 +67,13 @@ def numbers(column: Any, decimal_comma: bool = False) -> Floats:
     [1.5, nan, nan]
     """
     kind = column.type
-    if _is_text(kind):
-        text = pc.utf8_trim_whitespace(_text(column))
+    if is_text(kind):
+        text = trimmed(column)
         text = pc.replace_substring(text, ",", ".") if decimal_comma else text
-        column = _cast(pc.if_else(pc.match_substring_regex(text, _NUMBER), text, None), pa.float64())
+        column = _cast(pc.if_else(pc.match_substring_regex(text, NUMBER), text, None), pa.float64())
     elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
         return np.full(len(column), np.nan)
     return np.array(pc.cast(column, pa.float64(), safe=False).to_numpy(), dtype=np.float64)
-
-
-def seconds(column: Any, unit: float | None, where: str) -> Floats:
-    """Turn a column of times into seconds.
-
-    Numbers are in the unit given, or else, by the size of their median, in seconds (up to 1e11), milliseconds (1e14),
-    microseconds (1e17) or nanoseconds. Dates count from 1970 in UTC; one without a zone is taken as UTC.
-
-    Parameters
-    ----------
-    column : pyarrow.ChunkedArray
-        Numbers, timestamps, or text that holds numbers or ISO 8601.
-    unit : float, optional
-        Seconds in the unit of numbers.
-    where : str
-        Name of the log and column for messages.
-
-    Returns
-    -------
-    float64 array, shape (n,)
-        NaN for what is no time.
-
-    Raises
-    ------
-    InputError
-        If there are cells but none is a time.
-
-    Examples
-    --------
-    >>> seconds(pa.chunked_array([["1970-01-01T00:00:01.5Z", "1970-01-01 01:00:02+01:00"]]), None, "a").tolist()
-    [1.5, 2.0]
-    >>> seconds(pa.chunked_array([[1700000000077]]), None, "a").tolist()
-    [1700000000.077]
-    """
-    kind = column.type
-    if pa.types.is_date(kind):
-        column = pc.cast(column, pa.timestamp("ms"))
-    if pa.types.is_timestamp(column.type):
-        return _ticks(column)
-    if _is_text(kind):
-        text = pc.utf8_trim_whitespace(_text(column))
-        if not pc.any(pc.match_substring_regex(text, _NUMBER)).as_py():
-            return _from_iso(text, where)
-    elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind) or pa.types.is_null(kind)):
-        raise InputError(f"{where} holds {kind}, which is no time; give seconds, milliseconds or ISO 8601 (2024-01-31T12:00:00Z)")
-    return _scaled(column, unit)
 
 
 def codes(column: Any) -> tuple[tuple[str, ...], NDArray[np.integer[Any]]]:
@@ -130,9 +85,9 @@ def codes(column: Any) -> tuple[tuple[str, ...], NDArray[np.integer[Any]]]:
     (('b', 'a'), array([0, 1, 0], dtype=int32))
     """
     _check_flat(column.type)
-    if pa.types.is_dictionary(column.type) and not _is_text(column.type.value_type):
+    if pa.types.is_dictionary(column.type) and not is_text(column.type.value_type):
         column = column.cast(column.type.value_type)
-    if not _is_text(column.type):
+    if not is_text(column.type):
         column = pc.cast(column, pa.string())
     column = column if pa.types.is_dictionary(column.type) else pc.dictionary_encode(column)
     array = column.unify_dictionaries().combine_chunks() if isinstance(column, pa.ChunkedArray) else column
@@ -162,30 +117,25 @@ def _check_flat(kind: Any) -> None:
         raise InputError(f"a column that is to be text holds {kind}; name another one, or leave it out")
 
 
-def unit_seconds(unit: str) -> float:
-    """Seconds in a unit of time that a user names.
+def is_text(kind: Any) -> bool:
+    """Whether a type of columns is text, maybe by a dictionary.
 
-    Raises
-    ------
-    OptionError
-        If there is no such unit.
+    Examples
+    --------
+    >>> is_text(pa.string()), is_text(pa.dictionary(pa.int8(), pa.string())), is_text(pa.int64())
+    (True, True, False)
     """
-    if unit not in _TICKS:
-        raise OptionError(f"time unit {unit!r} is not one of {', '.join(_TICKS)}")
-    return 1 / _TICKS[unit]
-
-
-def _is_text(kind: Any) -> bool:
     return bool(
         pa.types.is_string(kind)
         or pa.types.is_large_string(kind)
         or pa.types.is_string_view(kind)
-        or (pa.types.is_dictionary(kind) and _is_text(kind.value_type))
+        or (pa.types.is_dictionary(kind) and is_text(kind.value_type))
     )
 
 
-def _text(column: Any) -> Any:
-    return pc.cast(column, pa.string())
+def trimmed(column: Any) -> Any:
+    """Cast a column to text without white space around it."""
+    return pc.utf8_trim_whitespace(pc.cast(column, pa.string()))
 
 
 def _cast(column: Any, kind: Any) -> Any:
@@ -198,42 +148,3 @@ def _cast(column: Any, kind: Any) -> Any:
         half = len(column) // 2
         parts = [_cast(column.slice(0, half), kind), _cast(column.slice(half), kind)]
         return pa.chunked_array([chunk for part in parts for chunk in part.chunks], kind)
-
-
-def _ticks(column: Any) -> Floats:
-    whole, part = np.divmod(pc.fill_null(pc.cast(column, pa.int64()), 0).to_numpy(), _TICKS[column.type.unit])
-    result: Floats = whole + part / _TICKS[column.type.unit]
-    result[pc.is_null(column).to_numpy()] = np.nan
-    return result
-
-
-def _scaled(column: Any, unit: float | None) -> Floats:
-    plain = numbers(column)
-    finite = plain[np.isfinite(plain)]
-    size = float(np.median(np.abs(finite))) if len(finite) else 0.0
-    ticks = round(1 / unit) if unit else next((10**power for power, top in ((0, 1e11), (3, 1e14), (6, 1e17)) if size <= top), 10**9)
-    if ticks == 1:
-        return plain
-    if pa.types.is_integer(column.type) and not column.null_count:  # exact beyond 2**53
-        whole, part = np.divmod(pc.cast(column, pa.int64(), safe=False).to_numpy(), ticks)
-        exact: Floats = whole + part / ticks
-        return exact
-    scaled: Floats = plain / ticks
-    return scaled
-
-
-def _from_iso(text: Any, where: str) -> Floats:
-    iso = pc.replace_substring_regex(text, r"^(\d{4})[/.](\d{2})[/.](\d{2})", r"\1-\2-\3")
-    iso = pc.replace_substring_regex(iso, r"( UTC| GMT| Z)$", "Z")
-    iso = pc.replace_substring_regex(iso, r"(:\d{2})[,.](\d{1,9})\d*", r"\1.\2")
-    zoned = pc.match_substring_regex(iso, _ZONED)
-    naive = pc.match_substring_regex(iso, _NAIVE)
-    times = _ticks(_cast(pc.if_else(naive, iso, None), pa.timestamp("ns")))
-    if pc.any(zoned).as_py():
-        in_zone = _ticks(_cast(pc.if_else(zoned, iso, None), pa.timestamp("ns", "UTC")))
-        times = np.where(np.isnan(times), in_zone, times)
-    cells = pc.utf8_length(text).to_numpy(zero_copy_only=False) > 0
-    if cells.any() and np.isnan(times).all():
-        cell = text[int(cells.argmax())].as_py()
-        raise InputError(f"{where}: {cell[:40]!r} is no date and time; give seconds, milliseconds or ISO 8601 (2024-01-31T12:00:00Z)")
-    return times

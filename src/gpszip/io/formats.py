@@ -8,12 +8,15 @@ from typing import BinaryIO
 
 from gpszip.errors import InputError, OptionError, OutputError, UnknownFormatError
 from gpszip.io.csv_log import read_csv, sniff_csv, write_csv
-from gpszip.io.geojson import read_geojson, sniff_geojson, write_geojson
-from gpszip.io.gpx import read_gpx, sniff_gpx, write_gpx
+from gpszip.io.geojson import write_geojson
+from gpszip.io.geojson_reader import read_geojson, sniff_geojson
+from gpszip.io.gpx import write_gpx
+from gpszip.io.gpx_reader import read_gpx, sniff_gpx
 from gpszip.io.parquet_log import read_parquet, sniff_parquet, write_parquet
 from gpszip.io.raw_log import RawLog, Request
 from gpszip.io.source import Source
-from gpszip.model import Track
+from gpszip.io.track_rows import TrackRows
+from gpszip.io.xml_text import root_of
 
 __all__ = ["FORMATS", "Format", "format_for_reading", "format_for_writing", "format_named"]
 
@@ -27,7 +30,7 @@ class Format:
     name : str
         As ``format=`` names it.
     suffixes : tuple of str
-        Of files, lower case; any may be followed by ``.gz`` when read.
+        Of files, lower case; any may be followed by ``.gz`` when read, and lie in a zip archive.
     about : str
         One line on what is read.
     sniff : callable
@@ -43,17 +46,17 @@ class Format:
     about: str
     sniff: Callable[[bytes], bool]
     read: Callable[[Source, Request], RawLog]
-    write: Callable[[Iterable[Track], BinaryIO, int], None] | None
+    write: Callable[[Iterable[TrackRows], BinaryIO], None] | None
 
 
 #: In the order in which they are asked whether they know a file; text comes last, as it is least sure.
 FORMATS: tuple[Format, ...] = (
     Format("parquet", (".parquet", ".pq"), "columns as in CSV; a folder of files, too", sniff_parquet, read_parquet, write_parquet),
-    Format("gpx", (".gpx",), "tracks, with times", sniff_gpx, read_gpx, write_gpx),
+    Format("gpx", (".gpx",), "tracks and routes; extensions with --keep", sniff_gpx, read_gpx, write_gpx),
     Format(
         "geojson",
         (".geojson", ".json"),
-        "LineStrings with coordTimes or times; Points with a time",
+        "LineStrings with coordTimes or times, or as shapes; Points with a time; one on each line, too",
         sniff_geojson,
         read_geojson,
         write_geojson,
@@ -70,12 +73,21 @@ FORMATS: tuple[Format, ...] = (
 
 #: What else people bring, by its first bytes.
 _OTHERS = (
-    (b"PK\x03\x04", "a zip archive; unpack it first"),
+    (b"PK\x03\x04", "a zip archive inside another file; unpack the outer one first"),
     (b"BZh", "packed with bzip2; unpack it first: bzip2 -d"),
     (b"\xfd7zXZ", "packed with xz; unpack it first: xz -d"),
     (b"\x28\xb5\x2f\xfd", "packed with zstd; unpack it first: zstd -d"),
     (b"SQLite format 3", "a database; export the log from it as CSV"),
 )
+
+#: XML that people bring, by the root element in lower case, with the remedy.
+_ROOTS = {
+    "kml": "it is KML; turn it into GPX: gpsbabel -i kml -f FILE -o gpx -F FILE.gpx",
+    "trainingcenterdatabase": "it is TCX; turn it into GPX: gpsbabel -i gtrnctr -f FILE -o gpx -F FILE.gpx",
+    "osm": "it is OpenStreetMap's, which has roads, not logs; 'gpszip network' reads it",
+    "graphml": "it is GraphML, which has roads, not logs; 'gpszip network' reads it",
+    "html": "it is a web page, perhaps of an error or a login; fetch the file again",
+}
 
 
 def format_named(name: str) -> Format:
@@ -115,12 +127,29 @@ def format_for_reading(source: Source) -> Format:
             raise UnknownFormatError(f"{source.name}: is {what}")
     if source.name.lower().endswith(".gpsz"):
         raise UnknownFormatError(f"{source.name}: is an archive, not a log; 'gpszip decompress' turns it into one")
-    if head.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"<" and not sniff_gpx(head):
-        raise UnknownFormatError(f"{source.name}: is XML, but not GPX; convert it to GPX or CSV first")
+    root = root_of(head)
+    if root is not None and root.lower() != "gpx":
+        raise UnknownFormatError(f"{source.name}: is XML, but not GPX: {_told(root)}")
     for known in FORMATS:
         if known.sniff(head):
+            if _is_mere_text(known, source):
+                raise UnknownFormatError(f"{source.name}: is text, but not named as a table; if it is a log, name it .csv")
             return known
     raise UnknownFormatError(f"{source.name}: neither text nor a format that is known; 'gpszip formats' lists what can be read")
+
+
+def _is_mere_text(known: Format, source: Source) -> bool:
+    """Whether a member of a zip archive is text, but not named as a table: a page or a licence that came with the logs."""
+    name = source.name.lower().removesuffix(".gz")
+    return bool(source.archive) and known.name == "csv" and not name.endswith(known.suffixes)
+
+
+def _told(root: str) -> str:
+    """Say what an XML file is, and what to do with it."""
+    if not root:
+        return "no element comes within its first 256 KiB; if it is GPX, say so with --format gpx"
+    what = _ROOTS.get(root.lower(), "convert it to GPX or CSV first")
+    return f"its root element is {root[:40]!r}; {what}"
 
 
 def format_for_writing(name: str, format: str | None = None) -> Format:

@@ -1,4 +1,4 @@
-"""A map as GeoJSON: a LineString for each edge or way."""
+"""A map as GeoJSON: a line for each edge or way."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ __all__ = ["write_map_geojson"]
 def write_map_geojson(table: MapTable, path: Path, *, points: bool = False) -> None:
     """Write edges or ways with their columns as properties; lengths in metres, speeds in m/s.
 
+    A line that crosses the antimeridian is a MultiLineString, cut there (RFC 7946, 3.1.9).
+
     Coordinates of a map in x and y are metres, which GeoJSON has no word for: the member ``gpszip`` says so.
 
     Parameters
@@ -29,17 +31,21 @@ def write_map_geojson(table: MapTable, path: Path, *, points: bool = False) -> N
     points : bool
         Write the nodes, too, as Points with the property ``node``.
     """
-    places, line, starts = table.places.tolist(), table.points.tolist(), table.offsets.tolist()
+    places, vertices = table.places.tolist(), table.points.tolist()
     columns = [_nothing_for_nan(column) for column in table.properties.values()]
     features = [
-        _feature("LineString", line[starts[i] : starts[i + 1]], dict(zip(table.properties, row, strict=True)))
-        for i, row in enumerate(zip(*columns, strict=True))
+        _line([vertices[part] for part in parts], dict(zip(table.properties, row, strict=True)))
+        for parts, row in zip(table.parts, zip(*columns, strict=True), strict=True)
     ]
     if points:
         features += [_feature("Point", places[node], {"node": node}) for node in table.nodes.tolist()]
     member = "" if table.geographic else f"{json.dumps(METRES)[1:-1]}, "
     lines = ",\n".join(json.dumps(feature) for feature in features)
     path.write_text(f'{{"type": "FeatureCollection", {member}"features": [\n{lines}\n]}}\n', encoding="utf-8")
+
+
+def _line(parts: list[Any], properties: dict[str, Any]) -> dict[str, Any]:
+    return _feature("LineString", parts[0], properties) if len(parts) == 1 else _feature("MultiLineString", parts, properties)
 
 
 def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.geo.degree_lines import DegreeLines, lines_in_degrees
 from gpszip.geo.planes import to_geographic
-from gpszip.io.track_table import DEGREE_DIGITS, decimal
+from gpszip.io.track_rows import DEGREE_DIGITS, decimal
 from gpszip.model import Plane, RoadMap, WayMap
 
 __all__ = ["MapTable", "map_table", "way_table"]
 
+#: Decimals of metres.
 _DECIMALS = 3
+
+#: Metres by which a line in degrees may deviate from the one on the plane.
+_WITHIN = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,11 +35,14 @@ class MapTable:
     offsets : int64 array, shape (E + 1,)
         Line i runs through ``points[offsets[i]:offsets[i + 1]]``.
     points : float64 array, shape (n, d)
-        As the places.
+        As the places. Of a long edge or way in degrees, some lie between its nodes, as what is straight on a plane is not
+        straight in degrees.
     properties : dict of str to array, shape (E,)
         Columns of the lines by their names in files, first u and v, the places where each line ends. NaN stands for nothing.
     shaped : bool
         Whether lines have points between their ends.
+    cuts : int64 array, shape (c,)
+        Sorted indices into ``points`` at which a line begins anew, on the other side of the antimeridian.
     """
 
     places: NDArray[np.float64]
@@ -43,6 +51,7 @@ class MapTable:
     points: NDArray[np.float64]
     properties: dict[str, NDArray[np.generic]]
     shaped: bool = False
+    cuts: NDArray[np.int64] = field(default_factory=lambda: np.empty(0, np.int64))
 
     def __len__(self) -> int:
         return len(self.offsets) - 1
@@ -58,12 +67,24 @@ class MapTable:
         return np.unique(np.concatenate([self.properties["u"], self.properties["v"]]).astype(np.int64))
 
     @property
+    def parts(self) -> list[list[slice]]:
+        """Points of the parts of each line: one, or several where it is cut."""
+        ends = self.offsets.tolist()
+        if not len(self.cuts):
+            return [[slice(i, j)] for i, j in pairwise(ends)]
+        first, last = (np.searchsorted(self.cuts, ends, side).tolist() for side in ("right", "left"))
+        cuts = self.cuts.tolist()
+        return [
+            [slice(i, j) for i, j in pairwise([start, *cuts[first[n] : last[n + 1]], end])] for n, (start, end) in enumerate(pairwise(ends))
+        ]
+
+    @property
     def wkt(self) -> list[str]:
         """Lines in well-known text."""
-        kind = "LINESTRING Z" if self.points.shape[1] == 3 else "LINESTRING"
+        space = " Z" if self.points.shape[1] == 3 else ""
         texts = [" ".join(map(repr, point)) for point in self.points.tolist()]
-        starts = self.offsets.tolist()
-        return [f"{kind} ({', '.join(texts[i:j])})" for i, j in pairwise(starts)]
+        lines = [[f"({', '.join(texts[part])})" for part in parts] for parts in self.parts]
+        return [f"LINESTRING{space} {one[0]}" if len(one) == 1 else f"MULTILINESTRING{space} ({', '.join(one)})" for one in lines]
 
 
 def map_table(road_map: RoadMap, min_traversals: int = 0) -> MapTable:
@@ -98,8 +119,9 @@ def map_table(road_map: RoadMap, min_traversals: int = 0) -> MapTable:
         "backward": road_map.backward[often],
         "length": decimal(np.sqrt((steps * steps).sum(axis=1)), _DECIMALS),
     }
-    points = places[np.stack((u, v), axis=1).ravel()]
-    return MapTable(places, road_map.plane is not None, np.arange(0, 2 * len(u) + 1, 2), points, columns)
+    points = road_map.nodes[np.stack((u, v), axis=1).ravel()]
+    lines = _lines(points, np.arange(0, 2 * len(u) + 1, 2), road_map.plane)
+    return MapTable(places, road_map.plane is not None, lines.offsets, lines.points, columns, cuts=lines.cuts)
 
 
 def way_table(ways: WayMap) -> MapTable:
@@ -127,8 +149,9 @@ def way_table(ways: WayMap) -> MapTable:
     }
     parts = ways.hourly.shape[1]
     columns |= {f"speed_{24 * i // parts:02d}h": _rounded(ways.hourly[:, i]) for i in range(parts)}
-    places, points = (_places(positions, ways.plane) for positions in (ways.junctions, ways.points))
-    return MapTable(places, ways.plane is not None, ways.offsets, points, columns, shaped=True)
+    lines = _lines(ways.points, ways.offsets, ways.plane)
+    places = _places(ways.junctions, ways.plane)
+    return MapTable(places, ways.plane is not None, lines.offsets, lines.points, columns, shaped=True, cuts=lines.cuts)
 
 
 def _rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -140,3 +163,9 @@ def _places(positions: NDArray[np.float64], plane: Plane | None) -> NDArray[np.f
         return decimal(positions, _DECIMALS)
     lat, lon = to_geographic(positions[:, :2], plane)
     return decimal(np.stack([lon, lat], axis=1), _DECIMALS + DEGREE_DIGITS)
+
+
+def _lines(positions: NDArray[np.float64], offsets: NDArray[np.int64], plane: Plane | None) -> DegreeLines:
+    if plane is None or not len(positions):
+        return DegreeLines(decimal(positions, _DECIMALS), offsets, np.empty(0, np.int64))
+    return lines_in_degrees(positions[:, :2], offsets, plane, _WITHIN, decimals=_DECIMALS + DEGREE_DIGITS)

@@ -233,7 +233,11 @@ def _for_users(roads: JoinedRoads, parts: list[Any], near: Sequence[Track], repa
 
 
 def _of_motors(tracks: Sequence[Track]) -> bool:
-    fast = [np.linalg.norm(np.diff(track.positions, axis=0), axis=1) / np.diff(track.times) for track in tracks if len(track) > 1]
+    fast = [
+        np.linalg.norm(np.diff(track.positions, axis=0), axis=1) / np.diff(track.times)
+        for track in tracks
+        if track.timed and len(track) > 1
+    ]
     return bool(fast) and bool(np.quantile(np.concatenate(fast), 0.95) > _MOTORS)
 
 
@@ -311,7 +315,7 @@ def join_sources(source: Any, *, metric: bool | None = None, directed: bool | No
 
 
 def _read(source: Any, metric: bool | None) -> list[RoadLines]:
-    return [_lines(one, metric) for one in expand(source)]
+    return [_lines(one, metric) for one in expand(source, unzip=False)]
 
 
 def _together(read: list[RoadLines]) -> RoadLines:
@@ -364,6 +368,8 @@ def _lines(source: Source | InputError, metric: bool | None) -> RoadLines:
     packed = head.startswith(b"BZh") and source.name.lower().endswith(".osm.bz2")
     if packed or b"OSMHeader" in head[:64] or (text[:1] == b"<" and b"<osm" in text[:4096]):
         return read_osm_lines(_path(source), source.name)
+    if text[:1] == b"<" and b"<!ENTITY" in text:
+        raise InputError(f"{source.name}: declares XML entities, which are not expanded; write it without them")
     if text[:1] == b"<" and b"<graphml" in text[:4096]:
         with source.open() as stream:
             return read_graphml_lines(stream, source.name, metric=metric)

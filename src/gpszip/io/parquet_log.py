@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, BinaryIO
 
 import pyarrow as pa
@@ -12,8 +14,8 @@ from gpszip.io.columns import find_roles
 from gpszip.io.raw_log import RawLog, Request
 from gpszip.io.source import Source
 from gpszip.io.table import table_log
+from gpszip.io.track_rows import TrackRows
 from gpszip.io.track_table import track_tables
-from gpszip.model import Track
 
 __all__ = ["parquet_dataset", "read_parquet", "sniff_parquet", "write_parquet"]
 
@@ -47,7 +49,12 @@ def read_parquet(source: Source, request: Request) -> RawLog:
         names = [str(name) for name in dataset.schema.names]
         titles = _titles(names, request, source.name)
         roles = find_roles(
-            titles, request.columns if isinstance(request.columns, Mapping) else None, request.keep, source.name, heading=request.heading
+            titles,
+            request.columns if isinstance(request.columns, Mapping) else None,
+            request.keep,
+            source.name,
+            heading=request.heading,
+            times=request.times,
         )
         table = dataset.to_table(columns=[names[i] for i in roles.used])
         table.validate(full=True)  # texts that are no UTF-8, for instance
@@ -58,21 +65,19 @@ def read_parquet(source: Source, request: Request) -> RawLog:
     return table_log(table.columns, titles, roles, request, source.name)
 
 
-def write_parquet(tracks: Iterable[Track], sink: BinaryIO, decimals: int) -> None:
+def write_parquet(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
     """Write tracks with the columns that :func:`gpszip.io.csv_log.write_csv` has.
 
     Parameters
     ----------
-    tracks : iterable of Track
+    tracks : iterable of TrackRows
         All in x and y, or all on the earth.
     sink : binary file
         Where to.
-    decimals : int
-        Of metres; degrees have five more, seconds have six.
     """
     import pyarrow.parquet as pq
 
-    tables = track_tables(tracks, decimals)
+    tables = track_tables(tracks)
     first = next(tables)
     with pq.ParquetWriter(sink, first.schema) as writer:
         writer.write_table(first)
@@ -85,12 +90,31 @@ def parquet_dataset(source: Source) -> Any:
     import pyarrow.dataset as ds
     import pyarrow.parquet as pq
 
+    if source.path is not None and not _is_unicode(source.path):
+        raise InputError(f"{source.name}: the name is no UTF-8, as names of Parquet files have to be; rename it")
+    packed = pq.read_table(pa.BufferReader(source.read())) if source.path is None or source.packed else None
+    _check_names(pq.read_schema(str(source.path)) if packed is None else packed.schema, source.name)
+    if packed is not None:
+        return ds.dataset(packed)
     if source.base is not None:
         hive = ds.partitioning(flavor="hive")
         return ds.dataset([str(source.path)], format="parquet", partitioning=hive, partition_base_dir=str(source.base))
-    if source.path is not None and not source.packed:
-        return ds.dataset(str(source.path), format="parquet")
-    return ds.dataset(pq.read_table(pa.BufferReader(source.read())))
+    return ds.dataset(str(source.path), format="parquet")
+
+
+def _check_names(schema: Any, where: str) -> None:
+    """Refuse columns of one name: Arrow can't tell them apart."""
+    name, times = Counter(schema.names).most_common(1)[0] if schema.names else ("", 0)
+    if times > 1:
+        raise InputError(f"{where}: {times} columns are named {name!r}; give them different names where the file is written")
+
+
+def _is_unicode(path: Path) -> bool:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _titles(names: list[str], request: Request, where: str) -> list[str]:

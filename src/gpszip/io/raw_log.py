@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gpszip.model.reading import LeftOut, Repair
 
-__all__ = ["RawLog", "Request", "Unread", "unused"]
+__all__ = ["Guess", "RawLog", "Request", "Unread", "unused"]
 
 
 @dataclass(frozen=True)
@@ -23,17 +23,27 @@ class Request:
     columns : str, sequence of str, or mapping of str to str, optional
         Names of the columns by position, or the column for each role (``{"t": "when", "x": "east"}``).
     time_unit : str, optional
-        ``s``, ``ms``, ``us`` or ``ns``; found from the size of the numbers where left out.
+        Unit of times that are numbers, one of :data:`gpszip.io.timestamps.TIME_UNITS`; found from their size where left out.
     keep : tuple of str
         Further columns to keep as attributes.
     heading : bool
         Keep headings, too, as attribute ``heading``, where there are some.
+    dates : str, optional
+        ``dmy``, ``mdy`` or ``ymd``, the order of day, month and year in dates such as 03/04/2024; found from the whole column
+        where left out.
+    skip_bad : bool
+        Leave out parts of a log that can't be used, such as a feature of GeoJSON, and name them, instead of raising.
+    times : bool
+        Whether a table needs a column of times; without one, its tracks are read as shapes.
     """
 
     columns: Mapping[str, str] | tuple[str, ...] | None = None
     time_unit: str | None = None
     keep: tuple[str, ...] = ()
     heading: bool = False
+    dates: str | None = None
+    skip_bad: bool = False
+    times: bool = True
 
 
 @dataclass(frozen=True)
@@ -53,6 +63,22 @@ class Unread:
     column: str
     row: int
     value: str
+
+
+@dataclass(frozen=True)
+class Guess:
+    """A unit of times that the user hasn't said.
+
+    Parameters
+    ----------
+    unit : str
+        One of :data:`gpszip.io.timestamps.TIME_UNITS`.
+    named : bool
+        Whether the name of the column says it, rather than the size of the numbers.
+    """
+
+    unit: str
+    named: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +118,12 @@ class RawLog:
     untimed : frozenset of int
         Codes of the tracks that have no times at all, and are read as shapes; 0 stands for the track of a log that names none.
         Their rows hold NaN for the time and are in the order of travel.
+    guess : Guess, optional
+        The unit in which numbers were read as times, where the user doesn't say it.
+    time_of_day : bool
+        Whether times are seconds from midnight, as the log has no dates.
+    axes : tuple of str
+        Names of the columns of coordinates, as the log gives them; empty where it has no columns.
     """
 
     name: str
@@ -109,6 +141,9 @@ class RawLog:
     left_out: tuple[LeftOut, ...] = ()
     unread: tuple[Unread, ...] = ()
     untimed: frozenset[int] = frozenset()
+    guess: Guess | None = None
+    time_of_day: bool = False
+    axes: tuple[str, ...] = ()
 
 
 def unused(name: str, taken: Container[str]) -> str:

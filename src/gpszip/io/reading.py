@@ -15,11 +15,13 @@ from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.geo.spikes import find_spikes
 from gpszip.io.columns import parse_columns
 from gpszip.io.formats import format_for_reading, format_named
-from gpszip.io.mending import Piece, mend
+from gpszip.io.losses import loss_of
+from gpszip.io.mending import Mended, Piece, mend
+from gpszip.io.plausibility import plausible
 from gpszip.io.raw_log import RawLog, Request, unused
-from gpszip.io.source import Source, expand
+from gpszip.io.source import Source, expand, is_no_log
 from gpszip.model import Plane, Track
-from gpszip.model.reading import LeftOut, Reading, Repair
+from gpszip.model.reading import LeftOut, Loss, Reading, Repair
 
 __all__ = ["read_logs"]
 
@@ -33,6 +35,7 @@ class _Account:
     raws: list[tuple[str, bool, int]] = field(default_factory=list)
     repairs: list[Repair] = field(default_factory=list)
     left_out: list[LeftOut] = field(default_factory=list)
+    losses: list[tuple[Loss, str | None]] = field(default_factory=list)  # with the name of the log, of tracks without a name
     dropped: dict[str, None] = field(default_factory=dict)
     errors: list[InputError] = field(default_factory=list)
     logs: set[str] = field(default_factory=set)
@@ -41,17 +44,19 @@ class _Account:
 
 
 def read_logs(
-    sources: str | Path | BinaryIO | Iterable[str | Path | BinaryIO],
+    sources: str | Path | BinaryIO | Iterable[str | Path | BinaryIO | Source | InputError],
     *,
     format: str | None = None,
     columns: str | Sequence[str] | Mapping[str, str] | None = None,
     time_unit: str | None = None,
+    dates: str | None = None,
     clean: bool = False,
     sort: bool = False,
     split: bool = False,
     keep: Sequence[str] = (),
     heading: bool = False,
     skip_bad: bool = False,
+    times: bool = True,
 ) -> Reading:
     r"""Read position logs.
 
@@ -62,16 +67,20 @@ def read_logs(
 
     Parameters
     ----------
-    sources : str, Path, binary stream, or iterable of these
-        Files, patterns (``walks/*.gpx``), folders of Parquet, ``-`` for standard input.
+    sources : str, Path, binary stream, or iterable of these and of what :func:`gpszip.io.source.expand` gives
+        Files, patterns (``walks/*.gpx``), folders of Parquet, zip archives of files, ``-`` for standard input.
     format : str, optional
         ``csv``, ``parquet``, ``gpx`` or ``geojson``; told from the content where left out.
     columns : str, sequence of str, or mapping of str to str, optional
         ``t,x,y`` names the columns by position, ``t=when,x=east,y=north`` by name.
     time_unit : str, optional
-        ``s``, ``ms``, ``us`` or ``ns`` of times that are numbers; told from their size where left out.
+        ``s``, ``ms``, ``us``, ``ns``, ``days``, ``excel`` (days from 1899-12-30) or ``matlab`` (days from the year 0) of times that
+        are numbers; told from their size where left out.
+    dates : str, optional
+        ``dmy``, ``mdy`` or ``ymd``, the order of day, month and year in dates such as 03/04/2024; told from the whole column where
+        left out.
     clean : bool
-        Drop spikes, see :func:`gpszip.geo.spikes.find_spikes`.
+        Drop spikes, see :func:`gpszip.geo.spikes.find_spikes`, and positions at 0,0 where all others are far from there.
     sort, split : bool
         What to do where time goes back: put the points in order, or start a new track.
     keep : sequence of str
@@ -80,7 +89,8 @@ def read_logs(
         Keep a column of headings (``heading``, ``bearing``, ``course``, ...; the course of GPX points), where there is one, as the
         attribute ``heading``: degrees clockwise from north, NaN where not known.
     skip_bad : bool
-        Leave out logs that can't be read, instead of raising.
+        Leave out logs that can't be read, parts of logs such as features of GeoJSON, and positions off the globe, instead of raising.
+        Files in a zip archive that are no logs at all are left out in any case.
 
     Returns
     -------
@@ -101,15 +111,16 @@ def read_logs(
     >>> [(track.id, len(track)) for track in reading.tracks], reading.points, reading.lost
     ([('007', 2)], 3, 1)
     """
-    request = Request(parse_columns(columns), time_unit, (keep,) if isinstance(keep, str) else tuple(keep), heading)
+    kept = (keep,) if isinstance(keep, str) else tuple(keep)
+    request = Request(parse_columns(columns), time_unit, kept, heading, dates, skip_bad=skip_bad, times=times)
     account = _Account()
     for source in expand(sources):
         account.logs.add(source.log if isinstance(source, Source) else str(source))
         try:
-            raw = _read(source, format, request)
-            _add(account, raw, *mend(raw, sort=sort, split=split), source)
+            raw = plausible(_read(source, format, request), request)
+            _add(account, raw, mend(raw, sort=sort, split=split, skip_bad=skip_bad, clean=clean), source)
         except InputError as error:
-            if not skip_bad:
+            if not (skip_bad or is_no_log(source, error)):
                 raise
             account.errors.append(error)
     _account_for_errors(account)
@@ -122,6 +133,7 @@ def read_logs(
         repairs=tuple(account.repairs),
         left_out=tuple(account.left_out),
         dropped=tuple(account.dropped),
+        losses=_losses(account),
     )
 
 
@@ -132,18 +144,22 @@ def _read(source: Source | InputError, format_: str | None, request: Request) ->
     return found.read(source, request)
 
 
-def _add(account: _Account, raw: RawLog, pieces: list[Piece], repairs: list[Repair], source: Source | InputError) -> None:
+def _add(account: _Account, raw: RawLog, mended: Mended, source: Source | InputError) -> None:
     assert isinstance(source, Source)
     own = (raw.name, raw.geographic, raw.coordinates.shape[1])
     if account.raws and account.raws[0][1:] != own[1:]:
         raise InputError(f"{own[0]}: holds {_kind(own)}, but {account.raws[0][0]} {_kind(account.raws[0])}; read them apart")
     account.raws.append(own)
-    account.pieces.append(pieces)
+    dropped_before = sum(repair.count for repair in raw.repairs if repair.drops)
+    points = len(raw.times) + dropped_before
+    account.pieces.append(mended.pieces)
     account.stems.append((source.stem, source.base is not None))
-    account.repairs += [*raw.repairs, *repairs]
-    account.left_out += raw.left_out
+    account.repairs += [*raw.repairs, *mended.repairs]
+    account.losses += [(loss, None) for loss in loss_of("", raw.name, dropped_before, points)]
+    account.losses += [(loss, source.stem if raw.codes is None else None) for loss in mended.losses]
+    account.left_out += [*raw.left_out, *mended.left_out]
     account.dropped |= dict.fromkeys(raw.dropped)
-    account.points += len(raw.times) + sum(repair.count for repair in raw.repairs if repair.drops)
+    account.points += points
     account.bytes += source.size
 
 
@@ -168,10 +184,26 @@ def _tracks(account: _Account, clean: bool) -> tuple[tuple[Track, ...], bool]:
     if clean:
         pieces, cleaned = _cleaned(pieces, positions, account.repairs)
         positions, plane = _projected(pieces, geographic) if cleaned else (positions, plane)
-    return tuple(
-        Track(str(piece.id), piece.times, own, attributes=piece.attributes, plane=plane)
-        for piece, own in zip(pieces, positions, strict=True)
-    ), geographic
+    return tuple(_track(piece, own, plane, account.repairs) for piece, own in zip(pieces, positions, strict=True)), geographic
+
+
+def _track(piece: Piece, positions: NDArray[np.float64], plane: Plane | None, repairs: list[Repair]) -> Track:
+    """A track of a piece; the times of a shape are the distances along it, at which no two points may be the same."""
+    if piece.timed:
+        return Track(str(piece.id), piece.times, positions, attributes=piece.attributes, plane=plane)
+    along = np.append(0.0, np.cumsum(np.sqrt((np.diff(positions, axis=0) ** 2).sum(axis=1))))
+    fresh = np.append(True, np.diff(along) > 0)
+    if not fresh.all():
+        where = f"{piece.where}: track {piece.id!r}"
+        repairs.append(Repair("points that repeat the one before, of a track without times, dropped", int((~fresh).sum()), where))
+    kept = piece.take(fresh)
+    return Track(str(kept.id), along[fresh], positions[fresh], attributes=kept.attributes, plane=plane, timed=False)
+
+
+def _losses(account: _Account) -> tuple[Loss, ...]:
+    """Losses, with the names that tracks without a name get."""
+    alone = len(account.logs) == 1
+    return tuple(loss if stem is None else replace(loss, track="0" if alone else stem) for loss, stem in account.losses)
 
 
 def _named(account: _Account) -> list[Piece]:
@@ -207,7 +239,7 @@ def _joined(pieces: Sequence[Piece], repairs: list[Repair]) -> list[Piece]:
 
 def _chain(group: list[Piece]) -> tuple[list[Piece], list[Piece]]:
     """Split pieces of one name in those that follow each other in time and the others."""
-    if any(piece.label for piece in group):
+    if any(piece.label or not piece.timed for piece in group):
         return group[:1], group[1:]
     chain: list[Piece] = []
     others: list[Piece] = []
@@ -242,7 +274,7 @@ def _projected(pieces: Sequence[Piece], geographic: bool) -> tuple[list[NDArray[
 def _cleaned(pieces: Sequence[Piece], positions: Sequence[NDArray[np.float64]], repairs: list[Repair]) -> tuple[list[Piece], bool]:
     cleaned = []
     for piece, own in zip(pieces, positions, strict=True):
-        spikes = find_spikes(piece.times, own)
+        spikes = find_spikes(piece.times, own) if piece.timed else np.zeros(len(own), np.bool_)
         if spikes.any():
             repairs.append(Repair("spikes dropped", int(spikes.sum()), f"{piece.where}: track {piece.id!r}"))
         cleaned.append(piece.take(~spikes) if spikes.any() else piece)

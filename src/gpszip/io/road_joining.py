@@ -18,6 +18,9 @@ __all__ = ["JoinedRoads", "join_roads"]
 #: Vertices that are the same in so many parts of a degree (of a centimetre), or of a metre, are one place.
 _DEGREES, _METRES = 1e7, 1e3
 
+#: Coordinates beyond are no place in degrees or metres: the Earth is 4e7 m around.
+_FARTHEST = 1e9
+
 #: Where more than this share of at least so many lines has a twin that runs against it, every line is one direction.
 _TWINS, _ENOUGH = 0.5, 20
 
@@ -94,6 +97,7 @@ def join_roads(lines: RoadLines) -> JoinedRoads:
     """
     repairs = list(lines.repairs)
     lines = _whole(lines, repairs)
+    lines = _on_one_antimeridian(lines)
     places, at = _places(lines)
     lines, at = _moving(lines, at, repairs)
     lines, at = _united(lines, at, repairs, whole=True)
@@ -119,9 +123,17 @@ def join_roads(lines: RoadLines) -> JoinedRoads:
     )
 
 
+def _on_one_antimeridian(lines: RoadLines) -> RoadLines:
+    """Lines that were cut at the antimeridian meet there again: -180 degrees are 180."""
+    if not lines.geographic or not (lines.coordinates[:, 0] == -180.0).any():
+        return lines
+    lon, lat = lines.coordinates.T
+    return replace(lines, coordinates=np.stack([np.where(lon == -180.0, 180.0, lon), lat], axis=1))
+
+
 def _whole(lines: RoadLines, repairs: list[Repair]) -> RoadLines:
     """Lines all of whose coordinates can be used."""
-    bad = ~np.isfinite(lines.coordinates).all(axis=1)
+    bad = ~(np.abs(lines.coordinates) < _FARTHEST).all(axis=1)  # what is no number is not less, either
     if lines.geographic:
         lon, lat = lines.coordinates.T
         off = (np.abs(lat) > 90) | (np.abs(lon) > 360)
@@ -134,7 +146,7 @@ def _whole(lines: RoadLines, repairs: list[Repair]) -> RoadLines:
         return lines
     owner = np.repeat(np.arange(len(lines)), np.diff(lines.offsets))
     broken = np.bincount(owner[bad], minlength=len(lines)) > 0
-    _count(repairs, lines, "roads with a vertex that is no position dropped", int(broken.sum()))
+    _count(repairs, lines, "roads with a vertex that is no position dropped", broken)
     return take_lines(lines, np.flatnonzero(~broken))
 
 
@@ -161,7 +173,7 @@ def _moving(lines: RoadLines, at: Longs, repairs: list[Repair]) -> tuple[RoadLin
     keep[lines.offsets[:-1][np.diff(lines.offsets) > 0]] = True
     counts = np.diff(np.append(0, np.cumsum(keep))[lines.offsets])
     good = counts >= 2
-    _count(repairs, lines, "roads without a length dropped", int((~good).sum()))
+    _count(repairs, lines, "roads without a length dropped", ~good)
     if not good.any():
         raise InputError(f"{lines.name}: holds no road: no line with two different vertices")
     keep &= np.repeat(good, np.diff(lines.offsets))
@@ -193,7 +205,7 @@ def _united(lines: RoadLines, at: Longs, repairs: list[Repair], *, whole: bool) 
         lines = _one_directed(lines, turned, group, len(first), repairs)
     if len(first) == len(lines):
         return lines, at
-    _count(repairs, lines, "roads united with another one of the same shape", len(lines) - len(first))
+    _note(repairs, lines, "roads united with another one of the same shape", len(lines) - len(first))
     along, against = np.where(turned, lines.backward, lines.forward), np.where(turned, lines.forward, lines.backward)
     along, against = np.bincount(group, along) > 0, np.bincount(group, against) > 0
     speeds = np.full(len(first), np.nan)
@@ -228,7 +240,7 @@ def _one_directed(lines: RoadLines, turned: NDArray[np.bool_], group: Longs, gro
         twins = (np.bincount(group, turned, groups) > 0) & (np.bincount(group, ~turned, groups) > 0)
         if groups < _ENOUGH or twins.mean() <= _TWINS:
             return lines
-        _count(repairs, lines, "roads read as one-way: most have a twin against them, these don't", int((~twins).sum()))
+        _note(repairs, lines, "roads read as one-way: most have a twin against them, these don't", int((~twins).sum()))
     return replace(lines, forward=lines.forward.copy(), backward=np.zeros(len(lines), np.bool_))
 
 
@@ -241,7 +253,7 @@ def _cut(lines: RoadLines, at: Longs, places: int, repairs: list[Repair]) -> tup
     if len(begin) == len(lines):
         return lines, at
     owner = np.repeat(np.arange(len(lines)), np.diff(lines.offsets))[begin]
-    _count(repairs, lines, "roads cut where others meet them", len(np.unique(owner[~first[begin]])))
+    _note(repairs, lines, "roads cut where others meet them", len(np.unique(owner[~first[begin]])))
     ends = np.append(begin[1:], len(at))
     ends = np.where(np.append(first[begin[1:]], True), ends - 1, ends)
     counts = ends - begin + 1
@@ -250,6 +262,12 @@ def _cut(lines: RoadLines, at: Longs, places: int, repairs: list[Repair]) -> tup
     return replace(take_columns(lines, owner), offsets=offsets), at[rows]
 
 
-def _count(repairs: list[Repair], lines: RoadLines, what: str, count: int) -> None:
+def _count(repairs: list[Repair], lines: RoadLines, what: str, which: NDArray[np.bool_]) -> None:
+    """Note which lines were dropped, if any were, with the first of them."""
+    if which.any():
+        _note(repairs, lines, what, int(which.sum()), f"road {lines.ids[int(which.argmax())].as_py()!r}")
+
+
+def _note(repairs: list[Repair], lines: RoadLines, what: str, count: int, value: str = "") -> None:
     if count:
-        repairs.append(Repair(what, count, lines.name, drops="dropped" in what))
+        repairs.append(Repair(what, count, lines.name, drops="dropped" in what, value=value))

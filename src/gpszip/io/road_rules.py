@@ -156,6 +156,8 @@ def street_name(name: str | None, ref: str | None = None) -> str | None:
 def _parts_of_list(text: str) -> list[str]:
     """The members of a list that was written as text, or the text itself."""
     plain = text.strip()
+    if plain.startswith("{"):
+        return []  # an object is no name
     if not (plain.startswith("[") and plain.endswith("]") and len(plain) <= _LONGEST_LIST):
         return [plain]
     try:

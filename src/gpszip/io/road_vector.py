@@ -87,15 +87,16 @@ def read_vector_lines(path: Any, name: str, *, metric: bool | None = None, metre
     rows, crs = _rows(path, name, loose)
     counts = np.concatenate(rows.counts) if rows.counts else np.empty(0, np.int64)
     if not len(counts):
-        what = f"{rows.features:,} feature(s), but no line" if rows.features else "no features"
-        raise InputError(f"{name}: holds {what}; a network needs LineStrings")
+        what = f"{rows.features:,} feature(s), but no line that can be read" if rows.features else "no features"
+        raise InputError(f"{name}: holds {what}; a network needs LineStrings whose coordinates are numbers")
     points = np.concatenate(rows.points)
     points, geographic, notes = _system(points, counts, crs, name, metric or (metres or None), loose=loose)
     owner = np.concatenate(rows.rows)
     columns = {role: pa.chunked_array(parts) for role, parts in rows.columns.items()}
     forward, backward, speeds, users, closed = _rules(columns, rows.features)
     if rows.others:
-        notes = (*notes, Repair("features that are no lines dropped", rows.others, name))
+        first = int(np.setdiff1d(np.arange(rows.features), owner)[0])
+        notes = (*notes, Repair("features that are no lines dropped", rows.others, name, value=f"feature {first}, counted from 0"))
     ids = columns["id"].combine_chunks() if "id" in columns else pa.array(np.arange(rows.features)).cast(pa.string())
     lines = RoadLines(
         name=name,

@@ -14,12 +14,13 @@ import pyarrow.csv as pc
 from numpy.typing import NDArray
 
 from gpszip.errors import OutputError
+from gpszip.geo.degree_lines import cut_lines
 from gpszip.geo.planes import to_geographic
 from gpszip.io.geojson import METRES
 from gpszip.io.sink import writing
-from gpszip.io.track_table import DEGREE_DIGITS, TIME_DECIMALS, decimal
+from gpszip.io.track_rows import DEGREE_DIGITS, TIME_DECIMALS, decimal
 from gpszip.model import Network, Plane, Track
-from gpszip.model.match import Match, Matching, Piece
+from gpszip.model.match import Break, Match, Matching, Piece
 
 __all__ = ["route_format", "write_routes"]
 
@@ -87,23 +88,53 @@ def _write_lines(matching: Matching, tracks: Sequence[Track], network: Network, 
         for feature in _features(match, track, network):
             stream.write((separator + json.dumps(feature, ensure_ascii=False)).encode())
             separator = ",\n"
+    stream.write(b'\n], "unmatched": [')
+    separator = "\n"
+    for match, track in zip(matching.matches, tracks, strict=True):
+        for stretch in _unmatched(match, track, network):
+            stream.write((separator + json.dumps(stretch, ensure_ascii=False)).encode())
+            separator = ",\n"
     stream.write(b"\n]}\n")
+
+
+def _unmatched(match: Match, track: Track, network: Network) -> Iterator[dict[str, Any]]:
+    """Stretches on no road, with the first and last time of their points and why."""
+    for one in match.breaks:
+        points = one.after + 1 + np.flatnonzero(match.piece[one.after + 1 : one.before] < 0)
+        if not len(points):
+            continue
+        stretch = {"track_id": match.track, **_times(track, int(points[0]), int(points[-1])), "points": len(points), "reason": one.reason}
+        yield stretch | ({"against": _labels(one, network)} if one.edges else {})
 
 
 def _features(match: Match, track: Track, network: Network) -> Iterator[dict[str, Any]]:
     for number, piece in enumerate(match.pieces):
-        line = _places(piece.line if len(piece.line) > 1 else np.repeat(piece.line, 2, axis=0), network.plane).tolist()
+        line = _places(piece.line if len(piece.line) > 1 else np.repeat(piece.line, 2, axis=0), network.plane)
         properties = _properties(match, number, piece, track) | {"roads": _roads(piece, network)}
-        yield {"type": "Feature", "properties": properties, "geometry": {"type": "LineString", "coordinates": line}}
+        if network.names is not None:
+            properties["names"] = _street_names(piece, network.names)
+        against = [name for one in match.breaks if one.after == piece.last and one.edges for name in _labels(one, network)]
+        if against:
+            properties["against"] = against
+        yield {"type": "Feature", "properties": properties, "geometry": _geometry(line, network.plane)}
+
+
+def _geometry(line: NDArray[np.float64], plane: Plane | None) -> dict[str, Any]:
+    """A line, in two or more parts where it crosses the antimeridian (RFC 7946, 3.1.9)."""
+    if plane is None:
+        return {"type": "LineString", "coordinates": line.tolist()}
+    found = cut_lines(line, np.array([0, len(line)]), decimals=_DECIMALS + DEGREE_DIGITS)
+    parts = [part.tolist() for part in np.split(found.points, found.cuts)]
+    if len(parts) == 1:
+        return {"type": "LineString", "coordinates": parts[0]}
+    return {"type": "MultiLineString", "coordinates": parts}
 
 
 def _properties(match: Match, number: int, piece: Piece, track: Track) -> dict[str, Any]:
-    start, end = decimal(track.times[[piece.first, piece.last]], TIME_DECIMALS).tolist()
     return {
         "track_id": match.track,
         "piece": number,
-        "t_start": start,
-        "t_end": end,
+        **_times(track, piece.first, piece.last),
         "points": int((match.piece == number).sum()),
         "length": round(piece.length, _DECIMALS),
         "confidence": round(piece.confidence, _DECIMALS),
@@ -112,8 +143,27 @@ def _properties(match: Match, number: int, piece: Piece, track: Track) -> dict[s
     }
 
 
+def _times(track: Track, first: int, last: int) -> dict[str, float]:
+    """Times of the first and the last point of a stretch; none where the track has none."""
+    if not track.timed:
+        return {}
+    start, end = decimal(track.times[[first, last]], TIME_DECIMALS).tolist()
+    return {"t_start": start, "t_end": end}
+
+
+def _labels(one: Break, network: Network) -> list[str]:
+    """What the roads that a break leads against are called."""
+    return list(dict.fromkeys(map(network.label, one.edges)))
+
+
+def _street_names(piece: Piece, names: Sequence[str]) -> list[str]:
+    """Street names in the order of travel, those of several roads in a row once; roads without a name are passed over."""
+    travelled = [names[edge] for edge in piece.route.edges.tolist()]
+    return [name for name, _ in groupby(filter(None, travelled))]
+
+
 def _roads(piece: Piece, network: Network) -> list[Any]:
-    """Names of the roads travelled, those that several in a row share once; their numbers where they have none."""
+    """Ids of the roads travelled, those that several in a row share once; their numbers where they have none."""
     edges = piece.route.edges.tolist()
     names = edges if network.ids is None else [network.ids[edge] for edge in edges]
     return [name for name, _ in groupby(names)]
@@ -140,7 +190,8 @@ def _write_rows(matching: Matching, tracks: Sequence[Track], network: Network, s
 def _rows(match: Match, track: Track, network: Network) -> pa.Table:
     on = match.piece >= 0
     off = ~on
-    columns: dict[str, Any] = {"track_id": pa.array([match.track] * len(match), pa.string()), "t": decimal(track.times, TIME_DECIMALS)}
+    columns: dict[str, Any] = {"track_id": pa.array([match.track] * len(match), pa.string())}
+    columns["t"] = _known(decimal(track.times, TIME_DECIMALS), np.full(len(track), not track.timed))
     columns |= _axes("", track.positions, track.plane, np.zeros(len(track), np.bool_))
     columns |= _axes("road_", match.places(network), network.plane, off)
     columns["distance"] = _known(decimal(match.distance, _DECIMALS), off)
@@ -151,7 +202,22 @@ def _rows(match: Match, track: Track, network: Network) -> pa.Table:
     columns["offset"] = _known(decimal(match.offset, _DECIMALS), off)
     columns["along"] = _known(decimal(match.along, _DECIMALS), off)
     columns["confidence"] = decimal(match.confidence, _DECIMALS)
+    if network.names is not None:
+        columns["name"] = pa.array([network.names[edge] if edge >= 0 else None for edge in match.edge.tolist()], pa.string())
+    columns["reason"], columns["against"] = _reasons(match, network)
     return pa.table(columns)
+
+
+def _reasons(match: Match, network: Network) -> tuple[pa.Array, pa.Array]:
+    """Why points are on no road, and the one-way roads that they travel against; null for those that are on one."""
+    which = np.full(len(match), -1)
+    for number, one in enumerate(match.breaks):
+        which[one.after + 1 : one.before] = number
+    which[match.piece >= 0] = -1
+    off = pa.array(which, mask=which < 0)
+    reasons = pa.array([one.reason for one in match.breaks], pa.string())
+    against = pa.array(["; ".join(_labels(one, network)) or None for one in match.breaks], pa.string())
+    return reasons.take(off), against.take(off)
 
 
 def _axes(prefix: str, positions: NDArray[np.float64], plane: Plane | None, missing: NDArray[np.bool_]) -> dict[str, Any]:

@@ -6,29 +6,33 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import reduce
+from operator import or_
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pc
 
 from gpszip.errors import InputError
 from gpszip.io import csv_log
-from gpszip.io.arrow_values import looks_like_number, numbers
-from gpszip.io.columns import Roles, find_roles, time_unit_of
+from gpszip.io.arrow_values import is_text, trimmed
+from gpszip.io.columns import Roles, find_roles
+from gpszip.io.coordinates import has_decimal_comma, has_decimal_point
+from gpszip.io.date_texts import DateOrders, date_orders
 from gpszip.io.formats import format_for_reading, format_named
 from gpszip.io.parquet_log import parquet_dataset
+from gpszip.io.plausibility import as_spreadsheet_days, plausible
+from gpszip.io.quotes import check_quotes
 from gpszip.io.raw_log import RawLog, Request
 from gpszip.io.source import Source
-from gpszip.io.table import table_log
+from gpszip.io.table import Habits, habits_of, table_log
+from gpszip.io.time_columns import order_of, time_cells
 from gpszip.model.reading import Repair
 
 __all__ = ["Shard", "shard_of"]
 
-#: Rows and bytes that are read at a time.
-_ROWS, _BYTES = 1 << 17, 1 << 22
-
-_UNITS = ((1e11, "s"), (1e14, "ms"), (1e17, "us"))
+#: Rows of Parquet that are read at a time.
+_ROWS = 1 << 17
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +55,8 @@ class Shard:
         The coordinate system that the file names; empty where it names none.
     dialect : Dialect, optional
         How text is written.
+    format : str
+        Name of the format of a file that is read at once.
     """
 
     source: Source
@@ -60,6 +66,7 @@ class Shard:
     roles: Roles | None = None
     crs: str = ""
     dialect: csv_log.Dialect | None = None
+    format: str = ""
 
     @property
     def name(self) -> str:
@@ -88,44 +95,80 @@ class Shard:
             If the file is damaged.
         """
         if self.kind == "whole":
-            yield format_for_reading(self.source).read(self.source, self.request)
+            yield plausible(format_named(self.format).read(self.source, self.request), self.request)
             return
         try:
             yield from self._tables(_parquet_tables(self) if self.kind == "parquet" else _csv_tables(self))
         except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{self.name}: damaged: {str(error).splitlines()[0][:120]}") from None
+            said = csv_log.table_error(error) if self.kind == "csv" else f"damaged: {str(error).splitlines()[0][:120]}"
+            raise InputError(f"{self.name}: {said}") from None
 
     def _tables(self, tables: Iterator[tuple[Any, int]]) -> Iterator[RawLog]:
         roles, request, first = self.roles, self.request, 1 if self.dialect is None else self.dialect.header + 1
+        habits: Habits | None = None
         assert roles is not None
         for table, bad in tables:
-            if request.time_unit is None:
-                request = replace(request, time_unit=self._unit(table, roles))
+            # What the first rows tell holds for all.
+            if request.dates is None and table.num_rows:
+                request = replace(request, dates=self._order(table, roles))
+            first_rows = habits is None and table.num_rows > 0
+            if first_rows:
+                habits = habits_of(table.columns, self.names, roles, request, self.name, decimal_comma=self._decimal_comma())
+
             repairs = (Repair("rows with too many or too few cells dropped", bad, self.name),) if bad else ()
             if table.num_rows or bad:
                 raw = table_log(
-                    table.columns, self.names, roles, request, self.name, first=first, decimal_comma=self._comma, repairs=repairs
+                    table.columns, self.names, roles, request, self.name, first=first, habits=habits, repairs=repairs, whole=False
                 )
-                if raw.codes is None and roles.id is not None:
-                    roles = replace(roles, id=None)
+                if first_rows:
+                    raw = plausible(raw, self.request)
+                    request = replace(request, time_unit=raw.guess.unit if raw.guess else self.request.time_unit)
+                elif request.time_unit == "excel" and self.request.time_unit is None:
+                    raw = as_spreadsheet_days(raw)
                 yield raw
             first += table.num_rows
 
-    @property
-    def _comma(self) -> bool:
-        if self.dialect is None or self.dialect.delimiter == "," or self.roles is None:
-            return False
-        cells = [cell for axis in self.roles.axes for cell in self.dialect.cells(axis)]
-        return any("," in cell and looks_like_number(cell.replace(",", ".", 1)) for cell in cells)
-
-    def _unit(self, table: Any, roles: Roles) -> str | None:
-        """The unit of times that are numbers, from the first rows, so that it is the same for all."""
-        column = table.columns[roles.used.index(roles.time[-1])]
-        if len(roles.time) > 1 or time_unit_of(self.names[roles.time[0]]) is not None or pa.types.is_temporal(column.type):
+    def _decimal_comma(self) -> bool | None:
+        """Whether numbers have decimal commas. If the first rows have some, all are looked at."""
+        if self.dialect is None or self.roles is None:
             return None
-        values = numbers(column)
-        values = np.abs(values[np.isfinite(values)])
-        return next((unit for top, unit in _UNITS if float(np.median(values)) <= top), "ns") if len(values) else None
+        cells = [cell for axis in self.roles.axes for cell in self.dialect.cells(axis)]
+        if not any("," in cell for cell in cells):
+            return False
+        comma = False
+        for batch in _csv_batches(self, {}, [], csv_log.whole_encoding(self.source, self.dialect), self.roles.axes):
+            columns = [pa.chunked_array([column]) for column in batch.columns]
+            comma = comma or has_decimal_comma(columns)
+            if has_decimal_point(columns):
+                return False
+        return comma
+
+    def _order(self, table: Any, roles: Roles) -> str | None:
+        """Order of day, month and year, from all rows, so that it is the same for all; None where this batch has no such dates."""
+        assert self.names
+        named = order_of(self.names, roles, self.request)
+        if named is not None or not self._orders(table).first:
+            return named
+        found = reduce(or_, (self._orders(batch) for batch in self._texts()))
+        return found.decide(f"{self.name}: column {self.names[roles.time[-1]]!r}")
+
+    def _texts(self) -> Iterator[Any]:
+        """Yield all rows once more, those of text with all cells as texts."""
+        if self.kind == "parquet":
+            yield from (table for table, _ in _parquet_tables(self))
+            return
+        assert self.dialect is not None
+        encoding = csv_log.whole_encoding(self.source, self.dialect)
+        yield from (pa.Table.from_batches([batch]) for batch in _csv_batches(self, {}, [], encoding))
+
+    def _orders(self, table: Any) -> DateOrders:
+        """Orders in which a batch's dates can be read."""
+        assert self.roles is not None
+        roles, columns = self.roles, dict(zip(self.roles.used, table.columns, strict=False))
+        if any(not is_text(columns[i].type) and pa.types.is_temporal(columns[i].type) for i in roles.time):
+            return DateOrders()
+        cells = time_cells(columns, self.names, roles, self.request, self.name)
+        return date_orders(trimmed(cells)) if is_text(cells.type) else DateOrders()
 
 
 def shard_of(source: Source, format_: str | None, request: Request) -> Shard | InputError:
@@ -153,7 +196,7 @@ def _shard(source: Source, format_: str | None, request: Request) -> Shard:
     by_role = request.columns if isinstance(request.columns, Mapping) else None
     if kind == "csv":
         dialect = csv_log.dialect_of(source.head(), request, source.name)
-        roles = find_roles(dialect.names, by_role, request.keep, source.name)
+        roles = find_roles(dialect.names, by_role, request.keep, source.name, cells=dialect.some)
         return Shard(source, request, kind, dialect.names, roles, dialect=dialect)
     if kind == "parquet" and source.path is not None and not source.packed:
         schema = parquet_dataset(source).schema
@@ -164,7 +207,7 @@ def _shard(source: Source, format_: str | None, request: Request) -> Shard:
             names = (*(new if new not in ("", "-", "_") else old for new, old in zip(request.columns, names, strict=False)),
                      *names[len(request.columns) :])  # fmt: skip
         return Shard(source, request, kind, names, find_roles(names, by_role, request.keep, source.name), _crs(schema))
-    return Shard(source, request, "whole")
+    return Shard(source, request, "whole", format=kind)
 
 
 def _crs(schema: Any) -> str:
@@ -197,6 +240,7 @@ def _csv_tables(shard: Shard) -> Iterator[tuple[Any, int]]:
             done += batch.num_rows
         whole = True
     if whole:
+        check_quotes(shard.source, shard.dialect.encoding, shard.dialect.delimiter, shard.dialect.header + done)
         return
     skipped: list[None] = []
     encoding = csv_log.whole_encoding(shard.source, shard.dialect)
@@ -206,6 +250,7 @@ def _csv_tables(shard: Shard) -> Iterator[tuple[Any, int]]:
         seen += batch.num_rows
         yield pa.Table.from_batches([fresh]), len(skipped) - told
         told = len(skipped)
+    check_quotes(shard.source, encoding, shard.dialect.delimiter, shard.dialect.header + seen + len(skipped))
 
 
 def _kept_types(shard: Shard) -> dict[str, Any]:
@@ -243,24 +288,16 @@ def _csv_batches(
         return "skip"
 
     texts = dict.fromkeys(wanted, pa.string())
-    with _unmapped(shard.source) as stream:
+    with shard.source.open() as stream:
         yield from pc.open_csv(
             stream,
             pc.ReadOptions(
-                column_names=[str(i) for i in range(len(dialect.names))],
+                column_names=[str(i) for i in range(dialect.width)],
                 skip_rows=dialect.header,
                 encoding=encoding,
-                block_size=_BYTES,
+                block_size=csv_log.BLOCK,
                 use_threads=False,
             ),
             pc.ParseOptions(delimiter=dialect.delimiter, newlines_in_values=True, invalid_row_handler=None if skipped is None else skip),
             pc.ConvertOptions(include_columns=wanted, column_types=texts | dict(types)),
         )
-
-
-def _unmapped(source: Source) -> Any:
-    """Open a file for reading in pieces: what is mapped to memory would count as memory."""
-    if source.path is None:
-        return source.open()
-    plain = pa.OSFile(str(source.path))
-    return pa.CompressedInputStream(plain, "gzip") if source.packed else plain

@@ -3,24 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import chain as chain_of
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
+from gpszip.io.globe import GlobeCheck, at_zero, off_globe_value
 from gpszip.io.kept_columns import Slots
+from gpszip.io.losses import MIDNIGHT, STOPPED, find_doubles, loss_of, stopped_clock
+from gpszip.io.mending import first_unread, said, value_of
 from gpszip.io.plane_sample import PlaneSample
-from gpszip.io.raw_log import RawLog, unused
+from gpszip.io.raw_log import RawLog, Unread, unused
 from gpszip.io.scratch import read_numbers, write_numbers, writing
 from gpszip.io.shards import Shard
-from gpszip.model.reading import LeftOut, Repair
+from gpszip.model.reading import LeftOut, Loss, Repair
 
 __all__ = ["Sorter", "kind_of", "read_rows"]
-
-#: More than this share of positions off the globe is not noise, but another kind of coordinates.
-_STRAYS = 0.01
 
 Floats = NDArray[np.float64]
 
@@ -38,6 +39,14 @@ class _Part:
     slices: list[tuple[int, int, int]] = field(default_factory=list)  # run, row, rows
 
 
+@dataclass(frozen=True)
+class _Unusable:
+    """Rows of a track that can't be used, and the first file that has some."""
+
+    where: str
+    count: int
+
+
 class Sorter:
     """Gathers rows, writes them as sorted runs, and at last yields those of each track in the order of time.
 
@@ -51,13 +60,21 @@ class Sorter:
         What to do where time goes back.
     slots : Slots
         The further columns of rows, which lie in the last columns of a block.
+    skip_bad : bool
+        Leave out positions off the globe even where they are many.
+    clean : bool
+        Drop positions at 0,0 that were hardly measured.
     """
 
-    def __init__(self, room: Path, rows: int, sort: bool, split: bool, slots: Slots) -> None:
+    def __init__(
+        self, room: Path, rows: int, sort: bool, split: bool, slots: Slots, *, skip_bad: bool = False, clean: bool = False
+    ) -> None:
+        self.skip_bad, self.clean = skip_bad, clean
         self.room, self.rows, self.sort, self.split, self.slots = room, rows, sort, split, slots
         self.parts: list[_Part] = []
         self.errors: list[InputError] = []
         self.repairs: list[Repair] = []
+        self.losses: list[Loss] = []
         self.dropped: dict[str, None] = {}
         self.points, self.dimension, self.geographic = 0, 0, False
         self._alive: list[int] = []
@@ -65,12 +82,17 @@ class Sorter:
         self._here: list[int] = []  # all of its parts, and those that keep their names
         self._first: set[int] = set()
         self._shard: tuple[Shard, str] | None = None
-        self._before: tuple[int, list[Repair]] = (0, [])
+        self._parts_left_out: list[LeftOut] = []
+        self._before: tuple[int, list[Repair], list[LeftOut], dict[str, _Unusable]] = (0, [], [], {})
+        self._unusable: dict[str, _Unusable] = {}
+        self._clocks = False  # whether the present file has times of day without dates
         self._held: list[tuple[NDArray[np.int32], Floats]] = []
         self._kinds: set[tuple[int, ...]] = set()  # those of the present file's columns
         self._held_kinds: tuple[int, ...] = ()
         self._runs: list[tuple[int, ...]] = []  # kinds of each run's columns
         self._gathered = self._usable = self._seen = 0
+        self._globe = GlobeCheck()  # of the present file, as is what can't be read in it
+        self._unread: tuple[Unread, ...] = ()
         self.sample = PlaneSample()
 
     @property
@@ -78,11 +100,17 @@ class Sorter:
         """Numbers in a row: time, coordinates, further columns."""
         return 1 + self.dimension + len(self.slots.names)
 
+    @property
+    def empty(self) -> bool:
+        """Whether no file has brought a row."""
+        return not self._alive
+
     def begin(self, shard: Shard, stem: str) -> None:
         """Expect the rows of a file, whose track has this name if it names none."""
         self._shard, self._own, self._here, self._first, self._usable = (shard, stem), {}, [], set(), 0
-        self._kinds, self._seen = set(), 0
-        self._before = (self.points, list(self.repairs))
+        self._kinds, self._seen, self._clocks = set(), 0, False
+        self._globe, self._unread = GlobeCheck(), ()
+        self._before = (self.points, list(self.repairs), list(self._parts_left_out), dict(self._unusable))
 
     def end(self) -> None:
         """Refuse a file of which no row can be used, and one whose times go back."""
@@ -90,10 +118,15 @@ class Sorter:
         name = self._shard[0].name
         if not self._seen:
             raise InputError(f"{name}: columns, but no rows")
+        self._globe.check(skip_bad=self.skip_bad)
         if not self._usable:
-            raise InputError(f"{name}: no row has a time and position that can be read; name the columns: --columns t=COLUMN,...")
+            raise InputError(
+                f"{name}: no row has a time and position that can be read{said(self._unread)}; name the columns: --columns t=COLUMN,..."
+            )
         for number in self._here:
             part = self.parts[number]
+            if part.back and self._clocks:
+                raise InputError(f"{name}: track {part.name!r}: {MIDNIGHT}")
             if part.back and not self.sort:
                 raise InputError(f"{name}: time goes back in track {part.name!r}; --sort orders the points, --split starts a new track")
             if part.back:
@@ -107,10 +140,11 @@ class Sorter:
 
     def drop_shard(self) -> None:
         """Forget what the present file has brought."""
-        self.points, self.repairs = self._before[0], self._before[1]
+        self.points, self.repairs, self._parts_left_out, self._unusable = self._before
 
     def left_out(self) -> Iterator[LeftOut]:
-        """Yield what was left out, and why."""
+        """Yield what was left out, and why: parts of files first, then whole files."""
+        yield from self._parts_left_out
         for error in self.errors:
             name, _, reason = str(error).partition(": ")
             yield LeftOut(name, reason)
@@ -119,11 +153,15 @@ class Sorter:
         """Take in a batch; rows that can't be used are dropped and counted."""
         self._check_kind(raw)
         self.points += len(raw.times) + sum(repair.count for repair in raw.repairs if repair.drops)
-        self.repairs += raw.repairs
+        for repair in raw.repairs:
+            self._add_repair(repair)
+        self._clocks |= raw.time_of_day
+        self._parts_left_out += raw.left_out
         self.dropped |= dict.fromkeys(raw.dropped)
         good = self._usable_rows(raw)
         self._usable += int(good.sum())
         self._seen += len(good)
+        self._note_unusable(raw, good)
         times, places = raw.times[good], raw.coordinates[good]
         codes = self._codes(raw, good)
         if self.split:
@@ -144,35 +182,61 @@ class Sorter:
     def _usable_rows(self, raw: RawLog) -> NDArray[np.bool_]:
         timed = np.isfinite(raw.times)
         placed = np.asarray(np.isfinite(raw.coordinates).all(axis=1))
-        self._repair(raw, "rows without a time dropped", ~timed)
-        self._repair(raw, "rows without a position dropped", timed & ~placed)
+        self._unread = self._unread or raw.unread
+        no_time, no_place = first_unread(raw)
+        self._repair(raw, f"{raw.word}s without a time dropped", ~timed, no_time)
+        self._repair(raw, f"{raw.word}s without a position dropped", timed & ~placed, no_place)
         good: NDArray[np.bool_] = timed & placed
-        if raw.geographic:
-            lat, lon = raw.coordinates[:, 0], raw.coordinates[:, 1]
-            off = good & ((np.abs(lat) > 90) | (lon < -180) | (lon > 360))
-            if off.sum() > _STRAYS * max(good.sum(), 1):
-                at = int(off.argmax())
-                raise InputError(
-                    f"{raw.name}: {raw.word} {raw.first + at}: latitude {lat[at]:g}, longitude {lon[at]:g}: not degrees; "
-                    "name the right columns with --columns"
-                )
-            self._repair(raw, "rows off the globe dropped", off)
-            good &= ~off
-        return good
+        return self._on_globe(raw, good) if raw.geographic else good
 
-    def _repair(self, raw: RawLog, what: str, rows: NDArray[np.bool_]) -> None:
+    def _on_globe(self, raw: RawLog, good: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Drop positions off the globe, whose number is checked at the end of the file, and those at 0,0."""
+        rows = np.flatnonzero(good)
+        off = np.zeros_like(good)
+        off[rows] = self._globe.find(raw.coordinates[rows], rows + raw.first, f"{raw.name}: {raw.word}")
+        value = off_globe_value(raw.coordinates[int(off.argmax())]) if off.any() else ""
+        self._repair(raw, f"{raw.word}s off the globe dropped", off, value=value)
+        good = good & ~off
+
+        rows = np.flatnonzero(good)
+        zero = np.zeros_like(good)
+        zero[rows] = at_zero(raw.coordinates[rows])
+        kept = f"{raw.word}s at 0,0 kept, though hardly measured; --clean drops them"
+        self._repair(raw, f"{raw.word}s at 0,0 dropped" if self.clean else kept, zero, drops=self.clean)
+        return good & ~zero if self.clean else good
+
+    def _repair(
+        self, raw: RawLog, what: str, rows: NDArray[np.bool_], cell: Unread | None = None, *, value: str = "", drops: bool = True
+    ) -> None:
         lost = int(rows.sum())
         if lost:
-            self._add_repair(Repair(what, lost, f"{raw.name}: {raw.word} {raw.first + int(rows.argmax())}"))
+            first = int(rows.argmax()) if cell is None else cell.row
+            value = value if cell is None else value_of(cell)
+            self._add_repair(Repair(what, lost, f"{raw.name}: {raw.word} {raw.first + first}", drops, value))
 
     def _add_repair(self, new: Repair) -> None:
         """Count on where the same was mended in the same file before."""
         name = new.where.split(": ")[0]
         for i, old in enumerate(self.repairs):
             if old.what == new.what and old.where.split(": ")[0] == name:
-                self.repairs[i] = Repair(old.what, old.count + new.count, old.where, old.drops)
+                named = old if old.value or not new.value else new
+                self.repairs[i] = replace(named, count=old.count + new.count)
                 return
         self.repairs.append(new)
+
+    def _note_unusable(self, raw: RawLog, good: NDArray[np.bool_]) -> None:
+        """Count the rows that can't be used by the track that they are of, those that belong to none by the file."""
+        assert self._shard is not None
+        before = sum(repair.count for repair in raw.repairs if repair.drops)
+        counts = {"": before} if before else {}
+        if raw.codes is None and not good.all():
+            counts[self._shard[1]] = int((~good).sum())
+        elif raw.codes is not None:
+            bad = np.bincount(raw.codes[~good], minlength=len(raw.ids))
+            counts |= {raw.ids[code]: int(bad[code]) for code in np.flatnonzero(bad).tolist()}
+        for name, count in counts.items():
+            old = self._unusable.get(name, _Unusable(raw.name, 0))
+            self._unusable[name] = _Unusable(old.where, old.count + count)
 
     def _codes(self, raw: RawLog, good: NDArray[np.bool_]) -> NDArray[np.int32]:
         assert self._shard is not None
@@ -260,8 +324,13 @@ class Sorter:
 
         Once all are through, the runs are gone.
         """
-        for name, chain in self._chains(skip_bad).items():
+        chains = self._chains(skip_bad)
+        for name, chain in chains.items():
             yield name, self._fresh(name, chain)
+        for name, unusable in self._unusable.items():
+            if name not in chains:  # of no track, or of one that is gone
+                points = unusable.count if name else self.points
+                self.losses += loss_of(name, unusable.where, unusable.count, points)
         for number in range(len(self._runs)):
             self._run(number).unlink()
 
@@ -280,18 +349,59 @@ class Sorter:
                 raise error
             self.errors.append(error)
             self._add_repair(Repair(f"points of track {part.name!r} left out", part.count, part.where))
+        for name in list(chains):
+            self._check_clock(name, chains, skip_bad)
         return {name: sorted(chain, key=lambda part: part.first) for name, chain in chains.items()}
 
+    def _check_clock(self, name: str, chains: dict[str, list[_Part]], skip_bad: bool) -> None:
+        """Refuse a track whose points all have the same time, or leave it out."""
+        # Is it one? Points at one place are one point.
+        chain = chains[name]
+        count, first = sum(part.count for part in chain), min(part.first for part in chain)
+        if count < STOPPED or first < max(part.last for part in chain):
+            return
+        blocks = (block[:, 1 : 1 + self.dimension] for part in chain for block in self._blocks(part))
+        start = next(blocks)
+        elsewhere = sum(int((block != start[0]).any(axis=1).sum()) for block in chain_of([start], blocks))
+        if elsewhere + 1 < STOPPED:
+            return
+
+        # Say so.
+        error = stopped_clock(chain[0].where, name, count, first)
+        if not skip_bad or len(chains) == 1:
+            raise error
+        self.errors.append(error)
+        self._add_repair(Repair(f"points of track {name!r} left out", count, chain[0].where))
+        del chains[name]
+        self._unusable.pop(name, None)
+
     def _fresh(self, name: str, chain: list[_Part]) -> Iterator[Floats]:
-        last = -np.inf
+        """Yield the rows of a track without those at a time that is there already."""
+        unusable = self._unusable.get(name, _Unusable(chain[0].where, 0))
+        lost, shared, run = unusable.count, 0, 0
+        last = np.full((1, self.width), -np.inf)  # the row of the time that came last
         for part in chain:
             for every in self._blocks(part):
-                fresh = np.diff(every[:, 0], prepend=last) > 0
-                last = float(every[-1, 0])
-                lost = len(every) - int(fresh.sum())
-                if lost:
-                    self._add_repair(Repair("rows at a time that the track has already dropped", lost, f"{part.where}: track {name!r}"))
-                yield every[fresh] if lost else every
+                # Compare with the row before the block, too.
+                rows = np.concatenate([last, every])
+                doubles = find_doubles(rows[:, 0], rows[:, 1 : 1 + self.dimension], np.zeros(len(rows), np.bool_))
+                first = doubles.first
+
+                # Count the others.
+                where = f"{part.where}: track {name!r}"
+                elsewhere = int(doubles.elsewhere.sum())
+                if repeated := int(doubles.repeated[1:].sum()):
+                    self._add_repair(Repair("repeated rows dropped", repeated, where))
+                if elsewhere:
+                    self._add_repair(Repair("rows at another position, but the same time dropped", elsewhere, where))
+                together = np.bincount(np.cumsum(first) - 1, weights=doubles.elsewhere)
+                together[0] += run
+                shared, run, lost = max(shared, int(together.max())), int(together[-1]), lost + elsewhere
+
+                last = rows[first][-1:]
+                yield every[first[1:]] if elsewhere or repeated else every
+        points = unusable.count + sum(part.count for part in chain)
+        self.losses += loss_of(name, unusable.where, lost, points, shared + 1 if shared else 0)
 
     def _blocks(self, part: _Part) -> Iterator[Floats]:
         """Samples of a part in the order of time, in blocks that fit in memory."""

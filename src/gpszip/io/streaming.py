@@ -21,13 +21,14 @@ from gpszip.geo.planes import to_plane
 from gpszip.io.columns import parse_columns
 from gpszip.io.despiking import Despiked
 from gpszip.io.kept_columns import Slots, StoredColumn
-from gpszip.io.raw_log import Request
+from gpszip.io.losses import FEW, nearly_lost
+from gpszip.io.raw_log import RawLog, Request
 from gpszip.io.scratch import scratch, write_numbers, writing
 from gpszip.io.shards import Shard, shard_of
 from gpszip.io.sorting import Sorter, kind_of, read_rows
-from gpszip.io.source import expand
+from gpszip.io.source import Source, expand, is_no_log
 from gpszip.model import Plane, Track
-from gpszip.model.reading import Reading
+from gpszip.model.reading import Reading, Repair
 
 __all__ = ["StoredLog", "StoredTrack", "count_rows", "store_logs"]
 
@@ -110,12 +111,13 @@ def count_rows(sources: Any, *, format: str | None = None, columns: Any = None) 
 
 
 def store_logs(
-    sources: str | Path | BinaryIO | Iterable[str | Path | BinaryIO],
+    sources: str | Path | BinaryIO | Iterable[str | Path | BinaryIO | Source | InputError],
     *,
     rows: int,
     format: str | None = None,
     columns: str | Sequence[str] | Mapping[str, str] | None = None,
     time_unit: str | None = None,
+    dates: str | None = None,
     sort: bool = False,
     split: bool = False,
     skip_bad: bool = False,
@@ -131,7 +133,7 @@ def store_logs(
         As for :func:`gpszip.io.reading.read_logs`.
     rows : int
         How many rows may be in memory at once; each takes about 100 bytes.
-    format, columns, time_unit, sort, split, skip_bad, keep, clean
+    format, columns, time_unit, dates, sort, split, skip_bad, keep, clean
         As for :func:`gpszip.io.reading.read_logs`.
     plane : Plane, optional
         Where positions on the earth are to be laid; chosen for them where left out.
@@ -157,15 +159,17 @@ def store_logs(
     """
     if sort and split:
         raise OptionError("--sort and --split exclude each other")
-    request = Request(parse_columns(columns), time_unit, tuple(keep))
+    request = Request(parse_columns(columns), time_unit, tuple(keep), dates=dates, skip_bad=skip_bad)
     shards, size, errors = _planned(sources, format, request, skip_bad)
     with ExitStack() as stack:
         room = stack.enter_context(scratch())
-        sorter = Sorter(room, max(rows, 1000), sort, split, Slots(request.keep, _TEXT_BYTES * rows))
+        sorter = Sorter(room, max(rows, 1000), sort, split, Slots(request.keep, _TEXT_BYTES * rows), skip_bad=skip_bad, clean=clean)
         sorter.errors += errors
         alone = len({shard.source.log for shard in shards}) == 1
         for shard in shards:
             _take_in(sorter, shard, alone=alone, skip_bad=skip_bad)
+        if sorter.empty:
+            raise sorter.errors[0] if sorter.errors else InputError("no log holds a sample")
         sorter.flush()
         rows_of, sample, repairs = sorter.tracks(skip_bad), sorter.sample, sorter.repairs
         if clean:
@@ -174,7 +178,17 @@ def store_logs(
             rows_of, sample, repairs = left.tracks(), left.sample, [*repairs, *left.repairs]
         plane = (plane or sample.plane()) if sorter.geographic else None
         tracks, kept = _written(rows_of, sorter, room, plane)
-        reading = Reading((), sorter.points, size, sorter.geographic, tuple(repairs), tuple(sorter.left_out()), tuple(sorter.dropped))
+        _require_several(tracks, sorter.points, repairs)
+        reading = Reading(
+            tracks=(),
+            points=sorter.points,
+            bytes=size,
+            geographic=sorter.geographic,
+            repairs=tuple(repairs),
+            left_out=tuple(sorter.left_out()),
+            dropped=tuple(sorter.dropped),
+            losses=tuple(sorter.losses),
+        )
         return StoredLog(tracks, reading, sorter.dimension, plane, kept, room / "samples", stack.pop_all())
 
 
@@ -203,6 +217,12 @@ def _written(
     return tuple(tracks), tuple(sorter.slots.column(number, path) for number, path in enumerate(paths))
 
 
+def _require_several(tracks: Sequence[StoredTrack], points: int, repairs: Sequence[Repair]) -> None:
+    """Refuse a log of which one point is left of many."""
+    if sum(track.count for track in tracks) < 2 and points > FEW:
+        raise nearly_lost("the logs", points, "row", repairs)
+
+
 def _planned(sources: Any, format_: str | None, request: Request, skip_bad: bool) -> tuple[list[Shard], int, list[InputError]]:
     """All files whose heads can be read and fit together; refused before any row is read."""
     shards: list[Shard] = []
@@ -211,7 +231,7 @@ def _planned(sources: Any, format_: str | None, request: Request, skip_bad: bool
     for source in expand(sources):
         shard = source if isinstance(source, InputError) else shard_of(source, format_, request)
         error = shard if isinstance(shard, InputError) else _misfit(shard, shards)
-        if error is not None and not skip_bad:
+        if error is not None and not (skip_bad or is_no_log(source, error)):
             raise error
         if error is not None:
             errors.append(error)
@@ -232,10 +252,20 @@ def _misfit(shard: Shard, before: Sequence[Shard]) -> InputError | None:
     return InputError(f"{shard.name}: holds {kind_of(shard.contents)}, but {first.name} {kind_of(first.contents)}; read them apart")
 
 
+def _check_times(raw: RawLog) -> None:
+    """Refuse tracks that have no times by which they could be sorted."""
+    if raw.untimed:
+        name = raw.ids[min(raw.untimed)] if raw.ids else "0"
+        raise InputError(
+            f"{raw.name}: track {name!r} has no times, by which logs larger than memory are sorted; leave out --memory, or allow more of it"
+        )
+
+
 def _take_in(sorter: Sorter, shard: Shard, *, alone: bool, skip_bad: bool) -> None:
     sorter.begin(shard, "0" if alone else shard.source.stem)
     try:
         for raw in shard.batches():
+            _check_times(raw)
             sorter.add(raw)
         sorter.end()
     except InputError as error:

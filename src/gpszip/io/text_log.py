@@ -6,7 +6,7 @@ import csv
 import io
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 from decimal import Decimal
 from functools import cached_property
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError
 from gpszip.geo.planes import to_geographic
+from gpszip.io.arrow_values import looks_like_number
 from gpszip.io.columns import Roles, find_roles, parse_columns
 from gpszip.io.csv_log import Dialect, dialect_of, whole_encoding
 from gpszip.io.formats import format_for_reading
@@ -30,7 +31,13 @@ __all__ = ["TextLog", "read_text_log", "read_to_write_again"]
 
 _ROW = "gpszip_row"
 
-_ISO = re.compile(r"(\d{4})-(\d\d)-(\d\d)([T ])(\d\d):(\d\d):(\d\d)(?:[.,](\d+))?(.*)")
+_ISO = re.compile(r"(\d{4})-(\d\d)-(\d\d)([T ])([01]\d|2[0-3]):(\d\d):([0-5]\d)(?:[.,](\d+))?(.*)")
+
+# A date and time of day in numbers without marks, which can't be counted up, and a time of day without a date.
+_COMPACT, _OF_DAY = re.compile(r"\d{14}(\.\d*)?"), re.compile(r"\d{1,2}:\d{2}:\d{2}")
+
+#: Seconds of a day, numbers for a second below which they are days, and decimals of days that are written at least.
+_DAY, _DAILY, _DAY_DECIMALS = 86_400, 1e-3, 9
 
 #: Decimals of seconds and metres that are added at least; degrees have five more.
 _DECIMALS = 2
@@ -103,7 +110,10 @@ class TextLog:
         if roles.id is not None:
             row[roles.id] = cells[0][roles.id]
         when = track.times[patch.after : patch.after + 2].tolist()
-        clock = _Clock.of([cell[roles.time[-1]] for cell in cells], when, patch.times)
+        if len(roles.time) == 1:
+            clock = _Clock.of([cell[roles.time[-1]] for cell in cells], when, patch.times)
+        else:  # of a date and a time of day, the latter may hold both
+            clock = _Clock(when[0], None, 1, _fraction(float(patch.times[0]) - when[0], 0), False, None)
         axes = [_decimals([cell[axis] for cell in cells], roles.geographic) for axis in roles.axes]
         answer = []
         columns = (patch.times.tolist(), _coordinates(patch, track).tolist(), patch.confidence.tolist(), self._places(patch, numbers))
@@ -152,7 +162,7 @@ def read_to_write_again(sources: Any, **options: Any) -> tuple[Reading, TextLog 
         options.pop("format", None)
         log = read_text_log(alone, **options)
         return log.reading, log
-    return read_logs(sources, **options), None
+    return read_logs(several, **options), None  # streams can be read once only
 
 
 def read_text_log(source: Source, columns: Any = None, **options: Any) -> TextLog:
@@ -174,13 +184,14 @@ def read_text_log(source: Source, columns: Any = None, **options: Any) -> TextLo
     InputError
         If it can't be read as text with columns.
     """
-    request = Request(parse_columns(columns), options.get("time_unit"))
+    request = Request(parse_columns(columns), options.get("time_unit"), dates=options.get("dates"))
     dialect = dialect_of(source.head(), request, source.name)
     encoding = whole_encoding(source, dialect)
-    dialect = Dialect(encoding, dialect.delimiter, dialect.header, dialect.names, dialect.rows)
+    dialect = replace(dialect, encoding=encoding)
     records, first = _records(source.read().decode(encoding), dialect.header)
     by_role = request.columns if isinstance(request.columns, Mapping) else None
-    roles = find_roles(dialect.names, by_role, (), source.name)
+    roles = find_roles(dialect.names, by_role, (), source.name, cells=dialect.some)
+    _check_plain(dialect, roles, records[first - 1] if first else "", source.name)
     log = _Named("".join(_numbered(records, first, dialect.delimiter)).encode(encoding), source.name)
     names = [*dialect.names, _ROW] if isinstance(request.columns, tuple) else columns
     try:
@@ -189,6 +200,18 @@ def read_text_log(source: Source, columns: Any = None, **options: Any) -> TextLo
         read_logs(_Named(source.read(), source.name), format="csv", columns=columns, **options)  # says it without our column
         raise
     return TextLog(reading, records, dialect, roles, first)
+
+
+def _check_plain(dialect: Dialect, roles: Roles, header: str, where: str) -> None:
+    """Refuse tables to which no row can be added in the way in which they are written."""
+    titles = next(csv.reader([header.rstrip("\r\n")], delimiter=dialect.delimiter), [])
+    if dialect.spare or (len(titles) == dialect.width + 1 and not titles[-1].strip()):
+        raise InputError(f"{where}: its header and its rows differ by an empty cell; give them as many cells, and rows can be added")
+    cells = [cell for axis in roles.axes for cell in dialect.cells(axis)]
+    odd = next((cell for cell in cells if not looks_like_number(cell.replace(",", "."))), None)
+    if roles.sides or (odd is not None and odd.strip()[-1:] in "NSEWnsew\"'"):
+        what = "hemispheres in columns of their own" if roles.sides else f"coordinates such as {odd!r}"
+        raise InputError(f"{where}: has {what}; rows can only be added to a table of plain numbers")
 
 
 def _coordinates(patch: Patch, track: Track) -> NDArray[np.float64]:
@@ -239,24 +262,31 @@ class _Clock:
 
     start: float
     number: Decimal | None
-    unit: int
+    unit: float
     decimals: int
     comma: bool
     stamp: re.Match[str] | None
+    of_day: bool = False  # whether times are those of a day without a date
 
     @classmethod
     def of(cls, texts: Sequence[str], when: Sequence[float], times: NDArray[np.float64]) -> _Clock:
         """Learn from the two times around a gap."""
         rhythm = float(times[0]) - when[0] if len(times) else 1.0
         comma = "," in texts[0] and "." not in texts[0]
+        if any(re.fullmatch(_COMPACT, text.strip()) for text in texts):
+            return cls(when[0], None, 1, _fraction(rhythm, 0), comma, None)
         try:
             one, other = (Decimal(text.strip().replace(",", ".")) for text in texts)
         except ArithmeticError:
-            return cls(when[0], None, 1, _fraction(rhythm, 0), comma, _ISO.fullmatch(texts[0].strip()))
+            of_day = _OF_DAY.match(texts[0].strip()) is not None
+            return cls(when[0], None, 1, _fraction(rhythm, 0), comma, _ISO.fullmatch(texts[0].strip()), of_day)
         scale = float(other - one) / (when[1] - when[0])
-        unit = int(10 ** max(round(np.log10(max(scale, 1e-3)) / 3) * 3, 0))
+        if scale < _DAILY:
+            unit, least = 1 / _DAY, _DAY_DECIMALS
+        else:
+            unit, least = 10.0 ** max(round(np.log10(scale) / 3) * 3, 0), 0
         places = max(-int(number.as_tuple().exponent) for number in (one, other))
-        return cls(when[0], one, unit, max(places, _fraction(rhythm * unit, max(places, 0))), comma, None)
+        return cls(when[0], one, unit, max(places, least, _fraction(rhythm * unit, max(places, 0))), comma, None)
 
     def text(self, time: float) -> str:
         """One time."""
@@ -267,6 +297,8 @@ class _Clock:
         if self.stamp is not None:
             return self._stamped(time)
         moment = datetime.fromtimestamp(round(time, 6), UTC).replace(tzinfo=None)
+        if self.of_day:
+            return moment.time().isoformat(timespec="milliseconds" if self.decimals else "seconds")
         return moment.isoformat(timespec="milliseconds" if self.decimals else "seconds") + "Z"
 
     def _stamped(self, time: float) -> str:

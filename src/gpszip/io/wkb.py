@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -100,18 +102,26 @@ def _parse(data: bytes, at: int) -> tuple[list[NDArray[np.float64]], int]:
 
 
 def points_of_wkt(text: str) -> Sequence[tuple[float, float]]:
-    """Vertices of a ``LINESTRING``; none for anything else.
+    """Vertices of a ``LINESTRING``, or of a ``MULTILINESTRING`` that is one line cut at the antimeridian; none for anything else.
 
     Examples
     --------
     >>> points_of_wkt("LINESTRING (1 2, 3.5 4)"), points_of_wkt("POINT (1 2)")
     ([(1.0, 2.0), (3.5, 4.0)], [])
+    >>> points_of_wkt("MULTILINESTRING ((179 2, 180 3), (-180 3, -179 4))")
+    [(179.0, 2.0), (180.0, 3.0), (-180.0, 3.0), (-179.0, 4.0)]
     """
     kind, _, rest = text.partition("(")
-    if not kind.strip().upper().startswith("LINESTRING"):
+    if not kind.strip().upper().startswith(("LINESTRING", "MULTILINESTRING")):
         return []
-    numbers = (vertex.split() for vertex in rest.rstrip(") ").split(","))
+    parts = [[vertex.strip("() ").split() for vertex in part.split(",")] for part in re.split(r"\)\s*,\s*\(", rest)]
     try:
-        return [(float(vertex[0]), float(vertex[1])) for vertex in numbers]
+        lines = [[(float(vertex[0]), float(vertex[1])) for vertex in part] for part in parts]
     except (ValueError, IndexError):
         return []
+    whole = all(_same_place(one[-1], other[0]) for one, other in pairwise(lines))
+    return [vertex for line in lines for vertex in line] if whole else []
+
+
+def _same_place(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    return one[1] == other[1] and (one[0] - other[0]) % 360 == 0

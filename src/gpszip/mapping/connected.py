@@ -21,7 +21,7 @@ from gpszip.model import Executor, Frame, LatticeWalks, Track
 from gpszip.model.executor import Shared, local, sharing
 from gpszip.model.frame import QUANTUM_STEPS, quantum, quantum_index
 
-__all__ = ["RMSE_OF_MAXIMUM", "SLOTS_OF_EFFORT", "learn"]
+__all__ = ["RMSE_OF_MAXIMUM", "SLOTS_OF_EFFORT", "learn", "suited_time_step"]
 
 _Found = tuple[Frame, Outcome | None]
 
@@ -95,7 +95,7 @@ def learn(
     rmse : float, optional
         Root mean square of the synchronised distance over all samples of all tracks, in metres.
     max_error : float, optional
-        Largest distance of any sample, in metres; one of the two bounds must be given, this one wins.
+        Largest distance of any sample, in metres. At least one of the two bounds must be given.
     effort : int, default 5
         From 1 (one start) to 9 (up to 32): how many slots all starts together may take.
     executor : Executor, optional
@@ -106,10 +106,17 @@ def learn(
     Returns
     -------
     (Frame, LatticeWalks) or None
-        The smallest that was found; None if none kept the bound.
+        The smallest that was found; None if none kept the bound. Of two bounds the looser one may be missed by little where the
+        tighter one is a maximum.
     """
     if rmse is None and max_error is None:
         raise OptionError("a map needs a bound on its error: give rmse or max_error")
+    if rmse is not None and max_error is not None:
+        if rmse < RMSE_OF_MAXIMUM * max_error:
+            # few samples are beyond the maximum: it takes few knots to bring them back
+            loose = learn(tracks, gaps, rmse=rmse, effort=effort, executor=executor, progress=progress)
+            return None if loose is None else mend(tracks, *loose, max_error)
+        rmse = None
     search = _Search(tuple(tracks), tuple(gaps), RMSE_OF_MAXIMUM * max_error if max_error is not None else rmse or 0.0, max_error)
     # an excerpt is done with before processes would have started
     with sharing(local(executor), _excerpt(search)) as excerpt:
@@ -280,6 +287,12 @@ def _frame(tracks: Sequence[Track], rmse: float, speed: float, trial: _Trial) ->
     # whole metres and seconds take fewer bytes in the head than they cost in the first place
     origin = tuple(1000 * math.floor(float(x) + 1e-6) for x in first.positions[0])
     return Frame(origin, 1000 * math.floor(float(first.times[0]) + 1e-6), space, time, first.plane)
+
+
+def suited_time_step(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], space: int) -> float:
+    """Time step in seconds with which the search for quanta would begin: about that in which tracks go two space quanta."""
+    size = quantum(space)
+    return _FIRST.time * size / _typical_speed(tracks, gaps, size)
 
 
 def _typical_speed(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], scale: float) -> float:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gpszip.model import LatticeWalk, Plane, RoadMap, Walk
 
-__all__ = ["count_edges", "tally_edges"]
+__all__ = ["count_edges", "tally_edges", "travelled_parts"]
 
 
 def count_edges(nodes: ArrayLike, walks: Sequence[Walk | LatticeWalk], *, plane: Plane | None = None) -> RoadMap:
@@ -61,7 +61,26 @@ def tally_edges(nodes: ArrayLike, pairs: NDArray[np.int32], counts: NDArray[np.i
     return RoadMap(positions, edges, directed[0], directed[1], plane)
 
 
+def travelled_parts(walk: Walk | LatticeWalk) -> NDArray[np.bool_]:
+    """Which parts of a walk lead to another node: no gap, no stop, and not all before its start or after its end.
+
+    Examples
+    --------
+    >>> walk = Walk("0", np.array([0, 1, 2]), np.array([0.0, 5.0, 9.0]), np.zeros(2, bool), np.array([[0.0, 5.0]]))
+    >>> travelled_parts(walk).tolist()
+    [True, False]
+    """
+    moved: NDArray[np.bool_] = ~walk.gaps & (walk.nodes[1:] != walk.nodes[:-1])
+    if isinstance(walk, LatticeWalk) or walk.spans is None or walk.times is None:
+        return moved
+
+    # only the first and the last part of a piece may lie outside of the time in which travel is claimed
+    piece = np.append(0, np.cumsum(walk.gaps))[:-1]
+    begins, ends = walk.spans[piece].T if len(piece) else (np.zeros(0), np.zeros(0))
+    return np.asarray(moved & (walk.times[1:] > begins) & (walk.times[:-1] < ends))
+
+
 def _travelled(walk: Walk | LatticeWalk) -> NDArray[np.int32]:
     hops = np.stack((walk.nodes[:-1], walk.nodes[1:]), axis=1)
-    travelled: NDArray[np.int32] = hops[~walk.gaps & (hops[:, 0] != hops[:, 1])]
+    travelled: NDArray[np.int32] = hops[travelled_parts(walk)]
     return travelled

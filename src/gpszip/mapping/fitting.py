@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
 from gpszip.kernels.along import positions_along
+from gpszip.mapping.shapes import shape_error
 from gpszip.model.track import Track
 from gpszip.model.walk import Walk
 
@@ -74,7 +75,17 @@ def positions_at(walk: Walk, nodes: NDArray[np.float64], when: NDArray[np.float6
         raise OptionError(f"track {walk.id!r} has no times: the archive was written without them, so positions at a time can't be had")
     out = np.empty((len(when), nodes.shape[1]))
     positions_along(walk.times, nodes[walk.nodes], walk.gaps, np.array(when, np.float64), SLACK, out)
+    if walk.spans is not None:
+        out[~_claimed(walk.spans, when)] = np.nan
     return out
+
+
+def _claimed(spans: NDArray[np.float64], when: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether each instant lies between the start and the end of a piece, within the slack."""
+    if len(spans) == 1:
+        return np.asarray((when >= spans[0, 0] - SLACK) & (when <= spans[0, 1] + SLACK))
+    piece = np.clip(np.searchsorted(spans[:, 0], when + SLACK, side="right") - 1, 0, None)
+    return np.asarray((when >= spans[piece, 0] - SLACK) & (when <= spans[piece, 1] + SLACK))
 
 
 def synchronised_errors(track: Track, walk: Walk, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -103,6 +114,8 @@ def synchronised_errors(track: Track, walk: Walk, nodes: NDArray[np.float64]) ->
 def fit(tracks: Sequence[Track], walks: Sequence[Walk], nodes: NDArray[np.float64]) -> Fit:
     """Measure walks against their tracks at every sample, all samples alike.
 
+    Tracks without times are compared at equal shares of the way, at all places of it; their mean counts as often as they have points.
+
     Parameters
     ----------
     tracks : sequence of Track
@@ -114,6 +127,10 @@ def fit(tracks: Sequence[Track], walks: Sequence[Walk], nodes: NDArray[np.float6
     """
     squares, worst, uncovered = 0.0, 0.0, 0
     for track, walk in zip(tracks, walks, strict=True):
+        if not track.timed:
+            mean, most = shape_error(track.positions, nodes[walk.nodes])
+            squares, worst = squares + len(track) * mean, max(worst, most)
+            continue
         errors = synchronised_errors(track, walk, nodes)
         covered = errors[~np.isnan(errors)]
         squares += float(covered @ covered)

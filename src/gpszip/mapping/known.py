@@ -115,7 +115,7 @@ def learn_on(
     gaps : sequence of bool array
         For each track, which of its n - 1 steps between samples are gaps.
     rmse, max_error : float, optional
-        Root mean square of the synchronised distance over all samples, or the largest one, in metres; one must be given.
+        Root mean square of the synchronised distance over all samples, and the largest one, in metres; at least one must be given.
     effort : int, default 5
         From 1 to 9: how many starts are tried.
     share : float, default 1
@@ -131,6 +131,11 @@ def learn_on(
         The map's nodes, then the new ones in the order of their first visit, and one walk for each track. None if no start
         kept the bound.
     """
+    if rmse is not None and max_error is not None and rmse < RMSE_OF_MAXIMUM * max_error:
+        # few samples are beyond the maximum: it takes few knots to bring them back
+        laid = learn_on(known, frame, tracks, gaps, rmse=rmse, effort=effort, share=share, executor=executor, progress=progress)
+        mended = None if laid is None else mend(tracks, frame, laid, max_error, known=known.nodes)
+        return None if mended is None else mended[1]
     target = RMSE_OF_MAXIMUM * max_error if max_error is not None else rmse or 0.0
     search = _Search(tuple(tracks), tuple(gaps), frame, known, target, max_error, _ROUNDS)
     slots = count_slots(tracks, gaps, frame)

@@ -12,10 +12,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.coding.ends import claimed_spans
 from gpszip.coding.walks import number_by_visit
 from gpszip.mapping.counting import count_edges
 from gpszip.model.frame import Frame, Plane, quantum
-from gpszip.model.lattice import LatticeWalk, LatticeWalks
+from gpszip.model.lattice import LatticeWalk, LatticeWalks, ends_joined
 from gpszip.model.road_map import RoadMap
 from gpszip.model.walk import Walk
 
@@ -46,14 +47,18 @@ def knot_times(cells: NDArray[np.int64], frame: Frame) -> NDArray[np.float64]:
 
 def road_map_of(lattice: LatticeWalks, frame: Frame) -> RoadMap:
     """Nodes in metres, and the ways between them with how often each was travelled (thesis, Algorithm 5)."""
-    return count_edges(node_positions(lattice, frame), lattice.walks, plane=frame.plane)
+    walks = walks_of(lattice, frame, [""] * len(lattice.walks))
+    return count_edges(node_positions(lattice, frame), walks, plane=frame.plane)
 
 
 def walks_of(lattice: LatticeWalks, frame: Frame, ids: Sequence[str]) -> tuple[Walk, ...]:
     """One walk for each track, with the times of its knots in seconds, or None where the lattice keeps no times."""
+    claimed = claimed_spans(lattice, frame) if lattice.timed else None
+    spans = claimed if claimed is not None else [None] * len(lattice.walks)
+    timed = [lattice.timed and number not in lattice.untimed for number in range(len(lattice.walks))]
     return tuple(
-        Walk(name, walk.nodes, knot_times(walk.cells, frame) if lattice.timed else None, walk.gaps)
-        for name, walk in zip(ids, lattice.walks, strict=True)
+        Walk(name, walk.nodes, knot_times(walk.cells, frame) if has_times else None, walk.gaps, own if has_times else None)
+        for name, walk, own, has_times in zip(ids, lattice.walks, spans, timed, strict=True)
     )
 
 
@@ -132,7 +137,9 @@ def join_lattices(groups: Sequence[LatticeWalks]) -> LatticeWalks:
     walks = tuple(
         LatticeWalk(own[walk.nodes], walk.cells, walk.gaps) for group, own in zip(groups, names, strict=True) for walk in group.walks
     )
-    return number_by_visit(LatticeWalks(places, walks, groups[0].timed))
+    first = np.cumsum([0] + [len(group.walks) for group in groups]).tolist()
+    untimed = frozenset(start + number for start, group in zip(first, groups, strict=False) for number in group.untimed)
+    return number_by_visit(LatticeWalks(places, walks, groups[0].timed, ends_joined(groups), untimed))
 
 
 def piece_ends(gaps: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from gpszip.mapping.chords import corridors
+from gpszip.mapping.counting import travelled_parts
 from gpszip.mapping.line_graph import LineGraph, Strings
 from gpszip.model import RoadMap, Walk
 
@@ -74,7 +75,7 @@ def hops_of(road_map: RoadMap, walks: Sequence[Walk]) -> Hops:
     """List the moves of all walks, in their order."""
     ends, times = [np.zeros((0, 2), np.int64)], [np.zeros((0, 2))]
     for walk in walks:
-        moved = ~walk.gaps & (walk.nodes[1:] != walk.nodes[:-1])
+        moved = travelled_parts(walk)
         clock = np.full(len(walk.nodes), np.nan) if walk.times is None else walk.times
         ends.append(np.stack((walk.nodes[:-1], walk.nodes[1:]), axis=1)[moved].astype(np.int64))
         times.append(np.stack((clock[:-1], clock[1:]), axis=1)[moved])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from gpszip.kernels.match_near import count_cells, file_cells, hash_cells
 from gpszip.kernels.match_roads import Cells, Graph, Rest, Roads, Work
 from gpszip.model import Network
 
-__all__ = ["RoadIndex", "index_network", "workspace"]
+__all__ = ["RoadIndex", "index_network", "open_both_ways", "workspace"]
 
 #: Cells are so many usual bits of road wide: few bits are filed twice, and few share a cell.
 _BITS_PER_CELL = 2.0
@@ -76,14 +76,31 @@ def index_network(network: Network, dimension: int | None = None) -> RoadIndex:
     """
     points = _coordinates(network.points, dimension)
     along = network.along if points.shape[1] >= network.dimension else _along(points, network.offsets)
+    roads = Roads(points, np.ascontiguousarray(along), np.ascontiguousarray(network.offsets, dtype=np.int64))
+    return RoadIndex(network, roads, _cells(roads), _graph(network, roads, _coordinates(network.nodes, dimension)))
+
+
+def open_both_ways(index: RoadIndex) -> RoadIndex:
+    """The same roads, each of which may be travelled in both directions.
+
+    Examples
+    --------
+    >>> nodes, one = np.array([[0.0, 0.0], [30.0, 40.0]]), np.ones(1, bool)
+    >>> lane = Network(nodes, np.zeros(1, np.int32), np.ones(1, np.int32), np.array([0, 2]), nodes, one, ~one, np.full(1, 8.0))
+    >>> open_both_ways(index_network(lane)).graph.open.tolist()
+    [True, True]
+    """
+    network = index.network.two_way()
+    return replace(index, network=network, graph=_graph(network, index.roads, index.graph.nodes))
+
+
+def _graph(network: Network, roads: Roads, nodes: NDArray[np.float64]) -> Graph:
     open_ = np.stack((network.forward, network.backward), axis=1).ravel()
-    lengths = np.repeat(along[network.offsets[1:] - 1], 2)
+    lengths = np.repeat(roads.along[network.offsets[1:] - 1], 2)
     heads = np.stack((network.ends, network.starts), axis=1).ravel().astype(np.int32)
     tails = heads.reshape(-1, 2)[:, ::-1].ravel()
-    outs, ins = _links(tails, open_, len(network.nodes)), _links(heads, open_, len(network.nodes))
-    graph = Graph(*outs, heads, lengths, _headings(network, points), open_, _coordinates(network.nodes, dimension), *ins)
-    roads = Roads(points, np.ascontiguousarray(along), np.ascontiguousarray(network.offsets, dtype=np.int64))
-    return RoadIndex(network, roads, _cells(roads), graph)
+    outs, ins = _links(tails, open_, len(nodes)), _links(heads, open_, len(nodes))
+    return Graph(*outs, heads, lengths, _headings(network, roads.points), open_, nodes, *ins)
 
 
 def _coordinates(points: NDArray[np.float64], dimension: int | None) -> NDArray[np.float64]:

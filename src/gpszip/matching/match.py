@@ -16,14 +16,18 @@ from gpszip.matching.assembling import assemble
 from gpszip.matching.averaging import averaged, window
 from gpszip.matching.chain import Stretch, follow
 from gpszip.matching.headings import headings_of
-from gpszip.matching.index import RoadIndex, index_network, workspace
+from gpszip.matching.index import RoadIndex, index_network, open_both_ways, workspace
 from gpszip.matching.leaps import among, without
+from gpszip.matching.one_way import leave_out_travel_against
 from gpszip.matching.rules import JOINED
-from gpszip.matching.scales import estimate_scales, guess_error
+from gpszip.matching.scales import guess_error, sound_scales
 from gpszip.model import Network, Track
 from gpszip.model.match import Match, Matching
 
-__all__ = ["match"]
+__all__ = ["match", "paced"]
+
+#: Metres a second at which a track without times is travelled. Any number does: speeds are compared with each other only.
+_PACE = 10.0
 
 
 def match(
@@ -34,6 +38,7 @@ def match(
     beta: float | None = None,
     gap: float | None = None,
     heading: float | None = None,
+    ignore_oneway: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Matching:
     """Find the roads that tracks took.
@@ -52,6 +57,9 @@ def match(
     heading : float, optional
         Spread in degrees of the headings in the tracks' attribute ``heading`` (degrees clockwise from north, NaN where not known);
         ``math.inf`` to leave them out. Estimated by default, and left out where they don't follow the roads.
+    ignore_oneway : bool, default False
+        Whether all roads may be travelled both ways, as by those who walk. Otherwise samples that travel against a one-way road are
+        on no road, and their break has the reason ``"one-way"``.
     progress : callable, optional
         Called with the share of the samples that is done.
 
@@ -79,18 +87,29 @@ def match(
     >>> found[0].edge.tolist(), found[0].offset.round().tolist(), round(found[0].pieces[0].length)
     ([0, 0, 1, 1], [10.0, 60.0, 20.0, 60.0], 150)
     """
-    whole = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
+    whole = tuple(map(paced, (tracks,) if isinstance(tracks, Track) else tracks))
     _check(whole, network.network if isinstance(network, RoadIndex) else network, sigma=sigma, beta=beta, gap=gap, heading=heading)
     index = network if isinstance(network, RoadIndex) else index_network(network, min(track.dimension for track in whole))
+    if ignore_oneway:
+        index = open_both_ways(index)
+    opened = open_both_ways(index) if index.network.one_way.any() else None
+
+    # what the log is like
     leaps = [find_spikes(track.times, track.positions) for track in whole]
     stretches, sizes = _stretches(whole, leaps, index, gap)
     work = workspace(index)
-    scales, each = estimate_scales(index, work, stretches, sigma=sigma, beta=beta, heading=heading)
+    scales, each = sound_scales(index, opened, work, stretches, sigma=sigma, beta=beta, heading=heading)
     scales = replace(scales, averaged=sorted(sizes)[len(sizes) // 2])
     each = [replace(one, averaged=size) for one, size in zip(each, sizes, strict=True)]
+
+    # each track
     matches, done, samples = [], 0, sum(map(len, whole))
     for track, one, own, far in zip(whole, stretches, each, leaps, strict=True):
-        found = among(assemble(index, work, track.id, follow(index, work, one, own), own), far)
+        chain = follow(index, work, one, own)
+        found = assemble(index, work, track.id, chain, own)
+        if opened is not None:
+            found = leave_out_travel_against(index, opened, work, one, chain, found)
+        found = among(found, far)
         matches.append(found if own.averaged == 1 else _measured(found, track, index.network))
         done += len(track)
         if progress is not None:
@@ -116,15 +135,35 @@ def _stretches(
     tracks: Sequence[Track], leaps: Sequence[NDArray[np.bool_]], index: RoadIndex, gap: float | None
 ) -> tuple[list[Stretch], list[int]]:
     """Tracks without their leaps in the coordinates of the index, with their silences, and how many samples were averaged for each."""
-    length = max(estimate_gap(tracks), JOINED) if gap is None else gap
+    timed = [track for track in tracks if track.timed]
+    length = max(estimate_gap(timed) if timed else 0.0, JOINED) if gap is None else gap
     stretches = [
-        without(Stretch(_coordinates(track.positions, index.dimension), track.times, silences(track, length), headings_of(track)), far)
+        without(Stretch(_coordinates(track.positions, index.dimension), track.times, _silent(track, length), headings_of(track)), far)
         for track, far in zip(tracks, leaps, strict=True)
     ]
     most = guess_error(index, stretches)
     sizes = [window(one.positions[:, : track.dimension], one.silent, most) for one, track in zip(stretches, tracks, strict=True)]
     means = [averaged(one.positions, one.silent, size) for one, size in zip(stretches, sizes, strict=True)]
     return [replace(one, positions=places) for one, places in zip(stretches, means, strict=True)], sizes
+
+
+def paced(track: Track) -> Track:
+    """The track itself, or one without times as if it were travelled at an even pace.
+
+    Examples
+    --------
+    >>> paced(Track("plan", [0, 30], [[0, 0], [30, 0]], timed=False)).times.tolist()
+    [0.0, 3.0]
+    """
+    return track if track.timed else replace(track, times=track.times / _PACE)
+
+
+def _silent(track: Track, gap: float) -> NDArray[np.bool_]:
+    """Intervals that break every way.
+
+    Points of a shape lie as far apart as its author drew them, so only a change to another part of the world breaks one.
+    """
+    return silences(track, gap if track.timed else math.inf)
 
 
 def _measured(found: Match, track: Track, network: Network) -> Match:

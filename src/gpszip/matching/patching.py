@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.errors import OptionError
+from gpszip.errors import InputError, OptionError
 from gpszip.geo.gaps import estimate_gap, gap_parts
 from gpszip.geo.planes import plane_changes
 from gpszip.matching.gap_ways import Place, Prices, Way, WayFinder
@@ -55,7 +55,7 @@ _MOST_POINTS = 1_000_000
 Floats = NDArray[np.float64]
 
 
-def patch(tracks: Sequence[Track] | Track, network: Network, *, gap: float | None = None) -> Patching:
+def patch(tracks: Sequence[Track] | Track, network: Network, *, gap: float | None = None, ignore_oneway: bool = False) -> Patching:
     """Fill the gaps of tracks with the most likely ways over roads.
 
     Of all ways between the roads on which a gap begins and ends, that one is taken which best explains the time that passed: it is
@@ -70,6 +70,8 @@ def patch(tracks: Sequence[Track] | Track, network: Network, *, gap: float | Non
         Roads on the same plane.
     gap : float, optional
         Seconds above which a step is a gap; estimated from the log by default.
+    ignore_oneway : bool, default False
+        Whether all roads may be travelled both ways, as by those who walk or cycle.
 
     Returns
     -------
@@ -77,6 +79,8 @@ def patch(tracks: Sequence[Track] | Track, network: Network, *, gap: float | Non
 
     Raises
     ------
+    InputError
+        If a track has no times.
     OptionError
         If there is no track or no road, tracks and roads lie on different planes, or the gap is not positive.
     """
@@ -85,6 +89,12 @@ def patch(tracks: Sequence[Track] | Track, network: Network, *, gap: float | Non
         raise OptionError("patching needs at least one track and one road")
     if any(track.plane != network.plane for track in several):
         raise OptionError("the roads are not on the plane of the tracks; read them with near=tracks")
+    untimed = [track.id for track in several if not track.timed]
+    if untimed:
+        which = f"track {untimed[0]!r} has" if len(untimed) == 1 else f"{len(untimed):,} tracks, the first of them {untimed[0]!r}, have"
+        raise InputError(f"{which} no times, so there are no gaps to fill; leave such tracks out, or match them instead")
+    if ignore_oneway:
+        network = network.two_way()
     wanted = estimate_gap(several) if gap is None else gap
     if not wanted > 0:
         raise OptionError(f"a gap of {wanted:g} s; it must be a positive number of seconds")

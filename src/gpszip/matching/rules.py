@@ -7,7 +7,7 @@ import math
 from gpszip.kernels.match_roads import Model
 from gpszip.model.match import Scales
 
-__all__ = ["JOINED", "apart", "model_of", "reach"]
+__all__ = ["FASTER", "JOINED", "JUMP_PRICE", "apart", "brisk", "model_of", "reach", "slack"]
 
 #: No shorter silence, in seconds, breaks a way unless asked for: logs of a point every other minute are matched, too. Tunnels are shorter.
 JOINED = 120.0
@@ -27,10 +27,13 @@ _MOST_ROADS = 16
 _DETOUR = 6.0
 
 #: Price of leaving the roads, or of a link that the network lacks: it must outweigh a stretch on the wrong one of two parallel roads.
-_JUMP = 30.0
+JUMP_PRICE = 30.0
 
 #: Price of turning off against going on, for a half turn, and of turning round where one may: one crossing in a few, and in a few hundred.
 _TURN, _U_TURN = 1.0, 5.0
+
+#: No speed is more than so many times the one that one in twenty exceeds.
+FASTER = 4.0
 
 #: Errors of two samples make of standing still a step back, or one off a crossing and back, of so many errors.
 _SLACK, _SPUR = 4.0, 3.0
@@ -49,6 +52,16 @@ def reach(scales: Scales) -> float:
     return _REACH * scales.error
 
 
+def slack(scales: Scales) -> float:
+    """Metres by which errors make a standing agent seem to go back."""
+    return _SLACK * scales.error
+
+
+def brisk(scales: Scales) -> float:
+    """Speed in m/s that one in twenty steps of the log exceeds."""
+    return scales.fastest / FASTER
+
+
 def model_of(scales: Scales) -> Model:
     """What the kernels take.
 
@@ -56,5 +69,5 @@ def model_of(scales: Scales) -> Model:
     """
     far, error = reach(scales), scales.error
     heading = 1.0 / math.radians(scales.heading) ** 2
-    prices = (scales.sigma, scales.beta, far, 0.5 * (far / scales.sigma) ** 2, _JUMP, _TURN, _U_TURN)
+    prices = (scales.sigma, scales.beta, far, 0.5 * (far / scales.sigma) ** 2, JUMP_PRICE, _TURN, _U_TURN)
     return Model(*prices, _SLACK * error, _SPUR * error, _MARGIN, _MOST_ROADS, scales.fastest, scales.usual, _DETOUR, far, heading)

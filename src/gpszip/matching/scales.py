@@ -18,10 +18,10 @@ from gpszip.matching.chain import Chain, Stretch, follow
 from gpszip.matching.headings import agreeing, spread
 from gpszip.matching.index import RoadIndex
 from gpszip.matching.on_roads import Distances, tell_apart
-from gpszip.matching.rules import reach
+from gpszip.matching.rules import FASTER, reach
 from gpszip.model.match import Scales
 
-__all__ = ["estimate_scales", "guess_error"]
+__all__ = ["estimate_scales", "guess_error", "sound_scales"]
 
 #: Rounds of matching and measuring on a few samples, before one on many: as many as it takes until the error is the same but for so
 #: much, which are two or three, but where who stands beside the roads for hours makes the first guess far too large.
@@ -41,6 +41,9 @@ _WINDING = 0.25
 #: is more: 1.3 errors where all are on roads. Where only 55 in a hundred are it is 3.4: nine in ten of these are nearer than the median.
 _GUESS = np.array([4.0, 2.0])
 
+#: An error so many times the first guess, which is rather too much, is none of the log.
+_UNSOUND = 1.5
+
 #: Layers so many errors away tell whether a track keeps its distance beside a road: who crosses it by 30 degrees has come as far again.
 _BESIDE = 5.0
 
@@ -49,9 +52,6 @@ _PRIOR = 300.0
 
 #: The most that errors are alike from layer to layer, so that sigma stays finite.
 _MOST_ALIKE = 0.95
-
-#: No speed is more than so many times the one that one in twenty exceeds.
-_FASTER = 4.0
 
 Floats = NDArray[np.float64]
 
@@ -172,6 +172,43 @@ def estimate_scales(
     return replace(whole, heading=facing), each
 
 
+def sound_scales(
+    index: RoadIndex,
+    opened: RoadIndex | None,
+    work: Work,
+    stretches: Sequence[Stretch],
+    *,
+    sigma: float | None = None,
+    beta: float | None = None,
+    heading: float | None = None,
+) -> tuple[Scales, list[Scales]]:
+    """Find the scales of a log as :func:`estimate_scales` does, also where it travels against one-way roads.
+
+    Samples that travel against a road look as if their errors were as long as the road. What is far more than the distance to
+    the nearest road tells is measured again with all roads open both ways.
+
+    Parameters
+    ----------
+    index : RoadIndex
+        The network.
+    opened : RoadIndex or None
+        The same with all roads open both ways; None where they are.
+    work, stretches, sigma, beta, heading
+        As for :func:`estimate_scales`.
+    """
+    known = {"sigma": sigma, "beta": beta, "heading": heading}
+    whole, each = estimate_scales(index, work, stretches, **known)
+    if opened is None:
+        return whole, each
+    unsound = [one.error > _UNSOUND * guess_error(index, [stretch]) for one, stretch in zip(each, stretches, strict=True)]
+    if not any(unsound):
+        return whole, each
+    whole_again, again = estimate_scales(opened, work, stretches, **known)
+    if whole.error > _UNSOUND * guess_error(index, stretches):
+        whole = whole_again
+    return whole, [new if bad else old for old, new, bad in zip(each, again, unsound, strict=True)]
+
+
 def _facing(index: RoadIndex, work: Work, chains: Sequence[Chain], scales: Scales) -> tuple[float, list[float]]:
     """Spread of headings, of a log as a whole and of each track: measured, matched with, and measured again."""
     whole, each = agreeing(index, chains)
@@ -250,7 +287,7 @@ def _speeds(stretches: Sequence[Stretch], error: float) -> tuple[float, float]:
     pooled = np.concatenate(speeds)
     if not len(pooled):
         return 0.0, math.inf
-    return float(np.median(pooled)), _FASTER * float(np.quantile(np.concatenate(calm), 0.95))
+    return float(np.median(pooled)), FASTER * float(np.quantile(np.concatenate(calm), 0.95))
 
 
 def _blend(own: tuple[float, float], whole: tuple[float, float], ways: float) -> tuple[float, float]:

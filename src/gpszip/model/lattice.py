@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["LatticeWalk", "LatticeWalks", "refined"]
+__all__ = ["Ends", "LatticeWalk", "LatticeWalks", "ends_joined", "ends_within", "refined"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +31,23 @@ class LatticeWalk:
 
 
 @dataclass(frozen=True, eq=False)
+class Ends:
+    """When travel begins and ends in each piece, finer than the cells of the knots.
+
+    Parameters
+    ----------
+    tick : int
+        Index into :data:`gpszip.coding.ends.TICKS`; 0 where travel is claimed from knot to knot.
+    first, last : int64 arrays, shape (P,)
+        Ticks since the epoch at which the claim of each of the P pieces begins and ends, one walk after the other.
+    """
+
+    tick: int
+    first: NDArray[np.int64]
+    last: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
 class LatticeWalks:
     """All walks of an archive with the nodes that they share.
 
@@ -41,11 +59,34 @@ class LatticeWalks:
         One for each track.
     timed : bool
         Whether times are kept.
+    ends : Ends, optional
+        Where pieces begin and end; None where only their knots are known.
+    untimed : frozenset of int
+        Numbers of the walks whose log has no times, among others that have some.
     """
 
     nodes: NDArray[np.int64]
     walks: tuple[LatticeWalk, ...]
     timed: bool = True
+    ends: Ends | None = None
+    untimed: frozenset[int] = frozenset()
+
+
+def ends_within(walks: LatticeWalks, first: int, after: int) -> Ends | None:
+    """Ends of the pieces of walks ``first`` to ``after - 1``."""
+    if walks.ends is None or walks.ends.tick == 0:
+        return walks.ends
+    bounds = np.cumsum([0] + [1 + int(walk.gaps.sum()) for walk in walks.walks])
+    own = slice(bounds[first], bounds[after])
+    return Ends(walks.ends.tick, walks.ends.first[own], walks.ends.last[own])
+
+
+def ends_joined(groups: Sequence[LatticeWalks]) -> Ends | None:
+    """Ends of all pieces of several groups, one after the other; None unless all have ends on the same tick."""
+    ends = [group.ends for group in groups if group.ends is not None]
+    if len(ends) < len(groups) or len({one.tick for one in ends}) > 1:
+        return None
+    return Ends(ends[0].tick, np.concatenate([one.first for one in ends]), np.concatenate([one.last for one in ends]))
 
 
 def refined(walks: LatticeWalks, times: int) -> LatticeWalks:

@@ -121,17 +121,20 @@ class Break:
     Parameters
     ----------
     after, before : int
-        Samples between which it lies, both on a piece, and any samples in between off the roads; -1 where the track begins
-        off the roads, and the number of its samples where it ends so.
+        Samples between which it lies, and any samples in between off the roads; -1 where the track begins off the roads, and the
+        number of its samples where it ends so. Both are on a piece, or in another break beside it that has another reason.
     reason : str
         Why: ``"gap"``, ``"no road near"``, ``"no route"``, ``"detour"`` (the only way over roads is far longer than what was
-        travelled), ``"off road"`` (it lies between roads rather than on one), ``"too fast"``, or ``"leap"``: the samples in between
-        leap far away and back, and the piece goes on.
+        travelled), ``"off road"`` (it lies between roads rather than on one), ``"too fast"``, ``"one-way"`` (it leads against
+        one-way roads), or ``"leap"``: the samples in between leap far away and back, and the piece goes on.
+    edges : tuple of int
+        The roads that a ``"one-way"`` break leads against, in the order of travel; empty for other reasons.
     """
 
     after: int
     before: int
     reason: str
+    edges: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,6 +190,14 @@ class Match:
         """Share of the samples that lie on a piece."""
         return float((self.piece >= 0).mean())
 
+    @property
+    def unmatched(self) -> dict[str, int]:
+        """Number of samples on no piece by reason, the most frequent first."""
+        counts: Counter[str] = Counter()
+        for one in self.breaks:
+            counts[one.reason] += int((self.piece[one.after + 1 : one.before] < 0).sum())
+        return {reason: count for reason, count in counts.most_common() if count}
+
     def places(self, network: Network) -> NDArray[np.float64]:
         """Positions on the roads, shape (n, d) in metres, NaN for samples on no piece."""
         out = np.full((len(self), network.dimension), np.nan)
@@ -237,8 +248,22 @@ class Matching:
     @property
     def share(self) -> float:
         """Share of all samples that lie on a piece."""
-        on_road = sum(int((match.piece >= 0).sum()) for match in self.matches)
-        return on_road / self.points if self.points else 0.0
+        return self.matched / self.points if self.points else 0.0
+
+    @property
+    def matched(self) -> int:
+        """Number of samples that lie on a piece."""
+        return sum(int((match.piece >= 0).sum()) for match in self.matches)
+
+    @property
+    def unmatched(self) -> dict[str, int]:
+        """Number of samples on no piece by reason, the most frequent first."""
+        return dict(sum((Counter(match.unmatched) for match in self.matches), Counter[str]()).most_common())
+
+    @property
+    def against(self) -> tuple[int, ...]:
+        """One-way roads of the network that samples travel against, in the order of travel."""
+        return tuple(dict.fromkeys(edge for match in self.matches for one in match.breaks for edge in one.edges))
 
     @property
     def breaks(self) -> dict[str, int]:

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from gpszip.errors import OptionError
+from gpszip.model.promise import WRITING_SHARE
 
 __all__ = ["Options"]
 
@@ -19,12 +20,12 @@ class Options:
     rmse : float, optional
         Largest root mean square of all synchronised distances in metres.
     max_error : float, optional
-        Largest synchronised distance in metres.
+        Largest synchronised distance in metres. May be given together with ``rmse``.
     size : int, optional
         Largest number of bytes of the archive; the smallest RMSE that they allow is found.
     ratio : float, optional
-        How many times smaller than the log the archive is to be, at least. Give one of these four bounds; without any, an
-        RMSE is estimated from the log.
+        How many times smaller than the log the archive is to be, at least. A size or a ratio excludes all other bounds. Without any
+        bound, an RMSE is estimated from the log, and a maximum of four times that.
     gap : float, optional
         Silences longer than this, in seconds, are gaps; ``math.inf`` for none. Estimated from the log by default.
     k, m : int, optional
@@ -52,9 +53,9 @@ class Options:
     --------
     >>> Options(rmse=5.0).effort
     5
-    >>> Options(rmse=5.0, max_error=10.0)
+    >>> Options(rmse=5.0, size=900)
     Traceback (most recent call last):
-    gpszip.errors.OptionError: rmse and max_error were both given; give one
+    gpszip.errors.OptionError: rmse and size were both given; give one
     """
 
     rmse: float | None = None
@@ -81,6 +82,14 @@ class Options:
         """
         rmse, max_error = (None if bound is None else share * bound for bound in (self.rmse, self.max_error))
         return replace(self, rmse=rmse, max_error=max_error)
+
+    @property
+    def aim(self) -> Options:
+        """The options with a bound so much smaller that files written from the archive hold the one that was asked for.
+
+        Numbers are rounded there, and straight lines are straight in degrees: see :func:`gpszip.model.promise.writing_error`.
+        """
+        return self.tightened(1 - WRITING_SHARE)
 
     @property
     def bounded(self) -> bool:
@@ -115,8 +124,8 @@ class Options:
 def _check_bounds(options: Options) -> None:
     bounds = {"rmse": options.rmse, "max_error": options.max_error, "size": options.size, "ratio": options.ratio}
     given = [name for name, value in bounds.items() if value is not None]
-    if len(given) > 1:
-        raise OptionError(f"{given[0]} and {given[1]} were both given; give one")
+    if len(given) > 1 and given != ["rmse", "max_error"]:
+        raise OptionError(f"{given[0]} and {given[-1]} were both given; give one")
     kinds = {"size": "number of bytes", "ratio": "number"}
     for name, value in bounds.items():
         if value is not None and not 0 < value < math.inf:

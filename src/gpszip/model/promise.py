@@ -3,16 +3,38 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
-__all__ = ["DIGITS", "EXPONENTS", "FEW_DIGITS", "GROWN", "Promise", "grown_promise", "promise_of"]
+__all__ = [
+    "DIGITS",
+    "EXPONENTS",
+    "FEW_DIGITS",
+    "GROWN",
+    "MOST_OVER",
+    "WRITING_SHARE",
+    "Promise",
+    "grown_promise",
+    "promise_of",
+    "promise_of_both",
+    "writing_error",
+]
 
 #: What a promise may have as digits, and as exponents of ten.
-DIGITS, EXPONENTS = range(1, 1000), range(-8, 8)
+DIGITS, EXPONENTS = range(1, 1000), range(-8, 7)
+
+#: By how much the exponent of the maximum may be above that of the root mean square where both are promised.
+MOST_OVER = range(4)
 
 #: Steps by which merges may have made a promise larger, and the digits that it has then; a factor 2 has so many steps.
 GROWN, FEW_DIGITS, _DOUBLE = range(1, 63), range(1, 100), 16
+
+#: Share of the error promised by which tracks may move when they are written to a file, as numbers are rounded there and
+#: straight lines are straight in degrees.
+WRITING_SHARE = 1 / 500
+
+#: Metres by which tracks may move when they are written: at most, and where nothing is promised.
+_MOST_WRITING_ERROR, _WRITING_ERROR = 1.0, 0.01
 
 
 @dataclass(frozen=True)
@@ -24,17 +46,26 @@ class Promise:
     digits : int
         1 to 999; 1 to 99 of a promise that has grown.
     exponent : int
-        -8 to 7.
+        -8 to 6.
     maximum : bool
         Whether every sample is that near, rather than all of them in the root mean square.
     grown : int, default 0
         Steps by which merges have made it larger, up to 62.
+    most_digits, most_exponent : int, default 0
+        The largest distance of any sample, where that is promised beside the root mean square; no digits where it is not.
     """
 
     digits: int
     exponent: int
     maximum: bool
     grown: int = 0
+    most_digits: int = 0
+    most_exponent: int = 0
+
+    @property
+    def most(self) -> float | None:
+        """The largest distance of any sample in metres, where that is promised beside the root mean square."""
+        return float(self.most_digits * Fraction(10) ** self.most_exponent) if self.most_digits else None
 
     @property
     def metres(self) -> float:
@@ -66,6 +97,26 @@ def promise_of(metres: float, *, maximum: bool) -> Promise | None:
     return None
 
 
+def promise_of_both(rmse: float, maximum: float) -> Promise | None:
+    """Promise a root mean square error and a maximum in metres, each rounded up to three digits.
+
+    Examples
+    --------
+    >>> promise = promise_of_both(3.0, 12.0)
+    >>> promise.metres, promise.most
+    (3.0, 12.0)
+    """
+    first, second = promise_of(rmse, maximum=False), promise_of(maximum, maximum=False)
+    if first is None or second is None:
+        return first or promise_of(maximum, maximum=True)
+    if second.metres <= first.metres:  # the maximum says it all
+        return replace(second, maximum=True)
+    over = second.exponent - first.exponent
+    if over not in MOST_OVER:
+        return first
+    return replace(first, most_digits=second.digits, most_exponent=second.exponent)
+
+
 def grown_promise(before: float, metres: float, *, maximum: bool) -> Promise | None:
     """Promise an error of ``metres`` where merges have added to ``before``; None where that is beyond all that can be promised.
 
@@ -87,3 +138,16 @@ def grown_promise(before: float, metres: float, *, maximum: bool) -> Promise | N
             if promise.metres >= metres:
                 return promise
     return promise_of(metres, maximum=maximum)
+
+
+def writing_error(promise: Promise | None) -> float:
+    """Metres by which tracks may move when they are written to a file, so little that the promise means the file, too.
+
+    Examples
+    --------
+    >>> writing_error(Promise(1, 1, maximum=True)), writing_error(None)
+    (0.02, 0.01)
+    """
+    if promise is None:
+        return _WRITING_ERROR
+    return min(promise.before * WRITING_SHARE, _MOST_WRITING_ERROR)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from gpszip.model.track import Track
 
-__all__ = ["LeftOut", "Reading", "Repair"]
+__all__ = ["LeftOut", "Loss", "Reading", "Repair"]
 
 
 @dataclass(frozen=True)
@@ -50,6 +50,33 @@ class LeftOut:
     reason: str
 
 
+@dataclass(frozen=True)
+class Loss:
+    """A track that lost so many of its points that it must be told first.
+
+    Rows that say the same once more are no loss.
+
+    Parameters
+    ----------
+    track : str
+        Name of the track; empty for rows of which it is not known whose they are.
+    where : str
+        Name of the log.
+    lost : int
+        How many of its points can't be used.
+    points : int
+        How many the log holds.
+    shared : int
+        The most points at different positions that have one time in common; 0 where there are none such.
+    """
+
+    track: str
+    where: str
+    lost: int
+    points: int
+    shared: int = 0
+
+
 @dataclass(frozen=True, eq=False)
 class Reading:
     """Tracks on one common plane with an account of how they came about.
@@ -72,6 +99,8 @@ class Reading:
         What was not read.
     dropped : tuple of str
         Columns of the logs that are not kept.
+    losses : tuple of Loss
+        Tracks that lost more than a tenth of their points, or all, or have several points at one time.
     """
 
     tracks: tuple[Track, ...]
@@ -81,6 +110,12 @@ class Reading:
     repairs: tuple[Repair, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
     dropped: tuple[str, ...] = ()
+    losses: tuple[Loss, ...] = ()
+
+    @property
+    def complete(self) -> bool:
+        """Whether no log was left out, and no track lost more than a few points."""
+        return not self.left_out and not self.losses
 
     @property
     def kept(self) -> int:

@@ -24,9 +24,13 @@ class Walk:
         Seconds at each node in the log's own zero, strictly increasing; None in an archive without times.
     gaps : bool array, shape (k,)
         Parts during which no travel is claimed.
+    spans : float64 array, shape (pieces, 2), optional
+        Seconds at which travel begins and ends in each piece between gaps, at or after its first knot and at or before its last;
+        None where that is at the knots.
     """
 
     id: str
     nodes: NDArray[np.int32]
     times: NDArray[np.float64] | None
     gaps: NDArray[np.bool_]
+    spans: NDArray[np.float64] | None = None

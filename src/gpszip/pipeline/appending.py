@@ -15,20 +15,22 @@ from gpszip.container.attributes import Kept, attributes_body
 from gpszip.container.contents import Section
 from gpszip.container.layout import Kind
 from gpszip.errors import BoundError, OptionError
-from gpszip.geo.gaps import estimate_gap, silences
-from gpszip.geo.sampling import sampling_step
+from gpszip.mapping.connected import suited_time_step
+from gpszip.mapping.fitting import SLACK
 from gpszip.mapping.lattice_map import join_lattices, knot_times, node_positions
+from gpszip.mapping.shapes import paced
 from gpszip.model import Executor, LatticeWalk, LatticeWalks, Listener, Options, Report, Track
 from gpszip.model.frame import quantum
 from gpszip.model.lattice import refined
 from gpszip.model.promise import Promise
 from gpszip.pipeline import compressing
 from gpszip.pipeline.checking import checked, laid_on
+from gpszip.pipeline.continuing import claimed, end_of, ready_to_continue
 
 if TYPE_CHECKING:
     from gpszip.mapping.fitting import Fit
 
-__all__ = ["SHARES", "append", "completed", "end_of", "grown", "overlapping"]
+__all__ = ["SHARES", "append", "completed", "grown", "last_knot", "overlapping"]
 
 #: Shares of the bound that are tried: where a walk goes on, the end of the older one stays as it is.
 SHARES = (1.0, 0.97, 0.9, 0.75)
@@ -85,8 +87,12 @@ def append(
     options = completed(options or Options(), archive)
     whole = laid_on(archive, checked(tracks), options)
     compressing.kept(whole, options)
-    gap = estimate_gap(whole) if options.gap is None else options.gap
-    sampling = sampling_step(whole, [silences(track, gap) for track in whole])
+    gap, silent = compressing.gaps_of(whole, options.gap)
+    sampling = compressing.sampling_of(whole, silent)
+    check_goes_on(archive, whole)
+    starts = {track.id: float(track.times[0]) for track in whole if track.timed}
+    suited = suited_time_step(paced(whole, silent), silent, archive.frame.space)
+    archive = ready_to_continue(archive, starts, suited)
     led = tuple(_led_on(archive, track, gap) if track.id in archive.ids else track for track in whole)
     for share in SHARES:
         aim = replace(options.tightened(share), gap=gap, keep=(), keep_times=False)
@@ -96,24 +102,31 @@ def append(
         extras = _united_extras(archive, whole if options.keep_times else (), on_map.ids)
         both = grown(archive, on_map, gap, sampling, extras)
         found = compressing.measure(whole, both)
-        if compressing.holds(found, options):
+        if compressing.holds(found, options.aim):
             return both, _report(report, both, found)
     raise BoundError("the archive's lattice is too coarse for this bound; allow a larger error, or compress all logs together")
 
 
+def check_goes_on(archive: Archive, tracks: Sequence[Track]) -> None:
+    """Refuse tracks that would go on with, or as, one that has no times."""
+    for track in tracks:
+        if track.id in archive.ids and (not track.timed or track.id in archive.untimed):
+            raise OptionError(f"track {track.id!r} is in the archive, and one of both has no times; give it another name")
+
+
 def _led_on(archive: Archive, track: Track, gap: float) -> Track:
     """A track that begins where the archive's walk of that name ends, unless there is a gap between them."""
-    end, there = end_of(archive, track.id)
+    end, there = last_knot(archive, track.id)
     if track.times[0] - end > gap:
         return track
     after = int(np.searchsorted(track.times, end, side="right"))
-    if track.times[0] < end - quantum(archive.frame.time) or after == len(track):
+    if track.times[0] < end_of(archive, track.id) - SLACK or after == len(track):
         raise overlapping(track.id)
     times, positions = np.append(end, track.times[after:]), np.concatenate([there, track.positions[after:]])
     return Track(track.id, times, positions, plane=track.plane)
 
 
-def end_of(archive: Archive, name: str) -> tuple[float, NDArray[np.float64]]:
+def last_knot(archive: Archive, name: str) -> tuple[float, NDArray[np.float64]]:
     """Time and place, shape (1, d), of the last knot of a track."""
     lattice, frame = archive.lattice, archive.frame
     walk = lattice.walks[archive.ids.index(name)]
@@ -145,15 +158,27 @@ def grown(archive: Archive, on_map: Archive, gap: float, sampling: float | None,
     walks = dict(zip(archive.ids, lattice.walks[: len(archive.ids)], strict=True))
     for name, walk in zip(on_map.ids, lattice.walks[len(archive.ids) :], strict=True):
         walks[name] = _gone_on(name, walks[name], walk, most) if name in walks else walk
+    shapes = {*archive.untimed, *on_map.untimed}
+    untimed = frozenset(number for number, name in enumerate(walks) if name in shapes)
     united = new_archive(
         on_map.frame,
         tuple(walks),
-        number_by_visit(LatticeWalks(lattice.nodes, tuple(walks.values()))),
+        number_by_visit(LatticeWalks(lattice.nodes, tuple(walks.values()), untimed=untimed)),
         layer=archive.contents.layer,
         extras=extras,
+        spans=_spans_of_both(archive, on_map, tuple(walks)),
     )
     told = None if archive.sampling is None or sampling is None else max(archive.sampling, sampling)
     return sampled(promising(united, _weaker(archive.promise, on_map.promise)), told)
+
+
+def _spans_of_both(archive: Archive, on_map: Archive, names: Sequence[str]) -> list[NDArray[np.float64]]:
+    """Seconds at which the pieces of each track begin and end, in the archive and on its map."""
+    both: dict[str, list[NDArray[np.float64]]] = {name: [] for name in names}
+    for one in (archive, on_map):
+        for name, spans in zip(one.ids, claimed(one), strict=True):
+            both[name].append(spans)
+    return [np.concatenate(both[name]) for name in names]
 
 
 def completed(options: Options, archive: Archive) -> Options:
@@ -163,6 +188,7 @@ def completed(options: Options, archive: Archive) -> Options:
     if not options.bounded and archive.promise is not None:
         bound = archive.promise.metres
         options = replace(options, max_error=bound) if archive.promise.maximum else replace(options, rmse=bound)
+        options = options if archive.promise.most is None else replace(options, max_error=archive.promise.most)
     if archive.kept is None and (options.keep or options.keep_times):
         raise OptionError("the archive keeps no columns, so that none can be appended; leave out keep")
     return options if archive.kept is None else replace(options, keep=archive.kept, keep_times=True)
@@ -187,7 +213,9 @@ def _weaker(one: Promise | None, other: Promise | None) -> Promise | None:
     if one is None or other is None:
         return None
     larger = one if one.metres >= other.metres else other
-    return replace(larger, maximum=one.maximum and other.maximum)
+    most = None if one.most is None or other.most is None else max(one, other, key=lambda promise: promise.most or 0.0)
+    both = (0, 0) if most is None else (most.most_digits, most.most_exponent)
+    return replace(larger, maximum=one.maximum and other.maximum, most_digits=both[0], most_exponent=both[1])
 
 
 def _united_extras(archive: Archive, tracks: Sequence[Track], added: Sequence[str]) -> tuple[Section, ...]:

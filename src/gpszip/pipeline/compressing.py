@@ -19,17 +19,37 @@ from gpszip.errors import BoundError, OptionError
 from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Options, Progress, Report, Track
 from gpszip.model.executor import local
 from gpszip.model.frame import refined_frame
-from gpszip.model.promise import Promise, promise_of
+from gpszip.model.promise import Promise, promise_of, promise_of_both
 from gpszip.pipeline.checking import check_names, checked, laid_on
 
 if TYPE_CHECKING:
     from gpszip.mapping.fitting import Fit
     from gpszip.mapping.size_search import Try
 
-__all__ = ["NO_TIMES", "compress", "holds", "in_bytes", "kept", "measure", "off_map", "promised", "report_on", "without_times"]
+__all__ = [
+    "MAXIMUM_OF_RMSE",
+    "NO_TIMES",
+    "asked",
+    "compress",
+    "estimated",
+    "holds",
+    "in_bytes",
+    "kept",
+    "measure",
+    "off_map",
+    "promised",
+    "report_on",
+    "without_times",
+]
 
 #: What is to be said of an archive without times.
 NO_TIMES = "times were left out after measuring: positions at a time can't be had from the archive"
+
+#: Without any bound, no sample is farther away than so many times the RMSE: an RMSE alone says nothing of the worst sample.
+MAXIMUM_OF_RMSE = 4.0
+
+#: So many tracks without times are named.
+_NAMED = 5
 
 #: Share of the bound below which no target is tried.
 _LEAST_AIM = 0.1
@@ -39,6 +59,9 @@ _TIGHTER = 0.98
 
 #: How often learning may come to nothing before every sample is kept instead.
 _FAILURES = 3
+
+#: Shares of the bound to which every sample is kept: rounding adds to the ways of shapes, and so shifts what lies at equal shares.
+_VERBATIM_SHARES = (1.0, 0.25, 0.05, 0.01)
 
 #: A bound counts as held up to the rounding of its own measurement.
 _ROUNDING = 1e-9
@@ -56,6 +79,26 @@ class _Job:
     extras: tuple[Section, ...] = ()
     map: Archive | None = None
     sampling: float | None = None
+
+    @property
+    def spans(self) -> list[NDArray[np.float64]]:
+        """Times of first and last sample of each run between gaps, for each track."""
+        from gpszip.geo.gaps import sample_spans
+
+        return [
+            sample_spans(track.times, gap) if track.timed else np.zeros((0, 2)) for track, gap in zip(self.tracks, self.gaps, strict=True)
+        ]
+
+    @property
+    def step(self) -> float:
+        """Seconds between two samples of the track that has the most; 0 where none has two."""
+        timed = [track for track in self.tracks if track.timed and len(track) > 1]
+        return min((float(np.median(np.diff(track.times))) for track in timed), default=0.0)
+
+    @property
+    def untimed(self) -> frozenset[int]:
+        """Numbers of the tracks that have no times."""
+        return frozenset(number for number, track in enumerate(self.tracks) if not track.timed)
 
     @property
     def ids(self) -> list[str]:
@@ -120,21 +163,31 @@ def compress(
     BoundError
         If the bound can't be held, or no archive is as small as it should be.
     """
-    from gpszip.geo.sampling import sampling_step
     from gpszip.run import executor_of
 
     start = time.perf_counter()
     options = options or Options()
     whole = checked(tracks) if map is None else laid_on(map, checked(tracks), options)
-    gap, gaps = _gaps(whole, options.gap)
+    gap, gaps = gaps_of(whole, options.gap)
     numbers = sum(8 * (1 + track.dimension) * len(track) for track in whole)
     options, notes = _bounded(whole, gaps, in_bytes(options, numbers if bytes_in is None else bytes_in))
-    job = _Job(whole, gaps, options, executor_of(executor), progress, kept(whole, options), map, sampling_step(whole, gaps))
+    job = _Job(whole, gaps, options, executor_of(executor), progress, kept(whole, options), map, sampling_of(whole, gaps))
     archive, fit = _within_size(job, options.size) if options.size is not None else _finished(options, *_within_bound(job))
-    notes += off_map(archive, map)
+    notes += off_map(archive, map) + shapes_named(whole)
     if not options.times:
         notes += (NO_TIMES,)
     return archive, report_on(archive, fit, options, notes, gap, time.perf_counter() - start)
+
+
+def shapes_named(tracks: Sequence[Track]) -> tuple[str, ...]:
+    """What is to be said of tracks without times."""
+    names = [repr(track.id) for track in tracks if not track.timed]
+    if not names:
+        return ()
+    if len(names) == len(tracks):
+        return ("no times in the log: shapes are kept, and errors are distances at equal shares of the way",)
+    shown = ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED:,} more" if len(names) > _NAMED else "")
+    return (f"without times, kept as shapes: {shown}",)
 
 
 def off_map(archive: Archive, map: Archive | None) -> tuple[str, ...]:
@@ -148,12 +201,20 @@ def off_map(archive: Archive, map: Archive | None) -> tuple[str, ...]:
     return (f"{len(ways):,} stretches lie off the map, {length:,.0f} m in all",) if ways else ()
 
 
-def _gaps(tracks: Sequence[Track], gap: float | None) -> tuple[float, tuple[NDArray[np.bool_], ...]]:
+def gaps_of(tracks: Sequence[Track], gap: float | None) -> tuple[float, tuple[NDArray[np.bool_], ...]]:
     """Seconds above which a step is a gap, and the steps of each track that are."""
     from gpszip.geo.gaps import estimate_gap, silences
 
-    length = estimate_gap(tracks) if gap is None else gap
-    return length, tuple(silences(track, length) for track in tracks)
+    length = estimate_gap([track for track in tracks if track.timed]) if gap is None else gap
+    return length, tuple(silences(track, length if track.timed else math.inf) for track in tracks)
+
+
+def sampling_of(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> float | None:
+    """About the seconds between two samples of the tracks that have times."""
+    from gpszip.geo.sampling import sampling_step
+
+    timed = [(track, gap) for track, gap in zip(tracks, gaps, strict=True) if track.timed]
+    return sampling_step([track for track, _ in timed], [gap for _, gap in timed]) if timed else None
 
 
 def _bounded(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], options: Options) -> tuple[Options, tuple[str, ...]]:
@@ -162,8 +223,14 @@ def _bounded(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], options
 
     if options.bounded or options.sized or options.thesis:
         return options, ()
-    rmse = sensible_rmse(tracks, gaps)
-    return replace(options, rmse=rmse), (f"no bound was given: RMSE {rmse:g} m was estimated from the log",)
+    return estimated(options, sensible_rmse(tracks, gaps), "the log")
+
+
+def estimated(options: Options, rmse: float, source: str) -> tuple[Options, tuple[str, ...]]:
+    """Options with a bound on RMSE and maximum, and what is to be said of it."""
+    maximum = MAXIMUM_OF_RMSE * rmse
+    note = f"no bound was given: RMSE {rmse:g} m and maximum {maximum:g} m were estimated from {source}"
+    return replace(options, rmse=rmse, max_error=maximum), (note,)
 
 
 def kept(tracks: Sequence[Track], options: Options) -> tuple[Section, ...]:
@@ -171,6 +238,9 @@ def kept(tracks: Sequence[Track], options: Options) -> tuple[Section, ...]:
     if not (options.keep or options.keep_times):
         return ()
     check_names(options.keep, geographic=tracks[0].plane is not None)
+    shape = next((track for track in tracks if not track.timed), None)
+    if shape is not None:
+        raise OptionError(f"track {shape.id!r} has no times, by which columns are kept; leave out --keep and --keep-times (keep)")
     for name in options.keep:
         lacking = next((track for track in tracks if name not in track.attributes), None)
         if lacking is not None:
@@ -220,7 +290,7 @@ def _finished(options: Options, archive: Archive, fit: Fit) -> tuple[Archive, Fi
 
 def _within_bound(job: _Job) -> tuple[Archive, Fit]:
     """Learn, write, read back and measure, until the bound is held."""
-    target: Options | None = job.options
+    target: Options | None = job.options.aim
     failures = 0
     while target is not None:
         learned = _learned(job, target)
@@ -229,32 +299,39 @@ def _within_bound(job: _Job) -> tuple[Archive, Fit]:
             target = _tightened(target, 1.0 + 0.1 * failures, job.options) if failures < _FAILURES else None
             continue
         archive, fit = _written(job, learned)
-        if holds(fit, job.options):
+        if holds(fit, job.options.aim):
             return archive, fit
         if fit.uncovered:
             break
-        target = _tightened(target, _excess(fit, job.options), job.options)
+        target = _tightened(target, _excess(fit, job.options.aim), job.options)
     return _last_resort(job)
 
 
 def _last_resort(job: _Job) -> tuple[Archive, Fit]:
     """Keep every sample, unless the user has said how many parts there are to be."""
+    from gpszip.mapping.shapes import paced
     from gpszip.mapping.verbatim import keep_samples
 
     if job.map is not None:
         return _within_bound(replace(job, map=None))
-    bound = job.options.rmse or job.options.max_error
-    if job.options.k is None and bound is not None:
-        archive, fit = _written(job, _Learned(*keep_samples(job.tracks, job.gaps, bound)))
-        if holds(fit, job.options):
-            return archive, fit
+    aim = job.options.aim
+    bounds = [bound for bound in (aim.rmse, aim.max_error) if bound is not None]
+    if job.options.k is None and bounds:
+        for share in _VERBATIM_SHARES if job.untimed else (1.0,):
+            archive, fit = _written(job, _Learned(*keep_samples(paced(job.tracks, job.gaps), job.gaps, share * min(bounds))))
+            if holds(fit, aim):
+                return archive, fit
     raise BoundError(f"{_bound(job.options)} can't be held; allow a larger error" + (", or more parts" if job.options.k else ""))
 
 
 def _written(job: _Job, learned: _Learned) -> tuple[Archive, Fit]:
+    from gpszip.mapping.shapes import without_cells
+
+    others = job.map is not None or len(job.untimed) < len(job.tracks)
+    lattice = without_cells(learned.lattice, job.untimed, others=others)
     made = new_archive(
-        learned.frame, job.ids, learned.lattice, layer=job.options.layer, extras=job.extras, on=job.map, halvings=learned.halvings,
-        executor=local(job.executor),
+        learned.frame, job.ids, lattice, layer=job.options.layer, extras=job.extras, on=job.map, halvings=learned.halvings,
+        executor=local(job.executor), spans=job.spans, step=job.step,
     )  # fmt: skip
     job.tell("measure", 0.0)
     archive = open_archive(made.to_bytes(), job.map)
@@ -267,7 +344,14 @@ def promised(options: Options, fit: Fit) -> Promise | None:
     """The bound that was asked for; where none was, the error that was reached. Nothing where that is not (yet) kept."""
     if options.bounded and not holds(fit, options):
         return None
-    return promise_of(options.max_error or options.rmse or fit.rmse, maximum=options.max_error is not None)
+    return asked(options) if options.bounded else promise_of(fit.rmse, maximum=False)
+
+
+def asked(options: Options) -> Promise | None:
+    """The bound that was asked for, as a promise."""
+    if options.rmse is not None and options.max_error is not None:
+        return promise_of_both(options.rmse, options.max_error)
+    return promise_of(options.max_error or options.rmse or 0.0, maximum=options.max_error is not None)
 
 
 def _learned(job: _Job, target: Options) -> _Learned | None:
@@ -297,11 +381,14 @@ def _learned(job: _Job, target: Options) -> _Learned | None:
 
 def _samples(job: _Job) -> tuple[tuple[Track, ...], tuple[NDArray[np.bool_], ...]]:
     """What is learnt from: all samples, or few with weights."""
+    from gpszip.mapping.shapes import paced
+
+    tracks = paced(job.tracks, job.gaps)
     if job.options.coreset is None:
-        return job.tracks, job.gaps
+        return tracks, job.gaps
     from gpszip.mapping.thinning import thin_out
 
-    return thin_out(job.tracks, job.gaps, job.options.coreset)
+    return thin_out(tracks, job.gaps, job.options.coreset)
 
 
 def _mended(job: _Job, found: tuple[Frame, LatticeWalks] | None, target: Options) -> tuple[Frame, LatticeWalks] | None:
@@ -309,8 +396,9 @@ def _mended(job: _Job, found: tuple[Frame, LatticeWalks] | None, target: Options
     if found is None or job.options.coreset is None or target.max_error is None:
         return found
     from gpszip.mapping.maximum import mend
+    from gpszip.mapping.shapes import paced
 
-    return mend(job.tracks, *found, target.max_error)
+    return mend(paced(job.tracks, job.gaps), *found, target.max_error)
 
 
 def measure(tracks: Sequence[Track], archive: Archive) -> Fit:
@@ -334,9 +422,8 @@ def _excess(fit: Fit, options: Options) -> float:
     """What was reached as a multiple of what was asked for; 0 where nothing was, infinite where a sample has no position."""
     if fit.uncovered:
         return math.inf
-    if options.rmse is not None:
-        return fit.rmse / options.rmse
-    return fit.max_error / options.max_error if options.max_error is not None else 0.0
+    rmse = fit.rmse / options.rmse if options.rmse is not None else 0.0
+    return max(rmse, fit.max_error / options.max_error if options.max_error is not None else 0.0)
 
 
 def _tightened(target: Options, over: float, asked: Options) -> Options | None:
@@ -347,11 +434,10 @@ def _tightened(target: Options, over: float, asked: Options) -> Options | None:
 
 
 def _bound(options: Options) -> str:
-    if options.rmse is not None:
-        return f"RMSE <= {options.rmse:g} m"
     if options.size is not None:
         return f"size <= {options.size} bytes"
-    return "" if options.max_error is None else f"maximum <= {options.max_error:g} m"
+    bounds = {"RMSE": options.rmse, "maximum": options.max_error}
+    return ", ".join(f"{name} <= {bound:g} m" for name, bound in bounds.items() if bound is not None)
 
 
 def report_on(archive: Archive, fit: Fit, options: Options, notes: tuple[str, ...], gap: float, seconds: float) -> Report:

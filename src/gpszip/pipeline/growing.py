@@ -16,14 +16,15 @@ from gpszip.container.columns import Values, column_of
 from gpszip.container.contents import Section
 from gpszip.container.layout import Kind
 from gpszip.errors import BoundError, OptionError
+from gpszip.geo.gaps import silences
 from gpszip.io.kept_columns import StoredColumn
 from gpszip.io.streaming import StoredLog, StoredTrack
-from gpszip.mapping.fitting import Fit
+from gpszip.mapping.connected import suited_time_step
+from gpszip.mapping.fitting import SLACK, Fit
 from gpszip.model import Executor, Listener, Options, Reading, Report, Track
-from gpszip.model.frame import quantum
-from gpszip.model.promise import promise_of
-from gpszip.pipeline.appending import SHARES, completed, end_of, grown, overlapping
-from gpszip.pipeline.compressing import holds, report_on
+from gpszip.pipeline.appending import SHARES, completed, grown, last_knot, overlapping
+from gpszip.pipeline.compressing import asked, holds, report_on
+from gpszip.pipeline.continuing import end_of, ready_to_continue
 from gpszip.pipeline.keeping import Times, section_of
 from gpszip.pipeline.large import Job, check_memory, ground_on, stored
 
@@ -75,18 +76,23 @@ def append_large(
 
 
 def _within_bound(archive: Archive, job: Job, extras: tuple[Section, ...]) -> tuple[Archive, Fit]:
+    silent = [silences(track, job.gap) for track in job.excerpt]
+    starts = {track.id: float(job.log.read(track, 0, 1).times[0]) for track in job.log.tracks if track.id in archive.ids}
+    archive = ready_to_continue(archive, starts, suited_time_step(job.excerpt, silent, archive.frame.space))
     led = _LedOn(archive, job.log, job.gap)
-    bound = promise_of(job.options.max_error or job.options.rmse or 0.0, maximum=job.options.max_error is not None)
+    bound = asked(job.options)
     for share in SHARES:
         try:
-            ground = ground_on(archive, job, job.options.tightened(share))
+            ground = ground_on(archive, job, job.options.aim.tightened(share))
             lattice = job.lay(led, ground)
         except BoundError:
             break
-        on_map = new_archive(ground.frame, [track.id for track in led.tracks], lattice, on=archive, halvings=ground.halvings)
+        on_map = new_archive(
+            ground.frame, [track.id for track in led.tracks], lattice, on=archive, halvings=ground.halvings, spans=job.spans
+        )
         both = grown(archive, promising(on_map, bound), job.gap, job.sampling, extras)
         found = job.measure(both)
-        if holds(found, job.options):
+        if holds(found, job.options.aim):
             return both, found
     raise BoundError("the archive's lattice is too coarse for this bound; allow a larger error, or compress all logs together")
 
@@ -113,12 +119,12 @@ class _LedOn:
         return Track(track.id, times, places, plane=self._log.plane)
 
     def _led(self, archive: Archive, track: StoredTrack, gap: float) -> StoredTrack:
-        end, there = end_of(archive, track.id)
+        end, there = last_knot(archive, track.id)
         near = self._log.read(track, 0, min(_NEAR, track.count))
         if near.times[0] - end > gap:
             return track
         after = int(np.searchsorted(near.times, end, side="right"))
-        if near.times[0] < end - quantum(archive.frame.time) or after == len(near):
+        if near.times[0] < end_of(archive, track.id) - SLACK or after == len(near):
             raise overlapping(track.id)
         self._leads[track.id] = Track(track.id, np.array([end]), there, plane=self._log.plane)
         return StoredTrack(track.id, track.offset + after - 1, track.count - after + 1)

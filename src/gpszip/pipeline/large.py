@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,9 @@ from gpszip.coding.past import Past
 from gpszip.coding.walks import number_by_visit
 from gpszip.container.contents import Section
 from gpszip.errors import BoundError, OptionError
-from gpszip.geo.gaps import estimate_gap, silences
+from gpszip.geo.gaps import estimate_gap, sample_spans, silences
 from gpszip.geo.sampling import sampling_step
-from gpszip.io.streaming import StoredLog, count_rows, store_logs
+from gpszip.io.streaming import StoredLog, StoredTrack, count_rows, store_logs
 from gpszip.mapping.connected import RMSE_OF_MAXIMUM
 from gpszip.mapping.fitting import Fit
 from gpszip.mapping.stretches import Stretch, cut_stretches, gather
@@ -27,7 +28,7 @@ from gpszip.model.executor import local
 from gpszip.model.frame import refined_frame
 from gpszip.pipeline.checking import check_map
 from gpszip.pipeline.coarsening import coarsened
-from gpszip.pipeline.compressing import NO_TIMES, holds, in_bytes, off_map, promised, report_on, without_times
+from gpszip.pipeline.compressing import NO_TIMES, estimated, holds, in_bytes, off_map, promised, report_on, without_times
 from gpszip.pipeline.keeping import kept_of
 from gpszip.pipeline.laying import SHARES, Ground, Samples, lay
 from gpszip.pipeline.measuring import measured
@@ -43,6 +44,9 @@ _SORTED, _SORTED_COLUMN, _LEARNT, _LAID = 150, 120, 700, 1200
 
 #: Samples of a batch, of which several are in work at once, and of an excerpt at most.
 _BATCH, _AT_ONCE, _EXCERPT = 100_000, 4, 2_000_000
+
+#: Samples of a track that are read at a time to find its gaps.
+_BLOCK = 1 << 20
 
 #: A log is dense if blocks of so many samples, on average, have lines whose RMSE is at most this share of the bound.
 _DENSE, _LINES = 40, 0.8
@@ -72,6 +76,16 @@ class Job:
         """Share of a batch in the log."""
         return 1 / max(len(self._batches(self.log)), 1)
 
+    @cached_property
+    def spans(self) -> list[NDArray[np.float64]]:
+        """Times of first and last sample of each run between gaps, for each track."""
+        return [_spans(self.log, track, self.gap) for track in self.log.tracks]
+
+    @cached_property
+    def step(self) -> float:
+        """Seconds between two samples of the part of the excerpt that has the most; 0 where none has two."""
+        return min((float(np.median(np.diff(track.times))) for track in self.excerpt if len(track) > 1), default=0.0)
+
     def lay(self, log: Samples, ground: Ground) -> LatticeWalks:
         """Walks of all tracks, over the nodes that are known and then others."""
         return lay(log, ground, self._batches(log), self.executor, lambda done: self.tell(Progress("encode", done)))
@@ -86,6 +100,20 @@ class Job:
 
     def _batches(self, log: Samples) -> list[list[Stretch]]:
         return gather(cut_stretches([track.count for track in log.tracks], self.batch), self.batch)
+
+
+def _spans(log: StoredLog, track: StoredTrack, gap: float) -> NDArray[np.float64]:
+    """Times of first and last sample of each run of a track, read block by block."""
+    runs: list[NDArray[np.float64]] = []
+    for first in range(0, track.count, _BLOCK):
+        # the last sample of the block before tells whether the step between the blocks is a gap
+        block = log.read(track, max(first - 1, 0), min(first + _BLOCK, track.count))
+        own = sample_spans(block.times, silences(block, gap))
+        if runs:
+            runs[-1][-1, 1] = own[0, 1]
+            own = own[1:]
+        runs.append(own)
+    return np.concatenate([run for run in runs if len(run)])
 
 
 def fits(sources: Any, memory: int, *, format: str | None = None, columns: Any = None) -> bool:
@@ -207,7 +235,7 @@ def _within_bound(job: Job, kept: Sequence[Section]) -> tuple[Archive, Fit]:
             if job.map is not None:
                 break
             continue
-        if holds(found, job.options):
+        if holds(found, job.options.aim):
             return _finished(job, archive, found, kept), found
     if job.map is not None:
         return _within_bound(replace(job, map=None), kept)
@@ -217,7 +245,7 @@ def _within_bound(job: Job, kept: Sequence[Section]) -> tuple[Archive, Fit]:
 def _grounds(job: Job) -> Iterator[Ground]:
     """What batches may be laid on: ever finer, until they hold the bound."""
     for share in SHARES:
-        target = job.options.tightened(share)
+        target = job.options.aim.tightened(share)
         if job.map is not None:
             yield ground_on(job.map, job, target)
             continue
@@ -277,8 +305,7 @@ def _bounded(excerpt: Sequence[Track], gap: float, options: Options) -> tuple[Op
 
     if options.bounded or options.sized:
         return options, ()
-    rmse = sensible_rmse(excerpt, [silences(track, gap) for track in excerpt])
-    return replace(options, rmse=rmse), (f"no bound was given: RMSE {rmse:g} m was estimated from an excerpt",)
+    return estimated(options, sensible_rmse(excerpt, [silences(track, gap) for track in excerpt]), "an excerpt")
 
 
 def _learned(job: Job, options: Options) -> Ground:
@@ -326,6 +353,6 @@ def _laid(job: Job, ground: Ground) -> tuple[Archive, Fit]:
         lattice = number_by_visit(lattice)
     archive = new_archive(
         ground.frame, [track.id for track in job.log.tracks], lattice, layer=job.options.layer, on=job.map, halvings=ground.halvings,
-        executor=local(job.executor),
+        executor=local(job.executor), spans=job.spans, step=job.step,
     )  # fmt: skip
     return archive, job.measure(archive)

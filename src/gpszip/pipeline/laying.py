@@ -189,7 +189,7 @@ def _walks(ground: Ground, tracks: Sequence[Track]) -> LatticeWalks:
             return found
         if found is None and ground.options.rmse is not None:
             break  # nor for less
-    over = (laid(share) for share in _OVER if ground.options.rmse is not None)
+    over = (laid(share) for share in _OVER if ground.options.rmse is not None and ground.options.max_error is None)
     return next((found for found in over if found is not None), None) or _every_need(ground, tracks, gaps)
 
 

@@ -54,7 +54,10 @@ def _with_walk(log: StoredLog, walk: Walk, stretch: Stretch) -> tuple[Track, Wal
     assert walk.times is not None
     first = max(int(np.searchsorted(walk.times, track.times[0])) - 2, 0)
     after = int(np.searchsorted(walk.times, track.times[-1])) + 2
-    return track, Walk(walk.id, walk.nodes[first:after], walk.times[first:after], walk.gaps[first : after - 1])
+    gaps = walk.gaps[first : after - 1]
+    pieces = int(walk.gaps[:first].sum())
+    spans = None if walk.spans is None else walk.spans[pieces : pieces + int(gaps.sum()) + 1]
+    return track, Walk(walk.id, walk.nodes[first:after], walk.times[first:after], gaps, spans)
 
 
 def _measure_batch(nodes: NDArray[np.float64], work: Sequence[tuple[Track, Walk]]) -> Fit:

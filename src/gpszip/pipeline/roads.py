@@ -62,6 +62,7 @@ def match(
     beta: float | None = None,
     gap: float | None = None,
     heading: float | None = None,
+    ignore_oneway: bool = False,
     progress: Listener | None = None,
 ) -> Matching:
     """Find the roads that tracks took; ``network`` is a :class:`~gpszip.model.Network` or what :func:`read_network` takes."""
@@ -72,12 +73,14 @@ def match(
             progress(Progress("match", done))
 
     roads = network if isinstance(network, Network) else read_network(network, near=tracks).network
-    return matching.match(tracks, roads, sigma=sigma, beta=beta, gap=gap, heading=heading, progress=tell)
+    return matching.match(
+        tracks, roads, sigma=sigma, beta=beta, gap=gap, heading=heading, ignore_oneway=ignore_oneway, progress=tell
+    )  # fmt: skip
 
 
-def patch(tracks: Sequence[Track] | Track, network: Any, *, gap: float | None = None) -> Patching:
+def patch(tracks: Sequence[Track] | Track, network: Any, *, gap: float | None = None, ignore_oneway: bool = False) -> Patching:
     """Fill gaps with the likeliest way over roads; ``network`` is a :class:`~gpszip.model.Network` or what :func:`read_network` takes."""
     from gpszip.matching import patching
 
     roads = network if isinstance(network, Network) else read_network(network, near=tracks).network
-    return patching.patch(tracks, roads, gap=gap)
+    return patching.patch(tracks, roads, gap=gap, ignore_oneway=ignore_oneway)

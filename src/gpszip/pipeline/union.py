@@ -17,19 +17,27 @@ from gpszip.container.layout import Kind
 from gpszip.errors import BoundError, OptionError
 from gpszip.mapping.curves import Curve, curve_of, deviation, name_key, pieces_of, share_at_knots
 from gpszip.mapping.merging import Limit, Merged, Part, merge_parts
-from gpszip.model import Executor, Frame, Listener, Plane, Progress, Track
+from gpszip.mapping.shapes import walk_by_share, without_cells
+from gpszip.model import Executor, Frame, Listener, Plane, Progress, Track, Walk
 from gpszip.model.frame import quantum
 from gpszip.model.merge_options import MergeOptions
 from gpszip.model.merge_report import Deviation, MergeReport
 from gpszip.model.promise import Promise, grown_promise
+from gpszip.pipeline.continuing import claimed
 
 __all__ = ["merge"]
+
+#: Space steps that tracks of usual speed go in a cell.
+_STEPS_IN_A_CELL = 2.0
 
 #: A line on one plane that is laid on another may bend by this share of the deviation allowed.
 _BEND = 0.02
 
 #: Limits that tracks may be moved by in any number of merges; each takes as large a share of one as is left of those, at least this.
 _IN_ALL, _LEAST_ROOM = 4.0, 0.5
+
+#: Shares of the limit that are tried where there are shapes: what moves them changes their ways, and so what lies at equal shares.
+_SHAPE_SHARES = (1.0, 0.6, 0.3, 0.1)
 
 #: Seconds between tracks that are joined where their ends were rounded over each other.
 _SEAM = 5e-4
@@ -52,6 +60,12 @@ class _Source:
     curves: tuple[Curve, ...]
     stretch: float = 1.0
     bend: float = 0.0
+
+    @property
+    def untimed(self) -> frozenset[str]:
+        """Names of the tracks that have no times."""
+        own = set(self.archive.untimed)
+        return frozenset(name for name, before in zip(self.ids, self.archive.ids, strict=True) if before in own)
 
     @property
     def at_knots(self) -> float:
@@ -84,13 +98,18 @@ def merge(
         if progress is not None:
             progress(Progress("merge", done / whole))
 
-    merged = merge_parts(parts, limit, executor=executor, progress=tell)
-    if merged is None:
-        raise BoundError(f"a deviation of {limit.metres:g} m can't be held; allow a larger one")
     layers = {archive.contents.layer for archive in archives}
-    made, more = _smaller(merged, sources, layers.pop() if len(layers) == 1 else None)
-    moved = _measured(sources, made)
-    if len(parts) > 1 and (limit.excess(moved) / [part.room for part in parts] > 1 + _ROUNDING).any():
+    layer = layers.pop() if len(layers) == 1 else None
+    untimed = any(source.untimed for source in sources)
+    for share in _SHAPE_SHARES if untimed else (1.0,):
+        merged = merge_parts(parts, replace(limit, metres=share * limit.metres), executor=executor, progress=tell)
+        if merged is None:
+            continue
+        made, more = _smaller(merged, sources, layer)
+        moved = _measured(sources, made)
+        if len(parts) == 1 or (limit.excess(moved) / [part.room for part in parts] <= 1 + _ROUNDING).all():
+            break
+    else:
         raise BoundError(f"a deviation of {limit.metres:g} m can't be held; allow a larger one")
     made = sampled(promising(made, _promise(sources, moved)), _step(archives))
     as_given = tuple(moved[turn.index(number)] for number in range(len(turn)))
@@ -125,8 +144,21 @@ def _smaller(merged: Merged, sources: Sequence[_Source], layer: str | None) -> t
 def _in_order(merged: Merged, order: Sequence[int], sources: Sequence[_Source], layer: str | None) -> tuple[Archive, tuple[str, ...]]:
     ids = [merged.ids[i] for i in order]
     walks = number_by_visit(replace(merged.lattice, walks=tuple(merged.lattice.walks[i] for i in order)))
+    names = frozenset[str]().union(*(source.untimed for source in sources))
+    untimed = frozenset(number for number, name in enumerate(ids) if name in names)
+    walks = without_cells(walks, untimed, others=len(untimed) < len(ids))
     extras, remarks = _kept(sources, ids)
-    return new_archive(merged.frame, ids, walks, layer=layer, extras=extras), remarks
+    return new_archive(merged.frame, ids, walks, layer=layer, extras=extras, spans=_spans(sources, ids)), remarks
+
+
+def _spans(sources: Sequence[_Source], ids: Sequence[str]) -> list[NDArray[np.float64]]:
+    """Seconds at which the pieces of each track begin and end, in the order of time."""
+    runs: dict[str, list[NDArray[np.float64]]] = {name: [] for name in ids}
+    for source in sources:
+        for name, spans in zip(source.ids, claimed(source.archive), strict=True):
+            runs[name].append(spans)
+    whole = (np.concatenate(runs[name]) for name in ids)
+    return [spans[np.argsort(spans[:, 0], kind="stable")] for spans in whole]
 
 
 def _check(archives: Sequence[Archive], names: Sequence[str]) -> None:
@@ -139,8 +171,6 @@ def _check(archives: Sequence[Archive], names: Sequence[str]) -> None:
             raise OptionError(f"{name}: holds no tracks; leave it out")
         if archive.contents.map is not None:
             raise OptionError(f"{name}: lies on a map kept elsewhere; merge archives that hold their own maps")
-        if not archive.timed:
-            raise OptionError(f"{name}: keeps no times, without which tracks can't be compared; merge archives that keep them")
         if (archive.frame.plane is None) != (first.frame.plane is None):
             flat, round_ = (name, names[0]) if archive.frame.plane is None else (names[0], name)
             raise OptionError(f"{flat} is in x and y, {round_} in latitude and longitude: where the one lies on the other is not known")
@@ -170,9 +200,19 @@ def _sources(archives: Sequence[Archive], names: Sequence[str], options: MergeOp
                 raise OptionError(f"track {one!r} is in {seen[one]} and in {name}; {cure}")
             seen.setdefault(one, name)
         nodes = archive.road_map.nodes
-        curves = tuple(curve_of(replace(walk, id=one), nodes) for one, walk in zip(ids, archive.walks, strict=True))
+        walks = (_timed(walk, nodes, archive.frame) for walk in archive.walks)
+        curves = tuple(curve_of(replace(walk, id=one), nodes) for one, walk in zip(ids, walks, strict=True))
         sources.append(_Source(name, archive, ids, curves))
     return [sources[i] for i in turn]
+
+
+def _timed(walk: Walk, nodes: NDArray[np.float64], frame: Frame) -> Walk:
+    """A walk with times; that of a shape goes at the speed that suits the steps of the frame."""
+    if walk.times is not None:
+        return walk
+    way = float(np.sqrt((np.diff(nodes[walk.nodes], axis=0) ** 2).sum(axis=1)).sum())
+    start, speed = frame.epoch / 1000, _STEPS_IN_A_CELL * quantum(frame.space) / quantum(frame.time)
+    return walk_by_share(walk, nodes, start, start + way / speed)
 
 
 def _on_one_plane(sources: list[_Source], limit: Limit) -> list[_Source]:
@@ -260,6 +300,10 @@ def _joined(sources: Sequence[_Source], frames: Sequence[Frame]) -> Part:
 
 def _chain(name: str, pairs: list[tuple[Curve, _Source]]) -> Curve:
     """Join the curves of one agent, in the order of time, with gaps between them."""
+    if len(pairs) > 1 and any(name in source.untimed for _, source in pairs):
+        raise OptionError(
+            f"track {name!r} has no times, so that nobody knows how it goes on; --same-id prefix keeps both apart (same_id in Python)"
+        )
     pairs = sorted(pairs, key=lambda pair: float(pair[0].track.times[0]))
     whole, source = pairs[0]
     for later, other in pairs[1:]:
@@ -296,7 +340,13 @@ def _measured(sources: Sequence[_Source], made: Archive) -> tuple[Deviation, ...
     """How far each archive's curves were moved, by what the bytes decode to."""
     back = open_archive(made.to_bytes())
     nodes = back.road_map.nodes
-    return tuple(deviation(one.curves, [back.walk(name) for name in one.ids], nodes, one.at_knots) for one in sources)
+    # curves are compared from knot to knot, whatever of them is claimed; shapes at equal shares of the way
+    walks = {walk.id: replace(walk, spans=None) for walk in back.walks}
+    for source in sources:
+        for name, curve in zip(source.ids, source.curves, strict=True):
+            if name in source.untimed:
+                walks[name] = walk_by_share(walks[name], nodes, float(curve.track.times[0]), float(curve.track.times[-1]))
+    return tuple(deviation(one.curves, [walks[name] for name in one.ids], nodes, one.at_knots) for one in sources)
 
 
 def _promise(sources: Sequence[_Source], moved: Sequence[Deviation]) -> Promise | None:

@@ -113,7 +113,7 @@ def _figure(width: float, height: float) -> Figure:
 
 
 def _road_map(source: Archive | RoadMap) -> RoadMap:
-    return source if isinstance(source, RoadMap) else source.road_map
+    return source if isinstance(source, RoadMap) else source.drawn_map
 
 
 def _main_plane(road_map: RoadMap) -> RoadMap:

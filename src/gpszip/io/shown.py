@@ -1,0 +1,26 @@
+"""Names of files as messages show them."""
+
+from __future__ import annotations
+
+import re
+
+__all__ = ["shown"]
+
+#: Letters that move the cursor, end the line or turn the direction of writing.
+_STEERING = re.compile(r"[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
+
+
+def shown(name: str) -> str:
+    r"""Return a name in one line: letters that are no Unicode or steer a terminal are escaped.
+
+    Examples
+    --------
+    >>> shown("wälk.csv"), shown("a\nb\x1b.csv"), shown("\udcff.csv")
+    ('wälk.csv', 'a\\nb\\x1b.csv', '\\xff.csv')
+    """
+    try:
+        # bytes that are no UTF-8 stand in names of files as lone surrogates
+        text = name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+    except UnicodeEncodeError:
+        text = name.encode("utf-8", "backslashreplace").decode()
+    return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode(), text)

@@ -1,0 +1,245 @@
+"""The text of an XML file in UTF-8, and the name of its root element.
+
+Many files declare one encoding and use another, and a parser then refuses them or reads wrong
+letters. So the bytes are decoded here; the parser gets UTF-8 and ignores what the file declares.
+"""
+
+from __future__ import annotations
+
+import codecs
+import re
+from dataclasses import dataclass
+from xml.parsers import expat
+
+__all__ = ["Replaced", "Utf8", "encoding_of", "root_of"]
+
+#: Byte order marks. UTF-32 comes first, as one of its marks starts with one of UTF-16.
+_MARKS = (
+    (codecs.BOM_UTF32_LE, "utf-32-le"),
+    (codecs.BOM_UTF32_BE, "utf-32-be"),
+    (codecs.BOM_UTF8, "utf-8"),
+    (codecs.BOM_UTF16_LE, "utf-16-le"),
+    (codecs.BOM_UTF16_BE, "utf-16-be"),
+)
+
+#: How a file starts that has no mark and takes two or four bytes for a character.
+_WIDE = (
+    (re.compile(rb"(?:[ \t\r\n]\0\0\0)*<\0\0\0"), "utf-32-le"),
+    (re.compile(rb"(?:\0\0\0[ \t\r\n])*\0\0\0<"), "utf-32-be"),
+    (re.compile(rb"(?:[ \t\r\n]\0)*<\0"), "utf-16-le"),
+    (re.compile(rb"(?:\0[ \t\r\n])*\0<"), "utf-16-be"),
+)
+
+_DECLARED = re.compile(rb"""\s*<\?xml\s[^>]*?\bencoding\s*=\s*["']([A-Za-z][\w.:-]{0,40})["']""")
+
+#: Codecs that a declaration may ask for. Python has others, such as zip, which are not for files.
+_KNOWN = re.compile(
+    r"utf-8|ascii|iso8859-\d+|cp\d+|koi8-\w|mac-\w+|tis-620"
+    r"|gbk|gb2312|gb18030|big5\w*|euc_\w+|shift_jis\w*"
+)
+
+#: Letters that a declared encoding must have in place: else nobody could read the declaration.
+_ASCII = bytes(range(0x20, 0x7F))
+
+#: What the decoder makes of bytes that don't fit the encoding, and their letters in Windows-1252.
+_UNDECODED = re.compile(r"[\ud800-\udfff]")
+_LETTERS = {0xDC00 + byte: bytes([byte]).decode("cp1252", "replace") for byte in range(0x80, 0x100)}
+
+#: The word around such a byte, to be shown.
+_WORD = re.compile(r"[^\s<>]{0,20}[\ud800-\udfff][^\s<>]{0,20}")
+
+#: To find the first tag of a file that is damaged within it.
+_TAG = re.compile(r"<(\w[\w:.-]*)")
+_COMMENT = re.compile(r"<!--.*?(?:-->|\Z)", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Replaced:
+    """Bytes that don't fit the encoding of a file.
+
+    Parameters
+    ----------
+    count : int
+        How many there are.
+    first : str
+        The word with the first of them, as it was read.
+    """
+
+    count: int
+    first: str
+
+
+class Utf8:
+    r"""Turns an XML file into UTF-8, piece by piece.
+
+    Bytes that don't fit the encoding of the file are read as Windows-1252, and counted.
+
+    Parameters
+    ----------
+    head : bytes
+        The first bytes of the file, which tell the encoding.
+
+    Attributes
+    ----------
+    encoding : str
+        Name of Python's codec.
+    replaced : Replaced
+        Bytes so far that don't fit the encoding.
+    skipped_lines : int
+        Number of lines at the start that are left out.
+
+    Examples
+    --------
+    >>> text = Utf8(b"<name>Z\xfcrich</name>")
+    >>> text.encode(b"<name>Z\xfcrich</name>").decode()
+    '<name>Zürich</name>'
+    >>> text.replaced
+    Replaced(count=1, first='Zürich')
+    """
+
+    def __init__(self, head: bytes) -> None:
+        self.encoding = encoding_of(head)
+        wide = self.encoding.startswith(("utf-16", "utf-32"))
+        self._decoder = codecs.getincrementaldecoder(self.encoding)("surrogatepass" if wide else "surrogateescape")
+        self._at_start = True
+        self.skipped_lines = 0
+        self.replaced = Replaced(0, "")
+
+    def encode(self, piece: bytes, *, final: bool = False) -> bytes:
+        """Return the next piece of the file in UTF-8.
+
+        A byte order mark and white space at the start of the file are left out.
+
+        Parameters
+        ----------
+        piece : bytes
+            The next bytes of the file.
+        final : bool, default False
+            Whether the file ends with them.
+
+        Raises
+        ------
+        UnicodeDecodeError
+            If the file is UTF-16 or UTF-32 and ends within a character, or has an impossible one.
+        """
+        text = self._decoder.decode(piece, final)
+        if self._at_start and text:
+            text = self._without_margin(text)
+        try:
+            return text.encode()
+        except UnicodeEncodeError:
+            return self._mended(text).encode()
+
+    def _without_margin(self, text: str) -> str:
+        """Leave out what must not stand before an XML declaration, but does in some files."""
+        bare = text.lstrip("\ufeff \t\r\n")
+        self._at_start = not bare
+        self.skipped_lines += text[: len(text) - len(bare)].count("\n")
+        return bare
+
+    def _mended(self, text: str) -> str:
+        """Read bytes that don't fit the encoding as Windows-1252."""
+        mended, count = _UNDECODED.subn(lambda found: _LETTERS.get(ord(found[0]), "\ufffd"), text)
+        word = _WORD.search(text)
+        first = self.replaced.first or (mended[word.start() : word.end()] if word else "")
+        self.replaced = Replaced(self.replaced.count + count, first)
+        return mended
+
+
+def encoding_of(head: bytes) -> str:
+    """Tell the encoding of an XML file from its first bytes.
+
+    A byte order mark comes first, then the number of bytes for a character, then the declaration.
+    A file that declares an encoding it can't have is read as UTF-8.
+
+    Parameters
+    ----------
+    head : bytes
+        The first bytes of the file, with its declaration.
+
+    Returns
+    -------
+    str
+        Name of Python's codec.
+
+    Examples
+    --------
+    >>> encoding_of(b'<?xml version="1.0" encoding="windows-1252"?>')
+    'cp1252'
+    >>> encoding_of("<gpx>".encode("utf-16-le"))
+    'utf-16-le'
+    >>> encoding_of(b'<?xml version="1.0" encoding="UTF-16"?>')
+    'utf-8'
+    """
+    for mark, name in _MARKS:
+        if head.startswith(mark):
+            return name
+    for start, name in _WIDE:
+        if start.match(head):
+            return name
+    declared = _DECLARED.match(head)
+    return _usable(declared[1].decode()) if declared else "utf-8"
+
+
+def root_of(head: bytes) -> str | None:
+    """Find the name of an XML file's root element, without its prefix.
+
+    Where there is a document type, it names the root element.
+
+    Parameters
+    ----------
+    head : bytes
+        The first bytes of the file.
+
+    Returns
+    -------
+    str or None
+        None if the file isn't XML; empty if the root element doesn't start within these bytes.
+
+    Examples
+    --------
+    >>> root_of(b'<?xml version="1.0"?><!-- a walk --><g:gpx xmlns:g="...">'), root_of(b"t,x,y")
+    ('gpx', None)
+    """
+    # Decode the bytes, and leave files that are no XML.
+    try:
+        text = Utf8(head).encode(head)
+    except UnicodeDecodeError:
+        return None
+    if not text.startswith(b"<"):
+        return None
+
+    # Parse up to the first element.
+    names: list[str] = []
+    parser = expat.ParserCreate("utf-8")
+    parser.StartElementHandler = lambda name, _attributes: _found(name, names)
+    parser.StartDoctypeDeclHandler = lambda name, *_ids: _found(name, names)
+    try:
+        parser.Parse(text, True)
+    except _FoundError:
+        pass
+    except expat.ExpatError:
+        names = _TAG.findall(_COMMENT.sub("", text.decode()))[:1]
+
+    if not names:
+        return "" if text.startswith((b"<?", b"<!")) else None
+    return names[0].rpartition(":")[2]
+
+
+class _FoundError(Exception):
+    """The root element is found; the parser can stop."""
+
+
+def _found(name: str, names: list[str]) -> None:
+    names.append(name)
+    raise _FoundError
+
+
+def _usable(declared: str) -> str:
+    """Return the codec for a declared encoding, or UTF-8 where the file can't have that one."""
+    try:
+        name = codecs.lookup(declared).name
+        fits = _KNOWN.fullmatch(name) and _ASCII.decode(name) == _ASCII.decode()
+    except (LookupError, UnicodeDecodeError):
+        return "utf-8"
+    return name if fits else "utf-8"

@@ -1,0 +1,160 @@
+"""The error that an archive promises holds for whoever interpolates the columns of a file written from it."""
+
+import csv
+import io
+import json
+from datetime import UTC, datetime
+from xml.etree import ElementTree
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gpszip import pipeline
+from gpszip.archive import new_archive, promising
+from gpszip.coding.walks import number_by_visit
+from gpszip.geo.planes import choose_plane, to_plane
+from gpszip.io.track_rows import metre_decimals
+from gpszip.io.writing import write_tracks
+from gpszip.model import Frame, LatticeWalk, LatticeWalks, Options, Plane, Track
+from gpszip.model.frame import quantum_index
+from gpszip.model.promise import promise_of, writing_error
+from gpszip.testing.city import city
+
+FORMATS = ["csv", "parquet", "geojson", "gpx"]
+
+
+def written(archive, format_):
+    """What decompress writes, as the times, latitudes and longitudes of each line."""
+    stream, error = io.BytesIO(), writing_error(archive.promise)
+    write_tracks(archive.decompress(), stream, format_, decimals=metre_decimals(error), pieces=archive.pieces, within=error)
+    return {"csv": csv_lines, "parquet": parquet_lines, "geojson": geojson_lines, "gpx": gpx_lines}[format_](stream.getvalue())
+
+
+def csv_lines(data):
+    rows = list(csv.DictReader(data.decode().splitlines()))
+    return by_name([row["track_id"] for row in rows], [[float(row[key]) for key in ("t", "lat", "lon")] for row in rows])
+
+
+def parquet_lines(data):
+    table = pq.read_table(io.BytesIO(data))
+    return by_name(table["track_id"].to_pylist(), np.stack([table[key].to_numpy() for key in ("t", "lat", "lon")], axis=1).tolist())
+
+
+def by_name(names, rows):
+    return [np.array([row for name, row in zip(names, rows, strict=True) if name == one]) for one in dict.fromkeys(names)]
+
+
+def geojson_lines(data):
+    lines = []
+    for feature in json.loads(data)["features"]:
+        geometry, times = feature["geometry"], feature["properties"]["times"]
+        several = geometry["coordinates"] if geometry["type"] == "MultiLineString" else [geometry["coordinates"]]
+        for line, own in zip(several, times if geometry["type"] == "MultiLineString" else [times], strict=True):
+            lines.append(np.column_stack([own, np.array(line)[:, ::-1]]))
+    return lines
+
+
+def gpx_lines(data):
+    space = {"g": "http://www.topografix.com/GPX/1/1"}
+    lines = []
+    for part in ElementTree.fromstring(data).findall(".//g:trkseg", space):  # our own file
+        times = [seconds(point.findtext("g:time", namespaces=space)) for point in part]
+        lines.append(np.column_stack([times, [[float(point.get("lat")), float(point.get("lon"))] for point in part]]))
+    return lines
+
+
+def seconds(text):
+    return (datetime.fromisoformat(text) - datetime(1970, 1, 1, tzinfo=UTC)).total_seconds()
+
+
+def deviation(archive, lines, instants):
+    """Metres between the archive's tracks and what is read from lines as linear, at most; and how many instants that are of."""
+    worst, told = 0.0, 0
+    for track in archive.tracks:
+        true = archive.position(track, instants, geographic=True)
+        for line in lines:
+            at = (instants >= line[0, 0]) & (instants <= line[-1, 0]) & ~np.isnan(true[:, 0])
+            read = np.stack([np.interp(instants[at], line[:, 0], axis) for axis in line[:, 1:].T], axis=1)
+            worst, told = max(worst, metres(read, true[at]).max(initial=0.0)), told + at.sum()
+    return worst, told
+
+
+def metres(one, other):
+    """Distances on a sphere that is nowhere smaller than the earth is bent."""
+    (lat, lon), (north, east) = np.radians(one).T, np.radians(other).T
+    half = np.sin((lat - north) / 2) ** 2 + np.cos(lat) * np.cos(north) * np.sin((lon - east) / 2) ** 2
+    return 2 * 6_400_000 * np.arcsin(np.sqrt(half))
+
+
+def archive_of(places, times, plane, bound):
+    """An archive of one walk over places, on a lattice of metres and hundredths of a second."""
+    nodes, cells = np.rint(places).astype(np.int64), np.rint(times * 100).astype(np.int64)
+    nodes, number = np.unique(nodes, axis=0, return_inverse=True)
+    walk = LatticeWalk(number.reshape(-1).astype(np.int32), cells, np.zeros(len(cells) - 1, np.bool_))
+    frame = Frame((0, 0), 1_700_000_000_000, quantum_index(1.0), quantum_index(0.01), plane)
+    lattice = number_by_visit(LatticeWalks(nodes, (walk,)))
+    return promising(new_archive(frame, ["a"], lattice), promise_of(bound, maximum=True))
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(
+    st.sampled_from([(48.0, 11.0), (-17.0, 180.0), (80.0, 20.0), (0.0, -179.5), (-80.0, 179.9)]),
+    st.lists(st.tuples(st.integers(-250_000, 250_000), st.integers(-250_000, 250_000)), min_size=2, max_size=4, unique=True),
+    st.sampled_from([1.0, 10.0, 200.0]),
+    st.sampled_from(FORMATS),
+    st.integers(0, 2**32 - 1),
+)
+def test_files_stay_within_a_small_share_of_the_error_promised(at, places, bound, format_, seed):
+    rng = np.random.default_rng(seed)
+    plane = Plane(((round(at[0] * 1e7), round(at[1] * 1e7)),))
+    archive = archive_of(np.array(places), np.cumsum(rng.uniform(600, 9000, len(places))), plane, bound)
+    lines = written(archive, format_)
+    (knots,) = archive.decompress()
+    assert all((np.diff(line[:, 0]) > 0).all() for line in lines)
+    assert (lines[0][0, 0], lines[-1][-1, 0]) == pytest.approx((knots.times[0], knots.times[-1]), abs=6e-4)
+
+    # between the two sides of the antimeridian, a millionth of a second apart, a reader goes round the world
+    ends = np.concatenate([line[:-1][np.abs(np.diff(line[:, 2])) > 180, 0] for line in lines])
+    instants = rng.uniform(knots.times[0], knots.times[-1], 2000)
+    instants = instants[~(np.abs(instants[:, None] - ends) < 1e-5).any(axis=1)]
+    worst, told = deviation(archive, lines, instants)
+    assert told > 1900
+    # the sphere takes distances for up to 1 % too long
+    assert worst <= 1.01 * bound / 500
+
+
+def flight(n=45, km=3000.0):
+    """A flight along a great circle from 48 N, 10 W to the east, sampled every five minutes."""
+    start, north = np.array([np.cos(np.radians(48)), 0, np.sin(np.radians(48))]), np.array([0.0, 1.0, 0.0])
+    angle = np.linspace(0, km / 6371, n)[:, None]
+    x, y, z = (start * np.cos(angle) + north * np.sin(angle)).T
+    return 1.7e9 + 300.0 * np.arange(n), np.degrees(np.arcsin(z)), np.degrees(np.arctan2(y, x)) - 10.0
+
+
+def test_samples_of_a_long_flight_are_within_the_bound_of_every_file():
+    times, lat, lon = flight()
+    plane, bound = choose_plane(lat, lon), 10.0
+    assert len(plane.centers) > 2
+    track = Track("flight", times, to_plane(lat, lon, plane), plane=plane)
+    archive, _ = pipeline.compress([track], Options(max_error=bound, effort=1))
+    for format_ in FORMATS:
+        covered = np.zeros(len(times), np.bool_)
+        for line in written(archive, format_):
+            at = (times >= line[0, 0] - 1e-3) & (times <= line[-1, 0] + 1e-3)
+            read = np.stack([np.interp(times[at], line[:, 0], axis) for axis in line[:, 1:].T], axis=1)
+            covered |= at
+            # the sphere takes distances for up to 1 % too long
+            assert metres(read, np.stack([lat[at], lon[at]], axis=1)).max() <= 1.01 * bound
+        assert covered.all()
+
+
+def test_files_of_a_town_have_the_knots_and_no_more():
+    logs = city(vehicles=1, duration=3600.0, period=60.0)
+    ((times, degrees),) = logs.values()
+    plane = choose_plane(*degrees.T)
+    archive = archive_of(to_plane(*degrees.T, plane), times, plane, 10.0)
+    for format_ in FORMATS:
+        assert sum(map(len, written(archive, format_))) == len(times)
