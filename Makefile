@@ -3,6 +3,7 @@
 VENV ?= .venv
 BIN := $(VENV)/bin
 WORKERS ?= 2
+MINUTES ?= 60
 
 # The first Python on the PATH that is new enough. PYTHON=... names another one.
 CANDIDATES := python3 python3.11 python3.12 python3.13 python3.14 python
@@ -10,10 +11,12 @@ PYTHON ?= $(shell for p in $(CANDIDATES); do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help test lint types imports pytest format demo clean
+.PHONY: help test lint types imports pytest fuzz faults format demo clean
 
 help:
 	@echo "make test     check everything: ruff, mypy, import-linter, pytest"
+	@echo "make fuzz     feed every reader and the container changed files for MINUTES=60, within bounds of memory and time"
+	@echo "make faults   let every system call of every command fail, kill each 200 times, compile for any processor (an hour)"
 	@echo "make demo     compress a generated robot patrol and draw the map that it learned, in demo/"
 	@echo "make format   lay out the code and mend what ruff can mend"
 	@echo "make clean    remove the environment, the demo and all caches"
@@ -33,6 +36,12 @@ imports: $(VENV)/.dev
 pytest: $(VENV)/.dev
 	$(BIN)/pytest -n $(WORKERS)
 
+fuzz: $(VENV)/.dev
+	PYTHONPATH=tests $(BIN)/python -m fuzz.run --minutes $(MINUTES)
+
+faults: $(VENV)/.dev
+	GPSZIP_FAULTS=all $(BIN)/pytest tests/faults
+
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
@@ -41,7 +50,7 @@ demo: $(VENV)/.plot
 	$(BIN)/gpszip demo --out demo --force
 
 clean:
-	rm -rf $(VENV) demo build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) demo build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache fuzz-failures
 	find src tests -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # A stamp for each extra: made anew when the project's dependencies change.

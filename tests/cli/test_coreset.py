@@ -25,7 +25,28 @@ def test_the_summary_says_what_is_promised(gpszip, log):
     assert done.code == 0, done.err
     assert "c.parquet: 200 samples in" in done.err
     assert "any 2-segment costs" in done.err
+    assert "(50 % asked for)" in done.err
+    assert "uneven" not in done.err
     assert done.out == ""
+    rows = log.read_text().splitlines()
+    log.write_text("\n".join(rows[:50] + rows[60:]))
+    done = gpszip("coreset", log, "-o", "c.parquet", "--k", "2", "--eps", "0.5", "--force")
+    assert "where it breaks in a block of uneven times (1 of" in done.err
+
+
+@pytest.mark.parametrize(("k", "eps"), [("2", "0.5"), ("20", "0.5"), ("90", "0.1")])
+def test_the_relative_error_asked_for_is_the_one_that_was_built(gpszip, log, k, eps):
+    done = gpszip("coreset", log, "-o", "c.parquet", "--k", k, "--eps", eps, "--json")
+    assert done.code == 0, done.err
+    assert done.json["eps_asked"] == float(eps)
+    assert done.json["eps"] <= float(eps)
+    assert package.open_coreset("c.parquet").eps(int(k)) == done.json["eps"]
+
+
+def test_a_size_is_told_with_what_it_promises(gpszip, log):
+    done = gpszip("coreset", log, "-o", "c.parquet", "--size", "3", "--k", "20")
+    assert done.code == 0, done.err
+    assert "too few blocks to promise its price beforehand" in done.err
 
 
 def test_points_are_rows_of_the_log_with_weights(gpszip, log):

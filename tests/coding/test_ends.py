@@ -106,6 +106,14 @@ def test_what_can_not_be_coded_is_claimed_from_the_knot_on():
     assert span.tolist() == [[0.0, 4.0]]
 
 
+def test_no_tracks_have_no_ends():
+    frame = Frame((0, 0), 0, 128, 128)
+    walks = LatticeWalks(np.zeros((0, 2), np.int64), ())
+    made = LatticeWalks(walks.nodes, (), True, ends_of([], walks, frame))
+    back = decode(encode_smallest(made, frame=frame), 2, 0, frame=frame)
+    assert claimed_spans(back, frame) == []
+
+
 def test_forged_ends_before_starts_are_refused():
     one = walk([0, 1], [0, 4])
     frame = Frame((0,), 0, 128, 128)

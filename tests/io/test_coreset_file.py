@@ -67,6 +67,9 @@ def changed(small, **columns):
         {"track": ["0", "?"]},
         {"first": [0.0, 0.0]},
         {"weight": ["a", "b"]},
+        {"depth": [-9e18, 1.0]},
+        {"reach": [1e300, 1.0]},
+        {"drift_0": [1e200, 1.0]},
     ],
 )
 def test_damaged_blocks_are_refused(columns):

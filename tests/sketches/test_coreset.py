@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from gpszip import OptionError, SegmentMean, Track, coreset
+from gpszip.sketches.coreset import Coreset
 from gpszip.sketches.pieces import Pieces, pieces_of, through
 from gpszip.testing.patrol import patrol
 from oracle.coreset import best_cost, exact_cost, free_cost, greedy_cuts, plain_cost
@@ -106,10 +107,42 @@ def test_the_estimate_of_any_k_segment_is_within_eps(k, eps):
         assert abs(small.cost(f).estimate - truth) <= eps * truth
 
 
-def test_eps_promises_what_k_and_eps_asked_for():
-    small = coreset(bends(1500), k=4, eps=0.5)
-    assert small.eps(4) < 0.75  # its own lower bound may be weaker than the one that the size was chosen by
+@pytest.mark.parametrize("k", [1, 2, 4, 20, 100, 400])
+@pytest.mark.parametrize("eps", [0.03, 0.5, 0.99])
+def test_eps_promises_what_k_and_eps_asked_for(k, eps):
+    for track in (bends(1500), WALK):
+        small = coreset(track, k=k, eps=eps)
+        assert small.eps(k) <= eps
+        assert len(small) <= (len(track) + 1) // 2
+
+
+def test_too_few_blocks_promise_nothing():
     assert coreset(bends(1500), size=4).eps(40) == np.inf
+
+
+def test_blocks_become_finer_until_they_keep_eps_by_themselves():
+    from gpszip.sketches.partition import blocks_below, largest_cost
+
+    track = bends(1500)
+    first = blocks_below(track, largest_cost(track, 2, 0.99))
+    alone = Coreset((track.id,), np.zeros(len(first), np.int64), first)
+    assert alone.eps(2) > 0.99, "the case is none any more"
+    assert len(first) < len(coreset(track, k=2, eps=0.99)) < 1.5 * len(first)
+
+
+@pytest.mark.parametrize("line", [np.arange(300.0), np.abs(np.arange(300.0) - 150), np.zeros(300)])
+def test_tracks_that_k_parts_fit_exactly_are_priced_exactly(line):
+    small = coreset(Track("exact", np.arange(300.0), line[:, None]), k=5, eps=0.1)
+    assert small.eps(5) <= 0.1
+    assert small.samples == 300
+
+
+def test_uneven_times_are_told():
+    even, odd = bends(100), Track("odd", np.arange(100.0) ** 1.1, bends(100).positions)
+    assert not coreset(even, size=9).uneven.any()
+    assert coreset(odd, size=9).uneven.all()
+    epoch = Track("epoch", np.arange(100) * 0.1 + 1.7e9, bends(100).positions)
+    assert not coreset(epoch, size=9).uneven.any()
 
 
 def test_free_costs_are_those_of_the_samples():

@@ -25,8 +25,14 @@ def archive_bytes(name: str) -> bytes:
         If there is no such file or it can't be read.
     """
     from gpszip.container.reader import read_file
+    from gpszip.errors import InputError
 
-    return sys.stdin.buffer.read() if name == "-" else read_file(name)
+    if name != "-":
+        return read_file(name)
+    try:
+        return sys.stdin.buffer.read()
+    except OSError as error:
+        raise InputError(f"standard input: can't be read: {error.strerror or error}; is it open?") from None
 
 
 @contextmanager

@@ -13,7 +13,6 @@ import click
 from gpszip.cli.engine import engine_options, running
 from gpszip.cli.options import Settings, common, force, output, time_options
 from gpszip.cli.outcome import Outcome
-from gpszip.cli.signals import ending_cleanly
 from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
 
 if TYPE_CHECKING:
@@ -72,7 +71,7 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
 
     Without --rmse, --max-error, --bytes or --ratio a bound that suits the log is estimated, and printed.
     """
-    from gpszip.cli.output import check_output, write_archive
+    from gpszip.cli.output import check_output
 
     options = _options(choices)
     before = _archive_to_grow(target, choices)
@@ -82,7 +81,6 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
         check_output(choices["update_map"], force=force, binary=True)
     sources: Sequence[Any] = logs
     if choices["memory"] is not None:
-        click.get_current_context().with_resource(ending_cleanly())
         sources = _spooled(logs)
         if not _fits(sources, choices):
             return _in_batches(settings, sources, target, options, choices, before, there, force=force, quiet=quiet)
@@ -99,9 +97,7 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
         else:
             archive, report = pipeline.compress(reading.tracks, options, bytes_in=reading.bytes, map=there, **where)
         renewed = append(there, reading.tracks, _of_a_map(options), **where)[0] if there is not None and choices["update_map"] else None
-    if renewed is not None:
-        write_archive(choices["update_map"], renewed, force=force)
-    write_archive(target, archive, force=force or before is not None)
+    _write(target, archive, choices["update_map"], renewed, force=force or before is not None)
     if settings.json or not quiet:
         show_summary(target, reading, report, as_json=settings.json)
     return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
@@ -127,7 +123,6 @@ def _in_batches(
     there: Archive | None, *, force: bool, quiet: bool,
 ) -> Outcome:  # fmt: skip
     """Compress logs larger than memory."""
-    from gpszip.cli.output import write_archive
     from gpszip.cli.progress import progress
     from gpszip.cli.summary import show_summary
     from gpszip.pipeline.growing import append_large
@@ -142,12 +137,20 @@ def _in_batches(
         else:
             archive, report, reading = compress_large(logs, options, map=there, **how)
         renewed = append_large(there, logs, _of_a_map(options), **how)[0] if there is not None and choices["update_map"] else None
-    if renewed is not None:
-        write_archive(choices["update_map"], renewed, force=force)
-    write_archive(target, archive, force=force or before is not None)
+    _write(target, archive, choices["update_map"], renewed, force=force or before is not None)
     if settings.json or not quiet:
         show_summary(target, reading, report, as_json=settings.json)
     return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
+
+
+def _write(target: str, archive: Archive, map_target: str | None, renewed: Archive | None, *, force: bool) -> None:
+    """Write the archive, and the map if it was renewed."""
+    from gpszip.cli.output import write_archive, write_with_map
+
+    if renewed is None or map_target is None:
+        write_archive(target, archive, force=force)
+    else:
+        write_with_map(target, archive, map_target, renewed)
 
 
 def _engine(choices: dict[str, Any]) -> tuple[int | None, str | None, str | None]:

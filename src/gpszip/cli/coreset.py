@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -9,7 +10,6 @@ import click
 from gpszip.cli.engine import engine_options, running
 from gpszip.cli.options import Settings, common, force, output, time_options
 from gpszip.cli.outcome import Outcome
-from gpszip.cli.signals import ending_cleanly
 from gpszip.cli.units import SIZE
 
 if TYPE_CHECKING:
@@ -21,6 +21,9 @@ __all__ = ["command"]
 
 #: Decimals of metres of the points that are written, and rows of the logs that are in memory at once.
 _DECIMALS, _ROWS = 6, 1 << 20
+
+#: From this relative error on, a promise would be none.
+_TELLS_NOTHING = 10
 
 
 @click.command("coreset", short_help="Make the (k, eps)-coreset of logs.")
@@ -75,14 +78,13 @@ def command(
         raise OptionError("how large is the coreset to be? give --size, or --max-bytes, or --k and --eps together")
     check_output(target, force=force, binary=not points or target.endswith(".parquet"))
     limit = None if max_bytes is None else int(max_bytes)
-    click.get_current_context().with_resource(ending_cleanly())
     with spooled(logs) as sources, running(workers, engine, scheduler) as executor, store_logs(sources, rows=_ROWS, **choices) as log:
         made = sketch_log(log, k=k if eps else None, eps=eps, size=size, max_bytes=limit, executor=executor)
         written = _write(made, log, target, executor) if points else None
         reading = log.reading
     if not points:
         write_coreset(made, target, force=True)
-    facts = _facts(made, k, written)
+    facts = _facts(made, k, eps, written)
     if settings.json:
         show_json({"output": target, **facts, **losses_of(reading), **account_of(reading.repairs, reading.left_out)}, err=target == "-")
     elif not quiet:
@@ -104,11 +106,11 @@ def _write(made: Coreset, log: StoredLog, target: str, executor: Executor) -> in
     return sum(map(len, few))
 
 
-def _facts(made: Coreset, k: int | None, points: int | None) -> dict[str, Any]:
+def _facts(made: Coreset, k: int | None, asked: float | None, points: int | None) -> dict[str, Any]:
     facts: dict[str, Any] = {"samples": made.samples, "tracks": len(made.tracks), "blocks": len(made), "points": points}
-    facts |= {"rmse": made.rmse, "largest": float(made.free_costs.max()), "k": k}
+    facts |= {"rmse": made.rmse, "largest": float(made.free_costs.max()), "k": k, "eps_asked": asked}
     facts |= {"eps": None, "least_cost": None} if k is None else {"eps": made.eps(k), "least_cost": made.least_cost(k)}
-    return facts
+    return facts | {"uneven_blocks": int(made.uneven.sum())}
 
 
 def _describe(facts: dict[str, Any]) -> str:
@@ -117,8 +119,25 @@ def _describe(facts: dict[str, Any]) -> str:
     text = f"{facts['samples']:,} samples in {facts['blocks']:,} blocks"
     text += "" if facts["points"] is None else f", {facts['points']:,} weighted points"
     text += f", RMSE of the blocks {format_length(facts['rmse'])}, lines on whole blocks priced exactly"
-    if facts["k"] is not None:
-        known = facts["eps"] < 10
-        text += f"; any {facts['k']}-segment costs {facts['least_cost']:.4g} m^2 or more"
-        text += f" and is priced within {100 * facts['eps']:.3g} %" if known else "; too few blocks to promise its price beforehand"
+    return text if facts["k"] is None else f"{text}; {_promise(facts)}"
+
+
+def _promise(facts: dict[str, Any]) -> str:
+    """What holds for every function of k parts, and where it doesn't."""
+    text = f"any {facts['k']}-segment costs {facts['least_cost']:.4g} m^2 or more"
+    if facts["eps"] >= _TELLS_NOTHING:
+        return f"{text}; too few blocks to promise its price beforehand"
+    text += f" and is priced within {_percent(facts['eps'])}"
+    text += "" if facts["eps_asked"] is None else f" ({_percent(facts['eps_asked'])} asked for)"
+    if facts["uneven_blocks"] and facts["k"] > 1:
+        uneven = f"{facts['uneven_blocks']:,} of {facts['blocks']:,}"
+        text += f"; where it breaks in a block of uneven times ({uneven}), the bounds of its price tell instead"
     return text
+
+
+def _percent(share: float) -> str:
+    """Three digits, rounded up: a promise is not to become larger by being told."""
+    if share <= 0:
+        return "0 %"
+    unit = 10.0 ** (math.floor(math.log10(share)) - 2)
+    return f"{100 * math.ceil(share / unit - 1e-9) * unit:.3g} %"

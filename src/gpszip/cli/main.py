@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 import traceback
 import warnings
+from collections.abc import Sequence
 
 import click
 
 from gpszip.cli.options import Settings
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.output import say, show_json
+from gpszip.cli.signals import ending_cleanly, ignore_signals
+from gpszip.cli.streams import flushed, open_standard_streams
 from gpszip.errors import BoundError, CorruptArchiveError, GPSZipError, MapError, OptionError
+from gpszip.files.causes import cause
+from gpszip.files.noting import noting
 
 __all__ = ["cli", "main", "run"]
 
@@ -87,9 +93,19 @@ def cli() -> None:
 
 def run() -> None:
     """Run the command line and leave the interpreter with its exit code."""
+    open_standard_streams()
     if not sys.warnoptions and "--debug" not in sys.argv:
         warnings.simplefilter("ignore")  # what libraries say to programmers is no news for users
-    sys.exit(main(sys.argv[1:]))
+    settings = Settings.of(sys.argv[1:])
+    try:
+        code = main(sys.argv[1:])
+        broken = flushed()
+        if broken is not None and code in (_DONE, _LEFT_OUT):
+            code = _fail(broken, settings)
+        ignore_signals()
+    except KeyboardInterrupt:
+        code = _INTERRUPTED  # while the outcome was told
+    sys.exit(code)
 
 
 def main(arguments: list[str]) -> int:
@@ -106,18 +122,22 @@ def main(arguments: list[str]) -> int:
         The exit code.
     """
     settings = Settings.of(arguments)
-    try:
-        outcome = cli.main(arguments, prog_name="gpszip", standalone_mode=False, obj=settings)
-    except BaseException as error:
-        if settings.debug:
-            traceback.print_exc()
-        return _fail(error, settings)
+    with noting() as written:
+        try:
+            with ending_cleanly():
+                outcome = cli.main(arguments, prog_name="gpszip", standalone_mode=False, obj=settings)
+        except BaseException as error:
+            if settings.debug:
+                traceback.print_exc()
+            return _fail(error, settings, written)
     return _LEFT_OUT if outcome is Outcome.LEFT_OUT else _DONE
 
 
-def _fail(error: BaseException, settings: Settings) -> int:
+def _fail(error: BaseException, settings: Settings, written: Sequence[str] = ()) -> int:
     """Say what is wrong in one line and choose the exit code."""
     code, text = _explain(error)
+    if code == _INTERRUPTED:
+        text = f"interrupted; {'; '.join(written) or 'nothing was written'}"
     if settings.json and text:
         show_json({"error": {"kind": type(error).__name__, "message": text, "exit_code": code}}, err=True)
     elif text:
@@ -128,22 +148,32 @@ def _fail(error: BaseException, settings: Settings) -> int:
 def _explain(error: BaseException) -> tuple[int, str]:
     """Exit code and message of an error; no message where it has been shown."""
     code, text = _FAILED, f"a fault of GPSZip's own: {type(error).__name__}: {error}; please report it with what --debug shows"
-    if isinstance(error, SystemExit):
+    if isinstance(error, BrokenPipeError):
+        text = ""  # whoever reads the output has had enough
+    elif isinstance(error, SystemExit):
         code, text = (error.code if isinstance(error.code, int) else _FAILED), ""
     elif isinstance(error, click.exceptions.NoArgsIsHelpError):
         error.show()
         code, text = _USAGE, ""
     elif isinstance(error, click.ClickException):
         code, text = _USAGE, _usage(error)
-    elif isinstance(error, click.Abort | KeyboardInterrupt):
-        code, text = _INTERRUPTED, "interrupted; nothing was written"
+    elif _is_interrupt(error):
+        code, text = _INTERRUPTED, "interrupted"
     elif isinstance(error, GPSZipError):
         code, text = next((code for kind, code in _CODES.items() if isinstance(error, kind)), _FAILED), str(error)
     elif isinstance(error, OSError):
         text = _system(error)
     elif isinstance(error, MemoryError):
         text = "not enough memory; compress fewer tracks at once"
-    return code, " ".join(text.split())
+    notes = getattr(error, "__notes__", ()) if text else ()
+    return code, " ".join("; ".join([text, *notes]).split())
+
+
+def _is_interrupt(error: BaseException | None) -> bool:
+    """Whether somebody stopped the run; compiled code tells that by a SystemError, whose cause it is."""
+    while isinstance(error, SystemError):
+        error = error.__cause__
+    return isinstance(error, click.Abort | KeyboardInterrupt)
 
 
 def _usage(error: click.ClickException) -> str:
@@ -152,6 +182,8 @@ def _usage(error: click.ClickException) -> str:
 
 
 def _system(error: OSError) -> str:
+    if error.filename is None:
+        return f"standard output: can't be written: {cause(error)}"
     hints: list[tuple[type[OSError], str]] = [
         (FileNotFoundError, "no such file; check the path"),
         (IsADirectoryError, "is a folder; name a file"),
@@ -159,4 +191,4 @@ def _system(error: OSError) -> str:
         (PermissionError, "no permission; check the owner and mode"),
     ]
     reason = next((hint for kind, hint in hints if isinstance(error, kind)), error.strerror or str(error))
-    return f"{error.filename or 'standard output'}: {reason}"
+    return f"{os.fsdecode(error.filename)}: {reason}"

@@ -108,8 +108,10 @@ def _whole(name: str) -> Archive:
 
 def _names(archives: tuple[str, ...]) -> list[str]:
     """Short names of the archives; their paths where these are not enough to tell them apart."""
-    short = [Path(name).stem or name for name in archives]
-    return short if len(set(short)) == len(short) else list(archives)
+    from gpszip.io.shown import shown
+
+    short = [shown(Path(name).stem or name) for name in archives]
+    return short if len(set(short)) == len(short) else [shown(name) for name in archives]
 
 
 def _describe(made: Archive, report: MergeReport) -> str:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
 import sys
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gpszip.errors import OutputError
+from gpszip.files.temporary import OUTPUT_PREFIX, temporary_folder
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
 
-__all__ = ["STDOUT", "check_output", "say", "show_json", "write_archive"]
+__all__ = ["STDOUT", "check_output", "say", "show_json", "write_archive", "write_with_map"]
 
 STDOUT = "-"
 
@@ -45,37 +46,62 @@ def check_output(target: str, *, force: bool, binary: bool = False) -> None:
 
 
 def _check_folder(folder: Path) -> None:
-    """Create a file and remove it again: the only test that all file systems and users answer truly."""
+    """Create a folder in it and remove that again: the only test that all file systems and users answer truly."""
     if not folder.is_dir():
         reason = (
             "is a file, not a folder; name another one with -o" if folder.exists() else "no such folder; make it first or name another one"
         )
         raise OutputError(f"{folder}: {reason}")
     try:
-        handle, name = tempfile.mkstemp(prefix=".gpszip-", dir=folder)
+        with temporary_folder(folder, OUTPUT_PREFIX):
+            pass
     except OSError as error:
         raise OutputError(f"{folder}: can't write to this folder ({error.strerror}); name another one with -o") from error
-    os.close(handle)
-    Path(name).unlink()
 
 
 def write_archive(target: str, archive: Archive, *, force: bool) -> None:
     """Save an archive to a file or put it on standard output."""
-    if target == STDOUT:
-        sys.stdout.buffer.write(archive.to_bytes())
-        sys.stdout.buffer.flush()
-    else:
+    from gpszip.container.writer import write
+    from gpszip.io.sink import writing
+
+    if target != STDOUT:
         archive.save(target, force=force)
+        return
+    with writing(STDOUT) as stream:
+        write(archive.contents, stream)
+
+
+def write_with_map(target: str, archive: Archive, map_target: str, renewed: Archive) -> None:
+    """Write an archive and a renewed map so that neither takes its place before both are on disk; both may replace files."""
+    from gpszip.container.writer import write
+    from gpszip.files.causes import naming
+    from gpszip.files.replacing import replacing_together
+
+    if STDOUT in (target, map_target):
+        write_archive(target, archive, force=True)
+        write_archive(map_target, renewed, force=True)
+        return
+    with replacing_together([target, map_target]) as parts:
+        for name, part, one in zip((target, map_target), parts, (archive, renewed), strict=True):
+            with naming(name), part.open("wb") as file:
+                write(one.contents, file)
 
 
 def say(text: str) -> None:
     """One line for the person, who reads standard error; standard output carries data only."""
-    click.echo(text, err=True)
+    # where nobody listens, the exit code still tells
+    with contextlib.suppress(OSError):
+        click.echo(text, err=True)
 
 
 def show_json(value: Any, *, err: bool = False) -> None:
-    """One line of strict JSON: numbers that it has no word for become null."""
-    click.echo(json.dumps(_plain(value), ensure_ascii=False), err=err)
+    """One line of strict JSON: numbers that it has no word for become null.
+
+    It is UTF-8 whatever the locale. Bytes of file names that are no UTF-8 are escaped as lone surrogates, as in Python.
+    """
+    line = json.dumps(_plain(value), ensure_ascii=False).encode("utf-8", "backslashreplace")
+    with contextlib.suppress(OSError) if err else contextlib.nullcontext():
+        click.echo(line, err=err)
 
 
 def _plain(value: Any) -> Any:

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["ending_cleanly"]
+__all__ = ["ending_cleanly", "ignore_signals"]
 
 
 @contextmanager
@@ -23,3 +23,10 @@ def ending_cleanly() -> Iterator[None]:
     finally:
         for number in ours:
             signal.signal(number, signal.SIG_DFL)
+
+
+def ignore_signals() -> None:
+    """Let no signal disturb the interpreter on its last steps: all is done, and told."""
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)

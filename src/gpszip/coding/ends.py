@@ -99,6 +99,8 @@ def claimed_spans(walks: LatticeWalks, frame: Frame) -> list[NDArray[np.float64]
     top, bottom = TICKS[walks.ends.tick]
     claimed = frame.epoch / 1000 + np.stack([walks.ends.first, walks.ends.last], axis=1) * top / bottom
     windows = [_windows(walk, frame) for walk in walks.walks]
+    if not windows:
+        return []
     counts = np.cumsum([len(own) for own in windows])[:-1]
     return [
         np.stack([np.maximum(own[:, 0], window[:, 0]), np.minimum(own[:, 1], window[:, 1])], axis=1)
@@ -136,7 +138,8 @@ def code_tail(coder: Coder, walks: LatticeWalks, frame: Frame) -> LatticeWalks:
     own = walks.ends if walks.ends is not None else Ends(tick, low, high)
 
     # starts and ends take turns, the pieces of shapes are left out
-    owner = np.repeat(np.arange(len(walks.walks)), [1 + int(walk.gaps.sum()) for walk in walks.walks])
+    pieces = np.array([1 + int(walk.gaps.sum()) for walk in walks.walks], dtype=np.int64)
+    owner = np.repeat(np.arange(len(walks.walks)), pieces)
     coded = ~np.isin(owner, list(shapes))
     offsets = np.stack([own.first - low, high - own.last], axis=1)
     row, kinds = offsets[coded].reshape(-1), _kinds(_moves(walks), walks)[coded].reshape(-1)
@@ -186,7 +189,7 @@ def _moves(walks: LatticeWalks) -> NDArray[np.float64]:
 def _kinds(moves: NDArray[np.float64], walks: LatticeWalks) -> NDArray[np.int8]:
     """Which ends have an offset, shape (pieces, 2)."""
     kinds = np.where(moves > _BESIDE_GAP, SOMETIMES, NEVER).astype(np.int8)
-    after = np.cumsum([1 + int(walk.gaps.sum()) for walk in walks.walks])
+    after = np.cumsum([1 + int(walk.gaps.sum()) for walk in walks.walks], dtype=np.int64)
     kinds[np.append(0, after[:-1])[: len(after)], 0] = ALWAYS
     kinds[after - 1, 1] = ALWAYS
     return kinds

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
-import secrets
 import zlib
 from collections.abc import Iterator, Sequence
-from pathlib import Path
-from typing import TypeAlias
+from typing import BinaryIO, TypeAlias
 
 from gpszip.container.contents import LONE_ID, Contents, Group, Section, Spooled, complaint
 from gpszip.container.expansion import pack_bz2
@@ -32,9 +29,10 @@ from gpszip.container.map_record import reference_bytes
 from gpszip.container.names import names_bytes
 from gpszip.container.promise_record import promise_bytes
 from gpszip.container.reader import layer_limit
-from gpszip.errors import OptionError, OutputError
+from gpszip.errors import OptionError
+from gpszip.files.replacing import replacing
 
-__all__ = ["save", "size_of", "to_bytes"]
+__all__ = ["save", "size_of", "to_bytes", "write"]
 
 _Piece: TypeAlias = bytes | Spooled
 
@@ -115,73 +113,29 @@ def save(contents: Contents, path: str | os.PathLike[str], *, force: bool = Fals
     OutputError
         If the file exists, or can't be written.
     """
-    target = Path(path)
-    if os.path.isdir(target):  # noqa: PTH112  # unlike pathlib's, it never raises
-        raise OutputError(f"{target}: is a folder; name a file in it")
-    if not force and os.path.lexists(target):
-        raise _exists(target)
-    # a link stays one, and what it points to is replaced
-    target = Path(os.path.realpath(target))
-    if os.path.lexists(target) and not os.path.isfile(target):  # noqa: PTH113  # unlike pathlib's, it never raises
-        raise OutputError(f"{target}: is no regular file and can't be replaced")
+    with replacing(path, force=force) as whole, whole.open("wb") as file:
+        return write(contents, file)
+
+
+def write(contents: Contents, file: BinaryIO) -> int:
+    """Write the bytes of an archive piece by piece, and return their number.
+
+    Parameters
+    ----------
+    contents : Contents
+        What to write.
+    file : binary stream
+        Where to, buffered: a raw stream may take less than it is given.
+
+    Raises
+    ------
+    OptionError
+        If the contents contradict each other.
+    """
     pieces = _pieces(contents)
-    try:
-        _replace(target, pieces, force)
-    except FileExistsError:
-        raise _exists(target) from None
-    except FileNotFoundError:
-        raise OutputError(f"{target}: the folder {target.parent} does not exist; create it first") from None
-    except OSError as error:
-        raise OutputError(f"{target}: can't be written: {error.strerror or error}") from None
+    for piece in pieces:
+        file.writelines(_parts(piece))
     return _total(pieces)
-
-
-def _exists(target: Path) -> OutputError:
-    return OutputError(f"{target}: exists already; --force overwrites it")
-
-
-def _replace(target: Path, pieces: Sequence[_Piece], force: bool) -> None:
-    name = target.parent / f".gpszip-{secrets.token_hex(8)}.part"
-    handle = os.open(name, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            for piece in pieces:
-                file.writelines(_parts(piece))
-            file.flush()
-            os.fsync(file.fileno())
-        if target.exists():
-            name.chmod(target.stat().st_mode & 0o777)
-        _publish(name, target, force)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            name.unlink()
-        raise
-    _sync_folder(target.parent)
-
-
-def _publish(name: Path, target: Path, force: bool) -> None:
-    if force:
-        name.replace(target)
-        return
-    try:
-        # unlike a rename, a link never takes the place of a file that another process made meanwhile
-        target.hardlink_to(name)
-    except FileExistsError:
-        raise
-    except OSError:
-        name.replace(target)
-    else:
-        name.unlink()
-
-
-def _sync_folder(folder: Path) -> None:
-    # some systems don't open folders; the file itself is on disk by now
-    with contextlib.suppress(OSError):
-        handle = os.open(folder, os.O_RDONLY)
-        try:
-            os.fsync(handle)
-        finally:
-            os.close(handle)
 
 
 def _parts(piece: _Piece) -> Iterator[bytes]:

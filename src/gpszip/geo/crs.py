@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
 
-__all__ = ["is_geographic", "to_degrees"]
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+__all__ = ["is_geographic", "is_local", "to_degrees"]
 
 
 def is_geographic(crs: str, where: str) -> bool:
@@ -30,14 +35,43 @@ def is_geographic(crs: str, where: str) -> bool:
     >>> is_geographic("EPSG:4326", "roads"), is_geographic("EPSG:32633", "roads")
     (True, False)
     """
+    return bool(_known(crs, where).is_geographic)
+
+
+def is_local(crs: str, where: str) -> bool:
+    """Whether a coordinate system lies nowhere on the earth, as that of a building.
+
+    Parameters
+    ----------
+    crs, where : str
+        As for :func:`is_geographic`.
+
+    Raises
+    ------
+    InputError
+        If nobody knows it.
+
+    Examples
+    --------
+    >>> is_local('LOCAL_CS["hall",UNIT["metre",1]]', "roads"), is_local("EPSG:32633", "roads")
+    (True, False)
+    """
+    return bool(_known(crs, where).is_engineering)
+
+
+def _known(crs: str, where: str) -> CRS:
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
     try:
-        return bool(CRS.from_user_input(crs).is_geographic)
+        return CRS.from_user_input(crs)
     except CRSError as error:
-        short = " ".join(crs.split())[:60]
-        raise InputError(f"{where}: unknown coordinate system {short!r}; convert it to WGS84 (EPSG:4326) first") from error
+        raise _unknown(crs, where) from error
+
+
+def _unknown(crs: str, where: str) -> InputError:
+    short = " ".join(crs.split())[:60]
+    return InputError(f"{where}: unknown coordinate system {short!r}; convert it to WGS84 (EPSG:4326) first")
 
 
 def to_degrees(points: NDArray[np.float64], crs: str, where: str) -> NDArray[np.float64]:
@@ -68,8 +102,12 @@ def to_degrees(points: NDArray[np.float64], crs: str, where: str) -> NDArray[np.
     >>> to_degrees(np.array([[500000.0, 0.0]]), "EPSG:32633", "roads").round(6).tolist()
     [[15.0, 0.0]]
     """
-    is_geographic(crs, where)
+    known = _known(crs, where)
     from pyproj import Transformer
+    from pyproj.exceptions import ProjError
 
-    lon, lat = Transformer.from_crs(crs, "EPSG:4326", always_xy=True).transform(points[:, 0], points[:, 1])
+    try:
+        lon, lat = Transformer.from_crs(known, "EPSG:4326", always_xy=True).transform(points[:, 0], points[:, 1])
+    except ProjError as error:
+        raise _unknown(crs, where) from error
     return np.stack((lon, lat), axis=1)

@@ -10,6 +10,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from gpszip.errors import InputError
+
 __all__ = ["NUMBER", "codes", "is_text", "looks_like_number", "looks_like_time", "numbers", "trimmed", "values"]
 
 #: What a decimal number looks like.
@@ -82,6 +84,7 @@ def codes(column: Any) -> tuple[tuple[str, ...], NDArray[np.integer[Any]]]:
     >>> codes(pa.chunked_array([["b", "a", "b"]]))
     (('b', 'a'), array([0, 1, 0], dtype=int32))
     """
+    _check_flat(column.type)
     if pa.types.is_dictionary(column.type) and not is_text(column.type.value_type):
         column = column.cast(column.type.value_type)
     if not is_text(column.type):
@@ -104,7 +107,14 @@ def values(column: Any) -> NDArray[np.generic]:
         return np.array(pc.cast(column, pa.int64()).to_numpy())
     if pa.types.is_integer(column.type) or pa.types.is_floating(column.type) or pa.types.is_decimal(column.type):
         return numbers(column)
+    _check_flat(column.type)
     return np.array([value or "" for value in pc.cast(column, pa.string()).to_pylist()], dtype=np.str_)
+
+
+def _check_flat(kind: Any) -> None:
+    """Refuse columns whose cells are lists or structures of values."""
+    if pa.types.is_nested(kind):
+        raise InputError(f"a column that is to be text holds {kind}; name another one, or leave it out")
 
 
 def is_text(kind: Any) -> bool:

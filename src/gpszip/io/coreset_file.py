@@ -81,7 +81,8 @@ def read_coreset(source: str | Path | BinaryIO) -> Coreset:
     """
     where = str(source) if isinstance(source, (str, Path)) else "stream"
     try:
-        table = pq.read_table(source)
+        # Arrow opens no file whose name is not UTF-8
+        table = pq.read_table(pa.py_buffer(Path(source).read_bytes()) if isinstance(source, (str, Path)) else source)
         head = json.loads((table.schema.metadata or {})[_KEY])
         return _coreset(table, head, where)
     except KeyError:
@@ -115,7 +116,16 @@ def _check(rows: Any, owners: Any, tracks: int, where: str) -> None:
     positive = (
         finite and (rows[:, 2] > 0).all() and (rows[:, 3] >= 1).all() and (rows[:, 5:8] >= 0).all() and (rows[:, 1] >= rows[:, 0]).all()
     )
+    positive = positive and (rows[:, 9] >= 0).all() and _is_moderate(rows)
     same = owners[1:] == owners[:-1]
     whole = (owners >= 0).all() and (np.diff(owners) >= 0).all() and len(np.unique(owners)) == tracks
     if not (positive and whole and (rows[1:, 0] > rows[:-1, 1])[same].all()):
         raise InputError(f"{where}: its blocks are damaged; make the coreset anew")
+
+
+def _is_moderate(rows: Any) -> bool:
+    """Whether costs can be computed without an overflow."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = (rows[:, 10:] ** 2).sum(axis=1)
+        terms = np.stack([rows[:, 2] * rows[:, 7] ** 2, rows[:, 2] * squares, rows[:, 4] ** 2 * rows[:, 2], squares])
+        return bool(np.isfinite(terms.sum()) and np.isfinite(squares.sum() ** 2))

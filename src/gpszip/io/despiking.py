@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gpszip.geo.planes import to_plane
 from gpszip.geo.spikes import FACTOR, QUANTILE, calm_speeds, find_spikes, mark_spikes
 from gpszip.io.plane_sample import PlaneSample
-from gpszip.io.scratch import writing
+from gpszip.io.scratch import write_numbers, writing
 from gpszip.io.sorting import read_rows
 from gpszip.model import Plane
 from gpszip.model.reading import Repair
@@ -58,7 +58,7 @@ class Despiked:
             for name, blocks in tracks:
                 count = 0
                 for block in blocks:
-                    block.tofile(file)
+                    write_numbers(block, file)
                     count += len(block)
                 file.flush()
                 self._tracks.append((name, first, count))
@@ -96,7 +96,7 @@ class Despiked:
         with calm.open("wb") as file:
             for times, places in self._pieces(first, count, 2):
                 speeds = calm_speeds(times, places, shortest)
-                speeds[speeds > 0].tofile(file)
+                write_numbers(speeds[speeds > 0], file)
         size = calm.stat().st_size // 8
 
         def speeds_again() -> Iterator[Floats]:

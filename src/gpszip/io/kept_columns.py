@@ -11,6 +11,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
+from gpszip.io.scratch import read_numbers
 
 __all__ = ["Slots", "StoredColumn"]
 
@@ -48,7 +49,7 @@ class StoredColumn:
         """Yield so many values from a row on, in pieces; numbers into ``texts`` where it holds texts."""
         last = self.path.stat().st_size // 8 if count is None else first + count
         for row in range(first, last, _CHUNK):
-            found = np.fromfile(self.path, np.float64 if self.kind == "f" else np.int64, min(_CHUNK, last - row), offset=8 * row)
+            found = read_numbers(self.path, np.float64 if self.kind == "f" else np.int64, row, min(_CHUNK, last - row))
             yield self._ranks[found] if self.kind == "U" else found
 
 

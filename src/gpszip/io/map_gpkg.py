@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import struct
 from pathlib import Path
 
@@ -30,8 +31,10 @@ def write_map_gpkg(table: MapTable, path: Path) -> None:
     """
     import pyogrio
 
+    # GDAL builds it in memory: it tells nothing of a disk that is full when it closes a file
+    made = io.BytesIO()
     pyogrio.raw.write(
-        path,
+        made,
         geometry=_lines(table),
         field_data=list(table.properties.values()),
         fields=list(table.properties),
@@ -40,6 +43,7 @@ def write_map_gpkg(table: MapTable, path: Path) -> None:
         geometry_type=("MultiLineString" if len(table.cuts) else "LineString") + (" Z" if table.points.shape[1] == 3 else ""),
         crs="EPSG:4326" if table.geographic else 'LOCAL_CS["metres",UNIT["metre",1]]',
     )
+    path.write_bytes(made.getbuffer())
 
 
 def _lines(table: MapTable) -> NDArray[np.object_]:

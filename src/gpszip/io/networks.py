@@ -149,6 +149,8 @@ def network_of(roads: JoinedRoads, *, plane: Plane | None = None, near: Sequence
     InputError
         If no road is near the log, or one is in degrees and the other in metres.
     """
+    if not near and not len(roads):
+        raise InputError(f"{roads.name}: holds no road")
     if near and roads.geographic != (plane is not None):
         own, other = ("degrees", "x and y") if roads.geographic else ("metres of no known place", "degrees")
         raise InputError(f"{roads.name}: is in {own}, but the log in {other}; convert one of them to the coordinates of the other")
@@ -386,7 +388,7 @@ def _lines(source: Source | InputError, metric: bool | None) -> RoadLines:
 
 def _path(source: Source) -> str:
     if source.path is None:
-        raise InputError(f"{source.name}: OpenStreetMap data is read from files only; save it first")
+        raise InputError(f"{source.name}: OpenStreetMap data is read only from files whose names are UTF-8; save or rename it first")
     return str(source.path)
 
 

@@ -57,7 +57,8 @@ def read_parquet(source: Source, request: Request) -> RawLog:
             times=request.times,
         )
         table = dataset.to_table(columns=[names[i] for i in roles.used])
-    except (pa.ArrowException, OSError) as error:
+        table.validate(full=True)  # texts that are no UTF-8, for instance
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise InputError(f"{source.name}: damaged Parquet file: {str(error).splitlines()[0]}") from None
     if table.num_rows == 0:
         raise InputError(f"{source.name}: columns, but no rows")

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from gpszip.errors import CorruptArchiveError, InputError
 from gpszip.io.road_joining import JoinedRoads
-from gpszip.io.road_lines import line_rows
+from gpszip.io.road_lines import line_rows, within_globe
 
 __all__ = ["ROADS_MAGIC", "read_roads_file", "write_roads_file"]
 
@@ -149,6 +149,8 @@ def _read(data: mmap.mmap, name: str, wanted: Any) -> JoinedRoads:
     width = 2 if not blocks else blocks[0][0].shape[1]
     columns = [np.concatenate(column) for column in zip(*(block[:7] for block in blocks), strict=True)] if blocks else _nothing(width)
     points, starts, ends, counts, speeds, flags = columns[0], columns[1], columns[2], columns[3], columns[4], columns[6]
+    if not _possible(points, speeds, geographic):
+        raise CorruptArchiveError(f"{name}: a road lies nowhere, or nobody can travel it; prepare it again")
     offsets = np.append(0, np.cumsum(counts, dtype=np.int64))
     nodes, at = np.unique(np.concatenate((starts, ends)), return_inverse=True)
     if len(nodes) and (nodes[0] < 0 or nodes[-1] >= head["nodes"]):
@@ -170,6 +172,12 @@ def _read(data: mmap.mmap, name: str, wanted: Any) -> JoinedRoads:
         ids=pa.concat_arrays([block[7] for block in blocks]) if blocks else pa.array([], pa.string()),
         names=pa.concat_arrays([block[8] for block in blocks]) if blocks else pa.array([], pa.string()),
     )
+
+
+def _possible(points: NDArray[np.float64], speeds: NDArray[np.float32], geographic: bool) -> bool:
+    """Whether vertices are places, and speeds are speeds or unknown."""
+    places = within_globe(points) if geographic else bool(np.isfinite(points).all())
+    return places and not (speeds < 0).any() and not np.isinf(speeds).any()
 
 
 def _nothing(width: int) -> list[NDArray[Any]]:
@@ -201,7 +209,7 @@ def _bodies(data: mmap.mmap, index: Any, geographic: bool, version: int, name: s
             raise CorruptArchiveError(f"{name}: damaged block of roads; prepare it again", at)
         try:
             yield _columns(body, roads, points, streets if version > 1 else None, geographic)
-        except ValueError as error:
+        except (ValueError, IndexError) as error:
             raise CorruptArchiveError(f"{name}: a block of roads contradicts itself; prepare it again", at) from error
 
 

@@ -64,7 +64,7 @@ def read_graphml_lines(stream: Any, name: str, *, metric: bool | None = None) ->
     try:
         for element in _elements(stream):
             _take(graph, element, name)
-    except ParseError as error:
+    except (ParseError, LookupError, ValueError) as error:  # the latter two of encodings that nobody knows
         raise InputError(f"{name}: damaged XML: {error}") from error
     if not graph.edges:
         raise InputError(f"{name}: a graph without edges; a network needs some")

@@ -63,7 +63,7 @@ def read_osm_lines(path: str, name: str) -> RoadLines:
     try:
         for way in _ways(path, osmium):
             _add(found, way, factory, osmium)
-    except (RuntimeError, ValueError, OSError) as error:
+    except (RuntimeError, ValueError, OSError, osmium.InvalidLocationError) as error:
         raise InputError(f"{name}: can't be read as OpenStreetMap data: {error}") from error
     if not found.geometries:
         raise InputError(f"{name}: holds no way with the tag 'highway', so no road")

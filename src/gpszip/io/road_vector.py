@@ -14,7 +14,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
-from gpszip.geo.crs import is_geographic, to_degrees
+from gpszip.geo.crs import is_geographic, is_local, to_degrees
 from gpszip.io.road_lines import RoadLines, take_lines, within_globe
 from gpszip.io.road_rules import (
     NO_ROADS,
@@ -167,6 +167,7 @@ def _add(rows: _Rows, batch: Any, geometry: str, names: dict[str, str]) -> None:
     rows.others += others
     for role, column in names.items():
         values = batch.column(column)
+        values.validate(full=True)  # GDAL hands on texts that are no UTF-8
         rows.columns[role].append(_texts(values) if role in _WORDS else _numbers(values))
 
 
@@ -247,6 +248,8 @@ def _system(
         return points, False, ()
     if crs.upper() in ("EPSG:4326", "OGC:CRS84"):
         return points, True, ()
+    if is_local(crs, name):
+        return points, False, ()
     return to_degrees(points, crs, name), True, ()
 
 

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, BinaryIO, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gpszip.errors import OutputError
+from gpszip.files.temporary import SCRATCH_PREFIX, temporary_folder
 
-__all__ = ["scratch", "writing"]
+__all__ = ["read_numbers", "scratch", "write_numbers", "writing"]
+
+Number = TypeVar("Number", bound=np.generic)
 
 
 @contextmanager
@@ -21,16 +29,17 @@ def scratch() -> Iterator[Path]:
     Raises
     ------
     OutputError
-        If no folder can be made there.
+        If no folder can be made there, or it can't be removed.
     """
-    try:
-        # unlike tempfile by itself, don't fill another disk than the one that was named
-        folder = tempfile.TemporaryDirectory(prefix="gpszip-", dir=os.environ.get("TMPDIR") or None)
-    except OSError as error:
-        place = f"TMPDIR names {os.environ['TMPDIR']}" if os.environ.get("TMPDIR") else "TMPDIR is not set"
-        raise OutputError(f"{place}: no temporary files can be made ({error.strerror}); let it name a folder with room") from None
-    with folder as name:
-        yield Path(name)
+    with contextlib.ExitStack() as stack:
+        try:
+            # unlike tempfile by itself, don't fill another disk than the one that was named
+            parent = Path(os.environ.get("TMPDIR") or tempfile.gettempdir())
+            room = stack.enter_context(temporary_folder(parent, SCRATCH_PREFIX))
+        except OSError as error:
+            place = f"TMPDIR names {os.environ['TMPDIR']}" if os.environ.get("TMPDIR") else "TMPDIR is not set"
+            raise OutputError(f"{place}: no temporary files can be made ({error.strerror}); let it name a folder with room") from None
+        yield room
 
 
 @contextmanager
@@ -46,8 +55,53 @@ def writing() -> Iterator[None]:
         yield
     except OSError as error:
         folder = os.environ.get("TMPDIR") or tempfile.gettempdir()
-        free = shutil.disk_usage(folder).free
         raise OutputError(
-            f"{folder}: temporary files can't be written: {error.strerror or 'no room'}, {free / 2**20:,.0f} MiB are free; "
+            f"{folder}: temporary files can't be written: {error.strerror or 'no room'}{_free(folder)}; "
             "let TMPDIR name a folder with more room"
         ) from None
+
+
+def _free(folder: str) -> str:
+    """How much room a folder has, in words; nothing where it is gone."""
+    with contextlib.suppress(OSError):
+        return f", {shutil.disk_usage(folder).free / 2**20:,.0f} MiB are free"
+    return ""
+
+
+def write_numbers(numbers: NDArray[Any], file: BinaryIO) -> None:
+    """Append numbers to a file. Unlike NumPy's ``tofile``, it misses no error of the disk, and goes on where it was interrupted.
+
+    Parameters
+    ----------
+    numbers : array
+        Of any shape and kind.
+    file : binary file
+        Open for writing.
+    """
+    file.write(np.ascontiguousarray(numbers).data.cast("B"))
+
+
+def read_numbers(path: Path, kind: type[Number], first: int, count: int) -> NDArray[Number]:
+    """Read numbers that :func:`write_numbers` wrote.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    kind : type
+        Of the numbers.
+    first, count : int
+        Number of the first one in the file, and how many.
+
+    Raises
+    ------
+    OutputError
+        If the file is shorter, or can't be read.
+    """
+    numbers = np.empty(count, kind)
+    with writing(), path.open("rb") as file:
+        file.seek(first * numbers.itemsize)
+        found = file.readinto(numbers.data.cast("B")) if count else 0
+    if found != numbers.nbytes:
+        raise OutputError(f"{path}: this temporary file is {numbers.nbytes - found} bytes too short; is the disk full, or failing?")
+    return numbers

@@ -187,7 +187,7 @@ def shard_of(source: Source, format_: str | None, request: Request) -> Shard | I
         return _shard(source, format_, request)
     except InputError as error:
         return error
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         return InputError(f"{source.name}: can't be read: {str(error).splitlines()[0][:120]}")
 
 
@@ -225,6 +225,7 @@ def _parquet_tables(shard: Shard) -> Iterator[tuple[Any, int]]:
     dataset = parquet_dataset(shard.source)
     columns = [str(dataset.schema.names[i]) for i in shard.roles.used]
     for batch in dataset.to_batches(columns=columns, batch_size=_ROWS, batch_readahead=1, fragment_readahead=1, use_threads=False):
+        batch.validate(full=True)  # texts that are no UTF-8, for instance
         yield pa.Table.from_batches([batch]), 0
 
 

@@ -16,7 +16,11 @@ def shown(name: str) -> str:
     Examples
     --------
     >>> shown("wälk.csv"), shown("a\nb\x1b.csv"), shown("\udcff.csv")
-    ('wälk.csv', 'a\\nb\\x1b.csv', '\\udcff.csv')
+    ('wälk.csv', 'a\\nb\\x1b.csv', '\\xff.csv')
     """
-    text = name.encode("utf-8", "backslashreplace").decode()
+    try:
+        # bytes that are no UTF-8 stand in names of files as lone surrogates
+        text = name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+    except UnicodeEncodeError:
+        text = name.encode("utf-8", "backslashreplace").decode()
     return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode(), text)

@@ -1,48 +1,22 @@
-"""Output that appears whole or not at all."""
+"""Output that appears whole or not at all, in a file or on standard output."""
 
 from __future__ import annotations
 
-import os
+import io
 import shutil
 import sys
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
 from gpszip.errors import OutputError
+from gpszip.files.causes import cause
+from gpszip.files.noting import note
+from gpszip.files.replacing import replacing
+from gpszip.io.scratch import scratch
 
 __all__ = ["pouring", "replacing", "writing"]
-
-
-@contextmanager
-def replacing(path: str | Path) -> Iterator[Path]:
-    """Give a temporary file in the same folder, with the same suffix; once filled without an error it takes the name.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file to write; replaced if it exists.
-
-    Raises
-    ------
-    OutputError
-        If it can't be written, or something else than a file has its name.
-    """
-    # a link stays one, and what it points to is replaced
-    target = Path(os.path.realpath(path))
-    if os.path.lexists(target) and not target.is_file():
-        raise OutputError(f"{path}: is no regular file and can't be replaced; - is standard output")
-    try:
-        with tempfile.TemporaryDirectory(prefix=".gpszip-", dir=target.parent) as room:
-            whole = Path(room) / target.name
-            yield whole
-            with whole.open("rb") as file:
-                os.fsync(file.fileno())
-            whole.replace(target)
-    except OSError as error:
-        raise OutputError(f"{target}: can't be written: {error.strerror or error}") from error
 
 
 @contextmanager
@@ -59,11 +33,16 @@ def writing(sink: str | Path | BinaryIO) -> Iterator[BinaryIO]:
     OutputError
         If it can't be written.
     """
-    if not isinstance(sink, (str, Path)):
+    if isinstance(sink, io.RawIOBase):
+        buffered = io.BufferedWriter(sink)  # raw streams may take less than they are given
+        yield buffered
+        buffered.flush()
+        buffered.detach()
+    elif not isinstance(sink, (str, Path)):
         yield sink
     elif str(sink) == "-":
-        yield sys.stdout.buffer
-        sys.stdout.buffer.flush()
+        with _standard_output() as stream:
+            yield stream
     else:
         with replacing(sink) as path, path.open("wb") as file:
             yield file
@@ -77,10 +56,31 @@ def pouring(suffix: str) -> Iterator[Path]:
     ----------
     suffix : str
         Of the temporary file.
+
+    Raises
+    ------
+    OutputError
+        If standard output can't be written.
     """
-    with tempfile.TemporaryDirectory(prefix="gpszip-") as room:
-        whole = Path(room) / f"out{suffix}"
+    with scratch() as room:
+        whole = room / f"out{suffix}"
         yield whole
-        with whole.open("rb") as file:
-            shutil.copyfileobj(file, sys.stdout.buffer)
+        with whole.open("rb") as file, _standard_output() as stream:
+            shutil.copyfileobj(file, stream)
+
+
+@contextmanager
+def _standard_output() -> Iterator[BinaryIO]:
+    """Standard output for bytes; what can't be written to it is said at once, not when the process ends."""
+    if sys.stdout is None:
+        raise OutputError("standard output: is closed; name a file with -o or leave it open")
+    note("standard output may be incomplete")
+    try:
+        yield sys.stdout.buffer
         sys.stdout.buffer.flush()
+    except BrokenPipeError:
+        raise  # whoever reads it has had enough, and is told nothing
+    except OSError as error:
+        if error.filename is not None:
+            raise
+        raise OutputError(f"standard output: can't be written: {cause(error)}") from error

@@ -17,7 +17,7 @@ from gpszip.io.losses import MIDNIGHT, STOPPED, find_doubles, loss_of, stopped_c
 from gpszip.io.mending import first_unread, said, value_of
 from gpszip.io.plane_sample import PlaneSample
 from gpszip.io.raw_log import RawLog, Unread, unused
-from gpszip.io.scratch import writing
+from gpszip.io.scratch import read_numbers, write_numbers, writing
 from gpszip.io.shards import Shard
 from gpszip.model.reading import LeftOut, Loss, Repair
 
@@ -308,7 +308,7 @@ class Sorter:
         order = np.lexsort((rows[:, 0], codes))
         codes = codes[order]
         with writing(), self._run(len(self._runs)).open("wb") as file:
-            rows[order].tofile(file)
+            write_numbers(rows[order], file)
         starts = np.flatnonzero(np.diff(codes, prepend=-1))
         for start, after in zip(starts.tolist(), [*starts[1:].tolist(), len(codes)], strict=True):
             part = self.parts[int(codes[start])]
@@ -441,4 +441,4 @@ def kind_of(contents: tuple[bool, int, str]) -> str:
 
 def read_rows(path: Path, row: int, count: int, width: int) -> Floats:
     """Rows of a file of float64 numbers."""
-    return np.fromfile(path, np.float64, count * width, offset=8 * row * width).reshape(count, width)
+    return read_numbers(path, np.float64, row * width, count * width).reshape(count, width)

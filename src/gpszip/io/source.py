@@ -228,7 +228,9 @@ def _found(item: str | Path | BinaryIO) -> Iterator[Source | _Stream | InputErro
     if not isinstance(item, (str, Path)):
         yield _Stream(_name(item), lambda: _read(item))
     elif str(item) == "-":
-        yield _Stream("standard input", lambda: _read(sys.stdin.buffer))
+        # an interpreter that was started without standard input has None there
+        none = sys.stdin is None
+        yield InputError("standard input: is closed; name a file") if none else _Stream("standard input", lambda: _read(sys.stdin.buffer))
     elif is_remote(str(item)):
         for fetched in fetch(str(item)):
             yield fetched if isinstance(fetched, InputError) else _fetched(*fetched)
@@ -331,7 +333,7 @@ def _files(name: str) -> Iterator[Source | _Stream | InputError]:
 
 def _file(name: str, path: Path) -> Source | _Stream | InputError:
     try:
-        if path.is_file():
+        if path.is_file() and shown(str(path)) == str(path):
             with path.open("rb"):
                 return Source(shown(name), path=path)
         path.stat()

@@ -23,7 +23,7 @@ from gpszip.io.despiking import Despiked
 from gpszip.io.kept_columns import Slots, StoredColumn
 from gpszip.io.losses import FEW, nearly_lost
 from gpszip.io.raw_log import RawLog, Request
-from gpszip.io.scratch import scratch, writing
+from gpszip.io.scratch import scratch, write_numbers, writing
 from gpszip.io.shards import Shard, shard_of
 from gpszip.io.sorting import Sorter, kind_of, read_rows
 from gpszip.io.source import Source, expand, is_no_log
@@ -206,9 +206,9 @@ def _written(
             for block in blocks:
                 if plane is not None:
                     block[:, 1:own] = to_plane(block[:, 1], block[:, 2], plane)
-                block[:, :own].tofile(samples)
+                write_numbers(block[:, :own], samples)
                 for column, values in zip(columns, block[:, own:].T, strict=True):
-                    values.tofile(column)
+                    write_numbers(values, column)
                 count += len(block)
             tracks.append(StoredTrack(name, offset, count))
             offset += count

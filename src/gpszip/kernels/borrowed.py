@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
+import numba
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
@@ -30,3 +31,8 @@ def borrowed(_typing: Any, arrays: Any) -> Any:
         return context.make_tuple(builder, arrays, [_uncounted(context, builder, kind, value) for kind, value in parts])
 
     return arrays(arrays), build
+
+
+if numba.config.DISABLE_JIT:
+    # the interpreter has no such arrays, and knows no intrinsics
+    borrowed = cast(Any, lambda arrays: arrays)

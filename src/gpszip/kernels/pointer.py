@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numba
 from numba import typeof
 from numba.core.types import CompileResultWAP
 
@@ -15,6 +16,8 @@ def pointer_to(kernel: Any, *arguments: Any) -> Any:
 
     A large kernel that is called in the usual way is compiled again as a part of each that calls it.
     """
+    if numba.config.DISABLE_JIT:
+        return kernel
     types = tuple(typeof(argument) for argument in arguments)
     kernel.compile(types)
     return CompileResultWAP(kernel.overloads[types])

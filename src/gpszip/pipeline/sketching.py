@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -16,7 +17,7 @@ from gpszip.model import Executor, Track
 from gpszip.model.executor import Serial, united
 from gpszip.sketches.blocks import fine_blocks, united_blocks
 from gpszip.sketches.coreset import FINER, Coreset
-from gpszip.sketches.partition import SEVERAL, blocks_asked, blocks_below, largest_cost
+from gpszip.sketches.partition import SEVERAL, blocks_asked, blocks_below, largest_cost, next_cost
 
 __all__ = ["sketch_log", "thin_log"]
 
@@ -38,7 +39,7 @@ def sketch_log(
     Of each batch of samples, at most ``8 * size`` blocks are kept, and of two batches together as many, up to the whole log, whose
     blocks at last become ``size``. As blocks are sketches, that loses nothing but where breaks may fall.
     With ``k`` and ``eps``, the least cost of k parts is bounded by such blocks first; then the samples of each batch are cut
-    in blocks that cost as much as ``eps`` allows.
+    in blocks that cost as much as ``eps`` allows. Tracks whose blocks don't keep ``eps`` by themselves are cut again, finer.
 
     Parameters
     ----------
@@ -68,6 +69,25 @@ def sketch_log(
 
 
 def _within_eps(log: StoredLog, stretches: Sequence[Stretch], k: int, eps: float, executor: Executor | None) -> Coreset:
+    """Cut tracks into blocks that keep ``eps``, and those whose blocks don't again, finer."""
+    costs: dict[int, float | None] = dict(_first_costs(log, stretches, k, eps, executor))
+    rows = dict[int, NDArray[np.float64]]()
+    left, tries = set(costs), 0
+    while left:
+        tries += 1
+        rows |= _cut(log, [one for one in stretches if one.track in left], costs, executor)
+        asked = {number: costs[number] for number in left}
+        for number, cost in asked.items():
+            if cost is not None:
+                costs[number] = next_cost(rows[number], k, eps, cost, tries)
+        left = {number for number, cost in asked.items() if costs[number] != cost}
+    numbers = sorted(rows)
+    owners = np.repeat(numbers, [len(rows[number]) for number in numbers])
+    return Coreset(tuple(track.id for track in log.tracks), owners, np.concatenate([rows[number] for number in numbers]), log.plane)
+
+
+def _first_costs(log: StoredLog, stretches: Sequence[Stretch], k: int, eps: float, executor: Executor | None) -> dict[int, float]:
+    """What a block of each track may cost, from a lower bound on the least cost of k parts."""
     own = executor or Serial()
     short = gather([one for one in stretches if one.end - one.begin == log.tracks[one.track].count], _BATCH)
     costs = dict[int, float]()
@@ -76,11 +96,20 @@ def _within_eps(log: StoredLog, stretches: Sequence[Stretch], k: int, eps: float
     for number in sorted({one.track for one in stretches} - set(costs)):
         parts = [one for one in stretches if one.track == number]
         costs[number] = largest_cost(_united(log, parts, FINER * math.ceil(SEVERAL[-1] * k), executor), k, eps)
+    return costs
+
+
+def _cut(
+    log: StoredLog, stretches: Sequence[Stretch], costs: Mapping[int, float | None], executor: Executor | None
+) -> dict[int, NDArray[np.float64]]:
+    """Rows of the blocks of each track, none of which costs more than the track's blocks may."""
     batches = gather(stretches, _BATCH)
     work = ((samples, [costs[one.track] for one in batch]) for samples, batch in zip(_samples(log, batches), batches, strict=True))
-    rows = [blocks for found in own.map(_within, work) for blocks in found]
-    owners = np.repeat([one.track for one in stretches], [len(blocks) for blocks in rows])
-    return Coreset(tuple(track.id for track in log.tracks), owners, np.concatenate(rows), log.plane)
+    parts = defaultdict[int, list[NDArray[np.float64]]](list)
+    for batch, found in zip(batches, (executor or Serial()).map(_within, work), strict=True):
+        for one, blocks in zip(batch, found, strict=True):
+            parts[one.track].append(blocks)
+    return {number: np.concatenate(some) for number, some in parts.items()}
 
 
 def thin_log(log: StoredLog, coreset: Coreset, *, executor: Executor | None = None) -> Iterator[Track]:
@@ -139,5 +168,5 @@ def _costs(k: int, eps: float, tracks: Sequence[Track]) -> list[float]:
     return [largest_cost(track, k, eps) for track in tracks]
 
 
-def _within(work: tuple[Sequence[Track], Sequence[float]]) -> list[NDArray[np.float64]]:
+def _within(work: tuple[Sequence[Track], Sequence[float | None]]) -> list[NDArray[np.float64]]:
     return [blocks_below(track, cost) for track, cost in zip(*work, strict=True)]

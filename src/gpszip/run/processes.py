@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import ExitStack
 from functools import lru_cache, partial
 from multiprocessing.context import SpawnContext, SpawnProcess
 from pathlib import Path
@@ -16,6 +17,8 @@ from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
 from gpszip.errors import OptionError, WorkerError
+from gpszip.files.causes import naming
+from gpszip.files.temporary import SCRATCH_PREFIX, temporary_folder
 from gpszip.model.executor import Executor, Shared
 from gpszip.run.in_order import in_order
 from gpszip.run.threads import Threads
@@ -110,14 +113,11 @@ class _Filed(Generic[V]):
 
     def __init__(self, executor: Processes, value: V) -> None:
         self._executor = executor
-        handle, name = tempfile.mkstemp(prefix="gpszip-", suffix=".shared")
-        self._path = Path(name)
-        try:
-            with os.fdopen(handle, "wb") as file:
+        with ExitStack() as stack, naming(tempfile.gettempdir()):
+            self._path = stack.enter_context(temporary_folder(Path(tempfile.gettempdir()), SCRATCH_PREFIX)) / "shared"
+            with self._path.open("wb") as file:
                 pickle.dump(value, file, protocol=pickle.HIGHEST_PROTOCOL)
-        except BaseException:
-            self._path.unlink()
-            raise
+            self._room = stack.pop_all()
 
     def map(self, function: Callable[[V, T], R], items: Iterable[T], /) -> Iterator[R]:
         """Yield ``function(value, item)`` for each item, in the order of the items."""
@@ -129,7 +129,7 @@ class _Filed(Generic[V]):
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         """Remove the file."""
-        self._path.unlink(missing_ok=True)
+        self._room.close()
 
 
 class _Recorded(SpawnContext):

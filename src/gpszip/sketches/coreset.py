@@ -17,7 +17,7 @@ from gpszip.kernels.block_costs import block_costs
 from gpszip.model import Plane, SegmentMean
 from gpszip.sketches.pieces import Pieces, pieces_of
 
-__all__ = ["FINER", "Coreset", "Cost"]
+__all__ = ["FINER", "Coreset", "Cost", "eps_of_blocks"]
 
 #: Free costs of blocks are known up to this share of weight times squared reach, for each merge behind them.
 _ROUNDING = 64 * 1.2e-16
@@ -27,6 +27,9 @@ FINER = 8
 
 #: Halvings of the interval in which the price of a part is searched.
 _STEPS = 40
+
+#: Share of the time step by which times may be off even steps and still count as even: the rounding of epoch seconds.
+_EVEN = 1e-5
 
 
 class Cost(NamedTuple):
@@ -137,6 +140,13 @@ class Coreset:
         mine = self.owners == self.tracks.index(name)
         return replace(self, tracks=(name,), owners=np.zeros(int(mine.sum()), np.int64), rows=self.rows[mine])
 
+    @property
+    def uneven(self) -> NDArray[np.bool_]:
+        """Whether a block's times (or weights) are uneven, so that :meth:`eps` tells nothing of breaks in it, shape (B,)."""
+        span = self.rows[:, kernel.LAST] - self.rows[:, kernel.FIRST]
+        steps = np.maximum(self.rows[:, kernel.COUNT] - 1, 1)
+        return (self.rows[:, kernel.COUNT] > 2) & (self.rows[:, kernel.JITTER] > _EVEN * span / steps)
+
     def cost(self, f: Pieces | SegmentMean, *, times: ArrayLike | None = None, track: str | None = None) -> Cost:
         """Price a k-segment or (k,m)-segment: its fitting cost (thesis, definition 4.1.3), estimated, and bounds that hold.
 
@@ -214,12 +224,7 @@ class Coreset:
 
         The least eps with sum of the k - 1 largest e(B) <= eps^2 / (4 (1 + eps)) times :meth:`least_cost`.
         """
-        worst = math.fsum(_largest(_ceilings(rows), k - 1) for rows in self._by_track())
-        least = self.least_cost(k)
-        if worst == 0:
-            return 0.0
-        share = worst / least if least > 0 else math.inf
-        return 2 * share + 2 * math.sqrt(share * share + share) if math.isfinite(share) else math.inf
+        return _eps(math.fsum(_worst(rows, k) for rows in self._by_track()), self.least_cost(k))
 
     def reduced(self, size: int) -> Coreset:
         """Return the same with at most ``size`` blocks, never across tracks, of about the least cost at these edges.
@@ -268,6 +273,32 @@ class Coreset:
 
     def _by_track(self) -> Iterator[NDArray[np.float64]]:
         yield from np.split(self.rows, self._heads()[1:])
+
+
+def eps_of_blocks(rows: NDArray[np.float64], k: int) -> float:
+    """Relative error that the blocks of one track keep for every k-segment, as :meth:`Coreset.eps` tells it.
+
+    Parameters
+    ----------
+    rows : float64 array, shape (B, 10 + 3 d)
+        Blocks of a track.
+    k : int
+        Parts, 1 or more.
+    """
+    return _eps(_worst(rows, k), _least_cost(rows, k))
+
+
+def _eps(worst: float, least: float) -> float:
+    """The least eps with ``worst <= eps^2 / (4 (1 + eps)) least``."""
+    if worst == 0:
+        return 0.0
+    share = worst / least if least > 0 else math.inf
+    return 2 * share + 2 * math.sqrt(share * share + share) if math.isfinite(share) else math.inf
+
+
+def _worst(rows: NDArray[np.float64], k: int) -> float:
+    """What the k - 1 most expensive blocks of a track cost together."""
+    return _largest(_ceilings(rows), k - 1)
 
 
 def _ceilings(rows: NDArray[np.float64]) -> NDArray[np.float64]:

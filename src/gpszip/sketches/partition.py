@@ -14,16 +14,31 @@ from gpszip.kernels.balanced import balanced_cuts
 from gpszip.kernels.sums import Sums, moments
 from gpszip.kernels.sums import free_cost as free_ticks
 from gpszip.model import Track
-from gpszip.sketches.coreset import Coreset
+from gpszip.sketches.coreset import Coreset, eps_of_blocks
 from gpszip.sketches.prefix import part_sums
 
-__all__ = ["SEVERAL", "blocks_asked", "blocks_below", "blocks_within", "build", "file_size", "largest_cost"]
+__all__ = [
+    "SEVERAL",
+    "blocks_asked",
+    "blocks_below",
+    "blocks_within",
+    "build",
+    "file_size",
+    "largest_cost",
+    "next_cost",
+]
 
 #: Partitions into so many times k blocks give lower bounds on the least cost of k parts.
 SEVERAL = (2.0, 3.0, 4.0, 6.0)
 
 #: Halvings of the logarithm of the largest cost of a block.
 _STEPS = 48
+
+#: Times that blocks are made finer until they keep eps by themselves; then come blocks of two samples.
+_TRIES = 10
+
+#: A block's largest cost becomes at most and at least so many times what it was, at one try.
+_FINER, _FINEST = 0.97, 1 / 16
 
 #: Bytes of a saved coreset's frame, of each track's name and of each number.
 _FRAME, _NAME, _NUMBER = 8192, 64, 9
@@ -47,7 +62,8 @@ def build(
     k-segment: of N blocks at most k - 1 have a break inside, so the sum of all but the k - 1 largest free costs is below
     it; the best of N = 2 k, 3 k, 4 k and 6 k balanced blocks is taken. Then the estimate of the cost of any k-segment is
     within ``eps`` of it (see :class:`~gpszip.sketches.coreset.Coreset`). There are O(k / eps^2) blocks for a log whose
-    cost falls no faster than with the number of parts.
+    cost falls no faster than with the number of parts. Blocks are made finer until ``eps(k)`` of the coreset itself, which
+    knows the blocks only, is at most ``eps`` for each track. A track that k parts may fit exactly has blocks of two samples.
 
     Parameters
     ----------
@@ -85,7 +101,7 @@ def build(
     if most is None:
         assert k is not None
         assert eps is not None
-        rows = [blocks_below(track, largest_cost(track, k, eps)) for track in whole]
+        rows = [_keeping(track, k, eps) for track in whole]
     else:
         rows = [_rows(track, own) for track, own in zip(whole, _search([part_sums(track) for track in whole], most), strict=True)]
     owners = np.repeat(np.arange(len(whole)), [len(own) for own in rows])
@@ -158,12 +174,69 @@ def _sigma(balanced: Callable[[int], NDArray[np.float64]], k: int, eps: float) -
     for several in SEVERAL:
         costs = np.array([kernel.free_cost(row) for row in balanced(math.ceil(several * k))])
         least = max(least, math.fsum(np.sort(costs)[: max(len(costs) - k + 1, 0)]))
-    return eps * eps * least / (4 * (1 + eps) * (k - 1))
+    return _share(eps) * least / (k - 1)
 
 
-def blocks_below(track: Track, cost: float) -> NDArray[np.float64]:
-    """Rows of the longest blocks of a track whose free costs are at most so many square metres."""
+def blocks_below(track: Track, cost: float | None) -> NDArray[np.float64]:
+    """Rows of the longest blocks of a track whose free costs are at most so many square metres.
+
+    Parameters
+    ----------
+    track : Track
+        Samples.
+    cost : float or None
+        The most that a block may cost; None for blocks of two samples, which lie on their line whatever they are.
+    """
+    if cost is None:
+        return _rows(track, np.append(np.arange(0, len(track), 2), len(track)))
     return _rows(track, _cuts(part_sums(track), cost))
+
+
+def next_cost(rows: NDArray[np.float64], k: int, eps: float, cost: float, tries: int) -> float | None:
+    """What blocks may cost at the next try, after these.
+
+    Parameters
+    ----------
+    rows : float64 array, shape (B, 10 + 3 d)
+        Blocks of a whole track, none of which costs more than ``cost``.
+    k, eps : int, float
+        Parts, and relative error.
+    cost : float
+        In square metres.
+    tries : int
+        How often blocks have been made, these included.
+
+    Returns
+    -------
+    float or None
+        ``cost`` itself where the blocks keep ``eps``; less where they don't; None where they are to have two samples.
+    """
+    found = eps_of_blocks(rows, k)
+    if found <= eps:
+        return cost
+    if cost <= 0 or tries >= _TRIES:
+        return None
+    # the error that a cost allows is nearly in proportion to it, as far as the least cost of k parts stays
+    wanted = _share(eps) / _share(found) if math.isfinite(found) else 0.0
+    return cost * min(max(wanted, _FINEST), _FINER)
+
+
+def _share(eps: float) -> float:
+    return eps * eps / (4 * (1 + eps))
+
+
+def _keeping(track: Track, k: int, eps: float) -> NDArray[np.float64]:
+    """Rows of the blocks of a track that keep ``eps`` by themselves."""
+    cost = largest_cost(track, k, eps)
+    for tries in range(1, _TRIES + 1):
+        rows = blocks_below(track, cost)
+        finer = next_cost(rows, k, eps, cost, tries)
+        if finer == cost:
+            return rows
+        if finer is None:
+            break
+        cost = finer
+    return blocks_below(track, None)
 
 
 def _check(tracks: Sequence[Track]) -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import MissingExtraError
+from gpszip.files.replacing import replacing
 from gpszip.model import Plane, RoadMap, Track
 
 if TYPE_CHECKING:
@@ -46,6 +47,8 @@ def draw_map(source: Archive | RoadMap, target: Axes | str | Path, *, title: str
     ------
     MissingExtraError
         If matplotlib is not installed.
+    OutputError
+        If the file can't be written.
     """
     road_map = _main_plane(_road_map(source))
     if not isinstance(target, str | Path):
@@ -56,7 +59,7 @@ def draw_map(source: Archive | RoadMap, target: Axes | str | Path, *, title: str
     axes = figure.add_subplot()
     draw_map(road_map, axes, title=title)
     _legend(axes, _way_samples(road_map))
-    figure.savefig(target, dpi=_DPI)
+    _save(figure, target)
 
 
 def draw_comparison(tracks: Iterable[Track], source: Archive | RoadMap, path: str | Path, *, title: str | None = None) -> None:
@@ -93,7 +96,12 @@ def draw_comparison(tracks: Iterable[Track], source: Archive | RoadMap, path: st
     window = np.array([center - reach, center + reach])
     _finish(near, "the marked square, from near", window, tight=True)
     _legend(whole, [_dot_sample(), *_way_samples(road_map)])
-    figure.savefig(path, dpi=_DPI)
+    _save(figure, path)
+
+
+def _save(figure: Figure, path: str | Path) -> None:
+    with replacing(path) as part:
+        figure.savefig(part, dpi=_DPI)
 
 
 def _figure(width: float, height: float) -> Figure:

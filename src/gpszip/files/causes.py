@@ -1,0 +1,72 @@
+"""What is wrong with a disk, in plain words, and what to do about it."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from gpszip.errors import OutputError
+
+__all__ = ["cause", "naming", "with_notes"]
+
+#: What to do about a system's error.
+_REMEDIES = {
+    errno.ENOSPC: "free some room or name a file on another disk",
+    errno.EDQUOT: "free some room or name a file on another disk",
+    errno.EFBIG: "name a file on a disk that takes larger ones",
+    errno.EROFS: "name a file on another disk",
+    errno.EACCES: "check the owner and the mode of file and folder",
+    errno.EPERM: "check the owner, the mode and the attributes of file and folder",
+    errno.EIO: "check the disk or the connection to it, or name a file on another one",
+    errno.ENOENT: "its folder is gone or was never there; create it first",
+    errno.ENAMETOOLONG: "choose a shorter name",
+    errno.EBADF: "it is closed; name a file with -o or leave it open",
+}
+
+
+def cause(error: OSError) -> str:
+    """Say what the system complains of, and what to do about it.
+
+    Parameters
+    ----------
+    error : OSError
+        Of any call.
+
+    Examples
+    --------
+    >>> cause(OSError(errno.ENOSPC, "No space left on device"))
+    'No space left on device; free some room or name a file on another disk'
+    """
+    # Arrow's errors have several lines and no number
+    text = error.strerror or (str(error).splitlines() or [type(error).__name__])[0]
+    remedy = _REMEDIES.get(error.errno or 0)
+    return f"{text}; {remedy}" if remedy else text
+
+
+@contextmanager
+def naming(target: str | os.PathLike[str]) -> Iterator[None]:
+    """Name the file that can't be written.
+
+    Parameters
+    ----------
+    target : path
+        The file.
+
+    Raises
+    ------
+    OutputError
+        In place of any OSError, with its notes.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise with_notes(OutputError(f"{os.fspath(target)}: can't be written: {cause(error)}"), error) from error
+
+
+def with_notes(error: OutputError, before: BaseException) -> OutputError:
+    """Return an error with the notes of the one that led to it, such as of temporary folders that are left."""
+    for note in getattr(before, "__notes__", ()):
+        error.add_note(note)
+    return error

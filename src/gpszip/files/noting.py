@@ -1,0 +1,29 @@
+"""What a run has written so far, for what is said if it ends early."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+__all__ = ["note", "noting"]
+
+_written: ContextVar[list[str] | None] = ContextVar("written", default=None)
+
+
+@contextmanager
+def noting() -> Iterator[list[str]]:
+    """Give a list that takes what is written, in words, for as long as the block lasts."""
+    written: list[str] = []
+    before = _written.set(written)
+    try:
+        yield written
+    finally:
+        _written.reset(before)
+
+
+def note(what: str) -> None:
+    """Tell whoever listens, see :func:`noting`, what is written."""
+    listener = _written.get()
+    if listener is not None:
+        listener.append(what)

@@ -1,0 +1,117 @@
+"""Standard streams that are closed or full, few descriptors, and the same numbers whatever compiles them."""
+
+import os
+import random
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from cli.conftest import two_walks
+from gpszip.io.reading import read_logs
+
+ALL = os.environ.get("GPSZIP_FAULTS") == "all"
+RUN = [sys.executable, "-c", "from gpszip.cli.main import run; run()"]
+
+posix = pytest.mark.skipif(os.name != "posix", reason="shells of POSIX")
+
+
+@pytest.fixture
+def archive(tmp_path):
+    two_walks().save(tmp_path / "two.gpsz")
+    return tmp_path / "two.gpsz"
+
+
+def _shell(words, redirection, folder):
+    """Run a command with its streams redirected; return its exit code and what it says."""
+    line = f'exec "$@" {redirection}'
+    done = subprocess.run(["sh", "-c", line, "sh", *RUN, *words], cwd=folder, capture_output=True, text=True, check=False)
+    return done.returncode, done.stderr
+
+
+@posix
+@pytest.mark.parametrize(
+    ("words", "redirection", "says"),
+    [
+        (["info", "two.gpsz"], ">&-", "standard output: can't be written: Bad file descriptor; it is closed"),
+        (["info", "-"], "<&-", "standard input: can't be read: Bad file descriptor"),
+        (["--version"], ">/dev/full", "standard output: can't be written: No space left on device"),
+        (["info", "none.gpsz"], "2>&-", ""),
+    ],
+)
+def test_closed_and_full_streams(archive, words, redirection, says):
+    code, told = _shell(words, redirection, archive.parent)
+    assert code == 1
+    assert says in told
+    assert len(told.splitlines()) <= 1
+
+
+@posix
+def test_all_streams_may_be_closed(archive):
+    """No file is opened under the number of a closed stream, where others would write to it."""
+    assert _shell(["recover", "two.gpsz", "-o", "out.gpsz"], "<&- >&- 2>&-", archive.parent) == (0, "")
+    assert (archive.parent / "out.gpsz").read_bytes() == archive.read_bytes()
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="file names are text there")
+def test_json_holds_names_that_are_no_text(tmp_path):
+    import json
+
+    name = os.fsdecode(b"caf\xe9.gpsz")
+    two_walks().save(tmp_path / name)
+    done = subprocess.run([*RUN, "info", name, "--json"], cwd=tmp_path, capture_output=True, check=True, env={**os.environ, "LC_ALL": "C"})
+    assert json.loads(done.stdout.decode("utf-8"))["archive"] == name
+
+
+def test_more_logs_than_descriptors(tmp_path):
+    resource = pytest.importorskip("resource")
+    for number in range(300):
+        (tmp_path / f"{number}.csv").write_text("t,x,y\n0,0,0\n1,1,0\n")
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (128, limits[1]))
+    try:
+        reading = read_logs(sorted(tmp_path.iterdir()))
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+    assert len(reading.tracks) == 300
+
+
+@pytest.fixture(scope="module")
+def compressed(tmp_path_factory):
+    """An archive, written by compiled code, and what it decodes to there."""
+    folder, chance = tmp_path_factory.mktemp("log"), random.Random(5)
+    corners = [(0, 0), (40, 0), (40, 30), (0, 30)] * 3
+    sides = [(t, i) for i in range(len(corners) - 1) for t in range(25)]
+    rows = [[a + (b - a) * t / 25 + chance.gauss(0, 0.1) for a, b in zip(corners[i], corners[i + 1], strict=True)] for t, i in sides]
+    (folder / "log.csv").write_text("t,x,y\n" + "".join(f"{t},{x:.3f},{y:.3f}\n" for t, (x, y) in enumerate(rows)))
+    _output(folder, [*COMPRESS, "log.gpsz"], {})
+    return folder, [_output(folder, words, {}) for words in DECODE]
+
+
+COMPRESS = ["compress", "log.csv", "--rmse", "30cm", "--keep-times", "--quiet", "--effort", "1", "-o"]
+DECODE = [["decompress", "log.gpsz", "-o", "-"], ["decompress", "log.gpsz", "--samples", "-o", "-"]]
+
+
+def test_archives_decode_to_the_same_numbers_without_a_compiler(compressed):
+    folder, expected = compressed
+    assert [_output(folder, words, {"NUMBA_DISABLE_JIT": "1"}) for words in DECODE] == expected
+    assert min(map(len, expected)) > 100
+
+
+@pytest.mark.skipif(not ALL, reason="takes a minute; GPSZIP_FAULTS=all")
+def test_archives_decode_to_the_same_numbers_on_any_processor(compressed):
+    folder, expected = compressed
+    assert [_output(folder, words, {"NUMBA_CPU_NAME": "generic"}) for words in DECODE] == expected
+
+
+@pytest.mark.skipif(not ALL, reason="takes minutes; GPSZIP_FAULTS=all")
+@pytest.mark.parametrize("how", [{"NUMBA_DISABLE_JIT": "1"}, {"NUMBA_CPU_NAME": "generic"}], ids=["not compiled", "any processor"])
+def test_archives_are_the_same_whatever_compiles(compressed, how):
+    folder, _ = compressed
+    _output(folder, [*COMPRESS, "again.gpsz", "--force"], how)
+    assert (folder / "again.gpsz").read_bytes() == (folder / "log.gpsz").read_bytes()
+
+
+def _output(folder: Path, words, how):
+    return subprocess.run([*RUN, *words], cwd=folder, capture_output=True, check=True, env={**os.environ, **how}).stdout

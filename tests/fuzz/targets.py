@@ -1,0 +1,415 @@
+"""What is fuzzed: every reader and the container, each with valid files to begin with."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import struct
+import tempfile
+import zlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from fuzz import mutations
+from gpszip.errors import GPSZipError
+
+__all__ = ["TARGETS", "Target", "run"]
+
+
+@dataclass(frozen=True)
+class Target:
+    """Something that takes bytes, and must answer them or raise a GPSZipError.
+
+    Parameters
+    ----------
+    take : callable
+        Reads a file given as bytes.
+    seeds : callable
+        Valid files.
+    kinds : sequence of str
+        Changes that make sense for them.
+    seal : callable, optional
+        Makes checksums right again after a change.
+    """
+
+    take: Callable[[bytes], object]
+    seeds: Callable[[], Sequence[bytes]]
+    kinds: Sequence[str] = mutations.TEXT
+    seal: Callable[[bytes, Sequence[mutations.Mutation]], bytes] | None = None
+
+    def made(self, number: int, changes: Sequence[mutations.Mutation]) -> bytes:
+        """A seed after changes."""
+        seeds = self.seeds()
+        seed = seeds[number % len(seeds)]
+        return mutations.applied(seed, changes) if self.seal is None else self.seal(seed, changes)
+
+
+def run(name: str, data: bytes) -> bool:
+    """Let a target take data; whether it accepted them. Only errors that GPSZip raises on purpose are caught."""
+    try:
+        TARGETS[name].take(data)
+    except GPSZipError:
+        return False
+    return True
+
+
+def _log(format: str | None, **options: object) -> Callable[[bytes], object]:
+    def take(data: bytes) -> object:
+        from gpszip.io.reading import read_logs
+
+        return read_logs(io.BytesIO(data), format=format, **options)
+
+    return take
+
+
+def _stored(**options: Any) -> Callable[[bytes], object]:
+    """A log read in pieces, as one larger than memory is."""
+
+    def take(data: bytes) -> object:
+        from gpszip.io.streaming import store_logs
+
+        with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+            path = Path(folder) / "log"
+            path.write_bytes(data)
+            with store_logs(str(path), rows=1000, **options) as log:
+                return [log.read(track) for track in log.tracks]
+
+    return take
+
+
+def _network(suffix: str) -> Callable[[bytes], object]:
+    def take(data: bytes) -> object:
+        from gpszip.io.networks import read_network
+
+        with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+            path = Path(folder) / f"roads{suffix}"
+            path.write_bytes(data)
+            return read_network(path)
+
+    return take
+
+
+def _coreset(data: bytes) -> object:
+    from gpszip.io.coreset_file import read_coreset
+
+    small = read_coreset(io.BytesIO(data))
+    return small.rmse, small.eps(3), small.reduced(len(small.tracks))
+
+
+def _times(data: bytes) -> object:
+    from gpszip.cli.times import parse_times
+
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+        path = Path(folder) / "times.txt"
+        path.write_bytes(data)
+        return parse_times(str(path))
+
+
+def _words_of_times(data: bytes) -> object:
+    from gpszip.cli.times import parse_times
+
+    return parse_times(data.decode("utf-8", "surrogateescape"))
+
+
+def _archive(data: bytes) -> object:
+    from gpszip.archive import open_archive
+    from gpszip.container.recover import recover_bytes
+    from gpszip.container.verify import verify_bytes
+
+    verify_bytes(data)
+    with contextlib.suppress(GPSZipError):
+        recover_bytes(data)
+    found = open_archive(data)
+    if not found.timed:
+        return found.paths(), found.road_map
+    found.decompress()
+    found.sample(at=[0.0, 10.0])
+    if found.kept is not None:
+        found.samples()
+    return found.road_map, found.promise, found.sampling
+
+
+CSV = (
+    "t,x,y\n" + "".join(f"{t},{3 * t},{t % 7}.5\n" for t in range(12)),
+    "id;timestamp;Lat;Lon;speed\n" + "".join(f"bus;2024-05-04T08:00:{t:02d}Z;48.{t:03d};11.5;{t}\n" for t in range(12)),
+    'name,time,longitude,latitude,note\n"a ""b""",1714809600000,11.5,48.1,"x,\ny"\n"a ""b""",1714809601000,11.6,48.1,z\n',
+    "1714809600 48.1 11.5\n1714809601 48.2 11.5\n1714809602 48.3 11.5\n",
+    "date\ttime\tN\tE\n04.05.2024\t08:00:00\t48,1\t11,5\n04.05.2024\t08:00:10\t48,2\t11,5\n",
+)
+
+GPX = (
+    """<?xml version="1.0" encoding="UTF-8"?>
+<gpx version="1.1" creator="me" xmlns="http://www.topografix.com/GPX/1/1" xmlns:e="http://www.garmin.com/xmlschemas/TrackPointExtension/v1">
+<wpt lat="48" lon="11"><name>w</name></wpt>
+<trk><name>walk</name><trkseg>
+<trkpt lat="48.1" lon="11.5"><ele>500</ele><time>2024-05-04T08:00:00Z</time>
+<extensions><e:hr>120</e:hr><course>12</course></extensions></trkpt>
+<trkpt lat="48.2" lon="11.5"><ele>501</ele><time>2024-05-04T08:00:10.5Z</time></trkpt>
+</trkseg><trkseg><trkpt lat="48.3" lon="11.5"><time>2024-05-04T09:00:00+02:00</time></trkpt>
+<trkpt lat="48.4" lon="11.6"><time>2024-05-04T09:10:00Z</time></trkpt></trkseg></trk>
+<rte><rtept lat="48.1" lon="11.5"/><rtept lat="48.3" lon="11.5"/></rte>
+</gpx>
+""",
+)
+
+GEOJSON = (
+    """{"type": "FeatureCollection", "features": [
+{"type": "Feature", "properties": {"id": "a", "time": "2024-05-04T08:00:00Z", "speed": 3},
+ "geometry": {"type": "Point", "coordinates": [11.5, 48.1]}},
+{"type": "Feature", "properties": {"id": "a", "time": "2024-05-04T08:00:10Z", "speed": 4},
+ "geometry": {"type": "Point", "coordinates": [11.6, 48.1]}}
+]}""",
+    """{"type": "FeatureCollection", "features": [
+{"type": "Feature", "properties": {"coordTimes": ["2024-05-04T08:00:00Z", "2024-05-04T08:00:10Z", "2024-05-04T08:00:20Z"]},
+ "geometry": {"type": "LineString", "coordinates": [[11.5, 48.1, 500], [11.6, 48.1, 501], [11.7, 48.1, 502]]}}]}""",
+    """{"type": "Feature", "properties": {"times": [[0, 10], [20, 30]]},
+ "geometry": {"type": "MultiLineString", "coordinates": [[[11.5, 48.1], [11.6, 48.1]], [[11.7, 48.1], [11.8, 48.1]]]}}""",
+)
+
+ROADS_GEOJSON = (
+    """{"type": "FeatureCollection", "features": [
+{"type": "Feature", "properties": {"highway": "primary", "oneway": "yes", "maxspeed": "50", "name": "High Street"},
+ "geometry": {"type": "LineString", "coordinates": [[11.5, 48.1], [11.51, 48.1], [11.52, 48.11]]}},
+{"type": "Feature", "properties": {"highway": "footway", "oneway": "no"},
+ "geometry": {"type": "MultiLineString", "coordinates": [[[11.51, 48.1], [11.51, 48.12]], [[11.5, 48.1], [11.5, 48.12]]]}}]}""",
+)
+
+ROADS_GRAPHML = (
+    """<?xml version="1.0" encoding="UTF-8"?>
+<graphml xmlns="http://graphml.graphdrawing.org/xmlns">
+<key id="d0" for="node" attr.name="x" attr.type="double"/><key id="d1" for="node" attr.name="y" attr.type="double"/>
+<key id="d2" for="edge" attr.name="oneway" attr.type="string"/><key id="d3" for="edge" attr.name="geometry" attr.type="string"/>
+<key id="d4" for="edge" attr.name="maxspeed" attr.type="string"/><graph edgedefault="directed">
+<node id="1"><data key="d0">11.5</data><data key="d1">48.1</data></node>
+<node id="2"><data key="d0">11.6</data><data key="d1">48.1</data></node>
+<node id="3"><data key="d0">11.6</data><data key="d1">48.2</data></node>
+<edge source="1" target="2"><data key="d2">True</data><data key="d4">['30', '50']</data></edge>
+<edge source="2" target="3"><data key="d3">LINESTRING (11.6 48.1, 11.61 48.15, 11.6 48.2)</data></edge>
+</graph></graphml>
+""",
+)
+
+ROADS_OSM = (
+    """<?xml version="1.0" encoding="UTF-8"?>
+<osm version="0.6">
+<node id="1" lat="48.1" lon="11.5"/><node id="2" lat="48.11" lon="11.5"/><node id="3" lat="48.12" lon="11.51"/>
+<way id="7"><nd ref="1"/><nd ref="2"/><nd ref="3"/><tag k="highway" v="residential"/><tag k="oneway" v="yes"/>
+<tag k="maxspeed" v="30 mph"/></way>
+<way id="8"><nd ref="3"/><nd ref="1"/><tag k="highway" v="service"/></way>
+</osm>
+""",
+)
+
+TIMES = ("time,note\n0\n10.5,a\n2024-05-04T08:00:00Z\n1714809600\n", "10\n20\n")
+
+
+def _texts(texts: Sequence[str]) -> Callable[[], Sequence[bytes]]:
+    return lambda: [text.encode() for text in texts]
+
+
+@cache
+def _parquets() -> Sequence[bytes]:
+    import numpy as np
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    t = np.arange(40)
+    tables = [
+        pa.table({"t": t * 1.0, "x": t * 3.0, "y": t % 7 * 0.5, "id": pa.array(["a", "b"] * 20).dictionary_encode()}),
+        pa.table(
+            {
+                "time": pa.array(t * 1000, pa.timestamp("ms", "UTC")),
+                "lat": 48 + t / 1e3,
+                "lon": 11 + t / 1e3,
+                "speed": pa.array(t, pa.int32()),
+            }
+        ),
+    ]
+    return [_parquet(pq, table, kind) for table in tables for kind in ("none", "snappy", "zstd")]
+
+
+def _parquet(pq: object, table: object, compression: str) -> bytes:
+    out = io.BytesIO()
+    pq.write_table(table, out, compression=compression)  # type: ignore[attr-defined]
+    return out.getvalue()
+
+
+@cache
+def _coresets() -> Sequence[bytes]:
+    from gpszip import Track, coreset
+    from gpszip.io.coreset_file import write_coreset
+
+    out = io.BytesIO()
+    tracks = [Track(name, range(60), [[abs(t % 20 - 10), t / 9 + i] for t in range(60)]) for i, name in enumerate(("a", "b"))]
+    write_coreset(coreset(tracks, size=9), out)
+    return [out.getvalue()]
+
+
+@cache
+def _prepared() -> Sequence[bytes]:
+    from gpszip import pipeline
+
+    found = []
+    in_metres = '{"gpszip": 1, "metres": 1, ' + ROADS_GEOJSON[0][1:].replace("[11.", "[1170.").replace(" 48.", " 4810.")
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+        for text in (ROADS_GEOJSON[0], in_metres):
+            path, out = Path(folder) / "roads.geojson", io.BytesIO()
+            path.write_text(text)
+            pipeline.prepare_network((str(path),)).write(out)
+            found.append(out.getvalue())
+    return found
+
+
+def _sealed_roads(seed: bytes, changes: Sequence[mutations.Mutation]) -> bytes:
+    """A prepared network with changes whose checksums are right: that of the front and that of its only block."""
+    at = 48 + int.from_bytes(seed[40:48], "little")
+    front, body = seed[: at + 64], seed[at + 68 :]
+    for change in changes:
+        if change.at < 0.5:
+            front = mutations.applied(front, [mutations.Mutation(change.kind, 2 * change.at, change.to)])
+        else:
+            body = mutations.applied(body, [mutations.Mutation(change.kind, 2 * change.at - 1, change.to)])
+    if len(front) == at + 64:
+        front = front[: at + 24] + struct.pack("<I", zlib.crc32(body)) + front[at + 28 :]
+    return front + struct.pack("<I", zlib.crc32(front)) + body
+
+
+@cache
+def _pbfs() -> Sequence[bytes]:
+    """The roads of OSM's XML in its own binary format; none without osmium."""
+    try:
+        import osmium
+    except ImportError:
+        return [ROADS_OSM[0].encode()]
+    with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+        there, made = Path(folder) / "roads.osm", Path(folder) / "roads.osm.pbf"
+        there.write_text(ROADS_OSM[0])
+        with osmium.SimpleWriter(str(made)) as writer:
+            for thing in osmium.FileProcessor(str(there)):
+                writer.add(thing)
+        return [made.read_bytes()]
+
+
+@cache
+def _archives() -> Sequence[bytes]:
+    from cli.conftest import two_walks
+    from gpszip import Track, compress
+    from gpszip.model import Plane
+
+    plane = Plane(((480_000_000, 110_000_000),))
+    t = [float(i) for i in range(60)]
+    track = Track("a", t, [[abs(i % 20 - 10) * 3.0, i / 9] for i in t], attributes={"speed": t, "note": ["x", "yy", ""] * 20})
+    found = [two_walks().to_bytes(), two_walks(plane).to_bytes(), two_walks(timed=False).to_bytes()]
+    found += [compress(track, max_error=0.5).to_bytes(), compress(track, max_error=0.5, keep=("speed", "note"), layer="bz2").to_bytes()]
+    return [*found, _sectioned(found[0])]
+
+
+def _sectioned(small: bytes) -> bytes:
+    """The same archive in the form of large ones."""
+    from dataclasses import replace
+
+    from gpszip.container.contents import Section
+    from gpszip.container.reader import from_bytes
+    from gpszip.container.writer import to_bytes
+
+    contents = from_bytes(small)
+    return to_bytes(replace(contents, extras=(Section(200, bytes(70_000)),)))
+
+
+def _retabled(seed: bytes, changes: Sequence[mutations.Mutation]) -> bytes:
+    """Parquet with changes of its table: of values, types, columns, rows and metadata."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(io.BytesIO(seed))
+    for change in changes:
+        # some tables Arrow doesn't make
+        with contextlib.suppress(pa.ArrowException, OverflowError, TypeError, ValueError):
+            table = _changed_table(table, change)
+    return _parquet(pq, table, "none")
+
+
+def _changed_table(table: Any, change: mutations.Mutation) -> Any:
+    import pyarrow as pa
+
+    column, how = divmod(int(change.at * table.num_columns * 9), 9)
+    name, values = table.column_names[column], table.column(column).to_pylist()
+    row = int(change.to * len(values))
+    odd = (None, float("nan"), float("inf"), -1.0, 1e300, 0.0, 2.0**53, -(2.0**63), 1e-300)[int(change.to * 1000) % 9]
+    kinds = (
+        pa.string(),
+        pa.int8(),
+        pa.float32(),
+        pa.bool_(),
+        pa.binary(),
+        pa.list_(pa.float64()),
+        pa.timestamp("ns"),
+        pa.date32(),
+        pa.null(),
+    )
+    if how < 4 and values:
+        values[row] = odd
+        if how == 0:
+            values = [odd] * len(values)
+        return table.set_column(column, name, pa.array(values, from_pandas=False))
+    if how == 4:
+        kind = kinds[int(change.to * len(kinds))]
+        cells = [[1.0]] * len(values) if pa.types.is_list(kind) else [None] * len(values)
+        return table.set_column(column, name, pa.array(cells, kind))
+    if how == 5:
+        return table.remove_column(column) if table.num_columns > 1 else table
+    if how == 6:
+        names = [*table.column_names]
+        names[column] = (names[-1], "", "lat", "t", "\0", "x" * 10_000, "time")[int(change.to * 7)]
+        return table.rename_columns(names)
+    if how == 7:
+        return table.slice(row, int(change.to * 9)) if change.to < 0.7 else pa.concat_tables([table, table.slice(row)])
+    key = next(iter(table.schema.metadata or {b"gpszip.coreset": b""}))
+    was = (table.schema.metadata or {}).get(key, b"{}")
+    return table.replace_schema_metadata({key: mutations.applied(was, [mutations.Mutation("number for word", change.to, change.at)])})
+
+
+def _sealed(seed: bytes, changes: Sequence[mutations.Mutation]) -> bytes:
+    """An archive with changes whose checksums are right: the whole one's, or that of each section and the end's of these."""
+    from oracle import archives
+
+    if len(seed) < 65_536:
+        changed = mutations.applied(seed[:-4], changes)
+        return changed + struct.pack("<I", zlib.crc32(changed))
+    from gpszip.container.verify import verify_bytes
+
+    parts = [seed[one.offset : one.offset + one.size] for one in verify_bytes(seed).sections]
+    for change in changes:
+        i = min(int(change.at * len(parts)), len(parts) - 1)
+        within = mutations.Mutation(change.kind, change.at * len(parts) % 1, change.to)
+        body = mutations.applied(parts[i][4:-4], [within])
+        parts[i] = b"\xa7SEC" + body + struct.pack("<I", zlib.crc32(body))
+    return archives.large([part for part in parts if len(part) > 8], third=seed[2])
+
+
+TARGETS = {
+    "csv": Target(_log("csv"), _texts(CSV)),
+    "csv, kept and cleaned": Target(_log("csv", keep=("speed",), clean=True, sort=True), _texts(CSV[1:2])),
+    "gpx": Target(_log("gpx", keep=("ele",), split=True), _texts(GPX)),
+    "geojson": Target(_log("geojson", sort=True), _texts(GEOJSON)),
+    "parquet": Target(_log("parquet"), _parquets, mutations.BINARY),
+    "parquet, table": Target(_log("parquet"), _parquets, mutations.BINARY, _retabled),
+    "csv, stored": Target(_stored(format="csv", clean=True, sort=True), _texts(CSV)),
+    "parquet, stored": Target(_stored(format="parquet"), _parquets, mutations.BINARY),
+    "any log": Target(_log(None, skip_bad=True), lambda: [*_texts(CSV + GPX + GEOJSON)(), *_parquets()]),
+    "roads geojson": Target(_network(".geojson"), _texts(ROADS_GEOJSON)),
+    "roads graphml": Target(_network(".graphml"), _texts(ROADS_GRAPHML)),
+    "roads osm": Target(_network(".osm"), _texts(ROADS_OSM)),
+    "roads pbf": Target(_network(".osm.pbf"), _pbfs, mutations.BINARY),
+    "roads prepared": Target(_network(".gpsz"), _prepared, mutations.BINARY),
+    "roads prepared, sealed": Target(_network(".gpsz"), _prepared, mutations.BINARY, _sealed_roads),
+    "coreset": Target(_coreset, _coresets, mutations.BINARY),
+    "coreset, table": Target(_coreset, _coresets, mutations.BINARY, _retabled),
+    "times": Target(_times, _texts(TIMES)),
+    "words of times": Target(_words_of_times, _texts(("10,20.5,2024-05-04T08:00:00Z",))),
+    "archive": Target(_archive, _archives, mutations.BINARY),
+    "archive, sealed": Target(_archive, _archives, mutations.BINARY, _sealed),
+}

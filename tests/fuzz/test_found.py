@@ -1,0 +1,113 @@
+"""What fuzzing has found: files that were read wrongly, or refused as if it were a fault of the program."""
+
+import io
+import struct
+import zlib
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from fuzz.targets import ROADS_GEOJSON, ROADS_GRAPHML, ROADS_OSM, TARGETS
+from gpszip.cli.times import parse_times
+from gpszip.errors import CorruptArchiveError, InputError, OptionError
+from gpszip.io.maps import write_map
+from gpszip.io.networks import read_network
+from gpszip.io.reading import read_logs
+from gpszip.io.streaming import store_logs
+from gpszip.model import RoadMap
+
+
+def _parquet(**columns):
+    out = io.BytesIO()
+    pq.write_table(pa.table({"t": [0.0, 1.0], "x": [0.0, 1.0], "y": [0.0, 1.0], **columns}), out, compression="none")
+    return out.getvalue()
+
+
+@pytest.mark.parametrize(
+    ("word", "torn"),
+    [(b"walk", b"wal\xff"), (b"vehicle", b"vehicl\xff")],
+    ids=["value", "column"],
+)
+def test_parquet_with_texts_that_are_no_utf8(tmp_path, word, torn):
+    data = _parquet(vehicle=["walk", "walk"]).replace(word, torn)
+    (tmp_path / "log.parquet").write_bytes(data)
+    with pytest.raises(InputError, match="damaged Parquet file"):
+        read_logs(tmp_path / "log.parquet")
+    with pytest.raises(InputError, match=r"log.parquet: (damaged|can't be read): "):
+        store_logs(str(tmp_path / "log.parquet"), rows=1000)
+
+
+def test_parquet_with_lists_for_names():
+    with pytest.raises(InputError, match=r"holds list<.*>; name another one"):
+        read_logs(io.BytesIO(_parquet(id=[["a"], ["b"]])))
+    with pytest.raises(InputError, match=r"holds list<.*>; name another one"):
+        read_logs(io.BytesIO(_parquet(note=[["a"], ["b"]])), keep=["note"])
+
+
+def test_roads_with_texts_that_are_no_utf8():
+    data = ROADS_GEOJSON[0].encode().replace(b'"yes"', b'"y\xffs"')
+    with pytest.raises(InputError, match=r"can't be read as lines: .*UTF8"):
+        read_network(io.BytesIO(data))
+
+
+@pytest.mark.parametrize("encoding", ["UTF-48", "cp037", "utf-16"])
+def test_graphml_of_unknown_encodings(encoding):
+    data = ROADS_GRAPHML[0].replace("UTF-8", encoding).encode()
+    with pytest.raises(InputError, match="damaged XML"):
+        read_network(io.BytesIO(data))
+
+
+def test_osm_with_a_place_that_is_none(tmp_path):
+    pytest.importorskip("osmium")
+    path = tmp_path / "roads.osm"
+    path.write_text(ROADS_OSM[0].replace('lat="48.1"', 'lat=" "'))
+    with pytest.raises(InputError, match="can't be read as OpenStreetMap data"):
+        read_network(path)
+
+
+def _resealed(data, change):
+    """A prepared network of one block, whose body is changed."""
+    at = 48 + int.from_bytes(data[40:48], "little")
+    body = bytearray(data[at + 68 :])
+    change(body)
+    front = data[: at + 24] + struct.pack("<I", zlib.crc32(body)) + data[at + 28 : at + 64]
+    return front + struct.pack("<I", zlib.crc32(front)) + bytes(body)
+
+
+@pytest.mark.parametrize("seed", [0, 1], ids=["degrees", "metres"])
+def test_prepared_roads_that_lie_nowhere(tmp_path, seed):
+    data, path = TARGETS["roads prepared"].seeds()[seed], tmp_path / "roads.gpsz"
+    nowhere = np.array([2**31 - 1] * 2, "<i4").tobytes() if seed == 0 else np.array([np.nan]).tobytes()
+
+    def change(body):
+        body[: len(nowhere)] = nowhere
+
+    path.write_bytes(_resealed(data, lambda body: None))
+    assert len(read_network(path))
+    path.write_bytes(_resealed(data, change))
+    with pytest.raises(CorruptArchiveError, match="lies nowhere"):
+        read_network(path)
+
+
+def test_a_prepared_network_of_nothing(tmp_path):
+    data, path = TARGETS["roads prepared"].seeds()[0], tmp_path / "roads.gpsz"
+    at = 48 + int.from_bytes(data[40:48], "little")
+    front = data[:32] + bytes(8) + data[40:at]
+    path.write_bytes(front + struct.pack("<I", zlib.crc32(front)))
+    with pytest.raises(InputError, match="holds no road"):
+        read_network(path)
+
+
+def test_a_map_in_metres_as_geopackage_is_a_network(tmp_path):
+    road_map = RoadMap(np.array([[0.0, 0.0], [40.0, 30.0]]), np.array([[0, 1]]), np.array([3]), np.array([1]))
+    write_map(road_map, tmp_path / "house.gpkg")
+    network = read_network(tmp_path / "house.gpkg")
+    assert network.plane is None
+    assert network.lengths.tolist() == pytest.approx([50.0])
+
+
+def test_times_longer_than_any_name():
+    with pytest.raises(OptionError, match="is no time"):
+        parse_times("5," * 3000 + "noon")
