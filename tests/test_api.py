@@ -68,7 +68,7 @@ def test_the_bound_holds_from_outside(archive):
 
 def test_contradictory_options_are_refused_before_any_work():
     with pytest.raises(OptionError, match="give one"):
-        gpszip.compress([], rmse=1.0, max_error=2.0)
+        gpszip.compress([], rmse=1.0, size=200)
 
 
 def test_segment_means_search_what_is_left_out():

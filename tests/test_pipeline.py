@@ -174,7 +174,10 @@ def test_times_can_be_left_out_after_the_bound_was_measured():
     assert untimed[1].bytes_out < timed[1].bytes_out
     assert untimed[1].rmse == timed[1].rmse
     assert any("times" in note for note in untimed[1].notes)
-    assert [places.tolist() for _, places in untimed[0].paths()] == [places.tolist() for _, places in timed[0].paths()]
+    for (_, shape), (_, places) in zip(untimed[0].paths(), timed[0].paths(), strict=True):
+        moved = np.append(True, (np.diff(places, axis=0) != 0).any(axis=1))
+        assert shape[1:-1].tolist() == places[moved][1:-1].tolist()
+        assert np.linalg.norm(shape[[0, -1]] - places[[0, -1]], axis=1).max() <= 2
 
 
 def test_the_layer_packs_the_archive_once_more():
@@ -282,7 +285,7 @@ def test_tracks_that_don_t_go_together_are_refused():
 @pytest.mark.parametrize(
     "options",
     [
-        {"rmse": 1.0, "max_error": 1.0},
+        {"max_error": 1.0, "ratio": 9.0},
         {"rmse": 0.0},
         {"rmse": math.nan},
         {"max_error": math.inf},

@@ -139,7 +139,7 @@ def test_archives_hold_the_smallest():
     starts = np.cumsum(np.random.default_rng(4).integers(1, 200_000, 80))
     walks = LatticeWalks(np.array([[0, 0], [40, 9]]), tuple(walk([0, 1], [start, start + 9]) for start in starts))
     archive = new_archive(Frame((0, 0), 0, 128, 128), [str(number) for number in range(80)], walks)
-    assert archive.contents.groups[0].payload == encode_smallest(walks) != encode(walks)
+    assert archive.contents.groups[0].payload == encode_smallest(walks, frame=archive.frame) != encode(walks)
     assert_same(archive.lattice, walks)
 
 

@@ -76,7 +76,7 @@ def test_missing_repeated_and_swapped_sections_are_noticed():
         (b"PK\x03\x04", "not a .gpsz archive"),
         (b"\xa7", "within its head"),
         (b"\xa7Z", "within its head"),
-        (b"\xa7Z\x03rest", "version 3.*upgrade"),
+        (b"\xa7Z\x04rest", "version 4.*upgrade"),
         (b"\xa7Z\x07", "version 7.*upgrade"),
         (b"\xa7Z\x01rest", "version 1, which no release"),
         (b"\xa7Z\x00", "version 0, which no release"),

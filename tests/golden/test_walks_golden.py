@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from gpszip.coding.walks import decode, encode, number_by_visit
-from gpszip.model import LatticeWalks
+from gpszip.coding.walks import decode, encode, encode_in_modes, number_by_visit
+from gpszip.model import Frame, LatticeWalks
+from gpszip.model.lattice import Ends
 from oracle import walk_decoder
 from oracle.walks import assert_same, walk
 
@@ -102,3 +103,23 @@ def test_those_payloads_hold_all_kinds_of_steps():
     assert any(one.gaps.any() for one in walks)
     assert any((np.diff(one.nodes) == 0).any() for one in walks)
     assert any((one.nodes[2:] == one.nodes[:-2]).any() for one in walks)
+
+
+#: A walk with a gap and a shape, and the payload of version 3 that tells where their pieces begin and end.
+FRAME = Frame((0, 0), 0, 128, 150)
+TAILED = LatticeWalks(
+    np.array([[0, 0], [40, 9], [90, 9]]),
+    (walk([0, 1, 0, 2], [0, 5, 9, 20], [False, True, False]), walk([2, 1], [0, 1], [False])),
+    True,
+    Ends(9, np.array([6, 310, 0]), np.array([78, 600, 0])),
+    frozenset({1}),
+)
+TAILED_BYTES = "1b1a7a259e1d042eb81ee402c61ce9c4ce40"
+
+
+def test_the_tail_of_version_3_is_written_and_read():
+    assert encode_in_modes(TAILED, None, 0, np.zeros(0), FRAME)[0].hex() == TAILED_BYTES
+    back = decode(bytes.fromhex(TAILED_BYTES), 2, 2, frame=FRAME)
+    assert (back.ends.tick, back.untimed) == (9, {1})
+    assert back.ends.first.tolist()[:2] == [6, 310]
+    assert back.ends.last.tolist()[:2] == [78, 600]

@@ -43,6 +43,8 @@ def farthest(before, after, names=None):
         cuts = [0, *(np.flatnonzero(walk.gaps) + 1), len(walk.nodes)]
         for first, end in pairwise(cuts):
             low, high = walk.times[first], walk.times[end - 1]
+            if walk.spans is not None:
+                low, high = np.clip(walk.spans[np.searchsorted(walk.spans[:, 1], low)], low, high)
             when = np.union1d(np.linspace(low, high, 2000), np.concatenate([walk.times[first:end], new.times]))
             when = when[(when >= low) & (when <= high)]
             there = before.position(name, when, geographic=before.frame.plane is not None)
@@ -253,8 +255,6 @@ def test_what_does_not_go_together_is_refused_by_name():
         merge([plain, earth], names=["A", "B"])
     with pytest.raises(OptionError, match="B has 3 coordinates, A 2"):
         merge([plain, hand_made(("b",), dimension=3)], names=["A", "B"])
-    with pytest.raises(OptionError, match="B: keeps no times"):
-        merge([plain, hand_made(("b",), timed=False)], names=["A", "B"])
     with pytest.raises(OptionError, match="B: holds no tracks"):
         merge([plain, hand_made(())], names=["A", "B"])
     with pytest.raises(OptionError, match="give one"):

@@ -51,14 +51,16 @@ def promising_archives() -> dict[str, Contents]:
     there, small, group = MapReference(b"ABCD", 2), MapReference(b"\0\xff\0\xff"), (Group(0, 1, b"walks"),)
     return {
         "rmse": replace(one_group(DEGREES, ("0",), b"walks"), promise=Promise(240, -3, False)),
-        "maximum": replace(one_group(TALL, ("a", "b"), b"walks"), promise=Promise(1, 7, True)),
+        "maximum": replace(one_group(TALL, ("a", "b"), b"walks"), promise=Promise(1, 6, True)),
         "small with promise": Contents(WIDE, ("0",), group, None, (), None, Promise(999, -8, False)),
         "large with promise": replace(several(), promise=Promise(41, 0, False)),
+        "both": replace(one_group(DEGREES, ("0",), b"walks"), promise=Promise(300, -2, False, 0, 120, -1)),
+        "both and sampling": replace(several(), promise=Promise(999, 3, False, 0, 1, 6), sampling=7),
         "sampling": replace(one_group(FLAT, ("0",), b"walks"), sampling=255),
         "rmse and sampling": replace(one_group(DEGREES, ("0",), b"walks"), promise=Promise(240, -3, False), sampling=0),
         "large with sampling": replace(several(), sampling=130),
         "grown promise": replace(one_group(TALL, ("a", "b"), b"walks"), promise=Promise(50, -1, False, 16)),
-        "grown promise and sampling": replace(one_group(FLAT, ("a", "b"), b"walks"), promise=Promise(99, 7, True, 62), sampling=9),
+        "grown promise and sampling": replace(one_group(FLAT, ("a", "b"), b"walks"), promise=Promise(99, 6, True, 62), sampling=9),
         "on map": Contents(None, None, group, small, promise=Promise(5, -1, False), sampling=150),
         "on map, named": Contents(None, ("walk", "bike"), (Group(0, 2, b"walks"),), there),
         "on map, small": Contents(None, ("0",), group, there, (Section(5, b"kept"),), None, Promise(5, -1, True)),

@@ -38,9 +38,13 @@ spans = st.one_of(st.none(), st.tuples(st.integers(-(10**12), 10**12), st.intege
 extras = st.lists(st.builds(Section, st.sampled_from([5, 9, 90, 255]), st.binary(max_size=40)), max_size=3).map(tuple)
 layers = st.sampled_from([None, "bz2"])
 maps = st.builds(MapReference, st.binary(min_size=4, max_size=4), st.integers(0, 3))
-plain = st.builds(Promise, st.integers(1, 999), st.integers(-8, 7), st.booleans())
-grown = st.builds(Promise, st.integers(1, 99), st.integers(-8, 7), st.booleans(), st.integers(1, 62))
-promises = st.one_of(st.none(), plain, grown)
+plain = st.builds(Promise, st.integers(1, 999), st.integers(-8, 6), st.booleans())
+grown = st.builds(Promise, st.integers(1, 99), st.integers(-8, 6), st.booleans(), st.integers(1, 62))
+both = st.builds(
+    lambda digits, exponent, more, over: Promise(digits, exponent, False, 0, more, exponent + over),
+    *(st.integers(1, 999), st.integers(-8, 6), st.integers(1, 999), st.integers(0, 3)),
+)
+promises = st.one_of(st.none(), plain, grown, both)
 samplings = st.one_of(st.none(), indices)
 
 

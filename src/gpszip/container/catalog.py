@@ -174,7 +174,7 @@ def _opening(file: BinaryIO, stop: int) -> list[Piece]:
 
 
 def _opened(found: list[Piece], entries: tuple[Entry, ...], head: Head, size: int) -> Catalog:
-    frame, reference, *_ = opening(found)
+    frame, reference, *_ = opening(found, head.version)
     ids = finished(found[1], lambda cursor: read_names(cursor, size))
     groups = tuple(Group(line.first_track, line.tracks, b"", line.span) for line in entries)
     wrong = complaint(Contents(frame, ids, groups, reference))

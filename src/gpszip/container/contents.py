@@ -8,7 +8,7 @@ from typing import BinaryIO
 
 from gpszip.container.layout import OLDEST, VERSION
 from gpszip.model.frame import MOST_HALVINGS, QUANTUM_STEPS, Frame, Plane
-from gpszip.model.promise import DIGITS, EXPONENTS, FEW_DIGITS, GROWN, MOST_OVER, Promise
+from gpszip.model.promise import DIGITS, EXPONENTS, FEW_DIGITS, GROWN, LAST_OF_VERSION_2, MOST_OVER, Promise
 
 __all__ = ["LONE_ID", "MAP_HASH_BYTES", "Contents", "Group", "MapReference", "Section", "Spooled", "complaint", "one_group"]
 
@@ -215,9 +215,10 @@ def _groups_complaint(groups: tuple[Group, ...], tracks: int) -> str | None:
     return None if following == tracks else f"walks of {following} tracks, names of {tracks}"
 
 
-def _can_be_said(promise: Promise) -> bool:
+def _can_be_said(promise: Promise, version: int) -> bool:
     digits = promise.digits in DIGITS if promise.grown == 0 else promise.digits in FEW_DIGITS and promise.grown in GROWN
-    return digits and promise.exponent in EXPONENTS and (promise.most_digits == 0 or _both_can_be_said(promise))
+    exponent = promise.exponent in EXPONENTS or (version == OLDEST and promise.exponent == LAST_OF_VERSION_2)
+    return digits and exponent and (promise.most_digits == 0 or _both_can_be_said(promise))
 
 
 def _both_can_be_said(promise: Promise) -> bool:
@@ -230,7 +231,7 @@ def _rest_complaint(contents: Contents) -> str | None:
     if wrong:
         return f"further sections can't be of kind {wrong[0]}"
     promise = contents.promise
-    if promise is not None and not _can_be_said(promise):
+    if promise is not None and not _can_be_said(promise, contents.version):
         return f"a promise of {promise.digits} * 10^{promise.exponent} m, grown by {promise.grown} steps"
     if contents.sampling is not None and not 0 <= contents.sampling < QUANTUM_STEPS:
         return f"sampling {contents.sampling}; an archive can name 0 to {QUANTUM_STEPS - 1}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from gpszip.container.layout import Cursor
+from gpszip.container.layout import OLDEST, Cursor
 from gpszip.model.promise import DIGITS, EXPONENTS, FEW_DIGITS, GROWN, Promise
 
 __all__ = ["promise_bytes", "read_promise"]
@@ -36,21 +36,22 @@ def promise_bytes(promise: Promise | None, sampling: int | None) -> bytes:
     return packed.to_bytes(2, "little") + grown + (b"" if sampling is None else bytes([sampling]))
 
 
-def read_promise(cursor: Cursor) -> tuple[Promise | None, int | None]:
-    """Undo :func:`promise_bytes`."""
+def read_promise(cursor: Cursor, version: int) -> tuple[Promise | None, int | None]:
+    """Undo :func:`promise_bytes`; in version 2, an exponent of 7 is one."""
     packed = int.from_bytes(cursor.take(2, "the promise"), "little")
     digits, grown = packed & (1 << _DIGIT_BITS) - 1, 0
     if digits >= DIGITS.stop:
         steps, few = divmod(256 * (digits - DIGITS.stop) + cursor.byte("the growth of the promise"), len(FEW_DIGITS))
         digits, grown = few + FEW_DIGITS.start, steps + GROWN.start
     exponent = packed >> _DIGIT_BITS & _EXPONENT_MASK
-    most = int.from_bytes(cursor.take(2, "the maximum"), "little") if exponent == _BOTH and packed & ~_SAMPLED else 0
+    both = exponent == _BOTH and version > OLDEST and packed & ~_SAMPLED > 0
+    most = int.from_bytes(cursor.take(2, "the maximum"), "little") if both else 0
     sampling = cursor.byte("the sampling") if packed & _SAMPLED else None
     if packed & ~_SAMPLED == 0:
         return None, sampling
     if digits not in DIGITS or grown >= GROWN.stop:
         raise cursor.fail(f"a promise of {digits} digits, grown by {grown} steps")
-    if exponent != _BOTH:
+    if not both:
         return Promise(digits, exponent + EXPONENTS.start, bool(packed & _MAXIMUM), grown), sampling
     return _both(cursor, Promise(digits, 0, bool(packed & _MAXIMUM), grown), most), sampling
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -178,12 +179,12 @@ def read_piece(cursor: Cursor) -> Piece:
     return Piece(kind, cursor.base + offset, cursor.at - offset, body, seal, body_offset)
 
 
-def opening(found: list[Piece]) -> tuple[Frame | None, MapReference | None, Promise | None, int | None]:
+def opening(found: list[Piece], version: int) -> tuple[Frame | None, MapReference | None, Promise | None, int | None]:
     """Where an archive lies, or on which map, what it promises, and how its log was sampled."""
     kinds = [piece.kind for piece in found[:2]]
     if kinds not in ([Kind.FRAME, Kind.NAMES], [Kind.MAP, Kind.NAMES]):
         raise CorruptArchiveError("an archive begins with its frame or its map, and its names", HEAD_BYTES)
-    said = next((finished(piece, read_promise) for piece in found if piece.kind == Kind.PROMISE), (None, None))
+    said = next((finished(piece, partial(read_promise, version=version)) for piece in found if piece.kind == Kind.PROMISE), (None, None))
     if kinds[0] == Kind.MAP:
         return None, finished(found[0], read_reference), *said
     return finished(found[0], read_frame), None, *said
@@ -191,7 +192,7 @@ def opening(found: list[Piece]) -> tuple[Frame | None, MapReference | None, Prom
 
 def assemble(found: list[Piece], head: Head, file_size: int) -> Contents:
     """Contents from the sections of an archive, each checked against the others."""
-    frame, reference, promise, sampling = opening(found)
+    frame, reference, promise, sampling = opening(found, head.version)
     _check_order(found)
     ids = finished(found[1], lambda cursor: read_names(cursor, file_size))
     layered = bool(head.high)
@@ -227,7 +228,7 @@ def _read_compact(data: bytes, head: Head) -> Contents:
     if checksum(memoryview(data)[:end]) != data[end:]:
         raise CorruptArchiveError("the archive's checksum is wrong: bytes are missing or changed", end)
     cursor = Cursor(data, HEAD_BYTES, end)
-    promise, sampling = read_promise(cursor)
+    promise, sampling = read_promise(cursor, head.version)
     if head.form is Form.ON_MAP:
         reference = MapReference(cursor.take(MAP_HASH_BYTES, "the map's hash"), head.low)
         own = read_names(cursor, len(data)) if head.high else None

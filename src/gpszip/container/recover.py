@@ -104,7 +104,7 @@ def _joined(found: list[Piece], head: Head, size: int, reason: str) -> Recovered
     if len(kept) < len(ids) and any(extra.kind == Kind.ATTRIBUTES for extra in extras):
         extras = tuple(extra for extra in extras if extra.kind != Kind.ATTRIBUTES)
         lost.append("kept columns and times of samples, as they stand for all tracks together")
-    promise, sampling = next((read_promise(piece.cursor()) for piece in found if piece.kind == Kind.PROMISE), (None, None))
+    promise, sampling = next((read_promise(piece.cursor(), head.version) for piece in found if piece.kind == Kind.PROMISE), (None, None))
     if promise is not None and not promise.maximum and len(kept) < len(ids):
         promise = None
         lost.append("the error promised, which is of all tracks together")

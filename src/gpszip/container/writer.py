@@ -57,7 +57,7 @@ def to_bytes(contents: Contents) -> bytes:
     >>> from gpszip.container.contents import one_group
     >>> from gpszip.model.frame import Frame
     >>> to_bytes(one_group(Frame((0, 0), 0, 128, 120), ("0",), b"walks")).hex()
-    'a75a820000807800000077616c6b73592744d4'
+    'a75a830000807800000077616c6b73dcfed209'
     """
     return b"".join(bytes(piece) for piece in _pieces(contents))
 

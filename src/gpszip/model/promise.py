@@ -11,6 +11,7 @@ __all__ = [
     "EXPONENTS",
     "FEW_DIGITS",
     "GROWN",
+    "LAST_OF_VERSION_2",
     "MOST_OVER",
     "WRITING_SHARE",
     "Promise",
@@ -20,8 +21,9 @@ __all__ = [
     "writing_error",
 ]
 
-#: What a promise may have as digits, and as exponents of ten.
+#: What a promise may have as digits, and as exponents of ten. Archives of version 2 could have an exponent of 7, too.
 DIGITS, EXPONENTS = range(1, 1000), range(-8, 7)
+LAST_OF_VERSION_2 = 7
 
 #: By how much the exponent of the maximum may be above that of the root mean square where both are promised.
 MOST_OVER = range(4)
@@ -31,7 +33,7 @@ GROWN, FEW_DIGITS, _DOUBLE = range(1, 63), range(1, 100), 16
 
 #: Share of the error promised by which tracks may move when they are written to a file, as numbers are rounded there and
 #: straight lines are straight in degrees.
-WRITING_SHARE = 1 / 500
+WRITING_SHARE = 1 / 1000
 
 #: Metres by which tracks may move when they are written: at most, and where nothing is promised.
 _MOST_WRITING_ERROR, _WRITING_ERROR = 1.0, 0.01
@@ -146,7 +148,7 @@ def writing_error(promise: Promise | None) -> float:
     Examples
     --------
     >>> writing_error(Promise(1, 1, maximum=True)), writing_error(None)
-    (0.02, 0.01)
+    (0.01, 0.01)
     """
     if promise is None:
         return _WRITING_ERROR

@@ -18,7 +18,7 @@ from gpszip.container.layout import Kind
 from gpszip.errors import BoundError, OptionError
 from gpszip.model import Executor, Frame, LatticeWalk, LatticeWalks, Listener, Options, Progress, Report, Track
 from gpszip.model.executor import local
-from gpszip.model.frame import refined_frame
+from gpszip.model.frame import quantum, refined_frame
 from gpszip.model.promise import Promise, promise_of, promise_of_both
 from gpszip.pipeline.checking import check_names, checked, laid_on
 
@@ -47,6 +47,9 @@ NO_TIMES = "times were left out after measuring: positions at a time can't be ha
 
 #: Without any bound, no sample is farther away than so many times the RMSE: an RMSE alone says nothing of the worst sample.
 MAXIMUM_OF_RMSE = 4.0
+
+#: Space steps by which a shape may go on beyond the end of its track.
+_BEYOND = 2.0
 
 #: So many tracks without times are named.
 _NAMED = 5
@@ -174,7 +177,7 @@ def compress(
     job = _Job(whole, gaps, options, executor_of(executor), progress, kept(whole, options), map, sampling_of(whole, gaps))
     archive, fit = _within_size(job, options.size) if options.size is not None else _finished(options, *_within_bound(job))
     notes += off_map(archive, map) + shapes_named(whole)
-    if not options.times:
+    if not options.times and any(track.timed for track in whole):
         notes += (NO_TIMES,)
     return archive, report_on(archive, fit, options, notes, gap, time.perf_counter() - start)
 
@@ -253,9 +256,18 @@ def kept(tracks: Sequence[Track], options: Options) -> tuple[Section, ...]:
 
 def without_times(archive: Archive) -> Archive:
     """Return an archive of the shapes alone, once their error has been measured."""
-    walks = tuple(LatticeWalk(walk.nodes, np.zeros_like(walk.cells), walk.gaps) for walk in archive.lattice.walks)
-    lattice = LatticeWalks(archive.lattice.nodes, walks, timed=False)
-    return new_archive(archive.frame, archive.ids, lattice, layer=archive.contents.layer)
+    from gpszip.coding.walks import number_by_visit
+    from gpszip.mapping.drawn import cut_at_ends
+    from gpszip.mapping.lattice_map import node_positions
+
+    # shapes end where their tracks do, not at a knot well behind
+    frame, step = archive.frame, quantum(archive.frame.space)
+    nodes, cut = cut_at_ends(node_positions(archive.lattice, frame), archive.walks, _BEYOND * step)
+    new = np.rint((nodes[len(archive.lattice.nodes) :] - np.array(frame.origin) / 1000) / step).astype(np.int64)
+
+    walks = tuple(LatticeWalk(walk.nodes, np.zeros(len(walk.nodes), np.int64), walk.gaps) for walk in cut)
+    lattice = number_by_visit(LatticeWalks(np.concatenate([archive.lattice.nodes, new]), walks, timed=False))
+    return new_archive(frame, archive.ids, lattice, layer=archive.contents.layer)
 
 
 def in_bytes(options: Options, whole: int) -> Options:
