@@ -37,7 +37,9 @@ class Worker:
     def __init__(self, name: str) -> None:
         command, pipe = [sys.executable, "-m", "fuzz.worker", name], subprocess.PIPE
         places = os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])
-        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env={**os.environ, "PYTHONPATH": places})
+        # Arrow's own pool reserves a GiB of addresses at once, of which it uses little: the bound is on addresses
+        own = {"PYTHONPATH": places, "ARROW_DEFAULT_MEMORY_POOL": "system"}
+        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env={**os.environ, **own})
         self._rest = b""
         self._ready = selectors.DefaultSelector()
         self._ready.register(self.process.stdout, selectors.EVENT_READ)
