@@ -103,7 +103,8 @@ def compress(
         Largest number of bytes; the smallest RMSE that they allow is found.
     ratio : float, optional
         The same as a share: at most a ratio-th of what the tracks take as numbers of 8 bytes, times and coordinates. Give
-        one of these four; without any, a sensible RMSE is estimated.
+        one of these, or ``rmse`` and ``max_error`` together. Without any, a sensible RMSE is estimated, and a maximum of
+        four times that.
     gap : float, optional
         Silences longer than this, in seconds, claim no travel; ``math.inf`` for none. Estimated by default.
     k, m : int, optional

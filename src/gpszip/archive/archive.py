@@ -96,7 +96,9 @@ class Archive:
     @property
     def timed(self) -> bool:
         """Whether the times of the knots are kept, of any track at all."""
-        return self._group(0).timed
+        from gpszip.coding.payload_head import has_times
+
+        return has_times(self.contents.groups[0].payload)
 
     @cached_property
     def untimed(self) -> tuple[str, ...]:
@@ -377,6 +379,7 @@ class Archive:
             "promise_max_m": None if self.promise is None else self.promise.most,
             "promise": None if self.promise is None else ("max_error" if self.promise.maximum else "rmse"),
             "sampling_s": self.sampling,
+            "timed": self.timed,
         }
         return {**facts, **self._counts()} if decode else facts
 
@@ -529,7 +532,6 @@ class Archive:
             "parts": sum(len(walk.gaps) for walk in self.walks),
             "waypoints": sum(len(self.waypoints(name)) for name in self.ids),
             "gaps": sum(int(walk.gaps.sum()) for walk in self.walks),
-            "timed": self.timed,
             "untimed": list(self.untimed),
             "t_start": min((float(times[0]) for times in timed), default=None),
             "t_end": max((float(times[-1]) for times in timed), default=None),

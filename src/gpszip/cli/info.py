@@ -92,11 +92,17 @@ def _rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
         rows += _detail_rows(facts)
     rows.append(("positions", f"{_axes(facts)}, to {format_length(facts['node_quantum_m'])}"))
     rows += [(f"plane {i}", f"about latitude {lat:.5f}, longitude {lon:.5f}") for i, (lat, lon) in enumerate(facts["planes"])]
-    rows.append(("times", f"to {facts['time_quantum_s']:.3g} s, from epoch {_instant(facts['epoch'])}"))
+    if facts["timed"]:
+        rows.append(("times", f"to {facts['time_quantum_s']:.3g} s, from epoch {_instant(facts['epoch'])}"))
+    else:
+        rows.append(("times", "none: the shapes of the tracks alone"))
+    if facts.get("untimed") and facts["timed"]:
+        rows.append(("no times", f"{len(facts['untimed']):,} tracks{_some(facts['untimed'])}"))
     if facts["map"]:
         rows.append(("map", f"kept elsewhere, {facts['map']}"))
     if facts["promise"]:
-        rows.append(("promise", f"{_PROMISES[facts['promise']]} at most {format_length(facts['promise_m'])}"))
+        beside = "" if facts["promise_max_m"] is None else f", largest error at most {format_length(facts['promise_max_m'])}"
+        rows.append(("promise", f"{_PROMISES[facts['promise']]} at most {format_length(facts['promise_m'])}{beside}"))
     if facts["sampling_s"]:
         rows.append(("sampling", f"about every {facts['sampling_s']:.2g} s"))
     return [*rows, *_kept_rows(facts["kept"])]

@@ -297,7 +297,7 @@ def _within_size(job: _Job, size: int) -> tuple[Archive, Fit]:
 
 def _finished(options: Options, archive: Archive, fit: Fit) -> tuple[Archive, Fit]:
     """Leave out of a measured archive what is not to be kept."""
-    return (archive if options.times else without_times(archive)), fit
+    return (archive if options.times or not archive.timed else without_times(archive)), fit
 
 
 def _within_bound(job: _Job) -> tuple[Archive, Fit]:
