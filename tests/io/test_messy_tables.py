@@ -299,3 +299,20 @@ def test_damaged_parquet_is_read_or_refused(data, tmp_path_factory):
             how(path)
         except InputError as error:
             assert "\n" not in str(error)
+
+
+def test_words_for_nothing_are_named(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t,lat,lon\n" + "".join(f"{i},{'n/a' if i == 7 else 48 + i / 1e4},11\n" for i in range(40)))
+    (repair,) = read_logs(path).repairs
+    assert (repair.what, repair.count, repair.value) == ("rows without a position dropped", 1, "lat 'n/a'")
+
+
+def test_a_table_without_times_is_a_shape_where_that_is_asked_for(tmp_path):
+    path = tmp_path / "route.csv"
+    path.write_text("name,lat,lon\n" + "".join(f"{'ab'[i // 5]},{48 + i / 1e3},11\n" for i in range(10)))
+    with pytest.raises(InputError, match=r"no time;.*or keep the shape alone: --no-times"):
+        read_logs(path)
+    one, other = read_logs(path, times=False).tracks
+    assert (one.id, other.id, one.timed, other.timed, len(one)) == ("a", "b", False, False, 5)
+    assert one.times[-1] == pytest.approx(4 * 111.2, rel=1e-3)

@@ -287,3 +287,27 @@ def test_a_time_of_day_alone_counts_from_midnight_and_is_told():
     assert [(one.what, one.count, one.drops) for one in reading.repairs] == [
         ("times of day without a date read as seconds from midnight", 2, False)
     ]
+
+
+def positions_at(times):
+    lines = [f"{time},{48 + i / 1e4:.4f},{11 + i / 1e4:.4f}" for i, time in enumerate(times)]
+    return io.BytesIO("\n".join(["utc,lat,lon", *lines]).encode())
+
+
+@pytest.mark.parametrize("first", [28_860, 36_000])
+def test_numbers_that_step_like_a_clock_are_no_seconds(first):
+    clock = [f"{t // 3600:02d}{t // 60 % 60:02d}{t % 60:02d}" for t in range(first, first + 90)]
+    with pytest.raises(InputError, match=f"{clock[0]} and the numbers after it step like hours, minutes and seconds.*--time-unit s"):
+        read_logs(positions_at(clock))
+    assert len(read_logs(positions_at(clock), time_unit="s").tracks[0]) == 90
+
+
+def test_numbers_with_zeros_before_them_may_be_a_clock_within_one_minute():
+    with pytest.raises(InputError, match="write 08:01:00"):
+        read_logs(positions_at([f"0801{second:02d}" for second in range(30)]))
+
+
+@pytest.mark.parametrize("step", [1, 20, 50, 100, 600])
+def test_seconds_at_even_steps_are_seconds(step):
+    times = [step * i for i in range(60)]
+    assert read_logs(positions_at(times)).tracks[0].times.tolist() == times

@@ -37,6 +37,9 @@ __all__ = [
     "write_csv",
 ]
 
+#: An empty cell alone is no value. Words such as n/a are read as text, so that a row that is dropped for one can name it.
+NO_VALUE = [""]
+
 #: What a column to keep is read as, the first that all of its cells are; else its texts are kept letter by letter.
 KEPT_TYPES = (pa.null(), pa.int64(), pa.float64(), pa.string())
 
@@ -341,6 +344,9 @@ def column_types(dialect: Dialect, roles: Roles) -> dict[str, Any]:
     fast = {str(axis): pa.float64() for axis in roles.axes} if plain else {}
     if len(roles.time) == 1:
         cells = [cell.strip() for cell in dialect.cells(roles.time[0])]
+        padded = any(re.match(r"0\d", cell) for cell in cells)  # 080100 may be a time of day: only its text tells
+        if padded:
+            return fast
         if cells and all(cell.isdigit() for cell in cells):
             fast[str(roles.time[0])] = pa.int64()
         elif cells and all(looks_like_number(cell) for cell in cells):
@@ -358,7 +364,7 @@ def _parse(source: Source, dialect: Dialect, roles: Roles, types: Mapping[str, A
                 stream,
                 pc.ReadOptions(column_names=names, skip_rows=dialect.header, encoding=dialect.encoding, block_size=BLOCK),
                 pc.ParseOptions(delimiter=dialect.delimiter, newlines_in_values=True, invalid_row_handler=skip),
-                pc.ConvertOptions(include_columns=[str(i) for i in roles.used], column_types=types),
+                pc.ConvertOptions(include_columns=[str(i) for i in roles.used], column_types=types, null_values=NO_VALUE),
             )
         except OSError as error:
             raise InputError(

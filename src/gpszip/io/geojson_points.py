@@ -138,4 +138,4 @@ class Points:
 
 def dropped_positions(count: int, first: BadPosition, name: str) -> Repair:
     """Tell of positions that can't be read."""
-    return Repair("positions that are no longitude and latitude dropped", count, f"{name}: {first.where}", value=first.value)
+    return Repair("positions without a longitude and latitude dropped", count, f"{name}: {first.where}", value=first.value)

@@ -299,5 +299,5 @@ def _csv_batches(
                 use_threads=False,
             ),
             pc.ParseOptions(delimiter=dialect.delimiter, newlines_in_values=True, invalid_row_handler=None if skipped is None else skip),
-            pc.ConvertOptions(include_columns=wanted, column_types=texts | dict(types)),
+            pc.ConvertOptions(include_columns=wanted, column_types=texts | dict(types), null_values=csv_log.NO_VALUE),
         )

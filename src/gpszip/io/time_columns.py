@@ -13,7 +13,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OptionError
-from gpszip.io.arrow_values import is_text, trimmed
+from gpszip.io.arrow_values import is_text, numbers, trimmed
 from gpszip.io.columns import Roles, time_unit_of
 from gpszip.io.date_and_time import joined
 from gpszip.io.date_texts import ORDERS
@@ -31,6 +31,9 @@ from gpszip.io.timestamps import (
 from gpszip.model.reading import Repair
 
 __all__ = ["TimeColumn", "order_of", "read_times", "time_cells"]
+
+#: So many rows tell whether numbers are times of day.
+_CLOCK_ROWS = 10
 
 #: Letters of a cell in messages.
 _SHOWN = 80
@@ -97,6 +100,8 @@ def read_times(
 
     # Numbers are in the unit that the user says, or else the column's name, or else their size.
     guess = _guess(cells, name) if request.time_unit is None else None
+    if guess is not None and guess.unit == "s" and not guess.named:
+        _check_no_clock(cells, column)
     unit = request.time_unit if guess is None else guess.unit
     factor = None if unit is None else unit_seconds(unit)
     times = seconds(cells, factor, column, origin=unit_origin(unit), dates=order_of(names, roles, request))
@@ -147,6 +152,24 @@ def order_of(names: Sequence[str], roles: Roles, request: Request) -> str | None
     found = re.search(r"(?i)(?<![a-z])(d{1,2}|m{1,2}|y{2,4})[-/. ]?(d{1,2}|m{1,2})[-/. ]?(d{1,2}|y{2,4})(?![a-z])", names[roles.time[0]])
     order = "".join(part[0].lower() for part in found.groups()) if found else ""
     return order if order in ORDERS else None
+
+
+def _check_no_clock(cells: Any, where: str) -> None:
+    """Refuse numbers that are hours, minutes and seconds rather than seconds: 80059 is followed by 80100, not by 80060."""
+    values = numbers(cells)
+    values = values[np.isfinite(values)]
+    hours, minutes, secs = values // 10_000, values // 100 % 100, values % 100
+    if len(values) < _CLOCK_ROWS or not ((values >= 0) & (hours < 24) & (minutes < 60) & (secs < 60)).all():
+        return
+    clock = 3600 * hours + 60 * minutes + secs
+    as_seconds, as_clock = (len(np.unique(np.round(np.diff(times), 3))) for times in (values, clock))
+    padded = is_text(cells.type) and pc.any(pc.match_substring_regex(trimmed(cells), r"^0\d{5}(\D|$)")).as_py()
+    if as_clock < as_seconds or padded:
+        first = f"{int(values[0]):06d}"
+        raise InputError(
+            f"{where}: {first} and the numbers after it step like hours, minutes and seconds, not like seconds; "
+            f"write {first[:2]}:{first[2:4]}:{first[4:]}, or say that they are seconds: --time-unit s"
+        )
 
 
 def _guess(cells: Any, name: str) -> Guess | None:
