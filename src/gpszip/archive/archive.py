@@ -257,16 +257,19 @@ class Archive:
         Returns
         -------
         list of Track
-            Named as by :meth:`decompress`; pieces that none of the instants meets are left out.
+            Named as by :meth:`decompress`; pieces that none of the instants meets are left out, and so are tracks without times
+            among others that have some.
 
         Raises
         ------
         OptionError
-            If none or both of ``every`` and ``at`` are given, a value is no time, or a track has no times.
+            If none or both of ``every`` and ``at`` are given, a value is no time, or the track that is asked for, or every one, has
+            no times.
         """
         instants = _instants(every, at)
         out: list[Track] = []
-        for walk in self.walks if track is None else (self.walk(track),):
+        timed = [walk for walk in self.walks if walk.times is not None] or self.walks
+        for walk in timed if track is None else (self.walk(track),):
             out += self._sampled(walk, every, instants)
         return out
 

@@ -61,9 +61,14 @@ def command(
     with opened(archive, map_name) as source:
         tracks = _samples(source, track) if samples else _tracks(source, every, times, track)
         pieces, error = (None if samples else source.pieces), writing_error(source.promise)
+        shapes = source.untimed if track is None and (every is not None or times is not None) else ()
     if not tracks:
         raise OptionError(_nothing(archive, track))
     points = write_tracks(tracks, target, kind, decimals=metre_decimals(error), pieces=pieces, within=None if given else error)
+    if shapes:
+        say(
+            f"gpszip: left out {len(shapes):,} track{'s' * (len(shapes) > 1)} without times, such as {shapes[0]!r}; decompress without --at or --every for their shapes"
+        )
     for warning in _changes(tracks, pieces or {}, form):
         say(f"gpszip: {warning}")
     if settings.json:

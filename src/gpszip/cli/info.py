@@ -97,7 +97,7 @@ def _rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     else:
         rows.append(("times", "none: the shapes of the tracks alone"))
     if facts.get("untimed") and facts["timed"]:
-        rows.append(("no times", f"{len(facts['untimed']):,} tracks{_some(facts['untimed'])}"))
+        rows.append(("no times", f"tracks {len(facts['untimed']):,}{_some(facts['untimed'])}"))
     if facts["map"]:
         rows.append(("map", f"kept elsewhere, {facts['map']}"))
     if facts["promise"]:
