@@ -18,8 +18,8 @@ def roads(tmp_path):
 def test_prepares_a_network_and_says_what_it_mended(gpszip, roads, tmp_path):
     run = gpszip("network", roads, "-o", "ready.gpsz", "--metres")
     assert (run.code, run.out) == (0, "")
-    assert "1 roads without a length dropped" in run.err
-    assert "1 roads united with another one of the same shape" in run.err
+    assert "1 road without a length dropped" in run.err
+    assert "1 road united with another one of the same shape" in run.err
     assert "ready.gpsz: 2 roads between 3 nodes, 70 m" in run.err
     assert read_network(tmp_path / "ready.gpsz").lengths.tolist() == [40, 30]
 

@@ -47,8 +47,8 @@ def test_rows_that_are_no_samples_are_kept_and_said_to_be(gpszip, torn, roads, t
     torn.write_text(torn.read_text() + "200,,,1\n,5,5,2\n109,9,9,3\n")
     run = gpszip("patch", torn, "--network", roads, "-o", "out.csv", "--gap", "20s")
     assert "dropped" not in run.err
-    for what in ("1 rows without a position", "1 rows without a time", "1 rows at another position, but the same time"):
-        assert f"{what} kept as they are, but not used" in run.err
+    for what in ("1 row without a position", "1 row without a time", "1 row at another position, but the same time"):
+        assert f"{what} kept, but not used" in run.err
     assert (tmp_path / "out.csv").read_text().splitlines()[-3:] == ["200,,,1,log,1", ",5,5,2,log,1", "109,9,9,3,log,1"]
     run = gpszip("patch", torn, "--network", roads, "-o", "out.geojson", "--gap", "20s", "--json")
     assert [one["what"] for one in run.json["repairs"] if one["drops"]] != []

@@ -66,9 +66,8 @@ def command(
         raise OptionError(_nothing(archive, track))
     points = write_tracks(tracks, target, kind, decimals=metre_decimals(error), pieces=pieces, within=None if given else error)
     if shapes:
-        say(
-            f"gpszip: left out {len(shapes):,} track{'s' * (len(shapes) > 1)} without times, such as {shapes[0]!r}; decompress without --at or --every for their shapes"
-        )
+        left = f"{len(shapes):,} track{'s' * (len(shapes) > 1)} without times, such as {shapes[0]!r}"
+        say(f"gpszip: left out {left}; decompress without --at or --every for their shapes")
     for warning in _changes(tracks, pieces or {}, form):
         say(f"gpszip: {warning}")
     if settings.json:

@@ -83,7 +83,7 @@ def _kept(repair: Repair) -> Repair:
     """Say what becomes of rows that reading drops where all rows are written again."""
     if not repair.what.endswith(" dropped"):
         return repair
-    return replace(repair, what=repair.what.removesuffix("dropped") + "kept as they are, but not used", drops=False)
+    return replace(repair, what=repair.what.removesuffix("dropped") + "kept, but not used", drops=False)
 
 
 def _show(target: str, reading: Reading, roads: NetworkReading, patching: Patching, seconds: float, settings: Settings) -> None:

@@ -238,7 +238,7 @@ def _short(kind: Any) -> str:
 def _names(column: Any, name: str, where: str) -> tuple[tuple[str, ...], NDArray[np.integer[Any]]]:
     try:
         return codes(column)
-    except pa.ArrowException:
+    except (pa.ArrowException, InputError):
         raise InputError(f"{where}: column {name!r} holds {_short(column.type)}, which is no name of a track") from None
 
 
