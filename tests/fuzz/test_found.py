@@ -1,5 +1,6 @@
 """What fuzzing has found: files that were read wrongly, or refused as if it were a fault of the program."""
 
+import contextlib
 import io
 import struct
 import zlib
@@ -111,3 +112,12 @@ def test_a_map_in_metres_as_geopackage_is_a_network(tmp_path):
 def test_times_longer_than_any_name():
     with pytest.raises(OptionError, match="is no time"):
         parse_times("5," * 3000 + "noon")
+
+
+def test_text_of_broken_utf_16_is_read_or_refused():
+    good = ('t,x,y\n"0",0,0\n' + "".join(f"{i},{i},{i}\n" for i in range(1, 30))).encode("utf-16")
+    for at in range(8, 120, 2):
+        with contextlib.suppress(InputError):
+            read_logs(io.BytesIO(good[:at] + b"\x00\xd8" + good[at + 2 :]), format="csv")
+    with pytest.raises(InputError, match="damaged text: not all of it is UTF-16"):
+        read_logs(io.BytesIO(good[:100] + b"\x00\xd8" + good[102:]), format="csv")

@@ -334,6 +334,8 @@ def whole_encoding(source: Source, dialect: Dialect) -> str:
                 decoder.decode(block)
             decoder.decode(b"", final=True)
         except UnicodeDecodeError:
+            if dialect.encoding == "utf-16":
+                raise InputError(f"{source.name}: damaged text: not all of it is UTF-16; bring it to UTF-8") from None
             return "latin-1"
     return dialect.encoding
 

@@ -64,7 +64,7 @@ def _check_cells(source: Source, encoding: str, delimiter: str) -> None:
 
 def _blocks(source: Source, encoding: str) -> Iterator[bytes]:
     """Yield the text in an encoding of which each mark is one byte."""
-    wide = codecs.getincrementaldecoder(encoding)() if encoding == "utf-16" else None
+    wide = codecs.getincrementaldecoder(encoding)("replace") if encoding == "utf-16" else None
     with source.open() as stream:
         while block := _read(stream):
             yield block if wide is None else wide.decode(block).encode()
