@@ -155,7 +155,8 @@ def _all_of_a_word(data: bytes, at: float, to: float) -> bytes:
         return data
     word = found[_place(len(found), at)][0]
     others = [*WORDS, *(one[0] for one in found[:50])]
-    return data.replace(word, others[_place(len(others), to)][:1000])[:_LONGEST]
+    other = others[_place(len(others), to)][:1000]
+    return data.replace(word, other, _LONGEST // (len(other) + 1))[:_LONGEST]
 
 
 def _put(data: bytes, at: float, to: float) -> bytes:

@@ -41,9 +41,9 @@ def test_parquet_with_texts_that_are_no_utf8(tmp_path, word, torn):
 
 
 def test_parquet_with_lists_for_names():
-    with pytest.raises(InputError, match=r"holds list<.*>; name another one"):
+    with pytest.raises(InputError, match=r"holds list<.*; name another one"):
         read_logs(io.BytesIO(_parquet(id=[["a"], ["b"]])))
-    with pytest.raises(InputError, match=r"holds list<.*>; name another one"):
+    with pytest.raises(InputError, match=r"holds list<.*; name another one"):
         read_logs(io.BytesIO(_parquet(note=[["a"], ["b"]])), keep=["note"])
 
 

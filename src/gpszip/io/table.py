@@ -239,14 +239,16 @@ def _names(column: Any, name: str, where: str) -> tuple[tuple[str, ...], NDArray
     try:
         return codes(column)
     except (pa.ArrowException, InputError):
-        raise InputError(f"{where}: column {name!r} holds {_short(column.type)}, which is no name of a track") from None
+        raise InputError(
+            f"{where}: column {name!r} holds {_short(column.type)}, which is no name of a track; name another one: --columns id=COLUMN"
+        ) from None
 
 
 def _kept(column: Any, name: str, where: str) -> NDArray[np.generic]:
     try:
         return values(column)
-    except pa.ArrowException:
-        raise InputError(f"{where}: column {name!r} holds {_short(column.type)}, which can't be kept") from None
+    except (pa.ArrowException, InputError):
+        raise InputError(f"{where}: column {name!r} holds {_short(column.type)}, which can't be kept; name another one") from None
 
 
 def _coordinates(column: Mapping[int, Any], names: Sequence[str], roles: Roles, number: int, habits: Habits, where: str) -> Floats:
