@@ -16,7 +16,7 @@ import gpszip
 from gpszip import BoundError, OptionError
 from gpszip.cli.main import main
 from gpszip.model import Options, Track
-from gpszip.model.promise import WRITING_SHARE
+from gpszip.model.promise import WRITING_SHARE_IN_METRES
 from gpszip.pipeline import large, laying
 from gpszip.run import Processes, Serial, Threads
 from gpszip.testing import city
@@ -242,7 +242,7 @@ def rounds(tmp_path, monkeypatch):
 
 
 def test_times_get_as_coarse_as_the_error_left_allows(rounds, monkeypatch):
-    options = Options(rmse=1.0 / (1 - WRITING_SHARE), effort=1)
+    options = Options(rmse=1.0 / (1 - WRITING_SHARE_IN_METRES), effort=1)
     archive, report, _ = large.compress_large(rounds, options, memory=MEMORY)
     monkeypatch.setattr(large, "coarsened", lambda log, ground, batches, executor: ground)
     fine, before, _ = large.compress_large(rounds, options, memory=MEMORY)

@@ -37,8 +37,8 @@ class Worker:
     def __init__(self, name: str) -> None:
         command, pipe = [sys.executable, "-m", "fuzz.worker", name], subprocess.PIPE
         places = os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])
-        # Arrow's own pool reserves a GiB of addresses at once, of which it uses little: the bound is on addresses
-        own = {"PYTHONPATH": places, "ARROW_DEFAULT_MEMORY_POOL": "system"}
+        # the bound is on addresses: Arrow's own pool reserves a GiB of them at once, the C library 64 MiB for each thread
+        own = {"PYTHONPATH": places, "ARROW_DEFAULT_MEMORY_POOL": "system", "MALLOC_ARENA_MAX": "2"}
         self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env={**os.environ, **own})
         self._rest = b""
         self._ready = selectors.DefaultSelector()

@@ -28,7 +28,7 @@ FORMATS = ["csv", "parquet", "geojson", "gpx"]
 
 def written(archive, format_):
     """What decompress writes, as the times, latitudes and longitudes of each line."""
-    stream, error = io.BytesIO(), writing_error(archive.promise)
+    stream, error = io.BytesIO(), writing_error(archive.promise, geographic=True)
     write_tracks(archive.decompress(), stream, format_, decimals=metre_decimals(error), pieces=archive.pieces, within=error)
     return {"csv": csv_lines, "parquet": parquet_lines, "geojson": geojson_lines, "gpx": gpx_lines}[format_](stream.getvalue())
 

@@ -60,7 +60,8 @@ def command(
     check_output(target, force=force, binary=form == "parquet")
     with opened(archive, map_name) as source:
         tracks = _samples(source, track) if samples else _tracks(source, every, times, track)
-        pieces, error = (None if samples else source.pieces), writing_error(source.promise)
+        pieces, flat = (None if samples else source.pieces), source.frame.plane is None
+        error = writing_error(source.promise, geographic=not flat)
         shapes = source.untimed if track is None and (every is not None or times is not None) else ()
     if not tracks:
         raise OptionError(_nothing(archive, track))

@@ -90,7 +90,7 @@ def _write_back(archive: Archive, folder: Path) -> None:
     from gpszip.io.writing import write_tracks
     from gpszip.model.promise import writing_error
 
-    error = writing_error(archive.promise)
+    error = writing_error(archive.promise, geographic=archive.frame.plane is not None)
     write_tracks(archive.decompress(), folder / "knots.csv", decimals=metre_decimals(error), within=error)
     write_map(archive.drawn_map, folder / "map.geojson")
 

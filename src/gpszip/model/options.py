@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from gpszip.errors import OptionError
-from gpszip.model.promise import WRITING_SHARE
+from gpszip.model.promise import WRITING_SHARE, WRITING_SHARE_IN_METRES
 
 __all__ = ["Options"]
 
@@ -83,13 +83,12 @@ class Options:
         rmse, max_error = (None if bound is None else share * bound for bound in (self.rmse, self.max_error))
         return replace(self, rmse=rmse, max_error=max_error)
 
-    @property
-    def aim(self) -> Options:
-        """The options with a bound so much smaller that files written from the archive hold the one that was asked for.
+    def aim(self, *, geographic: bool) -> Options:
+        """Return the options with a bound so much smaller that files written from the archive hold the one that was asked for.
 
         Numbers are rounded there, and straight lines are straight in degrees: see :func:`gpszip.model.promise.writing_error`.
         """
-        return self.tightened(1 - WRITING_SHARE)
+        return self.tightened(1 - (WRITING_SHARE if geographic else WRITING_SHARE_IN_METRES))
 
     @property
     def bounded(self) -> bool:

@@ -14,6 +14,7 @@ __all__ = [
     "LAST_OF_VERSION_2",
     "MOST_OVER",
     "WRITING_SHARE",
+    "WRITING_SHARE_IN_METRES",
     "Promise",
     "grown_promise",
     "promise_of",
@@ -31,9 +32,10 @@ MOST_OVER = range(4)
 #: Steps by which merges may have made a promise larger, and the digits that it has then; a factor 2 has so many steps.
 GROWN, FEW_DIGITS, _DOUBLE = range(1, 63), range(1, 100), 16
 
-#: Share of the error promised by which tracks may move when they are written to a file, as numbers are rounded there and
-#: straight lines are straight in degrees.
+#: Share of the error promised by which tracks may move when they are written to a file in degrees, where lines are straight in
+#: another sense, and numbers are rounded; and in metres, where only the rounding counts, and another decimal costs next to nothing.
 WRITING_SHARE = 1 / 1000
+WRITING_SHARE_IN_METRES = 1 / 20_000
 
 #: Metres by which tracks may move when they are written: at most, and where nothing is promised.
 _MOST_WRITING_ERROR, _WRITING_ERROR = 1.0, 0.01
@@ -142,14 +144,22 @@ def grown_promise(before: float, metres: float, *, maximum: bool) -> Promise | N
     return promise_of(metres, maximum=maximum)
 
 
-def writing_error(promise: Promise | None) -> float:
+def writing_error(promise: Promise | None, *, geographic: bool) -> float:
     """Metres by which tracks may move when they are written to a file, so little that the promise means the file, too.
+
+    Parameters
+    ----------
+    promise : Promise or None
+        Of the archive.
+    geographic : bool
+        Whether they are written in degrees.
 
     Examples
     --------
-    >>> writing_error(Promise(1, 1, maximum=True)), writing_error(None)
+    >>> writing_error(Promise(1, 1, maximum=True), geographic=True), writing_error(None, geographic=True)
     (0.01, 0.01)
     """
     if promise is None:
         return _WRITING_ERROR
-    return min(promise.before * WRITING_SHARE, _MOST_WRITING_ERROR)
+    share = WRITING_SHARE if geographic else WRITING_SHARE_IN_METRES
+    return min(promise.before * share, _MOST_WRITING_ERROR)

@@ -102,7 +102,7 @@ def append(
         extras = _united_extras(archive, whole if options.keep_times else (), on_map.ids)
         both = grown(archive, on_map, gap, sampling, extras)
         found = compressing.measure(whole, both)
-        if compressing.holds(found, options.aim):
+        if compressing.holds(found, options.aim(geographic=archive.frame.plane is not None)):
             return both, _report(report, both, found)
     raise BoundError("the archive's lattice is too coarse for this bound; allow a larger error, or compress all logs together")
 

@@ -104,6 +104,11 @@ class _Job:
         return frozenset(number for number, track in enumerate(self.tracks) if not track.timed)
 
     @property
+    def aim(self) -> Options:
+        """The options with the bound that the archive is to hold, a little below the one that was asked for."""
+        return self.options.aim(geographic=self.tracks[0].plane is not None)
+
+    @property
     def ids(self) -> list[str]:
         return [track.id for track in self.tracks]
 
@@ -302,7 +307,7 @@ def _finished(options: Options, archive: Archive, fit: Fit) -> tuple[Archive, Fi
 
 def _within_bound(job: _Job) -> tuple[Archive, Fit]:
     """Learn, write, read back and measure, until the bound is held."""
-    target: Options | None = job.options.aim
+    target: Options | None = job.aim
     failures = 0
     while target is not None:
         learned = _learned(job, target)
@@ -311,11 +316,11 @@ def _within_bound(job: _Job) -> tuple[Archive, Fit]:
             target = _tightened(target, 1.0 + 0.1 * failures, job.options) if failures < _FAILURES else None
             continue
         archive, fit = _written(job, learned)
-        if holds(fit, job.options.aim):
+        if holds(fit, job.aim):
             return archive, fit
         if fit.uncovered:
             break
-        target = _tightened(target, _excess(fit, job.options.aim), job.options)
+        target = _tightened(target, _excess(fit, job.aim), job.options)
     return _last_resort(job)
 
 
@@ -326,7 +331,7 @@ def _last_resort(job: _Job) -> tuple[Archive, Fit]:
 
     if job.map is not None:
         return _within_bound(replace(job, map=None))
-    aim = job.options.aim
+    aim = job.aim
     bounds = [bound for bound in (aim.rmse, aim.max_error) if bound is not None]
     if job.options.k is None and bounds:
         for share in _VERBATIM_SHARES if job.untimed else (1.0,):

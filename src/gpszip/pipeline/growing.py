@@ -83,7 +83,7 @@ def _within_bound(archive: Archive, job: Job, extras: tuple[Section, ...]) -> tu
     bound = asked(job.options)
     for share in SHARES:
         try:
-            ground = ground_on(archive, job, job.options.aim.tightened(share))
+            ground = ground_on(archive, job, job.aim.tightened(share))
             lattice = job.lay(led, ground)
         except BoundError:
             break
@@ -92,7 +92,7 @@ def _within_bound(archive: Archive, job: Job, extras: tuple[Section, ...]) -> tu
         )
         both = grown(archive, promising(on_map, bound), job.gap, job.sampling, extras)
         found = job.measure(both)
-        if holds(found, job.options.aim):
+        if holds(found, job.aim):
             return both, found
     raise BoundError("the archive's lattice is too coarse for this bound; allow a larger error, or compress all logs together")
 

@@ -76,6 +76,11 @@ class Job:
         """Share of a batch in the log."""
         return 1 / max(len(self._batches(self.log)), 1)
 
+    @property
+    def aim(self) -> Options:
+        """The options with the bound that the archive is to hold, a little below the one that was asked for."""
+        return self.options.aim(geographic=self.log.plane is not None)
+
     @cached_property
     def spans(self) -> list[NDArray[np.float64]]:
         """Times of first and last sample of each run between gaps, for each track."""
@@ -235,7 +240,7 @@ def _within_bound(job: Job, kept: Sequence[Section]) -> tuple[Archive, Fit]:
             if job.map is not None:
                 break
             continue
-        if holds(found, job.options.aim):
+        if holds(found, job.aim):
             return _finished(job, archive, found, kept), found
     if job.map is not None:
         return _within_bound(replace(job, map=None), kept)
@@ -245,7 +250,7 @@ def _within_bound(job: Job, kept: Sequence[Section]) -> tuple[Archive, Fit]:
 def _grounds(job: Job) -> Iterator[Ground]:
     """What batches may be laid on: ever finer, until they hold the bound."""
     for share in SHARES:
-        target = job.options.aim.tightened(share)
+        target = job.aim.tightened(share)
         if job.map is not None:
             yield ground_on(job.map, job, target)
             continue
