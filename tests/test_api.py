@@ -85,3 +85,10 @@ def test_segment_means_search_what_is_left_out():
 def test_a_report_is_plain_enough_for_json():
     _, report = pipeline.compress(patrol(100), Options(rmse=0.3))
     assert json.loads(json.dumps(vars(report)))["points"] == 100
+
+
+def test_losses_are_warned_of(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("track_id,t,x,y\n" + "".join(f"bike,{i // 5},{i},0\n" for i in range(30)))
+    with pytest.warns(gpszip.LossWarning, match="lost 24 of 30 points of track 'bike' of .*log.csv, up to 5 at one time"):
+        assert len(gpszip.read(path)[0]) == 6

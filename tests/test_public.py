@@ -14,6 +14,7 @@ PUBLIC = [
     "CorruptArchiveError",
     "GPSZipError",
     "InputError",
+    "LossWarning",
     "MapError",
     "Matcher",
     "MissingExtraError",

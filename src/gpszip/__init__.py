@@ -43,6 +43,7 @@ __all__ = [
     "CorruptArchiveError",
     "GPSZipError",
     "InputError",
+    "LossWarning",
     "MapError",
     "Matcher",
     "MissingExtraError",

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import os
 import pathlib
+import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from gpszip import pipeline
 from gpszip.archive import Archive, open_archive
+from gpszip.errors import LossWarning
 from gpszip.model import Executor, Listener, Network, Options, SegmentMean, Track
 
 if TYPE_CHECKING:
@@ -57,6 +59,11 @@ def read(sources: Any, **options: Any) -> list[Track]:
     InputError
         If a log can't be read, or holds no track.
 
+    Warns
+    -----
+    LossWarning
+        For each track that lost more than a tenth of its points, vanished, or has several points at one time.
+
     Examples
     --------
     >>> import pathlib, tempfile
@@ -67,7 +74,10 @@ def read(sources: Any, **options: Any) -> list[Track]:
     >>> tracks[0].positions.tolist()
     [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]
     """
-    return list(pipeline.read(sources, **options).tracks)
+    reading = pipeline.read(sources, **options)
+    for loss in reading.losses:
+        warnings.warn(f"lost {loss}", LossWarning, stacklevel=2)
+    return list(reading.tracks)
 
 
 def compress(

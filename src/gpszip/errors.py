@@ -12,6 +12,8 @@
     ├── WorkerError               a process or machine that did some of the work is gone
     └── MissingExtraError         an optional dependency is not installed
 
+:class:`LossWarning` is a warning, not an error.
+
 A message says what is wrong, where, and how to mend it.
 """
 
@@ -22,6 +24,7 @@ __all__ = [
     "CorruptArchiveError",
     "GPSZipError",
     "InputError",
+    "LossWarning",
     "MapError",
     "MissingExtraError",
     "OptionError",
@@ -74,6 +77,10 @@ class CorruptArchiveError(GPSZipError):
 
 class MapError(GPSZipError):
     """The map that an archive was written with is missing, or another one was given."""
+
+
+class LossWarning(UserWarning):
+    """A track lost more than a tenth of its points while it was read, or all of them."""
 
 
 class OutputError(GPSZipError):

@@ -10,7 +10,7 @@ from typing import Any
 from gpszip.cli.output import STDOUT, say, show_json
 from gpszip.cli.units import format_bytes, format_duration, format_length
 from gpszip.model import Report
-from gpszip.model.reading import LeftOut, Loss, Reading, Repair
+from gpszip.model.reading import LeftOut, Reading, Repair
 
 __all__ = [
     "account_of",
@@ -51,16 +51,10 @@ def name_losses(reading: Reading) -> None:
     """One line, which comes first, for the tracks that lost many of their points."""
     if not reading.losses:
         return
-    words = [_in_words(loss) for loss in reading.losses[:_NAMED]]
+    words = [str(loss) for loss in reading.losses[:_NAMED]]
     more = len(reading.losses) - _NAMED
     words += [f"and of {more:,} more, which --json names"] if more > 0 else []
     say(f"gpszip: lost {'; '.join(words)}")
-
-
-def _in_words(loss: Loss) -> str:
-    whose = f"track {loss.track!r} of {loss.where}" if loss.track else loss.where
-    shared = f", up to {loss.shared:,} at one time" if loss.shared else ""
-    return f"{loss.lost:,} of {loss.points:,} points of {whose}{shared}"
 
 
 def name_left_out(reading: Reading) -> None:

@@ -76,6 +76,18 @@ class Loss:
     points: int
     shared: int = 0
 
+    def __str__(self) -> str:
+        """Tell the loss in words.
+
+        Examples
+        --------
+        >>> str(Loss("bike", "log.csv", 24, 30, shared=5))
+        "24 of 30 points of track 'bike' of log.csv, up to 5 at one time"
+        """
+        whose = f"track {self.track!r} of {self.where}" if self.track else self.where
+        shared = f", up to {self.shared:,} at one time" if self.shared else ""
+        return f"{self.lost:,} of {self.points:,} points of {whose}{shared}"
+
 
 @dataclass(frozen=True, eq=False)
 class Reading:
