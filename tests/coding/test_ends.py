@@ -120,3 +120,12 @@ def test_forged_ends_before_starts_are_refused():
     forged = LatticeWalks(np.array([[0], [7]]), (one,), True, Ends(7, np.array([4]), np.array([0])))
     with pytest.raises(CorruptArchiveError, match="ends before it starts"):
         encode_smallest(forged, frame=frame)
+
+
+def test_pieces_too_far_for_ticks_are_claimed_from_knot_to_knot_or_refused():
+    one = walk([0, 1], [2**44, 2**44 + 4])
+    walks, frame = LatticeWalks(np.array([[0], [7]]), (one,)), Frame((0,), 0, 128, 255)
+    assert ends_of([np.array([[0.0005, 1.0]])], walks, frame).tick == 0
+    forged = LatticeWalks(walks.nodes, walks.walks, True, Ends(15, np.array([0]), np.array([9])))
+    with pytest.raises(CorruptArchiveError, match="too far from the epoch"):
+        encode_smallest(forged, frame=frame)

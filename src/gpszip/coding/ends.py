@@ -40,6 +40,9 @@ _BESIDE_GAP = 2.0
 #: Counts of zeros and ones at first of whether a piece beside a gap is cut.
 _CUT_COUNTS = (36, 4)
 
+#: Ticks from the epoch within which arithmetic on int64 is safe.
+_FARTHEST = 2.0**60
+
 #: Any track is a shape with this probability, one in so many.
 _SHAPES_TOTAL = 64
 
@@ -81,7 +84,10 @@ def ends_of(spans: Sequence[NDArray[np.float64]], walks: LatticeWalks, frame: Fr
     tick, first, last = _on_ticks(since, max(_SHARE_OF_STEP * step, min(_ROUNDED, step)))
 
     # what can't be coded, or makes no difference, is claimed from the knot on
-    low, high = _bounds(walks, frame, tick)
+    try:
+        low, high = _bounds(walks, frame, tick)
+    except CorruptArchiveError:
+        return Ends(0, *np.zeros((2, 0), np.int64))
     most = (MOST_WRAPS + 1) * _levels(frame, tick)
     top, bottom = TICKS[tick]
     cells = np.stack([first - low, high - last], axis=1) * (top / bottom / quantum(frame.time))
@@ -208,6 +214,8 @@ def _bounds(walks: LatticeWalks, frame: Frame, tick: int) -> tuple[NDArray[np.in
     last = np.concatenate([walk.cells[np.append(walk.gaps, True)] for walk in walks.walks] or [np.zeros(0, np.int64)])
     step = quantum(frame.time)
     low, high = (cells.astype(np.float64) * step * bottom / top for cells in (first, last))
+    if max(np.abs(low).max(initial=0.0), np.abs(high).max(initial=0.0)) >= _FARTHEST:
+        raise CorruptArchiveError("pieces lie too far from the epoch to tell where they end")
     return np.floor(low).astype(np.int64), np.ceil(high).astype(np.int64)
 
 
