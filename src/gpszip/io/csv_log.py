@@ -16,6 +16,7 @@ import pyarrow.csv as pc
 from gpszip.errors import InputError, UnknownFormatError
 from gpszip.io.arrow_values import looks_like_number, looks_like_time
 from gpszip.io.columns import Roles, find_roles
+from gpszip.io.expansion import next_piece
 from gpszip.io.quotes import check_quotes
 from gpszip.io.raw_log import RawLog, Request
 from gpszip.io.source import Source
@@ -330,7 +331,7 @@ def whole_encoding(source: Source, dialect: Dialect) -> str:
     decoder = codecs.getincrementaldecoder(dialect.encoding)()
     with source.open() as stream:
         try:
-            while block := stream.read(1 << 20):
+            while block := next_piece(stream, 1 << 20):
                 decoder.decode(block)
             decoder.decode(b"", final=True)
         except UnicodeDecodeError:

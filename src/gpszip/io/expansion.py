@@ -14,7 +14,7 @@ import pyarrow as pa
 
 from gpszip.errors import InputError
 
-__all__ = ["FREE", "RATIO", "Meter", "unpacked"]
+__all__ = ["FREE", "RATIO", "Meter", "next_piece", "unpacked"]
 
 #: Bytes unpacked that are looked at together.
 FREE = 64 << 20
@@ -100,6 +100,19 @@ def unpacked(packed: Any, name: str) -> Any:
     return pa.PythonFile(_Unpacked(packed, name), mode="r")
 
 
+def next_piece(stream: Any, size: int) -> bytes:
+    """Read at most so many bytes of a file; none at its end.
+
+    The ``read`` of an Arrow file keeps the memory that it has set aside where reading fails; its buffers don't.
+
+    Examples
+    --------
+    >>> next_piece(pa.BufferReader(b"walks"), 4)
+    b'walk'
+    """
+    return bytes(getattr(stream, "read_buffer", stream.read)(size))
+
+
 class _Unpacked(io.RawIOBase):
     def __init__(self, packed: Any, name: str) -> None:
         self._packed, self._name, self._meter = packed, name, Meter(name, _REMEDY)
@@ -110,7 +123,7 @@ class _Unpacked(io.RawIOBase):
 
     def readinto(self, buffer: Any) -> int:
         try:
-            piece = self._stream.read(min(len(buffer), _PIECE))
+            piece = next_piece(self._stream, min(len(buffer), _PIECE))
         except OSError as error:
             raise InputError(
                 f"{self._name}: damaged gzip file ({str(error)[:120]}); fetch it again, or unpack what is left of it with zcat"

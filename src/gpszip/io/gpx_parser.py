@@ -12,6 +12,7 @@ from itertools import chain
 from xml.parsers import expat
 
 from gpszip.errors import InputError
+from gpszip.io.expansion import next_piece
 from gpszip.io.gpx_points import GpxPoints, PointCollector, RefusedError
 from gpszip.io.source import Source
 from gpszip.io.xml_text import Replaced, Utf8
@@ -132,7 +133,7 @@ def _damage(code: int, collector: PointCollector) -> str:
 def _pieces(source: Source) -> Iterator[bytes]:
     with source.open() as stream:
         try:
-            while piece := stream.read(_PIECE):
+            while piece := next_piece(stream, _PIECE):
                 yield piece
         except OSError as error:
             raise InputError(

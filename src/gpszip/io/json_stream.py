@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from gpszip.errors import InputError
+from gpszip.io.expansion import next_piece
 
 __all__ = ["Document", "Element", "encoding_of", "read_json"]
 
@@ -217,7 +218,7 @@ class _Window:
         """Read on: as much again as is in memory, which makes reading a value again and again cheap."""
         self._passed += self._at
         rest, self._at = self._text[self._at :], 0
-        data = self._stream.read(max(_PIECE, len(rest)))
+        data = next_piece(self._stream, max(_PIECE, len(rest)))
         if self._decoder is None:
             self._decoder = codecs.getincrementaldecoder(encoding_of(data))()
         self._ended = not data

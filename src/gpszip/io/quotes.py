@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from gpszip.errors import InputError
+from gpszip.io.expansion import next_piece
 from gpszip.io.source import Source
 
 __all__ = ["check_quotes"]
@@ -71,4 +72,4 @@ def _blocks(source: Source, encoding: str) -> Iterator[bytes]:
 
 
 def _read(stream: Any) -> bytes:
-    return bytes(stream.read(_BLOCK))
+    return next_piece(stream, _BLOCK)

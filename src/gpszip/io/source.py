@@ -15,7 +15,7 @@ from typing import Any, BinaryIO
 import pyarrow as pa
 
 from gpszip.errors import InputError, UnknownFormatError
-from gpszip.io.expansion import unpacked
+from gpszip.io.expansion import next_piece, unpacked
 from gpszip.io.remote import fetch, is_remote
 from gpszip.io.scratch import scratch, writing
 from gpszip.io.shown import shown
@@ -134,7 +134,7 @@ class Source:
         left = sys.maxsize if size is None else size
         try:
             with self.open() as stream:
-                while left and (piece := bytes(stream.read(min(left, _PIECE)))):
+                while left and (piece := next_piece(stream, min(left, _PIECE))):
                     pieces.append(piece)
                     left -= len(piece)
         except OSError as error:
