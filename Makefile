@@ -33,8 +33,10 @@ types: $(VENV)/.dev
 imports: $(VENV)/.dev
 	$(BIN)/lint-imports
 
+# Kernels are compiled first, side by side: otherwise each worker compiles all of them for itself.
 pytest: $(VENV)/.dev
-	$(BIN)/pytest -n $(WORKERS)
+	$(BIN)/gpszip warm
+	$(BIN)/pytest -n $(WORKERS) --dist worksteal
 
 fuzz: $(VENV)/.dev
 	PYTHONPATH=tests $(BIN)/python -m fuzz.run --minutes $(MINUTES)

@@ -30,7 +30,7 @@ _BOUNDS = {"rmse": "--rmse", "max_error": "--max-error", "size": "--bytes", "rat
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True)
 @output("walks.gpsz")
 @click.option("--rmse", type=LENGTH, metavar="LENGTH", help="Largest root mean square error, such as 5m.")
-@click.option("--max-error", type=LENGTH, metavar="LENGTH", help="Largest error of any point, such as 10m.")
+@click.option("--max-error", type=LENGTH, metavar="LENGTH", help="Largest error of any point, such as 10m; may go with --rmse.")
 @click.option("--bytes", "size", type=SIZE, metavar="SIZE", help="Largest archive, such as 900 or 4KiB, with the smallest RMSE it allows.")
 @click.option("--ratio", type=click.FloatRange(min=0, min_open=True), metavar="X", help="The same as a share of the logs: 1 in X.")
 @click.option("--gap", type=_GAP, metavar="DURATION", help="Silences longer than this claim no travel, or none. Estimated where left out.")
@@ -50,10 +50,12 @@ _BOUNDS = {"rmse": "--rmse", "max_error": "--max-error", "size": "--bytes", "rat
 @click.option("--m", type=click.IntRange(1), help="Number of segments that the k parts share; searched where left out.")
 @click.option("--times/--no-times", default=True, help="Keep the times, or the shape only; a table may then lack a column of times.")
 @click.option("--layer", type=click.Choice(["bz2"]), help="Pack the archive once more, as the thesis did.")
-@click.option("--clean", is_flag=True, help="Drop spikes: single points that no vehicle could have reached.")
+@click.option(
+    "--clean", is_flag=True, help="Drop spikes, single points that no vehicle could have reached, and positions at 0,0 far from all others."
+)
 @click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
 @click.option("--split", is_flag=True, help="Begin a new track where time goes back.")
-@click.option("--skip-bad", is_flag=True, help="Leave out logs that can't be read, name them, end with exit code 3.")
+@click.option("--skip-bad", is_flag=True, help="Leave out logs, features and points that can't be read, name them, end with exit code 3.")
 @click.option(
     "--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north, or names in order for a log without a header."
 )
@@ -69,7 +71,8 @@ _BOUNDS = {"rmse": "--rmse", "max_error": "--max-error", "size": "--bytes", "rat
 def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bool, quiet: bool, **choices: Any) -> Outcome:
     """Read every LOG (CSV, GPX, GeoJSON or Parquet; - is standard input), learn the ways that they repeat, and write one archive.
 
-    Without --rmse, --max-error, --bytes or --ratio a bound that suits the log is estimated, and printed.
+    Without --rmse, --max-error, --bytes or --ratio, an RMSE that suits the log and a maximum of four times that are estimated, and
+    printed. Exit code 3 says that points or logs were lost, which are named first.
     """
     from gpszip.cli.output import check_output
 

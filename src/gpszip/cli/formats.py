@@ -16,7 +16,7 @@ __all__ = ["command"]
 def command(settings: Settings) -> Outcome:
     """List the formats of logs, maps and road networks.
 
-    What a log or a network is shows in its content, whatever its name; logs may be packed with gzip.
+    What a log or a network is shows in its content, whatever its name; logs may be packed with gzip, or lie in a zip archive.
     """
     from gpszip.cli.output import show_json
     from gpszip.io.formats import FORMATS
