@@ -11,7 +11,7 @@ PYTHON ?= $(shell for p in $(CANDIDATES); do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help test lint types imports pytest fuzz faults format demo clean
+.PHONY: help test lint types imports warm pytest fuzz faults format demo clean
 
 help:
 	@echo "make test     check everything: ruff, mypy, import-linter, pytest"
@@ -21,7 +21,13 @@ help:
 	@echo "make format   lay out the code and mend what ruff can mend"
 	@echo "make clean    remove the environment, the demo and all caches"
 
-test: lint types imports pytest
+# Checks of the text and compiling kernels go side by side; without the latter each worker compiles all kernels for itself.
+test: $(VENV)/.dev
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync lint types imports warm
+	@$(MAKE) --no-print-directory pytest
+
+warm: $(VENV)/.dev
+	$(BIN)/gpszip warm
 
 lint: $(VENV)/.dev
 	$(BIN)/ruff check .
@@ -33,9 +39,7 @@ types: $(VENV)/.dev
 imports: $(VENV)/.dev
 	$(BIN)/lint-imports
 
-# Kernels are compiled first, side by side: otherwise each worker compiles all of them for itself.
 pytest: $(VENV)/.dev
-	$(BIN)/gpszip warm
 	$(BIN)/pytest -n $(WORKERS) --dist worksteal
 
 fuzz: $(VENV)/.dev

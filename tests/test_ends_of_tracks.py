@@ -24,7 +24,7 @@ def ends(archive):
 
 def test_a_parked_track_ends_when_it_ended():
     track = Track("van", [0.0, 60.0, 3540.0, 3600.0], np.zeros((4, 2)))
-    archive, _ = compress(track, Options(rmse=5.0))
+    archive, _ = compress(track, Options(rmse=5.0, effort=1))
     assert ends(saved(archive)) == {"van": (0.0, 3600.0)}
     assert np.isnan(archive.position("van", [3601.0, -1.0])).all()
 
@@ -52,7 +52,7 @@ def test_a_piece_of_one_sample_claims_no_travel():
 
 def test_a_parked_track_goes_on_where_it_was_appended():
     van = Track("van", [0.0, 60.0, 3540.0, 3600.0], np.zeros((4, 2)))
-    archive, _ = compress(van, Options(rmse=5.0))
+    archive, _ = compress(van, Options(rmse=5.0, effort=1))
     times = 7200 + 10.0 * np.arange(61)
     drive = Track("van", times, np.stack([1.1 * (times - 7200), np.zeros(61)], axis=1))
     both, report = append(archive, drive)
@@ -69,7 +69,7 @@ def test_merged_tracks_keep_their_ends():
     for name in "ab":
         times = 5.0 * np.arange(200) + 7
         places = np.stack([times * 8, 300 * np.sin(times / 100)], axis=1) + rng.normal(0, 2, (200, 2))
-        archives.append(compress(Track(name, times, places), Options(rmse=5.0))[0])
+        archives.append(compress(Track(name, times, places), Options(rmse=5.0, effort=1))[0])
     merged, _ = merge(archives, MergeOptions(), names=["one", "two"])
     found = ends(saved(merged))
     assert all(abs(first - 7) <= 1.25 and abs(last - 1002) <= 1.25 for first, last in found.values())
@@ -98,7 +98,7 @@ def mixed_log():
 
 def test_routes_without_times_are_kept_beside_tracks():
     reading = read_logs(mixed_log(), format="gpx")
-    archive, report = compress(reading.tracks, Options(max_error=10.0))
+    archive, report = compress(reading.tracks, Options(max_error=10.0, effort=1))
     back = {piece.id: piece for piece in saved(archive).decompress()}
     assert (back["plan"].timed, back["ride"].timed) == (False, True)
     assert any("'plan'" in note for note in report.notes)
@@ -109,11 +109,11 @@ def test_routes_without_times_are_kept_beside_tracks():
 def test_shapes_are_merged_appended_and_refused_as_what_goes_on():
     shapes = [track for track in read_logs(mixed_log(), format="gpx").tracks if not track.timed]
     moved = [Track("other", track.times, track.positions + 3, plane=track.plane, timed=False) for track in shapes]
-    one, two = (compress(tracks, Options(max_error=10.0))[0] for tracks in (shapes, moved))
+    one, two = (compress(tracks, Options(max_error=10.0, effort=1))[0] for tracks in (shapes, moved))
     merged, _ = merge([one, two], MergeOptions(), names=["one", "two"])
     assert (merged.timed, set(merged.untimed)) == (False, {"plan", "other"})
     ride = [track for track in read_logs(mixed_log(), format="gpx").tracks if track.timed]
-    timed, _ = compress(ride, Options(max_error=10.0))
+    timed, _ = compress(ride, Options(max_error=10.0, effort=1))
     both, _ = append(timed, shapes)
     assert (both.tracks, both.untimed) == (("ride", "plan"), ("plan",))
     with pytest.raises(Exception, match="one of both has no times"):
@@ -126,7 +126,7 @@ def test_both_bounds_are_held_and_promised_together(rmse, maximum):
     times = np.arange(400.0)
     places = np.stack([times * 3, 40 * np.sin(times / 30)], axis=1) + rng.normal(0, 1, (400, 2))
     places[200] += 15
-    archive, report = compress(Track("a", times, places), Options(rmse=rmse, max_error=maximum))
+    archive, report = compress(Track("a", times, places), Options(rmse=rmse, max_error=maximum, effort=1))
     assert (report.rmse <= rmse, report.max_error <= maximum) == (True, True)
     promise = saved(archive).promise
     assert (promise.metres, promise.most) == (rmse, maximum)
