@@ -39,7 +39,9 @@ def test_what_is_settled_is_what_the_batch_finds(period, seed):
     places = np.where(((times > 100) & (times < 110 + 6 * period))[:, None], places + np.array([0, 7000]), places)  # faster than anybody
     index, track = index_network(town()), Track("bus", times[kept], places[kept])
     silent = np.diff(track.times) > 60
-    whole = follow(index, workspace(index), Stretch(track.positions, track.times, silent, np.zeros_like(track.positions)), SCALES)
+    whole = follow(
+        index, workspace(index), Stretch(track.positions.copy(), track.times.copy(), silent, np.zeros_like(track.positions)), SCALES
+    )
     _, settled = live(LiveMatcher(index, SCALES, gap=60.0), track)
     assert all(one.final for one in settled)
     assert [one.time for one in settled] == track.times[whole.used].tolist()
@@ -52,7 +54,7 @@ def test_what_is_final_is_what_the_batch_finds_whatever_the_lag(lag, period, see
     times, places = drives(vehicles=1, period=period, duration=500.0 * period**0.5, seed=seed, noise=12.0)["bus-0"]
     kept = ~((times > 200) & (times < 290)) & ~((times > 330) & (times < 395))
     index, track = index_network(town()), Track("bus", times[kept], places[kept])
-    stretch = Stretch(track.positions, track.times, np.diff(track.times) > 60, np.zeros_like(track.positions))
+    stretch = Stretch(track.positions.copy(), track.times.copy(), np.diff(track.times) > 60, np.zeros_like(track.positions))
     whole = follow(index, workspace(index), stretch, SCALES)
     told, settled = live(LiveMatcher(index, SCALES, lag=lag, gap=60.0), track)
     assert [one.time for one in settled] == track.times[whole.used].tolist()
@@ -153,7 +155,7 @@ def test_means_are_matched_as_in_the_batch(seed):
     assert scales.averaged >= 3
     index, silent = index_network(streets), np.diff(track.times) > 120
     means = averaged(track.positions, silent, scales.averaged)
-    whole = follow(index, workspace(index), Stretch(means, track.times, silent, np.zeros_like(means)), scales)
+    whole = follow(index, workspace(index), Stretch(means, track.times.copy(), silent, np.zeros_like(means)), scales)
     told, settled = live(LiveMatcher(index, scales, gap=120.0), track)
     assert [here.time for here in told] == track.times.tolist()
     assert [one.time for one in settled] == track.times[whole.used].tolist()
