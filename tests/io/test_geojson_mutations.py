@@ -104,14 +104,14 @@ def check(data, request):
         text.encode()
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(text=texts(), request=REQUESTS)
 @example(text='{"type":"Point","coordinates":[8,50],"properties":{"time":' + "9" * 4000 + "}}", request=Request())
 def test_no_change_of_a_document_breaks_the_reader(text, request):
     check(text.encode("utf-8", "surrogatepass"), request)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(text=documents(), changes=st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), max_size=4), cut=st.integers(0, 10**6))
 def test_no_change_of_a_byte_breaks_the_reader(text, changes, cut):
     data = bytearray(text.encode("utf-8", "surrogatepass"))

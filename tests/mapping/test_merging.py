@@ -104,7 +104,7 @@ def test_a_maximum_and_a_mean_together_promise_a_mean(logs, fleets):
 
 def carriers():
     """Three archives of two vehicles each that tell where they are every second."""
-    logs = drives(6, vehicles=6, period=1.0, duration=300.0, seed=5, noise=4.0, block=120.0, speed=9.0)
+    logs = drives(6, vehicles=6, period=1.0, duration=200.0, seed=5, noise=4.0, block=120.0, speed=9.0)
     pairs = logs.values() if isinstance(logs, dict) else logs
     tracks = [Track(f"bus {i}", np.asarray(times), np.asarray(places)) for i, (times, places) in enumerate(pairs)]
     return [compress(tracks[i::3], Options(rmse=8.0, effort=1))[0] for i in range(3)]

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gpszip.mapping.shapes import paced, shape_error, walk_by_share, without_cells
@@ -23,6 +23,7 @@ def at_shares(line, shares):
     return np.array(found)
 
 
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 12), st.integers(2, 12))
 def test_errors_of_shapes_are_those_of_many_points_at_equal_shares(seed, n, k):
     rng = np.random.default_rng(seed)
