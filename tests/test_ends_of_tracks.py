@@ -1,6 +1,7 @@
 """Where tracks and their pieces begin and end: as written, as asked, as drawn, as appended, as merged."""
 
 import io
+import zlib
 
 import numpy as np
 import pytest
@@ -77,7 +78,7 @@ def test_merged_tracks_keep_their_ends():
 
 def test_archives_of_version_2_are_read_from_knot_to_knot():
     old = bytes.fromhex("a75a020000807878000005efbdc0")
-    sealed = old + __import__("zlib").crc32(old).to_bytes(4, "little")
+    sealed = old + zlib.crc32(old).to_bytes(4, "little")
     archive = open_archive(sealed)
     assert from_bytes(sealed).version == 2
     assert len(archive.decompress()) == 1

@@ -32,6 +32,7 @@ __all__ = [
     "asked",
     "compress",
     "estimated",
+    "gaps_of",
     "holds",
     "in_bytes",
     "kept",
@@ -39,6 +40,7 @@ __all__ = [
     "off_map",
     "promised",
     "report_on",
+    "sampling_of",
     "without_times",
 ]
 
