@@ -13,7 +13,7 @@ import numpy as np
 
 import gpszip
 from gpszip import testing
-from gpszip.io.coreset_file import write_coreset
+from gpszip.io.coresets import write_coreset
 from gpszip.sketches.pieces import Pieces, pieces_of, through
 from gpszip.sketches.samples import weighted_samples
 

@@ -3,8 +3,10 @@
 import sys
 import time
 
-from gpszip import pipeline, testing
+from gpszip import testing
 from gpszip.model import Options, Track
+from gpszip.pipeline.compress import compress
+from gpszip.pipeline.warm import warm
 from gpszip.testing.city import drives
 
 
@@ -12,11 +14,11 @@ def main() -> None:
     town = [Track(name, *drive) for name, drive in drives(vehicles=20, period=5.0).items()]
     logs = {"patrol, 0.24 m": ([testing.patrol()], 0.24), "town, 5 m": (town, 5.0)}
     efforts = [int(word) for word in sys.argv[1:]] or range(1, 10)
-    pipeline.warm()
+    warm()
     for name, (tracks, rmse) in logs.items():
         for effort in efforts:
             start = time.perf_counter()
-            _, report = pipeline.compress(tracks, Options(rmse=rmse, effort=effort))
+            _, report = compress(tracks, Options(rmse=rmse, effort=effort))
             print(f"{name}: effort {effort}: {report.bytes_out} B, {time.perf_counter() - start:.1f} s, RMSE {report.rmse:.3f} m")
 
 

@@ -14,7 +14,8 @@ from functools import reduce
 import numpy as np
 
 from gpszip.model import Options, Track
-from gpszip.pipeline import compress, merge
+from gpszip.pipeline.compress import compress
+from gpszip.pipeline.merge import merge
 from gpszip.testing import patrol
 from gpszip.testing.city import drives
 

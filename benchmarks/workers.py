@@ -11,8 +11,10 @@ import time
 
 import numpy as np
 
-from gpszip import pipeline, testing
+from gpszip import testing
 from gpszip.model import Options, Track
+from gpszip.pipeline.compress import compress
+from gpszip.pipeline.warm import warm
 from gpszip.run import Processes, Threads
 from gpszip.segmentation import estep
 from gpszip.segmentation.bottom_up import bottom_up
@@ -37,7 +39,7 @@ def learning(points: int, rmse: float, engines: list[str], turns: int) -> None:
             for workers in (1, 2):
                 executor = kind(workers)
                 start = time.perf_counter()
-                archive, report = pipeline.compress(tracks, Options(rmse=rmse), executor=executor)
+                archive, report = compress(tracks, Options(rmse=rmse), executor=executor)
                 best[workers] = min(best[workers], time.perf_counter() - start)
                 seen.add(hashlib.sha256(archive.to_bytes()).hexdigest())
                 if engine == "processes":
@@ -72,7 +74,7 @@ def main() -> None:
     parser.add_argument("--turns", type=int, default=1)
     parser.add_argument("--engines", nargs="+", default=["threads", "processes"])
     options = parser.parse_args()
-    pipeline.warm()
+    warm()
     expectation(200_000, 2000, max(options.turns, 3))
     learning(options.points, options.rmse, options.engines, options.turns)
 

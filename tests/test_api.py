@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 import gpszip
-from gpszip import api, pipeline
+from gpszip import api
 from gpszip.errors import OptionError
 from gpszip.model import Options
+from gpszip.pipeline.compress import compress
 from oracle.decoded import measure
 
 
@@ -55,7 +56,7 @@ def test_decompress_takes_an_archive_its_bytes_or_its_file(archive, tmp_path):
 
 
 def test_compress_is_the_pipeline_with_its_options(archive):
-    other, report = pipeline.compress(patrol(), Options(rmse=0.3))
+    other, report = compress(patrol(), Options(rmse=0.3))
     assert other.to_bytes() == archive.to_bytes()
     assert report.bytes_out == len(archive.to_bytes())
 
@@ -83,7 +84,7 @@ def test_segment_means_search_what_is_left_out():
 
 
 def test_a_report_is_plain_enough_for_json():
-    _, report = pipeline.compress(patrol(100), Options(rmse=0.3))
+    _, report = compress(patrol(100), Options(rmse=0.3))
     assert json.loads(json.dumps(vars(report)))["points"] == 100
 
 

@@ -13,7 +13,7 @@ def test_imports_point_down_the_levels():
     assert done.returncode == 0, done.stdout + done.stderr
 
 
-def test_numba_is_imported_in_one_room():
+def test_only_kernels_import_numba():
     sources = (ROOT / "src").rglob("*.py")
     users = [path for path in sources if "import numba" in path.read_text() or "from numba" in path.read_text()]
     assert users

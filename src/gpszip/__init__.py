@@ -29,7 +29,7 @@ if TYPE_CHECKING:
         WorkerError,
     )
     from gpszip.model import RoadMap, SegmentMean, Track, Walk
-    from gpszip.pipeline.localising import Matcher
+    from gpszip.pipeline.live import Matcher
     from gpszip.sketches.coreset import Coreset
     from gpszip.sketches.stream import CoresetStream
 
@@ -87,7 +87,7 @@ _HOMES = {
         "segment_mean",
     ),
     "gpszip.archive": ("Archive",),
-    "gpszip.pipeline.localising": ("Matcher",),
+    "gpszip.pipeline.live": ("Matcher",),
     "gpszip.sketches.coreset": ("Coreset",),
     "gpszip.sketches.stream": ("CoresetStream",),
     "gpszip.model": ("RoadMap", "SegmentMean", "Track", "Walk"),

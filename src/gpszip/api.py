@@ -1,6 +1,6 @@
 """The main path: read logs, compress them to an archive, open it again, and ask it.
 
-Everything here is one call into :mod:`gpszip.pipeline`, which reads like the table of contents of the rest.
+Each function here is one call into :mod:`gpszip.pipeline`, or into the package that does the work.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from gpszip import pipeline
 from gpszip.archive import Archive, open_archive
 from gpszip.errors import LossWarning
-from gpszip.model import Executor, Listener, Network, Options, SegmentMean, Track
+from gpszip.model import Listener, Network, Options, SegmentMean, Track
+from gpszip.run.executor import Executor
 
 if TYPE_CHECKING:
     from gpszip.model.match import Matching
@@ -47,7 +47,7 @@ def read(sources: Any, **options: Any) -> list[Track]:
     sources : path, str or sequence of them
         Files and globs: CSV, GPX, GeoJSON, Parquet, known by their content.
     **options
-        What :func:`gpszip.io.reading.read_logs` takes.
+        What :func:`gpszip.io.logs.read.read_logs` takes.
 
     Returns
     -------
@@ -74,7 +74,9 @@ def read(sources: Any, **options: Any) -> list[Track]:
     >>> tracks[0].positions.tolist()
     [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]
     """
-    reading = pipeline.read(sources, **options)
+    from gpszip.io.logs.read import read_logs
+
+    reading = read_logs(sources, **options)
     for loss in reading.losses:
         warnings.warn(f"lost {loss}", LossWarning, stacklevel=2)
     return list(reading.tracks)
@@ -158,10 +160,12 @@ def compress(
     >>> abs(archive.position("lane", 5.5)[0] - 1.5) < 0.1
     np.True_
     """
+    from gpszip.pipeline.compress import compress as compress_tracks
+
     names = (keep,) if isinstance(keep, str) else tuple(keep)
     options = Options(rmse, max_error, size, ratio, gap, k, m, times, names, keep_times, layer, effort, coreset)
     there = map if map is None or isinstance(map, Archive) else open_archive(map)
-    return pipeline.compress(tracks, options, map=there, executor=executor, progress=progress)[0]
+    return compress_tracks(tracks, options, map=there, executor=executor, progress=progress)[0]
 
 
 def append(
@@ -214,7 +218,7 @@ def append(
     >>> archive.tracks, len(archive.road_map.edges)
     (('monday', 'tuesday'), 2)
     """
-    from gpszip.pipeline.appending import append as grow
+    from gpszip.pipeline.append import append as grow
 
     there = archive if isinstance(archive, Archive) else open_archive(archive)
     return grow(there, tracks, Options(rmse, max_error, gap=gap, effort=effort), executor=executor, progress=progress)[0]
@@ -245,7 +249,8 @@ def decompress(
     >>> [track.positions.round().tolist() for track in decompress(archive, every=3.0)]
     [[[0.0], [3.0], [6.0]]]
     """
-    return pipeline.decompress(archive if isinstance(archive, Archive) else open(archive), every=every, at=at)
+    opened = archive if isinstance(archive, Archive) else open(archive)
+    return opened.decompress() if every is None and at is None else opened.sample(every, at=at)
 
 
 def match(
@@ -300,7 +305,9 @@ def match(
     >>> found.share, round(found[0].pieces[0].length)
     (1.0, 16)
     """
-    return pipeline.match(
+    from gpszip.pipeline.match import match as match_tracks
+
+    return match_tracks(
         tracks, network, sigma=sigma, beta=beta, gap=gap, heading=heading, ignore_oneway=ignore_oneway, progress=progress
     )  # fmt: skip
 
@@ -354,11 +361,12 @@ def merge(
     (('one', 'two'), np.True_)
     """
     from gpszip.model.merge_options import MergeOptions
+    from gpszip.pipeline.merge import merge as merge_archives
 
     opened = [archive if isinstance(archive, Archive) else open(archive) for archive in archives]
     names = [pathlib.Path(one).stem if isinstance(one, str | os.PathLike) else str(number) for number, one in enumerate(archives, 1)]
     options = MergeOptions(deviation, max_deviation, same_id)
-    return pipeline.merge(opened, options, names=names, executor=executor, progress=progress)[0]
+    return merge_archives(opened, options, names=names, executor=executor, progress=progress)[0]
 
 
 def open(source: str | os.PathLike[str] | bytes, map: Archive | str | os.PathLike[str] | bytes | None = None) -> Archive:
@@ -429,7 +437,9 @@ def patch(
     >>> patching.filled, len(patching.to_tracks()[0]), round(patching.patches[0].length)
     (1, 17, 55)
     """
-    return pipeline.patch(tracks, network, gap=gap, ignore_oneway=ignore_oneway)
+    from gpszip.pipeline.match import patch as patch_tracks
+
+    return patch_tracks(tracks, network, gap=gap, ignore_oneway=ignore_oneway)
 
 
 def segment_mean(track: Track, k: int | None = None, m: int | None = None, *, executor: Executor | None = None) -> SegmentMean:
@@ -462,7 +472,9 @@ def segment_mean(track: Track, k: int | None = None, m: int | None = None, *, ex
     >>> mean.labels.tolist(), round(mean.cost, 6)
     ([0, 1, 0, 1], 0.0)
     """
-    return pipeline.segment_mean(track, k, m, executor=executor)
+    from gpszip.pipeline.segment_mean import segment_mean as mean_of
+
+    return mean_of(track, k, m, executor=executor)
 
 
 def coreset(
@@ -515,7 +527,7 @@ def open_coreset(source: str | os.PathLike[str]) -> Coreset:
     InputError
         If there is no such file or it is no coreset.
     """
-    from gpszip.io.coreset_file import read_coreset
+    from gpszip.io.coresets import read_coreset
 
     return read_coreset(os.fspath(source))
 
@@ -528,6 +540,6 @@ def save_coreset(coreset: Coreset, path: str | os.PathLike[str], *, force: bool 
     OutputError
         If the file exists and ``force`` is not given, or it can't be written.
     """
-    from gpszip.io.coreset_file import write_coreset
+    from gpszip.io.coresets import write_coreset
 
     write_coreset(coreset, os.fspath(path), force=force)

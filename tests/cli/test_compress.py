@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import gpszip as package
-from gpszip.io.date_texts import ORDERS
-from gpszip.io.timestamps import TIME_UNITS
+from gpszip.io.values.dates import ORDERS
+from gpszip.io.values.timestamps import TIME_UNITS
 from gpszip.testing import city, patrol
 
 

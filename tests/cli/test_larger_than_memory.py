@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import gpszip as package
-from gpszip.pipeline import large
+from gpszip.pipeline import compress_large as large
 from gpszip.testing.patrol import patrol
 
 N = 6000

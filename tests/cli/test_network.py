@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from gpszip.io.networks import read_network
+from gpszip.io.networks.read import read_network
 
 
 @pytest.fixture

@@ -27,7 +27,7 @@ from pathlib import Path
 
 from faults.commands import COMMANDS, prepare
 from gpszip.cli.main import run
-from gpszip.pipeline import large
+from gpszip.pipeline import compress_large as large
 
 __all__ = ["BRIEF", "FAULTS", "Outcome", "sweep"]
 

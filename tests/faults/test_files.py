@@ -20,14 +20,14 @@ from gpszip.cli.output import write_with_map
 from gpszip.container.contents import one_group
 from gpszip.container.writer import to_bytes, write
 from gpszip.errors import InputError, OutputError
-from gpszip.files.causes import cause
+from gpszip.files.atomic_write import replacing, replacing_together
 from gpszip.files.interrupts import uninterrupted
-from gpszip.files.noting import noting
-from gpszip.files.replacing import replacing, replacing_together
+from gpszip.files.os_errors import cause
 from gpszip.files.temporary import OUTPUT_PREFIX, temporary_folder
-from gpszip.io.scratch import read_numbers, write_numbers
-from gpszip.io.shown import shown
-from gpszip.io.writing import write_tracks
+from gpszip.files.written import noting
+from gpszip.io.logs.write import write_tracks
+from gpszip.io.storage.display_name import shown
+from gpszip.io.storage.temporary import read_numbers, write_numbers
 from gpszip.testing import patrol
 from oracle.archives import FLAT
 
@@ -286,7 +286,7 @@ def test_short_writes_are_gone_on_with(format):
 
 
 def test_short_writes_of_archives():
-    from gpszip.io.sink import writing
+    from gpszip.io.storage.sink import writing
 
     contents, short = one_group(FLAT, ("0",), b"walks of one track"), _Short()
     with writing(short) as stream:
@@ -314,8 +314,8 @@ def test_causes_are_told_with_a_remedy():
 
 
 def test_a_stream_that_fails_is_an_input_that_fails(tmp_path):
-    from gpszip.io.reading import read_logs
-    from gpszip.io.streaming import store_logs
+    from gpszip.io.large.store import store_logs
+    from gpszip.io.logs.read import read_logs
 
     class Torn(io.RawIOBase):
         name = "torn"

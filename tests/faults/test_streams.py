@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from cli.conftest import two_walks
-from gpszip.io.reading import read_logs
+from gpszip.io.logs.read import read_logs
 
 ALL = os.environ.get("GPSZIP_FAULTS") == "all"
 RUN = [sys.executable, "-c", "from gpszip.cli.main import run; run()"]

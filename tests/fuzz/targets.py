@@ -58,7 +58,7 @@ def run(name: str, data: bytes) -> bool:
 
 def _log(format: str | None, **options: object) -> Callable[[bytes], object]:
     def take(data: bytes) -> object:
-        from gpszip.io.reading import read_logs
+        from gpszip.io.logs.read import read_logs
 
         return read_logs(io.BytesIO(data), format=format, **options)
 
@@ -69,7 +69,7 @@ def _stored(**options: Any) -> Callable[[bytes], object]:
     """A log read in pieces, as one larger than memory is."""
 
     def take(data: bytes) -> object:
-        from gpszip.io.streaming import store_logs
+        from gpszip.io.large.store import store_logs
 
         with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
             path = Path(folder) / "log"
@@ -82,7 +82,7 @@ def _stored(**options: Any) -> Callable[[bytes], object]:
 
 def _network(suffix: str) -> Callable[[bytes], object]:
     def take(data: bytes) -> object:
-        from gpszip.io.networks import read_network
+        from gpszip.io.networks.read import read_network
 
         with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
             path = Path(folder) / f"roads{suffix}"
@@ -93,7 +93,7 @@ def _network(suffix: str) -> Callable[[bytes], object]:
 
 
 def _coreset(data: bytes) -> object:
-    from gpszip.io.coreset_file import read_coreset
+    from gpszip.io.coresets import read_coreset
 
     small = read_coreset(io.BytesIO(data))
     return small.rmse, small.eps(3), small.reduced(len(small.tracks))
@@ -240,7 +240,7 @@ def _parquet(pq: object, table: object, compression: str) -> bytes:
 @cache
 def _coresets() -> Sequence[bytes]:
     from gpszip import Track, coreset
-    from gpszip.io.coreset_file import write_coreset
+    from gpszip.io.coresets import write_coreset
 
     out = io.BytesIO()
     tracks = [Track(name, range(60), [[abs(t % 20 - 10), t / 9 + i] for t in range(60)]) for i, name in enumerate(("a", "b"))]
@@ -250,7 +250,7 @@ def _coresets() -> Sequence[bytes]:
 
 @cache
 def _prepared() -> Sequence[bytes]:
-    from gpszip import pipeline
+    from gpszip.pipeline.match import prepare_network
 
     found = []
     in_metres = '{"gpszip": 1, "metres": 1, ' + ROADS_GEOJSON[0][1:].replace("[11.", "[1170.").replace(" 48.", " 4810.")
@@ -258,7 +258,7 @@ def _prepared() -> Sequence[bytes]:
         for text in (ROADS_GEOJSON[0], in_metres):
             path, out = Path(folder) / "roads.geojson", io.BytesIO()
             path.write_text(text)
-            pipeline.prepare_network((str(path),)).write(out)
+            prepare_network((str(path),)).write(out)
             found.append(out.getvalue())
     return found
 

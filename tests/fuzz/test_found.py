@@ -13,10 +13,10 @@ import pytest
 from fuzz.targets import ROADS_GEOJSON, ROADS_GRAPHML, ROADS_OSM, TARGETS
 from gpszip.cli.times import parse_times
 from gpszip.errors import CorruptArchiveError, InputError, OptionError
-from gpszip.io.maps import write_map
-from gpszip.io.networks import read_network
-from gpszip.io.reading import read_logs
-from gpszip.io.streaming import store_logs
+from gpszip.io.large.store import store_logs
+from gpszip.io.logs.read import read_logs
+from gpszip.io.maps.write import write_map
+from gpszip.io.networks.read import read_network
 from gpszip.model import RoadMap
 
 

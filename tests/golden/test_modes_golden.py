@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpszip.coding.walks import decode, encode_in_modes, number_by_visit
+from gpszip.codec.walks import decode, encode_in_modes, number_by_visit
 from gpszip.model import LatticeWalks
 from oracle import walk_decoder
 from oracle.walks import assert_same, walk

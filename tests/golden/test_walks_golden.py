@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gpszip.coding.walks import decode, encode, encode_in_modes, number_by_visit
+from gpszip.codec.walks import decode, encode, encode_in_modes, number_by_visit
 from gpszip.model import Frame, LatticeWalks
 from gpszip.model.lattice import Ends
 from oracle import walk_decoder

@@ -1,15 +1,15 @@
 import numpy as np
 import pytest
 
-from gpszip.coding.walks import decode, encode
-from gpszip.mapping.fitting import synchronised_errors
+from gpszip.codec.walks import decode, encode
 from gpszip.mapping.plan import Plan
 from gpszip.mapping.rounds import fit
-from gpszip.mapping.slots import lay_slots
+from gpszip.mapping.time_grid import lay_slots
 from gpszip.model import Frame, Track, Walk
 from gpszip.model.frame import quantum
 from gpszip.run import Serial, Threads
 from gpszip.testing import patrol
+from gpszip.walks.error import synchronised_errors
 
 FRAME = Frame((-1000, -1000), 0, 111, 136)
 UNIT = quantum(FRAME.space)

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from gpszip.coding.waypoints import expand, shorten
+from gpszip.codec.waypoints import expand, shorten
 from gpszip.graph.road_graph import road_graph
 from gpszip.graph.route import route_along
-from gpszip.mapping.counting import count_edges
 from gpszip.mapping.segment_map import make_map, walk_of
 from gpszip.model import SegmentMean, Track
+from gpszip.walks.counting import count_edges
 from oracle.segment_map import fitted_positions, random_mean, segment_map
 
 MEANS = [random_mean(np.random.default_rng(seed), dimension=2 + seed % 2) for seed in range(60)]

@@ -5,8 +5,8 @@ import pytest
 
 import gpszip
 from gpszip import OptionError, Track
-from gpszip.mapping.slots import lay_slots
 from gpszip.mapping.thinning import thin_out
+from gpszip.mapping.time_grid import lay_slots
 from gpszip.model import Frame
 from gpszip.testing.patrol import patrol
 

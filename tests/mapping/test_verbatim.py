@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpszip.mapping.lattice_map import node_positions, walks_of
 from gpszip.mapping.verbatim import keep_samples
 from gpszip.model import Track
+from gpszip.walks.quantised import node_positions, walks_of
 from oracle.decoded import position
 
 

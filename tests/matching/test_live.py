@@ -6,10 +6,10 @@ import pytest
 from gpszip import Matcher, compress
 from gpszip.errors import OptionError, TrackError
 from gpszip.matching.averaging import averaged
-from gpszip.matching.chain import Stretch, follow
 from gpszip.matching.index import index_network, workspace
 from gpszip.matching.live import LiveMatcher
 from gpszip.matching.match import match
+from gpszip.matching.viterbi import Stretch, follow
 from gpszip.model import Network, Track
 from gpszip.model.match import Scales
 from gpszip.testing.city import drives

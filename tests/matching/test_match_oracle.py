@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpszip.kernels.match_lattice import lattice, thin
-from gpszip.kernels.match_layer import candidates, empty_layer
-from gpszip.kernels.match_trace import best_chain
-from gpszip.kernels.match_trace import places as where
 from gpszip.matching.index import index_network, workspace
-from gpszip.matching.rules import apart, model_of
+from gpszip.matching.kernels.backtrace import best_chain
+from gpszip.matching.kernels.backtrace import places as where
+from gpszip.matching.kernels.candidates import candidates, empty_layer
+from gpszip.matching.kernels.trellis import lattice, thin
+from gpszip.matching.parameters import apart, model_of
 from gpszip.model import Network
 from gpszip.model.match import Scales
 from oracle.matching import Plain, cheapest

@@ -7,7 +7,7 @@ import pytest
 
 from gpszip.errors import InputError
 from gpszip.matching.match import match
-from gpszip.matching.patching import patch
+from gpszip.matching.patch import patch
 from gpszip.model import Network, Track
 
 #: Length of a block of the town in metres, and its number of blocks in a row.

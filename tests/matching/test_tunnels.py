@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gpszip.matching.match import match
-from gpszip.matching.pace import habits_of
-from gpszip.matching.patching import patch
+from gpszip.matching.patch import patch
+from gpszip.matching.speeds import habits_of
 from gpszip.model import Network, Track
 
 BLOCK, SIDE, SPEED = 120.0, 11, 12.0

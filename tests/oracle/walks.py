@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gpszip.coding.walks import number_by_visit
+from gpszip.codec.walks import number_by_visit
 from gpszip.model import LatticeWalk, LatticeWalks
 
 

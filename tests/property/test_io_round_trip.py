@@ -5,8 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gpszip.errors import InputError
-from gpszip.io.reading import read_logs
-from gpszip.io.writing import write_tracks
+from gpszip.io.logs.read import read_logs
+from gpszip.io.logs.write import write_tracks
 from gpszip.model import Track
 
 NAMES = st.text(st.one_of(st.characters(codec="utf-8", exclude_categories=["Cc"]), st.sampled_from('\t\n\r,;"')), max_size=12)

@@ -2,10 +2,10 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpszip.coding.smallest import encode_smallest
-from gpszip.coding.walks import decode, encode, encode_in_modes, number_by_visit
+from gpszip.codec.kernels.walk_model import SORTED
+from gpszip.codec.modes import encode_smallest
+from gpszip.codec.walks import decode, encode, encode_in_modes, number_by_visit
 from gpszip.errors import CorruptArchiveError
-from gpszip.kernels.walk_model import SORTED
 from gpszip.model import LatticeWalks
 from oracle import walk_decoder
 from oracle.walks import assert_same, random_walks, walk

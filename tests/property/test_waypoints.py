@@ -1,6 +1,6 @@
 from hypothesis import given, settings
 
-from gpszip.coding.waypoints import bisect, expand, shorten
+from gpszip.codec.waypoints import bisect, expand, shorten
 from oracle.paths import fewest_waypoints, maps_with_walks
 
 

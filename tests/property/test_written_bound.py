@@ -12,15 +12,15 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gpszip import pipeline
 from gpszip.archive import new_archive, promising
-from gpszip.coding.walks import number_by_visit
+from gpszip.codec.walks import number_by_visit
 from gpszip.geo.planes import choose_plane, to_plane
-from gpszip.io.track_rows import metre_decimals
-from gpszip.io.writing import write_tracks
+from gpszip.io.logs.track_rows import metre_decimals
+from gpszip.io.logs.write import write_tracks
 from gpszip.model import Frame, LatticeWalk, LatticeWalks, Options, Plane, Track
 from gpszip.model.frame import quantum_index
 from gpszip.model.promise import promise_of, writing_error
+from gpszip.pipeline.compress import compress
 from gpszip.testing.city import city
 
 FORMATS = ["csv", "parquet", "geojson", "gpx"]
@@ -139,7 +139,7 @@ def test_samples_of_a_long_flight_are_within_the_bound_of_every_file():
     plane, bound = choose_plane(lat, lon), 10.0
     assert len(plane.centers) > 2
     track = Track("flight", times, to_plane(lat, lon, plane), plane=plane)
-    archive, _ = pipeline.compress([track], Options(max_error=bound, effort=1))
+    archive, _ = compress([track], Options(max_error=bound, effort=1))
     for format_ in FORMATS:
         covered = np.zeros(len(times), np.bool_)
         for line in written(archive, format_):

@@ -6,14 +6,17 @@ import time
 import numpy as np
 import pytest
 
-from gpszip import pipeline
 from gpszip.errors import BoundError, OptionError, WorkerError
-from gpszip.io.streaming import store_logs
+from gpszip.io.large.store import store_logs
 from gpszip.model import Options, Track
-from gpszip.model.executor import sharing, united
-from gpszip.pipeline import large, sketching
+from gpszip.pipeline import compress_large as large
+from gpszip.pipeline import coreset as sketching
+from gpszip.pipeline.compress import compress
+from gpszip.pipeline.merge import merge
+from gpszip.pipeline.segment_mean import segment_mean
 from gpszip.run import Dask, Processes, Serial, Threads, executor_of
 from gpszip.run.dask import connect
+from gpszip.run.executor import sharing, united
 from gpszip.testing import patrol
 from oracle.chores import departed, die, fail, halved, identity_of, joined, met, scaled
 
@@ -101,11 +104,11 @@ def test_work_that_kills_every_worker_is_told(client):
 def test_an_archive_is_the_same_on_every_engine(client):
     track = patrol(1500, seed=5)
     options = Options(rmse=0.3, effort=3)
-    expected = pipeline.compress(track, options, executor=Serial())[0].to_bytes()
+    expected = compress(track, options, executor=Serial())[0].to_bytes()
     with Processes(2) as processes:
         for executor in (Threads(1), Threads(2), Threads(3), processes, client):
-            assert pipeline.compress(track, options, executor=executor)[0].to_bytes() == expected
-        parameters = [pipeline.segment_mean(track, m=4, executor=executor) for executor in (None, Threads(3), processes, client)]
+            assert compress(track, options, executor=executor)[0].to_bytes() == expected
+        parameters = [segment_mean(track, m=4, executor=executor) for executor in (None, Threads(3), processes, client)]
     assert len({mean.cost for mean in parameters}) == 1
     assert len({mean.boundaries.tobytes() for mean in parameters}) == 1
 
@@ -137,11 +140,11 @@ def test_coresets_are_the_same_on_a_cluster(client, tmp_path, monkeypatch):
 def test_merged_archives_are_the_same_on_every_engine(client):
     track = patrol(1200, seed=5)
     thirds = [Track(str(i), track.times[i::3], track.positions[i::3]) for i in range(3)]
-    archives = [pipeline.compress(one, Options(rmse=0.3, effort=1))[0] for one in thirds]
-    expected = pipeline.merge(archives, executor=Serial())[0].to_bytes()
+    archives = [compress(one, Options(rmse=0.3, effort=1))[0] for one in thirds]
+    expected = merge(archives, executor=Serial())[0].to_bytes()
     with Processes(2) as processes:
         for executor in (Threads(3), processes, client):
-            assert pipeline.merge(archives, executor=executor)[0].to_bytes() == expected
+            assert merge(archives, executor=executor)[0].to_bytes() == expected
 
 
 def test_executors_that_only_map_are_enough():
@@ -153,7 +156,7 @@ def test_executors_that_only_map_are_enough():
     with sharing(Backwards(), 5) as shared:
         assert list(shared.map(pow, [1, 2])) == [5, 25]
     track = patrol(600, seed=5)
-    archives = [pipeline.compress(track, Options(rmse=0.3, effort=2), executor=executor)[0] for executor in (Backwards(), Serial())]
+    archives = [compress(track, Options(rmse=0.3, effort=2), executor=executor)[0] for executor in (Backwards(), Serial())]
     assert archives[0].to_bytes() == archives[1].to_bytes()
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from gpszip.kernels.bottom_up import bottom_up as merged
 from gpszip.model import Track
 from gpszip.segmentation.bottom_up import bottom_up, relaxed
 from gpszip.segmentation.douglas_peucker import douglas_peucker
+from gpszip.segmentation.kernels.bottom_up import bottom_up as merged
 from gpszip.segmentation.state import sums_of
 from oracle import segmentation as oracle
 

@@ -1,7 +1,7 @@
 """An archive: a road map, the walks of all tracks on it, and the questions that they answer."""
 
 from gpszip.archive.archive import Archive
-from gpszip.archive.making import keeping, new_archive, promising, sampled
-from gpszip.archive.opening import open_archive
+from gpszip.archive.create import keeping, new_archive, promising, sampled
+from gpszip.archive.open import open_archive
 
 __all__ = ["Archive", "keeping", "new_archive", "open_archive", "promising", "sampled"]

@@ -28,8 +28,8 @@ from gpszip.model.walk import Walk
 from gpszip.model.way_map import WayMap
 
 if TYPE_CHECKING:
-    from gpszip.coding.past import Past
-    from gpszip.coding.waypoints import Waypoints
+    from gpszip.codec.prior import Past
+    from gpszip.codec.waypoints import Waypoints
     from gpszip.graph.road_graph import RoadGraph
 
 __all__ = ["Archive"]
@@ -96,7 +96,7 @@ class Archive:
     @property
     def timed(self) -> bool:
         """Whether the times of the knots are kept, of any track at all."""
-        from gpszip.coding.payload_head import has_times
+        from gpszip.codec.payload_head import has_times
 
         return has_times(self.contents.groups[0].payload)
 
@@ -108,7 +108,7 @@ class Archive:
     @cached_property
     def lattice(self) -> LatticeWalks:
         """Map and walks as integers on the lattice of ``frame``."""
-        from gpszip.mapping.lattice_map import join_lattices
+        from gpszip.walks.quantised import join_lattices
 
         groups = [self._group(number) for number in range(len(self.contents.groups))]
         return groups[0] if len(groups) == 1 else join_lattices(groups)
@@ -116,14 +116,14 @@ class Archive:
     @cached_property
     def road_map(self) -> RoadMap:
         """Nodes and ways that the tracks share, in metres."""
-        from gpszip.mapping.lattice_map import road_map_of
+        from gpszip.walks.quantised import road_map_of
 
         return road_map_of(self.lattice, self.frame)
 
     @cached_property
     def walks(self) -> tuple[Walk, ...]:
         """One walk over the nodes of ``road_map`` for each track, in the order of ``tracks``."""
-        from gpszip.mapping.lattice_map import walks_of
+        from gpszip.walks.quantised import walks_of
 
         return walks_of(self.lattice, self.frame, self.ids)
 
@@ -135,7 +135,7 @@ class Archive:
         min_traversals : int, default 1
             Leave out ways that were travelled less often, both directions together.
         """
-        from gpszip.mapping.clean_map import clean_map
+        from gpszip.simplification.simplify import clean_map
 
         road_map, walks = self._drawn
         return clean_map(road_map, walks, quantum(self.frame.space), sampling=self.sampling, min_traversals=min_traversals)
@@ -147,8 +147,8 @@ class Archive:
 
     @cached_property
     def _drawn(self) -> tuple[RoadMap, tuple[Walk, ...]]:
-        from gpszip.mapping.counting import count_edges
-        from gpszip.mapping.drawn import cut_at_ends
+        from gpszip.walks.counting import count_edges
+        from gpszip.walks.cut_ends import cut_at_ends
 
         error = quantum(self.frame.space) if self.promise is None else self.promise.metres
         nodes, walks = cut_at_ends(self.road_map.nodes, self.walks, _DRAWN_BEYOND * error)
@@ -168,14 +168,14 @@ class Archive:
         """Fewest nodes of ``road_map`` from which shortest paths give a track's walk back (thesis, Algorithm 6).
 
         This is what the thesis would store of the walk, for comparison; the archive codes it in fewer bits. :func:`expand`
-        of :mod:`gpszip.coding.waypoints` gives the walk back.
+        of :mod:`gpszip.codec.waypoints` gives the walk back.
 
         Raises
         ------
         OptionError
             If there is no such track.
         """
-        from gpszip.coding.waypoints import shorten
+        from gpszip.codec.waypoints import shorten
         from gpszip.graph.route import route_along
 
         walk = self.walk(track)
@@ -203,7 +203,7 @@ class Archive:
         OptionError
             If there is no such track, the archive keeps no times, or degrees are asked of a log in x and y.
         """
-        from gpszip.mapping.fitting import positions_at
+        from gpszip.walks.error import positions_at
 
         plane = self.frame.plane
         if geographic and plane is None:
@@ -342,7 +342,7 @@ class Archive:
 
     def past(self, halvings: int = 0) -> Past:
         """The archive's walks as others go on from them, on quanta halved so many times."""
-        from gpszip.coding.past import Past
+        from gpszip.codec.prior import Past
 
         if halvings not in self._pasts:
             self._pasts[halvings] = Past(refined(self.lattice, halvings))
@@ -419,7 +419,7 @@ class Archive:
 
     def _group(self, number: int) -> LatticeWalks:
         if number not in self._decoded:
-            from gpszip.coding.walks import decode, number_by_visit
+            from gpszip.codec.walks import decode, number_by_visit
 
             group, past = self.contents.groups[number], self._past
             found = decode(group.payload, self.frame.dimension, group.tracks, past, self.frame if self.contents.ends else None)
@@ -462,7 +462,7 @@ class Archive:
 
     def _alone(self, track: str) -> tuple[Walk, NDArray[np.float64]]:
         """Walk of one track, and the nodes that it goes by, decoding no more than its group."""
-        from gpszip.mapping.lattice_map import node_positions, walks_of
+        from gpszip.walks.quantised import node_positions, walks_of
 
         number = self._number(track)
         which = next(i for i, group in enumerate(self.contents.groups) if number < group.first_track + group.tracks)
@@ -486,7 +486,7 @@ class Archive:
         return out
 
     def _sampled(self, walk: Walk, every: float | None, instants: NDArray[np.float64]) -> list[Track]:
-        from gpszip.mapping.fitting import SLACK, positions_at
+        from gpszip.walks.error import SLACK, positions_at
 
         nodes, times = self.road_map.nodes, _times(walk)
         out: list[Track] = []

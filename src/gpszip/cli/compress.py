@@ -87,18 +87,19 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
         sources = _spooled(logs)
         if not _fits(sources, choices):
             return _in_batches(settings, sources, target, options, choices, before, there, force=force, quiet=quiet)
-    from gpszip import pipeline
     from gpszip.cli.progress import progress
     from gpszip.cli.summary import show_summary
-    from gpszip.pipeline.appending import append
+    from gpszip.io.logs.read import read_logs
+    from gpszip.pipeline.append import append
+    from gpszip.pipeline.compress import compress
 
     with progress(quiet=quiet or settings.json) as listener, running(*_engine(choices)) as executor:
-        reading = pipeline.read(sources, **_reading(choices))
+        reading = read_logs(sources, **_reading(choices))
         where: dict[str, Any] = {"executor": executor, "progress": listener}
         if before is not None:
             archive, report = append(before, reading.tracks, options, **where)
         else:
-            archive, report = pipeline.compress(reading.tracks, options, bytes_in=reading.bytes, map=there, **where)
+            archive, report = compress(reading.tracks, options, bytes_in=reading.bytes, map=there, **where)
         renewed = append(there, reading.tracks, _of_a_map(options), **where)[0] if there is not None and choices["update_map"] else None
     _write(target, archive, choices["update_map"], renewed, force=force or before is not None)
     if settings.json or not quiet:
@@ -108,7 +109,7 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
 
 def _spooled(logs: tuple[str, ...]) -> Sequence[Any]:
     """The logs, those that are no files as temporary ones until the command ends."""
-    from gpszip.io.source import spooled
+    from gpszip.io.storage.source import spooled
 
     found: Sequence[Any] = click.get_current_context().with_resource(spooled(logs))
     return found
@@ -116,7 +117,7 @@ def _spooled(logs: tuple[str, ...]) -> Sequence[Any]:
 
 def _fits(logs: Sequence[Any], choices: dict[str, Any]) -> bool:
     """Whether the logs are small enough for the memory given."""
-    from gpszip.pipeline.large import fits
+    from gpszip.pipeline.compress_large import fits
 
     return fits(logs, int(choices["memory"]), format=choices["format"], columns=choices["columns"])
 
@@ -128,8 +129,8 @@ def _in_batches(
     """Compress logs larger than memory."""
     from gpszip.cli.progress import progress
     from gpszip.cli.summary import show_summary
-    from gpszip.pipeline.growing import append_large
-    from gpszip.pipeline.large import compress_large
+    from gpszip.pipeline.append_large import append_large
+    from gpszip.pipeline.compress_large import compress_large
 
     names = ("format", "columns", "time_unit", "dates", "clean", "sort", "split", "skip_bad")
     with progress(quiet=quiet or settings.json) as listener, running(*_engine(choices)) as executor:

@@ -13,8 +13,8 @@ from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import SIZE
 
 if TYPE_CHECKING:
-    from gpszip.io.streaming import StoredLog
-    from gpszip.model import Executor
+    from gpszip.io.large.store import StoredLog
+    from gpszip.run.executor import Executor
     from gpszip.sketches.coreset import Coreset
 
 __all__ = ["command"]
@@ -69,10 +69,10 @@ def command(
     from gpszip.cli.output import check_output, say, show_json
     from gpszip.cli.summary import account_of, losses_of, name_left_out, name_losses, place_of, repairs_in_words
     from gpszip.errors import OptionError
-    from gpszip.io.coreset_file import write_coreset
-    from gpszip.io.source import spooled
-    from gpszip.io.streaming import store_logs
-    from gpszip.pipeline.sketching import sketch_log
+    from gpszip.io.coresets import write_coreset
+    from gpszip.io.large.store import store_logs
+    from gpszip.io.storage.source import spooled
+    from gpszip.pipeline.coreset import sketch_log
 
     if (size is not None) + (max_bytes is not None) + (eps is not None) != 1 or (eps is not None and k is None):
         raise OptionError("how large is the coreset to be? give --size, or --max-bytes, or --k and --eps together")
@@ -98,8 +98,8 @@ def _write(made: Coreset, log: StoredLog, target: str, executor: Executor) -> in
     """Write weighted points and return their number."""
     from dataclasses import replace
 
-    from gpszip.io.writing import write_tracks
-    from gpszip.pipeline.sketching import thin_log
+    from gpszip.io.logs.write import write_tracks
+    from gpszip.pipeline.coreset import thin_log
 
     few = [replace(track, attributes={"weight": track.weights}) for track in thin_log(log, made, executor=executor)]  # type: ignore[dict-item]
     write_tracks(few, target, decimals=_DECIMALS)

@@ -47,9 +47,9 @@ def command(
     from gpszip.cli.output import check_output, say, show_json
     from gpszip.cli.times import parse_times
     from gpszip.errors import OptionError
-    from gpszip.io.formats import format_for_writing
-    from gpszip.io.track_rows import metre_decimals
-    from gpszip.io.writing import write_tracks
+    from gpszip.io.logs.formats import format_for_writing
+    from gpszip.io.logs.track_rows import metre_decimals
+    from gpszip.io.logs.write import write_tracks
     from gpszip.model.promise import writing_error
 
     given = [name for name, wanted in (("--every", every is not None), ("--at", at is not None), ("--samples", samples)) if wanted]
@@ -88,7 +88,7 @@ def _samples(archive: Archive, track: str | None) -> list[Track]:
 
 def _changes(tracks: list[Track], pieces: Mapping[str, str], form: str) -> list[str]:
     """What a format can't hold as it is, in words."""
-    from gpszip.io.gpx import HEIGHTS, unwritable
+    from gpszip.io.logs.gpx.write import HEIGHTS, unwritable
 
     if form != "gpx":
         return []

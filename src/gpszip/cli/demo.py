@@ -13,7 +13,7 @@ from gpszip.cli.outcome import Outcome
 if TYPE_CHECKING:
     from gpszip.archive import Archive
     from gpszip.model import Report
-    from gpszip.model.reading import Reading
+    from gpszip.model.read_result import Reading
 
 __all__ = ["command"]
 
@@ -34,18 +34,19 @@ def command(settings: Settings, out: str, seed: int, points: int, force: bool) -
 
     With the extra 'plot', map and comparison are drawn, too.
     """
-    from gpszip import pipeline
     from gpszip.cli.output import say, show_json
     from gpszip.cli.progress import progress
     from gpszip.cli.summary import summarise
+    from gpszip.io.logs.read import read_logs
     from gpszip.model import Options
+    from gpszip.pipeline.compress import compress
 
     folder = _folder(Path(out), force=force)
     say(f"generating {points:,} points of a robot on its rounds")
     _write_log(folder / "patrol.csv", points, seed)
     with progress(quiet=settings.json) as listener:
-        reading = pipeline.read([folder / "patrol.csv"])
-        archive, report = pipeline.compress(reading.tracks, Options(rmse=_RMSE), progress=listener)
+        reading = read_logs([folder / "patrol.csv"])
+        archive, report = compress(reading.tracks, Options(rmse=_RMSE), progress=listener)
     archive.save(folder / "patrol.gpsz", force=True)
     _write_back(archive, folder)
     missing = _draw(folder, reading, archive, report)
@@ -77,7 +78,7 @@ def _folder(folder: Path, *, force: bool) -> Path:
 
 
 def _write_log(path: Path, points: int, seed: int) -> None:
-    from gpszip.io.writing import write_tracks
+    from gpszip.io.logs.write import write_tracks
     from gpszip.testing import patrol
 
     write_tracks([patrol(points, seed=seed)], path)
@@ -85,9 +86,9 @@ def _write_log(path: Path, points: int, seed: int) -> None:
 
 def _write_back(archive: Archive, folder: Path) -> None:
     """Decompress, and write the map that was learned."""
-    from gpszip.io.maps import write_map
-    from gpszip.io.track_rows import metre_decimals
-    from gpszip.io.writing import write_tracks
+    from gpszip.io.logs.track_rows import metre_decimals
+    from gpszip.io.logs.write import write_tracks
+    from gpszip.io.maps.write import write_map
     from gpszip.model.promise import writing_error
 
     error = writing_error(archive.promise, geographic=archive.frame.plane is not None)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 if TYPE_CHECKING:
-    from gpszip.model import Executor
+    from gpszip.run.executor import Executor
 
 __all__ = ["engine_options", "running"]
 
@@ -43,9 +43,9 @@ def running(workers: int | None, engine: str | None, scheduler: str | None) -> I
         with connect(scheduler) as client:
             yield Dask(client)
     elif engine == "processes":
-        from gpszip import pipeline
+        from gpszip.pipeline.warm import warm
 
-        pipeline.warm()  # else each process compiles for itself
+        warm()  # else each process compiles for itself
         with Processes(workers) as executor:
             yield executor
     else:

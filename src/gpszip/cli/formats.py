@@ -19,9 +19,9 @@ def command(settings: Settings) -> Outcome:
     What a log or a network is shows in its content, whatever its name; logs may be packed with gzip, or lie in a zip archive.
     """
     from gpszip.cli.output import show_json
-    from gpszip.io.formats import FORMATS
-    from gpszip.io.maps import MAP_FORMATS
-    from gpszip.io.networks import NETWORK_FORMATS
+    from gpszip.io.logs.formats import FORMATS
+    from gpszip.io.maps.write import MAP_FORMATS
+    from gpszip.io.networks.read import NETWORK_FORMATS
 
     if settings.json:
         logs = [{"name": one.name, "suffixes": one.suffixes, "about": one.about, "write": one.write is not None} for one in FORMATS]

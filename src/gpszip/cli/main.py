@@ -17,8 +17,8 @@ from gpszip.cli.output import say, show_json
 from gpszip.cli.signals import ending_cleanly, ignore_signals
 from gpszip.cli.streams import flushed, open_standard_streams
 from gpszip.errors import BoundError, CorruptArchiveError, GPSZipError, MapError, OptionError
-from gpszip.files.causes import cause
-from gpszip.files.noting import noting
+from gpszip.files.os_errors import cause
+from gpszip.files.written import noting
 
 __all__ = ["cli", "main", "run"]
 

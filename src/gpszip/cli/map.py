@@ -31,7 +31,7 @@ def command(
     """Write the road map of ARCHIVE as GeoJSON, GraphML, GeoPackage or CSV: one way for each street, with its travels."""
     from gpszip.cli.archives import opened
     from gpszip.cli.output import check_output, say, show_json
-    from gpszip.io.maps import write_map
+    from gpszip.io.maps.write import write_map
 
     check_output(target, force=force, binary=kind == "gpkg")
     with opened(archive, map_name) as source:

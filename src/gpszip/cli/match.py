@@ -13,7 +13,7 @@ from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH, Quantity
 
 if TYPE_CHECKING:
-    from gpszip.io.networks import NetworkReading
+    from gpszip.io.networks.read import NetworkReading
     from gpszip.model import Network, Reading
     from gpszip.model.match import Matching
 
@@ -55,21 +55,22 @@ def command(settings: Settings, /, logs: tuple[str, ...], network: tuple[str, ..
     log is silent for long.
     """
     from gpszip.cli.output import check_output
-    from gpszip.io.routes import route_format
+    from gpszip.io.maps.routes import route_format
 
     kind = route_format(target, choices["kind"])
     check_output(target, force=choices["force"])
-    from gpszip import pipeline
     from gpszip.cli.progress import progress
-    from gpszip.io.routes import write_routes
+    from gpszip.io.logs.read import read_logs
+    from gpszip.io.maps.routes import write_routes
+    from gpszip.pipeline.match import match, read_network
 
     start = time.perf_counter()
     with progress(quiet=choices["quiet"] or settings.json) as listener:
         how = {name: choices[name] for name in ("skip_bad", "columns", "time_unit", "dates")}
-        reading = pipeline.read(logs, **how, heading=choices["heading"] != math.inf)
-        roads = pipeline.read_network(list(network), near=reading.tracks)
+        reading = read_logs(logs, **how, heading=choices["heading"] != math.inf)
+        roads = read_network(list(network), near=reading.tracks)
         options = {name: choices[name] for name in ("sigma", "beta", "gap", "heading", "ignore_oneway")}
-        matching = pipeline.match(reading.tracks, roads.network, **options, progress=listener)
+        matching = match(reading.tracks, roads.network, **options, progress=listener)
     write_routes(matching, reading.tracks, roads.network, target, kind)
     if settings.json or not choices["quiet"]:
         _show(target, reading, roads, matching, time.perf_counter() - start, settings)

@@ -55,12 +55,12 @@ def command(
     where = choices.pop("workers"), choices.pop("engine"), choices.pop("scheduler")
     options = MergeOptions(**choices)
     check_output(target, force=force, binary=True)
-    from gpszip import pipeline
+    from gpszip.pipeline.merge import merge
 
     _check_twice(archives)
     parts, bad = _readable(archives) if skip_bad else ({name: _whole(name) for name in archives}, {})
     with progress(quiet=quiet or settings.json) as listener, running(*where) as executor:
-        made, report = pipeline.merge([*parts.values()], options, names=_names(tuple(parts)), executor=executor, progress=listener)
+        made, report = merge([*parts.values()], options, names=_names(tuple(parts)), executor=executor, progress=listener)
     write_archive(target, made, force=force)
     if settings.json:
         show_json({"output": target, **_facts(tuple(parts), made, report), "left_out": bad}, err=target == "-")
@@ -108,7 +108,7 @@ def _whole(name: str) -> Archive:
 
 def _names(archives: tuple[str, ...]) -> list[str]:
     """Short names of the archives; their paths where these are not enough to tell them apart."""
-    from gpszip.io.shown import shown
+    from gpszip.io.storage.display_name import shown
 
     short = [shown(Path(name).stem or name) for name in archives]
     return short if len(set(short)) == len(short) else [shown(name) for name in archives]

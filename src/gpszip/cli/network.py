@@ -11,7 +11,7 @@ import click
 from gpszip.cli.options import Settings, common, force, output
 
 if TYPE_CHECKING:
-    from gpszip.io.prepared import Prepared
+    from gpszip.io.networks.prepared import Prepared
 
 __all__ = ["command"]
 
@@ -36,13 +36,13 @@ def command(
 
     IN is OpenStreetMap PBF or XML, GeoJSON, GeoPackage, FlatGeobuf, Shapefile, GraphML, or an archive, for its map.
     """
-    from gpszip import pipeline
     from gpszip.cli.output import check_output
-    from gpszip.io.sink import writing
+    from gpszip.io.storage.sink import writing
+    from gpszip.pipeline.match import prepare_network
 
     check_output(target, force=force, binary=True)
     start = time.perf_counter()
-    prepared = pipeline.prepare_network(sources, metric=True if metres else None, directed=directed)
+    prepared = prepare_network(sources, metric=True if metres else None, directed=directed)
     with writing(sys.stdout.buffer if target == "-" else target) as stream:
         size = prepared.write(stream)
     if settings.json or not quiet:

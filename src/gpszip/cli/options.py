@@ -10,7 +10,7 @@ import click
 
 __all__ = ["Settings", "archive_argument", "common", "force", "on_map", "output", "time_options"]
 
-# The choices of gpszip.io.timestamps and gpszip.io.date_texts, whose import takes longer than --help may.
+# The choices of gpszip.io.values.timestamps and gpszip.io.values.dates, whose import takes longer than --help may.
 _TIME_UNITS = ("s", "ms", "us", "ns", "days", "excel", "matlab")
 _ORDERS = ("dmy", "mdy", "ymd")
 

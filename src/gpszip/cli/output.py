@@ -62,7 +62,7 @@ def _check_folder(folder: Path) -> None:
 def write_archive(target: str, archive: Archive, *, force: bool) -> None:
     """Save an archive to a file or put it on standard output."""
     from gpszip.container.writer import write
-    from gpszip.io.sink import writing
+    from gpszip.io.storage.sink import writing
 
     if target != STDOUT:
         archive.save(target, force=force)
@@ -74,8 +74,8 @@ def write_archive(target: str, archive: Archive, *, force: bool) -> None:
 def write_with_map(target: str, archive: Archive, map_target: str, renewed: Archive) -> None:
     """Write an archive and a renewed map so that neither takes its place before both are on disk; both may replace files."""
     from gpszip.container.writer import write
-    from gpszip.files.causes import naming
-    from gpszip.files.replacing import replacing_together
+    from gpszip.files.atomic_write import replacing_together
+    from gpszip.files.os_errors import naming
 
     if STDOUT in (target, map_target):
         write_archive(target, archive, force=True)

@@ -14,10 +14,10 @@ from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION
 
 if TYPE_CHECKING:
-    from gpszip.io.networks import NetworkReading
-    from gpszip.io.text_log import TextLog
+    from gpszip.io.logs.csv_patching import TextLog
+    from gpszip.io.networks.read import NetworkReading
     from gpszip.model import Patching, Reading
-    from gpszip.model.reading import Repair
+    from gpszip.model.read_result import Repair
 
 __all__ = ["command"]
 
@@ -51,14 +51,14 @@ def command(settings: Settings, /, logs: tuple[str, ...], network: tuple[str, ..
     from gpszip.cli.output import check_output
 
     check_output(target, force=choices["force"])
-    from gpszip import pipeline
-    from gpszip.io.text_log import read_to_write_again
+    from gpszip.io.logs.csv_patching import read_to_write_again
+    from gpszip.pipeline.match import patch, read_network
 
     start = time.perf_counter()
     names = ("columns", "time_unit", "dates", "sort", "split", "skip_bad")
     reading, text = read_to_write_again(list(logs), heading=True, **{name: choices[name] for name in names})
-    roads = pipeline.read_network(list(network), near=reading.tracks)
-    patching = pipeline.patch(reading.tracks, roads.network, gap=choices["gap"], ignore_oneway=choices["ignore_oneway"])
+    roads = read_network(list(network), near=reading.tracks)
+    patching = patch(reading.tracks, roads.network, gap=choices["gap"], ignore_oneway=choices["ignore_oneway"])
     again = text if target.lower().endswith((".csv", ".tsv", ".txt", "-")) else None
     _write(patching, again, target)
     if again is not None:
@@ -69,8 +69,8 @@ def command(settings: Settings, /, logs: tuple[str, ...], network: tuple[str, ..
 
 
 def _write(patching: Patching, text: TextLog | None, target: str) -> None:
-    from gpszip.io.sink import writing
-    from gpszip.io.writing import write_tracks
+    from gpszip.io.logs.write import write_tracks
+    from gpszip.io.storage.sink import writing
 
     if text is None:
         write_tracks(patching.to_tracks(), target)

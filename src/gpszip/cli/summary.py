@@ -10,7 +10,7 @@ from typing import Any
 from gpszip.cli.output import STDOUT, say, show_json
 from gpszip.cli.units import format_bytes, format_duration, format_length
 from gpszip.model import Report
-from gpszip.model.reading import LeftOut, Reading, Repair
+from gpszip.model.read_result import LeftOut, Reading, Repair
 
 __all__ = [
     "account_of",

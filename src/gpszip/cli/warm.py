@@ -17,13 +17,13 @@ __all__ = ["command"]
 @click.pass_obj
 def command(settings: Settings) -> Outcome:
     """Compile all kernels into the cache, once for each installation; a minute or two of up to five cores."""
-    from gpszip import pipeline
     from gpszip.cli.output import say, show_json
     from gpszip.cli.progress import progress
+    from gpszip.pipeline.warm import warm
 
     start = time.perf_counter()
     with progress(quiet=settings.json) as listener:
-        pipeline.warm(listener)
+        warm(listener)
     seconds = time.perf_counter() - start
     if settings.json:
         show_json({"seconds": round(seconds, 3)})

@@ -30,7 +30,7 @@ from gpszip.container.names import names_bytes
 from gpszip.container.promise_record import promise_bytes
 from gpszip.container.reader import layer_limit
 from gpszip.errors import OptionError
-from gpszip.files.replacing import replacing
+from gpszip.files.atomic_write import replacing
 
 __all__ = ["save", "size_of", "to_bytes", "write"]
 

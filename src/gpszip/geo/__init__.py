@@ -1,1 +1,1 @@
-"""Planes, gaps, spikes and stops."""
+"""Metric planes, gaps, outliers and the antimeridian."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.geo.antimeridian import jumps, one_side, with_crossings
-from gpszip.geo.straight_in_degrees import straight_in_degrees
+from gpszip.geo.linear_in_degrees import straight_in_degrees
 from gpszip.model import Plane
 
 __all__ = ["DegreeLines", "cut_lines", "lines_in_degrees"]

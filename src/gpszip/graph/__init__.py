@@ -1,1 +1,1 @@
-"""Road graphs on arrays: canonical shortest paths and near nodes."""
+"""Road graphs on arrays, with canonical shortest paths."""

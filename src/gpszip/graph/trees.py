@@ -13,7 +13,7 @@ from gpszip.graph.road_graph import UNITS, RoadGraph
 from gpszip.graph.route import Route
 
 if TYPE_CHECKING:
-    from gpszip.kernels.shortest_paths import Arcs, Search
+    from gpszip.graph.kernels.shortest_paths import Arcs, Search
 
 __all__ = ["Tree", "TreeStore", "arcs_of", "distances_from", "search_on", "shortest_tree"]
 
@@ -63,7 +63,7 @@ class Tree:
 
 def arcs_of(graph: RoadGraph) -> Arcs:
     """The graph as the kernels take it."""
-    from gpszip.kernels.shortest_paths import Arcs
+    from gpszip.graph.kernels.shortest_paths import Arcs
 
     return Arcs(graph.offsets, graph.targets, graph.weights, graph.edges, graph.ranks)
 
@@ -73,7 +73,7 @@ def search_on(graph: RoadGraph, breadth: int | None = None) -> Search:
 
     Each search settles the nearest ``breadth`` nodes, and all that are as far as the last of them; by default all there are.
     """
-    from gpszip.kernels.shortest_paths import new_search
+    from gpszip.graph.kernels.shortest_paths import new_search
 
     return new_search(len(graph), len(graph.targets), max(len(graph), 1) if breadth is None else breadth)
 
@@ -99,7 +99,7 @@ def shortest_tree(graph: RoadGraph, source: int, *, radius: float | None = None,
     >>> tree.distance(2), tree.route(2).nodes.tolist()
     (7.0, [0, 1, 2])
     """
-    from gpszip.kernels.shortest_paths import grow
+    from gpszip.graph.kernels.shortest_paths import grow
 
     search = search_on(graph) if search is None else search
     grow(arcs_of(graph), search, source, _units(radius))
@@ -138,7 +138,7 @@ def distances_from(
     >>> distances_from(road_graph([[0, 0], [4, 0], [9, 9]], [[0, 1]]), 0, [1, 2]).tolist()
     [4.0, inf]
     """
-    from gpszip.kernels.shortest_paths import settle_all
+    from gpszip.graph.kernels.shortest_paths import settle_all
 
     search = search_on(graph) if search is None else search
     units = settle_all(arcs_of(graph), search, source, np.asarray(targets, dtype=np.int32), _units(radius))

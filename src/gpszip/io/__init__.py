@@ -1,1 +1,1 @@
-"""Readers and writers of logs and maps, one file for each format."""
+"""Reading and writing logs, road networks, maps and coresets."""

@@ -1,1 +1,1 @@
-"""Compiled loops on arrays and scalars; the only place that imports numba."""
+"""Compilation, and the compiled helpers that several packages share."""

@@ -20,7 +20,7 @@ def jit(function: F) -> F:
     Threads, not the compiler, spread work over cores: parallel loops and the disk cache don't go together.
     """
     compiled: F = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-    _renew_after_changes(compiled, function.__module__.rpartition(".")[2])
+    _renew_after_changes(compiled, function.__module__)
     return compiled
 
 

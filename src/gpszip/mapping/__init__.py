@@ -1,1 +1,1 @@
-"""Maps from segment means and from description length."""
+"""Learning the map that tracks share, by description length."""

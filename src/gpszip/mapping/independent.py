@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
-from gpszip.mapping.fitting import Fit, fit
-from gpszip.mapping.lattice_map import frame_for, node_positions, to_lattice, walks_of
 from gpszip.mapping.segment_map import make_map, walk_of
-from gpszip.model import Executor, Frame, LatticeWalks, Listener, Options, Progress, SegmentMean, Track, Walk
+from gpszip.model import Frame, LatticeWalks, Listener, Options, Progress, SegmentMean, Track, Walk
 from gpszip.model.frame import quantum_index
+from gpszip.run.executor import Executor
 from gpszip.segmentation.bound import segment_mean_within
 from gpszip.segmentation.em import segment_mean
 from gpszip.segmentation.search import find_parameters
+from gpszip.walks.error import Fit, fit
+from gpszip.walks.quantised import frame_for, node_positions, to_lattice, walks_of
 
 __all__ = ["learn"]
 

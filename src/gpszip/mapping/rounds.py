@@ -14,18 +14,18 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.coding.past import Past
-from gpszip.coding.walks import encode_with_ledger
-from gpszip.kernels.chain import settle_chains
-from gpszip.kernels.draft import enter_nodes, lead_clusters
-from gpszip.kernels.walk_model import ACCOUNTS, KIND_BITS, PLACE_BITS, SPAN_BITS
-from gpszip.mapping.drafting import Parts, empty_draft, list_parts, sample_errors, squared_error, walks_of
-from gpszip.mapping.placing import place, rounded_places, unite
+from gpszip.codec.kernels.walk_model import ACCOUNTS, KIND_BITS, PLACE_BITS, SPAN_BITS
+from gpszip.codec.prior import Past
+from gpszip.codec.walks import encode_with_ledger
+from gpszip.mapping.assignment import cut_pieces, settle
+from gpszip.mapping.initial_map import Parts, empty_draft, list_parts, sample_errors, squared_error, walks_of
+from gpszip.mapping.kernels.initial_map import enter_nodes, lead_clusters
+from gpszip.mapping.kernels.private_chain import settle_chains
+from gpszip.mapping.placement import place, rounded_places, unite
 from gpszip.mapping.plan import Plan
-from gpszip.mapping.settling import cut_pieces, settle
-from gpszip.mapping.slots import Slots, carry_knots, pick_slots, slots_near, weigh_samples
-from gpszip.model import Executor, LatticeWalks
-from gpszip.model.executor import local
+from gpszip.mapping.time_grid import Slots, carry_knots, pick_slots, slots_near, weigh_samples
+from gpszip.model import LatticeWalks
+from gpszip.run.executor import Executor, local
 
 __all__ = ["Outcome", "fit", "prices_of", "realise"]
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.mapping.counting import tally_edges
 from gpszip.model import RoadMap, SegmentMean, Track, Walk
+from gpszip.walks.counting import tally_edges
 
 __all__ = ["SegmentMap", "make_map", "walk_of"]
 

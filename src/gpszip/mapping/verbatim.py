@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.mapping.lattice_map import frame_for, join_lattices, to_lattice
 from gpszip.model import Frame, LatticeWalks, Track, Walk
 from gpszip.model.frame import quantum_index
+from gpszip.walks.quantised import frame_for, join_lattices, to_lattice
 
 __all__ = ["keep_samples"]
 

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.geo.planes import plane_index, to_geographic
-from gpszip.kernels.match_trace import directions
-from gpszip.matching.chain import Chain
 from gpszip.matching.index import RoadIndex
+from gpszip.matching.kernels.backtrace import directions
+from gpszip.matching.viterbi import Chain
 from gpszip.model import Plane, Track
 
 __all__ = ["HEADING", "agreeing", "headings_of", "spread", "unit_vectors"]

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.match_near import count_cells, file_cells, hash_cells
-from gpszip.kernels.match_roads import Cells, Graph, Rest, Roads, Work
+from gpszip.matching.kernels.road_grid import count_cells, file_cells, hash_cells
+from gpszip.matching.kernels.roads import Cells, Graph, Rest, Roads, Work
 from gpszip.model import Network
 
 __all__ = ["RoadIndex", "index_network", "open_both_ways", "workspace"]

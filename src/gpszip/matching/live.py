@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import OptionError, TrackError
-from gpszip.kernels.match_layer import GAP, JUMP
-from gpszip.kernels.match_live import add_layer, best, empty_ring, merged, trail
-from gpszip.kernels.match_trace import nearest_on
 from gpszip.matching.averaging import RunningMeans, Sample
 from gpszip.matching.headings import unit_vectors
 from gpszip.matching.index import RoadIndex, index_network, workspace
-from gpszip.matching.rules import apart, model_of
+from gpszip.matching.kernels.backtrace import nearest_on
+from gpszip.matching.kernels.candidates import GAP, JUMP
+from gpszip.matching.kernels.live import add_layer, best, empty_ring, merged, trail
+from gpszip.matching.parameters import apart, model_of
 from gpszip.model import Network
 from gpszip.model.match import Scales
 

@@ -11,16 +11,16 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OptionError
 from gpszip.geo.gaps import estimate_gap, silences
-from gpszip.geo.spikes import find_spikes
-from gpszip.matching.assembling import assemble
+from gpszip.geo.outliers import find_spikes
+from gpszip.matching.assemble import assemble
 from gpszip.matching.averaging import averaged, window
-from gpszip.matching.chain import Stretch, follow
 from gpszip.matching.headings import headings_of
 from gpszip.matching.index import RoadIndex, index_network, open_both_ways, workspace
-from gpszip.matching.leaps import among, without
 from gpszip.matching.one_way import leave_out_travel_against
-from gpszip.matching.rules import JOINED
+from gpszip.matching.outliers import among, without
+from gpszip.matching.parameters import JOINED
 from gpszip.matching.scales import guess_error, sound_scales
+from gpszip.matching.viterbi import Stretch, follow
 from gpszip.model import Network, Track
 from gpszip.model.match import Match, Matching
 
@@ -66,7 +66,7 @@ def match(
     Returns
     -------
     Matching
-        A match for each track. Samples that leap far away and back (:func:`~gpszip.geo.spikes.find_spikes`) are on no road; the piece
+        A match for each track. Samples that leap far away and back (:func:`~gpszip.geo.outliers.find_spikes`) are on no road; the piece
         goes on.
 
     Raises

@@ -12,14 +12,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.match_layer import JUMP
-from gpszip.kernels.match_roads import Work
-from gpszip.kernels.match_trace import place_samples
-from gpszip.matching.assembling import assemble
-from gpszip.matching.chain import Chain, Stretch, follow
+from gpszip.matching.assemble import assemble
 from gpszip.matching.index import RoadIndex
-from gpszip.matching.leaps import spread_out, without
-from gpszip.matching.rules import JUMP_PRICE, apart, brisk, slack
+from gpszip.matching.kernels.backtrace import place_samples
+from gpszip.matching.kernels.candidates import JUMP
+from gpszip.matching.kernels.roads import Work
+from gpszip.matching.outliers import spread_out, without
+from gpszip.matching.parameters import JUMP_PRICE, apart, brisk, slack
+from gpszip.matching.viterbi import Chain, Stretch, follow
 from gpszip.model.match import Break, Match, Scales
 
 __all__ = ["leave_out_travel_against"]

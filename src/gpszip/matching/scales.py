@@ -9,16 +9,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.match_lattice import thin
-from gpszip.kernels.match_layer import JUMP
-from gpszip.kernels.match_near import nearest_distances
-from gpszip.kernels.match_roads import Work
-from gpszip.kernels.match_trace import places
-from gpszip.matching.chain import Chain, Stretch, follow
 from gpszip.matching.headings import agreeing, spread
 from gpszip.matching.index import RoadIndex
+from gpszip.matching.kernels.backtrace import places
+from gpszip.matching.kernels.candidates import JUMP
+from gpszip.matching.kernels.road_grid import nearest_distances
+from gpszip.matching.kernels.roads import Work
+from gpszip.matching.kernels.trellis import thin
 from gpszip.matching.on_roads import Distances, tell_apart
-from gpszip.matching.rules import FASTER, reach
+from gpszip.matching.parameters import FASTER, reach
+from gpszip.matching.viterbi import Chain, Stretch, follow
 from gpszip.model.match import Scales
 
 __all__ = ["estimate_scales", "guess_error", "sound_scales"]

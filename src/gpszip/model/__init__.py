@@ -1,12 +1,11 @@
 """Frozen values that every room of the house shares: arrays with names and units."""
 
-from gpszip.model.executor import Executor
 from gpszip.model.frame import Frame, Plane
 from gpszip.model.lattice import LatticeWalk, LatticeWalks
 from gpszip.model.network import Network
 from gpszip.model.options import Options
 from gpszip.model.patching import Patch, Patching
-from gpszip.model.reading import LeftOut, Reading, Repair
+from gpszip.model.read_result import LeftOut, Reading, Repair
 from gpszip.model.report import Listener, Progress, Report
 from gpszip.model.road_map import RoadMap
 from gpszip.model.segment_mean import SegmentMean
@@ -16,7 +15,6 @@ from gpszip.model.walk import Walk
 from gpszip.model.way_map import WayMap
 
 __all__ = [
-    "Executor",
     "Frame",
     "LatticeWalk",
     "LatticeWalks",

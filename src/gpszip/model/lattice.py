@@ -37,7 +37,7 @@ class Ends:
     Parameters
     ----------
     tick : int
-        Index into :data:`gpszip.coding.ends.TICKS`; 0 where travel is claimed from knot to knot.
+        Index into :data:`gpszip.codec.ends.TICKS`; 0 where travel is claimed from knot to knot.
     first, last : int64 arrays, shape (P,)
         Ticks since the epoch at which the claim of each of the P pieces begins and ends, one walk after the other.
     """

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from gpszip.errors import OptionError
-from gpszip.model.executor import Executor
 from gpszip.run.dask import Dask
+from gpszip.run.executor import Executor
 from gpszip.run.threads import Threads
 
 __all__ = ["executor_of"]

@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
 from gpszip.errors import MissingExtraError, WorkerError
-from gpszip.model.executor import Executor, Shared
+from gpszip.run.executor import Executor, Shared
 from gpszip.run.in_order import in_order
 from gpszip.run.threads import Threads
 

@@ -17,9 +17,9 @@ from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
 from gpszip.errors import OptionError, WorkerError
-from gpszip.files.causes import naming
+from gpszip.files.os_errors import naming
 from gpszip.files.temporary import SCRATCH_PREFIX, temporary_folder
-from gpszip.model.executor import Executor, Shared
+from gpszip.run.executor import Executor, Shared
 from gpszip.run.in_order import in_order
 from gpszip.run.threads import Threads
 

@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from gpszip.model.executor import Serial
+from gpszip.run.executor import Serial
 
 __all__ = ["Serial"]

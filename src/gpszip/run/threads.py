@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from gpszip.errors import OptionError
-from gpszip.model.executor import Executor, Held, Shared
+from gpszip.run.executor import Executor, Held, Shared
 
 __all__ = ["Threads"]
 

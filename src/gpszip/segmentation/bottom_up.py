@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels import bottom_up as kernel
-from gpszip.kernels.shift import relax
 from gpszip.kernels.sums import Sums
+from gpszip.segmentation.kernels import bottom_up as kernel
+from gpszip.segmentation.kernels.shift import relax
 
 __all__ = ["bottom_up", "relaxed"]
 

@@ -8,8 +8,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from gpszip.kernels import ward as kernel
 from gpszip.kernels.sums import Sums
+from gpszip.segmentation.kernels import ward as kernel
 from gpszip.segmentation.lines import Lines, excess, own_lines, pooled_lines
 
 __all__ = ["k_means", "ward"]

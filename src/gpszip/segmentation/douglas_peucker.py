@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels import douglas_peucker as kernel
 from gpszip.kernels.sums import Sums
+from gpszip.segmentation.kernels import douglas_peucker as kernel
 
 __all__ = ["douglas_peucker"]
 

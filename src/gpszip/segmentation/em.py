@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
 from gpszip.kernels.sums import Sums
-from gpszip.model import Executor, SegmentMean, Track
-from gpszip.model.executor import local
+from gpszip.model import SegmentMean, Track
+from gpszip.run.executor import Executor, local
 from gpszip.segmentation import estep
 from gpszip.segmentation.bottom_up import bottom_up, relaxed
 from gpszip.segmentation.clustering import k_means, ward

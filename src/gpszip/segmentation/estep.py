@@ -14,9 +14,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.shift import shift
 from gpszip.kernels.sums import Sums
-from gpszip.model import Executor
+from gpszip.run.executor import Executor
+from gpszip.segmentation.kernels.shift import shift
 from gpszip.segmentation.partition import exact_partition
 from gpszip.segmentation.state import State, total_cost
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels import partition as kernels
-from gpszip.kernels.shift import cuts
 from gpszip.kernels.sums import Sums
+from gpszip.segmentation.kernels import partition as kernels
+from gpszip.segmentation.kernels.shift import cuts
 
 __all__ = ["Partition", "exact_partition", "penalised_partition"]
 

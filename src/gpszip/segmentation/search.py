@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from gpszip.errors import OptionError
-from gpszip.model import Executor, SegmentMean, Track
-from gpszip.model.executor import Shared, sharing
+from gpszip.model import SegmentMean, Track
+from gpszip.run.executor import Executor, Shared, sharing
 from gpszip.segmentation.em import segment_mean
 from gpszip.segmentation.memo import Memo, digest
 

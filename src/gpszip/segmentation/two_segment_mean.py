@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gpszip.kernels.shift import cut
 from gpszip.model import Track
+from gpszip.segmentation.kernels.shift import cut
 from gpszip.segmentation.state import sums_of, to_ticks
 
 __all__ = ["TwoSegmentMean", "two_segment_mean"]

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels import blocks as kernel
 from gpszip.model import Track
 from gpszip.sketches.coreset import Coreset
+from gpszip.sketches.kernels import blocks as kernel
 from gpszip.sketches.stream import merge
 
 __all__ = ["fine_blocks", "united_blocks"]

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import OptionError
-from gpszip.kernels import blocks as kernel
-from gpszip.kernels.block_chain import priced_parts
-from gpszip.kernels.block_costs import block_costs
 from gpszip.model import Plane, SegmentMean
+from gpszip.sketches.kernels import blocks as kernel
+from gpszip.sketches.kernels.block_chain import priced_parts
+from gpszip.sketches.kernels.block_costs import block_costs
 from gpszip.sketches.pieces import Pieces, pieces_of
 
 __all__ = ["FINER", "Coreset", "Cost", "eps_of_blocks"]
@@ -70,7 +70,7 @@ class Coreset:
     owners : int64 array, shape (B,)
         Track of each block; blocks of a track are together and in order of time.
     rows : float64 array, shape (B, 10 + 3 d)
-        Moments, with the columns of :mod:`gpszip.kernels.blocks`.
+        Moments, with the columns of :mod:`gpszip.sketches.kernels.blocks`.
     plane : Plane, optional
         Where the positions lie on the earth.
     """

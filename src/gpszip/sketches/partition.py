@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OptionError
-from gpszip.kernels import blocks as kernel
-from gpszip.kernels.balanced import balanced_cuts
 from gpszip.kernels.sums import Sums, moments
 from gpszip.kernels.sums import free_cost as free_ticks
 from gpszip.model import Track
 from gpszip.sketches.coreset import Coreset, eps_of_blocks
+from gpszip.sketches.kernels import blocks as kernel
+from gpszip.sketches.kernels.balanced import balanced_cuts
 from gpszip.sketches.prefix import part_sums
 
 __all__ = [

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from gpszip.errors import OptionError
-from gpszip.kernels.caratheodory import keep_few_of_each
 from gpszip.model import Track
 from gpszip.sketches.coreset import Coreset
+from gpszip.sketches.kernels.caratheodory import keep_few_of_each
 
 __all__ = ["weighted_samples"]
 

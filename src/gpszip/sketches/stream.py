@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import InputError, OptionError, TrackError
-from gpszip.kernels import blocks as kernel
 from gpszip.model import Plane
 from gpszip.sketches.coreset import FINER, Coreset
+from gpszip.sketches.kernels import blocks as kernel
 
 __all__ = ["CoresetStream", "merge"]
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import MissingExtraError
-from gpszip.files.replacing import replacing
+from gpszip.files.atomic_write import replacing
 from gpszip.model import Plane, RoadMap, Track
 
 if TYPE_CHECKING:

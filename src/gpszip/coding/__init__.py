@@ -1,1 +1,0 @@
-"""Range coder, models and the coding of walks."""

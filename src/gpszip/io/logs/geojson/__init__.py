@@ -1,0 +1,1 @@
+"""GeoJSON: lines with times, lines without times, and points."""

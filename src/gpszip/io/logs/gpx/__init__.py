@@ -1,0 +1,1 @@
+"""GPX: tracks, routes and their times."""

@@ -1,0 +1,141 @@
+"""Parsing GPX files, which may be large, damaged or hostile.
+
+The parser is expat, which comes with Python. Files are read in pieces, and no tree of elements
+is built: it would take a hundred times the memory of the points. No entity is ever declared, and
+nothing outside of the file is fetched. Depth, texts, tags and names have limits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from itertools import chain
+from xml.parsers import expat
+
+from gpszip.errors import InputError
+from gpszip.io.logs.gpx.points import GpxPoints, PointCollector, RefusedError
+from gpszip.io.logs.gpx.xml_text import Replaced, Utf8
+from gpszip.io.storage.expansion import next_piece
+from gpszip.io.storage.source import Source
+
+__all__ = ["parse_points"]
+
+#: Bytes that the parser gets at a time.
+_PIECE = 1 << 18
+
+#: Bytes of one tag or comment, all of which the parser keeps in memory.
+_MAX_TAG = 1 << 23
+
+#: Different names of elements and attributes. The parser keeps them all; real files have under 200.
+_MAX_NAMES = 10_000
+
+_ERROR = expat.errors
+
+#: The errors of a file that ends too early.
+_CUT_OFF = frozenset(
+    _ERROR.codes[text]
+    for text in (
+        _ERROR.XML_ERROR_NO_ELEMENTS,
+        _ERROR.XML_ERROR_UNCLOSED_TOKEN,
+        _ERROR.XML_ERROR_PARTIAL_CHAR,
+        _ERROR.XML_ERROR_UNCLOSED_CDATA_SECTION,
+    )
+)
+
+#: How to mend the commonest errors.
+_REMEDIES = {
+    _ERROR.codes[_ERROR.XML_ERROR_INVALID_TOKEN]: "write & as &amp; and < as &lt;, and remove control characters",
+    _ERROR.codes[_ERROR.XML_ERROR_UNDEFINED_ENTITY]: "write the letter itself, and & as &amp;",
+    _ERROR.codes[_ERROR.XML_ERROR_TAG_MISMATCH]: "close each element before the one around it",
+    _ERROR.codes[_ERROR.XML_ERROR_JUNK_AFTER_DOC_ELEMENT]: "remove what follows the first </gpx>, or move it to a file of its own",
+}
+
+
+def parse_points(source: Source, fields: Collection[str]) -> tuple[GpxPoints, Replaced]:
+    """Collect the points of a GPX file.
+
+    Elements are known by their names, in upper or lower case. Prefixes and namespaces don't matter.
+
+    Parameters
+    ----------
+    source : Source
+        The file or stream.
+    fields : collection of str
+        Elements of points to collect, by name in lower case, whether they are children of the
+        points or deeper within them. Where a point has several of one name, the first one that
+        isn't blank counts.
+
+    Returns
+    -------
+    GpxPoints
+        The points.
+    Replaced
+        Bytes that don't fit the encoding of the file.
+
+    Raises
+    ------
+    InputError
+        If the file is not well-formed XML, has a document type, or goes beyond a limit.
+    """
+    # The parser gets UTF-8 and is told so, whatever the file declares.
+    parser = expat.ParserCreate("utf-8")
+    parser.buffer_text = True
+    parser.ordered_attributes = True
+    collector = PointCollector(parser, fields)
+    pieces = _pieces(source)
+    first = next(pieces, b"")
+    utf8 = Utf8(first)
+
+    try:
+        _feed(parser, collector, utf8, chain([first], pieces))
+    except expat.ExpatError as error:
+        line = error.lineno + utf8.skipped_lines
+        raise InputError(f"{source.name}: line {line}: damaged GPX: {_damage(error.code, collector)}") from None
+    except RefusedError as error:
+        line = parser.CurrentLineNumber + utf8.skipped_lines
+        raise InputError(f"{source.name}: line {line}: {error}") from None
+    except UnicodeDecodeError:
+        encoding = utf8.encoding.upper()
+        raise InputError(f"{source.name}: damaged {encoding} text; fetch the file again, or save it as UTF-8") from None
+    return collector.collected(), utf8.replaced
+
+
+def _feed(parser: expat.XMLParserType, collector: PointCollector, utf8: Utf8, pieces: Iterator[bytes]) -> None:
+    """Parse all pieces, and check after each one what the handlers can't see."""
+    fed = 0
+    for piece in pieces:
+        text = utf8.encode(piece)
+        parser.Parse(text, False)
+        fed += len(text)
+        collector.settle()
+        if fed - parser.CurrentByteIndex > _MAX_TAG:
+            raise RefusedError(f"a tag or comment of more than {_MAX_TAG} bytes; shorten it")
+        if len(parser.intern) > _MAX_NAMES:
+            raise RefusedError(f"more than {_MAX_NAMES} different names of elements and attributes, which no GPX file needs")
+    parser.Parse(utf8.encode(b"", final=True), True)
+    collector.settle()
+
+
+def _damage(code: int, collector: PointCollector) -> str:
+    """Say what is wrong with the file, and how to mend it."""
+    points = f"{collector.count} point{'' if collector.count == 1 else 's'}"
+    if code not in _CUT_OFF:
+        remedy = _REMEDIES.get(code, "mend it there")
+        return f"{expat.ErrorString(code)}, after {points}; {remedy}; --skip-bad leaves the file out"
+
+    elements = collector.open_elements
+    if not elements:
+        return "the file ends within its first element; fetch it again"
+    ends = "".join(f"</{name}>" for name in reversed(elements))
+    remedy = f"fetch it again, or end it with {ends} after the last whole point"
+    return f"the file ends within <{elements[-1]}>, after {points}; {remedy}; --skip-bad leaves the file out"
+
+
+def _pieces(source: Source) -> Iterator[bytes]:
+    with source.open() as stream:
+        try:
+            while piece := next_piece(stream, _PIECE):
+                yield piece
+        except OSError as error:
+            raise InputError(
+                f"{source.name}: damaged gzip file ({error}); unpack what is left of it with zcat, or fetch it again"
+            ) from None

@@ -1,0 +1,316 @@
+"""Reading GPX: tracks with times, and tracks and routes without times, which are shapes.
+
+GPSZip has a reader of its own because others lose or change data without a word. GDAL's driver
+reads ``48,1371`` as 48 and takes 0 for what is no number; it leaves out extensions, and times that
+are written in unusual ways. gpxpy has had no release since 2023, and took ten times as long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+from numpy.typing import NDArray
+
+from gpszip.errors import InputError
+from gpszip.io.logs.gpx.parser import parse_points
+from gpszip.io.logs.gpx.points import GpxPoints
+from gpszip.io.logs.gpx.write import HEIGHTS
+from gpszip.io.logs.gpx.xml_text import Replaced, root_of
+from gpszip.io.logs.raw import RawLog, Request, Unread
+from gpszip.io.storage.source import Source
+from gpszip.io.values.arrow import numbers
+from gpszip.io.values.coordinates import degrees, has_decimal_comma, unread
+from gpszip.io.values.timestamps import seconds, unit_origin, unit_seconds
+from gpszip.model.read_result import LeftOut, Repair
+
+__all__ = ["read_gpx", "sniff_gpx"]
+
+#: Names of one quantity. Who asks for one name gets another one that the points have.
+_SYNONYMS = (
+    HEIGHTS,
+    ("hr", "heart_rate", "heartrate"),
+    ("cad", "cadence"),
+    ("atemp", "temperature", "temp"),
+    ("power", "watts"),
+)
+
+#: The element that says where the agent is heading.
+_COURSE = "course"
+
+#: How XML writes a number that is not known.
+_NAN = r"(?i)^\s*[+-]?nan\s*$"
+
+#: Bytes that NumPy may take for a column of texts. Each text takes as much as the longest one.
+_MAX_TEXT_BYTES = 1 << 30
+
+#: Letters of a value, and names of elements, that a message shows.
+_SHOWN_LETTERS, _SHOWN_NAMES = 40, 20
+
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+
+def sniff_gpx(head: bytes) -> bool:
+    """Whether a file that starts like this is GPX.
+
+    Parameters
+    ----------
+    head : bytes
+        The first bytes of the file.
+
+    Examples
+    --------
+    >>> sniff_gpx(b'<?xml version="1.0"?> <gpx version="1.1">'), sniff_gpx(b"<kml>")
+    (True, False)
+    """
+    return (root_of(head) or "").lower() == "gpx"
+
+
+def read_gpx(source: Source, request: Request) -> RawLog:
+    """Read the tracks and routes of a GPX file.
+
+    The segments of a track with times are one track; long pauses between them are gaps. A track in
+    which no point has a time is a shape, and so is each route. Nothing tells how a shape goes from
+    one segment to the next, so each segment becomes a shape of its own.
+
+    Parameters
+    ----------
+    source : Source
+        The file or stream.
+    request : Request
+        The unit of times that are numbers, and the elements of points to keep (``ele``, ``hr``,
+        ``speed``), from extensions, too. Other common names of them will do (``heart_rate``).
+
+    Returns
+    -------
+    RawLog
+        Tracks and routes in the order of the file, with numbers after names that occur twice.
+        Points with a coordinate that can't be read have NaN for it. Waypoints are left out.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, has a document type or goes beyond a limit; if no point has a
+        position, or there are times and none can be read; or if no point has an element to keep.
+
+    Examples
+    --------
+    >>> point = '<trkpt lat="48.1" lon="11.5"><time>1970-01-01T00:00:01Z</time><hr>120</hr></trkpt>'
+    >>> data = f"<gpx><trk><name>walk</name><trkseg>{point}</trkseg></trk></gpx>".encode()
+    >>> log = read_gpx(Source("a.gpx", data=data), Request(keep=("heart_rate",)))
+    >>> log.ids, log.times.tolist(), log.coordinates.tolist(), log.attributes["heart_rate"].tolist()
+    (('walk',), [1.0], [[48.1, 11.5]], [120.0])
+    """
+    # Collect the texts of all points.
+    wanted = {field for name in request.keep for field in _fields_named(name)}
+    wanted |= {"time", *((_COURSE,) if request.heading else ())}
+    points, replaced = parse_points(source, wanted)
+    if not len(points.lat):
+        only = f", only {_waypoints(points)}" if points.waypoints else ""
+        raise InputError(f"{source.name}: no track points{only}; GPSZip reads tracks (trk) and routes (rte)")
+
+    # Tell tracks from shapes, and name both.
+    time_texts = points.fields.get("time", pa.chunked_array([pa.nulls(len(points.lat), pa.string())]))
+    has_times = _has_times(points, time_texts)
+    ids, codes, is_shape = _tracks(points, has_times, source.stem)
+
+    # Read the texts.
+    comma = has_decimal_comma([points.lat, points.lon])
+    coordinates, unread_places = _coordinates(points, comma)
+    time_texts_of_tracks = pc.if_else(pa.array(has_times[_parent_of_points(points)]), time_texts, None)
+    times = _times(time_texts_of_tracks, request, source.name)
+    unread_time = unread(time_texts_of_tracks, times, "time")
+    _require_usable_points(source.name, times, coordinates, is_shape[codes], unread_places)
+
+    # Read what else is to be kept.
+    kept = _kept_fields(points, request, source.name)
+    attributes = {name: _values(points.fields[field], comma, f"{source.name}: {field}") for name, field in kept.items()}
+    used = list(kept.values())
+    if _COURSE in points.fields and request.heading:
+        headings = numbers(points.fields[_COURSE], comma)
+        if np.isfinite(headings).any():
+            attributes["heading"] = headings
+            used.append(_COURSE)
+
+    return RawLog(
+        name=source.name,
+        ids=ids,
+        codes=codes if ids else None,
+        times=times,
+        coordinates=coordinates,
+        geographic=True,
+        attributes=attributes,
+        word="point",
+        labels=True,
+        dropped=_dropped(points, used),
+        repairs=(*_replacements(replaced, source.name), *_ignored_times(points, time_texts, source.name)),
+        left_out=(LeftOut(f"{source.name}: {_waypoints(points)}", "not a track"),) if points.waypoints else (),
+        unread=(*unread_places, *((unread_time,) if unread_time is not None else ())),
+        untimed=frozenset(np.flatnonzero(is_shape).tolist()),
+    )
+
+
+# Tracks and shapes
+
+
+def _parent_of_points(points: GpxPoints) -> NDArray[np.intp]:
+    """Index of the track or route of each point."""
+    return np.repeat(points.parents, _segment_lengths(points))
+
+
+def _segment_lengths(points: GpxPoints) -> NDArray[np.intp]:
+    return np.diff(points.starts, append=len(points.lat))
+
+
+def _has_times(points: GpxPoints, time_texts: Any) -> Flags:
+    """Whether each track has times, readable or not. Those of routes are plans and don't count."""
+    filled = time_texts.is_valid().to_numpy()
+    has_times = np.zeros(len(points.names), dtype=np.bool_)
+    has_times[_parent_of_points(points)[filled]] = True
+    return has_times & ~points.routes
+
+
+def _tracks(points: GpxPoints, has_times: Flags, stem: str) -> tuple[tuple[str, ...], NDArray[np.int32], Flags]:
+    """Return names of tracks and shapes, the index of a name for each point, and which are shapes."""
+    # A track with times starts with its first segment, a shape with each segment.
+    starts_parent = np.diff(points.parents, prepend=-1) > 0
+    starts_track = starts_parent | ~has_times[points.parents]
+    parents = points.parents[starts_track]
+    codes = np.repeat(np.cumsum(starts_track) - 1, _segment_lengths(points)).astype(np.int32)
+    is_shape: Flags = ~has_times[parents]
+
+    # What has no name is named after the file, or has none at all where it is alone.
+    if points.names == (None,):
+        titles = [stem]
+        ids = _distinct(titles * len(parents)) if len(parents) > 1 else ()
+    else:
+        titles = [f"{stem}-{number}" if name is None else name for number, name in enumerate(points.names, 1)]
+        ids = _distinct([titles[parent] for parent in parents.tolist()])
+    return ids, codes, is_shape
+
+
+def _distinct(names: Sequence[str]) -> tuple[str, ...]:
+    """Number names that occur twice: the second ``a`` becomes ``a-2``, or the next free one."""
+    found: dict[str, None] = {}
+    last_number: dict[str, int] = {}
+    for name in names:
+        new, number = name, last_number.get(name, 1)
+        while new in found:
+            number += 1
+            new = f"{name}-{number}"
+        last_number[name] = number
+        found[new] = None
+    return tuple(found)
+
+
+# Positions and times
+
+
+def _coordinates(points: GpxPoints, comma: bool) -> tuple[Floats, tuple[Unread, ...]]:
+    """Return latitudes and longitudes, and the first of each that can't be read."""
+    lat = degrees(points.lat, "lat", decimal_comma=comma)
+    lon = degrees(points.lon, "lon", decimal_comma=comma)
+    found = (_first_unread(points.lat, lat, "lat"), _first_unread(points.lon, lon, "lon"))
+    return np.stack([lat, lon], axis=1), tuple(cell for cell in found if cell is not None)
+
+
+def _first_unread(texts: Any, values: Floats, name: str) -> Unread | None:
+    """Return the first coordinate that can't be read, or isn't there: each point must have one."""
+    bad = ~np.isfinite(values)
+    if not bad.any():
+        return None
+    row = int(bad.argmax())
+    text = texts[row].as_py()
+    return Unread(name, row, f"no {name}" if text is None else text)
+
+
+def _times(texts: Any, request: Request, where: str) -> Floats:
+    if texts.null_count == len(texts):
+        return np.full(len(texts), np.nan)
+    unit = unit_seconds(request.time_unit) if request.time_unit else None
+    return seconds(texts, unit, f"{where}: time", origin=unit_origin(request.time_unit), dates=request.dates)
+
+
+def _require_usable_points(where: str, times: Floats, coordinates: Floats, in_shape: Flags, unread_places: Sequence[Unread]) -> None:
+    placed: Flags = np.asarray(np.isfinite(coordinates).all(axis=1))
+    if not placed.any():
+        first = unread_places[0]
+        raise InputError(
+            f"{where}: no point has a position that can be read; the first has "
+            f"{first.column}={_shown(first.value)}; write degrees such as lat='48.1371'"
+        )
+    if not (placed & (in_shape | np.isfinite(times))).any():
+        raise InputError(f"{where}: no point has both a position and a time that can be read")
+
+
+# Attributes
+
+
+def _fields_named(name: str) -> list[str]:
+    """Elements that a name may stand for, itself first."""
+    field = name.lower()
+    synonyms = next((group for group in _SYNONYMS if field in group), ())
+    return list(dict.fromkeys((field, *synonyms)))
+
+
+def _kept_fields(points: GpxPoints, request: Request, where: str) -> dict[str, str]:
+    """Return the element to keep for each name that was asked for."""
+    present = {field: shown for field, shown in points.present.items() if field != "time"}
+    kept = {}
+    for name in request.keep:
+        field = next((field for field in _fields_named(name) if field in present), None)
+        if field is None:
+            shown = ", ".join(list(present.values())[:_SHOWN_NAMES]) or "place and time only"
+            raise InputError(f"{where}: no {name!r} to keep; its points have: {shown}")
+        kept[name] = field
+    return kept
+
+
+def _dropped(points: GpxPoints, used: Iterable[str]) -> tuple[str, ...]:
+    known = {"time", *used}
+    return tuple(shown for field, shown in points.present.items() if field not in known)
+
+
+def _values(texts: Any, comma: bool, where: str) -> NDArray[np.generic]:
+    """Return floats where all texts are numbers, NaN for those that are not there; else texts."""
+    unknown = pc.fill_null(pc.match_substring_regex(texts, _NAN), True).to_numpy(zero_copy_only=False)
+    floats = numbers(texts, comma)
+    if (np.isfinite(floats) | unknown.astype(np.bool_)).all():
+        return floats
+
+    letters = int(pc.max(pc.utf8_length(texts)).as_py())
+    if letters * np.dtype("U1").itemsize * len(texts) > _MAX_TEXT_BYTES:
+        raise InputError(f"{where}: texts of {letters} letters are too long to keep for {len(texts)} points; leave them out")
+    return np.array(pc.fill_null(texts, "").to_pylist(), dtype=np.str_)
+
+
+# What the user must know
+
+
+def _replacements(replaced: Replaced, where: str) -> tuple[Repair, ...]:
+    if not replaced.count:
+        return ()
+    what = "bytes that don't fit the file's encoding read as Windows-1252"
+    return (Repair(what, replaced.count, where, drops=False, value=f"text {_shown(replaced.first)}"),)
+
+
+def _ignored_times(points: GpxPoints, time_texts: Any, where: str) -> tuple[Repair, ...]:
+    rows = np.flatnonzero(time_texts.is_valid().to_numpy() & points.routes[_parent_of_points(points)])
+    if not len(rows):
+        return ()
+    first = int(rows[0])
+    what = "times of route points not read, as routes are shapes"
+    value = f"time {_shown(time_texts[first].as_py())}"
+    return (Repair(what, len(rows), f"{where}: point {first + 1}", drops=False, value=value),)
+
+
+def _waypoints(points: GpxPoints) -> str:
+    return f"{points.waypoints} waypoint{'' if points.waypoints == 1 else 's'}"
+
+
+def _shown(text: str) -> str:
+    return repr(text if len(text) <= _SHOWN_LETTERS else text[:_SHOWN_LETTERS] + "...")

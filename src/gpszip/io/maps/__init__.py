@@ -1,0 +1,1 @@
+"""Writers of maps and matched routes, one file for each format."""

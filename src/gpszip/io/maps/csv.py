@@ -1,0 +1,37 @@
+"""A map as CSV: a row for each edge or way, with the places of its ends."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.csv as pc
+
+from gpszip.io.maps.table import MapTable
+
+__all__ = ["write_map_csv"]
+
+
+def write_map_csv(table: MapTable, path: Path) -> None:
+    """Write the columns, the coordinates of both ends, and ways as well-known text in the column ``line``.
+
+    Parameters
+    ----------
+    table : MapTable
+        The map.
+    path : Path
+        The file.
+    """
+    columns = {name: _nothing_for_nan(values) for name, values in table.properties.items()}
+    for end in ("u", "v"):
+        nodes = table.properties[end]
+        columns |= {f"{end}_{axis}": pa.array(table.places[nodes, i]) for i, axis in enumerate(table.axes)}
+    if table.shaped:
+        columns["line"] = pa.array(table.wkt, pa.string())
+    with path.open("wb") as file:
+        file.write((",".join(columns) + "\n").encode())
+        pc.write_csv(pa.table(columns), file, pc.WriteOptions(include_header=False))
+
+
+def _nothing_for_nan(values: object) -> pa.Array:
+    return pa.array(values, from_pandas=True)

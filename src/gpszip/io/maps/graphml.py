@@ -1,0 +1,51 @@
+"""A map as GraphML, for programs that work on graphs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from gpszip.io.maps.table import MapTable
+
+__all__ = ["write_map_graphml"]
+
+_HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<graphml xmlns="http://graphml.graphdrawing.org/xmlns">\n'
+
+
+def write_map_graphml(table: MapTable, path: Path) -> None:
+    """Write nodes with lon, lat or x, y[, z], and edges with the other columns; ways as well-known text named ``line``.
+
+    Parameters
+    ----------
+    table : MapTable
+        The map.
+    path : Path
+        The file.
+    """
+    with path.open("w", encoding="utf-8") as file:
+        file.writelines(_lines(table))
+
+
+def _lines(table: MapTable) -> Iterator[str]:
+    yield _HEAD
+    for axis in table.axes:
+        yield f'<key id="{axis}" for="node" attr.name="{axis}" attr.type="double"/>\n'
+    columns = dict(list(table.properties.items())[2:])
+    for name, column in columns.items():
+        kind = "long" if column.dtype.kind == "i" else "double"
+        yield f'<key id="{name}" for="edge" attr.name="{name}" attr.type="{kind}"/>\n'
+    if table.shaped:
+        yield '<key id="line" for="edge" attr.name="line" attr.type="string"/>\n'
+    yield '<graph edgedefault="undirected">\n'
+    places = table.places.tolist()
+    for node in table.nodes.tolist():
+        data = "".join(f'<data key="{axis}">{value!r}</data>' for axis, value in zip(table.axes, places[node], strict=True))
+        yield f'<node id="{node}">{data}</node>\n'
+    lines = table.wkt if table.shaped else [""] * len(table)
+    for line, u, v, *values in zip(lines, *(column.tolist() for column in table.properties.values()), strict=True):
+        # NaN is no data.
+        known = [(name, value) for name, value in zip(columns, values, strict=True) if value == value]  # noqa: PLR0124
+        data = "".join(f'<data key="{name}">{value!r}</data>' for name, value in known)
+        data += f'<data key="line">{line}</data>' if line else ""
+        yield f'<edge source="{u}" target="{v}">{data}</edge>\n'
+    yield "</graph>\n</graphml>\n"

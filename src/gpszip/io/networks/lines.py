@@ -1,0 +1,131 @@
+"""What a reader of road networks hands over: lines with directions and speeds, before anything is joined."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from gpszip.model.read_result import Repair
+
+__all__ = ["RoadLines", "TextColumn", "Users", "line_rows", "take_columns", "take_lines", "within_globe"]
+
+
+class Users(IntEnum):
+    """Who may be met on a road."""
+
+    ANYBODY = 0
+    MOTORS = 1  # motorways: nobody walks there
+    NO_MOTORS = 2  # footways, cycleways, steps
+
+
+class TextColumn(Sequence[str]):
+    """Texts that are kept as Arrow keeps them, a tenth of what a list takes.
+
+    Examples
+    --------
+    >>> texts = TextColumn(pa.array(["a", "b", "c"]))
+    >>> texts[-1], len(texts), texts[:2]
+    ('c', 3, ['a', 'b'])
+    """
+
+    def __init__(self, array: Any) -> None:
+        self.array = array.combine_chunks() if isinstance(array, pa.ChunkedArray) else array
+
+    def __len__(self) -> int:
+        return len(self.array)
+
+    def __getitem__(self, index: Any) -> Any:
+        if isinstance(index, slice):
+            return self.array.take(pa.array(np.arange(len(self))[index])).to_pylist()
+        return self.array[int(index) + (len(self) if index < 0 else 0)].as_py()
+
+
+@dataclass(frozen=True, eq=False)
+class RoadLines:
+    """Lines as their source has them.
+
+    Parameters
+    ----------
+    name : str
+        Of the source, for messages.
+    coordinates : float64 array, shape (N, 2)
+        Longitude and latitude in degrees, or metres.
+    offsets : int64 array, shape (E + 1,)
+        Line i has the vertices ``coordinates[offsets[i]:offsets[i + 1]]``.
+    geographic : bool
+        Whether the coordinates are degrees.
+    forward, backward : bool array, shape (E,)
+        Whether a line may be travelled along its vertices, and against them.
+    speeds : float64 array, shape (E,)
+        Expected speed in m/s, NaN where unknown.
+    users : uint8 array, shape (E,)
+        :class:`Users` of each line.
+    ids : pyarrow string array of length E
+        What the source calls each line.
+    names : pyarrow string array of length E
+        Street names, null where there is none.
+    directed : bool or None
+        Whether the source holds one line for each direction; None where that is to be told from the lines.
+    repairs : tuple of Repair
+        What the reader mended.
+    """
+
+    name: str
+    coordinates: NDArray[np.float64]
+    offsets: NDArray[np.int64]
+    geographic: bool
+    forward: NDArray[np.bool_]
+    backward: NDArray[np.bool_]
+    speeds: NDArray[np.float64]
+    users: NDArray[np.uint8]
+    ids: Any
+    names: Any
+    directed: bool | None = False
+    repairs: tuple[Repair, ...] = field(default=())
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+
+def line_rows(offsets: NDArray[np.int64], chosen: NDArray[np.intp]) -> NDArray[np.int64]:
+    """Numbers of the vertices of some lines, one line after the other.
+
+    Examples
+    --------
+    >>> line_rows(np.array([0, 2, 5]), np.array([1, 0])).tolist()
+    [2, 3, 4, 0, 1]
+    """
+    counts = np.diff(offsets)[chosen]
+    rows: NDArray[np.int64] = np.arange(counts.sum()) + np.repeat(offsets[:-1][chosen] - np.cumsum(counts) + counts, counts)
+    return rows
+
+
+def take_columns(lines: RoadLines, chosen: NDArray[np.intp]) -> RoadLines:
+    """What is told of some of the lines; vertices stay as they are."""
+    return replace(
+        lines,
+        forward=lines.forward[chosen],
+        backward=lines.backward[chosen],
+        speeds=lines.speeds[chosen],
+        users=lines.users[chosen],
+        ids=lines.ids.take(pa.array(chosen)),
+        names=lines.names.take(pa.array(chosen)),
+    )
+
+
+def take_lines(lines: RoadLines, chosen: NDArray[np.intp]) -> RoadLines:
+    """Some of the lines, in the order of their numbers."""
+    offsets = np.append(0, np.cumsum(np.diff(lines.offsets)[chosen]))
+    return replace(take_columns(lines, chosen), offsets=offsets, coordinates=lines.coordinates[line_rows(lines.offsets, chosen)])
+
+
+def within_globe(points: NDArray[np.float64]) -> bool:
+    """Whether coordinates could be longitudes and latitudes, but for those that are no numbers."""
+    known = points[np.isfinite(points).all(axis=1)]
+    return bool((np.abs(known[:, 0]) <= 360).all() and (np.abs(known[:, 1]) <= 90).all())

@@ -1,0 +1,1 @@
+"""Numbers, coordinates and timestamps from columns of text or numbers."""

@@ -1,0 +1,1 @@
+"""Merging the maps and walks of several archives."""

@@ -1,0 +1,135 @@
+"""Parts of a merge: the curves of an archive, and those of several with walks for them on a common lattice."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.codec.walks import number_by_visit
+from gpszip.mapping.time_grid import Slots, lay_slots
+from gpszip.merging.deviation import Curve, in_turn, share_at_knots, weighed
+from gpszip.model import Frame, LatticeWalk, LatticeWalks
+from gpszip.model.frame import quantum
+
+__all__ = ["Branch", "Part", "join", "leaf", "leaves"]
+
+T = TypeVar("T")
+
+#: Slots from which on only those next to points are taken.
+_SPARSE = 500_000
+
+#: The most weight that knots have in searches: without any between them, curves would stray there.
+_AT_KNOTS = 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """The curves of one archive, on the plane that all share, and its map.
+
+    Parameters
+    ----------
+    curves : tuple of Curve
+        One for each track.
+    nodes : float64 array, shape (V, d)
+        Places of the map's nodes in metres.
+    visits : tuple of int32 arrays
+        Node at each knot of each curve.
+    frame : Frame
+        The archive's lattice, whose quanta are tried.
+    step : float, optional
+        Seconds between two samples of the log, where that is known.
+    room : float, default 1.0
+        Share of the limit by which these curves may be moved.
+    """
+
+    curves: tuple[Curve, ...]
+    nodes: NDArray[np.float64]
+    visits: tuple[NDArray[np.int32], ...]
+    frame: Frame
+    step: float | None = None
+    room: float = 1.0
+
+    @cached_property
+    def at_knots(self) -> float:
+        """Share of the log's points that may lie at knots."""
+        return share_at_knots(self.curves, self.step)
+
+    @cached_property
+    def points(self) -> tuple[Curve, ...]:
+        """The curves as points with weights."""
+        return tuple(weighed(self.curves, min(self.at_knots, _AT_KNOTS)))
+
+    @property
+    def knots(self) -> int:
+        """Number of knots of all curves."""
+        return sum(map(len, self.visits))
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """Some of the curves with walks for them on the common lattice."""
+
+    curves: tuple[Curve, ...]
+    points: tuple[Curve, ...]
+    walks: LatticeWalks
+    groups: tuple[int, ...]
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Names of the tracks."""
+        return tuple(curve.track.id for curve in self.curves)
+
+    def sorted(self) -> Branch:
+        """The same in the order of starts."""
+        order = in_turn(self.curves)
+        walks = LatticeWalks(self.walks.nodes, _picked(self.walks.walks, order))
+        return Branch(_picked(self.curves, order), _picked(self.points, order), number_by_visit(walks), _picked(self.groups, order))
+
+    def slots(self, frame: Frame) -> Slots:
+        """The slots of a lattice over the points, sparse ones where there would be very many."""
+        tracks, gaps = [point.track for point in self.points], [point.gaps for point in self.points]
+        slots = lay_slots(tracks, gaps, frame)
+        return slots if len(slots.cells) < _SPARSE else lay_slots(tracks, gaps, frame, sparse=True)
+
+    def point_groups(self) -> NDArray[np.int64]:
+        """Part of each point."""
+        return np.repeat(self.groups, [len(point.track) for point in self.points])
+
+
+def leaves(parts: Sequence[Part], frame: Frame) -> list[Branch]:
+    """Round all parts to a lattice."""
+    return [leaf(part, frame, number) for number, part in enumerate(parts)]
+
+
+def leaf(part: Part, frame: Frame, number: int) -> Branch:
+    """Round one part to a lattice."""
+    corner = np.asarray(frame.origin, dtype=np.float64) / 1000
+    nodes = np.rint((part.nodes - corner) / quantum(frame.space)).astype(np.int64)
+    walks = [
+        LatticeWalk(visits, np.rint((curve.track.times - frame.epoch / 1000) / quantum(frame.time)).astype(np.int64), curve.gaps)
+        for curve, visits in zip(part.curves, part.visits, strict=True)
+    ]
+    return Branch(part.curves, part.points, LatticeWalks(nodes, tuple(walks)), (number,) * len(walks))
+
+
+def join(branches: Sequence[Branch]) -> Branch:
+    """Put branches side by side, each with its own nodes still."""
+    walks: list[LatticeWalk] = []
+    first = 0
+    for branch in branches:
+        walks += [replace(walk, nodes=walk.nodes + np.int32(first)) for walk in branch.walks.walks]
+        first += len(branch.walks.nodes)
+    nodes = np.concatenate([branch.walks.nodes for branch in branches])
+    groups = tuple(group for branch in branches for group in branch.groups)
+    curves = tuple(curve for branch in branches for curve in branch.curves)
+    points = tuple(point for branch in branches for point in branch.points)
+    return Branch(curves, points, LatticeWalks(nodes, tuple(walks)), groups)
+
+
+def _picked(values: Sequence[T], order: Sequence[int]) -> tuple[T, ...]:
+    return tuple(values[i] for i in order)

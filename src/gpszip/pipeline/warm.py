@@ -1,0 +1,108 @@
+"""Compile everything into the cache, in processes side by side."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+
+import numpy as np
+
+from gpszip.model import LatticeWalk, LatticeWalks, Listener, Network, Options, Progress, Track
+
+__all__ = ["warm"]
+
+
+def warm(progress: Listener | None = None) -> None:
+    """Compile everything now, into the cache, so that the first log needn't wait.
+
+    The longest part takes about half of the time of all together; more than three processes hardly help.
+
+    Parameters
+    ----------
+    progress : callable, optional
+        Told of the share of the parts that is done.
+    """
+    from gpszip.run import Processes
+
+    parts = (_code_walks, _compress, _follow_roads, _sketch, _segment_mean)
+    with Processes(min(os.cpu_count() or 1, len(parts))) as processes:
+        for done, _ in enumerate(processes.map(_call, parts), 1):
+            if progress is not None:
+                progress(Progress("compile", done / len(parts)))
+
+
+def _call(part: Callable[[], None]) -> None:
+    part()
+
+
+def _loops() -> list[Track]:
+    """Somebody twice on the same round; the second one falls silent before the end."""
+    turn = np.linspace(0, 4 * math.pi, 120)
+    loop = np.stack((40 * np.cos(turn), 30 * np.sin(turn)), axis=1)
+    return [Track("0", np.arange(120.0), loop), Track("1", np.append(np.arange(119.0), 1e4), loop[::-1] + 0.1)]
+
+
+def _code_walks() -> None:
+    from gpszip.codec.modes import encode_smallest
+    from gpszip.codec.walks import decode, encode_with_ledger
+
+    square = np.array([[0, 0], [9, 0], [9, 9], [0, 9]])
+    walk = LatticeWalk(np.arange(12, dtype=np.int32) % 4, np.arange(0, 36, 3), np.zeros(11, bool))
+    walks = LatticeWalks(square, (walk, walk))
+    encode_with_ledger(walks)
+    decode(encode_smallest(walks), 2, 2)
+
+
+def _compress() -> None:
+    from gpszip.archive import open_archive
+    from gpszip.model.merge_options import MergeOptions
+    from gpszip.pipeline.compress import compress
+    from gpszip.pipeline.merge import merge
+
+    for options in (Options(rmse=1.0), Options(max_error=2.0)):
+        archive, _ = compress(_loops(), options)
+        found = open_archive(archive.to_bytes())
+        found.decompress()
+        found.clean_map()
+        compress(_loops(), options, map=found)
+    merge([found, archive], MergeOptions(same_id="prefix"), names=["a", "b"])
+
+
+def _follow_roads() -> None:
+    from gpszip.matching.live import LiveMatcher
+    from gpszip.pipeline.match import match, patch
+
+    corners = np.array([[-40.0, -30.0], [40.0, -30.0], [40.0, 30.0], [-40.0, 30.0]])
+    starts, ends, both = np.arange(4, dtype=np.int32), np.roll(np.arange(4, dtype=np.int32), -1), np.ones(4, bool)
+    sides = np.stack((corners[starts], corners[ends]), axis=1).reshape(-1, 2)
+    roads = Network(corners, starts, ends, np.arange(0, 9, 2), sides, both, both, np.full(4, np.nan))
+    patch(_loops(), roads, gap=60.0)
+    track = _loops()[0]
+    matcher = LiveMatcher(roads, match(track, roads).scales, lag=1)
+    for when, place in zip(track.times.tolist(), track.positions, strict=True):
+        for still in (0.0, 1e-6):
+            matcher.push(when + still, place)
+
+
+def _sketch() -> None:
+    from gpszip.sketches.partition import build
+    from gpszip.sketches.pieces import through
+    from gpszip.sketches.samples import weighted_samples
+    from gpszip.sketches.stream import CoresetStream
+
+    track = _loops()[0]
+    small = build(track, size=10)
+    small.cost(through(track.times[:2], track.positions[:2]))
+    build(track, k=2, eps=0.5)
+    small.least_cost(2)
+    weighted_samples(small, track)
+    stream = CoresetStream(10)
+    stream.push(track.times, track.positions)
+    stream.coreset()
+
+
+def _segment_mean() -> None:
+    from gpszip.pipeline.compress import compress
+
+    compress(_loops()[:1], Options(k=8, m=4))

@@ -1,0 +1,1 @@
+"""Compiled loops of the (k,m)-segment mean."""

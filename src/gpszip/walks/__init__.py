@@ -1,0 +1,1 @@
+"""What all packages ask of walks: positions, errors, edge counts and integer grids."""

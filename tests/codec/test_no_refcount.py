@@ -1,0 +1,47 @@
+import gc
+import sys
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.codec.kernels.no_refcount import borrowed
+from gpszip.kernels.jit import jit
+
+
+class Pair(NamedTuple):
+    numbers: NDArray[np.int64]
+    squares: NDArray[np.float64]
+
+
+@jit
+def _add(pair, more):
+    for i in range(len(pair.numbers)):
+        pair.numbers[i] += more
+        pair.squares[i] = pair.numbers[i] ** 2
+
+
+@jit
+def _add_twice(pair, more):
+    lent = borrowed(pair)
+    _add(lent, more)
+    _add(lent, more)
+    return lent.numbers.sum()
+
+
+def test_borrowed_arrays_are_the_same_arrays():
+    pair = Pair(np.arange(4), np.zeros(4))
+    assert _add_twice(pair, 3) == 6 + 4 * 6
+    assert pair.numbers.tolist() == [6, 7, 8, 9]
+    assert pair.squares.tolist() == [36, 49, 64, 81]
+
+
+def test_borrowing_leaves_the_counts_of_references_as_they_were():
+    pair = Pair(np.arange(1000), np.zeros(1000))
+    _add_twice(pair, 1)
+    before = [sys.getrefcount(array) for array in pair]
+    for _ in range(50):
+        _add_twice(pair, 1)
+    gc.collect()
+    assert [sys.getrefcount(array) for array in pair] == before
+    assert pair.numbers[-1] == 999 + 2 * 51

@@ -1,0 +1,55 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gpszip.geo.outliers import find_spikes
+
+
+def drive(n=300, seed=0):
+    """A car that turns, slows and stops, with noise."""
+    rng = np.random.default_rng(seed)
+    speed = 12 * (1 + np.sin(np.arange(n) / 15))
+    heading = np.cumsum(rng.normal(0, 0.1, n))
+    path = np.cumsum(speed[:, None] * np.stack([np.cos(heading), np.sin(heading)], axis=1), axis=0)
+    return np.arange(n, dtype=float), path + rng.normal(0, 2, (n, 2))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_an_honest_drive_has_no_spikes(seed):
+    assert not find_spikes(*drive(seed=seed)).any()
+
+
+@pytest.mark.parametrize("run", [1, 2, 3, 4])
+def test_short_teleports_are_found_exactly(run):
+    times, positions = drive()
+    positions[100 : 100 + run] += [5000, -3000]
+    positions[200 : 200 + run] += [0, 40000]
+    found = np.flatnonzero(find_spikes(times, positions))
+    assert found.tolist() == [*range(100, 100 + run), *range(200, 200 + run)]
+
+
+def test_a_leap_without_a_way_back_stays():
+    times, positions = drive()
+    positions[150:] += [800_000, 0]
+    assert not find_spikes(times, positions).any()
+
+
+def test_a_short_track_shows_its_spike():
+    assert find_spikes([0, 1, 2], [[0, 0], [9999, 0], [2, 0]]).tolist() == [False, True, False]
+
+
+@pytest.mark.parametrize("n", [1, 2])
+def test_too_short_to_tell(n):
+    assert not find_spikes(np.arange(n), np.arange(n)[:, None] * 1e9).any()
+
+
+def test_standing_still_has_no_speeds_to_compare_with():
+    assert not find_spikes(np.arange(50), np.zeros((50, 2))).any()
+
+
+@given(st.integers(0, 10**6), st.floats(-1e9, 1e9), st.floats(-1e7, 1e7))
+def test_answer_does_not_hang_on_the_origin(seed, later, away):
+    times, positions = drive(60, seed)
+    positions[30] += [20_000, 0]
+    assert (find_spikes(times, positions) == find_spikes(times + later, positions + away)).all()

@@ -1,0 +1,168 @@
+import csv
+import json
+from dataclasses import replace
+from itertools import pairwise
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pyarrow as pa
+import pyogrio
+import pytest
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from gpszip.errors import OutputError
+from gpszip.geo.planes import to_plane
+from gpszip.io.maps.write import MAP_FORMATS, write_map
+from gpszip.io.networks.read import read_network
+from gpszip.io.networks.wkb import lines_of_wkb
+from gpszip.model import Plane, RoadMap, WayMap
+
+
+def square(d=2, plane=None):
+    nodes = np.array([[0.0, 0, 1], [300, 0, 2], [300, 400, 3], [0, 400, 4]])[:, :d]
+    edges = np.array([[0, 1], [0, 2], [1, 2], [2, 3]], dtype=np.int32)
+    return RoadMap(nodes, edges, np.array([3, 0, 2, 0]), np.array([0, 1, 2, 0]), plane)
+
+
+BERLIN = Plane(((525000000, 134000000),))
+
+
+def test_geojson_has_a_line_for_each_edge_with_its_traversals(tmp_path):
+    write_map(square(plane=BERLIN), tmp_path / "map.geojson", nodes=True)
+    data = json.loads((tmp_path / "map.geojson").read_text())
+    lines = [feature for feature in data["features"] if feature["geometry"]["type"] == "LineString"]
+    assert [line["properties"] for line in lines] == [
+        {"u": 0, "v": 1, "forward": 3, "backward": 0, "length": 300.0},
+        {"u": 0, "v": 2, "forward": 0, "backward": 1, "length": 500.0},
+        {"u": 1, "v": 2, "forward": 2, "backward": 2, "length": 400.0},
+        {"u": 2, "v": 3, "forward": 0, "backward": 0, "length": 300.0},
+    ]
+    assert lines[0]["geometry"]["coordinates"][0] == [13.4, 52.5]
+    assert lines[0]["geometry"]["coordinates"][1] == pytest.approx([13.40442, 52.5], abs=1e-5)
+    assert [f["properties"]["node"] for f in data["features"] if f["geometry"]["type"] == "Point"] == [0, 1, 2, 3]
+    assert "gpszip" not in data
+
+
+def test_geojson_of_metres_says_so(tmp_path):
+    write_map(square(d=3), tmp_path / "map.geojson")
+    data = json.loads((tmp_path / "map.geojson").read_text())
+    assert data["gpszip"] == {"coordinates": "metres"}
+    assert data["features"][0]["geometry"]["coordinates"] == [[0, 0, 1], [300, 0, 2]]
+
+
+def test_rarely_travelled_edges_can_be_left_out(tmp_path):
+    for least, count in ((0, 4), (1, 3), (3, 2), (4, 1), (9, 0)):
+        write_map(square(), tmp_path / "map.json", min_traversals=least)
+        assert len(json.loads((tmp_path / "map.json").read_text())["features"]) == count
+
+
+@pytest.mark.parametrize(("d", "plane"), [(2, None), (3, None), (2, BERLIN)])
+def test_geopackage_opens_as_any_other(tmp_path, d, plane):
+    write_map(square(d, plane), tmp_path / "map.gpkg")
+    meta, _, geometry, columns = pyogrio.raw.read(tmp_path / "map.gpkg", layer="edges")
+    values = dict(zip(meta["fields"].tolist(), columns, strict=True))
+    assert values["forward"].tolist() == [3, 0, 2, 0]
+    assert values["length"].tolist()[0] == (300.0 if d == 2 else 300.002)
+    ends = np.frombuffer(geometry[1][9:], "<f8").reshape(2, d)
+    assert np.allclose(ends, square(d).nodes[[0, 2]]) == (plane is None)
+    assert (meta["crs"] == "EPSG:4326") == (plane is not None)
+
+
+def test_graphml_is_a_graph(tmp_path):
+    write_map(square(), tmp_path / "map.graphml", min_traversals=2)
+    space = {"g": "http://graphml.graphdrawing.org/xmlns"}
+    root = ET.parse(tmp_path / "map.graphml").getroot()  # our own file
+    assert [node.get("id") for node in root.findall(".//g:node", space)] == ["0", "1", "2"]
+    edges = root.findall(".//g:edge", space)
+    assert [(edge.get("source"), edge.get("target")) for edge in edges] == [("0", "1"), ("1", "2")]
+    assert [data.text for data in edges[1]] == ["2", "2", "400.0"]
+    keys = {key.get("id") for key in root.findall("g:key", space)}
+    assert {data.get("key") for data in root.findall(".//g:data", space)} == keys
+
+
+def test_csv_holds_the_places_of_both_ends(tmp_path):
+    write_map(square(), tmp_path / "map.csv")
+    with (tmp_path / "map.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert rows[1] == {
+        **{"u": "0", "v": "2", "forward": "0", "backward": "1", "length": "500"},
+        **{"u_x": "0", "u_y": "0", "v_x": "300", "v_y": "400"},
+    }
+
+
+@pytest.mark.parametrize("suffix", MAP_FORMATS)
+def test_a_map_without_edges_is_a_valid_file(tmp_path, suffix):
+    still = RoadMap(np.zeros((1, 2)), np.zeros((0, 2), dtype=np.int32), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+    write_map(still, tmp_path / f"map{suffix}")
+    assert (tmp_path / f"map{suffix}").stat().st_size > 0
+
+
+def test_standard_output(capfdbinary):
+    write_map(square(), "-", format="csv")
+    assert capfdbinary.readouterr().out.startswith(b"u,v,forward,backward,length,u_x,u_y,v_x,v_y\n0,1,3,0,300,")
+
+
+def test_unknown_formats_are_named(tmp_path):
+    with pytest.raises(OutputError, match=r"end it with one of \.geojson"):
+        write_map(square(), tmp_path / "map.dwg")
+    assert list(tmp_path.iterdir()) == []
+
+
+DATE_LINE = Plane(((-170000000, 1800000000),))
+
+
+def test_geojson_cuts_edges_at_the_antimeridian(tmp_path):
+    around = square(plane=DATE_LINE)
+    write_map(replace(around, nodes=around.nodes - [150, 0]), tmp_path / "map.geojson")
+    lines = [feature["geometry"] for feature in json.loads((tmp_path / "map.geojson").read_text())["features"]]
+    assert [line["type"] for line in lines] == ["MultiLineString", "MultiLineString", "LineString", "MultiLineString"]
+    (west, (lon, lat)), ((again, same), east) = lines[0]["coordinates"]
+    assert (lon, again, lat) == (180, -180, same)
+    assert west[0] == pytest.approx(179.99859, abs=1e-5)
+    assert east[0] == pytest.approx(-179.99859, abs=1e-5)
+
+
+def test_geopackage_cuts_edges_at_the_antimeridian(tmp_path):
+    around = square(plane=DATE_LINE)
+    write_map(replace(around, nodes=around.nodes - [150, 0]), tmp_path / "map.gpkg")
+    meta, _, geometry, _ = pyogrio.raw.read(tmp_path / "map.gpkg", layer="edges")
+    assert meta["geometry_type"] == "MultiLineString"
+    points, offsets, rows, others = lines_of_wkb(pa.array(geometry.tolist(), pa.binary()))
+    assert (rows.tolist(), others) == ([0, 0, 1, 1, 2, 3, 3], 0)
+    assert all(np.ptp(points[a:b, 0]) < 1 for a, b in pairwise(offsets.tolist()))
+
+
+def way(nodes, plane):
+    """A clean map of a single way."""
+    line, one = np.array(nodes, dtype=np.float64), np.ones(1, np.int64)
+    ends, none = np.array([[0, 1]], np.int32), np.zeros((1, 0))
+    return WayMap(line[[0, -1]], ends, np.array([0, len(line)]), line, np.ones(1), one, one, np.ones((1, 3)), none, np.ones(1), plane)
+
+
+def test_well_known_text_of_a_way_is_cut_at_the_antimeridian(tmp_path):
+    write_map(way([[-100, 0], [-50, 0], [50, 0]], DATE_LINE), tmp_path / "map.csv")
+    with (tmp_path / "map.csv").open(newline="") as file:
+        (row,) = csv.DictReader(file)
+    assert row["line"].startswith("MULTILINESTRING ((179.99")
+    assert "180.0 -17.0), (-180.0 -17.0, -179.9995" in row["line"]
+
+
+@pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".graphml"])
+def test_a_map_that_was_cut_is_whole_again_as_a_network(tmp_path, suffix):
+    around = square(plane=DATE_LINE)
+    write_map(replace(around, nodes=around.nodes - [150, 0]), tmp_path / f"map{suffix}")
+    network = read_network(tmp_path / f"map{suffix}")
+    graph = coo_array((np.ones(len(network.starts)), (network.starts, network.ends)), shape=(len(network.nodes),) * 2)
+    assert connected_components(graph, directed=False)[0] == 1
+    assert np.ptp(network.points[:, 0]) == pytest.approx(300, abs=0.1)
+
+
+def test_long_edges_stay_where_they_are(tmp_path):
+    nodes = np.array([[-150_000.0, 0.0], [150_000.0, 0.0]])
+    write_map(RoadMap(nodes, np.array([[0, 1]], np.int32), np.ones(1, int), np.zeros(1, int), BERLIN), tmp_path / "map.geojson")
+    (feature,) = json.loads((tmp_path / "map.geojson").read_text())["features"]
+    lon, lat = np.array(feature["geometry"]["coordinates"]).T
+    number = np.linspace(0, len(lon) - 1, 20_000)
+    drawn = to_plane(*(np.interp(number, np.arange(len(lon)), axis) for axis in (lat, lon)), BERLIN)
+    assert np.abs(drawn[:, 1]).max() < 0.1

@@ -1,0 +1,62 @@
+import osmium
+import pytest
+
+from gpszip.errors import InputError
+from gpszip.io.networks.read import read_network, read_network_with_account
+
+PLACES = {1: (11.0, 48.0), 2: (11.001, 48.0), 3: (11.002, 48.0), 4: (11.001, 48.001), 5: (11.001, 47.999), 6: (11.003, 48.0)}
+WAYS = {
+    10: ([1, 2, 3], {"highway": "residential", "name": "Weg"}),
+    11: ([4, 2, 5], {"highway": "primary", "oneway": "-1", "maxspeed": "60", "ref": "B 2"}),
+    12: ([3, 6, 4, 3], {"highway": "tertiary", "junction": "roundabout"}),
+    13: ([5, 6], {"highway": "motorway"}),
+    14: ([1, 5], {"highway": "proposed"}),
+    15: ([1, 4], {"building": "yes"}),
+    16: ([6, 7], {"highway": "service"}),
+    17: ([1, 7, 4, 5], {"highway": "service"}),
+}
+
+
+@pytest.fixture(params=[".osm", ".osm.pbf", ".osm.gz", ".osm.bz2"])
+def extract(request, tmp_path):
+    path = tmp_path / f"town{request.param}"
+    with osmium.SimpleWriter(str(path)) as writer:
+        for number, place in PLACES.items():
+            writer.add_node(osmium.osm.mutable.Node(id=number, location=place))
+        for number, (nodes, tags) in WAYS.items():
+            writer.add_way(osmium.osm.mutable.Way(id=number, nodes=nodes, tags=tags))
+    return path
+
+
+def test_ways_become_roads(extract):
+    read = read_network_with_account(extract)
+    network = read.network
+    roads = {}
+    for i, name in enumerate(network.ids):
+        roads.setdefault(name, []).append((bool(network.forward[i]), bool(network.backward[i]), round(float(network.speeds[i]) * 3.6)))
+    assert roads == {
+        "10": [(True, True, 30)] * 2,
+        "11": [(False, True, 51)] * 2,
+        "12": [(True, False, 45)] * 3,
+        "13": [(True, False, 100)],
+        "17": [(True, True, 15)],
+    }
+    assert {(one, name) for one, name in zip(network.ids, network.names, strict=True) if name} == {("10", "Weg"), ("11", "B 2")}
+    counts = {repair.what: repair.count for repair in read.repairs}
+    assert counts["roads cut where the extract ends"] == 1
+    assert counts["ways that are no roads (areas, planned, gone) dropped"] == 1
+
+
+def test_a_file_without_roads(tmp_path):
+    path = tmp_path / "none.osm"
+    with osmium.SimpleWriter(str(path)) as writer:
+        writer.add_node(osmium.osm.mutable.Node(id=1, location=(11, 48)))
+    with pytest.raises(InputError, match="no way with the tag"):
+        read_network(path)
+
+
+def test_a_torn_file(extract, tmp_path):
+    path = tmp_path / f"torn{''.join(extract.suffixes)}"
+    path.write_bytes(extract.read_bytes()[:-100])
+    with pytest.raises(InputError, match=r"can't be read|damaged"):
+        read_network(path)

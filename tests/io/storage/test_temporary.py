@@ -1,0 +1,42 @@
+import pytest
+
+from gpszip.errors import OutputError
+from gpszip.io.large.store import store_logs
+from gpszip.io.storage.temporary import scratch, writing
+
+
+def test_the_folder_goes_with_all_that_is_in_it(tmp_path, monkeypatch):
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    with scratch() as folder:
+        (folder / "a").write_text("much")
+        assert folder.parent == tmp_path
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["missing", "file"])
+def test_no_other_disk_is_filled_than_the_one_named(tmp_path, monkeypatch, name):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / name))
+    with pytest.raises(OutputError, match=rf"TMPDIR names .*{name}: no temporary files can be made"), scratch():
+        pass
+
+
+def test_a_full_disk_is_named(tmp_path, monkeypatch):
+    """Files may grow to 40,000 bytes only, as if there were no room for more."""
+    resource = pytest.importorskip("resource")
+    (tmp_path / "log.csv").write_text("t,x,y\n" + "".join(f"{i},{i},0\n" for i in range(5000)))
+    (tmp_path / "room").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "room"))
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, limits[1]))
+    try:
+        with pytest.raises(OutputError, match=r"room: temporary files can't be written: .* let TMPDIR name a folder with more room"):
+            store_logs(str(tmp_path / "log.csv"), rows=3000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert not list((tmp_path / "room").iterdir())
+
+
+def test_other_errors_pass():
+    with pytest.raises(KeyError), writing():
+        raise KeyError

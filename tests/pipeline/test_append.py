@@ -1,0 +1,131 @@
+"""Archives to which logs are added."""
+
+import numpy as np
+import pytest
+
+import gpszip
+from gpszip.errors import BoundError, InputError, OptionError
+from gpszip.model import Options, Track
+from gpszip.pipeline.append import append
+from gpszip.pipeline.compress import compress
+from gpszip.testing import patrol
+
+RMSE = 0.3
+
+
+@pytest.fixture(scope="module")
+def day():
+    whole = patrol(48000, seed=4)
+    return Track("robot", whole.times[::16], whole.positions[::16], attributes={"battery": np.arange(3000)})
+
+
+def stretch(track, first, last, name=None):
+    columns = {key: values[first:last] for key, values in track.attributes.items()}
+    return Track(name or track.id, track.times[first:last], track.positions[first:last], attributes=columns)
+
+
+def rmse(archive, track):
+    off = archive.position(track.id, track.times) - track.positions
+    return float(np.sqrt((off**2).sum(axis=1).mean()))
+
+
+@pytest.fixture(scope="module")
+def morning(day):
+    return compress([stretch(day, 0, 1500)], Options(rmse=RMSE, effort=2))[0]
+
+
+def test_a_track_goes_on_where_it_ended(day, morning):
+    grown, report = append(morning, stretch(day, 1500, 3000), Options(effort=2))
+    grown = gpszip.open(grown.to_bytes())
+    assert grown.tracks == ("robot",)
+    assert rmse(grown, stretch(day, 0, 1500)) <= RMSE
+    assert rmse(grown, stretch(day, 1500, 3000)) <= RMSE
+    assert (report.points, report.bytes_out) == (1500, len(grown.to_bytes()))
+    assert not grown.walk("robot").gaps.any()
+    # what was there is the same, knot by knot
+    old, new = morning.walk("robot"), grown.walk("robot")
+    np.testing.assert_array_equal(new.times[: len(old.times)], old.times)
+    np.testing.assert_allclose(grown.road_map.nodes[new.nodes[: len(old.nodes)]], morning.road_map.nodes[old.nodes])
+
+
+def test_appending_is_not_much_larger_than_compressing_at_once(day):
+    archive = compress([stretch(day, 0, 1000)], Options(rmse=RMSE, effort=2))[0]
+    for first in (1000, 2000):
+        archive, _ = append(archive, stretch(day, first, first + 1000), Options(effort=2))
+    at_once = compress([day], Options(rmse=RMSE, effort=2))[0]
+    assert len(archive.to_bytes()) < 1.2 * len(at_once.to_bytes())
+
+
+def test_a_silence_before_what_is_appended_is_a_gap(day, morning):
+    later = Track("robot", day.times[1500:2000] + 7200.0, day.positions[1500:2000])
+    grown, _ = append(morning, later, Options(effort=1, gap=600.0))
+    assert grown.walk("robot").gaps.sum() == 1
+    assert np.isnan(grown.position("robot", later.times[0] - 3600.0)).all()
+    assert rmse(grown, later) <= RMSE
+
+
+def test_new_names_are_added(day, morning):
+    other = stretch(day, 1500, 2200, "other")
+    grown, _ = append(morning, [other, stretch(day, 1500, 2000)], Options(effort=1))
+    assert grown.tracks == ("robot", "other")
+    # both together keep it
+    assert (rmse(grown, other) ** 2 * 700 + rmse(grown, stretch(day, 1500, 2000)) ** 2 * 500) / 1200 <= RMSE**2
+
+
+def test_times_that_overlap_are_refused(day, morning):
+    with pytest.raises(OptionError, match="'robot' overlaps in time"):
+        append(morning, stretch(day, 1400, 2000))
+    with pytest.raises(OptionError, match="'robot' overlaps in time"):
+        append(morning, Track("robot", day.times[:500] - 1e4, day.positions[:500]))
+
+
+def test_a_maximum_is_kept_too(day):
+    archive = compress([stretch(day, 0, 1000)], Options(max_error=1.0, effort=1))[0]
+    grown, _ = append(archive, stretch(day, 1000, 1600), Options(effort=1))
+    for track in (stretch(day, 0, 1000), stretch(day, 1000, 1600)):
+        assert np.linalg.norm(grown.position("robot", track.times) - track.positions, axis=1).max() <= 1.0
+    assert grown.promise.maximum
+    assert grown.promise.metres == 1.0
+    weaker, _ = append(archive, stretch(day, 1000, 1600), Options(rmse=RMSE, effort=1))
+    assert (weaker.promise.maximum, weaker.promise.metres) == (False, 1.0)
+
+
+def test_kept_columns_go_on(day):
+    archive = compress([stretch(day, 0, 1000)], Options(rmse=RMSE, keep=("battery",), effort=1))[0]
+    grown, _ = append(archive, [stretch(day, 1000, 1500), stretch(day, 1000, 1300, "b")], Options(effort=1))
+    robot, b = gpszip.open(grown.to_bytes()).samples()
+    np.testing.assert_array_equal(robot.times, day.times[:1500])
+    np.testing.assert_array_equal(robot.attributes["battery"], np.arange(1500))
+    np.testing.assert_array_equal(b.attributes["battery"], np.arange(1000, 1300))
+    bare = Track("robot", day.times[1000:1500], day.positions[1000:1500])
+    with pytest.raises(OptionError, match="no column 'battery' to keep"):
+        append(archive, bare)
+    with pytest.raises(OptionError, match="keeps no columns"):
+        append(compress([bare], Options(rmse=RMSE, effort=1))[0], stretch(day, 1500, 1600), Options(keep=("battery",)))
+
+
+def test_a_size_can_not_be_asked_for(day, morning):
+    with pytest.raises(OptionError, match="give rmse or max_error"):
+        append(morning, stretch(day, 1500, 1600), Options(size=100))
+
+
+def test_a_far_finer_bound_is_refused(day, morning):
+    with pytest.raises(BoundError, match="too coarse"):
+        append(morning, stretch(day, 1500, 1560), Options(rmse=1e-4, effort=1))
+
+
+def test_no_tracks_are_refused(morning):
+    with pytest.raises(InputError, match="no tracks"):
+        append(morning, [])
+
+
+def test_a_log_that_begins_within_the_last_cell_goes_on():
+    # the first walk ends at a whole cell, at or after its last sample
+    track = patrol(32000, seed=8)
+    times, positions = track.times[::16], track.positions[::16]
+    halves = [Track("0", times[:1000], positions[:1000]), Track("0", times[1000:], positions[1000:])]
+    for shift in (0.0, 0.3, 0.7):
+        first = Track("0", halves[0].times + shift, halves[0].positions)
+        archive, _ = append(compress(first, Options(rmse=RMSE, effort=1))[0], halves[1], Options(effort=1))
+        assert archive.walk("0").times[0] <= first.times[0]
+        assert rmse(archive, halves[1]) <= RMSE

@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gpszip.errors import OptionError
+from gpszip.model import Track, Walk
+from gpszip.walks.error import fit, positions_at, synchronised_errors
+from oracle.decoded import position
+
+
+def random_walk(seed, knots=20, dimension=2):
+    rng = np.random.default_rng(seed)
+    nodes = rng.normal(0, 100, (8, dimension))
+    walk = Walk(
+        "a", rng.integers(0, 8, knots).astype(np.int32), 5 + np.cumsum(0.01 + rng.exponential(3, knots)), rng.random(knots - 1) < 0.3
+    )
+    return nodes, walk, rng
+
+
+@given(st.integers(0, 10_000), st.integers(1, 30), st.integers(1, 4))
+def test_positions_are_those_of_the_plain_twin(seed, knots, dimension):
+    nodes, walk, rng = random_walk(seed, knots, dimension)
+    when = np.concatenate([rng.uniform(0, walk.times[-1] + 5, 50), walk.times, walk.times + 9e-4, walk.times - 9e-4, walk.times + 1.1e-3])
+    found = positions_at(walk, nodes, when)
+    places = nodes[walk.nodes]
+    for t, p in zip(when, found, strict=True):
+        expected = position(walk.times, places, walk.gaps, t)
+        assert np.isnan(p).all() if expected is None else np.allclose(p, expected, atol=1e-9)
+
+
+def test_long_queries_and_queries_in_any_order_give_the_same():
+    nodes, walk, rng = random_walk(1)
+    when = rng.uniform(0, walk.times[-1], 100_000)
+    order = np.argsort(when)
+    np.testing.assert_array_equal(positions_at(walk, nodes, when)[order], positions_at(walk, nodes, when[order]))
+
+
+def test_a_query_that_is_no_number_has_no_position():
+    nodes, walk, _ = random_walk(2)
+    assert np.isnan(positions_at(walk, nodes, np.array([np.nan, np.inf, -np.inf]))).all()
+
+
+def test_knots_are_hit_exactly():
+    nodes, walk, _ = random_walk(3)
+    np.testing.assert_array_equal(positions_at(walk, nodes, walk.times), nodes[walk.nodes])
+
+
+def test_a_walk_without_times_has_no_positions():
+    nodes, walk, _ = random_walk(4)
+    with pytest.raises(OptionError, match="without"):
+        positions_at(Walk("a", walk.nodes, None, walk.gaps), nodes, np.zeros(1))
+
+
+@given(st.integers(0, 10_000))
+def test_errors_and_their_summary_are_those_of_the_plain_twin(seed):
+    nodes, walk, rng = random_walk(seed)
+    track = Track("a", np.sort(rng.uniform(0, walk.times[-1] + 5, 40)), rng.normal(0, 100, (40, 2)))
+    expected = [position(walk.times, nodes[walk.nodes], walk.gaps, t) for t in track.times]
+    distances = np.array([np.nan if e is None else np.hypot(*(p - e)) for e, p in zip(expected, track.positions, strict=True)])
+    np.testing.assert_allclose(synchronised_errors(track, walk, nodes), distances, atol=1e-9)
+    whole = fit([track, track], [walk, walk], nodes)
+    assert (whole.points, whole.uncovered) == (80, 2 * int(np.isnan(distances).sum()))
+    if not np.isnan(distances).all():
+        assert whole.rmse == pytest.approx(np.sqrt(np.nanmean(distances**2)))
+        assert whole.max_error == pytest.approx(np.nanmax(distances))
