@@ -19,7 +19,9 @@ def main() -> None:
         for effort in efforts:
             start = time.perf_counter()
             _, report = compress(tracks, Options(rmse=rmse, effort=effort))
-            print(f"{name}: effort {effort}: {report.bytes_out} B, {time.perf_counter() - start:.1f} s, RMSE {report.rmse:.3f} m")
+            print(
+                f"{name}: effort {effort}: {report.bytes_out} B, {time.perf_counter() - start:.1f} s, RMSE {report.rmse:.3f} m"
+            )
 
 
 if __name__ == "__main__":

@@ -11,8 +11,8 @@ from gpszip.model import Track
 from gpszip.segmentation import estep
 from gpszip.segmentation.bottom_up import bottom_up
 from gpszip.segmentation.clustering import ward
-from gpszip.segmentation.mstep import maximize, segments_of
-from gpszip.segmentation.state import State, sums_of, total_cost
+from gpszip.segmentation.mstep import fit_segments, maximize
+from gpszip.segmentation.state import EMState, total_cost, track_sums
 
 
 def patrol(n: int, legs: int, seed: int = 0) -> Track:
@@ -44,16 +44,18 @@ def main() -> None:
     for k in (200, 1000, 5000):
         print(f"n = {options.points}, k = {k}, m = {options.segments}")
         track = patrol(options.points, k)
-        sums = timed("prefix sums", sums_of, track)
+        sums = timed("prefix sums", track_sums, track)
         boundaries = timed("bottom-up and relaxation", bottom_up, sums, k)
         uneven = np.linspace(0, options.points, k + 1).astype(np.int64)
         for start, cuts in (("bottom-up start", boundaries), ("even start", uneven)):
             labels = timed(f"Ward, {start}", ward, sums, cuts, options.segments)
-            state = State(cuts, labels, *segments_of(sums, cuts, labels, options.segments))
+            state = EMState(cuts, labels, *fit_segments(sums, cuts, labels, options.segments))
             for _ in range(2):
                 swept = timed("expectation sweep", estep.odd_even, sums, state)
                 state = timed("maximisation", maximize, sums, swept)
-            print(f"    rmse {np.sqrt(total_cost(sums, state) / options.points) * sums.place_tick:.3f} m")
+            print(
+                f"    rmse {np.sqrt(total_cost(sums, state) / options.points) * sums.position_tick:.3f} m"
+            )
 
 
 if __name__ == "__main__":

@@ -42,9 +42,15 @@ def main() -> None:
             generate(logs, points)
         out = Path(folder) / f"{points}.gpsz"
         command = f"compress {logs} -o {out} --force --rmse 5m --effort 1 --memory {memory} --json".split()
-        done = subprocess.run([sys.executable, "-c", MEASURED, *command], capture_output=True, text=True, check=True)
+        done = subprocess.run(
+            [sys.executable, "-c", MEASURED, *command], capture_output=True, text=True, check=True
+        )
         report, (peak, spent) = json.loads(done.stdout), map(float, done.stderr.split()[-2:])
-        slope = math.log(spent / before[1]) / math.log(points / before[0]) if before and before[0] < points else math.nan
+        slope = (
+            math.log(spent / before[1]) / math.log(points / before[0])
+            if before and before[0] < points
+            else math.nan
+        )
         before = points, spent
         print(
             f"{points:>11,} points: {report['seconds']:.0f} s, CPU {spent:.0f} s (exponent {slope:.2f}), peak {peak:.0f} MiB, "
@@ -67,10 +73,23 @@ def generate(folder: Path, points: int) -> None:
             for vehicle in fleet:
                 times = np.arange(start, min(start + HOURS, each)) / RATE
                 corners, along = ways[vehicle]
-                places = np.column_stack([np.interp(times * SPEED, along, corners[:, axis]) for axis in (0, 1)])
+                places = np.column_stack(
+                    [np.interp(times * SPEED, along, corners[:, axis]) for axis in (0, 1)]
+                )
                 places += rng.normal(0, NOISE, places.shape)
-                names = pa.DictionaryArray.from_arrays(np.zeros(len(times), np.int32), [f"bus-{vehicle}"])
-                tables.append(pa.table({"track_id": names, "t": times, "x": places[:, 0].round(2), "y": places[:, 1].round(2)}))
+                names = pa.DictionaryArray.from_arrays(
+                    np.zeros(len(times), np.int32), [f"bus-{vehicle}"]
+                )
+                tables.append(
+                    pa.table(
+                        {
+                            "track_id": names,
+                            "t": times,
+                            "x": places[:, 0].round(2),
+                            "y": places[:, 1].round(2),
+                        }
+                    )
+                )
             mixed = pa.concat_tables(tables).combine_chunks().sort_by("t")
             pq.write_table(mixed, folder / f"{first:04}-{start:09}.parquet")
 

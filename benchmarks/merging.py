@@ -57,16 +57,24 @@ def main() -> None:
 
 
 def rmse(archive, tracks) -> float:
-    squares = [((archive.position(track.id, track.times) - track.positions) ** 2).sum(axis=1) for track in tracks]
+    squares = [
+        ((archive.position(track.id, track.times) - track.positions) ** 2).sum(axis=1)
+        for track in tracks
+    ]
     return math.sqrt(np.concatenate(squares).mean())
 
 
 def taxis():
-    return [Track(f"{i}", *one) for i, one in enumerate(driven(period=15.0, duration=3600.0, vehicles=16))], 8.0
+    return [
+        Track(f"{i}", *one)
+        for i, one in enumerate(driven(period=15.0, duration=3600.0, vehicles=16))
+    ], 8.0
 
 
 def buses():
-    return [Track(f"{i}", *one) for i, one in enumerate(driven(period=1.0, duration=1200.0, vehicles=8))], 8.0
+    return [
+        Track(f"{i}", *one) for i, one in enumerate(driven(period=1.0, duration=1200.0, vehicles=8))
+    ], 8.0
 
 
 def robots():

@@ -21,11 +21,19 @@ from gpszip.testing.city import drives
 def main() -> None:
     for name in sys.argv[1:] or LOGS:
         tracks, bound, parts = LOGS[name]()
-        archives = [compress(tracks[i::parts], Options(rmse=bound, effort=1))[0] for i in range(parts)]
+        archives = [
+            compress(tracks[i::parts], Options(rmse=bound, effort=1))[0] for i in range(parts)
+        ]
         made = [merge(archives)[0], paired(archives), reduce(united, archives)]
         sizes = [len(one.to_bytes()) for one in made]
-        shapes = (f"{size:>5} {rmse(one, tracks):>6.3g} {one.promise.metres:>6.3g}" for size, one in zip(sizes, made, strict=True))
-        print(f"{name:>8} {parts}  " + "   ".join(shapes) + f"  {max(sizes) / min(sizes) - 1:>6.1%}", flush=True)
+        shapes = (
+            f"{size:>5} {rmse(one, tracks):>6.3g} {one.error_bound.metres:>6.3g}"
+            for size, one in zip(sizes, made, strict=True)
+        )
+        print(
+            f"{name:>8} {parts}  " + "   ".join(shapes) + f"  {max(sizes) / min(sizes) - 1:>6.1%}",
+            flush=True,
+        )
 
 
 def united(one, other):
@@ -39,7 +47,10 @@ def paired(archives):
 
 
 def rmse(archive, tracks) -> float:
-    squares = [((archive.position(track.id, track.times) - track.positions) ** 2).sum(axis=1) for track in tracks]
+    squares = [
+        ((archive.position(track.id, track.times) - track.positions) ** 2).sum(axis=1)
+        for track in tracks
+    ]
     return math.sqrt(np.concatenate(squares).mean())
 
 
@@ -50,8 +61,20 @@ def rounds(points, runs, seed):
 
 
 def driven(vehicles, period, duration, seed):
-    logs = drives(6, vehicles=vehicles, period=period, duration=duration, seed=seed, noise=4.0, block=120.0, speed=9.0)
-    return [Track(f"bus {i}", *one) for i, one in enumerate(logs.values() if isinstance(logs, dict) else logs)]
+    logs = drives(
+        6,
+        vehicles=vehicles,
+        period=period,
+        duration=duration,
+        seed=seed,
+        noise=4.0,
+        block=120.0,
+        speed=9.0,
+    )
+    return [
+        Track(f"bus {i}", *one)
+        for i, one in enumerate(logs.values() if isinstance(logs, dict) else logs)
+    ]
 
 
 LOGS = {

@@ -19,14 +19,17 @@ from gpszip.run import Processes, Threads
 from gpszip.segmentation import estep
 from gpszip.segmentation.bottom_up import bottom_up
 from gpszip.segmentation.clustering import ward
-from gpszip.segmentation.mstep import segments_of
-from gpszip.segmentation.state import State, sums_of
+from gpszip.segmentation.mstep import fit_segments
+from gpszip.segmentation.state import EMState, track_sums
 from gpszip.testing.city import drives
 
 
 def fleet(points: int) -> list[Track]:
     """Vehicles of a town, half an hour each, a sample each second."""
-    return [Track(name, *drive) for name, drive in drives(blocks=12, vehicles=max(points // 1800, 1), period=1.0).items()]
+    return [
+        Track(name, *drive)
+        for name, drive in drives(blocks=12, vehicles=max(points // 1800, 1), period=1.0).items()
+    ]
 
 
 def learning(points: int, rmse: float, engines: list[str], turns: int) -> None:
@@ -44,16 +47,19 @@ def learning(points: int, rmse: float, engines: list[str], turns: int) -> None:
                 seen.add(hashlib.sha256(archive.to_bytes()).hexdigest())
                 if engine == "processes":
                     executor.close()
-        print(f"  {engine}: 1 worker {best[1]:.1f} s, 2 workers {best[2]:.1f} s, {best[1] / best[2]:.2f} times the speed; ", end="")
+        print(
+            f"  {engine}: 1 worker {best[1]:.1f} s, 2 workers {best[2]:.1f} s, {best[1] / best[2]:.2f} times the speed; ",
+            end="",
+        )
         print(f"{report.bytes_out} B, {'the same bytes' if len(seen) == 1 else 'DIFFERENT BYTES'}")
 
 
 def expectation(points: int, k: int, turns: int) -> None:
     patrol = testing.patrol(points)
-    sums = sums_of(patrol)
+    sums = track_sums(patrol)
     boundaries = np.linspace(0, points, k + 1).astype(np.int64)
     labels = ward(sums, bottom_up(sums, k), 20)
-    state = State(boundaries, labels, *segments_of(sums, boundaries, labels, 20))
+    state = EMState(boundaries, labels, *fit_segments(sums, boundaries, labels, 20))
     best = {1: np.inf, 2: np.inf}
     for _ in range(turns):
         for workers in (1, 2):
@@ -62,7 +68,8 @@ def expectation(points: int, k: int, turns: int) -> None:
                 estep.odd_even(sums, state, executor=Threads(workers))
             best[workers] = min(best[workers], (time.perf_counter() - start) / 5)
     print(
-        f"EM over k/2 parts, n = {points}, k = {k}: 1 worker {1000 * best[1]:.0f} ms, 2 workers {1000 * best[2]:.0f} ms a sweep, ", end=""
+        f"EM over k/2 parts, n = {points}, k = {k}: 1 worker {1000 * best[1]:.0f} ms, 2 workers {1000 * best[2]:.0f} ms a sweep, ",
+        end="",
     )
     print(f"{best[1] / best[2]:.2f} times the speed")
 

@@ -33,7 +33,9 @@ def options_of(command):
 
 
 def test_commands_and_options_exist():
-    known = {name for command in cli.list_commands(None) for name in options_of(command)} | {"--version"}
+    known = {name for command in cli.list_commands(None) for name in options_of(command)} | {
+        "--version"
+    }
     for page in PAGES:
         text = page.read_text()
         for line in re.findall(r"^ {4}gpszip (.*)", text, flags=re.MULTILINE):
@@ -53,7 +55,11 @@ def test_every_command_and_option_is_documented():
     for command in cli.list_commands(None):
         assert f"gpszip {command} " in text, command
         for name in options_of(command):
-            assert not name.startswith("--") or name in {"--help", "--output", "--times"} or name in text, f"{command} {name}"
+            assert (
+                not name.startswith("--")
+                or name in {"--help", "--output", "--times"}
+                or name in text
+            ), f"{command} {name}"
 
 
 def test_exit_codes_are_documented():

@@ -68,7 +68,9 @@ def test_errors_have_one_root():
 def test_signatures_are_typed(name):
     signature = inspect.signature(getattr(gpszip, name))
     assert signature.return_annotation is not inspect.Signature.empty
-    assert all(one.annotation is not inspect.Parameter.empty for one in signature.parameters.values())
+    assert all(
+        one.annotation is not inspect.Parameter.empty for one in signature.parameters.values()
+    )
 
 
 def test_importing_gpszip_imports_nothing_heavy():

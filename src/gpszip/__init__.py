@@ -13,7 +13,20 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gpszip.api import append, compress, coreset, decompress, match, merge, open, open_coreset, patch, read, save_coreset, segment_mean
+    from gpszip.api import (
+        append,
+        compress,
+        coreset,
+        decompress,
+        match,
+        merge,
+        open,
+        open_coreset,
+        patch,
+        read,
+        save_coreset,
+        segment_mean,
+    )
     from gpszip.archive import Archive
     from gpszip.errors import (
         BoundError,

@@ -163,7 +163,9 @@ def compress(
     from gpszip.pipeline.compress import compress as compress_tracks
 
     names = (keep,) if isinstance(keep, str) else tuple(keep)
-    options = Options(rmse, max_error, size, ratio, gap, k, m, times, names, keep_times, layer, effort, coreset)
+    options = Options(
+        rmse, max_error, size, ratio, gap, k, m, times, names, keep_times, layer, effort, coreset
+    )
     there = map if map is None or isinstance(map, Archive) else open_archive(map)
     return compress_tracks(tracks, options, map=there, executor=executor, progress=progress)[0]
 
@@ -221,11 +223,20 @@ def append(
     from gpszip.pipeline.append import append as grow
 
     there = archive if isinstance(archive, Archive) else open_archive(archive)
-    return grow(there, tracks, Options(rmse, max_error, gap=gap, effort=effort), executor=executor, progress=progress)[0]
+    return grow(
+        there,
+        tracks,
+        Options(rmse, max_error, gap=gap, effort=effort),
+        executor=executor,
+        progress=progress,
+    )[0]
 
 
 def decompress(
-    archive: Archive | str | os.PathLike[str] | bytes, *, every: float | None = None, at: ArrayLike | None = None
+    archive: Archive | str | os.PathLike[str] | bytes,
+    *,
+    every: float | None = None,
+    at: ArrayLike | None = None,
 ) -> list[Track]:
     """Give back the tracks of an archive.
 
@@ -364,12 +375,18 @@ def merge(
     from gpszip.pipeline.merge import merge as merge_archives
 
     opened = [archive if isinstance(archive, Archive) else open(archive) for archive in archives]
-    names = [pathlib.Path(one).stem if isinstance(one, str | os.PathLike) else str(number) for number, one in enumerate(archives, 1)]
+    names = [
+        pathlib.Path(one).stem if isinstance(one, str | os.PathLike) else str(number)
+        for number, one in enumerate(archives, 1)
+    ]
     options = MergeOptions(deviation, max_deviation, same_id)
     return merge_archives(opened, options, names=names, executor=executor, progress=progress)[0]
 
 
-def open(source: str | os.PathLike[str] | bytes, map: Archive | str | os.PathLike[str] | bytes | None = None) -> Archive:
+def open(
+    source: str | os.PathLike[str] | bytes,
+    map: Archive | str | os.PathLike[str] | bytes | None = None,
+) -> Archive:
     """Open an archive.
 
     Parameters
@@ -442,7 +459,9 @@ def patch(
     return patch_tracks(tracks, network, gap=gap, ignore_oneway=ignore_oneway)
 
 
-def segment_mean(track: Track, k: int | None = None, m: int | None = None, *, executor: Executor | None = None) -> SegmentMean:
+def segment_mean(
+    track: Track, k: int | None = None, m: int | None = None, *, executor: Executor | None = None
+) -> SegmentMean:
     """Approximate a track by k parts, each travelled along one of m segments: the thesis's Algorithm 1.
 
     Parameters
@@ -514,9 +533,9 @@ def coreset(
     >>> len(coreset(track, size=20))
     10
     """
-    from gpszip.sketches.partition import build
+    from gpszip.sketches.partition import build_coreset
 
-    return build(tracks, k=k, eps=eps, size=size, max_bytes=max_bytes)
+    return build_coreset(tracks, k=k, eps=eps, size=size, max_bytes=max_bytes)
 
 
 def open_coreset(source: str | os.PathLike[str]) -> Coreset:

@@ -6,39 +6,41 @@ import numpy as np
 import pytest
 
 from gpszip.archive import Archive, new_archive, open_archive
-from gpszip.codec.waypoints import expand
-from gpszip.container.attributes import Kept, attributes_body
+from gpszip.codec.waypoints import expand_waypoints
+from gpszip.container.attributes import KeptColumns, encode_attributes
 from gpszip.container.contents import Section
-from gpszip.container.layout import Kind
+from gpszip.container.layout import SectionKind
 from gpszip.errors import CorruptArchiveError, InputError, OptionError, OutputError
-from gpszip.graph.road_graph import road_graph
-from gpszip.model import Frame, LatticeWalk, LatticeWalks, Plane
+from gpszip.graph.road_graph import build_road_graph
+from gpszip.model import GridWalk, GridWalks, Plane, QuantisationGrid
 from oracle.decoded import pieces, position
 
 PLANE = Plane(((525_000_000, 134_000_000),))
 
 
-def lattice(tracks=2, knots=30, dimension=2, seed=0, timed=True, gaps=0.2, spread=400):
+def grid_walks(tracks=2, knots=30, dimension=2, seed=0, timed=True, gaps=0.2, spread=400):
     """Walks that visit and visit again the nodes of a random map, numbered in first-visit order."""
     rng = np.random.default_rng(seed)
     sequence = rng.integers(0, max(2, tracks * knots // 6), tracks * knots)
     _, first, place = np.unique(sequence, return_index=True, return_inverse=True)
     rank = np.argsort(np.argsort(first)).astype(np.int32)
     walks = tuple(
-        LatticeWalk(
+        GridWalk(
             nodes,
             np.cumsum(rng.integers(1, 50, knots)) * timed,
             rng.random(knots - 1) < gaps,
         )
         for nodes in np.split(rank[place], tracks)
     )
-    return LatticeWalks(rng.integers(-spread, spread, (len(first), dimension)), walks, timed)
+    return GridWalks(rng.integers(-spread, spread, (len(first), dimension)), walks, timed)
 
 
 def archive(dimension=2, plane=None, ids=None, **options):
-    walks = lattice(dimension=dimension, **options)
+    walks = grid_walks(dimension=dimension, **options)
     ids = ids or [f"walk {i}" for i in range(len(walks.walks))]
-    return new_archive(Frame((1000,) * dimension, 1_400_000_000_500, 130, 125, plane), ids, walks)
+    return new_archive(
+        QuantisationGrid((1000,) * dimension, 1_400_000_000_500, 130, 125, plane), ids, walks
+    )
 
 
 def assert_same(one, two):
@@ -46,7 +48,7 @@ def assert_same(one, two):
     assert one.timed == two.timed
     for a, b in zip(one.walks, two.walks, strict=True):
         np.testing.assert_array_equal(a.nodes, b.nodes)
-        np.testing.assert_array_equal(a.cells, b.cells)
+        np.testing.assert_array_equal(a.time_steps, b.time_steps)
         np.testing.assert_array_equal(a.gaps, b.gaps)
 
 
@@ -55,8 +57,8 @@ def assert_same(one, two):
 def test_what_was_coded_is_decoded_from_the_bytes(dimension, timed):
     made = archive(dimension, timed=timed)
     opened = open_archive(made.to_bytes())
-    assert_same(opened.lattice, lattice(dimension=dimension, timed=timed))
-    assert opened.frame == made.frame
+    assert_same(opened.grid_walks, grid_walks(dimension=dimension, timed=timed))
+    assert opened.grid == made.grid
     assert opened.tracks == opened.ids == ("walk 0", "walk 1")
     assert opened.timed == timed
     assert opened.to_bytes() == made.to_bytes()
@@ -94,12 +96,12 @@ def test_decompressing_gives_the_knots_of_every_piece():
 def test_a_track_without_gaps_keeps_its_id():
     made = archive(gaps=0.0, ids=["", "ein/1 ü"])
     assert [track.id for track in made.decompress()] == ["", "ein/1 ü"]
-    assert [name for name, _ in made.paths()] == ["", "ein/1 ü"]
+    assert [name for name, _ in made.shapes()] == ["", "ein/1 ü"]
 
 
 def test_an_archive_without_times_has_paths_and_says_so():
     made, timed = archive(timed=False), archive()
-    for (name, places), track in zip(made.paths(), timed.decompress(), strict=True):
+    for (name, places), track in zip(made.shapes(), timed.decompress(), strict=True):
         assert name == track.id
         moved = np.append(True, (np.diff(track.positions, axis=0) != 0).any(axis=1))
         np.testing.assert_array_equal(places, track.positions[moved])
@@ -118,21 +120,38 @@ def test_samples_lie_on_the_multiples_inside_of_the_pieces():
         first, last = knots[track.id].times[[0, -1]]
         k = np.arange(np.ceil(first / 7.5), np.floor(last / 7.5) + 1)
         np.testing.assert_array_equal(track.times, k * 7.5)
-        np.testing.assert_array_equal(track.positions, made.position(track.id.rsplit("/", 1)[0], track.times))
+        np.testing.assert_array_equal(
+            track.positions, made.position(track.id.rsplit("/", 1)[0], track.times)
+        )
     missed = set(knots) - {track.id for track in sampled}
-    assert all(np.ceil(knots[name].times[0] / 7.5) > np.floor(knots[name].times[-1] / 7.5) for name in missed)
+    assert all(
+        np.ceil(knots[name].times[0] / 7.5) > np.floor(knots[name].times[-1] / 7.5)
+        for name in missed
+    )
 
 
 def test_samples_at_instants_come_sorted_and_from_one_track():
     made = archive(gaps=0.0)
     times = made.walks[1].times
-    (track,) = made.sample(at=[times[5], times[2], times[5], times[-1] + 99, times[0] - 99], track="walk 1")
+    (track,) = made.sample(
+        at=[times[5], times[2], times[5], times[-1] + 99, times[0] - 99], track="walk 1"
+    )
     assert track.id == "walk 1"
     assert track.times.tolist() == [times[2], times[5]]
     np.testing.assert_array_equal(track.positions, made.road_map.nodes[made.walks[1].nodes[[2, 5]]])
 
 
-@pytest.mark.parametrize("options", [{}, {"every": 1.0, "at": [1.0]}, {"every": 0.0}, {"every": -1.0}, {"every": np.inf}, {"at": [np.nan]}])
+@pytest.mark.parametrize(
+    "options",
+    [
+        {},
+        {"every": 1.0, "at": [1.0]},
+        {"every": 0.0},
+        {"every": -1.0},
+        {"every": np.inf},
+        {"at": [np.nan]},
+    ],
+)
 def test_samples_at_no_times_are_refused(options):
     with pytest.raises(OptionError):
         archive().sample(**options)
@@ -145,7 +164,9 @@ def test_degrees_are_where_the_plane_lies():
     assert np.isnan(degrees[-1]).all()
     metres = made.position("walk 0", walk.times)
     # close to the plane's middle, 1 degree of latitude is 111,272 m at 52.5 degrees
-    np.testing.assert_allclose((degrees[:-1, 0] - 52.5) * 111_272, metres[:, 1], atol=0.01 * np.abs(metres).max())
+    np.testing.assert_allclose(
+        (degrees[:-1, 0] - 52.5) * 111_272, metres[:, 1], atol=0.01 * np.abs(metres).max()
+    )
     assert np.abs(degrees[:-1, 1] - 13.4).max() < 0.1
     with pytest.raises(OptionError, match="x and y"):
         archive().position("walk 0", 0.0, geographic=True)
@@ -158,18 +179,18 @@ def test_an_unknown_track_is_named_with_those_that_there_are():
 
 def test_a_large_archive_is_cut_in_groups_that_answer_alone():
     made = archive(tracks=12, knots=4000, gaps=0.01, spread=1 << 20, seed=2)
-    whole = lattice(tracks=12, knots=4000, gaps=0.01, spread=1 << 20, seed=2)
+    whole = grid_walks(tracks=12, knots=4000, gaps=0.01, spread=1 << 20, seed=2)
     opened = open_archive(made.to_bytes())
     groups = opened.contents.groups
     assert len(groups) > 1
     assert min(len(group.payload) for group in groups) >= 1 << 15
-    last = opened.position("walk 11", whole.walks[11].cells * 1.0)
-    assert list(opened._decoded) == [len(groups) - 1]
+    last = opened.position("walk 11", whole.walks[11].time_steps * 1.0)
+    assert list(opened._decoded_groups) == [len(groups) - 1]
     assert last.shape == (4000, 2)
-    for one, other in zip(opened.lattice.walks, whole.walks, strict=True):
-        np.testing.assert_array_equal(one.cells, other.cells)
+    for one, other in zip(opened.grid_walks.walks, whole.walks, strict=True):
+        np.testing.assert_array_equal(one.time_steps, other.time_steps)
         np.testing.assert_array_equal(one.gaps, other.gaps)
-        np.testing.assert_array_equal(opened.lattice.nodes[one.nodes], whole.nodes[other.nodes])
+        np.testing.assert_array_equal(opened.grid_walks.nodes[one.nodes], whole.nodes[other.nodes])
     at = opened.walks[7].times[100:200] + 0.3
     np.testing.assert_array_equal(opened.position("walk 7", at), position_by_walk(opened, 7, at))
 
@@ -182,9 +203,9 @@ def position_by_walk(opened: Archive, number, at):
 
 def test_the_layer_packs_the_same_walks():
     plain = archive()
-    packed = new_archive(plain.frame, plain.ids, plain.lattice, layer="bz2")
+    packed = new_archive(plain.grid, plain.ids, plain.grid_walks, layer="bz2")
     assert packed.to_bytes() != plain.to_bytes()
-    assert_same(open_archive(packed.to_bytes()).lattice, plain.lattice)
+    assert_same(open_archive(packed.to_bytes()).grid_walks, plain.grid_walks)
     assert packed.info()["layer"] == "bz2"
 
 
@@ -208,11 +229,20 @@ def test_torn_bytes_are_refused():
 def test_the_facts_are_those_of_the_walks():
     made = archive(plane=PLANE)
     facts = made.info()
-    assert (facts["tracks"], facts["bytes"], facts["geographic"], facts["dimension"]) == (2, len(made.to_bytes()), True, 2)
-    assert not made._decoded
+    assert (facts["tracks"], facts["bytes"], facts["geographic"], facts["dimension"]) == (
+        2,
+        len(made.to_bytes()),
+        True,
+        2,
+    )
+    assert not made._decoded_groups
     facts = made.info(decode=True)
-    assert (facts["nodes"], facts["parts"], facts["timed"]) == (len(made.lattice.nodes), 58, True)
-    assert facts["gaps"] == sum(int(walk.gaps.sum()) for walk in lattice().walks)
+    assert (facts["nodes"], facts["parts"], facts["timed"]) == (
+        len(made.grid_walks.nodes),
+        58,
+        True,
+    )
+    assert facts["gaps"] == sum(int(walk.gaps.sum()) for walk in grid_walks().walks)
     assert facts["edges"] == len(made.road_map.edges) > 0
     assert facts["t_start"] == min(walk.times[0] for walk in made.walks)
     assert facts["t_end"] == max(walk.times[-1] for walk in made.walks)
@@ -222,7 +252,9 @@ def test_opening_and_telling_facts_needs_no_compiler(tmp_path):
     path = tmp_path / "a.gpsz"
     archive().save(path)
     program = f"import sys, gpszip.archive as a; print(a.open_archive({str(path)!r}).info()['tracks'], 'numba' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
     assert done.stdout.split() == ["2", "False"]
 
 
@@ -230,16 +262,20 @@ def keeping(counts=(3, 3), first=0.0, copies=1):
     """An archive that says to keep the times of samples."""
     plain = archive()
     begins = [walk.times[0] for walk in plain.walks]
-    times = np.concatenate([begin + first + np.arange(count) for begin, count in zip(begins, counts, strict=True)])
-    body = attributes_body(Kept(counts, times, {"n": np.arange(sum(counts))}))
-    return Archive(replace(plain.contents, extras=copies * (Section(Kind.ATTRIBUTES, body),)))
+    times = np.concatenate(
+        [begin + first + np.arange(count) for begin, count in zip(begins, counts, strict=True)]
+    )
+    body = encode_attributes(KeptColumns(counts, times, {"n": np.arange(sum(counts))}))
+    return Archive(
+        replace(plain.contents, extras=copies * (Section(SectionKind.ATTRIBUTES, body),))
+    )
 
 
 def test_samples_are_where_the_walk_is_at_their_times():
     plain = archive(gaps=0)
     made = keeping()
     made = open_archive(replace_walks(made, plain).to_bytes())
-    assert made.kept == ("n",)
+    assert made.kept_columns == ("n",)
     for sampled in made.samples():
         np.testing.assert_array_equal(sampled.times, made.sample_times(sampled.id))
         np.testing.assert_array_equal(sampled.positions, plain.position(sampled.id, sampled.times))
@@ -262,7 +298,7 @@ def test_forged_samples_are_refused():
 
 
 def test_an_archive_without_samples_says_so():
-    assert archive().kept is None
+    assert archive().kept_columns is None
     with pytest.raises(OptionError, match="keep_times"):
         archive().samples()
 
@@ -276,11 +312,13 @@ def test_sampling_as_finely_as_the_slack_stays_within_the_walk():
 
 def test_waypoints_and_shortest_paths_give_the_walks_back():
     made = archive(knots=60)
-    graph = road_graph(made.lattice.nodes, made.road_map.edges)
+    graph = build_road_graph(made.grid_walks.nodes, made.road_map.edges)
     for walk in made.walks:
         short = made.waypoints(walk.id)
         assert len(short) < len(walk.nodes)
-        route = expand(graph, short, len(walk.gaps))
+        route = expand_waypoints(graph, short, len(walk.gaps))
         np.testing.assert_array_equal(route.nodes, walk.nodes)
         np.testing.assert_array_equal(route.gaps, walk.gaps)
-    assert made.info(decode=True)["waypoints"] == sum(len(made.waypoints(name)) for name in made.tracks)
+    assert made.info(decode=True)["waypoints"] == sum(
+        len(made.waypoints(name)) for name in made.tracks
+    )

@@ -10,7 +10,10 @@ IDS = st.lists(st.text("a/01", max_size=4), unique=True, max_size=8)
 
 def walks_of(ids, torn):
     nodes, times = np.arange(4, dtype=np.int32), np.arange(4.0)
-    return [Walk(id, nodes, times, np.array([tear, False, tear])) for id, tear in zip(ids, torn, strict=False)]
+    return [
+        Walk(id, nodes, times, np.array([tear, False, tear]))
+        for id, tear in zip(ids, torn, strict=False)
+    ]
 
 
 @given(IDS, st.lists(st.booleans(), min_size=8, max_size=8))
@@ -31,4 +34,8 @@ def test_no_two_pieces_have_one_name(ids, torn):
 
 def test_names_are_the_plain_ones_where_nothing_else_is_called_so():
     found = pieces_by_track(walks_of(["a", "b", "a/"], [True, False, True]))
-    assert [[name for name, _ in pieces] for pieces in found.values()] == [["a/0", "a/1", "a/2"], ["b"], ["a//0", "a//1", "a//2"]]
+    assert [[name for name, _ in pieces] for pieces in found.values()] == [
+        ["a/0", "a/1", "a/2"],
+        ["b"],
+        ["a//0", "a//1", "a//2"],
+    ]

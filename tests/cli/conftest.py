@@ -8,7 +8,7 @@ import pytest
 
 from gpszip.archive import new_archive
 from gpszip.cli.main import main
-from gpszip.model import Frame, LatticeWalk, LatticeWalks, Plane
+from gpszip.model import GridWalk, GridWalks, Plane, QuantisationGrid
 
 
 @dataclass
@@ -42,7 +42,9 @@ def shell(tmp_path):
 
     def call(*arguments, data=None):
         command = [sys.executable, "-m", "gpszip", *map(str, arguments)]
-        return subprocess.run(command, input=data, capture_output=True, cwd=tmp_path, check=False, timeout=120)
+        return subprocess.run(
+            command, input=data, capture_output=True, cwd=tmp_path, check=False, timeout=120
+        )
 
     return call
 
@@ -50,10 +52,15 @@ def shell(tmp_path):
 @pytest.fixture
 def log(tmp_path):
     """A log of 200 points on a square that is driven twice."""
-    corners = np.array([[0, 0], [40, 0], [40, 30], [0, 30], [0, 0], [40, 0], [40, 30], [0, 30], [0, 0]], float)
+    corners = np.array(
+        [[0, 0], [40, 0], [40, 30], [0, 30], [0, 0], [40, 0], [40, 30], [0, 30], [0, 0]], float
+    )
     along = np.r_[0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))]
     way = np.linspace(0, along[-1], 200)
-    rows = [f"{t},{np.interp(s, along, corners[:, 0]):.3f},{np.interp(s, along, corners[:, 1]):.3f}" for t, s in enumerate(way)]
+    rows = [
+        f"{t},{np.interp(s, along, corners[:, 0]):.3f},{np.interp(s, along, corners[:, 1]):.3f}"
+        for t, s in enumerate(way)
+    ]
     path = tmp_path / "walk.csv"
     path.write_text("\n".join(["t,x,y", *rows]) + "\n")
     return path
@@ -61,10 +68,14 @@ def log(tmp_path):
 
 def two_walks(plane=None, timed=True):
     """An archive of a walk with a gap and of one without, made by hand."""
-    first = LatticeWalk(np.array([0, 1, 2, 0, 1], np.int32), np.array([0, 10, 20, 90, 100]), np.array([False, False, True, False]))
-    second = LatticeWalk(np.array([0, 2], np.int32), np.array([5, 25]), np.array([False]))
-    walks = LatticeWalks(np.array([[0, 0], [100, 0], [100, 50]]), (first, second), timed)
-    return new_archive(Frame((0, 0), 0, 128, 128, plane), ["a", "b c"], walks)
+    first = GridWalk(
+        np.array([0, 1, 2, 0, 1], np.int32),
+        np.array([0, 10, 20, 90, 100]),
+        np.array([False, False, True, False]),
+    )
+    second = GridWalk(np.array([0, 2], np.int32), np.array([5, 25]), np.array([False]))
+    walks = GridWalks(np.array([[0, 0], [100, 0], [100, 50]]), (first, second), timed)
+    return new_archive(QuantisationGrid((0, 0), 0, 128, 128, plane), ["a", "b c"], walks)
 
 
 @pytest.fixture
@@ -84,6 +95,10 @@ def earthly(tmp_path):
 @pytest.fixture
 def timeless(tmp_path):
     path = tmp_path / "timeless.gpsz"
-    walk = LatticeWalk(np.array([0, 1, 0], np.int32), np.zeros(3, np.int64), np.array([False, False]))
-    new_archive(Frame((0, 0), 0, 128, 128), ["0"], LatticeWalks(np.array([[0, 0], [9, 0]]), (walk,), False)).save(path)
+    walk = GridWalk(np.array([0, 1, 0], np.int32), np.zeros(3, np.int64), np.array([False, False]))
+    new_archive(
+        QuantisationGrid((0, 0), 0, 128, 128),
+        ["0"],
+        GridWalks(np.array([[0, 0], [9, 0]]), (walk,), False),
+    ).save(path)
     return path

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import gpszip as package
-from gpszip.io.values.dates import ORDERS
+from gpszip.io.values.dates import DATE_ORDERS
 from gpszip.io.values.timestamps import TIME_UNITS
 from gpszip.testing import city, patrol
 
@@ -20,7 +20,10 @@ from gpszip.testing import city, patrol
 def distances(log, archive):
     """Synchronised distance of every sample of a log to what the archive says."""
     opened = package.open(archive)
-    found = [np.linalg.norm(opened.position(track.id, track.times) - track.positions, axis=1) for track in package.read(log)]
+    found = [
+        np.linalg.norm(opened.position(track.id, track.times) - track.positions, axis=1)
+        for track in package.read(log)
+    ]
     return np.concatenate(found)
 
 
@@ -43,7 +46,9 @@ def test_max_error_is_held(gpszip, log):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "most"), [(["--bytes", "120"], 120), (["--bytes", "0.1KiB"], 102), (["--ratio", "40"], None)], ids=str
+    ("arguments", "most"),
+    [(["--bytes", "120"], 120), (["--bytes", "0.1KiB"], 102), (["--ratio", "40"], None)],
+    ids=str,
 )
 def test_a_size_is_held_and_told(gpszip, log, arguments, most):
     if arguments[0] == "--ratio":
@@ -110,9 +115,17 @@ def test_standard_input_to_standard_output(shell, log):
 def test_degrees_come_back_as_degrees(gpszip, tmp_path):
     rows = ["vehicle,timestamp,Lat,Lon"]
     for name, (times, degrees) in city(2, vehicles=2, period=15.0, duration=300.0).items():
-        rows += [f"{name},{1.7e9 + t:.0f},{lat:.7f},{lon:.7f}" for t, (lat, lon) in zip(times, degrees, strict=True)]
+        rows += [
+            f"{name},{1.7e9 + t:.0f},{lat:.7f},{lon:.7f}"
+            for t, (lat, lon) in zip(times, degrees, strict=True)
+        ]
     (tmp_path / "fleet.csv").write_text("\n".join(rows))
-    assert gpszip("compress", "fleet.csv", "-o", "fleet.gpsz", "--max-error", "30m", "--gap", "none").code == 0
+    assert (
+        gpszip(
+            "compress", "fleet.csv", "-o", "fleet.gpsz", "--max-error", "30m", "--gap", "none"
+        ).code
+        == 0
+    )
     lines = gpszip("decompress", "fleet.gpsz", "-o", "-", "--track", "bus-1").out.splitlines()
     assert lines[0] == "track_id,t,lat,lon"
     first, last = (line.split(",") for line in (lines[1], lines[-1]))
@@ -129,7 +142,9 @@ def test_the_same_log_gives_the_same_bytes(gpszip, log):
 
 def test_left_out_logs_are_named_and_end_with_3(gpszip, log, tmp_path):
     (tmp_path / "bad.csv").write_text("a,b\n1,2\n")
-    done = gpszip("compress", log, "bad.csv", "nowhere.csv", "-o", "walk.gpsz", "--rmse", "1m", "--skip-bad")
+    done = gpszip(
+        "compress", log, "bad.csv", "nowhere.csv", "-o", "walk.gpsz", "--rmse", "1m", "--skip-bad"
+    )
     assert done.code == 3
     assert "left out bad.csv" in done.err
     assert "left out nowhere.csv" in done.err
@@ -147,9 +162,22 @@ def test_what_was_mended_is_counted(gpszip, tmp_path):
 
 
 def test_kept_columns_come_back_with_the_samples(gpszip, log):
-    rows = [f'{row},{i * 0.5:.1f},{"" if i % 7 == 0 else i},"a, {i // 90}"' for i, row in enumerate(log.read_text().splitlines()[1:])]
+    rows = [
+        f'{row},{i * 0.5:.1f},{"" if i % 7 == 0 else i},"a, {i // 90}"'
+        for i, row in enumerate(log.read_text().splitlines()[1:])
+    ]
     log.write_text("\n".join(["t,x,y,speed,count,note", *rows]))
-    done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "50cm", "--keep", "speed,count, note", "--json")
+    done = gpszip(
+        "compress",
+        log,
+        "-o",
+        "walk.gpsz",
+        "--rmse",
+        "50cm",
+        "--keep",
+        "speed,count, note",
+        "--json",
+    )
     assert done.code == 0, done.err
     assert done.json["dropped"] == []
     assert "instants of the samples, speed, count, note" in gpszip("info", "walk.gpsz").out
@@ -166,10 +194,32 @@ def test_kept_columns_come_back_with_the_samples(gpszip, log):
 
 
 def test_times_of_points_are_kept_alone(gpszip, log):
-    assert gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "50cm", "--keep-times", "--bytes", "300", "--effort", "1").code == 2
-    assert gpszip("compress", log, "-o", "walk.gpsz", "--keep-times", "--bytes", "300", "--effort", "1").code == 0
+    assert (
+        gpszip(
+            "compress",
+            log,
+            "-o",
+            "walk.gpsz",
+            "--rmse",
+            "50cm",
+            "--keep-times",
+            "--bytes",
+            "300",
+            "--effort",
+            "1",
+        ).code
+        == 2
+    )
+    assert (
+        gpszip(
+            "compress", log, "-o", "walk.gpsz", "--keep-times", "--bytes", "300", "--effort", "1"
+        ).code
+        == 0
+    )
     assert Path("walk.gpsz").stat().st_size <= 300
-    assert gpszip("decompress", "walk.gpsz", "-o", "-", "--samples", "--track", "0").out.startswith("track_id,t,x,y\n0,0,")
+    assert gpszip("decompress", "walk.gpsz", "-o", "-", "--samples", "--track", "0").out.startswith(
+        "track_id,t,x,y\n0,0,"
+    )
     assert gpszip("verify", "walk.gpsz").code == 0
 
 
@@ -183,24 +233,69 @@ def test_bound_that_cannot_be_met_ends_with_6_and_no_file(gpszip, log):
 
 def test_losses_come_first_and_end_with_3(gpszip, log):
     rows = log.read_text().splitlines()
-    log.write_text("\n".join([rows[0], *(f"{int(row.split(',')[0]) // 2},{row.split(',', 1)[1]}" for row in rows[1:])]) + "\n")
+    log.write_text(
+        "\n".join(
+            [
+                rows[0],
+                *(f"{int(row.split(',')[0]) // 2},{row.split(',', 1)[1]}" for row in rows[1:]),
+            ]
+        )
+        + "\n"
+    )
     done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "1m", "--effort", "1")
     assert (done.code, done.out) == (3, "")
-    assert done.err.splitlines()[0] == f"gpszip: lost 100 of 200 points of track '0' of {log}, up to 2 at one time"
-    done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "1m", "--effort", "1", "--force", "--json")
+    assert (
+        done.err.splitlines()[0]
+        == f"gpszip: lost 100 of 200 points of track '0' of {log}, up to 2 at one time"
+    )
+    done = gpszip(
+        "compress", log, "-o", "walk.gpsz", "--rmse", "1m", "--effort", "1", "--force", "--json"
+    )
     assert done.code == 3
-    assert (done.json["points"], done.json["points_read"], done.json["points_lost"]) == (100, 200, 100)
-    assert done.json["losses"] == [{"track": "0", "where": str(log), "lost": 100, "points": 200, "shared": 2}]
+    assert (done.json["points"], done.json["points_read"], done.json["points_lost"]) == (
+        100,
+        200,
+        100,
+    )
+    assert done.json["losses"] == [
+        {"track": "0", "where": str(log), "lost": 100, "points": 200, "shared": 2}
+    ]
 
 
 def test_the_order_of_dates_and_the_unit_of_numbers_can_be_given(gpszip, log):
     rows = log.read_text().splitlines()
-    log.write_text("\n".join([rows[0], *(f"03/04/2024 08:{number:02d},{row.split(',', 1)[1]}" for number, row in enumerate(rows[1:50]))]))
+    log.write_text(
+        "\n".join(
+            [
+                rows[0],
+                *(
+                    f"03/04/2024 08:{number:02d},{row.split(',', 1)[1]}"
+                    for number, row in enumerate(rows[1:50])
+                ),
+            ]
+        )
+    )
     done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "1m", "--effort", "1")
     assert done.code == 1
     assert "can be 3 Apr 2024 or 4 Mar 2024; say which: --dates dmy or --dates mdy" in done.err
-    assert gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "1m", "--effort", "1", "--dates", "dmy", "--time-unit", "excel").code == 0
-    for option, known in (("--time-unit", TIME_UNITS), ("--dates", ORDERS)):
+    assert (
+        gpszip(
+            "compress",
+            log,
+            "-o",
+            "walk.gpsz",
+            "--rmse",
+            "1m",
+            "--effort",
+            "1",
+            "--dates",
+            "dmy",
+            "--time-unit",
+            "excel",
+        ).code
+        == 0
+    )
+    for option, known in (("--time-unit", TIME_UNITS), ("--dates", DATE_ORDERS)):
         done = gpszip("compress", log, "-o", "walk.gpsz", option, "unknown")
         assert done.code == 2
         assert ", ".join(f"'{one}'" for one in known) in done.err
@@ -208,11 +303,30 @@ def test_the_order_of_dates_and_the_unit_of_numbers_can_be_given(gpszip, log):
 
 def test_interruption_ends_with_130_and_leaves_nothing(tmp_path):
     track = patrol(200_000)
-    np.savetxt(tmp_path / "long.csv", np.column_stack([track.times, track.positions]), "%.3f", ",", header="t,x,y", comments="")
+    np.savetxt(
+        tmp_path / "long.csv",
+        np.column_stack([track.times, track.positions]),
+        "%.3f",
+        ",",
+        header="t,x,y",
+        comments="",
+    )
     # what runs in the background of a shell is born deaf to interruptions
     listen = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
     script = f"{listen}\nfrom gpszip.cli.main import run; run()"
-    command = [sys.executable, "-c", script, "compress", "long.csv", "-o", "long.gpsz", "--max-error", "2cm", "--effort", "9"]
+    command = [
+        sys.executable,
+        "-c",
+        script,
+        "compress",
+        "long.csv",
+        "-o",
+        "long.gpsz",
+        "--max-error",
+        "2cm",
+        "--effort",
+        "9",
+    ]
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE)
     time.sleep(2.0)
     assert process.poll() is None

@@ -5,7 +5,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import gpszip as package
-from gpszip.sketches.pieces import through
+from gpszip.sketches.pieces import polyline
 
 
 def test_a_coreset_is_written_and_prices_the_log(gpszip, log):
@@ -15,8 +15,14 @@ def test_a_coreset_is_written_and_prices_the_log(gpszip, log):
     assert done.json["blocks"] <= 20
     (track,) = package.read(log)
     small = package.open_coreset("c.parquet")
-    f = through(track.times[[0, 90, 199]], track.positions[[0, 90, 199]])
-    at = np.stack([np.interp(track.times, track.times[[0, 90, 199]], axis[[0, 90, 199]]) for axis in track.positions.T], axis=1)
+    f = polyline(track.times[[0, 90, 199]], track.positions[[0, 90, 199]])
+    at = np.stack(
+        [
+            np.interp(track.times, track.times[[0, 90, 199]], axis[[0, 90, 199]])
+            for axis in track.positions.T
+        ],
+        axis=1,
+    )
     assert small.cost(f).lower <= ((at - track.positions) ** 2).sum() <= small.cost(f).upper
 
 
@@ -65,7 +71,14 @@ def test_the_file_is_as_small_as_asked(gpszip, log, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "options", [[], ["--eps", "0.5"], ["--size", "3", "--max-bytes", "9kB"], ["--size", "3", "--eps", "0.5", "--k", "2"], ["--eps", "2"]]
+    "options",
+    [
+        [],
+        ["--eps", "0.5"],
+        ["--size", "3", "--max-bytes", "9kB"],
+        ["--size", "3", "--eps", "0.5", "--k", "2"],
+        ["--eps", "2"],
+    ],
 )
 def test_sizes_that_contradict_each_other_are_refused(gpszip, log, tmp_path, options):
     done = gpszip("coreset", log, "-o", "c.parquet", *options)
@@ -87,12 +100,28 @@ def test_an_existing_file_is_kept_and_a_bad_log_is_left_out(gpszip, log, tmp_pat
 def test_standard_input_is_read_as_a_file_is(shell, log, tmp_path):
     done = shell("coreset", "-", "-o", "piped.parquet", "--size", "9", data=log.read_bytes())
     assert done.returncode == 0, done.stderr
-    assert shell("coreset", log, "-o", "named.parquet", "--size", "9", "--engine", "threads", "--workers", "3").returncode == 0
+    assert (
+        shell(
+            "coreset",
+            log,
+            "-o",
+            "named.parquet",
+            "--size",
+            "9",
+            "--engine",
+            "threads",
+            "--workers",
+            "3",
+        ).returncode
+        == 0
+    )
     assert (tmp_path / "piped.parquet").read_bytes() == (tmp_path / "named.parquet").read_bytes()
 
 
 def test_tracks_are_split_where_time_goes_back(gpszip, tmp_path):
-    (tmp_path / "laps.csv").write_text("t,x,y\n" + "".join(f"{t},{t},{lap}\n" for lap in range(3) for t in range(50)))
+    (tmp_path / "laps.csv").write_text(
+        "t,x,y\n" + "".join(f"{t},{t},{lap}\n" for lap in range(3) for t in range(50))
+    )
     assert gpszip("coreset", "laps.csv", "-o", "c.parquet", "--size", "9").code == 1
     done = gpszip("coreset", "laps.csv", "-o", "c.parquet", "--size", "9", "--split")
     assert done.code == 0, done.err
@@ -107,7 +136,19 @@ def test_a_whole_process_does_it(shell, log):
 
 
 def test_compress_learns_from_a_coreset(gpszip, log):
-    done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "1m", "--coreset", "12", "--effort", "1", "--json")
+    done = gpszip(
+        "compress",
+        log,
+        "-o",
+        "walk.gpsz",
+        "--rmse",
+        "1m",
+        "--coreset",
+        "12",
+        "--effort",
+        "1",
+        "--json",
+    )
     assert done.code == 0, done.err
     assert done.json["points"] == 200
     assert done.json["rmse"] <= 1

@@ -44,4 +44,6 @@ def test_demo_without_matplotlib_names_the_extra(gpszip, monkeypatch):
     done = gpszip("demo", "--points", "500", "--out", "show")
     assert done.code == 0
     assert "pip install 'gpszip[plot]'" in done.err
-    assert {path.name for path in Path("show").iterdir()} == {name for name in FILES if not name.endswith("png")}
+    assert {path.name for path in Path("show").iterdir()} == {
+        name for name in FILES if not name.endswith("png")
+    }

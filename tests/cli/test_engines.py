@@ -10,7 +10,12 @@ distributed = pytest.importorskip("distributed")
 @pytest.fixture
 def scheduler():
     with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None, protocol="tcp", host="127.0.0.1"
+        n_workers=1,
+        threads_per_worker=2,
+        processes=False,
+        dashboard_address=None,
+        protocol="tcp",
+        host="127.0.0.1",
     ) as cluster:
         yield cluster.scheduler_address
 
@@ -18,15 +23,33 @@ def scheduler():
 @pytest.mark.filterwarnings("default")
 def test_every_engine_writes_the_same_bytes(gpszip, log, scheduler):
     written = []
-    for engine in (["--workers", "1"], ["--workers", "3"], ["--engine", "processes", "--workers", "2"], ["--scheduler", scheduler]):
-        done = gpszip("compress", log, "-o", "walk.gpsz", "--rmse", "50cm", "--effort", "3", "--force", *engine)
+    for engine in (
+        ["--workers", "1"],
+        ["--workers", "3"],
+        ["--engine", "processes", "--workers", "2"],
+        ["--scheduler", scheduler],
+    ):
+        done = gpszip(
+            "compress",
+            log,
+            "-o",
+            "walk.gpsz",
+            "--rmse",
+            "50cm",
+            "--effort",
+            "3",
+            "--force",
+            *engine,
+        )
         assert done.code == 0, done.err
         written.append(Path("walk.gpsz").read_bytes())
     assert len(set(written)) == 1
 
 
 def test_a_cluster_has_its_own_workers(gpszip, log):
-    done = gpszip("compress", log, "-o", "walk.gpsz", "--scheduler", "tcp://127.0.0.1:9", "--workers", "2")
+    done = gpszip(
+        "compress", log, "-o", "walk.gpsz", "--scheduler", "tcp://127.0.0.1:9", "--workers", "2"
+    )
     assert done.code == 2
     assert "--workers" in done.err
 

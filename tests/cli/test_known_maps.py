@@ -33,16 +33,33 @@ def test_compress_on_a_map_and_decompress_with_it(gpszip, logs, tmp_path):
     assert done.code == 1
     (tmp_path / "on").mkdir()
     done = gpszip(
-        "compress", logs[1], "-o", "on/later.gpsz", "--rmse", "0.4", "--map", "map.gpsz", "--update-map", "renewed.gpsz", "--json"
+        "compress",
+        logs[1],
+        "-o",
+        "on/later.gpsz",
+        "--rmse",
+        "0.4",
+        "--map",
+        "map.gpsz",
+        "--update-map",
+        "renewed.gpsz",
+        "--json",
     )
     assert done.code == 0, done.err
     assert done.json["rmse"] <= 0.4
     done = gpszip("decompress", "on/later.gpsz", "-o", "later.csv")
     assert done.code == 5
     assert "kept elsewhere; give it with --map" in done.err
-    assert gpszip("decompress", "on/later.gpsz", "-o", "later.csv", "--map", "renewed.gpsz").code == 5
+    assert (
+        gpszip("decompress", "on/later.gpsz", "-o", "later.csv", "--map", "renewed.gpsz").code == 5
+    )
     assert not (tmp_path / "later.csv").exists()
-    assert gpszip("decompress", "on/later.gpsz", "-o", "later.csv", "--map", "map.gpsz", "--every", "1s").code == 0
+    assert (
+        gpszip(
+            "decompress", "on/later.gpsz", "-o", "later.csv", "--map", "map.gpsz", "--every", "1s"
+        ).code
+        == 0
+    )
     for command in (["info", "--detail"], ["verify"]):
         assert gpszip(*command, "on/later.gpsz").code == 5
         assert gpszip(*command, "on/later.gpsz", "--map", "map.gpsz").code == 0
@@ -56,7 +73,18 @@ def test_compress_on_a_map_and_decompress_with_it(gpszip, logs, tmp_path):
 
 def test_the_map_in_the_same_folder_is_found(gpszip, logs):
     gpszip("compress", logs[0], "-o", "map.gpsz", "--rmse", "0.4", "--effort", "1")
-    gpszip("compress", logs[1], "-o", "later.gpsz", "--rmse", "0.4", "--map", "map.gpsz", "--effort", "1")
+    gpszip(
+        "compress",
+        logs[1],
+        "-o",
+        "later.gpsz",
+        "--rmse",
+        "0.4",
+        "--map",
+        "map.gpsz",
+        "--effort",
+        "1",
+    )
     assert gpszip("decompress", "later.gpsz", "-o", "-").out.startswith("track_id,t,x,y")
     shown = gpszip("info", "later.gpsz").out
     assert "kept elsewhere" in shown
@@ -64,13 +92,24 @@ def test_the_map_in_the_same_folder_is_found(gpszip, logs):
 
 
 def test_appending_hour_by_hour(gpszip, logs):
-    first = gpszip("compress", logs[0], "-o", "robot.gpsz", "--rmse", "0.4", "--append", "--effort", "1", "--json")
+    first = gpszip(
+        "compress",
+        logs[0],
+        "-o",
+        "robot.gpsz",
+        "--rmse",
+        "0.4",
+        "--append",
+        "--effort",
+        "1",
+        "--json",
+    )
     assert first.code == 0, first.err
     done = gpszip("compress", logs[1], "-o", "robot.gpsz", "--append", "--effort", "1", "--json")
     assert done.code == 0, done.err
     assert done.json["bytes_out"] > first.json["bytes_out"]
     archive = package.open("robot.gpsz")
-    assert archive.tracks == ("0",)
+    assert archive.ids == ("0",)
     assert rmse(archive, logs[0]) <= 0.4
     assert rmse(archive, logs[1]) <= 0.4
     # the same log again overlaps in time, and the archive stays what it was
@@ -83,7 +122,20 @@ def test_appending_hour_by_hour(gpszip, logs):
 
 def test_a_map_is_not_renewed_with_a_log_that_it_holds_already(gpszip, logs, tmp_path):
     gpszip("compress", logs[0], "-o", "map.gpsz", "--rmse", "0.4", "--effort", "1")
-    done = gpszip("compress", logs[0], "-o", "on.gpsz", "--rmse", "0.4", "--effort", "1", "--map", "map.gpsz", "--update-map", "new.gpsz")
+    done = gpszip(
+        "compress",
+        logs[0],
+        "-o",
+        "on.gpsz",
+        "--rmse",
+        "0.4",
+        "--effort",
+        "1",
+        "--map",
+        "map.gpsz",
+        "--update-map",
+        "new.gpsz",
+    )
     assert done.code == 2
     assert "track '0' overlaps in time" in done.err
     assert not (tmp_path / "on.gpsz").exists()

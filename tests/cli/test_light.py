@@ -10,7 +10,14 @@ HEAVY = ("numba", "scipy", "pyarrow", "matplotlib", "rich")
 
 @pytest.mark.parametrize(
     ("arguments", "code"),
-    [(["--help"], 0), (["--version"], 0), (["compress", "--help"], 0), (["info", "two.gpsz"], 0), (["compress"], 2), ([], 2)],
+    [
+        (["--help"], 0),
+        (["--version"], 0),
+        (["compress", "--help"], 0),
+        (["info", "two.gpsz"], 0),
+        (["compress"], 2),
+        ([], 2),
+    ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
 def test_light_answers_import_nothing_heavy(archive, arguments, code):
@@ -19,12 +26,24 @@ def test_light_answers_import_nothing_heavy(archive, arguments, code):
         f"code = main({arguments!r})\n"
         f"print('heavy:', [name for name in {HEAVY!r} if name in sys.modules], code)"
     )
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=archive.parent, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        cwd=archive.parent,
+        check=True,
+    )
     assert done.stdout.splitlines()[-1] == f"heavy: [] {code}"
 
 
 def test_formats_needs_no_compiler(archive):
     script = "import sys\nfrom gpszip.cli.main import main\nmain(['formats'])\nassert 'numba' not in sys.modules"
-    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, cwd=archive.parent, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        cwd=archive.parent,
+        check=False,
+    )
     assert done.returncode == 0, done.stderr
     assert "geojson" in done.stdout

@@ -11,11 +11,19 @@ def streets(tmp_path):
     lines = [[[100 * x, 100 * y], [100 * x + 100, 100 * y]] for x in range(4) for y in range(5)]
     lines += [[[100 * x, 100 * y], [100 * x, 100 * y + 100]] for x in range(5) for y in range(4)]
     features = [
-        {"type": "Feature", "properties": {"id": f"s{i}"}, "geometry": {"type": "LineString", "coordinates": line}}
+        {
+            "type": "Feature",
+            "properties": {"id": f"s{i}"},
+            "geometry": {"type": "LineString", "coordinates": line},
+        }
         for i, line in enumerate(lines)
     ]
     path = tmp_path / "streets.geojson"
-    path.write_text(json.dumps({"type": "FeatureCollection", "gpszip": {"coordinates": "metres"}, "features": features}))
+    path.write_text(
+        json.dumps(
+            {"type": "FeatureCollection", "gpszip": {"coordinates": "metres"}, "features": features}
+        )
+    )
     return path
 
 
@@ -45,12 +53,20 @@ def test_lines_tell_when_where_and_how_sure(shell, drive, streets, tmp_path):
     assert "gpszip" in found
     first, second = (one["properties"] for one in found["features"])
     assert (first["track_id"], second["track_id"]) == ("007", "bus, red")
-    assert (first["t_start"], first["t_end"], first["points"], first["matched"], first["end"]) == (0.0, 69.0, 70, 1.0, "end of track")
+    assert (first["t_start"], first["t_end"], first["points"], first["matched"], first["end"]) == (
+        0.0,
+        69.0,
+        70,
+        1.0,
+        "end of track",
+    )
     assert first["length"] == pytest.approx(690, abs=15)
     assert 0.5 < first["confidence"] <= 1
     assert all(road.startswith("s") for road in first["roads"])
     line = np.array(found["features"][0]["geometry"]["coordinates"])
-    assert np.linalg.norm(np.diff(line, axis=0), axis=1).sum() == pytest.approx(first["length"], abs=0.1)
+    assert np.linalg.norm(np.diff(line, axis=0), axis=1).sum() == pytest.approx(
+        first["length"], abs=0.1
+    )
     assert {(200.0, 0.0), (200.0, 300.0)} <= {tuple(one) for one in line.tolist()}
 
 
@@ -64,15 +80,40 @@ def test_rows_tell_the_place_of_every_point(gpszip, drive, streets, tmp_path):
     ]  # fmt: skip
     assert len(rows) == 140
     assert rows[70]["track_id"] == "bus, red"
-    off = [np.hypot(float(row["x"]) - float(row["road_x"]), float(row["y"]) - float(row["road_y"])) for row in rows]
+    off = [
+        np.hypot(float(row["x"]) - float(row["road_x"]), float(row["y"]) - float(row["road_y"]))
+        for row in rows
+    ]
     np.testing.assert_allclose(off, [float(row["distance"]) for row in rows], atol=2e-3)
     assert all(min(float(row["road_x"]) % 100, float(row["road_y"]) % 100) == 0 for row in rows)
 
 
 def test_json_has_the_numbers(gpszip, drive, streets):
-    done = gpszip("match", drive, "--network", streets, "-o", "routes.geojson", "--json", "--sigma", "5m", "--beta", "7m")
+    done = gpszip(
+        "match",
+        drive,
+        "--network",
+        streets,
+        "-o",
+        "routes.geojson",
+        "--json",
+        "--sigma",
+        "5m",
+        "--beta",
+        "7m",
+    )
     assert done.code == 0
-    keys = ("points", "tracks", "pieces", "matched", "sigma", "beta", "breaks", "unmatched", "one_way")
+    keys = (
+        "points",
+        "tracks",
+        "pieces",
+        "matched",
+        "sigma",
+        "beta",
+        "breaks",
+        "unmatched",
+        "one_way",
+    )
     assert {key: done.json[key] for key in keys} == {
         "points": 140, "tracks": 2, "pieces": 2, "matched": 1.0, "sigma": 5.0, "beta": 7.0, "breaks": {},
         "unmatched": {}, "one_way": [],
@@ -82,10 +123,15 @@ def test_json_has_the_numbers(gpszip, drive, streets):
 @pytest.fixture
 def headed(drive, tmp_path):
     """The drive with a column that says where the vehicles face."""
-    rows = [line.split(",") for line in drive.read_text().replace("bus, red", "red").splitlines()[1:]]
+    rows = [
+        line.split(",") for line in drive.read_text().replace("bus, red", "red").splitlines()[1:]
+    ]
     course = [90 if float(t) < 20 or float(t) >= 50 else 0 for _, t, *_ in rows]
     path = tmp_path / "headed.csv"
-    path.write_text("track_id,t,x,y,Course (deg)\n" + "".join(",".join(row) + f",{one}\n" for row, one in zip(rows, course, strict=True)))
+    path.write_text(
+        "track_id,t,x,y,Course (deg)\n"
+        + "".join(",".join(row) + f",{one}\n" for row, one in zip(rows, course, strict=True))
+    )
     return path
 
 
@@ -94,7 +140,10 @@ def test_headings_are_used_and_told(gpszip, headed, streets):
     assert "heading " in gpszip(*run).err
     assert 1 < gpszip(*run, "--json").json["heading"] < 20
     assert gpszip(*run, "--json", "--heading", "12deg").json["heading"] == 12
-    assert (gpszip(*run, "--json", "--heading", "none").json["heading"], "heading" in gpszip(*run, "--heading", "none").err) == (
+    assert (
+        gpszip(*run, "--json", "--heading", "none").json["heading"],
+        "heading" in gpszip(*run, "--heading", "none").err,
+    ) == (
         None,
         False,
     )
@@ -105,7 +154,10 @@ def test_headings_that_tell_nothing_are_named(gpszip, headed, streets):
     assert "no position" in gpszip(*run).err
     headed.write_text(headed.read_text().replace(",90\n", ",0\n"))
     done = gpszip(*run[:-2])
-    assert "headings of 2 tracks left out, as they don't show that they follow the roads travelled" in done.err
+    assert (
+        "headings of 2 tracks left out, as they don't show that they follow the roads travelled"
+        in done.err
+    )
 
 
 def test_standard_output_carries_the_routes(shell, drive, streets):
@@ -122,7 +174,10 @@ def test_a_break_is_counted(gpszip, drive, streets, tmp_path):
     done = gpszip("match", "torn.csv", "--network", streets, "-o", "routes.geojson", "--gap", "10s")
     assert done.code == 0
     assert "breaks: gap 1" in done.err
-    ends = [one["properties"]["end"] for one in json.loads((tmp_path / "routes.geojson").read_text())["features"]]
+    ends = [
+        one["properties"]["end"]
+        for one in json.loads((tmp_path / "routes.geojson").read_text())["features"]
+    ]
     assert ends == ["gap", "end of track"]
 
 
@@ -138,7 +193,11 @@ def test_an_archive_is_a_network(gpszip, drive, tmp_path):
     [
         (["-o", "routes.geojson"], 2, "--network"),
         (["--network", "streets.geojson"], 2, "no output was named"),
-        (["--network", "streets.geojson", "-o", "routes.gpx"], 1, "routes are written as geojson or csv"),
+        (
+            ["--network", "streets.geojson", "-o", "routes.gpx"],
+            1,
+            "routes are written as geojson or csv",
+        ),
         (["--network", "nowhere.geojson", "-o", "routes.geojson"], 1, "nowhere.geojson"),
         (["--network", "streets.geojson", "-o", "routes.geojson", "--sigma", "0m"], 2, "sigma"),
         (["--network", "drive.csv", "-o", "routes.geojson"], 1, "no network"),
@@ -153,7 +212,14 @@ def test_mistakes_are_named(gpszip, drive, streets, arguments, code, words):
 def test_a_network_elsewhere_is_refused(gpszip, drive, tmp_path):
     line = {"type": "LineString", "coordinates": [[90000, 90000], [90100, 90000]]}
     (tmp_path / "far.geojson").write_text(
-        json.dumps({"type": "Feature", "gpszip": {"coordinates": "metres"}, "properties": {}, "geometry": line})
+        json.dumps(
+            {
+                "type": "Feature",
+                "gpszip": {"coordinates": "metres"},
+                "properties": {},
+                "geometry": line,
+            }
+        )
     )
     done = gpszip("match", drive, "--network", "far.geojson", "-o", "routes.geojson")
     assert done.code == 1
@@ -170,40 +236,72 @@ def test_an_output_is_not_replaced_unasked(gpszip, drive, streets, tmp_path):
 
 def test_degrees_come_back_as_degrees(gpszip, tmp_path):
     line = {"type": "LineString", "coordinates": [[11.0, 48.0], [11.01, 48.0]]}
-    (tmp_path / "road.geojson").write_text(json.dumps({"type": "Feature", "properties": {}, "geometry": line}))
+    (tmp_path / "road.geojson").write_text(
+        json.dumps({"type": "Feature", "properties": {}, "geometry": line})
+    )
     rows = [f"{t},{48.00001 if t < 20 else 49.0},{11.0 + 2e-4 * t:.7f}" for t in range(40)]
     (tmp_path / "log.csv").write_text("\n".join(["t,lat,lon", *rows]) + "\n")
     assert gpszip("match", "log.csv", "--network", "road.geojson", "-o", "routes.csv").code == 0
     with open(tmp_path / "routes.csv", newline="") as file:
         found = list(csv.DictReader(file))
     np.testing.assert_allclose([float(row["road_lat"]) for row in found[:20]], 48.0, atol=1e-6)
-    np.testing.assert_allclose([float(row["road_lon"]) for row in found[:20]], [11.0 + 2e-4 * t for t in range(20)], atol=1e-6)
-    assert {(row["road_lat"], row["road"], row["offset"], row["confidence"]) for row in found[20:]} == {("", "", "", "0")}
+    np.testing.assert_allclose(
+        [float(row["road_lon"]) for row in found[:20]],
+        [11.0 + 2e-4 * t for t in range(20)],
+        atol=1e-6,
+    )
+    assert {
+        (row["road_lat"], row["road"], row["offset"], row["confidence"]) for row in found[20:]
+    } == {("", "", "", "0")}
     assert gpszip("match", "log.csv", "--network", "road.geojson", "-o", "routes.geojson").code == 0
     (feature,) = json.loads((tmp_path / "routes.geojson").read_text())["features"]
-    np.testing.assert_allclose(feature["geometry"]["coordinates"], [[11.0, 48.0], [11.0038, 48.0]], atol=1e-6)
+    np.testing.assert_allclose(
+        feature["geometry"]["coordinates"], [[11.0, 48.0], [11.0038, 48.0]], atol=1e-6
+    )
 
 
 def test_travel_against_a_road_is_named_everywhere(gpszip, tmp_path):
     line = {"type": "LineString", "coordinates": [[11.0, 48.0], [11.01, 48.0]]}
-    feature = {"type": "Feature", "properties": {"name": "Main St", "oneway": "yes"}, "geometry": line}
+    feature = {
+        "type": "Feature",
+        "properties": {"name": "Main St", "oneway": "yes"},
+        "geometry": line,
+    }
     (tmp_path / "road.geojson").write_text(json.dumps(feature))
     rows = [f"{t},48.0,{11.01 - 1e-4 * t:.7f}" for t in range(100)]
     (tmp_path / "log.csv").write_text("\n".join(["t,lat,lon", *rows]) + "\n")
     run = ("match", "log.csv", "--network", "road.geojson", "--force", "-o")
     done = gpszip(*run, "routes.geojson")
-    assert (done.code, "matched 0 % of 100 points" in done.err, "unmatched: 100 one-way (Main St)" in done.err) == (0, True, True)
+    assert (
+        done.code,
+        "matched 0 % of 100 points" in done.err,
+        "unmatched: 100 one-way (Main St)" in done.err,
+    ) == (0, True, True)
     found = json.loads((tmp_path / "routes.geojson").read_text())
     assert (found["features"], found["unmatched"]) == (
         [],
-        [{"track_id": "0", "t_start": 0.0, "t_end": 99.0, "points": 100, "reason": "one-way", "against": ["Main St"]}],
+        [
+            {
+                "track_id": "0",
+                "t_start": 0.0,
+                "t_end": 99.0,
+                "points": 100,
+                "reason": "one-way",
+                "against": ["Main St"],
+            }
+        ],
     )
     facts = gpszip(*run, "routes.csv", "--json").json
-    assert (facts["matched"], facts["unmatched"], facts["one_way"]) == (0.0, {"one-way": 100}, ["Main St"])
+    assert (facts["matched"], facts["unmatched"], facts["one_way"]) == (
+        0.0,
+        {"one-way": 100},
+        ["Main St"],
+    )
     with open(tmp_path / "routes.csv", newline="") as file:
-        assert {(row["road"], row["name"], row["reason"], row["against"]) for row in csv.DictReader(file)} == {
-            ("", "", "one-way", "Main St")
-        }
+        assert {
+            (row["road"], row["name"], row["reason"], row["against"])
+            for row in csv.DictReader(file)
+        } == {("", "", "one-way", "Main St")}
     assert gpszip("network", "road.geojson", "-o", "roads.gpsz").code == 0
     walked = ("match", "log.csv", "--network", "roads.gpsz", "--force", "-o", "routes.geojson")
     assert "100 one-way (Main St)" in gpszip(*walked).err

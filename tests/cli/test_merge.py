@@ -5,14 +5,16 @@ import pytest
 
 from gpszip import open as open_archive
 from gpszip.archive import new_archive
-from gpszip.model import Frame, LatticeWalk, LatticeWalks
+from gpszip.model import GridWalk, GridWalks, QuantisationGrid
 
 
 def save(path, names, shift=0, timed=True):
     cells = np.array([0, 10, 20]) + 100 * shift if timed else np.zeros(3, np.int64)
-    walk = LatticeWalk(np.array([0, 1, 2], np.int32), cells, np.zeros(2, bool))
+    walk = GridWalk(np.array([0, 1, 2], np.int32), cells, np.zeros(2, bool))
     nodes = np.array([[0, 0], [100, 0], [100, 50]])
-    new_archive(Frame((0, 0), 0, 128, 128), names, LatticeWalks(nodes, (walk,) * len(names), timed)).save(path)
+    new_archive(
+        QuantisationGrid((0, 0), 0, 128, 128), names, GridWalks(nodes, (walk,) * len(names), timed)
+    ).save(path)
 
 
 @pytest.fixture
@@ -30,7 +32,7 @@ def test_archives_become_one_and_one_line_tells_of_it(gpszip, two, tmp_path):
     assert "2 archives with 3 tracks" in run.err
     assert "nodes 6 -> 3" in run.err
     city = open_archive(tmp_path / "city.gpsz")
-    assert city.tracks == ("bus", "metro", "tram")
+    assert city.ids == ("bus", "metro", "tram")
     np.testing.assert_allclose(city.position("tram", 105.0), [50.0, 0.0], atol=1.5)
 
 
@@ -48,12 +50,19 @@ def test_promises_add_up(gpszip, tmp_path, log):
     other = tmp_path / "other.csv"
     other.write_text(log.read_text())
     for name in ("walk", "other"):
-        assert gpszip("compress", f"{name}.csv", "-o", f"{name}.gpsz", "--max-error", "1m", "--effort", 1).code == 0
-    run = gpszip("merge", "walk.gpsz", "other.gpsz", "-o", "both.gpsz", "--same-id", "prefix", "--json")
+        assert (
+            gpszip(
+                "compress", f"{name}.csv", "-o", f"{name}.gpsz", "--max-error", "1m", "--effort", 1
+            ).code
+            == 0
+        )
+    run = gpszip(
+        "merge", "walk.gpsz", "other.gpsz", "-o", "both.gpsz", "--same-id", "prefix", "--json"
+    )
     assert run.code == 0, run.err
     assert run.json["promise_kind"] == "max_error"
     assert run.json["promise"] <= 2.01
-    assert open_archive(tmp_path / "both.gpsz").tracks == ("other:0", "walk:0")
+    assert open_archive(tmp_path / "both.gpsz").ids == ("other:0", "walk:0")
 
 
 def test_tracks_of_one_name_are_refused_by_name(gpszip, tmp_path):
@@ -64,15 +73,18 @@ def test_tracks_of_one_name_are_refused_by_name(gpszip, tmp_path):
     assert "track 'bus' is in am and in pm" in run.err
     assert not (tmp_path / "city.gpsz").exists()
     assert gpszip("merge", "am.gpsz", "pm.gpsz", "-o", "city.gpsz", "--same-id", "join").code == 0
-    assert open_archive(tmp_path / "city.gpsz").tracks == ("bus",)
+    assert open_archive(tmp_path / "city.gpsz").ids == ("bus",)
 
 
 def test_archives_of_one_file_name_are_told_apart_by_their_folders(gpszip, tmp_path):
     for folder in ("am", "pm"):
         (tmp_path / folder).mkdir()
         save(tmp_path / folder / "bus.gpsz", ["0"])
-    assert gpszip("merge", "am/bus.gpsz", "pm/bus.gpsz", "-o", "city.gpsz", "--same-id", "prefix").code == 0
-    assert open_archive(tmp_path / "city.gpsz").tracks == ("am/bus.gpsz:0", "pm/bus.gpsz:0")
+    assert (
+        gpszip("merge", "am/bus.gpsz", "pm/bus.gpsz", "-o", "city.gpsz", "--same-id", "prefix").code
+        == 0
+    )
+    assert open_archive(tmp_path / "city.gpsz").ids == ("am/bus.gpsz:0", "pm/bus.gpsz:0")
 
 
 def test_mistakes_are_named(gpszip, two, tmp_path):
@@ -104,7 +116,7 @@ def test_bad_archives_are_left_out_if_that_is_asked_for(gpszip, two, tmp_path):
     run = gpszip("merge", two[0], *bad, two[1], "-o", "city.gpsz", "--skip-bad")
     assert run.code == 3, run.err
     assert all(f"left out {name}: " in run.err for name in bad)
-    assert len(open_archive(tmp_path / "city.gpsz").tracks) == 3
+    assert len(open_archive(tmp_path / "city.gpsz").ids) == 3
     run = gpszip("merge", two[0], *bad, two[1], "-o", "-", "--skip-bad", "--json")
     assert (run.code, list(json.loads(run.err)["left_out"])) == (3, list(bad))
     run = gpszip("merge", *bad, "-o", "none.gpsz", "--skip-bad")

@@ -23,13 +23,22 @@ def mistake(run, code, *words):
 LOGS = {
     "no time": ("x,y\n0,0\n1,1\n", "no time", "--columns"),
     "no position": ("t,height\n0,0\n1,1\n", "no position", "x,y or lat,lon"),
-    "other columns": ("first,second,third\n0,0,0\n1,1,1\n", "columns found: first, second, third", "--columns"),
+    "other columns": (
+        "first,second,third\n0,0,0\n1,1,1\n",
+        "columns found: first, second, third",
+        "--columns",
+    ),
     "empty file": ("", "empty"),
     "header only": ("t,x,y\n", "no rows"),
     "text in a column": ("t,x,y\n0,zero,0\n1,one,1\n", "x"),
     "time goes back": ("t,x,y\n5,0,0\n1,1,1\n", "row 3: time goes back 4 s", "--sort", "--split"),
     "latitude of 480": ("t,lat,lon\n0,480,11\n1,481,12\n", "lat"),
-    "numbers beyond all places": ("t,x,y\n0,1e300,0\n1,1,1\n", "track '0': sample 0", "1e+300", "too far"),
+    "numbers beyond all places": (
+        "t,x,y\n0,1e300,0\n1,1,1\n",
+        "track '0': sample 0",
+        "1e+300",
+        "too far",
+    ),
     "times beyond all days": ("t,x,y\n0,1,0\n1e200,1,1\n", "track '0': sample 1", "a time of"),
     "prose": ("Dear diary, today I went for a walk.\n", "needed: t"),
 }
@@ -46,11 +55,21 @@ def test_logs_that_are_none(gpszip, tmp_path, name):
 
 
 def test_wrong_column_named(gpszip, log):
-    mistake(gpszip("compress", log, "-o", "out.gpsz", "--columns", "t=when,x=x,y=y"), 1, "when", "t, x, y")
+    mistake(
+        gpszip("compress", log, "-o", "out.gpsz", "--columns", "t=when,x=x,y=y"),
+        1,
+        "when",
+        "t, x, y",
+    )
 
 
 def test_no_column_to_keep(gpszip, log):
-    mistake(gpszip("compress", log, "-o", "out.gpsz", "--keep", "speed"), 1, "no column 'speed'", "t, x, y")
+    mistake(
+        gpszip("compress", log, "-o", "out.gpsz", "--keep", "speed"),
+        1,
+        "no column 'speed'",
+        "t, x, y",
+    )
 
 
 def test_no_such_file(gpszip):
@@ -71,7 +90,11 @@ def test_archive_as_log(gpszip, archive):
 
 
 def test_log_as_archive(gpszip, log):
-    mistake(gpszip("decompress", log, "-o", "out.csv"), 4, "name a file that gpszip compress has written")
+    mistake(
+        gpszip("decompress", log, "-o", "out.csv"),
+        4,
+        "name a file that gpszip compress has written",
+    )
 
 
 def test_one_point_is_no_mistake(gpszip, tmp_path):
@@ -83,7 +106,12 @@ def test_one_point_is_no_mistake(gpszip, tmp_path):
 
 def test_output_exists(gpszip, log):
     Path("out.gpsz").write_text("precious")
-    mistake(gpszip("compress", log, "-o", "out.gpsz", "--rmse", "5m"), 1, "out.gpsz: exists already", "--force")
+    mistake(
+        gpszip("compress", log, "-o", "out.gpsz", "--rmse", "5m"),
+        1,
+        "out.gpsz: exists already",
+        "--force",
+    )
     assert Path("out.gpsz").read_text() == "precious"
     assert gpszip("compress", log, "-o", "out.gpsz", "--rmse", "5m", "--force").code == 0
     assert Path("out.gpsz").read_bytes() != b"precious"
@@ -95,7 +123,12 @@ def test_output_is_refused_before_any_work(gpszip):
 
 
 def test_output_in_no_folder(gpszip, log):
-    mistake(gpszip("compress", log, "-o", "nowhere/out.gpsz"), 1, "nowhere: no such folder", "make it first")
+    mistake(
+        gpszip("compress", log, "-o", "nowhere/out.gpsz"),
+        1,
+        "nowhere: no such folder",
+        "make it first",
+    )
 
 
 def test_output_below_a_file(gpszip, log):
@@ -106,10 +139,21 @@ def test_output_is_a_folder(gpszip, log, tmp_path):
     mistake(gpszip("compress", log, "-o", tmp_path), 1, "is a folder; name a file in it")
 
 
-@pytest.mark.skipif(not Path("/proc/self").is_dir(), reason="needs a folder that nobody may write to")
+@pytest.mark.skipif(
+    not Path("/proc/self").is_dir(), reason="needs a folder that nobody may write to"
+)
 def test_output_that_is_no_file(gpszip, log, archive):
-    mistake(gpszip("compress", log, "-o", "/dev/null", "--force"), 1, "/dev/null: is no regular file", "standard output")
-    mistake(gpszip("decompress", archive, "-o", "/dev/null", "--force", "--format", "csv"), 1, "/dev/null: is no regular file")
+    mistake(
+        gpszip("compress", log, "-o", "/dev/null", "--force"),
+        1,
+        "/dev/null: is no regular file",
+        "standard output",
+    )
+    mistake(
+        gpszip("decompress", archive, "-o", "/dev/null", "--force", "--format", "csv"),
+        1,
+        "/dev/null: is no regular file",
+    )
     assert Path("/dev/null").is_char_device()
 
 
@@ -121,12 +165,19 @@ def test_link_stays_one(gpszip, archive):
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs a disk that is always full")
-@pytest.mark.parametrize("command", [["decompress", "-o", "-"], ["map", "-o", "-"], ["info"], ["verify"]], ids=lambda command: command[0])
+@pytest.mark.parametrize(
+    "command",
+    [["decompress", "-o", "-"], ["map", "-o", "-"], ["info"], ["verify"]],
+    ids=lambda command: command[0],
+)
 def test_full_disk(archive, command):
     script = "from gpszip.cli.main import run; run()"
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(
-            [sys.executable, "-c", script, command[0], str(archive), *command[1:]], stdout=full, stderr=subprocess.PIPE, check=False
+            [sys.executable, "-c", script, command[0], str(archive), *command[1:]],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            check=False,
         )
     told = done.stderr.decode()
     assert told.startswith("gpszip: standard output: can't be written: No space left on device; ")
@@ -137,7 +188,17 @@ def test_full_disk(archive, command):
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pipes that break")
 def test_reader_that_leaves_early(archive):
     script = "from gpszip.cli.main import run; run()"
-    command = [sys.executable, "-c", script, "decompress", str(archive), "-o", "-", "--every", "1ms"]
+    command = [
+        sys.executable,
+        "-c",
+        script,
+        "decompress",
+        str(archive),
+        "-o",
+        "-",
+        "--every",
+        "1ms",
+    ]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         first = process.stdout.readline()
         process.stdout.close()
@@ -164,7 +225,10 @@ def test_output_without_permission(gpszip, log, tmp_path):
         (["-o", "a.gpsz", "--gap", "5m"], ["write min for minutes"]),
         (["-o", "a.gpsz", "--rmse", "-5"], ["greater than 0"]),
         (["-o", "a.gpsz", "--rmse", "5m", "--bytes", "900"], ["give one"]),
-        (["-o", "a.gpsz", "--rmse", "5m", "--bytes", "900"], ["--rmse and --bytes were both given"]),
+        (
+            ["-o", "a.gpsz", "--rmse", "5m", "--bytes", "900"],
+            ["--rmse and --bytes were both given"],
+        ),
         (["-o", "a.gpsz", "--bytes", "4 parsecs"], ["'parsecs' is no unit of size"]),
         (["-o", "a.gpsz", "--bytes", "900", "--k", "3"], ["can't be given with k or m"]),
         (["-o", "a.gpsz", "--ratio", "0"], ["x>0"]),
@@ -188,7 +252,9 @@ def test_no_such_command(gpszip):
 
 def test_errors_as_json(gpszip):
     done = gpszip("compress", "nowhere.csv", "-o", "out.gpsz", "--json")
-    assert json.loads(done.err) == {"error": {"kind": "InputError", "message": "nowhere.csv: no such file", "exit_code": 1}}
+    assert json.loads(done.err) == {
+        "error": {"kind": "InputError", "message": "nowhere.csv: no such file", "exit_code": 1}
+    }
     done = gpszip("compress", "--json", "--squeeze")
     assert json.loads(done.err)["error"]["exit_code"] == 2
 
@@ -205,7 +271,11 @@ def test_an_archive_is_not_poured_on_a_terminal(log):
     master, slave = os.openpty()
     script = "from gpszip.cli.main import run; run()"
     done = subprocess.run(
-        [sys.executable, "-c", script, "compress", str(log), "-o", "-"], stdout=slave, stderr=subprocess.PIPE, check=False, timeout=60
+        [sys.executable, "-c", script, "compress", str(log), "-o", "-"],
+        stdout=slave,
+        stderr=subprocess.PIPE,
+        check=False,
+        timeout=60,
     )
     os.close(slave)
     os.close(master)

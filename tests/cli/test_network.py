@@ -9,7 +9,14 @@ from gpszip.io.networks.read import read_network
 @pytest.fixture
 def roads(tmp_path):
     lines = [[[0, 0], [40, 0]], [[40, 0], [40, 30]], [[40, 0], [0, 0]], [[9, 9], [9, 9]]]
-    features = [{"type": "Feature", "properties": {}, "geometry": {"type": "LineString", "coordinates": line}} for line in lines]
+    features = [
+        {
+            "type": "Feature",
+            "properties": {},
+            "geometry": {"type": "LineString", "coordinates": line},
+        }
+        for line in lines
+    ]
     path = tmp_path / "roads.geojson"
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
     return path

@@ -9,7 +9,14 @@ import pytest
 @pytest.fixture
 def roads(tmp_path):
     lines = [[[0, 0], [300, 0]], [[300, 0], [300, 300]], [[0, 0], [0, 300]], [[0, 300], [300, 300]]]
-    features = [{"type": "Feature", "properties": {}, "geometry": {"type": "LineString", "coordinates": line}} for line in lines]
+    features = [
+        {
+            "type": "Feature",
+            "properties": {},
+            "geometry": {"type": "LineString", "coordinates": line},
+        }
+        for line in lines
+    ]
     path = tmp_path / "roads.geojson"
     path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
     return path
@@ -21,7 +28,10 @@ def torn(tmp_path):
     times = np.r_[0:40, 80:110]
     x, y = np.minimum(5.0 * times, 300.0), np.maximum(5.0 * times - 300.0, 0.0)
     path = tmp_path / "torn.csv"
-    path.write_text("t,x,y,fuel\n" + "".join(f"{t},{a:.1f},{b:.1f},{t % 7}\n" for t, a, b in zip(times, x, y, strict=True)))
+    path.write_text(
+        "t,x,y,fuel\n"
+        + "".join(f"{t},{a:.1f},{b:.1f},{t % 7}\n" for t, a, b in zip(times, x, y, strict=True))
+    )
     return path
 
 
@@ -47,9 +57,17 @@ def test_rows_that_are_no_samples_are_kept_and_said_to_be(gpszip, torn, roads, t
     torn.write_text(torn.read_text() + "200,,,1\n,5,5,2\n109,9,9,3\n")
     run = gpszip("patch", torn, "--network", roads, "-o", "out.csv", "--gap", "20s")
     assert "dropped" not in run.err
-    for what in ("1 row without a position", "1 row without a time", "1 row at another position, but the same time"):
+    for what in (
+        "1 row without a position",
+        "1 row without a time",
+        "1 row at another position, but the same time",
+    ):
         assert f"{what} kept, but not used" in run.err
-    assert (tmp_path / "out.csv").read_text().splitlines()[-3:] == ["200,,,1,log,1", ",5,5,2,log,1", "109,9,9,3,log,1"]
+    assert (tmp_path / "out.csv").read_text().splitlines()[-3:] == [
+        "200,,,1,log,1",
+        ",5,5,2,log,1",
+        "109,9,9,3,log,1",
+    ]
     run = gpszip("patch", torn, "--network", roads, "-o", "out.geojson", "--gap", "20s", "--json")
     assert [one["what"] for one in run.json["repairs"] if one["drops"]] != []
 
@@ -77,7 +95,10 @@ def test_a_log_without_gaps_is_said_to_have_none(gpszip, torn, roads):
     assert "no gaps longer than 60 min, no points added" in run.err
     short = "".join(torn.read_text().splitlines(keepends=True)[:30])
     torn.write_text(short)
-    assert "no gaps, no points added" in gpszip("patch", torn, "--network", roads, "-o", "short.csv").err
+    assert (
+        "no gaps, no points added"
+        in gpszip("patch", torn, "--network", roads, "-o", "short.csv").err
+    )
 
 
 def test_other_formats_come_out_as_tracks(gpszip, torn, roads, tmp_path):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from gpszip.archive import new_archive
-from gpszip.model import Frame, LatticeWalk, LatticeWalks, Plane
+from gpszip.model import GridWalk, GridWalks, Plane, QuantisationGrid
 
 
 def rows(text):
@@ -42,7 +42,10 @@ def test_decompress_to_standard_output_is_data_only(gpszip, archive):
 
 def test_decompress_at_times_claims_nothing_in_gaps(gpszip, archive):
     done = gpszip("decompress", archive, "-o", "-", "--at", "15,50,95", "--track", "a")
-    assert [(row["track_id"], float(row["t"])) for row in rows(done.out)] == [("a/0", 15), ("a/1", 95)]
+    assert [(row["track_id"], float(row["t"])) for row in rows(done.out)] == [
+        ("a/0", 15),
+        ("a/1", 95),
+    ]
 
 
 def test_decompress_at_times_of_a_file(gpszip, archive, tmp_path):
@@ -57,8 +60,12 @@ def test_decompress_only_one_track(gpszip, archive):
 
 
 def test_decompress_of_a_track_is_of_no_other_whose_name_looks_like_a_piece(gpszip, tmp_path):
-    walk = LatticeWalk(np.array([0, 1], np.int32), np.array([0, 10]), np.array([False]))
-    new_archive(Frame((0, 0), 0, 128, 128), ["a", "a/1"], LatticeWalks(np.array([[0, 0], [9, 0]]), (walk, walk))).save(tmp_path / "x.gpsz")
+    walk = GridWalk(np.array([0, 1], np.int32), np.array([0, 10]), np.array([False]))
+    new_archive(
+        QuantisationGrid((0, 0), 0, 128, 128),
+        ["a", "a/1"],
+        GridWalks(np.array([[0, 0], [9, 0]]), (walk, walk)),
+    ).save(tmp_path / "x.gpsz")
     done = gpszip("decompress", "x.gpsz", "-o", "-", "--track", "a")
     assert {row["track_id"] for row in rows(done.out)} == {"a"}
 
@@ -66,7 +73,9 @@ def test_decompress_of_a_track_is_of_no_other_whose_name_looks_like_a_piece(gpsz
 def test_decompress_writes_pieces_as_segments_of_one_track(gpszip, earthly):
     text = gpszip("decompress", earthly, "-o", "-", "--format", "gpx").out
     assert (text.count("<trk>"), text.count("<trkseg>"), text.count("<name>a</name>")) == (2, 3, 1)
-    lines = json.loads(gpszip("decompress", earthly, "-o", "-", "--format", "geojson").out)["features"]
+    lines = json.loads(gpszip("decompress", earthly, "-o", "-", "--format", "geojson").out)[
+        "features"
+    ]
     assert [(line["geometry"]["type"], line["properties"]["track_id"]) for line in lines] == [
         ("MultiLineString", "a"),
         ("LineString", "b c"),
@@ -74,9 +83,11 @@ def test_decompress_writes_pieces_as_segments_of_one_track(gpszip, earthly):
 
 
 def test_decompress_tells_of_names_that_gpx_cannot_hold(gpszip, tmp_path):
-    walk = LatticeWalk(np.array([0, 1], np.int32), np.array([0, 10]), np.array([False]))
-    frame = Frame((0, 0), 0, 128, 128, Plane(((480_000_000, 110_000_000),)))
-    new_archive(frame, ["bell \a"], LatticeWalks(np.array([[0, 0], [9, 0]]), (walk,))).save(tmp_path / "x.gpsz")
+    walk = GridWalk(np.array([0, 1], np.int32), np.array([0, 10]), np.array([False]))
+    grid = QuantisationGrid((0, 0), 0, 128, 128, Plane(((480_000_000, 110_000_000),)))
+    new_archive(grid, ["bell \a"], GridWalks(np.array([[0, 0], [9, 0]]), (walk,))).save(
+        tmp_path / "x.gpsz"
+    )
     done = gpszip("decompress", "x.gpsz", "-o", "-", "--format", "gpx")
     assert (done.code, "<name>bell \ufffd</name>" in done.out) == (0, True)
     assert done.err.splitlines() == [

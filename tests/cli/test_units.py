@@ -5,7 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity, format_bytes, format_duration, format_length
+from gpszip.cli.units import (
+    DURATION,
+    LENGTH,
+    SIZE,
+    Quantity,
+    format_bytes,
+    format_duration,
+    format_length,
+)
 
 
 @pytest.mark.parametrize(
@@ -27,12 +35,17 @@ def test_lengths(text, metres):
     assert LENGTH.parse(text) == pytest.approx(metres)
 
 
-@pytest.mark.parametrize(("text", "seconds"), [("30", 30), ("30s", 30), ("250ms", 0.25), ("10min", 600), ("2h", 7200), ("1.5d", 129600)])
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [("30", 30), ("30s", 30), ("250ms", 0.25), ("10min", 600), ("2h", 7200), ("1.5d", 129600)],
+)
 def test_durations(text, seconds):
     assert DURATION.parse(text) == pytest.approx(seconds)
 
 
-@pytest.mark.parametrize(("text", "count"), [("64MiB", 64 << 20), ("1kB", 1000), ("7", 7), ("2GiB", 2 << 30)])
+@pytest.mark.parametrize(
+    ("text", "count"), [("64MiB", 64 << 20), ("1kB", 1000), ("7", 7), ("2GiB", 2 << 30)]
+)
 def test_sizes(text, count):
     assert SIZE.parse(text) == count
 

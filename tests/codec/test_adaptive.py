@@ -10,18 +10,18 @@ from gpszip.codec.kernels import adaptive
 from gpszip.codec.kernels import log2 as binary_log
 from gpszip.codec.kernels.adaptive import (
     CENTERS,
+    INTEGER_CONTEXTS,
     KINDS,
+    MIXTURE_ROWS,
     SCALES,
-    SHEET_ROWS,
-    SIZES,
     code_bit,
     code_choice,
     code_mixture,
-    code_size,
-    code_whole,
+    code_signed,
+    code_unsigned,
 )
-from gpszip.codec.kernels.log2 import log2_of
-from gpszip.codec.kernels.range_coder import finish, reader, writer
+from gpszip.codec.kernels.log2 import fixed_log2
+from gpszip.codec.kernels.range_coder import finish, new_decoder, new_encoder
 from gpszip.kernels.jit import jit
 from oracle import adaptive as plain
 from oracle.range_coder import Reader, Writer
@@ -39,13 +39,13 @@ def _code_bits(coder, counts, contexts, bits):
 @jit
 def _code_sizes(coder, counts, values):
     for i in range(len(values)):
-        values[i] = code_size(coder, counts, 0, values[i])
+        values[i] = code_unsigned(coder, counts, 0, values[i])
 
 
 @jit
 def _code_wholes(coder, counts, values):
     for i in range(len(values)):
-        values[i] = code_whole(coder, counts, SIZES, values[i])
+        values[i] = code_signed(coder, counts, INTEGER_CONTEXTS, values[i])
 
 
 @jit
@@ -56,7 +56,7 @@ def _code_choices(coder, weights, choices):
 
 @jit
 def _code_mixtures(coder, values, low, high, kinds, centers, scales, count, weights, histogram):
-    sheet = np.zeros((SHEET_ROWS, count), np.int64)
+    sheet = np.zeros((MIXTURE_ROWS, count), np.int64)
     for i in range(len(values)):
         sheet[KINDS], sheet[CENTERS], sheet[SCALES] = kinds, centers[i], scales[i]
         values[i] = code_mixture(coder, values[i], low, high, sheet, count, weights, histogram)
@@ -65,22 +65,28 @@ def _code_mixtures(coder, values, low, high, kinds, centers, scales, count, weig
 def there_and_back(code, values, *state):
     """Code ``values`` with copies of the state, check that they are read again, and return the bytes."""
     values = np.array(values, np.int64)
-    coder, states = writer(64 + 40 * len(values)), [np.array(s) for s in state]
+    coder, states = new_encoder(64 + 40 * len(values)), [np.array(s) for s in state]
     code(coder, *states, values.copy())
     data = finish(coder)
     back, again = np.zeros_like(values), [np.array(s) for s in state]
-    code(reader(data), *again, back)
+    code(new_decoder(data), *again, back)
     np.testing.assert_array_equal(back, values)
     for one, other in zip(states, again, strict=True):
         np.testing.assert_array_equal(one, other)
     return data
 
 
-@given(st.lists(st.tuples(st.integers(0, 2), st.integers(0, 1)), max_size=300), st.integers(1, 3000), st.integers(1, 3000))
+@given(
+    st.lists(st.tuples(st.integers(0, 2), st.integers(0, 1)), max_size=300),
+    st.integers(1, 3000),
+    st.integers(1, 3000),
+)
 def test_bits_come_back(pairs, zeros, ones):
     contexts, bits = np.array([c for c, _ in pairs], np.int64), [b for _, b in pairs]
     counts = np.full((3, 2), (zeros, ones), np.int32)
-    data = there_and_back(lambda coder, counts, bits: _code_bits(coder, counts, contexts, bits), bits, counts)
+    data = there_and_back(
+        lambda coder, counts, bits: _code_bits(coder, counts, contexts, bits), bits, counts
+    )
     models, coder = [plain.Bit(zeros, ones) for _ in range(3)], Reader(data)
     assert [models[c].read(coder) for c, _ in pairs] == bits
 
@@ -88,24 +94,30 @@ def test_bits_come_back(pairs, zeros, ones):
 def test_bits_of_one_kind_become_cheap_and_stay_possible():
     bits = [1] * 20_000 + [0]
     data = there_and_back(
-        lambda coder, counts, bits: _code_bits(coder, counts, np.zeros(len(bits), np.int64), bits), bits, np.full((1, 2), 10, np.int32)
+        lambda coder, counts, bits: _code_bits(coder, counts, np.zeros(len(bits), np.int64), bits),
+        bits,
+        np.full((1, 2), 10, np.int32),
     )
     assert len(data) < 0.01 * 20_000 / 8 + 8
 
 
-sizes = st.integers(0, 20) | st.integers(0, LARGEST) | st.sampled_from([2**k + d for k in range(1, 48) for d in (-2, -1, 0)])
+sizes = (
+    st.integers(0, 20)
+    | st.integers(0, LARGEST)
+    | st.sampled_from([2**k + d for k in range(1, 48) for d in (-2, -1, 0)])
+)
 
 
 @given(st.lists(sizes, max_size=60))
 def test_sizes_come_back(values):
-    data = there_and_back(_code_sizes, values, np.full((2 * SIZES, 2), 10, np.int32))
+    data = there_and_back(_code_sizes, values, np.full((2 * INTEGER_CONTEXTS, 2), 10, np.int32))
     model, coder = plain.Size(), Reader(data)
     assert [model.read(coder) for _ in values] == values
 
 
 @given(st.lists(st.integers(-20, 20) | st.integers(-(LARGEST // 2), LARGEST // 2 - 1), max_size=60))
 def test_wholes_come_back(values):
-    data = there_and_back(_code_wholes, values, np.full((2 * SIZES, 2), 10, np.int32))
+    data = there_and_back(_code_wholes, values, np.full((2 * INTEGER_CONTEXTS, 2), 10, np.int32))
     model, coder = plain.Whole(), Reader(data)
     assert [model.read(coder) for _ in values] == values
 
@@ -113,7 +125,12 @@ def test_wholes_come_back(values):
 @given(st.data(), st.integers(1, 12), st.integers(1, 30))
 def test_choices_come_back(data, count, rows):
     weight = st.integers(1, 50) | st.integers(1, 2**41 // 12)
-    weights = np.array(data.draw(st.lists(st.lists(weight, min_size=count, max_size=count), min_size=rows, max_size=rows)), np.int64)
+    weights = np.array(
+        data.draw(
+            st.lists(st.lists(weight, min_size=count, max_size=count), min_size=rows, max_size=rows)
+        ),
+        np.int64,
+    )
     choices = data.draw(st.lists(st.integers(0, count - 1), min_size=rows, max_size=rows))
     payload = there_and_back(lambda coder, choices: _code_choices(coder, weights, choices), choices)
     coder = Reader(payload)
@@ -133,7 +150,11 @@ def mixtures(draw):
     centers = rng.integers(-reach, reach + 1, (rows, count))
     scales = np.maximum(np.exp2(rng.uniform(0, 36, (rows, count))).astype(np.int64), 6)
     values = draw(
-        st.lists(st.sampled_from([low, high - 1, low + (high - low) // 2]) | st.integers(low, high - 1), min_size=rows, max_size=rows)
+        st.lists(
+            st.sampled_from([low, high - 1, low + (high - low) // 2]) | st.integers(low, high - 1),
+            min_size=rows,
+            max_size=rows,
+        )
     )
     return low, high, kinds, centers, scales, values
 
@@ -149,14 +170,16 @@ def test_mixtures_come_back_from_hostile_parameters_and_are_the_plain_twins(case
     weights, histogram = state_of()
 
     def code(coder, weights, histogram, values):
-        _code_mixtures(coder, values, low, high, kinds, centers, scales, len(kinds), weights, histogram)
+        _code_mixtures(
+            coder, values, low, high, kinds, centers, scales, len(kinds), weights, histogram
+        )
 
     data = there_and_back(code, values, weights, histogram)
     model, coder = plain.Mixture([2340] * 28), Reader(data)
     names = [SHAPES[kind] for kind in kinds]
     for c, s, value in zip(centers.tolist(), scales.tolist(), values, strict=True):
         assert model.read(coder, low, high, list(zip(names, c, s, strict=True))) == value
-    code(writer(10_000), weights, histogram, np.array(values))
+    code(new_encoder(10_000), weights, histogram, np.array(values))
     assert model.weights == weights[:-1].tolist()
     assert model.histogram == histogram.tolist()
 
@@ -167,13 +190,23 @@ def test_every_value_of_a_mixture_has_a_share_of_its_own(case, seed):
     low, high, kinds, centers, scales, values = case
     model = plain.Mixture([2340] * 28)
     model.weights = np.random.default_rng(seed).integers(16, 4000, 28).tolist()
-    distributions = [(SHAPES[k], c, s) for k, c, s in zip(kinds, centers[0].tolist(), scales[0].tolist(), strict=True)]
-    near = [v for value in values for v in range(value - 3, value + 4)] + [c // 16 + d for c in centers[0].tolist() for d in (-1, 0, 1)]
+    distributions = [
+        (SHAPES[k], c, s)
+        for k, c, s in zip(kinds, centers[0].tolist(), scales[0].tolist(), strict=True)
+    ]
+    near = [v for value in values for v in range(value - 3, value + 4)] + [
+        c // 16 + d for c in centers[0].tolist() for d in (-1, 0, 1)
+    ]
     for value in near:
         if low <= value < high:
-            assert model.cumulative(value + 1, low, high, distributions) > model.cumulative(value, low, high, distributions)
+            assert model.cumulative(value + 1, low, high, distributions) > model.cumulative(
+                value, low, high, distributions
+            )
     assert model.cumulative(low, low, high, distributions) >= 0
-    assert model.cumulative(high, low, high, distributions) == (sum(model.weights[: len(kinds)]) << plain.UNIT) + high - low
+    assert (
+        model.cumulative(high, low, high, distributions)
+        == (sum(model.weights[: len(kinds)]) << plain.UNIT) + high - low
+    )
 
 
 def test_a_mixture_learns_which_distribution_is_right():
@@ -183,7 +216,18 @@ def test_a_mixture_learns_which_distribution_is_right():
     weights, histogram = state_of()
 
     def code(coder, weights, histogram, values):
-        _code_mixtures(coder, values, 1, 1000, np.zeros(3, np.int64), centers, np.full_like(centers, 64), 3, weights, histogram)
+        _code_mixtures(
+            coder,
+            values,
+            1,
+            1000,
+            np.zeros(3, np.int64),
+            centers,
+            np.full_like(centers, 64),
+            3,
+            weights,
+            histogram,
+        )
 
     data = there_and_back(code, values, weights, histogram)
     chance = 1 / (1 + np.exp(-(np.arange(1000) + 0.5 - 300) / 4))
@@ -195,13 +239,27 @@ def test_weights_stay_bounded_however_long_one_distribution_is_right():
     values = np.full(30_000, 7)
     centers = np.tile(16 * (7 + 50 * np.arange(28)), (len(values), 1))
     weights, histogram = state_of()
-    _code_mixtures(writer(10_000), values, 1, 2**25, np.zeros(28, np.int64), centers, np.full_like(centers, 6), 28, weights, histogram)
+    _code_mixtures(
+        new_encoder(10_000),
+        values,
+        1,
+        2**25,
+        np.zeros(28, np.int64),
+        centers,
+        np.full_like(centers, 6),
+        28,
+        weights,
+        histogram,
+    )
     # with a span of 2**26 the total is at most 2**41
     assert weights[:-1].sum() <= 2**17 - 4
     assert weights[:-1].min() >= 16
 
 
-@pytest.mark.parametrize(("table", "exact"), [(adaptive._LOGISTIC, plain.exact_logistic), (adaptive._EXPONENTIAL, plain.exact_exponential)])
+@pytest.mark.parametrize(
+    ("table", "exact"),
+    [(adaptive._LOGISTIC, plain.exact_logistic), (adaptive._EXPONENTIAL, plain.exact_exponential)],
+)
 def test_tables_are_the_same_whatever_library_computes_them(table, exact):
     values = exact()
     assert len(values) == len(table)
@@ -218,7 +276,7 @@ def test_the_twin_writes_what_the_kernel_writes():
     kinds, centers, scales = np.array([2, 0, 1, 0]), np.full((200, 4), 90), np.full((200, 4), 40)
     values = rng.geometric(0.2, 200)
     weights, histogram = state_of()
-    coder = writer(2000)
+    coder = new_encoder(2000)
     _code_mixtures(coder, values, 1, 2**25, kinds, centers, scales, 4, weights, histogram)
     twin, model = Writer(), plain.Mixture([2340] * 28)
     for value in values.tolist():
@@ -228,7 +286,11 @@ def test_the_twin_writes_what_the_kernel_writes():
 
 @given(
     st.lists(st.integers(1, 2**25 - 1), min_size=1, max_size=12),
-    st.lists(st.tuples(st.integers(-(2**21), 2**22), st.sampled_from([1, 3, 12, 48])), min_size=1, max_size=25),
+    st.lists(
+        st.tuples(st.integers(-(2**21), 2**22), st.sampled_from([1, 3, 12, 48])),
+        min_size=1,
+        max_size=25,
+    ),
 )
 def test_distributions_by_ratio_are_the_plain_twins(values, spots):
     weights, histogram = state_of()
@@ -238,16 +300,20 @@ def test_distributions_by_ratio_are_the_plain_twins(values, spots):
     scales = np.broadcast_to([s for _, s in spots], shape).copy()
 
     def code(coder, weights, histogram, values):
-        _code_mixtures(coder, values, 1, 2**25, kinds, centers, scales, len(kinds), weights, histogram)
+        _code_mixtures(
+            coder, values, 1, 2**25, kinds, centers, scales, len(kinds), weights, histogram
+        )
 
     data = there_and_back(code, values, weights, histogram)
     model, coder = plain.Mixture([2340] * 28), Reader(data)
-    assert [model.read(coder, 1, 2**25, [(plain.BY_RATIO, *spot) for spot in spots]) for _ in values] == values
+    assert [
+        model.read(coder, 1, 2**25, [(plain.BY_RATIO, *spot) for spot in spots]) for _ in values
+    ] == values
 
 
 @given(st.integers(1, 2**62 - 1))
 def test_logarithms_are_the_plain_twins_and_never_fall(value):
-    here, above = log2_of(value), log2_of(value + 1)
+    here, above = fixed_log2(value), fixed_log2(value + 1)
     assert here == plain.log2_of(value)
     assert here <= above
     # half a unit is the table rounded, one the line between its entries rounded down
@@ -256,7 +322,7 @@ def test_logarithms_are_the_plain_twins_and_never_fall(value):
 
 @pytest.mark.parametrize("power", range(62))
 def test_logarithms_of_powers_are_exact(power):
-    assert log2_of(2**power) == power << 16
+    assert fixed_log2(2**power) == power << 16
 
 
 def test_logarithms_are_the_same_whatever_library_computes_them():

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.codec.kernels.no_refcount import borrowed
+from gpszip.codec.kernels.no_refcount import without_refcount
 from gpszip.kernels.jit import jit
 
 
@@ -23,7 +23,7 @@ def _add(pair, more):
 
 @jit
 def _add_twice(pair, more):
-    lent = borrowed(pair)
+    lent = without_refcount(pair)
     _add(lent, more)
     _add(lent, more)
     return lent.numbers.sum()

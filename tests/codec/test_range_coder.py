@@ -6,7 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpszip.codec.kernels.range_coder import code_bits, code_interval, finish, reader, target, writer
+from gpszip.codec.kernels.range_coder import (
+    code_bits,
+    code_interval,
+    decode_cumulative,
+    finish,
+    new_decoder,
+    new_encoder,
+)
 from gpszip.kernels.jit import jit
 from oracle.range_coder import Reader, Writer
 
@@ -20,7 +27,7 @@ def _code_all(coder, starts, widths, totals):
 @jit
 def _find_all(coder, starts, widths, totals, found):
     for i in range(len(starts)):
-        found[i] = target(coder, totals[i])
+        found[i] = decode_cumulative(coder, totals[i])
         code_interval(coder, starts[i], widths[i], totals[i])
 
 
@@ -30,7 +37,7 @@ def _code_symbols(coder, symbols, edges):
     total = edges[-1]
     for i in range(len(symbols)):
         if coder.cursor[1] == 1:
-            symbols[i] = np.searchsorted(edges, target(coder, total), side="right") - 1
+            symbols[i] = np.searchsorted(edges, decode_cumulative(coder, total), side="right") - 1
         s = symbols[i]
         code_interval(coder, edges[s], edges[s + 1] - edges[s], total)
 
@@ -44,7 +51,7 @@ def _code_raw(coder, values, counts):
 def written(intervals):
     """Bytes of the kernel for (start, width, total) rows; they are what the plain twin writes."""
     rows = np.array(intervals, np.int64).reshape(-1, 3)
-    coder = writer(16 + 8 * len(rows))
+    coder = new_encoder(16 + 8 * len(rows))
     _code_all(coder, *rows.T.copy())
     plain = Writer()
     for row in rows.tolist():
@@ -57,7 +64,7 @@ def written(intervals):
 def assert_read(data, intervals):
     rows = np.array(intervals, np.int64).reshape(-1, 3)
     found = np.zeros(len(rows), np.int64)
-    _find_all(reader(data), *rows.T.copy(), found)
+    _find_all(new_decoder(data), *rows.T.copy(), found)
     assert ((rows[:, 0] <= found) & (found < rows[:, 0] + rows[:, 1])).all()
     plain = Reader(data)
     for (start, width, total), at in zip(rows.tolist(), found.tolist(), strict=True):
@@ -88,13 +95,13 @@ def test_long_sequences_of_uneven_symbols_take_their_entropy(seed):
     edges = np.concatenate([[0], np.cumsum(widths)])
     chances = widths / widths.sum()
     symbols = rng.choice(50, 20_000, p=chances)
-    coder = writer(100_000)
+    coder = new_encoder(100_000)
     _code_symbols(coder, symbols.copy(), edges)
     data = finish(coder)
     entropy = -np.log2(chances[symbols]).sum() / 8
     assert len(data) <= 1 + 1.001 * entropy
     back = np.zeros_like(symbols)
-    _code_symbols(reader(data), back, edges)
+    _code_symbols(new_decoder(data), back, edges)
     np.testing.assert_array_equal(back, symbols)
 
 
@@ -110,14 +117,16 @@ def test_lengths_are_those_of_constriction(seed):
     reference = constriction.stream.queue.RangeEncoder()
     reference.encode(symbols.astype(np.int32), model)
     words = reference.get_compressed()
-    coder = writer(200_000)
+    coder = new_encoder(200_000)
     edges = np.concatenate([[0], np.cumsum(widths)])
     _code_symbols(coder, symbols.copy(), edges)
     data = finish(coder)
     assert abs(len(data) - 4 * len(words)) <= 8
     back = np.zeros_like(symbols)
-    _code_symbols(reader(data), back, edges)
-    np.testing.assert_array_equal(back, constriction.stream.queue.RangeDecoder(words).decode(model, 30_000))
+    _code_symbols(new_decoder(data), back, edges)
+    np.testing.assert_array_equal(
+        back, constriction.stream.queue.RangeDecoder(words).decode(model, 30_000)
+    )
 
 
 def straddling(length, total):
@@ -169,7 +178,7 @@ def test_zeros_at_the_end_that_a_reader_waits_for_stay():
 def test_any_bytes_are_read_without_end(data):
     edges = np.array([0, 1, 5, 1000, 2**20])
     symbols = np.zeros(200, np.int64)
-    _code_symbols(reader(data), symbols, edges)
+    _code_symbols(new_decoder(data), symbols, edges)
     plain = Reader(data)
     for symbol in symbols.tolist():
         at = plain.target(int(edges[-1]))
@@ -179,26 +188,34 @@ def test_any_bytes_are_read_without_end(data):
 
 def test_past_the_end_there_are_zeros():
     symbols, padded = np.zeros(300, np.int64), np.zeros(300, np.int64)
-    _code_symbols(reader(b"\x9a\x41"), symbols, np.array([0, 3, 4]))
-    _code_symbols(reader(b"\x9a\x41" + bytes(200)), padded, np.array([0, 3, 4]))
+    _code_symbols(new_decoder(b"\x9a\x41"), symbols, np.array([0, 3, 4]))
+    _code_symbols(new_decoder(b"\x9a\x41" + bytes(200)), padded, np.array([0, 3, 4]))
     np.testing.assert_array_equal(symbols, padded)
 
 
-@given(st.lists(st.integers(1, 32).flatmap(lambda n: st.tuples(st.integers(0, 2**n - 1), st.just(n))), max_size=50))
+@given(
+    st.lists(
+        st.integers(1, 32).flatmap(lambda n: st.tuples(st.integers(0, 2**n - 1), st.just(n))),
+        max_size=50,
+    )
+)
 def test_equally_likely_bits_come_back_and_take_their_number(pairs):
-    values, counts = np.array([v for v, _ in pairs], np.int64), np.array([n for _, n in pairs], np.int64)
-    coder = writer(500)
+    values, counts = (
+        np.array([v for v, _ in pairs], np.int64),
+        np.array([n for _, n in pairs], np.int64),
+    )
+    coder = new_encoder(500)
     _code_raw(coder, values.copy(), counts)
     data = finish(coder)
     assert len(data) <= math.ceil(counts.sum() / 8) + 1
     back = np.zeros(len(pairs), np.int64)
-    _code_raw(reader(data), back, counts)
+    _code_raw(new_decoder(data), back, counts)
     np.testing.assert_array_equal(back, values)
 
 
 def test_a_writer_without_room_says_so_and_touches_nothing_else():
     starts = np.arange(5000) % 255
-    coder = writer(10)
+    coder = new_encoder(10)
     _code_all(coder, starts, np.ones(5000, np.int64), np.full(5000, 256))
     assert finish(coder) is None
     assert len(coder.data) == 26

@@ -7,10 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.codec.kernels import rotation as heading
-from gpszip.codec.kernels.rotation import DIRECTIONS, direction, rotate, rotate_back
+from gpszip.codec.kernels.rotation import DIRECTIONS, nearest_direction, rotate, rotate_back
 from oracle.walk_decoder import TURN_TABLES, plain_direction, plain_rotate_back
 
-far = st.integers(-100, 100) | st.integers(-(2**46), 2**46) | st.sampled_from([2**45, -(2**45), 2**40, 2**40 - 1])
+far = (
+    st.integers(-100, 100)
+    | st.integers(-(2**46), 2**46)
+    | st.sampled_from([2**45, -(2**45), 2**40, 2**40 - 1])
+)
 turns = st.integers(0, DIRECTIONS - 1)
 
 
@@ -42,15 +46,23 @@ def test_rotation_is_nearly_the_true_one(x, y, turn):
 
 @given(st.integers(-(2**44), 2**44), st.integers(-(2**44), 2**44))
 def test_the_direction_is_the_nearest(x, y):
-    turn = direction(x, y)
+    turn = nearest_direction(x, y)
     assert turn == plain_direction(x, y)
     if max(abs(x), abs(y)) > 100:
-        away = (math.atan2(y, x) - 2 * math.pi * turn / DIRECTIONS + math.pi) % (2 * math.pi) - math.pi
+        away = (math.atan2(y, x) - 2 * math.pi * turn / DIRECTIONS + math.pi) % (
+            2 * math.pi
+        ) - math.pi
         assert abs(away) <= math.pi / DIRECTIONS + 0.002
 
 
 def test_the_null_vector_and_the_axes_have_directions():
-    assert [direction(x, y) for x, y in [(0, 0), (5, 0), (0, 5), (-5, 0), (0, -5)]] == [0, 0, 64, 128, 192]
+    assert [nearest_direction(x, y) for x, y in [(0, 0), (5, 0), (0, 5), (-5, 0), (0, -5)]] == [
+        0,
+        0,
+        64,
+        128,
+        192,
+    ]
 
 
 def cosine_and_sine(angle):
@@ -86,7 +98,9 @@ def test_tables_are_the_same_whatever_library_computes_them(name):
         assert table == [int(value.to_integral_value()) for value in exact]
         assert table == TURN_TABLES[name]
         # no entry lies where the last digits of a library's answer would decide
-        assert min(abs(abs(value - round(value)) - Decimal("0.5")) for value in exact) > Decimal("1e-8")
+        assert min(abs(abs(value - round(value)) - Decimal("0.5")) for value in exact) > Decimal(
+            "1e-8"
+        )
 
 
 def test_shears_keep_their_shape_over_the_whole_turn():

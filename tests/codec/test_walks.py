@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from gpszip.codec.walks import decode, encode, encode_with_ledger, number_by_visit
+from gpszip.codec.walks import decode, encode, encode_with_statistics, number_by_visit
 from gpszip.errors import BoundError, CorruptArchiveError
-from gpszip.model import LatticeWalk, LatticeWalks
+from gpszip.model import GridWalk, GridWalks
 from oracle import walk_decoder
 from oracle.walks import assert_same, random_walks, walk
 
@@ -17,7 +17,7 @@ def assert_comes_back(walks):
     assert timed == walks.timed
     for plain, one in zip(tracks, walks.walks, strict=True):
         assert [node for node, _, _ in plain] == one.nodes.tolist()
-        assert [cell for _, cell, _ in plain] == one.cells.tolist()
+        assert [cell for _, cell, _ in plain] == one.time_steps.tolist()
         assert [gap for _, _, gap in plain[1:]] == one.gaps.tolist()
     return data
 
@@ -28,17 +28,22 @@ def test_random_maps_come_back_from_the_coder_and_from_its_plain_twin(seed):
 
 
 def test_no_tracks_come_back():
-    empty = LatticeWalks(np.zeros((0, 2), np.int64), ())
+    empty = GridWalks(np.zeros((0, 2), np.int64), ())
     assert encode(empty) == b"\x01"
     assert_comes_back(empty)
 
 
 def test_one_knot_comes_back():
-    assert_comes_back(LatticeWalks(np.array([[7, -9]]), (walk([0], [3]),)))
+    assert_comes_back(GridWalks(np.array([[7, -9]]), (walk([0], [3]),)))
 
 
 def test_every_track_may_start_where_one_ended():
-    assert_comes_back(LatticeWalks(np.array([[0], [5]]), (walk([0, 1], [4, 9]), walk([1, 0], [9, 10]), walk([1], [2]), walk([0], [2]))))
+    assert_comes_back(
+        GridWalks(
+            np.array([[0], [5]]),
+            (walk([0, 1], [4, 9]), walk([1, 0], [9, 10]), walk([1], [2]), walk([0], [2])),
+        )
+    )
 
 
 @pytest.mark.parametrize("scale", [2**20, 2**26, 2**40])
@@ -47,28 +52,30 @@ def test_huge_coordinates_and_times_come_back(scale):
     nodes = rng.integers(-scale, scale, (30, 3))
     cells = np.cumsum(rng.integers(1, scale, 60)) - 10 * scale
     route = np.concatenate([np.arange(30), rng.integers(0, 30, 30)])
-    assert_comes_back(LatticeWalks(nodes, (walk(route, cells, rng.random(59) < 0.2),)))
+    assert_comes_back(GridWalks(nodes, (walk(route, cells, rng.random(59) < 0.2),)))
 
 
 def test_a_star_of_many_ways_comes_back():
     rng = np.random.default_rng(2)
     out = np.zeros(800, int)
     out[1::2] = np.where(np.arange(400) < 300, np.arange(400) + 1, rng.integers(1, 301, 400))
-    assert_comes_back(LatticeWalks(rng.integers(-900, 900, (301, 2)), (walk(out, np.arange(800) * 3),)))
+    assert_comes_back(
+        GridWalks(rng.integers(-900, 900, (301, 2)), (walk(out, np.arange(800) * 3),))
+    )
 
 
 def test_more_nodes_than_are_looked_at_for_a_link_come_back():
     rng = np.random.default_rng(3)
     line = np.column_stack([np.arange(5000) * 3, rng.integers(-2, 3, 5000)])
     route = np.concatenate([np.arange(5000), [10, 4990, 2500, 4000, 3]])
-    walks = LatticeWalks(line, (walk(route, np.arange(len(route)) * 4),))
+    walks = GridWalks(line, (walk(route, np.arange(len(route)) * 4),))
     assert_same(decode(encode(walks), 2, 1), walks)
 
 
 def test_a_long_monotonous_walk_comes_back():
     count = 150_000
     to_and_fro = walk(np.arange(count) % 2, np.arange(count) * 5)
-    walks = LatticeWalks(np.array([[0, 0], [30, 4]]), (to_and_fro,))
+    walks = GridWalks(np.array([[0, 0], [30, 4]]), (to_and_fro,))
     data = encode(walks)
     assert len(data) < 400
     assert_same(decode(data, 2, 1), walks)
@@ -80,13 +87,13 @@ def test_a_repeated_way_costs_little():
     nodes = np.round(100 * np.column_stack([np.cos(angle), np.sin(angle)])).astype(int) - [100, 0]
     cells = np.arange(len(loop)) * 7
     rng = np.random.default_rng(1)
-    fresh = LatticeWalks(rng.integers(-100, 100, (len(loop), 2)), (walk(np.arange(len(loop)), cells),))
-    assert len(encode(LatticeWalks(nodes, (walk(loop, cells),)))) < 0.05 * len(encode(fresh))
+    fresh = GridWalks(rng.integers(-100, 100, (len(loop), 2)), (walk(np.arange(len(loop)), cells),))
+    assert len(encode(GridWalks(nodes, (walk(loop, cells),)))) < 0.05 * len(encode(fresh))
 
 
 def test_the_ledger_adds_up_to_the_file():
     walks = random_walks(10)
-    data, ledger = encode_with_ledger(walks)
+    data, ledger = encode_with_statistics(walks)
     assert 0.8 * len(data) < ledger[:, 0].sum() / 8 <= len(data)
     # kinds and gaps, starts: every knot was reached once
     knots = sum(len(one.nodes) for one in walks.walks)
@@ -97,7 +104,7 @@ def test_nodes_are_numbered_by_visit_and_unvisited_ones_dropped():
     rng = np.random.default_rng(6)
     places = rng.integers(-50, 50, (20, 2))
     routes = [rng.integers(0, 15, 12), rng.integers(0, 15, 7)]
-    walks = LatticeWalks(places, tuple(walk(route, np.arange(len(route))) for route in routes))
+    walks = GridWalks(places, tuple(walk(route, np.arange(len(route))) for route in routes))
     numbered = number_by_visit(walks)
     seen = list(dict.fromkeys(np.concatenate(routes).tolist()))
     np.testing.assert_array_equal(numbered.nodes, places[seen])
@@ -148,9 +155,9 @@ def test_a_link_with_nowhere_to_go_is_no_trap():
 
 @pytest.mark.parametrize(("place", "cell"), [(2**45, 5), (-(2**50), 5), (7, 2**45)])
 def test_what_no_reader_would_take_is_not_written(place, cell):
-    walk = LatticeWalk(np.array([0, 1], np.int32), np.array([0, cell]), np.zeros(1, bool))
+    walk = GridWalk(np.array([0, 1], np.int32), np.array([0, cell]), np.zeros(1, bool))
     with pytest.raises(BoundError, match="too far apart"):
-        encode(LatticeWalks(np.array([[0, 0], [place, 3]]), (walk,)))
+        encode(GridWalks(np.array([[0, 0], [place, 3]]), (walk,)))
 
 
 def test_many_new_ways_that_cost_next_to_nothing_come_back():
@@ -158,6 +165,6 @@ def test_many_new_ways_that_cost_next_to_nothing_come_back():
     line = np.column_stack([np.arange(70) * 9, np.zeros(70)]).astype(np.int64)
     route = np.concatenate([np.arange(70), np.tile([3, 66], 8300)])
     gaps = np.arange(len(route) - 1) >= 69
-    walks = LatticeWalks(line, (walk(route, np.arange(len(route)) * 4, gaps),))
+    walks = GridWalks(line, (walk(route, np.arange(len(route)) * 4, gaps),))
     data = assert_comes_back(walks)
     assert len(data) < 8 * 8300

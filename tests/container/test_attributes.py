@@ -10,20 +10,31 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gpszip.container import columns
-from gpszip.container.attributes import Kept, attributes_body, kept_names, read_attributes
-from gpszip.container.layout import varint
+from gpszip.container.attributes import (
+    KeptColumns,
+    encode_attributes,
+    read_attributes,
+    read_column_names,
+)
+from gpszip.container.layout import encode_varint
 from gpszip.errors import CorruptArchiveError, OptionError
 from oracle import attributes as plain
 
 
 def column(n):
-    numbers = st.floats(allow_nan=True, allow_infinity=True) | st.integers(-10_000, 10_000).map(lambda i: i / 100)
+    numbers = st.floats(allow_nan=True, allow_infinity=True) | st.integers(-10_000, 10_000).map(
+        lambda i: i / 100
+    )
     return st.one_of(
         hnp.arrays(np.int64, n),
         hnp.arrays(np.int64, n, elements=st.integers(-5, 5)),
         hnp.arrays(np.float64, n, elements=numbers),
-        hnp.arrays(np.float64, n, elements=st.integers(-999, 999).map(lambda i: i / 10) | st.just(np.nan)),
-        st.lists(st.text(max_size=6), min_size=n, max_size=n).map(lambda texts: np.array(texts, dtype=object)),
+        hnp.arrays(
+            np.float64, n, elements=st.integers(-999, 999).map(lambda i: i / 10) | st.just(np.nan)
+        ),
+        st.lists(st.text(max_size=6), min_size=n, max_size=n).map(
+            lambda texts: np.array(texts, dtype=object)
+        ),
     )
 
 
@@ -34,34 +45,42 @@ def kepts(draw):
     ticks = np.cumsum(draw(hnp.arrays(np.int64, n, elements=st.integers(1, 10_000))))
     times = ticks / draw(st.sampled_from([1, 10, 1000, 10**6, 7]))
     names = draw(st.lists(st.text(max_size=5), max_size=3, unique=True))
-    return Kept(counts, times, {name: draw(column(n)) for name in names})
+    return KeptColumns(counts, times, {name: draw(column(n)) for name in names})
 
 
 @given(kepts())
 @settings(max_examples=50, deadline=None)
 def test_everything_comes_back(kept):
-    body = attributes_body(kept)
+    body = encode_attributes(kept)
     back = read_attributes(body, len(kept.counts))
-    assert kept_names(body, len(kept.counts)) == tuple(kept.columns)
+    assert read_column_names(body, len(kept.counts)) == tuple(kept.columns)
     assert back.counts == kept.counts
     np.testing.assert_array_equal(back.times, kept.times)
     assert list(back.columns) == list(kept.columns)
     for name, values in kept.columns.items():
         assert back.columns[name].dtype == values.dtype
         np.testing.assert_array_equal(back.columns[name], values)
-    assert attributes_body(kept) == body
+    assert encode_attributes(kept) == body
 
 
 def example(n=40):
     times = 1.7e9 + np.arange(n) + np.arange(n) % 3 / 1000
     speed = np.where(np.arange(n) % 9 == 0, np.nan, np.round(3 * np.sin(np.arange(n)), 1))
-    return Kept((n - 10, 10), times, {"speed": speed, "mode": np.array(["walk", "bus"])[np.arange(n) // 11 % 2], "n": np.arange(n)})
+    return KeptColumns(
+        (n - 10, 10),
+        times,
+        {
+            "speed": speed,
+            "mode": np.array(["walk", "bus"])[np.arange(n) // 11 % 2],
+            "n": np.arange(n),
+        },
+    )
 
 
 @given(kepts())
 @settings(max_examples=40, deadline=None)
 def test_the_specification_reads_it_too(kept):
-    counts, times, columns = plain.read_attributes(attributes_body(kept), len(kept.counts))
+    counts, times, columns = plain.read_attributes(encode_attributes(kept), len(kept.counts))
     assert counts == list(kept.counts)
     assert times == kept.times.tolist()
     for name, values in kept.columns.items():
@@ -85,26 +104,30 @@ def test_what_was_written_first_is_read():
 
 
 def test_rows_of_each_track():
-    kept = read_attributes(attributes_body(example()), 2)
+    kept = read_attributes(encode_attributes(example()), 2)
     np.testing.assert_array_equal(kept.columns["n"][kept.rows(1)], np.arange(30, 40))
 
 
 def test_regular_columns_take_few_bytes():
     n = 100_000
-    kept = Kept((n,), 1.7e9 + np.arange(n) / 10, {"n": np.arange(n), "still": np.zeros(n)})
-    assert len(attributes_body(kept)) < 150
-    rough = Kept((n,), np.arange(n) * 1.0, {"ele": np.round(np.cumsum(np.random.default_rng(1).normal(0, 0.3, n)), 1)})
-    assert len(attributes_body(rough)) < 0.55 * n
+    kept = KeptColumns((n,), 1.7e9 + np.arange(n) / 10, {"n": np.arange(n), "still": np.zeros(n)})
+    assert len(encode_attributes(kept)) < 150
+    rough = KeptColumns(
+        (n,),
+        np.arange(n) * 1.0,
+        {"ele": np.round(np.cumsum(np.random.default_rng(1).normal(0, 0.3, n)), 1)},
+    )
+    assert len(encode_attributes(rough)) < 0.55 * n
 
 
 def test_long_regular_columns_are_believed():
     n = 3_000_000
-    kept = Kept((n,), np.arange(n) * 1.0)
-    assert len(read_attributes(attributes_body(kept), 1).times) == n
+    kept = KeptColumns((n,), np.arange(n) * 1.0)
+    assert len(read_attributes(encode_attributes(kept), 1).times) == n
 
 
 def test_every_truncation_and_flipped_bit_is_refused_or_read():
-    body = attributes_body(example())
+    body = encode_attributes(example())
     for end in range(len(body)):
         with pytest.raises(CorruptArchiveError):
             read_attributes(body[:end], 2)
@@ -129,26 +152,44 @@ def test_any_bytes_are_refused_or_read(data, tracks):
 def packed(data):
     packer = zlib.compressobj(9, zlib.DEFLATED, -15)
     small = packer.compress(data) + packer.flush()
-    return varint(4 * len(small) + 1) + small
+    return encode_varint(4 * len(small) + 1) + small
 
 
 HUGE = 1 << 40
 FORGED = {
-    "too many samples": varint(HUGE) + varint(0) + b"\x01\x00\x00\x00",
-    "too many columns": varint(1) + varint(HUGE),
-    "too many samples for the columns": varint(1 << 20) + varint(9) + b"".join(bytes([1, 65 + i]) for i in range(9)) + bytes(40),
-    "two of one name": varint(1) + varint(2) + b"\x01a\x01a" + bytes(20),
-    "a name that is no text": varint(1) + varint(1) + b"\x01\xff" + bytes(20),
-    "a block too large": varint(1) + varint(0) + bytes([0, 8]) + varint(4 * HUGE),
-    "a block that grows": varint(9) + varint(0) + bytes([0, 8]) + packed(bytes(10_000_000)),
-    "numbers of nine bytes": varint(1) + varint(0) + bytes([0, 9, 4 * 9]) + bytes(9),
-    "an unknown kind": varint(1) + varint(0) + bytes([13, 0, 0]),
-    "times that stand still": varint(2) + varint(0) + bytes([0, 0, 0]),
-    "times with holes": varint(1) + varint(0) + bytes([1 | 64, 4, 128, 0, 0]),
-    "times that are texts": varint(1) + varint(0) + bytes([12, 1, 1, 4, 0, 0, 0]),
-    "a text that is not there": varint(1) + varint(1) + b"\x01a" + bytes([0, 0, 0, 12, 0, 0, 0, 0, 0]),
-    "texts that are too many": varint(1) + varint(1) + b"\x01a" + bytes([0, 0, 0, 12]) + varint(HUGE) + varint(HUGE) + bytes(9),
-    "bytes after the end": varint(1) + varint(0) + bytes([0, 0, 0, 7]),
+    "too many samples": encode_varint(HUGE) + encode_varint(0) + b"\x01\x00\x00\x00",
+    "too many columns": encode_varint(1) + encode_varint(HUGE),
+    "too many samples for the columns": encode_varint(1 << 20)
+    + encode_varint(9)
+    + b"".join(bytes([1, 65 + i]) for i in range(9))
+    + bytes(40),
+    "two of one name": encode_varint(1) + encode_varint(2) + b"\x01a\x01a" + bytes(20),
+    "a name that is no text": encode_varint(1) + encode_varint(1) + b"\x01\xff" + bytes(20),
+    "a block too large": encode_varint(1)
+    + encode_varint(0)
+    + bytes([0, 8])
+    + encode_varint(4 * HUGE),
+    "a block that grows": encode_varint(9)
+    + encode_varint(0)
+    + bytes([0, 8])
+    + packed(bytes(10_000_000)),
+    "numbers of nine bytes": encode_varint(1) + encode_varint(0) + bytes([0, 9, 4 * 9]) + bytes(9),
+    "an unknown kind": encode_varint(1) + encode_varint(0) + bytes([13, 0, 0]),
+    "times that stand still": encode_varint(2) + encode_varint(0) + bytes([0, 0, 0]),
+    "times with holes": encode_varint(1) + encode_varint(0) + bytes([1 | 64, 4, 128, 0, 0]),
+    "times that are texts": encode_varint(1) + encode_varint(0) + bytes([12, 1, 1, 4, 0, 0, 0]),
+    "a text that is not there": encode_varint(1)
+    + encode_varint(1)
+    + b"\x01a"
+    + bytes([0, 0, 0, 12, 0, 0, 0, 0, 0]),
+    "texts that are too many": encode_varint(1)
+    + encode_varint(1)
+    + b"\x01a"
+    + bytes([0, 0, 0, 12])
+    + encode_varint(HUGE)
+    + encode_varint(HUGE)
+    + bytes(9),
+    "bytes after the end": encode_varint(1) + encode_varint(0) + bytes([0, 0, 0, 7]),
 }
 
 
@@ -159,9 +200,13 @@ def test_forged_bodies_are_refused(name):
 
 
 def test_what_can_t_be_kept_is_named():
-    for values in (np.array([1, "a"], dtype=object), np.array([1, 1 << 63], np.uint64), np.array(["2024-01-01"] * 2, "M8[D]")):
+    for values in (
+        np.array([1, "a"], dtype=object),
+        np.array([1, 1 << 63], np.uint64),
+        np.array(["2024-01-01"] * 2, "M8[D]"),
+    ):
         with pytest.raises(OptionError, match="'odd'"):
-            attributes_body(Kept((2,), np.arange(2.0), {"odd": values}))
+            encode_attributes(KeptColumns((2,), np.arange(2.0), {"odd": values}))
 
 
 @given(kepts(), st.integers(1, 5))
@@ -171,7 +216,7 @@ def test_columns_read_in_pieces_come_back_too(kept, piece):
         patch.setattr(columns, "_CHUNK", piece)
         patch.setattr(columns, "LARGE", 8)
         patch.setattr(columns, "_HELD", 8)
-        body = attributes_body(kept)
+        body = encode_attributes(kept)
     back = read_attributes(body, len(kept.counts))
     np.testing.assert_array_equal(back.times, kept.times)
     for name, values in kept.columns.items():
@@ -181,6 +226,6 @@ def test_columns_read_in_pieces_come_back_too(kept, piece):
 def test_noise_that_nothing_packs_is_kept_as_it_is(monkeypatch):
     monkeypatch.setattr(columns, "LARGE", 1000)
     noise = np.random.default_rng(1).integers(-(1 << 62), 1 << 62, 4000)
-    body = attributes_body(Kept((4000,), np.arange(4000.0), {"noise": noise}))
+    body = encode_attributes(KeptColumns((4000,), np.arange(4000.0), {"noise": noise}))
     assert np.array_equal(read_attributes(body, 1).columns["noise"], noise)
     assert len(body) < 32_200

@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import pytest
 
-from gpszip.container.catalog import group_of, groups_between, open_catalog, read_entry
+from gpszip.container.catalog import find_group, find_groups, open_catalog, read_catalog_group
 from gpszip.container.contents import Contents, Group
 from gpszip.container.writer import to_bytes
 from gpszip.errors import CorruptArchiveError
@@ -27,24 +27,31 @@ class Counting(io.BytesIO):
 def test_one_group_is_read_alone(layer):
     file = Counting(to_bytes(replace(MANY, layer=layer)))
     catalog = open_catalog(file)
-    assert (catalog.frame, catalog.ids, catalog.map) == (MANY.frame, MANY.ids, MANY.map)
+    assert (catalog.grid, catalog.ids, catalog.map) == (MANY.grid, MANY.ids, MANY.map)
     assert file.read_bytes < 1000
     for track in range(24):
         file.read_bytes = 0
-        assert read_entry(file, catalog, group_of(catalog, track)) == GROUPS[track // 3]
+        assert read_catalog_group(file, catalog, find_group(catalog, track)) == GROUPS[track // 3]
         assert file.read_bytes < 70_100
 
 
 @pytest.mark.parametrize(
-    ("first", "last", "expected"), [(0, 999, (0,)), (1500, 1500, (0, 1)), (1501, 2000, (1, 2)), (-9, -1, ()), (0, 9999, (*range(8),))]
+    ("first", "last", "expected"),
+    [
+        (0, 999, (0,)),
+        (1500, 1500, (0, 1)),
+        (1501, 2000, (1, 2)),
+        (-9, -1, ()),
+        (0, 9999, (*range(8),)),
+    ],
 )
 def test_groups_of_a_time_range(first, last, expected):
-    assert groups_between(open_catalog(io.BytesIO(to_bytes(MANY))), first, last) == expected
+    assert find_groups(open_catalog(io.BytesIO(to_bytes(MANY))), first, last) == expected
 
 
 def test_group_without_span_may_hold_any_time():
     catalog = open_catalog(io.BytesIO(to_bytes(archives.several())))
-    assert groups_between(catalog, 10_000, 20_000) == (2,)
+    assert find_groups(catalog, 10_000, 20_000) == (2,)
 
 
 @pytest.mark.parametrize("name", archives.small_archives())
@@ -52,15 +59,18 @@ def test_every_archive_opens(name):
     contents = archives.small_archives()[name]
     file = io.BytesIO(to_bytes(contents))
     catalog = open_catalog(file)
-    assert (catalog.frame, catalog.ids, catalog.map) == (contents.frame, contents.ids, contents.map)
-    assert tuple(read_entry(file, catalog, i) for i in range(len(contents.groups))) == contents.groups
+    assert (catalog.grid, catalog.ids, catalog.map) == (contents.grid, contents.ids, contents.map)
+    assert (
+        tuple(read_catalog_group(file, catalog, i) for i in range(len(contents.groups)))
+        == contents.groups
+    )
 
 
 def test_tracks_outside_are_refused():
     catalog = open_catalog(io.BytesIO(to_bytes(MANY)))
     for track in (-1, 24):
         with pytest.raises(IndexError):
-            group_of(catalog, track)
+            find_group(catalog, track)
 
 
 def test_damage_is_noticed_where_it_is_read():
@@ -68,9 +78,9 @@ def test_damage_is_noticed_where_it_is_read():
     data[200_000] ^= 1
     file = io.BytesIO(bytes(data))
     catalog = open_catalog(file)
-    assert read_entry(file, catalog, 0) == GROUPS[0]
+    assert read_catalog_group(file, catalog, 0) == GROUPS[0]
     with pytest.raises(CorruptArchiveError, match="checksum"):
-        read_entry(file, catalog, 2)
+        read_catalog_group(file, catalog, 2)
 
 
 def test_every_flip_is_noticed_or_outside_of_what_is_read():
@@ -84,7 +94,7 @@ def test_every_flip_is_noticed_or_outside_of_what_is_read():
             continue
         with pytest.raises(CorruptArchiveError):
             for i in range(len(open_catalog(file).entries)):
-                read_entry(file, open_catalog(file), i)
+                read_catalog_group(file, open_catalog(file), i)
 
 
 FRAME, NAMES = section(1, b"\x10" + bytes([128, 120]) + b"\0\0\0"), section(2, b"\x08\0")
@@ -121,9 +131,9 @@ def test_index_of_lies_is_refused(body):
     file = io.BytesIO(_with_index(body))
     with pytest.raises(CorruptArchiveError):
         for i in range(len(open_catalog(file).entries)):
-            read_entry(file, open_catalog(file), i)
+            read_catalog_group(file, open_catalog(file), i)
 
 
 def test_honest_index_is_read():
     file = io.BytesIO(_with_index(b"\2" + _line(START, len(ONE)) + _line(len(ONE), len(TWO))))
-    assert read_entry(file, open_catalog(file), 1).payload == b"two"
+    assert read_catalog_group(file, open_catalog(file), 1).payload == b"two"

@@ -6,7 +6,7 @@ import zlib
 
 import pytest
 
-from gpszip.container.catalog import open_catalog, read_entry
+from gpszip.container.catalog import open_catalog, read_catalog_group
 from gpszip.container.reader import from_bytes
 from gpszip.container.recover import recover_bytes
 from gpszip.container.verify import verify_bytes
@@ -15,7 +15,10 @@ from gpszip.errors import CorruptArchiveError
 from oracle import archives
 from oracle.archives import compact, large, number, section
 
-ARCHIVES = {name: to_bytes(contents) for name, contents in (archives.small_archives() | archives.promising_archives()).items()}
+ARCHIVES = {
+    name: to_bytes(contents)
+    for name, contents in (archives.small_archives() | archives.promising_archives()).items()
+}
 
 
 @pytest.mark.parametrize("name", ARCHIVES)
@@ -42,7 +45,9 @@ def test_every_flipped_bit_is_noticed(name):
 def test_every_other_byte_is_noticed(name):
     data = ARCHIVES[name]
     for place in range(len(data)):
-        for value in {0, 1, 0x7F, 0x80, 0xFF, data[place] ^ 0xFF, (data[place] + 1) % 256} - {data[place]}:
+        for value in {0, 1, 0x7F, 0x80, 0xFF, data[place] ^ 0xFF, (data[place] + 1) % 256} - {
+            data[place]
+        }:
             assert not verify_bytes(data[:place] + bytes([value]) + data[place + 1 :]).ok
 
 
@@ -63,7 +68,11 @@ def test_missing_repeated_and_swapped_sections_are_noticed():
     tail = data[reports[-1].offset + reports[-1].size :]
     assert data == data[:3] + b"".join(cut) + tail
     for at in range(len(cut)):
-        for other in (cut[:at] + cut[at + 1 :], [*cut[:at], cut[at], *cut[at:]], [*cut[:at], *reversed(cut[at : at + 2]), *cut[at + 2 :]]):
+        for other in (
+            cut[:at] + cut[at + 1 :],
+            [*cut[:at], cut[at], *cut[at:]],
+            [*cut[:at], *reversed(cut[at : at + 2]), *cut[at + 2 :]],
+        ):
             if other != cut:
                 assert not verify_bytes(data[:3] + b"".join(other) + tail).ok
 
@@ -101,7 +110,17 @@ DEEP = bytes([128, 120]) + b"\0\0\0"
 
 def layered(payload):
     """A small archive that says that its payload is packed."""
-    return compact(0xBA, b"\x01\x06" + FRAME + b"\x02\x02" + NAMES + b"\x03" + number(len(payload) + 3) + WALKS[:3] + payload)
+    return compact(
+        0xBA,
+        b"\x01\x06"
+        + FRAME
+        + b"\x02\x02"
+        + NAMES
+        + b"\x03"
+        + number(len(payload) + 3)
+        + WALKS[:3]
+        + payload,
+    )
 
 
 FORGED = {
@@ -110,9 +129,15 @@ FORGED = {
     "compact: long varint": compact(2, NONE + bytes([1, 1]) + b"\x80\x00\x00\x00"),
     "compact: endless varint": compact(2, NONE + bytes([1, 1]) + b"\x80" * 30),
     "compact: origin past 2^62": compact(2, NONE + bytes([1, 1]) + b"\0\0" + number((1 << 64) - 1)),
-    "compact: whole origin past 2^62": compact(0x82, NONE + bytes([1, 1]) + b"\0\0" + number(1 << 62)),
-    "compact: latitude": compact(2 | 2 << 5, NONE + (900_000_001).to_bytes(4, "little") + b"\0" * 4 + DEEP),
-    "compact: longitude": compact(2 | 3 << 5, NONE + b"\0\0" + (-18_001).to_bytes(2, "little", signed=True) + DEEP),
+    "compact: whole origin past 2^62": compact(
+        0x82, NONE + bytes([1, 1]) + b"\0\0" + number(1 << 62)
+    ),
+    "compact: latitude": compact(
+        2 | 2 << 5, NONE + (900_000_001).to_bytes(4, "little") + b"\0" * 4 + DEEP
+    ),
+    "compact: longitude": compact(
+        2 | 3 << 5, NONE + b"\0\0" + (-18_001).to_bytes(2, "little", read_signed=True) + DEEP
+    ),
     "compact: a trillion names": compact(2 | 1 << 3, NONE + DEEP + number((1 << 42) | 0) + b"\0"),
     "layer: no bz2": layered(b"walks"),
     "layer: empty": layered(b""),
@@ -121,29 +146,56 @@ FORGED = {
     "layer: bomb": layered(bz2.compress(bytes(100_000_000))),
     "small: nothing": compact(0x3A, b""),
     "small: length past the end": compact(0x3A, b"\x01" + number(1 << 50) + FRAME),
-    "small: frame of no axes": compact(0x3A, b"\x01\x03\x00\x01\x01" + b"\x02\x02" + NAMES + b"\x03\x03" + WALKS[:3]),
+    "small: frame of no axes": compact(
+        0x3A, b"\x01\x03\x00\x01\x01" + b"\x02\x02" + NAMES + b"\x03\x03" + WALKS[:3]
+    ),
     "small: too large": compact(
-        0x3A, b"\x01\x06" + FRAME + b"\x02\x02" + NAMES + b"\x03\x08" + WALKS + b"\x05" + number(70_000) + bytes(70_000)
+        0x3A,
+        b"\x01\x06"
+        + FRAME
+        + b"\x02\x02"
+        + NAMES
+        + b"\x03\x08"
+        + WALKS
+        + b"\x05"
+        + number(70_000)
+        + bytes(70_000),
     ),
     "large: nothing": large([]),
     "large: no walks": large(OPENING),
     "large: no names": large([section(1, FRAME), section(3, WALKS)]),
     "large: names first": large([section(2, NAMES), section(1, FRAME), section(3, WALKS)]),
     "large: two frames": large([*OPENING, section(1, FRAME), section(3, WALKS)]),
-    "large: frame goes on": large([section(1, FRAME + b"\0"), section(2, NAMES), section(3, WALKS)]),
+    "large: frame goes on": large(
+        [section(1, FRAME + b"\0"), section(2, NAMES), section(3, WALKS)]
+    ),
     "large: names go on": large([section(1, FRAME), section(2, NAMES + b"\0"), section(3, WALKS)]),
     "large: length past the end": large([*OPENING, section(3, WALKS, 1 << 60)]),
-    "large: million planes": large([section(1, b"\x12" + number(1_000_000) + bytes(100)), section(2, NAMES), section(3, WALKS)]),
-    "large: 2^60 planes": large([section(1, b"\x12" + number(1 << 60) + bytes(100)), section(2, NAMES), section(3, WALKS)]),
-    "large: no planes": large([section(1, b"\x12\x00" + FRAME[1:]), section(2, NAMES), section(3, WALKS)]),
-    "large: third kind of centre": large([section(1, b"\x16\x01" + bytes(30)), section(2, NAMES), section(3, WALKS)]),
-    "large: dimension 2^50": large([section(1, number(1 << 53) + FRAME[1:]), section(2, NAMES), section(3, WALKS)]),
+    "large: million planes": large(
+        [section(1, b"\x12" + number(1_000_000) + bytes(100)), section(2, NAMES), section(3, WALKS)]
+    ),
+    "large: 2^60 planes": large(
+        [section(1, b"\x12" + number(1 << 60) + bytes(100)), section(2, NAMES), section(3, WALKS)]
+    ),
+    "large: no planes": large(
+        [section(1, b"\x12\x00" + FRAME[1:]), section(2, NAMES), section(3, WALKS)]
+    ),
+    "large: third kind of centre": large(
+        [section(1, b"\x16\x01" + bytes(30)), section(2, NAMES), section(3, WALKS)]
+    ),
+    "large: dimension 2^50": large(
+        [section(1, number(1 << 53) + FRAME[1:]), section(2, NAMES), section(3, WALKS)]
+    ),
     "large: hash of 3 bytes": large([section(4, bytes(3)), section(2, NAMES), section(3, WALKS)]),
     "large: map goes on": large([section(4, bytes(6)), section(2, NAMES), section(3, WALKS)]),
-    "large: map halved 4 times": large([section(4, bytes(4) + b"\4"), section(2, NAMES), section(3, WALKS)]),
+    "large: map halved 4 times": large(
+        [section(4, bytes(4) + b"\4"), section(2, NAMES), section(3, WALKS)]
+    ),
     "large: frame and map": large([*OPENING, section(4, bytes(5)), section(3, WALKS)]),
     "large: promise after walks": large([*OPENING, section(3, WALKS), section(8, b"\1\0")]),
-    "large: two promises": large([*OPENING, section(8, b"\1\0"), section(8, b"\1\0"), section(3, WALKS)]),
+    "large: two promises": large(
+        [*OPENING, section(8, b"\1\0"), section(8, b"\1\0"), section(3, WALKS)]
+    ),
     "large: promise goes on": large([*OPENING, section(8, b"\1\0\0"), section(3, WALKS)]),
     "large: sampling is missing": large([*OPENING, section(8, b"\1\x40"), section(3, WALKS)]),
     "compact: promise of no digits": compact(2, b"\0\4" + DEEP),
@@ -159,13 +211,23 @@ FORGED = {
     "large: index past the end": large([*OPENING, section(3, WALKS)], 1 << 47),
     "large: index in the head": large([*OPENING, section(3, WALKS)], 1),
     "large: index in a section": large([*OPENING, section(3, WALKS)], 3),
-    "large: index too early": large([*OPENING, section(3, WALKS), section(6, b"\1" + number(HERE) + b"\x12\1\0"), section(9, b"")]),
+    "large: index too early": large(
+        [
+            *OPENING,
+            section(3, WALKS),
+            section(6, b"\1" + number(HERE) + b"\x12\1\0"),
+            section(9, b""),
+        ]
+    ),
     "large: low 2": large([*OPENING, section(3, WALKS)], third=0x5A),
     "large: kind 0": large([*OPENING, section(3, WALKS), section(0, b"")]),
-    "large: span past 64 bits": large([*OPENING, section(3, b"\0\1" + number((1 << 64) - 1) + number((1 << 64) - 2))]),
+    "large: span past 64 bits": large(
+        [*OPENING, section(3, b"\0\1" + number((1 << 64) - 1) + number((1 << 64) - 2))]
+    ),
     "large: many sections": large([*OPENING, section(3, WALKS)] + [section(9, b"")] * 5_000),
     "large: layer bombs": large(
-        [section(1, FRAME), section(2, number(400 << 2) + b"\0")] + [section(3, number(i) + b"\1\0" + BOMB) for i in range(400)],
+        [section(1, FRAME), section(2, number(400 << 2) + b"\0")]
+        + [section(3, number(i) + b"\1\0" + BOMB) for i in range(400)],
         third=0x9A,
     ),
 }
@@ -191,7 +253,7 @@ def _all_groups(data):
     file = io.BytesIO(data)
     catalog = open_catalog(file)
     for number_ in range(len(catalog.entries)):
-        read_entry(file, catalog, number_)
+        read_catalog_group(file, catalog, number_)
 
 
 def test_honest_twins_of_the_forged_are_read():
@@ -200,7 +262,10 @@ def test_honest_twins_of_the_forged_are_read():
     assert from_bytes(compact(0x3A, SMALL)).ids == ("0",)
     assert from_bytes(large([*OPENING, section(3, WALKS)])).groups[0].payload == b"walks"
     index = section(6, b"\1" + number(HERE) + b"\x12\1\0")
-    assert from_bytes(large([*OPENING, section(3, WALKS), section(9, b""), index])).groups[0].payload == b"walks"
+    assert (
+        from_bytes(large([*OPENING, section(3, WALKS), section(9, b""), index])).groups[0].payload
+        == b"walks"
+    )
 
 
 @pytest.mark.parametrize("way", ["deflate", "lzma"])
@@ -209,8 +274,17 @@ def test_names_that_would_fill_the_memory(way):
         packer = zlib.compressobj(9, zlib.DEFLATED, -15)
         packed = packer.compress(b"\n" * 100_000_000) + packer.flush()
     else:
-        packed = lzma.compress(b"\n" * 100_000_000, format=lzma.FORMAT_RAW, filters=[{"id": lzma.FILTER_LZMA2, "preset": 0}])
+        packed = lzma.compress(
+            b"\n" * 100_000_000,
+            format=lzma.FORMAT_RAW,
+            filters=[{"id": lzma.FILTER_LZMA2, "preset": 0}],
+        )
     names = number(100_000_001 << 2 | 3), number(60_000 << 2 | 3)
     for head in names:
         with pytest.raises(CorruptArchiveError):
-            from_bytes(compact(2 | 1 << 3, NONE + DEEP + head + number(len(packed) << 2 | (way == "lzma")) + packed))
+            from_bytes(
+                compact(
+                    2 | 1 << 3,
+                    NONE + DEEP + head + number(len(packed) << 2 | (way == "lzma")) + packed,
+                )
+            )

@@ -10,7 +10,7 @@ from gpszip.container.recover import recover, recover_bytes
 from gpszip.container.verify import verify, verify_bytes
 from gpszip.container.writer import to_bytes
 from gpszip.errors import CorruptArchiveError, InputError
-from gpszip.model.promise import Promise
+from gpszip.model.error_bound import ErrorBound
 from oracle import archives
 from oracle.archives import section
 
@@ -33,8 +33,13 @@ def test_whole_archive_loses_nothing():
 @pytest.mark.parametrize("number", range(3))
 def test_other_groups_are_saved(number):
     saved = recover_bytes(_without(number))
-    assert [group.payload for group in saved.contents.groups] == [group.payload for i, group in enumerate(WHOLE.groups) if i != number]
-    lost = range(WHOLE.groups[number].first_track, WHOLE.groups[number].first_track + WHOLE.groups[number].tracks)
+    assert [group.payload for group in saved.contents.groups] == [
+        group.payload for i, group in enumerate(WHOLE.groups) if i != number
+    ]
+    lost = range(
+        WHOLE.groups[number].first_track,
+        WHOLE.groups[number].first_track + WHOLE.groups[number].tracks,
+    )
     assert saved.contents.ids == tuple(name for i, name in enumerate(WHOLE.ids) if i not in lost)
     assert f"{len(lost)} of 6 tracks" in saved.lost
     assert from_bytes(to_bytes(saved.contents)) == saved.contents
@@ -44,7 +49,9 @@ def test_kept_columns_are_not_given_to_the_wrong_tracks():
     extras = (Section(5, b"columns"), Section(77, b"of later"))
     data = bytearray(to_bytes(replace(WHOLE, extras=extras)))
     assert recover_bytes(bytes(data)).contents.extras == extras
-    data[next(report.offset for report in verify_bytes(data).sections if report.kind == "walks") + 12] ^= 0xFF
+    data[
+        next(report.offset for report in verify_bytes(data).sections if report.kind == "walks") + 12
+    ] ^= 0xFF
     saved = recover_bytes(bytes(data))
     assert saved.contents.extras == extras[1:]
     assert any("kept columns" in sentence for sentence in saved.lost)
@@ -52,18 +59,24 @@ def test_kept_columns_are_not_given_to_the_wrong_tracks():
 
 @pytest.mark.parametrize("maximum", [True, False])
 def test_a_promise_about_all_tracks_is_not_one_about_some(maximum):
-    promise = Promise(5, 0, maximum)
-    data = bytearray(to_bytes(replace(WHOLE, promise=promise, sampling=99)))
-    assert recover_bytes(bytes(data)).contents.promise == promise
-    data[next(report.offset for report in verify_bytes(data).sections if report.kind == "walks") + 12] ^= 0xFF
+    error_bound = ErrorBound(5, 0, maximum)
+    data = bytearray(to_bytes(replace(WHOLE, error_bound=error_bound, sampling=99)))
+    assert recover_bytes(bytes(data)).contents.error_bound == error_bound
+    data[
+        next(report.offset for report in verify_bytes(data).sections if report.kind == "walks") + 12
+    ] ^= 0xFF
     saved = recover_bytes(bytes(data))
-    assert saved.contents.promise == (promise if maximum else None)
+    assert saved.contents.error_bound == (error_bound if maximum else None)
     assert saved.contents.sampling == 99
     assert any("error promised" in sentence for sentence in saved.lost) != maximum
 
 
 def test_every_truncation_saves_the_whole_groups_before_it():
-    ends = [report.offset + report.size for report in verify_bytes(DATA).sections if report.kind == "walks"]
+    ends = [
+        report.offset + report.size
+        for report in verify_bytes(DATA).sections
+        if report.kind == "walks"
+    ]
     for length in range(len(DATA)):
         whole = sum(end <= length for end in ends)
         try:

@@ -1,11 +1,11 @@
 import pytest
 
-from gpszip.container.contents import Contents, Group, MapReference, Section, one_group
+from gpszip.container.contents import Contents, Group, MapReference, Section, single_group_contents
 from gpszip.container.reader import from_bytes
 from gpszip.container.verify import verify_bytes
 from gpszip.container.writer import to_bytes
 from gpszip.errors import InputError, OptionError
-from gpszip.model.frame import Frame, Plane
+from gpszip.model.grid import Plane, QuantisationGrid
 from oracle import archives
 
 ARCHIVES = archives.small_archives() | archives.promising_archives()
@@ -22,28 +22,38 @@ def test_contents_come_back(name):
 
 @pytest.mark.parametrize(
     ("frame", "most"),
-    [(archives.FAR, 24), (archives.FAR_ODD, 27), (archives.DEGREES, 24), (archives.DEGREES_ODD, 27), (archives.DEGREES_FINE, 30)],
+    [
+        (archives.FAR, 24),
+        (archives.FAR_ODD, 27),
+        (archives.DEGREES, 24),
+        (archives.DEGREES_ODD, 27),
+        (archives.DEGREES_FINE, 30),
+    ],
 )
-def test_overhead_of_one_track(frame, most):
+def test_overhead_of_one_track(grid, most):
     payload = b"x" * 100
-    assert len(to_bytes(one_group(frame, ("0",), payload))) - len(payload) <= most
+    assert len(to_bytes(single_group_contents(grid, ("0",), payload))) - len(payload) <= most
 
 
 def test_shift_changes_only_origin_epoch_and_checksum():
-    ours = Frame((1_000, 2_000), 3_000, 128, 128)
-    moved = Frame((10_000_001_000, 10_000_002_000), 1_000_000_003_000, 128, 128)
-    one, two = (to_bytes(one_group(frame, ("a", "b"), b"payload")) for frame in (ours, moved))
+    ours = QuantisationGrid((1_000, 2_000), 3_000, 128, 128)
+    moved = QuantisationGrid((10_000_001_000, 10_000_002_000), 1_000_000_003_000, 128, 128)
+    one, two = (
+        to_bytes(single_group_contents(grid, ("a", "b"), b"payload")) for grid in (ours, moved)
+    )
     assert one[:7] == two[:7]
     assert one[10:-4] == two[20:-4]
 
 
 def test_single_group_forgets_its_span():
     contents = Contents(archives.FLAT, ("0",), (Group(0, 1, b"p", (3, 4)),))
-    assert from_bytes(to_bytes(contents)).groups[0].span is None
+    assert from_bytes(to_bytes(contents)).groups[0].time_range is None
 
 
 def test_large_single_group_with_extras():
-    contents = Contents(archives.FLAT, ("0",), (Group(0, 1, bytes(range(256)) * 300),), None, (Section(5, b"kept"),))
+    contents = Contents(
+        archives.FLAT, ("0",), (Group(0, 1, bytes(range(256)) * 300),), None, (Section(5, b"kept"),)
+    )
     data = to_bytes(contents)
     assert from_bytes(data) == contents
     assert verify_bytes(data).form == "large"
@@ -52,15 +62,17 @@ def test_large_single_group_with_extras():
 @pytest.mark.parametrize(
     "contents",
     [
-        one_group(Frame((), 0, 0, 0), ("0",), b""),
-        one_group(Frame((0,) * 16, 0, 0, 0), ("0",), b""),
-        one_group(Frame((1 << 62, 0), 0, 0, 0), ("0",), b""),
-        one_group(Frame((0, 0), -(1 << 62), 0, 0), ("0",), b""),
-        one_group(Frame((0, 0), 0, 256, 0), ("0",), b""),
-        one_group(Frame((0, 0), 0, 0, -1), ("0",), b""),
-        one_group(Frame((0, 0), 0, 0, 0, Plane(())), ("0",), b""),
-        one_group(Frame((0, 0), 0, 0, 0, Plane(((900_000_001, 0),))), ("0",), b""),
-        one_group(archives.FLAT, ("0",), b"", "zip"),
+        single_group_contents(QuantisationGrid((), 0, 0, 0), ("0",), b""),
+        single_group_contents(QuantisationGrid((0,) * 16, 0, 0, 0), ("0",), b""),
+        single_group_contents(QuantisationGrid((1 << 62, 0), 0, 0, 0), ("0",), b""),
+        single_group_contents(QuantisationGrid((0, 0), -(1 << 62), 0, 0), ("0",), b""),
+        single_group_contents(QuantisationGrid((0, 0), 0, 256, 0), ("0",), b""),
+        single_group_contents(QuantisationGrid((0, 0), 0, 0, -1), ("0",), b""),
+        single_group_contents(QuantisationGrid((0, 0), 0, 0, 0, Plane(())), ("0",), b""),
+        single_group_contents(
+            QuantisationGrid((0, 0), 0, 0, 0, Plane(((900_000_001, 0),))), ("0",), b""
+        ),
+        single_group_contents(archives.FLAT, ("0",), b"", "zip"),
         Contents(archives.FLAT, ("0",), ()),
         Contents(archives.FLAT, ("0", "1"), (Group(0, 1, b""),)),
         Contents(archives.FLAT, ("0", "1"), (Group(0, 1, b""), Group(0, 1, b""))),
@@ -84,18 +96,24 @@ def test_contradictions_are_refused(contents):
 
 def test_payload_that_no_reader_would_expand_is_refused():
     with pytest.raises(OptionError, match="leave it out"):
-        to_bytes(one_group(archives.FLAT, ("0",), bytes((1 << 26) + 100_000), "bz2"))
+        to_bytes(single_group_contents(archives.FLAT, ("0",), bytes((1 << 26) + 100_000), "bz2"))
 
 
 def test_more_than_readers_believe_is_refused():
     with pytest.raises(OptionError, match="split the archive"):
-        to_bytes(one_group(archives.FLAT, tuple(map(str, range(100_000))), b""))
+        to_bytes(single_group_contents(archives.FLAT, tuple(map(str, range(100_000))), b""))
     with pytest.raises(OptionError, match="make them larger"):
-        to_bytes(Contents(archives.FLAT, tuple(map(str, range(5000))), tuple(Group(i, 1, b"") for i in range(5000))))
-    many = one_group(archives.FLAT, tuple(map(str, range(100_000))), bytes(100_000))
+        to_bytes(
+            Contents(
+                archives.FLAT,
+                tuple(map(str, range(5000))),
+                tuple(Group(i, 1, b"") for i in range(5000)),
+            )
+        )
+    many = single_group_contents(archives.FLAT, tuple(map(str, range(100_000))), bytes(100_000))
     assert from_bytes(to_bytes(many)) == many
 
 
 def test_surrogates_are_refused():
     with pytest.raises(InputError, match="surrogate"):
-        to_bytes(one_group(archives.FLAT, ("\ud800",), b""))
+        to_bytes(single_group_contents(archives.FLAT, ("\ud800",), b""))

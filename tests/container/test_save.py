@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from gpszip.container.contents import Section, Spooled, one_group
-from gpszip.container.layout import Kind
+from gpszip.container.contents import Section, SpooledBytes, single_group_contents
+from gpszip.container.layout import SectionKind
 from gpszip.container.reader import load
-from gpszip.container.writer import save, size_of, to_bytes
+from gpszip.container.writer import archive_size, save, to_bytes
 from gpszip.errors import InputError, OptionError, OutputError
 from oracle import archives
 
@@ -92,7 +92,9 @@ def test_devices_are_not_replaced(tmp_path):
     assert pipe.is_fifo()
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere")
+@pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere"
+)
 def test_no_permission(tmp_path):
     tmp_path.chmod(0o500)
     with pytest.raises(OutputError, match="Permission denied"):
@@ -101,7 +103,7 @@ def test_no_permission(tmp_path):
 
 def test_failure_leaves_nothing_behind(tmp_path):
     with pytest.raises(OptionError):
-        save(one_group(archives.FLAT, ("0",), b"", "zip"), tmp_path / "walks.gpsz")
+        save(single_group_contents(archives.FLAT, ("0",), b"", "zip"), tmp_path / "walks.gpsz")
     with pytest.raises(OutputError):
         save(CONTENTS, tmp_path / ("x" * 300))
     assert _names(tmp_path) == []
@@ -121,9 +123,11 @@ def test_a_section_in_a_temporary_file_is_written_as_one_in_memory(tmp_path, siz
     body = random.Random(size).randbytes(size)
     with tempfile.TemporaryFile() as file:
         file.write(body)
-        spooled = replace(CONTENTS, extras=(Section(Kind.ATTRIBUTES, Spooled(file, size)),))
-        held = replace(CONTENTS, extras=(Section(Kind.ATTRIBUTES, body),))
+        spooled = replace(
+            CONTENTS, extras=(Section(SectionKind.ATTRIBUTES, SpooledBytes(file, size)),)
+        )
+        held = replace(CONTENTS, extras=(Section(SectionKind.ATTRIBUTES, body),))
         assert to_bytes(spooled) == to_bytes(held)
-        assert save(spooled, tmp_path / "a.gpsz") == size_of(spooled) == len(to_bytes(held))
+        assert save(spooled, tmp_path / "a.gpsz") == archive_size(spooled) == len(to_bytes(held))
     assert (tmp_path / "a.gpsz").read_bytes() == to_bytes(held)
     assert load(tmp_path / "a.gpsz") == held

@@ -2,7 +2,7 @@ import random
 
 import pytest
 
-from gpszip.container.text_model import MODEL_LIMIT, PRIME, model_bytes, read_model
+from gpszip.container.text_model import MODEL_LIMIT, PRIME, encode_text, read_text
 from gpszip.errors import CorruptArchiveError
 from oracle import text_model
 
@@ -23,9 +23,9 @@ TEXTS = [
 
 @pytest.mark.parametrize("text", TEXTS, ids=range(len(TEXTS)))
 def test_text_comes_back_also_by_the_page_on_the_format(text):
-    data = model_bytes(text)
+    data = encode_text(text)
     lines = text.count(b"\n")
-    assert read_model(data, lines, 0) == text
+    assert read_text(data, lines, 0) == text
     assert text_model.decode(data, lines) == text
 
 
@@ -34,12 +34,12 @@ def test_page_and_package_begin_with_the_same_text():
 
 
 def test_names_like_those_before_cost_bits():
-    few = model_bytes(b"".join(b"indoor run %d\n" % i for i in range(10)))
-    many = model_bytes(b"".join(b"indoor run %d\n" % i for i in range(20)))
+    few = encode_text(b"".join(b"indoor run %d\n" % i for i in range(10)))
+    many = encode_text(b"".join(b"indoor run %d\n" % i for i in range(20)))
     assert len(many) - len(few) < 15
 
 
 @pytest.mark.parametrize("data", [b"", b"\xff" * 10, b"\x55" * 5000, RANDOM.randbytes(20_000)])
 def test_any_bytes_end(data):
     with pytest.raises(CorruptArchiveError, match="go on past"):
-        read_model(data, 1 << 60, 3)
+        read_text(data, 1 << 60, 3)

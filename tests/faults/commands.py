@@ -25,12 +25,19 @@ class Command:
     @property
     def files(self) -> tuple[str, ...]:
         """All files that may be there afterwards."""
-        return (*self.inputs, *self.outputs, *(f"old-{name}" for name in self.outputs), *(f"new-{name}" for name in self.outputs))
+        return (
+            *self.inputs,
+            *self.outputs,
+            *(f"old-{name}" for name in self.outputs),
+            *(f"new-{name}" for name in self.outputs),
+        )
 
     def state(self, folder: Path) -> str:
         """``old`` or ``new``, as all outputs are; ``mixed`` where some are old and some new; else ``torn``."""
         states = {_state(folder, name) for name in self.outputs}
-        return states.pop() if len(states) == 1 else ("mixed" if states == {"old", "new"} else "torn")
+        return (
+            states.pop() if len(states) == 1 else ("mixed" if states == {"old", "new"} else "torn")
+        )
 
 
 def _state(folder: Path, name: str) -> str:
@@ -42,7 +49,9 @@ def _same(one: Path, other: Path) -> bool:
     if not one.exists() or not other.exists():
         return one.exists() == other.exists()
     if one.suffix == ".gpkg" and one.read_bytes()[:6] == b"SQLite":
-        return other.read_bytes()[:6] == b"SQLite" and _features(one) == _features(other)  # with the time of day in it
+        return other.read_bytes()[:6] == b"SQLite" and _features(one) == _features(
+            other
+        )  # with the time of day in it
     return one.read_bytes() == other.read_bytes()
 
 
@@ -59,27 +68,76 @@ _TINY = ("two.gpsz",)
 _LOGS = ("a.csv", "b.csv")
 
 COMMANDS = {
-    "compress": Command(["compress", "a.csv", "-o", "out.gpsz", "--rmse", "1m", "--force", "--effort", "1"], _LOGS, ("out.gpsz",)),
-    "append": Command(["compress", "b.csv", "-o", "out.gpsz", "--append", "--effort", "1"], _LOGS, ("out.gpsz",)),
+    "compress": Command(
+        ["compress", "a.csv", "-o", "out.gpsz", "--rmse", "1m", "--force", "--effort", "1"],
+        _LOGS,
+        ("out.gpsz",),
+    ),
+    "append": Command(
+        ["compress", "b.csv", "-o", "out.gpsz", "--append", "--effort", "1"], _LOGS, ("out.gpsz",)
+    ),
     "memory": Command(
-        ["compress", "a.csv", "-o", "out.gpsz", "--rmse", "1m", "--memory", "420MB", "--keep-times", "--force", "--effort", "1"],
+        [
+            "compress",
+            "a.csv",
+            "-o",
+            "out.gpsz",
+            "--rmse",
+            "1m",
+            "--memory",
+            "420MB",
+            "--keep-times",
+            "--force",
+            "--effort",
+            "1",
+        ],
         _LOGS,
         ("out.gpsz",),
     ),
     "map": Command(
-        ["compress", "b.csv", "-o", "out.gpsz", "--map", "city.gpsz", "--update-map", "map.gpsz", "--force", "--effort", "1"],
+        [
+            "compress",
+            "b.csv",
+            "-o",
+            "out.gpsz",
+            "--map",
+            "city.gpsz",
+            "--update-map",
+            "map.gpsz",
+            "--force",
+            "--effort",
+            "1",
+        ],
         (*_LOGS, "city.gpsz"),
         ("out.gpsz", "map.gpsz"),
     ),
-    "merge": Command(["merge", "city.gpsz", "other.gpsz", "-o", "out.gpsz", "--force"], ("city.gpsz", "other.gpsz"), ("out.gpsz",)),
+    "merge": Command(
+        ["merge", "city.gpsz", "other.gpsz", "-o", "out.gpsz", "--force"],
+        ("city.gpsz", "other.gpsz"),
+        ("out.gpsz",),
+    ),
     "recover": Command(["recover", "two.gpsz", "-o", "out.gpsz", "--force"], _TINY, ("out.gpsz",)),
-    "network": Command(["network", "city.gpsz", "-o", "out.gpsz", "--metres", "--force"], ("city.gpsz",), ("out.gpsz",)),
+    "network": Command(
+        ["network", "city.gpsz", "-o", "out.gpsz", "--metres", "--force"],
+        ("city.gpsz",),
+        ("out.gpsz",),
+    ),
     "csv": Command(["decompress", "two.gpsz", "-o", "out.csv", "--force"], _TINY, ("out.csv",)),
-    "parquet": Command(["decompress", "two.gpsz", "-o", "out.parquet", "--force"], _TINY, ("out.parquet",)),
-    "geojson": Command(["map", "two.gpsz", "-o", "out.geojson", "--force"], _TINY, ("out.geojson",)),
+    "parquet": Command(
+        ["decompress", "two.gpsz", "-o", "out.parquet", "--force"], _TINY, ("out.parquet",)
+    ),
+    "geojson": Command(
+        ["map", "two.gpsz", "-o", "out.geojson", "--force"], _TINY, ("out.geojson",)
+    ),
     "gpkg": Command(["map", "two.gpsz", "-o", "out.gpkg", "--force"], _TINY, ("out.gpkg",)),
-    "coreset": Command(["coreset", "a.csv", "-o", "out.parquet", "--size", "9", "--force"], _LOGS, ("out.parquet",)),
-    "match": Command(["match", "a.csv", "--network", "roads.gpsz", "-o", "out.csv", "--force"], ("a.csv", "roads.gpsz"), ("out.csv",)),
+    "coreset": Command(
+        ["coreset", "a.csv", "-o", "out.parquet", "--size", "9", "--force"], _LOGS, ("out.parquet",)
+    ),
+    "match": Command(
+        ["match", "a.csv", "--network", "roads.gpsz", "-o", "out.csv", "--force"],
+        ("a.csv", "roads.gpsz"),
+        ("out.csv",),
+    ),
 }
 
 
@@ -107,7 +165,11 @@ def _run(folder: Path, arguments: list[str]) -> None:
     before = Path.cwd()
     os.chdir(folder)
     try:
-        code = main([*arguments, "--quiet"] if arguments[0] in ("compress", "merge", "coreset", "network") else arguments)
+        code = main(
+            [*arguments, "--quiet"]
+            if arguments[0] in ("compress", "merge", "coreset", "network")
+            else arguments
+        )
     finally:
         os.chdir(before)
     if code:
@@ -119,13 +181,29 @@ def _laps(begin: float) -> str:
     corners = np.array([[0, 0], [40, 0], [40, 30], [0, 30], [0, 0]], float)
     along = np.r_[0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))]
     way = np.linspace(0, 2 * along[-1], 120) % along[-1]
-    rows = [f"a,{begin + t},{np.interp(s, along, corners[:, 0]):.3f},{np.interp(s, along, corners[:, 1]):.3f}" for t, s in enumerate(way)]
+    rows = [
+        f"a,{begin + t},{np.interp(s, along, corners[:, 0]):.3f},{np.interp(s, along, corners[:, 1]):.3f}"
+        for t, s in enumerate(way)
+    ]
     return "\n".join(["track_id,t,x,y", *rows]) + "\n"
 
 
 def _archive(path: Path) -> None:
     _log(path.with_suffix(".first.csv"), 0)
-    _run(path.parent, ["compress", path.with_suffix(".first.csv").name, "-o", path.name, "--rmse", "1m", "--effort", "1", "--force"])
+    _run(
+        path.parent,
+        [
+            "compress",
+            path.with_suffix(".first.csv").name,
+            "-o",
+            path.name,
+            "--rmse",
+            "1m",
+            "--effort",
+            "1",
+            "--force",
+        ],
+    )
     path.with_suffix(".first.csv").unlink()
 
 

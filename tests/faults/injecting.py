@@ -92,7 +92,14 @@ def ended(name: str, template: Path, number: int, times: int, seed: int):
         yield _attempt(name, template, number=number, at=chance.uniform(0, 1.1 * whole))
 
 
-def _attempt(name: str, template: Path, call: str = "", error: str = "", number: int = 0, at: float | None = None) -> Outcome:
+def _attempt(
+    name: str,
+    template: Path,
+    call: str = "",
+    error: str = "",
+    number: int = 0,
+    at: float | None = None,
+) -> Outcome:
     command = COMMANDS[name]
     with _folder() as room:
         shutil.copytree(template, room / "there")
@@ -110,12 +117,30 @@ def _attempt(name: str, template: Path, call: str = "", error: str = "", number:
         struck = ""
         if tracer is not None:
             tracer.wait(_PATIENCE)
-            struck = next((line for line in (room / "calls").read_text(errors="replace").splitlines() if "INJECTED" in line), "")
+            struck = next(
+                (
+                    line
+                    for line in (room / "calls").read_text(errors="replace").splitlines()
+                    if "INJECTED" in line
+                ),
+                "",
+            )
         told = (room / "told").read_text(errors="replace")
         there, tmp = room / "there", room / "tmp"
         left = sorted(f"tmp/{path.name}" for path in tmp.iterdir())
-        left += sorted(f"there/{path.name}" for path in there.iterdir() if path.name not in command.files)
-        return Outcome(name, f"{call}:{error}" if call else f"signal {number}", number, code, told, command.state(there), left, struck)
+        left += sorted(
+            f"there/{path.name}" for path in there.iterdir() if path.name not in command.files
+        )
+        return Outcome(
+            name,
+            f"{call}:{error}" if call else f"signal {number}",
+            number,
+            code,
+            told,
+            command.state(there),
+            left,
+            struck,
+        )
 
 
 @contextmanager
@@ -146,7 +171,9 @@ def _child(room: Path, arguments: list[str]) -> tuple[int, socket.socket]:
         told = os.open(room / "told", os.O_WRONLY | os.O_CREAT)
         os.dup2(told, 2)
         os.dup2(told, 1)
-        signal.signal(signal.SIGINT, signal.default_int_handler)  # who runs this may have it ignore them
+        signal.signal(
+            signal.SIGINT, signal.default_int_handler
+        )  # who runs this may have it ignore them
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         its.send(b"!")
         its.recv(1)
@@ -164,7 +191,19 @@ def _child(room: Path, arguments: list[str]) -> tuple[int, socket.socket]:
 def _strace(child: int, room: Path, call: str, error: str, number: int) -> subprocess.Popen:
     (room / "calls").touch()
     inject = f"inject={call}:{error}:when={number}"
-    command = ["strace", "-f", "-y", "-o", str(room / "calls"), "-e", f"trace={call}", "-e", inject, "-p", str(child)]
+    command = [
+        "strace",
+        "-f",
+        "-y",
+        "-o",
+        str(room / "calls"),
+        "-e",
+        f"trace={call}",
+        "-e",
+        inject,
+        "-p",
+        str(child),
+    ]
     tracer = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     until = time.monotonic() + _PATIENCE
     while "TracerPid:\t0" in Path(f"/proc/{child}/status").read_text():
@@ -188,7 +227,9 @@ def _wait(child: int) -> int:
 
 
 def _run() -> None:
-    large.fits = lambda *_, **__: False  # with --memory, even small logs are worked on as those that are larger than it
+    large.fits = lambda *_, **__: (
+        False
+    )  # with --memory, even small logs are worked on as those that are larger than it
     words = sys.argv[1:]
     faults = FAULTS if "--all" in words else BRIEF
     given = dict(word[2:].split("=") for word in words if "=" in word)
@@ -198,7 +239,11 @@ def _run() -> None:
         for name in names:
             template = folder / name
             prepare(template, name)
-            found = ended(name, template, number, times, seed=len(name)) if times else sweep(name, faults, template)
+            found = (
+                ended(name, template, number, times, seed=len(name))
+                if times
+                else sweep(name, faults, template)
+            )
             for outcome in found:
                 print(json.dumps(outcome.__dict__), flush=True)  # noqa: T201
 

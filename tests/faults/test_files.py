@@ -16,17 +16,17 @@ import pytest
 from cli.conftest import two_walks
 from gpszip.archive import open_archive
 from gpszip.cli.main import main
-from gpszip.cli.output import write_with_map
-from gpszip.container.contents import one_group
+from gpszip.cli.output import write_archive_and_map
+from gpszip.container.contents import single_group_contents
 from gpszip.container.writer import to_bytes, write
 from gpszip.errors import InputError, OutputError
-from gpszip.files.atomic_write import replacing, replacing_together
-from gpszip.files.interrupts import uninterrupted
-from gpszip.files.os_errors import cause
+from gpszip.files.atomic_write import atomic_write, atomic_write_all
+from gpszip.files.interrupts import defer_signals
+from gpszip.files.os_errors import explain_os_error
 from gpszip.files.temporary import OUTPUT_PREFIX, temporary_folder
-from gpszip.files.written import noting
+from gpszip.files.written import collect_outputs
 from gpszip.io.logs.write import write_tracks
-from gpszip.io.storage.display_name import shown
+from gpszip.io.storage.display_name import printable_name
 from gpszip.io.storage.temporary import read_numbers, write_numbers
 from gpszip.testing import patrol
 from oracle.archives import FLAT
@@ -79,7 +79,9 @@ def test_a_full_disk_keeps_the_old_log(small_disk, name):
     track = patrol(20_000, seed=1)
     if name.endswith(("gpx", "geojson")):
         track = two_earthly(20_000)
-    with pytest.raises(OutputError, match=rf"{name}: can't be written: .*[Nn]o space left on device"):
+    with pytest.raises(
+        OutputError, match=rf"{name}: can't be written: .*[Nn]o space left on device"
+    ):
         write_tracks([track], path)
     assert path.read_text() == "old"
     assert [one.name for one in small_disk.iterdir()] == [name]
@@ -93,7 +95,9 @@ def two_earthly(count):
     return Track("a", log.times, log.positions, plane=Plane(((480_000_000, 110_000_000),)))
 
 
-@pytest.mark.parametrize("name", ["map.gpkg", "map.geojson", "map.graphml", "map.csv", "whole.gpsz"])
+@pytest.mark.parametrize(
+    "name", ["map.gpkg", "map.geojson", "map.graphml", "map.csv", "whole.gpsz"]
+)
 def test_a_full_disk_keeps_the_old_map(small_disk, archive, told, name):
     path = small_disk / name
     path.write_text("old")
@@ -116,7 +120,9 @@ def test_a_read_only_disk(small_disk, archive, told):
         two_walks().save(small_disk / "out.gpsz")
 
 
-@pytest.mark.skipif(not ROOT or shutil.which("chattr") is None, reason="needs files that nobody may change")
+@pytest.mark.skipif(
+    not ROOT or shutil.which("chattr") is None, reason="needs files that nobody may change"
+)
 def test_a_file_that_nobody_may_change(tmp_path, archive, told):
     path = tmp_path / "out.csv"
     path.write_text("old")
@@ -127,7 +133,10 @@ def test_a_file_that_nobody_may_change(tmp_path, archive, told):
     finally:
         subprocess.run(["chattr", "-i", str(path)], check=True)
     assert (code, len(words.splitlines())) == (1, 1)
-    assert "out.csv: can't be written: Operation not permitted; check the owner, the mode and the attributes" in words
+    assert (
+        "out.csv: can't be written: Operation not permitted; check the owner, the mode and the attributes"
+        in words
+    )
     assert path.read_text() == "old"
     assert sorted(one.name for one in tmp_path.iterdir()) == ["in", "out.csv"]
 
@@ -142,7 +151,11 @@ def test_what_is_no_file_is_not_replaced(tmp_path, archive, told):
         ("dangling", "no such folder"),
         ("/dev/full", "no regular file"),
     ):
-        for command in (["decompress", "--format", "csv"], ["recover"], ["map", "--format", "geojson"]):
+        for command in (
+            ["decompress", "--format", "csv"],
+            ["recover"],
+            ["map", "--format", "geojson"],
+        ):
             code, words = told(command[0], archive, *command[1:], "-o", tmp_path / name, "--force")
             assert (code, len(words.splitlines())) == (1, 1)
             assert says in words
@@ -163,8 +176,11 @@ def test_a_folder_may_vanish_meanwhile(tmp_path):
     folder = tmp_path / "gone"
     folder.mkdir()
     with (
-        pytest.raises(OutputError, match=r"out.csv: can't be written: No such file or directory; its folder is gone"),
-        replacing(folder / "out.csv") as part,
+        pytest.raises(
+            OutputError,
+            match=r"out.csv: can't be written: No such file or directory; its folder is gone",
+        ),
+        atomic_write(folder / "out.csv") as part,
     ):
         part.write_text("new")
         shutil.rmtree(folder)
@@ -173,7 +189,10 @@ def test_a_folder_may_vanish_meanwhile(tmp_path):
 
 def test_another_file_of_that_name_may_come_meanwhile(tmp_path):
     path = tmp_path / "out.gpsz"
-    with pytest.raises(OutputError, match="exists already"), replacing(path, force=False) as part:
+    with (
+        pytest.raises(OutputError, match="exists already"),
+        atomic_write(path, force=False) as part,
+    ):
         part.write_text("ours")
         path.write_text("theirs")
     assert path.read_text() == "theirs"
@@ -181,7 +200,10 @@ def test_another_file_of_that_name_may_come_meanwhile(tmp_path):
 
 
 def test_an_error_of_another_file_is_not_told_as_one_of_the_output(tmp_path):
-    with pytest.raises(FileNotFoundError, match="elsewhere"), replacing(tmp_path / "out") as part:
+    with (
+        pytest.raises(FileNotFoundError, match="elsewhere"),
+        atomic_write(tmp_path / "out") as part,
+    ):
         part.write_bytes(Path("/elsewhere/in").read_bytes())
     assert not list(tmp_path.iterdir())
 
@@ -191,16 +213,20 @@ def test_of_two_files_none_is_written_before_both_can_be(tmp_path):
     (tmp_path / "map.gpsz").write_text("old")
     with pytest.raises(OutputError, match="b: is a folder"):
         (tmp_path / "b").mkdir()
-        write_with_map(str(tmp_path / "map.gpsz"), archive, str(tmp_path / "b"), archive)
+        write_archive_and_map(str(tmp_path / "map.gpsz"), archive, str(tmp_path / "b"), archive)
     assert (tmp_path / "map.gpsz").read_text() == "old"
-    write_with_map(str(tmp_path / "map.gpsz"), archive, str(tmp_path / "a.gpsz"), archive)
-    assert open_archive(tmp_path / "map.gpsz").ids == open_archive(tmp_path / "a.gpsz").ids == archive.ids
+    write_archive_and_map(str(tmp_path / "map.gpsz"), archive, str(tmp_path / "a.gpsz"), archive)
+    assert (
+        open_archive(tmp_path / "map.gpsz").ids
+        == open_archive(tmp_path / "a.gpsz").ids
+        == archive.ids
+    )
 
 
 def test_of_two_files_the_one_that_is_written_is_told(tmp_path):
     with (
         pytest.raises(OutputError, match=r"two: can't be written: .*; .*one is written"),
-        replacing_together([tmp_path / "one", tmp_path / "two"]) as parts,
+        atomic_write_all([tmp_path / "one", tmp_path / "two"]) as parts,
     ):
         for part in parts:
             part.write_text("new")
@@ -220,7 +246,9 @@ def _left(folder, age):
     return left
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="nobody can tell there whether a folder is in use")
+@pytest.mark.skipif(
+    sys.platform == "win32", reason="nobody can tell there whether a folder is in use"
+)
 def test_what_a_killed_process_left_goes_with_the_next_run(tmp_path):
     old = _left(tmp_path, 3 * 3600)
     mine = tmp_path / ".gpszip-mine"
@@ -231,7 +259,9 @@ def test_what_a_killed_process_left_goes_with_the_next_run(tmp_path):
     assert mine.exists()
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="nobody can tell there whether a folder is in use")
+@pytest.mark.skipif(
+    sys.platform == "win32", reason="nobody can tell there whether a folder is in use"
+)
 def test_what_may_be_in_use_stays(tmp_path):
     young = _left(tmp_path, 60)
     two_walks().save(tmp_path / "out.gpsz")
@@ -244,18 +274,23 @@ def test_what_may_be_in_use_stays(tmp_path):
     assert [one.name for one in tmp_path.iterdir()] == ["out.gpsz"]
 
 
-@pytest.mark.skipif(not ROOT or shutil.which("chattr") is None, reason="needs folders that can't be removed")
+@pytest.mark.skipif(
+    not ROOT or shutil.which("chattr") is None, reason="needs folders that can't be removed"
+)
 def test_a_temporary_folder_that_stays_is_named(tmp_path):
     kept = []
     with (
         pytest.raises(
-            OutputError, match=r"this temporary folder can't be removed \(Operation not permitted\); delete it; .*out is written"
+            OutputError,
+            match=r"this temporary folder can't be removed \(Operation not permitted\); delete it; .*out is written",
         ),
-        replacing(tmp_path / "out") as part,
+        atomic_write(tmp_path / "out") as part,
     ):
         part.write_text("new")
         (part.parent / "stays").touch()
-        if subprocess.run(["chattr", "+i", str(part.parent / "stays")], capture_output=True, check=False).returncode:
+        if subprocess.run(
+            ["chattr", "+i", str(part.parent / "stays")], capture_output=True, check=False
+        ).returncode:
             pytest.skip("this file system has no such files")
         kept.append(part.parent)
     subprocess.run(["chattr", "-i", str(kept[0] / "stays")], check=True)
@@ -286,10 +321,10 @@ def test_short_writes_are_gone_on_with(format):
 
 
 def test_short_writes_of_archives():
-    from gpszip.io.storage.sink import writing
+    from gpszip.io.storage.sink import open_sink
 
-    contents, short = one_group(FLAT, ("0",), b"walks of one track"), _Short()
-    with writing(short) as stream:
+    contents, short = single_group_contents(FLAT, ("0",), b"walks of one track"), _Short()
+    with open_sink(short) as stream:
         write(contents, stream)
     assert bytes(short.data) == to_bytes(contents)
 
@@ -308,9 +343,11 @@ def test_numbers_of_a_temporary_file_that_is_too_short(tmp_path):
 
 
 def test_causes_are_told_with_a_remedy():
-    assert cause(OSError(errno.EIO, "Input/output error")).startswith("Input/output error; check the disk")
-    assert cause(OSError("Arrow says\nmuch")) == "Arrow says"
-    assert cause(OSError()) == "OSError"
+    assert explain_os_error(OSError(errno.EIO, "Input/output error")).startswith(
+        "Input/output error; check the disk"
+    )
+    assert explain_os_error(OSError("Arrow says\nmuch")) == "Arrow says"
+    assert explain_os_error(OSError()) == "OSError"
 
 
 def test_a_stream_that_fails_is_an_input_that_fails(tmp_path):
@@ -335,14 +372,23 @@ def test_a_stream_that_fails_is_an_input_that_fails(tmp_path):
 def test_names_that_are_no_text(tmp_path, told):
     name = os.fsdecode(b"caf\xe9.csv")
     (tmp_path / name).write_text("t,x,y\n" + "".join(f"{t},{t},0\n" for t in range(50)))
-    code, words = told("coreset", tmp_path / name, "-o", tmp_path / os.fsdecode(b"out\xff.parquet"), "--size", "3")
+    code, words = told(
+        "coreset", tmp_path / name, "-o", tmp_path / os.fsdecode(b"out\xff.parquet"), "--size", "3"
+    )
     assert code == 0, words
     assert (tmp_path / os.fsdecode(b"out\xff.parquet")).exists()
-    code, words = told("coreset", tmp_path / os.fsdecode(b"no\xff.csv"), "-o", tmp_path / "x.parquet", "--size", "3")
+    code, words = told(
+        "coreset",
+        tmp_path / os.fsdecode(b"no\xff.csv"),
+        "-o",
+        tmp_path / "x.parquet",
+        "--size",
+        "3",
+    )
     assert code == 1
     assert "no such file" in words
     assert len(words.splitlines()) == 1
-    assert shown(name) == "caf\\xe9.csv"
+    assert printable_name(name) == "caf\\xe9.csv"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -350,7 +396,7 @@ def test_signals_wait_until_a_block_is_through(number):
     before = signal.signal(number, signal.default_int_handler)
     steps = []
     try:
-        with pytest.raises(KeyboardInterrupt), uninterrupted():
+        with pytest.raises(KeyboardInterrupt), defer_signals():
             os.kill(os.getpid(), number)
             steps.append("through")
         assert signal.getsignal(number) is signal.default_int_handler
@@ -361,7 +407,7 @@ def test_signals_wait_until_a_block_is_through(number):
 
 def test_what_is_written_is_told_to_who_listens(tmp_path):
     two_walks().save(tmp_path / "before.gpsz")
-    with noting() as written:
+    with collect_outputs() as written:
         two_walks().save(tmp_path / "a.gpsz")
         with pytest.raises(OutputError):
             two_walks().save(tmp_path / "a.gpsz")
@@ -371,7 +417,12 @@ def test_what_is_written_is_told_to_who_listens(tmp_path):
 
 def test_many_threads_write_side_by_side(tmp_path):
     archive = two_walks()
-    threads = [threading.Thread(target=archive.save, args=(tmp_path / f"{i % 3}.gpsz",), kwargs={"force": True}) for i in range(12)]
+    threads = [
+        threading.Thread(
+            target=archive.save, args=(tmp_path / f"{i % 3}.gpsz",), kwargs={"force": True}
+        )
+        for i in range(12)
+    ]
     for one in threads:
         one.start()
     for one in threads:

@@ -48,7 +48,12 @@ def _outcomes(*words):
 def test_every_call_may_fail():
     names = () if ALL else BRIEF
     found = _outcomes("--all" if ALL else "--brief", *names)
-    assert not [(outcome, complaints) for some in found.values() for outcome in some if (complaints := wrong(outcome))]
+    assert not [
+        (outcome, complaints)
+        for some in found.values()
+        for outcome in some
+        if (complaints := wrong(outcome))
+    ]
     for name, some in found.items():
         struck = {outcome["fault"].partition(":")[0] for outcome in some}
         assert {"mkdir", "write", "fsync", "rename"} <= struck, name
@@ -59,15 +64,29 @@ def test_every_call_may_fail():
 @linux
 def test_any_moment_may_be_the_last():
     found = _outcomes("--times=200") if ALL else _outcomes("--times=10", "csv", "coreset")
-    assert not [(outcome, complaints) for some in found.values() for outcome in some if (complaints := wrong(outcome))]
-    assert sum(outcome["code"] == -9 for some in found.values() for outcome in some) >= (1000 if ALL else 5)
+    assert not [
+        (outcome, complaints)
+        for some in found.values()
+        for outcome in some
+        if (complaints := wrong(outcome))
+    ]
+    assert sum(outcome["code"] == -9 for some in found.values() for outcome in some) >= (
+        1000 if ALL else 5
+    )
 
 
 @linux
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_whoever_is_told_to_end_leaves_nothing(number):
-    found = _outcomes(f"--times={200 if ALL else 10}", f"--signal={int(number)}", *(() if ALL else ("parquet",)))
-    assert not [(outcome, complaints) for some in found.values() for outcome in some if (complaints := wrong(outcome))]
+    found = _outcomes(
+        f"--times={200 if ALL else 10}", f"--signal={int(number)}", *(() if ALL else ("parquet",))
+    )
+    assert not [
+        (outcome, complaints)
+        for some in found.values()
+        for outcome in some
+        if (complaints := wrong(outcome))
+    ]
     assert any(outcome["code"] == 130 for some in found.values() for outcome in some)
 
 
@@ -88,5 +107,12 @@ def test_torn_files_and_untold_errors_are_noticed():
         {"output": "mixed"},
     ):
         assert wrong({**good, **change}), change
-    assert wrong({**good, "fault": "signal 9", "code": -9, "told": "", "left": ["there/out.csv.tmp"]})
-    assert wrong({**good, "fault": "signal 9", "code": -9, "told": "", "left": ["there/.gpszip-x.part"]}) == []
+    assert wrong(
+        {**good, "fault": "signal 9", "code": -9, "told": "", "left": ["there/out.csv.tmp"]}
+    )
+    assert (
+        wrong(
+            {**good, "fault": "signal 9", "code": -9, "told": "", "left": ["there/.gpszip-x.part"]}
+        )
+        == []
+    )

@@ -26,7 +26,13 @@ def archive(tmp_path):
 def _shell(words, redirection, folder):
     """Run a command with its streams redirected; return its exit code and what it says."""
     line = f'exec "$@" {redirection}'
-    done = subprocess.run(["sh", "-c", line, "sh", *RUN, *words], cwd=folder, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        ["sh", "-c", line, "sh", *RUN, *words],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     return done.returncode, done.stderr
 
 
@@ -34,7 +40,11 @@ def _shell(words, redirection, folder):
 @pytest.mark.parametrize(
     ("words", "redirection", "says"),
     [
-        (["info", "two.gpsz"], ">&-", "standard output: can't be written: Bad file descriptor; it is closed"),
+        (
+            ["info", "two.gpsz"],
+            ">&-",
+            "standard output: can't be written: Bad file descriptor; it is closed",
+        ),
         (["info", "-"], "<&-", "standard input: can't be read: Bad file descriptor"),
         (["--version"], ">/dev/full", "standard output: can't be written: No space left on device"),
         (["info", "none.gpsz"], "2>&-", ""),
@@ -50,7 +60,10 @@ def test_closed_and_full_streams(archive, words, redirection, says):
 @posix
 def test_all_streams_may_be_closed(archive):
     """No file is opened under the number of a closed stream, where others would write to it."""
-    assert _shell(["recover", "two.gpsz", "-o", "out.gpsz"], "<&- >&- 2>&-", archive.parent) == (0, "")
+    assert _shell(["recover", "two.gpsz", "-o", "out.gpsz"], "<&- >&- 2>&-", archive.parent) == (
+        0,
+        "",
+    )
     assert (archive.parent / "out.gpsz").read_bytes() == archive.read_bytes()
 
 
@@ -60,7 +73,13 @@ def test_json_holds_names_that_are_no_text(tmp_path):
 
     name = os.fsdecode(b"caf\xe9.gpsz")
     two_walks().save(tmp_path / name)
-    done = subprocess.run([*RUN, "info", name, "--json"], cwd=tmp_path, capture_output=True, check=True, env={**os.environ, "LC_ALL": "C"})
+    done = subprocess.run(
+        [*RUN, "info", name, "--json"],
+        cwd=tmp_path,
+        capture_output=True,
+        check=True,
+        env={**os.environ, "LC_ALL": "C"},
+    )
     assert json.loads(done.stdout.decode("utf-8"))["archive"] == name
 
 
@@ -83,13 +102,31 @@ def compressed(tmp_path_factory):
     folder, chance = tmp_path_factory.mktemp("log"), random.Random(5)
     corners = [(0, 0), (40, 0), (40, 30), (0, 30)] * 3
     sides = [(t, i) for i in range(len(corners) - 1) for t in range(25)]
-    rows = [[a + (b - a) * t / 25 + chance.gauss(0, 0.1) for a, b in zip(corners[i], corners[i + 1], strict=True)] for t, i in sides]
-    (folder / "log.csv").write_text("t,x,y\n" + "".join(f"{t},{x:.3f},{y:.3f}\n" for t, (x, y) in enumerate(rows)))
+    rows = [
+        [
+            a + (b - a) * t / 25 + chance.gauss(0, 0.1)
+            for a, b in zip(corners[i], corners[i + 1], strict=True)
+        ]
+        for t, i in sides
+    ]
+    (folder / "log.csv").write_text(
+        "t,x,y\n" + "".join(f"{t},{x:.3f},{y:.3f}\n" for t, (x, y) in enumerate(rows))
+    )
     _output(folder, [*COMPRESS, "log.gpsz"], {})
     return folder, [_output(folder, words, {}) for words in DECODE]
 
 
-COMPRESS = ["compress", "log.csv", "--rmse", "30cm", "--keep-times", "--quiet", "--effort", "1", "-o"]
+COMPRESS = [
+    "compress",
+    "log.csv",
+    "--rmse",
+    "30cm",
+    "--keep-times",
+    "--quiet",
+    "--effort",
+    "1",
+    "-o",
+]
 DECODE = [["decompress", "log.gpsz", "-o", "-"], ["decompress", "log.gpsz", "--samples", "-o", "-"]]
 
 
@@ -106,7 +143,11 @@ def test_archives_decode_to_the_same_numbers_on_any_processor(compressed):
 
 
 @pytest.mark.skipif(not ALL, reason="takes minutes; GPSZIP_FAULTS=all")
-@pytest.mark.parametrize("how", [{"NUMBA_DISABLE_JIT": "1"}, {"NUMBA_CPU_NAME": "generic"}], ids=["not compiled", "any processor"])
+@pytest.mark.parametrize(
+    "how",
+    [{"NUMBA_DISABLE_JIT": "1"}, {"NUMBA_CPU_NAME": "generic"}],
+    ids=["not compiled", "any processor"],
+)
 def test_archives_are_the_same_whatever_compiles(compressed, how):
     folder, _ = compressed
     _output(folder, [*COMPRESS, "again.gpsz", "--force"], how)
@@ -114,4 +155,6 @@ def test_archives_are_the_same_whatever_compiles(compressed, how):
 
 
 def _output(folder: Path, words, how):
-    return subprocess.run([*RUN, *words], cwd=folder, capture_output=True, check=True, env={**os.environ, **how}).stdout
+    return subprocess.run(
+        [*RUN, *words], cwd=folder, capture_output=True, check=True, env={**os.environ, **how}
+    ).stdout

@@ -60,7 +60,10 @@ def applied(data: bytes, mutations: Sequence[Mutation]) -> bytes:
 
 def drawn(chance: random.Random, kinds: Sequence[str]) -> list[Mutation]:
     """A few changes of these kinds."""
-    return [Mutation(chance.choice(kinds), chance.random(), chance.random()) for _ in range(chance.choice((0, 1, 1, 1, 2, 2, 3, 5, 8)))]
+    return [
+        Mutation(chance.choice(kinds), chance.random(), chance.random())
+        for _ in range(chance.choice((0, 1, 1, 1, 2, 2, 3, 5, 8)))
+    ]
 
 
 #: Longest file that is tried.
@@ -116,7 +119,9 @@ def _truncate(data: bytes, at: float, to: float) -> bytes:
     return data[: _place(len(data), at)]
 
 
-def _lines(change: Callable[[list[bytes], int, int], list[bytes]]) -> Callable[[bytes, float, float], bytes]:
+def _lines(
+    change: Callable[[list[bytes], int, int], list[bytes]],
+) -> Callable[[bytes, float, float], bytes]:
     def changed(data: bytes, at: float, to: float) -> bytes:
         lines = data.split(b"\n")
         return b"\n".join(change(lines, _place(len(lines), at), _place(len(lines), to)))
@@ -124,7 +129,9 @@ def _lines(change: Callable[[list[bytes], int, int], list[bytes]]) -> Callable[[
     return changed
 
 
-def _replaced(pattern: re.Pattern[bytes], values: Sequence[bytes]) -> Callable[[bytes, float, float], bytes]:
+def _replaced(
+    pattern: re.Pattern[bytes], values: Sequence[bytes]
+) -> Callable[[bytes, float, float], bytes]:
     def changed(data: bytes, at: float, to: float) -> bytes:
         found = list(pattern.finditer(data))
         if not found:
@@ -166,7 +173,9 @@ def _put(data: bytes, at: float, to: float) -> bytes:
 
 def _encoded(data: bytes, at: float, to: float) -> bytes:
     text = data.decode("utf-8", "replace")
-    codec = ("utf-16", "utf-16-le", "utf-32", "latin-1", "utf-8-sig", "cp037", "utf-7")[_place(7, at)]
+    codec = ("utf-16", "utf-16-le", "utf-32", "latin-1", "utf-8-sig", "cp037", "utf-7")[
+        _place(7, at)
+    ]
     return text.encode(codec, "replace")
 
 

@@ -39,7 +39,9 @@ class Worker:
         places = os.pathsep.join([str(Path(__file__).parents[1]), *sys.path])
         # the bound is on addresses: Arrow's own pool reserves a GiB of them at once, the C library 64 MiB for each thread
         own = {"PYTHONPATH": places, "ARROW_DEFAULT_MEMORY_POOL": "system", "MALLOC_ARENA_MAX": "2"}
-        self.process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, env={**os.environ, **own})
+        self.process = subprocess.Popen(
+            command, stdin=pipe, stdout=pipe, stderr=pipe, env={**os.environ, **own}
+        )
         self._rest = b""
         self._ready = selectors.DefaultSelector()
         self._ready.register(self.process.stdout, selectors.EVENT_READ)
@@ -72,7 +74,9 @@ class Worker:
                     if not piece:
                         self._ready.unregister(key.fileobj)
                 elif not piece:
-                    raise Lost(f"the process ended with {self.process.wait()}: {self.words.decode(errors='replace')}")
+                    raise Lost(
+                        f"the process ended with {self.process.wait()}: {self.words.decode(errors='replace')}"
+                    )
                 else:
                     self._rest += piece
             if time.monotonic() > until:
@@ -81,7 +85,9 @@ class Worker:
         return line
 
 
-def fuzz(name: str, seed: int, seconds: float, most: int = 1 << 40) -> tuple[Counter, dict[str, tuple[bytes, str]], int]:
+def fuzz(
+    name: str, seed: int, seconds: float, most: int = 1 << 40
+) -> tuple[Counter, dict[str, tuple[bytes, str]], int]:
     """Let a target take inputs for so many seconds, or so many of them.
 
     Returns
@@ -101,12 +107,17 @@ def fuzz(name: str, seed: int, seconds: float, most: int = 1 << 40) -> tuple[Cou
             try:
                 answer = worker.take(seed)
             except (Lost, BrokenPipeError) as error:
-                answer = {"leak": str(error) or "the process is gone", "data": base64.b64encode(input_of(name, seed)).decode()}
+                answer = {
+                    "leak": str(error) or "the process is gone",
+                    "data": base64.b64encode(input_of(name, seed)).decode(),
+                }
                 worker.close()
                 worker = Worker(name)
             if answer["leak"]:
                 counts["failed"] += 1
-                failed.setdefault(_place(answer["leak"]), (base64.b64decode(answer["data"]), answer["leak"]))
+                failed.setdefault(
+                    _place(answer["leak"]), (base64.b64decode(answer["data"]), answer["leak"])
+                )
             else:
                 counts["accepted" if answer["accepted"] else "refused"] += 1
             seed, most = seed + 1, most - 1
@@ -126,22 +137,34 @@ def main(words: list[str]) -> int:
     """Fuzz, and return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--minutes", type=float, default=1.0)
-    parser.add_argument("--seconds", type=float, default=TURN, help="for which a target has its turn")
+    parser.add_argument(
+        "--seconds", type=float, default=TURN, help="for which a target has its turn"
+    )
     parser.add_argument("--seed", type=int, default=int(time.time()))
     parser.add_argument("--target", action="append", choices=sorted(TARGETS))
-    parser.add_argument("--keep", type=Path, default=Path("fuzz-failures"), help="folder for inputs that failed")
+    parser.add_argument(
+        "--keep", type=Path, default=Path("fuzz-failures"), help="folder for inputs that failed"
+    )
     asked = parser.parse_args(words)
     names, until = asked.target or list(TARGETS), time.monotonic() + 60 * asked.minutes
-    seeds, totals, bad = dict.fromkeys(names, asked.seed << 32), {name: Counter() for name in names}, 0
+    seeds, totals, bad = (
+        dict.fromkeys(names, asked.seed << 32),
+        {name: Counter() for name in names},
+        0,
+    )
     while time.monotonic() < until:
         for name in names:
-            counts, failed, seeds[name] = fuzz(name, seeds[name], min(asked.seconds, max(until - time.monotonic(), 0)))
+            counts, failed, seeds[name] = fuzz(
+                name, seeds[name], min(asked.seconds, max(until - time.monotonic(), 0))
+            )
             totals[name] += counts
             for place, (data, leak) in failed.items():
                 bad += 1
                 _keep(asked.keep, name, place, data, leak)
     for name, counts in totals.items():
-        print(f"{name:<22} {counts.total():>9,} inputs, {counts['accepted']:,} accepted, {counts['failed']:,} failed")  # noqa: T201
+        accepted, failures = counts["accepted"], counts["failed"]
+        line = f"{name:<22} {counts.total():>9,} inputs, {accepted:,} accepted, {failures:,} failed"
+        print(line)  # noqa: T201
     return 1 if bad else 0
 
 

@@ -124,17 +124,18 @@ def _archive(data: bytes) -> object:
         recover_bytes(data)
     found = open_archive(data)
     if not found.timed:
-        return found.paths(), found.road_map
+        return found.shapes(), found.road_map
     found.decompress()
     found.sample(at=[0.0, 10.0])
-    if found.kept is not None:
+    if found.kept_columns is not None:
         found.samples()
-    return found.road_map, found.promise, found.sampling
+    return found.road_map, found.error_bound, found.sampling
 
 
 CSV = (
     "t,x,y\n" + "".join(f"{t},{3 * t},{t % 7}.5\n" for t in range(12)),
-    "id;timestamp;Lat;Lon;speed\n" + "".join(f"bus;2024-05-04T08:00:{t:02d}Z;48.{t:03d};11.5;{t}\n" for t in range(12)),
+    "id;timestamp;Lat;Lon;speed\n"
+    + "".join(f"bus;2024-05-04T08:00:{t:02d}Z;48.{t:03d};11.5;{t}\n" for t in range(12)),
     'name,time,longitude,latitude,note\n"a ""b""",1714809600000,11.5,48.1,"x,\ny"\n"a ""b""",1714809601000,11.6,48.1,z\n',
     "1714809600 48.1 11.5\n1714809601 48.2 11.5\n1714809602 48.3 11.5\n",
     "date\ttime\tN\tE\n04.05.2024\t08:00:00\t48,1\t11,5\n04.05.2024\t08:00:10\t48,2\t11,5\n",
@@ -218,7 +219,14 @@ def _parquets() -> Sequence[bytes]:
 
     t = np.arange(40)
     tables = [
-        pa.table({"t": t * 1.0, "x": t * 3.0, "y": t % 7 * 0.5, "id": pa.array(["a", "b"] * 20).dictionary_encode()}),
+        pa.table(
+            {
+                "t": t * 1.0,
+                "x": t * 3.0,
+                "y": t % 7 * 0.5,
+                "id": pa.array(["a", "b"] * 20).dictionary_encode(),
+            }
+        ),
         pa.table(
             {
                 "time": pa.array(t * 1000, pa.timestamp("ms", "UTC")),
@@ -243,7 +251,10 @@ def _coresets() -> Sequence[bytes]:
     from gpszip.io.coresets import write_coreset
 
     out = io.BytesIO()
-    tracks = [Track(name, range(60), [[abs(t % 20 - 10), t / 9 + i] for t in range(60)]) for i, name in enumerate(("a", "b"))]
+    tracks = [
+        Track(name, range(60), [[abs(t % 20 - 10), t / 9 + i] for t in range(60)])
+        for i, name in enumerate(("a", "b"))
+    ]
     write_coreset(coreset(tracks, size=9), out)
     return [out.getvalue()]
 
@@ -253,7 +264,9 @@ def _prepared() -> Sequence[bytes]:
     from gpszip.pipeline.match import prepare_network
 
     found = []
-    in_metres = '{"gpszip": 1, "metres": 1, ' + ROADS_GEOJSON[0][1:].replace("[11.", "[1170.").replace(" 48.", " 4810.")
+    in_metres = '{"gpszip": 1, "metres": 1, ' + ROADS_GEOJSON[0][1:].replace(
+        "[11.", "[1170."
+    ).replace(" 48.", " 4810.")
     with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
         for text in (ROADS_GEOJSON[0], in_metres):
             path, out = Path(folder) / "roads.geojson", io.BytesIO()
@@ -269,9 +282,13 @@ def _sealed_roads(seed: bytes, changes: Sequence[mutations.Mutation]) -> bytes:
     front, body = seed[: at + 64], seed[at + 68 :]
     for change in changes:
         if change.at < 0.5:
-            front = mutations.applied(front, [mutations.Mutation(change.kind, 2 * change.at, change.to)])
+            front = mutations.applied(
+                front, [mutations.Mutation(change.kind, 2 * change.at, change.to)]
+            )
         else:
-            body = mutations.applied(body, [mutations.Mutation(change.kind, 2 * change.at - 1, change.to)])
+            body = mutations.applied(
+                body, [mutations.Mutation(change.kind, 2 * change.at - 1, change.to)]
+            )
     if len(front) == at + 64:
         front = front[: at + 24] + struct.pack("<I", zlib.crc32(body)) + front[at + 28 :]
     return front + struct.pack("<I", zlib.crc32(front)) + body
@@ -301,9 +318,17 @@ def _archives() -> Sequence[bytes]:
 
     plane = Plane(((480_000_000, 110_000_000),))
     t = [float(i) for i in range(60)]
-    track = Track("a", t, [[abs(i % 20 - 10) * 3.0, i / 9] for i in t], attributes={"speed": t, "note": ["x", "yy", ""] * 20})
+    track = Track(
+        "a",
+        t,
+        [[abs(i % 20 - 10) * 3.0, i / 9] for i in t],
+        attributes={"speed": t, "note": ["x", "yy", ""] * 20},
+    )
     found = [two_walks().to_bytes(), two_walks(plane).to_bytes(), two_walks(timed=False).to_bytes()]
-    found += [compress(track, max_error=0.5).to_bytes(), compress(track, max_error=0.5, keep=("speed", "note"), layer="bz2").to_bytes()]
+    found += [
+        compress(track, max_error=0.5).to_bytes(),
+        compress(track, max_error=0.5, keep=("speed", "note"), layer="bz2").to_bytes(),
+    ]
     return [*found, _sectioned(found[0])]
 
 
@@ -338,7 +363,9 @@ def _changed_table(table: Any, change: mutations.Mutation) -> Any:
     column, how = divmod(int(change.at * table.num_columns * 9), 9)
     name, values = table.column_names[column], table.column(column).to_pylist()
     row = int(change.to * len(values))
-    odd = (None, float("nan"), float("inf"), -1.0, 1e300, 0.0, 2.0**53, -(2.0**63), 1e-300)[int(change.to * 1000) % 9]
+    odd = (None, float("nan"), float("inf"), -1.0, 1e300, 0.0, 2.0**53, -(2.0**63), 1e-300)[
+        int(change.to * 1000) % 9
+    ]
     kinds = (
         pa.string(),
         pa.int8(),
@@ -366,10 +393,16 @@ def _changed_table(table: Any, change: mutations.Mutation) -> Any:
         names[column] = (names[-1], "", "lat", "t", "\0", "x" * 10_000, "time")[int(change.to * 7)]
         return table.rename_columns(names)
     if how == 7:
-        return table.slice(row, int(change.to * 9)) if change.to < 0.7 else pa.concat_tables([table, table.slice(row)])
+        return (
+            table.slice(row, int(change.to * 9))
+            if change.to < 0.7
+            else pa.concat_tables([table, table.slice(row)])
+        )
     key = next(iter(table.schema.metadata or {b"gpszip.coreset": b""}))
     was = (table.schema.metadata or {}).get(key, b"{}")
-    return table.replace_schema_metadata({key: mutations.applied(was, [mutations.Mutation("number for word", change.to, change.at)])})
+    return table.replace_schema_metadata(
+        {key: mutations.applied(was, [mutations.Mutation("number for word", change.to, change.at)])}
+    )
 
 
 def _sealed(seed: bytes, changes: Sequence[mutations.Mutation]) -> bytes:
@@ -392,14 +425,18 @@ def _sealed(seed: bytes, changes: Sequence[mutations.Mutation]) -> bytes:
 
 TARGETS = {
     "csv": Target(_log("csv"), _texts(CSV)),
-    "csv, kept and cleaned": Target(_log("csv", keep=("speed",), clean=True, sort=True), _texts(CSV[1:2])),
+    "csv, kept and cleaned": Target(
+        _log("csv", keep=("speed",), clean=True, sort=True), _texts(CSV[1:2])
+    ),
     "gpx": Target(_log("gpx", keep=("ele",), split=True), _texts(GPX)),
     "geojson": Target(_log("geojson", sort=True), _texts(GEOJSON)),
     "parquet": Target(_log("parquet"), _parquets, mutations.BINARY),
     "parquet, table": Target(_log("parquet"), _parquets, mutations.BINARY, _retabled),
     "csv, stored": Target(_stored(format="csv", clean=True, sort=True), _texts(CSV)),
     "parquet, stored": Target(_stored(format="parquet"), _parquets, mutations.BINARY),
-    "any log": Target(_log(None, skip_bad=True), lambda: [*_texts(CSV + GPX + GEOJSON)(), *_parquets()]),
+    "any log": Target(
+        _log(None, skip_bad=True), lambda: [*_texts(CSV + GPX + GEOJSON)(), *_parquets()]
+    ),
     "roads geojson": Target(_network(".geojson"), _texts(ROADS_GEOJSON)),
     "roads graphml": Target(_network(".graphml"), _texts(ROADS_GRAPHML)),
     "roads osm": Target(_network(".osm"), _texts(ROADS_OSM)),

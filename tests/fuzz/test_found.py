@@ -22,7 +22,11 @@ from gpszip.model import RoadMap
 
 def _parquet(**columns):
     out = io.BytesIO()
-    pq.write_table(pa.table({"t": [0.0, 1.0], "x": [0.0, 1.0], "y": [0.0, 1.0], **columns}), out, compression="none")
+    pq.write_table(
+        pa.table({"t": [0.0, 1.0], "x": [0.0, 1.0], "y": [0.0, 1.0], **columns}),
+        out,
+        compression="none",
+    )
     return out.getvalue()
 
 
@@ -80,7 +84,9 @@ def _resealed(data, change):
 @pytest.mark.parametrize("seed", [0, 1], ids=["degrees", "metres"])
 def test_prepared_roads_that_lie_nowhere(tmp_path, seed):
     data, path = TARGETS["roads prepared"].seeds()[seed], tmp_path / "roads.gpsz"
-    nowhere = np.array([2**31 - 1] * 2, "<i4").tobytes() if seed == 0 else np.array([np.nan]).tobytes()
+    nowhere = (
+        np.array([2**31 - 1] * 2, "<i4").tobytes() if seed == 0 else np.array([np.nan]).tobytes()
+    )
 
     def change(body):
         body[: len(nowhere)] = nowhere
@@ -102,7 +108,9 @@ def test_a_prepared_network_of_nothing(tmp_path):
 
 
 def test_a_map_in_metres_as_geopackage_is_a_network(tmp_path):
-    road_map = RoadMap(np.array([[0.0, 0.0], [40.0, 30.0]]), np.array([[0, 1]]), np.array([3]), np.array([1]))
+    road_map = RoadMap(
+        np.array([[0.0, 0.0], [40.0, 30.0]]), np.array([[0, 1]]), np.array([3]), np.array([1])
+    )
     write_map(road_map, tmp_path / "house.gpkg")
     network = read_network(tmp_path / "house.gpkg")
     assert network.plane is None

@@ -25,7 +25,13 @@ def _changes(kinds):
 def test_changed_files_are_read_or_refused(name):
     target = TARGETS[name]
 
-    @settings(max_examples=25, derandomize=True, database=None, deadline=None, suppress_health_check=list(HealthCheck))
+    @settings(
+        max_examples=25,
+        derandomize=True,
+        database=None,
+        deadline=None,
+        suppress_health_check=list(HealthCheck),
+    )
     @given(st.integers(0, 5), _changes(target.kinds))
     def attempt(number, changes):
         run(name, target.made(number, changes))

@@ -60,7 +60,12 @@ def answer(name: str, data: bytes) -> dict:
     except BaseException:  # whatever it is, it is what is looked for
         accepted, leak = False, traceback.format_exc(limit=-12)
     seconds = time.process_time() - start
-    return {"accepted": accepted, "leak": leak, "seconds": seconds, "data": base64.b64encode(data).decode() if leak else ""}
+    return {
+        "accepted": accepted,
+        "leak": leak,
+        "seconds": seconds,
+        "data": base64.b64encode(data).decode() if leak else "",
+    }
 
 
 if __name__ == "__main__":

@@ -2,8 +2,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpszip.geo.antimeridian import jumps, one_side, with_crossings
-from gpszip.geo.degree_lines import cut_lines, lines_in_degrees
+from gpszip.geo.antimeridian import align_antimeridian_signs, find_crossings, insert_crossings
+from gpszip.geo.degree_lines import cut_at_antimeridian, lines_in_degrees
 from gpszip.model import Plane
 
 DATE_LINE = Plane(((-170000000, 1800000000),))
@@ -14,31 +14,53 @@ def test_lines_are_cut_at_180_degrees_and_nowhere_else(steps):
     east, lat = (np.array(column, dtype=np.float64) for column in zip(*steps, strict=True))
     lon = (east + 180.0 + 180.0) % 360.0 - 180.0  # about the antimeridian
     times = np.arange(len(steps), dtype=np.float64)
-    when, north, there = with_crossings(times, lat, lon, 1e-6)
+    when, north, there = insert_crossings(times, lat, lon, 1e-6)
 
     # the points that were there are there, and the line between them is the same
     assert (np.diff(when) > 0).all()
     assert np.isin(times, when).all()
     assert np.allclose(np.interp(times, when, north), lat)
     middle = np.interp(times[:-1] + 0.37, when, np.degrees(np.unwrap(np.radians(there))))
-    straight = np.interp(times[:-1] + 0.37, times, np.degrees(np.unwrap(np.radians(lon), period=2 * np.pi)))
+    straight = np.interp(
+        times[:-1] + 0.37, times, np.degrees(np.unwrap(np.radians(lon), period=2 * np.pi))
+    )
     assert np.allclose((middle - straight + 180) % 360 - 180, 0, atol=1e-4)
 
     # it leaves at 180 degrees on the one side and goes on at 180 degrees on the other
-    for at in np.flatnonzero(jumps(there)):
+    for at in np.flatnonzero(find_crossings(there)):
         assert abs(there[at]) == 180.0
         assert there[at + 1] == -there[at]
         assert north[at + 1] == north[at]
 
 
 def test_a_point_on_the_antimeridian_is_on_the_side_of_its_neighbours():
-    assert one_side(np.array([-180.0, -180.0, 179.0, -180.0])).tolist() == [180.0, 180.0, 179.0, 180.0]
-    assert one_side(np.array([180.0, -180.0])).tolist() == [180.0, 180.0]
-    assert len(with_crossings(np.arange(3.0), np.zeros(3), np.array([180.0, -180.0, 179.0]), 1e-6)[0]) == 3
+    assert align_antimeridian_signs(np.array([-180.0, -180.0, 179.0, -180.0])).tolist() == [
+        180.0,
+        180.0,
+        179.0,
+        180.0,
+    ]
+    assert align_antimeridian_signs(np.array([180.0, -180.0])).tolist() == [180.0, 180.0]
+    assert (
+        len(
+            insert_crossings(np.arange(3.0), np.zeros(3), np.array([180.0, -180.0, 179.0]), 1e-6)[0]
+        )
+        == 3
+    )
 
 
 def test_of_many_lines_only_those_that_cross_are_cut():
-    positions = np.array([[-300.0, 0.0], [-200.0, 0.0], [-300.0, 50.0], [300.0, 50.0], [-300.0, 50.0], [300.0, 90.0], [400.0, 90.0]])
+    positions = np.array(
+        [
+            [-300.0, 0.0],
+            [-200.0, 0.0],
+            [-300.0, 50.0],
+            [300.0, 50.0],
+            [-300.0, 50.0],
+            [300.0, 90.0],
+            [400.0, 90.0],
+        ]
+    )
     lines = lines_in_degrees(positions, np.array([0, 2, 5, 7]), DATE_LINE, 0.1, decimals=8)
     assert lines.offsets.tolist() == [0, 2, 9, 11]
     assert lines.cuts.tolist() == [4, 7]
@@ -47,15 +69,20 @@ def test_of_many_lines_only_those_that_cross_are_cut():
 
 
 def test_lines_far_from_the_antimeridian_are_as_they_were():
-    points, offsets = np.array([[179.0, 0.0], [178.0, 0.0], [-179.0, 0.0], [-178.0, 0.0]]), np.array([0, 2, 4])
-    found = cut_lines(points, offsets, decimals=8)
+    points, offsets = (
+        np.array([[179.0, 0.0], [178.0, 0.0], [-179.0, 0.0], [-178.0, 0.0]]),
+        np.array([0, 2, 4]),
+    )
+    found = cut_at_antimeridian(points, offsets, decimals=8)
     assert found.points.tolist() == points.tolist()
     assert found.offsets.tolist() == [0, 2, 4]
     assert not len(found.cuts)
 
 
 def test_a_step_that_starts_on_the_antimeridian_gets_one_point_more():
-    times, lat, lon = with_crossings(np.arange(3.0), np.array([1.0, 2.0, 3.0]), np.array([179.0, 180.0, -179.0]), 0.0)
+    times, lat, lon = insert_crossings(
+        np.arange(3.0), np.array([1.0, 2.0, 3.0]), np.array([179.0, 180.0, -179.0]), 0.0
+    )
     assert lon.tolist() == [179, 180, -180, -179]
     assert lat.tolist() == [1, 2, 2, 3]
     assert times.tolist() == [0, 1, 1, 2]

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gpszip.geo.gaps import estimate_gap, gap_parts, silences
+from gpszip.geo.gaps import estimate_gap, find_gaps, find_long_intervals
 from gpszip.model import Plane, Track
 
 
@@ -29,15 +29,20 @@ def test_a_robot_with_jitter_and_a_short_dropout_has_no_gap_but_a_lunch_break_is
     log = from_steps(steps)
     gap = estimate_gap([log])
     assert gap == 10.0
-    assert np.flatnonzero(gap_parts(log.times, gap)).tolist() == [2000]
+    assert np.flatnonzero(find_long_intervals(log.times, gap)).tolist() == [2000]
 
 
 def test_a_taxi_reporting_each_minute_or_so_breaks_for_its_pauses_only():
     rng = np.random.default_rng(2)
-    steps = rng.choice([15, 54, 60, 61, 68, 170], 4000, p=[0.06, 0.2, 0.5, 0.14, 0.08, 0.02]).astype(float)
+    steps = rng.choice(
+        [15, 54, 60, 61, 68, 170], 4000, p=[0.06, 0.2, 0.5, 0.14, 0.08, 0.02]
+    ).astype(float)
     steps[[500, 900]] = [4000, 30000]
     log = from_steps(steps)
-    assert np.flatnonzero(gap_parts(log.times, estimate_gap([log]))).tolist() == [500, 900]
+    assert np.flatnonzero(find_long_intervals(log.times, estimate_gap([log]))).tolist() == [
+        500,
+        900,
+    ]
 
 
 def test_a_phone_that_logs_in_short_bursts_breaks_between_them():
@@ -45,7 +50,7 @@ def test_a_phone_that_logs_in_short_bursts_breaks_between_them():
     log = from_steps(steps)
     gap = estimate_gap([log])
     assert 10 <= gap <= 600
-    assert gap_parts(log.times, gap).sum() == 200
+    assert find_long_intervals(log.times, gap).sum() == 200
 
 
 def test_the_slow_vehicle_of_a_mixed_fleet_stays_whole():
@@ -57,19 +62,29 @@ def test_the_slow_vehicle_of_a_mixed_fleet_stays_whole():
 @pytest.mark.parametrize("shift", [0.0, 1e9, -1e9, 1.7e9 + 0.123])
 def test_gaps_do_not_hang_on_the_zero_of_time(shift):
     rng = np.random.default_rng(4)
-    steps = np.round(rng.choice([1.0, 1.0, 1.0, 30.0, 30.001, 90.0], 3000, p=[0.6, 0.2, 0.16, 0.02, 0.01, 0.01]), 3)
+    steps = np.round(
+        rng.choice([1.0, 1.0, 1.0, 30.0, 30.001, 90.0], 3000, p=[0.6, 0.2, 0.16, 0.02, 0.01, 0.01]),
+        3,
+    )
     plain, shifted = from_steps(steps), from_steps(steps, shift)
     assert estimate_gap([plain]) == estimate_gap([shifted]) == 30.0
-    assert (gap_parts(plain.times, 30.0) == gap_parts(shifted.times, 30.0)).all()
-    assert gap_parts(shifted.times, 30.0).sum() == (steps > 30).sum()
+    assert (
+        find_long_intervals(plain.times, 30.0) == find_long_intervals(shifted.times, 30.0)
+    ).all()
+    assert find_long_intervals(shifted.times, 30.0).sum() == (steps > 30).sum()
 
 
 def test_an_infinite_gap_is_never_exceeded():
-    assert not gap_parts([0.0, 1.0, 1e12], np.inf).any()
-    assert gap_parts([1.0], 5.0).shape == (0,)
+    assert not find_long_intervals([0.0, 1.0, 1e12], np.inf).any()
+    assert find_long_intervals([1.0], 5.0).shape == (0,)
 
 
 def test_a_step_from_plane_to_plane_is_silent_however_short_it_took():
     plane = Plane(((476_200_000, -1_223_500_000), (400_000_000, -740_000_000)))
-    track = Track("a", [0.0, 1.0, 2.0, 90.0], [[0.0, 0.0], [9.0, 0.0], [Plane.SPREAD, 0.0], [Plane.SPREAD + 5.0, 0.0]], plane=plane)
-    assert silences(track, 30.0).tolist() == [False, True, True]
+    track = Track(
+        "a",
+        [0.0, 1.0, 2.0, 90.0],
+        [[0.0, 0.0], [9.0, 0.0], [Plane.SPREAD, 0.0], [Plane.SPREAD + 5.0, 0.0]],
+        plane=plane,
+    )
+    assert find_gaps(track, 30.0).tolist() == [False, True, True]

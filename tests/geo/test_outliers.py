@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpszip.geo.outliers import find_spikes
+from gpszip.geo.outliers import find_outliers
 
 
 def drive(n=300, seed=0):
@@ -17,7 +17,7 @@ def drive(n=300, seed=0):
 
 @pytest.mark.parametrize("seed", range(20))
 def test_an_honest_drive_has_no_spikes(seed):
-    assert not find_spikes(*drive(seed=seed)).any()
+    assert not find_outliers(*drive(seed=seed)).any()
 
 
 @pytest.mark.parametrize("run", [1, 2, 3, 4])
@@ -25,31 +25,31 @@ def test_short_teleports_are_found_exactly(run):
     times, positions = drive()
     positions[100 : 100 + run] += [5000, -3000]
     positions[200 : 200 + run] += [0, 40000]
-    found = np.flatnonzero(find_spikes(times, positions))
+    found = np.flatnonzero(find_outliers(times, positions))
     assert found.tolist() == [*range(100, 100 + run), *range(200, 200 + run)]
 
 
 def test_a_leap_without_a_way_back_stays():
     times, positions = drive()
     positions[150:] += [800_000, 0]
-    assert not find_spikes(times, positions).any()
+    assert not find_outliers(times, positions).any()
 
 
 def test_a_short_track_shows_its_spike():
-    assert find_spikes([0, 1, 2], [[0, 0], [9999, 0], [2, 0]]).tolist() == [False, True, False]
+    assert find_outliers([0, 1, 2], [[0, 0], [9999, 0], [2, 0]]).tolist() == [False, True, False]
 
 
 @pytest.mark.parametrize("n", [1, 2])
 def test_too_short_to_tell(n):
-    assert not find_spikes(np.arange(n), np.arange(n)[:, None] * 1e9).any()
+    assert not find_outliers(np.arange(n), np.arange(n)[:, None] * 1e9).any()
 
 
 def test_standing_still_has_no_speeds_to_compare_with():
-    assert not find_spikes(np.arange(50), np.zeros((50, 2))).any()
+    assert not find_outliers(np.arange(50), np.zeros((50, 2))).any()
 
 
 @given(st.integers(0, 10**6), st.floats(-1e9, 1e9), st.floats(-1e7, 1e7))
 def test_answer_does_not_hang_on_the_origin(seed, later, away):
     times, positions = drive(60, seed)
     positions[30] += [20_000, 0]
-    assert (find_spikes(times, positions) == find_spikes(times + later, positions + away)).all()
+    assert (find_outliers(times, positions) == find_outliers(times + later, positions + away)).all()

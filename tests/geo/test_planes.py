@@ -4,7 +4,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Geod
 
-from gpszip.geo.planes import REACH, choose_plane, plane_changes, plane_index, to_geographic, to_plane
+from gpszip.geo.planes import (
+    PLANE_RADIUS,
+    choose_plane,
+    plane_changes,
+    plane_indices,
+    to_geographic,
+    to_plane,
+)
 from gpszip.model import Plane
 
 GEOD = Geod(ellps="WGS84")
@@ -13,7 +20,9 @@ GEOD = Geod(ellps="WGS84")
 def degrees_around(lat, lon, n, metres, seed=0):
     """Samples within some metres of a place, whether it is a pole or on the antimeridian."""
     rng = np.random.default_rng(seed)
-    to_lon, to_lat, _ = GEOD.fwd(np.full(n, lon), np.full(n, lat), rng.uniform(0, 360, n), rng.uniform(0, metres, n))
+    to_lon, to_lat, _ = GEOD.fwd(
+        np.full(n, lon), np.full(n, lat), rng.uniform(0, 360, n), rng.uniform(0, metres, n)
+    )
     return np.asarray(to_lat), np.asarray(to_lon)
 
 
@@ -21,7 +30,10 @@ def separation(lat, lon, other_lat, other_lon):
     return np.asarray(GEOD.inv(lon, lat, other_lon, other_lat)[2])
 
 
-@pytest.mark.parametrize(("lat", "lon"), [(0, 0), (48.2, 16.4), (-17.8, 180), (65, -179.99), (90, 0), (89.9, 120), (-90, 0), (-75, -60)])
+@pytest.mark.parametrize(
+    ("lat", "lon"),
+    [(0, 0), (48.2, 16.4), (-17.8, 180), (65, -179.99), (90, 0), (89.9, 120), (-90, 0), (-75, -60)],
+)
 def test_one_plane_holds_a_city_anywhere_on_earth(lat, lon):
     lats, lons = degrees_around(lat, lon, 500, 30_000)
     plane = choose_plane(lats, lons)
@@ -35,10 +47,12 @@ def test_one_plane_holds_a_city_anywhere_on_earth(lat, lon):
 
 
 def test_lengths_within_reach_are_true_to_two_permille():
-    lats, lons = degrees_around(45, 7, 200, REACH - 1000)
+    lats, lons = degrees_around(45, 7, 200, PLANE_RADIUS - 1000)
     plane = Plane(((450000000, 70000000),))
     near = to_plane(lats + 1e-4, lons, plane) - to_plane(lats, lons, plane)
-    assert np.allclose(np.linalg.norm(near, axis=1), separation(lats, lons, lats + 1e-4, lons), rtol=2.1e-3)
+    assert np.allclose(
+        np.linalg.norm(near, axis=1), separation(lats, lons, lats + 1e-4, lons), rtol=2.1e-3
+    )
 
 
 def test_a_stray_sample_does_not_move_the_centre():
@@ -47,17 +61,27 @@ def test_a_stray_sample_does_not_move_the_centre():
     with_stray = choose_plane(np.append(lats, -30.0), np.append(lons, 20.0)).centers
     assert len(alone) == 1
     assert len(with_stray) == 2
-    assert separation(alone[0][0] / 1e7, alone[0][1] / 1e7, with_stray[0][0] / 1e7, with_stray[0][1] / 1e7) < 200
+    assert (
+        separation(
+            alone[0][0] / 1e7, alone[0][1] / 1e7, with_stray[0][0] / 1e7, with_stray[0][1] / 1e7
+        )
+        < 200
+    )
     assert with_stray[1] == (-300000000, 200000000)
 
 
 def test_far_apart_places_lie_on_planes_that_are_never_near():
     lats, lons = np.concatenate(
-        [degrees_around(52, 13, 50, 1000), degrees_around(-34, 151, 40, 1000), degrees_around(52, 13, 9, 1000)], axis=1
+        [
+            degrees_around(52, 13, 50, 1000),
+            degrees_around(-34, 151, 40, 1000),
+            degrees_around(52, 13, 9, 1000),
+        ],
+        axis=1,
     )
     plane = choose_plane(lats, lons)
     positions = to_plane(lats, lons, plane)
-    index = plane_index(positions, plane)
+    index = plane_indices(positions, plane)
     assert index.tolist() == [0] * 50 + [1] * 40 + [0] * 9
     assert np.flatnonzero(plane_changes(positions, plane)).tolist() == [49, 89]
     assert np.linalg.norm(positions[0] - positions[60]) > 3e7
@@ -74,7 +98,12 @@ def test_every_sample_comes_back(places):
     lats, lons = np.array(places).T
     plane = choose_plane(lats, lons)
     positions = to_plane(lats, lons, plane)
-    assert np.linalg.norm(positions - plane_index(positions, plane)[:, None] * [Plane.SPREAD, 0], axis=1).max() < 1.01 * REACH
+    assert (
+        np.linalg.norm(
+            positions - plane_indices(positions, plane)[:, None] * [Plane.SPREAD, 0], axis=1
+        ).max()
+        < 1.01 * PLANE_RADIUS
+    )
     assert separation(lats, lons, *to_geographic(positions, plane)).max() < 1e-3
 
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gpszip.geo.sampling import sampling_step
+from gpszip.geo.sampling import sampling_interval
 from gpszip.model import Track
 
 
@@ -16,19 +16,21 @@ def no_gaps(*tracks):
 
 def test_a_parked_receiver_says_nothing():
     there, parked = moving(1.0, 100), Track("b", 60.0 * np.arange(500), np.zeros((500, 2)))
-    assert sampling_step([there, parked], no_gaps(there, parked)) == 1.0
+    assert sampling_interval([there, parked], no_gaps(there, parked)) == 1.0
 
 
 def test_of_a_mixed_fleet_the_rarer_samples_matter():
     often, seldom = moving(1.0, 3000), moving(30.0, 100, name="b")
-    assert sampling_step([often, seldom], no_gaps(often, seldom)) == 30.0
+    assert sampling_interval([often, seldom], no_gaps(often, seldom)) == 30.0
 
 
 def test_gaps_are_no_steps():
     track = Track("a", [0.0, 1.0, 2.0, 500.0], [[0.0], [1.0], [2.0], [9000.0]])
-    assert sampling_step([track], [np.array([False, False, True])]) == 1.0
+    assert sampling_interval([track], [np.array([False, False, True])]) == 1.0
 
 
-@pytest.mark.parametrize("track", [Track("a", [0.0], [[1.0, 2.0]]), Track("a", [0.0, 1.0], [[1.0], [1.0]])])
+@pytest.mark.parametrize(
+    "track", [Track("a", [0.0], [[1.0, 2.0]]), Track("a", [0.0, 1.0], [[1.0], [1.0]])]
+)
 def test_who_never_moved_has_no_step(track):
-    assert sampling_step([track], no_gaps(track)) is None
+    assert sampling_interval([track], no_gaps(track)) is None

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from gpszip.container.contents import one_group
+from gpszip.container.contents import single_group_contents
 from gpszip.container.reader import from_bytes
 from gpszip.container.writer import to_bytes
 from gpszip.errors import CorruptArchiveError
@@ -21,7 +21,7 @@ NAMES = {
 CONTENTS = {
     **archives.small_archives(),
     **archives.promising_archives(),
-    **{name: one_group(archives.FLAT, ids, b"walks") for name, ids in NAMES.items()},
+    **{name: single_group_contents(archives.FLAT, ids, b"walks") for name, ids in NAMES.items()},
 }
 
 VERSION_2 = {
@@ -172,7 +172,11 @@ SINCE_3, FARTHER = {"both", "both and sampling"}, {"maximum", "grown promise and
 
 def of_version_2(name):
     contents = replace(CONTENTS[name], version=2)
-    return replace(contents, promise=replace(contents.promise, exponent=7)) if name in FARTHER else contents
+    return (
+        replace(contents, error_bound=replace(contents.error_bound, exponent=7))
+        if name in FARTHER
+        else contents
+    )
 
 
 def test_all_forms_are_here():
@@ -203,10 +207,17 @@ def test_version_3_is_written(name):
 
 def test_deflated_and_lzma_names_of_version_2_are_read():
     head = bytes.fromhex("a75a0a000080780e0009")
-    deflated = archives.compact(0x0A, head[3:] + bytes([2 << 2 | 3, 5 << 2 | 0]) + bytes.fromhex("4be44a0200") + b"walks")
-    lzma = archives.compact(0x0A, head[3:] + bytes([2 << 2 | 3, 7 << 2 | 1]) + bytes.fromhex("010002610a6200") + b"walks")
+    deflated = archives.compact(
+        0x0A, head[3:] + bytes([2 << 2 | 3, 5 << 2 | 0]) + bytes.fromhex("4be44a0200") + b"walks"
+    )
+    lzma = archives.compact(
+        0x0A,
+        head[3:] + bytes([2 << 2 | 3, 7 << 2 | 1]) + bytes.fromhex("010002610a6200") + b"walks",
+    )
     for data in (deflated, lzma):
-        assert from_bytes(data) == replace(one_group(archives.FLAT, ("a", "b"), b"walks"), version=2)
+        assert from_bytes(data) == replace(
+            single_group_contents(archives.FLAT, ("a", "b"), b"walks"), version=2
+        )
 
 
 def test_version_1_which_no_release_wrote_is_refused_by_name():

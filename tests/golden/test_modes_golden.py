@@ -4,14 +4,16 @@ import numpy as np
 import pytest
 
 from gpszip.codec.walks import decode, encode_in_modes, number_by_visit
-from gpszip.model import LatticeWalks
+from gpszip.model import GridWalks
 from oracle import walk_decoder
 from oracle.walks import assert_same, walk
 
 
 def rounds():
     """Three tracks that go round a block, across it, and out of it."""
-    nodes = np.array([[50 * (i % 4), 60 * (i // 4) + 7 * (i % 3)] for i in range(16)] + [[300, 90], [420, 140]])
+    nodes = np.array(
+        [[50 * (i % 4), 60 * (i // 4) + 7 * (i % 3)] for i in range(16)] + [[300, 90], [420, 140]]
+    )
     block = [0, 1, 2, 3, 7, 11, 15, 14, 13, 12, 8, 4]
     routes = [
         [*block, *block, 0, 1],
@@ -22,7 +24,7 @@ def rounds():
     for route, first in zip(routes, (500, 90, 1300), strict=True):
         cells = first + np.cumsum([0, *(3 + 5 * (i % 3) for i in range(len(route) - 1))])
         tracks.append(walk(route, cells, np.arange(len(route) - 1) == 20))
-    return number_by_visit(LatticeWalks(nodes, tuple(tracks)))
+    return number_by_visit(GridWalks(nodes, tuple(tracks)))
 
 
 WRITTEN = {
@@ -59,7 +61,9 @@ WRITTEN = {
 
 def written(walks, modes):
     # dear ways make the writer aim
-    return encode_in_modes(walks, None, modes, np.full(sum(len(one.nodes) for one in walks.walks), 9.0))[0]
+    return encode_in_modes(
+        walks, None, modes, np.full(sum(len(one.nodes) for one in walks.walks), 9.0)
+    )[0]
 
 
 @pytest.mark.parametrize("modes", WRITTEN)
@@ -73,5 +77,9 @@ def test_what_was_written_once_in_modes_is_read(modes):
     assert_same(decode(data, 2, 3), walks)
     places, plain, _ = walk_decoder.decode(data, 2, 3)
     assert places == walks.nodes.tolist()
-    assert [[node for node, _, _ in one] for one in plain] == [one.nodes.tolist() for one in walks.walks]
-    assert [[cell for _, cell, _ in one] for one in plain] == [one.cells.tolist() for one in walks.walks]
+    assert [[node for node, _, _ in one] for one in plain] == [
+        one.nodes.tolist() for one in walks.walks
+    ]
+    assert [[cell for _, cell, _ in one] for one in plain] == [
+        one.time_steps.tolist() for one in walks.walks
+    ]

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gpszip.codec.walks import decode, encode, encode_in_modes, number_by_visit
-from gpszip.model import Frame, LatticeWalks
-from gpszip.model.lattice import Ends
+from gpszip.model import GridWalks, QuantisationGrid
+from gpszip.model.grid_walks import PieceEnds
 from oracle import walk_decoder
 from oracle.walks import assert_same, walk
 
@@ -20,25 +20,33 @@ def draws(seed):
 def made(seed, *, dimension=2, tracks=3, knots=25, timed=True, gapped=True, scale=200):
     """Strolls along a line of places that now and then jump, stop or leave a gap."""
     numbers = draws(seed)
-    nodes = np.array([[next(numbers) % (2 * scale) - scale for _ in range(dimension)] for _ in range(12)])
+    nodes = np.array(
+        [[next(numbers) % (2 * scale) - scale for _ in range(dimension)] for _ in range(12)]
+    )
     walks = []
     for _ in range(tracks):
         here, cell = next(numbers) % 12, next(numbers) % 100
         route, cells, gaps = [here], [cell], []
         for _ in range(knots):
             what = next(numbers) % 16
-            here = next(numbers) % 12 if what == 0 else here if what == 1 else (here + (1 if what < 12 else 11)) % 12
+            here = (
+                next(numbers) % 12
+                if what == 0
+                else here
+                if what == 1
+                else (here + (1 if what < 12 else 11)) % 12
+            )
             cell += (1 + next(numbers) % 20 + 400 * (what == 1)) * timed
             route.append(here)
             cells.append(cell)
             gaps.append(gapped and what == 2)
         walks.append(walk(route, cells if timed else [0] * len(cells), gaps))
-    return number_by_visit(LatticeWalks(nodes, tuple(walks), timed))
+    return number_by_visit(GridWalks(nodes, tuple(walks), timed))
 
 
 CASES = {
-    "empty": LatticeWalks(np.zeros((0, 2), np.int64), ()),
-    "one knot": LatticeWalks(np.array([[3, -4]]), (walk([0], [7]),)),
+    "empty": GridWalks(np.zeros((0, 2), np.int64), ()),
+    "one knot": GridWalks(np.array([[3, -4]]), (walk([0], [7]),)),
     "plane": made(1),
     "space": made(2, dimension=3),
     "line": made(3, dimension=1, tracks=1, knots=60),
@@ -46,7 +54,9 @@ CASES = {
     "no times": made(5, timed=False),
     "no gaps": made(6, gapped=False, tracks=1, knots=80),
     "far": made(7, scale=2**40, tracks=1),
-    "to and fro": LatticeWalks(np.array([[0, 0], [30, 4]]), (walk(np.arange(6000) % 2, np.arange(6000) * 5),)),
+    "to and fro": GridWalks(
+        np.array([[0, 0], [30, 4]]), (walk(np.arange(6000) % 2, np.arange(6000) * 5),)
+    ),
 }
 
 WRITTEN = {
@@ -69,7 +79,9 @@ WRITTEN = {
         "6bfe7ffd27bb610f882d1ea30c6808a56e521706d5f64ba383d295b14f46fa1aa135f9857a844936fe4d5030fed46cebc87f6264578607"
         "4346a7bb2147863a42a49674a5f242f51bdea42f1e3b6aaed33baaaa6eff9280fc31573e2958"
     ),
-    "no times": ("ba02fadf4d1fa8d2743346d65488b51463cb191bd47ecff6445b7ef550aaa68c86d690430e294c0834ea3cdf1d227b3d5e2653d7d0bbe3057d675b"),
+    "no times": (
+        "ba02fadf4d1fa8d2743346d65488b51463cb191bd47ecff6445b7ef550aaa68c86d690430e294c0834ea3cdf1d227b3d5e2653d7d0bbe3057d675b"
+    ),
     "no gaps": (
         "c502f8bfe50e685d7ff4eaaa692c4dd587b30fdcd81306126bcf6a1381819fa3036f25509f685af79cab1b6eecd31def67ae2e4dbaf42f"
         "28c7921fc0bf4519dffc1a06097e1eac4361abcc5c986c2814ea99df66748c7152dbd928903895384e59f20e550c5fc1c1218b6d09"
@@ -95,7 +107,9 @@ def test_what_was_written_once_is_read(name):
     assert_same(decode(data, dimension, tracks), walks)
     places, plain, _ = walk_decoder.decode(data, dimension, tracks)
     assert places == walks.nodes.tolist()
-    assert [[node for node, _, _ in one] for one in plain] == [one.nodes.tolist() for one in walks.walks]
+    assert [[node for node, _, _ in one] for one in plain] == [
+        one.nodes.tolist() for one in walks.walks
+    ]
 
 
 def test_those_payloads_hold_all_kinds_of_steps():
@@ -106,12 +120,12 @@ def test_those_payloads_hold_all_kinds_of_steps():
 
 
 #: A walk with a gap and a shape, and the payload of version 3 that tells where their pieces begin and end.
-FRAME = Frame((0, 0), 0, 128, 150)
-TAILED = LatticeWalks(
+FRAME = QuantisationGrid((0, 0), 0, 128, 150)
+TAILED = GridWalks(
     np.array([[0, 0], [40, 9], [90, 9]]),
     (walk([0, 1, 0, 2], [0, 5, 9, 20], [False, True, False]), walk([2, 1], [0, 1], [False])),
     True,
-    Ends(9, np.array([6, 310, 0]), np.array([78, 600, 0])),
+    PieceEnds(9, np.array([6, 310, 0]), np.array([78, 600, 0])),
     frozenset({1}),
 )
 TAILED_BYTES = "1b1a7a259e1d042eb81ee402c61ce9c4ce40"
@@ -119,7 +133,7 @@ TAILED_BYTES = "1b1a7a259e1d042eb81ee402c61ce9c4ce40"
 
 def test_the_tail_of_version_3_is_written_and_read():
     assert encode_in_modes(TAILED, None, 0, np.zeros(0), FRAME)[0].hex() == TAILED_BYTES
-    back = decode(bytes.fromhex(TAILED_BYTES), 2, 2, frame=FRAME)
+    back = decode(bytes.fromhex(TAILED_BYTES), 2, 2, grid=FRAME)
     assert (back.ends.tick, back.untimed) == (9, {1})
     assert back.ends.first.tolist()[:2] == [6, 310]
     assert back.ends.last.tolist()[:2] == [78, 600]

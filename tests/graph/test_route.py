@@ -1,42 +1,53 @@
 import numpy as np
 import pytest
 
-from gpszip.graph.road_graph import road_graph
-from gpszip.graph.route import JUMP, STAY, Route, arcs_along, arcs_between, route_along
+from gpszip.graph.road_graph import build_road_graph
+from gpszip.graph.route import GAP, STOP, Route, build_route, find_arcs, find_route_arcs
 
-GRAPH = road_graph(
-    [[0, 0], [1, 0], [2, 0], [9, 9]], [[1, 0], [1, 2], [0, 1], [2, 2], [1, 0]], lengths=[3, 1, 2, 1, 2], oneway=[0, 0, 0, 0, 1]
+GRAPH = build_road_graph(
+    [[0, 0], [1, 0], [2, 0], [9, 9]],
+    [[1, 0], [1, 2], [0, 1], [2, 2], [1, 0]],
+    lengths=[3, 1, 2, 1, 2],
+    oneway=[0, 0, 0, 0, 1],
 )
 
 
 def test_nodes_alone_take_the_shortest_of_parallel_edges_then_the_first():
-    assert route_along(GRAPH, [0, 1, 0, 1, 2]).edges.tolist() == [2, 2, 2, 1]
+    assert build_route(GRAPH, [0, 1, 0, 1, 2]).edges.tolist() == [2, 2, 2, 1]
 
 
 def test_a_node_twice_in_a_row_is_a_stay_and_a_gap_a_jump():
-    route = route_along(GRAPH, [2, 2, 3, 3], [False, True, True])
-    assert route.edges.tolist() == [STAY, JUMP, JUMP]
+    route = build_route(GRAPH, [2, 2, 3, 3], [False, True, True])
+    assert route.edges.tolist() == [STOP, GAP, GAP]
     assert route.gaps.tolist() == [False, True, True]
 
 
 def test_a_walk_of_one_node_has_no_edges():
-    assert len(route_along(GRAPH, [1]).edges) == 0
+    assert len(build_route(GRAPH, [1]).edges) == 0
 
 
 def test_a_hop_without_an_edge_is_refused():
     with pytest.raises(ValueError, match="from node 2 to node 0"):
-        route_along(GRAPH, [0, 1, 2, 0])
+        build_route(GRAPH, [0, 1, 2, 0])
 
 
 def test_parallel_arcs_follow_each_other():
-    first, count = arcs_between(GRAPH, [1, 0, 2, 0, 3], [0, 1, 2, 2, 3])
+    first, count = find_arcs(GRAPH, [1, 0, 2, 0, 3], [0, 1, 2, 2, 3])
     assert count.tolist() == [3, 2, 1, 0, 0]
-    assert [GRAPH.edges[f : f + c].tolist() for f, c in zip(first, count, strict=True)] == [[0, 2, 4], [0, 2], [3], [], []]
+    assert [GRAPH.edges[f : f + c].tolist() for f, c in zip(first, count, strict=True)] == [
+        [0, 2, 4],
+        [0, 2],
+        [3],
+        [],
+        [],
+    ]
 
 
 def test_arcs_along_a_route_name_source_target_and_edge():
-    route = Route(np.array([0, 1, 0, 0, 1, 2, 2, 3], np.int32), np.array([0, 4, STAY, 2, 1, 3, JUMP], np.int32))
-    arcs = arcs_along(GRAPH, route)
+    route = Route(
+        np.array([0, 1, 0, 0, 1, 2, 2, 3], np.int32), np.array([0, 4, STOP, 2, 1, 3, GAP], np.int32)
+    )
+    arcs = find_route_arcs(GRAPH, route)
     moving = route.edges >= 0
     assert arcs[~moving].tolist() == [-1, -1]
     assert GRAPH.edges[arcs[moving]].tolist() == route.edges[moving].tolist()
@@ -52,9 +63,9 @@ def test_arcs_along_a_route_name_source_target_and_edge():
         ([0, 1], [1]),  # an edge elsewhere
         ([2, 0], [0]),  # arrives, but leaves from another node
         ([0, 2], [0]),  # leaves, but arrives at another node
-        ([0, 1], [STAY]),
+        ([0, 1], [STOP]),
     ],
 )
 def test_a_hop_over_an_edge_that_does_not_lead_there_is_refused(nodes, edges):
     with pytest.raises(ValueError, match="hop 0 of the route"):
-        arcs_along(GRAPH, Route(np.array(nodes, np.int32), np.array(edges, np.int32)))
+        find_route_arcs(GRAPH, Route(np.array(nodes, np.int32), np.array(edges, np.int32)))

@@ -10,7 +10,7 @@ import pytest
 import gpszip
 from gpszip import InputError, OutputError, Track, coreset
 from gpszip.io.coresets import read_coreset, write_coreset
-from gpszip.sketches.partition import file_size
+from gpszip.sketches.partition import max_file_size
 from gpszip.testing.patrol import patrol
 
 
@@ -40,10 +40,13 @@ def test_the_plane_is_kept(tmp_path):
 @pytest.mark.parametrize("max_bytes", [10_000, 60_000, 400_000])
 def test_max_bytes_is_held_by_the_file(dimension, max_bytes):
     n = 20_000
-    small = coreset(Track("0", np.arange(n), np.random.default_rng(1).normal(0, 1, (n, dimension))), max_bytes=max_bytes)
+    small = coreset(
+        Track("0", np.arange(n), np.random.default_rng(1).normal(0, 1, (n, dimension))),
+        max_bytes=max_bytes,
+    )
     file = io.BytesIO()
     write_coreset(small, file)
-    assert len(file.getvalue()) <= file_size(len(small), 1, dimension) <= max_bytes
+    assert len(file.getvalue()) <= max_file_size(len(small), 1, dimension) <= max_bytes
     assert len(file.getvalue()) > 0.15 * max_bytes
 
 

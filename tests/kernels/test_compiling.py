@@ -1,6 +1,6 @@
 import numpy as np
 
-from gpszip.kernels.compiling import noticing
+from gpszip.kernels.compiling import on_compile
 from gpszip.kernels.jit import jit
 
 
@@ -11,7 +11,7 @@ def test_compiling_is_noticed_and_calling_is_not(tmp_path):
     exec(compile(path.read_text(), str(path), "exec"), space)
     kernel = jit(space["kernel"])
     noticed = []
-    with noticing(lambda: noticed.append(1)):
+    with on_compile(lambda: noticed.append(1)):
         kernel(np.ones(3))
         assert len(noticed) >= 1
         before = len(noticed)

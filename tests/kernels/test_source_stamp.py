@@ -13,7 +13,11 @@ def edited(monkeypatch):
 
     def edit(changed):
         source_stamp.cache_clear()
-        monkeypatch.setattr(stamps, "_source", lambda module: original(module) + ("# changed" if module == changed else ""))
+        monkeypatch.setattr(
+            stamps,
+            "_source",
+            lambda module: original(module) + ("# changed" if module == changed else ""),
+        )
 
     yield edit
     source_stamp.cache_clear()
@@ -21,7 +25,12 @@ def edited(monkeypatch):
 
 @pytest.mark.parametrize(
     "changed",
-    ["gpszip.codec.kernels.walk_coder", "gpszip.codec.kernels.step_coder", "gpszip.codec.kernels.range_coder", "gpszip.kernels.jit"],
+    [
+        "gpszip.codec.kernels.walk_coder",
+        "gpszip.codec.kernels.step_coder",
+        "gpszip.codec.kernels.range_coder",
+        "gpszip.kernels.jit",
+    ],
 )
 def test_a_kernel_is_compiled_anew_when_it_or_one_that_it_calls_has_changed(edited, changed):
     before = source_stamp("gpszip.codec.kernels.walk_coder")
@@ -37,4 +46,6 @@ def test_other_kernels_are_not(edited):
 
 def test_the_compilers_cache_goes_by_the_stamp():
     kernel = importlib.import_module("gpszip.codec.kernels.walk_coder").code_walks
-    assert kernel._cache._cache_file._source_stamp[1] == source_stamp("gpszip.codec.kernels.walk_coder")
+    assert kernel._cache._cache_file._source_stamp[1] == source_stamp(
+        "gpszip.codec.kernels.walk_coder"
+    )

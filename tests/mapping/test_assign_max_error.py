@@ -3,8 +3,8 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
-from gpszip.mapping.kernels.assign_max_error import directions, relax_within
-from gpszip.mapping.kernels.time_grid import Board, Ground
+from gpszip.mapping.kernels.assign_max_error import build_directions, fill_table_within_max_error
+from gpszip.mapping.kernels.time_grid import DPTable, TimeGridArrays
 
 TIME, STAY = 3.0, 4.5
 
@@ -15,20 +15,27 @@ class Problem:
     def __init__(self, seed, dimension, reach):
         rng = np.random.default_rng(seed)
         self.rows, width = 6, 3
-        self.cells = np.cumsum(rng.integers(1, 4, self.rows)).astype(float)
-        times = np.sort(rng.uniform(self.cells[0], self.cells[-1], 14))
-        times[0] = self.cells[0]  # a sample at the very start allows no velocity to make up for it
+        self.time_steps = np.cumsum(rng.integers(1, 4, self.rows)).astype(float)
+        times = np.sort(rng.uniform(self.time_steps[0], self.time_steps[-1], 14))
+        times[0] = self.time_steps[
+            0
+        ]  # a sample at the very start allows no velocity to make up for it
         bends = rng.normal(0, 4, (self.rows, dimension))
-        spots = np.stack([np.interp(times, self.cells, bends[:, axis]) for axis in range(dimension)], axis=1)
-        self.spot = bends[:, None] + rng.normal(0, 1.2, (self.rows, width, dimension)) * np.arange(width)[None, :, None]
-        ends = np.searchsorted(times, self.cells)
+        spots = np.stack(
+            [np.interp(times, self.time_steps, bends[:, axis]) for axis in range(dimension)], axis=1
+        )
+        self.spot = (
+            bends[:, None]
+            + rng.normal(0, 1.2, (self.rows, width, dimension)) * np.arange(width)[None, :, None]
+        )
+        ends = np.searchsorted(times, self.time_steps)
         ends[-1] = len(times)
-        fan, self.share = directions(dimension)
+        fan, self.share = build_directions(dimension)
         self.reach = reach
         nothing = np.zeros((0, 0), np.int64)
-        self.limits = Ground(
+        self.limits = TimeGridArrays(
             nothing, nothing.ravel(), nothing, np.zeros((0, dimension)), np.ones(1), ends, times,
-            spots + rng.normal(0, 0.2, spots.shape), self.cells, fan, np.array([self.share * reach]),
+            spots + rng.normal(0, 0.2, spots.shape), self.time_steps, fan, np.array([self.share * reach]),
         )  # fmt: skip
         self.candidates = rng.integers(0, 9, (self.rows, width))
         self.local = self.candidates % 4
@@ -39,17 +46,24 @@ class Problem:
         best = np.full(self.candidates.shape, np.inf)
         best[0] = 0.0
         rows, choices = np.full(best.shape, -1), np.zeros(best.shape, np.int64)
-        board = Board(self.candidates, self.counts, self.spot, self.local, self.table, best, rows, choices)
-        relax_within(self.limits, board, 0, self.rows, TIME, STAY)
+        dp_table = DPTable(
+            self.candidates, self.counts, self.spot, self.local, self.table, best, rows, choices
+        )
+        fill_table_within_max_error(self.limits, dp_table, 0, self.rows, TIME, STAY)
         return best, rows, choices
 
     def errors(self, path):
         """Distances of the samples between the first and the last knot of a path of (row, choice), at their own times."""
         knots = np.array([self.spot[knot] for knot in path])
-        when = self.cells[[row for row, _ in path]]
+        when = self.time_steps[[row for row, _ in path]]
         inside = slice(self.limits.ends[path[0][0]], self.limits.ends[path[-1][0]])
-        at = [np.interp(self.limits.times[inside], when, knots[:, axis]) for axis in range(knots.shape[1])]
-        return np.sqrt(((np.stack(at, axis=1) - self.limits.spots[inside]) ** 2).sum(axis=1))
+        at = [
+            np.interp(self.limits.times[inside], when, knots[:, axis])
+            for axis in range(knots.shape[1])
+        ]
+        return np.sqrt(
+            ((np.stack(at, axis=1) - self.limits.sample_positions[inside]) ** 2).sum(axis=1)
+        )
 
     def step(self, a, b):
         if self.candidates[a] == self.candidates[b]:
@@ -100,7 +114,7 @@ def test_no_sample_is_farther_than_the_limit_on_the_paths_found(dimension):
 def test_strips_that_touch_the_inner_ball_stay_within_the_outer_one():
     rng = np.random.default_rng(0)
     for dimension in (1, 2, 3, 4):
-        fan, share = directions(dimension)
+        fan, share = build_directions(dimension)
         points = rng.normal(0, 1, (4000, dimension))
         inside = (np.abs(points @ fan.T) <= share).all(axis=1)
         assert inside.any()

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from gpszip.mapping.noise import estimate_noise, sensible_rmse
+from gpszip.mapping.noise import estimate_noise, suggest_rmse
 from gpszip.model import Plane, Track
 
 
@@ -21,7 +21,9 @@ def none(*tracks):
 @pytest.mark.parametrize("noise", [0.01, 2.0])
 def test_noise_that_was_added_is_found(dimension, uneven, noise):
     track = lane(noise=noise, dimension=dimension, uneven=uneven)
-    assert estimate_noise([track], none(track)) == pytest.approx(noise * np.sqrt(dimension), rel=0.06)
+    assert estimate_noise([track], none(track)) == pytest.approx(
+        noise * np.sqrt(dimension), rel=0.06
+    )
 
 
 def test_spikes_and_standing_still_hardly_change_it():
@@ -35,7 +37,9 @@ def test_spikes_and_standing_still_hardly_change_it():
 
 def test_gaps_don_t_count():
     times = np.arange(300.0) + 1000 * (np.arange(300) // 3)
-    positions = np.where(np.arange(300)[:, None] % 3 == 1, 7.0, 0.0) + 500 * (np.arange(300)[:, None] // 3 % 2)
+    positions = np.where(np.arange(300)[:, None] % 3 == 1, 7.0, 0.0) + 500 * (
+        np.arange(300)[:, None] // 3 % 2
+    )
     track = Track("a", times, positions)
     gaps = np.diff(times) > 10
     assert estimate_noise([track], [gaps]) == pytest.approx(7 / np.sqrt(1.5) / 0.6745, rel=1e-3)
@@ -45,12 +49,12 @@ def test_gaps_don_t_count():
 def test_a_log_without_noise_gets_a_bound_all_the_same(n):
     track = lane(n)
     assert estimate_noise([track], none(track)) == 0
-    assert sensible_rmse([track], none(track)) >= 1e-3
+    assert suggest_rmse([track], none(track)) >= 1e-3
 
 
 def test_the_bound_lies_above_the_noise_and_far_below_the_extent():
     track = lane(noise=0.3)
-    bound = sensible_rmse([track], none(track))
+    bound = suggest_rmse([track], none(track))
     assert 0.3 * np.sqrt(2) < bound < 4000 * np.sqrt(2) / 200
 
 
@@ -58,16 +62,16 @@ def test_the_bound_of_noise_alone_keeps_to_the_extent():
     rng = np.random.default_rng(3)
     track = Track("a", np.arange(500.0), rng.normal(0, 1, (500, 2)))
     extent = np.linalg.norm(np.ptp(track.positions, axis=0))
-    assert sensible_rmse([track], none(track)) == pytest.approx(extent / 200, rel=0.05)
+    assert suggest_rmse([track], none(track)) == pytest.approx(extent / 200, rel=0.05)
 
 
 @pytest.mark.parametrize(("noise", "bound"), [(0.001, 3.0), (100.0, 10.0)])
 def test_a_log_in_degrees_gets_what_receivers_are_good_for(noise, bound):
     track = lane(noise=noise, plane=Plane(((0, 0),)))
-    assert sensible_rmse([track], none(track)) == bound
+    assert suggest_rmse([track], none(track)) == bound
 
 
 def test_moving_a_log_in_time_and_place_keeps_its_bound():
     track = lane(noise=0.3)
     moved = Track("a", track.times + 1e9, track.positions + 1e7)
-    assert sensible_rmse([track], none(track)) == sensible_rmse([moved], none(moved))
+    assert suggest_rmse([track], none(track)) == suggest_rmse([moved], none(moved))

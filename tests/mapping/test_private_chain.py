@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from gpszip.mapping.kernels.grid_moments import prefix_sums
-from gpszip.mapping.kernels.private_chain import settle_chain
+from gpszip.mapping.kernels.private_chain import find_private_chain
 from oracle.chain import chain_cost, cheapest_chain
 
 UNIT = 64.0
@@ -16,38 +16,71 @@ class Log:
         dimension = 1 + seed % 3
         bends = np.cumsum(rng.normal(0, 4, (5, dimension)), axis=0)
         cell = np.sort(rng.uniform(0, slots - 1, 40))
-        way = np.column_stack([np.interp(cell, np.linspace(0, slots - 1, 5), bends[:, axis]) for axis in range(dimension)])
+        way = np.column_stack(
+            [
+                np.interp(cell, np.linspace(0, slots - 1, 5), bends[:, axis])
+                for axis in range(dimension)
+            ]
+        )
         ticks = np.rint(64 * (way + rng.normal(0, noise, way.shape))).astype(np.int64)
-        self.times, self.samples, self.weights = np.rint(256 * cell).astype(np.int64), ticks / UNIT, np.ones(40, np.int64)
+        self.times, self.samples, self.weights = (
+            np.rint(256 * cell).astype(np.int64),
+            ticks / UNIT,
+            np.ones(40, np.int64),
+        )
         self.ticks = 256 * np.arange(slots)
         self.ends = np.searchsorted(self.times, self.ticks)
         self.ends[-1] = 40
-        self.places = self.samples[np.minimum(self.ends, 39)] + rng.normal(0, 0.2, (slots, dimension))
-        self.centers = np.rint(self.places * UNIT).astype(np.int64)
+        self.positions = self.samples[np.minimum(self.ends, 39)] + rng.normal(
+            0, 0.2, (slots, dimension)
+        )
+        self.centers = np.rint(self.positions * UNIT).astype(np.int64)
         self.sums = prefix_sums(self.times, ticks, self.weights, self.ends)
 
-    def chain(self, first, last, price, knot_bits, widest):
-        at = np.full(len(self.ticks), 7)
-        settle_chain(self.sums, self.ticks, self.centers, self.places, UNIT, first, last, price, knot_bits, widest, at)
-        return at
+    def chain(self, first, last, price, knot_bits, max_slots):
+        slot_nodes = np.full(len(self.ticks), 7)
+        find_private_chain(
+            self.sums,
+            self.ticks,
+            self.centers,
+            self.positions,
+            UNIT,
+            first,
+            last,
+            price,
+            knot_bits,
+            max_slots,
+            slot_nodes,
+        )
+        return slot_nodes
 
 
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize(
-    ("price", "knot_bits", "widest"), [(0.5, 7.0, 300), (3.0, 2.0, 4), (40.0, 7.0, 300), (0.001, 7.0, 3), (0.2, 0.3, 300), (0.05, 0.1, 300)]
+    ("price", "knot_bits", "widest"),
+    [
+        (0.5, 7.0, 300),
+        (3.0, 2.0, 4),
+        (40.0, 7.0, 300),
+        (0.001, 7.0, 3),
+        (0.2, 0.3, 300),
+        (0.05, 0.1, 300),
+    ],
 )
-def test_the_chain_is_as_cheap_as_any(seed, price, knot_bits, widest):
+def test_the_chain_is_as_cheap_as_any(seed, price, knot_bits, max_slots):
     log = Log(seed)
-    knots = np.flatnonzero(log.chain(0, 9, price, knot_bits, widest) == 0).tolist()
+    knots = np.flatnonzero(log.chain(0, 9, price, knot_bits, max_slots) == 0).tolist()
     assert (knots[0], knots[-1]) == (0, 9)
-    assert chain_cost(log, knots, price, knot_bits, widest) == pytest.approx(cheapest_chain(log, 0, 9, price, knot_bits, widest), rel=1e-7)
+    assert chain_cost(log, knots, price, knot_bits, max_slots) == pytest.approx(
+        cheapest_chain(log, 0, 9, price, knot_bits, max_slots), rel=1e-7
+    )
 
 
 def test_only_the_piece_is_touched():
-    at = Log(3).chain(2, 6, 1.0, 7.0, 300)
-    assert at[[0, 1, 7, 8, 9]].tolist() == [7] * 5
-    assert set(at[2:7].tolist()) <= {0, -1}
-    assert at[2] == at[6] == 0
+    slot_nodes = Log(3).chain(2, 6, 1.0, 7.0, 300)
+    assert slot_nodes[[0, 1, 7, 8, 9]].tolist() == [7] * 5
+    assert set(slot_nodes[2:7].tolist()) <= {0, -1}
+    assert slot_nodes[2] == slot_nodes[6] == 0
 
 
 def test_dear_errors_buy_knots_and_cheap_ones_sell_them():

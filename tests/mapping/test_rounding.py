@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from gpszip.mapping.kernels.rounding import round_places
+from gpszip.mapping.kernels.rounding import round_node_positions
 
 
 def system(seed, nodes=30, dimension=2):
@@ -21,30 +21,33 @@ def system(seed, nodes=30, dimension=2):
     return csr_array(dense), right, np.linalg.solve(dense, right)
 
 
-def rounded(stiffness, right, places, sweeps=4):
-    out = places.copy()
-    round_places(stiffness.indptr, stiffness.indices, stiffness.data, right, out, sweeps)
+def rounded(stiffness, right, positions, sweeps=4):
+    out = positions.copy()
+    round_node_positions(stiffness.indptr, stiffness.indices, stiffness.data, right, out, sweeps)
     return out
 
 
-def cost(stiffness, right, places):
-    return float((places * (stiffness @ places) - 2 * places * right).sum())
+def cost(stiffness, right, positions):
+    return float((positions * (stiffness @ positions) - 2 * positions * right).sum())
 
 
 @pytest.mark.parametrize("seed", range(30))
 def test_rounding_in_turn_is_no_worse_than_rounding_each(seed):
-    stiffness, right, places = system(seed)
-    found = rounded(stiffness, right, places)
+    stiffness, right, positions = system(seed)
+    found = rounded(stiffness, right, positions)
     np.testing.assert_array_equal(found, np.rint(found))
-    assert cost(stiffness, right, found) <= cost(stiffness, right, np.rint(places))
+    assert cost(stiffness, right, found) <= cost(stiffness, right, np.rint(positions))
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_more_sweeps_never_harm_and_the_last_leaves_nothing_to_one_node(seed):
-    stiffness, right, places = system(seed)
-    costs = [cost(stiffness, right, rounded(stiffness, right, places, sweeps)) for sweeps in (1, 2, 4, 50)]
+    stiffness, right, positions = system(seed)
+    costs = [
+        cost(stiffness, right, rounded(stiffness, right, positions, sweeps))
+        for sweeps in (1, 2, 4, 50)
+    ]
     assert sorted(costs, reverse=True) == costs
-    settled = rounded(stiffness, right, places, 50)
+    settled = rounded(stiffness, right, positions, 50)
     for v in range(len(settled)):
         for axis in range(2):
             for step in (-1, 1):
@@ -54,6 +57,13 @@ def test_more_sweeps_never_harm_and_the_last_leaves_nothing_to_one_node(seed):
 
 
 def test_a_node_that_nothing_binds_stays():
-    places = np.array([[0.4], [7.3]])
-    round_places(np.array([0, 0, 1], np.int32), np.array([1], np.int32), np.array([2.0]), np.array([[0.0], [9.2]]), places, 2)
-    assert places.tolist() == [[0.4], [5.0]]
+    positions = np.array([[0.4], [7.3]])
+    round_node_positions(
+        np.array([0, 0, 1], np.int32),
+        np.array([1], np.int32),
+        np.array([2.0]),
+        np.array([[0.0], [9.2]]),
+        positions,
+        2,
+    )
+    assert positions.tolist() == [[0.4], [5.0]]

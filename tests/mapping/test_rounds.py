@@ -4,15 +4,15 @@ import pytest
 from gpszip.codec.walks import decode, encode
 from gpszip.mapping.plan import Plan
 from gpszip.mapping.rounds import fit
-from gpszip.mapping.time_grid import lay_slots
-from gpszip.model import Frame, Track, Walk
-from gpszip.model.frame import quantum
+from gpszip.mapping.time_grid import build_time_grid
+from gpszip.model import QuantisationGrid, Track, Walk
+from gpszip.model.grid import step_size
 from gpszip.run import Serial, Threads
 from gpszip.testing import patrol
 from gpszip.walks.error import synchronised_errors
 
-FRAME = Frame((-1000, -1000), 0, 111, 136)
-UNIT = quantum(FRAME.space)
+FRAME = QuantisationGrid((-1000, -1000), 0, 111, 136)
+UNIT = step_size(FRAME.space)
 
 
 @pytest.fixture(scope="module")
@@ -25,13 +25,13 @@ def track():
 def laid(track, sparse=False):
     gap = np.zeros(len(track) - 1, bool)
     gap[900] = True
-    return lay_slots([track], [gap], FRAME, sparse=sparse)
+    return build_time_grid([track], [gap], FRAME, sparse=sparse)
 
 
 def errors(track, walks):
     """Distance of every sample from the decoded walk in quanta."""
     (one,) = walks.walks
-    walk = Walk("0", one.nodes, one.cells * quantum(FRAME.time), one.gaps)
+    walk = Walk("0", one.nodes, one.time_steps * step_size(FRAME.time), one.gaps)
     return synchronised_errors(track, walk, walks.nodes * UNIT - 1.0) / UNIT
 
 
@@ -67,9 +67,11 @@ def test_the_same_input_gives_the_same_bytes(track):
 
 
 def test_thin_slots_keep_the_target_too(track):
-    outcome = fit(laid(track), 1, Plan(target=0.9), thin=laid(track, sparse=True))
+    outcome = fit(laid(track), 1, Plan(target=0.9), sparse_grid=laid(track, sparse=True))
     assert outcome.error <= 0.9
-    assert float(np.sqrt((errors(track, outcome.walks) ** 2).mean())) == pytest.approx(outcome.error, rel=1e-6)
+    assert float(np.sqrt((errors(track, outcome.walks) ** 2).mean())) == pytest.approx(
+        outcome.error, rel=1e-6
+    )
 
 
 def test_a_target_below_what_whole_quanta_allow_is_not_met(track):
@@ -78,7 +80,10 @@ def test_a_target_below_what_whole_quanta_allow_is_not_met(track):
 
 @pytest.mark.parametrize("executor", [Serial(), Threads(1), Threads(2)], ids=str)
 def test_walks_coded_beside_the_next_round_are_the_same_whoever_codes_them(track, executor):
-    slots, plan = laid(track), Plan(target=0.9, rounds=9, extra=3, frugal=True)
+    slots, plan = (
+        laid(track),
+        Plan(target=0.9, rounds=9, extra_rounds=3, encode_alternate_rounds=True),
+    )
     expected, found = fit(slots, 1, plan), fit(slots, 1, plan, executor=executor)
     assert encode(found.walks) == encode(expected.walks)
     assert len(encode(found.walks)) == found.size
@@ -86,6 +91,9 @@ def test_walks_coded_beside_the_next_round_are_the_same_whoever_codes_them(track
 
 def test_rounds_follow_until_the_error_allowed_is_made_use_of(track):
     slots = laid(track)
-    short, long = (fit(slots, 1, Plan(target=0.9, rounds=12, extra=extra)) for extra in (0, 6))
+    short, long = (
+        fit(slots, 1, Plan(target=0.9, rounds=12, extra_rounds=extra_rounds))
+        for extra_rounds in (0, 6)
+    )
     assert long.size <= short.size
     assert long.error <= 0.9

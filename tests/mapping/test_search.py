@@ -3,25 +3,30 @@ import pytest
 
 from gpszip.codec.walks import encode
 from gpszip.errors import OptionError
-from gpszip.mapping.search import learn
+from gpszip.mapping.search import learn_map
 from gpszip.model import Track, Walk
-from gpszip.model.frame import quantum
+from gpszip.model.grid import step_size
 from gpszip.run import Serial, Threads
 from gpszip.testing import drives, patrol
-from gpszip.walks.error import fit
+from gpszip.walks.error import measure_errors
 
 
 def no_gaps(tracks):
     return [np.zeros(len(track) - 1, bool) for track in tracks]
 
 
-def measured(tracks, frame, lattice):
-    nodes = np.array(frame.origin) / 1000 + lattice.nodes * quantum(frame.space)
+def measured(tracks, grid, grid_walks):
+    nodes = np.array(grid.origin) / 1000 + grid_walks.nodes * step_size(grid.space)
     walks = [
-        Walk(track.id, walk.nodes, frame.epoch / 1000 + walk.cells * quantum(frame.time), walk.gaps)
-        for track, walk in zip(tracks, lattice.walks, strict=True)
+        Walk(
+            track.id,
+            walk.nodes,
+            grid.epoch / 1000 + walk.time_steps * step_size(grid.time),
+            walk.gaps,
+        )
+        for track, walk in zip(tracks, grid_walks.walks, strict=True)
     ]
-    return fit(tracks, walks, nodes)
+    return measure_errors(tracks, walks, nodes)
 
 
 @pytest.fixture(scope="module")
@@ -33,35 +38,38 @@ def town():
 
 @pytest.mark.parametrize("rmse", [3.0, 8.0])
 def test_the_error_is_within_the_bound(town, rmse):
-    frame, lattice = learn(town, no_gaps(town), rmse=rmse, effort=1)
-    found = measured(town, frame, lattice)
+    grid, grid_walks = learn_map(town, no_gaps(town), rmse=rmse, effort=1)
+    found = measured(town, grid, grid_walks)
     assert found.uncovered == 0
     assert 0.5 * rmse < found.rmse <= rmse
 
 
 def test_tracks_of_one_sample_and_tracks_that_stand_still_are_learnt():
     tracks = [Track("a", [5.0], [[1.0, 2.0]]), Track("b", np.arange(50.0), np.zeros((50, 2)))]
-    frame, lattice = learn(tracks, no_gaps(tracks), rmse=1.0, effort=1)
-    found = measured(tracks, frame, lattice)
+    grid, grid_walks = learn_map(tracks, no_gaps(tracks), rmse=1.0, effort=1)
+    found = measured(tracks, grid, grid_walks)
     assert found.uncovered == 0
     assert found.rmse <= 1.0
 
 
 @pytest.mark.parametrize("effort", [1, 3])
 def test_the_bytes_do_not_depend_on_where_the_searches_run(town, effort):
-    every = [learn(town, no_gaps(town), rmse=6.0, effort=effort, executor=run) for run in (None, Serial(), Threads(1), Threads(3))]
-    assert len({(frame, encode(lattice)) for frame, lattice in every}) == 1
+    every = [
+        learn_map(town, no_gaps(town), rmse=6.0, effort=effort, executor=run)
+        for run in (None, Serial(), Threads(1), Threads(3))
+    ]
+    assert len({(grid, encode(grid_walks)) for grid, grid_walks in every}) == 1
 
 
 @pytest.mark.parametrize("shift", [(1e9, 1e7), (0.0, -3e6)])
 def test_a_shifted_log_gives_the_same_walks(town, shift):
-    frame, lattice = learn(town, no_gaps(town), rmse=6.0, effort=1)
+    grid, grid_walks = learn_map(town, no_gaps(town), rmse=6.0, effort=1)
     moved = [Track(track.id, track.times + shift[0], track.positions + shift[1]) for track in town]
-    there, same = learn(moved, no_gaps(moved), rmse=6.0, effort=1)
-    assert encode(same) == encode(lattice)
-    assert (there.space, there.time) == (frame.space, frame.time)
-    assert there.epoch - frame.epoch == 1000 * shift[0]
-    assert [a - b for a, b in zip(there.origin, frame.origin, strict=True)] == [1000 * shift[1]] * 2
+    there, same = learn_map(moved, no_gaps(moved), rmse=6.0, effort=1)
+    assert encode(same) == encode(grid_walks)
+    assert (there.space, there.time) == (grid.space, grid.time)
+    assert there.epoch - grid.epoch == 1000 * shift[0]
+    assert [a - b for a, b in zip(there.origin, grid.origin, strict=True)] == [1000 * shift[1]] * 2
 
 
 def test_gaps_are_kept_as_gaps():
@@ -69,35 +77,39 @@ def test_gaps_are_kept_as_gaps():
     times = track.times + 600.0 * (np.arange(1500) >= 700)
     track = Track("a", times, track.positions)
     gap = np.arange(1499) == 699
-    frame, lattice = learn([track], [gap], rmse=0.3, effort=1)
-    assert lattice.walks[0].gaps.sum() == 1
-    assert measured([track], frame, lattice).uncovered == 0
+    grid, grid_walks = learn_map([track], [gap], rmse=0.3, effort=1)
+    assert grid_walks.walks[0].gaps.sum() == 1
+    assert measured([track], grid, grid_walks).uncovered == 0
 
 
 def test_more_effort_never_costs_bytes(town):
-    sizes = [len(encode(learn(town, no_gaps(town), rmse=6.0, effort=effort)[1])) for effort in (1, 4)]
+    sizes = [
+        len(encode(learn_map(town, no_gaps(town), rmse=6.0, effort=effort)[1])) for effort in (1, 4)
+    ]
     assert sizes[1] <= sizes[0]
 
 
 def test_progress_counts_up_to_its_end(town):
     told = []
-    learn(town, no_gaps(town), rmse=6.0, effort=3, progress=lambda done, of: told.append((done, of)))
+    learn_map(
+        town, no_gaps(town), rmse=6.0, effort=3, progress=lambda done, of: told.append((done, of))
+    )
     assert [done for done, _ in told] == list(range(1, told[-1][1] + 1))
     assert len({of for _, of in told}) == 1
 
 
 def test_a_map_needs_a_bound(town):
     with pytest.raises(OptionError, match="bound"):
-        learn(town, no_gaps(town))
+        learn_map(town, no_gaps(town))
 
 
 @pytest.mark.parametrize("rmse", [0.3, 0.6])
 def test_a_log_whose_single_steps_are_far_below_the_error_is_learned(rmse):
     # 13 samples a second at a fifth of a metre a second: noise in disguise, were it not for the way that they add up to
     track = patrol(6000, seed=2)
-    frame, walks = learn([track], [np.zeros(5999, bool)], rmse=rmse, effort=1)
+    grid, walks = learn_map([track], [np.zeros(5999, bool)], rmse=rmse, effort=1)
     assert len(walks.nodes) > 4
-    assert quantum(frame.time) < 60
+    assert step_size(grid.time) < 60
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -106,5 +118,7 @@ def test_under_a_maximum_knots_can_lie_at_samples_of_whole_seconds(seed):
     rng = np.random.default_rng(seed)
     positions = np.cumsum(rng.normal(3.0, 1.0, (400, 2)), axis=0)
     positions[50::60] += 500.0
-    frame, _ = learn([Track("a", np.arange(400.0), positions)], [np.zeros(399, bool)], max_error=7.0, effort=1)
-    assert (1 / quantum(frame.time)).is_integer() or quantum(frame.time).is_integer()
+    grid, _ = learn_map(
+        [Track("a", np.arange(400.0), positions)], [np.zeros(399, bool)], max_error=7.0, effort=1
+    )
+    assert (1 / step_size(grid.time)).is_integer() or step_size(grid.time).is_integer()

@@ -5,9 +5,9 @@ import pytest
 
 import gpszip
 from gpszip import OptionError, Track
-from gpszip.mapping.thinning import thin_out
-from gpszip.mapping.time_grid import lay_slots
-from gpszip.model import Frame
+from gpszip.mapping.thinning import reduce_to_coreset
+from gpszip.mapping.time_grid import build_time_grid
+from gpszip.model import QuantisationGrid
 from gpszip.testing.patrol import patrol
 
 
@@ -21,7 +21,7 @@ def log():
 @pytest.mark.parametrize("size", [1, 30, 2000])
 def test_every_piece_keeps_its_ends_and_all_weight(size):
     tracks, gaps = log()
-    few, flags = thin_out(tracks, gaps, size)
+    few, flags = reduce_to_coreset(tracks, gaps, size)
     for track, gap, thin, flag in zip(tracks, gaps, few, flags, strict=True):
         assert flag.sum() == gap.sum()
         assert thin.id == track.id
@@ -36,11 +36,14 @@ def test_every_piece_keeps_its_ends_and_all_weight(size):
 
 def test_slots_count_weights_in_sixteenths():
     track = Track("a", range(3), np.zeros((3, 2)), [1.0, 2.5, 0.01])
-    slots = lay_slots([track], [np.zeros(2, bool)], Frame((0, 0), 0, 128, 128))
+    slots = build_time_grid([track], [np.zeros(2, bool)], QuantisationGrid((0, 0), 0, 128, 128))
     assert slots.weights.tolist() == [16, 40, 1]
     assert slots.samples == slots.sums[-1, 0] == 57
     plain = Track("b", range(3), np.zeros((3, 2)))
-    assert lay_slots([plain], [np.zeros(2, bool)], Frame((0, 0), 0, 128, 128)).samples == 3
+    assert (
+        build_time_grid([plain], [np.zeros(2, bool)], QuantisationGrid((0, 0), 0, 128, 128)).samples
+        == 3
+    )
 
 
 @pytest.mark.parametrize("bound", [{"rmse": 0.3}, {"max_error": 0.9}])

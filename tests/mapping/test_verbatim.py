@@ -5,21 +5,31 @@ from hypothesis import strategies as st
 
 from gpszip.mapping.verbatim import keep_samples
 from gpszip.model import Track
-from gpszip.walks.quantised import node_positions, walks_of
+from gpszip.walks.quantised import dequantise_walks, node_positions
 from oracle.decoded import position
 
 
-@given(st.integers(0, 10_000), st.integers(1, 30), st.integers(1, 4), st.sampled_from([0.05, 0.5, 5.0, 1e3]))
+@given(
+    st.integers(0, 10_000),
+    st.integers(1, 30),
+    st.integers(1, 4),
+    st.sampled_from([0.05, 0.5, 5.0, 1e3]),
+)
 @settings(max_examples=150)
 def test_no_sample_is_farther_than_the_error(seed, n, dimension, error):
     rng = np.random.default_rng(seed)
     tracks = [
-        Track(str(i), 1.4e9 + np.cumsum(rng.uniform(0.5, 20, n)), np.cumsum(rng.normal(0, 30, (n, dimension)), axis=0)) for i in range(2)
+        Track(
+            str(i),
+            1.4e9 + np.cumsum(rng.uniform(0.5, 20, n)),
+            np.cumsum(rng.normal(0, 30, (n, dimension)), axis=0),
+        )
+        for i in range(2)
     ]
     gaps = [rng.random(n - 1) < 0.2 for _ in tracks]
-    frame, lattice = keep_samples(tracks, gaps, error)
-    nodes = node_positions(lattice, frame)
-    for track, walk in zip(tracks, walks_of(lattice, frame, ["0", "1"]), strict=True):
+    grid, grid_walks = keep_samples(tracks, gaps, error)
+    nodes = node_positions(grid_walks, grid)
+    for track, walk in zip(tracks, dequantise_walks(grid_walks, grid, ["0", "1"]), strict=True):
         for t, p in zip(track.times, track.positions, strict=True):
             found = position(walk.times, nodes[walk.nodes], walk.gaps, t)
             assert found is not None
@@ -28,18 +38,20 @@ def test_no_sample_is_farther_than_the_error(seed, n, dimension, error):
 
 def test_samples_that_round_to_one_place_share_its_node():
     track = Track("a", range(6), [[0.0, 0.0], [9.0, 0.0]] * 3)
-    _, lattice = keep_samples([track], [np.zeros(5, bool)], 0.5)
-    assert lattice.walks[0].nodes.tolist() == [0, 1, 0, 1, 0, 1]
+    _, grid_walks = keep_samples([track], [np.zeros(5, bool)], 0.5)
+    assert grid_walks.walks[0].nodes.tolist() == [0, 1, 0, 1, 0, 1]
 
 
 def test_gaps_stay():
     track = Track("a", [0.0, 1.0, 100.0, 101.0], [[0.0], [1.0], [50.0], [51.0]])
-    _, lattice = keep_samples([track], [np.array([False, True, False])], 0.5)
-    assert lattice.walks[0].gaps.tolist() == [False, True, False]
+    _, grid_walks = keep_samples([track], [np.array([False, True, False])], 0.5)
+    assert grid_walks.walks[0].gaps.tolist() == [False, True, False]
 
 
 @pytest.mark.parametrize("n", [1, 2])
 def test_the_shortest_tracks_are_kept(n):
-    frame, lattice = keep_samples([Track("a", range(n), np.ones((n, 2)))], [np.zeros(n - 1, bool)], 0.1)
-    assert len(lattice.nodes) == 1
-    assert node_positions(lattice, frame) == pytest.approx(np.ones((1, 2)), abs=0.1)
+    grid, grid_walks = keep_samples(
+        [Track("a", range(n), np.ones((n, 2)))], [np.zeros(n - 1, bool)], 0.1
+    )
+    assert len(grid_walks.nodes) == 1
+    assert node_positions(grid_walks, grid) == pytest.approx(np.ones((1, 2)), abs=0.1)

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from gpszip.matching.headings import unit_vectors
+from gpszip.matching.headings import heading_vectors
 from gpszip.matching.live import LiveMatcher
 from gpszip.matching.match import match
 from gpszip.model import Network, Plane, Track
@@ -22,16 +22,32 @@ def one_way_city(n=14):
     streets = [(i * 2 * n + k, i * 2 * n + k + 1) for i in range(n) for k in range(2 * n - 1)]
     avenues = [(i * 2 * n + k, (i + 1) * 2 * n + k) for i in range(n - 1) for k in range(2 * n)]
     pairs = np.array(streets + avenues, np.int32)
-    eastward = np.array([True] * len(streets) + [k % 2 == 0 for _ in range(n - 1) for k in range(2 * n)])
-    westward = np.array([True] * len(streets) + [k % 2 == 1 for _ in range(n - 1) for k in range(2 * n)])
+    eastward = np.array(
+        [True] * len(streets) + [k % 2 == 0 for _ in range(n - 1) for k in range(2 * n)]
+    )
+    westward = np.array(
+        [True] * len(streets) + [k % 2 == 1 for _ in range(n - 1) for k in range(2 * n)]
+    )
     offsets = 2 * np.arange(len(pairs) + 1)
     speeds = np.full(len(pairs), np.nan)
-    return Network(nodes, pairs[:, 0].copy(), pairs[:, 1].copy(), offsets, nodes[pairs.ravel()], eastward, westward, speeds)
+    return Network(
+        nodes,
+        pairs[:, 0].copy(),
+        pairs[:, 1].copy(),
+        offsets,
+        nodes[pairs.ravel()],
+        eastward,
+        westward,
+        speeds,
+    )
 
 
 def drive(city, rng, seconds, speed=8.0):
     """True places, directed roads and headings each second of somebody who seldom turns and never turns round."""
-    heads, tails = np.stack((city.ends, city.starts), 1).ravel(), np.stack((city.starts, city.ends), 1).ravel()
+    heads, tails = (
+        np.stack((city.ends, city.starts), 1).ravel(),
+        np.stack((city.starts, city.ends), 1).ravel(),
+    )
     open_ = np.stack((city.forward, city.backward), 1).ravel()
     road, way = int(rng.choice(np.flatnonzero(open_))), []
     while sum(city.lengths[one >> 1] for one in way) < seconds * speed:
@@ -39,7 +55,10 @@ def drive(city, rng, seconds, speed=8.0):
         outs = np.flatnonzero(open_ & (tails == heads[road]))
         outs = outs[outs != road ^ 1] if (outs != road ^ 1).any() else outs
         ahead = [
-            (city.nodes[heads[one]] - city.nodes[tails[one]]) @ (city.nodes[heads[road]] - city.nodes[tails[road]]) > 0 for one in outs
+            (city.nodes[heads[one]] - city.nodes[tails[one]])
+            @ (city.nodes[heads[road]] - city.nodes[tails[road]])
+            > 0
+            for one in outs
         ]
         road = int(rng.choice(outs, p=np.where(ahead, 2.0, 1.0) / np.where(ahead, 2.0, 1.0).sum()))
     ends = np.cumsum([city.lengths[one >> 1] for one in way])
@@ -61,17 +80,34 @@ def log(period, noise=18.0, seed=5, vehicles=8):
         told[rng.random(len(told)) < 0.05] = rng.uniform(0, 360)
         told[rng.random(len(told)) < 0.1] = np.nan
         times = float(period) * np.arange(len(places))
-        tracks.append(Track(str(name), times, places + rng.normal(0, noise, places.shape), attributes={"heading": told}))
+        tracks.append(
+            Track(
+                str(name),
+                times,
+                places + rng.normal(0, noise, places.shape),
+                attributes={"heading": told},
+            )
+        )
         truth.append(directed)
     return city, tuple(tracks), np.concatenate(truth)
 
 
 def directed(matching):
-    return np.concatenate([np.where(one.edge >= 0, 2 * one.edge + ~one.forward, -1) for one in matching])
+    return np.concatenate(
+        [np.where(one.edge >= 0, 2 * one.edge + ~one.forward, -1) for one in matching]
+    )
 
 
 def with_headings(tracks, change):
-    return [Track(one.id, one.times, one.positions, attributes={"heading": change(one.attributes["heading"])}) for one in tracks]
+    return [
+        Track(
+            one.id,
+            one.times,
+            one.positions,
+            attributes={"heading": change(one.attributes["heading"])},
+        )
+        for one in tracks
+    ]
 
 
 @pytest.mark.parametrize("period", [15, 45])
@@ -80,7 +116,11 @@ def test_headings_tell_streets_apart_that_places_do_not(period):
     without, found = match(tracks, city, heading=math.inf), match(tracks, city)
     wrong, fewer = (np.mean(directed(one) != truth) for one in (without, found))
     assert fewer < 0.75 * wrong
-    assert (without.scales.heading, found.unheeded, without.unheeded) == (math.inf, (), ())
+    assert (without.scales.heading, found.headings_ignored, without.headings_ignored) == (
+        math.inf,
+        (),
+        (),
+    )
     assert 5 < found.scales.heading < 40
 
 
@@ -102,29 +142,33 @@ def test_headings_that_do_not_follow_the_roads_are_left_out(change):
     found = match(with_headings(tracks, change), city)
     np.testing.assert_array_equal(directed(found), directed(match(tracks, city, heading=math.inf)))
     assert found.scales.heading == math.inf
-    assert found.unheeded == tuple(track.id for track in tracks)
+    assert found.headings_ignored == tuple(track.id for track in tracks)
 
 
 def test_one_broken_compass_does_not_harm_the_others():
     city, tracks, truth = log(15)
     broken = with_headings(tracks[:1], lambda heading: np.full_like(heading, 45.0))
     found = match([*broken, *tracks[1:]], city)
-    assert found.unheeded == ("0",)
+    assert found.headings_ignored == ("0",)
     assert found[0].scales.heading == math.inf
-    assert np.mean(directed(found) != truth) < np.mean(directed(match(tracks, city, heading=math.inf)) != truth)
+    assert np.mean(directed(found) != truth) < np.mean(
+        directed(match(tracks, city, heading=math.inf)) != truth
+    )
 
 
 def test_unknown_headings_are_none():
     city, tracks, _ = log(15)
     found = match(with_headings(tracks, lambda heading: np.full_like(heading, np.nan)), city)
-    assert (found.scales.heading, found.unheeded) == (math.inf, ())
+    assert (found.scales.heading, found.headings_ignored) == (math.inf, ())
 
 
 def test_a_spread_is_taken_as_given():
     city, tracks, truth = log(45)
     found = match(tracks, city, heading=20.0)
     assert found.scales.heading == found[3].scales.heading == 20.0
-    assert np.mean(directed(found) != truth) < np.mean(directed(match(tracks, city, heading=math.inf)) != truth)
+    assert np.mean(directed(found) != truth) < np.mean(
+        directed(match(tracks, city, heading=math.inf)) != truth
+    )
 
 
 def test_live_headings_tell_the_road_at_once():
@@ -135,7 +179,12 @@ def test_live_headings_tell_the_road_at_once():
         now = []
         for track in tracks:
             matcher = LiveMatcher(city, scales)
-            for time, place, heading in zip(track.times.tolist(), track.positions, track.attributes["heading"].tolist(), strict=True):
+            for time, place, heading in zip(
+                track.times.tolist(),
+                track.positions,
+                track.attributes["heading"].tolist(),
+                strict=True,
+            ):
                 here = matcher.push(time, place, heading if told else None)
                 now.append(2 * here.edge + (not here.forward) if here.edge >= 0 else -1)
         right.append(np.mean(np.array(now) == truth))
@@ -145,7 +194,7 @@ def test_live_headings_tell_the_road_at_once():
 def test_north_is_where_the_meridians_go():
     plane = Plane(((600_000_000, 100_000_000),))
     east = np.array([[200_000.0, 0.0]])
-    (vector,) = unit_vectors(np.array([0.0]), east, plane)
+    (vector,) = heading_vectors(np.array([0.0]), east, plane)
     from gpszip.geo.planes import to_geographic, to_plane
 
     lat, lon = to_geographic(east, plane)

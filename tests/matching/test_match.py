@@ -21,10 +21,21 @@ def town(blocks=6, block=120.0):
 def network(nodes, pairs, forward=None, backward=None, plane=None):
     nodes, pairs = np.array(nodes, float), np.array(pairs, np.int32).reshape(-1, 2)
     both = np.ones(len(pairs), bool)
-    ways = (both if forward is None else np.array(forward), both if backward is None else np.array(backward))
+    ways = (
+        both if forward is None else np.array(forward),
+        both if backward is None else np.array(backward),
+    )
     offsets = 2 * np.arange(len(pairs) + 1)
     return Network(
-        nodes, pairs[:, 0].copy(), pairs[:, 1].copy(), offsets, nodes[pairs.ravel()], *ways, np.full(len(pairs), np.nan), None, plane
+        nodes,
+        pairs[:, 0].copy(),
+        pairs[:, 1].copy(),
+        offsets,
+        nodes[pairs.ravel()],
+        *ways,
+        np.full(len(pairs), np.nan),
+        None,
+        plane,
     )
 
 
@@ -33,7 +44,9 @@ def along(corners, speed=10.0, period=1.0, noise=0.0, seed=0, name="car"):
     way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1)))
     times = np.arange(0, way[-1] / speed + 1e-9, period)
     places = np.stack([np.interp(speed * times, way, axis) for axis in corners.T], axis=1)
-    return Track(name, times, places + np.random.default_rng(seed).normal(0, 1, places.shape) * noise)
+    return Track(
+        name, times, places + np.random.default_rng(seed).normal(0, 1, places.shape) * noise
+    )
 
 
 # accuracy on drives whose true places are known
@@ -51,29 +64,41 @@ def along(corners, speed=10.0, period=1.0, noise=0.0, seed=0, name="car"):
     ],
 )
 def test_drives_of_a_town_lie_on_their_streets(period, noise, right, off):
-    options = {"vehicles": 6, "period": period, "duration": 3600.0 if period > 5 else 600.0, "seed": 3}
+    options = {
+        "vehicles": 6,
+        "period": period,
+        "duration": 3600.0 if period > 5 else 600.0,
+        "seed": 3,
+    }
     seen, truth = drives(noise=noise, **options), drives(noise=0.0, **options)
     tracks = [Track(name, *one) for name, one in seen.items()]
     streets = town()
     found = match(tracks, streets)
     true = np.concatenate([truth[track.id][1] for track in tracks])
-    places = np.concatenate([one.places(streets) for one in found])
+    places = np.concatenate([one.snapped_positions(streets) for one in found])
     apart = np.linalg.norm(places - true, axis=1)
     assert found.share > 0.99
     assert np.mean(apart < 4 * noise) > right
     assert np.sqrt(np.nanmean(np.minimum(apart, 100.0) ** 2)) < off
-    driven = sum(np.linalg.norm(np.diff(truth[track.id][1], axis=0), axis=1).sum() for track in tracks)
+    driven = sum(
+        np.linalg.norm(np.diff(truth[track.id][1], axis=0), axis=1).sum() for track in tracks
+    )
     if period == 1.0:
-        assert sum(piece.length for one in found for piece in one.pieces) / driven == pytest.approx(1.0, abs=0.03)
+        assert sum(piece.length for one in found for piece in one.pieces) / driven == pytest.approx(
+            1.0, abs=0.03
+        )
 
 
 @pytest.mark.parametrize("noise", [0.5, 3.0, 12.0])
 def test_scales_follow_from_the_log(noise):
-    tracks = [Track(name, *one) for name, one in drives(vehicles=4, duration=900.0, noise=noise, seed=5).items()]
+    tracks = [
+        Track(name, *one)
+        for name, one in drives(vehicles=4, duration=900.0, noise=noise, seed=5).items()
+    ]
     scales = match(tracks, town()).scales
     assert 0.5 * noise < scales.error < 1.5 * noise
     assert scales.beta >= scales.error
-    assert 6 < scales.usual < 20
+    assert 6 < scales.median_speed < 20
 
 
 def test_a_small_world_is_matched_like_a_large_one():
@@ -96,8 +121,14 @@ def test_errors_alike_from_sample_to_sample_make_sigma_larger():
     track = along([(-360, 0), (360, 0), (360, 360), (-360, 360), (-360, 0)] * 2)
     drift = np.cumsum(rng.normal(0, 1.0, (len(track), 2)), axis=0)
     drift -= np.linspace(0, 1, len(track))[:, None] * drift[-1]
-    slow = match(Track("slow", track.times, track.positions + drift * 5 / drift.std()), town(), gap=math.inf).scales
-    quick = match(Track("quick", track.times, track.positions + rng.normal(0, 5, drift.shape)), town(), gap=math.inf).scales
+    slow = match(
+        Track("slow", track.times, track.positions + drift * 5 / drift.std()), town(), gap=math.inf
+    ).scales
+    quick = match(
+        Track("quick", track.times, track.positions + rng.normal(0, 5, drift.shape)),
+        town(),
+        gap=math.inf,
+    ).scales
     assert slow.sigma / slow.error > 2 * quick.sigma / quick.error
 
 
@@ -109,7 +140,12 @@ def test_route_and_places_agree():
     track = along([(-360, -360), (0, -360), (0, 0), (240, 0)], noise=3.0)
     found = match(track, streets)[0]
     (piece,) = found.pieces
-    assert (piece.first, piece.last, piece.reason, found.breaks) == (0, len(found) - 1, "end of track", ())
+    assert (piece.first, piece.last, piece.reason, found.breaks) == (
+        0,
+        len(found) - 1,
+        "end of track",
+        (),
+    )
     assert (np.diff(found.along) >= 0).all()
     assert found.along[0] == 0
     assert found.along[-1] == pytest.approx(piece.length)
@@ -117,11 +153,20 @@ def test_route_and_places_agree():
     assert steps.sum() == pytest.approx(piece.length)
     np.testing.assert_array_equal(piece.route.edges[found.leg], found.edge)
     np.testing.assert_array_equal(piece.route.forward[found.leg], found.forward)
-    np.testing.assert_allclose(np.linalg.norm(found.places(streets) - track.positions, axis=1), found.distance, atol=1e-6)
-    on_line = np.stack([np.interp(found.along, np.append(0.0, np.cumsum(steps)), axis) for axis in piece.line.T], axis=1)
-    np.testing.assert_allclose(on_line, found.places(streets), atol=1e-6)
+    np.testing.assert_allclose(
+        np.linalg.norm(found.snapped_positions(streets) - track.positions, axis=1),
+        found.distance,
+        atol=1e-6,
+    )
+    on_line = np.stack(
+        [np.interp(found.along, np.append(0.0, np.cumsum(steps)), axis) for axis in piece.line.T],
+        axis=1,
+    )
+    np.testing.assert_allclose(on_line, found.snapped_positions(streets), atol=1e-6)
     ends = piece.route.end[:-1]
-    np.testing.assert_allclose(np.where(piece.route.forward[:-1], streets.lengths[piece.route.edges[:-1]], 0.0), ends)
+    np.testing.assert_allclose(
+        np.where(piece.route.forward[:-1], streets.lengths[piece.route.edges[:-1]], 0.0), ends
+    )
     assert (found.confidence > 0.5).mean() > 0.9
     assert piece.confidence == pytest.approx(found.confidence.mean())
 
@@ -149,7 +194,9 @@ def test_one_way_streets_are_driven_one_way():
     nodes = [(0, 0), (500, 0), (0, 20), (500, 20), (-100, 10), (600, 10)]
     pairs = [(0, 1), (3, 2), (4, 0), (1, 5), (5, 3), (2, 4)]
     streets = network(nodes, pairs, backward=[False] * 6)
-    east = Track("east", np.arange(0, 70.0), np.stack([np.linspace(-90, 590, 70), np.full(70, 13.0)], axis=1))
+    east = Track(
+        "east", np.arange(0, 70.0), np.stack([np.linspace(-90, 590, 70), np.full(70, 13.0)], axis=1)
+    )
     assert set(match(east, streets, sigma=12.0)[0].edge.tolist()) == {2, 0, 3}
     both = network(nodes, pairs)
     assert 1 in match(east, both, sigma=12.0)[0].edge
@@ -165,7 +212,9 @@ def test_a_silence_breaks_and_matching_goes_on():
     assert [(one.after, one.before, one.reason) for one in found.breaks] == [(19, 20, "gap")]
     assert [piece.reason for piece in found.pieces] == ["gap", "end of track"]
     assert [piece.length for piece in found.pieces] == pytest.approx([190, 210], abs=12)
-    (whole,) = match(Track("car", track.times[kept], track.positions[kept]), town(), gap=math.inf)[0].pieces
+    (whole,) = match(Track("car", track.times[kept], track.positions[kept]), town(), gap=math.inf)[
+        0
+    ].pieces
     assert whole.length == pytest.approx(720, abs=12)
 
 
@@ -190,7 +239,10 @@ def test_disconnected_roads_break_the_route():
 
 
 def test_a_far_detour_breaks_the_route():
-    roads = network([(0, 0), (400, 0), (400, 800), (408, 800), (408, 0), (800, 0)], [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5)])
+    roads = network(
+        [(0, 0), (400, 0), (400, 800), (408, 800), (408, 0), (800, 0)],
+        [(0, 1), (1, 2), (2, 3), (3, 4), (4, 5)],
+    )
     found = match(along([(10, 1), (790, 1)], noise=1.0), roads)[0]
     assert [one.reason for one in found.breaks] == ["detour"]
     assert sum(piece.length for piece in found.pieces) == pytest.approx(760, abs=30)
@@ -234,7 +286,10 @@ def moved(track, samples, metres):
 def test_samples_that_leap_away_and_back_are_on_no_road_and_the_piece_goes_on(run):
     track = drive_beside()
     far = np.arange(12, 12 + run)
-    found, alone = match(moved(track, far, [90_000.0, 50_000.0]), town())[0], match(track, town())[0]
+    found, alone = (
+        match(moved(track, far, [90_000.0, 50_000.0]), town())[0],
+        match(track, town())[0],
+    )
     assert [(one.after, one.before, one.reason) for one in found.breaks] == [(11, 12 + run, "leap")]
     assert np.flatnonzero(found.piece < 0).tolist() == far.tolist()
     assert (found.confidence[far] == 0).all()
@@ -245,7 +300,9 @@ def test_samples_that_leap_away_and_back_are_on_no_road_and_the_piece_goes_on(ru
     assert [(one.first, one.last) for one in found.pieces] == [(0, len(track) - 1)]
 
 
-@pytest.mark.parametrize("far", [[0], [29], [10, 11, 12, 13, 14, 15], [0, 1, 20, 21, 22, 23, 24, 25]])
+@pytest.mark.parametrize(
+    "far", [[0], [29], [10, 11, 12, 13, 14, 15], [0, 1, 20, 21, 22, 23, 24, 25]]
+)
 def test_a_short_log_that_is_elsewhere_for_a_while_is_matched_for_the_rest(far):
     track = drive_beside()
     found = match(moved(track, far, [90_000.0, 50_000.0]), town(), gap=math.inf)[0]
@@ -259,15 +316,24 @@ def test_leaps_shift_the_samples_of_breaks_behind_them():
     times[20:] += 900
     torn = Track("car", times, moved(track, [5, 9], [90_000.0, 50_000.0]).positions)
     found = match(torn, town(), gap=60.0)[0]
-    assert [(one.after, one.before, one.reason) for one in found.breaks] == [(4, 6, "leap"), (8, 10, "leap"), (19, 20, "gap")]
-    assert [(one.first, one.last, one.reason) for one in found.pieces] == [(0, 19, "gap"), (20, 29, "end of track")]
+    assert [(one.after, one.before, one.reason) for one in found.breaks] == [
+        (4, 6, "leap"),
+        (8, 10, "leap"),
+        (19, 20, "gap"),
+    ]
+    assert [(one.first, one.last, one.reason) for one in found.pieces] == [
+        (0, 19, "gap"),
+        (20, 29, "end of track"),
+    ]
 
 
 def test_a_leap_in_a_break_is_no_break_of_its_own():
     track = drive_beside()
     away = moved(track, np.arange(10, 20), [0.0, 20_000.0])
     found = match(moved(away, [14], [90_000.0, 0.0]), town(), gap=math.inf)[0]
-    assert [(one.after, one.before, one.reason) for one in found.breaks] == [(9, 20, "no road near")]
+    assert [(one.after, one.before, one.reason) for one in found.breaks] == [
+        (9, 20, "no road near")
+    ]
 
 
 # bad input
@@ -308,7 +374,11 @@ def test_roads_without_length_and_twice_do_no_harm():
 
 @pytest.mark.parametrize("samples", [1, 2, 3])
 def test_short_tracks(samples):
-    track = Track("short", np.arange(samples), np.stack([5.0 * np.arange(samples) + 7, np.ones(samples)], axis=1))
+    track = Track(
+        "short",
+        np.arange(samples),
+        np.stack([5.0 * np.arange(samples) + 7, np.ones(samples)], axis=1),
+    )
     found = match(track, town())[0]
     assert found.share == 1.0
     assert len(found.pieces) == 1
@@ -327,19 +397,32 @@ def test_other_dimensions(dimension):
     line = np.zeros((2, dimension))
     line[1, 0] = 300.0
     one = np.ones(1, bool)
-    road = Network(line, np.zeros(1, np.int32), np.ones(1, np.int32), np.array([0, 2]), line, one, one, np.full(1, np.nan))
+    road = Network(
+        line,
+        np.zeros(1, np.int32),
+        np.ones(1, np.int32),
+        np.array([0, 2]),
+        line,
+        one,
+        one,
+        np.full(1, np.nan),
+    )
     places = np.zeros((28, dimension))
     places[:, 0] = np.linspace(10, 280, 28)
     found = match(Track("lift", np.arange(28.0), places), road)[0]
     np.testing.assert_allclose(found.offset, places[:, 0])
     if dimension == 3:  # another floor is far
         high = Track("high", np.arange(28.0), places + np.array([0, 0, 5.0]))
-        assert match([Track("lift", np.arange(28.0), places), high], road, sigma=0.1)[1].share == 0.0
+        assert (
+            match([Track("lift", np.arange(28.0), places), high], road, sigma=0.1)[1].share == 0.0
+        )
         assert match(Track("flat", np.arange(28.0), places[:, :2]), road)[0].share == 1.0
 
 
 def test_tracks_are_matched_as_one_log_and_stay_apart():
-    tracks = [along([(-360, y), (360, y)], noise=2.0, seed=y + 240, name=str(y)) for y in (-240, 0, 240)]
+    tracks = [
+        along([(-360, y), (360, y)], noise=2.0, seed=y + 240, name=str(y)) for y in (-240, 0, 240)
+    ]
     together = match(tracks, town())
     assert [one.track for one in together] == ["-240", "0", "240"]
     assert together.points == sum(map(len, tracks))
@@ -350,5 +433,9 @@ def test_tracks_are_matched_as_one_log_and_stay_apart():
 
 def test_progress_is_told():
     told = []
-    match([along([(0, 0), (100, 0)], name="a"), along([(0, 0), (300, 0)], name="b")], town(), progress=told.append)
+    match(
+        [along([(0, 0), (100, 0)], name="a"), along([(0, 0), (300, 0)], name="b")],
+        town(),
+        progress=told.append,
+    )
     assert told == pytest.approx([11 / 42, 1.0])

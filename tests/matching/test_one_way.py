@@ -17,10 +17,22 @@ BLOCK, BLOCKS = 100.0, 6
 def network(nodes, pairs, forward=None, backward=None, names=None):
     nodes, pairs = np.array(nodes, float), np.array(pairs, np.int32).reshape(-1, 2)
     both = np.ones(len(pairs), bool)
-    ways = (both if forward is None else np.array(forward), both if backward is None else np.array(backward))
+    ways = (
+        both if forward is None else np.array(forward),
+        both if backward is None else np.array(backward),
+    )
     offsets = 2 * np.arange(len(pairs) + 1)
     speeds = np.full(len(pairs), np.nan)
-    return Network(nodes, pairs[:, 0].copy(), pairs[:, 1].copy(), offsets, nodes[pairs.ravel()], *ways, speeds, names=names)
+    return Network(
+        nodes,
+        pairs[:, 0].copy(),
+        pairs[:, 1].copy(),
+        offsets,
+        nodes[pairs.ravel()],
+        *ways,
+        speeds,
+        names=names,
+    )
 
 
 def along(corners, speed=10.0, period=1.0, noise=0.0, seed=0):
@@ -28,7 +40,9 @@ def along(corners, speed=10.0, period=1.0, noise=0.0, seed=0):
     way = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1)))
     times = np.arange(0, way[-1] / speed + 1e-9, period)
     places = np.stack([np.interp(speed * times, way, axis) for axis in corners.T], axis=1)
-    return Track("car", times, places + np.random.default_rng(seed).normal(0, 1, places.shape) * noise)
+    return Track(
+        "car", times, places + np.random.default_rng(seed).normal(0, 1, places.shape) * noise
+    )
 
 
 def town():
@@ -49,14 +63,22 @@ def lane(forward=True):
 
 
 @pytest.mark.parametrize("forward", [True, False])
-@pytest.mark.parametrize(("noise", "speed", "period"), [(0.0, 10, 2), (5.0, 10, 1), (5.0, 1.4, 1), (5.0, 10, 10)])
+@pytest.mark.parametrize(
+    ("noise", "speed", "period"), [(0.0, 10, 2), (5.0, 10, 1), (5.0, 1.4, 1), (5.0, 10, 10)]
+)
 def test_a_log_against_a_road_is_on_no_road(forward, noise, speed, period):
     road = lane(forward)
     track = along([(1000, 0), (0, 0)], speed, period, noise)
     found = match(track, road)
     (one,) = found[0].breaks
     assert (found.share, found[0].pieces, found.unmatched) == (0.0, (), {"one-way": len(track)})
-    assert (one.after, one.before, one.reason, one.edges, found.against) == (-1, len(track), "one-way", (0,), (0,))
+    assert (one.after, one.before, one.reason, one.edges, found.wrong_way) == (
+        -1,
+        len(track),
+        "one-way",
+        (0,),
+        (0,),
+    )
     assert road.label(one.edges[0]) == "Main St"
     assert np.isnan(found[0].offset).all()
     walked = match(track, road, ignore_oneway=True)
@@ -94,7 +116,9 @@ def test_who_turns_round_leaves_the_road_where_he_may_not():
 @pytest.mark.parametrize("noise", [3.0, 8.0])
 def test_carriageways_of_one_way_each_are_told_apart(noise):
     nodes = [(0, 0), (2000, 0), (0, 15), (2000, 15), (-300, 0), (-300, 15)]
-    dual = network(nodes, [(4, 0), (0, 1), (3, 2), (1, 3), (2, 5)], backward=[False, False, False, True, False])
+    dual = network(
+        nodes, [(4, 0), (0, 1), (3, 2), (1, 3), (2, 5)], backward=[False, False, False, True, False]
+    )
     track = along([(-300, 0), (2000, 0), (2000, 15), (-300, 15)], speed=20, noise=noise)
     found = match(track, dual)
     assert (found.share, found.breaks) == (1.0, {})
@@ -116,10 +140,18 @@ def test_legal_drives_of_one_way_towns_and_roundabouts_are_matched():
 
 
 def test_a_gap_over_a_road_that_leads_the_other_way_is_named():
-    road = network([(0, 0), (400, 0), (600, 0), (1000, 0)], [(0, 1), (1, 2), (2, 3)], backward=[True, False, True])
+    road = network(
+        [(0, 0), (400, 0), (600, 0), (1000, 0)],
+        [(0, 1), (1, 2), (2, 3)],
+        backward=[True, False, True],
+    )
     track = along([(1000, 0), (600, 0)], period=1)
     rest = along([(400, 0), (0, 0)], period=1)
-    both = Track("car", np.append(track.times, rest.times + 60), np.concatenate((track.positions, rest.positions)))
+    both = Track(
+        "car",
+        np.append(track.times, rest.times + 60),
+        np.concatenate((track.positions, rest.positions)),
+    )
     found = match(both, road)[0]
     (one,) = found.breaks
     assert (one.reason, one.edges, found.unmatched) == ("one-way", (1,), {})
@@ -132,7 +164,9 @@ def test_samples_that_move_are_not_said_to_be_at_one_place():
     for piece in match(beside, road)[0].pieces:
         moved = np.ptp(beside.positions[piece.first : piece.last + 1], axis=0).max()
         assert piece.length > 0.1 * moved or moved < 20
-    parked = Track("parked", np.arange(60.0), np.random.default_rng(1).normal((15, 2), 1.0, (60, 2)))
+    parked = Track(
+        "parked", np.arange(60.0), np.random.default_rng(1).normal((15, 2), 1.0, (60, 2))
+    )
     found = match(parked, road)
     assert (found.share, len(found[0].pieces)) == (1.0, 1)
 
@@ -151,7 +185,10 @@ def test_shapes_are_matched_without_times():
 
 def test_gaps_are_filled_over_one_way_roads_for_those_who_walk():
     track = along([(1000, 0), (0, 0)], speed=5)
-    torn = Track("walker", *(np.delete(values, np.s_[60:140], axis=0) for values in (track.times, track.positions)))
+    torn = Track(
+        "walker",
+        *(np.delete(values, np.s_[60:140], axis=0) for values in (track.times, track.positions)),
+    )
     assert patch(torn, lane(), gap=30.0).filled == 0
     walked = patch(torn, lane(), gap=30.0, ignore_oneway=True)
     assert (walked.filled, len(walked.to_tracks()[0])) == (1, len(track))

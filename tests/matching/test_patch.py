@@ -21,7 +21,14 @@ def grid(size=8, block=100.0, speeds=None):
             given[[i for i, (a, _) in enumerate(across) if a % size == street]] = speed
     both = np.ones(len(roads), bool)
     return Network(
-        nodes, roads[:, 0].copy(), roads[:, 1].copy(), np.arange(0, 2 * len(roads) + 1, 2), nodes[roads.ravel()], both, both, given
+        nodes,
+        roads[:, 0].copy(),
+        roads[:, 1].copy(),
+        np.arange(0, 2 * len(roads) + 1, 2),
+        nodes[roads.ravel()],
+        both,
+        both,
+        given,
     )
 
 
@@ -92,9 +99,22 @@ def test_quick_roads_are_taken():
 def test_one_way_roads_are_respected():
     network = grid()
     forward, backward = network.forward.copy(), network.backward.copy()
-    street = [i for i in range(len(network)) if network.points[2 * i, 1] == network.points[2 * i + 1, 1] == 0]
+    street = [
+        i
+        for i in range(len(network))
+        if network.points[2 * i, 1] == network.points[2 * i + 1, 1] == 0
+    ]
     forward[street] = False
-    closed = Network(network.nodes, network.starts, network.ends, network.offsets, network.points, forward, backward, network.speeds)
+    closed = Network(
+        network.nodes,
+        network.starts,
+        network.ends,
+        network.offsets,
+        network.points,
+        forward,
+        backward,
+        network.speeds,
+    )
     times, _, seen = drive([(100, 0), (100, 100), (600, 100), (600, 0)])
     found = patch(torn(times, seen, 6.0, 65.0), closed, gap=20.0).patches[0]
     assert np.median(found.positions[:, 1]) == pytest.approx(100, abs=1)
@@ -145,7 +165,14 @@ def test_no_way_leads_there():
     nodes = np.array([(0.0, 0.0), (500.0, 0.0), (700.0, 0.0), (1200.0, 0.0)])
     both = np.ones(2, bool)
     network = Network(
-        nodes, np.array([0, 2], np.int32), np.array([1, 3], np.int32), np.array([0, 2, 4]), nodes, both, both, np.full(2, np.nan)
+        nodes,
+        np.array([0, 2], np.int32),
+        np.array([1, 3], np.int32),
+        np.array([0, 2, 4]),
+        nodes,
+        both,
+        both,
+        np.full(2, np.nan),
     )
     times, _, seen = drive([(0, 0), (1200, 0)])
     found = patch(torn(times, seen, 40.0, 80.0), network, gap=20.0)

@@ -5,7 +5,7 @@ import pytest
 
 from gpszip.matching.match import match
 from gpszip.matching.patch import patch
-from gpszip.matching.speeds import habits_of
+from gpszip.matching.speeds import measure_motion
 from gpszip.model import Network, Track
 
 BLOCK, SIDE, SPEED = 120.0, 11, 12.0
@@ -20,7 +20,16 @@ def town():
     roads = np.array([*pairs, (2 * n + 3, 9 * n + 8)], np.int32)
     both = np.ones(len(roads), bool)
     offsets = 2 * np.arange(len(roads) + 1)
-    return Network(nodes, roads[:, 0].copy(), roads[:, 1].copy(), offsets, nodes[roads.ravel()], both, both, np.full(len(roads), np.nan))
+    return Network(
+        nodes,
+        roads[:, 0].copy(),
+        roads[:, 1].copy(),
+        offsets,
+        nodes[roads.ravel()],
+        both,
+        both,
+        np.full(len(roads), np.nan),
+    )
 
 
 def drive(period, noise, jump, seed=1):
@@ -31,7 +40,10 @@ def drive(period, noise, jump, seed=1):
     places = np.stack([np.interp(SPEED * times, along, axis) for axis in corners.T], axis=1)
     begin, end = along[2] / SPEED, along[3] / SPEED
     seen = places + np.random.default_rng(seed).normal(0, noise, places.shape)
-    seen += np.where(times > end, jump * np.exp(-np.maximum(times - end, 0) / 8), 0.0)[:, None] * [0.8, -0.6]
+    seen += np.where(times > end, jump * np.exp(-np.maximum(times - end, 0) / 8), 0.0)[:, None] * [
+        0.8,
+        -0.6,
+    ]
     kept = ((times < begin) | (times > end)) & (times % period == 0)
     return times, places, Track("car", times[kept], seen[kept])
 
@@ -53,7 +65,9 @@ def test_a_tunnel_does_not_break_the_route(period, noise, jump):
 def test_silences_of_many_minutes_break_the_route():
     _, _, track = drive(1.0, 3.0, 0.0)
     late = track.times + np.where(track.times > 60, 300.0, 0.0)
-    assert [one.reason for one in match(Track("car", late, track.positions), town())[0].breaks] == ["gap"]
+    assert [one.reason for one in match(Track("car", late, track.positions), town())[0].breaks] == [
+        "gap"
+    ]
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -69,4 +83,4 @@ def test_a_tunnel_is_filled_in(noise, jump, seed):
 @pytest.mark.parametrize("noise", [0.0, 3.0, 8.0])
 def test_noise_is_no_speed(noise):
     _, _, track = drive(1.0, noise, 0.0)
-    assert habits_of([track], 30.0).usual == pytest.approx(SPEED, rel=0.25)
+    assert measure_motion([track], 30.0).mean_speed == pytest.approx(SPEED, rel=0.25)

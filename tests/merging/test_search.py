@@ -7,13 +7,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from gpszip.archive import new_archive, open_archive, promising
+from gpszip.archive import new_archive, open_archive, with_error_bound
 from gpszip.errors import BoundError, OptionError
-from gpszip.geo.common_plane import lay_together
+from gpszip.geo.common_plane import to_common_plane
 from gpszip.geo.planes import choose_plane, to_geographic, to_plane
-from gpszip.model import Frame, LatticeWalk, LatticeWalks, Options, Plane, Track
+from gpszip.model import GridWalk, GridWalks, Options, Plane, QuantisationGrid, Track
+from gpszip.model.error_bound import rounded_bound
 from gpszip.model.merge_options import MergeOptions
-from gpszip.model.promise import promise_of
 from gpszip.pipeline.compress import compress
 from gpszip.pipeline.merge import merge
 from gpszip.run import Serial, Threads
@@ -21,9 +21,21 @@ from gpszip.testing.city import drives
 
 
 def town(vehicles=6, seed=3, start=0.0):
-    logs = drives(6, vehicles=vehicles, period=15.0, duration=900.0, seed=seed, noise=4.0, block=120.0, speed=9.0)
+    logs = drives(
+        6,
+        vehicles=vehicles,
+        period=15.0,
+        duration=900.0,
+        seed=seed,
+        noise=4.0,
+        block=120.0,
+        speed=9.0,
+    )
     pairs = logs.values() if isinstance(logs, dict) else logs
-    return [Track(f"bus {i}", start + np.asarray(times), np.asarray(places)) for i, (times, places) in enumerate(pairs)]
+    return [
+        Track(f"bus {i}", start + np.asarray(times), np.asarray(places))
+        for i, (times, places) in enumerate(pairs)
+    ]
 
 
 @pytest.fixture(scope="module")
@@ -46,34 +58,44 @@ def farthest(before, after, names=None):
             low, high = walk.times[first], walk.times[end - 1]
             if walk.spans is not None:
                 low, high = np.clip(walk.spans[np.searchsorted(walk.spans[:, 1], low)], low, high)
-            when = np.union1d(np.linspace(low, high, 2000), np.concatenate([walk.times[first:end], new.times]))
+            when = np.union1d(
+                np.linspace(low, high, 2000), np.concatenate([walk.times[first:end], new.times])
+            )
             when = when[(when >= low) & (when <= high)]
-            there = before.position(name, when, geographic=before.frame.plane is not None)
-            here = after.position(new.id, when, geographic=after.frame.plane is not None)
+            there = before.position(name, when, geographic=before.grid.plane is not None)
+            here = after.position(new.id, when, geographic=after.grid.plane is not None)
             assert not np.isnan(here).any()
-            if before.frame.plane is not None:
-                plane = before.frame.plane
+            if before.grid.plane is not None:
+                plane = before.grid.plane
                 there, here = to_plane(*there.T, plane), to_plane(*here.T, plane)
             worst = max(worst, float(np.linalg.norm(here - there, axis=1).max()))
     return worst
 
 
 def rmse(archive, tracks):
-    squares = [((archive.position(track.id, track.times) - track.positions) ** 2).sum(axis=1) for track in tracks]
+    squares = [
+        ((archive.position(track.id, track.times) - track.positions) ** 2).sum(axis=1)
+        for track in tracks
+    ]
     return math.sqrt(np.concatenate(squares).mean())
 
 
 def test_two_archives_become_one_smaller_than_both_with_all_tracks(logs, fleets):
     made, report = merge(fleets[:2])
-    assert made.tracks == ("bus 0", "bus 1", "bus 2", "bus 3")
-    assert len(made.to_bytes()) == report.bytes_out < report.bytes_in == sum(len(one.to_bytes()) for one in fleets[:2])
+    assert made.ids == ("bus 0", "bus 1", "bus 2", "bus 3")
+    assert (
+        len(made.to_bytes())
+        == report.bytes_out
+        < report.bytes_in
+        == sum(len(one.to_bytes()) for one in fleets[:2])
+    )
     assert max(len(one.road_map.nodes) for one in fleets[:2]) < report.nodes_in
     assert report.nodes < report.nodes_in
     for archive, moved in zip(fleets, report.deviations, strict=False):
         assert moved.rms <= 5.0 == report.limit
         assert farthest(archive, made) <= moved.maximum * (1 + 1e-9)
-    assert made.promise.metres <= 10.0
-    assert rmse(made, logs[:4]) <= made.promise.metres
+    assert made.error_bound.metres <= 10.0
+    assert rmse(made, logs[:4]) <= made.error_bound.metres
 
 
 @pytest.mark.parametrize("limit", [2.5, 6.0])
@@ -87,10 +109,12 @@ def test_a_promised_maximum_is_added_to(logs):
     fleets = [compress(logs[i : i + 2], Options(max_error=12.0, effort=1))[0] for i in (0, 2)]
     made, report = merge(fleets)
     assert report.limits_maximum
-    assert made.promise.maximum
-    assert made.promise.metres <= 24.1
-    worst = max(np.linalg.norm(made.position(t.id, t.times) - t.positions, axis=1).max() for t in logs[:4])
-    assert worst <= made.promise.metres
+    assert made.error_bound.maximum
+    assert made.error_bound.metres <= 24.1
+    worst = max(
+        np.linalg.norm(made.position(t.id, t.times) - t.positions, axis=1).max() for t in logs[:4]
+    )
+    assert worst <= made.error_bound.metres
     assert max(farthest(archive, made) for archive in fleets) <= 12.0
 
 
@@ -99,15 +123,20 @@ def test_a_maximum_and_a_mean_together_promise_a_mean(logs, fleets):
     made, report = merge([fleets[0], other])
     assert report.limits_maximum
     assert report.limit == 5.0
-    assert not made.promise.maximum
-    assert rmse(made, logs[:4]) <= made.promise.metres <= 17.1
+    assert not made.error_bound.maximum
+    assert rmse(made, logs[:4]) <= made.error_bound.metres <= 17.1
 
 
 def carriers():
     """Three archives of two vehicles each that tell where they are every second."""
-    logs = drives(6, vehicles=6, period=1.0, duration=200.0, seed=5, noise=4.0, block=120.0, speed=9.0)
+    logs = drives(
+        6, vehicles=6, period=1.0, duration=200.0, seed=5, noise=4.0, block=120.0, speed=9.0
+    )
     pairs = logs.values() if isinstance(logs, dict) else logs
-    tracks = [Track(f"bus {i}", np.asarray(times), np.asarray(places)) for i, (times, places) in enumerate(pairs)]
+    tracks = [
+        Track(f"bus {i}", np.asarray(times), np.asarray(places))
+        for i, (times, places) in enumerate(pairs)
+    ]
     return [compress(tracks[i::3], Options(rmse=8.0, effort=1))[0] for i in range(3)]
 
 
@@ -116,28 +145,39 @@ def test_the_order_of_merging_hardly_changes_the_size(fleets, many):
     one, two, three = archives = carriers() if many else fleets
     option = MergeOptions(deviation=8.0 if many else 5.0)
     inner = [merge(pair, option)[0] for pair in ((one, two), (two, three), (three, one))]
-    sizes = [len(merge(pair, option)[0].to_bytes()) for pair in ((inner[0], three), (one, inner[1]), (inner[2], two), archives)]
+    sizes = [
+        len(merge(pair, option)[0].to_bytes())
+        for pair in ((inner[0], three), (one, inner[1]), (inner[2], two), archives)
+    ]
     assert max(sizes) <= 1.05 * min(sizes)
 
 
 def test_archives_remember_what_was_promised_before_any_merge(fleets):
     both, _ = merge(fleets[:2])
     made, report = merge([both, fleets[2]])
-    assert both.promise.before == made.promise.before == report.limit == 5.0
-    assert both.promise.metres < made.promise.metres <= 1.05 * (both.promise.metres + 5.0)
+    assert both.error_bound.before == made.error_bound.before == report.limit == 5.0
+    assert (
+        both.error_bound.metres < made.error_bound.metres <= 1.05 * (both.error_bound.metres + 5.0)
+    )
     moved, fresh = report.deviations
     assert moved.rms <= 0.76 * 5.0 < 5.0 >= fresh.rms
 
 
 def test_bytes_do_not_depend_on_where_the_work_is_done(fleets):
-    assert merge(fleets, executor=Serial())[0].to_bytes() == merge(fleets, executor=Threads(2))[0].to_bytes()
+    assert (
+        merge(fleets, executor=Serial())[0].to_bytes()
+        == merge(fleets, executor=Threads(2))[0].to_bytes()
+    )
 
 
 def test_gaps_stay_gaps():
-    walk = LatticeWalk(np.array([0, 1, 1, 0], np.int32), np.array([0, 30, 34, 60]), np.array([False, True, False]))
-    frames = [Frame((0, 0), 0, 128, 128), Frame((300, 700), 350, 128, 131)]
+    walk = GridWalk(
+        np.array([0, 1, 1, 0], np.int32), np.array([0, 30, 34, 60]), np.array([False, True, False])
+    )
+    frames = [QuantisationGrid((0, 0), 0, 128, 128), QuantisationGrid((300, 700), 350, 128, 131)]
     parts = [
-        new_archive(frame, [name], LatticeWalks(np.array([[0, 0], [90, 0]]), (walk,))) for frame, name in zip(frames, "ab", strict=True)
+        new_archive(grid, [name], GridWalks(np.array([[0, 0], [90, 0]]), (walk,)))
+        for grid, name in zip(frames, "ab", strict=True)
     ]
     made, report = merge(parts, MergeOptions(deviation=3.0))
     assert [int(one.gaps.sum()) for one in made.walks] == [1, 1]
@@ -146,9 +186,15 @@ def test_gaps_stay_gaps():
 
 
 def test_frames_with_other_quanta_and_zeros_go_together(logs):
-    shifted = [Track(f"far {track.id}", track.times + 0.37, track.positions + np.array([0.21, -0.4])) for track in logs[2:4]]
-    parts = [compress(logs[:2], Options(rmse=5.0, effort=1))[0], compress(shifted, Options(rmse=2.0, effort=1))[0]]
-    assert parts[0].frame.space != parts[1].frame.space
+    shifted = [
+        Track(f"far {track.id}", track.times + 0.37, track.positions + np.array([0.21, -0.4]))
+        for track in logs[2:4]
+    ]
+    parts = [
+        compress(logs[:2], Options(rmse=5.0, effort=1))[0],
+        compress(shifted, Options(rmse=2.0, effort=1))[0],
+    ]
+    assert parts[0].grid.space != parts[1].grid.space
     made, report = merge(parts)
     assert report.limit == 2.0
     assert all(moved.rms <= 2.0 for moved in report.deviations)
@@ -167,14 +213,14 @@ def test_archives_on_different_planes_share_one_or_lie_side_by_side(logs, lat, l
     near = on_earth(logs[0], 48.0, 11.0)
     far = on_earth(logs[1], lat, lon)
     parts = [compress([track], Options(rmse=5.0, effort=1))[0] for track in (near, far)]
-    assert parts[0].frame.plane != parts[1].frame.plane
+    assert parts[0].grid.plane != parts[1].grid.plane
     made, report = merge(parts)
-    assert len(made.frame.plane.centers) == (2 if lat < 0 else 1)
+    assert len(made.grid.plane.centers) == (2 if lat < 0 else 1)
     for archive, moved in zip(parts, report.deviations, strict=True):
         assert farthest(archive, made) <= moved.maximum * 1.003 + 0.1
     found = made.position(far.id, far.times, geographic=True)
     away = to_plane(*found.T, far.plane) - far.positions
-    assert math.sqrt((away**2).sum(axis=1).mean()) <= made.promise.metres <= 1.05 * 10.1
+    assert math.sqrt((away**2).sum(axis=1).mean()) <= made.error_bound.metres <= 1.05 * 10.1
 
 
 def test_pieces_keep_to_one_plane_and_what_stays_is_not_changed():
@@ -182,12 +228,14 @@ def test_pieces_keep_to_one_plane_and_what_stays_is_not_changed():
     one = np.array([[0.0, 0.0], [10.0, 5.0], [7.0, 7.0]])
     two = np.array([[-290_000.0, 0.0], [0.0, 0.0], [250_000.0, 3.0], [250_010.0, 3.0]])
     starts = [np.array([0]), np.array([0, 2])]
-    plane, (first, second), moved = lay_together([here, there], [one, two], starts)
+    plane, (first, second), moved = to_common_plane([here, there], [one, two], starts)
     assert plane.centers[0] == there.centers[0]  # the largest log's
     np.testing.assert_array_equal(second, two)
     assert moved[0].all()
     assert not moved[1].any()
-    np.testing.assert_allclose(np.stack(to_geographic(first, plane)), np.stack(to_geographic(one, here)), atol=1e-9)
+    np.testing.assert_allclose(
+        np.stack(to_geographic(first, plane)), np.stack(to_geographic(one, here)), atol=1e-9
+    )
 
 
 def test_kept_columns_are_carried_over(logs):
@@ -215,18 +263,23 @@ def test_kept_columns_are_carried_over(logs):
 
 def test_tracks_of_one_name_are_refused_renamed_or_joined():
     morning, evening = town(1)[0], town(1, seed=4, start=40_000.0)[0]
-    parts = [compress([replace(track, id="bus")], Options(rmse=5.0, effort=1))[0] for track in (morning, evening)]
+    parts = [
+        compress([replace(track, id="bus")], Options(rmse=5.0, effort=1))[0]
+        for track in (morning, evening)
+    ]
     with pytest.raises(OptionError, match="track 'bus' is in am and in pm"):
         merge(parts, names=["am", "pm"])
     apart, _ = merge(parts, MergeOptions(same_id="prefix"), names=["am", "pm"])
-    assert apart.tracks == ("am:bus", "pm:bus")
+    assert apart.ids == ("am:bus", "pm:bus")
     whole, report = merge(parts[::-1], MergeOptions(same_id="join"), names=["pm", "am"])
-    assert whole.tracks == ("bus",)
+    assert whole.ids == ("bus",)
     assert int(whole.walks[0].gaps.sum()) == 1
     assert np.isnan(whole.position("bus", 20_000.0)).all()
     for archive in parts:
         assert farthest(archive, whole) <= report.deviation.maximum * (1 + 1e-9)
-    late = compress([replace(evening, id="bus", times=evening.times - 39_500.0)], Options(rmse=5.0, effort=1))[0]
+    late = compress(
+        [replace(evening, id="bus", times=evening.times - 39_500.0)], Options(rmse=5.0, effort=1)
+    )[0]
     with pytest.raises(OptionError, match="one agent can't be at two places"):
         merge([parts[0], late], MergeOptions(same_id="join"))
 
@@ -234,18 +287,24 @@ def test_tracks_of_one_name_are_refused_renamed_or_joined():
 def test_halves_of_one_track_are_joined_where_they_touch(logs):
     track, half = logs[0], len(logs[0]) // 2
     parts = [
-        compress([Track("bus", track.times[rows], track.positions[rows])], Options(rmse=5.0, effort=1))[0]
+        compress(
+            [Track("bus", track.times[rows], track.positions[rows])], Options(rmse=5.0, effort=1)
+        )[0]
         for rows in (slice(0, half), slice(half, None))
     ]
     whole, _ = merge(parts, MergeOptions(same_id="join"))
-    assert rmse(whole, [replace(track, id="bus")]) <= whole.promise.metres
+    assert rmse(whole, [replace(track, id="bus")]) <= whole.error_bound.metres
 
 
 def hand_made(ids=("a",), plane=None, timed=True, dimension=2):
     cells = np.array([0, 10]) if timed else np.zeros(2, np.int64)
-    walk = LatticeWalk(np.array([0, 1], np.int32), cells, np.array([False]))
+    walk = GridWalk(np.array([0, 1], np.int32), cells, np.array([False]))
     nodes = np.array([[0] * dimension, [50] * dimension])[: 2 * len(ids)]
-    return new_archive(Frame((0,) * dimension, 0, 128, 128, plane), ids, LatticeWalks(nodes, (walk,) * len(ids), timed))
+    return new_archive(
+        QuantisationGrid((0,) * dimension, 0, 128, 128, plane),
+        ids,
+        GridWalks(nodes, (walk,) * len(ids), timed),
+    )
 
 
 def test_what_does_not_go_together_is_refused_by_name():
@@ -267,21 +326,23 @@ def test_what_does_not_go_together_is_refused_by_name():
 def test_archives_that_promise_nothing_may_move_by_a_step_of_their_lattice():
     made, report = merge([hand_made(("a",)), hand_made(("b",))])
     assert report.limit == 1.0
-    assert made.promise is None
+    assert made.error_bound is None
     assert "promised nothing" in " ".join(report.notes)
     assert len(made.road_map.nodes) == 2
 
 
 def test_equal_archives_are_merged_without_moving_anything():
-    parts = [promising(hand_made((name,)), promise_of(0.01, maximum=True)) for name in "ab"]
+    parts = [
+        with_error_bound(hand_made((name,)), rounded_bound(0.01, maximum=True)) for name in "ab"
+    ]
     made, report = merge(parts)
     assert report.deviation.maximum == 0.0
-    assert made.promise.metres == 0.01
-    assert open_archive(made.to_bytes()).promise == made.promise
+    assert made.error_bound.metres == 0.01
+    assert open_archive(made.to_bytes()).error_bound == made.error_bound
 
 
 def test_more_than_the_lattice_can_do_is_not_claimed():
     first = hand_made(("a",))
-    second = new_archive(Frame((333, 0), 123, 1, 1), ["b"], hand_made().lattice)
+    second = new_archive(QuantisationGrid((333, 0), 123, 1, 1), ["b"], hand_made().grid_walks)
     with pytest.raises(BoundError, match="can't be held"):
         merge([first, second], MergeOptions(max_deviation=1e-7))

@@ -21,7 +21,10 @@ TWO_SIDED, ONE_SIDED, HISTOGRAM, BY_RATIO = "two-sided", "one-sided", "histogram
 def exact_logistic():
     """Values to round, for z = -16 ... 16 in sixty-fourths."""
     with localcontext(prec=50):
-        return [WHOLE / (1 + (Decimal(-i) / STEPS).exp()) for i in range(-REACH * STEPS, REACH * STEPS + 1)]
+        return [
+            WHOLE / (1 + (Decimal(-i) / STEPS).exp())
+            for i in range(-REACH * STEPS, REACH * STEPS + 1)
+        ]
 
 
 def exact_exponential():
@@ -54,7 +57,9 @@ def log2_of(value):
     exponent = value.bit_length() - 1
     mantissa = (value << 30) >> exponent
     at, part = (mantissa >> 20) - 1024, mantissa % 2**20
-    return (exponent << 16) + fractions()[at] + ((fractions()[at + 1] - fractions()[at]) * part >> 20)
+    return (
+        (exponent << 16) + fractions()[at] + ((fractions()[at + 1] - fractions()[at]) * part >> 20)
+    )
 
 
 class Bit:
@@ -87,7 +92,11 @@ class Size:
             exponent += 1
         value = 1
         for place in range(exponent):
-            bit = self.rest.setdefault((exponent, value), Bit()).read(coder) if place < TREE_BITS else coder.bits(1)
+            bit = (
+                self.rest.setdefault((exponent, value), Bit()).read(coder)
+                if place < TREE_BITS
+                else coder.bits(1)
+            )
             value = 2 * value + bit
         return value - 1
 
@@ -119,9 +128,17 @@ def below(value, kind, center, scale, low):
     if kind == ONE_SIDED:
         table, z, end = exponential, ((value - low) * 16 << 16) // scale, REACH << 16
     elif kind == BY_RATIO:
-        table, z, end = logistic, ((log2_of(16 * value - 8) - (4 << 16) - center) * scale >> 1) + (REACH << 16), 2 * REACH << 16
+        table, z, end = (
+            logistic,
+            ((log2_of(16 * value - 8) - (4 << 16) - center) * scale >> 1) + (REACH << 16),
+            2 * REACH << 16,
+        )
     else:
-        table, z, end = logistic, ((value * 16 - 8 - center) << 16) // scale + (REACH << 16), 2 * REACH << 16
+        table, z, end = (
+            logistic,
+            ((value * 16 - 8 - center) << 16) // scale + (REACH << 16),
+            2 * REACH << 16,
+        )
     if z < 0:
         return 0
     if z >= end:
@@ -146,12 +163,20 @@ class Mixture:
                 out.append((sum(self.histogram[: value - low]) << UNIT) // sum(self.histogram))
                 continue
             here = below(value, kind, center, scale, low)
-            base = min(below(low, kind, center, scale, low), WHOLE - 64) if kind in (TWO_SIDED, BY_RATIO) else 0
+            base = (
+                min(below(low, kind, center, scale, low), WHOLE - 64)
+                if kind in (TWO_SIDED, BY_RATIO)
+                else 0
+            )
             out.append(((here - base) << UNIT) // (WHOLE - base))
         return out
 
     def cumulative(self, value, low, high, distributions):
-        shares = [WHOLE] * len(distributions) if value == high else self.shares(value, low, distributions)
+        shares = (
+            [WHOLE] * len(distributions)
+            if value == high
+            else self.shares(value, low, distributions)
+        )
         return value - low + sum(w * s for w, s in zip(self.weights, shares, strict=False))
 
     def read(self, coder, low, high, distributions):

@@ -6,18 +6,24 @@ import struct
 import zlib
 from dataclasses import replace
 
-from gpszip.container.contents import Contents, Group, MapReference, Section, one_group
-from gpszip.model.frame import Frame, Plane
-from gpszip.model.promise import Promise
+from gpszip.container.contents import Contents, Group, MapReference, Section, single_group_contents
+from gpszip.model.error_bound import ErrorBound
+from gpszip.model.grid import Plane, QuantisationGrid
 
-FLAT = Frame((0, -5), 7, 128, 120)
-FAR = Frame((10_000_000_000, -9_999_999_000), 1_200_000_000_000, 128, 120)
-FAR_ODD = Frame((10_000_000_001, -9_999_999_999), 1_200_000_000_001, 128, 120)
-DEGREES = Frame((431_000, -262_000), 1_200_000_000_000, 150, 130, Plane(((476_200_000, -1_223_500_000),)))
-DEGREES_ODD = Frame((431_123, -262_045), 1_200_000_000_123, 150, 130, Plane(((476_200_000, -1_223_500_000),)))
-DEGREES_FINE = Frame((31_000, -262_000), 1_200_000_000_000, 150, 130, Plane(((476_212_345, -1_223_512_345),)))
-WIDE = Frame((0, 0), 0, 1, 2, Plane(((1, 2), (-900_000_000, 1_800_000_000))))
-TALL = Frame((1, 2, 3), 0, 255, 0)
+FLAT = QuantisationGrid((0, -5), 7, 128, 120)
+FAR = QuantisationGrid((10_000_000_000, -9_999_999_000), 1_200_000_000_000, 128, 120)
+FAR_ODD = QuantisationGrid((10_000_000_001, -9_999_999_999), 1_200_000_000_001, 128, 120)
+DEGREES = QuantisationGrid(
+    (431_000, -262_000), 1_200_000_000_000, 150, 130, Plane(((476_200_000, -1_223_500_000),))
+)
+DEGREES_ODD = QuantisationGrid(
+    (431_123, -262_045), 1_200_000_000_123, 150, 130, Plane(((476_200_000, -1_223_500_000),))
+)
+DEGREES_FINE = QuantisationGrid(
+    (31_000, -262_000), 1_200_000_000_000, 150, 130, Plane(((476_212_345, -1_223_512_345),))
+)
+WIDE = QuantisationGrid((0, 0), 0, 1, 2, Plane(((1, 2), (-900_000_000, 1_800_000_000))))
+TALL = QuantisationGrid((1, 2, 3), 0, 255, 0)
 
 
 def several(layer: str | None = None) -> Contents:
@@ -33,14 +39,16 @@ def several(layer: str | None = None) -> Contents:
 def small_archives() -> dict[str, Contents]:
     """One archive of every form."""
     return {
-        "lone": one_group(FLAT, ("0",), b"walks of one track"),
-        "named": one_group(FAR_ODD, ("walk", "bike\n"), b"walks"),
-        "numbered": one_group(TALL, ("000", "001"), b""),
-        "degrees": one_group(DEGREES, ("u005",), b"\0\0\0"),
-        "layered": one_group(FLAT, ("0",), b"walks " * 20, "bz2"),
+        "lone": single_group_contents(FLAT, ("0",), b"walks of one track"),
+        "named": single_group_contents(FAR_ODD, ("walk", "bike\n"), b"walks"),
+        "numbered": single_group_contents(TALL, ("000", "001"), b""),
+        "degrees": single_group_contents(DEGREES, ("u005",), b"\0\0\0"),
+        "layered": single_group_contents(FLAT, ("0",), b"walks " * 20, "bz2"),
         "small": Contents(WIDE, ("0",), (Group(0, 1, b"walks"),), None, (Section(5, b"kept"),)),
-        "small layered": Contents(FLAT, ("0",), (Group(0, 1, b"walks"),), None, (Section(200, b"new"),), "bz2"),
-        "no tracks": one_group(FLAT, (), b"a map alone"),
+        "small layered": Contents(
+            FLAT, ("0",), (Group(0, 1, b"walks"),), None, (Section(200, b"new"),), "bz2"
+        ),
+        "no tracks": single_group_contents(FLAT, (), b"a map alone"),
         "large": several(),
         "large layered": several("bz2"),
     }
@@ -48,24 +56,54 @@ def small_archives() -> dict[str, Contents]:
 
 def promising_archives() -> dict[str, Contents]:
     """Archives that promise something, or lie on a map kept elsewhere: since version 2."""
-    there, small, group = MapReference(b"ABCD", 2), MapReference(b"\0\xff\0\xff"), (Group(0, 1, b"walks"),)
+    there, small, group = (
+        MapReference(b"ABCD", 2),
+        MapReference(b"\0\xff\0\xff"),
+        (Group(0, 1, b"walks"),),
+    )
     return {
-        "rmse": replace(one_group(DEGREES, ("0",), b"walks"), promise=Promise(240, -3, False)),
-        "maximum": replace(one_group(TALL, ("a", "b"), b"walks"), promise=Promise(1, 6, True)),
-        "small with promise": Contents(WIDE, ("0",), group, None, (), None, Promise(999, -8, False)),
-        "large with promise": replace(several(), promise=Promise(41, 0, False)),
-        "both": replace(one_group(DEGREES, ("0",), b"walks"), promise=Promise(300, -2, False, 0, 120, -1)),
-        "both and sampling": replace(several(), promise=Promise(999, 3, False, 0, 1, 6), sampling=7),
-        "sampling": replace(one_group(FLAT, ("0",), b"walks"), sampling=255),
-        "rmse and sampling": replace(one_group(DEGREES, ("0",), b"walks"), promise=Promise(240, -3, False), sampling=0),
+        "rmse": replace(
+            single_group_contents(DEGREES, ("0",), b"walks"), error_bound=ErrorBound(240, -3, False)
+        ),
+        "maximum": replace(
+            single_group_contents(TALL, ("a", "b"), b"walks"), error_bound=ErrorBound(1, 6, True)
+        ),
+        "small with promise": Contents(
+            WIDE, ("0",), group, None, (), None, ErrorBound(999, -8, False)
+        ),
+        "large with promise": replace(several(), error_bound=ErrorBound(41, 0, False)),
+        "both": replace(
+            single_group_contents(DEGREES, ("0",), b"walks"),
+            error_bound=ErrorBound(300, -2, False, 0, 120, -1),
+        ),
+        "both and sampling": replace(
+            several(), error_bound=ErrorBound(999, 3, False, 0, 1, 6), sampling=7
+        ),
+        "sampling": replace(single_group_contents(FLAT, ("0",), b"walks"), sampling=255),
+        "rmse and sampling": replace(
+            single_group_contents(DEGREES, ("0",), b"walks"),
+            error_bound=ErrorBound(240, -3, False),
+            sampling=0,
+        ),
         "large with sampling": replace(several(), sampling=130),
-        "grown promise": replace(one_group(TALL, ("a", "b"), b"walks"), promise=Promise(50, -1, False, 16)),
-        "grown promise and sampling": replace(one_group(FLAT, ("a", "b"), b"walks"), promise=Promise(99, 6, True, 62), sampling=9),
-        "on map": Contents(None, None, group, small, promise=Promise(5, -1, False), sampling=150),
+        "grown promise": replace(
+            single_group_contents(TALL, ("a", "b"), b"walks"),
+            error_bound=ErrorBound(50, -1, False, 16),
+        ),
+        "grown promise and sampling": replace(
+            single_group_contents(FLAT, ("a", "b"), b"walks"),
+            error_bound=ErrorBound(99, 6, True, 62),
+            sampling=9,
+        ),
+        "on map": Contents(
+            None, None, group, small, error_bound=ErrorBound(5, -1, False), sampling=150
+        ),
         "on map, named": Contents(None, ("walk", "bike"), (Group(0, 2, b"walks"),), there),
-        "on map, small": Contents(None, ("0",), group, there, (Section(5, b"kept"),), None, Promise(5, -1, True)),
+        "on map, small": Contents(
+            None, ("0",), group, there, (Section(5, b"kept"),), None, ErrorBound(5, -1, True)
+        ),
         "on map, layered": Contents(None, ("0",), group, there, (), "bz2"),
-        "on map, large": replace(several(), frame=None, map=there),
+        "on map, large": replace(several(), grid=None, map=there),
     }
 
 

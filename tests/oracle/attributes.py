@@ -32,7 +32,9 @@ class Bytes:
         if tag % 4 == 1:
             return zlib.decompress(data, -15)
         if tag % 4 == 2:
-            return lzma.decompress(data, lzma.FORMAT_RAW, filters=[{"id": lzma.FILTER_LZMA2, "dict_size": 1 << 22}])
+            return lzma.decompress(
+                data, lzma.FORMAT_RAW, filters=[{"id": lzma.FILTER_LZMA2, "dict_size": 1 << 22}]
+            )
         return data
 
 
@@ -54,7 +56,10 @@ def read_column(source, count):
     width = source.take(1)[0]
     planes = source.block()
     left = max(count - order, 0)
-    coded = [sum(planes[plane * left + row] << 8 * plane for plane in range(width)) for row in range(left)]
+    coded = [
+        sum(planes[plane * left + row] << 8 * plane for plane in range(width))
+        for row in range(left)
+    ]
     values = [value // 2 if value % 2 == 0 else -(value + 1) // 2 for value in coded]
     for start in reversed(starts[:count]):
         sums = [start]
@@ -67,7 +72,10 @@ def read_column(source, count):
     if kind == 11:
         return [struct.unpack("<d", struct.pack("<q", value))[0] for value in values]
     if kind:
-        return [float("nan") if hole == "1" else value / 10 ** (kind - 1) for value, hole in zip(values, empty, strict=False)]
+        return [
+            float("nan") if hole == "1" else value / 10 ** (kind - 1)
+            for value, hole in zip(values, empty, strict=False)
+        ]
     return values
 
 

@@ -29,7 +29,10 @@ def route_cost(places, near, price, start, end, far, wide):
             continue
         for other in near[place][near[place] >= 0].tolist():
             total = reached + away(place, other) * (price[place] + price[other]) / 2
-            allowed = away(other, start) + away(other, end) <= far and distance_to_line(places[other], line) <= wide
+            allowed = (
+                away(other, start) + away(other, end) <= far
+                and distance_to_line(places[other], line) <= wide
+            )
             if allowed and total < cost.get(other, np.inf):
                 cost[other] = total
                 heapq.heappush(heap, (total, other))

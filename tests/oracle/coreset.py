@@ -18,7 +18,9 @@ def exact_cost(times, positions, weights, pieces):
         for axis in range(positions.shape[1]):
             a, b = Fraction(float(pieces.starts[j, axis])), Fraction(float(pieces.stops[j, axis]))
             there = a + (b - a) * (t - begin) / (end - begin) if end > begin else a
-            total += Fraction(float(weights[i])) * (there - Fraction(float(positions[i, axis]))) ** 2
+            total += (
+                Fraction(float(weights[i])) * (there - Fraction(float(positions[i, axis]))) ** 2
+            )
     return total
 
 
@@ -46,7 +48,11 @@ def best_cost(times, positions, weights, k):
     n = len(times)
     best = np.full((k + 1, n + 1), np.inf)
     best[0, 0] = 0
-    fits = {(a, b): free_cost(times[a:b], positions[a:b], weights[a:b]) for b in range(1, n + 1) for a in range(b)}
+    fits = {
+        (a, b): free_cost(times[a:b], positions[a:b], weights[a:b])
+        for b in range(1, n + 1)
+        for a in range(b)
+    }
     for j in range(1, k + 1):
         for b in range(1, n + 1):
             best[j, b] = min(best[j - 1, a] + fits[a, b] for a in range(b))

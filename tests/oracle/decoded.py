@@ -10,7 +10,9 @@ def position(knot_times, knot_places, gaps, t, slack=1e-3):
         a, b = knot_times[i], knot_times[i + 1]
         if not gaps[i] and a <= t <= b:
             share = (t - a) / (b - a)
-            return [p + share * (q - p) for p, q in zip(knot_places[i], knot_places[i + 1], strict=True)]
+            return [
+                p + share * (q - p) for p, q in zip(knot_places[i], knot_places[i + 1], strict=True)
+            ]
     away, nearest = min((abs(t - a), i) for i, a in enumerate(knot_times))
     return list(knot_places[nearest]) if away <= slack else None
 
@@ -31,7 +33,11 @@ def measure(original, decoded, slack=1e-3):
     squares, lost = [], 0
     ids = {track.id for track in original}
     for track in original:
-        mine = [d for d in decoded if d.id == track.id or (d.id not in ids and d.id.rsplit("/", 1)[0] == track.id)]
+        mine = [
+            d
+            for d in decoded
+            if d.id == track.id or (d.id not in ids and d.id.rsplit("/", 1)[0] == track.id)
+        ]
         mine.sort(key=lambda d: d.times[0])
         for before, after in pairwise(mine):
             assert before.times[-1] <= after.times[0] + slack, f"pieces of {track.id} overlap"
@@ -39,9 +45,18 @@ def measure(original, decoded, slack=1e-3):
             found = []
             for d in mine:
                 if d.times[0] - slack <= t <= d.times[-1] + slack:
-                    place = position(d.times, d.positions, [False] * (len(d.times) - 1), min(max(t, d.times[0]), d.times[-1]))
+                    place = position(
+                        d.times,
+                        d.positions,
+                        [False] * (len(d.times) - 1),
+                        min(max(t, d.times[0]), d.times[-1]),
+                    )
                     found.append(math.dist(place, p))
             lost += not found
             if found:
                 squares.append(min(found) ** 2)
-    return math.sqrt(sum(squares) / max(len(squares), 1)), math.sqrt(max(squares, default=0.0)), lost
+    return (
+        math.sqrt(sum(squares) / max(len(squares), 1)),
+        math.sqrt(max(squares, default=0.0)),
+        lost,
+    )

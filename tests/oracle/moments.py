@@ -8,18 +8,18 @@ def part_samples(ends, a, b):
     return range(int(ends[a]), int(ends[b]))
 
 
-def line_cost(times, places, weights, start, end, t0, t1):
+def line_cost(times, positions, weights, start, end, t0, t1):
     """Squared error of the line from ``start`` at t0 to ``end`` at t1."""
     share = ((times - t0) / (t1 - t0))[:, None]
-    away = np.asarray(start) + share * (np.asarray(end) - np.asarray(start)) - places
+    away = np.asarray(start) + share * (np.asarray(end) - np.asarray(start)) - positions
     return float((weights[:, None] * away**2).sum())
 
 
-def free_cost(times, places, weights):
+def free_cost(times, positions, weights):
     """Squared error of the best line."""
     if len(times) == 0:
         return 0.0
     root = np.sqrt(weights)[:, None]
     design = np.column_stack([np.ones(len(times)), times - times.mean()])
-    solved = np.linalg.lstsq(root * design, root * places, rcond=None)[0]
-    return float(((root * (design @ solved - places)) ** 2).sum())
+    solved = np.linalg.lstsq(root * design, root * positions, rcond=None)[0]
+    return float(((root * (design @ solved - positions)) ** 2).sum())

@@ -7,17 +7,21 @@ import heapq
 import numpy as np
 from hypothesis import strategies as st
 
-from gpszip.graph.road_graph import RoadGraph, road_graph
-from gpszip.graph.route import JUMP, STAY, Route
+from gpszip.graph.road_graph import RoadGraph, build_road_graph
+from gpszip.graph.route import GAP, STOP, Route
 
 
 def out_arcs(graph: RoadGraph, node: int) -> list[tuple[int, int, int]]:
     """(weight, edge, target) of each arc that leaves a node."""
     span = range(int(graph.offsets[node]), int(graph.offsets[node + 1]))
-    return [(int(graph.weights[arc]), int(graph.edges[arc]), int(graph.targets[arc])) for arc in span]
+    return [
+        (int(graph.weights[arc]), int(graph.edges[arc]), int(graph.targets[arc])) for arc in span
+    ]
 
 
-def canonical_paths(graph: RoadGraph, source: int) -> dict[int, tuple[int, tuple[int, ...], tuple[int, ...]]]:
+def canonical_paths(
+    graph: RoadGraph, source: int
+) -> dict[int, tuple[int, tuple[int, ...], tuple[int, ...]]]:
     """For each node reached: length, nodes and edges of the canonical path, by carrying whole paths through the queue."""
     best: dict[int, tuple[int, tuple[int, ...], tuple[int, ...]]] = {}
     rank = graph.ranks.tolist()
@@ -28,11 +32,15 @@ def canonical_paths(graph: RoadGraph, source: int) -> dict[int, tuple[int, tuple
             continue
         best[nodes[-1]] = (length, nodes, edges)
         for weight, edge, target in out_arcs(graph, nodes[-1]):
-            heapq.heappush(queue, (length + weight, (*ranks, rank[target]), (*edges, edge), (*nodes, target)))
+            heapq.heappush(
+                queue, (length + weight, (*ranks, rank[target]), (*edges, edge), (*nodes, target))
+            )
     return best
 
 
-def all_simple_paths(graph: RoadGraph, source: int) -> list[tuple[int, tuple[int, ...], tuple[int, ...], tuple[int, ...]]]:
+def all_simple_paths(
+    graph: RoadGraph, source: int
+) -> list[tuple[int, tuple[int, ...], tuple[int, ...], tuple[int, ...]]]:
     """(length, ranks, edges, nodes) of every path that visits no node twice."""
     rank = graph.ranks.tolist()
     found, stack = [], [(0, (rank[source],), (), (source,))]
@@ -55,7 +63,11 @@ def fewest_waypoints(graph: RoadGraph, route: Route) -> int:
         paths = canonical_paths(graph, nodes[first])
         for last in range(first + 1, len(nodes)):
             path = paths.get(nodes[last])
-            canonical = path is not None and path[1] == tuple(nodes[first : last + 1]) and path[2] == tuple(edges[first:last])
+            canonical = (
+                path is not None
+                and path[1] == tuple(nodes[first : last + 1])
+                and path[2] == tuple(edges[first:last])
+            )
             if canonical or last == first + 1:
                 best[last] = min(best[last], best[first] + 1)
     return best[-1]
@@ -69,10 +81,10 @@ def random_walk(graph: RoadGraph, choices: list[int]) -> Route:
         kind = choice % 16
         if kind == 0 or (not arcs and kind > 1):
             nodes.append(nodes[-1])
-            edges.append(STAY)
+            edges.append(STOP)
         elif kind == 1:
             nodes.append(choice // 16 % len(graph))
-            edges.append(JUMP)
+            edges.append(GAP)
         else:
             _, edge, target = arcs[choice // 16 % len(arcs)]
             nodes.append(target)
@@ -84,16 +96,24 @@ def random_walk(graph: RoadGraph, choices: list[int]) -> Route:
 def random_maps(draw: st.DrawFn, most: int = 8) -> RoadGraph:
     """Maps with ties, parallel edges, self-loops, nodes on top of each other, one-way edges and lonely parts."""
     size = draw(st.integers(1, most))
-    nodes = draw(st.lists(st.tuples(st.integers(0, 3), st.integers(0, 2)), min_size=size, max_size=size))
+    nodes = draw(
+        st.lists(st.tuples(st.integers(0, 3), st.integers(0, 2)), min_size=size, max_size=size)
+    )
     ends = st.integers(0, size - 1)
     edges = draw(st.lists(st.tuples(ends, ends), max_size=2 * size))
     oneway = draw(st.lists(st.booleans(), min_size=len(edges), max_size=len(edges)))
-    lengths = draw(st.none() | st.lists(st.integers(0, 4), min_size=len(edges), max_size=len(edges)))
-    return road_graph(nodes, np.array(edges, np.int32).reshape(-1, 2), lengths=lengths, oneway=oneway)
+    lengths = draw(
+        st.none() | st.lists(st.integers(0, 4), min_size=len(edges), max_size=len(edges))
+    )
+    return build_road_graph(
+        nodes, np.array(edges, np.int32).reshape(-1, 2), lengths=lengths, oneway=oneway
+    )
 
 
 @st.composite
 def maps_with_walks(draw: st.DrawFn, most: int = 8, hops: int = 30) -> tuple[RoadGraph, Route]:
     """A random map and a walk on it."""
     graph = draw(random_maps(most))
-    return graph, random_walk(graph, draw(st.lists(st.integers(0, 4000), min_size=1, max_size=hops)))
+    return graph, random_walk(
+        graph, draw(st.lists(st.integers(0, 4000), min_size=1, max_size=hops))
+    )

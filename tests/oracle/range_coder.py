@@ -50,7 +50,11 @@ class Reader:
         self.range = share * width
         while self.range < FLOOR:
             following = self.data[self.at] if self.at < len(self.data) else 0
-            self.code, self.range, self.at = (self.code << 8 | following) % 2**64, self.range << 8, self.at + 1
+            self.code, self.range, self.at = (
+                (self.code << 8 | following) % 2**64,
+                self.range << 8,
+                self.at + 1,
+            )
 
     def bits(self, count):
         value = self.target(2**count)

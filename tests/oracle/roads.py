@@ -7,8 +7,14 @@ import numpy as np
 
 def joined(lines, step=1e-3):
     """Roads of lines given as (vertices, forward, backward): a dict from shape, in its lesser reading, to directions."""
-    placed = [([tuple(np.rint(np.array(v) / step).astype(int).tolist()) for v in line], f, b) for line, f, b in lines]
-    placed = [([v for i, v in enumerate(line) if i == 0 or v != line[i - 1]], f, b) for line, f, b in placed]
+    placed = [
+        ([tuple(np.rint(np.array(v) / step).astype(int).tolist()) for v in line], f, b)
+        for line, f, b in lines
+    ]
+    placed = [
+        ([v for i, v in enumerate(line) if i == 0 or v != line[i - 1]], f, b)
+        for line, f, b in placed
+    ]
     shapes = united([one for one in placed if len(one[0]) > 1])
     visits = Counter(v for shape in shapes for v in shape)
     parts = []

@@ -38,7 +38,9 @@ def directed_counts(walks: list) -> Counter:
     """How often each pair of different nodes is travelled, pair by pair."""
     counts: Counter = Counter()
     for walk in walks:
-        for one, other, gap in zip(walk.nodes[:-1].tolist(), walk.nodes[1:].tolist(), walk.gaps.tolist(), strict=True):
+        for one, other, gap in zip(
+            walk.nodes[:-1].tolist(), walk.nodes[1:].tolist(), walk.gaps.tolist(), strict=True
+        ):
             if one != other and not gap:
                 counts[one, other] += 1
     return counts
@@ -54,4 +56,6 @@ def random_mean(rng: np.random.Generator, *, dimension: int = 2) -> tuple[Segmen
     starts, ends = rng.normal(0, 50, (2, m, dimension))
     times = 1.7e9 + np.cumsum(rng.uniform(0.01, 30, n))
     track = Track("t", times, rng.normal(0, 50, (n, dimension)))
-    return SegmentMean(boundaries, rng.integers(0, m, k).astype(np.int32), starts, ends, cost=0.0), track
+    return SegmentMean(
+        boundaries, rng.integers(0, m, k).astype(np.int32), starts, ends, cost=0.0
+    ), track

@@ -48,10 +48,10 @@ def least_label(track, a, b, starts, ends):
     return min(costs), int(np.argmin(costs))
 
 
-def best_cut(track, a, b, starts, ends, shortest=1):
+def best_cut(track, a, b, starts, ends, min_samples=1):
     """Cost, cut and labels of the best two parts of [a, b)."""
     best = (np.inf, -1, -1, -1)
-    for c in range(a + shortest, b - shortest + 1):
+    for c in range(a + min_samples, b - min_samples + 1):
         left, right = least_label(track, a, c, starts, ends), least_label(track, c, b, starts, ends)
         if left[0] + right[0] < best[0]:
             best = (left[0] + right[0], c, left[1], right[1])
@@ -71,22 +71,32 @@ def shifted(track, boundaries, labels, starts, ends, which):
     return boundaries, labels
 
 
-def best_partition(track, starts, ends, k, shortest=1):
+def best_partition(track, starts, ends, k, min_samples=1):
     """Least cost of k parts over all partitions, by trying each."""
     n, best = len(track), np.inf
     for inner in combinations(range(1, n), k - 1):
         cuts = [0, *inner, n]
-        if min(np.diff(cuts)) >= shortest:
-            best = min(best, sum(least_label(track, a, b, starts, ends)[0] for a, b in zip(cuts[:-1], cuts[1:], strict=True)))
+        if min(np.diff(cuts)) >= min_samples:
+            best = min(
+                best,
+                sum(
+                    least_label(track, a, b, starts, ends)[0]
+                    for a, b in zip(cuts[:-1], cuts[1:], strict=True)
+                ),
+            )
     return best
 
 
-def penalised_cost(track, starts, ends, penalty, shortest=1, stride=1):
+def penalised_cost(track, starts, ends, penalty, min_samples=1, stride=1):
     """Least cost + penalty * parts, by dynamic programming without pruning."""
     cuts = [*range(0, len(track), stride), len(track)]
     total = {0: 0.0}
     for b in cuts[1:]:
-        options = [total[a] + least_label(track, a, b, starts, ends)[0] + penalty for a in cuts if b - a >= shortest]
+        options = [
+            total[a] + least_label(track, a, b, starts, ends)[0] + penalty
+            for a in cuts
+            if b - a >= min_samples
+        ]
         total[b] = min(options, default=np.inf)
     return total[len(track)]
 
@@ -103,7 +113,11 @@ def douglas_peucker(track, k):
     """Boundaries of k parts, always splitting the chord with the largest distance."""
     knots = [0, len(track) - 1]
     while len(knots) - 1 < k:
-        chords = [(*synchronised_split(track, i, j),) for i, j in zip(knots[:-1], knots[1:], strict=True) if j - i > 1]
+        chords = [
+            (*synchronised_split(track, i, j),)
+            for i, j in zip(knots[:-1], knots[1:], strict=True)
+            if j - i > 1
+        ]
         knots = sorted([*knots, max(chords)[1]])
     return [*knots[:-1], len(track)]
 
@@ -113,7 +127,9 @@ def bottom_up(track, k, block):
     cuts = [*range(0, len(track), block), len(track)]
     while len(cuts) - 1 > k:
         increase = [
-            pooled_cost(track, [(a, b)]) - pooled_cost(track, [(a, c)]) - pooled_cost(track, [(c, b)])
+            pooled_cost(track, [(a, b)])
+            - pooled_cost(track, [(a, c)])
+            - pooled_cost(track, [(c, b)])
             for a, c, b in zip(cuts[:-2], cuts[1:-1], cuts[2:], strict=True)
         ]
         del cuts[int(np.argmin(increase)) + 1]

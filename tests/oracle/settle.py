@@ -13,9 +13,9 @@ FRESH = -2
 class Window:
     """Slots ``first`` to the last of a log; ``others`` are the walks that stay, as lists of nodes."""
 
-    def __init__(self, log, nodes, others, kept, own, first, prices, most, reach, widest):
+    def __init__(self, log, nodes, others, kept, own, first, prices, most, reach, max_slots):
         self.log, self.nodes, self.first, self.last = log, nodes, first, len(log.ticks) - 1
-        self.prices, self.most, self.reach, self.widest = prices, most, reach, widest
+        self.prices, self.most, self.reach, self.max_slots = prices, most, reach, max_slots
         self.own = own
         self.uses = Counter(node for walk in [*others, kept] for node in walk)
         self.steps = Counter(step for walk in [*others, kept] for step in pairwise(walk))
@@ -25,9 +25,14 @@ class Window:
     def candidates(self, slot):
         if slot == self.first and not self.is_open:
             return [self.own[slot]]
-        away = sorted((float(((place - self.log.places[slot]) ** 2).sum()), node) for node, place in enumerate(self.nodes))
+        away = sorted(
+            (float(((place - self.log.positions[slot]) ** 2).sum()), node)
+            for node, place in enumerate(self.nodes)
+        )
         near = [node for square, node in away if square <= self.reach**2][: self.most]
-        return near + [node for node in [self.own[slot]] if node >= 0 and node not in near] + [FRESH]
+        return (
+            near + [node for node in [self.own[slot]] if node >= 0 and node not in near] + [FRESH]
+        )
 
     def leaving(self, u):
         return sum(n * ((a == u) + 0.5 * (b == u)) for (a, b), n in self.steps.items() if a != b)
@@ -44,15 +49,23 @@ class Window:
         return min(log2((self.leaving(u) + 1) / weight) + price["escape"], price["link"])
 
     def place(self, slot, node):
-        return self.log.places[slot] if node == FRESH else self.nodes[node]
+        return self.log.positions[slot] if node == FRESH else self.nodes[node]
 
     def part_bits(self, a, u, b, v):
         key = a, u, b, v
         if key not in self.squares:
             mine = list(part_samples(self.log.ends, a, b))
-            t, x, w = self.log.times[mine].astype(float), self.log.samples[mine], self.log.weights[mine]
-            square = line_cost(t, x, w, self.place(a, u), self.place(b, v), self.log.ticks[a], self.log.ticks[b])
-            allowed = b - a == 1 or (b - a <= self.widest and self.prices["error"] * free_cost(t, x, w) <= TOO_DEAR)
+            t, x, w = (
+                self.log.times[mine].astype(float),
+                self.log.samples[mine],
+                self.log.weights[mine],
+            )
+            square = line_cost(
+                t, x, w, self.place(a, u), self.place(b, v), self.log.ticks[a], self.log.ticks[b]
+            )
+            allowed = b - a == 1 or (
+                b - a <= self.max_slots and self.prices["error"] * free_cost(t, x, w) <= TOO_DEAR
+            )
             bits = self.prices["time"] + self.step_price(u, v) + self.prices["error"] * square
             self.squares[key] = bits if allowed else inf
         return self.squares[key]

@@ -7,7 +7,11 @@ import math
 from oracle.adaptive import Bit
 from oracle.walk_decoder import BadWalks
 
-TICKS = [(0, 1), *((n, 1) for n in (60, 30, 15, 10, 5, 2, 1)), *((1, n) for n in (2, 5, 10, 20, 50, 100, 200, 1000))]
+TICKS = [
+    (0, 1),
+    *((n, 1) for n in (60, 30, 15, 10, 5, 2, 1)),
+    *((1, n) for n in (2, 5, 10, 20, 50, 100, 200, 1000)),
+]
 FIRST_CUT, FAR, MOST = (36, 4), 2.0, 255
 
 
@@ -16,7 +20,9 @@ def read_tail(coder, places, tracks, step):
 
     ``tracks`` are lists of (node, cell, whether a gap leads there), and ``step`` is the quantum of time in seconds.
     """
-    shapes = {number for number in range(len(tracks)) if uniform(coder, 2)} if rare(coder) else set()
+    shapes = (
+        {number for number in range(len(tracks)) if uniform(coder, 2)} if rare(coder) else set()
+    )
     tick = uniform(coder, 16)
     if tick == 0:
         return shapes, None

@@ -9,7 +9,11 @@ _WEIGHTS = (4, 8, 4, 8, 28, 40)
 
 
 def prime() -> bytes:
-    block = _PAGE.read_text(encoding="utf-8").split("as if it had decoded it, the text\n\n")[1].split("\n\n")[0]
+    block = (
+        _PAGE.read_text(encoding="utf-8")
+        .split("as if it had decoded it, the text\n\n")[1]
+        .split("\n\n")[0]
+    )
     return "".join(line[4:] + "\n" for line in block.split("\n")).encode()
 
 
@@ -29,8 +33,17 @@ class Model:
         column = len(self.line)
         above = self.above[column] if column < len(self.above) else 10
         a, b, c = self.last
-        keys = [(), (a,), (a, b), (a, b, c), (min(column, 255), self.same, above), (a, b, above, self.same)]
-        return [self.counts.setdefault((number, key, node), [0, 0]) for number, key in enumerate(keys)]
+        keys = [
+            (),
+            (a,),
+            (a, b),
+            (a, b, c),
+            (min(column, 255), self.same, above),
+            (a, b, above, self.same),
+        ]
+        return [
+            self.counts.setdefault((number, key, node), [0, 0]) for number, key in enumerate(keys)
+        ]
 
     def chance(self, node):
         ones = zeros = 2
@@ -51,7 +64,9 @@ class Model:
         if byte == 10:
             self.above, self.line, self.same = self.line, b"", True
         else:
-            self.same = self.same and self.above[len(self.line) : len(self.line) + 1] == bytes([byte])
+            self.same = self.same and self.above[len(self.line) : len(self.line) + 1] == bytes(
+                [byte]
+            )
             self.line += bytes([byte])
 
 
@@ -71,7 +86,11 @@ def decode(data: bytes, lines: int) -> bytes:
             model.count(node, bit)
             node = 2 * node + bit
             while low >> 24 == high >> 24:
-                low, high, window = (low << 8) % 2**32, (high << 8) % 2**32 + 255, (window << 8) % 2**32 + next(coming, 0)
+                low, high, window = (
+                    (low << 8) % 2**32,
+                    (high << 8) % 2**32 + 255,
+                    (window << 8) % 2**32 + next(coming, 0),
+                )
         model.move(node - 256)
         text += bytes([node - 256])
     return text

@@ -6,7 +6,18 @@ import heapq
 import math
 from fractions import Fraction
 
-from oracle.adaptive import BY_RATIO, HISTOGRAM, ONE_SIDED, TWO_SIDED, Bit, Mixture, Size, Whole, log2_of, read_choice
+from oracle.adaptive import (
+    BY_RATIO,
+    HISTOGRAM,
+    ONE_SIDED,
+    TWO_SIDED,
+    Bit,
+    Mixture,
+    Size,
+    Whole,
+    log2_of,
+    read_choice,
+)
 from oracle.range_coder import Reader
 
 # Constants of docs/format.md. A change of the coder's must be mirrored here and there.
@@ -21,12 +32,88 @@ AXIS_SCALES = [16 << s for s in (0, 2, 3, 4, 5, 6, 7, 9, 11, 13, 15, 17)]
 NEAR_END = 1 << 25
 TERMINAL = 24
 FIRST_WEIGHTS = {  # of 1024
-    "move": (26, 3, 3, 13, 30, 53, 6, 14, 3, 3, 151, 230, 73, 17, 11, 6, 68, 45, 14, 35, 8, 115, 66, 16, 9),
+    "move": (
+        26,
+        3,
+        3,
+        13,
+        30,
+        53,
+        6,
+        14,
+        3,
+        3,
+        151,
+        230,
+        73,
+        17,
+        11,
+        6,
+        68,
+        45,
+        14,
+        35,
+        8,
+        115,
+        66,
+        16,
+        9,
+    ),
     "stay": (54, 4, 20, 153, 214, 122, 120, 34, 4, 4, 8, 179, 108),
     "gap": (40, 5, 5, 6, 20, 16, 90, 90, 232, 89, 125, 193, 113),
     "ahead": (259, 8, 34, 11, 53, 46, 7, 6, 5, 5, 7, 18, 215, 205, 22, 7, 11, 28, 52, 27),
-    "paced along": (20, 57, 48, 75, 5, 5, 36, 265, 40, 66, 16, 25, 13, 236, 49, 22, 9, 6, 5, 4, 4, 4, 4, 4, 4),
-    "paced across": (75, 15, 11, 16, 10, 265, 51, 176, 69, 5, 13, 38, 205, 18, 18, 6, 5, 5, 5, 5, 5, 5, 5),
+    "paced along": (
+        20,
+        57,
+        48,
+        75,
+        5,
+        5,
+        36,
+        265,
+        40,
+        66,
+        16,
+        25,
+        13,
+        236,
+        49,
+        22,
+        9,
+        6,
+        5,
+        4,
+        4,
+        4,
+        4,
+        4,
+        4,
+    ),
+    "paced across": (
+        75,
+        15,
+        11,
+        16,
+        10,
+        265,
+        51,
+        176,
+        69,
+        5,
+        13,
+        38,
+        205,
+        18,
+        18,
+        6,
+        5,
+        5,
+        5,
+        5,
+        5,
+        5,
+        5,
+    ),
     "along": (257, 4, 3, 3, 203, 23, 10, 40, 63, 158, 126, 68, 31, 13, 5, 4, 4, 3, 3, 3),
     "across": (123, 15, 13, 16, 8, 6, 45, 6, 20, 38, 5, 11, 78, 478, 131, 8, 5, 4, 4, 3, 3, 2, 2),
     "beside": (36,) * 18,
@@ -116,14 +203,20 @@ class Decoder:
         self.last_new = None  # logarithm of the span of the last new way coded ahead
         self.dimension, self.timed, self.gapped = dimension, timed, gapped
         self.bits, self.wholes, self.mixtures = {}, {}, {}
-        self.places, self.ends, self.ways = [], [], []  # of each node: place, weight as an end, ways (newest first)
+        self.places, self.ends, self.ways = (
+            [],
+            [],
+            [],
+        )  # of each node: place, weight as an end, ways (newest first)
         self.pace = self.slow_pace = None
         self.step_length = 0
         self.heading = self.turn = None
         self.rests = []  # of each node: how often gaps began or ended there
         self.cheap = 0  # how many more links were cheap than not
         self.usual = {}  # mean logarithm of cells by class of length, of stops and of gaps, and of how many
-        self.offers = {layer: [[FIRST_OFFERS] * 8 for _ in LIKELY_DISTANCE] for layer in ("link", "gap", "aim")}
+        self.offers = {
+            layer: [[FIRST_OFFERS] * 8 for _ in LIKELY_DISTANCE] for layer in ("link", "gap", "aim")
+        }
         self.hits = {
             "link": [[d * b for b in LIKELY_BEARING] for d in LIKELY_DISTANCE],
             "gap": [[d * a for a in LIKELY_AGAIN] for d in LIKELY_BEYOND],
@@ -146,7 +239,10 @@ class Decoder:
         first = FIRST_WEIGHTS[key if isinstance(key, str) else key[0]]
         assert len(distributions) <= len(first)
         model = self.mixtures.setdefault(key, Mixture([64 * share for share in first]))
-        clamped = [(kind, c, scale if kind == BY_RATIO else min(max(scale, 6), 1 << 36)) for kind, c, scale in distributions]
+        clamped = [
+            (kind, c, scale if kind == BY_RATIO else min(max(scale, 6), 1 << 36))
+            for kind, c, scale in distributions
+        ]
         return model.read(self.coder, low, high, clamped)
 
     def rest(self, key):
@@ -170,7 +266,9 @@ class Decoder:
     # the map so far
 
     def length(self, u, v):
-        steps = [min(abs(a - b), 1 << 29) for a, b in zip(self.places[u], self.places[v], strict=True)]
+        steps = [
+            min(abs(a - b), 1 << 29) for a, b in zip(self.places[u], self.places[v], strict=True)
+        ]
         return int(16 * math.sqrt(float(sum(step * step for step in steps))))
 
     def way(self, u, v):
@@ -199,10 +297,14 @@ class Decoder:
         if self.timed:
             self.learn_span(way, far, log2_of(min(max(span, 1), 1 << 36)), span)
         if self.dimension > 1:
-            heading = plain_direction(*(b - a for a, b in zip(self.places[u][:2], self.places[v][:2], strict=True)))
+            heading = plain_direction(
+                *(b - a for a, b in zip(self.places[u][:2], self.places[v][:2], strict=True))
+            )
             self.turn = None if self.heading is None else (heading - self.heading + 128) % 256 - 128
             self.heading = heading
-        self.step_length = far if self.step_length == 0 else self.step_length + (far - self.step_length) // 8
+        self.step_length = (
+            far if self.step_length == 0 else self.step_length + (far - self.step_length) // 8
+        )
         return way
 
     def learn_span(self, way, far, span, cells):
@@ -212,11 +314,17 @@ class Decoder:
         if far > 0:
             self.pace = span - log2_of(far)
             self.learn_speed(min(far, 1 << 34), min(cells, 1 << 25))
-            self.slow_pace = self.pace if self.slow_pace is None else self.slow_pace + 5 * (self.pace - self.slow_pace) // 32
+            self.slow_pace = (
+                self.pace
+                if self.slow_pace is None
+                else self.slow_pace + 5 * (self.pace - self.slow_pace) // 32
+            )
 
     def learn_speed(self, far, cells):
         self.speed = far, cells
-        self.sums = tuple(total + new - (total >> 3) for total, new in zip(self.sums, self.speed, strict=True))
+        self.sums = tuple(
+            total + new - (total >> 3) for total, new in zip(self.sums, self.speed, strict=True)
+        )
 
     def length_class(self, far):
         return 0 if far < 16 else min(1 + ((log2_of(far) - (4 << 16)) >> 15), CLASSES - 1)
@@ -229,7 +337,11 @@ class Decoder:
         level = min(visits.bit_length(), 4)
         fresh = last in (NEW, STAY)
         if ways:
-            first = FIRST_ESCAPE_FRESH.get((degree, level), EVEN) if fresh else FIRST_ESCAPE_BY_LEVEL.get(level, EVEN)
+            first = (
+                FIRST_ESCAPE_FRESH.get((degree, level), EVEN)
+                if fresh
+                else FIRST_ESCAPE_BY_LEVEL.get(level, EVEN)
+            )
             if not self.bit(("escape", degree, level, fresh), first):
                 if arrived is None:
                     return KNOWN
@@ -238,7 +350,9 @@ class Decoder:
                 back = arrived.opposite
                 seen = 2 if arrived.then.get(back, 0) else int(back.taken > 0)
                 first = EVEN if last == BACK else FIRST_BACK_AFTER_OTHERS
-                return BACK if self.bit(("back", min(degree, 4), seen, last == BACK), first) else KNOWN
+                return (
+                    BACK if self.bit(("back", min(degree, 4), seen, last == BACK), first) else KNOWN
+                )
         if self.bit(("stay", last), FIRST_STAY):
             return STAY
         if len(self.places) < 2:
@@ -251,11 +365,19 @@ class Decoder:
         if len(ways) == 1:
             return ways[0]
         turns = [self.bearing(before, u, way.end) for way in ways]
-        ratios = [min(max((self.turns_taken[t] << 8) // self.turns_had[t], 16), 4096) for t in turns]
-        weights = [(3 * way.taken + way.opposite.taken + 1) * ratio for way, ratio in zip(ways, ratios, strict=True)]
+        ratios = [
+            min(max((self.turns_taken[t] << 8) // self.turns_had[t], 16), 4096) for t in turns
+        ]
+        weights = [
+            (3 * way.taken + way.opposite.taken + 1) * ratio
+            for way, ratio in zip(ways, ratios, strict=True)
+        ]
         single = sum(weights)
         if arrived and arrived.passed:
-            weights = [w + min(arrived.then.get(way, 0), 1 << 16) * single // 2 for w, way in zip(weights, ways, strict=True)]
+            weights = [
+                w + min(arrived.then.get(way, 0), 1 << 16) * single // 2
+                for w, way in zip(weights, ways, strict=True)
+            ]
         while sum(weights) > LARGEST_SUM:
             weights = [(w >> 1) + 1 for w in weights]
         choice = read_choice(self.coder, weights)
@@ -267,24 +389,37 @@ class Decoder:
     def guesses(self, u, v, way):
         far = self.length(u, v)
         row = self.length_class(far)
-        near = [(share * times, mean) for d, share in CLASS_SHARES.items() for mean, times in [self.usual.get(row + d, (0, 0))]]
+        near = [
+            (share * times, mean)
+            for d, share in CLASS_SHARES.items()
+            for mean, times in [self.usual.get(row + d, (0, 0))]
+        ]
         weight = sum(w for w, _ in near)
         shares = [(3, sum(w * mean for w, mean in near) // weight)] if weight else []
         if way is not None:
-            shares += [(share * min(w.taken, MOST_OF_WAY), w.usual) for w, share in ((way, 4), (way.opposite, 2))]
+            shares += [
+                (share * min(w.taken, MOST_OF_WAY), w.usual)
+                for w, share in ((way, 4), (way.opposite, 2))
+            ]
         total = sum(w for w, _ in shares)
         own = [sum(w * mean for w, mean in shares) // total] if total else []
         if self.pace is None:
             return own
         distance = log2_of(max(far, 1))
-        return [*(own or [distance + self.slow_pace]), distance + self.pace, distance + self.slow_pace]
+        return [
+            *(own or [distance + self.slow_pace]),
+            distance + self.pace,
+            distance + self.slow_pace,
+        ]
 
     def reach(self):
         return max(self.step_length, 64)
 
     def octave(self, u, w):
         """How often a squared length reaches a bound that doubles."""
-        steps = [min(abs(a - b), 1 << 25) for a, b in zip(self.places[u], self.places[w], strict=True)]
+        steps = [
+            min(abs(a - b), 1 << 25) for a, b in zip(self.places[u], self.places[w], strict=True)
+        ]
         square = 256 * sum(step * step for step in steps)
         bound = (min(self.reach(), 1 << 27) * 181 >> 10) ** 2
         return min((square // bound).bit_length(), len(LIKELY_DISTANCE) - 1)
@@ -308,7 +443,11 @@ class Decoder:
         recent = RECENT if self.cheap < CHEAP_WAYS else FEW
         for w in range(nodes - 1, max(nodes - recent, 0) - 1, -1):
             if w != u and (layer == "gap" or not self.way(u, w)):
-                kind = self.bearing(before, u, w) if layer == "link" else min(self.rests[w].bit_length(), 3)
+                kind = (
+                    self.bearing(before, u, w)
+                    if layer == "link"
+                    else min(self.rests[w].bit_length(), 3)
+                )
                 near.append((w, self.octave(u, w), kind))
         if near and (nodes <= recent or self.bit("near", FIRST_NEAR)):
             choice, cheap = self.candidate(layer, near)
@@ -345,7 +484,10 @@ class Decoder:
             done.add(node)
             for way in self.ways[node]:
                 if made < MOST_OFFERS and way.end not in done:
-                    heapq.heappush(offers, (far + max(self.length(node, way.end), 1), made, way.end, len(settled)))
+                    heapq.heappush(
+                        offers,
+                        (far + max(self.length(node, way.end), 1), made, way.end, len(settled)),
+                    )
                     made += 1
             settled.append((node, origin))
         return settled
@@ -356,7 +498,10 @@ class Decoder:
             return
         settled = self.settle(u)
         ends = [self.ends[node] // TERMINAL for node, _ in settled]
-        near = [(at, at.bit_length(), min(ends[at].bit_length(), 7)) for at in range(len(settled) - 1, 0, -1)]
+        near = [
+            (at, at.bit_length(), min(ends[at].bit_length(), 7))
+            for at in range(len(settled) - 1, 0, -1)
+        ]
         choice, cheap = self.candidate("aim", near)
         self.learn_candidates("aim", near, cheap)
         at = near[choice][0]
@@ -370,9 +515,16 @@ class Decoder:
         here, out, reach = self.places[u], [], self.reach()
         if self.dimension > 1 and span and self.speed:
             span = min(span, 1 << 25)
-            reach, usual = (min(max(far * span // cells, 64), 1 << 36) for far, cells in (self.speed, self.sums))
-            spots = [(reach, reach >> s) for s in range(1, 7)] + [(usual, usual >> s) for s in range(1, 6)]
-            along = self.offset("paced along", [(TWO_SIDED, *spot) for spot in [*spots, (0, reach >> 2), (0, reach)]])
+            reach, usual = (
+                min(max(far * span // cells, 64), 1 << 36) for far, cells in (self.speed, self.sums)
+            )
+            spots = [(reach, reach >> s) for s in range(1, 7)] + [
+                (usual, usual >> s) for s in range(1, 6)
+            ]
+            along = self.offset(
+                "paced along",
+                [(TWO_SIDED, *spot) for spot in [*spots, (0, reach >> 2), (0, reach)]],
+            )
             across = self.offset("paced across", self.across(reach, along))
             out = list(plain_rotate_back(along, across, self.heading or 0))
         elif self.dimension > 1:
@@ -380,7 +532,9 @@ class Decoder:
             across = self.offset("across", self.across(reach, along))
             out = list(plain_rotate_back(along, across, self.heading or 0))
         while len(out) < self.dimension:
-            out.append(self.offset("beside", [(TWO_SIDED, 0, reach >> shift) for shift in range(6)]))
+            out.append(
+                self.offset("beside", [(TWO_SIDED, 0, reach >> shift) for shift in range(6)])
+            )
         return [a + b for a, b in zip(here, out, strict=True)]
 
     def along(self, reach):
@@ -415,7 +569,13 @@ class Decoder:
         if self.trail:
             way = self.way(u, self.trail.pop(0))
             kind = BACK if arrived and way is arrived.opposite else KNOWN
-            return kind, way.end, self.span("move", self.guesses(u, way.end, way), (3, 6, 12, 24, 48)) if self.timed else 0
+            return (
+                kind,
+                way.end,
+                self.span("move", self.guesses(u, way.end, way), (3, 6, 12, 24, 48))
+                if self.timed
+                else 0,
+            )
         kind = self.kind(u, arrived, last)
         v, way = u, None
         if kind == NEW and self.timed and self.modes & PACED:
@@ -430,7 +590,11 @@ class Decoder:
             v = self.add_node(self.ahead(u))
         span = 0
         if self.timed:
-            span = self.rest("stay") if kind == STAY else self.span("move", self.guesses(u, v, way), (3, 6, 12, 24, 48))
+            span = (
+                self.rest("stay")
+                if kind == STAY
+                else self.span("move", self.guesses(u, v, way), (3, 6, 12, 24, 48))
+            )
         return kind, v, span
 
     def gap(self, u):
@@ -444,7 +608,9 @@ class Decoder:
     def start(self, u):
         if self.places and self.bit("known start", FIRST_KNOWN_START):
             return read_choice(self.coder, self.ends)
-        return self.add_node(self.jump(u) if self.places else [self.whole("first") for _ in range(self.dimension)])
+        return self.add_node(
+            self.jump(u) if self.places else [self.whole("first") for _ in range(self.dimension)]
+        )
 
     def first_cells(self, tracks):
         """First cells of all tracks, in order."""
@@ -458,7 +624,9 @@ class Decoder:
     def first_cell(self, starts, last):
         """The first cell of a track, and its place among those that are left; the last track's was at ``last`` of all."""
         skipped = self.count("track order") % self.all_tracks
-        after = [start for start in starts if start[0] >= last] + [start for start in starts if start[0] < last]
+        after = [start for start in starts if start[0] >= last] + [
+            start for start in starts if start[0] < last
+        ]
         chosen = after[skipped % len(after)]
         starts.remove(chosen)
         return chosen
@@ -485,7 +653,11 @@ class Decoder:
                 before, arrived, last, arrival = None, None, NEW, False
                 self.heading = self.turn = None
             else:
-                gap = bool(self.gapped and not self.trail and self.bit(("gap", min((self.rests[u] + 1) // 2, 2), last == STAY), FIRST_GAP))
+                gap = bool(
+                    self.gapped
+                    and not self.trail
+                    and self.bit(("gap", min((self.rests[u] + 1) // 2, 2), last == STAY), FIRST_GAP)
+                )
                 if self.modes & AIMS and not gap and not self.trail:
                     self.aim(u, "arrival" if arrival else last)
                 arrival = len(self.trail) == 1
@@ -533,12 +705,18 @@ def read(data, dimension, tracks):
     else:
         raise BadWalks("no count")
     payload, knots = data[place + 1 :], count >> 2
-    if Fraction(knots - 4096, 512) > len(payload) or knots < tracks or (tracks == 0) != (knots == 0):
+    if (
+        Fraction(knots - 4096, 512) > len(payload)
+        or knots < tracks
+        or (tracks == 0) != (knots == 0)
+    ):
         raise BadWalks("that many knots can't be")
     if modes & SORTED and not (count & 1 and tracks <= MOST_SORTED):
         raise BadWalks("starts can't be sorted")
     decoder = Decoder(payload, dimension, bool(count & 1), bool(count & 2), modes)
     walks = decoder.tracks(knots, tracks)
-    if decoder.timed and any(b[1] <= a[1] for walk in walks for a, b in zip(walk, walk[1:], strict=False)):
+    if decoder.timed and any(
+        b[1] <= a[1] for walk in walks for a, b in zip(walk, walk[1:], strict=False)
+    ):
         raise BadWalks("times go back")
     return decoder, walks

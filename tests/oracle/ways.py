@@ -7,10 +7,17 @@ def cheapest(network, costs, start, end, turn, u_turn):
     """Price of the cheapest way from (directed road, offset) to another, by trying all that use no directed road twice."""
     best = [math.inf]
     lengths = network.lengths
-    nodes = [[int(network.starts[road >> 1]), int(network.ends[road >> 1])][:: -1 if road % 2 else 1] for road in range(2 * len(network))]
-    open_ = [bool((network.backward if road % 2 else network.forward)[road >> 1]) for road in range(2 * len(network))]
+    nodes = [
+        [int(network.starts[road >> 1]), int(network.ends[road >> 1])][:: -1 if road % 2 else 1]
+        for road in range(2 * len(network))
+    ]
+    open_ = [
+        bool((network.backward if road % 2 else network.forward)[road >> 1])
+        for road in range(2 * len(network))
+    ]
     degree = [
-        sum(node in pair for pair in nodes[::2]) + sum(pair[0] == pair[1] == node for pair in nodes[::2])
+        sum(node in pair for pair in nodes[::2])
+        + sum(pair[0] == pair[1] == node for pair in nodes[::2])
         for node in range(len(network.nodes))
     ]
 
@@ -35,7 +42,9 @@ def cheapest(network, costs, start, end, turn, u_turn):
     def go(road, total, used):
         for place, extra in ((end[0], 0.0), (end[0] ^ 1, u_turn)):
             if road == place and len(used) > 1 and open_[place]:
-                best[0] = min(best[0], total - costs[road] * (1 - share(road, end[1], False)) + extra)
+                best[0] = min(
+                    best[0], total - costs[road] * (1 - share(road, end[1], False)) + extra
+                )
         for other in range(2 * len(network)):
             if other not in used and open_[other] and nodes[other][0] == nodes[road][1]:
                 go(other, total + price(road, other) + costs[other], used | {other})

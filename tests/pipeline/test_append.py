@@ -16,12 +16,16 @@ RMSE = 0.3
 @pytest.fixture(scope="module")
 def day():
     whole = patrol(48000, seed=4)
-    return Track("robot", whole.times[::16], whole.positions[::16], attributes={"battery": np.arange(3000)})
+    return Track(
+        "robot", whole.times[::16], whole.positions[::16], attributes={"battery": np.arange(3000)}
+    )
 
 
 def stretch(track, first, last, name=None):
     columns = {key: values[first:last] for key, values in track.attributes.items()}
-    return Track(name or track.id, track.times[first:last], track.positions[first:last], attributes=columns)
+    return Track(
+        name or track.id, track.times[first:last], track.positions[first:last], attributes=columns
+    )
 
 
 def rmse(archive, track):
@@ -37,7 +41,7 @@ def morning(day):
 def test_a_track_goes_on_where_it_ended(day, morning):
     grown, report = append(morning, stretch(day, 1500, 3000), Options(effort=2))
     grown = gpszip.open(grown.to_bytes())
-    assert grown.tracks == ("robot",)
+    assert grown.ids == ("robot",)
     assert rmse(grown, stretch(day, 0, 1500)) <= RMSE
     assert rmse(grown, stretch(day, 1500, 3000)) <= RMSE
     assert (report.points, report.bytes_out) == (1500, len(grown.to_bytes()))
@@ -45,7 +49,9 @@ def test_a_track_goes_on_where_it_ended(day, morning):
     # what was there is the same, knot by knot
     old, new = morning.walk("robot"), grown.walk("robot")
     np.testing.assert_array_equal(new.times[: len(old.times)], old.times)
-    np.testing.assert_allclose(grown.road_map.nodes[new.nodes[: len(old.nodes)]], morning.road_map.nodes[old.nodes])
+    np.testing.assert_allclose(
+        grown.road_map.nodes[new.nodes[: len(old.nodes)]], morning.road_map.nodes[old.nodes]
+    )
 
 
 def test_appending_is_not_much_larger_than_compressing_at_once(day):
@@ -67,9 +73,11 @@ def test_a_silence_before_what_is_appended_is_a_gap(day, morning):
 def test_new_names_are_added(day, morning):
     other = stretch(day, 1500, 2200, "other")
     grown, _ = append(morning, [other, stretch(day, 1500, 2000)], Options(effort=1))
-    assert grown.tracks == ("robot", "other")
+    assert grown.ids == ("robot", "other")
     # both together keep it
-    assert (rmse(grown, other) ** 2 * 700 + rmse(grown, stretch(day, 1500, 2000)) ** 2 * 500) / 1200 <= RMSE**2
+    assert (
+        rmse(grown, other) ** 2 * 700 + rmse(grown, stretch(day, 1500, 2000)) ** 2 * 500
+    ) / 1200 <= RMSE**2
 
 
 def test_times_that_overlap_are_refused(day, morning):
@@ -83,16 +91,21 @@ def test_a_maximum_is_kept_too(day):
     archive = compress([stretch(day, 0, 1000)], Options(max_error=1.0, effort=1))[0]
     grown, _ = append(archive, stretch(day, 1000, 1600), Options(effort=1))
     for track in (stretch(day, 0, 1000), stretch(day, 1000, 1600)):
-        assert np.linalg.norm(grown.position("robot", track.times) - track.positions, axis=1).max() <= 1.0
-    assert grown.promise.maximum
-    assert grown.promise.metres == 1.0
+        assert (
+            np.linalg.norm(grown.position("robot", track.times) - track.positions, axis=1).max()
+            <= 1.0
+        )
+    assert grown.error_bound.maximum
+    assert grown.error_bound.metres == 1.0
     weaker, _ = append(archive, stretch(day, 1000, 1600), Options(rmse=RMSE, effort=1))
-    assert (weaker.promise.maximum, weaker.promise.metres) == (False, 1.0)
+    assert (weaker.error_bound.maximum, weaker.error_bound.metres) == (False, 1.0)
 
 
 def test_kept_columns_go_on(day):
     archive = compress([stretch(day, 0, 1000)], Options(rmse=RMSE, keep=("battery",), effort=1))[0]
-    grown, _ = append(archive, [stretch(day, 1000, 1500), stretch(day, 1000, 1300, "b")], Options(effort=1))
+    grown, _ = append(
+        archive, [stretch(day, 1000, 1500), stretch(day, 1000, 1300, "b")], Options(effort=1)
+    )
     robot, b = gpszip.open(grown.to_bytes()).samples()
     np.testing.assert_array_equal(robot.times, day.times[:1500])
     np.testing.assert_array_equal(robot.attributes["battery"], np.arange(1500))
@@ -101,7 +114,11 @@ def test_kept_columns_go_on(day):
     with pytest.raises(OptionError, match="no column 'battery' to keep"):
         append(archive, bare)
     with pytest.raises(OptionError, match="keeps no columns"):
-        append(compress([bare], Options(rmse=RMSE, effort=1))[0], stretch(day, 1500, 1600), Options(keep=("battery",)))
+        append(
+            compress([bare], Options(rmse=RMSE, effort=1))[0],
+            stretch(day, 1500, 1600),
+            Options(keep=("battery",)),
+        )
 
 
 def test_a_size_can_not_be_asked_for(day, morning):
@@ -123,9 +140,14 @@ def test_a_log_that_begins_within_the_last_cell_goes_on():
     # the first walk ends at a whole cell, at or after its last sample
     track = patrol(32000, seed=8)
     times, positions = track.times[::16], track.positions[::16]
-    halves = [Track("0", times[:1000], positions[:1000]), Track("0", times[1000:], positions[1000:])]
+    halves = [
+        Track("0", times[:1000], positions[:1000]),
+        Track("0", times[1000:], positions[1000:]),
+    ]
     for shift in (0.0, 0.3, 0.7):
         first = Track("0", halves[0].times + shift, halves[0].positions)
-        archive, _ = append(compress(first, Options(rmse=RMSE, effort=1))[0], halves[1], Options(effort=1))
+        archive, _ = append(
+            compress(first, Options(rmse=RMSE, effort=1))[0], halves[1], Options(effort=1)
+        )
         assert archive.walk("0").times[0] <= first.times[0]
         assert rmse(archive, halves[1]) <= RMSE

@@ -25,12 +25,25 @@ def wander(n=250, dimension=2, seed=0, name="a", start=0.0, step=1.0, noise=0.1)
     """Someone who walks straight for a while, turns, and stops now and then."""
     rng = np.random.default_rng(seed)
     legs = rng.integers(5, 25, n // 5 + 1)
-    velocity = np.repeat(rng.normal(0, 1.2, (len(legs), dimension)) * (rng.random((len(legs), 1)) > 0.2), legs, axis=0)[:n]
-    return Track(name, start + step * np.arange(n), np.cumsum(velocity * step, axis=0) + rng.normal(0, noise, (n, dimension)))
+    velocity = np.repeat(
+        rng.normal(0, 1.2, (len(legs), dimension)) * (rng.random((len(legs), 1)) > 0.2),
+        legs,
+        axis=0,
+    )[:n]
+    return Track(
+        name,
+        start + step * np.arange(n),
+        np.cumsum(velocity * step, axis=0) + rng.normal(0, noise, (n, dimension)),
+    )
 
 
 def with_gaps(track, every=60, length=500.0):
-    return Track(track.id, track.times + length * (np.arange(len(track)) // every), track.positions, plane=track.plane)
+    return Track(
+        track.id,
+        track.times + length * (np.arange(len(track)) // every),
+        track.positions,
+        plane=track.plane,
+    )
 
 
 def antimeridian(n=200):
@@ -47,12 +60,22 @@ LOGS = {
     "three tracks": [wander(seed=i, name=f"walk {i}", start=1e4 * i) for i in range(3)],
     "tracks of all lengths": [wander(n, seed=n, name=str(n)) for n in (1, 2, 3, 40)],
     "gaps": [with_gaps(wander())],
-    "epoch seconds and UTM metres": [Track("a", wander().times + 1.4e9, wander().positions + np.array([5e5, 5.8e6]))],
+    "epoch seconds and UTM metres": [
+        Track("a", wander().times + 1.4e9, wander().positions + np.array([5e5, 5.8e6]))
+    ],
     "standing still": [Track("a", np.arange(50.0), np.full((50, 2), 3.0))],
     "one sample": [Track("a", [1234.5678], [[1.0, 2.0]])],
     "two samples": [Track("a", [0.0, 0.1], [[1.0, 2.0], [8.0, -1.0]])],
-    "odd steps of time": [Track("a", np.cumsum(np.random.default_rng(1).exponential(1.0, 150) + 1e-3), wander(150).positions)],
-    "one jump": [Track("a", np.arange(20.0), np.where(np.arange(20)[:, None] < 10, 0.0, 1e5) + np.zeros(2))],
+    "odd steps of time": [
+        Track(
+            "a",
+            np.cumsum(np.random.default_rng(1).exponential(1.0, 150) + 1e-3),
+            wander(150).positions,
+        )
+    ],
+    "one jump": [
+        Track("a", np.arange(20.0), np.where(np.arange(20)[:, None] < 10, 0.0, 1e5) + np.zeros(2))
+    ],
     "antimeridian": [antimeridian()[0]],
 }
 
@@ -79,10 +102,19 @@ def test_every_sample_is_covered_within_the_bound(log, bound):
     assert report.max_error == pytest.approx(worst, rel=1e-6, abs=1e-9)
     assert (report.points, report.tracks) == (sum(map(len, tracks)), len(tracks))
     assert report.bytes_out == len(archive.to_bytes())
-    assert (report.parts, report.nodes) == (sum(len(w.gaps) for w in archive.walks), len(archive.road_map.nodes))
+    assert (report.parts, report.nodes) == (
+        sum(len(w.gaps) for w in archive.walks),
+        len(archive.road_map.nodes),
+    )
 
 
-@given(st.integers(0, 10_000), st.integers(1, 60), st.integers(1, 3), st.sampled_from([0.05, 0.4, 3.0]), st.booleans())
+@given(
+    st.integers(0, 10_000),
+    st.integers(1, 60),
+    st.integers(1, 3),
+    st.sampled_from([0.05, 0.4, 3.0]),
+    st.booleans(),
+)
 @settings(max_examples=12, deadline=None)
 def test_any_track_is_kept_within_any_bound(seed, n, dimension, bound, rms):
     rng = np.random.default_rng(seed)
@@ -130,7 +162,10 @@ def test_degrees_come_back_across_the_antimeridian():
 
 
 def test_a_track_over_two_planes_claims_nothing_between_them():
-    lat, lon = np.array([52.5] * 30 + [-33.9] * 20), np.append(13.4 + 1e-4 * np.arange(30), 151.2 + 1e-4 * np.arange(20))
+    lat, lon = (
+        np.array([52.5] * 30 + [-33.9] * 20),
+        np.append(13.4 + 1e-4 * np.arange(30), 151.2 + 1e-4 * np.arange(20)),
+    )
     plane = choose_plane(lat, lon)
     track = Track("flight", np.arange(50.0), to_plane(lat, lon, plane), plane=plane)
     archive, _ = compressed([track], max_error=5.0, gap=math.inf, effort=1)
@@ -145,7 +180,11 @@ def test_the_same_log_gives_the_same_bytes():
     assert one == other
 
 
-@pytest.mark.parametrize("options", [Options(rmse=0.5), Options(max_error=1.0), Options(k=20, m=8)], ids=["rmse", "max", "thesis"])
+@pytest.mark.parametrize(
+    "options",
+    [Options(rmse=0.5), Options(max_error=1.0), Options(k=20, m=8)],
+    ids=["rmse", "max", "thesis"],
+)
 def test_neither_workers_nor_the_log_s_zero_change_the_walks(options):
     track = wander(300)
     track = Track("a", track.times, np.round(track.positions, 3))
@@ -153,9 +192,12 @@ def test_neither_workers_nor_the_log_s_zero_change_the_walks(options):
     assert compress(track, options, executor=Threads(3))[0].to_bytes() == serial.to_bytes()
     moved = compress(Track("a", track.times + 1e9, track.positions + 1e7), options)[0]
     assert moved.contents.groups == serial.contents.groups
-    assert (moved.frame.space, moved.frame.time) == (serial.frame.space, serial.frame.time)
-    assert moved.frame.epoch - serial.frame.epoch == 10**12
-    assert [a - b for a, b in zip(moved.frame.origin, serial.frame.origin, strict=True)] == [10**10, 10**10]
+    assert (moved.grid.space, moved.grid.time) == (serial.grid.space, serial.grid.time)
+    assert moved.grid.epoch - serial.grid.epoch == 10**12
+    assert [a - b for a, b in zip(moved.grid.origin, serial.grid.origin, strict=True)] == [
+        10**10,
+        10**10,
+    ]
 
 
 def test_without_a_bound_a_sensible_one_is_chosen_and_told():
@@ -177,7 +219,7 @@ def test_times_can_be_left_out_after_the_bound_was_measured():
     assert untimed[1].bytes_out < timed[1].bytes_out
     assert untimed[1].rmse == timed[1].rmse
     assert any("times" in note for note in untimed[1].notes)
-    for (_, shape), (_, places) in zip(untimed[0].paths(), timed[0].paths(), strict=True):
+    for (_, shape), (_, places) in zip(untimed[0].shapes(), timed[0].shapes(), strict=True):
         moved = np.append(True, (np.diff(places, axis=0) != 0).any(axis=1))
         assert shape[1:-1].tolist() == places[moved][1:-1].tolist()
         assert np.linalg.norm(shape[[0, -1]] - places[[0, -1]], axis=1).max() <= 2
@@ -185,9 +227,14 @@ def test_times_can_be_left_out_after_the_bound_was_measured():
 
 def test_the_layer_packs_the_archive_once_more():
     track = wander()
-    plain, packed = compressed([track], rmse=0.5, effort=1)[0], compressed([track], rmse=0.5, effort=1, layer="bz2")[0]
+    plain, packed = (
+        compressed([track], rmse=0.5, effort=1)[0],
+        compressed([track], rmse=0.5, effort=1, layer="bz2")[0],
+    )
     assert packed.contents.layer == "bz2"
-    assert [t.positions.tolist() for t in packed.decompress()] == [t.positions.tolist() for t in plain.decompress()]
+    assert [t.positions.tolist() for t in packed.decompress()] == [
+        t.positions.tolist() for t in plain.decompress()
+    ]
 
 
 @pytest.mark.parametrize("times", [True, False])
@@ -238,7 +285,11 @@ def lanes(n=240):
     return Track("lane", np.arange(float(n)), np.stack([x, 0.3 * np.sin(x)], axis=1))
 
 
-@pytest.mark.parametrize("options", [{"k": 12, "m": 2}, {"k": 12}, {"m": 4, "rmse": 2.0}, {"m": 4, "max_error": 6.0}], ids=str)
+@pytest.mark.parametrize(
+    "options",
+    [{"k": 12, "m": 2}, {"k": 12}, {"m": 4, "rmse": 2.0}, {"m": 4, "max_error": 6.0}],
+    ids=str,
+)
 def test_the_thesis_s_model_becomes_an_archive(options):
     track = lanes()
     archive, report = compressed([track], **options)
@@ -258,7 +309,11 @@ def test_rounding_adds_little_to_the_thesis_s_model():
 
 
 def test_gaps_between_the_thesis_s_parts_claim_no_travel():
-    track = Track("a", np.append(np.arange(20.0), 1000 + np.arange(20.0)), np.append(np.arange(20.0), 90 - np.arange(20.0))[:, None])
+    track = Track(
+        "a",
+        np.append(np.arange(20.0), 1000 + np.arange(20.0)),
+        np.append(np.arange(20.0), 90 - np.arange(20.0))[:, None],
+    )
     archive, _ = compressed([track], k=2, m=2)
     assert np.isnan(archive.position("a", 500.0)).all()
     assert measure([track], archive.decompress())[2] == 0
@@ -276,7 +331,10 @@ def test_the_thesis_s_model_has_one_track():
 
 def test_tracks_that_don_t_go_together_are_refused():
     track = wander(10)
-    flat, named = Track("b", track.times, track.positions[:, :1]), Track("a", track.times, track.positions)
+    flat, named = (
+        Track("b", track.times, track.positions[:, :1]),
+        Track("a", track.times, track.positions),
+    )
     placed = Track("b", track.times, track.positions, plane=Plane(((0, 0),)))
     with pytest.raises(InputError, match="no tracks"):
         compress([])
@@ -326,7 +384,13 @@ def test_nothing_is_compiled_after_warming():
     events: list[Progress] = []
     warm(events.append)
     assert [event.done for event in events] == [0.2, 0.4, 0.6, 0.8, 1.0]
-    compiled = subprocess.run([sys.executable, "-c", COUNT_COMPILATIONS], capture_output=True, text=True, check=True, timeout=120)
+    compiled = subprocess.run(
+        [sys.executable, "-c", COUNT_COMPILATIONS],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
     assert compiled.stdout == "0\n"
 
 

@@ -21,7 +21,9 @@ def saved(archive):
 
 
 def ends(archive):
-    return {piece.id: (float(piece.times[0]), float(piece.times[-1])) for piece in archive.decompress()}
+    return {
+        piece.id: (float(piece.times[0]), float(piece.times[-1])) for piece in archive.decompress()
+    }
 
 
 def test_a_parked_track_ends_when_it_ended():
@@ -48,7 +50,7 @@ def test_a_piece_of_one_sample_claims_no_travel():
     for piece in saved(archive).decompress():
         assert np.ptp(piece.positions, axis=0).max() == 0
         assert piece.times[-1] - piece.times[0] < 60
-    assert len(archive.drawn_map.edges) == 0
+    assert len(archive.trimmed_map.edges) == 0
     assert len(archive.clean_map().length) == 0
 
 
@@ -70,11 +72,15 @@ def test_merged_tracks_keep_their_ends():
     archives = []
     for name in "ab":
         times = 5.0 * np.arange(200) + 7
-        places = np.stack([times * 8, 300 * np.sin(times / 100)], axis=1) + rng.normal(0, 2, (200, 2))
+        places = np.stack([times * 8, 300 * np.sin(times / 100)], axis=1) + rng.normal(
+            0, 2, (200, 2)
+        )
         archives.append(compress(Track(name, times, places), Options(rmse=5.0, effort=1))[0])
     merged, _ = merge(archives, MergeOptions(), names=["one", "two"])
     found = ends(saved(merged))
-    assert all(abs(first - 7) <= 1.25 and abs(last - 1002) <= 1.25 for first, last in found.values())
+    assert all(
+        abs(first - 7) <= 1.25 and abs(last - 1002) <= 1.25 for first, last in found.values()
+    )
 
 
 def test_archives_of_version_2_are_read_from_knot_to_knot():
@@ -93,7 +99,8 @@ GPX = """<gpx version="1.1" creator="t"><rte><name>plan</name>{}</rte>
 def mixed_log():
     plan = "".join(f'<rtept lat="{48 + i / 1000}" lon="{11 + (i % 7) / 2000}"/>' for i in range(40))
     ride = "".join(
-        f'<trkpt lat="{48 + i / 1000}" lon="{11 + (i % 7) / 2000}"><time>2024-05-04T08:{i:02d}:00Z</time></trkpt>' for i in range(40)
+        f'<trkpt lat="{48 + i / 1000}" lon="{11 + (i % 7) / 2000}"><time>2024-05-04T08:{i:02d}:00Z</time></trkpt>'
+        for i in range(40)
     )
     return io.BytesIO(GPX.format(plan, ride).encode())
 
@@ -110,8 +117,13 @@ def test_routes_without_times_are_kept_beside_tracks():
 
 def test_shapes_are_merged_appended_and_refused_as_what_goes_on():
     shapes = [track for track in read_logs(mixed_log(), format="gpx").tracks if not track.timed]
-    moved = [Track("other", track.times, track.positions + 3, plane=track.plane, timed=False) for track in shapes]
-    one, two = (compress(tracks, Options(max_error=10.0, effort=1))[0] for tracks in (shapes, moved))
+    moved = [
+        Track("other", track.times, track.positions + 3, plane=track.plane, timed=False)
+        for track in shapes
+    ]
+    one, two = (
+        compress(tracks, Options(max_error=10.0, effort=1))[0] for tracks in (shapes, moved)
+    )
     merged, _ = merge([one, two], MergeOptions(), names=["one", "two"])
     assert (merged.timed, set(merged.untimed)) == (False, {"plan", "other"})
     ride = [track for track in read_logs(mixed_log(), format="gpx").tracks if track.timed]
@@ -128,10 +140,12 @@ def test_both_bounds_are_held_and_promised_together(rmse, maximum):
     times = np.arange(400.0)
     places = np.stack([times * 3, 40 * np.sin(times / 30)], axis=1) + rng.normal(0, 1, (400, 2))
     places[200] += 15
-    archive, report = compress(Track("a", times, places), Options(rmse=rmse, max_error=maximum, effort=1))
+    archive, report = compress(
+        Track("a", times, places), Options(rmse=rmse, max_error=maximum, effort=1)
+    )
     assert (report.rmse <= rmse, report.max_error <= maximum) == (True, True)
-    promise = saved(archive).promise
-    assert (promise.metres, promise.most) == (rmse, maximum)
+    error_bound = saved(archive).error_bound
+    assert (error_bound.metres, error_bound.most) == (rmse, maximum)
     assert report.bound == f"RMSE <= {rmse:g} m, maximum <= {maximum:g} m"
 
 
@@ -140,7 +154,7 @@ def test_without_a_bound_both_are_chosen():
     places = np.stack([times * 3, 40 * np.sin(times / 30)], axis=1)
     places[100] += 60
     archive, report = compress(Track("a", times, places))
-    promise = archive.promise
-    assert promise.most == pytest.approx(4 * promise.metres, rel=0.01)
-    assert report.max_error <= promise.most
+    error_bound = archive.error_bound
+    assert error_bound.most == pytest.approx(4 * error_bound.metres, rel=0.01)
+    assert report.max_error <= error_bound.most
     assert any("were estimated" in note and "maximum" in note for note in report.notes)

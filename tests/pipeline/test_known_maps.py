@@ -15,7 +15,10 @@ BOUND = 8.0
 
 def buses(count, seed):
     return [
-        Track(name, times, positions) for name, (times, positions) in drives(vehicles=count, duration=600.0, period=5.0, seed=seed).items()
+        Track(name, times, positions)
+        for name, (times, positions) in drives(
+            vehicles=count, duration=600.0, period=5.0, seed=seed
+        ).items()
     ]
 
 
@@ -36,17 +39,22 @@ def later(fleet, city):
 
 
 def errors(archive, tracks):
-    off = [np.linalg.norm(archive.position(track.id, track.times) - track.positions, axis=1) for track in tracks]
+    off = [
+        np.linalg.norm(archive.position(track.id, track.times) - track.positions, axis=1)
+        for track in tracks
+    ]
     return np.concatenate(off)
 
 
 def test_later_logs_are_smaller_on_a_map_and_keep_the_bound(fleet, city, later):
     back = gpszip.open(later.to_bytes(), map=city)
-    assert back.tracks == tuple(track.id for track in fleet[16:])
+    assert back.ids == tuple(track.id for track in fleet[16:])
     assert np.sqrt((errors(back, fleet[16:]) ** 2).mean()) <= BOUND
-    assert len(later.to_bytes()) < 0.9 * len(gpszip.compress(fleet[16:], rmse=BOUND, effort=2).to_bytes())
-    assert back.frame == city.frame
-    assert back.promise.metres == BOUND
+    assert len(later.to_bytes()) < 0.9 * len(
+        gpszip.compress(fleet[16:], rmse=BOUND, effort=2).to_bytes()
+    )
+    assert back.grid == city.grid
+    assert back.error_bound.metres == BOUND
 
 
 def test_the_map_is_needed_and_checked(tmp_path, fleet, city, later):
@@ -54,7 +62,9 @@ def test_the_map_is_needed_and_checked(tmp_path, fleet, city, later):
     with pytest.raises(MapError, match=f"lies on the map {city.hash.hex()}, kept elsewhere"):
         gpszip.open(data).decompress()
     other = gpszip.compress(fleet[:3], rmse=BOUND, effort=1)
-    with pytest.raises(MapError, match=f"{city.hash.hex()}, and another one, {other.hash.hex()}, was given"):
+    with pytest.raises(
+        MapError, match=f"{city.hash.hex()}, and another one, {other.hash.hex()}, was given"
+    ):
         gpszip.open(data, map=other)
     with pytest.raises(MapError, match="lies on another map itself"):
         gpszip.open(data, map=later)
@@ -71,7 +81,10 @@ def test_the_map_is_found_in_the_same_folder(tmp_path, city, later):
 
 
 def test_neither_names_nor_kept_columns_change_what_a_map_is_called(fleet, city):
-    renamed = [Track(f"x{i}", track.times, track.positions, attributes={"speed": track.times}) for i, track in enumerate(fleet[:16])]
+    renamed = [
+        Track(f"x{i}", track.times, track.positions, attributes={"speed": track.times})
+        for i, track in enumerate(fleet[:16])
+    ]
     assert gpszip.compress(renamed, rmse=BOUND, effort=2, keep="speed").hash == city.hash
     assert gpszip.compress(fleet[:16], rmse=2 * BOUND, effort=1).hash != city.hash
 
@@ -79,13 +92,13 @@ def test_neither_names_nor_kept_columns_change_what_a_map_is_called(fleet, city)
 def test_stretches_off_the_map_are_told(fleet, city):
     away = Track("away", fleet[16].times, fleet[16].positions + 20_000.0)
     archive, report = compress([away], Options(rmse=BOUND, effort=1), map=city)
-    (way,) = archive.new_ways
+    (way,) = archive.off_map_lines
     # ten minutes at 9 m/s
     assert np.linalg.norm(np.diff(way, axis=0), axis=1).sum() == pytest.approx(5400, rel=0.1)
     assert any("1 stretches lie off the map" in note for note in report.notes)
     # a log that the map was made of hardly leaves it
     known = gpszip.compress(fleet[0], rmse=BOUND, map=city, effort=1)
-    assert sum(len(way) for way in known.new_ways) < 0.3 * len(known.walks[0].nodes)
+    assert sum(len(way) for way in known.off_map_lines) < 0.3 * len(known.walks[0].nodes)
 
 
 @pytest.mark.parametrize("bound", [{"rmse": 1.0}, {"max_error": 3.0}])
@@ -99,7 +112,10 @@ def test_a_bound_far_below_the_maps_lattice_gives_an_archive_of_its_own(fleet, c
     archive, report = compress(_start(fleet[16], 40), Options(rmse=0.002, effort=1), map=city)
     assert archive.contents.map is None
     assert any("too coarse" in note for note in report.notes)
-    assert np.sqrt((errors(gpszip.open(archive.to_bytes()), [_start(fleet[16], 40)]) ** 2).mean()) <= 0.002
+    assert (
+        np.sqrt((errors(gpszip.open(archive.to_bytes()), [_start(fleet[16], 40)]) ** 2).mean())
+        <= 0.002
+    )
 
 
 def _start(track, count):
@@ -143,7 +159,9 @@ def test_maps_of_other_places_and_kinds_are_refused(fleet, city, later):
     with pytest.raises(OptionError, match="lies on another map itself"):
         gpszip.compress(fleet[16], rmse=BOUND, map=later)
     with pytest.raises(OptionError, match="without times"):
-        gpszip.compress(fleet[16], rmse=BOUND, map=gpszip.compress(fleet[0], rmse=BOUND, times=False, effort=1))
+        gpszip.compress(
+            fleet[16], rmse=BOUND, map=gpszip.compress(fleet[0], rmse=BOUND, times=False, effort=1)
+        )
 
 
 def test_a_torn_archive_on_a_map_is_corrupt(city, later):
@@ -160,12 +178,19 @@ def test_one_track_called_as_the_maps_costs_no_name(fleet):
     archive = gpszip.compress(again, rmse=BOUND, map=city, effort=1)
     assert b"rather" not in archive.to_bytes()
     assert archive.contents.ids is None
-    assert gpszip.open(archive.to_bytes(), map=city).tracks == ("a rather long name",)
+    assert gpszip.open(archive.to_bytes(), map=city).ids == ("a rather long name",)
 
 
 def test_kept_columns_lie_beside_walks_on_a_map(fleet, city):
-    track = Track("a", fleet[16].times, fleet[16].positions, attributes={"speed": np.arange(float(len(fleet[16])))})
-    archive = gpszip.open(gpszip.compress(track, rmse=BOUND, map=city, keep="speed", effort=1).to_bytes(), map=city)
+    track = Track(
+        "a",
+        fleet[16].times,
+        fleet[16].positions,
+        attributes={"speed": np.arange(float(len(fleet[16])))},
+    )
+    archive = gpszip.open(
+        gpszip.compress(track, rmse=BOUND, map=city, keep="speed", effort=1).to_bytes(), map=city
+    )
     (back,) = archive.samples()
     np.testing.assert_array_equal(back.attributes["speed"], track.attributes["speed"])
     np.testing.assert_array_equal(back.times, track.times)

@@ -16,7 +16,7 @@ import gpszip
 from gpszip import BoundError, OptionError
 from gpszip.cli.main import main
 from gpszip.model import Options, Track
-from gpszip.model.promise import WRITING_SHARE_IN_METRES
+from gpszip.model.error_bound import WRITING_SHARE_IN_METRES
 from gpszip.pipeline import compress_large as large
 from gpszip.pipeline import encode_batches as laying
 from gpszip.run import Processes, Serial, Threads
@@ -47,12 +47,19 @@ def folder(tmp_path):
 
 
 def off(archive, tracks):
-    return np.concatenate([np.linalg.norm(archive.position(one.id, one.times) - one.positions, axis=1) for one in tracks])
+    return np.concatenate(
+        [
+            np.linalg.norm(archive.position(one.id, one.times) - one.positions, axis=1)
+            for one in tracks
+        ]
+    )
 
 
 @pytest.mark.parametrize("bound", [{"rmse": 0.25}, {"max_error": 0.9}, {}])
 def test_the_bound_holds_at_every_sample(folder, bound):
-    archive, report, reading = large.compress_large(folder[0], Options(effort=1, **bound), memory=MEMORY)
+    archive, report, reading = large.compress_large(
+        folder[0], Options(effort=1, **bound), memory=MEMORY
+    )
     errors = off(archive, folder[1])
     assert report.points == len(errors) == reading.points == 12_000
     assert report.rmse == pytest.approx(np.sqrt((errors**2).mean()), rel=1e-6)
@@ -68,7 +75,11 @@ def test_the_same_bytes_whoever_works(folder):
     made = []
     with Processes(2) as processes:
         for executor in (Serial(), Threads(1), Threads(3), processes):
-            made.append(large.compress_large(folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=executor)[0].to_bytes())
+            made.append(
+                large.compress_large(
+                    folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=executor
+                )[0].to_bytes()
+            )
     assert len(set(made)) == 1
 
 
@@ -90,7 +101,8 @@ def test_batches_are_worked_on_by_other_processes(folder):
 
     elsewhere = Elsewhere()
     here, there = (
-        large.compress_large(folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=x)[0] for x in (Serial(), elsewhere)
+        large.compress_large(folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=x)[0]
+        for x in (Serial(), elsewhere)
     )
     assert here.to_bytes() == there.to_bytes()
     laid = sum(isinstance(work, list) and isinstance(work[0], Track) for work in elsewhere.batches)
@@ -103,16 +115,27 @@ def test_no_more_threads_work_than_there_is_memory_for(folder, monkeypatch):
     monkeypatch.setattr(large, "_within_bound", lambda job, _: seen.append(job.executor) or 1 / 0)
     monkeypatch.setattr(large, "_LAID", 4000)
     with pytest.raises(ZeroDivisionError):
-        large.compress_large(folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=Threads(9))
-    assert seen[0].workers * 5000 * 4000 <= MEMORY - large._PROGRAM < (seen[0].workers + 1) * 5000 * 4000
+        large.compress_large(
+            folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=Threads(9)
+        )
+    assert (
+        seen[0].workers * 5000 * 4000
+        <= MEMORY - large._PROGRAM
+        < (seen[0].workers + 1) * 5000 * 4000
+    )
 
 
 def test_degrees_and_gaps(tmp_path):
     rows = ["id,time,lat,lon"]
     for name, (times, degrees) in city(vehicles=3, period=10.0, duration=9000.0, blocks=3).items():
-        rows += [f"{name},{t + (40_000 if t > 5000 else 0):g},{lat:.6f},{lon:.6f}" for t, (lat, lon) in zip(times, degrees, strict=True)]
+        rows += [
+            f"{name},{t + (40_000 if t > 5000 else 0):g},{lat:.6f},{lon:.6f}"
+            for t, (lat, lon) in zip(times, degrees, strict=True)
+        ]
     (tmp_path / "town.csv").write_text("\n".join(rows) + "\n")
-    archive, report, _ = large.compress_large(str(tmp_path / "town.csv"), Options(rmse=12.0, effort=1), memory=MEMORY)
+    archive, report, _ = large.compress_large(
+        str(tmp_path / "town.csv"), Options(rmse=12.0, effort=1), memory=MEMORY
+    )
     assert report.gap < 40_000
     assert all(walk.gaps.sum() == 1 for walk in archive.walks)
     assert np.sqrt((off(archive, gpszip.read(str(tmp_path / "town.csv"))) ** 2).mean()) <= 12.01
@@ -120,7 +143,9 @@ def test_degrees_and_gaps(tmp_path):
 
 def test_a_batch_that_learning_does_not_master_keeps_the_knots_that_it_needs(folder, monkeypatch):
     monkeypatch.setattr("gpszip.mapping.on_known_map.learn_on", lambda *_, **__: None)
-    archive, report, _ = large.compress_large(folder[0], Options(max_error=1.0, effort=1), memory=MEMORY)
+    archive, report, _ = large.compress_large(
+        folder[0], Options(max_error=1.0, effort=1), memory=MEMORY
+    )
     assert off(archive, folder[1]).max() <= 1.0
     assert report.points == 12_000
 
@@ -128,30 +153,42 @@ def test_a_batch_that_learning_does_not_master_keeps_the_knots_that_it_needs(fol
 def test_a_batch_may_take_more_error_where_others_take_less(folder, monkeypatch):
     from gpszip.mapping.on_known_map import learn_on
 
-    def only_for_more(known, frame, tracks, gaps, *, rmse, **others):
+    def only_for_more(known, grid, tracks, gaps, *, rmse, **others):
         hard = tracks[0].id == "0/0"
-        return None if hard and rmse < 0.31 else learn_on(known, frame, tracks, gaps, rmse=rmse if hard else 0.8 * rmse, **others)
+        return (
+            None
+            if hard and rmse < 0.31
+            else learn_on(known, grid, tracks, gaps, rmse=rmse if hard else 0.8 * rmse, **others)
+        )
 
     monkeypatch.setattr("gpszip.mapping.on_known_map.learn_on", only_for_more)
-    archive, report, _ = large.compress_large(folder[0], Options(rmse=0.31, effort=1), memory=MEMORY)
+    archive, report, _ = large.compress_large(
+        folder[0], Options(rmse=0.31, effort=1), memory=MEMORY
+    )
     assert report.rmse <= 0.31
     assert np.sqrt((off(archive, folder[1]) ** 2).mean()) <= 0.31
 
 
 def test_what_needs_the_whole_log_is_refused(folder):
-    with pytest.raises(OptionError, match=r"larger than the memory.*give --rmse instead of k and m"):
+    with pytest.raises(
+        OptionError, match=r"larger than the memory.*give --rmse instead of k and m"
+    ):
         large.compress_large(folder[0], Options(k=3), memory=MEMORY)
 
 
 def test_a_size_is_kept_and_made_use_of(folder):
-    archive, report, reading = large.compress_large(folder[0], Options(effort=1, ratio=500.0), memory=MEMORY)
+    archive, report, reading = large.compress_large(
+        folder[0], Options(effort=1, ratio=500.0), memory=MEMORY
+    )
     size = int(reading.bytes / 500)
     assert 0.9 * size <= len(archive.to_bytes()) == report.bytes_out <= size
     assert report.rmse == pytest.approx(np.sqrt((off(archive, folder[1]) ** 2).mean()), rel=1e-6)
 
 
 def test_a_size_that_nothing_has_names_what_would_do(folder):
-    with pytest.raises(BoundError, match="20 bytes are too few for this log: the smallest archive takes"):
+    with pytest.raises(
+        BoundError, match="20 bytes are too few for this log: the smallest archive takes"
+    ):
         large.compress_large(folder[0], Options(size=20, effort=1), memory=MEMORY)
 
 
@@ -170,7 +207,18 @@ def test_the_command_line_compresses_in_batches(folder, capfd, monkeypatch):
     monkeypatch.setattr(large, "check_memory", lambda _: None)
     (folder[0] / "bad.parquet").write_bytes(b"PAR1 none")
     target = folder[0].parent / "out.gpsz"
-    command = ["compress", str(folder[0]), "-o", str(target), "--rmse", "30cm", "--effort", "1", "--memory", "415MiB"]
+    command = [
+        "compress",
+        str(folder[0]),
+        "-o",
+        str(target),
+        "--rmse",
+        "30cm",
+        "--effort",
+        "1",
+        "--memory",
+        "415MiB",
+    ]
     assert main(command) == 1
     assert "bad.parquet: can't be read" in capfd.readouterr().err
     assert main([*command, "--skip-bad"]) == 3
@@ -179,7 +227,9 @@ def test_the_command_line_compresses_in_batches(folder, capfd, monkeypatch):
     assert main([*command, "--skip-bad", "--force", "--k", "9"]) == 2
 
 
-@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="the peak of a process is read from Linux")
+@pytest.mark.skipif(
+    not Path("/proc/self/status").exists(), reason="the peak of a process is read from Linux"
+)
 def test_memory_is_kept(tmp_path):
     """As a process of its own, once what it needs is compiled, which takes memory by itself."""
     script = textwrap.dedent(
@@ -202,7 +252,12 @@ def test_memory_is_kept(tmp_path):
         """
     )
     for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", script, str(tmp_path / "log.parquet")], capture_output=True, text=True, check=True)
+        done = subprocess.run(
+            [sys.executable, "-c", script, str(tmp_path / "log.parquet")],
+            capture_output=True,
+            text=True,
+            check=True,
+        )
     assert float(done.stdout) < 1.2 * 410
 
 
@@ -216,14 +271,27 @@ def test_a_dense_excerpt_is_thinned_and_a_sparse_one_is_not():
     assert large._thinned(dense, gaps, Options(max_error=0.02))[0] is dense
 
 
-def test_standard_input_larger_than_memory_is_split_where_time_goes_back(tmp_path, monkeypatch, capfd):
+def test_standard_input_larger_than_memory_is_split_where_time_goes_back(
+    tmp_path, monkeypatch, capfd
+):
     times = np.tile(np.arange(6000.0), 2)
     rows = "".join(f"{t:g},{50 * np.cos(t / 50):.3f},{30 * np.sin(t / 50):.3f}\n" for t in times)
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(("t,x,y\n" + rows).encode())))
     monkeypatch.setattr(large, "_PROGRAM", 410 << 20)
     monkeypatch.setattr(large, "check_memory", lambda _: None)
     target = tmp_path / "out.gpsz"
-    command = ["compress", "-", "-o", str(target), "--rmse", "1m", "--effort", "1", "--memory", "413MiB"]
+    command = [
+        "compress",
+        "-",
+        "-o",
+        str(target),
+        "--rmse",
+        "1m",
+        "--effort",
+        "1",
+        "--memory",
+        "413MiB",
+    ]
     assert main(command) == 1
     assert "--split starts a new track" in capfd.readouterr().err
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(("t,x,y\n" + rows).encode())))
@@ -248,12 +316,15 @@ def test_times_get_as_coarse_as_the_error_left_allows(rounds, monkeypatch):
     monkeypatch.setattr(large, "coarsened", lambda log, ground, batches, executor: ground)
     fine, before, _ = large.compress_large(rounds, options, memory=MEMORY)
     assert 0.98 < report.rmse <= 1.0
-    assert archive.frame.time > fine.frame.time
+    assert archive.grid.time > fine.grid.time
     assert report.bytes_out < before.bytes_out
 
 
 def test_twelve_batches_give_the_same_bytes_whoever_works(rounds):
-    made = [large.compress_large(rounds, Options(rmse=1.0, effort=1), memory=MEMORY, executor=one)[0] for one in (Serial(), Threads(3))]
+    made = [
+        large.compress_large(rounds, Options(rmse=1.0, effort=1), memory=MEMORY, executor=one)[0]
+        for one in (Serial(), Threads(3))
+    ]
     assert made[0].to_bytes() == made[1].to_bytes()
 
 
@@ -267,11 +338,16 @@ def test_what_a_batch_adds_to_the_map_is_known_to_later_ones(rounds, monkeypatch
     nodes = []
     for wave in (2, 100):
         monkeypatch.setattr(laying, "_WAVE", wave)
-        nodes.append(large.compress_large(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)[1].nodes)
+        nodes.append(
+            large.compress_large(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)[1].nodes
+        )
     assert nodes[0] < nodes[1]
     monkeypatch.setattr(laying, "_MOST_KNOTS", 0)
     monkeypatch.setattr(laying, "_WAVE", 2)
-    assert large.compress_large(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)[1].nodes == nodes[1]
+    assert (
+        large.compress_large(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)[1].nodes
+        == nodes[1]
+    )
 
 
 def test_times_too_coarse_for_some_batch_are_taken_back(rounds, monkeypatch):
@@ -279,7 +355,7 @@ def test_times_too_coarse_for_some_batch_are_taken_back(rounds, monkeypatch):
     laid, lay = [], large.lay
 
     def on_fine_times_only(log, ground, batches, executor, tell):
-        laid.append(ground.frame.time)
+        laid.append(ground.grid.time)
         if len(laid) == 1:
             raise BoundError("too coarse")
         return lay(log, ground, batches, executor, tell)

@@ -19,7 +19,12 @@ def falling(power=1.1, floor=20, scale=300.0, step=1, gain=0.95):
     return attempt, asked
 
 
-@given(st.floats(0.8, 1.6), st.integers(200, 10_000), st.floats(0.01, 100.0), st.sampled_from([1, 2, 5, 9]))
+@given(
+    st.floats(0.8, 1.6),
+    st.integers(200, 10_000),
+    st.floats(0.01, 100.0),
+    st.sampled_from([1, 2, 5, 9]),
+)
 @settings(max_examples=60, deadline=None)
 def test_smooth_sizes_are_met_within_three_percent_by_few_tries(power, size, first, effort):
     attempt, asked = falling(power)
@@ -54,7 +59,9 @@ def test_more_than_enough_ends_at_the_finest():
 
 def test_targets_of_which_nothing_comes_are_left_behind():
     attempt, _ = falling()
-    found, _ = smallest_error(lambda r, e: None if r < 0.5 else attempt(r, e), 300, first=0.1, coarsest=1e3, effort=5)
+    found, _ = smallest_error(
+        lambda r, e: None if r < 0.5 else attempt(r, e), 300, first=0.1, coarsest=1e3, effort=5
+    )
     assert found.error >= 0.5
     assert 200 <= found.size <= 300
     assert smallest_error(lambda _r, _e: None, 300, first=0.1, coarsest=1e3, effort=5) == (None, 0)

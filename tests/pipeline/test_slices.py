@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpszip.model import Frame, LatticeWalk, Track, Walk
+from gpszip.model import GridWalk, QuantisationGrid, Track, Walk
 from gpszip.pipeline.slices import cut_stretches, gather, seam
 from gpszip.walks.error import synchronised_errors
 from gpszip.walks.quantised import knot_times
 
-FRAME = Frame((0,), 0, 128, 128)
+FRAME = QuantisationGrid((0,), 0, 128, 128)
 PLACES = np.arange(100.0)[:, None]
 
 
@@ -30,7 +30,11 @@ def test_every_sample_counts_once_and_batches_hold_all_stretches(counts, length)
 
 def walk(*knots, gaps=None):
     nodes, cells = zip(*knots, strict=True)
-    return LatticeWalk(np.array(nodes, np.int32), np.array(cells), np.zeros(len(cells) - 1, bool) if gaps is None else np.array(gaps))
+    return GridWalk(
+        np.array(nodes, np.int32),
+        np.array(cells),
+        np.zeros(len(cells) - 1, bool) if gaps is None else np.array(gaps),
+    )
 
 
 def along(*times):
@@ -38,11 +42,14 @@ def along(*times):
 
 
 def test_a_knot_that_both_have_is_the_seam():
-    before, after = walk((0, 0), (10, 10), (20, 20), (33, 33)), walk((8, 8), (10, 10), (20, 20), (40, 40), (60, 60))
+    before, after = (
+        walk((0, 0), (10, 10), (20, 20), (33, 33)),
+        walk((8, 8), (10, 10), (20, 20), (40, 40), (60, 60)),
+    )
     joined, met = seam(before, after, along(12, 15, 18, 21, 24), 18.0, FRAME, PLACES)
     assert met
-    assert joined.cells.tolist() == [0, 10, 20, 40, 60]
-    assert joined.nodes.tolist() == joined.cells.tolist()
+    assert joined.time_steps.tolist() == [0, 10, 20, 40, 60]
+    assert joined.nodes.tolist() == joined.time_steps.tolist()
 
 
 def test_gaps_stay_where_they_are():
@@ -53,20 +60,25 @@ def test_gaps_stay_where_they_are():
 
 
 def test_walks_that_do_not_meet_are_joined_where_the_way_is_nearest_to_the_samples():
-    before, after = walk((0, 0), (11, 10), (16, 16), (33, 31)), walk((8, 9), (14, 14), (22, 22), (60, 60))
+    before, after = (
+        walk((0, 0), (11, 10), (16, 16), (33, 31)),
+        walk((8, 9), (14, 14), (22, 22), (60, 60)),
+    )
     joined, met = seam(before, after, along(12, 15, 18, 21, 24), 18.0, FRAME, PLACES)
     assert not met
-    assert (np.diff(joined.cells) > 0).all()
-    assert joined.cells[0] == 0
-    assert joined.cells[-1] == 60
-    decoded = Walk("a", joined.nodes, knot_times(joined.cells, FRAME), joined.gaps)
-    assert synchronised_errors(along(12, 15, 18, 21, 24), decoded, PLACES).max() == pytest.approx(0, abs=0.9)
+    assert (np.diff(joined.time_steps) > 0).all()
+    assert joined.time_steps[0] == 0
+    assert joined.time_steps[-1] == 60
+    decoded = Walk("a", joined.nodes, knot_times(joined.time_steps, FRAME), joined.gaps)
+    assert synchronised_errors(along(12, 15, 18, 21, 24), decoded, PLACES).max() == pytest.approx(
+        0, abs=0.9
+    )
 
 
 @pytest.mark.parametrize("shift", [0, 1, 5])
 def test_walks_of_few_knots_are_joined_somehow(shift):
     before, after = walk((0, 0), (30, 30)), walk((20, 20 + shift), (90, 90))
     joined, _ = seam(before, after, along(22, 26), 24.0, FRAME, PLACES)
-    assert joined.cells[0] == 0
-    assert joined.cells[-1] == 90
-    assert (np.diff(joined.cells) > 0).all()
+    assert joined.time_steps[0] == 0
+    assert joined.time_steps[-1] == 90
+    assert (np.diff(joined.time_steps) > 0).all()

@@ -5,27 +5,45 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gpszip.container.catalog import open_catalog, read_entry
+from gpszip.container.catalog import open_catalog, read_catalog_group
 from gpszip.container.contents import Contents, Group, MapReference, Section
-from gpszip.container.names import names_bytes
+from gpszip.container.names import encode_names
 from gpszip.container.reader import from_bytes
 from gpszip.container.recover import recover_bytes
 from gpszip.container.verify import verify_bytes
 from gpszip.container.writer import to_bytes
 from gpszip.errors import CorruptArchiveError
-from gpszip.model.frame import Frame, Plane
-from gpszip.model.promise import Promise
+from gpszip.model.error_bound import ErrorBound
+from gpszip.model.grid import Plane, QuantisationGrid
 from oracle import archives
 
-numbers = st.one_of(st.integers(-3, 3), st.integers(1 - (1 << 62), (1 << 62) - 1), st.integers(-(10**7), 10**7).map(lambda n: n * 1000))
-centers = st.tuples(st.integers(-900, 900), st.integers(-1800, 1800), st.sampled_from([10**6, 10**5, 999_999])).map(
-    lambda c: (c[0] * c[2], c[1] * c[2])
+numbers = st.one_of(
+    st.integers(-3, 3),
+    st.integers(1 - (1 << 62), (1 << 62) - 1),
+    st.integers(-(10**7), 10**7).map(lambda n: n * 1000),
 )
-planes = st.one_of(st.none(), st.lists(centers, min_size=1, max_size=4).map(lambda found: Plane(tuple(found))))
+centers = st.tuples(
+    st.integers(-900, 900), st.integers(-1800, 1800), st.sampled_from([10**6, 10**5, 999_999])
+).map(lambda c: (c[0] * c[2], c[1] * c[2]))
+planes = st.one_of(
+    st.none(), st.lists(centers, min_size=1, max_size=4).map(lambda found: Plane(tuple(found)))
+)
 indices = st.integers(0, 255)
-frames = st.builds(Frame, st.lists(numbers, min_size=1, max_size=15).map(tuple), numbers, indices, indices, planes)
+frames = st.builds(
+    QuantisationGrid,
+    st.lists(numbers, min_size=1, max_size=15).map(tuple),
+    numbers,
+    indices,
+    indices,
+    planes,
+)
 usual_frames = st.builds(
-    Frame, st.tuples(numbers, numbers), numbers, indices, indices, st.one_of(st.none(), centers.map(lambda c: Plane((c,))))
+    QuantisationGrid,
+    st.tuples(numbers, numbers),
+    numbers,
+    indices,
+    indices,
+    st.one_of(st.none(), centers.map(lambda c: Plane((c,)))),
 )
 ids = st.one_of(
     st.lists(st.text(max_size=8), max_size=12),
@@ -34,14 +52,25 @@ ids = st.one_of(
         lambda t: [str(t[0] + i).zfill(t[2]) for i in range(t[1])],
     ),
 ).map(tuple)
-spans = st.one_of(st.none(), st.tuples(st.integers(-(10**12), 10**12), st.integers(0, 10**9)).map(lambda s: (s[0], s[0] + s[1])))
-extras = st.lists(st.builds(Section, st.sampled_from([5, 9, 90, 255]), st.binary(max_size=40)), max_size=3).map(tuple)
+spans = st.one_of(
+    st.none(),
+    st.tuples(st.integers(-(10**12), 10**12), st.integers(0, 10**9)).map(
+        lambda s: (s[0], s[0] + s[1])
+    ),
+)
+extras = st.lists(
+    st.builds(Section, st.sampled_from([5, 9, 90, 255]), st.binary(max_size=40)), max_size=3
+).map(tuple)
 layers = st.sampled_from([None, "bz2"])
 maps = st.builds(MapReference, st.binary(min_size=4, max_size=4), st.integers(0, 3))
-plain = st.builds(Promise, st.integers(1, 999), st.integers(-8, 6), st.booleans())
-grown = st.builds(Promise, st.integers(1, 99), st.integers(-8, 6), st.booleans(), st.integers(1, 62))
+plain = st.builds(ErrorBound, st.integers(1, 999), st.integers(-8, 6), st.booleans())
+grown = st.builds(
+    ErrorBound, st.integers(1, 99), st.integers(-8, 6), st.booleans(), st.integers(1, 62)
+)
 both = st.builds(
-    lambda digits, exponent, more, over: Promise(digits, exponent, False, 0, more, exponent + over),
+    lambda digits, exponent, more, over: ErrorBound(
+        digits, exponent, False, 0, more, exponent + over
+    ),
     *(st.integers(1, 999), st.integers(-8, 6), st.integers(1, 999), st.integers(0, 3)),
 )
 promises = st.one_of(st.none(), plain, grown, both)
@@ -57,10 +86,19 @@ def contents(draw):
         groups.append(Group(first, count, draw(st.binary(max_size=60)), draw(spans)))
         first += count
     if len(groups) == 1:
-        groups = [replace(groups[0], span=None)]
+        groups = [replace(groups[0], time_range=None)]
     there = draw(st.one_of(st.none(), maps))
-    frame = draw(st.one_of(frames, usual_frames)) if there is None else None
-    return Contents(frame, names, tuple(groups), there, draw(extras), draw(layers), draw(promises), draw(samplings))
+    grid = draw(st.one_of(frames, usual_frames)) if there is None else None
+    return Contents(
+        grid,
+        names,
+        tuple(groups),
+        there,
+        draw(extras),
+        draw(layers),
+        draw(promises),
+        draw(samplings),
+    )
 
 
 @given(contents())
@@ -73,14 +111,16 @@ def test_contents_come_back_and_equal_contents_have_equal_bytes(made):
     assert recover_bytes(data).contents == made
     file = io.BytesIO(data)
     catalog = open_catalog(file)
-    assert tuple(read_entry(file, catalog, i) for i in range(len(made.groups))) == made.groups
+    assert (
+        tuple(read_catalog_group(file, catalog, i) for i in range(len(made.groups))) == made.groups
+    )
 
 
 @given(st.lists(st.text(), max_size=30).map(tuple))
 @settings(deadline=None)
 def test_names_cost_at_most_a_byte_or_two_beside_their_text(names):
     text = sum(len(name.encode()) for name in names)
-    assert len(names_bytes(names)) <= text + 2 * len(names) + 2
+    assert len(encode_names(names)) <= text + 2 * len(names) + 2
 
 
 def _never_anything_else(data):
@@ -95,10 +135,13 @@ def _never_anything_else(data):
 def _every_group(file):
     catalog = open_catalog(file)
     for i in range(len(catalog.entries)):
-        read_entry(file, catalog, i)
+        read_catalog_group(file, catalog, i)
 
 
-@given(st.binary(max_size=300), st.sampled_from([b"", b"\xa7Z", b"\xa7Z\x02", b"\xa7Z\x1a", b"\xa7Z\x3a"]))
+@given(
+    st.binary(max_size=300),
+    st.sampled_from([b"", b"\xa7Z", b"\xa7Z\x02", b"\xa7Z\x1a", b"\xa7Z\x3a"]),
+)
 @settings(deadline=None, max_examples=120)
 def test_random_bytes_are_refused(tail, head):
     with pytest.raises(CorruptArchiveError):
@@ -113,7 +156,9 @@ def test_random_bytes_with_the_right_checksum(body, third):
 
 
 @given(
-    st.lists(st.tuples(st.integers(0, 9), st.binary(max_size=30)), max_size=6), st.integers(0, 7), st.one_of(st.none(), st.integers(0, 200))
+    st.lists(st.tuples(st.integers(0, 9), st.binary(max_size=30)), max_size=6),
+    st.integers(0, 7),
+    st.one_of(st.none(), st.integers(0, 200)),
 )
 @settings(deadline=None, max_examples=200)
 def test_random_sections_with_the_right_checksums(made, high, index_offset):
@@ -126,7 +171,12 @@ HONEST = [to_bytes(made) for made in archives.small_archives().values()]
 
 
 @given(
-    st.sampled_from(HONEST), st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 3), st.binary(max_size=6)), min_size=1, max_size=4)
+    st.sampled_from(HONEST),
+    st.lists(
+        st.tuples(st.integers(0, 10**6), st.integers(0, 3), st.binary(max_size=6)),
+        min_size=1,
+        max_size=4,
+    ),
 )
 @settings(deadline=None, max_examples=120, suppress_health_check=[HealthCheck.too_slow])
 def test_mutated_archives_are_refused(data, edits):

@@ -5,7 +5,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from gpszip import CoresetStream, Track, coreset
-from gpszip.sketches.pieces import Pieces
+from gpszip.sketches.pieces import PiecewiseLinear
 from gpszip.testing.strategies import tracks
 from oracle.coreset import exact_cost
 
@@ -30,11 +30,15 @@ def cases(draw):
         st.floats(float(track.times[0]) - 1, float(track.times[-1]) + 1),
     )
     knots = np.sort(draw(st.lists(instants, min_size=2, max_size=10)))
-    begins, ends = (knots[:-1], knots[1:]) if draw(st.booleans()) else (knots[::2][: len(knots) // 2], knots[1::2])
+    begins, ends = (
+        (knots[:-1], knots[1:])
+        if draw(st.booleans())
+        else (knots[::2][: len(knots) // 2], knots[1::2])
+    )
     near = st.lists(st.floats(-100, 100), min_size=track.dimension, max_size=track.dimension)
     starts, stops = (np.array([draw(near) for _ in begins]) + track.positions[0] for _ in range(2))
     assume((np.abs(stops - starts) < 1e99 * (ends - begins)[:, None])[ends > begins].all())
-    return track, small, Pieces(begins, ends, starts, stops)
+    return track, small, PiecewiseLinear(begins, ends, starts, stops)
 
 
 @given(cases())

@@ -9,7 +9,12 @@ from gpszip.io.logs.read import read_logs
 from gpszip.io.logs.write import write_tracks
 from gpszip.model import Track
 
-NAMES = st.text(st.one_of(st.characters(codec="utf-8", exclude_categories=["Cc"]), st.sampled_from('\t\n\r,;"')), max_size=12)
+NAMES = st.text(
+    st.one_of(
+        st.characters(codec="utf-8", exclude_categories=["Cc"]), st.sampled_from('\t\n\r,;"')
+    ),
+    max_size=12,
+)
 MILLIMETRES = st.integers(-(10**10), 10**10)
 
 
@@ -19,9 +24,19 @@ def logs(draw):
     names = draw(st.lists(NAMES, min_size=1, max_size=4, unique=True))
     tracks = []
     for name in names:
-        milliseconds = draw(st.lists(st.integers(-(10**12), 3 * 10**12), min_size=1, max_size=8, unique=True))
-        positions = draw(st.lists(st.tuples(*[MILLIMETRES] * d), min_size=len(milliseconds), max_size=len(milliseconds)))
-        tracks.append(Track(name, np.array(sorted(milliseconds)) / 1000, np.array(positions) / 1000))
+        milliseconds = draw(
+            st.lists(st.integers(-(10**12), 3 * 10**12), min_size=1, max_size=8, unique=True)
+        )
+        positions = draw(
+            st.lists(
+                st.tuples(*[MILLIMETRES] * d),
+                min_size=len(milliseconds),
+                max_size=len(milliseconds),
+            )
+        )
+        tracks.append(
+            Track(name, np.array(sorted(milliseconds)) / 1000, np.array(positions) / 1000)
+        )
     return tracks
 
 
@@ -41,7 +56,10 @@ CELLS = st.one_of(st.integers(-5, 5).map(str), st.sampled_from(["", "x", "nan", 
 
 
 @settings(max_examples=100, deadline=None)
-@given(st.lists(st.lists(CELLS, min_size=2, max_size=5), min_size=1, max_size=30), st.sampled_from([{"sort": True}, {"split": True}, {}]))
+@given(
+    st.lists(st.lists(CELLS, min_size=2, max_size=5), min_size=1, max_size=30),
+    st.sampled_from([{"sort": True}, {"split": True}, {}]),
+)
 def test_every_row_is_in_a_track_or_counted(rows, options):
     text = "track_id,t,x,y\n" + "".join(",".join(row) + "\n" for row in rows)
     try:
@@ -53,7 +71,12 @@ def test_every_row_is_in_a_track_or_counted(rows, options):
 
 
 @settings(max_examples=200, deadline=None)
-@given(st.binary(max_size=200), st.sampled_from([b"", b"{", b"<gpx ", b"PAR1", b"t,x,y\n", b"\x1f\x8b", b"\xff\xfe", b"0,1,2\n"]))
+@given(
+    st.binary(max_size=200),
+    st.sampled_from(
+        [b"", b"{", b"<gpx ", b"PAR1", b"t,x,y\n", b"\x1f\x8b", b"\xff\xfe", b"0,1,2\n"]
+    ),
+)
 def test_junk_is_refused_with_one_line(junk, start):
     try:
         read_logs(io.BytesIO(start + junk))

@@ -7,7 +7,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gpszip.model import Track
-from gpszip.sketches.sketch import cost, costs, delete, fitting_matrix, free_cost, insert, merge, sketch
+from gpszip.sketches.sketch import (
+    build_sketch,
+    delete_sample,
+    fitting_matrix,
+    free_cost,
+    insert_sample,
+    line_cost,
+    line_costs,
+    merge_sketches,
+)
 
 numbers = st.floats(-1e3, 1e3, allow_subnormal=False)
 
@@ -30,19 +39,41 @@ def lines(track, seed):
 @given(tracks(), st.integers(0, 12), st.integers(0, 99))
 def test_merged_blocks_price_every_line_like_the_whole(track, where, seed):
     where = min(where, len(track))
-    whole, merged = sketch(track), merge(sketch(track, 0, where), sketch(track, where))
+    whole, merged = (
+        build_sketch(track),
+        merge_sketches(build_sketch(track, 0, where), build_sketch(track, where)),
+    )
     starts, ends = lines(track, seed)
-    np.testing.assert_allclose(costs(merged, starts, ends, 0.0, 50.0), costs(whole, starts, ends, 0.0, 50.0), rtol=1e-8, atol=1e-4)
+    np.testing.assert_allclose(
+        line_costs(merged, starts, ends, 0.0, 50.0),
+        line_costs(whole, starts, ends, 0.0, 50.0),
+        rtol=1e-8,
+        atol=1e-4,
+    )
     assert (merged.first, merged.last, merged.count) == (whole.first, whole.last, whole.count)
 
 
 @settings(max_examples=100, deadline=None)
-@given(tracks(), st.floats(-500, 500), st.lists(numbers, min_size=3, max_size=3), st.floats(0.1, 10))
+@given(
+    tracks(), st.floats(-500, 500), st.lists(numbers, min_size=3, max_size=3), st.floats(0.1, 10)
+)
 def test_deleting_undoes_inserting(track, time, position, weight):
-    block, position = sketch(track), position[: track.dimension]
-    back = delete(insert(block, time, position, weight), time, position, weight, first=block.first, last=block.last)
+    block, position = build_sketch(track), position[: track.dimension]
+    back = delete_sample(
+        insert_sample(block, time, position, weight),
+        time,
+        position,
+        weight,
+        first=block.first,
+        last=block.last,
+    )
     starts, ends = lines(track, 1)
-    np.testing.assert_allclose(costs(back, starts, ends, 0.0, 50.0), costs(block, starts, ends, 0.0, 50.0), rtol=1e-6, atol=1e-2)
+    np.testing.assert_allclose(
+        line_costs(back, starts, ends, 0.0, 50.0),
+        line_costs(block, starts, ends, 0.0, 50.0),
+        rtol=1e-6,
+        atol=1e-2,
+    )
     assert (back.first, back.last, back.count) == (block.first, block.last, block.count)
 
 
@@ -50,9 +81,9 @@ def test_deleting_undoes_inserting(track, time, position, weight):
 @given(tracks(), st.integers(0, 99))
 def test_the_matrix_is_symmetric_with_the_cost_on_its_diagonal_and_the_free_line_below(track, seed):
     (start, *_), (end, *_) = lines(track, seed)
-    block = sketch(track)
+    block = build_sketch(track)
     matrix = fitting_matrix(block, start, end, 0.0, 10.0)
     np.testing.assert_allclose(matrix, matrix.T)
-    price = cost(block, start, end, 0.0, 10.0)
+    price = line_cost(block, start, end, 0.0, 10.0)
     np.testing.assert_allclose(np.trace(matrix), price, rtol=1e-9, atol=1e-6)
     assert free_cost(block) <= price * (1 + 1e-9) + 1e-6

@@ -2,11 +2,11 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpszip.codec.kernels.walk_model import SORTED
+from gpszip.codec.kernels.walk_model import SORTED_STARTS
 from gpszip.codec.modes import encode_smallest
 from gpszip.codec.walks import decode, encode, encode_in_modes, number_by_visit
 from gpszip.errors import CorruptArchiveError
-from gpszip.model import LatticeWalks
+from gpszip.model import GridWalks
 from oracle import walk_decoder
 from oracle.walks import assert_same, random_walks, walk
 
@@ -22,7 +22,9 @@ def lattice_walks(draw):
     walks = []
     for _ in range(draw(st.integers(1, 4))):
         route, gaps = [draw(st.integers(0, len(nodes) - 1))], []
-        for run in draw(st.lists(st.sampled_from(["on", "back", "loop", "stop", "jump", "gap"]), max_size=8)):
+        for run in draw(
+            st.lists(st.sampled_from(["on", "back", "loop", "stop", "jump", "gap"]), max_size=8)
+        ):
             if run == "back":
                 new = route[-2::-1][:5]
             elif run == "stop":
@@ -30,13 +32,23 @@ def lattice_walks(draw):
             elif run == "loop":
                 new = [*range(len(nodes)), 0]
             else:
-                new = [(route[-1] + 1) % len(nodes) if run == "on" else draw(st.integers(0, len(nodes) - 1))]
+                new = [
+                    (route[-1] + 1) % len(nodes)
+                    if run == "on"
+                    else draw(st.integers(0, len(nodes) - 1))
+                ]
             route += new
             gaps += [run == "gap"] * len(new)
-        steps = draw(st.lists(st.integers(1, 40) | st.integers(1, 8 * scale), min_size=len(route), max_size=len(route)))
+        steps = draw(
+            st.lists(
+                st.integers(1, 40) | st.integers(1, 8 * scale),
+                min_size=len(route),
+                max_size=len(route),
+            )
+        )
         start = draw(st.integers(-scale, scale))
         walks.append(walk(route, start + np.cumsum(steps) if timed else np.zeros(len(route)), gaps))
-    return number_by_visit(LatticeWalks(np.array(nodes, np.int64), tuple(walks), timed))
+    return number_by_visit(GridWalks(np.array(nodes, np.int64), tuple(walks), timed))
 
 
 @given(lattice_walks())
@@ -47,7 +59,7 @@ def test_what_is_encoded_is_decoded(walks):
 
 def in_modes(walks, modes):
     """Walks coded in the modes of ``modes`` that they allow, after a look at what their ways cost."""
-    modes -= modes & SORTED if not walks.timed else 0
+    modes -= modes & SORTED_STARTS if not walks.timed else 0
     spent = np.zeros(sum(len(one.nodes) for one in walks.walks))
     encode_in_modes(walks, None, 0, spent)
     # dear ways make a writer aim wherever it can
@@ -86,11 +98,11 @@ def judge(data, dimension, tracks):
     assert found.nodes.tolist() == places
     assert len(found.walks) == tracks
     for one, twin in zip(found.walks, plain, strict=True):
-        assert len(one.nodes) == len(one.cells) == len(one.gaps) + 1
+        assert len(one.nodes) == len(one.time_steps) == len(one.gaps) + 1
         assert 0 <= one.nodes.min() <= one.nodes.max() < len(found.nodes)
-        assert (np.diff(one.cells) > 0).all() or not found.timed
+        assert (np.diff(one.time_steps) > 0).all() or not found.timed
         assert [node for node, _, _ in twin] == one.nodes.tolist()
-        assert [cell for _, cell, _ in twin] == one.cells.tolist()
+        assert [cell for _, cell, _ in twin] == one.time_steps.tolist()
 
 
 @given(st.integers(0, 50), st.integers(1, 7), st.data())
@@ -100,7 +112,11 @@ def test_damaged_walks_in_modes_are_refused_or_are_walks(seed, modes, data):
     payload = bytearray(in_modes(walks, modes))
     for at in data.draw(st.lists(st.integers(0, len(payload) - 1), min_size=1, max_size=4)):
         payload[at] = data.draw(st.integers(0, 255))
-    judge(bytes(payload[: data.draw(st.integers(0, len(payload)))]), walks.nodes.shape[1], len(walks.walks))
+    judge(
+        bytes(payload[: data.draw(st.integers(0, len(payload)))]),
+        walks.nodes.shape[1],
+        len(walks.walks),
+    )
 
 
 @given(st.integers(0, 50), st.data())
@@ -110,14 +126,29 @@ def test_damaged_walks_are_refused_or_are_walks(seed, data):
     payload = bytearray(encode(walks))
     for at in data.draw(st.lists(st.integers(0, len(payload) - 1), min_size=1, max_size=4)):
         payload[at] = data.draw(st.integers(0, 255))
-    judge(bytes(payload[: data.draw(st.integers(0, len(payload)))]), walks.nodes.shape[1], len(walks.walks))
+    judge(
+        bytes(payload[: data.draw(st.integers(0, len(payload)))]),
+        walks.nodes.shape[1],
+        len(walks.walks),
+    )
 
 
-@given(st.integers(0, 40), st.booleans(), st.booleans(), st.binary(max_size=40), st.integers(1, 5), st.integers(0, 3))
+@given(
+    st.integers(0, 40),
+    st.booleans(),
+    st.booleans(),
+    st.binary(max_size=40),
+    st.integers(1, 5),
+    st.integers(0, 3),
+)
 @settings(max_examples=300)
 def test_any_bytes_are_refused_or_are_walks(knots, timed, gapped, noise, dimension, tracks):
     count = 4 * knots + timed + 2 * gapped
-    judge((bytes([count]) if count < 128 else bytes([count & 127 | 128, count >> 7])) + noise, dimension, tracks)
+    judge(
+        (bytes([count]) if count < 128 else bytes([count & 127 | 128, count >> 7])) + noise,
+        dimension,
+        tracks,
+    )
 
 
 def test_every_truncation_is_refused_or_is_walks():

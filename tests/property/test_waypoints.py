@@ -1,6 +1,6 @@
 from hypothesis import given, settings
 
-from gpszip.codec.waypoints import bisect, expand, shorten
+from gpszip.codec.waypoints import expand_waypoints, find_waypoints, find_waypoints_by_bisection
 from oracle.paths import fewest_waypoints, maps_with_walks
 
 
@@ -8,9 +8,11 @@ from oracle.paths import fewest_waypoints, maps_with_walks
 @settings(max_examples=150, deadline=None)
 def test_compressed_walks_come_back_exactly(case):
     graph, route = case
-    for compress in (shorten, bisect):
+    for compress in (find_waypoints, find_waypoints_by_bisection):
         for breadth in (None, 1, 3):
-            back = expand(graph, compress(graph, route, breadth=breadth), len(route.edges), breadth=breadth)
+            back = expand_waypoints(
+                graph, compress(graph, route, breadth=breadth), len(route.edges), breadth=breadth
+            )
             assert back.nodes.tolist() == route.nodes.tolist()
             assert back.edges.tolist() == route.edges.tolist()
 
@@ -19,11 +21,15 @@ def test_compressed_walks_come_back_exactly(case):
 @settings(max_examples=120, deadline=None)
 def test_greedy_waypoints_are_as_few_as_any(case):
     graph, route = case
-    assert len(shorten(graph, route)) == fewest_waypoints(graph, route)
+    assert len(find_waypoints(graph, route)) == fewest_waypoints(graph, route)
 
 
 @given(maps_with_walks(hops=60))
 @settings(max_examples=120, deadline=None)
 def test_bisection_never_beats_greedy(case):
     graph, route = case
-    assert len(shorten(graph, route)) <= len(bisect(graph, route)) <= len(route.nodes)
+    assert (
+        len(find_waypoints(graph, route))
+        <= len(find_waypoints_by_bisection(graph, route))
+        <= len(route.nodes)
+    )

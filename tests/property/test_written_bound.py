@@ -12,14 +12,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from gpszip.archive import new_archive, promising
+from gpszip.archive import new_archive, with_error_bound
 from gpszip.codec.walks import number_by_visit
 from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.io.logs.track_rows import metre_decimals
 from gpszip.io.logs.write import write_tracks
-from gpszip.model import Frame, LatticeWalk, LatticeWalks, Options, Plane, Track
-from gpszip.model.frame import quantum_index
-from gpszip.model.promise import promise_of, writing_error
+from gpszip.model import GridWalk, GridWalks, Options, Plane, QuantisationGrid, Track
+from gpszip.model.error_bound import rounded_bound, writing_error
+from gpszip.model.grid import step_index
 from gpszip.pipeline.compress import compress
 from gpszip.testing.city import city
 
@@ -28,31 +28,55 @@ FORMATS = ["csv", "parquet", "geojson", "gpx"]
 
 def written(archive, format_):
     """What decompress writes, as the times, latitudes and longitudes of each line."""
-    stream, error = io.BytesIO(), writing_error(archive.promise, geographic=True)
-    write_tracks(archive.decompress(), stream, format_, decimals=metre_decimals(error), pieces=archive.pieces, within=error)
-    return {"csv": csv_lines, "parquet": parquet_lines, "geojson": geojson_lines, "gpx": gpx_lines}[format_](stream.getvalue())
+    stream, error = io.BytesIO(), writing_error(archive.error_bound, geographic=True)
+    write_tracks(
+        archive.decompress(),
+        stream,
+        format_,
+        decimals=metre_decimals(error),
+        pieces=archive.pieces,
+        max_deviation=error,
+    )
+    return {"csv": csv_lines, "parquet": parquet_lines, "geojson": geojson_lines, "gpx": gpx_lines}[
+        format_
+    ](stream.getvalue())
 
 
 def csv_lines(data):
     rows = list(csv.DictReader(data.decode().splitlines()))
-    return by_name([row["track_id"] for row in rows], [[float(row[key]) for key in ("t", "lat", "lon")] for row in rows])
+    return by_name(
+        [row["track_id"] for row in rows],
+        [[float(row[key]) for key in ("t", "lat", "lon")] for row in rows],
+    )
 
 
 def parquet_lines(data):
     table = pq.read_table(io.BytesIO(data))
-    return by_name(table["track_id"].to_pylist(), np.stack([table[key].to_numpy() for key in ("t", "lat", "lon")], axis=1).tolist())
+    return by_name(
+        table["track_id"].to_pylist(),
+        np.stack([table[key].to_numpy() for key in ("t", "lat", "lon")], axis=1).tolist(),
+    )
 
 
 def by_name(names, rows):
-    return [np.array([row for name, row in zip(names, rows, strict=True) if name == one]) for one in dict.fromkeys(names)]
+    return [
+        np.array([row for name, row in zip(names, rows, strict=True) if name == one])
+        for one in dict.fromkeys(names)
+    ]
 
 
 def geojson_lines(data):
     lines = []
     for feature in json.loads(data)["features"]:
         geometry, times = feature["geometry"], feature["properties"]["times"]
-        several = geometry["coordinates"] if geometry["type"] == "MultiLineString" else [geometry["coordinates"]]
-        for line, own in zip(several, times if geometry["type"] == "MultiLineString" else [times], strict=True):
+        several = (
+            geometry["coordinates"]
+            if geometry["type"] == "MultiLineString"
+            else [geometry["coordinates"]]
+        )
+        for line, own in zip(
+            several, times if geometry["type"] == "MultiLineString" else [times], strict=True
+        ):
             lines.append(np.column_stack([own, np.array(line)[:, ::-1]]))
     return lines
 
@@ -62,7 +86,11 @@ def gpx_lines(data):
     lines = []
     for part in ElementTree.fromstring(data).findall(".//g:trkseg", space):  # our own file
         times = [seconds(point.findtext("g:time", namespaces=space)) for point in part]
-        lines.append(np.column_stack([times, [[float(point.get("lat")), float(point.get("lon"))] for point in part]]))
+        lines.append(
+            np.column_stack(
+                [times, [[float(point.get("lat")), float(point.get("lon"))] for point in part]]
+            )
+        )
     return lines
 
 
@@ -73,11 +101,13 @@ def seconds(text):
 def deviation(archive, lines, instants):
     """Metres between the archive's tracks and what is read from lines as linear, at most; and how many instants that are of."""
     worst, told = 0.0, 0
-    for track in archive.tracks:
+    for track in archive.ids:
         true = archive.position(track, instants, geographic=True)
         for line in lines:
             at = (instants >= line[0, 0]) & (instants <= line[-1, 0]) & ~np.isnan(true[:, 0])
-            read = np.stack([np.interp(instants[at], line[:, 0], axis) for axis in line[:, 1:].T], axis=1)
+            read = np.stack(
+                [np.interp(instants[at], line[:, 0], axis) for axis in line[:, 1:].T], axis=1
+            )
             worst, told = max(worst, metres(read, true[at]).max(initial=0.0)), told + at.sum()
     return worst, told
 
@@ -85,7 +115,9 @@ def deviation(archive, lines, instants):
 def metres(one, other):
     """Distances on a sphere that is nowhere smaller than the earth is bent."""
     (lat, lon), (north, east) = np.radians(one).T, np.radians(other).T
-    half = np.sin((lat - north) / 2) ** 2 + np.cos(lat) * np.cos(north) * np.sin((lon - east) / 2) ** 2
+    half = (
+        np.sin((lat - north) / 2) ** 2 + np.cos(lat) * np.cos(north) * np.sin((lon - east) / 2) ** 2
+    )
     return 2 * 6_400_000 * np.arcsin(np.sqrt(half))
 
 
@@ -93,16 +125,23 @@ def archive_of(places, times, plane, bound):
     """An archive of one walk over places, on a lattice of metres and hundredths of a second."""
     nodes, cells = np.rint(places).astype(np.int64), np.rint(times * 100).astype(np.int64)
     nodes, number = np.unique(nodes, axis=0, return_inverse=True)
-    walk = LatticeWalk(number.reshape(-1).astype(np.int32), cells, np.zeros(len(cells) - 1, np.bool_))
-    frame = Frame((0, 0), 1_700_000_000_000, quantum_index(1.0), quantum_index(0.01), plane)
-    lattice = number_by_visit(LatticeWalks(nodes, (walk,)))
-    return promising(new_archive(frame, ["a"], lattice), promise_of(bound, maximum=True))
+    walk = GridWalk(number.reshape(-1).astype(np.int32), cells, np.zeros(len(cells) - 1, np.bool_))
+    grid = QuantisationGrid((0, 0), 1_700_000_000_000, step_index(1.0), step_index(0.01), plane)
+    grid_walks = number_by_visit(GridWalks(nodes, (walk,)))
+    return with_error_bound(
+        new_archive(grid, ["a"], grid_walks), rounded_bound(bound, maximum=True)
+    )
 
 
 @settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
     st.sampled_from([(48.0, 11.0), (-17.0, 180.0), (80.0, 20.0), (0.0, -179.5), (-80.0, 179.9)]),
-    st.lists(st.tuples(st.integers(-250_000, 250_000), st.integers(-250_000, 250_000)), min_size=2, max_size=4, unique=True),
+    st.lists(
+        st.tuples(st.integers(-250_000, 250_000), st.integers(-250_000, 250_000)),
+        min_size=2,
+        max_size=4,
+        unique=True,
+    ),
     st.sampled_from([1.0, 10.0, 200.0]),
     st.sampled_from(FORMATS),
     st.integers(0, 2**32 - 1),
@@ -110,11 +149,15 @@ def archive_of(places, times, plane, bound):
 def test_files_stay_within_a_small_share_of_the_error_promised(at, places, bound, format_, seed):
     rng = np.random.default_rng(seed)
     plane = Plane(((round(at[0] * 1e7), round(at[1] * 1e7)),))
-    archive = archive_of(np.array(places), np.cumsum(rng.uniform(600, 9000, len(places))), plane, bound)
+    archive = archive_of(
+        np.array(places), np.cumsum(rng.uniform(600, 9000, len(places))), plane, bound
+    )
     lines = written(archive, format_)
     (knots,) = archive.decompress()
     assert all((np.diff(line[:, 0]) > 0).all() for line in lines)
-    assert (lines[0][0, 0], lines[-1][-1, 0]) == pytest.approx((knots.times[0], knots.times[-1]), abs=6e-4)
+    assert (lines[0][0, 0], lines[-1][-1, 0]) == pytest.approx(
+        (knots.times[0], knots.times[-1]), abs=6e-4
+    )
 
     # between the two sides of the antimeridian, a millionth of a second apart, a reader goes round the world
     ends = np.concatenate([line[:-1][np.abs(np.diff(line[:, 2])) > 180, 0] for line in lines])
@@ -128,10 +171,17 @@ def test_files_stay_within_a_small_share_of_the_error_promised(at, places, bound
 
 def flight(n=45, km=3000.0):
     """A flight along a great circle from 48 N, 10 W to the east, sampled every five minutes."""
-    start, north = np.array([np.cos(np.radians(48)), 0, np.sin(np.radians(48))]), np.array([0.0, 1.0, 0.0])
+    start, north = (
+        np.array([np.cos(np.radians(48)), 0, np.sin(np.radians(48))]),
+        np.array([0.0, 1.0, 0.0]),
+    )
     angle = np.linspace(0, km / 6371, n)[:, None]
     x, y, z = (start * np.cos(angle) + north * np.sin(angle)).T
-    return 1.7e9 + 300.0 * np.arange(n), np.degrees(np.arcsin(z)), np.degrees(np.arctan2(y, x)) - 10.0
+    return (
+        1.7e9 + 300.0 * np.arange(n),
+        np.degrees(np.arcsin(z)),
+        np.degrees(np.arctan2(y, x)) - 10.0,
+    )
 
 
 def test_samples_of_a_long_flight_are_within_the_bound_of_every_file():
@@ -144,7 +194,9 @@ def test_samples_of_a_long_flight_are_within_the_bound_of_every_file():
         covered = np.zeros(len(times), np.bool_)
         for line in written(archive, format_):
             at = (times >= line[0, 0] - 1e-3) & (times <= line[-1, 0] + 1e-3)
-            read = np.stack([np.interp(times[at], line[:, 0], axis) for axis in line[:, 1:].T], axis=1)
+            read = np.stack(
+                [np.interp(times[at], line[:, 0], axis) for axis in line[:, 1:].T], axis=1
+            )
             covered |= at
             # the sphere takes distances for up to 1 % too long
             assert metres(read, np.stack([lat[at], lon[at]], axis=1)).max() <= 1.01 * bound

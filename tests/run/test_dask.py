@@ -14,9 +14,9 @@ from gpszip.pipeline import coreset as sketching
 from gpszip.pipeline.compress import compress
 from gpszip.pipeline.merge import merge
 from gpszip.pipeline.segment_mean import segment_mean
-from gpszip.run import Dask, Processes, Serial, Threads, executor_of
+from gpszip.run import Dask, Processes, Serial, Threads, resolve_executor
 from gpszip.run.dask import connect
-from gpszip.run.executor import sharing, united
+from gpszip.run.executor import reduce_tree, share_value
 from gpszip.testing import patrol
 from oracle.chores import departed, die, fail, halved, identity_of, joined, met, scaled
 
@@ -39,7 +39,13 @@ class Cluster(distributed.LocalCluster):
 @pytest.fixture(scope="module")
 def client():
     with (
-        Cluster(n_workers=3, threads_per_worker=1, processes=True, dashboard_address=None, memory_limit=0) as cluster,
+        Cluster(
+            n_workers=3,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=None,
+            memory_limit=0,
+        ) as cluster,
         distributed.Client(cluster) as client,
     ):
         yield client
@@ -50,7 +56,9 @@ def test_results_come_in_order_from_the_workers(client):
     assert list(executor.map(halved, iter(range(40)))) == [x / 2 for x in range(40)]
     with executor.share([1, 2, 3]) as shared:
         assert list(shared.map(scaled, range(9))) == [0, 2, 6, 3, 8, 15, 6, 14, 24]
-        assert {process for process, _ in shared.map(identity_of, range(12))} <= set(client.run(os.getpid).values())
+        assert {process for process, _ in shared.map(identity_of, range(12))} <= set(
+            client.run(os.getpid).values()
+        )
 
 
 def test_errors_come_back_as_ours(client):
@@ -61,21 +69,25 @@ def test_errors_come_back_as_ours(client):
 @pytest.mark.parametrize("count", [1, 2, 3, 5, 6, 7, 8, 23])
 def test_values_are_united_in_the_same_tree_everywhere(client, count):
     words = "abcdefghijklmnopqrstuvw"[:count]
-    here = united(None, joined, words, str.upper)
+    here = reduce_tree(None, joined, words, str.upper)
     assert here.replace("(", "").replace(")", "").split() == list(words.upper())
-    assert united(Dask(client), joined, iter(words), str.upper) == united(Threads(2), joined, words, str.upper) == here
+    assert (
+        reduce_tree(Dask(client), joined, iter(words), str.upper)
+        == reduce_tree(Threads(2), joined, words, str.upper)
+        == here
+    )
 
 
 def test_what_is_half_united_stays_with_the_workers(client):
-    whole = united(Dask(client), met, range(8), departed)
+    whole = reduce_tree(Dask(client), met, range(8), departed)
     assert whole.stations.count(os.getpid()) == 1  # only the last value came here, once
 
 
 def test_a_client_is_taken_for_its_cluster(client):
-    assert isinstance(executor_of(client), Dask)
-    assert isinstance(executor_of(None), Threads)
+    assert isinstance(resolve_executor(client), Dask)
+    assert isinstance(resolve_executor(None), Threads)
     with pytest.raises(OptionError, match="no executor"):
-        executor_of(3)
+        resolve_executor(3)
 
 
 def test_a_worker_killed_midway_does_not_change_the_result(client):
@@ -108,7 +120,10 @@ def test_an_archive_is_the_same_on_every_engine(client):
     with Processes(2) as processes:
         for executor in (Threads(1), Threads(2), Threads(3), processes, client):
             assert compress(track, options, executor=executor)[0].to_bytes() == expected
-        parameters = [segment_mean(track, m=4, executor=executor) for executor in (None, Threads(3), processes, client)]
+        parameters = [
+            segment_mean(track, m=4, executor=executor)
+            for executor in (None, Threads(3), processes, client)
+        ]
     assert len({mean.cost for mean in parameters}) == 1
     assert len({mean.boundaries.tobytes() for mean in parameters}) == 1
 
@@ -118,9 +133,14 @@ def test_a_log_larger_than_memory_is_the_same_on_a_cluster(client, tmp_path, mon
     monkeypatch.setattr(large, "_EXCERPT", 3000)
     track = patrol(12_000, seed=5)
     log = tmp_path / "log.csv"
-    log.write_text("t,x,y\n" + "\n".join(f"{t},{x},{y}" for t, (x, y) in zip(track.times, track.positions, strict=True)))
+    log.write_text(
+        "t,x,y\n"
+        + "\n".join(f"{t},{x},{y}" for t, (x, y) in zip(track.times, track.positions, strict=True))
+    )
     made = [
-        large.compress_large(str(log), Options(rmse=0.3, effort=1), memory=420 << 20, executor=executor)[0].to_bytes()
+        large.compress_large(
+            str(log), Options(rmse=0.3, effort=1), memory=420 << 20, executor=executor
+        )[0].to_bytes()
         for executor in (Serial(), Dask(client))
     ]
     assert made[0] == made[1]
@@ -130,10 +150,16 @@ def test_coresets_are_the_same_on_a_cluster(client, tmp_path, monkeypatch):
     monkeypatch.setattr(sketching, "_BATCH", 500)
     track = patrol(5300, seed=5)
     log = tmp_path / "log.csv"
-    log.write_text("t,x,y\n" + "\n".join(f"{t},{x},{y}" for t, (x, y) in zip(track.times, track.positions, strict=True)))
+    log.write_text(
+        "t,x,y\n"
+        + "\n".join(f"{t},{x},{y}" for t, (x, y) in zip(track.times, track.positions, strict=True))
+    )
     with store_logs(str(log), rows=2000) as stored:
         for options in ({"size": 40}, {"k": 5, "eps": 0.6}):
-            here, there = (sketching.sketch_log(stored, executor=executor, **options) for executor in (Serial(), Dask(client)))
+            here, there = (
+                sketching.sketch_log(stored, executor=executor, **options)
+                for executor in (Serial(), Dask(client))
+            )
             assert here.rows.tobytes() == there.rows.tobytes()
 
 
@@ -153,10 +179,13 @@ def test_executors_that_only_map_are_enough():
             items = list(items)
             return iter([function(item) for item in items[::-1]][::-1])
 
-    with sharing(Backwards(), 5) as shared:
+    with share_value(Backwards(), 5) as shared:
         assert list(shared.map(pow, [1, 2])) == [5, 25]
     track = patrol(600, seed=5)
-    archives = [compress(track, Options(rmse=0.3, effort=2), executor=executor)[0] for executor in (Backwards(), Serial())]
+    archives = [
+        compress(track, Options(rmse=0.3, effort=2), executor=executor)[0]
+        for executor in (Backwards(), Serial())
+    ]
     assert archives[0].to_bytes() == archives[1].to_bytes()
 
 

@@ -7,7 +7,13 @@ import time
 
 import pytest
 
-from gpszip.errors import BoundError, CorruptArchiveError, MissingExtraError, OptionError, WorkerError
+from gpszip.errors import (
+    BoundError,
+    CorruptArchiveError,
+    MissingExtraError,
+    OptionError,
+    WorkerError,
+)
 from gpszip.run import Processes
 from oracle.chores import die, fail, halved, identity_of, process_of, scaled
 
@@ -42,7 +48,9 @@ def test_nothing_stays_behind_a_shared_value(two, tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("which", "kind"), [(0, BoundError), (1, CorruptArchiveError), (2, MissingExtraError)])
+@pytest.mark.parametrize(
+    ("which", "kind"), [(0, BoundError), (1, CorruptArchiveError), (2, MissingExtraError)]
+)
 def test_errors_come_back_as_what_they_were(two, which, kind):
     with pytest.raises(kind) as caught:
         list(two.map(fail, [which]))
@@ -83,7 +91,12 @@ def test_ctrl_c_ends_the_processes_at_once(tmp_path):
         """)
     )
     path = os.pathsep.join(p for p in sys.path if p)
-    running = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True, env=os.environ | {"PYTHONPATH": path})
+    running = subprocess.Popen(
+        [sys.executable, script],
+        stdout=subprocess.PIPE,
+        text=True,
+        env=os.environ | {"PYTHONPATH": path},
+    )
     children = [int(word) for word in running.stdout.readline().split()]
     assert len(children) == 2
     time.sleep(0.5)

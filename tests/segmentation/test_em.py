@@ -30,17 +30,27 @@ def rounds(laps, noise=0.05, seed=0):
     return Track("rounds", np.arange(len(positions)), positions.round(3))
 
 
-CHOICES = list(product(["bottom-up", "douglas-peucker"], ["ward", "k-means++"], ["odd-even", "linear", "naive", "exact"]))
+CHOICES = list(
+    product(
+        ["bottom-up", "douglas-peucker"],
+        ["ward", "k-means++"],
+        ["odd-even", "linear", "naive", "exact"],
+    )
+)
 
 
 @pytest.mark.parametrize(("initial", "clustering", "expectation"), CHOICES)
 def test_tau_never_rises_and_is_what_the_samples_say(initial, clustering, expectation):
     for seed in range(14):
         rng = np.random.default_rng(seed)
-        track = random_track(seed, int(rng.integers(3, 60)), int(rng.integers(1, 4)), weighted=seed % 2 == 1)
+        track = random_track(
+            seed, int(rng.integers(3, 60)), int(rng.integers(1, 4)), weighted=seed % 2 == 1
+        )
         k = int(rng.integers(1, min(len(track), 15) + 1))
         m = int(rng.integers(1, k + 1))
-        mean = segment_mean(track, k, m, initial=initial, clustering=clustering, expectation=expectation, rng=rng)
+        mean = segment_mean(
+            track, k, m, initial=initial, clustering=clustering, expectation=expectation, rng=rng
+        )
         assert (mean.k, mean.m) == (k, m)
         assert (np.diff(mean.costs) <= 0).all()
         assert mean.cost == mean.costs[-1]
@@ -75,7 +85,10 @@ def test_moving_a_log_by_a_billion_seconds_and_ten_thousand_kilometres_changes_n
 
 def test_threads_change_no_bit():
     track = rounds(40, noise=4.0)
-    alone, together = segment_mean(track, 150, 7, iterations=5), segment_mean(track, 150, 7, iterations=5, executor=Threads(3))
+    alone, together = (
+        segment_mean(track, 150, 7, iterations=5),
+        segment_mean(track, 150, 7, iterations=5, executor=Threads(3)),
+    )
     assert alone.costs == together.costs
     assert alone.boundaries.tolist() == together.boundaries.tolist()
     assert alone.starts.tolist() == together.starts.tolist()
@@ -93,7 +106,9 @@ def test_one_part_and_one_segment_is_the_best_line():
     track = random_track(5, 30, weighted=True)
     mean = segment_mean(track, 1, 1)
     assert mean.cost == pytest.approx(oracle.pooled_cost(track, [(0, 30)]), rel=1e-8)
-    np.testing.assert_allclose([mean.starts[0], mean.ends[0]], oracle.pooled_line(track, [(0, 30)]), atol=1e-5)
+    np.testing.assert_allclose(
+        [mean.starts[0], mean.ends[0]], oracle.pooled_line(track, [(0, 30)]), atol=1e-5
+    )
 
 
 @pytest.mark.parametrize(("k", "m"), [(8, 1), (8, 8), (30, 1), (30, 4)])
@@ -101,7 +116,10 @@ def test_extreme_numbers_keep_the_pooled_optimum(k, m):
     track = random_track(2, 30)
     mean = segment_mean(track, k, m)
     parts = list(zip(mean.boundaries[:-1], mean.boundaries[1:], strict=True))
-    least = sum(oracle.pooled_cost(track, [parts[j] for j in np.flatnonzero(mean.labels == label)]) for label in set(mean.labels))
+    least = sum(
+        oracle.pooled_cost(track, [parts[j] for j in np.flatnonzero(mean.labels == label)])
+        for label in set(mean.labels)
+    )
     assert mean.cost == pytest.approx(least, rel=1e-6, abs=1e-9)
 
 
@@ -126,7 +144,9 @@ def test_the_exact_expectation_is_no_worse_on_hard_problems():
     gains = []
     for seed in range(10):
         track = rounds(8, noise=6.0, seed=seed)
-        local, whole = (segment_mean(track, 30, 5, expectation=form).cost for form in ("odd-even", "exact"))
+        local, whole = (
+            segment_mean(track, 30, 5, expectation=form).cost for form in ("odd-even", "exact")
+        )
         gains.append(whole / local)
     assert np.mean(gains) < 1
 
@@ -151,6 +171,12 @@ def test_options_that_do_not_fit_say_how_to_mend_it(options, message):
 
 def test_distances_are_taken_at_the_samples_own_time():
     track = Track("t", [0, 1, 3, 4], [[0.0, 0], [1, 1], [3, 0], [9, 0]])
-    mean = SegmentMean(np.array([0, 3, 4]), np.array([0, 1]), np.array([[0.0, 0], [9, 3]]), np.array([[3.0, 0], [8, 8]]), 0.0)
+    mean = SegmentMean(
+        np.array([0, 3, 4]),
+        np.array([0, 1]),
+        np.array([[0.0, 0], [9, 3]]),
+        np.array([[3.0, 0], [8, 8]]),
+        0.0,
+    )
     assert distances(mean, track).tolist() == [0, 1, 0, 3]
     assert rmse(mean, track) == pytest.approx(np.sqrt(10 / 4))

@@ -13,7 +13,7 @@ from gpszip.segmentation import estep
 from gpszip.segmentation import partition as partitions
 from gpszip.segmentation.mstep import maximize
 from gpszip.segmentation.partition import exact_partition, penalised_partition
-from gpszip.segmentation.state import State, costs_of_parts, sums_of, to_metres, total_cost
+from gpszip.segmentation.state import EMState, interval_costs, to_metres, total_cost, track_sums
 from gpszip.segmentation.two_segment_mean import two_segment_mean
 from oracle import segmentation as oracle
 
@@ -27,10 +27,12 @@ def random_problem(seed, n=None, k=None, m=None, d=None):
     weights = rng.uniform(0.2, 3.0, n) if rng.random() < 0.5 else None
     times = np.cumsum(rng.uniform(0.5, 2.0, n)).round(3)
     track = Track("t", times, rng.normal(0, 3, (n, d)).cumsum(axis=0).round(3), weights=weights)
-    boundaries = np.array([0, *np.sort(rng.choice(np.arange(1, n), k - 1, replace=False)), n], dtype=np.int64)
-    sums = sums_of(track)
-    points = rng.normal(0, 5, (2, m, d)).round(3) / sums.place_tick
-    return track, sums, State(boundaries, rng.integers(0, m, k).astype(np.int32), *points)
+    boundaries = np.array(
+        [0, *np.sort(rng.choice(np.arange(1, n), k - 1, replace=False)), n], dtype=np.int64
+    )
+    sums = track_sums(track)
+    points = rng.normal(0, 5, (2, m, d)).round(3) / sums.position_tick
+    return track, sums, EMState(boundaries, rng.integers(0, m, k).astype(np.int32), *points)
 
 
 def in_metres(sums, state):
@@ -44,7 +46,9 @@ def cost_of(track, sums, state):
 @pytest.mark.parametrize("seed", range(40))
 def test_the_cost_is_the_sum_over_residuals(seed):
     track, sums, state = random_problem(seed)
-    assert total_cost(sums, state) * sums.place_tick**2 == pytest.approx(cost_of(track, sums, state), rel=1e-8, abs=1e-8)
+    assert total_cost(sums, state) * sums.position_tick**2 == pytest.approx(
+        cost_of(track, sums, state), rel=1e-8, abs=1e-8
+    )
 
 
 def test_naive_and_linear_are_identical_on_hundreds_of_problems():
@@ -69,7 +73,9 @@ def test_every_form_equals_its_twin(seed):
     for form, (boundaries, labels) in ((estep.linear, walked), (estep.odd_even, both)):
         found = form(sums, state)
         expected = oracle.cost(track, boundaries, labels, *segments)
-        assert cost_of(track, sums, found) == pytest.approx(expected, rel=1e-9)  # labels may differ where one sample costs the same
+        assert cost_of(track, sums, found) == pytest.approx(
+            expected, rel=1e-9
+        )  # labels may differ where one sample costs the same
 
 
 def test_no_form_raises_the_cost():
@@ -79,24 +85,33 @@ def test_no_form_raises_the_cost():
         for form in (estep.naive, estep.linear, estep.odd_even, estep.exact):
             after = form(sums, state)
             assert total_cost(sums, after) <= before * (1 + 1e-12), (seed, form)
-            assert (len(after.boundaries), after.boundaries[0], after.boundaries[-1]) == (len(state.labels) + 1, 0, len(sums.t))
+            assert (len(after.boundaries), after.boundaries[0], after.boundaries[-1]) == (
+                len(state.labels) + 1,
+                0,
+                len(sums.t),
+            )
             assert np.diff(after.boundaries).min() >= 1
 
 
 @pytest.mark.parametrize("shortest", [2, 4])
-def test_boundaries_keep_the_shortest_length(shortest):
+def test_boundaries_keep_the_shortest_length(min_samples):
     for seed in range(30):
         _, sums, state = random_problem(seed, n=40, k=8)
         state = replace(state, boundaries=np.arange(0, 41, 5))
         for form in (estep.linear, estep.odd_even, estep.exact):
-            assert np.diff(form(sums, state, shortest=shortest).boundaries).min() >= shortest
+            assert (
+                np.diff(form(sums, state, min_samples=min_samples).boundaries).min() >= min_samples
+            )
 
 
 def test_threads_change_nothing(monkeypatch):
     monkeypatch.setattr(estep, "_BATCH", 3)
     for seed in range(20):
         _, sums, state = random_problem(seed, n=120, k=41 + seed % 2, m=6)
-        alone, together = estep.odd_even(sums, state), estep.odd_even(sums, state, executor=Threads(2))
+        alone, together = (
+            estep.odd_even(sums, state),
+            estep.odd_even(sums, state, executor=Threads(2)),
+        )
         assert alone.boundaries.tolist() == together.boundaries.tolist()
         assert alone.labels.tolist() == together.labels.tolist()
 
@@ -107,8 +122,13 @@ def test_maximize_is_pooled_least_squares_and_never_raises_the_cost():
         after = maximize(sums, state)
         assert total_cost(sums, after) <= total_cost(sums, state) * (1 + 1e-12), seed
         parts = list(zip(state.boundaries[:-1], state.boundaries[1:], strict=True))
-        least = sum(oracle.pooled_cost(track, [parts[j] for j in np.flatnonzero(state.labels == label)]) for label in set(state.labels))
-        assert total_cost(sums, after) * sums.place_tick**2 == pytest.approx(least, rel=1e-6, abs=1e-6), seed
+        least = sum(
+            oracle.pooled_cost(track, [parts[j] for j in np.flatnonzero(state.labels == label)])
+            for label in set(state.labels)
+        )
+        assert total_cost(sums, after) * sums.position_tick**2 == pytest.approx(
+            least, rel=1e-6, abs=1e-6
+        ), seed
 
 
 def test_an_unused_segment_takes_the_line_of_the_worst_part():
@@ -116,21 +136,29 @@ def test_an_unused_segment_takes_the_line_of_the_worst_part():
     state = replace(state, labels=np.array([0, 0, 2, 0, 2], dtype=np.int32))
     after = maximize(sums, state)
     own = maximize(
-        sums, State(state.boundaries, np.arange(5, dtype=np.int32), np.zeros((5, sums.p.shape[1])), np.zeros((5, sums.p.shape[1])))
+        sums,
+        EMState(
+            state.boundaries,
+            np.arange(5, dtype=np.int32),
+            np.zeros((5, sums.p.shape[1])),
+            np.zeros((5, sums.p.shape[1])),
+        ),
     )
-    gain = costs_of_parts(sums, after) - costs_of_parts(sums, own)
+    gain = interval_costs(sums, after) - interval_costs(sums, own)
     worst = int(gain.argmax())
     assert gain[worst] > 0
-    np.testing.assert_allclose([after.starts[1], after.ends[1]], [own.starts[worst], own.ends[worst]])
+    np.testing.assert_allclose(
+        [after.starts[1], after.ends[1]], [own.starts[worst], own.ends[worst]]
+    )
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_the_two_segment_mean_tries_every_cut_and_both_ends(seed):
     track, sums, state = random_problem(seed, d=2)
     segments = in_metres(sums, state)
-    for shortest in (0, 1):
-        found = two_segment_mean(track, *segments, shortest=shortest)
-        expected = oracle.best_cut(track, 0, len(track), *segments, shortest=shortest)
+    for min_samples in (0, 1):
+        found = two_segment_mean(track, *segments, min_samples=min_samples)
+        expected = oracle.best_cut(track, 0, len(track), *segments, min_samples=min_samples)
         assert found.cost == pytest.approx(expected[0], rel=1e-9)
     if len(track) > 4:
         one = two_segment_mean(track, [track.positions[0]], [track.positions[-1]])
@@ -146,14 +174,20 @@ def test_a_straight_track_needs_only_one_of_two_segments():
 
 @pytest.mark.parametrize("seed", range(30))
 @pytest.mark.parametrize(("shortest", "stride"), [(1, 1), (3, 1), (1, 3), (4, 2)])
-def test_pruning_the_penalised_partition_loses_nothing(seed, shortest, stride):
+def test_pruning_the_penalised_partition_loses_nothing(seed, min_samples, stride):
     track, sums, state = random_problem(seed, n=25, m=3)
-    segments, tick = in_metres(sums, state), sums.place_tick**2
+    segments, tick = in_metres(sums, state), sums.position_tick**2
     for penalty in (0.0, 0.5, 20.0, 1e4):
-        boundaries, labels = penalised_partition(sums, state.starts, state.ends, penalty / tick, shortest=shortest, stride=stride)
+        boundaries, labels = penalised_partition(
+            sums, state.starts, state.ends, penalty / tick, min_samples=min_samples, stride=stride
+        )
         found = oracle.cost(track, boundaries, labels, *segments) + penalty * len(labels)
-        assert found == pytest.approx(oracle.penalised_cost(track, *segments, penalty, shortest, stride), rel=1e-8, abs=1e-8)
-        assert np.diff(boundaries).min() >= shortest
+        assert found == pytest.approx(
+            oracle.penalised_cost(track, *segments, penalty, min_samples, stride),
+            rel=1e-8,
+            abs=1e-8,
+        )
+        assert np.diff(boundaries).min() >= min_samples
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -163,25 +197,56 @@ def test_the_exact_partition_is_the_best_of_all(seed):
     for k in (1, 2, 4, 11):
         boundaries, labels = exact_partition(sums, state.starts, state.ends, k)
         assert len(labels) == k
-        assert oracle.cost(track, boundaries, labels, *segments) == pytest.approx(oracle.best_partition(track, *segments, k), rel=1e-8)
+        assert oracle.cost(track, boundaries, labels, *segments) == pytest.approx(
+            oracle.best_partition(track, *segments, k), rel=1e-8
+        )
 
 
 def test_a_long_track_is_cut_into_exactly_k_parts_too(monkeypatch):
     for seed in range(10):
         _, sums, state = random_problem(seed, n=60, k=12, m=4)
-        best = replace(state, **dict(zip(("boundaries", "labels"), exact_partition(sums, state.starts, state.ends, 12), strict=True)))
+        best = replace(
+            state,
+            **dict(
+                zip(
+                    ("boundaries", "labels"),
+                    exact_partition(sums, state.starts, state.ends, 12),
+                    strict=True,
+                )
+            ),
+        )
         monkeypatch.setattr(partitions, "_TABLE", 0)
-        near = replace(state, **dict(zip(("boundaries", "labels"), exact_partition(sums, state.starts, state.ends, 12), strict=True)))
+        near = replace(
+            state,
+            **dict(
+                zip(
+                    ("boundaries", "labels"),
+                    exact_partition(sums, state.starts, state.ends, 12),
+                    strict=True,
+                )
+            ),
+        )
         monkeypatch.undo()
         assert len(near.labels) == 12
-        assert total_cost(sums, best) * (1 - 1e-9) <= total_cost(sums, near) <= 1.2 * total_cost(sums, best)
+        assert (
+            total_cost(sums, best) * (1 - 1e-9)
+            <= total_cost(sums, near)
+            <= 1.2 * total_cost(sums, best)
+        )
         assert total_cost(sums, best) <= total_cost(sums, estep.odd_even(sums, state)) * (1 + 1e-9)
 
 
 def test_parts_shorter_than_asked_are_left_where_nothing_better_is_allowed():
     for seed in range(60):
         _, sums, state = random_problem(seed, n=24, k=3, m=3)
-        state = maximize(sums, replace(state, boundaries=np.array([0, 2, 13, 24]), labels=np.array([0, 1, 2], dtype=np.int32)))
+        state = maximize(
+            sums,
+            replace(
+                state,
+                boundaries=np.array([0, 2, 13, 24]),
+                labels=np.array([0, 1, 2], dtype=np.int32),
+            ),
+        )
         for form in (estep.naive, estep.linear, estep.odd_even):
-            after = form(sums, state, shortest=6)
+            after = form(sums, state, min_samples=6)
             assert total_cost(sums, after) <= total_cost(sums, state) * (1 + 1e-12), (seed, form)

@@ -6,27 +6,35 @@ import numpy as np
 import pytest
 
 from gpszip.model import Track
-from gpszip.segmentation.bottom_up import bottom_up, relaxed
+from gpszip.segmentation.bottom_up import bottom_up, relax_boundaries
 from gpszip.segmentation.douglas_peucker import douglas_peucker
 from gpszip.segmentation.kernels.bottom_up import bottom_up as merged
-from gpszip.segmentation.state import sums_of
+from gpszip.segmentation.state import track_sums
 from oracle import segmentation as oracle
 
 
 def random_track(seed, n=24, d=2, *, weighted=False):
     rng = np.random.default_rng(seed)
     weights = rng.uniform(0.5, 2.0, n) if weighted else None
-    return Track("t", np.cumsum(rng.uniform(0.5, 2.0, n)).round(3), rng.normal(0, 3, (n, d)).cumsum(axis=0).round(3), weights=weights)
+    return Track(
+        "t",
+        np.cumsum(rng.uniform(0.5, 2.0, n)).round(3),
+        rng.normal(0, 3, (n, d)).cumsum(axis=0).round(3),
+        weights=weights,
+    )
 
 
 def free_cost(track, boundaries):
-    return sum(oracle.pooled_cost(track, [part]) for part in zip(boundaries[:-1], boundaries[1:], strict=True))
+    return sum(
+        oracle.pooled_cost(track, [part])
+        for part in zip(boundaries[:-1], boundaries[1:], strict=True)
+    )
 
 
 @pytest.mark.parametrize("seed", range(10))
 def test_douglas_peucker_equals_its_twin(seed):
     track = random_track(seed, d=1 + seed % 3)
-    sums = sums_of(track)
+    sums = track_sums(track)
     for k in (1, 2, 3, 7, 23):
         assert douglas_peucker(sums, k).tolist() == oracle.douglas_peucker(track, k)
 
@@ -34,8 +42,13 @@ def test_douglas_peucker_equals_its_twin(seed):
 @pytest.mark.parametrize("seed", range(6))
 def test_bottom_up_equals_its_twin(seed):
     track = random_track(seed, 39, d=1 + seed % 3, weighted=seed % 2 == 1)
-    for k in (1, 3, 9, 13):  # of blocks of three samples: to join single samples costs nothing, and any two may go first
-        found = merged(sums_of(track), np.arange(0, 39, 3), k).tolist()
+    for k in (
+        1,
+        3,
+        9,
+        13,
+    ):  # of blocks of three samples: to join single samples costs nothing, and any two may go first
+        found = merged(track_sums(track), np.arange(0, 39, 3), k).tolist()
         assert found == oracle.bottom_up(track, k, 3)
 
 
@@ -47,7 +60,7 @@ def test_exactly_k_parts_for_every_k(partition, n):
         Track("straight", np.arange(n), np.arange(n)[:, None]),
         Track("still", np.arange(n), np.zeros((n, 2))),
     ):
-        sums = sums_of(track)
+        sums = track_sums(track)
         for k in range(1, n + 1):
             boundaries = partition(sums, k)
             assert len(boundaries) == k + 1
@@ -56,18 +69,18 @@ def test_exactly_k_parts_for_every_k(partition, n):
 
 
 @pytest.mark.parametrize("shortest", [2, 5])
-def test_bottom_up_keeps_the_shortest_length(shortest):
-    sums = sums_of(random_track(1, 60))
-    for k in (1, 4, 60 // shortest):
-        assert np.diff(bottom_up(sums, k, shortest=shortest)).min() >= shortest
+def test_bottom_up_keeps_the_shortest_length(min_samples):
+    sums = track_sums(random_track(1, 60))
+    for k in (1, 4, 60 // min_samples):
+        assert np.diff(bottom_up(sums, k, min_samples=min_samples)).min() >= min_samples
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_relaxation_lowers_the_cost_until_no_single_boundary_can(seed):
     track = random_track(seed, 30)
-    sums = sums_of(track)
+    sums = track_sums(track)
     start = np.linspace(0, 30, 6).astype(np.int64)
-    end = relaxed(sums, start, sweeps=100)
+    end = relax_boundaries(sums, start, sweeps=100)
     assert free_cost(track, end) < free_cost(track, start)
     for j in range(1, 5):
         for c in range(end[j - 1] + 1, end[j + 1]):
@@ -77,7 +90,12 @@ def test_relaxation_lowers_the_cost_until_no_single_boundary_can(seed):
 
 def test_bottom_up_finds_the_bends_of_a_long_track():
     corners = np.array([[0, 0], [100, 0], [100, 80], [0, 80], [0, 0]], dtype=float)
-    positions = np.concatenate([np.linspace(a, b, 250, endpoint=False) for a, b in zip(corners[:-1], corners[1:], strict=True)])
+    positions = np.concatenate(
+        [
+            np.linspace(a, b, 250, endpoint=False)
+            for a, b in zip(corners[:-1], corners[1:], strict=True)
+        ]
+    )
     noise = np.random.default_rng(0).normal(0, 0.05, positions.shape)
-    boundaries = bottom_up(sums_of(Track("loop", np.arange(1000.0), positions + noise)), 4)
+    boundaries = bottom_up(track_sums(Track("loop", np.arange(1000.0), positions + noise)), 4)
     assert np.abs(boundaries - [0, 250, 500, 750, 1000]).max() <= 2

@@ -10,14 +10,16 @@ from gpszip.segmentation import search
 from gpszip.segmentation.bound import segment_mean_within
 from gpszip.segmentation.em import segment_mean
 from gpszip.segmentation.evaluate import distances, rmse
-from gpszip.segmentation.memo import Memo, digest
-from gpszip.segmentation.search import elbow, find_parameters
+from gpszip.segmentation.memo import Memo, memo_key
+from gpszip.segmentation.search import find_elbow, find_parameters
 
 
 def rounds(laps=8, noise=0.3):
     corners = np.array([[0, 0], [60, 0], [60, 40], [0, 40]], dtype=float)
     u = np.linspace(0, 1, 12)[:, None]
-    positions = np.concatenate([corners[j] * (1 - u) + corners[(j + 1) % 4] * u for j in range(4)] * laps)
+    positions = np.concatenate(
+        [corners[j] * (1 - u) + corners[(j + 1) % 4] * u for j in range(4)] * laps
+    )
     positions = positions + np.random.default_rng(0).normal(0, noise, positions.shape)
     return Track("rounds", np.arange(len(positions)), positions)
 
@@ -41,7 +43,12 @@ def solved(monkeypatch):
 def test_the_elbow_of_a_bent_curve_is_found_and_the_search_ends(low, width, bend):
     high = low + width
     knee = low + round(bend * width)
-    curve = {x: max(1000.0 - 990 * (x - low) / max(knee - low, 1), 10 - 9 * (x - knee) / max(high - knee, 1)) for x in range(low, high + 1)}
+    curve = {
+        x: max(
+            1000.0 - 990 * (x - low) / max(knee - low, 1), 10 - 9 * (x - knee) / max(high - knee, 1)
+        )
+        for x in range(low, high + 1)
+    }
     calls = []
 
     def costs_of(numbers):
@@ -49,7 +56,7 @@ def test_the_elbow_of_a_bent_curve_is_found_and_the_search_ends(low, width, bend
         return [curve[x] for x in numbers]
 
     below = {x: -curve[x] - (curve[low] - curve[high]) * (x - low) / max(width, 1) for x in curve}
-    found = elbow(low, high, costs_of)
+    found = find_elbow(low, high, costs_of)
     assert below[found] == pytest.approx(max(below.values()))
     assert len(calls) <= 2 + 2 * np.log(max(width, 2)) / np.log(1.5) + 3
 
@@ -62,12 +69,12 @@ def test_the_elbow_returns_the_best_evaluated_when_noise_makes_two_peaks():
         seen.extend(numbers)
         return [costs[x] for x in numbers]
 
-    found = elbow(1, 10, costs_of)
+    found = find_elbow(1, 10, costs_of)
     assert found == min(seen, key=lambda x: costs[x] + x)
 
 
 def test_a_flat_curve_gives_its_low_end():
-    assert elbow(3, 50, lambda numbers: [1.0] * len(numbers)) == 3
+    assert find_elbow(3, 50, lambda numbers: [1.0] * len(numbers)) == 3
 
 
 def test_the_square_walked_round_has_four_segments(solved):
@@ -77,12 +84,18 @@ def test_the_square_walked_round_has_four_segments(solved):
     assert len(solved) == len(set(solved)) == len(found.evaluated)
     assert {(k, m) for k, m, _ in found.evaluated} == set(solved)
     assert all(k >= m for k, m in solved)
-    assert min(cost for k, m, cost in found.evaluated if (k, m) == (found.k, found.m)) == found.mean.cost
+    assert (
+        min(cost for k, m, cost in found.evaluated if (k, m) == (found.k, found.m))
+        == found.mean.cost
+    )
 
 
 def test_workers_change_nothing():
     track = rounds(4)
-    alone, together = find_parameters(track, (2, 30), (1, 6)), find_parameters(track, (2, 30), (1, 6), executor=Threads(3))
+    alone, together = (
+        find_parameters(track, (2, 30), (1, 6)),
+        find_parameters(track, (2, 30), (1, 6), executor=Threads(3)),
+    )
     assert alone.evaluated == together.evaluated
     assert alone.mean.costs == together.mean.costs
 
@@ -104,9 +117,16 @@ def test_the_digest_knows_data_and_options():
     track = rounds(1)
     moved = Track("rounds", track.times, track.positions + 1e-9)
     weighted = Track("rounds", track.times, track.positions, weights=np.ones(len(track)))
-    names = {digest(track, {}), digest(moved, {}), digest(weighted, {}), digest(track, {"shortest": 2})}
+    names = {
+        memo_key(track, {}),
+        memo_key(moved, {}),
+        memo_key(weighted, {}),
+        memo_key(track, {"shortest": 2}),
+    }
     assert len(names) == 4
-    assert digest(track, {"a": 1, "b": 2}) == digest(Track("other", track.times, track.positions), {"b": 2, "a": 1})
+    assert memo_key(track, {"a": 1, "b": 2}) == memo_key(
+        Track("other", track.times, track.positions), {"b": 2, "a": 1}
+    )
 
 
 def test_a_torn_flipped_or_swapped_memo_is_refused(tmp_path):
@@ -115,7 +135,12 @@ def test_a_torn_flipped_or_swapped_memo_is_refused(tmp_path):
     memo.put("key", mean)
     (path,) = tmp_path.iterdir()
     whole = path.read_bytes()
-    for content in (b"", b"no memo", whole[: len(whole) // 2], whole[:300] + bytes([whole[300] ^ 255]) + whole[301:]):
+    for content in (
+        b"",
+        b"no memo",
+        whole[: len(whole) // 2],
+        whole[:300] + bytes([whole[300] ^ 255]) + whole[301:],
+    ):
         path.write_bytes(content)
         with pytest.raises(InputError, match="delete it"):
             Memo(tmp_path).get("key", 4, 2)
@@ -136,7 +161,10 @@ def test_a_failed_write_leaves_no_file(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("k_range", "m_range"), [((5, 4), (1, 2)), ((0, 4), (1, 2)), ((1, 4), (1, 5)), ((1, 999), (1, 5))])
+@pytest.mark.parametrize(
+    ("k_range", "m_range"),
+    [((5, 4), (1, 2)), ((0, 4), (1, 2)), ((1, 4), (1, 5)), ((1, 999), (1, 5))],
+)
 def test_ranges_that_do_not_fit_are_refused(k_range, m_range):
     with pytest.raises(OptionError):
         find_parameters(rounds(1), k_range, m_range)
@@ -167,7 +195,10 @@ def test_a_bound_that_cannot_be_met_is_an_error():
         segment_mean_within(rounds(1), rmse=0.01, m=2)
 
 
-@pytest.mark.parametrize("options", [{}, {"rmse": 0.0}, {"max_error": -1.0}, {"rmse": 1.0, "m": 0}, {"rmse": 1.0, "m": 1.5}])
+@pytest.mark.parametrize(
+    "options",
+    [{}, {"rmse": 0.0}, {"max_error": -1.0}, {"rmse": 1.0, "m": 0}, {"rmse": 1.0, "m": 1.5}],
+)
 def test_senseless_bounds_are_refused(options):
     with pytest.raises(OptionError):
         segment_mean_within(rounds(1), **options)

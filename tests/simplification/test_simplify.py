@@ -4,18 +4,29 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gpszip.io.maps.table import way_table
+from gpszip.io.maps.table import clean_map_table
 from gpszip.io.maps.write import MAP_FORMATS, write_map
 from gpszip.model import Plane, Walk
-from gpszip.simplification.bundling import bundle
-from gpszip.simplification.cell_grid import cells_along, cells_at, line_density, smooth
+from gpszip.simplification.bundling import bundle_edges
+from gpszip.simplification.cell_grid import (
+    build_cell_grid,
+    find_cells,
+    line_density,
+    smooth_density,
+)
 from gpszip.simplification.kernels.density import blur
-from gpszip.simplification.kernels.routes import cheapest_routes
-from gpszip.simplification.kernels.smoothing import keep_corners
+from gpszip.simplification.kernels.routes import cheapest_paths
+from gpszip.simplification.kernels.smoothing import simplify_lines
 from gpszip.simplification.simplify import clean_map
-from gpszip.simplification.skeleton import LineGraph, contract, prune, skeleton, string
+from gpszip.simplification.skeleton import (
+    Skeleton,
+    build_chains,
+    build_skeleton,
+    consolidate_junctions,
+    prune_spurs,
+)
 from gpszip.testing.city import drives
-from gpszip.walks.counting import count_edges
+from gpszip.walks.counting import build_road_map
 from oracle.clean_lines import blurred, distance_to_line, route_cost
 
 
@@ -24,10 +35,15 @@ def archive_like(paths, seconds=10.0, epoch=0.0, d=2):
     nodes = np.concatenate(paths).astype(float)[:, :d]
     starts = np.cumsum([0, *map(len, paths)])
     walks = [
-        Walk(str(i), np.arange(a, b, dtype=np.int32), epoch + seconds * np.arange(b - a), np.zeros(b - a - 1, bool))
+        Walk(
+            str(i),
+            np.arange(a, b, dtype=np.int32),
+            epoch + seconds * np.arange(b - a),
+            np.zeros(b - a - 1, bool),
+        )
         for i, (a, b) in enumerate(zip(starts[:-1], starts[1:], strict=True))
     ]
-    return count_edges(nodes, walks), walks
+    return build_road_map(nodes, walks), walks
 
 
 def street(n=12, *, noise=3.0, seed=1, length=600.0, y=0.0):
@@ -62,7 +78,10 @@ def test_a_busy_street_swallows_only_what_may_have_gone_over_it_unseen(moves, ke
     road_map, walks = archive_like([curved] * 20 + [straight], seconds=300 / moves)
     walks[-1] = replace(walks[-1], times=np.array([0.0, 280.0]))
     made = clean_map(road_map, walks, 8.0)
-    curve, middle = (min(distance_to_line(np.array(point), made[i]) for i in range(len(made))) for point in ([450.0, 150.0], [450.0, 0.0]))
+    curve, middle = (
+        min(distance_to_line(np.array(point), made[i]) for i in range(len(made)))
+        for point in ([450.0, 150.0], [450.0, 0.0])
+    )
     assert curve < 8
     assert (middle < 8) == kept
 
@@ -100,7 +119,11 @@ def test_a_crossing_is_shared():
 
 
 def test_a_long_edge_follows_the_corner_that_others_show():
-    corner = [np.array([[0, 0], [100, 0], [200, 0], [200, 100], [200, 200]]) + np.random.default_rng(i).normal(0, 1, 2) for i in range(6)]
+    corner = [
+        np.array([[0, 0], [100, 0], [200, 0], [200, 100], [200, 200]])
+        + np.random.default_rng(i).normal(0, 1, 2)
+        for i in range(6)
+    ]
     road_map, walks = archive_like([*corner, np.array([[100, 0], [200, 100]])])
     made = clean_map(road_map, walks, 4.0)
     assert len(made) == 1
@@ -126,9 +149,13 @@ def test_jumps_and_gaps_are_no_way():
     far = np.array([[0.0, 9000.0]])
     nodes = np.concatenate([road_map.nodes, far, far + np.array([300.0, 0])])
     count = len(road_map.nodes)
-    walks.append(Walk("jump", np.array([0, count], np.int32), np.array([0.0, 1.0]), np.array([False])))
-    walks.append(Walk("gap", np.array([0, count + 1], np.int32), np.array([0.0, 5000.0]), np.array([True])))
-    made = clean_map(count_edges(nodes, walks), walks, 4.0)
+    walks.append(
+        Walk("jump", np.array([0, count], np.int32), np.array([0.0, 1.0]), np.array([False]))
+    )
+    walks.append(
+        Walk("gap", np.array([0, count + 1], np.int32), np.array([0.0, 5000.0]), np.array([True]))
+    )
+    made = clean_map(build_road_map(nodes, walks), walks, 4.0)
     assert made.points[:, 1].max() < 100
 
 
@@ -136,7 +163,10 @@ def test_times_of_day_are_told_where_times_are_since_1970():
     morning, evening = 86_400.0 * 19_000 + 7 * 3600, 86_400.0 * 19_000 + 19 * 3600
     paths = street(4)
     road_map, walks = archive_like(paths * 2)
-    moved = [Walk(w.id, w.nodes, morning + w.times if i < 4 else evening + 2 * w.times, w.gaps) for i, w in enumerate(walks)]
+    moved = [
+        Walk(w.id, w.nodes, morning + w.times if i < 4 else evening + 2 * w.times, w.gaps)
+        for i, w in enumerate(walks)
+    ]
     made = clean_map(road_map, moved, 4.0)
     assert made.hourly.shape == (1, 4)
     assert np.isnan(made.hourly[0, [0, 2]]).all()
@@ -159,7 +189,7 @@ def test_any_number_of_axes(d):
 
 def test_nobody_moved():
     still = [Walk("0", np.array([0, 0], np.int32), np.array([0.0, 9.0]), np.array([False]))]
-    made = clean_map(count_edges([[5.0, 5.0]], still), still, 1.0)
+    made = clean_map(build_road_map([[5.0, 5.0]], still), still, 1.0)
     assert len(made) == 0
     assert made.points.shape == (0, 2)
 
@@ -168,70 +198,79 @@ def test_nobody_moved():
 @pytest.mark.parametrize("plane", [None, Plane(((525000000, 134000000),))])
 def test_every_format_holds_ways(tmp_path, suffix, plane):
     road_map, walks = archive_like(street())
-    made = clean_map(count_edges(road_map.nodes, walks, plane=plane), walks, 4.0)
+    made = clean_map(build_road_map(road_map.nodes, walks, plane=plane), walks, 4.0)
     path = tmp_path / f"map{suffix}"
     write_map(made, path)
     assert path.stat().st_size > 0
     if suffix == ".geojson":
         (feature,) = json.loads(path.read_text())["features"]
         assert len(feature["geometry"]["coordinates"]) == len(made.points)
-        assert list(feature["properties"]) == list(way_table(made).properties)
+        assert list(feature["properties"]) == list(clean_map_table(made).properties)
 
 
 def test_cells_know_their_neighbours_and_lines_are_one_high():
     starts, ends = np.array([[0.0, 0.0]]), np.array([[60.0, 25.0]])
-    grid = cells_along(starts, ends, 1.0, 9)
-    assert cells_at(grid, grid.centers).tolist() == list(range(len(grid)))
-    step = np.where(grid.near[:, 1, None] >= 0, grid.centers[grid.near[:, 1]] - grid.centers, 1.0)
+    grid = build_cell_grid(starts, ends, 1.0, 9)
+    assert find_cells(grid, grid.centers).tolist() == list(range(len(grid)))
+    step = np.where(
+        grid.neighbours[:, 1, None] >= 0, grid.centers[grid.neighbours[:, 1]] - grid.centers, 1.0
+    )
     assert np.allclose(step, 1.0)
-    height = smooth(grid, line_density(grid, starts, ends, np.ones(1)), 2.5)
-    assert height[cells_at(grid, np.array([[30.0, 12.5]]))] == pytest.approx(1.0, rel=0.1)
+    height = smooth_density(grid, line_density(grid, starts, ends, np.ones(1)), 2.5)
+    assert height[find_cells(grid, np.array([[30.0, 12.5]]))] == pytest.approx(1.0, rel=0.1)
     values = np.random.default_rng(0).random(len(grid))
-    assert np.allclose(blur(values, grid.near, 3), blurred(values, grid.near, 3))
+    assert np.allclose(blur(values, grid.neighbours, 3), blurred(values, grid.neighbours, 3))
 
 
 def test_routes_are_the_cheapest_within_their_corridor():
     rng = np.random.default_rng(5)
-    grid = cells_along(np.array([[0.0, 0.0]]), np.array([[12.0, 4.0]]), 1.0, 3)
+    grid = build_cell_grid(np.array([[0.0, 0.0]]), np.array([[12.0, 4.0]]), 1.0, 3)
     price = rng.random(len(grid)) + 0.05
     starts, ends = rng.integers(0, len(grid), (2, 40)).astype(np.int32)
     far = 1.2 * np.linalg.norm(grid.centers[ends] - grid.centers[starts], axis=1) + 2.0
     wide = rng.uniform(0.1, 4.0, 40)
-    offsets, cells = cheapest_routes(grid.centers, grid.near, price, starts, ends, far, wide)
+    offsets, cells = cheapest_paths(grid.centers, grid.neighbours, price, starts, ends, far, wide)
     assert 5 < (np.diff(offsets) > 0).sum() < 40
     for i in range(40):
         route = cells[offsets[i] : offsets[i + 1]]
-        expected = route_cost(grid.centers, grid.near, price, starts[i], ends[i], far[i], wide[i])
+        expected = route_cost(
+            grid.centers, grid.neighbours, price, starts[i], ends[i], far[i], wide[i]
+        )
         assert (len(route) > 0) == np.isfinite(expected)
         if len(route):
             assert (route[0], route[-1]) == (starts[i], ends[i])
             step = np.linalg.norm(np.diff(grid.centers[route], axis=0), axis=1)
-            assert (step * (price[route[:-1]] + price[route[1:]]) / 2).sum() == pytest.approx(expected)
+            assert (step * (price[route[:-1]] + price[route[1:]]) / 2).sum() == pytest.approx(
+                expected
+            )
 
 
 def test_a_loop_is_thinned_to_a_ring_and_a_small_hole_is_filled():
     turn = np.linspace(0, 2 * np.pi, 40)
     ring = 30 * np.column_stack([np.cos(turn), np.sin(turn)])
-    grid = cells_along(ring[:-1], ring[1:], 1.0, 5)
+    grid = build_cell_grid(ring[:-1], ring[1:], 1.0, 5)
     density = line_density(grid, ring[:-1], ring[1:], np.full(39, 3.0))
-    lines = skeleton(grid, density, 100.0)
-    strings = string(lines)
+    lines = build_skeleton(grid, density, 100.0)
+    strings = build_chains(lines)
     assert (len(strings), lines.degrees.min(), lines.degrees.max()) == (1, 2, 2)
-    assert np.abs(np.linalg.norm(lines.places, axis=1) - 30).max() < 1.5
-    assert len(skeleton(grid, density, 1e9).pairs) > 0
+    assert np.abs(np.linalg.norm(lines.positions, axis=1) - 30).max() < 1.5
+    assert len(build_skeleton(grid, density, 1e9).links) > 0
 
 
 def test_the_longest_of_two_dead_ends_stays():
-    fork = LineGraph(np.array([[0.0, 0], [50, 0], [53, 1], [55, -2]]), np.array([[0, 1], [1, 2], [1, 3]], np.int32))
-    pruned = prune(fork, 20.0)
-    assert pruned.places.tolist() == [[0, 0], [50, 0], [55, -2]]
-    assert len(contract(fork, 1.0).pairs) == 3
+    fork = Skeleton(
+        np.array([[0.0, 0], [50, 0], [53, 1], [55, -2]]),
+        np.array([[0, 1], [1, 2], [1, 3]], np.int32),
+    )
+    pruned = prune_spurs(fork, 20.0)
+    assert pruned.positions.tolist() == [[0, 0], [50, 0], [55, -2]]
+    assert len(consolidate_junctions(fork, 1.0).links) == 3
 
 
 def test_lines_keep_their_shape_within_the_tolerance():
     rng = np.random.default_rng(2)
     line = np.cumsum(rng.normal(0, 1, (200, 2)), axis=0)
-    kept = keep_corners(line, np.array([0, 120, 200]), 1.5)
+    kept = simplify_lines(line, np.array([0, 120, 200]), 1.5)
     for a, b in ((0, 120), (120, 200)):
         left = line[a:b][kept[a:b]]
         assert kept[a]
@@ -242,5 +281,7 @@ def test_lines_keep_their_shape_within_the_tolerance():
 
 def test_bundles_hold_all_travels():
     nodes = np.array([[0.0, 0], [100, 2], [0, 1], [100, -1]])
-    ground = bundle(nodes, np.array([[0, 1], [2, 3]], np.int32), np.array([5.0, 2.0]), np.full(2, 100.0), 3.0)
+    ground = bundle_edges(
+        nodes, np.array([[0, 1], [2, 3]], np.int32), np.array([5.0, 2.0]), np.full(2, 100.0), 3.0
+    )
     assert ground.density.max() == 7.0

@@ -5,7 +5,7 @@ import pytest
 
 from gpszip import OptionError, SegmentMean, Track, coreset
 from gpszip.sketches.coreset import Coreset
-from gpszip.sketches.pieces import Pieces, pieces_of, through
+from gpszip.sketches.pieces import PiecewiseLinear, from_segment_mean, polyline
 from gpszip.testing.patrol import patrol
 from oracle.coreset import best_cost, exact_cost, free_cost, greedy_cuts, plain_cost
 
@@ -19,7 +19,9 @@ def ones(track):
 def bends(n=240, seed=3):
     rng = np.random.default_rng(seed)
     t = np.arange(float(n))
-    return Track("bends", t, np.stack([np.abs(t % 60 - 30), t / 9], axis=1) + rng.normal(0, 0.2, (n, 2)))
+    return Track(
+        "bends", t, np.stack([np.abs(t % 60 - 30), t / 9], axis=1) + rng.normal(0, 0.2, (n, 2))
+    )
 
 
 def test_pieces_that_break_at_block_edges_cost_exactly_what_the_samples_cost():
@@ -27,7 +29,12 @@ def test_pieces_that_break_at_block_edges_cost_exactly_what_the_samples_cost():
     rng = np.random.default_rng(1)
     edges = small.edges[::5]
     places = rng.normal(0, 9, (len(edges), 2))
-    f = Pieces(edges[:, 0], np.append(small.edges[4::5], small.edges[-1:], axis=0)[: len(edges), 1], places, places + 3)
+    f = PiecewiseLinear(
+        edges[:, 0],
+        np.append(small.edges[4::5], small.edges[-1:], axis=0)[: len(edges), 1],
+        places,
+        places + 3,
+    )
     price = small.cost(f)
     truth = plain_cost(WALK.times, WALK.positions, ones(WALK), f)
     assert price.estimate == pytest.approx(truth, rel=1e-12)
@@ -48,7 +55,7 @@ def test_a_segment_mean_at_block_edges_needs_no_times():
     small = coreset(WALK, size=10)
     cuts = np.concatenate([[0], np.cumsum(small.counts)])[[0, 3, 7, 10]]
     mean = SegmentMean(cuts, np.array([0, 1, 0], np.int32), np.zeros((2, 2)), np.ones((2, 2)), 0.0)
-    assert small.cost(mean).estimate == small.cost(pieces_of(mean, WALK.times)).estimate
+    assert small.cost(mean).estimate == small.cost(from_segment_mean(mean, WALK.times)).estimate
     shifted = SegmentMean(cuts + np.array([0, 1, 0, 0]), mean.labels, mean.starts, mean.ends, 0.0)
     with pytest.raises(OptionError, match="times of the samples"):
         small.cost(shifted)
@@ -61,10 +68,18 @@ def test_spikes_at_block_ends_stay_within_the_bounds(spikes, even):
     small = coreset(track, size=30)
     for block in (0, 7, 29):
         a, b = small.edges[block]
-        knots = np.unique(np.concatenate([[track.times[0]], np.linspace(b - 0.15 * (b - a), b, spikes + 1), [track.times[-1]]]))
+        knots = np.unique(
+            np.concatenate(
+                [
+                    [track.times[0]],
+                    np.linspace(b - 0.15 * (b - a), b, spikes + 1),
+                    [track.times[-1]],
+                ]
+            )
+        )
         low = np.interp(knots, track.times, track.positions[:, 0])
         places = np.stack([low, np.where(np.arange(len(knots)) % 2, 5.0, -5.0)], axis=1)
-        f = through(knots, places)
+        f = polyline(knots, places)
         truth = exact_cost(track.times, track.positions, ones(track), f)
         price = small.cost(f)
         assert price.lower <= truth <= price.upper
@@ -73,7 +88,7 @@ def test_spikes_at_block_ends_stay_within_the_bounds(spikes, even):
 
 def test_even_times_leave_only_the_residual_in_doubt():
     track = Track("straight", np.arange(100.0), np.stack([np.arange(100.0)] * 2, axis=1))
-    f = through([0, 33.3, 71.9, 99], [[0, 5], [40, 0], [60, 90], [99, 99]])
+    f = polyline([0, 33.3, 71.9, 99], [[0, 5], [40, 0], [60, 90], [99, 99]])
     price = coreset(track, size=1).cost(f)
     truth = plain_cost(track.times, track.positions, ones(track), f)
     assert price.lower == pytest.approx(truth, rel=1e-9)
@@ -83,13 +98,20 @@ def test_even_times_leave_only_the_residual_in_doubt():
 @pytest.mark.parametrize("k", [1, 2, 3, 4, 6])
 @pytest.mark.parametrize("size", [3, 12, 30])
 def test_no_k_segment_costs_less_than_the_lower_bound(k, size):
-    for track in (bends(48), Track("noise", np.arange(48.0), np.random.default_rng(k).normal(0, 1, (48, 1)))):
-        assert coreset(track, size=size).least_cost(k) <= best_cost(track.times, track.positions, ones(track), k) * (1 + 1e-9)
+    for track in (
+        bends(48),
+        Track("noise", np.arange(48.0), np.random.default_rng(k).normal(0, 1, (48, 1))),
+    ):
+        assert coreset(track, size=size).least_cost(k) <= best_cost(
+            track.times, track.positions, ones(track), k
+        ) * (1 + 1e-9)
 
 
 def test_the_lower_bound_is_worth_something():
     track = bends(60)
-    assert coreset(track, size=24).least_cost(3) > 0.2 * best_cost(track.times, track.positions, ones(track), 3)
+    assert coreset(track, size=24).least_cost(3) > 0.2 * best_cost(
+        track.times, track.positions, ones(track), 3
+    )
 
 
 @pytest.mark.parametrize(("k", "eps"), [(2, 0.5), (4, 0.5), (4, 0.2), (1, 0.1)])
@@ -99,10 +121,13 @@ def test_the_estimate_of_any_k_segment_is_within_eps(k, eps):
     assert len(small) < len(track)
     rng = np.random.default_rng(7)
     for _ in range(60):
-        knots = np.sort(rng.choice(track.times[1:-1], k - 1, replace=False) + rng.choice([0.0, 0.5, 0.25], k - 1))
+        knots = np.sort(
+            rng.choice(track.times[1:-1], k - 1, replace=False)
+            + rng.choice([0.0, 0.5, 0.25], k - 1)
+        )
         knots = np.concatenate([[0], knots, [1499]])
         near = np.stack([np.interp(knots, track.times, axis) for axis in track.positions.T], axis=1)
-        f = through(knots, near + rng.normal(0, rng.choice([0, 0.5, 20]), near.shape))
+        f = polyline(knots, near + rng.normal(0, rng.choice([0, 0.5, 20]), near.shape))
         truth = plain_cost(track.times, track.positions, ones(track), f)
         assert abs(small.cost(f).estimate - truth) <= eps * truth
 
@@ -121,10 +146,10 @@ def test_too_few_blocks_promise_nothing():
 
 
 def test_blocks_become_finer_until_they_keep_eps_by_themselves():
-    from gpszip.sketches.partition import blocks_below, largest_cost
+    from gpszip.sketches.partition import blocks_under_cost, max_block_cost
 
     track = bends(1500)
-    first = blocks_below(track, largest_cost(track, 2, 0.99))
+    first = blocks_under_cost(track, max_block_cost(track, 2, 0.99))
     alone = Coreset((track.id,), np.zeros(len(first), np.int64), first)
     assert alone.eps(2) > 0.99, "the case is none any more"
     assert len(first) < len(coreset(track, k=2, eps=0.99)) < 1.5 * len(first)
@@ -149,18 +174,22 @@ def test_free_costs_are_those_of_the_samples():
     small = coreset(WALK, size=9)
     cuts = np.concatenate([[0], np.cumsum(small.counts)])
     for cost, a, b in zip(small.free_costs, cuts[:-1], cuts[1:], strict=True):
-        assert cost == pytest.approx(free_cost(WALK.times[a:b], WALK.positions[a:b], np.ones(b - a)), rel=1e-9)
+        assert cost == pytest.approx(
+            free_cost(WALK.times[a:b], WALK.positions[a:b], np.ones(b - a)), rel=1e-9
+        )
     assert small.samples == len(WALK)
     assert small.rmse == pytest.approx(np.sqrt(small.free_costs.sum() / len(WALK)))
 
 
 def test_the_partition_is_the_greedy_one():
-    from gpszip.sketches.partition import _cuts
-    from gpszip.sketches.prefix import part_sums
+    from gpszip.sketches.partition import _balanced_cuts
+    from gpszip.sketches.prefix import track_sums
 
     track = bends(200)
     for limit in (0.5, 3.0, 40.0, 1e9):
-        assert _cuts(part_sums(track), limit).tolist() == greedy_cuts(track.times, track.positions, ones(track), limit)
+        assert _balanced_cuts(track_sums(track), limit).tolist() == greedy_cuts(
+            track.times, track.positions, ones(track), limit
+        )
 
 
 def test_several_tracks_share_the_size():
@@ -169,22 +198,28 @@ def test_several_tracks_share_the_size():
     assert len(small) <= 12
     assert small.tracks == ("bends", "other")
     assert small.track("other").samples == 5
-    assert small.cost(through([0, 4], [[1, 0], [1, 0]]), track="other").estimate == pytest.approx(5)
+    assert small.cost(polyline([0, 4], [[1, 0], [1, 0]]), track="other").estimate == pytest.approx(
+        5
+    )
     with pytest.raises(OptionError, match="name one of these"):
-        small.cost(through([0, 4], [[1, 0], [1, 0]]))
+        small.cost(polyline([0, 4], [[1, 0], [1, 0]]))
 
 
 def test_far_from_zero_nothing_is_lost():
     track = bends()
     far = Track("bends", track.times + 1.7e9, track.positions + np.array([5e6, 4e5]))
-    assert coreset(far, size=20).free_costs == pytest.approx(coreset(track, size=20).free_costs, rel=1e-5)
+    assert coreset(far, size=20).free_costs == pytest.approx(
+        coreset(track, size=20).free_costs, rel=1e-5
+    )
 
 
 def test_weights_count_like_repeated_samples():
     track = bends(100)
     heavy = Track("heavy", track.times, track.positions, np.full(100, 3.0))
-    f = through([0, 40, 99], [[0, 0], [9, 9], [0, 5]])
-    assert coreset(heavy, size=7).cost(f).estimate == pytest.approx(3 * coreset(track, size=7).cost(f).estimate)
+    f = polyline([0, 40, 99], [[0, 0], [9, 9], [0, 5]])
+    assert coreset(heavy, size=7).cost(f).estimate == pytest.approx(
+        3 * coreset(track, size=7).cost(f).estimate
+    )
 
 
 @pytest.mark.parametrize(
@@ -208,10 +243,10 @@ def test_sizes_that_make_no_sense_are_refused(options, message):
 def test_functions_that_are_none_are_refused():
     small = coreset(bends(), size=5)
     with pytest.raises(OptionError, match="1 coordinates, the coreset 2"):
-        small.cost(through([0, 1], [[0], [1]]))
+        small.cost(polyline([0, 1], [[0], [1]]))
     with pytest.raises(OptionError, match="follow each other"):
-        through([0, 2, 1], [[0, 0]] * 3)
+        polyline([0, 2, 1], [[0, 0]] * 3)
     with pytest.raises(OptionError, match="not finite"):
-        through([0, 2], [[0, 0], [np.nan, 0]])
+        polyline([0, 2], [[0, 0], [np.nan, 0]])
     with pytest.raises(OptionError, match="same id"):
         coreset([bends(), bends()], size=5)

@@ -7,7 +7,7 @@ import pytest
 
 from gpszip.errors import OptionError
 from gpszip.model import Track
-from gpszip.sketches.prefix import part_moments, part_sums
+from gpszip.sketches.prefix import interval_moments, track_sums
 
 
 def decimal_track(seed, n, *, dt=1.0, extent=500.0, d=2, weights=None):
@@ -19,11 +19,17 @@ def decimal_track(seed, n, *, dt=1.0, extent=500.0, d=2, weights=None):
 def exact_moments(sums, a, b):
     """The moments in fractions, rounded once at the end."""
     t = [Fraction(x - sums.t[a]) for x in sums.t[a:b]]
-    r = [[Fraction(x) - Fraction(y) for x, y in zip(p, sums.p[a], strict=True)] for p in sums.p[a:b]]
+    r = [
+        [Fraction(x) - Fraction(y) for x, y in zip(p, sums.p[a], strict=True)] for p in sums.p[a:b]
+    ]
     w = [Fraction(x) for x in sums.w[a:b]]
     u = [x / t[-1] if t[-1] else Fraction(0) for x in t]
     axes = range(sums.p.shape[1])
-    total = [sum(w), sum(map(lambda x, y: x * y, w, u)), sum(x * y * y for x, y in zip(w, u, strict=True))]
+    total = [
+        sum(w),
+        sum(map(lambda x, y: x * y, w, u)),
+        sum(x * y * y for x, y in zip(w, u, strict=True)),
+    ]
     total.append(sum(x * sum(c * c for c in p) for x, p in zip(w, r, strict=True)))
     total += [sum(x * p[c] for x, p in zip(w, r, strict=True)) for c in axes]
     total += [sum(x * y * p[c] for x, y, p in zip(w, u, r, strict=True)) for c in axes]
@@ -31,21 +37,23 @@ def exact_moments(sums, a, b):
 
 
 def assert_moments(sums, boundaries, rtol):
-    rows = part_moments(sums, np.array(boundaries))
+    rows = interval_moments(sums, np.array(boundaries))
     for row, a, b in zip(rows, boundaries[:-1], boundaries[1:], strict=True):
         expected = exact_moments(sums, a, b)
-        np.testing.assert_allclose(row, expected, rtol=rtol, atol=rtol * np.abs(expected).max() * 1e-3)
+        np.testing.assert_allclose(
+            row, expected, rtol=rtol, atol=rtol * np.abs(expected).max() * 1e-3
+        )
 
 
 @pytest.mark.parametrize("d", [1, 2, 3])
 def test_moments_are_exact(d):
-    sums = part_sums(decimal_track(d, 400, d=d))
+    sums = track_sums(decimal_track(d, 400, d=d))
     assert_moments(sums, [0, 1, 3, 50, 51, 200, 400], 1e-14)
 
 
 def test_moments_stay_exact_when_the_prefix_sums_wrap_around():
     track = decimal_track(1, 3000, dt=40.0, extent=4e8)
-    sums = part_sums(track)
+    sums = track_sums(track)
     raw = sum(int(x) ** 2 for x in sums.p.ravel())
     assert raw > 2**63
     assert_moments(sums, [0, 5, 9, 2000, 2100, 3000], 1e-12)
@@ -53,7 +61,7 @@ def test_moments_stay_exact_when_the_prefix_sums_wrap_around():
 
 def test_parts_too_long_for_integers_are_added_up_from_blocks():
     track = decimal_track(2, 2000, dt=1e5)
-    sums = part_sums(track)
+    sums = track_sums(track)
     assert len(track) * float(sums.t[-1]) ** 2 > 2**63
     assert_moments(sums, [0, 2000], 1e-12)
     assert_moments(sums, [3, 1999], 1e-12)
@@ -62,14 +70,19 @@ def test_parts_too_long_for_integers_are_added_up_from_blocks():
 
 def test_weighted_moments():
     weights = np.random.default_rng(3).uniform(0.1, 9.0, 1200)
-    assert_moments(part_sums(decimal_track(3, 1200, weights=weights)), [0, 2, 257, 1100, 1101, 1200], 1e-12)
+    assert_moments(
+        track_sums(decimal_track(3, 1200, weights=weights)), [0, 2, 257, 1100, 1101, 1200], 1e-12
+    )
 
 
 def test_shifting_by_a_billion_seconds_and_ten_thousand_kilometres_changes_no_bit():
     near = decimal_track(4, 1000)
     far = Track("t", near.times + 1e9, near.positions + 1e7)
     cuts = np.arange(0, 1001, 50)
-    assert part_moments(part_sums(near), cuts).tobytes() == part_moments(part_sums(far), cuts).tobytes()
+    assert (
+        interval_moments(track_sums(near), cuts).tobytes()
+        == interval_moments(track_sums(far), cuts).tobytes()
+    )
 
 
 @pytest.mark.parametrize(
@@ -78,23 +91,27 @@ def test_shifting_by_a_billion_seconds_and_ten_thousand_kilometres_changes_no_bi
     ids=["minute", "1Hz", "10Hz", "50Hz", "1kHz"],
 )
 def test_the_time_tick_fits_the_rate(interval, tick):
-    assert part_sums(Track("t", np.arange(5) * interval, np.zeros((5, 1)))).time_tick == pytest.approx(tick)
+    assert track_sums(
+        Track("t", np.arange(5) * interval, np.zeros((5, 1)))
+    ).time_tick == pytest.approx(tick)
 
 
 @pytest.mark.parametrize(("extent", "tick"), [(1e6, 1e-3), (1e4, 1e-4), (1.0, 1e-8), (0.0, 1e-3)])
 def test_the_place_tick_fits_the_extent(extent, tick):
-    assert part_sums(Track("t", [0.0, 1.0], [[0.0], [extent]])).place_tick == pytest.approx(tick)
+    assert track_sums(Track("t", [0.0, 1.0], [[0.0], [extent]])).position_tick == pytest.approx(
+        tick
+    )
 
 
 def test_ticks_get_coarser_where_they_could_not_be_counted():
-    sums = part_sums(Track("t", [0.0, 1e-6, 1e13], [[0.0], [1e14], [2e14]]))
+    sums = track_sums(Track("t", [0.0, 1e-6, 1e13], [[0.0], [1e14], [2e14]]))
     assert sums.t[-1] < 2**52
     assert sums.p.max() < 2**52
     assert sums.time_tick > 1e-3
-    assert sums.place_tick > 1e-3
+    assert sums.position_tick > 1e-3
 
 
 @pytest.mark.parametrize("boundaries", [[0, 5, 5], [0, 11], [-1, 3], []])
 def test_boundaries_outside_the_track_are_refused(boundaries):
     with pytest.raises(OptionError, match="boundaries must increase"):
-        part_moments(part_sums(decimal_track(0, 10)), np.array(boundaries, dtype=np.int64))
+        interval_moments(track_sums(decimal_track(0, 10)), np.array(boundaries, dtype=np.int64))

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from gpszip import Coreset, CoresetStream, OptionError, Track, TrackError, coreset
-from gpszip.sketches.pieces import through
+from gpszip.sketches.pieces import polyline
 from gpszip.sketches.samples import weighted_samples
-from gpszip.sketches.stream import merge
+from gpszip.sketches.stream import merge_coresets
 from gpszip.testing.patrol import patrol
 from oracle.coreset import exact_cost, moments
 
@@ -22,9 +22,17 @@ def log(kind):
         drive = np.where((np.arange(N) // 3000) % 2 == 0, 1.0, 0.0)[:, None] * [[10, 1]]
         return Track("0", t, np.cumsum(drive, axis=0) + rng.normal(0, 3, (N, 2)))
     if kind == "circle":
-        return Track("0", t / 10, 100 * np.stack([np.cos(t / 500), np.sin(t / 500)], axis=1) + rng.normal(0, 0.1, (N, 2)))
+        return Track(
+            "0",
+            t / 10,
+            100 * np.stack([np.cos(t / 500), np.sin(t / 500)], axis=1) + rng.normal(0, 0.1, (N, 2)),
+        )
     if kind == "uneven":
-        return Track("0", np.cumsum(rng.exponential(30, N) + 1), np.cumsum(np.cumsum(rng.normal(0, 0.05, (N, 3)), axis=0), axis=0))
+        return Track(
+            "0",
+            np.cumsum(rng.exponential(30, N) + 1),
+            np.cumsum(np.cumsum(rng.normal(0, 0.05, (N, 3)), axis=0), axis=0),
+        )
     if kind == "weights":
         return Track("0", t, np.cumsum(rng.normal(0, 1, (N, 1)), axis=0), rng.uniform(0.1, 5, N))
     return Track("0", t, rng.normal(0, 1, (N, 2)))
@@ -34,7 +42,11 @@ def streamed(track, size, chunk=1 << 20):
     stream = CoresetStream(size, id=track.id)
     for a in range(0, len(track), chunk):
         part = slice(a, a + chunk)
-        stream.push(track.times[part], track.positions[part], None if track.weights is None else track.weights[part])
+        stream.push(
+            track.times[part],
+            track.positions[part],
+            None if track.weights is None else track.weights[part],
+        )
     return stream
 
 
@@ -70,8 +82,14 @@ def test_a_stream_prices_like_any_coreset():
     track = patrol(4000)
     small = streamed(track, 50).coreset()
     knots = np.linspace(track.times[0], track.times[-1], 30)
-    f = through(knots, np.stack([np.interp(knots, track.times, axis) for axis in track.positions.T], axis=1))
-    assert small.cost(f).lower <= exact_cost(track.times, track.positions, np.ones(4000), f) <= small.cost(f).upper
+    f = polyline(
+        knots, np.stack([np.interp(knots, track.times, axis) for axis in track.positions.T], axis=1)
+    )
+    assert (
+        small.cost(f).lower
+        <= exact_cost(track.times, track.positions, np.ones(4000), f)
+        <= small.cost(f).upper
+    )
 
 
 def test_bad_samples_are_refused_and_leave_the_stream_as_it_was():
@@ -94,30 +112,44 @@ def test_bad_samples_are_refused_and_leave_the_stream_as_it_was():
 
 def test_halves_merge_to_the_whole():
     track = patrol(6000)
-    a, b = Track("0", track.times[:2500], track.positions[:2500]), Track("0", track.times[2500:], track.positions[2500:])
-    both = merge([streamed(b, 40).coreset(), streamed(a, 40).coreset()], size=40)
+    a, b = (
+        Track("0", track.times[:2500], track.positions[:2500]),
+        Track("0", track.times[2500:], track.positions[2500:]),
+    )
+    both = merge_coresets([streamed(b, 40).coreset(), streamed(a, 40).coreset()], size=40)
     assert both.samples == 6000
     assert len(both) <= 40
     assert (np.diff(both.edges.ravel()) > 0).all()
     assert both.error <= 1.5 * coreset(track, size=40).error
-    f = through(track.times[[0, 3000, 5999]], track.positions[[0, 3000, 5999]])
-    assert both.cost(f).lower <= exact_cost(track.times, track.positions, np.ones(6000), f) <= both.cost(f).upper
+    f = polyline(track.times[[0, 3000, 5999]], track.positions[[0, 3000, 5999]])
+    assert (
+        both.cost(f).lower
+        <= exact_cost(track.times, track.positions, np.ones(6000), f)
+        <= both.cost(f).upper
+    )
 
 
 def test_overlapping_tracks_merge_side_by_side_but_one_track_can_not_overlap_itself():
-    one, two = (coreset(Track(name, range(50), [[abs(t - 25)] for t in range(50)]), size=8) for name in "ab")
-    assert merge([one, two], size=4).tracks == ("a", "b")
-    assert merge([one, two]).track("b").error == two.error
+    one, two = (
+        coreset(Track(name, range(50), [[abs(t - 25)] for t in range(50)]), size=8) for name in "ab"
+    )
+    assert merge_coresets([one, two], size=4).tracks == ("a", "b")
+    assert merge_coresets([one, two]).track("b").error == two.error
     with pytest.raises(OptionError, match="overlap at time"):
-        merge([one, one])
+        merge_coresets([one, one])
     with pytest.raises(OptionError, match="as many blocks"):
-        merge([one, two], size=1)
+        merge_coresets([one, two], size=1)
 
 
 def test_merging_in_any_order_gives_the_same_blocks():
-    parts = [coreset(Track(name, range(50), np.random.default_rng(ord(name)).normal(0, 1, (50, 1))), size=8) for name in "abc"]
-    left = merge([merge(parts[:2]), parts[2]])
-    right = merge([parts[0], merge(parts[1:])])
+    parts = [
+        coreset(
+            Track(name, range(50), np.random.default_rng(ord(name)).normal(0, 1, (50, 1))), size=8
+        )
+        for name in "abc"
+    ]
+    left = merge_coresets([merge_coresets(parts[:2]), parts[2]])
+    right = merge_coresets([parts[0], merge_coresets(parts[1:])])
     assert np.array_equal(left.rows, right.rows)
 
 
@@ -127,7 +159,12 @@ def test_few_points_have_the_moments_of_all(dimension, weighted):
     rng = np.random.default_rng(dimension)
     n = 4000
     times = 1.7e9 + np.cumsum(rng.exponential(1, n))
-    track = Track("0", times, 5e6 + np.cumsum(rng.normal(0, 1, (n, dimension)), axis=0), rng.uniform(0.5, 2, n) if weighted else None)
+    track = Track(
+        "0",
+        times,
+        5e6 + np.cumsum(rng.normal(0, 1, (n, dimension)), axis=0),
+        rng.uniform(0.5, 2, n) if weighted else None,
+    )
     small = coreset(track, size=9)
     (few,) = weighted_samples(small, track)
     cuts = np.concatenate([[0], np.cumsum(small.counts)])

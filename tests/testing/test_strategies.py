@@ -27,7 +27,7 @@ def test_lists_have_different_names(tracks):
 
 
 @quick
-@given(strategies.degrees())
+@given(strategies.geographic_logs())
 def test_degrees_lie_on_the_earth(log):
     times, degrees = log
     assert (np.diff(times) > 0).all()
@@ -54,7 +54,7 @@ def test_degrees_reach_across_the_antimeridian():
     def crosses(log):
         return len(log[1]) > 1 and np.ptp(log[1][:, 1]) > 300
 
-    assert crosses(find(strategies.degrees(), crosses, settings=search))
+    assert crosses(find(strategies.geographic_logs(), crosses, settings=search))
 
 
 def test_without_hypothesis_the_extra_is_named(monkeypatch):

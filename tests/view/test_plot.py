@@ -52,7 +52,9 @@ def test_scale_bar_is_as_long_as_it_says():
 
 
 def test_map_without_ways():
-    lonely = RoadMap(np.zeros((1, 2)), np.zeros((0, 2), np.int32), np.zeros(0, np.int64), np.zeros(0, np.int64))
+    lonely = RoadMap(
+        np.zeros((1, 2)), np.zeros((0, 2), np.int32), np.zeros(0, np.int64), np.zeros(0, np.int64)
+    )
     assert not [one for one in drawn(lonely).collections if isinstance(one, LineCollection)]
 
 
@@ -79,7 +81,9 @@ def test_files_are_pictures(tmp_path, suffix):
 
 
 def test_three_dimensions_are_seen_from_above(tmp_path):
-    road_map = RoadMap(np.column_stack([SQUARE.nodes, [0, 1, 2, 3]]), SQUARE.edges, SQUARE.forward, SQUARE.backward)
+    road_map = RoadMap(
+        np.column_stack([SQUARE.nodes, [0, 1, 2, 3]]), SQUARE.edges, SQUARE.forward, SQUARE.backward
+    )
     track = Track("flight", WALK.times, np.column_stack([WALK.positions, WALK.times]))
     draw_comparison([track], road_map, tmp_path / "flight.png")
     assert (tmp_path / "flight.png").stat().st_size > 5000

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 
 from gpszip.errors import OptionError
 from gpszip.model import Track, Walk
-from gpszip.walks.error import fit, positions_at, synchronised_errors
+from gpszip.walks.error import measure_errors, positions_at, synchronised_errors
 from oracle.decoded import position
 
 
@@ -13,7 +13,10 @@ def random_walk(seed, knots=20, dimension=2):
     rng = np.random.default_rng(seed)
     nodes = rng.normal(0, 100, (8, dimension))
     walk = Walk(
-        "a", rng.integers(0, 8, knots).astype(np.int32), 5 + np.cumsum(0.01 + rng.exponential(3, knots)), rng.random(knots - 1) < 0.3
+        "a",
+        rng.integers(0, 8, knots).astype(np.int32),
+        5 + np.cumsum(0.01 + rng.exponential(3, knots)),
+        rng.random(knots - 1) < 0.3,
     )
     return nodes, walk, rng
 
@@ -21,7 +24,15 @@ def random_walk(seed, knots=20, dimension=2):
 @given(st.integers(0, 10_000), st.integers(1, 30), st.integers(1, 4))
 def test_positions_are_those_of_the_plain_twin(seed, knots, dimension):
     nodes, walk, rng = random_walk(seed, knots, dimension)
-    when = np.concatenate([rng.uniform(0, walk.times[-1] + 5, 50), walk.times, walk.times + 9e-4, walk.times - 9e-4, walk.times + 1.1e-3])
+    when = np.concatenate(
+        [
+            rng.uniform(0, walk.times[-1] + 5, 50),
+            walk.times,
+            walk.times + 9e-4,
+            walk.times - 9e-4,
+            walk.times + 1.1e-3,
+        ]
+    )
     found = positions_at(walk, nodes, when)
     places = nodes[walk.nodes]
     for t, p in zip(when, found, strict=True):
@@ -33,7 +44,9 @@ def test_long_queries_and_queries_in_any_order_give_the_same():
     nodes, walk, rng = random_walk(1)
     when = rng.uniform(0, walk.times[-1], 100_000)
     order = np.argsort(when)
-    np.testing.assert_array_equal(positions_at(walk, nodes, when)[order], positions_at(walk, nodes, when[order]))
+    np.testing.assert_array_equal(
+        positions_at(walk, nodes, when)[order], positions_at(walk, nodes, when[order])
+    )
 
 
 def test_a_query_that_is_no_number_has_no_position():
@@ -57,9 +70,14 @@ def test_errors_and_their_summary_are_those_of_the_plain_twin(seed):
     nodes, walk, rng = random_walk(seed)
     track = Track("a", np.sort(rng.uniform(0, walk.times[-1] + 5, 40)), rng.normal(0, 100, (40, 2)))
     expected = [position(walk.times, nodes[walk.nodes], walk.gaps, t) for t in track.times]
-    distances = np.array([np.nan if e is None else np.hypot(*(p - e)) for e, p in zip(expected, track.positions, strict=True)])
+    distances = np.array(
+        [
+            np.nan if e is None else np.hypot(*(p - e))
+            for e, p in zip(expected, track.positions, strict=True)
+        ]
+    )
     np.testing.assert_allclose(synchronised_errors(track, walk, nodes), distances, atol=1e-9)
-    whole = fit([track, track], [walk, walk], nodes)
+    whole = measure_errors([track, track], [walk, walk], nodes)
     assert (whole.points, whole.uncovered) == (80, 2 * int(np.isnan(distances).sum()))
     if not np.isnan(distances).all():
         assert whole.rmse == pytest.approx(np.sqrt(np.nanmean(distances**2)))

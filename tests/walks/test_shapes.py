@@ -3,8 +3,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gpszip.model import LatticeWalks, Track, Walk
-from gpszip.walks.shapes import paced, shape_error, walk_by_share, without_cells
+from gpszip.model import GridWalks, Track, Walk
+from gpszip.walks.shapes import (
+    assign_times_by_distance,
+    drop_time_steps,
+    shape_error,
+    with_synthetic_times,
+)
 from oracle.walks import walk
 
 
@@ -51,7 +56,9 @@ def test_shapes_without_length_are_compared_as_places():
 def test_shapes_are_paced_like_the_tracks_that_have_times():
     drive = Track("a", [100.0, 110.0, 111.0, 500.0], [[0.0], [50.0], [55.0], [90.0]])
     shape = Track("b", [0.0, 30.0], [[0.0], [30.0]], timed=False)
-    one, other = paced([drive, shape], [np.array([False, False, True]), np.zeros(1, bool)])
+    one, other = with_synthetic_times(
+        [drive, shape], [np.array([False, False, True]), np.zeros(1, bool)]
+    )
     assert one is drive
     assert other.timed
     assert other.times == pytest.approx([100.0, 106.0])  # 55 m in 11 s
@@ -59,15 +66,25 @@ def test_shapes_are_paced_like_the_tracks_that_have_times():
 
 def test_a_walk_gets_the_shares_of_its_way_as_times():
     nodes = np.array([[0.0, 0.0], [30.0, 40.0], [30.0, 90.0]])
-    found = walk_by_share(Walk("a", np.array([0, 1, 1, 2], np.int32), None, np.zeros(3, bool)), nodes, 10.0, 20.0)
+    found = assign_times_by_distance(
+        Walk("a", np.array([0, 1, 1, 2], np.int32), None, np.zeros(3, bool)), nodes, 10.0, 20.0
+    )
     assert found.times == pytest.approx([10.0, 15.0, 15.0, 20.0])
 
 
 def test_shapes_lose_times_and_stops():
     shape, drive = walk([0, 1, 1, 2], [7, 9, 30, 31]), walk([2, 0], [50, 60])
-    walks = LatticeWalks(np.array([[0], [5], [9]]), (shape, drive))
-    alone = without_cells(LatticeWalks(walks.nodes, (shape,)), frozenset({0}), others=False)
-    assert (alone.timed, alone.walks[0].nodes.tolist(), alone.walks[0].cells.tolist()) == (False, [0, 1, 2], [0, 0, 0])
-    mixed = without_cells(walks, frozenset({0}), others=True)
-    assert (mixed.timed, mixed.untimed, mixed.walks[0].cells.tolist()) == (True, {0}, [50, 51, 52])
+    walks = GridWalks(np.array([[0], [5], [9]]), (shape, drive))
+    alone = drop_time_steps(GridWalks(walks.nodes, (shape,)), frozenset({0}), others=False)
+    assert (alone.timed, alone.walks[0].nodes.tolist(), alone.walks[0].time_steps.tolist()) == (
+        False,
+        [0, 1, 2],
+        [0, 0, 0],
+    )
+    mixed = drop_time_steps(walks, frozenset({0}), others=True)
+    assert (mixed.timed, mixed.untimed, mixed.walks[0].time_steps.tolist()) == (
+        True,
+        {0},
+        [50, 51, 52],
+    )
     assert mixed.walks[1] is drive

@@ -12,30 +12,30 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gpszip.archive.pieces import cut_to_span, pieces_by_track, shape_knots
-from gpszip.container.attributes import Kept, kept_names, read_attributes
+from gpszip.archive.pieces import clip_to_span, measure_shape, pieces_by_track
+from gpszip.container.attributes import KeptColumns, read_attributes, read_column_names
 from gpszip.container.contents import Contents, MapReference
-from gpszip.container.layout import Kind
+from gpszip.container.layout import SectionKind
 from gpszip.container.map_record import map_hash
-from gpszip.container.writer import save, size_of, to_bytes
+from gpszip.container.writer import archive_size, save, to_bytes
 from gpszip.errors import CorruptArchiveError, MapError, OptionError
-from gpszip.model.frame import Frame, quantum, refined_frame
-from gpszip.model.lattice import LatticeWalks, ends_within, refined
-from gpszip.model.promise import Promise
+from gpszip.model.clean_map import CleanMap
+from gpszip.model.error_bound import ErrorBound
+from gpszip.model.grid import QuantisationGrid, refined_grid, step_size
+from gpszip.model.grid_walks import GridWalks, ends_of_walks, refined
 from gpszip.model.road_map import RoadMap
 from gpszip.model.track import Track
 from gpszip.model.walk import Walk
-from gpszip.model.way_map import WayMap
 
 if TYPE_CHECKING:
-    from gpszip.codec.prior import Past
+    from gpszip.codec.prior import Prior
     from gpszip.codec.waypoints import Waypoints
     from gpszip.graph.road_graph import RoadGraph
 
 __all__ = ["Archive"]
 
 #: A node this many times the error kept from where a track ends is not drawn as its end.
-_DRAWN_BEYOND = 2.0
+_TRIM_FACTOR = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,23 +55,23 @@ class Archive:
     Examples
     --------
     >>> from gpszip.archive import new_archive
-    >>> from gpszip.model import LatticeWalk
-    >>> walk = LatticeWalk(np.array([0, 1], np.int32), np.array([0, 10]), np.array([False]))
-    >>> archive = new_archive(Frame((0, 0), 0, 128, 128), ["walk-3"], LatticeWalks(np.array([[0, 0], [5, 0]]), (walk,)))
+    >>> from gpszip.model import GridWalk
+    >>> walk = GridWalk(np.array([0, 1], np.int32), np.array([0, 10]), np.array([False]))
+    >>> archive = new_archive(QuantisationGrid((0, 0), 0, 128, 128), ["walk-3"], GridWalks(np.array([[0, 0], [5, 0]]), (walk,)))
     >>> archive.tracks, archive.position("walk-3", 4.0).tolist()
     (('walk-3',), [2.0, 0.0])
     """
 
     contents: Contents
     map: Archive | None = None
-    _decoded: dict[int, LatticeWalks] = field(default_factory=dict, repr=False)
-    _pasts: dict[int, Past] = field(default_factory=dict, repr=False)
+    _decoded_groups: dict[int, GridWalks] = field(default_factory=dict, repr=False)
+    _priors: dict[int, Prior] = field(default_factory=dict, repr=False)
 
     def __repr__(self) -> str:
         return f"<Archive of {len(self.ids)} tracks>"
 
     @property
-    def frame(self) -> Frame:
+    def grid(self) -> QuantisationGrid:
         """The lattice on which nodes and times are kept.
 
         Raises
@@ -79,14 +79,14 @@ class Archive:
         MapError
             If the archive lies on a map that was not given.
         """
-        if self.contents.frame is not None:
-            return self.contents.frame
-        return refined_frame(self._map.frame, self._reference.halvings)
+        if self.contents.grid is not None:
+            return self.contents.grid
+        return refined_grid(self._known_map.grid, self._reference.refinements)
 
     @property
     def ids(self) -> tuple[str, ...]:
         """Names of the tracks."""
-        return self._map.ids[:1] if self.contents.ids is None else self.contents.ids
+        return self._known_map.ids[:1] if self.contents.ids is None else self.contents.ids
 
     @property
     def tracks(self) -> tuple[str, ...]:
@@ -106,28 +106,28 @@ class Archive:
         return tuple(walk.id for walk in self.walks if walk.times is None)
 
     @cached_property
-    def lattice(self) -> LatticeWalks:
+    def grid_walks(self) -> GridWalks:
         """Map and walks as integers on the lattice of ``frame``."""
-        from gpszip.walks.quantised import join_lattices
+        from gpszip.walks.quantised import merge_grid_walks
 
-        groups = [self._group(number) for number in range(len(self.contents.groups))]
-        return groups[0] if len(groups) == 1 else join_lattices(groups)
+        groups = [self._decode_group(number) for number in range(len(self.contents.groups))]
+        return groups[0] if len(groups) == 1 else merge_grid_walks(groups)
 
     @cached_property
     def road_map(self) -> RoadMap:
         """Nodes and ways that the tracks share, in metres."""
-        from gpszip.walks.quantised import road_map_of
+        from gpszip.walks.quantised import dequantise_road_map
 
-        return road_map_of(self.lattice, self.frame)
+        return dequantise_road_map(self.grid_walks, self.grid)
 
     @cached_property
     def walks(self) -> tuple[Walk, ...]:
         """One walk over the nodes of ``road_map`` for each track, in the order of ``tracks``."""
-        from gpszip.walks.quantised import walks_of
+        from gpszip.walks.quantised import dequantise_walks
 
-        return walks_of(self.lattice, self.frame, self.ids)
+        return dequantise_walks(self.grid_walks, self.grid, self.ids)
 
-    def clean_map(self, min_traversals: int = 1) -> WayMap:
+    def clean_map(self, min_traversals: int = 1) -> CleanMap:
         """One way for each street, between junctions, with how often and how fast it was travelled.
 
         Parameters
@@ -137,22 +137,28 @@ class Archive:
         """
         from gpszip.simplification.simplify import clean_map
 
-        road_map, walks = self._drawn
-        return clean_map(road_map, walks, quantum(self.frame.space), sampling=self.sampling, min_traversals=min_traversals)
+        road_map, walks = self._trimmed
+        return clean_map(
+            road_map,
+            walks,
+            step_size(self.grid.space),
+            sampling=self.sampling,
+            min_traversals=min_traversals,
+        )
 
     @property
-    def drawn_map(self) -> RoadMap:
+    def trimmed_map(self) -> RoadMap:
         """The road map as far as tracks have gone: a part that leads on beyond the end of its track ends there, at a node of its own."""
-        return self._drawn[0]
+        return self._trimmed[0]
 
     @cached_property
-    def _drawn(self) -> tuple[RoadMap, tuple[Walk, ...]]:
-        from gpszip.walks.counting import count_edges
-        from gpszip.walks.cut_ends import cut_at_ends
+    def _trimmed(self) -> tuple[RoadMap, tuple[Walk, ...]]:
+        from gpszip.walks.counting import build_road_map
+        from gpszip.walks.cut_ends import trim_walks
 
-        error = quantum(self.frame.space) if self.promise is None else self.promise.metres
-        nodes, walks = cut_at_ends(self.road_map.nodes, self.walks, _DRAWN_BEYOND * error)
-        return count_edges(nodes, walks, plane=self.frame.plane), walks
+        error = step_size(self.grid.space) if self.error_bound is None else self.error_bound.metres
+        nodes, walks = trim_walks(self.road_map.nodes, self.walks, _TRIM_FACTOR * error)
+        return build_road_map(nodes, walks, plane=self.grid.plane), walks
 
     def walk(self, track: str) -> Walk:
         """Walk of one track over the nodes of ``road_map``.
@@ -162,7 +168,7 @@ class Archive:
         OptionError
             If there is no such track.
         """
-        return self.walks[self._number(track)]
+        return self.walks[self._track_number(track)]
 
     def waypoints(self, track: str) -> Waypoints:
         """Fewest nodes of ``road_map`` from which shortest paths give a track's walk back (thesis, Algorithm 6).
@@ -175,13 +181,15 @@ class Archive:
         OptionError
             If there is no such track.
         """
-        from gpszip.codec.waypoints import shorten
-        from gpszip.graph.route import route_along
+        from gpszip.codec.waypoints import find_waypoints
+        from gpszip.graph.route import build_route
 
         walk = self.walk(track)
-        return shorten(self._graph, route_along(self._graph, walk.nodes, walk.gaps))
+        return find_waypoints(self._graph, build_route(self._graph, walk.nodes, walk.gaps))
 
-    def position(self, track: str, when: ArrayLike, *, geographic: bool = False) -> NDArray[np.float64]:
+    def position(
+        self, track: str, when: ArrayLike, *, geographic: bool = False
+    ) -> NDArray[np.float64]:
         """Where a track was at given instants.
 
         Parameters
@@ -205,10 +213,12 @@ class Archive:
         """
         from gpszip.walks.error import positions_at
 
-        plane = self.frame.plane
+        plane = self.grid.plane
         if geographic and plane is None:
-            raise OptionError("this archive's log came in x and y, on no known place of the earth; ask without geographic")
-        walk, nodes = self._alone(track)
+            raise OptionError(
+                "this archive's log came in x and y, on no known place of the earth; ask without geographic"
+            )
+        walk, nodes = self._decode_walk(track)
         instants = np.asarray(when, dtype=np.float64)
         found = positions_at(walk, nodes, instants.reshape(-1))
         if geographic and plane is not None:
@@ -216,9 +226,9 @@ class Archive:
 
             claimed = ~np.isnan(found[:, 0])
             found[claimed] = np.stack(to_geographic(found[claimed], plane), axis=1)
-        return found.reshape(*instants.shape, self.frame.dimension)
+        return found.reshape(*instants.shape, self.grid.dimension)
 
-    def paths(self) -> list[tuple[str, NDArray[np.float64]]]:
+    def shapes(self) -> list[tuple[str, NDArray[np.float64]]]:
         """Ways without times, the only ones that an archive without times has.
 
         Returns
@@ -240,9 +250,11 @@ class Archive:
         name is taken; any other keeps its id. Each piece begins at its first sample and ends at its last. A track without times
         comes back as a shape: its ``times`` are distances along it in metres, and its ``timed`` is False.
         """
-        return [piece for walk in self.walks for piece in self._decompressed(walk)]
+        return [piece for walk in self.walks for piece in self._decompress_walk(walk)]
 
-    def sample(self, every: float | None = None, *, at: ArrayLike | None = None, track: str | None = None) -> list[Track]:
+    def sample(
+        self, every: float | None = None, *, at: ArrayLike | None = None, track: str | None = None
+    ) -> list[Track]:
         """Tracks sampled anew.
 
         Parameters
@@ -266,18 +278,18 @@ class Archive:
             If none or both of ``every`` and ``at`` are given, a value is no time, or the track that is asked for, or every one, has
             no times.
         """
-        instants = _instants(every, at)
+        instants = _check_times(every, at)
         out: list[Track] = []
         timed = [walk for walk in self.walks if walk.times is not None] or self.walks
         for walk in timed if track is None else (self.walk(track),):
-            out += self._sampled(walk, every, instants)
+            out += self._sample_walk(walk, every, instants)
         return out
 
     @property
-    def kept(self) -> tuple[str, ...] | None:
+    def kept_columns(self) -> tuple[str, ...] | None:
         """Names of the log's further columns that are kept; None if not even the times of the samples are."""
-        body = self._attributes
-        return None if body is None else kept_names(body, len(self.ids))
+        body = self._attribute_section
+        return None if body is None else read_column_names(body, len(self.ids))
 
     def sample_times(self, track: str) -> NDArray[np.float64]:
         """Instants of a track's samples in seconds, exactly as they were read.
@@ -287,7 +299,7 @@ class Archive:
         OptionError
             If there is no such track, or the archive was written without them.
         """
-        return self._samples.times[self._samples.rows(self._number(track))]
+        return self._kept_samples.times[self._kept_samples.rows(self._track_number(track))]
 
     def attributes(self, track: str) -> Mapping[str, NDArray[np.generic]]:
         """Further columns of a track, exactly as they were read, one value for each of :meth:`sample_times`.
@@ -302,8 +314,8 @@ class Archive:
         OptionError
             If there is no such track, or the archive was written without them.
         """
-        rows = self._samples.rows(self._number(track))
-        return {name: values[rows] for name, values in self._samples.columns.items()}
+        rows = self._kept_samples.rows(self._track_number(track))
+        return {name: values[rows] for name, values in self._kept_samples.columns.items()}
 
     def samples(self, track: str | None = None) -> list[Track]:
         """Tracks at the times of their samples, with the columns that were kept.
@@ -323,40 +335,44 @@ class Archive:
         OptionError
             If there is no such track, or the archive was written without the times of samples.
         """
-        return [self._sampled_as_read(name) for name in (self.ids if track is None else (track,))]
+        return [self._track_at_samples(name) for name in (self.ids if track is None else (track,))]
 
     @property
-    def promise(self) -> Promise | None:
+    def error_bound(self) -> ErrorBound | None:
         """The error that the walks keep: the bound that was asked for, or what was reached where none was."""
-        return self.contents.promise
+        return self.contents.error_bound
 
     @property
     def sampling(self) -> float | None:
         """About the seconds between two samples of the log; None where that is not kept."""
-        return None if self.contents.sampling is None else quantum(self.contents.sampling)
+        return None if self.contents.sampling is None else step_size(self.contents.sampling)
 
     @cached_property
     def hash(self) -> bytes:
         """Four bytes by which other archives name this one as their map."""
         return map_hash(self.contents)
 
-    def past(self, halvings: int = 0) -> Past:
+    def prior(self, refinements: int = 0) -> Prior:
         """The archive's walks as others go on from them, on quanta halved so many times."""
-        from gpszip.codec.prior import Past
+        from gpszip.codec.prior import Prior
 
-        if halvings not in self._pasts:
-            self._pasts[halvings] = Past(refined(self.lattice, halvings))
-        return self._pasts[halvings]
+        if refinements not in self._priors:
+            self._priors[refinements] = Prior(refined(self.grid_walks, refinements))
+        return self._priors[refinements]
 
     @property
-    def new_ways(self) -> list[NDArray[np.float64]]:
+    def off_map_lines(self) -> list[NDArray[np.float64]]:
         """Stretches that lie off the map kept elsewhere: float64 arrays of shape (n, d), in metres."""
-        if self._past is None:
+        if self._prior is None:
             return []
-        known, own = self._past.walks.nodes, self.lattice.nodes
-        _, first, number = np.unique(np.concatenate([known, own]), axis=0, return_index=True, return_inverse=True)
+        known, own = self._prior.walks.nodes, self.grid_walks.nodes
+        _, first, number = np.unique(
+            np.concatenate([known, own]), axis=0, return_index=True, return_inverse=True
+        )
         fresh = first[number.reshape(-1)[len(known) :]] >= len(known)
-        return [line for walk in self.walks for line in _stretches(walk, fresh, self.road_map.nodes)]
+        return [
+            line for walk in self.walks for line in _off_map_lines(walk, fresh, self.road_map.nodes)
+        ]
 
     def info(self, *, decode: bool = False) -> dict[str, Any]:
         """What the archive is, as plain values.
@@ -366,21 +382,23 @@ class Archive:
         decode : bool, default False
             Decode the walks, too, for the counts of nodes, edges, parts and waypoints and for the span of time.
         """
-        frame = self.frame
+        grid = self.grid
         facts: dict[str, Any] = {
             "tracks": len(self.ids),
             "bytes": self.size,
             "groups": len(self.contents.groups),
-            "dimension": frame.dimension,
-            "geographic": frame.plane is not None,
-            "node_quantum_m": quantum(frame.space),
-            "time_quantum_s": quantum(frame.time),
+            "dimension": grid.dimension,
+            "geographic": grid.plane is not None,
+            "node_quantum_m": step_size(grid.space),
+            "time_quantum_s": step_size(grid.time),
             "layer": self.contents.layer,
-            "kept": None if self.kept is None else list(self.kept),
+            "kept": None if self.kept_columns is None else list(self.kept_columns),
             "map": None if self.contents.map is None else self.contents.map.hash.hex(),
-            "promise_m": None if self.promise is None else self.promise.metres,
-            "promise_max_m": None if self.promise is None else self.promise.most,
-            "promise": None if self.promise is None else ("max_error" if self.promise.maximum else "rmse"),
+            "promise_m": None if self.error_bound is None else self.error_bound.metres,
+            "promise_max_m": None if self.error_bound is None else self.error_bound.max_error,
+            "promise": None
+            if self.error_bound is None
+            else ("max_error" if self.error_bound.maximum else "rmse"),
             "sampling_s": self.sampling,
             "timed": self.timed,
         }
@@ -389,7 +407,7 @@ class Archive:
     @property
     def size(self) -> int:
         """Number of bytes of the file."""
-        return size_of(self.contents)
+        return archive_size(self.contents)
 
     def to_bytes(self) -> bytes:
         """Bytes of the file."""
@@ -417,18 +435,28 @@ class Archive:
         """
         return save(self.contents, path, force=force)
 
-    def _group(self, number: int) -> LatticeWalks:
-        if number not in self._decoded:
+    def _decode_group(self, number: int) -> GridWalks:
+        if number not in self._decoded_groups:
             from gpszip.codec.walks import decode, number_by_visit
 
-            group, past = self.contents.groups[number], self._past
-            found = decode(group.payload, self.frame.dimension, group.tracks, past, self.frame if self.contents.ends else None)
-            self._decoded[number] = found if past is None else number_by_visit(found)
-        return self._decoded[number]
+            group, prior = self.contents.groups[number], self._prior
+            found = decode(
+                group.payload,
+                self.grid.dimension,
+                group.tracks,
+                prior,
+                self.grid if self.contents.ends else None,
+            )
+            self._decoded_groups[number] = found if prior is None else number_by_visit(found)
+        return self._decoded_groups[number]
 
     @property
-    def _past(self) -> Past | None:
-        return None if self.contents.map is None else self._map.past(self._reference.halvings)
+    def _prior(self) -> Prior | None:
+        return (
+            None
+            if self.contents.map is None
+            else self._known_map.prior(self._reference.refinements)
+        )
 
     @property
     def _reference(self) -> MapReference:
@@ -437,69 +465,87 @@ class Archive:
         return self.contents.map
 
     @property
-    def _map(self) -> Archive:
+    def _known_map(self) -> Archive:
         if self.map is None:
-            raise MapError(f"the archive lies on the map {self._reference.hash.hex()}, kept elsewhere; give it with --map, or map=")
+            raise MapError(
+                f"the archive lies on the map {self._reference.hash.hex()}, kept elsewhere; give it with --map, or map="
+            )
         return self.map
 
-    def _number(self, track: str) -> int:
+    def _track_number(self, track: str) -> int:
         try:
-            return self._numbers[track]
+            return self._number_by_id[track]
         except KeyError:
             some = ", ".join(map(repr, self.ids[:5])) + (", ..." if len(self.ids) > 5 else "")
-            raise OptionError(f"there is no track {track!r} in the archive; it has {some}") from None
+            raise OptionError(
+                f"there is no track {track!r} in the archive; it has {some}"
+            ) from None
 
     @cached_property
     def _graph(self) -> RoadGraph:
         """The road map on the lattice, where lengths are exact wherever the log lies."""
-        from gpszip.graph.road_graph import road_graph
+        from gpszip.graph.road_graph import build_road_graph
 
-        return road_graph(self.lattice.nodes, self.road_map.edges)
+        return build_road_graph(self.grid_walks.nodes, self.road_map.edges)
 
     @cached_property
-    def _numbers(self) -> dict[str, int]:
+    def _number_by_id(self) -> dict[str, int]:
         return {name: number for number, name in enumerate(self.ids)}
 
-    def _alone(self, track: str) -> tuple[Walk, NDArray[np.float64]]:
+    def _decode_walk(self, track: str) -> tuple[Walk, NDArray[np.float64]]:
         """Walk of one track, and the nodes that it goes by, decoding no more than its group."""
-        from gpszip.walks.quantised import node_positions, walks_of
+        from gpszip.walks.quantised import dequantise_walks, node_positions
 
-        number = self._number(track)
-        which = next(i for i, group in enumerate(self.contents.groups) if number < group.first_track + group.tracks)
-        group = self._group(which)
+        number = self._track_number(track)
+        which = next(
+            i
+            for i, group in enumerate(self.contents.groups)
+            if number < group.first_track + group.tracks
+        )
+        group = self._decode_group(which)
         at = number - self.contents.groups[which].first_track
         untimed = frozenset({0}) if at in group.untimed else frozenset[int]()
-        own = LatticeWalks(group.nodes, (group.walks[at],), group.timed, ends_within(group, at, at + 1), untimed)
-        return walks_of(own, self.frame, [track])[0], node_positions(own, self.frame)
+        own = GridWalks(
+            group.nodes, (group.walks[at],), group.timed, ends_of_walks(group, at, at + 1), untimed
+        )
+        return dequantise_walks(own, self.grid, [track])[0], node_positions(own, self.grid)
 
-    def _decompressed(self, walk: Walk) -> list[Track]:
-        nodes, plane = self.road_map.nodes, self.frame.plane
+    def _decompress_walk(self, walk: Walk) -> list[Track]:
+        nodes, plane = self.road_map.nodes, self.grid.plane
         out: list[Track] = []
         for number, (name, knots) in enumerate(self._pieces[walk.id]):
             positions = nodes[walk.nodes[knots]]
             if walk.times is None:
-                out.append(Track(name, *shape_knots(positions), plane=plane, timed=False))
+                out.append(Track(name, *measure_shape(positions), plane=plane, timed=False))
                 continue
             times = walk.times[knots]
-            first, last = (times[0], times[-1]) if walk.spans is None else walk.spans[number].tolist()
-            out.append(Track(name, *cut_to_span(times, positions, first, last), plane=plane))
+            first, last = (
+                (times[0], times[-1]) if walk.spans is None else walk.spans[number].tolist()
+            )
+            out.append(Track(name, *clip_to_span(times, positions, first, last), plane=plane))
         return out
 
-    def _sampled(self, walk: Walk, every: float | None, instants: NDArray[np.float64]) -> list[Track]:
-        from gpszip.walks.error import SLACK, positions_at
+    def _sample_walk(
+        self, walk: Walk, every: float | None, instants: NDArray[np.float64]
+    ) -> list[Track]:
+        from gpszip.walks.error import TIME_SLACK, positions_at
 
-        nodes, times = self.road_map.nodes, _times(walk)
+        nodes, times = self.road_map.nodes, _require_times(walk)
         out: list[Track] = []
         for number, (name, knots) in enumerate(self._pieces[walk.id]):
             ends = times[knots][[0, -1]] if walk.spans is None else walk.spans[number]
-            first, last = float(ends[0]) - SLACK, float(ends[1]) + SLACK
-            grid = np.arange(math.ceil(first / every), math.floor(last / every) + 1) * every if every is not None else instants
+            first, last = float(ends[0]) - TIME_SLACK, float(ends[1]) + TIME_SLACK
+            grid = (
+                np.arange(math.ceil(first / every), math.floor(last / every) + 1) * every
+                if every is not None
+                else instants
+            )
             when = np.asarray(grid[(grid >= first) & (grid <= last)], dtype=np.float64)
             found = positions_at(walk, nodes, when)
             # rounding may put an instant just beyond the slack
             claimed = ~np.isnan(found[:, 0])
             if claimed.any():
-                out.append(Track(name, when[claimed], found[claimed], plane=self.frame.plane))
+                out.append(Track(name, when[claimed], found[claimed], plane=self.grid.plane))
         return out
 
     @cached_property
@@ -507,28 +553,40 @@ class Archive:
         return pieces_by_track(self.walks)
 
     @property
-    def _attributes(self) -> bytes | None:
-        bodies = [bytes(extra.body) for extra in self.contents.extras if extra.kind == Kind.ATTRIBUTES]
+    def _attribute_section(self) -> bytes | None:
+        bodies = [
+            bytes(extra.body)
+            for extra in self.contents.extras
+            if extra.kind == SectionKind.ATTRIBUTES
+        ]
         if len(bodies) > 1:
             raise CorruptArchiveError("there are two sections of kept columns")
         return bodies[0] if bodies else None
 
     @cached_property
-    def _samples(self) -> Kept:
-        body = self._attributes
+    def _kept_samples(self) -> KeptColumns:
+        body = self._attribute_section
         if body is None:
-            raise OptionError("the archive keeps neither columns nor the times of samples; compress the log with keep or keep_times")
+            raise OptionError(
+                "the archive keeps neither columns nor the times of samples; compress the log with keep or keep_times"
+            )
         return read_attributes(body, len(self.ids))
 
-    def _sampled_as_read(self, name: str) -> Track:
+    def _track_at_samples(self, name: str) -> Track:
         times = self.sample_times(name)
         positions = self.position(name, times)
         if not len(times) or np.isnan(positions).any():
             raise CorruptArchiveError(f"kept times of track {name!r} lie where it claims no travel")
-        return Track(name, times, positions, attributes=self.attributes(name), plane=self.frame.plane)
+        return Track(
+            name, times, positions, attributes=self.attributes(name), plane=self.grid.plane
+        )
 
     def _counts(self) -> dict[str, Any]:
-        timed = [walk.times if walk.spans is None else walk.spans.ravel() for walk in self.walks if walk.times is not None]
+        timed = [
+            walk.times if walk.spans is None else walk.spans.ravel()
+            for walk in self.walks
+            if walk.times is not None
+        ]
         return {
             "nodes": len(self.road_map.nodes),
             "edges": len(self.road_map.edges),
@@ -541,20 +599,27 @@ class Archive:
         }
 
 
-def _stretches(walk: Walk, fresh: NDArray[np.bool_], places: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def _off_map_lines(
+    walk: Walk, fresh: NDArray[np.bool_], places: NDArray[np.float64]
+) -> list[NDArray[np.float64]]:
     """The lines along which a walk leaves the known nodes, each from the last one known to the next."""
     off = (fresh[walk.nodes[:-1]] | fresh[walk.nodes[1:]]) & ~walk.gaps
     edges = np.diff(np.concatenate([[0], off.astype(np.int8), [0]]))
-    return [places[walk.nodes[a : b + 1]] for a, b in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True)]
+    return [
+        places[walk.nodes[a : b + 1]]
+        for a, b in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True)
+    ]
 
 
-def _times(walk: Walk) -> NDArray[np.float64]:
+def _require_times(walk: Walk) -> NDArray[np.float64]:
     if walk.times is None:
-        raise OptionError(f"track {walk.id!r} has no times, so that it can't be sampled in time; decompress() has its shape")
+        raise OptionError(
+            f"track {walk.id!r} has no times, so that it can't be sampled in time; decompress() has its shape"
+        )
     return walk.times
 
 
-def _instants(every: float | None, at: ArrayLike | None) -> NDArray[np.float64]:
+def _check_times(every: float | None, at: ArrayLike | None) -> NDArray[np.float64]:
     if (every is None) == (at is None):
         raise OptionError("give either every or at")
     if every is not None and not (every > 0 and math.isfinite(every)):

@@ -12,32 +12,32 @@ from numpy.typing import NDArray
 
 from gpszip.archive.archive import Archive
 from gpszip.container.contents import Contents, Group, MapReference, Section
-from gpszip.model.frame import Frame, quantum_index, refined_frame
-from gpszip.model.lattice import LatticeWalks, ends_within
-from gpszip.model.promise import Promise
-from gpszip.run.executor import Executor, sharing
+from gpszip.model.error_bound import ErrorBound
+from gpszip.model.grid import QuantisationGrid, refined_grid, step_index
+from gpszip.model.grid_walks import GridWalks, ends_of_walks
+from gpszip.run.executor import Executor, share_value
 
 if TYPE_CHECKING:
-    from gpszip.codec.prior import Past
+    from gpszip.codec.prior import Prior
 
-__all__ = ["keeping", "new_archive", "promising", "sampled"]
+__all__ = ["new_archive", "with_error_bound", "with_sampling", "with_sections"]
 
 #: Smaller archives are not told how their log was sampled: a byte is a byte.
-_TOLD = 256
+_MIN_BYTES_WITH_SAMPLING = 256
 
 #: Groups of walks take at least this many bytes, so that cutting an archive in groups costs next to nothing.
 _GROUP_BYTES = 1 << 16
 
 
 def new_archive(
-    frame: Frame,
+    grid: QuantisationGrid,
     ids: Sequence[str],
-    lattice: LatticeWalks,
+    grid_walks: GridWalks,
     *,
     layer: str | None = None,
     extras: Sequence[Section] = (),
-    on: Archive | None = None,
-    halvings: int = 0,
+    known_map: Archive | None = None,
+    refinements: int = 0,
     executor: Executor | None = None,
     spans: Sequence[NDArray[np.float64]] | None = None,
     step: float = 0.0,
@@ -46,19 +46,19 @@ def new_archive(
 
     Parameters
     ----------
-    frame : Frame
+    grid : Frame
         The lattice; on a map kept elsewhere, that map's own, its quanta halved ``halvings`` times.
     ids : sequence of str
         Name of each walk.
-    lattice : LatticeWalks
+    grid_walks : LatticeWalks
         Nodes in the order in which the walks first visit them, after those of the map kept elsewhere.
     layer : str, optional
         ``"bz2"`` packs the walks once more.
     extras : sequence of Section
         What is kept besides.
-    on : Archive, optional
+    known_map : Archive, optional
         The map on which the walks lie, if it is not to be in the archive.
-    halvings : int, default 0
+    refinements : int, default 0
         How often that map's quanta are halved.
     executor : Executor, optional
         Where walks, and runs of them, are coded.
@@ -73,59 +73,86 @@ def new_archive(
     Archive
         One that has decoded nothing yet: what it answers comes from the bytes.
     """
-    from gpszip.codec.ends import ends_of
+    from gpszip.codec.ends import find_piece_ends
     from gpszip.codec.modes import encode_smallest
 
-    past = None if on is None else on.past(halvings)
-    own = frame if on is None else refined_frame(on.frame, halvings)
-    if spans is not None and lattice.timed:
-        lattice = replace(lattice, ends=ends_of(spans, lattice, own, step))
-    payload = encode_smallest(lattice, past, executor, frame=own)
+    prior = None if known_map is None else known_map.prior(refinements)
+    own = grid if known_map is None else refined_grid(known_map.grid, refinements)
+    if spans is not None and grid_walks.timed:
+        grid_walks = replace(grid_walks, ends=find_piece_ends(spans, grid_walks, own, step))
+    payload = encode_smallest(grid_walks, prior, executor, grid=own)
     groups = [Group(0, len(ids), payload)]
     if len(payload) >= 2 * _GROUP_BYTES and len(ids) > 1:
-        groups = _groups(lattice, own, len(payload) // _GROUP_BYTES, past, executor)
-    reference = None if on is None else MapReference(on.hash, halvings)
-    contents = Contents(frame if on is None else None, tuple(ids), tuple(groups), reference, tuple(extras), layer)
-    if on is not None and contents.plain and contents.ids == on.ids[:1]:
+        groups = _encode_groups(grid_walks, own, len(payload) // _GROUP_BYTES, prior, executor)
+    reference = None if known_map is None else MapReference(known_map.hash, refinements)
+    contents = Contents(
+        grid if known_map is None else None,
+        tuple(ids),
+        tuple(groups),
+        reference,
+        tuple(extras),
+        layer,
+    )
+    if known_map is not None and contents.is_single_group and contents.ids == known_map.ids[:1]:
         contents = replace(contents, ids=None)
-    return Archive(contents, on)
+    return Archive(contents, known_map)
 
 
-def keeping(archive: Archive, extras: Sequence[Section]) -> Archive:
+def with_sections(archive: Archive, extras: Sequence[Section]) -> Archive:
     """Return the archive with further sections."""
-    return replace(archive, contents=replace(archive.contents, extras=(*archive.contents.extras, *extras)))
+    return replace(
+        archive, contents=replace(archive.contents, extras=(*archive.contents.extras, *extras))
+    )
 
 
-def promising(archive: Archive, promise: Promise | None) -> Archive:
+def with_error_bound(archive: Archive, error_bound: ErrorBound | None) -> Archive:
     """Return the archive with what its walks have been found to keep."""
-    return replace(archive, contents=replace(archive.contents, promise=promise))
+    return replace(archive, contents=replace(archive.contents, error_bound=error_bound))
 
 
-def sampled(archive: Archive, seconds: float | None) -> Archive:
+def with_sampling(archive: Archive, seconds: float | None) -> Archive:
     """Return the archive with the time between two samples of its log, where a byte for that is less than half a percent."""
-    if seconds is None or archive.size < _TOLD:
+    if seconds is None or archive.size < _MIN_BYTES_WITH_SAMPLING:
         return archive
-    return replace(archive, contents=replace(archive.contents, sampling=quantum_index(seconds)))
+    return replace(archive, contents=replace(archive.contents, sampling=step_index(seconds)))
 
 
-def _groups(lattice: LatticeWalks, frame: Frame, count: int, past: Past | None, executor: Executor | None) -> list[Group]:
+def _encode_groups(
+    grid_walks: GridWalks,
+    grid: QuantisationGrid,
+    count: int,
+    prior: Prior | None,
+    executor: Executor | None,
+) -> list[Group]:
     """Cut the walks in at most so many runs of about as many knots each."""
-    ends = np.cumsum([len(walk.nodes) for walk in lattice.walks])
+    ends = np.cumsum([len(walk.nodes) for walk in grid_walks.walks])
     cuts = np.unique(np.searchsorted(ends, ends[-1] * np.arange(1, count) / count, side="right"))
     bounds = [0, *(int(cut) for cut in cuts if 0 < cut < len(ends)), len(ends)]
-    with sharing(executor, (lattice, frame, past)) as shared:
-        return list(shared.map(_group, pairwise(bounds)))
+    with share_value(executor, (grid_walks, grid, prior)) as shared:
+        return list(shared.map(_encode_group, pairwise(bounds)))
 
 
-def _group(shared: tuple[LatticeWalks, Frame, Past | None], run: tuple[int, int]) -> Group:
+def _encode_group(
+    shared: tuple[GridWalks, QuantisationGrid, Prior | None], run: tuple[int, int]
+) -> Group:
     """Code one run of walks by itself."""
     from gpszip.codec.modes import encode_smallest
     from gpszip.codec.walks import number_by_visit
 
-    (lattice, frame, past), (first, after) = shared, run
-    walks = lattice.walks[first:after]
-    span = (min(int(walk.cells[0]) for walk in walks), max(int(walk.cells[-1]) for walk in walks))
-    part = LatticeWalks(lattice.nodes, walks, lattice.timed, ends_within(lattice, first, after))
-    part = replace(part, untimed=frozenset(number - first for number in lattice.untimed if first <= number < after))
-    own = number_by_visit(part, 0 if past is None else past.nodes)
-    return Group(first, after - first, encode_smallest(own, past, frame=frame), span)
+    (grid_walks, grid, prior), (first, after) = shared, run
+    walks = grid_walks.walks[first:after]
+    span = (
+        min(int(walk.time_steps[0]) for walk in walks),
+        max(int(walk.time_steps[-1]) for walk in walks),
+    )
+    part = GridWalks(
+        grid_walks.nodes, walks, grid_walks.timed, ends_of_walks(grid_walks, first, after)
+    )
+    part = replace(
+        part,
+        untimed=frozenset(
+            number - first for number in grid_walks.untimed if first <= number < after
+        ),
+    )
+    own = number_by_visit(part, 0 if prior is None else prior.nodes)
+    return Group(first, after - first, encode_smallest(own, prior, grid=grid), span)

@@ -13,7 +13,7 @@ from gpszip.errors import CorruptArchiveError, InputError, MapError
 __all__ = ["open_archive"]
 
 #: At most so many files of a folder are looked at to find a map.
-_NEIGHBOURS = 1000
+_MAX_FILES = 1000
 
 
 def open_archive(
@@ -48,21 +48,29 @@ def open_archive(
         return Archive(contents)
     if map is None:
         place = beside if isinstance(source, bytes) else source
-        return Archive(contents, None if place is None else _map_beside(Path(place), contents.map))
-    return Archive(contents, _right_map(map if isinstance(map, Archive) else open_archive(map), contents.map))
+        return Archive(
+            contents, None if place is None else _find_map_beside(Path(place), contents.map)
+        )
+    return Archive(
+        contents, _check_map(map if isinstance(map, Archive) else open_archive(map), contents.map)
+    )
 
 
-def _right_map(found: Archive, wanted: MapReference) -> Archive:
+def _check_map(found: Archive, wanted: MapReference) -> Archive:
     if found.contents.map is not None:
-        raise MapError("the map given lies on another map itself; give one that holds its own walks")
+        raise MapError(
+            "the map given lies on another map itself; give one that holds its own walks"
+        )
     if found.hash != wanted.hash:
-        raise MapError(f"the archive lies on the map {wanted.hash.hex()}, and another one, {found.hash.hex()}, was given")
+        raise MapError(
+            f"the archive lies on the map {wanted.hash.hex()}, and another one, {found.hash.hex()}, was given"
+        )
     return found
 
 
-def _map_beside(path: Path, wanted: MapReference) -> Archive | None:
+def _find_map_beside(path: Path, wanted: MapReference) -> Archive | None:
     """The map that lies in the archive's folder, if it does."""
-    for other in sorted(path.parent.glob("*.gpsz"))[:_NEIGHBOURS]:
+    for other in sorted(path.parent.glob("*.gpsz"))[:_MAX_FILES]:
         try:
             found = Archive(load(other))
         except (InputError, CorruptArchiveError):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from gpszip.model.walk import Walk
 
-__all__ = ["cut_to_span", "pieces_by_track", "shape_knots"]
+__all__ = ["clip_to_span", "measure_shape", "pieces_by_track"]
 
 
 def pieces_by_track(walks: Sequence[Walk]) -> dict[str, list[tuple[str, slice]]]:
@@ -32,14 +32,18 @@ def pieces_by_track(walks: Sequence[Walk]) -> dict[str, list[tuple[str, slice]]]
     for walk, cuts in zip(walks, ends, strict=True):
         names, slashes = [walk.id], "/"
         if len(cuts) > 2:
-            while not taken.isdisjoint(names := [f"{walk.id}{slashes}{i}" for i in range(len(cuts) - 1)]):
+            while not taken.isdisjoint(
+                names := [f"{walk.id}{slashes}{i}" for i in range(len(cuts) - 1)]
+            ):
                 slashes += "/"
             taken.update(names)
-        found[walk.id] = [(name, slice(a, b)) for name, (a, b) in zip(names, pairwise(cuts), strict=True)]
+        found[walk.id] = [
+            (name, slice(a, b)) for name, (a, b) in zip(names, pairwise(cuts), strict=True)
+        ]
     return found
 
 
-def cut_to_span(
+def clip_to_span(
     times: NDArray[np.float64], positions: NDArray[np.float64], first: float, last: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Cut a piece to the time in which travel is claimed.
@@ -60,7 +64,7 @@ def cut_to_span(
 
     Examples
     --------
-    >>> times, positions = cut_to_span(np.array([0.0, 10.0]), np.array([[0.0], [20.0]]), 1.0, 6.0)
+    >>> times, positions = clip_to_span(np.array([0.0, 10.0]), np.array([[0.0], [20.0]]), 1.0, 6.0)
     >>> times.tolist(), positions.tolist()
     ([1.0, 6.0], [[2.0], [12.0]])
     """
@@ -71,12 +75,14 @@ def cut_to_span(
     return when, np.stack([np.interp(when, times, axis) for axis in positions.T], axis=1)
 
 
-def shape_knots(positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def measure_shape(
+    positions: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Distance along a shape at each of its positions, in metres; positions that repeat the one before are left out.
 
     Examples
     --------
-    >>> along, positions = shape_knots(np.array([[0.0, 0.0], [3.0, 4.0], [3.0, 4.0], [3.0, 5.0]]))
+    >>> along, positions = measure_shape(np.array([[0.0, 0.0], [3.0, 4.0], [3.0, 4.0], [3.0, 5.0]]))
     >>> along.tolist(), len(positions)
     ([0.0, 5.0, 6.0], 3)
     """

@@ -10,13 +10,19 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gpszip.archive import Archive
 
-__all__ = ["archive_bytes", "naming", "opened", "opened_map", "read_archive"]
+__all__ = [
+    "explain_corruption",
+    "open_archive_bytes",
+    "open_archive_file",
+    "open_map_file",
+    "read_archive_bytes",
+]
 
 #: Bits of an archive's third byte that tell the version of its format.
-_VERSION_BITS = 7
+_VERSION_MASK = 7
 
 
-def archive_bytes(name: str) -> bytes:
+def read_archive_bytes(name: str) -> bytes:
     """All bytes of the archive with this name; ``-`` is standard input.
 
     Raises
@@ -32,11 +38,13 @@ def archive_bytes(name: str) -> bytes:
     try:
         return sys.stdin.buffer.read()
     except OSError as error:
-        raise InputError(f"standard input: can't be read: {error.strerror or error}; is it open?") from None
+        raise InputError(
+            f"standard input: can't be read: {error.strerror or error}; is it open?"
+        ) from None
 
 
 @contextmanager
-def opened(name: str, map_name: str | None = None) -> Iterator[Archive]:
+def open_archive_file(name: str, map_name: str | None = None) -> Iterator[Archive]:
     """Open the archive with this name; ``-`` is standard input.
 
     Parameters
@@ -55,30 +63,30 @@ def opened(name: str, map_name: str | None = None) -> Iterator[Archive]:
     MapError
         If its map is another one; if there is none, once it is needed.
     """
-    data = archive_bytes(name)
-    with naming(name, data):
-        yield read_archive(name, data, map_name)
+    data = read_archive_bytes(name)
+    with explain_corruption(name, data):
+        yield open_archive_bytes(name, data, map_name)
 
 
-def read_archive(name: str, data: bytes, map_name: str | None) -> Archive:
-    """Open an archive from the bytes of the file with this name, see :func:`opened`."""
+def open_archive_bytes(name: str, data: bytes, map_name: str | None) -> Archive:
+    """Open an archive from the bytes of the file with this name, see :func:`open_archive_file`."""
     from gpszip.archive import open_archive
 
-    there = None if map_name is None else opened_map(map_name)
+    there = None if map_name is None else open_map_file(map_name)
     return open_archive(data, there, beside=None if name == "-" else name)
 
 
-def opened_map(name: str) -> Archive:
+def open_map_file(name: str) -> Archive:
     """Open the archive with this name as a map for others."""
     from gpszip.archive import open_archive
 
-    data = archive_bytes(name)
-    with naming(name, data):
+    data = read_archive_bytes(name)
+    with explain_corruption(name, data):
         return open_archive(data)
 
 
 @contextmanager
-def naming(name: str, data: bytes) -> Iterator[None]:
+def explain_corruption(name: str, data: bytes) -> Iterator[None]:
     """Say in the message of a CorruptArchiveError which archive is corrupt, and what to do."""
     from gpszip.container.layout import MAGIC, SMALL_LIMIT, VERSION
     from gpszip.errors import CorruptArchiveError
@@ -89,8 +97,10 @@ def naming(name: str, data: bytes) -> Iterator[None]:
         cure = "fetch or make it again"
         if not data.startswith(MAGIC):
             cure = "name a file that gpszip compress has written"
-        elif data[2:3] and data[2] & _VERSION_BITS > VERSION:
+        elif data[2:3] and data[2] & _VERSION_MASK > VERSION:
             cure = "pip install --upgrade gpszip brings the newest"
         elif len(data) >= SMALL_LIMIT:
             cure += ", or save what is whole with gpszip recover"
-        raise CorruptArchiveError(f"{'standard input' if name == '-' else name}: {error}; {cure}") from error
+        raise CorruptArchiveError(
+            f"{'standard input' if name == '-' else name}: {error}; {cure}"
+        ) from error

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpszip.cli.engine import engine_options, running
-from gpszip.cli.options import Settings, common, force, output, time_options
+from gpszip.cli.engine import engine_options, open_executor
+from gpszip.cli.options import Settings, common_options, force, output_option, time_options
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
 
@@ -23,52 +23,139 @@ __all__ = ["command"]
 
 _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 
-_BOUNDS = {"rmse": "--rmse", "max_error": "--max-error", "size": "--bytes", "ratio": "--ratio"}
+_BOUND_OPTIONS = {
+    "rmse": "--rmse",
+    "max_error": "--max-error",
+    "size": "--bytes",
+    "ratio": "--ratio",
+}
 
 
 @click.command("compress", short_help="Learn the map of logs and store them as walks on it.")
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True)
-@output("walks.gpsz")
-@click.option("--rmse", type=LENGTH, metavar="LENGTH", help="Largest root mean square error, such as 5m.")
-@click.option("--max-error", type=LENGTH, metavar="LENGTH", help="Largest error of any point, such as 10m; may go with --rmse.")
-@click.option("--bytes", "size", type=SIZE, metavar="SIZE", help="Largest archive, such as 900 or 4KiB, with the smallest RMSE it allows.")
-@click.option("--ratio", type=click.FloatRange(min=0, min_open=True), metavar="X", help="The same as a share of the logs: 1 in X.")
-@click.option("--gap", type=_GAP, metavar="DURATION", help="Silences longer than this claim no travel, or none. Estimated where left out.")
-@click.option("--map", "map_name", metavar="CITY.gpsz", help="Walks on this map, which is not stored again; decompress needs it, too.")
-@click.option("--update-map", metavar="FILE", help="With --map: write the map with what these logs add, for those to come.")
-@click.option("--append", is_flag=True, help="Add the logs to the archive that -o names; its map grows.")
-@click.option("--effort", type=click.IntRange(1, 9), default=5, show_default=True, help="From 1, quick, to 9, small.")
+@output_option("walks.gpsz")
 @click.option(
-    "--coreset", type=click.IntRange(1), metavar="N", help="Learn from a coreset of N blocks; the bound is measured at all points."
+    "--rmse", type=LENGTH, metavar="LENGTH", help="Largest root mean square error, such as 5m."
 )
-@click.option("--memory", type=SIZE, metavar="SIZE", help="Memory to work in, such as 1GiB; larger logs are compressed in batches.")
+@click.option(
+    "--max-error",
+    type=LENGTH,
+    metavar="LENGTH",
+    help="Largest error of any point, such as 10m; may go with --rmse.",
+)
+@click.option(
+    "--bytes",
+    "size",
+    type=SIZE,
+    metavar="SIZE",
+    help="Largest archive, such as 900 or 4KiB, with the smallest RMSE it allows.",
+)
+@click.option(
+    "--ratio",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="X",
+    help="The same as a share of the logs: 1 in X.",
+)
+@click.option(
+    "--gap",
+    type=_GAP,
+    metavar="DURATION",
+    help="Silences longer than this claim no travel, or none. Estimated where left out.",
+)
+@click.option(
+    "--map",
+    "map_name",
+    metavar="CITY.gpsz",
+    help="Walks on this map, which is not stored again; decompress needs it, too.",
+)
+@click.option(
+    "--update-map",
+    metavar="FILE",
+    help="With --map: write the map with what these logs add, for those to come.",
+)
+@click.option(
+    "--append", is_flag=True, help="Add the logs to the archive that -o names; its map grows."
+)
+@click.option(
+    "--effort",
+    type=click.IntRange(1, 9),
+    default=5,
+    show_default=True,
+    help="From 1, quick, to 9, small.",
+)
+@click.option(
+    "--coreset",
+    type=click.IntRange(1),
+    metavar="N",
+    help="Learn from a coreset of N blocks; the bound is measured at all points.",
+)
+@click.option(
+    "--memory",
+    type=SIZE,
+    metavar="SIZE",
+    help="Memory to work in, such as 1GiB; larger logs are compressed in batches.",
+)
 @click.option(
     "--k",
     type=click.IntRange(1),
     help="Number of parts of the thesis's (k,m)-segment mean, used instead of the connected map where k or m is given.",
 )
-@click.option("--m", type=click.IntRange(1), help="Number of segments that the k parts share; searched where left out.")
-@click.option("--times/--no-times", default=True, help="Keep the times, or the shape only; a table may then lack a column of times.")
-@click.option("--layer", type=click.Choice(["bz2"]), help="Pack the archive once more, as the thesis did.")
 @click.option(
-    "--clean", is_flag=True, help="Drop spikes, single points that no vehicle could have reached, and positions at 0,0 far from all others."
+    "--m",
+    type=click.IntRange(1),
+    help="Number of segments that the k parts share; searched where left out.",
+)
+@click.option(
+    "--times/--no-times",
+    default=True,
+    help="Keep the times, or the shape only; a table may then lack a column of times.",
+)
+@click.option(
+    "--layer", type=click.Choice(["bz2"]), help="Pack the archive once more, as the thesis did."
+)
+@click.option(
+    "--clean",
+    is_flag=True,
+    help="Drop spikes, single points that no vehicle could have reached, and positions at 0,0 far from all others.",
 )
 @click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
 @click.option("--split", is_flag=True, help="Begin a new track where time goes back.")
-@click.option("--skip-bad", is_flag=True, help="Leave out logs, features and points that can't be read, name them, end with exit code 3.")
 @click.option(
-    "--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north, or names in order for a log without a header."
+    "--skip-bad",
+    is_flag=True,
+    help="Leave out logs, features and points that can't be read, name them, end with exit code 3.",
+)
+@click.option(
+    "--columns",
+    metavar="ROLES",
+    help="Which column is what: t=when,x=east,y=north, or names in order for a log without a header.",
 )
 @time_options
-@click.option("--keep", metavar="COLUMNS", help="Further columns to keep exactly, such as ele,speed, with the times of the points.")
+@click.option(
+    "--keep",
+    metavar="COLUMNS",
+    help="Further columns to keep exactly, such as ele,speed, with the times of the points.",
+)
 @click.option("--keep-times", is_flag=True, help="Keep the times of the points exactly.")
-@click.option("--format", metavar="FORMAT", help="Format of the logs, csv, gpx, geojson or parquet; found from the content where left out.")
+@click.option(
+    "--format",
+    metavar="FORMAT",
+    help="Format of the logs, csv, gpx, geojson or parquet; found from the content where left out.",
+)
 @engine_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @force
-@common
+@common_options
 @click.pass_obj
-def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bool, quiet: bool, **choices: Any) -> Outcome:
+def command(
+    settings: Settings,
+    /,
+    logs: tuple[str, ...],
+    target: str,
+    force: bool,
+    quiet: bool,
+    **choices: Any,
+) -> Outcome:
     """Read every LOG (CSV, GPX, GeoJSON or Parquet; - is standard input), learn the ways that they repeat, and write one archive.
 
     Without --rmse, --max-error, --bytes or --ratio, an RMSE that suits the log and a maximum of four times that are estimated, and
@@ -76,38 +163,49 @@ def command(settings: Settings, /, logs: tuple[str, ...], target: str, force: bo
     """
     from gpszip.cli.output import check_output
 
-    options = _options(choices)
-    before = _archive_to_grow(target, choices)
-    there = _map(choices)
+    options = _compress_options(choices)
+    before = _archive_to_extend(target, choices)
+    there = _open_map(choices)
     check_output(target, force=force or before is not None, binary=True)
     if choices["update_map"]:
         check_output(choices["update_map"], force=force, binary=True)
     sources: Sequence[Any] = logs
     if choices["memory"] is not None:
-        sources = _spooled(logs)
-        if not _fits(sources, choices):
-            return _in_batches(settings, sources, target, options, choices, before, there, force=force, quiet=quiet)
-    from gpszip.cli.progress import progress
-    from gpszip.cli.summary import show_summary
+        sources = _spool_streams(logs)
+        if not _fits_memory(sources, choices):
+            return _compress_in_batches(
+                settings, sources, target, options, choices, before, there, force=force, quiet=quiet
+            )
+    from gpszip.cli.progress import progress_bar
+    from gpszip.cli.summary import print_summary
     from gpszip.io.logs.read import read_logs
     from gpszip.pipeline.append import append
     from gpszip.pipeline.compress import compress
 
-    with progress(quiet=quiet or settings.json) as listener, running(*_engine(choices)) as executor:
-        reading = read_logs(sources, **_reading(choices))
+    with (
+        progress_bar(quiet=quiet or settings.json) as listener,
+        open_executor(*_executor_choices(choices)) as executor,
+    ):
+        read_result = read_logs(sources, **_read_options(choices))
         where: dict[str, Any] = {"executor": executor, "progress": listener}
         if before is not None:
-            archive, report = append(before, reading.tracks, options, **where)
+            archive, report = append(before, read_result.tracks, options, **where)
         else:
-            archive, report = compress(reading.tracks, options, bytes_in=reading.bytes, map=there, **where)
-        renewed = append(there, reading.tracks, _of_a_map(options), **where)[0] if there is not None and choices["update_map"] else None
-    _write(target, archive, choices["update_map"], renewed, force=force or before is not None)
+            archive, report = compress(
+                read_result.tracks, options, bytes_in=read_result.bytes, map=there, **where
+            )
+        updated_map = (
+            append(there, read_result.tracks, _map_options(options), **where)[0]
+            if there is not None and choices["update_map"]
+            else None
+        )
+    _write(target, archive, choices["update_map"], updated_map, force=force or before is not None)
     if settings.json or not quiet:
-        show_summary(target, reading, report, as_json=settings.json)
-    return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
+        print_summary(target, read_result, report, as_json=settings.json)
+    return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
 
 
-def _spooled(logs: tuple[str, ...]) -> Sequence[Any]:
+def _spool_streams(logs: tuple[str, ...]) -> Sequence[Any]:
     """The logs, those that are no files as temporary ones until the command ends."""
     from gpszip.io.storage.source import spooled
 
@@ -115,101 +213,122 @@ def _spooled(logs: tuple[str, ...]) -> Sequence[Any]:
     return found
 
 
-def _fits(logs: Sequence[Any], choices: dict[str, Any]) -> bool:
+def _fits_memory(logs: Sequence[Any], choices: dict[str, Any]) -> bool:
     """Whether the logs are small enough for the memory given."""
     from gpszip.pipeline.compress_large import fits
 
     return fits(logs, int(choices["memory"]), format=choices["format"], columns=choices["columns"])
 
 
-def _in_batches(
+def _compress_in_batches(
     settings: Settings, logs: Sequence[Any], target: str, options: Options, choices: dict[str, Any], before: Archive | None,
     there: Archive | None, *, force: bool, quiet: bool,
 ) -> Outcome:  # fmt: skip
     """Compress logs larger than memory."""
-    from gpszip.cli.progress import progress
-    from gpszip.cli.summary import show_summary
+    from gpszip.cli.progress import progress_bar
+    from gpszip.cli.summary import print_summary
     from gpszip.pipeline.append_large import append_large
     from gpszip.pipeline.compress_large import compress_large
 
     names = ("format", "columns", "time_unit", "dates", "clean", "sort", "split", "skip_bad")
-    with progress(quiet=quiet or settings.json) as listener, running(*_engine(choices)) as executor:
+    with (
+        progress_bar(quiet=quiet or settings.json) as listener,
+        open_executor(*_executor_choices(choices)) as executor,
+    ):
         how: dict[str, Any] = {name: choices[name] for name in names}
         how |= {"memory": int(choices["memory"]), "executor": executor, "progress": listener}
         if before is not None:
-            archive, report, reading = append_large(before, logs, options, **how)
+            archive, report, read_result = append_large(before, logs, options, **how)
         else:
-            archive, report, reading = compress_large(logs, options, map=there, **how)
-        renewed = append_large(there, logs, _of_a_map(options), **how)[0] if there is not None and choices["update_map"] else None
-    _write(target, archive, choices["update_map"], renewed, force=force or before is not None)
+            archive, report, read_result = compress_large(logs, options, map=there, **how)
+        updated_map = (
+            append_large(there, logs, _map_options(options), **how)[0]
+            if there is not None and choices["update_map"]
+            else None
+        )
+    _write(target, archive, choices["update_map"], updated_map, force=force or before is not None)
     if settings.json or not quiet:
-        show_summary(target, reading, report, as_json=settings.json)
-    return Outcome.DONE if reading.complete else Outcome.LEFT_OUT
+        print_summary(target, read_result, report, as_json=settings.json)
+    return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
 
 
-def _write(target: str, archive: Archive, map_target: str | None, renewed: Archive | None, *, force: bool) -> None:
+def _write(
+    target: str,
+    archive: Archive,
+    map_target: str | None,
+    updated_map: Archive | None,
+    *,
+    force: bool,
+) -> None:
     """Write the archive, and the map if it was renewed."""
-    from gpszip.cli.output import write_archive, write_with_map
+    from gpszip.cli.output import write_archive, write_archive_and_map
 
-    if renewed is None or map_target is None:
+    if updated_map is None or map_target is None:
         write_archive(target, archive, force=force)
     else:
-        write_with_map(target, archive, map_target, renewed)
+        write_archive_and_map(target, archive, map_target, updated_map)
 
 
-def _engine(choices: dict[str, Any]) -> tuple[int | None, str | None, str | None]:
+def _executor_choices(choices: dict[str, Any]) -> tuple[int | None, str | None, str | None]:
     return choices["workers"], choices["engine"], choices["scheduler"]
 
 
-def _archive_to_grow(target: str, choices: dict[str, Any]) -> Archive | None:
+def _archive_to_extend(target: str, choices: dict[str, Any]) -> Archive | None:
     """The archive to which logs are appended; None where a new one is written."""
-    from gpszip.cli.archives import opened
+    from gpszip.cli.archives import open_archive_file
     from gpszip.errors import OptionError
 
     if not choices["append"]:
         return None
     if target == "-" or choices["map_name"]:
-        raise OptionError("--append adds to the archive that -o names; it goes with neither standard output nor --map")
+        raise OptionError(
+            "--append adds to the archive that -o names; it goes with neither standard output nor --map"
+        )
     if not Path(target).exists():
         return None
-    with opened(target) as archive:
+    with open_archive_file(target) as archive:
         return archive
 
 
-def _map(choices: dict[str, Any]) -> Archive | None:
-    from gpszip.cli.archives import opened_map
+def _open_map(choices: dict[str, Any]) -> Archive | None:
+    from gpszip.cli.archives import open_map_file
     from gpszip.errors import OptionError
 
     if choices["map_name"] is not None:
-        return opened_map(choices["map_name"])
+        return open_map_file(choices["map_name"])
     if choices["update_map"]:
         raise OptionError("--update-map needs --map, the map to be updated")
     return None
 
 
-def _of_a_map(options: Options) -> Options:
+def _map_options(options: Options) -> Options:
     """The options as far as they are of use for a map that is renewed: it need not keep what the archive of the logs keeps."""
     return replace(options, size=None, ratio=None, keep=(), keep_times=False)
 
 
-def _options(choices: dict[str, Any]) -> Options:
+def _compress_options(choices: dict[str, Any]) -> Options:
     """The pipeline's options; those that contradict each other are refused before anything is read."""
     from gpszip.errors import OptionError
     from gpszip.model import Options
 
-    given = [option for name, option in _BOUNDS.items() if choices[name] is not None]
+    given = [option for name, option in _BOUND_OPTIONS.items() if choices[name] is not None]
     if len(given) > 1 and given != ["--rmse", "--max-error"]:
         raise OptionError(f"{given[0]} and {given[-1]} were both given; give one")
-    names = (*_BOUNDS, "gap", "effort", "coreset", "k", "m", "times", "layer", "keep_times")
+    names = (*_BOUND_OPTIONS, "gap", "effort", "coreset", "k", "m", "times", "layer", "keep_times")
     size = None if choices["size"] is None else int(choices["size"])
-    return Options(**{name: choices[name] for name in names} | {"size": size, "keep": _keep(choices)})
+    return Options(
+        **{name: choices[name] for name in names} | {"size": size, "keep": _kept_columns(choices)}
+    )
 
 
-def _keep(choices: dict[str, Any]) -> tuple[str, ...]:
+def _kept_columns(choices: dict[str, Any]) -> tuple[str, ...]:
     names = (name.strip() for name in (choices["keep"] or "").split(","))
     return tuple(dict.fromkeys(name for name in names if name))
 
 
-def _reading(choices: dict[str, Any]) -> dict[str, Any]:
+def _read_options(choices: dict[str, Any]) -> dict[str, Any]:
     names = ("format", "columns", "time_unit", "dates", "clean", "sort", "split", "skip_bad")
-    return {name: choices[name] for name in names} | {"keep": _keep(choices), "times": choices["times"]}
+    return {name: choices[name] for name in names} | {
+        "keep": _kept_columns(choices),
+        "times": choices["times"],
+    }

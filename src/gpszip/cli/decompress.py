@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from gpszip.cli.options import Settings, archive_argument, common, force, on_map, output
+from gpszip.cli.options import (
+    Settings,
+    archive_argument,
+    common_options,
+    force,
+    map_option,
+    output_option,
+)
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION
 
@@ -20,15 +27,33 @@ __all__ = ["command"]
 
 @click.command("decompress", short_help="Write the tracks of an archive as a log.")
 @archive_argument
-@on_map
-@output("walks.csv")
-@click.option("--every", type=DURATION, metavar="DURATION", help="Positions at each multiple of this, such as 1s, instead of knots.")
-@click.option("--at", metavar="TIMES", help="Positions at these times: 10,20.5,30, or a file with one time in each line.")
-@click.option("--samples", is_flag=True, help="Positions at the log's own times with the columns that --keep has kept.")
+@map_option
+@output_option("walks.csv")
+@click.option(
+    "--every",
+    type=DURATION,
+    metavar="DURATION",
+    help="Positions at each multiple of this, such as 1s, instead of knots.",
+)
+@click.option(
+    "--at",
+    metavar="TIMES",
+    help="Positions at these times: 10,20.5,30, or a file with one time in each line.",
+)
+@click.option(
+    "--samples",
+    is_flag=True,
+    help="Positions at the log's own times with the columns that --keep has kept.",
+)
 @click.option("--track", metavar="ID", help="Only this track.")
-@click.option("--format", "kind", metavar="FORMAT", help="Instead of the output's suffix: csv, gpx, geojson or parquet.")
+@click.option(
+    "--format",
+    "kind",
+    metavar="FORMAT",
+    help="Instead of the output's suffix: csv, gpx, geojson or parquet.",
+)
 @force
-@common
+@common_options
 @click.pass_obj
 def command(
     settings: Settings,
@@ -43,59 +68,94 @@ def command(
     force: bool,
 ) -> Outcome:
     """Write the tracks of ARCHIVE as CSV, GPX, GeoJSON or Parquet: the knots, between which each track is linear in time."""
-    from gpszip.cli.archives import opened
-    from gpszip.cli.output import check_output, say, show_json
+    from gpszip.cli.archives import open_archive_file
+    from gpszip.cli.output import check_output, print_json, print_status
     from gpszip.cli.times import parse_times
     from gpszip.errors import OptionError
     from gpszip.io.logs.formats import format_for_writing
     from gpszip.io.logs.track_rows import metre_decimals
     from gpszip.io.logs.write import write_tracks
-    from gpszip.model.promise import writing_error
+    from gpszip.model.error_bound import writing_error
 
-    given = [name for name, wanted in (("--every", every is not None), ("--at", at is not None), ("--samples", samples)) if wanted]
+    given = [
+        name
+        for name, wanted in (
+            ("--every", every is not None),
+            ("--at", at is not None),
+            ("--samples", samples),
+        )
+        if wanted
+    ]
     if len(given) > 1:
         raise OptionError(f"{given[0]} and {given[1]} were both given; give one")
     times = None if at is None else parse_times(at)
     form = format_for_writing(target, kind).name
     check_output(target, force=force, binary=form == "parquet")
-    with opened(archive, map_name) as source:
-        tracks = _samples(source, track) if samples else _tracks(source, every, times, track)
-        pieces, flat = (None if samples else source.pieces), source.frame.plane is None
-        error = writing_error(source.promise, geographic=not flat)
-        shapes = source.untimed if track is None and (every is not None or times is not None) else ()
+    with open_archive_file(archive, map_name) as source:
+        tracks = (
+            _read_samples(source, track) if samples else _read_tracks(source, every, times, track)
+        )
+        pieces, flat = (None if samples else source.pieces), source.grid.plane is None
+        error = writing_error(source.error_bound, geographic=not flat)
+        shapes = (
+            source.untimed if track is None and (every is not None or times is not None) else ()
+        )
     if not tracks:
-        raise OptionError(_nothing(archive, track))
-    points = write_tracks(tracks, target, kind, decimals=metre_decimals(error), pieces=pieces, within=None if given else error)
+        raise OptionError(_explain_empty(archive, track))
+    points = write_tracks(
+        tracks,
+        target,
+        kind,
+        decimals=metre_decimals(error),
+        pieces=pieces,
+        max_deviation=None if given else error,
+    )
     if shapes:
-        left = f"{len(shapes):,} track{'s' * (len(shapes) > 1)} without times, such as {shapes[0]!r}"
-        say(f"gpszip: left out {left}; decompress without --at or --every for their shapes")
-    for warning in _changes(tracks, pieces or {}, form):
-        say(f"gpszip: {warning}")
+        left = (
+            f"{len(shapes):,} track{'s' * (len(shapes) > 1)} without times, such as {shapes[0]!r}"
+        )
+        print_status(
+            f"gpszip: left out {left}; decompress without --at or --every for their shapes"
+        )
+    for warning in _format_warnings(tracks, pieces or {}, form):
+        print_status(f"gpszip: {warning}")
     if settings.json:
-        show_json({"output": target, "pieces": len(tracks), "points": points}, err=target == "-")
+        print_json({"output": target, "pieces": len(tracks), "points": points}, err=target == "-")
     elif target != "-":
-        say(f"{target}: {points:,} {'positions' if given else 'knots'}, pieces {len(tracks):,}")
+        print_status(
+            f"{target}: {points:,} {'positions' if given else 'knots'}, pieces {len(tracks):,}"
+        )
     return Outcome.DONE
 
 
-def _samples(archive: Archive, track: str | None) -> list[Track]:
+def _read_samples(archive: Archive, track: str | None) -> list[Track]:
     from gpszip.errors import OptionError
 
-    if archive.kept is None:
-        raise OptionError("--samples: the archive keeps no times of points; compress the log with --keep-times or --keep")
+    if archive.kept_columns is None:
+        raise OptionError(
+            "--samples: the archive keeps no times of points; compress the log with --keep-times or --keep"
+        )
     return archive.samples(track)
 
 
-def _changes(tracks: list[Track], pieces: Mapping[str, str], form: str) -> list[str]:
+def _format_warnings(tracks: list[Track], pieces: Mapping[str, str], form: str) -> list[str]:
     """What a format can't hold as it is, in words."""
-    from gpszip.io.logs.gpx.write import HEIGHTS, unwritable
+    from gpszip.io.logs.gpx.write import HEIGHT_NAMES, has_unwritable_letters
 
     if form != "gpx":
         return []
-    heights = [name for name in HEIGHTS if name in tracks[0].attributes]
+    heights = [name for name in HEIGHT_NAMES if name in tracks[0].attributes]
     lacking = [name for name in tracks[0].attributes if name not in heights[:1]]
-    words = [f"gpx has no room for {', '.join(lacking)}; write CSV, GeoJSON or Parquet to have them"] if lacking else []
-    if changed := [name for name in dict.fromkeys(pieces.get(track.id, track.id) for track in tracks) if unwritable(name)]:
+    words = (
+        [f"gpx has no room for {', '.join(lacking)}; write CSV, GeoJSON or Parquet to have them"]
+        if lacking
+        else []
+    )
+    if changed := [
+        name
+        for name in dict.fromkeys(pieces.get(track.id, track.id) for track in tracks)
+        if has_unwritable_letters(name)
+    ]:
         words.append(
             f"gpx can't hold control characters: they are U+FFFD in the names of tracks, in {len(changed):,} of them, "
             f"the first {changed[0]!r}; write GeoJSON or Parquet to have them"
@@ -103,14 +163,20 @@ def _changes(tracks: list[Track], pieces: Mapping[str, str], form: str) -> list[
     return words
 
 
-def _tracks(archive: Archive, every: float | None, times: Any, track: str | None) -> list[Track]:
+def _read_tracks(
+    archive: Archive, every: float | None, times: Any, track: str | None
+) -> list[Track]:
     if every is None and times is None:
         pieces, owners = archive.decompress(), archive.pieces
-        return pieces if track is None else [piece for piece in pieces if track in (piece.id, owners[piece.id])]
+        return (
+            pieces
+            if track is None
+            else [piece for piece in pieces if track in (piece.id, owners[piece.id])]
+        )
     return archive.sample(every, at=times, track=track)
 
 
-def _nothing(archive: str, track: str | None) -> str:
+def _explain_empty(archive: str, track: str | None) -> str:
     if track is None:
         return f"{archive}: no travel is claimed at any of these times; gpszip info --detail shows the time range"
     return f"{archive}: nothing of a track {track!r}; gpszip info lists the tracks"

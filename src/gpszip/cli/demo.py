@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gpszip.cli.options import Settings, common, force
+from gpszip.cli.options import Settings, common_options, force
 from gpszip.cli.outcome import Outcome
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
     from gpszip.model import Report
-    from gpszip.model.read_result import Reading
+    from gpszip.model.read_result import ReadResult
 
 __all__ = ["command"]
 
@@ -23,55 +23,73 @@ _RMSE = 0.24  # metres: the thesis's ground robot
 
 
 @click.command("demo", short_help="Compress a generated robot patrol and draw its map.")
-@click.option("--out", metavar="FOLDER", default="gpszip-demo", show_default=True, help="Folder to write to.")
-@click.option("--seed", type=click.IntRange(0), default=1, show_default=True, help="Another seed is another building.")
-@click.option("--points", type=click.IntRange(2), default=72_273, show_default=True, help="Length of the patrol, at 13 points a second.")
+@click.option(
+    "--out", metavar="FOLDER", default="gpszip-demo", show_default=True, help="Folder to write to."
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(0),
+    default=1,
+    show_default=True,
+    help="Another seed is another building.",
+)
+@click.option(
+    "--points",
+    type=click.IntRange(2),
+    default=72_273,
+    show_default=True,
+    help="Length of the patrol, at 13 points a second.",
+)
 @force
-@common
+@common_options
 @click.pass_obj
 def command(settings: Settings, out: str, seed: int, points: int, force: bool) -> Outcome:
     """Generate the patrol of a robot, compress it within 24 cm, decompress it, and write its map.
 
     With the extra 'plot', map and comparison are drawn, too.
     """
-    from gpszip.cli.output import say, show_json
-    from gpszip.cli.progress import progress
-    from gpszip.cli.summary import summarise
+    from gpszip.cli.output import print_json, print_status
+    from gpszip.cli.progress import progress_bar
+    from gpszip.cli.summary import summary_as_dict
     from gpszip.io.logs.read import read_logs
     from gpszip.model import Options
     from gpszip.pipeline.compress import compress
 
-    folder = _folder(Path(out), force=force)
-    say(f"generating {points:,} points of a robot on its rounds")
+    folder = _prepare_folder(Path(out), force=force)
+    print_status(f"generating {points:,} points of a robot on its rounds")
     _write_log(folder / "patrol.csv", points, seed)
-    with progress(quiet=settings.json) as listener:
-        reading = read_logs([folder / "patrol.csv"])
-        archive, report = compress(reading.tracks, Options(rmse=_RMSE), progress=listener)
+    with progress_bar(quiet=settings.json) as listener:
+        read_result = read_logs([folder / "patrol.csv"])
+        archive, report = compress(read_result.tracks, Options(rmse=_RMSE), progress=listener)
     archive.save(folder / "patrol.gpsz", force=True)
-    _write_back(archive, folder)
-    missing = _draw(folder, reading, archive, report)
+    _write_decompressed(archive, folder)
+    missing = _draw(folder, read_result, archive, report)
     written = sorted(path.name for path in folder.iterdir() if path.name in _FILES)
     if settings.json:
-        show_json({"folder": out, "written": written, **summarise(reading, report)})
+        print_json({"folder": out, "written": written, **summary_as_dict(read_result, report)})
         return Outcome.DONE
-    for line in _report(reading, report):
+    for line in _report_lines(read_result, report):
         click.echo(line)
     click.echo(f"in {out}: {', '.join(written)}")
     if missing:
-        say(missing)
+        print_status(missing)
     return Outcome.DONE
 
 
-def _folder(folder: Path, *, force: bool) -> Path:
+def _prepare_folder(folder: Path, *, force: bool) -> Path:
     from gpszip.errors import OutputError
 
     there = [name for name in _FILES if (folder / name).exists()]
     if there and not force:
-        raise OutputError(f"{folder / there[0]}: exists already; add --force to replace it, or name another folder with --out")
+        raise OutputError(
+            f"{folder / there[0]}: exists already; add --force to replace it, or name another folder with --out"
+        )
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{folder}: can't be made ({error.strerror}); name another folder with --out") from error
+        raise OutputError(
+            f"{folder}: can't be made ({error.strerror}); name another folder with --out"
+        ) from error
     for name in there:
         (folder / name).unlink()
     return folder
@@ -84,40 +102,45 @@ def _write_log(path: Path, points: int, seed: int) -> None:
     write_tracks([patrol(points, seed=seed)], path)
 
 
-def _write_back(archive: Archive, folder: Path) -> None:
+def _write_decompressed(archive: Archive, folder: Path) -> None:
     """Decompress, and write the map that was learned."""
     from gpszip.io.logs.track_rows import metre_decimals
     from gpszip.io.logs.write import write_tracks
     from gpszip.io.maps.write import write_map
-    from gpszip.model.promise import writing_error
+    from gpszip.model.error_bound import writing_error
 
-    error = writing_error(archive.promise, geographic=archive.frame.plane is not None)
-    write_tracks(archive.decompress(), folder / "knots.csv", decimals=metre_decimals(error), within=error)
-    write_map(archive.drawn_map, folder / "map.geojson")
+    error = writing_error(archive.error_bound, geographic=archive.grid.plane is not None)
+    write_tracks(
+        archive.decompress(),
+        folder / "knots.csv",
+        decimals=metre_decimals(error),
+        max_deviation=error,
+    )
+    write_map(archive.trimmed_map, folder / "map.geojson")
 
 
-def _draw(folder: Path, reading: Reading, archive: Archive, report: Report) -> str:
+def _draw(folder: Path, read_result: ReadResult, archive: Archive, report: Report) -> str:
     """Draw map and comparison, or return what is missing for it."""
     from gpszip.cli.units import format_bytes, format_length
     from gpszip.errors import MissingExtraError
     from gpszip.view.plot import draw_comparison, draw_map
 
-    title = f"{report.points:,} points ({format_bytes(reading.bytes)}) as {report.bytes_out:,} bytes, RMSE {format_length(report.rmse)}"
+    title = f"{report.points:,} points ({format_bytes(read_result.bytes)}) as {report.bytes_out:,} bytes, RMSE {format_length(report.rmse)}"
     try:
         draw_map(archive, folder / "map.png")
-        draw_comparison(reading.tracks, archive, folder / "comparison.png", title=title)
+        draw_comparison(read_result.tracks, archive, folder / "comparison.png", title=title)
     except MissingExtraError as error:
         return f"no pictures: {error}"
     return ""
 
 
-def _report(reading: Reading, report: Report) -> list[str]:
+def _report_lines(read_result: ReadResult, report: Report) -> list[str]:
     from gpszip.cli.units import format_bytes, format_length
 
-    ratio = reading.bytes / report.bytes_out
+    ratio = read_result.bytes / report.bytes_out
     return [
-        f"log      {report.points:,} points, {format_bytes(reading.bytes)} as CSV",
+        f"log      {report.points:,} points, {format_bytes(read_result.bytes)} as CSV",
         f"archive  {report.bytes_out:,} bytes, 1:{ratio:,.0f}, in {report.seconds:.1f} s",
-        f"map      nodes {report.nodes:,}, ways {report.edges:,}; the walk on it has {report.parts:,} parts",
+        f"map      nodes {report.nodes:,}, ways {report.edges:,}; the walk on it has {report.segments:,} parts",
         f"error    RMSE {format_length(report.rmse)} (asked for: {format_length(_RMSE)}), maximum {format_length(report.max_error)}",
     ]

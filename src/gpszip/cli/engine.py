@@ -11,14 +11,28 @@ import click
 if TYPE_CHECKING:
     from gpszip.run.executor import Executor
 
-__all__ = ["engine_options", "running"]
+__all__ = ["engine_options", "open_executor"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 _OPTIONS = (
-    click.option("--workers", type=click.IntRange(1), metavar="N", help="Threads or processes; by default one for each core."),
-    click.option("--engine", type=click.Choice(["threads", "processes"]), default=None, help="Where work runs.  [default: threads]"),
-    click.option("--scheduler", metavar="ADDRESS", help="Run on a Dask cluster that is there, such as tcp://10.0.0.1:8786."),
+    click.option(
+        "--workers",
+        type=click.IntRange(1),
+        metavar="N",
+        help="Threads or processes; by default one for each core.",
+    ),
+    click.option(
+        "--engine",
+        type=click.Choice(["threads", "processes"]),
+        default=None,
+        help="Where work runs.  [default: threads]",
+    ),
+    click.option(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Run on a Dask cluster that is there, such as tcp://10.0.0.1:8786.",
+    ),
 )
 
 
@@ -30,14 +44,18 @@ def engine_options(command: F) -> F:
 
 
 @contextmanager
-def running(workers: int | None, engine: str | None, scheduler: str | None) -> Iterator[Executor]:
+def open_executor(
+    workers: int | None, engine: str | None, scheduler: str | None
+) -> Iterator[Executor]:
     """Give the executor that was asked for, and end it afterwards."""
     from gpszip.errors import OptionError
     from gpszip.run import Dask, Processes, Threads
 
     if scheduler is not None:
         if workers is not None or engine is not None:
-            raise OptionError("--scheduler uses the cluster's own workers; leave out --workers and --engine")
+            raise OptionError(
+                "--scheduler uses the cluster's own workers; leave out --workers and --engine"
+            )
         from gpszip.run.dask import connect
 
         with connect(scheduler) as client:

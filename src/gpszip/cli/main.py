@@ -13,12 +13,12 @@ import click
 
 from gpszip.cli.options import Settings
 from gpszip.cli.outcome import Outcome
-from gpszip.cli.output import say, show_json
-from gpszip.cli.signals import ending_cleanly, ignore_signals
-from gpszip.cli.streams import flushed, open_standard_streams
+from gpszip.cli.output import print_json, print_status
+from gpszip.cli.signals import ignore_signals, interrupt_on_signals
+from gpszip.cli.streams import flush_stdout, open_standard_streams
 from gpszip.errors import BoundError, CorruptArchiveError, GPSZipError, MapError, OptionError
-from gpszip.files.os_errors import cause
-from gpszip.files.written import noting
+from gpszip.files.os_errors import explain_os_error
+from gpszip.files.written import collect_outputs
 
 __all__ = ["cli", "main", "run"]
 
@@ -49,7 +49,7 @@ _COMMANDS = (
 
 _DONE, _FAILED, _USAGE, _LEFT_OUT, _CORRUPT, _MAP, _BOUND, _INTERRUPTED = 0, 1, 2, 3, 4, 5, 6, 130
 
-_CODES: dict[type[GPSZipError], int] = {
+_EXIT_CODES: dict[type[GPSZipError], int] = {
     OptionError: _USAGE,
     CorruptArchiveError: _CORRUPT,
     MapError: _MAP,
@@ -85,7 +85,14 @@ def _version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
     epilog="Exit codes: 0 done, 1 failed, 2 usage, 3 done but inputs or many points were left out, 4 corrupt archive, "
     "5 map missing or wrong, 6 bound not met, 130 interrupted.",
 )
-@click.option("--version", is_flag=True, expose_value=False, is_eager=True, callback=_version, help="Show the version and exit.")
+@click.option(
+    "--version",
+    is_flag=True,
+    expose_value=False,
+    is_eager=True,
+    callback=_version,
+    help="Show the version and exit.",
+)
 @click.option("--debug", is_flag=True, expose_value=False, help="Show the traceback of an error.")
 def cli() -> None:
     """Learn the map that position logs repeat, and store the logs as walks on it."""
@@ -96,12 +103,12 @@ def run() -> None:
     open_standard_streams()
     if not sys.warnoptions and "--debug" not in sys.argv:
         warnings.simplefilter("ignore")  # what libraries say to programmers is no news for users
-    settings = Settings.of(sys.argv[1:])
+    settings = Settings.from_arguments(sys.argv[1:])
     try:
         code = main(sys.argv[1:])
-        broken = flushed()
+        broken = flush_stdout()
         if broken is not None and code in (_DONE, _LEFT_OUT):
-            code = _fail(broken, settings)
+            code = _report_error(broken, settings)
         ignore_signals()
     except KeyboardInterrupt:
         code = _INTERRUPTED  # while the outcome was told
@@ -121,33 +128,40 @@ def main(arguments: list[str]) -> int:
     int
         The exit code.
     """
-    settings = Settings.of(arguments)
-    with noting() as written:
+    settings = Settings.from_arguments(arguments)
+    with collect_outputs() as written:
         try:
-            with ending_cleanly():
-                outcome = cli.main(arguments, prog_name="gpszip", standalone_mode=False, obj=settings)
+            with interrupt_on_signals():
+                outcome = cli.main(
+                    arguments, prog_name="gpszip", standalone_mode=False, obj=settings
+                )
         except BaseException as error:
             if settings.debug:
                 traceback.print_exc()
-            return _fail(error, settings, written)
+            return _report_error(error, settings, written)
     return _LEFT_OUT if outcome is Outcome.LEFT_OUT else _DONE
 
 
-def _fail(error: BaseException, settings: Settings, written: Sequence[str] = ()) -> int:
+def _report_error(error: BaseException, settings: Settings, written: Sequence[str] = ()) -> int:
     """Say what is wrong in one line and choose the exit code."""
     code, text = _explain(error)
     if code == _INTERRUPTED:
         text = f"interrupted; {'; '.join(written) or 'nothing was written'}"
     if settings.json and text:
-        show_json({"error": {"kind": type(error).__name__, "message": text, "exit_code": code}}, err=True)
+        print_json(
+            {"error": {"kind": type(error).__name__, "message": text, "exit_code": code}}, err=True
+        )
     elif text:
-        say(f"gpszip: {text}")
+        print_status(f"gpszip: {text}")
     return code
 
 
 def _explain(error: BaseException) -> tuple[int, str]:
     """Exit code and message of an error; no message where it has been shown."""
-    code, text = _FAILED, f"a fault of GPSZip's own: {type(error).__name__}: {error}; please report it with what --debug shows"
+    code, text = (
+        _FAILED,
+        f"a fault of GPSZip's own: {type(error).__name__}: {error}; please report it with what --debug shows",
+    )
     if isinstance(error, BrokenPipeError):
         text = ""  # whoever reads the output has had enough
     elif isinstance(error, SystemExit):
@@ -156,13 +170,16 @@ def _explain(error: BaseException) -> tuple[int, str]:
         error.show()
         code, text = _USAGE, ""
     elif isinstance(error, click.ClickException):
-        code, text = _USAGE, _usage(error)
+        code, text = _USAGE, _explain_usage(error)
     elif _is_interrupt(error):
         code, text = _INTERRUPTED, "interrupted"
     elif isinstance(error, GPSZipError):
-        code, text = next((code for kind, code in _CODES.items() if isinstance(error, kind)), _FAILED), str(error)
+        code, text = (
+            next((code for kind, code in _EXIT_CODES.items() if isinstance(error, kind)), _FAILED),
+            str(error),
+        )
     elif isinstance(error, OSError):
-        text = _system(error)
+        text = _explain_os_error(error)
     elif isinstance(error, MemoryError):
         text = "not enough memory; compress fewer tracks at once"
     notes = getattr(error, "__notes__", ()) if text else ()
@@ -176,19 +193,21 @@ def _is_interrupt(error: BaseException | None) -> bool:
     return isinstance(error, click.Abort | KeyboardInterrupt)
 
 
-def _usage(error: click.ClickException) -> str:
+def _explain_usage(error: click.ClickException) -> str:
     where = getattr(error, "ctx", None)
     return f"{error.format_message().rstrip('.')}; see {where.command_path if where else 'gpszip'} --help"
 
 
-def _system(error: OSError) -> str:
+def _explain_os_error(error: OSError) -> str:
     if error.filename is None:
-        return f"standard output: can't be written: {cause(error)}"
+        return f"standard output: can't be written: {explain_os_error(error)}"
     hints: list[tuple[type[OSError], str]] = [
         (FileNotFoundError, "no such file; check the path"),
         (IsADirectoryError, "is a folder; name a file"),
         (NotADirectoryError, "a file stands where a folder should be; check the path"),
         (PermissionError, "no permission; check the owner and mode"),
     ]
-    reason = next((hint for kind, hint in hints if isinstance(error, kind)), error.strerror or str(error))
+    reason = next(
+        (hint for kind, hint in hints if isinstance(error, kind)), error.strerror or str(error)
+    )
     return f"{os.fsdecode(error.filename)}: {reason}"

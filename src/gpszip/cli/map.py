@@ -6,40 +6,72 @@ from typing import TYPE_CHECKING
 
 import click
 
-from gpszip.cli.options import Settings, archive_argument, common, force, on_map, output
+from gpszip.cli.options import (
+    Settings,
+    archive_argument,
+    common_options,
+    force,
+    map_option,
+    output_option,
+)
 from gpszip.cli.outcome import Outcome
 
 if TYPE_CHECKING:
-    from gpszip.model import RoadMap, WayMap
+    from gpszip.model import CleanMap, RoadMap
 
 __all__ = ["command"]
 
 
 @click.command("map", short_help="Write the map that an archive has learned.")
 @archive_argument
-@on_map
-@output("map.geojson")
-@click.option("--min-traversals", type=click.IntRange(1), default=1, metavar="N", help="Leave out ways that were travelled less often.")
-@click.option("--raw", is_flag=True, help="Write nodes and edges as they were learned, without cleaning.")
-@click.option("--format", "kind", metavar="FORMAT", help="Instead of the output's suffix: geojson, graphml, gpkg or csv.")
+@map_option
+@output_option("map.geojson")
+@click.option(
+    "--min-traversals",
+    type=click.IntRange(1),
+    default=1,
+    metavar="N",
+    help="Leave out ways that were travelled less often.",
+)
+@click.option(
+    "--raw", is_flag=True, help="Write nodes and edges as they were learned, without cleaning."
+)
+@click.option(
+    "--format",
+    "kind",
+    metavar="FORMAT",
+    help="Instead of the output's suffix: geojson, graphml, gpkg or csv.",
+)
 @force
-@common
+@common_options
 @click.pass_obj
 def command(
-    settings: Settings, archive: str, target: str, min_traversals: int, raw: bool, kind: str | None, map_name: str | None, force: bool
+    settings: Settings,
+    archive: str,
+    target: str,
+    min_traversals: int,
+    raw: bool,
+    kind: str | None,
+    map_name: str | None,
+    force: bool,
 ) -> Outcome:
     """Write the road map of ARCHIVE as GeoJSON, GraphML, GeoPackage or CSV: one way for each street, with its travels."""
-    from gpszip.cli.archives import opened
-    from gpszip.cli.output import check_output, say, show_json
+    from gpszip.cli.archives import open_archive_file
+    from gpszip.cli.output import check_output, print_json, print_status
     from gpszip.io.maps.write import write_map
 
     check_output(target, force=force, binary=kind == "gpkg")
-    with opened(archive, map_name) as source:
-        learned: RoadMap | WayMap = source.drawn_map if raw else source.clean_map(min_traversals)
+    with open_archive_file(archive, map_name) as source:
+        learned: RoadMap | CleanMap = (
+            source.trimmed_map if raw else source.clean_map(min_traversals)
+        )
     write_map(learned, target, min_traversals, format=kind)
     ways = int((learned.forward + learned.backward >= min_traversals).sum())
     if settings.json:
-        show_json({"output": target, "edges": ways}, err=target == "-")
+        print_json({"output": target, "edges": ways}, err=target == "-")
     elif target != "-":
-        say(f"{target}: ways {ways:,}" + ("" if ways else f"; none was travelled {min_traversals:,} times, ask for fewer"))
+        print_status(
+            f"{target}: ways {ways:,}"
+            + ("" if ways else f"; none was travelled {min_traversals:,} times, ask for fewer")
+        )
     return Outcome.DONE

@@ -8,7 +8,15 @@ from typing import Any, TypeVar
 
 import click
 
-__all__ = ["Settings", "archive_argument", "common", "force", "on_map", "output", "time_options"]
+__all__ = [
+    "Settings",
+    "archive_argument",
+    "common_options",
+    "force",
+    "map_option",
+    "output_option",
+    "time_options",
+]
 
 # The choices of gpszip.io.values.timestamps and gpszip.io.values.dates, whose import takes longer than --help may.
 _TIME_UNITS = ("s", "ms", "us", "ns", "days", "excel", "matlab")
@@ -33,16 +41,20 @@ class Settings:
     debug: bool = False
 
     @classmethod
-    def of(cls, arguments: list[str]) -> Settings:
+    def from_arguments(cls, arguments: list[str]) -> Settings:
         """Look for the two flags without parsing, since errors of parsing follow them, too."""
         flags = arguments[: arguments.index("--")] if "--" in arguments else arguments
         return cls(json="--json" in flags, debug="--debug" in flags)
 
 
-def common(command: F) -> F:
+def common_options(command: F) -> F:
     """Give a command --json and --debug, which :class:`Settings` carries."""
-    command = click.option("--debug", is_flag=True, expose_value=False, help="Show the traceback of an error.")(command)
-    return click.option("--json", is_flag=True, expose_value=False, help="Write results and errors as JSON.")(command)
+    command = click.option(
+        "--debug", is_flag=True, expose_value=False, help="Show the traceback of an error."
+    )(command)
+    return click.option(
+        "--json", is_flag=True, expose_value=False, help="Write results and errors as JSON."
+    )(command)
 
 
 def force(command: F) -> F:
@@ -50,7 +62,7 @@ def force(command: F) -> F:
     return click.option("--force", is_flag=True, help="Replace the output if it exists.")(command)
 
 
-def on_map(command: F) -> F:
+def map_option(command: F) -> F:
     """Give a command that reads an archive --map, for archives that lie on a map kept elsewhere."""
     text = "Map that ARCHIVE lies on; looked for in its folder where left out."
     return click.option("--map", "map_name", metavar="CITY.gpsz", help=text)(command)
@@ -64,12 +76,14 @@ def time_options(command: F) -> F:
     return click.option("--time-unit", type=click.Choice(_TIME_UNITS), help=units)(command)
 
 
-def output(example: str) -> Callable[[F], F]:
+def output_option(example: str) -> Callable[[F], F]:
     """Give a command -o, which it needs, with a file name as example."""
 
     def decorate(command: F) -> F:
         text = f"File to write, such as {example}; - is standard output."
-        return click.option("-o", "--output", "target", metavar="FILE", help=text, callback=_required(example))(command)
+        return click.option(
+            "-o", "--output", "target", metavar="FILE", help=text, callback=_required(example)
+        )(command)
 
     return decorate
 

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from gpszip.model import Listener, Progress
 
-__all__ = ["progress"]
+__all__ = ["progress_bar"]
 
 
 @contextmanager
-def progress(*, quiet: bool) -> Iterator[Listener | None]:
+def progress_bar(*, quiet: bool) -> Iterator[Listener | None]:
     """Listen to the events of a long computation and show them, while standard error is a terminal.
 
     Yields
@@ -29,7 +29,7 @@ def progress(*, quiet: bool) -> Iterator[Listener | None]:
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar
 
-    from gpszip.kernels.compiling import noticing
+    from gpszip.kernels.compiling import on_compile
 
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
@@ -38,5 +38,7 @@ def progress(*, quiet: bool) -> Iterator[Listener | None]:
         def show(event: Progress) -> None:
             bar.update(task, description=event.stage, completed=event.done, total=1.0)
 
-        with noticing(lambda: bar.update(task, description="compile, once for this installation", total=None)):
+        with on_compile(
+            lambda: bar.update(task, description="compile, once for this installation", total=None)
+        ):
             yield show

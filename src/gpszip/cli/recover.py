@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from gpszip.cli.options import Settings, archive_argument, common, force, output
+from gpszip.cli.options import Settings, archive_argument, common_options, force, output_option
 from gpszip.cli.outcome import Outcome
 
 __all__ = ["command"]
@@ -12,9 +12,9 @@ __all__ = ["command"]
 
 @click.command("recover", short_help="Save what is whole in a torn archive.")
 @archive_argument
-@output("saved.gpsz")
+@output_option("saved.gpsz")
 @force
-@common
+@common_options
 @click.pass_obj
 def command(settings: Settings, archive: str, target: str, force: bool) -> Outcome:
     """Save every whole part of a torn ARCHIVE as a new one, and name what is lost (exit code 3).
@@ -22,18 +22,22 @@ def command(settings: Settings, archive: str, target: str, force: bool) -> Outco
     An archive of one group of walks (under 128 KiB) has one checksum and is whole or lost.
     """
     from gpszip.archive import Archive
-    from gpszip.cli.archives import archive_bytes, naming
-    from gpszip.cli.output import check_output, say, show_json, write_archive
+    from gpszip.cli.archives import explain_corruption, read_archive_bytes
+    from gpszip.cli.output import check_output, print_json, print_status, write_archive
     from gpszip.container.recover import recover_bytes
 
     check_output(target, force=force, binary=True)
-    data = archive_bytes(archive)
-    with naming(archive, data):
+    data = read_archive_bytes(archive)
+    with explain_corruption(archive, data):
         recovered = recover_bytes(data)
     write_archive(target, Archive(recovered.contents), force=force)
     tracks = recovered.contents.tracks
     if settings.json:
-        show_json({"output": target, "tracks": tracks, "lost": list(recovered.lost)}, err=target == "-")
+        print_json(
+            {"output": target, "tracks": tracks, "lost": list(recovered.lost)}, err=target == "-"
+        )
     else:
-        say(f"{target}: saved tracks {tracks:,}; lost: {'; '.join(recovered.lost) or 'nothing'}")
+        print_status(
+            f"{target}: saved tracks {tracks:,}; lost: {'; '.join(recovered.lost) or 'nothing'}"
+        )
     return Outcome.LEFT_OUT if recovered.lost else Outcome.DONE

@@ -7,11 +7,11 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-__all__ = ["ending_cleanly", "ignore_signals"]
+__all__ = ["ignore_signals", "interrupt_on_signals"]
 
 
 @contextmanager
-def ending_cleanly() -> Iterator[None]:
+def interrupt_on_signals() -> Iterator[None]:
     """Let the signals to terminate and to hang up do what Ctrl-C does, where nobody else has a use for them."""
     names = ("SIGTERM", "SIGHUP") if threading.current_thread() is threading.main_thread() else ()
     numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 
-__all__ = ["flushed", "open_standard_streams"]
+__all__ = ["flush_stdout", "open_standard_streams"]
 
 
 def open_standard_streams() -> None:
@@ -28,7 +28,7 @@ def open_standard_streams() -> None:
         sys.stdout.reconfigure(errors="backslashreplace")
 
 
-def flushed() -> OSError | None:
+def flush_stdout() -> OSError | None:
     """Write what standard output still holds; return what is wrong with it, which the end of the interpreter won't say again."""
     try:
         sys.stdout.flush()

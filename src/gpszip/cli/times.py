@@ -33,33 +33,43 @@ def parse_times(text: str) -> list[float]:
     [10.0, 20.5, 60.0]
     """
     words = [word.strip() for word in text.split(",")]
-    times = [_instant(word) for word in words]
+    times = [_parse_time(word) for word in words]
     found = [time for time in times if time is not None]
     if len(found) == len(words):
         return found
     if os.path.isfile(text):  # noqa: PTH113  # unlike pathlib's, it never raises
-        return _from_file(Path(text))
+        return _read_times(Path(text))
     bad = words[times.index(None)]
-    raise OptionError(f"--at: {bad!r} is no time and {text!r} no file; write seconds such as 10,20.5 or dates such as 2024-05-01T10:00:00Z")
+    raise OptionError(
+        f"--at: {bad!r} is no time and {text!r} no file; write seconds such as 10,20.5 or dates such as 2024-05-01T10:00:00Z"
+    )
 
 
-def _from_file(path: Path) -> list[float]:
+def _read_times(path: Path) -> list[float]:
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: can't be read as text: {error}") from None
-    rows = [(number, _instant(line.split(",")[0].strip())) for number, line in enumerate(lines, 1) if line.strip()]
+    rows = [
+        (number, _parse_time(line.split(",")[0].strip()))
+        for number, line in enumerate(lines, 1)
+        if line.strip()
+    ]
     if rows and rows[0][1] is None:
         rows = rows[1:]
     for number, time in rows:
         if time is None:
-            raise InputError(f"{path}: line {number}: {lines[number - 1]!r} is no time; write one number of seconds or date in each line")
+            raise InputError(
+                f"{path}: line {number}: {lines[number - 1]!r} is no time; write one number of seconds or date in each line"
+            )
     if not rows:
-        raise InputError(f"{path}: no times in it; write one number of seconds or date in each line")
+        raise InputError(
+            f"{path}: no times in it; write one number of seconds or date in each line"
+        )
     return [time for _, time in rows if time is not None]
 
 
-def _instant(word: str) -> float | None:
+def _parse_time(word: str) -> float | None:
     try:
         return float(word)
     except ValueError:

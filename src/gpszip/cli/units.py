@@ -7,7 +7,15 @@ from typing import Any
 
 import click
 
-__all__ = ["DURATION", "LENGTH", "SIZE", "Quantity", "format_bytes", "format_duration", "format_length"]
+__all__ = [
+    "DURATION",
+    "LENGTH",
+    "SIZE",
+    "Quantity",
+    "format_bytes",
+    "format_duration",
+    "format_length",
+]
 
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s]*)\s*")
 
@@ -33,7 +41,11 @@ class Quantity(click.ParamType):  # type: ignore[type-arg, unused-ignore]
     """
 
     def __init__(
-        self, name: str, units: dict[str, float], hints: dict[str, str] | None = None, words: dict[str, float] | None = None
+        self,
+        name: str,
+        units: dict[str, float],
+        hints: dict[str, str] | None = None,
+        words: dict[str, float] | None = None,
     ) -> None:
         self.name = name
         self.units = units
@@ -52,22 +64,30 @@ class Quantity(click.ParamType):  # type: ignore[type-arg, unused-ignore]
             return self.words[text]
         found = _NUMBER.fullmatch(text)
         if found is None:
-            raise ValueError(f"{text!r} is no {self.name}; write a number and a unit, such as {self._example()}")
+            raise ValueError(
+                f"{text!r} is no {self.name}; write a number and a unit, such as {self._example()}"
+            )
         number, unit = found.groups()
         if unit in self.hints:
             raise ValueError(f"{text!r}: {self.hints[unit]}")
         if unit and unit not in self.units:
-            raise ValueError(f"{text!r}: {unit!r} is no unit of {self.name}; use {', '.join(self.units)}")
+            raise ValueError(
+                f"{text!r}: {unit!r} is no unit of {self.name}; use {', '.join(self.units)}"
+            )
         value = float(number) * (self.units[unit] if unit else 1.0)
         if not 0 < value < float("inf"):
-            raise ValueError(f"{text!r}: a {self.name} must be greater than 0 and finite, such as {self._example()}")
+            raise ValueError(
+                f"{text!r}: a {self.name} must be greater than 0 and finite, such as {self._example()}"
+            )
         return value
 
     def _example(self) -> str:
         first, *others = self.units
         return " or ".join([f"5{first}", f"2{others[-1]}", *self.words])
 
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
         """Parse what the user wrote, for click."""
         if isinstance(value, float | int):
             return float(value)
@@ -77,7 +97,9 @@ class Quantity(click.ParamType):  # type: ignore[type-arg, unused-ignore]
             self.fail(str(error), param, ctx)
 
 
-LENGTH = Quantity("length", {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048, "mi": 1609.344, "km": 1e3})
+LENGTH = Quantity(
+    "length", {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048, "mi": 1609.344, "km": 1e3}
+)
 DURATION = Quantity(
     "duration",
     {"s": 1.0, "ms": 1e-3, "h": 3600.0, "d": 86400.0, "min": 60.0},
@@ -86,7 +108,13 @@ DURATION = Quantity(
 SIZE = Quantity(
     "size",
     {"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "KiB": 1024.0, "GiB": 1024.0**3, "MiB": 1024.0**2},
-    hints={"b": "write B for bytes", "k": "write kB or KiB", "K": "write kB or KiB", "KB": "write kB or KiB", "M": "write MB or MiB"},
+    hints={
+        "b": "write B for bytes",
+        "k": "write kB or KiB",
+        "K": "write kB or KiB",
+        "KB": "write kB or KiB",
+        "M": "write MB or MiB",
+    },
 )
 
 

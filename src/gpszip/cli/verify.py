@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from gpszip.cli.options import Settings, archive_argument, common, on_map
+from gpszip.cli.options import Settings, archive_argument, common_options, map_option
 from gpszip.cli.outcome import Outcome
 
 __all__ = ["command"]
@@ -12,20 +12,28 @@ __all__ = ["command"]
 
 @click.command("verify", short_help="Check every byte of an archive.")
 @archive_argument
-@on_map
-@common
+@map_option
+@common_options
 @click.pass_obj
 def command(settings: Settings, archive: str, map_name: str | None) -> Outcome:
     """Check every byte of ARCHIVE and decode its walks; a corrupt archive ends with exit code 4."""
-    from gpszip.cli.archives import archive_bytes, naming, read_archive
-    from gpszip.cli.output import show_json
+    from gpszip.cli.archives import explain_corruption, open_archive_bytes, read_archive_bytes
+    from gpszip.cli.output import print_json
 
-    data = archive_bytes(archive)
-    with naming(archive, data):
-        source = read_archive(archive, data, map_name)
-        knots, tracks = sum(len(walk.nodes) for walk in source.lattice.walks), len(source.ids)
+    data = read_archive_bytes(archive)
+    with explain_corruption(archive, data):
+        source = open_archive_bytes(archive, data, map_name)
+        knots, tracks = sum(len(walk.nodes) for walk in source.grid_walks.walks), len(source.ids)
     if settings.json:
-        show_json({"archive": archive, "whole": True, "bytes": len(data), "tracks": tracks, "knots": knots})
+        print_json(
+            {
+                "archive": archive,
+                "whole": True,
+                "bytes": len(data),
+                "tracks": tracks,
+                "knots": knots,
+            }
+        )
     else:
         click.echo(f"{archive}: whole; {len(data):,} bytes, tracks {tracks:,}, knots {knots:,}")
     return Outcome.DONE

@@ -6,27 +6,27 @@ import time
 
 import click
 
-from gpszip.cli.options import Settings, common
+from gpszip.cli.options import Settings, common_options
 from gpszip.cli.outcome import Outcome
 
 __all__ = ["command"]
 
 
 @click.command("warm", short_help="Compile everything now, so that the first log needn't wait.")
-@common
+@common_options
 @click.pass_obj
 def command(settings: Settings) -> Outcome:
     """Compile all kernels into the cache, once for each installation; a minute or two of up to five cores."""
-    from gpszip.cli.output import say, show_json
-    from gpszip.cli.progress import progress
+    from gpszip.cli.output import print_json, print_status
+    from gpszip.cli.progress import progress_bar
     from gpszip.pipeline.warm import warm
 
     start = time.perf_counter()
-    with progress(quiet=settings.json) as listener:
+    with progress_bar(quiet=settings.json) as listener:
         warm(listener)
     seconds = time.perf_counter() - start
     if settings.json:
-        show_json({"seconds": round(seconds, 3)})
+        print_json({"seconds": round(seconds, 3)})
     else:
-        say(f"compiled in {seconds:.1f} s")
+        print_status(f"compiled in {seconds:.1f} s")
     return Outcome.DONE

@@ -11,21 +11,27 @@ from numpy.typing import NDArray
 
 from gpszip.errors import CorruptArchiveError
 from gpszip.graph.road_graph import RoadGraph
-from gpszip.graph.route import JUMP, STAY, Route, arcs_along, arcs_between
-from gpszip.graph.trees import arcs_of, search_on
+from gpszip.graph.route import GAP, STOP, Route, find_arcs, find_route_arcs
+from gpszip.graph.trees import kernel_arcs, new_search_on
 
-__all__ = ["Hop", "Waypoints", "bisect", "expand", "shorten"]
+__all__ = [
+    "Connection",
+    "Waypoints",
+    "expand_waypoints",
+    "find_waypoints",
+    "find_waypoints_by_bisection",
+]
 
 _Knots = tuple[NDArray[np.int64], NDArray[np.bool_]]
 
 
-class Hop(IntEnum):
+class Connection(IntEnum):
     """How a walk gets from one waypoint to the next."""
 
     PATH = 0  #: along the canonical shortest path
     EDGE = 1  #: over one edge that is not the shortest path between its ends
-    STAY = 2  #: not at all: the same node once more
-    JUMP = 3  #: no travel is claimed
+    STOP = 2  #: not at all: the same node once more
+    GAP = 3  #: no travel is claimed
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,21 +42,21 @@ class Waypoints:
     ----------
     nodes : int32 array, shape (w,)
         Nodes of the map; none for an empty walk.
-    hops : uint8 array, shape (w - 1,)
-        A :class:`Hop` for each two waypoints.
-    choices : int32 array, shape (w - 1,)
+    connections : uint8 array, shape (w - 1,)
+        A :class:`Connection` for each two waypoints.
+    parallel_indices : int32 array, shape (w - 1,)
         For an EDGE which of the parallel ones it is, counted from 0 in order of their index; otherwise 0.
     """
 
     nodes: NDArray[np.int32]
-    hops: NDArray[np.uint8]
-    choices: NDArray[np.int32]
+    connections: NDArray[np.uint8]
+    parallel_indices: NDArray[np.int32]
 
     def __len__(self) -> int:
         return len(self.nodes)
 
 
-def shorten(graph: RoadGraph, route: Route, *, breadth: int | None = None) -> Waypoints:
+def find_waypoints(graph: RoadGraph, route: Route, *, breadth: int | None = None) -> Waypoints:
     """Compress a walk to the smallest number of waypoints.
 
     Every part of a canonical path is canonical, so that taking the longest prefix each time can't be beaten (theory,
@@ -65,7 +71,7 @@ def shorten(graph: RoadGraph, route: Route, *, breadth: int | None = None) -> Wa
         The walk; may stay, jump, turn round, and take the longer of parallel edges.
     breadth : int, optional
         A path may end at one of this many nodes nearest to its start, or one as far as the last of them, at least 1. The
-        same number given to :func:`expand` bounds the time to decompress; by default all nodes count. The price is a few
+        same number given to :func:`expand_waypoints` bounds the time to decompress; by default all nodes count. The price is a few
         waypoints more than the smallest number.
 
     Raises
@@ -75,40 +81,44 @@ def shorten(graph: RoadGraph, route: Route, *, breadth: int | None = None) -> Wa
 
     Examples
     --------
-    >>> from gpszip.graph.road_graph import road_graph
-    >>> from gpszip.graph.route import route_along
-    >>> graph = road_graph([[0, 0], [1, 0], [2, 0], [3, 0]], [[0, 1], [1, 2], [2, 3]])
-    >>> shorten(graph, route_along(graph, [0, 1, 2, 3, 3, 2, 1])).nodes.tolist()
+    >>> from gpszip.graph.road_graph import build_road_graph
+    >>> from gpszip.graph.route import build_route
+    >>> graph = build_road_graph([[0, 0], [1, 0], [2, 0], [3, 0]], [[0, 1], [1, 2], [2, 3]])
+    >>> find_waypoints(graph, build_route(graph, [0, 1, 2, 3, 3, 2, 1])).nodes.tolist()
     [0, 3, 3, 1]
     """
-    from gpszip.graph.kernels.shortest_paths import greedy_knots
+    from gpszip.graph.kernels.shortest_paths import find_waypoints_greedily
 
-    return _compress(graph, route, greedy_knots, breadth)
+    return _compress(graph, route, find_waypoints_greedily, breadth)
 
 
-def bisect(graph: RoadGraph, route: Route, *, breadth: int | None = None) -> Waypoints:
+def find_waypoints_by_bisection(
+    graph: RoadGraph, route: Route, *, breadth: int | None = None
+) -> Waypoints:
     """Compress a walk by recursive halving, as Traj_compress does (algorithm 6).
 
     Two misprints are mended: as printed the halves are matched and not compressed, which leaves all below the first
     level as it was; and they share no node, which forces the edge between them to be a shortest path. Here each half
     is compressed in turn and both keep the middle node.
 
-    Takes and raises what :func:`shorten` does, which never needs more waypoints and often half as many.
+    Takes and raises what :func:`find_waypoints` does, which never needs more waypoints and often half as many.
 
     Examples
     --------
-    >>> from gpszip.graph.road_graph import road_graph
-    >>> from gpszip.graph.route import route_along
-    >>> graph = road_graph([[0, 0], [1, 0], [2, 0], [3, 0]], [[0, 1], [1, 2], [2, 3]])
-    >>> bisect(graph, route_along(graph, [0, 1, 2, 3, 2])).nodes.tolist()
+    >>> from gpszip.graph.road_graph import build_road_graph
+    >>> from gpszip.graph.route import build_route
+    >>> graph = build_road_graph([[0, 0], [1, 0], [2, 0], [3, 0]], [[0, 1], [1, 2], [2, 3]])
+    >>> find_waypoints_by_bisection(graph, build_route(graph, [0, 1, 2, 3, 2])).nodes.tolist()
     [0, 2, 3, 2]
     """
-    from gpszip.graph.kernels.shortest_paths import bisected_knots
+    from gpszip.graph.kernels.shortest_paths import find_waypoints_by_bisection
 
-    return _compress(graph, route, bisected_knots, breadth)
+    return _compress(graph, route, find_waypoints_by_bisection, breadth)
 
 
-def expand(graph: RoadGraph, waypoints: Waypoints, limit: int, *, breadth: int | None = None) -> Route:
+def expand_waypoints(
+    graph: RoadGraph, waypoints: Waypoints, limit: int, *, breadth: int | None = None
+) -> Route:
     """Decompress a walk: the canonical shortest paths between the waypoints, joined (thesis, section 7.2).
 
     Parameters
@@ -116,7 +126,7 @@ def expand(graph: RoadGraph, waypoints: Waypoints, limit: int, *, breadth: int |
     graph : RoadGraph
         The map that the walk was compressed against.
     waypoints : Waypoints
-        What :func:`shorten` or :func:`bisect` made of it.
+        What :func:`find_waypoints` or :func:`find_waypoints_by_bisection` made of it.
     limit : int
         Number of hops that the walk may have at most; bounds the memory that forged waypoints can take.
     breadth : int, optional
@@ -129,61 +139,75 @@ def expand(graph: RoadGraph, waypoints: Waypoints, limit: int, *, breadth: int |
 
     Examples
     --------
-    >>> from gpszip.graph.road_graph import road_graph
-    >>> from gpszip.graph.route import route_along
-    >>> graph = road_graph([[0, 0], [1, 0], [2, 0], [3, 0]], [[0, 1], [1, 2], [2, 3]])
-    >>> expand(graph, shorten(graph, route_along(graph, [0, 1, 2, 3, 3, 2, 1])), 6).nodes.tolist()
+    >>> from gpszip.graph.road_graph import build_road_graph
+    >>> from gpszip.graph.route import build_route
+    >>> graph = build_road_graph([[0, 0], [1, 0], [2, 0], [3, 0]], [[0, 1], [1, 2], [2, 3]])
+    >>> expand_waypoints(graph, find_waypoints(graph, build_route(graph, [0, 1, 2, 3, 3, 2, 1])), 6).nodes.tolist()
     [0, 1, 2, 3, 3, 2, 1]
     """
-    from gpszip.graph.kernels.shortest_paths import NO_PATH, TOO_LONG, join_waypoints
+    from gpszip.graph.kernels.shortest_paths import NO_PATH, TOO_LONG, expand_waypoints
 
     _check(graph, waypoints)
     if not len(waypoints):
         return Route(np.zeros(0, np.int32), np.zeros(0, np.int32))
     nodes, edges = np.zeros(limit + 1, np.int32), np.zeros(limit, np.int32)
-    search = search_on(graph, breadth)
-    last, waypoint = join_waypoints(arcs_of(graph), search, waypoints.nodes, _literals(graph, waypoints), nodes, edges)
+    search = new_search_on(graph, breadth)
+    last, waypoint = expand_waypoints(
+        kernel_arcs(graph), search, waypoints.nodes, _literals(graph, waypoints), nodes, edges
+    )
     if last == NO_PATH:
         raise CorruptArchiveError(f"no path leads to waypoint {waypoint}")
     if last == TOO_LONG:
-        raise CorruptArchiveError(f"at waypoint {waypoint} the walk has more than the {limit} hops that it may have")
+        raise CorruptArchiveError(
+            f"at waypoint {waypoint} the walk has more than the {limit} hops that it may have"
+        )
     return Route(nodes[: last + 1], edges[:last])
 
 
-def _compress(graph: RoadGraph, route: Route, rule: Callable[..., _Knots], breadth: int | None) -> Waypoints:
+def _compress(
+    graph: RoadGraph, route: Route, rule: Callable[..., _Knots], breadth: int | None
+) -> Waypoints:
     if len(route.nodes) == 0:
         return Waypoints(np.zeros(0, np.int32), np.zeros(0, np.uint8), np.zeros(0, np.int32))
-    arcs = arcs_along(graph, route)
-    knots, paths = rule(arcs_of(graph), search_on(graph, breadth), route.nodes, route.edges)
+    arcs = find_route_arcs(graph, route)
+    knots, paths = rule(kernel_arcs(graph), new_search_on(graph, breadth), route.nodes, route.edges)
     edges = route.edges[knots[:-1]]
-    hops = np.select([paths, edges == STAY, edges == JUMP], [Hop.PATH, Hop.STAY, Hop.JUMP], Hop.EDGE).astype(np.uint8)
-    choices = np.zeros(len(hops), np.int32)
-    direct = np.flatnonzero(hops == Hop.EDGE)
-    first, _ = arcs_between(graph, route.nodes[knots[direct]], route.nodes[knots[direct] + 1])
-    choices[direct] = arcs[knots[direct]] - first
-    return Waypoints(route.nodes[knots], hops, choices)
+    connections = np.select(
+        [paths, edges == STOP, edges == GAP],
+        [Connection.PATH, Connection.STOP, Connection.GAP],
+        Connection.EDGE,
+    ).astype(np.uint8)
+    parallel_indices = np.zeros(len(connections), np.int32)
+    direct = np.flatnonzero(connections == Connection.EDGE)
+    first, _ = find_arcs(graph, route.nodes[knots[direct]], route.nodes[knots[direct] + 1])
+    parallel_indices[direct] = arcs[knots[direct]] - first
+    return Waypoints(route.nodes[knots], connections, parallel_indices)
 
 
 def _check(graph: RoadGraph, waypoints: Waypoints) -> None:
-    nodes, hops = waypoints.nodes, waypoints.hops
-    if len(hops) != max(len(nodes) - 1, 0) or len(waypoints.choices) != len(hops):
-        raise CorruptArchiveError(f"{len(nodes)} waypoints can't have {len(hops)} hops and {len(waypoints.choices)} choices")
+    nodes, connections = waypoints.nodes, waypoints.connections
+    if len(connections) != max(len(nodes) - 1, 0) or len(waypoints.parallel_indices) != len(
+        connections
+    ):
+        raise CorruptArchiveError(
+            f"{len(nodes)} waypoints can't have {len(connections)} hops and {len(waypoints.parallel_indices)} choices"
+        )
     if len(nodes) and (nodes.min() < 0 or nodes.max() >= len(graph)):
         raise CorruptArchiveError(f"a waypoint is none of the {len(graph)} nodes of the map")
-    if len(hops) and hops.max() > max(Hop):
-        raise CorruptArchiveError(f"no hop is of kind {hops.max()}")
-    if ((hops == Hop.STAY) & (nodes[1:] != nodes[:-1])).any():
+    if len(connections) and connections.max() > max(Connection):
+        raise CorruptArchiveError(f"no hop is of kind {connections.max()}")
+    if ((connections == Connection.STOP) & (nodes[1:] != nodes[:-1])).any():
         raise CorruptArchiveError("a walk that stays moves to another node")
 
 
 def _literals(graph: RoadGraph, waypoints: Waypoints) -> NDArray[np.int32]:
     from gpszip.graph.kernels.shortest_paths import NO_PATH
 
-    literals = np.array([NO_PATH, 0, STAY, JUMP], dtype=np.int32)[waypoints.hops]
-    direct = np.flatnonzero(waypoints.hops == Hop.EDGE)
-    first, count = arcs_between(graph, waypoints.nodes[direct], waypoints.nodes[direct + 1])
-    choices = waypoints.choices[direct]
-    if ((choices < 0) | (choices >= count)).any():
+    literals = np.array([NO_PATH, 0, STOP, GAP], dtype=np.int32)[waypoints.connections]
+    direct = np.flatnonzero(waypoints.connections == Connection.EDGE)
+    first, count = find_arcs(graph, waypoints.nodes[direct], waypoints.nodes[direct + 1])
+    parallel_indices = waypoints.parallel_indices[direct]
+    if ((parallel_indices < 0) | (parallel_indices >= count)).any():
         raise CorruptArchiveError("a walk takes an edge that is not on the map")
-    literals[direct] = graph.edges[first + choices]
+    literals[direct] = graph.edges[first + parallel_indices]
     return literals

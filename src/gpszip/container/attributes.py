@@ -10,11 +10,26 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.container.columns import BITS, BYTES_PER_BYTE, FREE_BYTES, INTEGERS, TEXT, Column, column_of, write_column
+from gpszip.container.columns import (
+    BITS,
+    BYTES_PER_BYTE,
+    FREE_BYTES,
+    INTEGERS,
+    TEXT,
+    Column,
+    as_column,
+    write_column,
+)
 from gpszip.container.expansion import inflate, unpack_lzma
-from gpszip.container.layout import Cursor, varint
+from gpszip.container.layout import Cursor, encode_varint
 
-__all__ = ["Kept", "attributes_body", "kept_names", "read_attributes", "write_attributes"]
+__all__ = [
+    "KeptColumns",
+    "encode_attributes",
+    "read_attributes",
+    "read_column_names",
+    "write_attributes",
+]
 
 #: An archive's kept columns hold at most so many values, and so many more for each byte of theirs.
 _FREE_VALUES, _VALUES_PER_BYTE = 1 << 20, 1 << 12
@@ -24,7 +39,7 @@ _Values = NDArray[np.generic]
 
 
 @dataclass(frozen=True, eq=False)
-class Kept:
+class KeptColumns:
     """Instants and columns of all tracks, one after the other.
 
     Parameters
@@ -47,7 +62,7 @@ class Kept:
         return slice(first, first + self.counts[track])
 
 
-def attributes_body(kept: Kept) -> bytes:
+def encode_attributes(kept: KeptColumns) -> bytes:
     """Body of the section.
 
     Raises
@@ -57,18 +72,20 @@ def attributes_body(kept: Kept) -> bytes:
 
     Examples
     --------
-    >>> kept = Kept((3,), np.array([0.0, 1.0, 2.5]), {"note": np.array(["a", "b", "a"])})
-    >>> back = read_attributes(attributes_body(kept), 1)
+    >>> kept = KeptColumns((3,), np.array([0.0, 1.0, 2.5]), {"note": np.array(["a", "b", "a"])})
+    >>> back = read_attributes(encode_attributes(kept), 1)
     >>> back.times.tolist(), back.columns["note"].tolist()
     ([0.0, 1.0, 2.5], ['a', 'b', 'a'])
     """
     sink = io.BytesIO()
-    columns = {name: column_of(name, values) for name, values in kept.columns.items()}
-    write_attributes(kept.counts, column_of("t", kept.times), columns, sink)
+    columns = {name: as_column(name, values) for name, values in kept.columns.items()}
+    write_attributes(kept.counts, as_column("t", kept.times), columns, sink)
     return sink.getvalue()
 
 
-def write_attributes(counts: Sequence[int], times: Column, columns: Mapping[str, Column], sink: BinaryIO) -> None:
+def write_attributes(
+    counts: Sequence[int], times: Column, columns: Mapping[str, Column], sink: BinaryIO
+) -> None:
     """Write the body of the section for columns of any length.
 
     Parameters
@@ -83,20 +100,24 @@ def write_attributes(counts: Sequence[int], times: Column, columns: Mapping[str,
         Where to; only written to, from its start on.
     """
     names = [name.encode() for name in columns]
-    sink.write(b"".join(map(varint, counts)) + varint(len(names)) + b"".join(varint(len(name)) + name for name in names))
+    sink.write(
+        b"".join(map(encode_varint, counts))
+        + encode_varint(len(names))
+        + b"".join(encode_varint(len(name)) + name for name in names)
+    )
     for column in (times, *columns.values()):
         write_column(column, sink)
     values = sum(counts) * (1 + len(columns))
     sink.write(bytes(max(0, -(-(values - _FREE_VALUES) // _VALUES_PER_BYTE) - sink.tell())))
 
 
-def kept_names(body: bytes, tracks: int) -> tuple[str, ...]:
+def read_column_names(body: bytes, tracks: int) -> tuple[str, ...]:
     """Names of the columns, without expanding any of them."""
     return _read_head(Cursor(body), tracks)[1]
 
 
-def read_attributes(body: bytes, tracks: int) -> Kept:
-    """Undo :func:`attributes_body`.
+def read_attributes(body: bytes, tracks: int) -> KeptColumns:
+    """Undo :func:`encode_attributes`.
 
     Parameters
     ----------
@@ -114,26 +135,31 @@ def read_attributes(body: bytes, tracks: int) -> Kept:
     counts, names = _read_head(cursor, tracks)
     total = sum(counts)
     if total * (1 + len(names)) > _FREE_VALUES + _VALUES_PER_BYTE * len(body):
-        raise cursor.fail(f"{1 + len(names)} columns of {total} samples can't lie in {len(body)} bytes")
+        raise cursor.error(
+            f"{1 + len(names)} columns of {total} samples can't lie in {len(body)} bytes"
+        )
     times = _read_column(cursor, total)
     if not _increase(times, counts):
-        raise cursor.fail("kept times of samples go back, or are none")
+        raise cursor.error("kept times of samples go back, or are none")
     columns = {name: _read_column(cursor, total) for name in names}
-    if cursor.rest().strip(b"\0"):
-        raise cursor.fail("bytes after the end of the kept columns")
-    return Kept(counts, times.astype(np.float64), columns)
+    if cursor.read_rest().strip(b"\0"):
+        raise cursor.error("bytes after the end of the kept columns")
+    return KeptColumns(counts, times.astype(np.float64), columns)
 
 
 def _read_head(cursor: Cursor, tracks: int) -> tuple[tuple[int, ...], tuple[str, ...]]:
-    if tracks > cursor.left:
-        raise cursor.fail(f"numbers of samples of {tracks} tracks in {cursor.left} bytes")
-    counts = tuple(cursor.varint("a number of samples") for _ in range(tracks))
-    count = cursor.varint("the number of columns")
-    if count > cursor.left:
-        raise cursor.fail(f"{count} columns in {cursor.left} bytes")
-    names = tuple(_read_text(cursor, cursor.take(cursor.varint("a name's length"), "a name")) for _ in range(count))
+    if tracks > cursor.remaining:
+        raise cursor.error(f"numbers of samples of {tracks} tracks in {cursor.remaining} bytes")
+    counts = tuple(cursor.read_varint("a number of samples") for _ in range(tracks))
+    count = cursor.read_varint("the number of columns")
+    if count > cursor.remaining:
+        raise cursor.error(f"{count} columns in {cursor.remaining} bytes")
+    names = tuple(
+        _read_text(cursor, cursor.read_bytes(cursor.read_varint("a name's length"), "a name"))
+        for _ in range(count)
+    )
     if len(set(names)) < count:
-        raise cursor.fail("two columns of one name")
+        raise cursor.error("two columns of one name")
     return counts, names
 
 
@@ -148,29 +174,34 @@ def _increase(times: _Values, counts: Sequence[int]) -> bool:
 
 def _read_packed(cursor: Cursor, size: int) -> bytes:
     """Read a packed block that expands to ``size`` bytes."""
-    tag = cursor.varint("the length of a block")
-    data = cursor.take(tag >> 2, "a block")
+    tag = cursor.read_varint("the length of a block")
+    data = cursor.read_bytes(tag >> 2, "a block")
     packing = tag & 3
     if packing > 2 or (packing and size > FREE_BYTES + BYTES_PER_BYTE * len(data)):
-        raise cursor.fail(f"a block of packing {packing} and {len(data)} bytes can't hold {size}")
+        raise cursor.error(f"a block of packing {packing} and {len(data)} bytes can't hold {size}")
     if packing:
-        data = (inflate if packing == 1 else unpack_lzma)(data, size, cursor.base + cursor.at)
+        data = (inflate if packing == 1 else unpack_lzma)(data, size, cursor.base + cursor.offset)
     if len(data) != size:
-        raise cursor.fail(f"a block holds {len(data)} bytes, not {size}")
+        raise cursor.error(f"a block holds {len(data)} bytes, not {size}")
     return data
 
 
 def _read_column(cursor: Cursor, count: int) -> _Values:
-    byte = cursor.byte("a column's kind")
+    byte = cursor.read_byte("a column's kind")
     kind, order, holes = byte & 15, byte >> 4 & 3, byte >> 6
     if kind > TEXT or order > 2 or holes > 1 or (holes and not INTEGERS < kind < BITS):
-        raise cursor.fail(f"no column is of kind {byte}")
-    empty = np.unpackbits(np.frombuffer(_read_packed(cursor, -(-count // 8)), np.uint8), count=count) == 1 if holes else None
+        raise cursor.error(f"no column is of kind {byte}")
+    empty = (
+        np.unpackbits(np.frombuffer(_read_packed(cursor, -(-count // 8)), np.uint8), count=count)
+        == 1
+        if holes
+        else None
+    )
     texts = _read_texts(cursor) if kind == TEXT else []
     values = _read_numbers(cursor, count, order)
     if kind == TEXT:
         if count and not (values.min() >= 0 and values.max() < len(texts)):
-            raise cursor.fail(f"a row holds none of the {len(texts)} texts")
+            raise cursor.error(f"a row holds none of the {len(texts)} texts")
         return np.array(texts, dtype=object)[values] if texts else np.zeros(0, dtype=object)
     if kind == INTEGERS:
         return values
@@ -183,12 +214,18 @@ def _read_column(cursor: Cursor, count: int) -> _Values:
 
 
 def _read_texts(cursor: Cursor) -> list[str]:
-    count, size = cursor.varint("the number of texts"), cursor.varint("the size of the texts")
+    count, size = (
+        cursor.read_varint("the number of texts"),
+        cursor.read_varint("the size of the texts"),
+    )
     if count > size:
-        raise cursor.fail(f"{count} texts in {size} bytes")
+        raise cursor.error(f"{count} texts in {size} bytes")
     inside = Cursor(_read_packed(cursor, size))
-    found = [_read_text(cursor, inside.take(inside.varint("a text's length"), "a text")) for _ in range(count)]
-    inside.finish("the texts")
+    found = [
+        _read_text(cursor, inside.read_bytes(inside.read_varint("a text's length"), "a text"))
+        for _ in range(count)
+    ]
+    inside.expect_end("the texts")
     return found
 
 
@@ -196,15 +233,15 @@ def _read_text(cursor: Cursor, raw: bytes) -> str:
     try:
         return raw.decode()
     except UnicodeDecodeError:
-        raise cursor.fail("a text is not UTF-8") from None
+        raise cursor.error("a text is not UTF-8") from None
 
 
 def _read_numbers(cursor: Cursor, count: int, order: int) -> _Ints:
-    starts = [cursor.signed("a first value") for _ in range(order)]
-    width = cursor.byte("the width of numbers")
+    starts = [cursor.read_signed("a first value") for _ in range(order)]
+    width = cursor.read_byte("the width of numbers")
     left = max(count - order, 0)
     if width > 8:
-        raise cursor.fail(f"numbers of {width} bytes")
+        raise cursor.error(f"numbers of {width} bytes")
     planes = np.frombuffer(_read_packed(cursor, width * left), np.uint8).reshape(width, left)
     spread = np.zeros((left, 8), np.uint8)
     spread[:, :width] = planes.T

@@ -7,16 +7,31 @@ from bisect import bisect_right
 from dataclasses import dataclass, replace
 from typing import BinaryIO
 
-from gpszip.container.contents import Contents, Group, MapReference, complaint
+from gpszip.container.contents import Contents, Group, MapReference, find_contradiction
 from gpszip.container.expansion import unpack_bz2
-from gpszip.container.group_index import Entry, read_end, read_group, read_index
-from gpszip.container.layout import END_BYTES, HEAD_BYTES, Cursor, Form, Head, Kind, read_head
+from gpszip.container.group_index import IndexEntry, read_end_mark, read_group, read_index
+from gpszip.container.layout import (
+    END_BYTES,
+    HEAD_BYTES,
+    Cursor,
+    Form,
+    Head,
+    SectionKind,
+    read_head,
+)
 from gpszip.container.names import read_names
-from gpszip.container.reader import Piece, finished, from_bytes, layer_limit, opening, read_piece
+from gpszip.container.reader import (
+    StoredSection,
+    from_bytes,
+    layer_limit,
+    read_fully,
+    read_opening,
+    read_section,
+)
 from gpszip.errors import CorruptArchiveError
-from gpszip.model.frame import Frame
+from gpszip.model.grid import QuantisationGrid
 
-__all__ = ["Catalog", "group_of", "groups_between", "open_catalog", "read_entry"]
+__all__ = ["Catalog", "find_group", "find_groups", "open_catalog", "read_catalog_group"]
 
 
 @dataclass(frozen=True)
@@ -25,7 +40,7 @@ class Catalog:
 
     Parameters
     ----------
-    frame : Frame or None
+    grid : Frame or None
         Where positions and times lie; None where a map kept elsewhere tells.
     ids : tuple of str or None
         Names of all tracks; None for one track that is called as the first of the map kept elsewhere.
@@ -41,10 +56,10 @@ class Catalog:
         Everything, in an archive of a single group, which has no index.
     """
 
-    frame: Frame | None
+    grid: QuantisationGrid | None
     ids: tuple[str, ...] | None
     map: MapReference | None
-    entries: tuple[Entry, ...]
+    entries: tuple[IndexEntry, ...]
     layered: bool
     size: int
     whole: Contents | None = None
@@ -76,12 +91,14 @@ def open_catalog(file: BinaryIO) -> Catalog:
         index_offset = _index_offset(file, size)
     if not index_offset:
         contents = from_bytes(_read(file, 0, size))
-        return Catalog(contents.frame, contents.ids, contents.map, (), bool(contents.layer), size, contents)
+        return Catalog(
+            contents.grid, contents.ids, contents.map, (), bool(contents.layer), size, contents
+        )
     entries = _entries(file, index_offset, size - END_BYTES)
     return _opened(_opening(file, entries[0].offset), entries, head, size)
 
 
-def read_entry(file: BinaryIO, catalog: Catalog, number: int) -> Group:
+def read_catalog_group(file: BinaryIO, catalog: Catalog, number: int) -> Group:
     """Read one group.
 
     Parameters
@@ -91,7 +108,7 @@ def read_entry(file: BinaryIO, catalog: Catalog, number: int) -> Group:
     catalog : Catalog
         What :func:`open_catalog` returned.
     number : int
-        Which group, see :func:`group_of` and :func:`groups_between`.
+        Which group, see :func:`find_group` and :func:`find_groups`.
 
     Raises
     ------
@@ -101,16 +118,20 @@ def read_entry(file: BinaryIO, catalog: Catalog, number: int) -> Group:
     if catalog.whole is not None:
         return catalog.whole.groups[number]
     line = catalog.entries[number]
-    piece = _lone_piece(file, line.offset, line.offset + line.size, Kind.WALKS)
+    piece = _lone_piece(file, line.offset, line.offset + line.size, SectionKind.WALKS)
     group = read_group(piece.cursor())
-    if (group.first_track, group.tracks, group.span) != (line.first_track, line.tracks, line.span):
+    if (group.first_track, group.tracks, group.time_range) != (
+        line.first_track,
+        line.tracks,
+        line.time_range,
+    ):
         raise CorruptArchiveError("the index and the group differ", line.offset)
     if not catalog.layered:
         return group
     return replace(group, payload=unpack_bz2(group.payload, layer_limit(catalog.size), line.offset))
 
 
-def group_of(catalog: Catalog, track: int) -> int:
+def find_group(catalog: Catalog, track: int) -> int:
     """Number of the group that holds a track, given the track's place in ``catalog.ids``."""
     count = 1 if catalog.ids is None else len(catalog.ids)
     if not 0 <= track < count:
@@ -118,12 +139,14 @@ def group_of(catalog: Catalog, track: int) -> int:
     return max(bisect_right([line.first_track for line in catalog.entries], track) - 1, 0)
 
 
-def groups_between(catalog: Catalog, first: int, last: int) -> tuple[int, ...]:
+def find_groups(catalog: Catalog, first: int, last: int) -> tuple[int, ...]:
     """Numbers of the groups that may have knots in the time cells ``first`` to ``last``; those that tell no span may."""
     if catalog.whole is not None:
         return (0,)
-    spans = enumerate(line.span for line in catalog.entries)
-    return tuple(number for number, span in spans if span is None or (span[0] <= last and first <= span[1]))
+    spans = enumerate(line.time_range for line in catalog.entries)
+    return tuple(
+        number for number, span in spans if span is None or (span[0] <= last and first <= span[1])
+    )
 
 
 def _read(file: BinaryIO, start: int, stop: int) -> bytes:
@@ -134,12 +157,14 @@ def _read(file: BinaryIO, start: int, stop: int) -> bytes:
     return data
 
 
-def _lone_piece(file: BinaryIO, start: int, stop: int, kind: Kind) -> Piece:
+def _lone_piece(file: BinaryIO, start: int, stop: int, kind: SectionKind) -> StoredSection:
     cursor = Cursor(_read(file, start, stop), base=start)
-    piece = read_piece(cursor)
-    cursor.finish(f"the section {kind.name.lower()}")
+    piece = read_section(cursor)
+    cursor.expect_end(f"the section {kind.name.lower()}")
     if piece.kind != kind:
-        raise CorruptArchiveError(f"a section of kind {piece.kind} where {kind.name.lower()} belongs", start)
+        raise CorruptArchiveError(
+            f"a section of kind {piece.kind} where {kind.name.lower()} belongs", start
+        )
     return piece
 
 
@@ -147,37 +172,41 @@ def _index_offset(file: BinaryIO, size: int) -> int:
     start = size - END_BYTES
     if start < HEAD_BYTES:
         raise CorruptArchiveError("the archive ends within its head", size)
-    offset, _ = read_end(_lone_piece(file, start, size, Kind.END).cursor())
+    offset, _ = read_end_mark(_lone_piece(file, start, size, SectionKind.END).cursor())
     if offset and not HEAD_BYTES < offset < start:
         raise CorruptArchiveError(f"the index is said to lie at byte {offset}", start)
     return offset
 
 
-def _entries(file: BinaryIO, start: int, stop: int) -> tuple[Entry, ...]:
-    entries = finished(_lone_piece(file, start, stop, Kind.INDEX), read_index)
+def _entries(file: BinaryIO, start: int, stop: int) -> tuple[IndexEntry, ...]:
+    entries = read_fully(_lone_piece(file, start, stop, SectionKind.INDEX), read_index)
     end = HEAD_BYTES
     for line in entries:
         if line.offset < end or line.offset + line.size > start:
-            raise CorruptArchiveError(f"the index says that a group lies at byte {line.offset}", start)
+            raise CorruptArchiveError(
+                f"the index says that a group lies at byte {line.offset}", start
+            )
         end = line.offset + line.size
     if not entries:
         raise CorruptArchiveError("an index of no groups", start)
     return entries
 
 
-def _opening(file: BinaryIO, stop: int) -> list[Piece]:
+def _opening(file: BinaryIO, stop: int) -> list[StoredSection]:
     cursor = Cursor(_read(file, HEAD_BYTES, stop), base=HEAD_BYTES)
-    found: list[Piece] = []
-    while cursor.left:
-        found.append(read_piece(cursor))
+    found: list[StoredSection] = []
+    while cursor.remaining:
+        found.append(read_section(cursor))
     return found
 
 
-def _opened(found: list[Piece], entries: tuple[Entry, ...], head: Head, size: int) -> Catalog:
-    frame, reference, *_ = opening(found, head.version)
-    ids = finished(found[1], lambda cursor: read_names(cursor, size))
-    groups = tuple(Group(line.first_track, line.tracks, b"", line.span) for line in entries)
-    wrong = complaint(Contents(frame, ids, groups, reference))
+def _opened(
+    found: list[StoredSection], entries: tuple[IndexEntry, ...], head: Head, size: int
+) -> Catalog:
+    grid, reference, *_ = read_opening(found, head.version)
+    ids = read_fully(found[1], lambda cursor: read_names(cursor, size))
+    groups = tuple(Group(line.first_track, line.tracks, b"", line.time_range) for line in entries)
+    wrong = find_contradiction(Contents(grid, ids, groups, reference))
     if wrong:
         raise CorruptArchiveError(wrong, HEAD_BYTES)
-    return Catalog(frame, ids, reference, entries, bool(head.high), size)
+    return Catalog(grid, ids, reference, entries, bool(head.high), size)

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.container.expansion import LARGE, deflate, deflater, lzma_packer, pack_lzma
-from gpszip.container.layout import signed, varint
+from gpszip.container.layout import encode_signed, encode_varint
 from gpszip.errors import OptionError
 
 __all__ = [
-    "BITS", "BYTES_PER_BYTE", "FREE_BYTES", "INTEGERS", "TEXT", "Column", "Values", "column_of", "write_column",
+    "BITS", "BYTES_PER_BYTE", "FREE_BYTES", "INTEGERS", "TEXT", "Column", "Values", "as_column", "write_column",
 ]  # fmt: skip
 
 #: A packed block expands to at most so many bytes, and so many more for each of its own.
@@ -69,7 +69,7 @@ class _Held:
             yield self.values[first : first + _CHUNK]
 
 
-def column_of(name: str, values: Values) -> Column:
+def as_column(name: str, values: Values) -> Column:
     """Return an array as a column.
 
     Raises
@@ -78,11 +78,16 @@ def column_of(name: str, values: Values) -> Column:
         If it holds what can't be kept.
     """
     if values.dtype.kind in "SUO":
-        texts, codes = np.unique(np.array([_text(name, value) for value in values.tolist()], dtype=object), return_inverse=True)
+        texts, codes = np.unique(
+            np.array([_text(name, value) for value in values.tolist()], dtype=object),
+            return_inverse=True,
+        )
         return _Held("U", codes.reshape(-1).astype(np.int64), tuple(texts.tolist()))
     if values.dtype.kind in "biu":
         if len(values) and int(values.max()) >= 1 << 63:
-            raise OptionError(f"column {name!r} holds {values.max()}, which is too large to be kept")
+            raise OptionError(
+                f"column {name!r} holds {values.max()}, which is too large to be kept"
+            )
         return _Held("i", values.astype(np.int64))
     if values.dtype.kind != "f":
         raise OptionError(f"column {name!r} holds {values.dtype}; numbers and texts can be kept")
@@ -93,7 +98,9 @@ def _text(name: str, value: object) -> str:
     if value is None:
         return ""
     if not isinstance(value, str):
-        raise OptionError(f"column {name!r} holds {value!r} among texts; numbers or texts can be kept, but not both")
+        raise OptionError(
+            f"column {name!r} holds {value!r} among texts; numbers or texts can be kept, but not both"
+        )
     return value
 
 
@@ -109,8 +116,8 @@ def write_column(column: Column, sink: BinaryIO) -> None:
 
 def _pack_texts(texts: tuple[str, ...], sink: BinaryIO) -> None:
     raw = [text.encode() for text in texts]
-    joined = b"".join(varint(len(text)) + text for text in raw)
-    sink.write(varint(len(raw)) + varint(len(joined)))
+    joined = b"".join(encode_varint(len(text)) + text for text in raw)
+    sink.write(encode_varint(len(raw)) + encode_varint(len(joined)))
     _pack(joined, sink)
 
 
@@ -122,9 +129,19 @@ def _whole(column: Column) -> Iterator[_Ints]:
 def _write_floats(column: Column, sink: BinaryIO) -> None:
     digits, holes = _decimals(column)
     if digits is None:
-        _write_numbers(BITS, lambda: (values.astype(np.float64).view(np.int64) for values in column.chunks()), sink)
+        _write_numbers(
+            BITS,
+            lambda: (values.astype(np.float64).view(np.int64) for values in column.chunks()),
+            sink,
+        )
         return
-    _write_numbers(1 + digits, lambda: _scaled(column, digits), sink, (lambda: _pack_holes(column, sink)) if holes else None, holes=holes)
+    _write_numbers(
+        1 + digits,
+        lambda: _scaled(column, digits),
+        sink,
+        (lambda: _pack_holes(column, sink)) if holes else None,
+        holes=holes,
+    )
 
 
 def _decimals(column: Column) -> tuple[int | None, bool]:
@@ -133,7 +150,11 @@ def _decimals(column: Column) -> tuple[int | None, bool]:
     for values in column.chunks():
         known = values[~np.isnan(values)].astype(np.float64)
         holes |= len(known) < len(values)
-        left = [digits for digits in left if _gives_back(known, digits)] if (np.abs(known) < _EXACT).all() else []
+        left = (
+            [digits for digits in left if _gives_back(known, digits)]
+            if (np.abs(known) < _EXACT).all()
+            else []
+        )
         if not left:
             return None, holes
     return left[0], holes
@@ -153,7 +174,9 @@ def _scaled(column: Column, digits: int) -> Iterator[_Ints]:
         whole = np.zeros(len(numbers) + 1, np.int64)
         whole[0] = before
         whole[1:][~holes] = np.rint(numbers[~holes] * 10.0**digits).astype(np.int64)
-        filled = whole[np.maximum.accumulate(np.append(0, np.where(holes, 0, np.arange(1, len(whole)))))][1:]
+        filled = whole[
+            np.maximum.accumulate(np.append(0, np.where(holes, 0, np.arange(1, len(whole)))))
+        ][1:]
         before = int(filled[-1])
         yield filled
 
@@ -168,10 +191,20 @@ def _pack_holes(column: Column, sink: BinaryIO) -> None:
     _pack(bytes(bits) + np.packbits(left).tobytes(), sink)
 
 
-def _write_numbers(kind: int, values: _Pieces, sink: BinaryIO, before: Callable[[], object] | None = None, *, holes: bool = False) -> None:
+def _write_numbers(
+    kind: int,
+    values: _Pieces,
+    sink: BinaryIO,
+    before: Callable[[], object] | None = None,
+    *,
+    holes: bool = False,
+) -> None:
     """Write the differences of the order that packs a sample best."""
     sample = _first(values, _SAMPLE)
-    order = min(range(3), key=lambda one: len(zlib.compress(_shuffled(_zigzag(_differences(sample, one)[1])), 1)))
+    order = min(
+        range(3),
+        key=lambda one: len(zlib.compress(_shuffled(_zigzag(_differences(sample, one)[1])), 1)),
+    )
     sink.write(bytes([kind | order << 4 | holes << 6]))
     if before is not None:
         before()
@@ -186,9 +219,11 @@ def _write_numbers(kind: int, values: _Pieces, sink: BinaryIO, before: Callable[
                 yield _zigzag(np.diff(joined, n=order))
 
     width = math.ceil(max((int(some.max()) for some in rest()), default=0).bit_length() / 8)
-    sink.write(b"".join(map(signed, starts)) + bytes([width]))
+    sink.write(b"".join(map(encode_signed, starts)) + bytes([width]))
     size = width * sum(len(some) for some in rest())
-    _pack_stream(size, lambda: (_plane(some, place) for place in range(width) for some in rest()), sink)
+    _pack_stream(
+        size, lambda: (_plane(some, place) for place in range(width) for some in rest()), sink
+    )
 
 
 def _first(values: _Pieces, count: int) -> _Ints:
@@ -228,9 +263,11 @@ def _shuffled(values: NDArray[np.uint64]) -> bytes:
 
 def _pack(data: bytes, sink: BinaryIO) -> None:
     tries = [(0, data), (1, deflate(data)), (2, pack_lzma(data))]
-    allowed = [(number, one) for number, one in tries if not number or _allowed(len(data), len(one))]
+    allowed = [
+        (number, one) for number, one in tries if not number or _allowed(len(data), len(one))
+    ]
     packing, shortest = min(allowed, key=lambda one: len(one[1]))
-    sink.write(varint(4 * len(shortest) + packing) + shortest)
+    sink.write(encode_varint(4 * len(shortest) + packing) + shortest)
 
 
 def _allowed(size: int, packed: int) -> bool:
@@ -254,7 +291,7 @@ def _pack_stream(size: int, pieces: Callable[[], Iterator[bytes]], sink: BinaryI
             if _allowed(size, file.tell()):
                 sizes[number] = file.tell()
         packing = min(sizes, key=sizes.__getitem__)
-        sink.write(varint(4 * sizes[packing] + packing))
+        sink.write(encode_varint(4 * sizes[packing] + packing))
         for piece in pieces() if packing == 0 else _contents(files[packing - 1]):
             sink.write(piece)
 

@@ -9,7 +9,17 @@ from typing import Protocol
 
 from gpszip.errors import CorruptArchiveError
 
-__all__ = ["LARGE", "deflate", "deflater", "inflate", "lzma_packer", "pack_bz2", "pack_lzma", "unpack_bz2", "unpack_lzma"]
+__all__ = [
+    "LARGE",
+    "deflate",
+    "deflater",
+    "inflate",
+    "lzma_packer",
+    "pack_bz2",
+    "pack_lzma",
+    "unpack_bz2",
+    "unpack_lzma",
+]
 
 #: Above so many bytes, LZMA is asked for its usual settings only.
 LARGE = 1 << 20
@@ -64,7 +74,9 @@ def pack_lzma(data: bytes) -> bytes:
     if len(data) > LARGE:
         packer = lzma_packer()
         return packer.compress(data) + packer.flush()
-    return min((lzma.compress(data, format=lzma.FORMAT_RAW, filters=[one]) for one in tries), key=len)
+    return min(
+        (lzma.compress(data, format=lzma.FORMAT_RAW, filters=[one]) for one in tries), key=len
+    )
 
 
 def lzma_packer() -> _Compressor:
@@ -86,7 +98,9 @@ def _whole(unpacker: _Decompressor, data: bytes, limit: int, offset: int) -> byt
     except (OSError, EOFError, ValueError, MemoryError, lzma.LZMAError, zlib.error) as error:
         raise CorruptArchiveError(f"compressed bytes can't be expanded: {error}", offset) from None
     if len(text) + len(more) > limit:
-        raise CorruptArchiveError(f"compressed bytes expand past the limit of {limit} bytes", offset)
+        raise CorruptArchiveError(
+            f"compressed bytes expand past the limit of {limit} bytes", offset
+        )
     if not unpacker.eof or unpacker.unused_data:
         raise CorruptArchiveError("compressed bytes are not one whole stream", offset)
     return text + more

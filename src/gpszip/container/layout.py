@@ -13,22 +13,22 @@ __all__ = [
     "END_BYTES",
     "HEAD_BYTES",
     "MAGIC",
-    "MARKER",
-    "OLDEST",
+    "OLDEST_VERSION",
+    "SECTION_MARKER",
     "SMALL_LIMIT",
     "VERSION",
     "Cursor",
     "Form",
     "Head",
-    "Kind",
+    "SectionKind",
     "checksum",
-    "head_bytes",
+    "encode_head",
+    "encode_section",
+    "encode_signed",
+    "encode_varint",
+    "max_sections",
+    "max_tracks",
     "read_head",
-    "section_bytes",
-    "section_limit",
-    "signed",
-    "track_limit",
-    "varint",
 ]
 
 #: First bytes of every archive. The first is no start of a character in UTF-8, so no text file begins like this.
@@ -38,7 +38,7 @@ MAGIC = b"\xa7Z"
 VERSION = 3
 
 #: The oldest version that it reads: walks without the ends of their pieces.
-OLDEST = 2
+OLDEST_VERSION = 2
 
 #: Magic, then one byte of version and form.
 HEAD_BYTES = 3
@@ -47,7 +47,7 @@ HEAD_BYTES = 3
 CHECKSUM_BYTES = 4
 
 #: What every section of a large archive begins with, so that a reader finds the next whole one in a torn file.
-MARKER = b"\xa7SEC"
+SECTION_MARKER = b"\xa7SEC"
 
 #: Bytes of the end mark of a large archive: marker, kind, length, offset of the index, checksum of checksums, checksum.
 END_BYTES = 20
@@ -68,7 +68,7 @@ class Form(IntEnum):
     SECTIONS = 3  # sections of their own length and kind
 
 
-class Kind(IntEnum):
+class SectionKind(IntEnum):
     """What a section holds."""
 
     FRAME = 1
@@ -101,7 +101,7 @@ class Head:
     version: int = VERSION
 
 
-def head_bytes(head: Head) -> bytes:
+def encode_head(head: Head) -> bytes:
     """Magic, version and form in three bytes."""
     return MAGIC + bytes([head.version | head.form << 3 | head.low << 5 | head.high << 7])
 
@@ -116,35 +116,44 @@ def read_head(data: bytes) -> Head:
 
     Examples
     --------
-    >>> read_head(head_bytes(Head(Form.NAMED))).form.name
+    >>> read_head(encode_head(Head(Form.NAMED))).form.name
     'NAMED'
     """
     if not data:
         raise CorruptArchiveError("not a .gpsz archive: the file is empty", 0)
     if data[:2] != MAGIC[: len(data)]:
         if data[:6] == b"\xa7ROADS":
-            raise CorruptArchiveError("a road network that 'gpszip network' prepared, not an archive; it serves as --network", 0)
+            raise CorruptArchiveError(
+                "a road network that 'gpszip network' prepared, not an archive; it serves as --network",
+                0,
+            )
         raise CorruptArchiveError("not a .gpsz archive: it does not begin like one", 0)
     if len(data) < HEAD_BYTES:
         raise CorruptArchiveError("the archive ends within its head", len(data))
     byte = data[2]
     version = byte & 7
     if version > VERSION:
-        raise CorruptArchiveError(f"archive of version {version}; this GPSZip reads up to version {VERSION}: upgrade gpszip", 2)
-    if version < OLDEST:
-        raise CorruptArchiveError(f"archive of version {version}, which no release of GPSZip has written: compress the log again", 2)
+        raise CorruptArchiveError(
+            f"archive of version {version}; this GPSZip reads up to version {VERSION}: upgrade gpszip",
+            2,
+        )
+    if version < OLDEST_VERSION:
+        raise CorruptArchiveError(
+            f"archive of version {version}, which no release of GPSZip has written: compress the log again",
+            2,
+        )
     head = Head(Form(byte >> 3 & 3), byte >> 5 & 3, byte >> 7, version)
     if head.form is Form.SECTIONS and head.low > 1:
         raise CorruptArchiveError("no archive has this form", 2)
     return head
 
 
-def varint(value: int) -> bytes:
+def encode_varint(value: int) -> bytes:
     """Whole number in groups of 7 bits, the lowest first, the top bit set on all but the last byte.
 
     Examples
     --------
-    >>> varint(300).hex()
+    >>> encode_varint(300).hex()
     'ac02'
     """
     if not 0 <= value < _VARINT_LIMIT:
@@ -157,9 +166,9 @@ def varint(value: int) -> bytes:
     return bytes(out)
 
 
-def signed(value: int) -> bytes:
+def encode_signed(value: int) -> bytes:
     """Whole number of either sign: 0, -1, 1, -2, ... as the varints 0, 1, 2, 3, ..."""
-    return varint(2 * value if value >= 0 else -2 * value - 1)
+    return encode_varint(2 * value if value >= 0 else -2 * value - 1)
 
 
 def checksum(data: bytes | memoryview, start: int = 0) -> bytes:
@@ -167,18 +176,18 @@ def checksum(data: bytes | memoryview, start: int = 0) -> bytes:
     return zlib.crc32(data, start).to_bytes(CHECKSUM_BYTES, "little")
 
 
-def section_bytes(kind: int, body: bytes) -> bytes:
+def encode_section(kind: int, body: bytes) -> bytes:
     """Section of a large archive: marker, kind, length, body, checksum of kind to body."""
-    content = bytes([kind]) + varint(len(body)) + body
-    return MARKER + content + checksum(content)
+    content = bytes([kind]) + encode_varint(len(body)) + body
+    return SECTION_MARKER + content + checksum(content)
 
 
-def track_limit(size: int) -> int:
+def max_tracks(size: int) -> int:
     """Most tracks that an archive of so many bytes can name."""
     return (1 << 16) + 8 * size
 
 
-def section_limit(size: int) -> int:
+def max_sections(size: int) -> int:
     """Most sections before the end mark of a large archive of so many bytes."""
     return (1 << 12) + size // 1024
 
@@ -191,7 +200,7 @@ class Cursor:
     ----------
     data : bytes
         What is read.
-    at : int, default 0
+    offset : int, default 0
         Next byte.
     end : int, optional
         First byte that is not to be read; all of ``data`` where left out.
@@ -200,7 +209,7 @@ class Cursor:
     """
 
     data: bytes
-    at: int = 0
+    offset: int = 0
     end: int = field(default=-1)
     base: int = 0
 
@@ -209,47 +218,47 @@ class Cursor:
             self.end = len(self.data)
 
     @property
-    def left(self) -> int:
+    def remaining(self) -> int:
         """Number of bytes before the end."""
-        return self.end - self.at
+        return self.end - self.offset
 
-    def fail(self, message: str) -> CorruptArchiveError:
+    def error(self, message: str) -> CorruptArchiveError:
         """Error that names this place."""
-        return CorruptArchiveError(message, self.base + self.at)
+        return CorruptArchiveError(message, self.base + self.offset)
 
-    def take(self, count: int, what: str) -> bytes:
+    def read_bytes(self, count: int, what: str) -> bytes:
         """Read the next ``count`` bytes."""
-        if count > self.left:
-            raise self.fail(f"{what} takes {count} bytes, but {self.left} are left")
-        self.at += count
-        return self.data[self.at - count : self.at]
+        if count > self.remaining:
+            raise self.error(f"{what} takes {count} bytes, but {self.remaining} are left")
+        self.offset += count
+        return self.data[self.offset - count : self.offset]
 
-    def byte(self, what: str) -> int:
+    def read_byte(self, what: str) -> int:
         """Read one byte."""
-        return self.take(1, what)[0]
+        return self.read_bytes(1, what)[0]
 
-    def varint(self, what: str) -> int:
+    def read_varint(self, what: str) -> int:
         """Read a whole number; a longer form than needed is refused, so that equal contents have equal bytes."""
         value = 0
         for place in range(_VARINT_BYTES):
-            byte = self.byte(what)
+            byte = self.read_byte(what)
             value |= (byte & 127) << 7 * place
             if byte < 128:
                 if (byte == 0 and place) or value >= _VARINT_LIMIT:
-                    raise self.fail(f"{what} is no number of 64 bits in its shortest form")
+                    raise self.error(f"{what} is no number of 64 bits in its shortest form")
                 return value
-        raise self.fail(f"{what} is longer than a number of 64 bits")
+        raise self.error(f"{what} is longer than a number of 64 bits")
 
-    def signed(self, what: str) -> int:
+    def read_signed(self, what: str) -> int:
         """Read a whole number of either sign."""
-        value = self.varint(what)
+        value = self.read_varint(what)
         return value >> 1 if value % 2 == 0 else -(value >> 1) - 1
 
-    def rest(self) -> bytes:
+    def read_rest(self) -> bytes:
         """Read all bytes that are left."""
-        return self.take(self.left, "the rest")
+        return self.read_bytes(self.remaining, "the rest")
 
-    def finish(self, what: str) -> None:
+    def expect_end(self, what: str) -> None:
         """Refuse bytes that nobody asked for."""
-        if self.left:
-            raise self.fail(f"{self.left} bytes after the end of {what}")
+        if self.remaining:
+            raise self.error(f"{self.remaining} bytes after the end of {what}")

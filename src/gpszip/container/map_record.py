@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 
 from gpszip.container.contents import MAP_HASH_BYTES, Contents, MapReference
-from gpszip.container.frame_record import frame_bytes
-from gpszip.container.layout import Cursor, varint
+from gpszip.container.grid_record import encode_grid
+from gpszip.container.layout import Cursor, encode_varint
 
-__all__ = ["map_hash", "read_reference", "reference_bytes"]
+__all__ = ["encode_reference", "map_hash", "read_reference"]
 
 
 def map_hash(contents: Contents) -> bytes:
@@ -16,17 +16,22 @@ def map_hash(contents: Contents) -> bytes:
 
     Neither names nor kept columns nor the form of the file matter.
     """
-    whole = hashlib.sha256(b"" if contents.frame is None else frame_bytes(contents.frame))
+    whole = hashlib.sha256(b"" if contents.grid is None else encode_grid(contents.grid))
     for group in contents.groups:
-        whole.update(varint(len(group.payload)) + varint(group.tracks) + group.payload)
+        whole.update(
+            encode_varint(len(group.payload)) + encode_varint(group.tracks) + group.payload
+        )
     return whole.digest()[:MAP_HASH_BYTES]
 
 
-def reference_bytes(reference: MapReference) -> bytes:
+def encode_reference(reference: MapReference) -> bytes:
     """Hash of the map, then how often its quanta are halved."""
-    return reference.hash + bytes([reference.halvings])
+    return reference.hash + bytes([reference.refinements])
 
 
 def read_reference(cursor: Cursor) -> MapReference:
-    """Undo :func:`reference_bytes`."""
-    return MapReference(cursor.take(MAP_HASH_BYTES, "the map's hash"), cursor.byte("the halvings of its quanta"))
+    """Undo :func:`encode_reference`."""
+    return MapReference(
+        cursor.read_bytes(MAP_HASH_BYTES, "the map's hash"),
+        cursor.read_byte("the halvings of its quanta"),
+    )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from gpszip.container.layout import Cursor, varint
+from gpszip.container.layout import Cursor, encode_varint
 from gpszip.errors import CorruptArchiveError
 
-__all__ = ["WIDTH_LIMIT", "read_steps", "steps_bytes"]
+__all__ = ["WIDTH_LIMIT", "encode_number_steps", "read_number_steps"]
 
 #: Digits of the longest number that is told from other text.
 WIDTH_LIMIT = 18
@@ -15,35 +15,47 @@ WIDTH_LIMIT = 18
 _DIVISORS = 60
 
 
-def steps_bytes(ids: tuple[str, ...]) -> bytes | None:
+def encode_number_steps(ids: tuple[str, ...]) -> bytes | None:
     """Code names that are all numbers, each larger than the one before; None for other names.
 
     Examples
     --------
-    >>> steps_bytes(("007", "008", "011")).hex()
+    >>> encode_number_steps(("007", "008", "011")).hex()
     '07030060'
     """
-    if not ids or not all(name.isascii() and name.isdigit() and len(name) <= WIDTH_LIMIT for name in ids):
+    if not ids or not all(
+        name.isascii() and name.isdigit() and len(name) <= WIDTH_LIMIT for name in ids
+    ):
         return None
     numbers = [int(name) for name in ids]
-    width = next((wide for wide in (0, len(ids[0])) if all(str(n).zfill(wide) == name for n, name in zip(numbers, ids, strict=True))), -1)
+    width = next(
+        (
+            wide
+            for wide in (0, len(ids[0]))
+            if all(str(n).zfill(wide) == name for n, name in zip(numbers, ids, strict=True))
+        ),
+        -1,
+    )
     steps = [b - a - 1 for a, b in pairwise(numbers)]
     if width < 0 or min(steps, default=0) < 0:
         return None
     divisor = min(range(_DIVISORS), key=lambda k: sum(step >> k for step in steps) + k * len(steps))
     if sum(step >> divisor for step in steps) > 64 * len(steps):
         return None
-    return varint(numbers[0]) + bytes([width, divisor]) + _packed(steps, divisor)
+    return encode_varint(numbers[0]) + bytes([width, divisor]) + _packed(steps, divisor)
 
 
-def read_steps(data: bytes, count: int, offset: int) -> tuple[str, ...]:
-    """Undo :func:`steps_bytes`, given the number of names."""
+def read_number_steps(data: bytes, count: int, offset: int) -> tuple[str, ...]:
+    """Undo :func:`encode_number_steps`, given the number of names."""
     cursor = Cursor(data, base=offset)
-    number = cursor.varint("the first number")
-    width, divisor = cursor.byte("the width of numbers"), cursor.byte("the steps' divisor")
+    number = cursor.read_varint("the first number")
+    width, divisor = (
+        cursor.read_byte("the width of numbers"),
+        cursor.read_byte("the steps' divisor"),
+    )
     if not count or width > WIDTH_LIMIT or divisor >= _DIVISORS:
-        raise cursor.fail("names are no growing numbers")
-    bits = "".join(f"{byte:08b}" for byte in cursor.rest())
+        raise cursor.error("names are no growing numbers")
+    bits = "".join(f"{byte:08b}" for byte in cursor.read_rest())
     names, at = [str(number).zfill(width)], 0
     for _ in range(count - 1):
         stop = bits.find("0", at)
@@ -60,6 +72,9 @@ def read_steps(data: bytes, count: int, offset: int) -> tuple[str, ...]:
 
 def _packed(steps: list[int], divisor: int) -> bytes:
     low = (1 << divisor) - 1
-    bits = "".join("1" * (step >> divisor) + "0" + (f"{step & low:0{divisor}b}" if divisor else "") for step in steps)
+    bits = "".join(
+        "1" * (step >> divisor) + "0" + (f"{step & low:0{divisor}b}" if divisor else "")
+        for step in steps
+    )
     bits += "0" * (-len(bits) % 8)
     return int(bits or "0", 2).to_bytes(len(bits) // 8, "big")

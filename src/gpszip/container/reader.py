@@ -9,43 +9,51 @@ from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
-from gpszip.container.contents import LONE_ID, MAP_HASH_BYTES, Contents, Group, MapReference, Section, complaint
+from gpszip.container.contents import (
+    DEFAULT_ID,
+    MAP_HASH_BYTES,
+    Contents,
+    Group,
+    MapReference,
+    Section,
+    find_contradiction,
+)
+from gpszip.container.error_bound_record import read_error_bound
 from gpszip.container.expansion import unpack_bz2
-from gpszip.container.frame_record import read_frame, read_short_frame
-from gpszip.container.group_index import entry, index_body, read_end, read_group
+from gpszip.container.grid_record import read_grid, read_short_grid
+from gpszip.container.group_index import encode_index, index_entry, read_end_mark, read_group
 from gpszip.container.layout import (
     CHECKSUM_BYTES,
     HEAD_BYTES,
-    MARKER,
+    SECTION_MARKER,
     SMALL_LIMIT,
     Cursor,
     Form,
     Head,
-    Kind,
+    SectionKind,
     checksum,
+    max_sections,
     read_head,
-    section_limit,
 )
 from gpszip.container.map_record import read_reference
 from gpszip.container.names import read_names
-from gpszip.container.promise_record import read_promise
 from gpszip.errors import CorruptArchiveError, InputError
-from gpszip.model.frame import Frame
-from gpszip.model.promise import Promise
+from gpszip.model.error_bound import ErrorBound
+from gpszip.model.grid import QuantisationGrid
 
 __all__ = [
     "LAYER_FREE",
     "LAYER_RATIO",
-    "Piece",
-    "assemble",
-    "finished",
+    "StoredSection",
+    "assemble_contents",
     "from_bytes",
     "layer_limit",
     "load",
-    "opening",
-    "pieces",
     "read_file",
-    "read_piece",
+    "read_fully",
+    "read_opening",
+    "read_section",
+    "read_sections",
 ]
 
 #: All layered payloads of an archive expand to at most this many bytes, and so many for each byte of the file.
@@ -55,11 +63,17 @@ LAYER_RATIO = 16
 T = TypeVar("T")
 
 #: Sections of which there is at most one, and what they are about.
-_ONCE = {Kind.FRAME, Kind.NAMES, Kind.MAP, Kind.INDEX, Kind.PROMISE}
+_ONCE = {
+    SectionKind.FRAME,
+    SectionKind.NAMES,
+    SectionKind.MAP,
+    SectionKind.INDEX,
+    SectionKind.PROMISE,
+}
 
 
 @dataclass(frozen=True)
-class Piece:
+class StoredSection:
     """A section where it lies in the bytes.
 
     Parameters
@@ -70,7 +84,7 @@ class Piece:
         First byte and number of bytes with all framing.
     body : bytes
         What is inside.
-    seal : bytes
+    checksum : bytes
         Its own checksum; empty where it has none.
     body_offset : int
         First byte of the body.
@@ -80,7 +94,7 @@ class Piece:
     offset: int
     size: int
     body: bytes
-    seal: bytes
+    checksum: bytes
     body_offset: int
 
     def cursor(self) -> Cursor:
@@ -114,8 +128,8 @@ def from_bytes(data: bytes) -> Contents:
     head = read_head(data)
     if head.form is not Form.SECTIONS:
         return _read_compact(data, head)
-    found = pieces(data, head)
-    return assemble(found, head, len(data))
+    found = read_sections(data, head)
+    return assemble_contents(found, head, len(data))
 
 
 def load(path: str | os.PathLike[str]) -> Contents:
@@ -146,78 +160,97 @@ def read_file(path: str | os.PathLike[str]) -> bytes:
         raise InputError(f"{source}: can't be read: {error.strerror or error}") from None
 
 
-def pieces(data: bytes, head: Head) -> list[Piece]:
+def read_sections(data: bytes, head: Head) -> list[StoredSection]:
     """Cut an archive of sections into them, checking every checksum; the end mark is checked and left out."""
     if head.low:
         return _small_pieces(data)
     cursor = Cursor(data, HEAD_BYTES)
-    found: list[Piece] = []
+    found: list[StoredSection] = []
     while True:
-        piece = read_piece(cursor)
-        if piece.kind == Kind.END:
+        piece = read_section(cursor)
+        if piece.kind == SectionKind.END:
             break
         found.append(piece)
-        if len(found) > section_limit(len(data)):
-            raise cursor.fail("too many sections")
+        if len(found) > max_sections(len(data)):
+            raise cursor.error("too many sections")
     _check_end(data, piece, found)
-    cursor.finish("the archive")
+    cursor.expect_end("the archive")
     return found
 
 
-def read_piece(cursor: Cursor) -> Piece:
+def read_section(cursor: Cursor) -> StoredSection:
     """Read one section of a large archive: marker, kind, length, body, checksum."""
-    offset = cursor.at
-    if cursor.take(len(MARKER), "a section's marker") != MARKER:
-        cursor.at = offset
-        raise cursor.fail("no section begins here")
-    start = cursor.at
+    offset = cursor.offset
+    if cursor.read_bytes(len(SECTION_MARKER), "a section's marker") != SECTION_MARKER:
+        cursor.offset = offset
+        raise cursor.error("no section begins here")
+    start = cursor.offset
     kind, body_offset, body = _kind_and_body(cursor)
-    content = memoryview(cursor.data)[start : cursor.at]
-    seal = cursor.take(CHECKSUM_BYTES, "a section's checksum")
+    content = memoryview(cursor.data)[start : cursor.offset]
+    seal = cursor.read_bytes(CHECKSUM_BYTES, "a section's checksum")
     if checksum(content) != seal:
-        raise CorruptArchiveError(f"the checksum of a section of kind {kind} is wrong", cursor.base + offset)
-    return Piece(kind, cursor.base + offset, cursor.at - offset, body, seal, body_offset)
+        raise CorruptArchiveError(
+            f"the checksum of a section of kind {kind} is wrong", cursor.base + offset
+        )
+    return StoredSection(
+        kind, cursor.base + offset, cursor.offset - offset, body, seal, body_offset
+    )
 
 
-def opening(found: list[Piece], version: int) -> tuple[Frame | None, MapReference | None, Promise | None, int | None]:
+def read_opening(
+    found: list[StoredSection], version: int
+) -> tuple[QuantisationGrid | None, MapReference | None, ErrorBound | None, int | None]:
     """Where an archive lies, or on which map, what it promises, and how its log was sampled."""
     kinds = [piece.kind for piece in found[:2]]
-    if kinds not in ([Kind.FRAME, Kind.NAMES], [Kind.MAP, Kind.NAMES]):
-        raise CorruptArchiveError("an archive begins with its frame or its map, and its names", HEAD_BYTES)
-    said = next((finished(piece, partial(read_promise, version=version)) for piece in found if piece.kind == Kind.PROMISE), (None, None))
-    if kinds[0] == Kind.MAP:
-        return None, finished(found[0], read_reference), *said
-    return finished(found[0], read_frame), None, *said
+    if kinds not in ([SectionKind.FRAME, SectionKind.NAMES], [SectionKind.MAP, SectionKind.NAMES]):
+        raise CorruptArchiveError(
+            "an archive begins with its frame or its map, and its names", HEAD_BYTES
+        )
+    said = next(
+        (
+            read_fully(piece, partial(read_error_bound, version=version))
+            for piece in found
+            if piece.kind == SectionKind.PROMISE
+        ),
+        (None, None),
+    )
+    if kinds[0] == SectionKind.MAP:
+        return None, read_fully(found[0], read_reference), *said
+    return read_fully(found[0], read_grid), None, *said
 
 
-def assemble(found: list[Piece], head: Head, file_size: int) -> Contents:
+def assemble_contents(found: list[StoredSection], head: Head, file_size: int) -> Contents:
     """Contents from the sections of an archive, each checked against the others."""
-    frame, reference, promise, sampling = opening(found, head.version)
+    grid, reference, error_bound, sampling = read_opening(found, head.version)
     _check_order(found)
-    ids = finished(found[1], lambda cursor: read_names(cursor, file_size))
+    ids = read_fully(found[1], lambda cursor: read_names(cursor, file_size))
     layered = bool(head.high)
-    walks = [piece for piece in found if piece.kind == Kind.WALKS]
+    walks = [piece for piece in found if piece.kind == SectionKind.WALKS]
     groups = tuple(read_group(piece.cursor()) for piece in walks)
     _check_index(found, walks, groups)
     contents = Contents(
-        frame,
+        grid,
         ids,
         _unwrapped(groups, walks, file_size) if layered else groups,
         reference,
-        tuple(Section(piece.kind, piece.body) for piece in found if piece.kind not in {*_ONCE, Kind.WALKS}),
+        tuple(
+            Section(piece.kind, piece.body)
+            for piece in found
+            if piece.kind not in {*_ONCE, SectionKind.WALKS}
+        ),
         "bz2" if layered else None,
-        promise,
+        error_bound,
         sampling,
         head.version,
     )
     return _believed(contents, found[-1].offset)
 
 
-def finished(piece: Piece, read: Callable[[Cursor], T]) -> T:
+def read_fully(piece: StoredSection, read: Callable[[Cursor], T]) -> T:
     """What ``read`` makes of a section, all of it."""
     cursor = piece.cursor()
     value = read(cursor)
-    cursor.finish(f"a section of kind {piece.kind}")
+    cursor.expect_end(f"a section of kind {piece.kind}")
     return value
 
 
@@ -226,81 +259,123 @@ def _read_compact(data: bytes, head: Head) -> Contents:
     if end < HEAD_BYTES:
         raise CorruptArchiveError("the archive ends within its head", len(data))
     if checksum(memoryview(data)[:end]) != data[end:]:
-        raise CorruptArchiveError("the archive's checksum is wrong: bytes are missing or changed", end)
+        raise CorruptArchiveError(
+            "the archive's checksum is wrong: bytes are missing or changed", end
+        )
     cursor = Cursor(data, HEAD_BYTES, end)
-    promise, sampling = read_promise(cursor, head.version)
+    error_bound, sampling = read_error_bound(cursor, head.version)
     if head.form is Form.ON_MAP:
-        reference = MapReference(cursor.take(MAP_HASH_BYTES, "the map's hash"), head.low)
+        reference = MapReference(cursor.read_bytes(MAP_HASH_BYTES, "the map's hash"), head.low)
         own = read_names(cursor, len(data)) if head.high else None
-        group = Group(0, 1 if own is None else len(own), cursor.rest())
-        return _believed(Contents(None, own, (group,), reference, promise=promise, sampling=sampling, version=head.version), HEAD_BYTES)
-    frame = read_short_frame(cursor, head.low, bool(head.high))
-    ids = (LONE_ID,) if head.form is Form.LONE else read_names(cursor, len(data))
-    group = Group(0, len(ids), cursor.rest())
-    return _believed(Contents(frame, ids, (group,), promise=promise, sampling=sampling, version=head.version), HEAD_BYTES)
+        group = Group(0, 1 if own is None else len(own), cursor.read_rest())
+        return _believed(
+            Contents(
+                None,
+                own,
+                (group,),
+                reference,
+                error_bound=error_bound,
+                sampling=sampling,
+                version=head.version,
+            ),
+            HEAD_BYTES,
+        )
+    grid = read_short_grid(cursor, head.low, bool(head.high))
+    ids = (DEFAULT_ID,) if head.form is Form.LONE else read_names(cursor, len(data))
+    group = Group(0, len(ids), cursor.read_rest())
+    return _believed(
+        Contents(
+            grid, ids, (group,), error_bound=error_bound, sampling=sampling, version=head.version
+        ),
+        HEAD_BYTES,
+    )
 
 
 def _believed(contents: Contents, offset: int) -> Contents:
-    wrong = complaint(contents)
+    wrong = find_contradiction(contents)
     if wrong:
         raise CorruptArchiveError(wrong, offset)
     return contents
 
 
-def _small_pieces(data: bytes) -> list[Piece]:
+def _small_pieces(data: bytes) -> list[StoredSection]:
     end = len(data) - CHECKSUM_BYTES
     if len(data) >= SMALL_LIMIT:
-        raise CorruptArchiveError(f"an archive of {len(data)} bytes needs a checksum for each section", 2)
+        raise CorruptArchiveError(
+            f"an archive of {len(data)} bytes needs a checksum for each section", 2
+        )
     if end < HEAD_BYTES or checksum(memoryview(data)[:end]) != data[end:]:
-        raise CorruptArchiveError("the archive's checksum is wrong: bytes are missing or changed", max(end, 0))
+        raise CorruptArchiveError(
+            "the archive's checksum is wrong: bytes are missing or changed", max(end, 0)
+        )
     cursor = Cursor(data, HEAD_BYTES, end)
-    found: list[Piece] = []
-    while cursor.left:
-        offset = cursor.at
+    found: list[StoredSection] = []
+    while cursor.remaining:
+        offset = cursor.offset
         kind, body_offset, body = _kind_and_body(cursor)
-        found.append(Piece(kind, offset, cursor.at - offset, body, b"", body_offset))
+        found.append(StoredSection(kind, offset, cursor.offset - offset, body, b"", body_offset))
     return found
 
 
 def _kind_and_body(cursor: Cursor) -> tuple[int, int, bytes]:
-    kind = cursor.byte("a section's kind")
-    length = cursor.varint("a section's length")
-    body_offset = cursor.base + cursor.at
-    return kind, body_offset, cursor.take(length, f"a section of kind {kind}")
+    kind = cursor.read_byte("a section's kind")
+    length = cursor.read_varint("a section's length")
+    body_offset = cursor.base + cursor.offset
+    return kind, body_offset, cursor.read_bytes(length, f"a section of kind {kind}")
 
 
-def _check_end(data: bytes, end: Piece, found: list[Piece]) -> None:
-    index_offset, digest = read_end(end.cursor())
-    if checksum(data[:HEAD_BYTES] + b"".join(piece.seal for piece in found)) != digest:
+def _check_end(data: bytes, end: StoredSection, found: list[StoredSection]) -> None:
+    index_offset, digest = read_end_mark(end.cursor())
+    if checksum(data[:HEAD_BYTES] + b"".join(piece.checksum for piece in found)) != digest:
         raise CorruptArchiveError("sections are missing, added or out of order", end.offset)
-    if index_offset != next((piece.offset for piece in found if piece.kind == Kind.INDEX), 0):
+    if index_offset != next(
+        (piece.offset for piece in found if piece.kind == SectionKind.INDEX), 0
+    ):
         raise CorruptArchiveError("the end mark points to no index", end.offset)
 
 
-def _check_order(found: list[Piece]) -> None:
+def _check_order(found: list[StoredSection]) -> None:
     kinds = [piece.kind for piece in found]
-    both = Kind.FRAME in kinds and Kind.MAP in kinds
+    both = SectionKind.FRAME in kinds and SectionKind.MAP in kinds
     for piece in found:
-        if piece.kind in {0, Kind.END} or (piece.kind in _ONCE and kinds.count(piece.kind) > 1) or (both and piece.kind == Kind.MAP):
-            raise CorruptArchiveError(f"a section of kind {piece.kind} has no place here", piece.offset)
-    if Kind.PROMISE in kinds and Kind.WALKS in kinds[: kinds.index(Kind.PROMISE)]:
+        if (
+            piece.kind in {0, SectionKind.END}
+            or (piece.kind in _ONCE and kinds.count(piece.kind) > 1)
+            or (both and piece.kind == SectionKind.MAP)
+        ):
+            raise CorruptArchiveError(
+                f"a section of kind {piece.kind} has no place here", piece.offset
+            )
+    if (
+        SectionKind.PROMISE in kinds
+        and SectionKind.WALKS in kinds[: kinds.index(SectionKind.PROMISE)]
+    ):
         raise CorruptArchiveError("the promise comes after walks", HEAD_BYTES)
-    if Kind.INDEX in kinds[:-1]:
-        raise CorruptArchiveError("the index is not the last section", found[kinds.index(Kind.INDEX)].offset)
+    if SectionKind.INDEX in kinds[:-1]:
+        raise CorruptArchiveError(
+            "the index is not the last section", found[kinds.index(SectionKind.INDEX)].offset
+        )
 
 
-def _check_index(found: list[Piece], walks: list[Piece], groups: tuple[Group, ...]) -> None:
-    index = next((piece for piece in found if piece.kind == Kind.INDEX), None)
+def _check_index(
+    found: list[StoredSection], walks: list[StoredSection], groups: tuple[Group, ...]
+) -> None:
+    index = next((piece for piece in found if piece.kind == SectionKind.INDEX), None)
     if index is None:
-        if len(groups) > 1 and walks[0].seal:
+        if len(groups) > 1 and walks[0].checksum:
             raise CorruptArchiveError("several groups and no index", walks[0].offset)
         return
-    lines = tuple(entry(group, piece.offset, piece.size) for group, piece in zip(groups, walks, strict=True))
-    if index.body != index_body(lines):
+    lines = tuple(
+        index_entry(group, piece.offset, piece.size)
+        for group, piece in zip(groups, walks, strict=True)
+    )
+    if index.body != encode_index(lines):
         raise CorruptArchiveError("the index and the groups differ", index.offset)
 
 
-def _unwrapped(groups: tuple[Group, ...], walks: list[Piece], file_size: int) -> tuple[Group, ...]:
+def _unwrapped(
+    groups: tuple[Group, ...], walks: list[StoredSection], file_size: int
+) -> tuple[Group, ...]:
     left = layer_limit(file_size)
     out: list[Group] = []
     for group, piece in zip(groups, walks, strict=True):

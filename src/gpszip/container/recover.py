@@ -6,19 +6,28 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from gpszip.container.contents import Contents, Group, MapReference, Section, complaint
+from gpszip.container.contents import Contents, Group, MapReference, Section, find_contradiction
+from gpszip.container.error_bound_record import read_error_bound
 from gpszip.container.expansion import unpack_bz2
-from gpszip.container.frame_record import read_frame
+from gpszip.container.grid_record import read_grid
 from gpszip.container.group_index import read_group
-from gpszip.container.layout import HEAD_BYTES, MARKER, Cursor, Form, Head, Kind, read_head, track_limit
+from gpszip.container.layout import (
+    HEAD_BYTES,
+    SECTION_MARKER,
+    Cursor,
+    Form,
+    Head,
+    SectionKind,
+    max_tracks,
+    read_head,
+)
 from gpszip.container.map_record import read_reference
 from gpszip.container.names import read_names
-from gpszip.container.promise_record import read_promise
-from gpszip.container.reader import Piece, from_bytes, layer_limit, read_file, read_piece
+from gpszip.container.reader import StoredSection, from_bytes, layer_limit, read_file, read_section
 from gpszip.errors import CorruptArchiveError
-from gpszip.model.frame import Frame
+from gpszip.model.grid import QuantisationGrid
 
-__all__ = ["Recovered", "recover", "recover_bytes", "whole_pieces"]
+__all__ = ["Recovered", "find_intact_sections", "recover", "recover_bytes"]
 
 #: Checksums of forged sections that lie within each other are tried over so many bytes for each byte of the file.
 _WORK = 8
@@ -68,68 +77,93 @@ def recover_bytes(data: bytes) -> Recovered:
     head = read_head(data)
     if head.form is not Form.SECTIONS or head.low:
         raise reason
-    found = {piece.offset: piece for piece in whole_pieces(data)}
+    found = {piece.offset: piece for piece in find_intact_sections(data)}
     return _joined(list(found.values()), head, len(data), str(reason))
 
 
-def whole_pieces(data: bytes) -> Iterator[Piece]:
+def find_intact_sections(data: bytes) -> Iterator[StoredSection]:
     """Yield the sections of a large archive whose checksum is right, whatever lies between them."""
     work = _FREE_WORK + _WORK * len(data)
-    at = data.find(MARKER, HEAD_BYTES)
+    at = data.find(SECTION_MARKER, HEAD_BYTES)
     while at >= 0 and work > 0:
         cursor = Cursor(data, at)
         try:
-            piece = read_piece(cursor)
+            piece = read_section(cursor)
         except CorruptArchiveError:
-            work -= cursor.at - at
-            at = data.find(MARKER, at + 1)
+            work -= cursor.offset - at
+            at = data.find(SECTION_MARKER, at + 1)
         else:
             yield piece
-            at = data.find(MARKER, cursor.at)
+            at = data.find(SECTION_MARKER, cursor.offset)
 
 
-def _joined(found: list[Piece], head: Head, size: int, reason: str) -> Recovered:
-    frame, reference = _place(found)
-    if frame is None and reference is None:
+def _joined(found: list[StoredSection], head: Head, size: int, reason: str) -> Recovered:
+    grid, reference = _place(found)
+    if grid is None and reference is None:
         raise CorruptArchiveError(f"nothing can be saved, as the frame is lost: {reason}")
     lost, layered = [reason], bool(head.high)
     groups = _groups(found, layered, size)
     if not groups:
         raise CorruptArchiveError(f"nothing can be saved, as all walks are lost: {reason}")
     ids = _names(found, groups, size, lost)
-    kept = tuple(ids[track] for group in groups for track in range(group.first_track, group.first_track + group.tracks))
+    kept = tuple(
+        ids[track]
+        for group in groups
+        for track in range(group.first_track, group.first_track + group.tracks)
+    )
     if len(kept) < len(ids):
         lost.append(f"{len(ids) - len(kept)} of {len(ids)} tracks")
-    extras = tuple(Section(piece.kind, piece.body) for piece in found if piece.kind == Kind.ATTRIBUTES or piece.kind > Kind.PROMISE)
-    if len(kept) < len(ids) and any(extra.kind == Kind.ATTRIBUTES for extra in extras):
-        extras = tuple(extra for extra in extras if extra.kind != Kind.ATTRIBUTES)
+    extras = tuple(
+        Section(piece.kind, piece.body)
+        for piece in found
+        if piece.kind == SectionKind.ATTRIBUTES or piece.kind > SectionKind.PROMISE
+    )
+    if len(kept) < len(ids) and any(extra.kind == SectionKind.ATTRIBUTES for extra in extras):
+        extras = tuple(extra for extra in extras if extra.kind != SectionKind.ATTRIBUTES)
         lost.append("kept columns and times of samples, as they stand for all tracks together")
-    promise, sampling = next((read_promise(piece.cursor(), head.version) for piece in found if piece.kind == Kind.PROMISE), (None, None))
-    if promise is not None and not promise.maximum and len(kept) < len(ids):
-        promise = None
+    error_bound, sampling = next(
+        (
+            read_error_bound(piece.cursor(), head.version)
+            for piece in found
+            if piece.kind == SectionKind.PROMISE
+        ),
+        (None, None),
+    )
+    if error_bound is not None and not error_bound.maximum and len(kept) < len(ids):
+        error_bound = None
         lost.append("the error promised, which is of all tracks together")
     layer = "bz2" if layered else None
-    contents = Contents(frame, kept, _renumbered(groups), reference, extras, layer, promise, sampling, head.version)
-    wrong = complaint(contents)
+    contents = Contents(
+        grid,
+        kept,
+        _renumbered(groups),
+        reference,
+        extras,
+        layer,
+        error_bound,
+        sampling,
+        head.version,
+    )
+    wrong = find_contradiction(contents)
     if wrong:
         raise CorruptArchiveError(wrong)
     return Recovered(contents, tuple(lost))
 
 
-def _place(found: list[Piece]) -> tuple[Frame | None, MapReference | None]:
+def _place(found: list[StoredSection]) -> tuple[QuantisationGrid | None, MapReference | None]:
     for piece in found:
-        if piece.kind == Kind.FRAME:
-            return read_frame(piece.cursor()), None
-        if piece.kind == Kind.MAP:
+        if piece.kind == SectionKind.FRAME:
+            return read_grid(piece.cursor()), None
+        if piece.kind == SectionKind.MAP:
             return None, read_reference(piece.cursor())
     return None, None
 
 
-def _groups(found: list[Piece], layered: bool, size: int) -> list[Group]:
+def _groups(found: list[StoredSection], layered: bool, size: int) -> list[Group]:
     groups: list[Group] = []
     left, following = layer_limit(size), 0
     for piece in found:
-        if piece.kind != Kind.WALKS:
+        if piece.kind != SectionKind.WALKS:
             continue
         group = read_group(piece.cursor())
         if group.first_track < following or not group.tracks:
@@ -142,15 +176,19 @@ def _groups(found: list[Piece], layered: bool, size: int) -> list[Group]:
     return groups
 
 
-def _names(found: list[Piece], groups: list[Group], size: int, lost: list[str]) -> tuple[str, ...]:
+def _names(
+    found: list[StoredSection], groups: list[Group], size: int, lost: list[str]
+) -> tuple[str, ...]:
     needed = groups[-1].first_track + groups[-1].tracks
     for piece in found:
-        if piece.kind == Kind.NAMES:
+        if piece.kind == SectionKind.NAMES:
             ids = read_names(piece.cursor(), size)
             if len(ids) < needed:
-                raise CorruptArchiveError(f"walks of {needed} tracks, names of {len(ids)}", piece.offset)
+                raise CorruptArchiveError(
+                    f"walks of {needed} tracks, names of {len(ids)}", piece.offset
+                )
             return ids
-    if needed > track_limit(size):
+    if needed > max_tracks(size):
         raise CorruptArchiveError(f"walks of {needed} tracks in {size} bytes")
     lost.append("the names of all tracks; they are numbered instead")
     return tuple(map(str, range(needed)))

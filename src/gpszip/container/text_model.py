@@ -10,7 +10,7 @@ from functools import lru_cache
 
 from gpszip.errors import CorruptArchiveError
 
-__all__ = ["MODEL_LIMIT", "model_bytes", "read_model"]
+__all__ = ["MODEL_LIMIT", "encode_text", "read_text"]
 
 #: Longest text, newlines included, that the model takes: it spends some 50 microseconds on a byte.
 MODEL_LIMIT = 1 << 13
@@ -33,12 +33,12 @@ _Counts = dict[int, list[int]]
 
 # the same names are written once to be measured and once to be saved
 @lru_cache(maxsize=4)
-def model_bytes(text: bytes) -> bytes:
+def encode_text(text: bytes) -> bytes:
     r"""Code text that ends with a newline and is at most MODEL_LIMIT bytes long.
 
     Examples
     --------
-    >>> len(model_bytes(b"long_walk_home\n"))
+    >>> len(encode_text(b"long_walk_home\n"))
     9
     """
     model = _Model()
@@ -57,8 +57,8 @@ def model_bytes(text: bytes) -> bytes:
     return bytes(out) + _last_bytes(low, high)
 
 
-def read_model(data: bytes, lines: int, offset: int) -> bytes:
-    """Undo :func:`model_bytes`, given how many newlines the text holds."""
+def read_text(data: bytes, lines: int, offset: int) -> bytes:
+    """Undo :func:`encode_text`, given how many newlines the text holds."""
     model = _Model()
     text = bytearray()
     low, high, window = 0, _TOP, int.from_bytes(data[:4].ljust(4, b"\0"), "big")
@@ -142,7 +142,10 @@ class _Model:
 
     def _find(self) -> None:
         node = self._node
-        self._cells = [table.setdefault(context << 8 | node, [0, 0]) for table, context in zip(self._tables, self._contexts, strict=True)]
+        self._cells = [
+            table.setdefault(context << 8 | node, [0, 0])
+            for table, context in zip(self._tables, self._contexts, strict=True)
+        ]
 
     def _end(self, byte: int) -> None:
         self._recent = (self._recent << 8 | byte) & 0xFFFFFF

@@ -6,9 +6,9 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from gpszip.container.layout import Form, Head, Kind, read_head
-from gpszip.container.reader import Piece, from_bytes, pieces, read_file
-from gpszip.container.recover import whole_pieces
+from gpszip.container.layout import Form, Head, SectionKind, read_head
+from gpszip.container.reader import StoredSection, from_bytes, read_file, read_sections
+from gpszip.container.recover import find_intact_sections
 from gpszip.errors import CorruptArchiveError
 
 __all__ = ["SectionReport", "Verdict", "verify", "verify_bytes"]
@@ -95,9 +95,13 @@ def verify_bytes(data: bytes) -> Verdict:
     try:
         contents = from_bytes(data)
     except CorruptArchiveError as error:
-        left = _reports(whole_pieces(data)) if form == "large" else ()
+        left = _reports(find_intact_sections(data)) if form == "large" else ()
         return Verdict(len(data), head.version, form, left, 0, 0, str(error), error.offset)
-    parts = _reports(pieces(data, head)) if form != "compact" else (SectionReport("archive", 0, len(data)),)
+    parts = (
+        _reports(read_sections(data, head))
+        if form != "compact"
+        else (SectionReport("archive", 0, len(data)),)
+    )
     return Verdict(len(data), head.version, form, parts, contents.tracks, len(contents.groups))
 
 
@@ -107,9 +111,13 @@ def _form(head: Head) -> str:
     return "small" if head.low else "large"
 
 
-def _reports(found: Iterable[Piece]) -> tuple[SectionReport, ...]:
+def _reports(found: Iterable[StoredSection]) -> tuple[SectionReport, ...]:
     return tuple(SectionReport(_name(piece.kind), piece.offset, piece.size) for piece in found)
 
 
 def _name(kind: int) -> str:
-    return Kind(kind).name.lower().replace("_", " ") if kind in set(Kind) else f"kind {kind}"
+    return (
+        SectionKind(kind).name.lower().replace("_", " ")
+        if kind in set(SectionKind)
+        else f"kind {kind}"
+    )

@@ -7,34 +7,53 @@ import zlib
 from collections.abc import Iterator, Sequence
 from typing import BinaryIO, TypeAlias
 
-from gpszip.container.contents import LONE_ID, Contents, Group, Section, Spooled, complaint
+from gpszip.container.contents import (
+    DEFAULT_ID,
+    Contents,
+    Group,
+    Section,
+    SpooledBytes,
+    find_contradiction,
+)
+from gpszip.container.error_bound_record import encode_error_bound
 from gpszip.container.expansion import pack_bz2
-from gpszip.container.frame_record import fits_head, frame_bytes, is_whole, short_frame_bytes, short_shape
-from gpszip.container.group_index import Entry, end_body, entry, group_body, index_body
+from gpszip.container.grid_record import (
+    encode_grid,
+    encode_short_grid,
+    fits_head,
+    has_whole_units,
+    short_grid_shape,
+)
+from gpszip.container.group_index import (
+    IndexEntry,
+    encode_end_mark,
+    encode_group,
+    encode_index,
+    index_entry,
+)
 from gpszip.container.layout import (
     CHECKSUM_BYTES,
-    MARKER,
+    SECTION_MARKER,
     SMALL_LIMIT,
     Form,
     Head,
-    Kind,
+    SectionKind,
     checksum,
-    head_bytes,
-    section_bytes,
-    section_limit,
-    track_limit,
-    varint,
+    encode_head,
+    encode_section,
+    encode_varint,
+    max_sections,
+    max_tracks,
 )
-from gpszip.container.map_record import reference_bytes
-from gpszip.container.names import names_bytes
-from gpszip.container.promise_record import promise_bytes
+from gpszip.container.map_record import encode_reference
+from gpszip.container.names import encode_names
 from gpszip.container.reader import layer_limit
 from gpszip.errors import OptionError
-from gpszip.files.atomic_write import replacing
+from gpszip.files.atomic_write import atomic_write
 
-__all__ = ["save", "size_of", "to_bytes", "write"]
+__all__ = ["archive_size", "save", "to_bytes", "write"]
 
-_Piece: TypeAlias = bytes | Spooled
+_Piece: TypeAlias = bytes | SpooledBytes
 
 
 def to_bytes(contents: Contents) -> bytes:
@@ -54,15 +73,15 @@ def to_bytes(contents: Contents) -> bytes:
 
     Examples
     --------
-    >>> from gpszip.container.contents import one_group
-    >>> from gpszip.model.frame import Frame
-    >>> to_bytes(one_group(Frame((0, 0), 0, 128, 120), ("0",), b"walks")).hex()
+    >>> from gpszip.container.contents import single_group_contents
+    >>> from gpszip.model.grid import Frame
+    >>> to_bytes(single_group_contents(Frame((0, 0), 0, 128, 120), ("0",), b"walks")).hex()
     'a75a830000807800000077616c6b73dcfed209'
     """
     return b"".join(bytes(piece) for piece in _pieces(contents))
 
 
-def size_of(contents: Contents) -> int:
+def archive_size(contents: Contents) -> int:
     """Bytes that an archive takes.
 
     Raises
@@ -75,15 +94,19 @@ def size_of(contents: Contents) -> int:
 
 def _pieces(contents: Contents) -> list[_Piece]:
     """The bytes one after the other, some of which may lie in a temporary file."""
-    wrong = complaint(contents)
+    wrong = find_contradiction(contents)
     if wrong:
         raise OptionError(f"this can't be written as an archive: {wrong}")
     found = _shortest(contents, _wrapped(contents))
     size = _total(found)
-    if contents.tracks > track_limit(size):
-        raise OptionError(f"{contents.tracks} tracks in {size} bytes are more than readers believe; split the archive")
-    if len(contents.groups) + len(contents.extras) + 4 > section_limit(size):
-        raise OptionError(f"{len(contents.groups)} groups in {size} bytes are more than readers believe; make them larger")
+    if contents.tracks > max_tracks(size):
+        raise OptionError(
+            f"{contents.tracks} tracks in {size} bytes are more than readers believe; split the archive"
+        )
+    if len(contents.groups) + len(contents.extras) + 4 > max_sections(size):
+        raise OptionError(
+            f"{len(contents.groups)} groups in {size} bytes are more than readers believe; make them larger"
+        )
     return found
 
 
@@ -113,7 +136,7 @@ def save(contents: Contents, path: str | os.PathLike[str], *, force: bool = Fals
     OutputError
         If the file exists, or can't be written.
     """
-    with replacing(path, force=force) as whole, whole.open("wb") as file:
+    with atomic_write(path, force=force) as whole, whole.open("wb") as file:
         return write(contents, file)
 
 
@@ -139,7 +162,7 @@ def write(contents: Contents, file: BinaryIO) -> int:
 
 
 def _parts(piece: _Piece) -> Iterator[bytes]:
-    return piece.pieces() if isinstance(piece, Spooled) else iter((piece,))
+    return piece.chunks() if isinstance(piece, SpooledBytes) else iter((piece,))
 
 
 def _shortest(contents: Contents, wrapped: list[bytes]) -> list[_Piece]:
@@ -152,7 +175,7 @@ def _shortest(contents: Contents, wrapped: list[bytes]) -> list[_Piece]:
 
 
 def _is_plain(contents: Contents) -> bool:
-    return contents.plain and (contents.frame is None or fits_head(contents.frame))
+    return contents.is_single_group and (contents.grid is None or fits_head(contents.grid))
 
 
 def _wrapped(contents: Contents) -> list[bytes]:
@@ -166,15 +189,29 @@ def _wrapped(contents: Contents) -> list[bytes]:
 
 
 def _compact(contents: Contents, payload: bytes) -> bytes:
-    frame = contents.frame
-    lone = contents.ids is None or (frame is not None and contents.ids == (LONE_ID,))
-    names = b"" if lone or contents.ids is None else names_bytes(contents.ids)
-    if frame is not None:
-        head = Head(Form.LONE if lone else Form.NAMED, short_shape(frame), int(is_whole(frame)), contents.version)
-        place = short_frame_bytes(frame)
+    grid = contents.grid
+    lone = contents.ids is None or (grid is not None and contents.ids == (DEFAULT_ID,))
+    names = b"" if lone or contents.ids is None else encode_names(contents.ids)
+    if grid is not None:
+        head = Head(
+            Form.LONE if lone else Form.NAMED,
+            short_grid_shape(grid),
+            int(has_whole_units(grid)),
+            contents.version,
+        )
+        place = encode_short_grid(grid)
     elif contents.map is not None:
-        head, place = Head(Form.ON_MAP, contents.map.halvings, int(not lone), contents.version), contents.map.hash
-    return _sealed(head_bytes(head) + promise_bytes(contents.promise, contents.sampling) + place + names + payload)
+        head, place = (
+            Head(Form.ON_MAP, contents.map.refinements, int(not lone), contents.version),
+            contents.map.hash,
+        )
+    return _sealed(
+        encode_head(head)
+        + encode_error_bound(contents.error_bound, contents.sampling)
+        + place
+        + names
+        + payload
+    )
 
 
 def _sealed(data: bytes) -> bytes:
@@ -182,31 +219,46 @@ def _sealed(data: bytes) -> bytes:
 
 
 def _opening(contents: Contents) -> list[tuple[int, bytes]]:
-    sections = [(int(Kind.NAMES), names_bytes(contents.ids or ()))]
-    if contents.promise is not None or contents.sampling is not None:
-        sections.append((int(Kind.PROMISE), promise_bytes(contents.promise, contents.sampling)))
-    if contents.frame is not None:
-        return [(int(Kind.FRAME), frame_bytes(contents.frame)), *sections]
-    return [(int(Kind.MAP), reference_bytes(contents.map)), *sections] if contents.map is not None else sections
+    sections = [(int(SectionKind.NAMES), encode_names(contents.ids or ()))]
+    if contents.error_bound is not None or contents.sampling is not None:
+        sections.append(
+            (int(SectionKind.PROMISE), encode_error_bound(contents.error_bound, contents.sampling))
+        )
+    if contents.grid is not None:
+        return [(int(SectionKind.FRAME), encode_grid(contents.grid)), *sections]
+    return (
+        [(int(SectionKind.MAP), encode_reference(contents.map)), *sections]
+        if contents.map is not None
+        else sections
+    )
 
 
 def _small(contents: Contents, wrapped: list[bytes]) -> bytes:
     lone = contents.groups[0]
-    walks = (int(Kind.WALKS), group_body(Group(lone.first_track, lone.tracks, b""), wrapped[0]))
-    sections = [*_opening(contents), walks, *((extra.kind, bytes(extra.body)) for extra in contents.extras)]
-    head = head_bytes(Head(Form.SECTIONS, 1, int(contents.layer is not None), contents.version))
-    return _sealed(head + b"".join(bytes([kind]) + varint(len(body)) + body for kind, body in sections))
+    walks = (
+        int(SectionKind.WALKS),
+        encode_group(Group(lone.first_track, lone.tracks, b""), wrapped[0]),
+    )
+    sections = [
+        *_opening(contents),
+        walks,
+        *((extra.kind, bytes(extra.body)) for extra in contents.extras),
+    ]
+    head = encode_head(Head(Form.SECTIONS, 1, int(contents.layer is not None), contents.version))
+    return _sealed(
+        head + b"".join(bytes([kind]) + encode_varint(len(body)) + body for kind, body in sections)
+    )
 
 
 def _large(contents: Contents, wrapped: list[bytes]) -> list[_Piece]:
-    head = head_bytes(Head(Form.SECTIONS, 0, int(contents.layer is not None), contents.version))
-    parts: list[_Piece] = [head, *(section_bytes(kind, body) for kind, body in _opening(contents))]
-    entries: list[Entry] = []
+    head = encode_head(Head(Form.SECTIONS, 0, int(contents.layer is not None), contents.version))
+    parts: list[_Piece] = [head, *(encode_section(kind, body) for kind, body in _opening(contents))]
+    entries: list[IndexEntry] = []
     offset = _total(parts)
     for group, payload in zip(contents.groups, wrapped, strict=True):
         kept = group if len(contents.groups) > 1 else Group(group.first_track, group.tracks, b"")
-        section = section_bytes(Kind.WALKS, group_body(kept, payload))
-        entries.append(entry(kept, offset, len(section)))
+        section = encode_section(SectionKind.WALKS, encode_group(kept, payload))
+        entries.append(index_entry(kept, offset, len(section)))
         parts.append(section)
         offset += len(section)
     seals = [bytes(part)[-CHECKSUM_BYTES:] for part in parts[1:]]
@@ -217,17 +269,22 @@ def _large(contents: Contents, wrapped: list[bytes]) -> list[_Piece]:
     index_offset = 0
     if len(entries) > 1:
         index_offset = _total(parts)
-        parts.append(section_bytes(Kind.INDEX, index_body(tuple(entries))))
+        parts.append(encode_section(SectionKind.INDEX, encode_index(tuple(entries))))
         seals.append(bytes(parts[-1])[-CHECKSUM_BYTES:])
-    return [*parts, section_bytes(Kind.END, end_body(index_offset, checksum(head + b"".join(seals))))]
+    return [
+        *parts,
+        encode_section(
+            SectionKind.END, encode_end_mark(index_offset, checksum(head + b"".join(seals)))
+        ),
+    ]
 
 
 def _section(extra: Section) -> list[_Piece]:
     """A further section, whose body may lie in a temporary file."""
     if isinstance(extra.body, bytes):
-        return [section_bytes(extra.kind, extra.body)]
-    start = bytes([extra.kind]) + varint(len(extra.body))
+        return [encode_section(extra.kind, extra.body)]
+    start = bytes([extra.kind]) + encode_varint(len(extra.body))
     digest = zlib.crc32(start)
-    for piece in extra.body.pieces():
+    for piece in extra.body.chunks():
         digest = zlib.crc32(piece, digest)
-    return [MARKER + start, extra.body, digest.to_bytes(CHECKSUM_BYTES, "little")]
+    return [SECTION_MARKER + start, extra.body, digest.to_bytes(CHECKSUM_BYTES, "little")]

@@ -9,16 +9,16 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from gpszip.errors import OutputError
-from gpszip.files.interrupts import uninterrupted
-from gpszip.files.os_errors import naming, with_notes
+from gpszip.files.interrupts import defer_signals
+from gpszip.files.os_errors import as_output_error, copy_notes
 from gpszip.files.temporary import OUTPUT_PREFIX, temporary_folder
-from gpszip.files.written import note
+from gpszip.files.written import report_output
 
-__all__ = ["replacing", "replacing_together"]
+__all__ = ["atomic_write", "atomic_write_all"]
 
 
 @contextmanager
-def replacing(path: str | os.PathLike[str], *, force: bool = True) -> Iterator[Path]:
+def atomic_write(path: str | os.PathLike[str], *, force: bool = True) -> Iterator[Path]:
     """Give a temporary file in the same folder, with the same name; once filled without an error it takes the place of the file.
 
     Parameters
@@ -33,12 +33,14 @@ def replacing(path: str | os.PathLike[str], *, force: bool = True) -> Iterator[P
     OutputError
         If it exists and ``force`` is not given, can't be written, or something else than a file has its name.
     """
-    with replacing_together([path], force=force) as (whole,):
+    with atomic_write_all([path], force=force) as (whole,):
         yield whole
 
 
 @contextmanager
-def replacing_together(paths: Sequence[str | os.PathLike[str]], *, force: bool = True) -> Iterator[list[Path]]:
+def atomic_write_all(
+    paths: Sequence[str | os.PathLike[str]], *, force: bool = True
+) -> Iterator[list[Path]]:
     """Do the same for several files, none of which takes its place before all are on disk.
 
     Parameters
@@ -51,72 +53,74 @@ def replacing_together(paths: Sequence[str | os.PathLike[str]], *, force: bool =
     Raises
     ------
     OutputError
-        As of :func:`replacing`; it names the files that have taken their places already.
+        As of :func:`atomic_write`; it names the files that have taken their places already.
     """
-    targets = [_target(path, force) for path in paths]
+    targets = [_resolve_target(path, force) for path in paths]
     written: list[str] = []
-    with _telling(written), contextlib.ExitStack() as stack:
-        rooms = [stack.enter_context(_room_beside(target)) for target in targets]
+    with _report_written(written), contextlib.ExitStack() as stack:
+        rooms = [stack.enter_context(_temporary_folder_beside(target)) for target in targets]
         parts = [room / target.name for room, target in zip(rooms, targets, strict=True)]
         try:
             yield parts
         except OSError as error:
-            if len(targets) > 1 or _is_of_another_file(error, targets[0]):
+            if len(targets) > 1 or _names_other_file(error, targets[0]):
                 raise
-            with naming(targets[0]):
+            with as_output_error(targets[0]):
                 raise
 
         # all on disk, and only then in place
         for part, target in zip(parts, targets, strict=True):
-            with naming(target):
-                _to_disk(part, target)
-        with uninterrupted():
+            with as_output_error(target):
+                _sync_file(part, target)
+        with defer_signals():
             for part, target in zip(parts, targets, strict=True):
-                with naming(target):
+                with as_output_error(target):
                     _publish(part, target, force=force)
                 written.append(str(target))
-                note(f"{target} is written")
+                report_output(f"{target} is written")
             stack.close()
 
 
 @contextmanager
-def _telling(written: list[str]) -> Iterator[None]:
+def _report_written(written: list[str]) -> Iterator[None]:
     """Tell of any error after files were written that they are."""
     try:
         yield
     except OutputError as error:
         if not written:
             raise
-        raise with_notes(OutputError(f"{error}; {', '.join(written)} is written"), error) from error
+        raise copy_notes(OutputError(f"{error}; {', '.join(written)} is written"), error) from error
 
 
-def _target(path: str | os.PathLike[str], force: bool) -> Path:
+def _resolve_target(path: str | os.PathLike[str], force: bool) -> Path:
     """The file behind a name, which may be replaced."""
     named = Path(path)
     # unlike pathlib's, the functions of os.path never raise
     if os.path.isdir(named):  # noqa: PTH112
         raise OutputError(f"{named}: is a folder; name a file in it")
     if not force and os.path.lexists(named):
-        raise _exists(named)
+        raise _exists_error(named)
     target = Path(os.path.realpath(named))
     if os.path.lexists(target) and not os.path.isfile(target):  # noqa: PTH113
-        raise OutputError(f"{named}: is no regular file and can't be replaced; - is standard output")
+        raise OutputError(
+            f"{named}: is no regular file and can't be replaced; - is standard output"
+        )
     return target
 
 
-def _exists(target: Path) -> OutputError:
+def _exists_error(target: Path) -> OutputError:
     return OutputError(f"{target}: exists already; --force overwrites it")
 
 
 @contextmanager
-def _room_beside(target: Path) -> Iterator[Path]:
+def _temporary_folder_beside(target: Path) -> Iterator[Path]:
     with contextlib.ExitStack() as stack:
-        with naming(target):
+        with as_output_error(target):
             room = stack.enter_context(temporary_folder(target.parent, OUTPUT_PREFIX))
         yield room
 
 
-def _to_disk(part: Path, target: Path) -> None:
+def _sync_file(part: Path, target: Path) -> None:
     """Put what was written on disk, with the mode of the file that it replaces."""
     with part.open("rb+") as stream:
         os.fsync(stream.fileno())
@@ -124,7 +128,7 @@ def _to_disk(part: Path, target: Path) -> None:
         part.chmod(target.stat().st_mode & 0o777)
 
 
-def _folder_to_disk(folder: Path) -> None:
+def _sync_folder(folder: Path) -> None:
     # some systems don't open folders; the file itself is on disk by now
     with contextlib.suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
@@ -136,23 +140,23 @@ def _folder_to_disk(folder: Path) -> None:
 
 def _publish(part: Path, target: Path, *, force: bool) -> None:
     """Let what is on disk take its name."""
-    if force or not _linked(part, target):
+    if force or not _try_hardlink(part, target):
         part.replace(target)
-    _folder_to_disk(target.parent)
+    _sync_folder(target.parent)
 
 
-def _linked(part: Path, target: Path) -> bool:
+def _try_hardlink(part: Path, target: Path) -> bool:
     """Give a file a second name: unlike a rename, it never takes the place of a file that another process made meanwhile."""
     try:
         target.hardlink_to(part)
     except OSError:
         if os.path.lexists(target):
-            raise _exists(target) from None
+            raise _exists_error(target) from None
         return False  # the file system has no links
     return True
 
 
-def _is_of_another_file(error: OSError, target: Path) -> bool:
+def _names_other_file(error: OSError, target: Path) -> bool:
     """Whether an error names a file that is neither the target nor on its way to become it."""
     if not isinstance(error.filename, (str, bytes)):
         return False

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from gpszip.errors import OutputError
 
-__all__ = ["cause", "naming", "with_notes"]
+__all__ = ["as_output_error", "copy_notes", "explain_os_error"]
 
 #: What to do about a system's error.
 _REMEDIES = {
@@ -26,7 +26,7 @@ _REMEDIES = {
 }
 
 
-def cause(error: OSError) -> str:
+def explain_os_error(error: OSError) -> str:
     """Say what the system complains of, and what to do about it.
 
     Parameters
@@ -36,7 +36,7 @@ def cause(error: OSError) -> str:
 
     Examples
     --------
-    >>> cause(OSError(errno.ENOSPC, "No space left on device"))
+    >>> explain_os_error(OSError(errno.ENOSPC, "No space left on device"))
     'No space left on device; free some room or name a file on another disk'
     """
     # Arrow's errors have several lines and no number
@@ -46,7 +46,7 @@ def cause(error: OSError) -> str:
 
 
 @contextmanager
-def naming(target: str | os.PathLike[str]) -> Iterator[None]:
+def as_output_error(target: str | os.PathLike[str]) -> Iterator[None]:
     """Name the file that can't be written.
 
     Parameters
@@ -62,10 +62,12 @@ def naming(target: str | os.PathLike[str]) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise with_notes(OutputError(f"{os.fspath(target)}: can't be written: {cause(error)}"), error) from error
+        raise copy_notes(
+            OutputError(f"{os.fspath(target)}: can't be written: {explain_os_error(error)}"), error
+        ) from error
 
 
-def with_notes(error: OutputError, before: BaseException) -> OutputError:
+def copy_notes(error: OutputError, before: BaseException) -> OutputError:
     """Return an error with the notes of the one that led to it, such as of temporary folders that are left."""
     for note in getattr(before, "__notes__", ()):
         error.add_note(note)

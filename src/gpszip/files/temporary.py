@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from gpszip.errors import OutputError
-from gpszip.files.interrupts import uninterrupted
+from gpszip.files.interrupts import defer_signals
 
 try:
     import fcntl
@@ -29,7 +29,7 @@ OUTPUT_PREFIX, SCRATCH_PREFIX = ".gpszip-", "gpszip-"
 _SUFFIX = ".part"
 
 #: Seconds after which a folder that no process has locked is taken for one that a killed process left.
-_STALE = 3600.0
+_STALE_AFTER = 3600.0
 
 
 @contextmanager
@@ -53,8 +53,10 @@ def temporary_folder(parent: Path, prefix: str) -> Iterator[Path]:
     _remove_stale(parent, prefix)
     room = None
     try:
-        with uninterrupted():
-            room = _Room(Path(tempfile.mkdtemp(prefix=prefix, suffix=_SUFFIX, dir=parent)))
+        with defer_signals():
+            room = _TemporaryFolder(
+                Path(tempfile.mkdtemp(prefix=prefix, suffix=_SUFFIX, dir=parent))
+            )
         yield room.path
     except BaseException as error:
         if room is not None and (complaint := room.remove()):
@@ -64,7 +66,7 @@ def temporary_folder(parent: Path, prefix: str) -> Iterator[Path]:
         raise OutputError(complaint)
 
 
-class _Room:
+class _TemporaryFolder:
     """A temporary folder, locked for as long as it is in use.
 
     Parameters
@@ -75,14 +77,14 @@ class _Room:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._lock = _locked(path)
+        self._lock = _lock_folder(path)
         # if a signal stops its removal, it goes when the interpreter ends
-        self._at_last = weakref.finalize(self, shutil.rmtree, path, ignore_errors=True)
+        self._finalizer = weakref.finalize(self, shutil.rmtree, path, ignore_errors=True)
 
     def remove(self) -> str:
         """Remove the folder; return what is left of it to be removed by somebody else, in words."""
-        with uninterrupted():
-            self._at_last.detach()
+        with defer_signals():
+            self._finalizer.detach()
             try:
                 shutil.rmtree(self.path)
             except FileNotFoundError:
@@ -90,11 +92,11 @@ class _Room:
             except OSError as error:
                 return f"{self.path}: this temporary folder can't be removed ({error.strerror}); delete it"
             finally:
-                _unlocked(self._lock)
+                _unlock_folder(self._lock)
         return ""
 
 
-def _locked(folder: Path) -> int | None:
+def _lock_folder(folder: Path) -> int | None:
     """Lock a folder that nobody else has locked and return the handle that holds the lock; None where that can't be."""
     if fcntl is None:
         return None
@@ -103,12 +105,12 @@ def _locked(folder: Path) -> int | None:
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
-        _unlocked(handle)
+        _unlock_folder(handle)
         return None
     return handle
 
 
-def _unlocked(handle: int | None) -> None:
+def _unlock_folder(handle: int | None) -> None:
     # nothing was written through it, so that nothing is lost if closing it fails
     if handle is not None:
         with contextlib.suppress(OSError):
@@ -118,20 +120,27 @@ def _unlocked(handle: int | None) -> None:
 def _remove_stale(parent: Path, prefix: str) -> None:
     """Remove the temporary folders of this user that no process has locked and nobody has written to for an hour."""
     with contextlib.suppress(OSError), os.scandir(parent) as entries:
-        names = [entry.path for entry in entries if entry.name.startswith(prefix) and entry.name.endswith(_SUFFIX)]
+        names = [
+            entry.path
+            for entry in entries
+            if entry.name.startswith(prefix) and entry.name.endswith(_SUFFIX)
+        ]
         for folder in map(Path, names):
-            if (lock := _locked(folder)) is None:
+            if (lock := _lock_folder(folder)) is None:
                 continue
             try:
                 if _is_stale(folder):
                     shutil.rmtree(folder, ignore_errors=True)
             finally:
-                _unlocked(lock)
+                _unlock_folder(lock)
 
 
 def _is_stale(folder: Path) -> bool:
     """Whether a folder is this user's and all in it is old."""
     with contextlib.suppress(OSError):
         found = [folder.lstat(), *(path.lstat() for path in folder.iterdir())]
-        return found[0].st_uid == os.geteuid() and max(one.st_mtime for one in found) < time.time() - _STALE
+        return (
+            found[0].st_uid == os.geteuid()
+            and max(one.st_mtime for one in found) < time.time() - _STALE_AFTER
+        )
     return False

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
-__all__ = ["note", "noting"]
+__all__ = ["collect_outputs", "report_output"]
 
 _written: ContextVar[list[str] | None] = ContextVar("written", default=None)
 
 
 @contextmanager
-def noting() -> Iterator[list[str]]:
+def collect_outputs() -> Iterator[list[str]]:
     """Give a list that takes what is written, in words, for as long as the block lasts."""
     written: list[str] = []
     before = _written.set(written)
@@ -22,8 +22,8 @@ def noting() -> Iterator[list[str]]:
         _written.reset(before)
 
 
-def note(what: str) -> None:
-    """Tell whoever listens, see :func:`noting`, what is written."""
+def report_output(what: str) -> None:
+    """Tell whoever listens, see :func:`collect_outputs`, what is written."""
     listener = _written.get()
     if listener is not None:
         listener.append(what)

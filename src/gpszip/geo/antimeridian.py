@@ -9,27 +9,27 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["jumps", "one_side", "with_crossings", "wrapped"]
+__all__ = ["align_antimeridian_signs", "find_crossings", "insert_crossings", "wrap_degrees"]
 
 Floats = NDArray[np.float64]
 
 #: A leg in time this many ticks long has room for two more points; shorter ones are left as they are.
-_ROOM = 4
+_MIN_STEP_TICKS = 4
 
 
-def wrapped(degrees: Floats) -> Floats:
+def wrap_degrees(degrees: Floats) -> Floats:
     """Bring differences of longitudes into [-180, 180).
 
     Examples
     --------
-    >>> wrapped(np.array([359.0, -190.0, 12.0])).tolist()
+    >>> wrap_degrees(np.array([359.0, -190.0, 12.0])).tolist()
     [-1.0, 170.0, 12.0]
     """
     between: Floats = (degrees + 180.0) % 360.0 - 180.0
     return between
 
 
-def jumps(lon: Floats) -> NDArray[np.bool_]:
+def find_crossings(lon: Floats) -> NDArray[np.bool_]:
     """Find the steps that lead across the antimeridian.
 
     Parameters
@@ -43,14 +43,14 @@ def jumps(lon: Floats) -> NDArray[np.bool_]:
 
     Examples
     --------
-    >>> jumps(np.array([179.0, -179.0, -178.0])).tolist()
+    >>> find_crossings(np.array([179.0, -179.0, -178.0])).tolist()
     [True, False]
     """
     far: NDArray[np.bool_] = np.abs(np.diff(lon)) > 180.0
     return far
 
 
-def one_side(lon: Floats) -> Floats:
+def align_antimeridian_signs(lon: Floats) -> Floats:
     """Give points that lie on the antimeridian the sign of their neighbours, as 180 and -180 are the same place.
 
     Parameters
@@ -65,7 +65,7 @@ def one_side(lon: Floats) -> Floats:
 
     Examples
     --------
-    >>> one_side(np.array([-180.0, 179.0, -180.0, 180.0, -179.0])).tolist()
+    >>> align_antimeridian_signs(np.array([-180.0, 179.0, -180.0, 180.0, -179.0])).tolist()
     [180.0, 179.0, 180.0, 180.0, -179.0]
     """
     on = np.abs(lon) == 180.0
@@ -78,7 +78,9 @@ def one_side(lon: Floats) -> Floats:
     return np.where(on, np.copysign(180.0, lon[last]), lon)
 
 
-def with_crossings(times: Floats, lat: Floats, lon: Floats, tick: float) -> tuple[Floats, Floats, Floats]:
+def insert_crossings(
+    times: Floats, lat: Floats, lon: Floats, tick: float
+) -> tuple[Floats, Floats, Floats]:
     """Add two points at each crossing of the antimeridian: at 180 degrees on the one side and on the other.
 
     Parameters
@@ -97,17 +99,17 @@ def with_crossings(times: Floats, lat: Floats, lon: Floats, tick: float) -> tupl
 
     Examples
     --------
-    >>> with_crossings(np.array([0.0, 4.0]), np.array([1.0, 2.0]), np.array([179.0, -179.0]), 0.5)
+    >>> insert_crossings(np.array([0.0, 4.0]), np.array([1.0, 2.0]), np.array([179.0, -179.0]), 0.5)
     (array([0. , 2. , 2.5, 4. ]), array([1. , 1.5, 1.5, 2. ]), array([ 179.,  180., -180., -179.]))
     """
-    lon = one_side(lon)
-    across = np.flatnonzero(jumps(lon) & (np.diff(times) >= _ROOM * tick))
+    lon = align_antimeridian_signs(lon)
+    across = np.flatnonzero(find_crossings(lon) & (np.diff(times) >= _MIN_STEP_TICKS * tick))
     if not len(across):
         return times, lat, lon
 
     # where the line meets the antimeridian, as a share of the step
     side = np.copysign(180.0, lon[across])
-    step = wrapped(lon[across + 1] - lon[across])
+    step = wrap_degrees(lon[across + 1] - lon[across])
     share = np.clip((side - lon[across]) / np.where(step == 0, 1.0, step), 0.0, 1.0)
 
     # when, on whole ticks, with room for both points within the step
@@ -123,4 +125,8 @@ def with_crossings(times: Floats, lat: Floats, lon: Floats, tick: float) -> tupl
     there = np.repeat(lat[across] + share * (lat[across + 1] - lat[across]), 2)[wanted]
     instants = np.stack([when, when + tick], axis=1).ravel()[wanted]
     sides = np.stack([side, -side], axis=1).ravel()[wanted]
-    return np.insert(times, where, instants), np.insert(lat, where, there), np.insert(lon, where, sides)
+    return (
+        np.insert(times, where, instants),
+        np.insert(lat, where, there),
+        np.insert(lon, where, sides),
+    )

@@ -7,17 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.geo.planes import REACH, plane_index, to_geographic, to_plane
+from gpszip.geo.planes import PLANE_RADIUS, plane_indices, to_geographic, to_plane
 from gpszip.model import Plane
 
-__all__ = ["lay_together", "stretch"]
+__all__ = ["max_scale_factor", "to_common_plane"]
 
 _EARTH_RADIUS = 6_371_000.0
 
 Floats = NDArray[np.float64]
 
 
-def lay_together(
+def to_common_plane(
     planes: Sequence[Plane], positions: Sequence[Floats], starts: Sequence[NDArray[np.int64]]
 ) -> tuple[Plane, list[Floats], list[NDArray[np.bool_]]]:
     """Choose planes for several logs and lay them there; each piece stays on one plane.
@@ -45,7 +45,7 @@ def lay_together(
     --------
     >>> here, there = Plane(((525000000, 134000000),)), Plane(((526000000, 134000000),))
     >>> none = np.zeros(1, np.int64)
-    >>> plane, (one, two), _ = lay_together([here, there], [np.zeros((2, 2)), np.zeros((1, 2))], [none, none])
+    >>> plane, (one, two), _ = to_common_plane([here, there], [np.zeros((2, 2)), np.zeros((1, 2))], [none, none])
     >>> plane == here, two.round().tolist()
     (True, [[0.0, 11128.0]])
     """
@@ -53,31 +53,40 @@ def lay_together(
     centers = list(planes[order[0]].centers)
     chosen: dict[int, NDArray[np.int64]] = {}
     for i in order:
-        chosen[i] = _choose(planes[i], positions[i], starts[i], centers)
+        chosen[i] = _choose_centers(planes[i], positions[i], starts[i], centers)
     laid, moved = [], []
     for i, plane in enumerate(planes):
-        out, changed = _lay(plane, positions[i], np.repeat(chosen[i], np.diff(np.append(starts[i], len(positions[i])))), centers)
+        out, changed = _reproject(
+            plane,
+            positions[i],
+            np.repeat(chosen[i], np.diff(np.append(starts[i], len(positions[i])))),
+            centers,
+        )
         laid.append(out)
         moved.append(changed)
     return Plane(tuple(centers)), laid, moved
 
 
-def stretch(positions: Floats, plane: Plane) -> float:
+def max_scale_factor(positions: Floats, plane: Plane) -> float:
     """How many metres of the plane one metre on the ground takes at most."""
     if not len(positions):
         return 1.0
-    east = positions[:, 0] - plane_index(positions, plane) * Plane.SPREAD
+    east = positions[:, 0] - plane_indices(positions, plane) * Plane.SPREAD
     return float(np.cosh(np.abs(east).max() / (0.995 * _EARTH_RADIUS)))
 
 
-def _choose(plane: Plane, positions: Floats, starts: NDArray[np.int64], centers: list[tuple[int, int]]) -> NDArray[np.int64]:
+def _choose_centers(
+    plane: Plane, positions: Floats, starts: NDArray[np.int64], centers: list[tuple[int, int]]
+) -> NDArray[np.int64]:
     """The first centre within reach of all of each piece; centres that are lacking are added."""
     ground = np.stack(to_geographic(positions, plane), axis=1)
     chosen = np.full(len(starts), -1, np.int64)
     for number, center in enumerate(centers):
-        near = np.logical_and.reduceat(_distances(ground, center) <= REACH, starts)
+        near = np.logical_and.reduceat(
+            _great_circle_distances(ground, center) <= PLANE_RADIUS, starts
+        )
         chosen[(chosen < 0) & near] = number
-    own = plane_index(positions[starts], plane)
+    own = plane_indices(positions[starts], plane)
     for piece in np.flatnonzero(chosen < 0).tolist():
         center = plane.centers[own[piece]]
         if center not in centers:
@@ -86,8 +95,10 @@ def _choose(plane: Plane, positions: Floats, starts: NDArray[np.int64], centers:
     return chosen
 
 
-def _lay(plane: Plane, positions: Floats, number: NDArray[np.int64], centers: list[tuple[int, int]]) -> tuple[Floats, NDArray[np.bool_]]:
-    own, out = plane_index(positions, plane), positions.copy()
+def _reproject(
+    plane: Plane, positions: Floats, number: NDArray[np.int64], centers: list[tuple[int, int]]
+) -> tuple[Floats, NDArray[np.bool_]]:
+    own, out = plane_indices(positions, plane), positions.copy()
     moved = np.zeros(len(positions), np.bool_)
     for old, new in sorted(set(zip(own.tolist(), number.tolist(), strict=True))):
         rows = (own == old) & (number == new)
@@ -100,10 +111,12 @@ def _lay(plane: Plane, positions: Floats, number: NDArray[np.int64], centers: li
     return out, moved
 
 
-def _distances(ground: Floats, center: tuple[int, int]) -> Floats:
+def _great_circle_distances(ground: Floats, center: tuple[int, int]) -> Floats:
     """Metres from a centre along the earth."""
     lat, lon = np.radians(ground).T
     north, east = np.radians(center[0] / 1e7), np.radians(center[1] / 1e7)
-    half = np.sin((lat - north) / 2) ** 2 + np.cos(lat) * np.cos(north) * np.sin((lon - east) / 2) ** 2
+    half = (
+        np.sin((lat - north) / 2) ** 2 + np.cos(lat) * np.cos(north) * np.sin((lon - east) / 2) ** 2
+    )
     distances: Floats = 2 * _EARTH_RADIUS * np.arcsin(np.sqrt(np.minimum(half, 1.0)))
     return distances

@@ -35,7 +35,7 @@ def is_geographic(crs: str, where: str) -> bool:
     >>> is_geographic("EPSG:4326", "roads"), is_geographic("EPSG:32633", "roads")
     (True, False)
     """
-    return bool(_known(crs, where).is_geographic)
+    return bool(_parse_crs(crs, where).is_geographic)
 
 
 def is_local(crs: str, where: str) -> bool:
@@ -56,22 +56,24 @@ def is_local(crs: str, where: str) -> bool:
     >>> is_local('LOCAL_CS["hall",UNIT["metre",1]]', "roads"), is_local("EPSG:32633", "roads")
     (True, False)
     """
-    return bool(_known(crs, where).is_engineering)
+    return bool(_parse_crs(crs, where).is_engineering)
 
 
-def _known(crs: str, where: str) -> CRS:
+def _parse_crs(crs: str, where: str) -> CRS:
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
     try:
         return CRS.from_user_input(crs)
     except CRSError as error:
-        raise _unknown(crs, where) from error
+        raise _unknown_crs_error(crs, where) from error
 
 
-def _unknown(crs: str, where: str) -> InputError:
+def _unknown_crs_error(crs: str, where: str) -> InputError:
     short = " ".join(crs.split())[:60]
-    return InputError(f"{where}: unknown coordinate system {short!r}; convert it to WGS84 (EPSG:4326) first")
+    return InputError(
+        f"{where}: unknown coordinate system {short!r}; convert it to WGS84 (EPSG:4326) first"
+    )
 
 
 def to_degrees(points: NDArray[np.float64], crs: str, where: str) -> NDArray[np.float64]:
@@ -102,12 +104,14 @@ def to_degrees(points: NDArray[np.float64], crs: str, where: str) -> NDArray[np.
     >>> to_degrees(np.array([[500000.0, 0.0]]), "EPSG:32633", "roads").round(6).tolist()
     [[15.0, 0.0]]
     """
-    known = _known(crs, where)
+    known = _parse_crs(crs, where)
     from pyproj import Transformer
     from pyproj.exceptions import ProjError
 
     try:
-        lon, lat = Transformer.from_crs(known, "EPSG:4326", always_xy=True).transform(points[:, 0], points[:, 1])
+        lon, lat = Transformer.from_crs(known, "EPSG:4326", always_xy=True).transform(
+            points[:, 0], points[:, 1]
+        )
     except ProjError as error:
-        raise _unknown(crs, where) from error
+        raise _unknown_crs_error(crs, where) from error
     return np.stack((lon, lat), axis=1)

@@ -7,17 +7,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.geo.antimeridian import jumps, one_side, with_crossings
-from gpszip.geo.linear_in_degrees import straight_in_degrees
+from gpszip.geo.antimeridian import align_antimeridian_signs, find_crossings, insert_crossings
+from gpszip.geo.linear_in_degrees import densify_for_degrees
 from gpszip.model import Plane
 
-__all__ = ["DegreeLines", "cut_lines", "lines_in_degrees"]
+__all__ = ["DegreeLines", "cut_at_antimeridian", "lines_in_degrees"]
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 #: Decimals of the shares of a step between two points.
-_TICKS = 9
+_SHARE_DECIMALS = 9
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,9 @@ class DegreeLines:
     cuts: Ints
 
 
-def lines_in_degrees(positions: Floats, offsets: Ints, plane: Plane, within: float, *, decimals: int) -> DegreeLines:
+def lines_in_degrees(
+    positions: Floats, offsets: Ints, plane: Plane, max_deviation: float, *, decimals: int
+) -> DegreeLines:
     """Lay lines on a plane in degrees, with as many more points as they need to stay where they are.
 
     Parameters
@@ -50,7 +52,7 @@ def lines_in_degrees(positions: Floats, offsets: Ints, plane: Plane, within: flo
         Line i runs through ``positions[offsets[i]:offsets[i + 1]]``, which are one point or more.
     plane : Plane
         Where they lie on the earth.
-    within : float
+    max_deviation : float
         Metres by which the lines may deviate.
     decimals : int
         To which degrees are rounded.
@@ -66,16 +68,26 @@ def lines_in_degrees(positions: Floats, offsets: Ints, plane: Plane, within: flo
     >>> lines.points.tolist(), lines.cuts.tolist()
     ([[179.999, 0.0], [180.0, 0.0], [-180.0, 0.0], [-179.999, 0.0]], [2])
     """
-    apart = np.zeros(max(len(positions) - 1, 0), np.bool_)
-    apart[offsets[1:-1] - 1] = True
+    skipped = np.zeros(max(len(positions) - 1, 0), np.bool_)
+    skipped[offsets[1:-1] - 1] = True
 
     # points are numbered, and those between two of them have numbers with a fraction
     numbers = np.arange(len(positions), dtype=np.float64)
-    numbers, lat, lon = straight_in_degrees(numbers, positions, plane, within, decimals=decimals, ticks=_TICKS, apart=apart)
-    return cut_lines(np.stack([lon, lat], axis=1), np.searchsorted(numbers, offsets), decimals=decimals)
+    numbers, lat, lon = densify_for_degrees(
+        numbers,
+        positions,
+        plane,
+        max_deviation,
+        decimals=decimals,
+        time_decimals=_SHARE_DECIMALS,
+        skipped=skipped,
+    )
+    return cut_at_antimeridian(
+        np.stack([lon, lat], axis=1), np.searchsorted(numbers, offsets), decimals=decimals
+    )
 
 
-def cut_lines(points: Floats, offsets: Ints, *, decimals: int) -> DegreeLines:
+def cut_at_antimeridian(points: Floats, offsets: Ints, *, decimals: int) -> DegreeLines:
     """Cut lines in degrees where they cross the antimeridian.
 
     Parameters
@@ -93,11 +105,11 @@ def cut_lines(points: Floats, offsets: Ints, *, decimals: int) -> DegreeLines:
 
     Examples
     --------
-    >>> cut_lines(np.array([[179.0, 1.0], [-179.0, 2.0]]), np.array([0, 2]), decimals=8).points.tolist()
+    >>> cut_at_antimeridian(np.array([[179.0, 1.0], [-179.0, 2.0]]), np.array([0, 2]), decimals=8).points.tolist()
     [[179.0, 1.0], [180.0, 1.5], [-180.0, 1.5], [-179.0, 2.0]]
     """
     special = np.abs(points[:, 0]) == 180.0
-    special[1:] |= jumps(points[:, 0])
+    special[1:] |= find_crossings(points[:, 0])
     if not special.any():
         return DegreeLines(points, offsets, np.empty(0, np.int64))
 
@@ -106,17 +118,21 @@ def cut_lines(points: Floats, offsets: Ints, *, decimals: int) -> DegreeLines:
     pieces, cuts, lengths, done, added = [], [np.empty(0, np.int64)], np.diff(offsets), 0, 0
     for line in near.tolist():
         first, after = offsets[line], offsets[line + 1]
-        whole, own = _cut(points[first:after], decimals)
+        whole, own = _cut_line(points[first:after], decimals)
         pieces += [points[done:first], whole]
         cuts.append(own + first + added)
         lengths[line], done = len(whole), after
         added += len(whole) - (after - first)
     pieces.append(points[done:])
-    return DegreeLines(np.concatenate(pieces), np.append(0, np.cumsum(lengths)), np.concatenate(cuts))
+    return DegreeLines(
+        np.concatenate(pieces), np.append(0, np.cumsum(lengths)), np.concatenate(cuts)
+    )
 
 
-def _cut(line: Floats, decimals: int) -> tuple[Floats, Ints]:
+def _cut_line(line: Floats, decimals: int) -> tuple[Floats, Ints]:
     """A line with points at its crossings, and where it begins anew."""
-    lon = one_side(line[:, 0])
-    _, lat, lon = with_crossings(np.arange(len(line), dtype=np.float64), line[:, 1], lon, 0.0)
-    return np.stack([lon, np.round(lat, decimals) + 0.0], axis=1), np.flatnonzero(jumps(lon)) + 1
+    lon = align_antimeridian_signs(line[:, 0])
+    _, lat, lon = insert_crossings(np.arange(len(line), dtype=np.float64), line[:, 1], lon, 0.0)
+    return np.stack([lon, np.round(lat, decimals) + 0.0], axis=1), np.flatnonzero(
+        find_crossings(lon)
+    ) + 1

@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 from gpszip.geo.planes import plane_changes
 from gpszip.model import Track
 
-__all__ = ["estimate_gap", "gap_parts", "silences"]
+__all__ = ["estimate_gap", "find_gaps", "find_long_intervals"]
 
 #: No shorter interval is a gap: a robot or a car can be followed through it.
-_SHORTEST = 10.0
+_MIN_GAP = 10.0
 
 #: A track needs this many intervals for its own rhythm to count.
-_ENOUGH = 20
+_MIN_INTERVALS = 20
 
 
 def estimate_gap(tracks: Sequence[Track]) -> float:
@@ -52,12 +52,12 @@ def estimate_gap(tracks: Sequence[Track]) -> float:
         return float("inf")
     pooled = np.concatenate(steps)
     median, high = np.quantile(pooled, [0.5, 0.95])
-    usual = max((float(np.median(own)) for own in steps if len(own) >= _ENOUGH), default=0.0)
-    gap = round(max(1000 * _SHORTEST, 30 * median, 10 * usual, min(5 * high, 60 * median)))
+    usual = max((float(np.median(own)) for own in steps if len(own) >= _MIN_INTERVALS), default=0.0)
+    gap = round(max(1000 * _MIN_GAP, 30 * median, 10 * usual, min(5 * high, 60 * median)))
     return gap / 1000 if pooled.max() > gap else float("inf")
 
 
-def gap_parts(times: ArrayLike, gap: float) -> NDArray[np.bool_]:
+def find_long_intervals(times: ArrayLike, gap: float) -> NDArray[np.bool_]:
     """Intervals longer than a gap.
 
     Times count in whole milliseconds, so that the answer doesn't hang on where a log's zero is.
@@ -75,14 +75,16 @@ def gap_parts(times: ArrayLike, gap: float) -> NDArray[np.bool_]:
 
     Examples
     --------
-    >>> gap_parts([0.0, 1.0, 31.0, 61.5], 30.0).tolist()
+    >>> find_long_intervals([0.0, 1.0, 31.0, 61.5], 30.0).tolist()
     [False, False, True]
     """
-    longer: NDArray[np.bool_] = _milliseconds(np.asarray(times, dtype=np.float64)) > np.rint(gap * 1000)
+    longer: NDArray[np.bool_] = _milliseconds(np.asarray(times, dtype=np.float64)) > np.rint(
+        gap * 1000
+    )
     return longer
 
 
-def silences(track: Track, gap: float) -> NDArray[np.bool_]:
+def find_gaps(track: Track, gap: float) -> NDArray[np.bool_]:
     """Steps of a track during which no travel is claimed: gaps, and steps from one plane to another.
 
     Parameters
@@ -98,14 +100,16 @@ def silences(track: Track, gap: float) -> NDArray[np.bool_]:
 
     Examples
     --------
-    >>> silences(Track("a", [0, 1, 90], [[0.0], [5.0], [7.0]]), 30.0).tolist()
+    >>> find_gaps(Track("a", [0, 1, 90], [[0.0], [5.0], [7.0]]), 30.0).tolist()
     [False, True]
     """
-    silent: NDArray[np.bool_] = gap_parts(track.times, gap) | plane_changes(track.positions, track.plane)
+    silent: NDArray[np.bool_] = find_long_intervals(track.times, gap) | plane_changes(
+        track.positions, track.plane
+    )
     return silent
 
 
-def sample_spans(times: NDArray[np.float64], silent: NDArray[np.bool_]) -> NDArray[np.float64]:
+def piece_time_ranges(times: NDArray[np.float64], silent: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Times of the first and the last sample of each run between gaps.
 
     Parameters
@@ -121,7 +125,7 @@ def sample_spans(times: NDArray[np.float64], silent: NDArray[np.bool_]) -> NDArr
 
     Examples
     --------
-    >>> sample_spans(np.array([0.0, 1.0, 90.0]), np.array([False, True])).tolist()
+    >>> piece_time_ranges(np.array([0.0, 1.0, 90.0]), np.array([False, True])).tolist()
     [[0.0, 1.0], [90.0, 90.0]]
     """
     return np.stack([times[np.append(True, silent)], times[np.append(silent, True)]], axis=1)

@@ -1,6 +1,6 @@
 """Metric planes for positions in degrees: transverse Mercator on WGS84, as many as the data needs.
 
-One plane carries everything within :data:`REACH` of its centre, where lengths are true to 0.2 %. Data that is wider lies on
+One plane carries everything within :data:`PLANE_RADIUS` of its centre, where lengths are true to 0.2 %. Data that is wider lies on
 several planes side by side in x, see :class:`gpszip.model.Plane`.
 """
 
@@ -19,13 +19,21 @@ from gpszip.model import Plane, Track
 if TYPE_CHECKING:
     from pyproj import Transformer
 
-__all__ = ["REACH", "choose_plane", "on_plane", "plane_changes", "plane_index", "to_geographic", "to_plane"]
+__all__ = [
+    "PLANE_RADIUS",
+    "choose_plane",
+    "plane_changes",
+    "plane_indices",
+    "reproject_track",
+    "to_geographic",
+    "to_plane",
+]
 
 #: Distance in metres from a plane's centre within which positions lie on it.
-REACH = 400_000.0
+PLANE_RADIUS = 400_000.0
 
 _EARTH_RADIUS = 6_371_000.0
-_UNITS = 1e7  # a centre's units in one degree
+_UNITS_PER_DEGREE = 1e7  # a centre's units in one degree
 
 Floats = NDArray[np.float64]
 
@@ -54,14 +62,16 @@ def choose_plane(lat: ArrayLike, lon: ArrayLike) -> Plane:
     ((525000000, 134000000), (-339000000, 1512000000))
     """
     lat, lon = np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64)
-    directions = _directions(lat, lon)
+    directions = _unit_vectors(lat, lon)
     centers = _median_center(directions)
-    rest = np.flatnonzero(~_within(directions, centers[0])) if centers else np.arange(len(lat))
-    if centers and len(rest) == len(lat):  # the middle of far-off clusters is nowhere near any of them
+    rest = np.flatnonzero(~_in_radius(directions, centers[0])) if centers else np.arange(len(lat))
+    if centers and len(rest) == len(
+        lat
+    ):  # the middle of far-off clusters is nowhere near any of them
         centers = []
     while len(rest):
-        centers.append(_quantised(lat[rest[0]], lon[rest[0]]))
-        rest = rest[1:][~_within(directions[rest[1:]], centers[-1])]
+        centers.append(_round_center(lat[rest[0]], lon[rest[0]]))
+        rest = rest[1:][~_in_radius(directions[rest[1:]], centers[-1])]
     return Plane(tuple(centers))
 
 
@@ -93,7 +103,7 @@ def to_plane(lat: ArrayLike, lon: ArrayLike, plane: Plane) -> Floats:
     if len(plane.centers) == 1:
         positions[:, 0], positions[:, 1] = _projection(plane.centers[0]).transform(lon, lat)
         return positions
-    index = _assign(_directions(lat, lon), plane)
+    index = _assign_planes(_unit_vectors(lat, lon), plane)
     for i in np.unique(index).tolist():
         here = index == i
         x, y = _projection(plane.centers[i]).transform(lon[here], lat[here])
@@ -124,16 +134,18 @@ def to_geographic(positions: ArrayLike, plane: Plane) -> tuple[Floats, Floats]:
     ([60.0], [25.0])
     """
     positions = np.asarray(positions, dtype=np.float64)
-    index = plane_index(positions, plane)
+    index = plane_indices(positions, plane)
     lat, lon = np.empty(len(positions)), np.empty(len(positions))
     for i in np.unique(index).tolist():
         here = index == i
         x = positions[here, 0] - i * Plane.SPREAD
-        lon[here], lat[here] = _projection(plane.centers[i]).transform(x, positions[here, 1], direction="INVERSE")
+        lon[here], lat[here] = _projection(plane.centers[i]).transform(
+            x, positions[here, 1], direction="INVERSE"
+        )
     return lat, lon
 
 
-def on_plane(track: Track, plane: Plane) -> Track:
+def reproject_track(track: Track, plane: Plane) -> Track:
     """Lay a track in degrees on other planes than its own.
 
     Parameters
@@ -157,20 +169,22 @@ def on_plane(track: Track, plane: Plane) -> Track:
     --------
     >>> berlin = choose_plane([52.5], [13.4])
     >>> track = Track("a", [0.0], to_plane([52.6], [13.5], berlin), plane=berlin)
-    >>> moved = on_plane(track, choose_plane([52.61], [13.5]))
+    >>> moved = reproject_track(track, choose_plane([52.61], [13.5]))
     >>> [round(float(value[0]), 9) for value in to_geographic(moved.positions, moved.plane)]
     [52.6, 13.5]
     """
     if track.plane is None or track.plane == plane:
         return track
     lat, lon = to_geographic(track.positions, track.plane)
-    directions = _directions(lat, lon)
-    if not np.any([_within(directions, center) for center in plane.centers], axis=0).all():
-        raise OptionError(f"track {track.id!r} lies more than {REACH / 1000:.0f} km from the map; give a map of the same place")
+    directions = _unit_vectors(lat, lon)
+    if not np.any([_in_radius(directions, center) for center in plane.centers], axis=0).all():
+        raise OptionError(
+            f"track {track.id!r} lies more than {PLANE_RADIUS / 1000:.0f} km from the map; give a map of the same place"
+        )
     return replace(track, positions=to_plane(lat, lon, plane), plane=plane)
 
 
-def plane_index(positions: ArrayLike, plane: Plane) -> NDArray[np.int64]:
+def plane_indices(positions: ArrayLike, plane: Plane) -> NDArray[np.int64]:
     """Which of the planes each position lies on.
 
     Parameters
@@ -187,7 +201,7 @@ def plane_index(positions: ArrayLike, plane: Plane) -> NDArray[np.int64]:
 
     Examples
     --------
-    >>> plane_index([[5.0, 0.0], [Plane.SPREAD - 7.0, 0.0]], Plane(((0, 0), (0, 900000000)))).tolist()
+    >>> plane_indices([[5.0, 0.0], [Plane.SPREAD - 7.0, 0.0]], Plane(((0, 0), (0, 900000000)))).tolist()
     [0, 1]
     """
     x = np.asarray(positions, dtype=np.float64)[:, 0]
@@ -215,7 +229,7 @@ def plane_changes(positions: ArrayLike, plane: Plane | None) -> NDArray[np.bool_
     """
     if plane is None or len(plane.centers) == 1:
         return np.zeros(max(len(np.asarray(positions)) - 1, 0), dtype=np.bool_)
-    changed: NDArray[np.bool_] = np.diff(plane_index(positions, plane)) != 0
+    changed: NDArray[np.bool_] = np.diff(plane_indices(positions, plane)) != 0
     return changed
 
 
@@ -223,47 +237,53 @@ def plane_changes(positions: ArrayLike, plane: Plane | None) -> NDArray[np.bool_
 def _projection(center: tuple[int, int]) -> Transformer:
     from pyproj import Transformer
 
-    lat, lon = center[0] / _UNITS, center[1] / _UNITS
+    lat, lon = center[0] / _UNITS_PER_DEGREE, center[1] / _UNITS_PER_DEGREE
     return Transformer.from_pipeline(
         f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=tmerc +lat_0={lat:.7f} +lon_0={lon:.7f} +ellps=WGS84"
     )
 
 
-def _directions(lat: Floats, lon: Floats) -> Floats:
+def _unit_vectors(lat: Floats, lon: Floats) -> Floats:
     north, east = np.radians(lat), np.radians(lon)
     flat = np.cos(north)
     return np.stack([flat * np.cos(east), flat * np.sin(east), np.sin(north)], axis=1)
 
 
-def _quantised(lat: float, lon: float) -> tuple[int, int]:
+def _round_center(lat: float, lon: float) -> tuple[int, int]:
     # hundredths of a degree take fewer bytes in an archive, and a plane a kilometre off is as good
-    return round(float(lat) * 100) * int(_UNITS // 100), round(float(lon) * 100) * int(_UNITS // 100)
+    return round(float(lat) * 100) * int(_UNITS_PER_DEGREE // 100), round(float(lon) * 100) * int(
+        _UNITS_PER_DEGREE // 100
+    )
 
 
 def _median_center(directions: Floats) -> list[tuple[int, int]]:
     x, y, z = np.median(directions, axis=0)
     if np.hypot(np.hypot(x, y), z) < 0.5:  # all over the globe: there is no middle
         return []
-    return [_quantised(np.degrees(np.arctan2(z, np.hypot(x, y))), np.degrees(np.arctan2(y, x)))]
+    return [_round_center(np.degrees(np.arctan2(z, np.hypot(x, y))), np.degrees(np.arctan2(y, x)))]
 
 
 def _cosines(directions: Floats, center: tuple[int, int]) -> Floats:
-    axis = _directions(np.array([center[0] / _UNITS]), np.array([center[1] / _UNITS]))[0]
+    axis = _unit_vectors(
+        np.array([center[0] / _UNITS_PER_DEGREE]), np.array([center[1] / _UNITS_PER_DEGREE])
+    )[0]
     cosines: Floats = directions @ axis
     return cosines
 
 
-def _within(directions: Floats, center: tuple[int, int]) -> NDArray[np.bool_]:
-    near: NDArray[np.bool_] = _cosines(directions, center) >= np.cos(REACH / _EARTH_RADIUS)
+def _in_radius(directions: Floats, center: tuple[int, int]) -> NDArray[np.bool_]:
+    near: NDArray[np.bool_] = _cosines(directions, center) >= np.cos(PLANE_RADIUS / _EARTH_RADIUS)
     return near
 
 
-def _assign(directions: Floats, plane: Plane) -> NDArray[np.int64]:
+def _assign_planes(directions: Floats, plane: Plane) -> NDArray[np.int64]:
     index = np.full(len(directions), -1, dtype=np.int64)
     for i, center in enumerate(plane.centers):
         open_ = np.flatnonzero(index < 0)
-        index[open_[_within(directions[open_], center)]] = i
+        index[open_[_in_radius(directions[open_], center)]] = i
     lost = np.flatnonzero(index < 0)
     if len(lost):
-        index[lost] = np.argmax(np.stack([_cosines(directions[lost], center) for center in plane.centers]), axis=0)
+        index[lost] = np.argmax(
+            np.stack([_cosines(directions[lost], center) for center in plane.centers]), axis=0
+        )
     return index

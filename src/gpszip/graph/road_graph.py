@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["UNITS", "RoadGraph", "road_graph"]
+__all__ = ["UNITS_PER_METRE", "RoadGraph", "build_road_graph"]
 
 #: Weight of an edge one metre long: 1024 units to the millimetre.
-UNITS = 1024 * 1000
+UNITS_PER_METRE = 1024 * 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,13 @@ class RoadGraph:
         return len(self.ranks)
 
 
-def road_graph(nodes: ArrayLike, edges: ArrayLike, *, lengths: ArrayLike | None = None, oneway: ArrayLike | None = None) -> RoadGraph:
+def build_road_graph(
+    nodes: ArrayLike,
+    edges: ArrayLike,
+    *,
+    lengths: ArrayLike | None = None,
+    oneway: ArrayLike | None = None,
+) -> RoadGraph:
     """Build the graph of a road map (thesis, definitions 4.1.8 and 4.1.9).
 
     Parallel edges, self-loops, edges of length zero and disconnected parts are all allowed.
@@ -68,33 +74,43 @@ def road_graph(nodes: ArrayLike, edges: ArrayLike, *, lengths: ArrayLike | None 
 
     Examples
     --------
-    >>> graph = road_graph([[0, 0], [3, 4], [3, 0]], [[0, 1], [1, 2]])
+    >>> graph = build_road_graph([[0, 0], [3, 4], [3, 0]], [[0, 1], [1, 2]])
     >>> graph.offsets.tolist(), graph.targets.tolist()
     ([0, 1, 3, 4], [1, 0, 2, 1])
-    >>> (graph.weights / UNITS).tolist()
+    >>> (graph.weights / UNITS_PER_METRE).tolist()
     [5.0, 5.0, 4.0, 4.0]
     """
     positions = np.asarray(nodes, dtype=np.float64)
     ends = np.asarray(edges, dtype=np.int32).reshape(-1, 2)
     if ends.size and (ends.min() < 0 or ends.max() >= len(positions)):
-        raise ValueError(f"an edge names node {int(ends.max())}, but there are {len(positions)} nodes, counted from 0")
+        raise ValueError(
+            f"an edge names node {int(ends.max())}, but there are {len(positions)} nodes, counted from 0"
+        )
     weights = _weights(positions, ends, lengths)
     sources, targets, names = _arcs(ends, oneway)
     order = np.lexsort((names, targets, sources))
     offsets = np.searchsorted(sources[order], np.arange(len(positions) + 1))
     names = names[order]
-    return RoadGraph(ends, offsets.astype(np.int64), targets[order], weights[names], names, _ranks(positions))
+    return RoadGraph(
+        ends, offsets.astype(np.int64), targets[order], weights[names], names, _ranks(positions)
+    )
 
 
-def _weights(positions: NDArray[np.float64], ends: NDArray[np.int32], lengths: ArrayLike | None) -> NDArray[np.int64]:
+def _weights(
+    positions: NDArray[np.float64], ends: NDArray[np.int32], lengths: ArrayLike | None
+) -> NDArray[np.int64]:
     if lengths is None:
         lengths = np.sqrt(np.square(positions[ends[:, 0]] - positions[ends[:, 1]]).sum(axis=1))
     # At least 1, for canonical paths must be simple; capped, so that no path's length overflows.
     cap = float((1 << 61) // (len(positions) + 1))
-    return np.clip(np.rint(np.asarray(lengths, dtype=np.float64) * UNITS), 1.0, cap).astype(np.int64)
+    return np.clip(
+        np.rint(np.asarray(lengths, dtype=np.float64) * UNITS_PER_METRE), 1.0, cap
+    ).astype(np.int64)
 
 
-def _arcs(ends: NDArray[np.int32], oneway: ArrayLike | None) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+def _arcs(
+    ends: NDArray[np.int32], oneway: ArrayLike | None
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
     names = np.arange(len(ends), dtype=np.int32)
     back = ends[:, 0] != ends[:, 1]  # a self-loop is one arc
     if oneway is not None:

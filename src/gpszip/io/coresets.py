@@ -18,15 +18,26 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from gpszip.errors import InputError, OutputError
-from gpszip.io.storage.sink import writing
+from gpszip.io.storage.sink import open_sink
 from gpszip.model import Plane
 from gpszip.sketches.coreset import Coreset
 
 __all__ = ["read_coreset", "write_coreset"]
 
-_KEY = b"gpszip.coreset"
+_METADATA_KEY = b"gpszip.coreset"
 _VERSION = 1
-_NAMES = ("first", "last", "weight", "count", "mean_time", "spread", "scatter", "reach", "jitter", "depth")
+_COLUMN_NAMES = (
+    "first",
+    "last",
+    "weight",
+    "count",
+    "mean_time",
+    "spread",
+    "scatter",
+    "reach",
+    "jitter",
+    "depth",
+)
 
 
 def write_coreset(coreset: Coreset, sink: str | Path | BinaryIO, *, force: bool = False) -> None:
@@ -58,12 +69,23 @@ def write_coreset(coreset: Coreset, sink: str | Path | BinaryIO, *, force: bool 
     if isinstance(sink, (str, Path)) and str(sink) != "-" and Path(sink).exists() and not force:
         raise OutputError(f"{sink}: exists already; replace it with force, or name another file")
     plane = None if coreset.plane is None else [list(center) for center in coreset.plane.centers]
-    head = json.dumps({"version": _VERSION, "tracks": list(coreset.tracks), "plane": plane}, ensure_ascii=False)
-    names = pa.DictionaryArray.from_arrays(pa.array(coreset.owners.astype(np.int32)), pa.array(coreset.tracks, pa.string()))
-    columns = [names.cast(pa.string()), *(pa.array(np.ascontiguousarray(column)) for column in coreset.rows.T)]
-    table = pa.table(columns, names=["track", *_columns(coreset.dimension)]).replace_schema_metadata({_KEY: head.encode()})
-    with writing(sink) as file:
-        pq.write_table(table, file, compression="zstd", use_dictionary=["track"], write_statistics=False)
+    head = json.dumps(
+        {"version": _VERSION, "tracks": list(coreset.tracks), "plane": plane}, ensure_ascii=False
+    )
+    names = pa.DictionaryArray.from_arrays(
+        pa.array(coreset.owners.astype(np.int32)), pa.array(coreset.tracks, pa.string())
+    )
+    columns = [
+        names.cast(pa.string()),
+        *(pa.array(np.ascontiguousarray(column)) for column in coreset.rows.T),
+    ]
+    table = pa.table(
+        columns, names=["track", *_column_names(coreset.dimension)]
+    ).replace_schema_metadata({_METADATA_KEY: head.encode()})
+    with open_sink(sink) as file:
+        pq.write_table(
+            table, file, compression="zstd", use_dictionary=["track"], write_statistics=False
+        )
 
 
 def read_coreset(source: str | Path | BinaryIO) -> Coreset:
@@ -82,50 +104,90 @@ def read_coreset(source: str | Path | BinaryIO) -> Coreset:
     where = str(source) if isinstance(source, (str, Path)) else "stream"
     try:
         # Arrow opens no file whose name is not UTF-8
-        table = pq.read_table(pa.py_buffer(Path(source).read_bytes()) if isinstance(source, (str, Path)) else source)
-        head = json.loads((table.schema.metadata or {})[_KEY])
-        return _coreset(table, head, where)
+        table = pq.read_table(
+            pa.py_buffer(Path(source).read_bytes()) if isinstance(source, (str, Path)) else source
+        )
+        head = json.loads((table.schema.metadata or {})[_METADATA_KEY])
+        return _build_coreset(table, head, where)
     except KeyError:
-        raise InputError(f"{where}: is no coreset; make one with: gpszip coreset LOG -o {Path(where).name}") from None
+        raise InputError(
+            f"{where}: is no coreset; make one with: gpszip coreset LOG -o {Path(where).name}"
+        ) from None
     except (pa.ArrowException, OSError, ValueError, TypeError) as error:
-        raise InputError(f"{where}: can't be read as a coreset: {str(error).splitlines()[0]}") from None
+        raise InputError(
+            f"{where}: can't be read as a coreset: {str(error).splitlines()[0]}"
+        ) from None
 
 
-def _columns(dimension: int) -> list[str]:
-    return [*_NAMES, *(f"{what}_{axis}" for what in ("start", "mean", "drift") for axis in range(dimension))]
+def _column_names(dimension: int) -> list[str]:
+    return [
+        *_COLUMN_NAMES,
+        *(f"{what}_{axis}" for what in ("start", "mean", "drift") for axis in range(dimension)),
+    ]
 
 
-def _coreset(table: Any, head: dict[str, Any], where: str) -> Coreset:
+def _build_coreset(table: Any, head: dict[str, Any], where: str) -> Coreset:
     if head.get("version") != _VERSION:
-        raise InputError(f"{where}: coreset of version {head.get('version')}; this GPSZip reads version {_VERSION}; install a newer one")
-    dimension, rest = divmod(table.num_columns - 1 - len(_NAMES), 3)
-    if rest or dimension < 1 or table.column_names != ["track", *_columns(dimension)] or table.num_rows == 0:
+        raise InputError(
+            f"{where}: coreset of version {head.get('version')}; this GPSZip reads version {_VERSION}; install a newer one"
+        )
+    dimension, rest = divmod(table.num_columns - 1 - len(_COLUMN_NAMES), 3)
+    if (
+        rest
+        or dimension < 1
+        or table.column_names != ["track", *_column_names(dimension)]
+        or table.num_rows == 0
+    ):
         raise InputError(f"{where}: its columns are not those of a coreset")
-    rows = np.column_stack([table.column(name).to_numpy() for name in _columns(dimension)]).astype(np.float64)
+    rows = np.column_stack(
+        [table.column(name).to_numpy() for name in _column_names(dimension)]
+    ).astype(np.float64)
     tracks = tuple(str(name) for name in head["tracks"])
     number = {name: i for i, name in enumerate(tracks)}
-    owners = np.array([number.get(name, -1) for name in table.column("track").to_pylist()], np.int64)
-    _check(rows, owners, len(tracks), where)
-    plane = None if head["plane"] is None else Plane(tuple((int(lat), int(lon)) for lat, lon in head["plane"]))
+    owners = np.array(
+        [number.get(name, -1) for name in table.column("track").to_pylist()], np.int64
+    )
+    _check_rows(rows, owners, len(tracks), where)
+    plane = (
+        None
+        if head["plane"] is None
+        else Plane(tuple((int(lat), int(lon)) for lat, lon in head["plane"]))
+    )
     return Coreset(tracks, owners, rows, plane)
 
 
-def _check(rows: Any, owners: Any, tracks: int, where: str) -> None:
-    jitter = _NAMES.index("jitter")
-    finite = np.isfinite(np.delete(rows, jitter, axis=1)).all() and not (np.isnan(rows[:, jitter]) | (rows[:, jitter] < 0)).any()
-    positive = (
-        finite and (rows[:, 2] > 0).all() and (rows[:, 3] >= 1).all() and (rows[:, 5:8] >= 0).all() and (rows[:, 1] >= rows[:, 0]).all()
+def _check_rows(rows: Any, owners: Any, tracks: int, where: str) -> None:
+    jitter = _COLUMN_NAMES.index("jitter")
+    finite = (
+        np.isfinite(np.delete(rows, jitter, axis=1)).all()
+        and not (np.isnan(rows[:, jitter]) | (rows[:, jitter] < 0)).any()
     )
-    positive = positive and (rows[:, 9] >= 0).all() and _is_moderate(rows)
+    positive = (
+        finite
+        and (rows[:, 2] > 0).all()
+        and (rows[:, 3] >= 1).all()
+        and (rows[:, 5:8] >= 0).all()
+        and (rows[:, 1] >= rows[:, 0]).all()
+    )
+    positive = positive and (rows[:, 9] >= 0).all() and _costs_are_finite(rows)
     same = owners[1:] == owners[:-1]
-    whole = (owners >= 0).all() and (np.diff(owners) >= 0).all() and len(np.unique(owners)) == tracks
+    whole = (
+        (owners >= 0).all() and (np.diff(owners) >= 0).all() and len(np.unique(owners)) == tracks
+    )
     if not (positive and whole and (rows[1:, 0] > rows[:-1, 1])[same].all()):
         raise InputError(f"{where}: its blocks are damaged; make the coreset anew")
 
 
-def _is_moderate(rows: Any) -> bool:
+def _costs_are_finite(rows: Any) -> bool:
     """Whether costs can be computed without an overflow."""
     with np.errstate(over="ignore", invalid="ignore"):
         squares = (rows[:, 10:] ** 2).sum(axis=1)
-        terms = np.stack([rows[:, 2] * rows[:, 7] ** 2, rows[:, 2] * squares, rows[:, 4] ** 2 * rows[:, 2], squares])
+        terms = np.stack(
+            [
+                rows[:, 2] * rows[:, 7] ** 2,
+                rows[:, 2] * squares,
+                rows[:, 4] ** 2 * rows[:, 2],
+                squares,
+            ]
+        )
         return bool(np.isfinite(terms.sum()) and np.isfinite(squares.sum() ** 2))

@@ -8,10 +8,10 @@ from typing import Any
 
 from numba.core import event
 
-__all__ = ["noticing"]
+__all__ = ["on_compile"]
 
 
-class _Notice(event.Listener):  # type: ignore[misc]
+class _CompileListener(event.Listener):  # type: ignore[misc]
     def __init__(self, notify: Callable[[], None]) -> None:
         self.tell = notify
 
@@ -23,9 +23,9 @@ class _Notice(event.Listener):  # type: ignore[misc]
 
 
 @contextmanager
-def noticing(notify: Callable[[], None]) -> Iterator[None]:
+def on_compile(notify: Callable[[], None]) -> Iterator[None]:
     """Call ``notify`` whenever a kernel is compiled rather than loaded from the cache."""
-    listener = _Notice(notify)
+    listener = _CompileListener(notify)
     event.register("numba:compile", listener)
     try:
         yield

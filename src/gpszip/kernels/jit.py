@@ -20,7 +20,7 @@ def jit(function: F) -> F:
     Threads, not the compiler, spread work over cores: parallel loops and the disk cache don't go together.
     """
     compiled: F = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-    _renew_after_changes(compiled, function.__module__)
+    _stamp_cache(compiled, function.__module__)
     return compiled
 
 
@@ -33,7 +33,7 @@ def inlined(function: F) -> F:
     return compiled
 
 
-def _renew_after_changes(compiled: Any, module: str) -> None:
+def _stamp_cache(compiled: Any, module: str) -> None:
     """Have the cache forget a kernel when one that it calls has changed, too."""
     # the compiler has no public way to say so; without it, only its own file counts
     file = getattr(getattr(compiled, "_cache", None), "_cache_file", None)

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["pair_slot"]
+__all__ = ["find_pair_slot"]
 
 
 @jit
-def pair_slot(keys: NDArray[np.int64], key: int) -> int:
+def find_pair_slot(keys: NDArray[np.int64], key: int) -> int:
     """Where in ``keys`` (a power of two of them, -1 where free) a key is, or would be entered."""
     mask = len(keys) - 1
     at = ((key * 0x9E3779B97F4A7C1) >> 20) & mask

@@ -18,22 +18,32 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["BLOCK", "Sums", "add_sample", "append_row", "free_cost", "moments", "part_moments", "part_sums", "raw_moments"]
+__all__ = [
+    "BLOCK_SIZE",
+    "PrefixSums",
+    "add_moments",
+    "add_sample",
+    "best_line_cost",
+    "build_prefix_sums",
+    "normalised_moments",
+    "segment_moments",
+    "tick_moments",
+]
 
 #: Samples in a block.
-BLOCK = 256
+BLOCK_SIZE = 256
 
 #: Largest value that re-centred integers may reach; a quarter of what 64 bits hold.
-_GUARD = float(1 << 61)
+_MAX_EXACT = float(1 << 61)
 
 #: Ticks that a float still counts one by one.
-_COUNTABLE = float(1 << 51)
+_MAX_TICKS = float(1 << 51)
 
 #: Places where a tick begins lie off every decimal grid, so that noise in a last digit can't move a sample.
-_ROUNDING = 0.5037
+_TICK_OFFSET = 0.5037
 
 
-class Sums(NamedTuple):
+class PrefixSums(NamedTuple):
     """A track in ticks, with its prefix sums.
 
     Parameters
@@ -50,11 +60,11 @@ class Sums(NamedTuple):
         Moments of each block of samples about its first.
     extent : float
         No two samples are farther apart, in place ticks.
-    time_tick, place_tick : float
+    time_tick, position_tick : float
         Sizes of the ticks in seconds and metres.
     first_time : float
         Time of the first sample in seconds.
-    first_place : float64 array, shape (d,)
+    first_position : float64 array, shape (d,)
         Position of the first sample in metres.
     """
 
@@ -65,21 +75,36 @@ class Sums(NamedTuple):
     blocks: NDArray[np.float64]
     extent: float
     time_tick: float
-    place_tick: float
+    position_tick: float
     first_time: float
-    first_place: NDArray[np.float64]
+    first_position: NDArray[np.float64]
 
 
-def part_sums(times: NDArray[np.float64], positions: NDArray[np.float64], weights: NDArray[np.float64] | None = None) -> Sums:
+def build_prefix_sums(
+    times: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    weights: NDArray[np.float64] | None = None,
+) -> PrefixSums:
     """Count a track in ticks and sum them up; ticks are decimal and fit the track's own resolution."""
     seconds, metres = times - times[0], positions - positions[0]
     time_tick = _time_tick(seconds)
-    place_tick = _place_tick(metres)
-    t, p = _ticks(seconds, time_tick), _ticks(metres, place_tick)
+    position_tick = _position_tick(metres)
+    t, p = _ticks(seconds, time_tick), _ticks(metres, position_tick)
     w = np.ones(len(t)) if weights is None else np.asarray(weights, dtype=np.float64)
     extent = float(np.sqrt(np.square(np.ptp(p, axis=0)).sum()))
     prefix = _prefix(t, p) if weights is None else np.empty((0, 2 * p.shape[1] + 3), dtype=np.int64)
-    return Sums(t, p, w, prefix, _blocks(t, p, w), extent, time_tick, place_tick, float(times[0]), np.array(positions[0]))
+    return PrefixSums(
+        t,
+        p,
+        w,
+        prefix,
+        _blocks(t, p, w),
+        extent,
+        time_tick,
+        position_tick,
+        float(times[0]),
+        np.array(positions[0]),
+    )
 
 
 def _time_tick(seconds: NDArray[np.float64]) -> float:
@@ -87,13 +112,17 @@ def _time_tick(seconds: NDArray[np.float64]) -> float:
     if len(seconds) < 2:
         return 1e-3
     shortest = float(np.diff(seconds).min())
-    return max(min(1e-3, _decimal(shortest, 2.5)), _decimal(float(seconds[-1]) / _COUNTABLE, -1.0))
+    return max(min(1e-3, _decimal(shortest, 2.5)), _decimal(float(seconds[-1]) / _MAX_TICKS, -1.0))
 
 
-def _place_tick(metres: NDArray[np.float64]) -> float:
+def _position_tick(metres: NDArray[np.float64]) -> float:
     """1 mm, or finer where the track is small."""
     extent = float(np.abs(metres).max())
-    return 1e-3 if extent == 0 else max(min(1e-3, _decimal(extent, 7.3)), _decimal(extent / _COUNTABLE, -1.0))
+    return (
+        1e-3
+        if extent == 0
+        else max(min(1e-3, _decimal(extent, 7.3)), _decimal(extent / _MAX_TICKS, -1.0))
+    )
 
 
 def _decimal(size: float, digits: float) -> float:
@@ -102,7 +131,7 @@ def _decimal(size: float, digits: float) -> float:
 
 
 def _ticks(values: NDArray[np.float64], tick: float) -> NDArray[np.float64]:
-    counted: NDArray[np.float64] = np.floor(values / tick + _ROUNDING)
+    counted: NDArray[np.float64] = np.floor(values / tick + _TICK_OFFSET)
     return counted
 
 
@@ -120,17 +149,21 @@ def _prefix(t: NDArray[np.float64], p: NDArray[np.float64]) -> NDArray[np.int64]
 
 
 @jit
-def _blocks(t: NDArray[np.float64], p: NDArray[np.float64], w: NDArray[np.float64]) -> NDArray[np.float64]:
+def _blocks(
+    t: NDArray[np.float64], p: NDArray[np.float64], w: NDArray[np.float64]
+) -> NDArray[np.float64]:
     n, d = p.shape
-    rows = np.zeros(((n + BLOCK - 1) // BLOCK, 2 * d + 4))
+    rows = np.zeros(((n + BLOCK_SIZE - 1) // BLOCK_SIZE, 2 * d + 4))
     for i in range(n):
-        first = i // BLOCK * BLOCK
-        add_sample(rows[i // BLOCK], t[i] - t[first], w[i], p, i, first)
+        first = i // BLOCK_SIZE * BLOCK_SIZE
+        add_sample(rows[i // BLOCK_SIZE], t[i] - t[first], w[i], p, i, first)
     return rows
 
 
 @jit
-def add_sample(row: NDArray[np.float64], x: float, w: float, p: NDArray[np.float64], i: int, origin: int) -> None:
+def add_sample(
+    row: NDArray[np.float64], x: float, w: float, p: NDArray[np.float64], i: int, origin: int
+) -> None:
     """Add sample i, x time ticks from the origin, to a row of moments about sample ``origin``."""
     d = p.shape[1]
     row[0] += w
@@ -144,7 +177,14 @@ def add_sample(row: NDArray[np.float64], x: float, w: float, p: NDArray[np.float
 
 
 @jit
-def append_row(row: NDArray[np.float64], later: NDArray[np.float64], x: float, p: NDArray[np.float64], first: int, origin: int) -> None:
+def add_moments(
+    row: NDArray[np.float64],
+    later: NDArray[np.float64],
+    x: float,
+    p: NDArray[np.float64],
+    first: int,
+    origin: int,
+) -> None:
     """Add the moments ``later`` about sample ``first``, x time ticks after the origin, to those about ``origin``."""
     d = p.shape[1]
     row[0] += later[0]
@@ -159,7 +199,7 @@ def append_row(row: NDArray[np.float64], later: NDArray[np.float64], x: float, p
 
 
 @jit
-def _from_prefix(sums: Sums, a: int, b: int, out: NDArray[np.float64]) -> None:
+def _from_prefix(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> None:
     prefix, p, d = sums.prefix, sums.p, sums.p.shape[1]
     w = np.int64(b - a)
     t0 = np.int64(sums.t[a])
@@ -178,32 +218,32 @@ def _from_prefix(sums: Sums, a: int, b: int, out: NDArray[np.float64]) -> None:
 
 
 @jit
-def _from_blocks(sums: Sums, a: int, b: int, out: NDArray[np.float64]) -> None:
+def _from_blocks(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> None:
     out[:] = 0.0
     i = a
     while i < b:
-        if i % BLOCK == 0 and i + BLOCK <= b:
-            append_row(out, sums.blocks[i // BLOCK], sums.t[i] - sums.t[a], sums.p, i, a)
-            i += BLOCK
+        if i % BLOCK_SIZE == 0 and i + BLOCK_SIZE <= b:
+            add_moments(out, sums.blocks[i // BLOCK_SIZE], sums.t[i] - sums.t[a], sums.p, i, a)
+            i += BLOCK_SIZE
         else:
             add_sample(out, sums.t[i] - sums.t[a], sums.w[i], sums.p, i, a)
             i += 1
 
 
 @jit
-def raw_moments(sums: Sums, a: int, b: int, out: NDArray[np.float64]) -> None:
+def tick_moments(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> None:
     """Write the moments of samples a to b - 1 about sample a, with x in time ticks."""
     reach = max(sums.t[b - 1] - sums.t[a], sums.extent)
-    if len(sums.prefix) > 0 and (b - a) * reach * reach < _GUARD:
+    if len(sums.prefix) > 0 and (b - a) * reach * reach < _MAX_EXACT:
         _from_prefix(sums, a, b, out)
     else:
         _from_blocks(sums, a, b, out)
 
 
 @jit
-def moments(sums: Sums, a: int, b: int, out: NDArray[np.float64]) -> None:
+def normalised_moments(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> None:
     """Write the moments of samples a to b - 1 about sample a, with x running from 0 at sample a to 1 at sample b - 1."""
-    raw_moments(sums, a, b, out)
+    tick_moments(sums, a, b, out)
     d = sums.p.shape[1]
     length = sums.t[b - 1] - sums.t[a]
     inverse = 1.0 / length if length > 0 else 0.0
@@ -214,16 +254,16 @@ def moments(sums: Sums, a: int, b: int, out: NDArray[np.float64]) -> None:
 
 
 @jit
-def part_moments(sums: Sums, boundaries: NDArray[np.int64]) -> NDArray[np.float64]:
+def segment_moments(sums: PrefixSums, boundaries: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the moments of every part in its own normalised time, shape (k, 2 d + 4)."""
     rows = np.empty((len(boundaries) - 1, 2 * sums.p.shape[1] + 4))
     for j in range(len(rows)):
-        moments(sums, boundaries[j], boundaries[j + 1], rows[j])
+        normalised_moments(sums, boundaries[j], boundaries[j + 1], rows[j])
     return rows
 
 
 @jit
-def free_cost(row: NDArray[np.float64]) -> float:
+def best_line_cost(row: NDArray[np.float64]) -> float:
     """Return the cost of the samples against their own best line (theory of least squares, centred)."""
     if row[0] <= 0:
         return 0.0

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Shares"]
+__all__ = ["ErrorBudgets"]
 
 
 @dataclass(frozen=True, eq=False)
-class Shares:
+class ErrorBudgets:
     """Groups of samples, each of which keeps to an error of its own.
 
     Parameters
@@ -27,5 +27,7 @@ class Shares:
 
     def sums(self, values: NDArray[np.float64] | NDArray[np.int64]) -> NDArray[np.float64]:
         """Sums over the samples of each group."""
-        summed: NDArray[np.float64] = np.bincount(self.groups, weights=values, minlength=len(self.rms)).astype(np.float64)
+        summed: NDArray[np.float64] = np.bincount(
+            self.groups, weights=values, minlength=len(self.rms)
+        ).astype(np.float64)
         return summed

@@ -8,17 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
-from gpszip.mapping.segment_map import make_map, walk_of
-from gpszip.model import Frame, LatticeWalks, Listener, Options, Progress, SegmentMean, Track, Walk
-from gpszip.model.frame import quantum_index
+from gpszip.mapping.segment_map import build_walk, make_map
+from gpszip.model import (
+    GridWalks,
+    Listener,
+    Options,
+    Progress,
+    QuantisationGrid,
+    SegmentMean,
+    Track,
+    Walk,
+)
+from gpszip.model.grid import step_index
 from gpszip.run.executor import Executor
 from gpszip.segmentation.bound import segment_mean_within
 from gpszip.segmentation.em import segment_mean
 from gpszip.segmentation.search import find_parameters
-from gpszip.walks.error import Fit, fit
-from gpszip.walks.quantised import frame_for, node_positions, to_lattice, walks_of
+from gpszip.walks.error import ErrorSummary, measure_errors
+from gpszip.walks.quantised import choose_grid, dequantise_walks, node_positions, quantise_walks
 
-__all__ = ["learn"]
+__all__ = ["learn_map"]
 
 #: Rounding nodes and times to the lattice may add this share to the RMSE.
 _ADDED = 0.05
@@ -33,14 +42,14 @@ _MOST_SEGMENTS = 100
 _REFINEMENTS = 48
 
 
-def learn(
+def learn_map(
     tracks: Sequence[Track],
     gaps: Sequence[NDArray[np.bool_]],
     options: Options,
     *,
     executor: Executor | None = None,
     progress: Listener | None = None,
-) -> tuple[Frame, LatticeWalks]:
+) -> tuple[QuantisationGrid, GridWalks]:
     """Learn the segment mean of one track, and round its walk to the coarsest lattice that keeps the error.
 
     Where k is given and m is not, m is at the elbow of the cost (Algorithm 3). Where a bound is given and k is not, k is
@@ -72,25 +81,33 @@ def learn(
         If no k holds the bound.
     """
     if len(tracks) != 1:
-        raise OptionError(f"k and m describe the thesis's model, which has one track; there are {len(tracks)}: compress each alone")
+        raise OptionError(
+            f"k and m describe the thesis's model, which has one track; there are {len(tracks)}: compress each alone"
+        )
     if progress is not None:
         progress(Progress("segment mean", 0.0))
-    mean = _mean(tracks[0], options, executor)
-    walk = _with_gaps(walk_of(mean, tracks[0]), tracks[0], gaps[0])
-    return _rounded(tracks[0], make_map(mean).road_map.nodes, walk, options)
+    mean = _learn_segment_mean(tracks[0], options, executor)
+    walk = _mark_gaps(build_walk(mean, tracks[0]), tracks[0], gaps[0])
+    return _round_to_grid(tracks[0], make_map(mean).road_map.nodes, walk, options)
 
 
-def _mean(track: Track, options: Options, executor: Executor | None) -> SegmentMean:
+def _learn_segment_mean(track: Track, options: Options, executor: Executor | None) -> SegmentMean:
     if options.k is None:
         spare = 1 + _ADDED / 2
-        rmse, max_error = (None if bound is None else bound / spare for bound in (options.rmse, options.max_error))
-        return segment_mean_within(track, rmse=rmse, max_error=max_error, m=options.m, executor=executor)
+        rmse, max_error = (
+            None if bound is None else bound / spare for bound in (options.rmse, options.max_error)
+        )
+        return segment_mean_within(
+            track, rmse=rmse, max_error=max_error, m=options.m, executor=executor
+        )
     if options.m is None:
-        return find_parameters(track, (options.k, options.k), (1, min(options.k, _MOST_SEGMENTS)), executor=executor).mean
+        return find_parameters(
+            track, (options.k, options.k), (1, min(options.k, _MOST_SEGMENTS)), executor=executor
+        ).mean
     return segment_mean(track, options.k, options.m, executor=executor)
 
 
-def _with_gaps(walk: Walk, track: Track, gaps: NDArray[np.bool_]) -> Walk:
+def _mark_gaps(walk: Walk, track: Track, gaps: NDArray[np.bool_]) -> Walk:
     """Mark the hops between parts that end where a gap of the track ends."""
     if walk.times is None or not gaps.any():
         return walk
@@ -100,29 +117,41 @@ def _with_gaps(walk: Walk, track: Track, gaps: NDArray[np.bool_]) -> Walk:
     return Walk(walk.id, walk.nodes, walk.times, walk.gaps | silent)
 
 
-def _rounded(track: Track, nodes: NDArray[np.float64], walk: Walk, options: Options) -> tuple[Frame, LatticeWalks]:
+def _round_to_grid(
+    track: Track, nodes: NDArray[np.float64], walk: Walk, options: Options
+) -> tuple[QuantisationGrid, GridWalks]:
     """Start with quanta as large as the error (theory: their error is a third of it) and refine until they add little."""
-    exact = fit([track], [walk], nodes)
+    exact = measure_errors([track], [walk], nodes)
     size = max(exact.rmse, _SMALLEST)
-    pace = _pace(nodes, walk)
+    pace = _seconds_per_metre(nodes, walk)
     for step in range(_REFINEMENTS):
         finer = size * 2.0 ** (-step / 2)
-        frame = frame_for(nodes, [walk], space=quantum_index(finer), time=quantum_index(finer * pace), plane=track.plane)
-        lattice = to_lattice(nodes, [walk], frame)
-        found = fit([track], walks_of(lattice, frame, [track.id]), node_positions(lattice, frame))
-        if _is_near(found, exact, options):
+        grid = choose_grid(
+            nodes, [walk], space=step_index(finer), time=step_index(finer * pace), plane=track.plane
+        )
+        grid_walks = quantise_walks(nodes, [walk], grid)
+        found = measure_errors(
+            [track],
+            dequantise_walks(grid_walks, grid, [track.id]),
+            node_positions(grid_walks, grid),
+        )
+        if _is_close_enough(found, exact, options):
             break
-    return frame, lattice
+    return grid, grid_walks
 
 
-def _is_near(found: Fit, exact: Fit, options: Options) -> bool:
+def _is_close_enough(found: ErrorSummary, exact: ErrorSummary, options: Options) -> bool:
     if found.rmse > max(exact.rmse * (1 + _ADDED), _SMALLEST):
         return False
-    held = exact.rmse <= (options.rmse or np.inf) and exact.max_error <= (options.max_error or np.inf)
-    return not held or (found.rmse <= (options.rmse or np.inf) and found.max_error <= (options.max_error or np.inf))
+    held = exact.rmse <= (options.rmse or np.inf) and exact.max_error <= (
+        options.max_error or np.inf
+    )
+    return not held or (
+        found.rmse <= (options.rmse or np.inf) and found.max_error <= (options.max_error or np.inf)
+    )
 
 
-def _pace(nodes: NDArray[np.float64], walk: Walk) -> float:
+def _seconds_per_metre(nodes: NDArray[np.float64], walk: Walk) -> float:
     """Seconds for each metre of the walk."""
     assert walk.times is not None
     length = float(np.linalg.norm(np.diff(nodes[walk.nodes], axis=0), axis=1)[~walk.gaps].sum())

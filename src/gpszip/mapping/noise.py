@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from gpszip.model.track import Track
 
-__all__ = ["estimate_noise", "extent_rmse", "sensible_rmse"]
+__all__ = ["estimate_noise", "extent_rmse", "suggest_rmse"]
 
 #: A bound this many times the noise leaves the way and drops the noise.
 _ABOVE_NOISE = 1.5
 
 #: Shares of the log's extent: a bound above the larger loses the way itself, one below the smaller shows nobody more.
-_SHARES = (1 / 400, 1 / 200)
+_EXTENT_SHARES = (1 / 400, 1 / 200)
 
 #: Metres; receivers smooth what they tell, so that their samples look less noisy than they are.
 _GEOGRAPHIC = (3.0, 10.0)
@@ -52,7 +52,9 @@ def estimate_noise(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -
     >>> round(estimate_noise([track], [np.zeros(4999, bool)]), 2)  # in truth 0.3 * sqrt(2)
     0.43
     """
-    differences = [_differences(track, gap) for track, gap in zip(tracks, gaps, strict=True) if len(track) > 2]
+    differences = [
+        _differences(track, gap) for track, gap in zip(tracks, gaps, strict=True) if len(track) > 2
+    ]
     pooled = np.concatenate([np.zeros(0), *differences])
     pooled = pooled[pooled > 1e-9]
     if len(pooled) == 0:
@@ -60,7 +62,7 @@ def estimate_noise(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -
     return float(np.median(pooled)) / _MEDIAN_NORMAL * math.sqrt(tracks[0].dimension)
 
 
-def sensible_rmse(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> float:
+def suggest_rmse(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> float:
     """RMSE in metres that keeps the ways of a log and drops its noise.
 
     It is 1.5 times the noise. Positions of robots drift slowly, which no neighbours tell, so that a log in x and y gets
@@ -84,7 +86,7 @@ def sensible_rmse(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) ->
         return _two_digits(min(max(noise, _GEOGRAPHIC[0]), _GEOGRAPHIC[1]))
     low = np.min([track.positions.min(axis=0) for track in tracks], axis=0)
     high = np.max([track.positions.max(axis=0) for track in tracks], axis=0)
-    least, most = (share * float(np.linalg.norm(high - low)) for share in _SHARES)
+    least, most = (share * float(np.linalg.norm(high - low)) for share in _EXTENT_SHARES)
     return _two_digits(max(min(max(noise, min(least, _speed(tracks, gaps))), most), 1e-3))
 
 

@@ -12,21 +12,26 @@ from numpy.typing import NDArray
 
 from gpszip.codec.walks import encode
 from gpszip.errors import OptionError
-from gpszip.mapping.local_search import WORK_OF_EFFORT, best_outcomes, polish, worthwhile
-from gpszip.mapping.max_error import mend
+from gpszip.mapping.local_search import (
+    WORK_BY_EFFORT,
+    improve_walks,
+    is_worthwhile,
+    select_best_outcomes,
+)
+from gpszip.mapping.max_error import enforce_max_error
 from gpszip.mapping.plan import Plan
 from gpszip.mapping.rounds import Outcome, fit
-from gpszip.mapping.time_grid import count_slots, lay_slots, thin_slots
-from gpszip.model import Frame, LatticeWalks, Track
-from gpszip.model.frame import QUANTUM_STEPS, quantum, quantum_index
-from gpszip.run.executor import Executor, Shared, local, sharing
+from gpszip.mapping.time_grid import build_time_grid, count_slots, sparsify
+from gpszip.model import GridWalks, QuantisationGrid, Track
+from gpszip.model.grid import STEP_SIZES, step_index, step_size
+from gpszip.run.executor import Executor, SharedValue, local_executor, share_value
 
-__all__ = ["RMSE_OF_MAXIMUM", "SLOTS_OF_EFFORT", "learn", "suited_time_step"]
+__all__ = ["RMSE_PER_MAX_ERROR", "SLOTS_BY_EFFORT", "learn_map", "suggest_time_step"]
 
-_Found = tuple[Frame, Outcome | None]
+_TrialResult = tuple[QuantisationGrid, Outcome | None]
 
 #: The mean error with which the walks for a maximum begin, as a share of it.
-RMSE_OF_MAXIMUM = 0.4
+RMSE_PER_MAX_ERROR = 0.4
 
 #: Indices of quanta from one to its double: every eighth is that of 1, 2, 4 ... or 1/2, 1/4 ... seconds.
 _OCTAVE = 8
@@ -41,7 +46,7 @@ class _Trial:
 
     space: float
     time: float
-    leader: float
+    leader_radius: float
 
 
 #: Where the search for quanta starts, and the factors by which it steps.
@@ -50,17 +55,26 @@ _STEPS = ((1 / 1.5, 1 / 1.5), (1.0, 1 / 1.6), (1.0, 1.6), (1 / 1.4, 1.0), (1.4, 
 
 #: What is tried around the quanta found: factors on space and time, and leader radii, in this order.
 _STARTS = tuple(
-    (space, time, leader)
-    for space, time in ((1.0, 1.0), (0.87, 1.0), (1.0, 1.2), (0.87, 1.2), (1.15, 1.0), (1.15, 1.2), (1.0, 0.83), (0.87, 0.83))
-    for leader in (1.2, 0.0, 2.0, 0.7)
+    (space, time, leader_radius)
+    for space, time in (
+        (1.0, 1.0),
+        (0.87, 1.0),
+        (1.0, 1.2),
+        (0.87, 1.2),
+        (1.15, 1.0),
+        (1.15, 1.2),
+        (1.0, 0.83),
+        (0.87, 0.83),
+    )
+    for leader_radius in (1.2, 0.0, 2.0, 0.7)
 )
 
 #: Slots that all starts of one log may take together, at each effort, and the most starts.
-SLOTS_OF_EFFORT = (0, 30_000, 60_000, 90_000, 120_000, 250_000, 500_000, 1_000_000, 2_000_000)
+SLOTS_BY_EFFORT = (0, 30_000, 60_000, 90_000, 120_000, 250_000, 500_000, 1_000_000, 2_000_000)
 _MOST_STARTS = (1, 3, 6, 9, 16, 20, 24, 28, 32)
 
 #: Samples of the excerpt on which quanta are chosen, the slots that it may have, and samples that it has in any case.
-_EXCERPT, _EXCERPT_SLOTS, _LEAST_EXCERPT = 12_000, 40_000, 4000
+_SUBSAMPLE, _SUBSAMPLE_SLOTS, _MIN_SUBSAMPLE = 12_000, 40_000, 4000
 
 #: Rounds of a search that only compares quanta, on the whole log or an excerpt, of the only start of a large log, and of each
 #: start of a small one.
@@ -72,7 +86,7 @@ _EXTRA = 5
 _BEAM, _HOPELESS = 6.0, 1.2
 
 
-def learn(
+def learn_map(
     tracks: Sequence[Track],
     gaps: Sequence[NDArray[np.bool_]],
     *,
@@ -81,7 +95,7 @@ def learn(
     effort: int = 5,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> tuple[Frame, LatticeWalks] | None:
+) -> tuple[QuantisationGrid, GridWalks] | None:
     """Learn a connected map and the tracks' walks on it whose error is within a bound.
 
     Quanta are chosen by a pattern search on an excerpt, then maps are learnt from several starts.
@@ -112,44 +126,68 @@ def learn(
     if rmse is None and max_error is None:
         raise OptionError("a map needs a bound on its error: give rmse or max_error")
     if rmse is not None and max_error is not None:
-        if rmse < RMSE_OF_MAXIMUM * max_error:
+        if rmse < RMSE_PER_MAX_ERROR * max_error:
             # few samples are beyond the maximum: it takes few knots to bring them back
-            loose = learn(tracks, gaps, rmse=rmse, effort=effort, executor=executor, progress=progress)
-            return None if loose is None else mend(tracks, *loose, max_error)
+            loose = learn_map(
+                tracks, gaps, rmse=rmse, effort=effort, executor=executor, progress=progress
+            )
+            return None if loose is None else enforce_max_error(tracks, *loose, max_error)
         rmse = None
-    search = _Search(tuple(tracks), tuple(gaps), RMSE_OF_MAXIMUM * max_error if max_error is not None else rmse or 0.0, max_error)
+    search = _Search(
+        tuple(tracks),
+        tuple(gaps),
+        RMSE_PER_MAX_ERROR * max_error if max_error is not None else rmse or 0.0,
+        max_error,
+    )
     # an excerpt is done with before processes would have started
-    with sharing(local(executor), _excerpt(search)) as excerpt:
-        chosen = _choose_quanta(excerpt)
-    trials = _starts(chosen, effort, search.count_slots(chosen))
-    search = replace(search, work=WORK_OF_EFFORT[effort - 1])
+    with share_value(local_executor(executor), _subsample(search)) as subsample:
+        chosen = _choose_steps(subsample)
+    trials = _list_trials(chosen, effort, search.count_slots(chosen))
+    search = replace(search, work=WORK_BY_EFFORT[effort - 1])
     if len(trials) == 1:  # one search spreads its own work
-        alone = replace(search, rounds=_ROUNDS, hasty=True, extra=_EXTRA if max_error is None else 0, inner=local(executor))
-        found = _found([alone.run(trials[0])], 1, progress)
-        return _smallest(alone.polish(one) for one in _finalists(found, effort))
-    with sharing(executor, replace(search, rounds=_MANY_ROUNDS)) as whole:
-        found = _found(whole.map(_run, trials), len(trials), progress)
-        return _smallest(whole.map(_polish, _finalists(found, effort)))
+        alone = replace(
+            search,
+            rounds=_ROUNDS,
+            hasty=True,
+            extra_rounds=_EXTRA if max_error is None else 0,
+            inner=local_executor(executor),
+        )
+        found = _collect_outcomes([alone.run(trials[0])], 1, progress)
+        return _select_smallest(
+            alone.improve_walks(one) for one in _select_finalists(found, effort)
+        )
+    with share_value(executor, replace(search, rounds=_MANY_ROUNDS)) as whole:
+        found = _collect_outcomes(whole.map(_run, trials), len(trials), progress)
+        return _select_smallest(whole.map(_polish, _select_finalists(found, effort)))
 
 
-def _found(results: Iterable[_Found], count: int, progress: Callable[[int, int], None] | None) -> list[tuple[Frame, Outcome]]:
+def _collect_outcomes(
+    results: Iterable[_TrialResult], count: int, progress: Callable[[int, int], None] | None
+) -> list[tuple[QuantisationGrid, Outcome]]:
     """Return what searches found, telling how far they are."""
-    found: list[tuple[Frame, Outcome]] = []
-    for done, (frame, outcome) in enumerate(results, 1):
+    found: list[tuple[QuantisationGrid, Outcome]] = []
+    for done, (grid, outcome) in enumerate(results, 1):
         if outcome is not None:
-            found.append((frame, outcome))
+            found.append((grid, outcome))
         if progress is not None:
             progress(done, count)
     return found
 
 
-def _finalists(found: list[tuple[Frame, Outcome]], effort: int) -> list[tuple[Frame, Outcome]]:
+def _select_finalists(
+    found: list[tuple[QuantisationGrid, Outcome]], effort: int
+) -> list[tuple[QuantisationGrid, Outcome]]:
     """Return the outcomes that are to be polished."""
-    frames = {id(outcome): frame for frame, outcome in found}
-    return [(frames[id(outcome)], outcome) for outcome in best_outcomes((outcome for _, outcome in found), effort)]
+    frames = {id(outcome): grid for grid, outcome in found}
+    return [
+        (frames[id(outcome)], outcome)
+        for outcome in select_best_outcomes((outcome for _, outcome in found), effort)
+    ]
 
 
-def _smallest(found: Iterable[tuple[Frame, Outcome]]) -> tuple[Frame, LatticeWalks] | None:
+def _select_smallest(
+    found: Iterable[tuple[QuantisationGrid, Outcome]],
+) -> tuple[QuantisationGrid, GridWalks] | None:
     best = min(found, key=lambda one: one[1].cost, default=None)
     return None if best is None else (best[0], best[1].walks)
 
@@ -165,7 +203,7 @@ class _Search:
     rounds: int = 0
     rough: bool = False
     hasty: bool = False
-    extra: int = 0
+    extra_rounds: int = 0
     inner: Executor | None = None
     work: int = 0
 
@@ -175,55 +213,75 @@ class _Search:
 
     @cached_property
     def speed(self) -> float:
-        return _typical_speed(self.tracks, self.gaps, self.rmse)
+        return _mean_speed(self.tracks, self.gaps, self.rmse)
 
     @cached_property
     def ticking(self) -> bool:
         """Whether all samples are at whole seconds."""
         return all(bool((track.times == np.rint(track.times)).all()) for track in self.tracks)
 
-    def frame(self, trial: _Trial) -> Frame:
-        frame = _frame(self.tracks, self.rmse, self.speed, trial)
+    def grid(self, trial: _Trial) -> QuantisationGrid:
+        grid = _build_grid(self.tracks, self.rmse, self.speed, trial)
         if self.max_error is None or not self.ticking:
-            return frame
+            return grid
         # a knot at the very time of a sample comes as near to it as it likes, whatever lies beside
-        return replace(frame, time=_OCTAVE * min(round(frame.time / _OCTAVE), QUANTUM_STEPS // _OCTAVE - 1))
+        return replace(
+            grid, time=_OCTAVE * min(round(grid.time / _OCTAVE), STEP_SIZES // _OCTAVE - 1)
+        )
 
-    def run(self, trial: _Trial) -> _Found:
-        frame = self.frame(trial)
-        maximum = None if self.max_error is None else 0.999 * self.max_error / quantum(frame.space)
+    def run(self, trial: _Trial) -> _TrialResult:
+        grid = self.grid(trial)
+        maximum = None if self.max_error is None else 0.999 * self.max_error / step_size(grid.space)
         plan = Plan(
-            target=0.9995 * self.rmse / quantum(frame.space), leader=trial.leader, rounds=self.rounds, extra=self.extra,
-            maximum=maximum, hopeless=_HOPELESS if self.hasty and self.rough else math.inf, beam=_BEAM if self.hasty else math.inf,
-            frugal=self.hasty and self.max_error is None,
+            target=0.9995 * self.rmse / step_size(grid.space), leader_radius=trial.leader_radius, rounds=self.rounds, extra_rounds=self.extra_rounds,
+            maximum=maximum, give_up_ratio=_HOPELESS if self.hasty and self.rough else math.inf, beam=_BEAM if self.hasty else math.inf,
+            encode_alternate_rounds=self.hasty and self.max_error is None,
         )  # fmt: skip
-        slots = lay_slots(self.tracks, self.gaps, frame, sparse=self.rough)
-        outcome = fit(slots, len(self.tracks), plan, thin=None if self.rough else thin_slots(slots), executor=self.inner)
+        slots = build_time_grid(self.tracks, self.gaps, grid, sparse=self.rough)
+        outcome = fit(
+            slots,
+            len(self.tracks),
+            plan,
+            sparse_grid=None if self.rough else sparsify(slots),
+            executor=self.inner,
+        )
         if self.rough:
-            return frame, outcome
-        return (frame, outcome) if outcome is None or self.max_error is None else self._mended(frame, outcome)
+            return grid, outcome
+        return (
+            (grid, outcome)
+            if outcome is None or self.max_error is None
+            else self._mended(grid, outcome)
+        )
 
-    def _mended(self, frame: Frame, outcome: Outcome) -> _Found:
+    def _mended(self, grid: QuantisationGrid, outcome: Outcome) -> _TrialResult:
         """What becomes of walks of which a few parts miss the maximum."""
-        mended = None if self.max_error is None else mend(self.tracks, frame, outcome.walks, self.max_error)
+        mended = (
+            None
+            if self.max_error is None
+            else enforce_max_error(self.tracks, grid, outcome.walks, self.max_error)
+        )
         if mended is None:
-            return frame, None
+            return grid, None
         return mended[0], replace(outcome, walks=mended[1], size=len(encode(mended[1])), misses=0)
 
-    def polish(self, found: tuple[Frame, Outcome]) -> tuple[Frame, Outcome]:
+    def improve_walks(
+        self, found: tuple[QuantisationGrid, Outcome]
+    ) -> tuple[QuantisationGrid, Outcome]:
         """What becomes of an outcome by single changes."""
-        frame, outcome = found
-        if not worthwhile(outcome, self.work):
+        grid, outcome = found
+        if not is_worthwhile(outcome, self.work):
             return found
-        unit = quantum(frame.space)
+        unit = step_size(grid.space)
         maximum = None if self.max_error is None else (1 - 1e-6) * self.max_error / unit
-        slots = lay_slots(self.tracks, self.gaps, frame)
-        return frame, polish(slots, outcome, target=self.rmse / unit, maximum=maximum, work=self.work)
+        slots = build_time_grid(self.tracks, self.gaps, grid)
+        return grid, improve_walks(
+            slots, outcome, target=self.rmse / unit, maximum=maximum, work=self.work
+        )
 
     def count_slots(self, trial: _Trial) -> int:
-        return count_slots(self.tracks, self.gaps, self.frame(trial))
+        return count_slots(self.tracks, self.gaps, self.grid(trial))
 
-    def excerpt(self, samples: int) -> _Search:
+    def subsample(self, samples: int) -> _Search:
         """Whole tracks, evenly chosen, or the start of one, of about so many samples in all."""
         if self.samples <= samples:
             return replace(self, rounds=_ROUGH_ROUNDS, rough=True)
@@ -233,28 +291,53 @@ class _Search:
             count = min(len(track), left)
             if count > 0:
                 weights = None if track.weights is None else track.weights[:count]
-                tracks.append(Track(track.id, track.times[:count], track.positions[:count], weights, plane=track.plane))
+                tracks.append(
+                    Track(
+                        track.id,
+                        track.times[:count],
+                        track.positions[:count],
+                        weights,
+                        plane=track.plane,
+                    )
+                )
                 gaps.append(gap[: count - 1])
                 left -= count
-        return replace(self, tracks=tuple(tracks), gaps=tuple(gaps), rounds=_HASTY_ROUNDS, rough=True, hasty=True)
+        return replace(
+            self,
+            tracks=tuple(tracks),
+            gaps=tuple(gaps),
+            rounds=_HASTY_ROUNDS,
+            rough=True,
+            hasty=True,
+        )
 
 
-def _excerpt(search: _Search) -> _Search:
+def _subsample(search: _Search) -> _Search:
     """Return a search of a part of the log that takes little time."""
-    excerpt = search.excerpt(_EXCERPT)
-    slots = len(lay_slots(excerpt.tracks, excerpt.gaps, excerpt.frame(_FIRST), sparse=True).cells)
-    return search.excerpt(max(_EXCERPT * _EXCERPT_SLOTS // slots, _LEAST_EXCERPT)) if slots > _EXCERPT_SLOTS else excerpt
+    subsample = search.subsample(_SUBSAMPLE)
+    slots = len(
+        build_time_grid(
+            subsample.tracks, subsample.gaps, subsample.grid(_FIRST), sparse=True
+        ).time_steps
+    )
+    return (
+        search.subsample(max(_SUBSAMPLE * _SUBSAMPLE_SLOTS // slots, _MIN_SUBSAMPLE))
+        if slots > _SUBSAMPLE_SLOTS
+        else subsample
+    )
 
 
-def _run(search: _Search, trial: _Trial) -> _Found:
+def _run(search: _Search, trial: _Trial) -> _TrialResult:
     return search.run(trial)
 
 
-def _polish(search: _Search, found: tuple[Frame, Outcome]) -> tuple[Frame, Outcome]:
-    return search.polish(found)
+def _polish(
+    search: _Search, found: tuple[QuantisationGrid, Outcome]
+) -> tuple[QuantisationGrid, Outcome]:
+    return search.improve_walks(found)
 
 
-def _choose_quanta(search: Shared[_Search]) -> _Trial:
+def _choose_steps(search: SharedValue[_Search]) -> _Trial:
     """Walk downhill on the coded size from the usual quanta."""
     sizes: dict[_Trial, float] = {}
 
@@ -265,7 +348,7 @@ def _choose_quanta(search: Shared[_Search]) -> _Trial:
 
     best = _FIRST
     for _ in range(4):
-        around = [_Trial(best.space * s, best.time * t, best.leader) for s, t in _STEPS]
+        around = [_Trial(best.space * s, best.time * t, best.leader_radius) for s, t in _STEPS]
         measure([best, *around])
         nearer = min(around, key=sizes.__getitem__)
         if sizes[nearer] >= sizes[best] and sizes[best] < _NEVER:
@@ -274,37 +357,48 @@ def _choose_quanta(search: Shared[_Search]) -> _Trial:
     return best
 
 
-def _starts(chosen: _Trial, effort: int, slots: int) -> list[_Trial]:
+def _list_trials(chosen: _Trial, effort: int, slots: int) -> list[_Trial]:
     """Starts around the chosen quanta: the smaller the log, the more of them."""
-    count = max(1, min(_MOST_STARTS[effort - 1], SLOTS_OF_EFFORT[effort - 1] // slots))
-    return [_Trial(chosen.space * space, chosen.time * time, leader) for space, time, leader in _STARTS[:count]]
+    count = max(1, min(_MOST_STARTS[effort - 1], SLOTS_BY_EFFORT[effort - 1] // slots))
+    return [
+        _Trial(chosen.space * space, chosen.time * time, leader_radius)
+        for space, time, leader_radius in _STARTS[:count]
+    ]
 
 
-def _frame(tracks: Sequence[Track], rmse: float, speed: float, trial: _Trial) -> Frame:
-    space = quantum_index(1.04 * trial.space * rmse)
-    time = quantum_index(1.04 * trial.time * quantum(space) / speed)
+def _build_grid(
+    tracks: Sequence[Track], rmse: float, speed: float, trial: _Trial
+) -> QuantisationGrid:
+    space = step_index(1.04 * trial.space * rmse)
+    time = step_index(1.04 * trial.time * step_size(space) / speed)
     first = min(tracks, key=lambda track: float(track.times[0]))
     # whole metres and seconds take fewer bytes in the head than they cost in the first place
     origin = tuple(1000 * math.floor(float(x) + 1e-6) for x in first.positions[0])
-    return Frame(origin, 1000 * math.floor(float(first.times[0]) + 1e-6), space, time, first.plane)
+    return QuantisationGrid(
+        origin, 1000 * math.floor(float(first.times[0]) + 1e-6), space, time, first.plane
+    )
 
 
-def suited_time_step(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], space: int) -> float:
+def suggest_time_step(
+    tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], space: int
+) -> float:
     """Time step in seconds with which the search for quanta would begin: about that in which tracks go two space quanta."""
-    size = quantum(space)
-    return _FIRST.time * size / _typical_speed(tracks, gaps, size)
+    size = step_size(space)
+    return _FIRST.time * size / _mean_speed(tracks, gaps, size)
 
 
-def _typical_speed(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], scale: float) -> float:
+def _mean_speed(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], scale: float) -> float:
     """Way per second outside gaps, in metres, where only steps of at least ``scale`` count as way, so that noise does not."""
     way = span = 0.0
     for track, gap in zip(tracks, gaps, strict=True):
         span += float(np.diff(track.times)[~gap].sum())
-        way += _way(track.positions, gap, scale)
+        way += _travelled_distance(track.positions, gap, scale)
     return max(way, 1e-3 * scale) / max(span, 1e-3)
 
 
-def _way(positions: NDArray[np.float64], gap: NDArray[np.bool_], scale: float) -> float:
+def _travelled_distance(
+    positions: NDArray[np.float64], gap: NDArray[np.bool_], scale: float
+) -> float:
     """Length of the way in steps of at least ``scale``, by decimating until steps are that long."""
     stride = 1
     while True:

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.model import RoadMap, SegmentMean, Track, Walk
-from gpszip.walks.counting import tally_edges
+from gpszip.walks.counting import build_road_map_from_counts
 
-__all__ = ["SegmentMap", "make_map", "walk_of"]
+__all__ = ["SegmentMap", "build_walk", "make_map"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,11 +68,13 @@ def make_map(mean: SegmentMean) -> SegmentMap:
     keys, passages = np.unique(labels[:-1] * m + labels[1:], return_counts=True)
     transitions = np.stack((m + keys // m, keys % m), axis=1).astype(np.int32)
     positions = np.concatenate((mean.starts, mean.ends))
-    road_map = tally_edges(positions, np.concatenate((segments, transitions)), np.concatenate((traversals, passages)))
+    road_map = build_road_map_from_counts(
+        positions, np.concatenate((segments, transitions)), np.concatenate((traversals, passages))
+    )
     return SegmentMap(road_map, segments, traversals, transitions, passages.astype(np.int64))
 
 
-def walk_of(mean: SegmentMean, track: Track) -> Walk:
+def build_walk(mean: SegmentMean, track: Track) -> Walk:
     """Follow a track on the map of its segment mean, nodes numbered as by :func:`make_map`.
 
     Each part enters its segment's start at the time of its first sample and leaves the end at that of its last, so that
@@ -97,12 +99,14 @@ def walk_of(mean: SegmentMean, track: Track) -> Walk:
     --------
     >>> track = Track("0", np.arange(5.0), np.zeros((5, 2)))
     >>> mean = SegmentMean(np.array([0, 2, 3, 5]), np.array([0, 1, 0]), np.zeros((2, 2)), np.ones((2, 2)), cost=0.0)
-    >>> walk = walk_of(mean, track)
+    >>> walk = build_walk(mean, track)
     >>> walk.nodes.tolist(), walk.times.tolist()
     ([0, 2, 1, 3, 0, 2], [0.0, 1.0, 2.0, 2.5, 3.0, 4.0])
     """
     if mean.boundaries[-1] != len(track):
-        raise ValueError(f"the segment mean has {mean.boundaries[-1]} samples, track {track.id!r} {len(track)}")
+        raise ValueError(
+            f"the segment mean has {mean.boundaries[-1]} samples, track {track.id!r} {len(track)}"
+        )
     enter, leave, kept = _part_times(mean, track)
     present = np.stack((np.ones(mean.k, np.bool_), kept), axis=1).ravel()
     nodes = np.stack((mean.labels, mean.m + mean.labels), axis=1).ravel()[present].astype(np.int32)
@@ -111,7 +115,9 @@ def walk_of(mean: SegmentMean, track: Track) -> Walk:
     return Walk(track.id, nodes, times, gaps)
 
 
-def _part_times(mean: SegmentMean, track: Track) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+def _part_times(
+    mean: SegmentMean, track: Track
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     firsts, lasts = mean.boundaries[:-1], mean.boundaries[1:] - 1
     enter, leave = track.times[firsts], track.times[lasts]
     following = np.append(enter[1:], enter[-1])

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.model import Track
-from gpszip.sketches.partition import build
+from gpszip.sketches.partition import build_coreset
 from gpszip.sketches.samples import weighted_samples
 
-__all__ = ["thin_out"]
+__all__ = ["reduce_to_coreset"]
 
 
-def thin_out(
+def reduce_to_coreset(
     tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], size: int
 ) -> tuple[tuple[Track, ...], tuple[NDArray[np.bool_], ...]]:
     """Weighted samples of a balanced partition of the log, and their gaps.
@@ -40,13 +40,21 @@ def thin_out(
     Examples
     --------
     >>> track = Track("a", range(1000), [[t % 100.0] for t in range(1000)])
-    >>> (few,), _ = thin_out([track], [np.zeros(999, bool)], 20)
+    >>> (few,), _ = reduce_to_coreset([track], [np.zeros(999, bool)], 20)
     >>> len(few), round(float(few.weights.sum()), 6)
     (62, 1000.0)
     """
     inner, ends = _pieces(tracks, gaps)
-    pieces = [_cut(tracks[owner], f"{number}", a + 1, b - 1) for number, (owner, a, b) in enumerate(ends) if b - a > 2]
-    few = iter(weighted_samples(build(pieces, size=max(size, len(pieces))), pieces) if pieces else ())
+    pieces = [
+        _cut(tracks[owner], f"{number}", a + 1, b - 1)
+        for number, (owner, a, b) in enumerate(ends)
+        if b - a > 2
+    ]
+    few = iter(
+        weighted_samples(build_coreset(pieces, size=max(size, len(pieces))), pieces)
+        if pieces
+        else ()
+    )
     thinned, flags = [], []
     for owner, track in enumerate(tracks):
         parts = [_with_ends(track, a, b, next(few) if b - a > 2 else None) for a, b in inner[owner]]
@@ -59,7 +67,9 @@ def thin_out(
     return tuple(thinned), tuple(flags)
 
 
-def _pieces(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> tuple[list[list[tuple[int, int]]], list[tuple[int, int, int]]]:
+def _pieces(
+    tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]
+) -> tuple[list[list[tuple[int, int]]], list[tuple[int, int, int]]]:
     """Sample ranges of the pieces of each track, and of all of them with their owners."""
     inner = []
     for track, gap in zip(tracks, gaps, strict=True):
@@ -77,7 +87,11 @@ def _with_ends(track: Track, a: int, b: int, few: Track | None) -> tuple[NDArray
     """Times, positions and weights of a piece's first sample, the few between, and its last."""
     first, last = np.arange(a, min(a + 1, b)), np.arange(max(b - 1, a + 1), b)
     own = np.ones(len(track)) if track.weights is None else track.weights
-    middle = (np.empty(0), np.empty((0, track.dimension)), np.empty(0)) if few is None else (few.times, few.positions, few.weights)
+    middle = (
+        (np.empty(0), np.empty((0, track.dimension)), np.empty(0))
+        if few is None
+        else (few.times, few.positions, few.weights)
+    )
     return tuple(
         np.concatenate([values[first], between, values[last]])
         for values, between in zip((track.times, track.positions, own), middle, strict=True)

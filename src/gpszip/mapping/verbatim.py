@@ -8,14 +8,16 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.model import Frame, LatticeWalks, Track, Walk
-from gpszip.model.frame import quantum_index
-from gpszip.walks.quantised import frame_for, join_lattices, to_lattice
+from gpszip.model import GridWalks, QuantisationGrid, Track, Walk
+from gpszip.model.grid import step_index
+from gpszip.walks.quantised import choose_grid, merge_grid_walks, quantise_walks
 
 __all__ = ["keep_samples"]
 
 
-def keep_samples(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], error: float) -> tuple[Frame, LatticeWalks]:
+def keep_samples(
+    tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], error: float
+) -> tuple[QuantisationGrid, GridWalks]:
     """Round every sample to a lattice so fine that none lies farther than ``error`` from its walk, as far as quanta go.
 
     Parameters
@@ -34,8 +36,8 @@ def keep_samples(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], err
 
     Examples
     --------
-    >>> frame, lattice = keep_samples([Track("a", [0, 1, 2], [[0.0], [5.0], [0.2]])], [np.zeros(2, bool)], 1.0)
-    >>> lattice.nodes.tolist(), lattice.walks[0].nodes.tolist()
+    >>> grid, grid_walks = keep_samples([Track("a", [0, 1, 2], [[0.0], [5.0], [0.2]])], [np.zeros(2, bool)], 1.0)
+    >>> grid_walks.nodes.tolist(), grid_walks.walks[0].nodes.tolist()
     ([[0], [5]], [0, 1, 0])
     """
     positions = np.concatenate([track.positions for track in tracks])
@@ -46,9 +48,15 @@ def keep_samples(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], err
         for track, gap, first in zip(tracks, gaps, bounds.tolist(), strict=False)
     ]
     # Half a quantum of each axis, and half a quantum of time at full speed, stay within the error together.
-    space = quantum_index(error / math.sqrt(positions.shape[1]))
-    frame = frame_for(positions, walks, space=space, time=quantum_index(_time_step(tracks, gaps, error)), plane=tracks[0].plane)
-    return frame, join_lattices([to_lattice(positions, walks, frame)])
+    space = step_index(error / math.sqrt(positions.shape[1]))
+    grid = choose_grid(
+        positions,
+        walks,
+        space=space,
+        time=step_index(_time_step(tracks, gaps, error)),
+        plane=tracks[0].plane,
+    )
+    return grid, merge_grid_walks([quantise_walks(positions, walks, grid)])
 
 
 def _time_step(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], error: float) -> float:
@@ -58,5 +66,9 @@ def _time_step(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], error
         steps = np.diff(track.times)
         way = np.linalg.norm(np.diff(track.positions, axis=0), axis=1)
         moving = (way > 0) & ~gap
-        longest = min(longest, float(steps.min(initial=2.0)) / 6, float((error / 3 * steps[moving] / way[moving]).min(initial=math.inf)))
+        longest = min(
+            longest,
+            float(steps.min(initial=2.0)) / 6,
+            float((error / 3 * steps[moving] / way[moving]).min(initial=math.inf)),
+        )
     return longest

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gpszip.model.network import Network
 
-__all__ = ["Place", "Prices", "Way", "WayFinder"]
+__all__ = ["PathFinder", "RoadPath", "RoadPosition", "TravelCosts"]
 
 Floats = NDArray[np.float64]
 
@@ -21,26 +21,26 @@ _FARTHEST = 64
 
 
 @dataclass(frozen=True)
-class Prices:
+class TravelCosts:
     """What a way costs, in seconds.
 
     Parameters
     ----------
     roads : float64 array, shape (2 E,)
         Travelling each directed road: 2e is road e from its start to its end, 2e + 1 back.
-    turn : float
+    turn_cost : float
         Turning off by a right angle where roads cross.
-    u_turn : float
+    u_turn_cost : float
         Turning round.
     """
 
     roads: Floats
-    turn: float
-    u_turn: float
+    turn_cost: float
+    u_turn_cost: float
 
 
 @dataclass(frozen=True)
-class Place:
+class RoadPosition:
     """Where a way may begin or end.
 
     Parameters
@@ -49,17 +49,17 @@ class Place:
         Directed road.
     offset : float
         Metres from the start of the road, whatever the direction.
-    doubt : float
+    penalty : float
         Seconds for which this place has to make up, as it is not the likeliest.
     """
 
     road: int
     offset: float
-    doubt: float = 0.0
+    penalty: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class RoadPath:
     """A way over directed roads.
 
     Parameters
@@ -68,20 +68,20 @@ class Way:
         Directed roads in the order of travel.
     begin, end : float
         Metres from the start of the first road, and of the last, at which it begins and ends.
-    price : float
+    cost : float
         Seconds of travel, turns included.
-    doubt : float
+    penalty : float
         Seconds more for the places at which it begins and ends.
     """
 
     roads: NDArray[np.int32]
     begin: float
     end: float
-    price: float
-    doubt: float = 0.0
+    cost: float
+    penalty: float = 0.0
 
 
-class WayFinder:
+class PathFinder:
     """Finds ways on one network; made once, asked often.
 
     Parameters
@@ -96,12 +96,23 @@ class WayFinder:
         heads = tails.reshape(-1, 2)[:, ::-1].ravel().copy()
         open_ = np.flatnonzero(np.stack((network.forward, network.backward), axis=1).ravel())
         self._tails, self._heads = tails, heads
-        self._outs, self._ins = _links(tails, open_, len(network.nodes)), _links(heads, open_, len(network.nodes))
+        self._outs, self._ins = (
+            _links(tails, open_, len(network.nodes)),
+            _links(heads, open_, len(network.nodes)),
+        )
         self._crossings = np.bincount(tails, minlength=len(network.nodes)) > 2
         self._headings = _headings(network)
         self.lengths = np.repeat(network.lengths, 2)
 
-    def ways(self, starts: Sequence[Place], ends: Sequence[Place], prices: Prices, *, slack: float, most: int) -> list[Way]:
+    def find_paths(
+        self,
+        starts: Sequence[RoadPosition],
+        ends: Sequence[RoadPosition],
+        prices: TravelCosts,
+        *,
+        slack: float,
+        max_paths: int,
+    ) -> list[RoadPath]:
         """Ways from one of some places to one of others, cheapest first.
 
         Besides the cheapest way these are the cheapest ways through each road that visit no crossing twice; or, where the cheapest way
@@ -115,78 +126,132 @@ class WayFinder:
             What they cost.
         slack : float
             No way costs more than twice the cheapest and so many seconds.
-        most : int
+        max_paths : int
             No more ways than so many.
         """
-        from gpszip.matching.kernels.alternatives import grow
+        from gpszip.matching.kernels.alternatives import shortest_path_tree
 
-        one, other = self._sources(starts, prices, ahead=True), self._sources(ends, prices, ahead=False)
+        one, other = (
+            self._sources(starts, prices, ahead=True),
+            self._sources(ends, prices, ahead=False),
+        )
         traits = self._crossings, self._headings
-        turns = 2 * prices.turn, prices.u_turn
+        turns = 2 * prices.turn_cost, prices.u_turn_cost
         first = bound = _reach(self.network, prices, starts[0], ends[0]) + slack
         while True:
-            there = grow(*_columns(one), bound, prices.roads, *self._outs, self._heads, *traits, *turns, back=False)
-            back = grow(*_columns(other), bound, prices.roads, *self._ins, self._tails, *traits, *turns, back=True)
+            there = shortest_path_tree(
+                *_columns(one),
+                bound,
+                prices.roads,
+                *self._outs,
+                self._heads,
+                *traits,
+                *turns,
+                back=False,
+            )
+            back = shortest_path_tree(
+                *_columns(other),
+                bound,
+                prices.roads,
+                *self._ins,
+                self._tails,
+                *traits,
+                *turns,
+                back=True,
+            )
             cheapest = _cheapest(there, back, prices)
             if 2 * cheapest + slack <= bound or bound > _FARTHEST * first:
                 break
             bound = 2 * cheapest + slack if np.isfinite(cheapest) else 4 * bound
         limit = min(2 * cheapest + slack, bound)
-        through = self._through(_Trees(there, back, prices), one, other, limit, most)
-        return sorted([*self._along_one_road(starts, ends, prices), *through], key=lambda way: way.price + way.doubt)[:most]
+        through = self._through(_Trees(there, back, prices), one, other, limit, max_paths)
+        return sorted(
+            [*self._along_one_road(starts, ends, prices), *through],
+            key=lambda way: way.cost + way.penalty,
+        )[:max_paths]
 
-    def _sources(self, places: Sequence[Place], prices: Prices, *, ahead: bool) -> dict[int, tuple[float, Place]]:
+    def _sources(
+        self, places: Sequence[RoadPosition], prices: TravelCosts, *, ahead: bool
+    ) -> dict[int, tuple[float, RoadPosition]]:
         """Directed roads on which a search begins, with what it takes to leave (or reach) the place there, the doubt included."""
-        found: dict[int, tuple[float, Place]] = {}
+        found: dict[int, tuple[float, RoadPosition]] = {}
         for place in places:
             length = max(float(self.lengths[place.road]), 1e-9)
             turned = self.network.backward if place.road % 2 == 0 else self.network.forward
-            for road, price in ((place.road, 0.0), (place.road ^ 1, prices.u_turn))[: 1 + bool(turned[place.road >> 1])]:
+            for road, price in ((place.road, 0.0), (place.road ^ 1, prices.u_turn_cost))[
+                : 1 + bool(turned[place.road >> 1])
+            ]:
                 rest = place.offset if (road % 2 == 1) == ahead else length - place.offset
-                whole = float(prices.roads[road]) * rest / length + price + place.doubt
+                whole = float(prices.roads[road]) * rest / length + price + place.penalty
                 if road not in found or whole < found[road][0]:
                     found[road] = (whole, place)
         return found
 
     def _through(
-        self, trees: _Trees, one: dict[int, tuple[float, Place]], other: dict[int, tuple[float, Place]], bound: float, most: int
-    ) -> list[Way]:
-        found: list[Way] = []
+        self,
+        trees: _Trees,
+        one: dict[int, tuple[float, RoadPosition]],
+        other: dict[int, tuple[float, RoadPosition]],
+        bound: float,
+        max_paths: int,
+    ) -> list[RoadPath]:
+        found: list[RoadPath] = []
         covered: set[int] = set()
         turning = False
         for road, price in trees.through():
-            if price > bound or len(found) >= most:
+            if price > bound or len(found) >= max_paths:
                 break
             if road in covered:
                 continue
             roads = trees.way(road)
             covered.update(roads)
-            if len(roads) > 1 and (not found or self._simple(roads) or (turning and _drivable(roads, one, other))):
+            if len(roads) > 1 and (
+                not found or self._simple(roads) or (turning and _drivable(roads, one, other))
+            ):
                 turning = turning or (not found and not _drivable(roads, one, other))
                 begin, end = one[roads[0]][1], other[roads[-1]][1]
-                doubt = begin.doubt + end.doubt
-                found.append(Way(np.array(roads, np.int32), begin.offset, end.offset, price - doubt, doubt))
+                doubt = begin.penalty + end.penalty
+                found.append(
+                    RoadPath(
+                        np.array(roads, np.int32), begin.offset, end.offset, price - doubt, doubt
+                    )
+                )
         return found
 
-    def _along_one_road(self, starts: Sequence[Place], ends: Sequence[Place], prices: Prices) -> list[Way]:
+    def _along_one_road(
+        self, starts: Sequence[RoadPosition], ends: Sequence[RoadPosition], prices: TravelCosts
+    ) -> list[RoadPath]:
         found = []
         for start in starts:
             for end in ends:
                 forwards = end.offset >= start.offset
                 road = (start.road & ~1) | (not forwards)
-                if start.road >> 1 != end.road >> 1 or not (self.network.forward if forwards else self.network.backward)[road >> 1]:
+                if (
+                    start.road >> 1 != end.road >> 1
+                    or not (self.network.forward if forwards else self.network.backward)[road >> 1]
+                ):
                     continue
                 share = abs(end.offset - start.offset) / max(float(self.lengths[road]), 1e-9)
                 turns = (road != start.road) + (road != end.road)
-                price = float(prices.roads[road]) * share + turns * prices.u_turn
-                found.append(Way(np.array([road], np.int32), start.offset, end.offset, price, start.doubt + end.doubt))
+                price = float(prices.roads[road]) * share + turns * prices.u_turn_cost
+                found.append(
+                    RoadPath(
+                        np.array([road], np.int32),
+                        start.offset,
+                        end.offset,
+                        price,
+                        start.penalty + end.penalty,
+                    )
+                )
         return found
 
     def _simple(self, roads: Sequence[int]) -> bool:
         inner = self._heads[list(roads[:-1])]
-        return len(np.unique(inner)) == len(inner) and len({road >> 1 for road in roads}) == len(roads)
+        return len(np.unique(inner)) == len(inner) and len({road >> 1 for road in roads}) == len(
+            roads
+        )
 
-    def seconds(self, way: Way, prices: Prices) -> float:
+    def travel_time(self, way: RoadPath, prices: TravelCosts) -> float:
         """What travelling a way takes without any turns."""
         length = np.maximum(self.lengths[way.roads], 1e-9)
         share = np.ones(len(way.roads))
@@ -194,7 +259,7 @@ class WayFinder:
         share[-1] -= (way.end if way.roads[-1] % 2 else length[-1] - way.end) / length[-1]
         return float((prices.roads[way.roads] * share).sum())
 
-    def line(self, way: Way) -> tuple[Floats, NDArray[np.int64]]:
+    def line(self, way: RoadPath) -> tuple[Floats, NDArray[np.int64]]:
         """Vertices of a way in metres, shape (P, d), and the number of the road after each but the last."""
         network = self.network
         pieces, owners = [], []
@@ -213,7 +278,7 @@ class WayFinder:
 class _Trees:
     """What the two searches found."""
 
-    def __init__(self, there: tuple[Any, ...], back: tuple[Any, ...], prices: Prices) -> None:
+    def __init__(self, there: tuple[Any, ...], back: tuple[Any, ...], prices: TravelCosts) -> None:
         self.prices = prices
         self._ahead = dict(zip(there[0].tolist(), there[2].tolist(), strict=True))
         self._beyond = dict(zip(back[0].tolist(), back[2].tolist(), strict=True))
@@ -238,27 +303,33 @@ class _Trees:
         return [*before[::-1], road, *after]
 
 
-def _both(there: tuple[Any, ...], back: tuple[Any, ...], prices: Prices) -> tuple[NDArray[np.int32], Floats]:
+def _both(
+    there: tuple[Any, ...], back: tuple[Any, ...], prices: TravelCosts
+) -> tuple[NDArray[np.int32], Floats]:
     roads, i, j = np.intersect1d(there[0], back[0], assume_unique=True, return_indices=True)
     return roads, there[1][i] + back[1][j] - prices.roads[roads]
 
 
-def _cheapest(there: tuple[Any, ...], back: tuple[Any, ...], prices: Prices) -> float:
+def _cheapest(there: tuple[Any, ...], back: tuple[Any, ...], prices: TravelCosts) -> float:
     price = _both(there, back, prices)[1]
     return float(price.min()) if len(price) else float("inf")
 
 
-def _drivable(roads: Sequence[int], one: dict[int, tuple[float, Place]], other: dict[int, tuple[float, Place]]) -> bool:
+def _drivable(
+    roads: Sequence[int],
+    one: dict[int, tuple[float, RoadPosition]],
+    other: dict[int, tuple[float, RoadPosition]],
+) -> bool:
     """Whether a way never turns round, nor uses a road twice in one direction."""
     ahead = roads[0] == one[roads[0]][1].road and roads[-1] == other[roads[-1]][1].road
     return ahead and len(set(roads)) == len(roads) and all(a != b ^ 1 for a, b in pairwise(roads))
 
 
-def _columns(sources: dict[int, tuple[float, Place]]) -> tuple[NDArray[np.int64], Floats]:
+def _columns(sources: dict[int, tuple[float, RoadPosition]]) -> tuple[NDArray[np.int64], Floats]:
     return np.array(list(sources), np.int64), np.array([price for price, _ in sources.values()])
 
 
-def _reach(network: Network, prices: Prices, start: Place, end: Place) -> float:
+def _reach(network: Network, prices: TravelCosts, start: RoadPosition, end: RoadPosition) -> float:
     """Seconds that the way should take if it were not much longer than the straight line."""
     place = [network.points[network.offsets[one.road >> 1]] for one in (start, end)]
     straight = float(np.linalg.norm(place[1] - place[0]))
@@ -266,7 +337,9 @@ def _reach(network: Network, prices: Prices, start: Place, end: Place) -> float:
     return 4 * straight * pace
 
 
-def _links(nodes: NDArray[np.int32], open_: NDArray[np.intp], count: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+def _links(
+    nodes: NDArray[np.int32], open_: NDArray[np.intp], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     order = open_[np.argsort(nodes[open_], kind="stable")]
     begins = np.searchsorted(nodes[order], np.arange(count + 1)).astype(np.int64)
     return begins, order.astype(np.int32)
@@ -276,6 +349,10 @@ def _headings(network: Network) -> Floats:
     """Unit vectors at the beginning of each directed road, shape (2 E, 2)."""
     first, last = network.offsets[:-1], network.offsets[1:] - 1
     points = network.points[:, :2]
-    steps = np.stack((points[first + 1] - points[first], points[last - 1] - points[last]), axis=1).reshape(-1, 2)
+    steps = np.stack(
+        (points[first + 1] - points[first], points[last - 1] - points[last]), axis=1
+    ).reshape(-1, 2)
     length = np.sqrt((steps**2).sum(axis=1, keepdims=True))
-    return np.ascontiguousarray(np.divide(steps, length, out=np.zeros_like(steps), where=length > 0))
+    return np.ascontiguousarray(
+        np.divide(steps, length, out=np.zeros_like(steps), where=length > 0)
+    )

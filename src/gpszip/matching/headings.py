@@ -8,13 +8,19 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.geo.planes import plane_index, to_geographic
+from gpszip.geo.planes import plane_indices, to_geographic
 from gpszip.matching.index import RoadIndex
-from gpszip.matching.kernels.backtrace import directions
-from gpszip.matching.viterbi import Chain
+from gpszip.matching.kernels.backtrace import travel_directions
+from gpszip.matching.viterbi import ViterbiPath
 from gpszip.model import Plane, Track
 
-__all__ = ["HEADING", "agreeing", "headings_of", "spread", "unit_vectors"]
+__all__ = [
+    "HEADING",
+    "estimate_heading_spread",
+    "heading_vectors",
+    "headings_follow_roads",
+    "read_headings",
+]
 
 #: Attribute of a track that holds its headings.
 HEADING = "heading"
@@ -44,7 +50,9 @@ _MOST_ALIKE = 0.95
 Vectors = NDArray[np.complex128]
 
 
-def unit_vectors(degrees: NDArray[np.float64], positions: NDArray[np.float64], plane: Plane | None) -> NDArray[np.float64]:
+def heading_vectors(
+    degrees: NDArray[np.float64], positions: NDArray[np.float64], plane: Plane | None
+) -> NDArray[np.float64]:
     """Headings as vectors on the plane.
 
     Parameters
@@ -63,28 +71,30 @@ def unit_vectors(degrees: NDArray[np.float64], positions: NDArray[np.float64], p
 
     Examples
     --------
-    >>> unit_vectors(np.array([0.0, 90.0, np.nan]), np.zeros((3, 2)), None).round(9).tolist()
+    >>> heading_vectors(np.array([0.0, 90.0, np.nan]), np.zeros((3, 2)), None).round(9).tolist()
     [[0.0, 1.0], [1.0, 0.0], [0.0, 0.0]]
     """
     known = np.isfinite(degrees)
     angle = np.radians(np.where(known, degrees, 0.0))
     if plane is not None and known.any():
         lat, lon = to_geographic(positions[:, :2], plane)
-        middle = np.array(plane.centers)[plane_index(positions[:, :2], plane), 1] / 1e7
+        middle = np.array(plane.centers)[plane_indices(positions[:, :2], plane), 1] / 1e7
         # meridians lean towards the plane's middle
         angle -= np.arctan(np.tan(np.radians(lon - middle)) * np.sin(np.radians(lat)))
     return np.where(known[:, None], np.stack([np.sin(angle), np.cos(angle)], axis=1), 0.0)
 
 
-def headings_of(track: Track) -> NDArray[np.float64]:
+def read_headings(track: Track) -> NDArray[np.float64]:
     """Headings of a track as vectors, from its attribute ``heading`` in degrees; zero where it has none."""
     column = track.attributes.get(HEADING)
     if column is None or column.dtype.kind not in "fiu":
         return np.zeros((len(track), 2))
-    return unit_vectors(np.asarray(column, dtype=np.float64), track.positions, track.plane)
+    return heading_vectors(np.asarray(column, dtype=np.float64), track.positions, track.plane)
 
 
-def agreeing(index: RoadIndex, chains: Sequence[Chain]) -> tuple[bool, list[bool]]:
+def headings_follow_roads(
+    index: RoadIndex, chains: Sequence[ViterbiPath]
+) -> tuple[bool, list[bool]]:
     """Whether headings follow the roads travelled: in a log as a whole, and in each track.
 
     Those that agree with the roads hardly oftener than by chance don't: a constant column, another unit, another zero.
@@ -100,10 +110,13 @@ def agreeing(index: RoadIndex, chains: Sequence[Chain]) -> tuple[bool, list[bool
     usual, least = _kappa(*map(np.concatenate, zip(*pairs, strict=True)))
     whole = usual >= least
     each = [_kappa(*pair) for pair in pairs]
-    return whole, [whole if math.isnan(own) else own >= (_AS_WELL * usual if whole else least) for own, least in each]
+    return whole, [
+        whole if math.isnan(own) else own >= (_AS_WELL * usual if whole else least)
+        for own, least in each
+    ]
 
 
-def spread(index: RoadIndex, chains: Sequence[Chain]) -> float:
+def estimate_heading_spread(index: RoadIndex, chains: Sequence[ViterbiPath]) -> float:
     """How far headings differ from the roads travelled, in degrees.
 
     From the median, which strays don't move: the price of an error has the shape of Cauchy's distribution. It is larger by as much as
@@ -116,7 +129,10 @@ def spread(index: RoadIndex, chains: Sequence[Chain]) -> float:
     chains : sequence of Chain
         Tracks whose headings are to be believed.
     """
-    errors = [np.angle(heading * road.conj()) for heading, road in (_headed(index, chain) for chain in chains)]
+    errors = [
+        np.angle(heading * road.conj())
+        for heading, road in (_headed(index, chain) for chain in chains)
+    ]
     if not sum(map(len, errors)):
         return math.inf
     angle = max(float(np.degrees(np.median(np.abs(np.concatenate(errors))))) / math.sqrt(2), _LEAST)
@@ -127,10 +143,15 @@ def spread(index: RoadIndex, chains: Sequence[Chain]) -> float:
     return angle * math.sqrt((1 + rho) / (1 - rho))
 
 
-def _headed(index: RoadIndex, chain: Chain) -> tuple[Vectors, Vectors]:
+def _headed(index: RoadIndex, chain: ViterbiPath) -> tuple[Vectors, Vectors]:
     """Headings, and directions of the roads travelled, of layers that have both, as complex numbers."""
-    on = np.flatnonzero((chain.leg >= 0) & chain.stretch.headings[chain.used].any(axis=1))
-    heading, road = chain.stretch.headings[chain.used[on]], directions(chain.roads[on], chain.metres[on], index.roads, index.graph)
+    on = np.flatnonzero(
+        (chain.leg >= 0) & chain.observations.headings[chain.sample_indices].any(axis=1)
+    )
+    heading, road = (
+        chain.observations.headings[chain.sample_indices[on]],
+        travel_directions(chain.roads[on], chain.metres[on], index.roads, index.graph),
+    )
     return heading[:, 0] + 1j * heading[:, 1], road[:, 0] + 1j * road[:, 1]
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.matching.kernels.road_grid import count_cells, file_cells, hash_cells
-from gpszip.matching.kernels.roads import Cells, Graph, Rest, Roads, Work
+from gpszip.matching.kernels.road_grid import count_cells, fill_cells, hash_cells
+from gpszip.matching.kernels.roads import BackwardSearch, Graph, RoadGrid, Roads, Workspace
 from gpszip.model import Network
 
-__all__ = ["RoadIndex", "index_network", "open_both_ways", "workspace"]
+__all__ = ["RoadIndex", "create_workspace", "index_network", "open_both_ways"]
 
 #: Cells are so many usual bits of road wide: few bits are filed twice, and few share a cell.
 _BITS_PER_CELL = 2.0
@@ -27,7 +27,7 @@ class RoadIndex:
         The roads.
     roads : Roads
         Their shapes, in two coordinates or more.
-    cells : Cells
+    road_grid : Cells
         Where they are.
     graph : Graph
         How they join.
@@ -35,7 +35,7 @@ class RoadIndex:
 
     network: Network
     roads: Roads
-    cells: Cells
+    road_grid: RoadGrid
     graph: Graph
 
     @property
@@ -44,16 +44,22 @@ class RoadIndex:
         return int(self.roads.points.shape[1])
 
 
-def workspace(index: RoadIndex) -> Work:
+def create_workspace(index: RoadIndex) -> Workspace:
     """Room for searches on one index, for one thread; made once, since it is as large as the network."""
     size, nodes = len(index.graph.open), len(index.graph.nodes)
     parents, slots, heap = (np.zeros(size, np.int32) for _ in range(3))
     state, stamps = np.zeros(2, np.int64), np.zeros(size, np.int64)
     targets, known = np.full((2, size), -1, np.int32)
     keys, price, metres = (np.zeros(size) for _ in range(3))
-    back = np.zeros(size, np.int64), np.zeros(size), np.zeros(size), np.zeros(size, np.int32), np.zeros(size, np.int32)
-    rest = Rest(np.zeros(3, np.int64), np.zeros(2), *back, np.zeros(nodes, np.bool_))
-    return Work(state, stamps, keys, price, metres, parents, slots, heap, targets, known, rest)
+    back = (
+        np.zeros(size, np.int64),
+        np.zeros(size),
+        np.zeros(size),
+        np.zeros(size, np.int32),
+        np.zeros(size, np.int32),
+    )
+    rest = BackwardSearch(np.zeros(3, np.int64), np.zeros(2), *back, np.zeros(nodes, np.bool_))
+    return Workspace(state, stamps, keys, price, metres, parents, slots, heap, targets, known, rest)
 
 
 def index_network(network: Network, dimension: int | None = None) -> RoadIndex:
@@ -75,9 +81,18 @@ def index_network(network: Network, dimension: int | None = None) -> RoadIndex:
     ([50.0, 50.0], [True, False])
     """
     points = _coordinates(network.points, dimension)
-    along = network.along if points.shape[1] >= network.dimension else _along(points, network.offsets)
-    roads = Roads(points, np.ascontiguousarray(along), np.ascontiguousarray(network.offsets, dtype=np.int64))
-    return RoadIndex(network, roads, _cells(roads), _graph(network, roads, _coordinates(network.nodes, dimension)))
+    along = (
+        network.along if points.shape[1] >= network.dimension else _along(points, network.offsets)
+    )
+    roads = Roads(
+        points, np.ascontiguousarray(along), np.ascontiguousarray(network.offsets, dtype=np.int64)
+    )
+    return RoadIndex(
+        network,
+        roads,
+        _cells(roads),
+        _graph(network, roads, _coordinates(network.nodes, dimension)),
+    )
 
 
 def open_both_ways(index: RoadIndex) -> RoadIndex:
@@ -118,7 +133,9 @@ def _along(points: NDArray[np.float64], offsets: NDArray[np.int64]) -> NDArray[n
     return along
 
 
-def _links(nodes: NDArray[np.int32], open_: NDArray[np.bool_], count: int) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+def _links(
+    nodes: NDArray[np.int32], open_: NDArray[np.bool_], count: int
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
     """Directed roads that may be travelled, filed by their nodes at one end."""
     usable = np.flatnonzero(open_)
     order = usable[np.argsort(nodes[usable], kind="stable")]
@@ -129,12 +146,16 @@ def _links(nodes: NDArray[np.int32], open_: NDArray[np.bool_], count: int) -> tu
 def _headings(network: Network, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Unit vectors at the beginning of each directed road, shape (2 E, 2); zero where a road has no length."""
     first, last = network.offsets[:-1], network.offsets[1:] - 1
-    steps = np.stack((points[first + 1] - points[first], points[last - 1] - points[last]), axis=1).reshape(-1, points.shape[1])[:, :2]
+    steps = np.stack(
+        (points[first + 1] - points[first], points[last - 1] - points[last]), axis=1
+    ).reshape(-1, points.shape[1])[:, :2]
     length = np.sqrt((steps**2).sum(axis=1, keepdims=True))
-    return np.ascontiguousarray(np.divide(steps, length, out=np.zeros_like(steps), where=length > 0))
+    return np.ascontiguousarray(
+        np.divide(steps, length, out=np.zeros_like(steps), where=length > 0)
+    )
 
 
-def _cells(roads: Roads) -> Cells:
+def _cells(roads: Roads) -> RoadGrid:
     points, offsets = roads.points, roads.offsets
     low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     bits = np.delete(np.sqrt((np.diff(points[:, :2], axis=0) ** 2).sum(axis=1)), offsets[1:-1] - 1)
@@ -142,7 +163,18 @@ def _cells(roads: Roads) -> Cells:
     size = _BITS_PER_CELL * float(bits.mean()) if len(bits) else 1.0
     columns, rows = (int(n) + 1 for n in np.floor((high - low) / size))
     total = count_cells(points, offsets, size, low, columns)
-    cells, firsts, owners = file_cells(points, offsets, size, low, columns, total)
+    cells, firsts, owners = fill_cells(points, offsets, size, low, columns, total)
     order = np.argsort(cells, kind="stable")
     table, begins, ends = hash_cells(cells[order], 1 << (int(total).bit_length() + 1))
-    return Cells(table, begins, ends, firsts[order], owners[order], float(low[0]), float(low[1]), size, columns, rows)
+    return RoadGrid(
+        table,
+        begins,
+        ends,
+        firsts[order],
+        owners[order],
+        float(low[0]),
+        float(low[1]),
+        size,
+        columns,
+        rows,
+    )

@@ -9,26 +9,32 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import OptionError, TrackError
-from gpszip.matching.averaging import RunningMeans, Sample
-from gpszip.matching.headings import unit_vectors
-from gpszip.matching.index import RoadIndex, index_network, workspace
-from gpszip.matching.kernels.backtrace import nearest_on
-from gpszip.matching.kernels.candidates import GAP, JUMP
-from gpszip.matching.kernels.live import add_layer, best, empty_ring, merged, trail
-from gpszip.matching.parameters import apart, model_of
+from gpszip.matching.averaging import RunningAverage, Sample
+from gpszip.matching.headings import heading_vectors
+from gpszip.matching.index import RoadIndex, create_workspace, index_network
+from gpszip.matching.kernels.backtrace import nearest_on_road
+from gpszip.matching.kernels.candidates import BREAK, JUMP
+from gpszip.matching.kernels.live import (
+    add_time_step,
+    backtrack,
+    best_candidate,
+    empty_ring,
+    find_convergence,
+)
+from gpszip.matching.parameters import min_spacing, model_parameters
 from gpszip.model import Network
 from gpszip.model.match import Scales
 
-__all__ = ["LiveMatcher", "Next", "Settled", "Whereabouts"]
+__all__ = ["FinalisedPosition", "LiveMatcher", "LivePosition", "NextRoad"]
 
 #: Receivers in vehicles at about one sample a second, on the maps that there are of streets (docs/matching.md).
-_STREETS = Scales(error=5.8, sigma=36.0, beta=5.9, usual=10.0, fastest=150.0, heading=30.0)
+_STREETS = Scales(error=5.8, sigma=36.0, beta=5.9, median_speed=10.0, max_speed=150.0, heading=30.0)
 
 #: Facing nowhere.
 _NOWHERE = np.zeros(2)
 
 
-class Next(NamedTuple):
+class NextRoad(NamedTuple):
     """A road that may come next.
 
     Parameters
@@ -46,7 +52,7 @@ class Next(NamedTuple):
     probability: float
 
 
-class Settled(NamedTuple):
+class FinalisedPosition(NamedTuple):
     """Where a sample was, as seen from later ones.
 
     Parameters
@@ -63,7 +69,7 @@ class Settled(NamedTuple):
         Metres from the sample to its place, NaN for none.
     linked : bool
         Whether a way leads there from the sample settled before.
-    final : bool
+    converged : bool
         Whether no later sample could change it: it is what the batch finds. False where the lag was over before all chains agreed.
     """
 
@@ -73,10 +79,10 @@ class Settled(NamedTuple):
     offset: float
     distance: float
     linked: bool
-    final: bool
+    converged: bool
 
 
-class Whereabouts(NamedTuple):
+class LivePosition(NamedTuple):
     """Where the agent is now.
 
     Parameters
@@ -97,7 +103,7 @@ class Whereabouts(NamedTuple):
         Whether the agent is on no road.
     next : tuple of Next
         Roads that leave from the end of this one.
-    settled : tuple of Settled
+    finalised : tuple of Settled
         Where earlier samples were, each told once, as soon as no later one can change it, or when its lag has passed: those that
         lie apart, not each of a standing agent.
     """
@@ -109,8 +115,8 @@ class Whereabouts(NamedTuple):
     distance: float
     confidence: float
     off_map: bool
-    next: tuple[Next, ...]
-    settled: tuple[Settled, ...]
+    next: tuple[NextRoad, ...]
+    finalised: tuple[FinalisedPosition, ...]
 
 
 class LiveMatcher:
@@ -142,34 +148,43 @@ class LiveMatcher:
     ...     nodes, np.array([0, 1], np.int32), np.array([1, 2], np.int32), np.array([0, 2, 4]), nodes[[0, 1, 1, 2]],
     ...     np.ones(2, bool), np.ones(2, bool), np.full(2, np.nan),
     ... )
-    >>> matcher = LiveMatcher(corner, Scales(error=2.0, sigma=3.0, beta=3.0, usual=9.0, fastest=40.0), lag=2)
+    >>> matcher = LiveMatcher(corner, Scales(error=2.0, sigma=3.0, beta=3.0, median_speed=9.0, max_speed=40.0), lag=2)
     >>> here = [matcher.push(t, [9.0 * t, 0.5]) for t in range(8)][-1]
-    >>> here.edge, here.forward, here.offset, [(one.edge, one.forward) for one in here.next], here.settled[0].offset
+    >>> here.edge, here.forward, here.offset, [(one.edge, one.forward) for one in here.next], here.finalised[0].offset
     (0, True, 63.0, [(0, False), (1, True)], 45.0)
     """
 
-    def __init__(self, network: Network | RoadIndex, scales: Scales | None = None, *, lag: int = 100, gap: float = 120.0) -> None:
+    def __init__(
+        self,
+        network: Network | RoadIndex,
+        scales: Scales | None = None,
+        *,
+        lag: int = 100,
+        gap: float = 120.0,
+    ) -> None:
         self.index = network if isinstance(network, RoadIndex) else index_network(network)
         if scales is None and self.index.network.plane is None:
-            raise OptionError("roads on a plane of their own have no usual scales; give those of gpszip.match(earlier, network).scales")
+            raise OptionError(
+                "roads on a plane of their own have no usual scales; give those of gpszip.match(earlier, network).scales"
+            )
         if lag < 1 or not gap > 0:
             raise OptionError(f"lag is {lag} and gap {gap:g}; both must be positive")
         self.scales = scales or _STREETS
         self._lag, self._gap = lag, gap
-        self._model, self._apart = model_of(self.scales), apart(self.scales)
-        self._work = workspace(self.index)
-        self._ring = empty_ring(lag + 2, 2 * self._model.most + 1)
+        self._model, self._apart = model_parameters(self.scales), min_spacing(self.scales)
+        self._work = create_workspace(self.index)
+        self._ring = empty_ring(lag + 2, 2 * self._model.max_candidates + 1)
         self._times = [0.0] * (lag + 2)
         self._places: list[list[float]] = [[]] * (lag + 2)
         self._used = self._run = 0  # layers so far, and of these since the last silence
         # the last sample: time, place, where it faced, and whether it has a layer
         self._last: tuple[float, NDArray[np.float64], NDArray[np.float64], bool] | None = None
-        self._at: Whereabouts | None = None
-        self._means, self._newest = RunningMeans(self.scales.averaged), -math.inf
+        self._at: LivePosition | None = None
+        self._means, self._newest = RunningAverage(self.scales.averaging_window), -math.inf
         self._told = 0  # layers that have been settled
-        self._next: dict[int, tuple[Next, ...]] = {}
+        self._next: dict[int, tuple[NextRoad, ...]] = {}
 
-    def push(self, time: float, position: ArrayLike, heading: float | None = None) -> Whereabouts:
+    def push(self, time: float, position: ArrayLike, heading: float | None = None) -> LivePosition:
         """Take in a sample and tell where the agent is.
 
         Parameters
@@ -196,53 +211,65 @@ class LiveMatcher:
             raise TrackError(f"time {time:g} does not follow {self._newest:g}; drop the sample")
         ended = self._means.finish() if time - self._newest > self._gap else []
         self._newest = time
-        settled = self._heard([*ended, *self._means.push((time, place, self._facing(heading, place)))])
-        now = self._at if self._at is not None and self._at.time == time else self._near(time, place)
-        return now._replace(settled=settled) if settled else now
+        finalised = self._heard(
+            [*ended, *self._means.push((time, place, self._facing(heading, place)))]
+        )
+        now = (
+            self._at if self._at is not None and self._at.time == time else self._near(time, place)
+        )
+        return now._replace(finalised=finalised) if finalised else now
 
-    def finish(self) -> tuple[Settled, ...]:
+    def finish(self) -> tuple[FinalisedPosition, ...]:
         """Tell where the rest of the samples were; what is pushed from here on begins anew."""
-        settled = self._heard(self._means.finish())
+        finalised = self._heard(self._means.finish())
         if self._last is not None and not self._last[3]:
             self._end(*self._last[:3])
-        rest = self._tell(self._used - 1, best(self._ring, self._used - 1), final=True) if self._used else ()
+        rest = (
+            self._tell(self._used - 1, best_candidate(self._ring, self._used - 1), converged=True)
+            if self._used
+            else ()
+        )
         self._last = self._at = None
         self._newest = -math.inf
         self._used = self._run = self._told = 0
-        return settled + rest
+        return finalised + rest
 
-    def _heard(self, samples: list[Sample]) -> tuple[Settled, ...]:
+    def _heard(self, samples: list[Sample]) -> tuple[FinalisedPosition, ...]:
         """Take in samples, and tell what they settle."""
-        settled: tuple[Settled, ...] = ()
+        finalised: tuple[FinalisedPosition, ...] = ()
         for time, place, facing in samples:
             layers = self._used
             self._taken(time, place, facing)
-            settled += self._settle() if self._used > layers else ()
-        return settled
+            finalised += self._settle() if self._used > layers else ()
+        return finalised
 
     def _facing(self, heading: float | None, place: NDArray[np.float64]) -> NDArray[np.float64]:
         if heading is None or not math.isfinite(heading):
             return _NOWHERE
-        (vector,) = unit_vectors(np.array([heading]), place[None], self.index.network.plane)
+        (vector,) = heading_vectors(np.array([heading]), place[None], self.index.network.plane)
         return np.asarray(vector)
 
-    def _taken(self, time: float, place: NDArray[np.float64], facing: NDArray[np.float64]) -> Whereabouts:
+    def _taken(
+        self, time: float, place: NDArray[np.float64], facing: NDArray[np.float64]
+    ) -> LivePosition:
         if self._last is None:
-            return self._layer(time, place, facing, silent=True)
+            return self._layer(time, place, facing, is_gap=True)
         last, where, faced, used = self._last
         if time - last > self._gap:
             if not used:
                 self._end(last, where, faced)
-            return self._layer(time, place, facing, silent=True)
+            return self._layer(time, place, facing, is_gap=True)
         if self._distance(place) >= self._apart:
-            return self._layer(time, place, facing, silent=False)
+            return self._layer(time, place, facing, is_gap=False)
         self._last = (time, place, facing, False)
         return self._between(time, place)
 
     def _distance(self, place: NDArray[np.float64]) -> float:
         """From the sample of the last layer, rounded as in the batch: at a crossing the last bit decides between two names of one place."""
         square = 0.0
-        for one, other in zip(place.tolist(), self._places[(self._used - 1) % len(self._times)], strict=True):
+        for one, other in zip(
+            place.tolist(), self._places[(self._used - 1) % len(self._times)], strict=True
+        ):
             square += (one - other) * (one - other)
         return math.sqrt(square)
 
@@ -251,61 +278,90 @@ class LiveMatcher:
         if self._run > 1:
             self._used -= 1
             self._run -= 1
-        self._layer(time, place, facing, silent=False)
+        self._layer(time, place, facing, is_gap=False)
 
-    def _layer(self, time: float, place: NDArray[np.float64], facing: NDArray[np.float64], *, silent: bool) -> Whereabouts:
+    def _layer(
+        self, time: float, place: NDArray[np.float64], facing: NDArray[np.float64], *, is_gap: bool
+    ) -> LivePosition:
         number, slot = self._used, self._used % len(self._times)
         straight, seconds = 0.0, math.inf
-        if not silent:
-            straight, seconds = self._distance(place), time - self._times[(number - 1) % len(self._times)]
+        if not is_gap:
+            straight, seconds = (
+                self._distance(place),
+                time - self._times[(number - 1) % len(self._times)],
+            )
         index = self.index
-        road, metres, distance, share, kind = add_layer(
-            self._ring, number, place, facing, straight, seconds, index.roads, index.cells, index.graph, self._model, self._work
+        road, metres, distance, share, kind = add_time_step(
+            self._ring, number, place, facing, straight, seconds, index.roads, index.road_grid, index.graph, self._model, self._work
         )  # fmt: skip
         self._times[slot], self._places[slot] = time, place.tolist()
-        self._used, self._run, self._last = number + 1, 1 if silent else self._run + 1, (time, place, facing, True)
+        self._used, self._run, self._last = (
+            number + 1,
+            1 if is_gap else self._run + 1,
+            (time, place, facing, True),
+        )
         before = self._at
-        if before is not None and kind not in {GAP, JUMP} and before.edge == road >> 1 and before.forward == (not road & 1):
-            metres = max(metres, self._metres(road, before.offset))  # a little back is standing still
+        if (
+            before is not None
+            and kind not in {BREAK, JUMP}
+            and before.edge == road >> 1
+            and before.forward == (not road & 1)
+        ):
+            metres = max(
+                metres, self._metres(road, before.offset)
+            )  # a little back is standing still
         self._at = self._whereabouts(time, road, metres, distance, share)
         return self._at
 
-    def _settle(self) -> tuple[Settled, ...]:
+    def _settle(self) -> tuple[FinalisedPosition, ...]:
         """Tell the layers on which all chains agree, and those whose lag has passed."""
         last = self._used - 1
         # the end of a run of samples may yet take the place of its last layer, see _end
-        layer, candidate = merged(self._ring, last if self._run == 1 else last - 1, self._told)
-        sure = self._tell(layer, candidate, final=True) if layer >= 0 else ()
+        layer, candidate = find_convergence(
+            self._ring, last if self._run == 1 else last - 1, self._told
+        )
+        sure = self._tell(layer, candidate, converged=True) if layer >= 0 else ()
         late = self._used - self._lag
         if late <= self._told:
             return sure
-        chain = trail(self._ring, last, best(self._ring, last), late - 1)
-        return sure + self._tell(late - 1, int(chain[0]) % len(self._ring.moves), final=False)
+        chain = backtrack(self._ring, last, best_candidate(self._ring, last), late - 1)
+        return sure + self._tell(
+            late - 1, int(chain[0]) % len(self._ring.transition_costs), converged=False
+        )
 
-    def _tell(self, layer: int, candidate: int, *, final: bool) -> tuple[Settled, ...]:
+    def _tell(
+        self, layer: int, candidate: int, *, converged: bool
+    ) -> tuple[FinalisedPosition, ...]:
         """Tell all layers up to one that have not been told yet, on the cheapest chain to a candidate there."""
         first, self._told = self._told, layer + 1
-        chain = trail(self._ring, layer, candidate, first).tolist()
-        return tuple(self._one_settled(first + i, place, final) for i, place in enumerate(chain))
+        chain = backtrack(self._ring, layer, candidate, first).tolist()
+        return tuple(
+            self._one_settled(first + i, place, converged) for i, place in enumerate(chain)
+        )
 
-    def _one_settled(self, layer: int, place: int, final: bool) -> Settled:
-        layers, time = self._ring.layers, self._times[layer % len(self._times)]
+    def _one_settled(self, layer: int, place: int, converged: bool) -> FinalisedPosition:
+        layers, time = self._ring.candidates, self._times[layer % len(self._times)]
         road = int(layers.roads[place])
         if road < 0:
-            return Settled(time, -1, False, math.nan, math.nan, False, final)
-        offset, linked = self._metres(road, float(layers.metres[place])), bool(layers.kinds[place] < JUMP)
-        return Settled(time, road >> 1, not road & 1, offset, float(layers.distances[place]), linked, final)
+            return FinalisedPosition(time, -1, False, math.nan, math.nan, False, converged)
+        offset, linked = (
+            self._metres(road, float(layers.metres[place])),
+            bool(layers.transitions[place] < JUMP),
+        )
+        return FinalisedPosition(
+            time, road >> 1, not road & 1, offset, float(layers.distances[place]), linked, converged
+        )
 
     def _metres(self, road: int, metres: float) -> float:
         """From metres along a directed road to metres from the road's start, and back."""
         return float(self.index.graph.lengths[road]) - metres if road & 1 else metres
 
-    def _between(self, time: float, place: NDArray[np.float64]) -> Whereabouts:
+    def _between(self, time: float, place: NDArray[np.float64]) -> LivePosition:
         """A sample near the last one that has a layer: on the same road."""
         self._at = self._near(time, place)
         return self._at
 
-    def _near(self, time: float, place: NDArray[np.float64]) -> Whereabouts:
+    def _near(self, time: float, place: NDArray[np.float64]) -> LivePosition:
         """Where a sample is on the road on which the agent was last, not before that place."""
         at = self._at
         assert at is not None
@@ -313,23 +369,57 @@ class LiveMatcher:
             return at._replace(time=time)
         road = 2 * at.edge + (not at.forward)
         low = self._metres(road, at.offset)
-        metres, distance = nearest_on(place, road, low, float(self.index.graph.lengths[road]), self.index.roads, self.index.graph)
-        return Whereabouts(time, at.edge, at.forward, self._metres(road, metres), distance, at.confidence, False, at.next, ())
+        metres, distance = nearest_on_road(
+            place,
+            road,
+            low,
+            float(self.index.graph.lengths[road]),
+            self.index.roads,
+            self.index.graph,
+        )
+        return LivePosition(
+            time,
+            at.edge,
+            at.forward,
+            self._metres(road, metres),
+            distance,
+            at.confidence,
+            False,
+            at.next,
+            (),
+        )
 
-    def _whereabouts(self, time: float, road: int, metres: float, distance: float, share: float) -> Whereabouts:
+    def _whereabouts(
+        self, time: float, road: int, metres: float, distance: float, share: float
+    ) -> LivePosition:
         if road < 0:
-            return Whereabouts(time, -1, False, math.nan, math.nan, share, True, (), ())
+            return LivePosition(time, -1, False, math.nan, math.nan, share, True, (), ())
         following = self._next.get(road)
         if following is None:
             following = self._next[road] = self._following(road)
-        return Whereabouts(time, road >> 1, not road & 1, self._metres(road, metres), distance, share, False, following, ())
+        return LivePosition(
+            time,
+            road >> 1,
+            not road & 1,
+            self._metres(road, metres),
+            distance,
+            share,
+            False,
+            following,
+            (),
+        )
 
-    def _following(self, road: int) -> tuple[Next, ...]:
+    def _following(self, road: int) -> tuple[NextRoad, ...]:
         """Roads that leave from the end of a directed road, each as likely as the model's price of the turn tells."""
         graph, model = self.index.graph, self._model
         node = graph.heads[road]
         outs = graph.outs[graph.begins[node] : graph.begins[node + 1]]
         cosines = -(graph.headings[outs] @ graph.headings[road ^ 1])
-        weights = np.exp(-np.where(outs == road ^ 1, model.u_turn, 0.5 * model.turn * (1.0 - cosines)))
+        weights = np.exp(
+            -np.where(outs == road ^ 1, model.u_turn_cost, 0.5 * model.turn_cost * (1.0 - cosines))
+        )
         shares = weights / weights.sum() if len(outs) else weights
-        return tuple(Next(int(out) >> 1, not int(out) & 1, float(share)) for out, share in zip(outs, shares, strict=True))
+        return tuple(
+            NextRoad(int(out) >> 1, not int(out) & 1, float(share))
+            for out, share in zip(outs, shares, strict=True)
+        )

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gpszip.model import Network
 
-__all__ = ["RoadsNear"]
+__all__ = ["NearbyRoads"]
 
 Floats = NDArray[np.float64]
 
@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 _BIT = 2.0
 
 
-class RoadsNear:
+class NearbyRoads:
     """A spatial index on the bits of road between vertices.
 
     Parameters
@@ -27,7 +27,7 @@ class RoadsNear:
     --------
     >>> points, both = np.array([[0.0, 0.0], [100.0, 0.0]]), np.ones(1, bool)
     >>> road = Network(points, np.zeros(1, np.int32), np.ones(1, np.int32), np.array([0, 2]), points, both, both, np.full(1, np.nan))
-    >>> [found.round(1).tolist() for found in RoadsNear(road).near(np.array([30.0, 4.0]), 5.0)]
+    >>> [found.round(1).tolist() for found in NearbyRoads(road).near(np.array([30.0, 4.0]), 5.0)]
     [[0], [30.0], [4.0], [[1.0, 0.0]]]
     """
 
@@ -36,7 +36,9 @@ class RoadsNear:
 
         self.network = network
         points = network.points[:, :2]
-        first = np.flatnonzero(np.diff(np.repeat(np.arange(len(network)), np.diff(network.offsets))) == 0)
+        first = np.flatnonzero(
+            np.diff(np.repeat(np.arange(len(network)), np.diff(network.offsets))) == 0
+        )
         sizes = np.linalg.norm(points[first + 1] - points[first], axis=1)
         self._size = max(_BIT * float(np.median(sizes)), 1e-3)
         pieces = np.maximum(np.ceil(sizes / self._size), 1).astype(np.int64)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Distances", "tell_apart"]
+__all__ = ["DistanceMixture", "fit_mixture"]
 
 #: At least this share of what was matched is taken to lie on its roads: what most layers do is the rule, the rest the exception.
 #: Without it, a few layers that happen to lie very near would pass for the only ones on roads.
@@ -20,7 +20,7 @@ _STEPS = 30
 Floats = NDArray[np.float64]
 
 
-class Distances(NamedTuple):
+class DistanceMixture(NamedTuple):
     """How far layers are from the roads chosen for them.
 
     A ``share`` is on these roads, so that the distances are as those of a normal error with root mean square ``error``; the rest is
@@ -36,14 +36,19 @@ class Distances(NamedTuple):
 
         Examples
         --------
-        >>> Distances(0.7, 5.0, 50.0).on_roads(np.array([0.0, 5.0, 12.0, 20.0, np.nan])).round(2).tolist()
+        >>> DistanceMixture(0.7, 5.0, 50.0).on_roads(np.array([0.0, 5.0, 12.0, 20.0, np.nan])).round(2).tolist()
         [0.95, 0.92, 0.51, 0.01, 0.0]
         """
-        near = self.share * math.sqrt(2 / math.pi) / self.error * np.exp(-0.5 * (distances / self.error) ** 2)
+        near = (
+            self.share
+            * math.sqrt(2 / math.pi)
+            / self.error
+            * np.exp(-0.5 * (distances / self.error) ** 2)
+        )
         return np.nan_to_num(near / (near + (1 - self.share) / self.far))
 
 
-def tell_apart(distances: Floats, start: Distances, prior: float = 0.0) -> Distances:
+def fit_mixture(distances: Floats, start: DistanceMixture, prior: float = 0.0) -> DistanceMixture:
     """Fit the two kinds to the distances of layers, by expectation and maximisation.
 
     Parameters
@@ -58,7 +63,7 @@ def tell_apart(distances: Floats, start: Distances, prior: float = 0.0) -> Dista
     Examples
     --------
     >>> rng = np.random.default_rng(1)
-    >>> far = tell_apart(np.append(np.abs(rng.normal(0, 4, 600)), rng.uniform(0, 80, 400)), Distances(0.5, 8.0, 80.0))
+    >>> far = fit_mixture(np.append(np.abs(rng.normal(0, 4, 600)), rng.uniform(0, 80, 400)), DistanceMixture(0.5, 8.0, 80.0))
     >>> round(far.share, 1), round(far.error)
     (0.6, 4)
     """
@@ -73,5 +78,7 @@ def tell_apart(distances: Floats, start: Distances, prior: float = 0.0) -> Dista
             return fit
         square = (float(on @ known**2) + prior * start.error**2) / layers
         share = (float(on.sum()) + prior * start.share) / (len(known) + prior)
-        fit = Distances(max(share, _LEAST_SHARE), max(math.sqrt(square), 1e-6 * start.far), start.far)
+        fit = DistanceMixture(
+            max(share, _LEAST_SHARE), max(math.sqrt(square), 1e-6 * start.far), start.far
+        )
     return fit

@@ -12,17 +12,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.matching.assemble import assemble
+from gpszip.matching.assemble import build_match
 from gpszip.matching.index import RoadIndex
 from gpszip.matching.kernels.backtrace import place_samples
 from gpszip.matching.kernels.candidates import JUMP
-from gpszip.matching.kernels.roads import Work
-from gpszip.matching.outliers import spread_out, without
-from gpszip.matching.parameters import JUMP_PRICE, apart, brisk, slack
-from gpszip.matching.viterbi import Chain, Stretch, follow
+from gpszip.matching.kernels.roads import Workspace
+from gpszip.matching.outliers import expand_match, remove_samples
+from gpszip.matching.parameters import JUMP_COST, backward_tolerance, brisk_speed, min_spacing
+from gpszip.matching.viterbi import Observations, ViterbiPath, find_viterbi_path
 from gpszip.model.match import Break, Match, Scales
 
-__all__ = ["leave_out_travel_against"]
+__all__ = ["remove_wrong_way_travel"]
 
 #: Layers before and after a doubt that are matched again. Roads within ten errors are candidates, and layers lie 2.5 errors apart,
 #: so that four layers leave the reach of a wrong road; twice as many let the way settle.
@@ -64,7 +64,7 @@ class _Layers:
 
     Parameters
     ----------
-    used : int64 array, shape (k,)
+    sample_indices : int64 array, shape (k,)
         Their samples.
     on : bool array, shape (k,)
         Whether they lie on a piece.
@@ -74,16 +74,16 @@ class _Layers:
         Whether no way goes on with them as they move, neither from the layer before nor to the next one.
     jumps : bool array, shape (k,)
         Whether no way leads there from the layer before, although both lie on roads.
-    alone : bool array, shape (k,)
+    no_road_near : bool array, shape (k,)
         Whether no road is near.
     """
 
-    used: Longs
+    sample_indices: Longs
     on: Bools
     distance: Floats
     stuck: Bools
     jumps: Bools
-    alone: Bools
+    no_road_near: Bools
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +128,14 @@ class _Freed:
         return tuple(dict.fromkeys(self.edges[legs[self.closed[legs]]].tolist()))
 
 
-def leave_out_travel_against(index: RoadIndex, opened: RoadIndex, work: Work, stretch: Stretch, chain: Chain, found: Match) -> Match:
+def remove_wrong_way_travel(
+    index: RoadIndex,
+    opened: RoadIndex,
+    work: Workspace,
+    stretch: Observations,
+    chain: ViterbiPath,
+    found: Match,
+) -> Match:
     """Take samples that travel against one-way roads off the match of a track.
 
     Parameters
@@ -137,7 +144,7 @@ def leave_out_travel_against(index: RoadIndex, opened: RoadIndex, work: Work, st
         The roads as they may be travelled, and the same with all of them open both ways.
     work : Work
         Room to search either.
-    stretch : Stretch
+    observations : Stretch
         The track.
     chain : Chain
         Its cheapest chain in open directions.
@@ -163,41 +170,57 @@ def leave_out_travel_against(index: RoadIndex, opened: RoadIndex, work: Work, st
     return _named(found, bridges)
 
 
-def _lone(stretch: Stretch, found: Match, against: Bools) -> list[Break]:
+def _lone(stretch: Observations, found: Match, against: Bools) -> list[Break]:
     """Pieces of no length beside samples that travel against a road: these come from elsewhere, or go there."""
     lone = []
     for piece in found.pieces:
-        beside = [k for k in (piece.first - 1, piece.last + 1) if 0 <= k < len(against) and against[k]]
+        beside = [
+            k for k in (piece.first - 1, piece.last + 1) if 0 <= k < len(against) and against[k]
+        ]
         moved = np.linalg.norm(stretch.positions[beside] - stretch.positions[piece.first], axis=1)
-        if beside and moved.max() > apart(found.scales) and piece.length <= _ADVANCES * apart(found.scales):
+        if (
+            beside
+            and moved.max() > min_spacing(found.scales)
+            and piece.length <= _ADVANCES * min_spacing(found.scales)
+        ):
             lone.append(Break(piece.first - 1, piece.last + 1, "one-way"))
     return lone
 
 
-def _find(index: RoadIndex, opened: RoadIndex, work: Work, chain: Chain, found: Match) -> tuple[list[Break], list[Break]]:
+def _find(
+    index: RoadIndex, opened: RoadIndex, work: Workspace, chain: ViterbiPath, found: Match
+) -> tuple[list[Break], list[Break]]:
     """Runs of samples that travel against a road, and breaks that lie between two samples only."""
     layers = _layers(chain, found)
     runs: list[Break] = []
     bridges: list[Break] = []
     for low, high in _windows(_doubtful(layers, found.scales)):
-        freed = _freed(index, opened, work, chain.stretch, layers.used[low], layers.used[high], found.scales)
+        freed = _freed(
+            index,
+            opened,
+            work,
+            chain.observations,
+            layers.sample_indices[low],
+            layers.sample_indices[high],
+            found.scales,
+        )
         here = np.arange(low, high + 1)
         against = _refuted(layers, freed, here, found.scales)
-        for i, j in _runs(against, freed.piece[layers.used[here] - freed.first]):
+        for i, j in _runs(against, freed.piece[layers.sample_indices[here] - freed.first]):
             run = _run(layers, freed, low + i, low + j, (low, high), found.scales)
             runs += [run] if run is not None else []
         bridges += _bridges(layers, freed, here, found.scales)
     return runs, bridges
 
 
-def _layers(chain: Chain, found: Match) -> _Layers:
-    used = chain.used
+def _layers(chain: ViterbiPath, found: Match) -> _Layers:
+    used = chain.sample_indices
     piece = found.piece[used]
     on = piece >= 0
 
     # between which layers the way goes on as the samples do: it neither stands nor hurries round about
-    straight = np.linalg.norm(np.diff(chain.stretch.positions[used], axis=0), axis=1)
-    seconds = np.diff(chain.stretch.times[used])
+    straight = np.linalg.norm(np.diff(chain.observations.positions[used], axis=0), axis=1)
+    seconds = np.diff(chain.observations.times[used])
     same = on[1:] & (piece[1:] == piece[:-1])
     with np.errstate(invalid="ignore"):
         way = np.diff(found.along[used])
@@ -205,19 +228,19 @@ def _layers(chain: Chain, found: Match) -> _Layers:
         advances = same & (way >= _ADVANCES * straight) & ~hurries
 
     # layers that hardly lie apart tell nothing
-    goes_on = advances | (same & (straight < apart(found.scales)) & ~hurries)
+    goes_on = advances | (same & (straight < min_spacing(found.scales)) & ~hurries)
     stuck = on & ~(np.append(False, goes_on) | np.append(goes_on, False))
 
-    jumps = (chain.kinds == JUMP) & on & np.append(False, on[:-1])
-    return _Layers(used, on, found.distance[used], stuck, jumps, chain.alone)
+    jumps = (chain.transitions == JUMP) & on & np.append(False, on[:-1])
+    return _Layers(used, on, found.distance[used], stuck, jumps, chain.no_road_near)
 
 
 def _hurries(way: Floats, straight: Floats, seconds: Floats, scales: Scales) -> Bools:
     """Which ways lead round about at a speed that the track shows nowhere else."""
-    round_about = way > _ROUND_ABOUT * straight + slack(scales)
+    round_about = way > _ROUND_ABOUT * straight + backward_tolerance(scales)
     speed = np.divide(way, seconds, out=np.zeros(len(way)), where=seconds > 0)
     usual = speed[~round_about & np.isfinite(speed)]
-    fast = max(brisk(scales), float(usual.max(initial=0.0)))
+    fast = max(brisk_speed(scales), float(usual.max(initial=0.0)))
     hurries: Bools = round_about & (speed > _HURRIED * fast)
     return hurries
 
@@ -225,7 +248,7 @@ def _hurries(way: Floats, straight: Floats, seconds: Floats, scales: Scales) -> 
 def _doubtful(layers: _Layers, scales: Scales) -> Bools:
     """Layers whose match may hide travel against a road."""
     far = layers.on & (np.nan_to_num(layers.distance) > _FAR * scales.error)
-    doubtful: Bools = (~layers.on & ~layers.alone) | layers.stuck | far | layers.jumps
+    doubtful: Bools = (~layers.on & ~layers.no_road_near) | layers.stuck | far | layers.jumps
     return doubtful
 
 
@@ -239,14 +262,27 @@ def _windows(doubtful: Bools) -> Iterator[tuple[int, int]]:
         yield max(int(part[0]) - _AROUND, 0), min(int(part[-1]) + _AROUND, len(doubtful) - 1)
 
 
-def _freed(index: RoadIndex, opened: RoadIndex, work: Work, stretch: Stretch, first: int, last: int, scales: Scales) -> _Freed:
+def _freed(
+    index: RoadIndex,
+    opened: RoadIndex,
+    work: Workspace,
+    stretch: Observations,
+    first: int,
+    last: int,
+    scales: Scales,
+) -> _Freed:
     """Match the samples from first to last with all roads open."""
     part = slice(first, last + 1)
-    cut = Stretch(stretch.positions[part], stretch.times[part], stretch.silent[first:last], stretch.headings[part])
-    chain = follow(opened, work, cut, scales, sure=False)
+    cut = Observations(
+        stretch.positions[part],
+        stretch.times[part],
+        stretch.is_gap[first:last],
+        stretch.headings[part],
+    )
+    chain = find_viterbi_path(opened, work, cut, scales, with_confidence=False)
     legs = chain.legs
     leg, metres, distance = place_samples(
-        cut.positions, chain.used, chain.leg, chain.metres, legs, opened.roads, opened.graph
+        cut.positions, chain.sample_indices, chain.leg, chain.metres, legs, opened.roads, opened.graph
     )  # fmt: skip
 
     # metres against roads up to each sample
@@ -263,7 +299,7 @@ def _freed(index: RoadIndex, opened: RoadIndex, work: Work, stretch: Stretch, fi
 
 def _refuted(layers: _Layers, freed: _Freed, here: Longs, scales: Scales) -> Bools:
     """Layers that fit a closed direction, and nothing in an open one."""
-    samples = layers.used[here]
+    samples = layers.sample_indices[here]
     distance = freed.distance[samples - freed.first]
     with np.errstate(invalid="ignore"):
         fits = freed.goes_against(samples) & (distance <= _FITS * scales.error)
@@ -292,31 +328,47 @@ def _runs(against: Bools, piece: Longs) -> Iterator[tuple[int, int]]:
             yield a, b - 1
 
 
-def _run(layers: _Layers, freed: _Freed, i: int, j: int, window: tuple[int, int], scales: Scales) -> Break | None:
+def _run(
+    layers: _Layers, freed: _Freed, i: int, j: int, window: tuple[int, int], scales: Scales
+) -> Break | None:
     """Samples about layers i to j that travel against a road, if they do so for long enough and nothing else explains them."""
     # the layers beside the run, as far as a way leads there
-    piece = freed.piece[layers.used[i] - freed.first]
+    piece = freed.piece[layers.sample_indices[i] - freed.first]
     before, behind = (
-        k if window[0] <= k <= window[1] and freed.piece[layers.used[k] - freed.first] == piece else within
+        k
+        if window[0] <= k <= window[1]
+        and freed.piece[layers.sample_indices[k] - freed.first] == piece
+        else within
         for k, within in ((i - 1, i), (j + 1, j))
     )
-    a, b = layers.used[before] - freed.first, layers.used[behind] - freed.first
+    a, b = layers.sample_indices[before] - freed.first, layers.sample_indices[behind] - freed.first
     if freed.against[b] - freed.against[a] < _LENGTH * scales.error:
         return None
 
     # what the open directions make of it: nothing, or something so far away that leaving the roads is likelier
     here = np.arange(i, j + 1)
     if not (~layers.on[here] | layers.stuck[here]).any():
-        other, own = layers.distance[here], freed.distance[layers.used[here] - freed.first]
-        if ((other**2 - own**2) / (2 * scales.sigma**2)).sum() < JUMP_PRICE:
+        other, own = (
+            layers.distance[here],
+            freed.distance[layers.sample_indices[here] - freed.first],
+        )
+        if ((other**2 - own**2) / (2 * scales.sigma**2)).sum() < JUMP_COST:
             return None
 
     # samples between the layers, too
-    first, last = int(layers.used[i]), int(layers.used[j])
-    while first - 1 > layers.used[max(i - 1, 0)] and first > freed.first and freed.goes_against(np.array([first - 1]))[0]:
+    first, last = int(layers.sample_indices[i]), int(layers.sample_indices[j])
+    while (
+        first - 1 > layers.sample_indices[max(i - 1, 0)]
+        and first > freed.first
+        and freed.goes_against(np.array([first - 1]))[0]
+    ):
         first -= 1
-    end = layers.used[min(j + 1, len(layers.used) - 1)]
-    while last + 1 < end and last - freed.first + 1 < len(freed.leg) and freed.goes_against(np.array([last + 1]))[0]:
+    end = layers.sample_indices[min(j + 1, len(layers.sample_indices) - 1)]
+    while (
+        last + 1 < end
+        and last - freed.first + 1 < len(freed.leg)
+        and freed.goes_against(np.array([last + 1]))[0]
+    ):
         last += 1
     return Break(first - 1, last + 1, "one-way", freed.roads_against(first, last))
 
@@ -325,30 +377,39 @@ def _bridges(layers: _Layers, freed: _Freed, here: Longs, scales: Scales) -> lis
     """Breaks between two layers on open roads that only a way against a road joins."""
     found = []
     for k in here[1:][layers.jumps[here[1:]]].tolist():
-        a, b = int(layers.used[k - 1]), int(layers.used[k])
+        a, b = int(layers.sample_indices[k - 1]), int(layers.sample_indices[k])
         at, to = a - freed.first, b - freed.first
         joined = freed.piece[at] >= 0 and freed.piece[at] == freed.piece[to]
-        if joined and freed.against[to] - freed.against[at] >= apart(scales):
+        if joined and freed.against[to] - freed.against[at] >= min_spacing(scales):
             found.append(Break(a, b, "one-way", freed.roads_against(a, b)))
     return found
 
 
-def _rematched(index: RoadIndex, work: Work, stretch: Stretch, found: Match, against: Bools, runs: list[Break]) -> Match:
+def _rematched(
+    index: RoadIndex,
+    work: Workspace,
+    stretch: Observations,
+    found: Match,
+    against: Bools,
+    runs: list[Break],
+) -> Match:
     """Match the samples that don't travel against a road, and put the others back among them."""
     kept = np.flatnonzero(~against)
     if not len(kept):
         return _nowhere(found, runs)
-    rest = without(stretch, against)
-    rest = replace(rest, silent=rest.silent | (np.diff(kept) > 1))
-    match = assemble(index, work, found.track, follow(index, work, rest, found.scales), found.scales)
-    match = spread_out(match, ~against)
+    rest = remove_samples(stretch, against)
+    rest = replace(rest, is_gap=rest.is_gap | (np.diff(kept) > 1))
+    match = build_match(
+        index, work, found.track, find_viterbi_path(index, work, rest, found.scales), found.scales
+    )
+    match = expand_match(match, ~against)
     return _with_ends(replace(match, breaks=tuple(_breaks(match, against, runs))))
 
 
 def _nowhere(found: Match, runs: list[Break]) -> Match:
     """All samples travel against roads."""
     nothing = np.zeros(len(found), np.bool_)
-    empty = spread_out(replace(found, pieces=(), breaks=()), nothing)
+    empty = expand_match(replace(found, pieces=(), breaks=()), nothing)
     return replace(empty, breaks=tuple(_joined(runs)))
 
 
@@ -373,7 +434,9 @@ def _joined(runs: list[Break]) -> list[Break]:
     """Runs of which one follows the other are one."""
     out: list[Break] = []
     for run in sorted(runs, key=lambda one: one.after):
-        if out and run.after < out[-1].before:  # they touch, as a run begins behind the sample ``after``
+        if (
+            out and run.after < out[-1].before
+        ):  # they touch, as a run begins behind the sample ``after``
             roads = tuple(dict.fromkeys((*out[-1].edges, *run.edges)))
             out[-1] = Break(out[-1].after, max(out[-1].before, run.before), "one-way", roads)
         else:
@@ -384,12 +447,17 @@ def _joined(runs: list[Break]) -> list[Break]:
 def _named(found: Match, bridges: list[Break]) -> Match:
     """The same, with breaks that only a way against a road bridges called so."""
     known = {(one.after, one.before): one for one in bridges}
-    renamed = tuple(known.get((one.after, one.before), one) if one.reason in {"no route", "detour"} else one for one in found.breaks)
+    renamed = tuple(
+        known.get((one.after, one.before), one) if one.reason in {"no route", "detour"} else one
+        for one in found.breaks
+    )
     return _with_ends(replace(found, breaks=renamed)) if renamed != found.breaks else found
 
 
 def _with_ends(match: Match) -> Match:
     """The same, with pieces that end for the reasons of the breaks behind them."""
     reasons = {one.after: one.reason for one in reversed(match.breaks)}
-    pieces = tuple(replace(one, reason=reasons.get(one.last, "end of track")) for one in match.pieces)
+    pieces = tuple(
+        replace(one, reason=reasons.get(one.last, "end of track")) for one in match.pieces
+    )
     return replace(match, pieces=pieces)

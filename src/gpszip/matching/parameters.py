@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import math
 
-from gpszip.matching.kernels.roads import Model
+from gpszip.matching.kernels.roads import ModelParameters
 from gpszip.model.match import Scales
 
-__all__ = ["FASTER", "JOINED", "JUMP_PRICE", "apart", "brisk", "model_of", "reach", "slack"]
+__all__ = [
+    "JUMP_COST",
+    "MAX_SPEED_FACTOR",
+    "MIN_GAP",
+    "backward_tolerance",
+    "brisk_speed",
+    "min_spacing",
+    "model_parameters",
+    "search_radius",
+]
 
 #: No shorter silence, in seconds, breaks a way unless asked for: logs of a point every other minute are matched, too. Tunnels are shorter.
-JOINED = 120.0
+MIN_GAP = 120.0
 
 #: Samples nearer than so many errors to the last one used make no layer of their own: two differ by less in one case of five even if
 #: nobody moved (Newson and Krumm 2009 skip within two).
@@ -27,13 +36,13 @@ _MOST_ROADS = 16
 _DETOUR = 6.0
 
 #: Price of leaving the roads, or of a link that the network lacks: it must outweigh a stretch on the wrong one of two parallel roads.
-JUMP_PRICE = 30.0
+JUMP_COST = 30.0
 
 #: Price of turning off against going on, for a half turn, and of turning round where one may: one crossing in a few, and in a few hundred.
 _TURN, _U_TURN = 1.0, 5.0
 
 #: No speed is more than so many times the one that one in twenty exceeds.
-FASTER = 4.0
+MAX_SPEED_FACTOR = 4.0
 
 #: Errors of two samples make of standing still a step back, or one off a crossing and back, of so many errors.
 _SLACK, _SPUR = 4.0, 3.0
@@ -42,32 +51,51 @@ _SLACK, _SPUR = 4.0, 3.0
 _MARGIN = 4.0
 
 
-def apart(scales: Scales) -> float:
+def min_spacing(scales: Scales) -> float:
     """Metres between samples that make layers."""
     return _APART * scales.error
 
 
-def reach(scales: Scales) -> float:
+def search_radius(scales: Scales) -> float:
     """Metres within which roads are candidates."""
     return _REACH * scales.error
 
 
-def slack(scales: Scales) -> float:
+def backward_tolerance(scales: Scales) -> float:
     """Metres by which errors make a standing agent seem to go back."""
     return _SLACK * scales.error
 
 
-def brisk(scales: Scales) -> float:
+def brisk_speed(scales: Scales) -> float:
     """Speed in m/s that one in twenty steps of the log exceeds."""
-    return scales.fastest / FASTER
+    return scales.max_speed / MAX_SPEED_FACTOR
 
 
-def model_of(scales: Scales) -> Model:
+def model_parameters(scales: Scales) -> ModelParameters:
     """What the kernels take.
 
     A sample off the roads costs as much as on one at the edge of reach.
     """
-    far, error = reach(scales), scales.error
+    far, error = search_radius(scales), scales.error
     heading = 1.0 / math.radians(scales.heading) ** 2
-    prices = (scales.sigma, scales.beta, far, 0.5 * (far / scales.sigma) ** 2, JUMP_PRICE, _TURN, _U_TURN)
-    return Model(*prices, _SLACK * error, _SPUR * error, _MARGIN, _MOST_ROADS, scales.fastest, scales.usual, _DETOUR, far, heading)
+    prices = (
+        scales.sigma,
+        scales.beta,
+        far,
+        0.5 * (far / scales.sigma) ** 2,
+        JUMP_COST,
+        _TURN,
+        _U_TURN,
+    )
+    return ModelParameters(
+        *prices,
+        _SLACK * error,
+        _SPUR * error,
+        _MARGIN,
+        _MOST_ROADS,
+        scales.max_speed,
+        scales.median_speed,
+        _DETOUR,
+        far,
+        heading,
+    )

@@ -9,19 +9,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.matching.headings import agreeing, spread
+from gpszip.matching.headings import estimate_heading_spread, headings_follow_roads
 from gpszip.matching.index import RoadIndex
-from gpszip.matching.kernels.backtrace import places
+from gpszip.matching.kernels.backtrace import road_positions
 from gpszip.matching.kernels.candidates import JUMP
 from gpszip.matching.kernels.road_grid import nearest_distances
-from gpszip.matching.kernels.roads import Work
-from gpszip.matching.kernels.trellis import thin
-from gpszip.matching.on_roads import Distances, tell_apart
-from gpszip.matching.parameters import FASTER, reach
-from gpszip.matching.viterbi import Chain, Stretch, follow
+from gpszip.matching.kernels.roads import Workspace
+from gpszip.matching.kernels.trellis import select_samples
+from gpszip.matching.on_roads import DistanceMixture, fit_mixture
+from gpszip.matching.parameters import MAX_SPEED_FACTOR, search_radius
+from gpszip.matching.viterbi import Observations, ViterbiPath, find_viterbi_path
 from gpszip.model.match import Scales
 
-__all__ = ["estimate_scales", "guess_error", "sound_scales"]
+__all__ = ["estimate_robust_scales", "estimate_scales", "guess_error"]
 
 #: Rounds of matching and measuring on a few samples, before one on many: as many as it takes until the error is the same but for so
 #: much, which are two or three, but where who stands beside the roads for hours makes the first guess far too large.
@@ -83,8 +83,12 @@ class _Shown:
         length = np.sqrt((self.errors**2).sum(axis=1))
         change = np.sqrt(((self.errors[self.lag :] - self.errors[: -self.lag]) ** 2).sum(axis=1))
         strays: Floats = length.copy()
-        strays[self.lag :] = np.fmin(strays[self.lag :], np.where(np.isnan(strays[self.lag :]), np.nan, change))
-        strays[: -self.lag] = np.fmin(strays[: -self.lag], np.where(np.isnan(strays[: -self.lag]), np.nan, change))
+        strays[self.lag :] = np.fmin(
+            strays[self.lag :], np.where(np.isnan(strays[self.lag :]), np.nan, change)
+        )
+        strays[: -self.lag] = np.fmin(
+            strays[: -self.lag], np.where(np.isnan(strays[: -self.lag]), np.nan, change)
+        )
         return strays
 
 
@@ -110,7 +114,9 @@ class _Sums:
     ways: float = 0.0
 
     def __add__(self, other: _Sums) -> _Sums:
-        return _Sums(*(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True)))
+        return _Sums(
+            *(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True))
+        )
 
     def shrunk(self, layers: float) -> _Sums:
         """The same as so few layers would tell; no more than there are."""
@@ -120,8 +126,8 @@ class _Sums:
 
 def estimate_scales(
     index: RoadIndex,
-    work: Work,
-    stretches: Sequence[Stretch],
+    work: Workspace,
+    stretches: Sequence[Observations],
     *,
     sigma: float | None = None,
     beta: float | None = None,
@@ -148,7 +154,12 @@ def estimate_scales(
     least = _least_error(index)
     scales = _fixed(_first(index, some), sigma, beta)
     for _ in range(_ROUNDS):
-        shown = [_shown(index, follow(index, work, one, scales, sure=False), scales) for one in some]
+        shown = [
+            _shown(
+                index, find_viterbi_path(index, work, one, scales, with_confidence=False), scales
+            )
+            for one in some
+        ]
         total = _total(shown, _usual(shown, scales))
         if not total.ways:
             scales = replace(scales, heading=heading or math.inf)
@@ -157,26 +168,33 @@ def estimate_scales(
         if abs(math.log(scales.error / before.error)) < _SAME:
             break
     many = _some(stretches, _MANY)
-    chains = [follow(index, work, one, scales, sure=False) for one in many]
+    chains = [find_viterbi_path(index, work, one, scales, with_confidence=False) for one in many]
     shown = [_shown(index, chain, scales) for chain in chains]
     usual = _usual(shown, scales)
-    sums = [_summed(one, tell_apart(one.strays, usual, _PRIOR)) for one in shown]
-    facing, facings = _facing(index, work, chains, scales) if heading is None else (heading, [heading] * len(many))
+    sums = [_summed(one, fit_mixture(one.strays, usual, _PRIOR)) for one in shown]
+    facing, facings = (
+        _facing(index, work, chains, scales)
+        if heading is None
+        else (heading, [heading] * len(many))
+    )
     total = _total(shown, usual)
     whole = _fixed(_of(total, _speeds(many, scales.error), least), sigma, beta)
-    prior, speeds = total.shrunk(_PRIOR), (whole.usual, whole.fastest)
+    prior, speeds = total.shrunk(_PRIOR), (whole.median_speed, whole.max_speed)
     own = (
         _of(one + prior, _blend(_speeds([track], whole.error), speeds, one.ways), least) for one, track in zip(sums, many, strict=True)
     )  # fmt: skip
-    each = [replace(_fixed(one, sigma, beta), heading=turned) for one, turned in zip(own, facings, strict=True)]
+    each = [
+        replace(_fixed(one, sigma, beta), heading=turned)
+        for one, turned in zip(own, facings, strict=True)
+    ]
     return replace(whole, heading=facing), each
 
 
-def sound_scales(
+def estimate_robust_scales(
     index: RoadIndex,
     opened: RoadIndex | None,
-    work: Work,
-    stretches: Sequence[Stretch],
+    work: Workspace,
+    stretches: Sequence[Observations],
     *,
     sigma: float | None = None,
     beta: float | None = None,
@@ -200,7 +218,10 @@ def sound_scales(
     whole, each = estimate_scales(index, work, stretches, **known)
     if opened is None:
         return whole, each
-    unsound = [one.error > _UNSOUND * guess_error(index, [stretch]) for one, stretch in zip(each, stretches, strict=True)]
+    unsound = [
+        one.error > _UNSOUND * guess_error(index, [stretch])
+        for one, stretch in zip(each, stretches, strict=True)
+    ]
     if not any(unsound):
         return whole, each
     whole_again, again = estimate_scales(opened, work, stretches, **known)
@@ -209,33 +230,45 @@ def sound_scales(
     return whole, [new if bad else old for old, new, bad in zip(each, again, unsound, strict=True)]
 
 
-def _facing(index: RoadIndex, work: Work, chains: Sequence[Chain], scales: Scales) -> tuple[float, list[float]]:
+def _facing(
+    index: RoadIndex, work: Workspace, chains: Sequence[ViterbiPath], scales: Scales
+) -> tuple[float, list[float]]:
     """Spread of headings, of a log as a whole and of each track: measured, matched with, and measured again."""
-    whole, each = agreeing(index, chains)
+    whole, each = headings_follow_roads(index, chains)
     if not any(each):
         return math.inf, [math.inf] * len(chains)
     followed = [chain for chain, agrees in zip(chains, each, strict=True) if agrees]
-    headed = replace(scales, heading=spread(index, followed))
-    found = spread(index, [follow(index, work, chain.stretch, headed, sure=False) for chain in followed])
+    headed = replace(scales, heading=estimate_heading_spread(index, followed))
+    found = estimate_heading_spread(
+        index,
+        [
+            find_viterbi_path(index, work, chain.observations, headed, with_confidence=False)
+            for chain in followed
+        ],
+    )
     return found if whole else math.inf, [found if agrees else math.inf for agrees in each]
 
 
-def _some(stretches: Sequence[Stretch], samples: int) -> list[Stretch]:
+def _some(stretches: Sequence[Observations], samples: int) -> list[Observations]:
     """So many samples of a log: the same share of each track."""
     share = min(samples / max(sum(len(one.times) for one in stretches), 1), 1.0)
     return [_parts(one, share) for one in stretches]
 
 
-def _parts(stretch: Stretch, share: float) -> Stretch:
+def _parts(stretch: Observations, share: float) -> Observations:
     """A share of a track, from all over it; nothing is told of what lies between two parts."""
     n = len(stretch.times)
     size = min(max(math.ceil(n * share), _FEW), n)
     count = min(max(size // _FEW, 1), _PARTS) if size < n else 1
-    starts = np.round(np.linspace(0, n - size, 2 * count + 1)[1::2]).astype(np.int64)  # of what is left out before each part
+    starts = np.round(np.linspace(0, n - size, 2 * count + 1)[1::2]).astype(
+        np.int64
+    )  # of what is left out before each part
     number = np.arange(size)
     kept = number + starts[number * count // size]
-    silent = stretch.silent[kept[:-1]] | (np.diff(kept) > 1)
-    return Stretch(stretch.positions[kept], stretch.times[kept], silent, stretch.headings[kept])
+    is_gap = stretch.is_gap[kept[:-1]] | (np.diff(kept) > 1)
+    return Observations(
+        stretch.positions[kept], stretch.times[kept], is_gap, stretch.headings[kept]
+    )
 
 
 def _fixed(scales: Scales, sigma: float | None, beta: float | None) -> Scales:
@@ -245,24 +278,38 @@ def _fixed(scales: Scales, sigma: float | None, beta: float | None) -> Scales:
     return scales if beta is None else replace(scales, beta=beta)
 
 
-def _first(index: RoadIndex, stretches: Sequence[Stretch]) -> Scales:
+def _first(index: RoadIndex, stretches: Sequence[Observations]) -> Scales:
     """A first guess."""
     error = guess_error(index, stretches)
-    return Scales(error, 2.0 * error, 2.0 * error + _WINDING * _step(stretches, error), *_speeds(stretches, error))
+    return Scales(
+        error,
+        2.0 * error,
+        2.0 * error + _WINDING * _step(stretches, error),
+        *_speeds(stretches, error),
+    )
 
 
-def guess_error(index: RoadIndex, stretches: Sequence[Stretch]) -> float:
+def guess_error(index: RoadIndex, stretches: Sequence[Observations]) -> float:
     """A first guess of the error, from the distance to the nearest road of some samples."""
-    near = np.concatenate([nearest_distances(one.positions, index.roads, index.cells) for one in _some(stretches, _SOME)])
+    near = np.concatenate(
+        [
+            nearest_distances(one.positions, index.roads, index.road_grid)
+            for one in _some(stretches, _SOME)
+        ]
+    )
     known = near[np.isfinite(near)]
-    return max(*(_GUESS * np.quantile(known, [0.25, 0.5])).tolist(), _least_error(index)) if len(known) else _least_error(index)
+    return (
+        max(*(_GUESS * np.quantile(known, [0.25, 0.5])).tolist(), _least_error(index))
+        if len(known)
+        else _least_error(index)
+    )
 
 
-def _step(stretches: Sequence[Stretch], error: float) -> float:
+def _step(stretches: Sequence[Observations], error: float) -> float:
     """Median distance between samples that lie apart, 0 where none do."""
     steps = [np.zeros(0)]
     for one in stretches:
-        used = thin(one.positions, one.silent, 2 * error)
+        used = select_samples(one.positions, one.is_gap, 2 * error)
         steps.append(np.sqrt((np.diff(one.positions[used], axis=0) ** 2).sum(axis=1)))
     pooled = np.concatenate(steps)
     return float(np.median(pooled)) if len(pooled) else 0.0
@@ -270,30 +317,36 @@ def _step(stretches: Sequence[Stretch], error: float) -> float:
 
 def _least_error(index: RoadIndex) -> float:
     """Even a log without error has one: some rounding of the map."""
-    return 1e-3 * index.cells.size
+    return 1e-3 * index.road_grid.size
 
 
-def _speeds(stretches: Sequence[Stretch], error: float) -> tuple[float, float]:
+def _speeds(stretches: Sequence[Observations], error: float) -> tuple[float, float]:
     """Usual and fastest speed between samples that lie apart; 0 and infinite where there are none."""
     speeds, calm = [np.zeros(0)], [np.zeros(0)]
     for one in stretches:
-        used = thin(one.positions, one.silent, 2 * error)
+        used = select_samples(one.positions, one.is_gap, 2 * error)
         steps = np.sqrt((np.diff(one.positions[used], axis=0) ** 2).sum(axis=1))
-        silent = np.concatenate(([0], np.cumsum(one.silent)))[used]
-        own = (steps / np.diff(one.times[used]))[np.diff(silent) == 0]
+        is_gap = np.concatenate(([0], np.cumsum(one.is_gap)))[used]
+        own = (steps / np.diff(one.times[used]))[np.diff(is_gap) == 0]
         speeds.append(own)
         # the lesser of two in a row, so that in a short log a leap or two don't become the fastest that it knows
         calm.append(np.minimum(own[:-1], own[1:]) if len(own) > 1 else own)
     pooled = np.concatenate(speeds)
     if not len(pooled):
         return 0.0, math.inf
-    return float(np.median(pooled)), FASTER * float(np.quantile(np.concatenate(calm), 0.95))
+    return float(np.median(pooled)), MAX_SPEED_FACTOR * float(
+        np.quantile(np.concatenate(calm), 0.95)
+    )
 
 
-def _blend(own: tuple[float, float], whole: tuple[float, float], ways: float) -> tuple[float, float]:
+def _blend(
+    own: tuple[float, float], whole: tuple[float, float], ways: float
+) -> tuple[float, float]:
     """Speeds of a track, as far as it has enough of them."""
     share = ways / (ways + _PRIOR)
-    usual, fastest = (share * a + (1 - share) * b if share else b for a, b in zip(own, whole, strict=True))
+    usual, fastest = (
+        share * a + (1 - share) * b if share else b for a, b in zip(own, whole, strict=True)
+    )
     return usual, max(fastest, own[1]) if math.isfinite(own[1]) else fastest
 
 
@@ -306,25 +359,32 @@ def _of(sums: _Sums, speeds: tuple[float, float], least: float) -> Scales:
     error = max(math.sqrt(sums.squares / sums.layers), least)
     rho = min(max(sums.products / sums.both, 0.0), _MOST_ALIKE) if sums.both > 0 else 0.0
     square = sums.differences / sums.ways if sums.ways else 0.0
-    return Scales(error, error * math.sqrt((1 + rho) / (1 - rho)), math.sqrt(square + error**2), *speeds)
+    return Scales(
+        error, error * math.sqrt((1 + rho) / (1 - rho)), math.sqrt(square + error**2), *speeds
+    )
 
 
-def _differences(chain: Chain) -> Floats:
+def _differences(chain: ViterbiPath) -> Floats:
     """Way over roads less straight line between layers in a row, NaN where no way joins them."""
-    steps = np.sqrt((np.diff(chain.stretch.positions[chain.used], axis=0) ** 2).sum(axis=1))
-    return np.where(chain.kinds[1:] < JUMP, np.diff(chain.along) - steps, np.nan)
+    steps = np.sqrt(
+        (np.diff(chain.observations.positions[chain.sample_indices], axis=0) ** 2).sum(axis=1)
+    )
+    return np.where(chain.transitions[1:] < JUMP, np.diff(chain.along) - steps, np.nan)
 
 
-def _usual(shown: Sequence[_Shown], scales: Scales) -> Distances:
+def _usual(shown: Sequence[_Shown], scales: Scales) -> DistanceMixture:
     """Distances of all layers, on roads and off them."""
-    return tell_apart(np.concatenate([one.strays for one in shown]), Distances(0.5, scales.error, reach(scales)))
+    return fit_mixture(
+        np.concatenate([one.strays for one in shown]),
+        DistanceMixture(0.5, scales.error, search_radius(scales)),
+    )
 
 
-def _total(shown: Sequence[_Shown], usual: Distances) -> _Sums:
+def _total(shown: Sequence[_Shown], usual: DistanceMixture) -> _Sums:
     return sum((_summed(one, usual) for one in shown), _Sums())
 
 
-def _summed(shown: _Shown, usual: Distances) -> _Sums:
+def _summed(shown: _Shown, usual: DistanceMixture) -> _Sums:
     """What is on roads, added up: who crosses a field within reach of a road tells nothing of errors, nor of ways."""
     on = usual.on_roads(shown.strays)
     errors = np.nan_to_num(shown.errors)
@@ -333,17 +393,35 @@ def _summed(shown: _Shown, usual: Distances) -> _Sums:
     products = both @ (errors[:-1] * errors[1:]).sum(axis=1)
     joined = np.where(np.isfinite(shown.differences), both, 0.0)
     differences = joined @ np.nan_to_num(shown.differences) ** 2
-    return _Sums(*map(float, (on @ squares, on.sum(), products, 0.5 * both @ (squares[:-1] + squares[1:]), differences, joined.sum())))
+    return _Sums(
+        *map(
+            float,
+            (
+                on @ squares,
+                on.sum(),
+                products,
+                0.5 * both @ (squares[:-1] + squares[1:]),
+                differences,
+                joined.sum(),
+            ),
+        )
+    )
 
 
-def _shown(index: RoadIndex, chain: Chain, scales: Scales) -> _Shown:
-    steps = np.sqrt((np.diff(chain.stretch.positions[chain.used], axis=0) ** 2).sum(axis=1))
+def _shown(index: RoadIndex, chain: ViterbiPath, scales: Scales) -> _Shown:
+    steps = np.sqrt(
+        (np.diff(chain.observations.positions[chain.sample_indices], axis=0) ** 2).sum(axis=1)
+    )
     step = float(np.median(steps)) if steps.any() else 0.0
-    return _Shown(_errors(index, chain), _differences(chain), max(math.ceil(_BESIDE * scales.error / step), 1) if step else 1)
+    return _Shown(
+        _errors(index, chain),
+        _differences(chain),
+        max(math.ceil(_BESIDE * scales.error / step), 1) if step else 1,
+    )
 
 
-def _errors(index: RoadIndex, chain: Chain) -> Floats:
+def _errors(index: RoadIndex, chain: ViterbiPath) -> Floats:
     """From the place of each layer to its sample, NaN off the roads."""
     on = chain.leg >= 0
-    at = places(np.where(on, chain.roads, 0), chain.metres, index.roads, index.graph)
-    return np.where(on[:, None], chain.stretch.positions[chain.used] - at, np.nan)
+    at = road_positions(np.where(on, chain.roads, 0), chain.metres, index.roads, index.graph)
+    return np.where(on[:, None], chain.observations.positions[chain.sample_indices] - at, np.nan)

@@ -8,25 +8,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.matching.index import RoadIndex
-from gpszip.matching.kernels.backtrace import Legs, best_chain, trace
-from gpszip.matching.kernels.posterior import posterior, way_share
-from gpszip.matching.kernels.roads import Work
-from gpszip.matching.kernels.trellis import lattice, thin
-from gpszip.matching.parameters import apart, model_of
+from gpszip.matching.kernels.backtrace import Legs, best_path, build_legs
+from gpszip.matching.kernels.posterior import posterior, road_probabilities
+from gpszip.matching.kernels.roads import Workspace
+from gpszip.matching.kernels.trellis import build_trellis, select_samples
+from gpszip.matching.parameters import min_spacing, model_parameters
 from gpszip.model.match import Scales
 
-__all__ = ["Chain", "Stretch", "follow"]
+__all__ = ["Observations", "ViterbiPath", "find_viterbi_path"]
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class Observations:
     """A track as the kernels take it.
 
     Parameters
     ----------
     positions, times : float64 array, shape (n, d) and (n,)
         Metres in the coordinates of the index, and seconds.
-    silent : bool array, shape (n - 1,)
+    is_gap : bool array, shape (n - 1,)
         Intervals that break every way.
     headings : float64 array, shape (n, 2)
         Unit vectors in which the agent faces, zero where that is not known.
@@ -34,25 +34,25 @@ class Stretch:
 
     positions: NDArray[np.float64]
     times: NDArray[np.float64]
-    silent: NDArray[np.bool_]
+    is_gap: NDArray[np.bool_]
     headings: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class Chain:
+class ViterbiPath:
     """What was chosen at each layer, on directed roads as the kernels count them.
 
     Parameters
     ----------
-    stretch : Stretch
+    observations : Stretch
         The track.
-    used : int64 array, shape (k,)
+    sample_indices : int64 array, shape (k,)
         Samples that have a layer.
     roads : int32 array, shape (k,)
         Directed road of each layer, -1 for none.
-    kinds : uint8 array, shape (k,)
+    transitions : uint8 array, shape (k,)
         How each was reached, see :mod:`gpszip.matching.kernels.candidates`.
-    alone : bool array, shape (k,)
+    no_road_near : bool array, shape (k,)
         Layers that have no road near.
     confidence : float64 array, shape (k,)
         Probability of what was chosen.
@@ -64,11 +64,11 @@ class Chain:
         Metres on the leg's directed road.
     """
 
-    stretch: Stretch
-    used: NDArray[np.int64]
+    observations: Observations
+    sample_indices: NDArray[np.int64]
     roads: NDArray[np.int32]
-    kinds: NDArray[np.uint8]
-    alone: NDArray[np.bool_]
+    transitions: NDArray[np.uint8]
+    no_road_near: NDArray[np.bool_]
     confidence: NDArray[np.float64]
     legs: Legs
     leg: NDArray[np.int64]
@@ -84,27 +84,61 @@ class Chain:
         return np.where(self.leg >= 0, before[leg] + self.metres - self.legs.begin[leg], np.nan)
 
 
-def follow(index: RoadIndex, work: Work, stretch: Stretch, scales: Scales, *, sure: bool = True) -> Chain:
+def find_viterbi_path(
+    index: RoadIndex,
+    work: Workspace,
+    stretch: Observations,
+    scales: Scales,
+    *,
+    with_confidence: bool = True,
+) -> ViterbiPath:
     """Find the cheapest chain.
 
     Parameters
     ----------
     index, work : RoadIndex, Work
         The network, and room to search it.
-    stretch : Stretch
+    observations : Stretch
         The track.
     scales : Scales
         Numbers of the model.
-    sure : bool, default True
+    with_confidence : bool, default True
         Work out the confidence, too.
     """
-    positions, model = stretch.positions, model_of(scales)
-    if not sure:
-        model = model._replace(margin=0.0)
-    used = thin(positions, stretch.silent, apart(scales))
-    layers = lattice(positions, stretch.times, stretch.headings, stretch.silent, used, index.roads, index.cells, index.graph, model, work)
-    chain = best_chain(layers)
-    legs, leg, metres = trace(positions, stretch.times, used, chain, layers, index.graph, model, work)
-    confidence = way_share(layers, posterior(layers), legs.roads, leg) if sure else np.zeros(len(used))
-    alone = np.diff(layers.begins) == 1
-    return Chain(stretch, used, layers.all.roads[chain], layers.all.kinds[chain], alone, confidence, legs, leg, metres)
+    positions, model = stretch.positions, model_parameters(scales)
+    if not with_confidence:
+        model = model._replace(cost_margin=0.0)
+    used = select_samples(positions, stretch.is_gap, min_spacing(scales))
+    layers = build_trellis(
+        positions,
+        stretch.times,
+        stretch.headings,
+        stretch.is_gap,
+        used,
+        index.roads,
+        index.road_grid,
+        index.graph,
+        model,
+        work,
+    )
+    chain = best_path(layers)
+    legs, leg, metres = build_legs(
+        positions, stretch.times, used, chain, layers, index.graph, model, work
+    )
+    confidence = (
+        road_probabilities(layers, posterior(layers), legs.roads, leg)
+        if with_confidence
+        else np.zeros(len(used))
+    )
+    alone = np.diff(layers.candidate_starts) == 1
+    return ViterbiPath(
+        stretch,
+        used,
+        layers.candidates.roads[chain],
+        layers.candidates.transitions[chain],
+        alone,
+        confidence,
+        legs,
+        leg,
+        metres,
+    )

@@ -13,15 +13,26 @@ from numpy.typing import NDArray
 
 from gpszip.model import Track, Walk
 from gpszip.model.merge_report import Deviation
-from gpszip.walks.error import SLACK, positions_at
+from gpszip.walks.error import TIME_SLACK, positions_at
 
-__all__ = ["Curve", "curve_of", "deviation", "in_turn", "instants", "name_key", "pieces_of", "sampled", "share_at_knots", "weighed"]
+__all__ = [
+    "Curve",
+    "build_curve",
+    "measure_deviation",
+    "natural_sort_key",
+    "order_by_start",
+    "sample_curve",
+    "sample_weighted",
+    "share_at_knots",
+    "split_at_gaps",
+    "union_of_knot_times",
+]
 
 #: Points between two knots at which curves are sampled.
 _BETWEEN = 3
 
 #: Weight that every point has at least: tracks have no points without.
-_LIGHTEST = 1e-3
+_MIN_WEIGHT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,15 +53,17 @@ class Curve:
     @property
     def walk(self) -> Walk:
         """The same as a walk over its own knots."""
-        return Walk(self.track.id, np.arange(len(self.track), dtype=np.int32), self.track.times, self.gaps)
+        return Walk(
+            self.track.id, np.arange(len(self.track), dtype=np.int32), self.track.times, self.gaps
+        )
 
 
-def curve_of(walk: Walk, nodes: NDArray[np.float64]) -> Curve:
+def build_curve(walk: Walk, nodes: NDArray[np.float64]) -> Curve:
     """Curve of a walk with times over nodes in metres."""
     return Curve(Track(walk.id, np.asarray(walk.times), nodes[walk.nodes]), walk.gaps)
 
 
-def name_key(name: str) -> tuple[tuple[str | tuple[int, str], ...], str]:
+def natural_sort_key(name: str) -> tuple[tuple[str | tuple[int, str], ...], str]:
     """What names are sorted by: numbers in them by value.
 
     Examples
@@ -59,7 +72,9 @@ def name_key(name: str) -> tuple[tuple[str | tuple[int, str], ...], str]:
     ['7', 'a09', 'a9', 'a10', 'b']
     """
     # texts and numbers take turns, a text first, so that like is compared with like
-    return tuple(_by_value(word) if i % 2 else word for i, word in enumerate(re.split(r"([0-9]+)", name))), name
+    return tuple(
+        _by_value(word) if i % 2 else word for i, word in enumerate(re.split(r"([0-9]+)", name))
+    ), name
 
 
 def _by_value(digits: str) -> tuple[int, str]:
@@ -68,17 +83,20 @@ def _by_value(digits: str) -> tuple[int, str]:
     return len(number), number
 
 
-def in_turn(curves: Sequence[Curve]) -> list[int]:
+def order_by_start(curves: Sequence[Curve]) -> list[int]:
     """Numbers of the curves in the order in which their tracks start; of those that start together, in the order of their names."""
-    return sorted(range(len(curves)), key=lambda i: (float(curves[i].track.times[0]), name_key(curves[i].track.id)))
+    return sorted(
+        range(len(curves)),
+        key=lambda i: (float(curves[i].track.times[0]), natural_sort_key(curves[i].track.id)),
+    )
 
 
-def pieces_of(gaps: NDArray[np.bool_]) -> list[tuple[int, int]]:
+def split_at_gaps(gaps: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """First knot of each piece between gaps, and the one after its last.
 
     Examples
     --------
-    >>> pieces_of(np.array([False, True, False]))
+    >>> split_at_gaps(np.array([False, True, False]))
     [(0, 2), (2, 4)]
     """
     return list(pairwise([0, *(np.flatnonzero(gaps) + 1).tolist(), len(gaps) + 1]))
@@ -98,7 +116,7 @@ def share_at_knots(curves: Sequence[Curve], step: float | None) -> float:
     return 1.0 if step is None or knots * step >= seconds else knots * step / seconds
 
 
-def sampled(curve: Curve) -> Curve:
+def sample_curve(curve: Curve) -> Curve:
     """Return the curve with three more points on each part, evenly spaced."""
     knots, shares = len(curve.track), np.arange(1, _BETWEEN + 1) / (_BETWEEN + 1)
     inside = np.flatnonzero(~curve.gaps)
@@ -106,30 +124,48 @@ def sampled(curve: Curve) -> Curve:
     times = np.interp(at, np.arange(knots), curve.track.times)
     apart = np.append(True, np.diff(times) > 0) | (at == np.floor(at))
     at, times = at[apart], times[apart]
-    positions = np.stack([np.interp(at, np.arange(knots), axis) for axis in curve.track.positions.T], axis=1)
+    positions = np.stack(
+        [np.interp(at, np.arange(knots), axis) for axis in curve.track.positions.T], axis=1
+    )
     gaps = np.append(curve.gaps, False)[at[:-1].astype(np.int64)] & (at[:-1] == np.floor(at[:-1]))
     return Curve(Track(curve.track.id, times, positions), gaps)
 
 
-def weighed(curves: Sequence[Curve], at_knots: float) -> list[Curve]:
+def sample_weighted(curves: Sequence[Curve], at_knots: float) -> list[Curve]:
     """Sample curves so that a weighted sum over points is one over time, and over the knots for a share of the weight.
 
     The weights are 1 in the mean of all curves.
     """
-    points = [sampled(curve) for curve in curves]
-    knots = [np.isin(point.track.times, curve.track.times) for point, curve in zip(points, curves, strict=True)]
+    points = [sample_curve(curve) for curve in curves]
+    knots = [
+        np.isin(point.track.times, curve.track.times)
+        for point, curve in zip(points, curves, strict=True)
+    ]
     steps = [np.where(point.gaps, 0.0, np.diff(point.track.times)) for point in points]
     spans = [(np.append(step, 0.0) + np.append(0.0, step)) / 2 for step in steps]
     count, whole = sum(map(len, knots)), sum(float(span.sum()) for span in spans)
     each = count * (at_knots if whole > 0 else 1.0) / sum(int(own.sum()) for own in knots)
     second = count * (1 - at_knots) / whole if whole > 0 else 0.0
     return [
-        Curve(Track(point.track.id, point.track.times, point.track.positions, each * own + second * span + _LIGHTEST), point.gaps)
+        Curve(
+            Track(
+                point.track.id,
+                point.track.times,
+                point.track.positions,
+                each * own + second * span + _MIN_WEIGHT,
+            ),
+            point.gaps,
+        )
         for point, own, span in zip(points, knots, spans, strict=True)
     ]
 
 
-def deviation(curves: Sequence[Curve], walks: Sequence[Walk], nodes: NDArray[np.float64], at_knots: float = 1.0) -> Deviation:
+def measure_deviation(
+    curves: Sequence[Curve],
+    walks: Sequence[Walk],
+    nodes: NDArray[np.float64],
+    at_knots: float = 1.0,
+) -> Deviation:
     """How far walks lie from curves, at the same times.
 
     Both are linear between knots, so the largest distance is at a knot of either and the mean square has a closed form: what
@@ -155,20 +191,26 @@ def deviation(curves: Sequence[Curve], walks: Sequence[Walk], nodes: NDArray[np.
     --------
     >>> curve = Curve(Track("a", [0, 2], [[0.0, 0.0], [2.0, 0.0]]), np.zeros(1, bool))
     >>> walk = Walk("a", np.array([0, 1], np.int32), np.array([0.0, 2.0]), np.zeros(1, bool))
-    >>> deviation([curve], [walk], np.array([[0.0, 0.0], [2.0, 3.0]])).maximum
+    >>> measure_deviation([curve], [walk], np.array([[0.0, 0.0], [2.0, 3.0]])).maximum
     3.0
     """
     worst, square, span, knot_square, knots = 0.0, 0.0, 0.0, 0.0, 0
     for curve, walk in zip(curves, walks, strict=True):
-        for first, after in pieces_of(curve.gaps):
-            times = instants(curve.track.times[first:after], walk)
-            away = positions_at(walk, nodes, times) - positions_at(curve.walk, curve.track.positions, times)
-            if np.isnan(away).any() or _is_silent(walk, times):
+        for first, after in split_at_gaps(curve.gaps):
+            times = union_of_knot_times(curve.track.times[first:after], walk)
+            away = positions_at(walk, nodes, times) - positions_at(
+                curve.walk, curve.track.positions, times
+            )
+            if np.isnan(away).any() or _has_gap_within(walk, times):
                 return Deviation(math.inf, math.inf)
             squares = (away**2).sum(axis=1)
             worst = max(worst, float(squares.max()))
             steps = np.diff(times)
-            square += float((steps * (squares[1:] + squares[:-1] + (away[1:] * away[:-1]).sum(axis=1)) / 3).sum())
+            square += float(
+                (
+                    steps * (squares[1:] + squares[:-1] + (away[1:] * away[:-1]).sum(axis=1)) / 3
+                ).sum()
+            )
             span += float(steps.sum())
             own = squares[np.isin(times, curve.track.times[first:after])]
             knot_square, knots = knot_square + float(own.sum()), knots + len(own)
@@ -177,15 +219,15 @@ def deviation(curves: Sequence[Curve], walks: Sequence[Walk], nodes: NDArray[np.
     return Deviation(math.sqrt(mean), math.sqrt(worst))
 
 
-def _is_silent(walk: Walk, times: NDArray[np.float64]) -> bool:
+def _has_gap_within(walk: Walk, times: NDArray[np.float64]) -> bool:
     """Whether a walk claims no travel somewhere between the first and the last of these times, and not just for a moment."""
     if walk.times is None:
         return True
     begins, ends = np.maximum(walk.times[:-1], times[0]), np.minimum(walk.times[1:], times[-1])
-    return bool((ends - begins > 2 * SLACK)[walk.gaps].any())
+    return bool((ends - begins > 2 * TIME_SLACK)[walk.gaps].any())
 
 
-def instants(times: NDArray[np.float64], walk: Walk) -> NDArray[np.float64]:
+def union_of_knot_times(times: NDArray[np.float64], walk: Walk) -> NDArray[np.float64]:
     """Times of a piece's knots, and those at which a walk has knots meanwhile."""
     if walk.times is None:
         return times

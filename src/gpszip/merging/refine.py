@@ -7,15 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.mapping.assignment import settle
-from gpszip.mapping.initial_map import list_parts
-from gpszip.mapping.placement import place, rounded_places, unite
+from gpszip.mapping.assignment import assign_knots
+from gpszip.mapping.initial_map import list_segments
+from gpszip.mapping.placement import merge_nodes, place_nodes, place_on_grid
 from gpszip.mapping.plan import Plan
-from gpszip.mapping.rounds import Outcome, prices_of, realise
-from gpszip.mapping.time_grid import Slots, weigh_samples
-from gpszip.model import LatticeWalks
+from gpszip.mapping.rounds import Outcome, estimate_prices, measure_and_encode
+from gpszip.mapping.time_grid import TimeGrid, reweight_samples
+from gpszip.model import GridWalks
 
-__all__ = ["Allowance", "draft_on", "refine"]
+__all__ = ["AllowedDeviation", "refine", "snap_to_time_grid"]
 
 #: Power of the error's excess by which the price follows, what it gains with each further miss, and the farthest it goes at once.
 _PUSH, _MORE, _LEAP = 2.5, 1.5, 5.0
@@ -31,7 +31,7 @@ _LAST_ROUNDS = 4
 
 
 @dataclass(frozen=True, eq=False)
-class Allowance:
+class AllowedDeviation:
     """How far curves may be moved, in quanta.
 
     Parameters
@@ -47,12 +47,12 @@ class Allowance:
 
 
 def refine(
-    slots: Slots,
+    time_grid: TimeGrid,
     tracks: int,
     groups: NDArray[np.int64],
-    at: NDArray[np.int64],
-    places: NDArray[np.float64],
-    allowed: Allowance,
+    slot_nodes: NDArray[np.int64],
+    positions: NDArray[np.float64],
+    allowed: AllowedDeviation,
     rounds: int,
 ) -> Outcome | None:
     """Move, drop and unite the knots and nodes of a map by description length.
@@ -63,15 +63,15 @@ def refine(
 
     Parameters
     ----------
-    slots : Slots
+    time_grid : Slots
         Where knots may lie.
     tracks : int
         Number of tracks.
     groups : int64 array, shape (n,)
         Group of each point.
-    at : int64 array, shape (S,)
+    slot_nodes : int64 array, shape (S,)
         Node at each slot, -1 where there is no knot.
-    places : float64 array, shape (V, d)
+    positions : float64 array, shape (V, d)
         The nodes, in quanta.
     allowed : Allowance
         What keeps to it counts; a part that misses the maximum counts as much as mending it will.
@@ -84,27 +84,44 @@ def refine(
         The smallest that was met on the way, the walks as given among them; None if none kept to the root mean squares.
     """
     plan = Plan(target=float(allowed.rms.max()), maximum=allowed.maximum, rounds=rounds)
-    counts = np.bincount(groups, weights=slots.weights, minlength=len(allowed.rms))
-    price = 0.3 * len(slots.cells) / (slots.samples * allowed.rms**2)
+    counts = np.bincount(groups, weights=time_grid.weights, minlength=len(allowed.rms))
+    price = 0.3 * len(time_grid.time_steps) / (time_grid.samples * allowed.rms**2)
     push = np.full(len(price), _PUSH)
 
     def measured() -> tuple[Outcome, NDArray[np.float64], NDArray[np.float64]]:
-        outcome, ledger, errors = realise(slots, at, places, tracks, plan)
-        mean = np.bincount(groups, weights=slots.weights * errors**2, minlength=len(counts)) / np.maximum(counts, 1)
-        return outcome, ledger, np.sqrt(mean) / allowed.rms
+        outcome, bit_statistics, errors = measure_and_encode(
+            time_grid, slot_nodes, positions, tracks, plan
+        )
+        mean = np.bincount(
+            groups, weights=time_grid.weights * errors**2, minlength=len(counts)
+        ) / np.maximum(counts, 1)
+        return outcome, bit_statistics, np.sqrt(mean) / allowed.rms
 
-    places = np.rint(places)
-    best, ledger, over = measured()
+    positions = np.rint(positions)
+    best, bit_statistics, over = measured()
     held = bool((over <= 1).all())
     for turn in range(rounds):
-        weighed = weigh_samples(slots, np.rint(np.maximum(_WEIGHTS * price / price.max(), 1)).astype(np.int64)[groups])
-        bits = prices_of(ledger, float(price.max()) / _WEIGHTS, len(places))
-        at, places = settle(replace(weighed, places=np.rint(slots.places)), at, places, plan, bits, turn, allowed.maximum)
+        weighed = reweight_samples(
+            time_grid,
+            np.rint(np.maximum(_WEIGHTS * price / price.max(), 1)).astype(np.int64)[groups],
+        )
+        bits = estimate_prices(bit_statistics, float(price.max()) / _WEIGHTS, len(positions))
+        slot_nodes, positions = assign_knots(
+            replace(weighed, positions=np.rint(time_grid.positions)),
+            slot_nodes,
+            positions,
+            plan,
+            bits,
+            turn,
+            allowed.maximum,
+        )
         if turn % 2 == 0 and turn < rounds - _LAST_ROUNDS:
-            parts = list_parts(weighed, at, len(places))
-            at, parts, places = unite(at, parts, place(parts, places), plan, bits, 0)
-            places = rounded_places(parts, places, 0)
-        outcome, ledger, over = measured()
+            segments = list_segments(weighed, slot_nodes, len(positions))
+            slot_nodes, segments, positions = merge_nodes(
+                slot_nodes, segments, place_nodes(segments, positions), plan, bits, 0
+            )
+            positions = place_on_grid(segments, positions, 0)
+        outcome, bit_statistics, over = measured()
         if (over <= 1).all() and (not held or outcome.cost < best.cost):
             best, held = outcome, True
         over = over / 0.995
@@ -115,31 +132,39 @@ def refine(
     return best if held else None
 
 
-def draft_on(slots: Slots, walks: LatticeWalks) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def snap_to_time_grid(
+    time_grid: TimeGrid, walks: GridWalks
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Put the knots of walks on slots of the same lattice: the nearest slot of the piece that each belongs to.
 
     Where two knots come to lie on one slot, the later one stays; pieces begin and end with a knot.
 
     Returns
     -------
-    at : int64 array, shape (S,)
+    slot_nodes : int64 array, shape (S,)
         Node at each slot, -1 where there is no knot.
-    places : float64 array, shape (V, d)
+    positions : float64 array, shape (V, d)
         The nodes, in quanta.
     """
-    at = np.full(len(slots.cells), -1, np.int64)
-    owned = np.searchsorted(slots.owners, np.arange(len(walks.walks) + 1))
+    slot_nodes = np.full(len(time_grid.time_steps), -1, np.int64)
+    owned = np.searchsorted(time_grid.piece_tracks, np.arange(len(walks.walks) + 1))
     for number, walk in enumerate(walks.walks):
         pieces = np.arange(owned[number], owned[number + 1])
-        starts = slots.cells[slots.firsts[pieces]]
-        which = pieces[np.clip(np.searchsorted(starts, walk.cells, side="right") - 1, 0, len(pieces) - 1)]
+        starts = time_grid.time_steps[time_grid.first_slots[pieces]]
+        which = pieces[
+            np.clip(np.searchsorted(starts, walk.time_steps, side="right") - 1, 0, len(pieces) - 1)
+        ]
         for piece in pieces.tolist():
             mine = np.flatnonzero(which == piece)
-            first, last = int(slots.firsts[piece]), int(slots.lasts[piece])
-            cells = slots.cells[first : last + 1]
-            after = np.clip(np.searchsorted(cells, walk.cells[mine]), 0, len(cells) - 1)
+            first, last = int(time_grid.first_slots[piece]), int(time_grid.last_slots[piece])
+            cells = time_grid.time_steps[first : last + 1]
+            after = np.clip(np.searchsorted(cells, walk.time_steps[mine]), 0, len(cells) - 1)
             before = np.maximum(after - 1, 0)
-            nearer = np.where(walk.cells[mine] - cells[before] < cells[after] - walk.cells[mine], before, after)
-            at[first + nearer] = walk.nodes[mine]
-            at[first], at[last] = walk.nodes[mine[0]], walk.nodes[mine[-1]]
-    return at, walks.nodes.astype(np.float64)
+            nearer = np.where(
+                walk.time_steps[mine] - cells[before] < cells[after] - walk.time_steps[mine],
+                before,
+                after,
+            )
+            slot_nodes[first + nearer] = walk.nodes[mine]
+            slot_nodes[first], slot_nodes[last] = walk.nodes[mine[0]], walk.nodes[mine[-1]]
+    return slot_nodes, walks.nodes.astype(np.float64)

@@ -13,25 +13,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.codec.walks import encode
-from gpszip.mapping.budgets import Shares
-from gpszip.mapping.initial_map import list_parts, sample_errors
+from gpszip.mapping.budgets import ErrorBudgets
+from gpszip.mapping.initial_map import list_segments, sample_errors
 from gpszip.mapping.initial_map import walks_of as drafted
-from gpszip.mapping.local_search import polish
-from gpszip.mapping.max_error import mend
+from gpszip.mapping.local_search import improve_walks
+from gpszip.mapping.max_error import enforce_max_error
 from gpszip.mapping.plan import Plan
 from gpszip.mapping.rounds import Outcome, fit
-from gpszip.mapping.time_grid import Slots
-from gpszip.merging.deviation import Curve, deviation, instants, pieces_of
-from gpszip.merging.refine import Allowance, draft_on, refine
-from gpszip.merging.tree import Branch, Part, join, leaf, leaves
-from gpszip.model import Frame, LatticeWalks, Track, Walk
-from gpszip.model.frame import QUANTUM_STEPS, quantum
+from gpszip.mapping.time_grid import TimeGrid
+from gpszip.merging.deviation import Curve, measure_deviation, split_at_gaps, union_of_knot_times
+from gpszip.merging.refine import AllowedDeviation, refine, snap_to_time_grid
+from gpszip.merging.tree import Branch, Part, build_leaf, build_leaves, concatenate_branches
+from gpszip.model import GridWalks, QuantisationGrid, Track, Walk
+from gpszip.model.grid import STEP_SIZES, step_size
 from gpszip.model.merge_report import Deviation
-from gpszip.run.executor import Executor, Shared, sharing, united
-from gpszip.walks.error import SLACK, positions_at
-from gpszip.walks.quantised import node_positions, walks_of
+from gpszip.run.executor import Executor, SharedValue, reduce_tree, share_value
+from gpszip.walks.error import TIME_SLACK, positions_at
+from gpszip.walks.quantised import dequantise_walks, node_positions
 
-__all__ = ["Limit", "Merged", "Part", "merge_parts"]
+__all__ = ["DeviationLimit", "MergedMap", "Part", "merge_archives"]
 
 #: What is tried around each archive's own quanta: indices of space and time, eight to an octave.
 _AROUND = ((0, 0), (0, -4), (-4, 0), (0, -8), (4, 0))
@@ -70,7 +70,7 @@ _MENDS = 6
 
 
 @dataclass(frozen=True)
-class Limit:
+class DeviationLimit:
     """Metres by which curves may be moved: at any instant if ``maximum``, else in the root mean square of each archive."""
 
     metres: float
@@ -82,12 +82,12 @@ class Limit:
 
 
 @dataclass(frozen=True, eq=False)
-class Merged:
+class MergedMap:
     """A map of all parts, the walks of all their tracks in the order of their starts with their names, and how far each part was moved."""
 
-    frame: Frame
+    grid: QuantisationGrid
     ids: tuple[str, ...]
-    lattice: LatticeWalks
+    grid_walks: GridWalks
     deviations: tuple[Deviation, ...]
     size: int
 
@@ -97,129 +97,185 @@ class _Search:
     """What all searches of one merge have in common."""
 
     parts: tuple[Part, ...]
-    limit: Limit
+    limit: DeviationLimit
 
     @cached_property
-    def rooms(self) -> NDArray[np.float64]:
+    def limit_shares(self) -> NDArray[np.float64]:
         """Share of the limit of each part."""
-        return np.array([part.room for part in self.parts])
+        return np.array([part.limit_share for part in self.parts])
 
     def excess(self, moved: Sequence[Deviation]) -> NDArray[np.float64]:
         """What each part's curves were moved by as a multiple of what is allowed."""
-        return self.limit.excess(moved) / self.rooms
+        return self.limit.excess(moved) / self.limit_shares
 
-    def allowed(self, frame: Frame, aims: NDArray[np.float64]) -> Allowance:
+    def allowed(self, grid: QuantisationGrid, aims: NDArray[np.float64]) -> AllowedDeviation:
         """What may be done on a lattice to aim at these shares of the limit."""
-        reach = self.limit.metres / quantum(frame.space)
+        reach = self.limit.metres / step_size(grid.space)
         if self.limit.maximum:
-            return Allowance(_RMS_OF_MAXIMUM * reach * aims, 0.999 * reach * float(aims.min()))
-        return Allowance(0.9995 * reach * aims, _FAR * reach)
+            return AllowedDeviation(
+                _RMS_OF_MAXIMUM * reach * aims, 0.999 * reach * float(aims.min())
+            )
+        return AllowedDeviation(0.9995 * reach * aims, _FAR * reach)
 
-    def finish(self, frame: Frame, branch: Branch) -> Merged | None:
+    def finish(self, grid: QuantisationGrid, branch: Branch) -> MergedMap | None:
         """Refine walks of all parts until they keep the limit."""
-        slots, groups = branch.slots(frame), branch.point_groups()
-        aims, rounds = self.rooms, _ROUNDS if len(slots.cells) < _LARGE else _FEW_ROUNDS
+        slots, groups = branch.time_grid(grid), branch.point_groups()
+        aims, rounds = self.limit_shares, _ROUNDS if len(slots.time_steps) < _LARGE else _FEW_ROUNDS
         for _ in range(_AIMS):
-            allowed = self.allowed(frame, aims)
-            outcome = refine(slots, len(branch.curves), groups, *draft_on(slots, branch.walks), allowed, rounds)
+            allowed = self.allowed(grid, aims)
+            outcome = refine(
+                slots,
+                len(branch.curves),
+                groups,
+                *snap_to_time_grid(slots, branch.walks),
+                allowed,
+                rounds,
+            )
             if outcome is None:
                 return None
-            found = self.mended(frame, branch, outcome)
+            found = self.mended(grid, branch, outcome)
             if found is None:
                 return None
             over = np.maximum(self.excess(found.deviations), 1e-9)
             if self.holds(found):
                 return found
-            aims, rounds = np.where(over > 1, aims * np.maximum(_TIGHTER / over, 0.5), aims), _FEW_ROUNDS
+            aims, rounds = (
+                np.where(over > 1, aims * np.maximum(_TIGHTER / over, 0.5), aims),
+                _FEW_ROUNDS,
+            )
             branch = replace(branch, walks=outcome.walks)
         return None
 
-    def anew(self, frame: Frame, branch: Branch) -> Merged | None:
+    def anew(self, grid: QuantisationGrid, branch: Branch) -> MergedMap | None:
         """Walks that a search finds without those of the parts; only in the mean of all parts within the limit."""
-        slots = branch.slots(frame)
-        if self.limit.maximum or len(slots.cells) > _ANEW:
+        slots = branch.time_grid(grid)
+        if self.limit.maximum or len(slots.time_steps) > _ANEW:
             return None
-        plan = Plan(target=float(self.allowed(frame, self.rooms).rms.mean()), rounds=_ROUNDS)
+        plan = Plan(target=float(self.allowed(grid, self.limit_shares).rms.mean()), rounds=_ROUNDS)
         outcome = fit(slots, len(branch.curves), plan)
-        return None if outcome is None else self.mended(frame, branch, outcome)
+        return None if outcome is None else self.mended(grid, branch, outcome)
 
-    def holds(self, found: Merged) -> bool:
+    def holds(self, found: MergedMap) -> bool:
         """Whether each part is within its limit."""
         return bool((self.excess(found.deviations) <= 1).all())
 
-    def prospect(self, found: Merged) -> float:
+    def prospect(self, found: MergedMap) -> float:
         """Size of walks, with what it will take to bring them within the limit."""
-        return found.size * (1 + _SLOPE * float(np.log(max(self.excess(found.deviations).max(), 1.0))))
+        return found.size * (
+            1 + _SLOPE * float(np.log(max(self.excess(found.deviations).max(), 1.0)))
+        )
 
-    def mended(self, frame: Frame, branch: Branch, outcome: Outcome) -> Merged | None:
+    def mended(self, grid: QuantisationGrid, branch: Branch, outcome: Outcome) -> MergedMap | None:
         """What becomes of walks of which a few parts miss the maximum, where that is limited."""
-        lattice = outcome.walks
+        grid_walks = outcome.walks
         for _ in range(_MENDS if self.limit.maximum else 0):
-            moved = self.measure(frame, branch, lattice)
+            moved = self.measure(grid, branch, grid_walks)
             if (self.excess(moved) <= 1).all():
                 break
-            walks = walks_of(lattice, frame, branch.ids)
-            tracks = [_with_instants(curve, walk) for curve, walk in zip(branch.curves, walks, strict=True)]
-            mending = mend(tracks, frame, lattice, 0.999 * self.limit.metres)
+            walks = dequantise_walks(grid_walks, grid, branch.ids)
+            tracks = [
+                _sample_at_knots(curve, walk)
+                for curve, walk in zip(branch.curves, walks, strict=True)
+            ]
+            mending = enforce_max_error(tracks, grid, grid_walks, 0.999 * self.limit.metres)
             if mending is None:
                 return None
-            frame, lattice = mending
-        return Merged(frame, branch.ids, lattice, self.measure(frame, branch, lattice), len(encode(lattice)))
+            grid, grid_walks = mending
+        return MergedMap(
+            grid,
+            branch.ids,
+            grid_walks,
+            self.measure(grid, branch, grid_walks),
+            len(encode(grid_walks)),
+        )
 
-    def polish(self, found: Merged) -> Merged:
+    def improve_walks(self, found: MergedMap) -> MergedMap:
         """What becomes of walks that keep the limit by single changes; each part keeps to it by itself."""
-        branch = join(leaves(self.parts, found.frame)).sorted()
-        slots, groups = branch.slots(found.frame), branch.point_groups()
+        branch = concatenate_branches(build_leaves(self.parts, found.grid)).sorted()
+        slots, groups = branch.time_grid(found.grid), branch.point_groups()
         work = max(_WORK_AT_LEAST, _WORK_PER_KNOT * sum(part.knots for part in self.parts))
         if self.limit.maximum:
-            maximum = self.allowed(found.frame, self.rooms).maximum
-            made = self.polished(found, branch, partial(polish, slots, maximum=maximum, work=work))
+            maximum = self.allowed(found.grid, self.limit_shares).maximum
+            made = self.polished(
+                found, branch, partial(improve_walks, slots, maximum=maximum, work=work)
+            )
             return found if made is None else self.better(made, found)
         last, best = found, found
         for _ in range(_WORK // work):
-            shares = Shares(groups, _FULL * self.rooms / self.measures(slots, groups, last))
-            made = self.polished(last, branch, partial(polish, slots, shares=shares, work=work))
+            budgets = ErrorBudgets(
+                groups, _FULL * self.limit_shares / self.measures(slots, groups, last)
+            )
+            made = self.polished(
+                last, branch, partial(improve_walks, slots, budgets=budgets, work=work)
+            )
             if made is None:
                 break
             last, best = made, self.better(made, best)
         return best
 
-    def measures(self, slots: Slots, groups: NDArray[np.int64], last: Merged) -> NDArray[np.float64]:
+    def measures(
+        self, slots: TimeGrid, groups: NDArray[np.int64], last: MergedMap
+    ) -> NDArray[np.float64]:
         """What each part moves by, as a share of the limit, where its points move by a quantum: as they do in the last walks."""
-        at, places = draft_on(slots, last.lattice)
-        errors, _ = sample_errors(slots, list_parts(slots, at, len(places)), places)
-        mean = np.sqrt(np.bincount(groups, weights=slots.weights * errors**2) / np.bincount(groups, weights=slots.weights))
-        usual = quantum(last.frame.space) / self.limit.metres
-        found: NDArray[np.float64] = np.clip(self.limit.excess(last.deviations) / np.maximum(mean, 1e-9), usual / _OTHER, usual * _OTHER)
+        slot_nodes, positions = snap_to_time_grid(slots, last.grid_walks)
+        errors, _ = sample_errors(
+            slots, list_segments(slots, slot_nodes, len(positions)), positions
+        )
+        mean = np.sqrt(
+            np.bincount(groups, weights=slots.weights * errors**2)
+            / np.bincount(groups, weights=slots.weights)
+        )
+        usual = step_size(last.grid.space) / self.limit.metres
+        found: NDArray[np.float64] = np.clip(
+            self.limit.excess(last.deviations) / np.maximum(mean, 1e-9),
+            usual / _OTHER,
+            usual * _OTHER,
+        )
         return found
 
-    def better(self, made: Merged, best: Merged) -> Merged:
+    def better(self, made: MergedMap, best: MergedMap) -> MergedMap:
         """The smaller one of those that keep the limit."""
-        return made if self.holds(made) and not (self.holds(best) and best.size <= made.size) else best
+        return (
+            made if self.holds(made) and not (self.holds(best) and best.size <= made.size) else best
+        )
 
-    def polished(self, last: Merged, branch: Branch, step: Callable[[Outcome], Outcome]) -> Merged | None:
+    def polished(
+        self, last: MergedMap, branch: Branch, step: Callable[[Outcome], Outcome]
+    ) -> MergedMap | None:
         """What a step makes of walks; None if that is nothing new."""
-        start = Outcome(last.lattice, last.size, 0.0)
+        start = Outcome(last.grid_walks, last.size, 0.0)
         outcome = step(start)
-        return None if outcome is start else self.mended(last.frame, branch, outcome)
+        return None if outcome is start else self.mended(last.grid, branch, outcome)
 
-    def measure(self, frame: Frame, branch: Branch, lattice: LatticeWalks) -> tuple[Deviation, ...]:
+    def measure(
+        self, grid: QuantisationGrid, branch: Branch, grid_walks: GridWalks
+    ) -> tuple[Deviation, ...]:
         """How far each part's curves were moved."""
-        walks, nodes = walks_of(lattice, frame, branch.ids), node_positions(lattice, frame)
+        walks, nodes = (
+            dequantise_walks(grid_walks, grid, branch.ids),
+            node_positions(grid_walks, grid),
+        )
         found = []
         for part in range(len(self.parts)):
             own = [i for i, group in enumerate(branch.groups) if group == part]
-            found.append(deviation([branch.curves[i] for i in own], [walks[i] for i in own], nodes, self.parts[part].at_knots))
+            found.append(
+                measure_deviation(
+                    [branch.curves[i] for i in own],
+                    [walks[i] for i in own],
+                    nodes,
+                    self.parts[part].at_knots,
+                )
+            )
         return tuple(found)
 
 
-def merge_parts(
+def merge_archives(
     parts: Sequence[Part],
-    limit: Limit,
+    limit: DeviationLimit,
     *,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Merged | None:
+) -> MergedMap | None:
     """Find one map and walks on it for the curves of all parts.
 
     Lattices of the parts, and finer and coarser ones about them, are ranked by what rounding to them costs; on the best few of
@@ -242,89 +298,124 @@ def merge_parts(
         The smallest that was found; None if none kept the limit.
     """
     search = _Search(tuple(parts), limit)
-    with sharing(executor, search) as shared:
-        ranked = _ranked(_frames(parts, _AROUND), shared)
-        finer = [frame for frame in _frames(parts[:1], _FINER) if frame not in ranked]
-        for frames in (ranked, *([frame] for frame in finer)):
-            starts = [(frame, _as_tree(search, frame, executor)) for frame in frames]
-            found: list[Merged] = []
+    with share_value(executor, search) as shared:
+        ranked = _rank_grids(_list_grids(parts, _AROUND), shared)
+        finer = [grid for grid in _list_grids(parts[:1], _FINER) if grid not in ranked]
+        for frames in (ranked, *([grid] for grid in finer)):
+            starts = [(grid, _merge_as_tree(search, grid, executor)) for grid in frames]
+            found: list[MergedMap] = []
             for done, merged in enumerate(shared.map(_finish, starts), 1):
                 found += merged
                 if progress is not None:
                     progress(done, len(frames))
             finalists = sorted(found, key=search.prospect)[:_FINALISTS]
             # of finalists that don't hold yet, polishing may mend none
-            held = [merged for merged in (*shared.map(_Search.polish, finalists), *found) if search.holds(merged)]
+            held = [
+                merged
+                for merged in (*shared.map(_Search.improve_walks, finalists), *found)
+                if search.holds(merged)
+            ]
             if held:
                 return min(held, key=lambda merged: merged.size)
     return None
 
 
-def _finish(search: _Search, start: tuple[Frame, Branch | None]) -> list[Merged]:
-    frame, branch = start
-    branch = (join(leaves(search.parts, frame)) if branch is None else branch).sorted()
-    found = search.finish(frame, branch), search.anew(frame, branch)
+def _finish(search: _Search, start: tuple[QuantisationGrid, Branch | None]) -> list[MergedMap]:
+    grid, branch = start
+    branch = (
+        concatenate_branches(build_leaves(search.parts, grid)) if branch is None else branch
+    ).sorted()
+    found = search.finish(grid, branch), search.anew(grid, branch)
     return [merged for merged in found if merged is not None]
 
 
-def _as_tree(search: _Search, frame: Frame, executor: Executor | None) -> Branch | None:
+def _merge_as_tree(
+    search: _Search, grid: QuantisationGrid, executor: Executor | None
+) -> Branch | None:
     """Merge neighbours, then neighbours of what came out, until all is one; of two parts, nothing yet."""
     if len(search.parts) <= 2:
         return None
-    unite = partial(_united, frame, search.allowed(frame, np.ones(1)))
-    branch: Branch = united(executor, unite, enumerate(search.parts), partial(_leaf_on, frame))
+    unite = partial(_merge_pair, grid, search.allowed(grid, np.ones(1)))
+    branch: Branch = reduce_tree(executor, unite, enumerate(search.parts), partial(_leaf_on, grid))
     return branch
 
 
-def _leaf_on(frame: Frame, numbered: tuple[int, Part]) -> Branch:
+def _leaf_on(grid: QuantisationGrid, numbered: tuple[int, Part]) -> Branch:
     number, part = numbered
-    return leaf(part, frame, number)
+    return build_leaf(part, grid, number)
 
 
-def _united(frame: Frame, allowed: Allowance, one: Branch, other: Branch) -> Branch:
-    both = join([one, other])
-    slots = both.slots(frame)
+def _merge_pair(
+    grid: QuantisationGrid, allowed: AllowedDeviation, one: Branch, other: Branch
+) -> Branch:
+    both = concatenate_branches([one, other])
+    slots = both.time_grid(grid)
     alike = np.zeros(len(slots.times), np.int64)
-    outcome = refine(slots, len(both.curves), alike, *draft_on(slots, both.walks), allowed, _TREE_ROUNDS)
+    outcome = refine(
+        slots, len(both.curves), alike, *snap_to_time_grid(slots, both.walks), allowed, _TREE_ROUNDS
+    )
     return both if outcome is None else replace(both, walks=outcome.walks)
 
 
-def _frames(parts: Sequence[Part], around: Sequence[tuple[int, int]]) -> list[Frame]:
+def _list_grids(parts: Sequence[Part], around: Sequence[tuple[int, int]]) -> list[QuantisationGrid]:
     """Lattices to try: those of the largest parts, with quanta about their own."""
     own = sorted(parts, key=lambda part: -part.knots)[:_LATTICES]
-    plane = [replace(part.frame, space=part.frame.space + s, time=part.frame.time + t) for part in own for s, t in around]
-    return list(dict.fromkeys(frame for frame in plane if 0 <= frame.space < QUANTUM_STEPS and 0 <= frame.time < QUANTUM_STEPS))
+    plane = [
+        replace(part.grid, space=part.grid.space + s, time=part.grid.time + t)
+        for part in own
+        for s, t in around
+    ]
+    return list(
+        dict.fromkeys(
+            grid for grid in plane if 0 <= grid.space < STEP_SIZES and 0 <= grid.time < STEP_SIZES
+        )
+    )
 
 
-def _ranked(frames: Sequence[Frame], shared: Shared[_Search]) -> list[Frame]:
+def _rank_grids(
+    frames: Sequence[QuantisationGrid], shared: SharedValue[_Search]
+) -> list[QuantisationGrid]:
     """The lattices that promise most, as many as there is time for, without those that lose a gap."""
     costs = list(shared.map(_cost, frames))
-    order = sorted((number for number, (cost, _) in enumerate(costs) if cost < np.inf), key=lambda number: costs[number][0])
+    order = sorted(
+        (number for number, (cost, _) in enumerate(costs) if cost < np.inf),
+        key=lambda number: costs[number][0],
+    )
     if not order:
         return []
     slots = costs[order[0]][1]
     return [frames[number] for number in order[: min(max(_BUDGET // slots, 1), _MOST)]]
 
 
-def _cost(search: _Search, frame: Frame) -> tuple[float, int]:
+def _cost(search: _Search, grid: QuantisationGrid) -> tuple[float, int]:
     """Bits of the walks rounded to a lattice, with what their error will take to mend; and how many slots there are."""
-    branch = join(leaves(search.parts, frame))
-    slots = branch.slots(frame)
-    if len(slots.firsts) < sum(1 + _count_gaps(curve) for curve in branch.curves):
-        return np.inf, len(slots.cells)
-    at, places = draft_on(slots, branch.walks)
-    size = len(encode(drafted(slots, at, places, len(branch.curves))))
-    errors, _ = sample_errors(slots, list_parts(slots, at, len(places)), places)
-    square = float(np.average(errors**2, weights=slots.weights)) / float(search.allowed(frame, np.ones(1)).rms[0]) ** 2
-    return 8 * size + _ERROR * sum(part.knots for part in search.parts) * square, len(slots.cells)
+    branch = concatenate_branches(build_leaves(search.parts, grid))
+    slots = branch.time_grid(grid)
+    if len(slots.first_slots) < sum(1 + _count_gaps(curve) for curve in branch.curves):
+        return np.inf, len(slots.time_steps)
+    slot_nodes, positions = snap_to_time_grid(slots, branch.walks)
+    size = len(encode(drafted(slots, slot_nodes, positions, len(branch.curves))))
+    errors, _ = sample_errors(slots, list_segments(slots, slot_nodes, len(positions)), positions)
+    square = (
+        float(np.average(errors**2, weights=slots.weights))
+        / float(search.allowed(grid, np.ones(1)).rms[0]) ** 2
+    )
+    return 8 * size + _ERROR * sum(part.knots for part in search.parts) * square, len(
+        slots.time_steps
+    )
 
 
 def _count_gaps(curve: Curve) -> int:
-    return int((np.diff(curve.track.times)[curve.gaps] > SLACK).sum())
+    return int((np.diff(curve.track.times)[curve.gaps] > TIME_SLACK).sum())
 
 
-def _with_instants(curve: Curve, walk: Walk) -> Track:
+def _sample_at_knots(curve: Curve, walk: Walk) -> Track:
     """The curve's points at its own knots and at those of a walk."""
     own = curve.walk
-    times = np.concatenate([instants(curve.track.times[first:after], walk) for first, after in pieces_of(curve.gaps)])
+    times = np.concatenate(
+        [
+            union_of_knot_times(curve.track.times[first:after], walk)
+            for first, after in split_at_gaps(curve.gaps)
+        ]
+    )
     return Track(curve.track.id, times, positions_at(own, curve.track.positions, times))

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.codec.walks import number_by_visit
-from gpszip.mapping.time_grid import Slots, lay_slots
-from gpszip.merging.deviation import Curve, in_turn, share_at_knots, weighed
-from gpszip.model import Frame, LatticeWalk, LatticeWalks
-from gpszip.model.frame import quantum
+from gpszip.mapping.time_grid import TimeGrid, build_time_grid
+from gpszip.merging.deviation import Curve, order_by_start, sample_weighted, share_at_knots
+from gpszip.model import GridWalk, GridWalks, QuantisationGrid
+from gpszip.model.grid import step_size
 
-__all__ = ["Branch", "Part", "join", "leaf", "leaves"]
+__all__ = ["Branch", "Part", "build_leaf", "build_leaves", "concatenate_branches"]
 
 T = TypeVar("T")
 
@@ -37,22 +37,22 @@ class Part:
         One for each track.
     nodes : float64 array, shape (V, d)
         Places of the map's nodes in metres.
-    visits : tuple of int32 arrays
+    knot_nodes : tuple of int32 arrays
         Node at each knot of each curve.
-    frame : Frame
+    grid : Frame
         The archive's lattice, whose quanta are tried.
     step : float, optional
         Seconds between two samples of the log, where that is known.
-    room : float, default 1.0
+    limit_share : float, default 1.0
         Share of the limit by which these curves may be moved.
     """
 
     curves: tuple[Curve, ...]
     nodes: NDArray[np.float64]
-    visits: tuple[NDArray[np.int32], ...]
-    frame: Frame
+    knot_nodes: tuple[NDArray[np.int32], ...]
+    grid: QuantisationGrid
     step: float | None = None
-    room: float = 1.0
+    limit_share: float = 1.0
 
     @cached_property
     def at_knots(self) -> float:
@@ -62,12 +62,12 @@ class Part:
     @cached_property
     def points(self) -> tuple[Curve, ...]:
         """The curves as points with weights."""
-        return tuple(weighed(self.curves, min(self.at_knots, _AT_KNOTS)))
+        return tuple(sample_weighted(self.curves, min(self.at_knots, _AT_KNOTS)))
 
     @property
     def knots(self) -> int:
         """Number of knots of all curves."""
-        return sum(map(len, self.visits))
+        return sum(map(len, self.knot_nodes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +76,7 @@ class Branch:
 
     curves: tuple[Curve, ...]
     points: tuple[Curve, ...]
-    walks: LatticeWalks
+    walks: GridWalks
     groups: tuple[int, ...]
 
     @property
@@ -86,40 +86,55 @@ class Branch:
 
     def sorted(self) -> Branch:
         """The same in the order of starts."""
-        order = in_turn(self.curves)
-        walks = LatticeWalks(self.walks.nodes, _picked(self.walks.walks, order))
-        return Branch(_picked(self.curves, order), _picked(self.points, order), number_by_visit(walks), _picked(self.groups, order))
+        order = order_by_start(self.curves)
+        walks = GridWalks(self.walks.nodes, _pick(self.walks.walks, order))
+        return Branch(
+            _pick(self.curves, order),
+            _pick(self.points, order),
+            number_by_visit(walks),
+            _pick(self.groups, order),
+        )
 
-    def slots(self, frame: Frame) -> Slots:
+    def time_grid(self, grid: QuantisationGrid) -> TimeGrid:
         """The slots of a lattice over the points, sparse ones where there would be very many."""
         tracks, gaps = [point.track for point in self.points], [point.gaps for point in self.points]
-        slots = lay_slots(tracks, gaps, frame)
-        return slots if len(slots.cells) < _SPARSE else lay_slots(tracks, gaps, frame, sparse=True)
+        time_grid = build_time_grid(tracks, gaps, grid)
+        return (
+            time_grid
+            if len(time_grid.time_steps) < _SPARSE
+            else build_time_grid(tracks, gaps, grid, sparse=True)
+        )
 
     def point_groups(self) -> NDArray[np.int64]:
         """Part of each point."""
         return np.repeat(self.groups, [len(point.track) for point in self.points])
 
 
-def leaves(parts: Sequence[Part], frame: Frame) -> list[Branch]:
+def build_leaves(parts: Sequence[Part], grid: QuantisationGrid) -> list[Branch]:
     """Round all parts to a lattice."""
-    return [leaf(part, frame, number) for number, part in enumerate(parts)]
+    return [build_leaf(part, grid, number) for number, part in enumerate(parts)]
 
 
-def leaf(part: Part, frame: Frame, number: int) -> Branch:
+def build_leaf(part: Part, grid: QuantisationGrid, number: int) -> Branch:
     """Round one part to a lattice."""
-    corner = np.asarray(frame.origin, dtype=np.float64) / 1000
-    nodes = np.rint((part.nodes - corner) / quantum(frame.space)).astype(np.int64)
+    corner = np.asarray(grid.origin, dtype=np.float64) / 1000
+    nodes = np.rint((part.nodes - corner) / step_size(grid.space)).astype(np.int64)
     walks = [
-        LatticeWalk(visits, np.rint((curve.track.times - frame.epoch / 1000) / quantum(frame.time)).astype(np.int64), curve.gaps)
-        for curve, visits in zip(part.curves, part.visits, strict=True)
+        GridWalk(
+            visits,
+            np.rint((curve.track.times - grid.epoch / 1000) / step_size(grid.time)).astype(
+                np.int64
+            ),
+            curve.gaps,
+        )
+        for curve, visits in zip(part.curves, part.knot_nodes, strict=True)
     ]
-    return Branch(part.curves, part.points, LatticeWalks(nodes, tuple(walks)), (number,) * len(walks))
+    return Branch(part.curves, part.points, GridWalks(nodes, tuple(walks)), (number,) * len(walks))
 
 
-def join(branches: Sequence[Branch]) -> Branch:
+def concatenate_branches(branches: Sequence[Branch]) -> Branch:
     """Put branches side by side, each with its own nodes still."""
-    walks: list[LatticeWalk] = []
+    walks: list[GridWalk] = []
     first = 0
     for branch in branches:
         walks += [replace(walk, nodes=walk.nodes + np.int32(first)) for walk in branch.walks.walks]
@@ -128,8 +143,8 @@ def join(branches: Sequence[Branch]) -> Branch:
     groups = tuple(group for branch in branches for group in branch.groups)
     curves = tuple(curve for branch in branches for curve in branch.curves)
     points = tuple(point for branch in branches for point in branch.points)
-    return Branch(curves, points, LatticeWalks(nodes, tuple(walks)), groups)
+    return Branch(curves, points, GridWalks(nodes, tuple(walks)), groups)
 
 
-def _picked(values: Sequence[T], order: Sequence[int]) -> tuple[T, ...]:
+def _pick(values: Sequence[T], order: Sequence[int]) -> tuple[T, ...]:
     return tuple(values[i] for i in order)

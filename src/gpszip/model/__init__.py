@@ -1,23 +1,23 @@
 """Frozen values that every room of the house shares: arrays with names and units."""
 
-from gpszip.model.frame import Frame, Plane
-from gpszip.model.lattice import LatticeWalk, LatticeWalks
+from gpszip.model.clean_map import CleanMap
+from gpszip.model.grid import Plane, QuantisationGrid
+from gpszip.model.grid_walks import GridWalk, GridWalks
 from gpszip.model.network import Network
 from gpszip.model.options import Options
 from gpszip.model.patching import Patch, Patching
-from gpszip.model.read_result import LeftOut, Reading, Repair
+from gpszip.model.read_result import LeftOut, ReadResult, Repair
 from gpszip.model.report import Listener, Progress, Report
 from gpszip.model.road_map import RoadMap
 from gpszip.model.segment_mean import SegmentMean
 from gpszip.model.sketch import Sketch
 from gpszip.model.track import Track
 from gpszip.model.walk import Walk
-from gpszip.model.way_map import WayMap
 
 __all__ = [
-    "Frame",
-    "LatticeWalk",
-    "LatticeWalks",
+    "CleanMap",
+    "GridWalk",
+    "GridWalks",
     "LeftOut",
     "Listener",
     "Network",
@@ -26,7 +26,8 @@ __all__ = [
     "Patching",
     "Plane",
     "Progress",
-    "Reading",
+    "QuantisationGrid",
+    "ReadResult",
     "Repair",
     "Report",
     "RoadMap",
@@ -34,5 +35,4 @@ __all__ = [
     "Sketch",
     "Track",
     "Walk",
-    "WayMap",
 ]

@@ -28,22 +28,22 @@ class Scales:
         Scale in metres of the distance in the prices of candidates: the error, larger by as much as errors of samples in a row are alike.
     beta : float
         Scale in metres of the difference between the way over roads and the straight line.
-    usual, fastest : float
+    median_speed, max_speed : float
         Median speed in m/s, and one that is never exceeded.
     heading : float, default infinite
         Spread in degrees between headings that the log tells and the roads travelled, larger by as much as differences of samples in
         a row are alike; infinite where there are none, or they don't follow the roads.
-    averaged : int, default 1
+    averaging_window : int, default 1
         Number of samples in a row of which means are matched, odd: as many as are travelled within twice their white noise.
     """
 
     error: float
     sigma: float
     beta: float
-    usual: float
-    fastest: float
+    median_speed: float
+    max_speed: float
     heading: float = math.inf
-    averaged: int = 1
+    averaging_window: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,7 +198,7 @@ class Match:
             counts[one.reason] += int((self.piece[one.after + 1 : one.before] < 0).sum())
         return {reason: count for reason, count in counts.most_common() if count}
 
-    def places(self, network: Network) -> NDArray[np.float64]:
+    def snapped_positions(self, network: Network) -> NDArray[np.float64]:
         """Positions on the roads, shape (n, d) in metres, NaN for samples on no piece."""
         out = np.full((len(self), network.dimension), np.nan)
         on = np.flatnonzero(self.edge >= 0)
@@ -208,8 +208,12 @@ class Match:
         vertex = np.searchsorted(along, last[edge] + offset, side="right") - 1
         vertex = np.clip(vertex, network.offsets[edge], network.offsets[edge + 1] - 2)
         begin, bit = network.along[vertex], network.along[vertex + 1] - network.along[vertex]
-        share = np.clip(np.divide(offset - begin, bit, out=np.zeros(len(on)), where=bit > 0), 0.0, 1.0)[:, None]
-        out[on] = network.points[vertex] + share * (network.points[vertex + 1] - network.points[vertex])
+        share = np.clip(
+            np.divide(offset - begin, bit, out=np.zeros(len(on)), where=bit > 0), 0.0, 1.0
+        )[:, None]
+        out[on] = network.points[vertex] + share * (
+            network.points[vertex + 1] - network.points[vertex]
+        )
         return out
 
 
@@ -223,13 +227,13 @@ class Matching:
         One for each track.
     scales : Scales
         Of the log as a whole; a track's own are nearer to them the shorter it is.
-    unheeded : tuple of str
+    headings_ignored : tuple of str
         Tracks whose headings were left out, since they don't show that they follow the roads travelled.
     """
 
     matches: tuple[Match, ...]
     scales: Scales
-    unheeded: tuple[str, ...] = ()
+    headings_ignored: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.matches)
@@ -258,14 +262,22 @@ class Matching:
     @property
     def unmatched(self) -> dict[str, int]:
         """Number of samples on no piece by reason, the most frequent first."""
-        return dict(sum((Counter(match.unmatched) for match in self.matches), Counter[str]()).most_common())
+        return dict(
+            sum((Counter(match.unmatched) for match in self.matches), Counter[str]()).most_common()
+        )
 
     @property
-    def against(self) -> tuple[int, ...]:
+    def wrong_way(self) -> tuple[int, ...]:
         """One-way roads of the network that samples travel against, in the order of travel."""
-        return tuple(dict.fromkeys(edge for match in self.matches for one in match.breaks for edge in one.edges))
+        return tuple(
+            dict.fromkeys(
+                edge for match in self.matches for one in match.breaks for edge in one.edges
+            )
+        )
 
     @property
     def breaks(self) -> dict[str, int]:
         """Number of breaks by reason, the most frequent first."""
-        return dict(Counter(one.reason for match in self.matches for one in match.breaks).most_common())
+        return dict(
+            Counter(one.reason for match in self.matches for one in match.breaks).most_common()
+        )

@@ -67,4 +67,6 @@ class MergeReport:
     @property
     def deviation(self) -> Deviation:
         """The most that any archive's curves were moved by."""
-        return Deviation(max(one.rms for one in self.deviations), max(one.maximum for one in self.deviations))
+        return Deviation(
+            max(one.rms for one in self.deviations), max(one.maximum for one in self.deviations)
+        )

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.model.frame import Plane
+from gpszip.model.grid import Plane
 
 __all__ = ["Network"]
 
@@ -84,7 +84,9 @@ class Network:
             steps[1:] = np.sqrt((np.diff(self.points, axis=0) ** 2).sum(axis=1))
             steps[self.offsets[:-1]] = 0.0
         total = np.cumsum(steps)
-        along: NDArray[np.float64] = total - np.repeat(total[self.offsets[:-1]], np.diff(self.offsets))
+        along: NDArray[np.float64] = total - np.repeat(
+            total[self.offsets[:-1]], np.diff(self.offsets)
+        )
         return along
 
     @property

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from gpszip.errors import OptionError
-from gpszip.model.promise import WRITING_SHARE, WRITING_SHARE_IN_METRES
+from gpszip.model.error_bound import WRITING_SHARE, WRITING_SHARE_IN_METRES
 
 __all__ = ["Options"]
 
@@ -80,13 +80,15 @@ class Options:
         >>> Options(rmse=5.0).tightened(0.9).rmse
         4.5
         """
-        rmse, max_error = (None if bound is None else share * bound for bound in (self.rmse, self.max_error))
+        rmse, max_error = (
+            None if bound is None else share * bound for bound in (self.rmse, self.max_error)
+        )
         return replace(self, rmse=rmse, max_error=max_error)
 
     def aim(self, *, geographic: bool) -> Options:
         """Return the options with a bound so much smaller that files written from the archive hold the one that was asked for.
 
-        Numbers are rounded there, and straight lines are straight in degrees: see :func:`gpszip.model.promise.writing_error`.
+        Numbers are rounded there, and straight lines are straight in degrees: see :func:`gpszip.model.error_bound.writing_error`.
         """
         return self.tightened(1 - (WRITING_SHARE if geographic else WRITING_SHARE_IN_METRES))
 
@@ -108,7 +110,9 @@ class Options:
     def __post_init__(self) -> None:
         _check_bounds(self)
         if self.gap is not None and not self.gap > 0:
-            raise OptionError(f"gap is {self.gap:g}; it must be a positive number of seconds, or infinite for no gaps")
+            raise OptionError(
+                f"gap is {self.gap:g}; it must be a positive number of seconds, or infinite for no gaps"
+            )
         _check_thesis(self)
         if not self.times and (self.keep or self.keep_times):
             raise OptionError("columns can't be kept without times; leave out either")
@@ -121,14 +125,21 @@ class Options:
 
 
 def _check_bounds(options: Options) -> None:
-    bounds = {"rmse": options.rmse, "max_error": options.max_error, "size": options.size, "ratio": options.ratio}
+    bounds = {
+        "rmse": options.rmse,
+        "max_error": options.max_error,
+        "size": options.size,
+        "ratio": options.ratio,
+    }
     given = [name for name, value in bounds.items() if value is not None]
     if len(given) > 1 and given != ["rmse", "max_error"]:
         raise OptionError(f"{given[0]} and {given[-1]} were both given; give one")
     kinds = {"size": "number of bytes", "ratio": "number"}
     for name, value in bounds.items():
         if value is not None and not 0 < value < math.inf:
-            raise OptionError(f"{name} is {value:g}; it must be a positive {kinds.get(name, 'number of metres')}")
+            raise OptionError(
+                f"{name} is {value:g}; it must be a positive {kinds.get(name, 'number of metres')}"
+            )
     if options.sized and options.thesis:
         raise OptionError(f"{given[0]} can't be given with k or m; give rmse or max_error")
 

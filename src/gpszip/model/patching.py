@@ -89,9 +89,22 @@ class Patching:
             own = [patch for patch in self.patches if patch.track == number and len(patch.times)]
             times = np.concatenate([track.times, *(patch.times for patch in own)])
             order = np.argsort(times, kind="stable")
-            added = np.append(np.zeros(len(track), np.bool_), np.ones(len(times) - len(track), np.bool_))
+            added = np.append(
+                np.zeros(len(track), np.bool_), np.ones(len(times) - len(track), np.bool_)
+            )
             positions = np.concatenate([track.positions, *(patch.positions for patch in own)])
             confidence = np.concatenate([np.ones(len(track)), *(patch.confidence for patch in own)])
-            attributes = {"source": np.where(added, "patched", "log")[order], "confidence": np.round(confidence[order], 3)}
-            answer.append(Track(track.id, times[order], positions[order], attributes=attributes, plane=track.plane))
+            attributes = {
+                "source": np.where(added, "patched", "log")[order],
+                "confidence": np.round(confidence[order], 3),
+            }
+            answer.append(
+                Track(
+                    track.id,
+                    times[order],
+                    positions[order],
+                    attributes=attributes,
+                    plane=track.plane,
+                )
+            )
         return answer

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from gpszip.model.track import Track
 
-__all__ = ["LeftOut", "Loss", "Reading", "Repair"]
+__all__ = ["LeftOut", "Loss", "ReadResult", "Repair"]
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Loss:
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class ReadResult:
     """Tracks on one common plane with an account of how they came about.
 
     Every point that was read is either in a track or counted by a repair that drops: ``points == kept + lost``.
@@ -109,7 +109,7 @@ class Reading:
         What was mended.
     left_out : tuple of LeftOut
         What was not read.
-    dropped : tuple of str
+    dropped_columns : tuple of str
         Columns of the logs that are not kept.
     losses : tuple of Loss
         Tracks that lost more than a tenth of their points, or all, or have several points at one time.
@@ -121,7 +121,7 @@ class Reading:
     geographic: bool
     repairs: tuple[Repair, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
-    dropped: tuple[str, ...] = ()
+    dropped_columns: tuple[str, ...] = ()
     losses: tuple[Loss, ...] = ()
 
     @property

@@ -37,7 +37,7 @@ class Report:
     ----------
     points, tracks : int
         Samples and tracks that went in.
-    parts, nodes, edges : int
+    segments, nodes, edges : int
         Straight parts of all walks, and the road map that they share.
     bytes_out : int
         Size of the archive.
@@ -55,7 +55,7 @@ class Report:
 
     points: int
     tracks: int
-    parts: int
+    segments: int
     nodes: int
     edges: int
     bytes_out: int

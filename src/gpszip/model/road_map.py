@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.model.frame import Plane
+from gpszip.model.grid import Plane
 
 __all__ = ["RoadMap"]
 

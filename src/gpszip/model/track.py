@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import TrackError
-from gpszip.model.frame import Plane
+from gpszip.model.grid import Plane
 
 __all__ = ["Track"]
 
@@ -80,16 +80,29 @@ def _frozen(values: ArrayLike) -> NDArray[np.float64]:
 def _check(track: Track) -> None:
     name = f"track {track.id!r}"
     times, positions = track.times, track.positions
-    if times.ndim != 1 or positions.ndim != 2 or len(positions) != len(times) or positions.shape[1] < 1:
-        raise TrackError(f"{name}: times have shape {times.shape} and positions {positions.shape}; expected (n,) and (n, d)")
+    if (
+        times.ndim != 1
+        or positions.ndim != 2
+        or len(positions) != len(times)
+        or positions.shape[1] < 1
+    ):
+        raise TrackError(
+            f"{name}: times have shape {times.shape} and positions {positions.shape}; expected (n,) and (n, d)"
+        )
     if len(times) == 0:
         raise TrackError(f"{name}: no samples")
     broken = ~(np.isfinite(times) & np.isfinite(positions).all(axis=1))
     if broken.any():
-        raise TrackError(f"{name}: sample {int(broken.argmax())} is not finite; drop or repair such samples first")
+        raise TrackError(
+            f"{name}: sample {int(broken.argmax())} is not finite; drop or repair such samples first"
+        )
     still = np.diff(times) <= 0
     if still.any():
         where = int(still.argmax()) + 1
-        raise TrackError(f"{name}: sample {where}: time {times[where]:g} does not follow {times[where - 1]:g}; sort or split the track")
-    if track.weights is not None and (track.weights.shape != times.shape or not (track.weights > 0).all()):
+        raise TrackError(
+            f"{name}: sample {where}: time {times[where]:g} does not follow {times[where - 1]:g}; sort or split the track"
+        )
+    if track.weights is not None and (
+        track.weights.shape != times.shape or not (track.weights > 0).all()
+    ):
         raise TrackError(f"{name}: weights must be {len(times)} positive numbers")

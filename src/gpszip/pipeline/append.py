@@ -9,27 +9,27 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.archive import Archive, new_archive, promising, sampled
+from gpszip.archive import Archive, new_archive, with_error_bound, with_sampling
 from gpszip.codec.walks import number_by_visit
-from gpszip.container.attributes import Kept, attributes_body
+from gpszip.container.attributes import KeptColumns, encode_attributes
 from gpszip.container.contents import Section
-from gpszip.container.layout import Kind
+from gpszip.container.layout import SectionKind
 from gpszip.errors import BoundError, OptionError
-from gpszip.mapping.search import suited_time_step
-from gpszip.model import LatticeWalk, LatticeWalks, Listener, Options, Report, Track
-from gpszip.model.frame import quantum
-from gpszip.model.lattice import refined
-from gpszip.model.promise import Promise
+from gpszip.mapping.search import suggest_time_step
+from gpszip.model import GridWalk, GridWalks, Listener, Options, Report, Track
+from gpszip.model.error_bound import ErrorBound
+from gpszip.model.grid import step_size
+from gpszip.model.grid_walks import refined
 from gpszip.pipeline.compress import compress, gaps_of, holds, kept, measure, sampling_of
 from gpszip.pipeline.continue_tracks import claimed, end_of, ready_to_continue
 from gpszip.pipeline.validate import checked, laid_on
 from gpszip.run.executor import Executor
-from gpszip.walks.error import SLACK
-from gpszip.walks.quantised import join_lattices, knot_times, node_positions
-from gpszip.walks.shapes import paced
+from gpszip.walks.error import TIME_SLACK
+from gpszip.walks.quantised import knot_times, merge_grid_walks, node_positions
+from gpszip.walks.shapes import with_synthetic_times
 
 if TYPE_CHECKING:
-    from gpszip.walks.error import Fit
+    from gpszip.walks.error import ErrorSummary
 
 __all__ = ["SHARES", "append", "completed", "grown", "last_knot", "overlapping"]
 
@@ -92,9 +92,11 @@ def append(
     sampling = sampling_of(whole, silent)
     check_goes_on(archive, whole)
     starts = {track.id: float(track.times[0]) for track in whole if track.timed}
-    suited = suited_time_step(paced(whole, silent), silent, archive.frame.space)
+    suited = suggest_time_step(with_synthetic_times(whole, silent), silent, archive.grid.space)
     archive = ready_to_continue(archive, starts, suited)
-    led = tuple(_led_on(archive, track, gap) if track.id in archive.ids else track for track in whole)
+    led = tuple(
+        _led_on(archive, track, gap) if track.id in archive.ids else track for track in whole
+    )
     for share in SHARES:
         aim = replace(options.tightened(share), gap=gap, keep=(), keep_times=False)
         on_map, report = compress(led, aim, map=archive, executor=executor, progress=progress)
@@ -103,16 +105,20 @@ def append(
         extras = _united_extras(archive, whole if options.keep_times else (), on_map.ids)
         both = grown(archive, on_map, gap, sampling, extras)
         found = measure(whole, both)
-        if holds(found, options.aim(geographic=archive.frame.plane is not None)):
+        if holds(found, options.aim(geographic=archive.grid.plane is not None)):
             return both, _report(report, both, found)
-    raise BoundError("the archive's lattice is too coarse for this bound; allow a larger error, or compress all logs together")
+    raise BoundError(
+        "the archive's lattice is too coarse for this bound; allow a larger error, or compress all logs together"
+    )
 
 
 def check_goes_on(archive: Archive, tracks: Sequence[Track]) -> None:
     """Refuse tracks that would go on with, or as, one that has no times."""
     for track in tracks:
         if track.id in archive.ids and (not track.timed or track.id in archive.untimed):
-            raise OptionError(f"track {track.id!r} is in the archive, and one of both has no times; give it another name")
+            raise OptionError(
+                f"track {track.id!r} is in the archive, and one of both has no times; give it another name"
+            )
 
 
 def _led_on(archive: Archive, track: Track, gap: float) -> Track:
@@ -121,25 +127,32 @@ def _led_on(archive: Archive, track: Track, gap: float) -> Track:
     if track.times[0] - end > gap:
         return track
     after = int(np.searchsorted(track.times, end, side="right"))
-    if track.times[0] < end_of(archive, track.id) - SLACK or after == len(track):
+    if track.times[0] < end_of(archive, track.id) - TIME_SLACK or after == len(track):
         raise overlapping(track.id)
-    times, positions = np.append(end, track.times[after:]), np.concatenate([there, track.positions[after:]])
+    times, positions = (
+        np.append(end, track.times[after:]),
+        np.concatenate([there, track.positions[after:]]),
+    )
     return Track(track.id, times, positions, plane=track.plane)
 
 
 def last_knot(archive: Archive, name: str) -> tuple[float, NDArray[np.float64]]:
     """Time and place, shape (1, d), of the last knot of a track."""
-    lattice, frame = archive.lattice, archive.frame
-    walk = lattice.walks[archive.ids.index(name)]
-    return float(knot_times(walk.cells[-1:], frame)[0]), node_positions(lattice, frame)[walk.nodes[-1:]]
+    grid_walks, grid = archive.grid_walks, archive.grid
+    walk = grid_walks.walks[archive.ids.index(name)]
+    return float(knot_times(walk.time_steps[-1:], grid)[0]), node_positions(grid_walks, grid)[
+        walk.nodes[-1:]
+    ]
 
 
 def overlapping(name: str) -> OptionError:
     """Error of a track that begins before the one in the archive ends."""
-    return OptionError(f"track {name!r} overlaps in time with the one in the archive; give it another name, or append in order of time")
+    return OptionError(
+        f"track {name!r} overlaps in time with the one in the archive; give it another name, or append in order of time"
+    )
 
 
-def _report(report: Report, grown: Archive, found: Fit) -> Report:
+def _report(report: Report, grown: Archive, found: ErrorSummary) -> Report:
     """What was done for the new tracks, and how large the archive has become."""
     road_map = grown.road_map
     return replace(
@@ -148,32 +161,42 @@ def _report(report: Report, grown: Archive, found: Fit) -> Report:
     )  # fmt: skip
 
 
-def grown(archive: Archive, on_map: Archive, gap: float, sampling: float | None, extras: tuple[Section, ...]) -> Archive:
+def grown(
+    archive: Archive,
+    on_map: Archive,
+    gap: float,
+    sampling: float | None,
+    extras: tuple[Section, ...],
+) -> Archive:
     """Unite an archive with walks on it; between a walk and what it goes on with, at most ``gap`` seconds are no gap.
 
     ``extras`` are the further sections of the whole; ``sampling`` is about the seconds between samples of what was added.
     """
-    halvings = on_map.contents.map.halvings if on_map.contents.map is not None else 0
-    lattice = join_lattices([refined(archive.lattice, halvings), on_map.lattice])
-    most = gap / quantum(on_map.frame.time)
-    walks = dict(zip(archive.ids, lattice.walks[: len(archive.ids)], strict=True))
-    for name, walk in zip(on_map.ids, lattice.walks[len(archive.ids) :], strict=True):
+    refinements = on_map.contents.map.refinements if on_map.contents.map is not None else 0
+    grid_walks = merge_grid_walks([refined(archive.grid_walks, refinements), on_map.grid_walks])
+    most = gap / step_size(on_map.grid.time)
+    walks = dict(zip(archive.ids, grid_walks.walks[: len(archive.ids)], strict=True))
+    for name, walk in zip(on_map.ids, grid_walks.walks[len(archive.ids) :], strict=True):
         walks[name] = _gone_on(name, walks[name], walk, most) if name in walks else walk
     shapes = {*archive.untimed, *on_map.untimed}
     untimed = frozenset(number for number, name in enumerate(walks) if name in shapes)
     united = new_archive(
-        on_map.frame,
+        on_map.grid,
         tuple(walks),
-        number_by_visit(LatticeWalks(lattice.nodes, tuple(walks.values()), untimed=untimed)),
+        number_by_visit(GridWalks(grid_walks.nodes, tuple(walks.values()), untimed=untimed)),
         layer=archive.contents.layer,
         extras=extras,
         spans=_spans_of_both(archive, on_map, tuple(walks)),
     )
     told = None if archive.sampling is None or sampling is None else max(archive.sampling, sampling)
-    return sampled(promising(united, _weaker(archive.promise, on_map.promise)), told)
+    return with_sampling(
+        with_error_bound(united, _weaker(archive.error_bound, on_map.error_bound)), told
+    )
 
 
-def _spans_of_both(archive: Archive, on_map: Archive, names: Sequence[str]) -> list[NDArray[np.float64]]:
+def _spans_of_both(
+    archive: Archive, on_map: Archive, names: Sequence[str]
+) -> list[NDArray[np.float64]]:
     """Seconds at which the pieces of each track begin and end, in the archive and on its map."""
     both: dict[str, list[NDArray[np.float64]]] = {name: [] for name in names}
     for one in (archive, on_map):
@@ -186,51 +209,86 @@ def completed(options: Options, archive: Archive) -> Options:
     """Options with the bound that the archive promises and the columns that it keeps, where they say nothing."""
     if options.sized:
         raise OptionError("a size can't be asked of what is appended; give rmse or max_error")
-    if not options.bounded and archive.promise is not None:
-        bound = archive.promise.metres
-        options = replace(options, max_error=bound) if archive.promise.maximum else replace(options, rmse=bound)
-        options = options if archive.promise.most is None else replace(options, max_error=archive.promise.most)
-    if archive.kept is None and (options.keep or options.keep_times):
-        raise OptionError("the archive keeps no columns, so that none can be appended; leave out keep")
-    return options if archive.kept is None else replace(options, keep=archive.kept, keep_times=True)
+    if not options.bounded and archive.error_bound is not None:
+        bound = archive.error_bound.metres
+        options = (
+            replace(options, max_error=bound)
+            if archive.error_bound.maximum
+            else replace(options, rmse=bound)
+        )
+        options = (
+            options
+            if archive.error_bound.max_error is None
+            else replace(options, max_error=archive.error_bound.max_error)
+        )
+    if archive.kept_columns is None and (options.keep or options.keep_times):
+        raise OptionError(
+            "the archive keeps no columns, so that none can be appended; leave out keep"
+        )
+    return (
+        options
+        if archive.kept_columns is None
+        else replace(options, keep=archive.kept_columns, keep_times=True)
+    )
 
 
-def _gone_on(name: str, before: LatticeWalk, after: LatticeWalk, most: float) -> LatticeWalk:
+def _gone_on(name: str, before: GridWalk, after: GridWalk, most: float) -> GridWalk:
     """One walk that goes on with another, from the same cell or a later one."""
-    last = int(before.cells[-1])
-    if after.cells[0] < last:
+    last = int(before.time_steps[-1])
+    if after.time_steps[0] < last:
         raise overlapping(name)
-    same = int(after.cells[0] == last)
-    silent = [] if same else [bool(after.cells[0] - last > most)]
-    return LatticeWalk(
+    same = int(after.time_steps[0] == last)
+    silent = [] if same else [bool(after.time_steps[0] - last > most)]
+    return GridWalk(
         np.concatenate([before.nodes, after.nodes[same:]]),
-        np.concatenate([before.cells, after.cells[same:]]),
+        np.concatenate([before.time_steps, after.time_steps[same:]]),
         np.concatenate([before.gaps, np.array(silent, bool), after.gaps]),
     )
 
 
-def _weaker(one: Promise | None, other: Promise | None) -> Promise | None:
+def _weaker(one: ErrorBound | None, other: ErrorBound | None) -> ErrorBound | None:
     """What both keep; a maximum bounds the root mean square, too."""
     if one is None or other is None:
         return None
     larger = one if one.metres >= other.metres else other
-    most = None if one.most is None or other.most is None else max(one, other, key=lambda promise: promise.most or 0.0)
-    both = (0, 0) if most is None else (most.most_digits, most.most_exponent)
-    return replace(larger, maximum=one.maximum and other.maximum, most_digits=both[0], most_exponent=both[1])
+    most = (
+        None
+        if one.max_error is None or other.max_error is None
+        else max(one, other, key=lambda error_bound: error_bound.max_error or 0.0)
+    )
+    both = (0, 0) if most is None else (most.max_digits, most.max_exponent)
+    return replace(
+        larger, maximum=one.maximum and other.maximum, max_digits=both[0], max_exponent=both[1]
+    )
 
 
-def _united_extras(archive: Archive, tracks: Sequence[Track], added: Sequence[str]) -> tuple[Section, ...]:
+def _united_extras(
+    archive: Archive, tracks: Sequence[Track], added: Sequence[str]
+) -> tuple[Section, ...]:
     """Sections of an archive, its kept columns with those of further tracks."""
     ids = tuple(dict.fromkeys([*archive.ids, *added]))
-    others = tuple(section for section in archive.contents.extras if section.kind != Kind.ATTRIBUTES)
-    if archive.kept is None:
+    others = tuple(
+        section for section in archive.contents.extras if section.kind != SectionKind.ATTRIBUTES
+    )
+    if archive.kept_columns is None:
         return others
     number = {name: i for i, name in enumerate(ids)}
-    rows = [(number[name], archive.sample_times(name), archive.attributes(name)) for name in archive.ids]
+    rows = [
+        (number[name], archive.sample_times(name), archive.attributes(name)) for name in archive.ids
+    ]
     rows += [(number[track.id], track.times, track.attributes) for track in tracks]
     # a stable sort keeps what was there before what goes on
     rows.sort(key=lambda row: row[0])
-    counts = np.bincount([owner for owner, _, _ in rows], [len(times) for _, times, _ in rows], len(ids)).astype(int)
-    columns = {name: np.concatenate([values[name] for _, _, values in rows]) for name in archive.kept}
-    body = attributes_body(Kept(tuple(counts.tolist()), np.concatenate([times for _, times, _ in rows]), columns))
-    return (*others, Section(Kind.ATTRIBUTES, body))
+    counts = np.bincount(
+        [owner for owner, _, _ in rows], [len(times) for _, times, _ in rows], len(ids)
+    ).astype(int)
+    columns = {
+        name: np.concatenate([values[name] for _, _, values in rows])
+        for name in archive.kept_columns
+    }
+    body = encode_attributes(
+        KeptColumns(
+            tuple(counts.tolist()), np.concatenate([times for _, times, _ in rows]), columns
+        )
+    )
+    return (*others, Section(SectionKind.ATTRIBUTES, body))

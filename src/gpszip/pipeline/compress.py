@@ -11,20 +11,29 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.archive import Archive, new_archive, open_archive, promising, sampled
-from gpszip.container.attributes import Kept, attributes_body
+from gpszip.archive import Archive, new_archive, open_archive, with_error_bound, with_sampling
+from gpszip.container.attributes import KeptColumns, encode_attributes
 from gpszip.container.contents import Section
-from gpszip.container.layout import Kind
+from gpszip.container.layout import SectionKind
 from gpszip.errors import BoundError, OptionError
-from gpszip.model import Frame, LatticeWalk, LatticeWalks, Listener, Options, Progress, Report, Track
-from gpszip.model.frame import quantum, refined_frame
-from gpszip.model.promise import Promise, promise_of, promise_of_both
+from gpszip.model import (
+    GridWalk,
+    GridWalks,
+    Listener,
+    Options,
+    Progress,
+    QuantisationGrid,
+    Report,
+    Track,
+)
+from gpszip.model.error_bound import ErrorBound, rounded_bound, rounded_bounds
+from gpszip.model.grid import refined_grid, step_size
 from gpszip.pipeline.validate import check_names, checked, laid_on
-from gpszip.run.executor import Executor, local
+from gpszip.run.executor import Executor, local_executor
 
 if TYPE_CHECKING:
     from gpszip.pipeline.size_search import Try
-    from gpszip.walks.error import Fit
+    from gpszip.walks.error import ErrorSummary
 
 __all__ = [
     "MAXIMUM_OF_RMSE",
@@ -88,10 +97,11 @@ class _Job:
     @property
     def spans(self) -> list[NDArray[np.float64]]:
         """Times of first and last sample of each run between gaps, for each track."""
-        from gpszip.geo.gaps import sample_spans
+        from gpszip.geo.gaps import piece_time_ranges
 
         return [
-            sample_spans(track.times, gap) if track.timed else np.zeros((0, 2)) for track, gap in zip(self.tracks, self.gaps, strict=True)
+            piece_time_ranges(track.times, gap) if track.timed else np.zeros((0, 2))
+            for track, gap in zip(self.tracks, self.gaps, strict=True)
         ]
 
     @property
@@ -123,9 +133,9 @@ class _Job:
 class _Learned:
     """Walks on a lattice, which may be that of a known map with its quanta halved so many times."""
 
-    frame: Frame
-    lattice: LatticeWalks
-    halvings: int = 0
+    grid: QuantisationGrid
+    grid_walks: GridWalks
+    refinements: int = 0
 
 
 def compress(
@@ -173,16 +183,31 @@ def compress(
     BoundError
         If the bound can't be held, or no archive is as small as it should be.
     """
-    from gpszip.run import executor_of
+    from gpszip.run import resolve_executor
 
     start = time.perf_counter()
     options = options or Options()
     whole = checked(tracks) if map is None else laid_on(map, checked(tracks), options)
     gap, gaps = gaps_of(whole, options.gap)
     numbers = sum(8 * (1 + track.dimension) * len(track) for track in whole)
-    options, notes = _bounded(whole, gaps, in_bytes(options, numbers if bytes_in is None else bytes_in))
-    job = _Job(whole, gaps, options, executor_of(executor), progress, kept(whole, options), map, sampling_of(whole, gaps))
-    archive, fit = _within_size(job, options.size) if options.size is not None else _finished(options, *_within_bound(job))
+    options, notes = _bounded(
+        whole, gaps, in_bytes(options, numbers if bytes_in is None else bytes_in)
+    )
+    job = _Job(
+        whole,
+        gaps,
+        options,
+        resolve_executor(executor),
+        progress,
+        kept(whole, options),
+        map,
+        sampling_of(whole, gaps),
+    )
+    archive, fit = (
+        _within_size(job, options.size)
+        if options.size is not None
+        else _finished(options, *_within_bound(job))
+    )
     notes += off_map(archive, map) + shapes_named(whole)
     if not options.times and any(track.timed for track in whole):
         notes += (NO_TIMES,)
@@ -195,8 +220,12 @@ def shapes_named(tracks: Sequence[Track]) -> tuple[str, ...]:
     if not names:
         return ()
     if len(names) == len(tracks):
-        return ("no times in the log: shapes are kept, and errors are distances at equal shares of the way",)
-    shown = ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED:,} more" if len(names) > _NAMED else "")
+        return (
+            "no times in the log: shapes are kept, and errors are distances at equal shares of the way",
+        )
+    shown = ", ".join(names[:_NAMED]) + (
+        f" and {len(names) - _NAMED:,} more" if len(names) > _NAMED else ""
+    )
     return (f"without times, kept as shapes: {shown}",)
 
 
@@ -205,35 +234,45 @@ def off_map(archive: Archive, map: Archive | None) -> tuple[str, ...]:
     if map is None:
         return ()
     if archive.map is None:
-        return ("the map's lattice is too coarse for the bound: the archive holds a map of its own",)
-    ways = archive.new_ways
+        return (
+            "the map's lattice is too coarse for the bound: the archive holds a map of its own",
+        )
+    ways = archive.off_map_lines
     length = sum(float(np.sqrt((np.diff(way, axis=0) ** 2).sum(axis=1)).sum()) for way in ways)
     return (f"{len(ways):,} stretches lie off the map, {length:,.0f} m in all",) if ways else ()
 
 
-def gaps_of(tracks: Sequence[Track], gap: float | None) -> tuple[float, tuple[NDArray[np.bool_], ...]]:
+def gaps_of(
+    tracks: Sequence[Track], gap: float | None
+) -> tuple[float, tuple[NDArray[np.bool_], ...]]:
     """Seconds above which a step is a gap, and the steps of each track that are."""
-    from gpszip.geo.gaps import estimate_gap, silences
+    from gpszip.geo.gaps import estimate_gap, find_gaps
 
     length = estimate_gap([track for track in tracks if track.timed]) if gap is None else gap
-    return length, tuple(silences(track, length if track.timed else math.inf) for track in tracks)
+    return length, tuple(find_gaps(track, length if track.timed else math.inf) for track in tracks)
 
 
 def sampling_of(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> float | None:
     """About the seconds between two samples of the tracks that have times."""
-    from gpszip.geo.sampling import sampling_step
+    from gpszip.geo.sampling import sampling_interval
 
     timed = [(track, gap) for track, gap in zip(tracks, gaps, strict=True) if track.timed]
-    return sampling_step([track for track, _ in timed], [gap for _, gap in timed]) if timed else None
+    return (
+        sampling_interval([track for track, _ in timed], [gap for _, gap in timed])
+        if timed
+        else None
+    )
 
 
-def _bounded(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], options: Options) -> tuple[Options, tuple[str, ...]]:
+def _bounded(
+    tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], options: Options
+) -> tuple[Options, tuple[str, ...]]:
     """Options that have a bound, unless the number of parts stands for one."""
-    from gpszip.mapping.noise import sensible_rmse
+    from gpszip.mapping.noise import suggest_rmse
 
     if options.bounded or options.sized or options.thesis:
         return options, ()
-    return estimated(options, sensible_rmse(tracks, gaps), "the log")
+    return estimated(options, suggest_rmse(tracks, gaps), "the log")
 
 
 def estimated(options: Options, rmse: float, source: str) -> tuple[Options, tuple[str, ...]]:
@@ -250,44 +289,62 @@ def kept(tracks: Sequence[Track], options: Options) -> tuple[Section, ...]:
     check_names(options.keep, geographic=tracks[0].plane is not None)
     shape = next((track for track in tracks if not track.timed), None)
     if shape is not None:
-        raise OptionError(f"track {shape.id!r} has no times, by which columns are kept; leave out --keep and --keep-times (keep)")
+        raise OptionError(
+            f"track {shape.id!r} has no times, by which columns are kept; leave out --keep and --keep-times (keep)"
+        )
     for name in options.keep:
         lacking = next((track for track in tracks if name not in track.attributes), None)
         if lacking is not None:
             there = ", ".join(lacking.attributes) or "none; name it when reading: keep"
-            raise OptionError(f"track {lacking.id!r} has no column {name!r} to keep; it has {there}")
-    columns = {name: np.concatenate([track.attributes[name] for track in tracks]) for name in options.keep}
-    kept = Kept(tuple(map(len, tracks)), np.concatenate([track.times for track in tracks]), columns)
-    return (Section(Kind.ATTRIBUTES, attributes_body(kept)),)
+            raise OptionError(
+                f"track {lacking.id!r} has no column {name!r} to keep; it has {there}"
+            )
+    columns = {
+        name: np.concatenate([track.attributes[name] for track in tracks]) for name in options.keep
+    }
+    kept = KeptColumns(
+        tuple(map(len, tracks)), np.concatenate([track.times for track in tracks]), columns
+    )
+    return (Section(SectionKind.ATTRIBUTES, encode_attributes(kept)),)
 
 
 def without_times(archive: Archive) -> Archive:
     """Return an archive of the shapes alone, once their error has been measured."""
     from gpszip.codec.walks import number_by_visit
-    from gpszip.walks.cut_ends import cut_at_ends
+    from gpszip.walks.cut_ends import trim_walks
     from gpszip.walks.quantised import node_positions
 
     # shapes end where their tracks do, not at a knot well behind
-    frame, step = archive.frame, quantum(archive.frame.space)
-    nodes, cut = cut_at_ends(node_positions(archive.lattice, frame), archive.walks, _BEYOND * step)
-    new = np.rint((nodes[len(archive.lattice.nodes) :] - np.array(frame.origin) / 1000) / step).astype(np.int64)
+    grid, step = archive.grid, step_size(archive.grid.space)
+    nodes, cut = trim_walks(node_positions(archive.grid_walks, grid), archive.walks, _BEYOND * step)
+    new = np.rint(
+        (nodes[len(archive.grid_walks.nodes) :] - np.array(grid.origin) / 1000) / step
+    ).astype(np.int64)
 
-    walks = tuple(LatticeWalk(walk.nodes, np.zeros(len(walk.nodes), np.int64), walk.gaps) for walk in cut)
-    lattice = number_by_visit(LatticeWalks(np.concatenate([archive.lattice.nodes, new]), walks, timed=False))
-    return new_archive(frame, archive.ids, lattice, layer=archive.contents.layer)
+    walks = tuple(
+        GridWalk(walk.nodes, np.zeros(len(walk.nodes), np.int64), walk.gaps) for walk in cut
+    )
+    grid_walks = number_by_visit(
+        GridWalks(np.concatenate([archive.grid_walks.nodes, new]), walks, timed=False)
+    )
+    return new_archive(grid, archive.ids, grid_walks, layer=archive.contents.layer)
 
 
 def in_bytes(options: Options, whole: int) -> Options:
     """Options that say in bytes what they said as a ratio to so many bytes."""
-    return options if options.ratio is None else replace(options, ratio=None, size=max(int(whole / options.ratio), 1))
+    return (
+        options
+        if options.ratio is None
+        else replace(options, ratio=None, size=max(int(whole / options.ratio), 1))
+    )
 
 
-def _within_size(job: _Job, size: int) -> tuple[Archive, Fit]:
+def _within_size(job: _Job, size: int) -> tuple[Archive, ErrorSummary]:
     """Look for the smallest RMSE whose archive takes at most so many bytes."""
-    from gpszip.mapping.noise import extent_rmse, sensible_rmse
+    from gpszip.mapping.noise import extent_rmse, suggest_rmse
     from gpszip.pipeline.size_search import Try, smallest_error
 
-    def attempt(rmse: float, effort: int) -> Try[tuple[Archive, Fit]] | None:
+    def attempt(rmse: float, effort: int) -> Try[tuple[Archive, ErrorSummary]] | None:
         aim = replace(job.options, size=None, rmse=rmse, effort=effort)
         try:
             archive, fit = _finished(aim, *_within_bound(replace(job, options=aim)))
@@ -295,19 +352,25 @@ def _within_size(job: _Job, size: int) -> tuple[Archive, Fit]:
             return None
         return Try(len(archive.to_bytes()), fit.rmse, (archive, fit))
 
-    first, coarsest = sensible_rmse(job.tracks, job.gaps), 2 * extent_rmse(job.tracks)
-    found, smallest = smallest_error(attempt, size, first=first, coarsest=coarsest, effort=job.options.effort)
+    first, coarsest = suggest_rmse(job.tracks, job.gaps), 2 * extent_rmse(job.tracks)
+    found, smallest = smallest_error(
+        attempt, size, first=first, coarsest=coarsest, effort=job.options.effort
+    )
     if found is None:
-        raise BoundError(f"{size:,} bytes are too few for this log: the smallest archive takes {smallest:,}; allow as many")
+        raise BoundError(
+            f"{size:,} bytes are too few for this log: the smallest archive takes {smallest:,}; allow as many"
+        )
     return found.made
 
 
-def _finished(options: Options, archive: Archive, fit: Fit) -> tuple[Archive, Fit]:
+def _finished(
+    options: Options, archive: Archive, fit: ErrorSummary
+) -> tuple[Archive, ErrorSummary]:
     """Leave out of a measured archive what is not to be kept."""
     return (archive if options.times or not archive.timed else without_times(archive)), fit
 
 
-def _within_bound(job: _Job) -> tuple[Archive, Fit]:
+def _within_bound(job: _Job) -> tuple[Archive, ErrorSummary]:
     """Learn, write, read back and measure, until the bound is held."""
     target: Options | None = job.aim
     failures = 0
@@ -315,7 +378,11 @@ def _within_bound(job: _Job) -> tuple[Archive, Fit]:
         learned = _learned(job, target)
         if learned is None:
             failures += 1
-            target = _tightened(target, 1.0 + 0.1 * failures, job.options) if failures < _FAILURES else None
+            target = (
+                _tightened(target, 1.0 + 0.1 * failures, job.options)
+                if failures < _FAILURES
+                else None
+            )
             continue
         archive, fit = _written(job, learned)
         if holds(fit, job.aim):
@@ -326,10 +393,10 @@ def _within_bound(job: _Job) -> tuple[Archive, Fit]:
     return _last_resort(job)
 
 
-def _last_resort(job: _Job) -> tuple[Archive, Fit]:
+def _last_resort(job: _Job) -> tuple[Archive, ErrorSummary]:
     """Keep every sample, unless the user has said how many parts there are to be."""
     from gpszip.mapping.verbatim import keep_samples
-    from gpszip.walks.shapes import paced
+    from gpszip.walks.shapes import with_synthetic_times
 
     if job.map is not None:
         return _within_bound(replace(job, map=None))
@@ -337,40 +404,52 @@ def _last_resort(job: _Job) -> tuple[Archive, Fit]:
     bounds = [bound for bound in (aim.rmse, aim.max_error) if bound is not None]
     if job.options.k is None and bounds:
         for share in _VERBATIM_SHARES if job.untimed else (1.0,):
-            archive, fit = _written(job, _Learned(*keep_samples(paced(job.tracks, job.gaps), job.gaps, share * min(bounds))))
+            archive, fit = _written(
+                job,
+                _Learned(
+                    *keep_samples(
+                        with_synthetic_times(job.tracks, job.gaps), job.gaps, share * min(bounds)
+                    )
+                ),
+            )
             if holds(fit, aim):
                 return archive, fit
-    raise BoundError(f"{_bound(job.options)} can't be held; allow a larger error" + (", or more parts" if job.options.k else ""))
+    raise BoundError(
+        f"{_bound(job.options)} can't be held; allow a larger error"
+        + (", or more parts" if job.options.k else "")
+    )
 
 
-def _written(job: _Job, learned: _Learned) -> tuple[Archive, Fit]:
-    from gpszip.walks.shapes import without_cells
+def _written(job: _Job, learned: _Learned) -> tuple[Archive, ErrorSummary]:
+    from gpszip.walks.shapes import drop_time_steps
 
     others = job.map is not None or len(job.untimed) < len(job.tracks)
-    lattice = without_cells(learned.lattice, job.untimed, others=others)
+    grid_walks = drop_time_steps(learned.grid_walks, job.untimed, others=others)
     made = new_archive(
-        learned.frame, job.ids, lattice, layer=job.options.layer, extras=job.extras, on=job.map, halvings=learned.halvings,
-        executor=local(job.executor), spans=job.spans, step=job.step,
+        learned.grid, job.ids, grid_walks, layer=job.options.layer, extras=job.extras, known_map=job.map, refinements=learned.refinements,
+        executor=local_executor(job.executor), spans=job.spans, step=job.step,
     )  # fmt: skip
     job.tell("measure", 0.0)
     archive = open_archive(made.to_bytes(), job.map)
     fit = _measured(job.tracks, archive)
     job.tell("measure", 1.0)
-    return sampled(promising(archive, promised(job.options, fit)), job.sampling), fit
+    return with_sampling(with_error_bound(archive, promised(job.options, fit)), job.sampling), fit
 
 
-def promised(options: Options, fit: Fit) -> Promise | None:
+def promised(options: Options, fit: ErrorSummary) -> ErrorBound | None:
     """The bound that was asked for; where none was, the error that was reached. Nothing where that is not (yet) kept."""
     if options.bounded and not holds(fit, options):
         return None
-    return asked(options) if options.bounded else promise_of(fit.rmse, maximum=False)
+    return asked(options) if options.bounded else rounded_bound(fit.rmse, maximum=False)
 
 
-def asked(options: Options) -> Promise | None:
+def asked(options: Options) -> ErrorBound | None:
     """The bound that was asked for, as a promise."""
     if options.rmse is not None and options.max_error is not None:
-        return promise_of_both(options.rmse, options.max_error)
-    return promise_of(options.max_error or options.rmse or 0.0, maximum=options.max_error is not None)
+        return rounded_bounds(options.rmse, options.max_error)
+    return rounded_bound(
+        options.max_error or options.rmse or 0.0, maximum=options.max_error is not None
+    )
 
 
 def _learned(job: _Job, target: Options) -> _Learned | None:
@@ -378,7 +457,11 @@ def _learned(job: _Job, target: Options) -> _Learned | None:
     if target.thesis:
         from gpszip.mapping import independent
 
-        return _Learned(*independent.learn(tracks, gaps, target, executor=job.executor, progress=job.listener))
+        return _Learned(
+            *independent.learn_map(
+                tracks, gaps, target, executor=job.executor, progress=job.listener
+            )
+        )
     from gpszip.mapping import on_known_map as known
     from gpszip.mapping import search as connected
 
@@ -391,54 +474,60 @@ def _learned(job: _Job, target: Options) -> _Learned | None:
         "rmse": target.rmse, "max_error": target.max_error, "effort": target.effort, "executor": job.executor, "progress": tell,
     }  # fmt: skip
     if job.map is None:
-        found = _mended(job, connected.learn(tracks, gaps, **how), target)
+        found = _mended(job, connected.learn_map(tracks, gaps, **how), target)
         return None if found is None else _Learned(*found)
-    halvings = known.halvings(job.map.frame, target.rmse, target.max_error)
-    frame = refined_frame(job.map.frame, halvings)
-    lattice = known.learn_on(job.map.past(halvings), frame, tracks, gaps, **how)
-    return None if lattice is None else _Learned(frame, lattice, halvings)
+    refinements = known.needed_refinements(job.map.grid, target.rmse, target.max_error)
+    grid = refined_grid(job.map.grid, refinements)
+    grid_walks = known.learn_on(job.map.prior(refinements), grid, tracks, gaps, **how)
+    return None if grid_walks is None else _Learned(grid, grid_walks, refinements)
 
 
 def _samples(job: _Job) -> tuple[tuple[Track, ...], tuple[NDArray[np.bool_], ...]]:
     """What is learnt from: all samples, or few with weights."""
-    from gpszip.walks.shapes import paced
+    from gpszip.walks.shapes import with_synthetic_times
 
-    tracks = paced(job.tracks, job.gaps)
+    tracks = with_synthetic_times(job.tracks, job.gaps)
     if job.options.coreset is None:
         return tracks, job.gaps
-    from gpszip.mapping.thinning import thin_out
+    from gpszip.mapping.thinning import reduce_to_coreset
 
-    return thin_out(tracks, job.gaps, job.options.coreset)
+    return reduce_to_coreset(tracks, job.gaps, job.options.coreset)
 
 
-def _mended(job: _Job, found: tuple[Frame, LatticeWalks] | None, target: Options) -> tuple[Frame, LatticeWalks] | None:
+def _mended(
+    job: _Job, found: tuple[QuantisationGrid, GridWalks] | None, target: Options
+) -> tuple[QuantisationGrid, GridWalks] | None:
     """What was learnt from a coreset, so that the samples that it lacks keep the maximum, too."""
     if found is None or job.options.coreset is None or target.max_error is None:
         return found
-    from gpszip.mapping.max_error import mend
-    from gpszip.walks.shapes import paced
+    from gpszip.mapping.max_error import enforce_max_error
+    from gpszip.walks.shapes import with_synthetic_times
 
-    return mend(paced(job.tracks, job.gaps), *found, target.max_error)
+    return enforce_max_error(with_synthetic_times(job.tracks, job.gaps), *found, target.max_error)
 
 
-def measure(tracks: Sequence[Track], archive: Archive) -> Fit:
+def measure(tracks: Sequence[Track], archive: Archive) -> ErrorSummary:
     """Decode an archive's bytes and compare the walks of these tracks with every sample."""
     return _measured(tracks, open_archive(archive.to_bytes(), archive.map))
 
 
-def _measured(tracks: Sequence[Track], archive: Archive) -> Fit:
-    from gpszip.walks.error import fit
+def _measured(tracks: Sequence[Track], archive: Archive) -> ErrorSummary:
+    from gpszip.walks.error import measure_errors
     from gpszip.walks.quantised import node_positions
 
-    return fit(tracks, [archive.walk(track.id) for track in tracks], node_positions(archive.lattice, archive.frame))
+    return measure_errors(
+        tracks,
+        [archive.walk(track.id) for track in tracks],
+        node_positions(archive.grid_walks, archive.grid),
+    )
 
 
-def holds(fit: Fit, options: Options) -> bool:
+def holds(fit: ErrorSummary, options: Options) -> bool:
     """Whether what was measured is within the bound, and every sample has a position."""
     return _excess(fit, options) <= 1 + _ROUNDING
 
 
-def _excess(fit: Fit, options: Options) -> float:
+def _excess(fit: ErrorSummary, options: Options) -> float:
     """What was reached as a multiple of what was asked for; 0 where nothing was, infinite where a sample has no position."""
     if fit.uncovered:
         return math.inf
@@ -457,15 +546,24 @@ def _bound(options: Options) -> str:
     if options.size is not None:
         return f"size <= {options.size} bytes"
     bounds = {"RMSE": options.rmse, "maximum": options.max_error}
-    return ", ".join(f"{name} <= {bound:g} m" for name, bound in bounds.items() if bound is not None)
+    return ", ".join(
+        f"{name} <= {bound:g} m" for name, bound in bounds.items() if bound is not None
+    )
 
 
-def report_on(archive: Archive, fit: Fit, options: Options, notes: tuple[str, ...], gap: float, seconds: float) -> Report:
+def report_on(
+    archive: Archive,
+    fit: ErrorSummary,
+    options: Options,
+    notes: tuple[str, ...],
+    gap: float,
+    seconds: float,
+) -> Report:
     """What was done, found and measured."""
     return Report(
         points=fit.points,
         tracks=len(archive.ids),
-        parts=sum(len(walk.gaps) for walk in archive.lattice.walks),
+        segments=sum(len(walk.gaps) for walk in archive.grid_walks.walks),
         nodes=len(archive.road_map.nodes),
         edges=len(archive.road_map.edges),
         bytes_out=archive.size,

@@ -12,27 +12,36 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.archive import Archive, keeping, new_archive, promising, sampled
-from gpszip.codec.prior import Past
+from gpszip.archive import Archive, new_archive, with_error_bound, with_sampling, with_sections
+from gpszip.codec.prior import Prior
 from gpszip.codec.walks import number_by_visit
 from gpszip.container.contents import Section
 from gpszip.errors import BoundError, OptionError
-from gpszip.geo.gaps import estimate_gap, sample_spans, silences
-from gpszip.geo.sampling import sampling_step
+from gpszip.geo.gaps import estimate_gap, find_gaps, piece_time_ranges
+from gpszip.geo.sampling import sampling_interval
 from gpszip.io.large.store import StoredLog, StoredTrack, count_rows, store_logs
-from gpszip.mapping.search import RMSE_OF_MAXIMUM
-from gpszip.model import LatticeWalks, Listener, Options, Progress, Reading, Report, Track
-from gpszip.model.frame import refined_frame
-from gpszip.pipeline.compress import NO_TIMES, estimated, holds, in_bytes, off_map, promised, report_on, without_times
+from gpszip.mapping.search import RMSE_PER_MAX_ERROR
+from gpszip.model import GridWalks, Listener, Options, Progress, ReadResult, Report, Track
+from gpszip.model.grid import refined_grid
+from gpszip.pipeline.compress import (
+    NO_TIMES,
+    estimated,
+    holds,
+    in_bytes,
+    off_map,
+    promised,
+    report_on,
+    without_times,
+)
 from gpszip.pipeline.encode_batches import SHARES, Ground, Samples, lay
 from gpszip.pipeline.kept_columns import kept_of
 from gpszip.pipeline.measure import measured
 from gpszip.pipeline.slices import Stretch, cut_stretches, gather
 from gpszip.pipeline.time_step import coarsened
 from gpszip.pipeline.validate import check_map
-from gpszip.run.executor import Executor, local
+from gpszip.run.executor import Executor, local_executor
 from gpszip.run.threads import Threads
-from gpszip.walks.error import Fit
+from gpszip.walks.error import ErrorSummary
 
 __all__ = ["Job", "check_memory", "compress_large", "fits", "ground_on", "stored"]
 
@@ -89,19 +98,34 @@ class Job:
     @cached_property
     def step(self) -> float:
         """Seconds between two samples of the part of the excerpt that has the most; 0 where none has two."""
-        return min((float(np.median(np.diff(track.times))) for track in self.excerpt if len(track) > 1), default=0.0)
+        return min(
+            (float(np.median(np.diff(track.times))) for track in self.excerpt if len(track) > 1),
+            default=0.0,
+        )
 
-    def lay(self, log: Samples, ground: Ground) -> LatticeWalks:
+    def lay(self, log: Samples, ground: Ground) -> GridWalks:
         """Walks of all tracks, over the nodes that are known and then others."""
-        return lay(log, ground, self._batches(log), self.executor, lambda done: self.tell(Progress("encode", done)))
+        return lay(
+            log,
+            ground,
+            self._batches(log),
+            self.executor,
+            lambda done: self.tell(Progress("encode", done)),
+        )
 
     def coarsened(self, ground: Ground) -> Ground:
         """The ground with the lattice of times that suits the whole log."""
         return coarsened(self.log, ground, self._batches(self.log), self.executor)
 
-    def measure(self, archive: Archive) -> Fit:
+    def measure(self, archive: Archive) -> ErrorSummary:
         """Error of an archive at all samples."""
-        return measured(self.log, archive, self._batches(self.log), self.executor, lambda done: self.tell(Progress("measure", done)))
+        return measured(
+            self.log,
+            archive,
+            self._batches(self.log),
+            self.executor,
+            lambda done: self.tell(Progress("measure", done)),
+        )
 
     def _batches(self, log: Samples) -> list[list[Stretch]]:
         return gather(cut_stretches([track.count for track in log.tracks], self.batch), self.batch)
@@ -113,7 +137,7 @@ def _spans(log: StoredLog, track: StoredTrack, gap: float) -> NDArray[np.float64
     for first in range(0, track.count, _BLOCK):
         # the last sample of the block before tells whether the step between the blocks is a gap
         block = log.read(track, max(first - 1, 0), min(first + _BLOCK, track.count))
-        own = sample_spans(block.times, silences(block, gap))
+        own = piece_time_ranges(block.times, find_gaps(block, gap))
         if runs:
             runs[-1][-1, 1] = own[0, 1]
             own = own[1:]
@@ -135,7 +159,7 @@ def compress_large(
     executor: Executor | None = None,
     progress: Listener | None = None,
     **reading: Any,
-) -> tuple[Archive, Report, Reading]:
+) -> tuple[Archive, Report, ReadResult]:
     """Compress logs of any size in bounded memory.
 
     The first pass sorts all samples by track and time into a temporary file. From an excerpt of whole stretches, evenly
@@ -175,29 +199,51 @@ def compress_large(
     start = time.perf_counter()
     check_memory(memory)
     _check(options)
-    with stored(sources, options, memory, map, executor, progress or (lambda _event: None), **reading) as job:
+    with stored(
+        sources, options, memory, map, executor, progress or (lambda _event: None), **reading
+    ) as job:
         kept = kept_of(job.log, options)
-        archive, found = _within_bound(job, kept) if job.options.size is None else _within_size(job, kept, job.options.size)
+        archive, found = (
+            _within_bound(job, kept)
+            if job.options.size is None
+            else _within_size(job, kept, job.options.size)
+        )
         notes = (*job.notes, *off_map(archive, map), *(() if options.times else (NO_TIMES,)))
-        return archive, report_on(archive, found, job.options, notes, job.gap, time.perf_counter() - start), job.log.reading
+        return (
+            archive,
+            report_on(archive, found, job.options, notes, job.gap, time.perf_counter() - start),
+            job.log.read_result,
+        )
 
 
 @contextmanager
 def stored(
-    sources: Any, options: Options, memory: int, map: Archive | None, executor: Executor | None, tell: Listener, **reading: Any
+    sources: Any,
+    options: Options,
+    memory: int,
+    map: Archive | None,
+    executor: Executor | None,
+    tell: Listener,
+    **reading: Any,
 ) -> Iterator[Job]:
     """Sort a log into a temporary file, on the plane of a map if there is one, and see what kind of log it is."""
     room = memory - _PROGRAM
     rows = room // (_SORTED + _SORTED_COLUMN * len(options.keep))
     tell(Progress("read", 0.0))
-    with store_logs(sources, rows=rows, keep=options.keep, plane=None if map is None else map.frame.plane, **reading) as log:
+    with store_logs(
+        sources,
+        rows=rows,
+        keep=options.keep,
+        plane=None if map is None else map.grid.plane,
+        **reading,
+    ) as log:
         tell(Progress("read", 1.0))
         if map is not None:
             check_map(map, log.dimension, log.plane, options)
         excerpt = _excerpt(log, min(room // _LEARNT, _EXCERPT))
         gap = estimate_gap(excerpt) if options.gap is None else options.gap
-        sampling = sampling_step(excerpt, [silences(track, gap) for track in excerpt])
-        options, notes = _bounded(excerpt, gap, in_bytes(options, log.reading.bytes))
+        sampling = sampling_interval(excerpt, [find_gaps(track, gap) for track in excerpt])
+        options, notes = _bounded(excerpt, gap, in_bytes(options, log.read_result.bytes))
         batch = max(min(_BATCH, room // (_LAID * _AT_ONCE)), 5000)
         workers = executor or Threads()
         if isinstance(workers, Threads):
@@ -205,16 +251,18 @@ def stored(
         yield Job(log, excerpt, gap, sampling, options, notes, batch, workers, tell, map)
 
 
-def _within_size(job: Job, kept: Sequence[Section], size: int) -> tuple[Archive, Fit]:
+def _within_size(job: Job, kept: Sequence[Section], size: int) -> tuple[Archive, ErrorSummary]:
     """Look for the smallest RMSE whose archive takes at most so many bytes; the log stays sorted between one try and the next."""
-    from gpszip.mapping.noise import extent_rmse, sensible_rmse
+    from gpszip.mapping.noise import extent_rmse, suggest_rmse
     from gpszip.pipeline.size_search import Try, smallest_error
 
     beside = sum(len(section.body) for section in kept)
     if size <= beside:
-        raise BoundError(f"{size:,} bytes are too few for this log: the columns kept alone take {beside:,}; allow more, or keep less")
+        raise BoundError(
+            f"{size:,} bytes are too few for this log: the columns kept alone take {beside:,}; allow more, or keep less"
+        )
 
-    def attempt(rmse: float, effort: int) -> Try[tuple[Archive, Fit]] | None:
+    def attempt(rmse: float, effort: int) -> Try[tuple[Archive, ErrorSummary]] | None:
         aim = replace(job, options=replace(job.options, size=None, rmse=rmse, effort=effort))
         try:
             archive, found = _within_bound(aim, kept)
@@ -222,16 +270,26 @@ def _within_size(job: Job, kept: Sequence[Section], size: int) -> tuple[Archive,
             return None
         return Try(archive.size - beside, found.rmse, (archive, found))
 
-    first = sensible_rmse(job.excerpt, [silences(track, job.gap) for track in job.excerpt])
-    best, smallest = smallest_error(attempt, size - beside, first=first, coarsest=2 * extent_rmse(job.excerpt), effort=job.options.effort)
+    first = suggest_rmse(job.excerpt, [find_gaps(track, job.gap) for track in job.excerpt])
+    best, smallest = smallest_error(
+        attempt,
+        size - beside,
+        first=first,
+        coarsest=2 * extent_rmse(job.excerpt),
+        effort=job.options.effort,
+    )
     if best is None:
-        raise BoundError(f"{size:,} bytes are too few for this log: the smallest archive takes {smallest + beside:,}; allow as many")
+        raise BoundError(
+            f"{size:,} bytes are too few for this log: the smallest archive takes {smallest + beside:,}; allow as many"
+        )
     return best.made
 
 
-def _within_bound(job: Job, kept: Sequence[Section]) -> tuple[Archive, Fit]:
+def _within_bound(job: Job, kept: Sequence[Section]) -> tuple[Archive, ErrorSummary]:
     """Lay, write and measure, until the bound is held."""
-    failure = BoundError("the bound can't be held batch by batch; allow a larger error, or more memory")
+    failure = BoundError(
+        "the bound can't be held batch by batch; allow a larger error, or more memory"
+    )
     for ground in _grounds(job):
         try:
             archive, found = _laid(job, ground)
@@ -260,19 +318,23 @@ def _grounds(job: Job) -> Iterator[Ground]:
             yield learned
 
 
-def _finished(job: Job, archive: Archive, found: Fit, kept: Sequence[Section]) -> Archive:
+def _finished(job: Job, archive: Archive, found: ErrorSummary, kept: Sequence[Section]) -> Archive:
     """The archive with what belongs into it besides walks, or without times."""
     if not job.options.times:
         return without_times(archive)
-    return sampled(promising(keeping(archive, kept), promised(job.options, found)), job.sampling)
+    return with_sampling(
+        with_error_bound(with_sections(archive, kept), promised(job.options, found)), job.sampling
+    )
 
 
 def ground_on(map: Archive, job: Job, options: Options) -> Ground:
     """The walks of a map, on which a log is laid."""
-    from gpszip.mapping.on_known_map import halvings
+    from gpszip.mapping.on_known_map import needed_refinements
 
-    times = halvings(map.frame, options.rmse, options.max_error)
-    return Ground(refined_frame(map.frame, times), map.past(times), job.gap, options, times, job.share)
+    times = needed_refinements(map.grid, options.rmse, options.max_error)
+    return Ground(
+        refined_grid(map.grid, times), map.prior(times), job.gap, options, times, job.share
+    )
 
 
 def _check(options: Options) -> None:
@@ -286,12 +348,16 @@ def _check(options: Options) -> None:
 def check_memory(memory: int) -> None:
     """Refuse to work in next to nothing."""
     if memory < _PROGRAM + (100 << 20):
-        raise OptionError(f"{memory / 2**20:.0f} MiB are too little memory to work in; give at least {(_PROGRAM >> 20) + 100} MiB")
+        raise OptionError(
+            f"{memory / 2**20:.0f} MiB are too little memory to work in; give at least {(_PROGRAM >> 20) + 100} MiB"
+        )
 
 
 def _excerpt(log: StoredLog, samples: int) -> list[Track]:
     """Stretches evenly spread over the log, and the one that begins first, of about so many samples in all."""
-    stretches = cut_stretches([track.count for track in log.tracks], max(min(_BATCH, samples // 4), 1000))
+    stretches = cut_stretches(
+        [track.count for track in log.tracks], max(min(_BATCH, samples // 4), 1000)
+    )
     earliest = min(range(len(log.tracks)), key=lambda i: log.read(log.tracks[i], 0, 1).times[0])
     first = next(one for one in stretches if one.track == earliest)
     total = sum(one.end - one.begin for one in stretches)
@@ -302,35 +368,44 @@ def _excerpt(log: StoredLog, samples: int) -> list[Track]:
         if one is first or taken + (one.end - one.begin) / 2 <= min(samples / total, 1.0) * reached:
             chosen.append(one)
             taken += one.end - one.begin
-    return [replace(log.read(log.tracks[one.track], one.begin, one.end), id=f"{one.track}/{one.begin}") for one in chosen]
+    return [
+        replace(log.read(log.tracks[one.track], one.begin, one.end), id=f"{one.track}/{one.begin}")
+        for one in chosen
+    ]
 
 
-def _bounded(excerpt: Sequence[Track], gap: float, options: Options) -> tuple[Options, tuple[str, ...]]:
-    from gpszip.mapping.noise import sensible_rmse
+def _bounded(
+    excerpt: Sequence[Track], gap: float, options: Options
+) -> tuple[Options, tuple[str, ...]]:
+    from gpszip.mapping.noise import suggest_rmse
 
     if options.bounded or options.sized:
         return options, ()
-    return estimated(options, sensible_rmse(excerpt, [silences(track, gap) for track in excerpt]), "an excerpt")
+    return estimated(
+        options, suggest_rmse(excerpt, [find_gaps(track, gap) for track in excerpt]), "an excerpt"
+    )
 
 
 def _learned(job: Job, options: Options) -> Ground:
     """A map of the excerpt."""
-    from gpszip.mapping.search import learn
+    from gpszip.mapping.search import learn_map
     from gpszip.mapping.verbatim import keep_samples
 
-    gaps = [silences(track, job.gap) for track in job.excerpt]
+    gaps = [find_gaps(track, job.gap) for track in job.excerpt]
     few, few_gaps = _thinned(job.excerpt, gaps, options)
     found = None
     for share in _EXCERPT_SHARES:
         aim = options.tightened(share)
-        found = found or learn(
+        found = found or learn_map(
             few, few_gaps, rmse=aim.rmse, max_error=aim.max_error, effort=aim.effort, executor=job.executor,
             progress=lambda done, whole: job.tell(Progress("learn", done / whole)),
         )  # fmt: skip
     if found is None:
         start = job.log.read(job.log.tracks[0], 0, min(_VERBATIM, job.log.tracks[0].count))
-        found = keep_samples([start], [silences(start, job.gap)], options.max_error or options.rmse or 0.0)
-    known = Past(found[1])
+        found = keep_samples(
+            [start], [find_gaps(start, job.gap)], options.max_error or options.rmse or 0.0
+        )
+    known = Prior(found[1])
     known.model(0)  # learnt once, before several batches ask for it
     return Ground(found[0], known, job.gap, options, share=job.share)
 
@@ -339,25 +414,29 @@ def _thinned(
     tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], options: Options
 ) -> tuple[Sequence[Track], Sequence[NDArray[np.bool_]]]:
     """The coreset that was asked for, or few weighted samples of a log that is sampled far more densely than its error asks for."""
-    from gpszip.mapping.thinning import thin_out
-    from gpszip.sketches.partition import build
+    from gpszip.mapping.thinning import reduce_to_coreset
+    from gpszip.sketches.partition import build_coreset
 
     if options.coreset is not None:
-        return thin_out(tracks, gaps, options.coreset)
+        return reduce_to_coreset(tracks, gaps, options.coreset)
     size = sum(map(len, tracks)) // _DENSE
-    bound = options.rmse if options.rmse is not None else RMSE_OF_MAXIMUM * (options.max_error or 0.0)
-    if size < len(tracks) or build(tracks, size=size).rmse > _LINES * bound:
+    bound = (
+        options.rmse
+        if options.rmse is not None
+        else RMSE_PER_MAX_ERROR * (options.max_error or 0.0)
+    )
+    if size < len(tracks) or build_coreset(tracks, size=size).rmse > _LINES * bound:
         return tracks, gaps
-    return thin_out(tracks, gaps, size)
+    return reduce_to_coreset(tracks, gaps, size)
 
 
-def _laid(job: Job, ground: Ground) -> tuple[Archive, Fit]:
+def _laid(job: Job, ground: Ground) -> tuple[Archive, ErrorSummary]:
     """Lay all batches, write the archive and measure it."""
-    lattice = job.lay(job.log, ground)
+    grid_walks = job.lay(job.log, ground)
     if job.map is None:
-        lattice = number_by_visit(lattice)
+        grid_walks = number_by_visit(grid_walks)
     archive = new_archive(
-        ground.frame, [track.id for track in job.log.tracks], lattice, layer=job.options.layer, on=job.map, halvings=ground.halvings,
-        executor=local(job.executor), spans=job.spans, step=job.step,
+        ground.grid, [track.id for track in job.log.tracks], grid_walks, layer=job.options.layer, known_map=job.map, refinements=ground.refinements,
+        executor=local_executor(job.executor), spans=job.spans, step=job.step,
     )  # fmt: skip
     return archive, job.measure(archive)

@@ -13,11 +13,17 @@ from numpy.typing import NDArray
 from gpszip.io.large.store import StoredLog
 from gpszip.model import Track
 from gpszip.pipeline.slices import Stretch, cut_stretches, gather
-from gpszip.run.executor import Executor, Serial, united
-from gpszip.sketches.blocks import fine_blocks, united_blocks
-from gpszip.sketches.coreset import FINER, Coreset
-from gpszip.sketches.kernels.caratheodory import keep_few_of_each
-from gpszip.sketches.partition import SEVERAL, blocks_asked, blocks_below, largest_cost, next_cost
+from gpszip.run.executor import Executor, Serial, reduce_tree
+from gpszip.sketches.blocks import build_fine_blocks, merge_fine_blocks
+from gpszip.sketches.coreset import OVERSAMPLING, Coreset
+from gpszip.sketches.kernels.caratheodory import select_block_samples
+from gpszip.sketches.partition import (
+    LOWER_BOUND_FACTORS,
+    blocks_under_cost,
+    max_block_cost,
+    next_block_cost,
+    resolve_block_count,
+)
 
 __all__ = ["sketch_log", "thin_log"]
 
@@ -46,7 +52,7 @@ def sketch_log(
     log : StoredLog
         The log.
     k, eps, size, max_bytes : optional
-        As for :func:`gpszip.sketches.partition.build`.
+        As for :func:`gpszip.sketches.partition.build_coreset`.
     executor : Executor, optional
         Where batches are worked on; the result does not depend on it. What batches become is united there, too.
 
@@ -57,18 +63,20 @@ def sketch_log(
     Raises
     ------
     OptionError
-        As :func:`gpszip.sketches.partition.build` does.
+        As :func:`gpszip.sketches.partition.build_coreset` does.
     """
-    most = blocks_asked(len(log.tracks), log.dimension, k, eps, size, max_bytes)
+    most = resolve_block_count(len(log.tracks), log.dimension, k, eps, size, max_bytes)
     stretches = cut_stretches([track.count for track in log.tracks], _BATCH)
     if most is not None:
-        return _united(log, stretches, FINER * most, executor).reduced(most)
+        return _united(log, stretches, OVERSAMPLING * most, executor).reduced(most)
     assert k is not None
     assert eps is not None
     return _within_eps(log, stretches, k, eps, executor)
 
 
-def _within_eps(log: StoredLog, stretches: Sequence[Stretch], k: int, eps: float, executor: Executor | None) -> Coreset:
+def _within_eps(
+    log: StoredLog, stretches: Sequence[Stretch], k: int, eps: float, executor: Executor | None
+) -> Coreset:
     """Cut tracks into blocks that keep ``eps``, and those whose blocks don't again, finer."""
     costs: dict[int, float | None] = dict(_first_costs(log, stretches, k, eps, executor))
     rows = dict[int, NDArray[np.float64]]()
@@ -79,32 +87,53 @@ def _within_eps(log: StoredLog, stretches: Sequence[Stretch], k: int, eps: float
         asked = {number: costs[number] for number in left}
         for number, cost in asked.items():
             if cost is not None:
-                costs[number] = next_cost(rows[number], k, eps, cost, tries)
+                costs[number] = next_block_cost(rows[number], k, eps, cost, tries)
         left = {number for number, cost in asked.items() if costs[number] != cost}
     numbers = sorted(rows)
     owners = np.repeat(numbers, [len(rows[number]) for number in numbers])
-    return Coreset(tuple(track.id for track in log.tracks), owners, np.concatenate([rows[number] for number in numbers]), log.plane)
+    return Coreset(
+        tuple(track.id for track in log.tracks),
+        owners,
+        np.concatenate([rows[number] for number in numbers]),
+        log.plane,
+    )
 
 
-def _first_costs(log: StoredLog, stretches: Sequence[Stretch], k: int, eps: float, executor: Executor | None) -> dict[int, float]:
+def _first_costs(
+    log: StoredLog, stretches: Sequence[Stretch], k: int, eps: float, executor: Executor | None
+) -> dict[int, float]:
     """What a block of each track may cost, from a lower bound on the least cost of k parts."""
     own = executor or Serial()
-    short = gather([one for one in stretches if one.end - one.begin == log.tracks[one.track].count], _BATCH)
+    short = gather(
+        [one for one in stretches if one.end - one.begin == log.tracks[one.track].count], _BATCH
+    )
     costs = dict[int, float]()
-    for batch, found in zip(short, own.map(partial(_costs, k, eps), _samples(log, short)), strict=True):
+    for batch, found in zip(
+        short, own.map(partial(_costs, k, eps), _samples(log, short)), strict=True
+    ):
         costs |= {one.track: cost for one, cost in zip(batch, found, strict=True)}
     for number in sorted({one.track for one in stretches} - set(costs)):
         parts = [one for one in stretches if one.track == number]
-        costs[number] = largest_cost(_united(log, parts, FINER * math.ceil(SEVERAL[-1] * k), executor), k, eps)
+        costs[number] = max_block_cost(
+            _united(log, parts, OVERSAMPLING * math.ceil(LOWER_BOUND_FACTORS[-1] * k), executor),
+            k,
+            eps,
+        )
     return costs
 
 
 def _cut(
-    log: StoredLog, stretches: Sequence[Stretch], costs: Mapping[int, float | None], executor: Executor | None
+    log: StoredLog,
+    stretches: Sequence[Stretch],
+    costs: Mapping[int, float | None],
+    executor: Executor | None,
 ) -> dict[int, NDArray[np.float64]]:
     """Rows of the blocks of each track, none of which costs more than the track's blocks may."""
     batches = gather(stretches, _BATCH)
-    work = ((samples, [costs[one.track] for one in batch]) for samples, batch in zip(_samples(log, batches), batches, strict=True))
+    work = (
+        (samples, [costs[one.track] for one in batch])
+        for samples, batch in zip(_samples(log, batches), batches, strict=True)
+    )
     parts = defaultdict[int, list[NDArray[np.float64]]](list)
     for batch, found in zip(batches, (executor or Serial()).map(_within, work), strict=True):
         for one, blocks in zip(batch, found, strict=True):
@@ -112,7 +141,9 @@ def _cut(
     return {number: np.concatenate(some) for number, some in parts.items()}
 
 
-def thin_log(log: StoredLog, coreset: Coreset, *, executor: Executor | None = None) -> Iterator[Track]:
+def thin_log(
+    log: StoredLog, coreset: Coreset, *, executor: Executor | None = None
+) -> Iterator[Track]:
     """Yield the weighted samples of each track that stand for the blocks of its coreset, as :func:`weighted_samples` does.
 
     Parameters
@@ -131,10 +162,14 @@ def thin_log(log: StoredLog, coreset: Coreset, *, executor: Executor | None = No
         cuts = np.concatenate([[0], np.cumsum(coreset.counts[mine])])
         # a block too long for memory is thinned in parts, and what is left of them once more
         fine = np.unique(np.concatenate([cuts, np.arange(0, track.count, _BATCH)]))
-        work = ((log.read(track, int(some[0]), int(some[-1])), some - some[0]) for some in _runs(fine))
-        times, places, weights = (np.concatenate(column) for column in zip(*own.map(_few, work), strict=True))
+        work = (
+            (log.read(track, int(some[0]), int(some[-1])), some - some[0]) for some in _runs(fine)
+        )
+        times, places, weights = (
+            np.concatenate(column) for column in zip(*own.map(_few, work), strict=True)
+        )
         starts = np.append(np.searchsorted(times, coreset.edges[mine, 0]), len(times))
-        kept, heavy = keep_few_of_each(times, places, weights, starts)
+        kept, heavy = select_block_samples(times, places, weights, starts)
         yield Track(track.id, times[kept], places[kept], heavy, plane=log.plane)
 
 
@@ -147,9 +182,11 @@ def _runs(cuts: NDArray[np.int64]) -> Iterator[NDArray[np.int64]]:
         first = last
 
 
-def _few(work: tuple[Track, NDArray[np.int64]]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+def _few(
+    work: tuple[Track, NDArray[np.int64]],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     track, cuts = work
-    kept, weights = keep_few_of_each(track.times, track.positions, np.ones(len(track)), cuts)
+    kept, weights = select_block_samples(track.times, track.positions, np.ones(len(track)), cuts)
     return track.times[kept], track.positions[kept], weights
 
 
@@ -158,15 +195,19 @@ def _samples(log: StoredLog, batches: Sequence[Sequence[Stretch]]) -> Iterator[l
         yield [log.read(log.tracks[one.track], one.begin, one.end) for one in batch]
 
 
-def _united(log: StoredLog, stretches: Sequence[Stretch], most: int, executor: Executor | None) -> Coreset:
+def _united(
+    log: StoredLog, stretches: Sequence[Stretch], most: int, executor: Executor | None
+) -> Coreset:
     samples = _samples(log, gather(stretches, _BATCH))
-    whole: Coreset = united(executor, partial(united_blocks, most), samples, partial(fine_blocks, most))
+    whole: Coreset = reduce_tree(
+        executor, partial(merge_fine_blocks, most), samples, partial(build_fine_blocks, most)
+    )
     return whole
 
 
 def _costs(k: int, eps: float, tracks: Sequence[Track]) -> list[float]:
-    return [largest_cost(track, k, eps) for track in tracks]
+    return [max_block_cost(track, k, eps) for track in tracks]
 
 
 def _within(work: tuple[Sequence[Track], Sequence[float | None]]) -> list[NDArray[np.float64]]:
-    return [blocks_below(track, cost) for track, cost in zip(*work, strict=True)]
+    return [blocks_under_cost(track, cost) for track, cost in zip(*work, strict=True)]

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from gpszip.container.attributes import write_attributes
 from gpszip.container.columns import Column
-from gpszip.container.contents import Section, Spooled
-from gpszip.container.layout import Kind
+from gpszip.container.contents import Section, SpooledBytes
+from gpszip.container.layout import SectionKind
 from gpszip.io.large.store import StoredLog
-from gpszip.io.storage.temporary import writing
+from gpszip.io.storage.temporary import disk_errors_as_output_errors
 from gpszip.model import Options
 from gpszip.pipeline.validate import check_names
 
@@ -57,11 +57,13 @@ def kept_of(log: StoredLog, options: Options) -> tuple[Section, ...]:
 
 def section_of(counts: Sequence[int], times: Column, columns: Mapping[str, Column]) -> Section:
     """Write columns of any length to a section, which stays in a temporary file if it is large."""
-    with writing(), ExitStack() as stack:
-        file = cast(BinaryIO, stack.enter_context(tempfile.SpooledTemporaryFile(_SMALL, prefix="gpszip-")))
+    with disk_errors_as_output_errors(), ExitStack() as stack:
+        file = cast(
+            BinaryIO, stack.enter_context(tempfile.SpooledTemporaryFile(_SMALL, prefix="gpszip-"))
+        )
         write_attributes(counts, times, columns, file)
-        body = Spooled(file, file.tell())
+        body = SpooledBytes(file, file.tell())
         if len(body) <= _SMALL:
-            return Section(Kind.ATTRIBUTES, bytes(body))
+            return Section(SectionKind.ATTRIBUTES, bytes(body))
         weakref.finalize(body, stack.pop_all().close)
-        return Section(Kind.ATTRIBUTES, body)
+        return Section(SectionKind.ATTRIBUTES, body)

@@ -10,7 +10,7 @@ import numpy as np
 from gpszip.archive import Archive, open_archive
 from gpszip.matching.live import LiveMatcher
 from gpszip.model import Network
-from gpszip.model.frame import quantum
+from gpszip.model.grid import step_size
 from gpszip.model.match import Scales
 
 __all__ = ["Matcher"]
@@ -70,8 +70,12 @@ def _roads(archive: Archive, scales: Scales | None) -> tuple[Network, Scales]:
     """An archive's map as a network, and the scales that it suggests."""
     from gpszip.pipeline.match import read_network
 
-    network = read_network(archive, plane=archive.frame.plane).network
-    error = quantum(archive.frame.space)
+    network = read_network(archive, plane=archive.grid.plane).network
+    error = step_size(archive.grid.space)
     speeds = network.speeds[np.isfinite(network.speeds)]
-    usual, fastest = (float(np.median(speeds)), _FASTER * float(speeds.max())) if len(speeds) else (0.0, math.inf)
+    usual, fastest = (
+        (float(np.median(speeds)), _FASTER * float(speeds.max()))
+        if len(speeds)
+        else (0.0, math.inf)
+    )
     return network, scales or Scales(error, _ALIKE * error, error, usual, fastest)

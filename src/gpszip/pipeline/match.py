@@ -10,27 +10,33 @@ from gpszip.errors import CorruptArchiveError, MapError
 from gpszip.model import Listener, Network, Plane, Progress, Track
 
 if TYPE_CHECKING:
-    from gpszip.io.networks.prepared import Prepared
-    from gpszip.io.networks.read import NetworkReading
+    from gpszip.io.networks.prepared import PreparedNetwork
+    from gpszip.io.networks.read import NetworkReadResult
     from gpszip.model.match import Matching
     from gpszip.model.patching import Patching
 
 __all__ = ["match", "patch", "prepare_network", "read_network"]
 
 
-def read_network(source: Any, *, plane: Plane | None = None, near: Sequence[Track] | Track | None = None) -> NetworkReading:
+def read_network(
+    source: Any, *, plane: Plane | None = None, near: Sequence[Track] | Track | None = None
+) -> NetworkReadResult:
     """Read roads for a log: what :func:`gpszip.io.networks.read.read_network` takes, and archives, whose clean map is the network."""
-    from gpszip.io.networks.read import read_network_with_account
+    from gpszip.io.networks.read import read_network_result
 
-    return read_network_with_account(_roads_of_archives(source), plane=plane, near=near)
+    return read_network_result(_roads_of_archives(source), plane=plane, near=near)
 
 
-def prepare_network(sources: Any, *, metric: bool | None = None, directed: bool | None = None) -> Prepared:
+def prepare_network(
+    sources: Any, *, metric: bool | None = None, directed: bool | None = None
+) -> PreparedNetwork:
     """Read and join roads, to be written once and loaded in parts for many logs."""
-    from gpszip.io.networks.prepared import Prepared
-    from gpszip.io.networks.read import join_sources
+    from gpszip.io.networks.prepared import PreparedNetwork
+    from gpszip.io.networks.read import read_road_graph
 
-    return Prepared(join_sources(_roads_of_archives(sources), metric=metric, directed=directed))
+    return PreparedNetwork(
+        read_road_graph(_roads_of_archives(sources), metric=metric, directed=directed)
+    )
 
 
 def _roads_of_archives(source: Any) -> list[Any]:
@@ -38,16 +44,19 @@ def _roads_of_archives(source: Any) -> list[Any]:
     from gpszip.io.networks.read import is_archive
 
     sources = list(source) if isinstance(source, (list, tuple)) else [source]
-    return [_roads_of(one, str(one)) if isinstance(one, Archive) or is_archive(one) else one for one in sources]
+    return [
+        _roads_of(one, str(one)) if isinstance(one, Archive) or is_archive(one) else one
+        for one in sources
+    ]
 
 
 def _roads_of(source: Any, name: str) -> Any:
-    from gpszip.io.networks.from_archive import way_map_lines
+    from gpszip.io.networks.from_archive import clean_map_lines
 
     if isinstance(source, Archive):
-        return way_map_lines(source.clean_map(), "the archive")
+        return clean_map_lines(source.clean_map(), "the archive")
     try:
-        return way_map_lines(open_archive(source).clean_map(), name)
+        return clean_map_lines(open_archive(source).clean_map(), name)
     except CorruptArchiveError as error:
         raise CorruptArchiveError(f"{name}: {error}; fetch or make it again") from error
     except MapError as error:
@@ -78,7 +87,13 @@ def match(
     )  # fmt: skip
 
 
-def patch(tracks: Sequence[Track] | Track, network: Any, *, gap: float | None = None, ignore_oneway: bool = False) -> Patching:
+def patch(
+    tracks: Sequence[Track] | Track,
+    network: Any,
+    *,
+    gap: float | None = None,
+    ignore_oneway: bool = False,
+) -> Patching:
     """Fill gaps with the likeliest way over roads; ``network`` is a :class:`~gpszip.model.Network` or what :func:`read_network` takes."""
     from gpszip.matching import patch as patching
 

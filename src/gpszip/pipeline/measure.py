@@ -12,15 +12,19 @@ from gpszip.archive import Archive, open_archive
 from gpszip.io.large.store import StoredLog
 from gpszip.model import Track, Walk
 from gpszip.pipeline.slices import Stretch
-from gpszip.run.executor import Executor, sharing
-from gpszip.walks.error import Fit, fit
+from gpszip.run.executor import Executor, share_value
+from gpszip.walks.error import ErrorSummary, measure_errors
 
 __all__ = ["measured"]
 
 
 def measured(
-    log: StoredLog, archive: Archive, batches: Sequence[Sequence[Stretch]], executor: Executor, tell: Callable[[float], None]
-) -> Fit:
+    log: StoredLog,
+    archive: Archive,
+    batches: Sequence[Sequence[Stretch]],
+    executor: Executor,
+    tell: Callable[[float], None],
+) -> ErrorSummary:
     """Decode the archive's bytes and compare them with every sample, batch by batch.
 
     Parameters
@@ -39,13 +43,20 @@ def measured(
     read_back = open_archive(archive.to_bytes(), archive.map)
     walks = [read_back.walk(track.id) for track in log.tracks]
     points, squares, worst, uncovered = 0, 0.0, 0.0, 0
-    with sharing(executor, read_back.road_map.nodes) as shared:
-        work = ([_with_walk(log, walks[stretch.track], stretch) for stretch in batch] for batch in batches)
+    with share_value(executor, read_back.road_map.nodes) as shared:
+        work = (
+            [_with_walk(log, walks[stretch.track], stretch) for stretch in batch]
+            for batch in batches
+        )
         for number, found in enumerate(shared.map(_measure_batch, work), 1):
-            points, uncovered, worst = points + found.points, uncovered + found.uncovered, max(worst, found.max_error)
+            points, uncovered, worst = (
+                points + found.points,
+                uncovered + found.uncovered,
+                max(worst, found.max_error),
+            )
             squares += found.rmse**2 * (found.points - found.uncovered)
             tell(number / len(batches))
-    return Fit(math.sqrt(squares / max(points - uncovered, 1)), worst, points, uncovered)
+    return ErrorSummary(math.sqrt(squares / max(points - uncovered, 1)), worst, points, uncovered)
 
 
 def _with_walk(log: StoredLog, walk: Walk, stretch: Stretch) -> tuple[Track, Walk]:
@@ -60,5 +71,5 @@ def _with_walk(log: StoredLog, walk: Walk, stretch: Stretch) -> tuple[Track, Wal
     return track, Walk(walk.id, walk.nodes[first:after], walk.times[first:after], gaps, spans)
 
 
-def _measure_batch(nodes: NDArray[np.float64], work: Sequence[tuple[Track, Walk]]) -> Fit:
-    return fit([track for track, _ in work], [walk for _, walk in work], nodes)
+def _measure_batch(nodes: NDArray[np.float64], work: Sequence[tuple[Track, Walk]]) -> ErrorSummary:
+    return measure_errors([track for track, _ in work], [walk for _, walk in work], nodes)

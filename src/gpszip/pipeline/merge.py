@@ -9,22 +9,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.archive import Archive, new_archive, open_archive, promising, sampled
+from gpszip.archive import Archive, new_archive, open_archive, with_error_bound, with_sampling
 from gpszip.codec.walks import number_by_visit
-from gpszip.container.attributes import Kept, attributes_body, read_attributes
+from gpszip.container.attributes import KeptColumns, encode_attributes, read_attributes
 from gpszip.container.contents import Section
-from gpszip.container.layout import Kind
+from gpszip.container.layout import SectionKind
 from gpszip.errors import BoundError, OptionError
-from gpszip.merging.deviation import Curve, curve_of, deviation, name_key, pieces_of, share_at_knots
-from gpszip.merging.search import Limit, Merged, Part, merge_parts
-from gpszip.model import Frame, Listener, Plane, Progress, Track, Walk
-from gpszip.model.frame import quantum
+from gpszip.merging.deviation import (
+    Curve,
+    build_curve,
+    measure_deviation,
+    natural_sort_key,
+    share_at_knots,
+    split_at_gaps,
+)
+from gpszip.merging.search import DeviationLimit, MergedMap, Part, merge_archives
+from gpszip.model import Listener, Plane, Progress, QuantisationGrid, Track, Walk
+from gpszip.model.error_bound import ErrorBound, extended_bound
+from gpszip.model.grid import step_size
 from gpszip.model.merge_options import MergeOptions
 from gpszip.model.merge_report import Deviation, MergeReport
-from gpszip.model.promise import Promise, grown_promise
 from gpszip.pipeline.continue_tracks import claimed
 from gpszip.run.executor import Executor
-from gpszip.walks.shapes import walk_by_share, without_cells
+from gpszip.walks.shapes import assign_times_by_distance, drop_time_steps
 
 __all__ = ["merge"]
 
@@ -66,7 +73,9 @@ class _Source:
     def untimed(self) -> frozenset[str]:
         """Names of the tracks that have no times."""
         own = set(self.archive.untimed)
-        return frozenset(name for name, before in zip(self.ids, self.archive.ids, strict=True) if before in own)
+        return frozenset(
+            name for name, before in zip(self.ids, self.archive.ids, strict=True) if before in own
+        )
 
     @property
     def at_knots(self) -> float:
@@ -108,23 +117,30 @@ def merge(
     BoundError
         If tracks would be moved farther than they may.
     """
-    from gpszip.run import executor_of
+    from gpszip.run import resolve_executor
 
     start = time.perf_counter()
     options = options or MergeOptions()
     names = [str(number) for number in range(1, len(archives) + 1)] if names is None else names
-    executor = executor_of(executor)
+    executor = resolve_executor(executor)
     _check(archives, names)
     limit, notes = _limit(archives, names, options)
     turn = _turn(archives)
     sources = _on_one_plane(_sources(archives, names, options, turn), limit)
     frames = [_frame_on(source) for source in sources]
     parts = [
-        replace(_part(source.curves, frame, source.archive.sampling), room=_room(source.archive, limit))
-        for source, frame in zip(sources, frames, strict=True)
+        replace(
+            _part(source.curves, grid, source.archive.sampling),
+            limit_share=_room(source.archive, limit),
+        )
+        for source, grid in zip(sources, frames, strict=True)
     ]
-    if len({name for source in sources for name in source.ids}) < sum(len(source.ids) for source in sources):
-        parts = [replace(_joined(sources, frames), room=min(part.room for part in parts))]
+    if len({name for source in sources for name in source.ids}) < sum(
+        len(source.ids) for source in sources
+    ):
+        parts = [
+            replace(_joined(sources, frames), limit_share=min(part.limit_share for part in parts))
+        ]
 
     def tell(done: int, whole: int) -> None:
         if progress is not None:
@@ -134,23 +150,34 @@ def merge(
     layer = layers.pop() if len(layers) == 1 else None
     untimed = any(source.untimed for source in sources)
     for share in _SHAPE_SHARES if untimed else (1.0,):
-        merged = merge_parts(parts, replace(limit, metres=share * limit.metres), executor=executor, progress=tell)
+        merged = merge_archives(
+            parts, replace(limit, metres=share * limit.metres), executor=executor, progress=tell
+        )
         if merged is None:
             continue
         made, more = _smaller(merged, sources, layer)
         moved = _measured(sources, made)
-        if len(parts) == 1 or (limit.excess(moved) / [part.room for part in parts] <= 1 + _ROUNDING).all():
+        if (
+            len(parts) == 1
+            or (limit.excess(moved) / [part.limit_share for part in parts] <= 1 + _ROUNDING).all()
+        ):
             break
     else:
         raise BoundError(f"a deviation of {limit.metres:g} m can't be held; allow a larger one")
-    made = sampled(promising(made, _promise(sources, moved)), _step(archives))
+    made = with_sampling(with_error_bound(made, _error_bound(sources, moved)), _step(archives))
     as_given = tuple(moved[turn.index(number)] for number in range(len(turn)))
-    return made, _report(archives, made, limit, as_given, time.perf_counter() - start, (*notes, *more))
+    return made, _report(
+        archives, made, limit, as_given, time.perf_counter() - start, (*notes, *more)
+    )
 
 
-def _room(archive: Archive, limit: Limit) -> float:
+def _room(archive: Archive, limit: DeviationLimit) -> float:
     """Share of the limit by which an archive's tracks may be moved: less where earlier merges have moved them."""
-    moved = 0.0 if archive.promise is None else archive.promise.metres - archive.promise.before
+    moved = (
+        0.0
+        if archive.error_bound is None
+        else archive.error_bound.metres - archive.error_bound.before
+    )
     return max(1 - moved / (_IN_ALL * limit.metres), _LEAST_ROOM)
 
 
@@ -162,25 +189,42 @@ def _step(archives: Sequence[Archive]) -> float | None:
 
 def _turn(archives: Sequence[Archive]) -> list[int]:
     """Numbers of the archives, the largest first, in an order that does not depend on how they were given."""
-    return sorted(range(len(archives)), key=lambda i: (-sum(len(walk.nodes) for walk in archives[i].lattice.walks), archives[i].to_bytes()))
+    return sorted(
+        range(len(archives)),
+        key=lambda i: (
+            -sum(len(walk.nodes) for walk in archives[i].grid_walks.walks),
+            archives[i].to_bytes(),
+        ),
+    )
 
 
-def _smaller(merged: Merged, sources: Sequence[_Source], layer: str | None) -> tuple[Archive, tuple[str, ...]]:
+def _smaller(
+    merged: MergedMap, sources: Sequence[_Source], layer: str | None
+) -> tuple[Archive, tuple[str, ...]]:
     """The archive with its tracks in the order of their starts, or in that of their names if that takes fewer bytes; and remarks."""
-    by_name = sorted(range(len(merged.ids)), key=lambda i: name_key(merged.ids[i]))
-    orders = [list(range(len(merged.ids))), *([by_name] if by_name != list(range(len(by_name))) else [])]
+    by_name = sorted(range(len(merged.ids)), key=lambda i: natural_sort_key(merged.ids[i]))
+    orders = [
+        list(range(len(merged.ids))),
+        *([by_name] if by_name != list(range(len(by_name))) else []),
+    ]
     made = [_in_order(merged, order, sources, layer) for order in orders]
     return min(made, key=lambda one: len(one[0].to_bytes()))
 
 
-def _in_order(merged: Merged, order: Sequence[int], sources: Sequence[_Source], layer: str | None) -> tuple[Archive, tuple[str, ...]]:
+def _in_order(
+    merged: MergedMap, order: Sequence[int], sources: Sequence[_Source], layer: str | None
+) -> tuple[Archive, tuple[str, ...]]:
     ids = [merged.ids[i] for i in order]
-    walks = number_by_visit(replace(merged.lattice, walks=tuple(merged.lattice.walks[i] for i in order)))
+    walks = number_by_visit(
+        replace(merged.grid_walks, walks=tuple(merged.grid_walks.walks[i] for i in order))
+    )
     names = frozenset[str]().union(*(source.untimed for source in sources))
     untimed = frozenset(number for number, name in enumerate(ids) if name in names)
-    walks = without_cells(walks, untimed, others=len(untimed) < len(ids))
+    walks = drop_time_steps(walks, untimed, others=len(untimed) < len(ids))
     extras, remarks = _kept(sources, ids)
-    return new_archive(merged.frame, ids, walks, layer=layer, extras=extras, spans=_spans(sources, ids)), remarks
+    return new_archive(
+        merged.grid, ids, walks, layer=layer, extras=extras, spans=_spans(sources, ids)
+    ), remarks
 
 
 def _spans(sources: Sequence[_Source], ids: Sequence[str]) -> list[NDArray[np.float64]]:
@@ -202,74 +246,107 @@ def _check(archives: Sequence[Archive], names: Sequence[str]) -> None:
         if not archive.ids:
             raise OptionError(f"{name}: holds no tracks; leave it out")
         if archive.contents.map is not None:
-            raise OptionError(f"{name}: lies on a map kept elsewhere; merge archives that hold their own maps")
-        if (archive.frame.plane is None) != (first.frame.plane is None):
-            flat, round_ = (name, names[0]) if archive.frame.plane is None else (names[0], name)
-            raise OptionError(f"{flat} is in x and y, {round_} in latitude and longitude: where the one lies on the other is not known")
-        if archive.frame.dimension != first.frame.dimension:
-            raise OptionError(f"{name} has {archive.frame.dimension} coordinates, {names[0]} {first.frame.dimension}; merge them apart")
+            raise OptionError(
+                f"{name}: lies on a map kept elsewhere; merge archives that hold their own maps"
+            )
+        if (archive.grid.plane is None) != (first.grid.plane is None):
+            flat, round_ = (name, names[0]) if archive.grid.plane is None else (names[0], name)
+            raise OptionError(
+                f"{flat} is in x and y, {round_} in latitude and longitude: where the one lies on the other is not known"
+            )
+        if archive.grid.dimension != first.grid.dimension:
+            raise OptionError(
+                f"{name} has {archive.grid.dimension} coordinates, {names[0]} {first.grid.dimension}; merge them apart"
+            )
 
 
-def _limit(archives: Sequence[Archive], names: Sequence[str], options: MergeOptions) -> tuple[Limit, tuple[str, ...]]:
+def _limit(
+    archives: Sequence[Archive], names: Sequence[str], options: MergeOptions
+) -> tuple[DeviationLimit, tuple[str, ...]]:
     """What is asked for, or the least that any archive promised before any merge."""
     given = options.max_deviation or options.deviation
     if given is not None:
-        return Limit(given, options.max_deviation is not None), ()
-    silent = [name for name, archive in zip(names, archives, strict=True) if archive.promise is None]
-    metres = min(quantum(one.frame.space) if one.promise is None else one.promise.before for one in archives)
-    notes = (f"{', '.join(silent)} promised nothing: the step of the lattice was allowed as deviation",) if silent else ()
-    return Limit(metres, any(one.promise is not None and one.promise.maximum for one in archives)), notes
+        return DeviationLimit(given, options.max_deviation is not None), ()
+    silent = [
+        name for name, archive in zip(names, archives, strict=True) if archive.error_bound is None
+    ]
+    metres = min(
+        step_size(one.grid.space) if one.error_bound is None else one.error_bound.before
+        for one in archives
+    )
+    notes = (
+        (f"{', '.join(silent)} promised nothing: the step of the lattice was allowed as deviation",)
+        if silent
+        else ()
+    )
+    return DeviationLimit(
+        metres, any(one.error_bound is not None and one.error_bound.maximum for one in archives)
+    ), notes
 
 
-def _sources(archives: Sequence[Archive], names: Sequence[str], options: MergeOptions, turn: Sequence[int]) -> list[_Source]:
+def _sources(
+    archives: Sequence[Archive], names: Sequence[str], options: MergeOptions, turn: Sequence[int]
+) -> list[_Source]:
     """Curves of all archives, in turn, with the names that their tracks get."""
     sources, seen = [], dict[str, str]()
     for name, archive in zip(names, archives, strict=True):
-        ids = tuple(f"{name}:{one}" for one in archive.ids) if options.same_id == "prefix" else archive.ids
+        ids = (
+            tuple(f"{name}:{one}" for one in archive.ids)
+            if options.same_id == "prefix"
+            else archive.ids
+        )
         for one in ids:
             if one in seen and options.same_id != "join":
                 cure = "name the archives differently" if options.same_id == "prefix" else _SAME_ID
                 raise OptionError(f"track {one!r} is in {seen[one]} and in {name}; {cure}")
             seen.setdefault(one, name)
         nodes = archive.road_map.nodes
-        walks = (_timed(walk, nodes, archive.frame) for walk in archive.walks)
-        curves = tuple(curve_of(replace(walk, id=one), nodes) for one, walk in zip(ids, walks, strict=True))
+        walks = (_timed(walk, nodes, archive.grid) for walk in archive.walks)
+        curves = tuple(
+            build_curve(replace(walk, id=one), nodes) for one, walk in zip(ids, walks, strict=True)
+        )
         sources.append(_Source(name, archive, ids, curves))
     return [sources[i] for i in turn]
 
 
-def _timed(walk: Walk, nodes: NDArray[np.float64], frame: Frame) -> Walk:
+def _timed(walk: Walk, nodes: NDArray[np.float64], grid: QuantisationGrid) -> Walk:
     """A walk with times; that of a shape goes at the speed that suits the steps of the frame."""
     if walk.times is not None:
         return walk
     way = float(np.sqrt((np.diff(nodes[walk.nodes], axis=0) ** 2).sum(axis=1)).sum())
-    start, speed = frame.epoch / 1000, _STEPS_IN_A_CELL * quantum(frame.space) / quantum(frame.time)
-    return walk_by_share(walk, nodes, start, start + way / speed)
+    start, speed = (
+        grid.epoch / 1000,
+        _STEPS_IN_A_CELL * step_size(grid.space) / step_size(grid.time),
+    )
+    return assign_times_by_distance(walk, nodes, start, start + way / speed)
 
 
-def _on_one_plane(sources: list[_Source], limit: Limit) -> list[_Source]:
+def _on_one_plane(sources: list[_Source], limit: DeviationLimit) -> list[_Source]:
     """The same curves on planes that all archives share."""
-    planes = [source.archive.frame.plane for source in sources]
+    planes = [source.archive.grid.plane for source in sources]
     if len(set(planes)) == 1:
         return sources
-    from gpszip.geo.common_plane import lay_together, stretch
+    from gpszip.geo.common_plane import max_scale_factor, to_common_plane
 
     known = [plane for plane in planes if plane is not None]
-    sources = [replace(source, curves=tuple(_halved(curve, limit) for curve in source.curves)) for source in sources]
+    sources = [
+        replace(source, curves=tuple(_halved(curve, limit) for curve in source.curves))
+        for source in sources
+    ]
     starts = [_starts(source.curves) for source in sources]
-    shared, laid, moved = lay_together(known, [_positions(source) for source in sources], starts)
+    shared, laid, moved = to_common_plane(known, [_positions(source) for source in sources], starts)
     return [
         replace(
             source,
             curves=_placed(source.curves, positions, shared),
-            stretch=stretch(positions[rows], shared) if rows.any() else 1.0,
+            stretch=max_scale_factor(positions[rows], shared) if rows.any() else 1.0,
             bend=_BEND * limit.metres if rows.any() else 0.0,
         )
         for source, positions, rows in zip(sources, laid, moved, strict=True)
     ]
 
 
-def _halved(curve: Curve, limit: Limit) -> Curve:
+def _halved(curve: Curve, limit: DeviationLimit) -> Curve:
     """Cut long parts, so that none bends by more than is tolerated where it is laid on another plane."""
     # on transverse Mercator planes within reach, a line of length l bends by less than l^2 / (60 R)
     longest = (60 * 6.371e6 * _BEND * limit.metres) ** 0.5
@@ -278,7 +355,10 @@ def _halved(curve: Curve, limit: Limit) -> Curve:
     if (pieces <= 1).all():
         return curve
     knots = np.arange(len(curve.track))
-    shares = [first + np.arange(count) / count for first, count in enumerate(np.maximum(pieces, 1).tolist())]
+    shares = [
+        first + np.arange(count) / count
+        for first, count in enumerate(np.maximum(pieces, 1).tolist())
+    ]
     at = np.append(np.concatenate(shares), knots[-1])
     positions = np.stack([np.interp(at, knots, axis) for axis in curve.track.positions.T], axis=1)
     times = np.interp(at, knots, curve.track.times)
@@ -289,45 +369,69 @@ def _halved(curve: Curve, limit: Limit) -> Curve:
 
 def _starts(curves: Sequence[Curve]) -> NDArray[np.int64]:
     bounds = np.cumsum([0] + [len(curve.track) for curve in curves])
-    return np.array([bound + first for curve, bound in zip(curves, bounds, strict=False) for first, _ in pieces_of(curve.gaps)])
+    return np.array(
+        [
+            bound + first
+            for curve, bound in zip(curves, bounds, strict=False)
+            for first, _ in split_at_gaps(curve.gaps)
+        ]
+    )
 
 
 def _positions(source: _Source) -> NDArray[np.float64]:
     return np.concatenate([curve.track.positions for curve in source.curves])
 
 
-def _placed(curves: Sequence[Curve], positions: NDArray[np.float64], plane: Plane) -> tuple[Curve, ...]:
+def _placed(
+    curves: Sequence[Curve], positions: NDArray[np.float64], plane: Plane
+) -> tuple[Curve, ...]:
     bounds = np.cumsum([0] + [len(curve.track) for curve in curves]).tolist()
     return tuple(
-        Curve(Track(curve.track.id, curve.track.times, positions[first : first + len(curve.track)], plane=plane), curve.gaps)
+        Curve(
+            Track(
+                curve.track.id,
+                curve.track.times,
+                positions[first : first + len(curve.track)],
+                plane=plane,
+            ),
+            curve.gaps,
+        )
         for curve, first in zip(curves, bounds, strict=False)
     )
 
 
-def _frame_on(source: _Source) -> Frame:
+def _frame_on(source: _Source) -> QuantisationGrid:
     """The archive's lattice; on other planes, one through its first knot."""
-    frame, plane = source.archive.frame, source.curves[0].track.plane
-    if plane is None or frame.plane == plane:
-        return frame
+    grid, plane = source.archive.grid, source.curves[0].track.plane
+    if plane is None or grid.plane == plane:
+        return grid
     origin = tuple(1000 * int(np.floor(x)) for x in source.curves[0].track.positions[0])
-    return replace(frame, origin=origin, plane=plane)
+    return replace(grid, origin=origin, plane=plane)
 
 
-def _part(curves: Sequence[Curve], frame: Frame, step: float | None) -> Part:
+def _part(curves: Sequence[Curve], grid: QuantisationGrid, step: float | None) -> Part:
     places = np.concatenate([curve.track.positions for curve in curves])
     nodes, visits = np.unique(places, axis=0, return_inverse=True)
     cuts = np.cumsum([len(curve.track) for curve in curves])[:-1]
-    return Part(tuple(curves), nodes, tuple(np.split(visits.reshape(-1).astype(np.int32), cuts)), frame, step)
+    return Part(
+        tuple(curves), nodes, tuple(np.split(visits.reshape(-1).astype(np.int32), cuts)), grid, step
+    )
 
 
-def _joined(sources: Sequence[_Source], frames: Sequence[Frame]) -> Part:
+def _joined(sources: Sequence[_Source], frames: Sequence[QuantisationGrid]) -> Part:
     """All curves as one part, those of one name as one curve."""
     curves = dict[str, list[tuple[Curve, _Source]]]()
     for source in sources:
         for name, curve in zip(source.ids, source.curves, strict=True):
             curves.setdefault(name, []).append((curve, source))
-    largest = max(range(len(sources)), key=lambda i: sum(len(curve.track) for curve in sources[i].curves))
-    return _part([_chain(name, pairs) for name, pairs in curves.items()], frames[largest], _step([source.archive for source in sources]))
+    largest = max(
+        range(len(sources)), key=lambda i: sum(len(curve.track) for curve in sources[i].curves)
+    )
+    return _part(
+        [_chain(name, pairs) for name, pairs in curves.items()],
+        frames[largest],
+        _step([source.archive for source in sources]),
+    )
 
 
 def _chain(name: str, pairs: list[tuple[Curve, _Source]]) -> Curve:
@@ -341,7 +445,7 @@ def _chain(name: str, pairs: list[tuple[Curve, _Source]]) -> Curve:
     for later, other in pairs[1:]:
         curve = later
         ends, begins = float(whole.track.times[-1]), float(curve.track.times[0])
-        blur = quantum(source.archive.frame.time) + quantum(other.archive.frame.time)
+        blur = step_size(source.archive.grid.time) + step_size(other.archive.grid.time)
         if ends - begins > blur:
             raise OptionError(
                 f"track {name!r} is in {source.name} until {ends:.3f} s and in {other.name} from {begins:.3f} s: "
@@ -349,7 +453,10 @@ def _chain(name: str, pairs: list[tuple[Curve, _Source]]) -> Curve:
             )
         if ends >= begins:
             seam = (ends + begins) / 2
-            whole, curve = _cut(whole, float(whole.track.times[0]), seam), _cut(curve, seam + _SEAM, float(curve.track.times[-1]))
+            whole, curve = (
+                _cut(whole, float(whole.track.times[0]), seam),
+                _cut(curve, seam + _SEAM, float(curve.track.times[-1])),
+            )
         times = np.concatenate([whole.track.times, curve.track.times])
         positions = np.concatenate([whole.track.positions, curve.track.positions])
         gaps = np.concatenate([whole.gaps, [True], curve.gaps])
@@ -361,9 +468,13 @@ def _cut(curve: Curve, first: float, last: float) -> Curve:
     """The part of a curve between two instants, which it covers."""
     times = curve.track.times
     inside = times[(times > first) & (times < last)]
-    when = np.unique(np.concatenate([[max(first, float(times[0]))], inside, [min(last, float(times[-1]))]]))
+    when = np.unique(
+        np.concatenate([[max(first, float(times[0]))], inside, [min(last, float(times[-1]))]])
+    )
     positions = np.stack([np.interp(when, times, axis) for axis in curve.track.positions.T], axis=1)
-    part = np.clip(np.searchsorted(times, (when[1:] + when[:-1]) / 2) - 1, 0, max(len(curve.gaps) - 1, 0))
+    part = np.clip(
+        np.searchsorted(times, (when[1:] + when[:-1]) / 2) - 1, 0, max(len(curve.gaps) - 1, 0)
+    )
     gaps = curve.gaps[part] if len(curve.gaps) else np.zeros(len(part), np.bool_)
     return Curve(Track(curve.track.id, when, positions, plane=curve.track.plane), gaps)
 
@@ -377,75 +488,141 @@ def _measured(sources: Sequence[_Source], made: Archive) -> tuple[Deviation, ...
     for source in sources:
         for name, curve in zip(source.ids, source.curves, strict=True):
             if name in source.untimed:
-                walks[name] = walk_by_share(walks[name], nodes, float(curve.track.times[0]), float(curve.track.times[-1]))
-    return tuple(deviation(one.curves, [walks[name] for name in one.ids], nodes, one.at_knots) for one in sources)
+                walks[name] = assign_times_by_distance(
+                    walks[name], nodes, float(curve.track.times[0]), float(curve.track.times[-1])
+                )
+    return tuple(
+        measure_deviation(one.curves, [walks[name] for name in one.ids], nodes, one.at_knots)
+        for one in sources
+    )
 
 
-def _promise(sources: Sequence[_Source], moved: Sequence[Deviation]) -> Promise | None:
+def _error_bound(sources: Sequence[_Source], moved: Sequence[Deviation]) -> ErrorBound | None:
     """The sum of what was promised and of what was added, for the archive for which it is most, beside the least that was at first."""
-    promises = [source.archive.promise for source in sources]
-    maximum = all(promise is not None and promise.maximum for promise in promises)
+    promises = [source.archive.error_bound for source in sources]
+    maximum = all(error_bound is not None and error_bound.maximum for error_bound in promises)
     total = 0.0
-    for source, promise, one in zip(sources, promises, moved, strict=True):
-        if promise is None:
+    for source, error_bound, one in zip(sources, promises, moved, strict=True):
+        if error_bound is None:
             return None
-        total = max(total, promise.metres * source.stretch + source.bend + (one.maximum if maximum else one.rms))
-    return grown_promise(min(promise.before for promise in promises if promise is not None), total, maximum=maximum)
+        total = max(
+            total,
+            error_bound.metres * source.stretch
+            + source.bend
+            + (one.maximum if maximum else one.rms),
+        )
+    return extended_bound(
+        min(error_bound.before for error_bound in promises if error_bound is not None),
+        total,
+        maximum=maximum,
+    )
 
 
-def _kept(sources: Sequence[_Source], order: Sequence[str]) -> tuple[tuple[Section, ...], tuple[str, ...]]:
+def _kept(
+    sources: Sequence[_Source], order: Sequence[str]
+) -> tuple[tuple[Section, ...], tuple[str, ...]]:
     """Times of samples and columns of all archives; where some keep none, of no use to their tracks."""
-    bodies = [[extra.body for extra in source.archive.contents.extras if extra.kind == Kind.ATTRIBUTES] for source in sources]
+    bodies = [
+        [
+            extra.body
+            for extra in source.archive.contents.extras
+            if extra.kind == SectionKind.ATTRIBUTES
+        ]
+        for source in sources
+    ]
     if not any(bodies):
         return (), ()
     tables = [
-        read_attributes(bytes(body[0]), len(source.ids)) if body else Kept((0,) * len(source.ids), np.zeros(0))
+        read_attributes(bytes(body[0]), len(source.ids))
+        if body
+        else KeptColumns((0,) * len(source.ids), np.zeros(0))
         for source, body in zip(sources, bodies, strict=True)
     ]
     names = list(dict.fromkeys(name for table in tables for name in table.columns))
-    rows: dict[str, list[tuple[float, Kept, slice]]] = {name: [] for name in order}
+    rows: dict[str, list[tuple[float, KeptColumns, slice]]] = {name: [] for name in order}
     for source, table in zip(sources, tables, strict=True):
         for number, name in enumerate(source.ids):
             where = table.rows(number)
             if where.stop > where.start:
                 rows[name].append((float(table.times[where.start]), table, where))
-    chosen = [(table, where) for name in order for _, table, where in sorted(rows[name], key=lambda row: row[0])]
+    chosen = [
+        (table, where)
+        for name in order
+        for _, table, where in sorted(rows[name], key=lambda row: row[0])
+    ]
     counts = tuple(sum(where.stop - where.start for _, _, where in rows[name]) for name in order)
-    times = np.concatenate([table.times[where] for table, where in chosen]) if chosen else np.zeros(0)
-    columns = {name: np.concatenate([_column(table, name, where, tables) for table, where in chosen]) for name in names}
+    times = (
+        np.concatenate([table.times[where] for table, where in chosen]) if chosen else np.zeros(0)
+    )
+    columns = {
+        name: np.concatenate([_column(table, name, where, tables) for table, where in chosen])
+        for name in names
+    }
     partial = sorted({name for name in names for table in tables if name not in table.columns})
-    notes = [f"only some archives keep {', '.join(partial)}: the others' samples have none"] if partial else []
+    notes = (
+        [f"only some archives keep {', '.join(partial)}: the others' samples have none"]
+        if partial
+        else []
+    )
     notes += [] if all(bodies) else ["only some archives keep the times of samples"]
-    return (Section(Kind.ATTRIBUTES, attributes_body(Kept(counts, times, columns))),), tuple(notes)
+    return (
+        Section(SectionKind.ATTRIBUTES, encode_attributes(KeptColumns(counts, times, columns))),
+    ), tuple(notes)
 
 
-def _column(table: Kept, name: str, rows: slice, tables: Sequence[Kept]) -> NDArray[np.generic]:
+def _column(
+    table: KeptColumns, name: str, rows: slice, tables: Sequence[KeptColumns]
+) -> NDArray[np.generic]:
     """Some rows of a column, as numbers with holes, or as texts, if the archives differ."""
-    kinds = {one.columns[name].dtype.kind if name in one.columns else "-" for one in tables if len(one.times)}
+    kinds = {
+        one.columns[name].dtype.kind if name in one.columns else "-"
+        for one in tables
+        if len(one.times)
+    }
     if kinds & set("OSU"):
         if kinds & set("biuf"):
-            raise OptionError(f"column {name!r} holds texts in one archive and numbers in another; compress them under different names")
-        return table.columns[name][rows] if name in table.columns else np.full(rows.stop - rows.start, "", dtype=object)
+            raise OptionError(
+                f"column {name!r} holds texts in one archive and numbers in another; compress them under different names"
+            )
+        return (
+            table.columns[name][rows]
+            if name in table.columns
+            else np.full(rows.stop - rows.start, "", dtype=object)
+        )
     if kinds <= set("biu"):
         return table.columns[name][rows]
-    values = table.columns[name][rows] if name in table.columns else np.full(rows.stop - rows.start, np.nan)
+    values = (
+        table.columns[name][rows]
+        if name in table.columns
+        else np.full(rows.stop - rows.start, np.nan)
+    )
     numbers = values.astype(np.float64)
     if values.dtype.kind in "iu" and (numbers.astype(values.dtype) != values).any():
-        raise OptionError(f"column {name!r} holds integers in one archive that can't be numbers with a fraction, as another has it")
+        raise OptionError(
+            f"column {name!r} holds integers in one archive that can't be numbers with a fraction, as another has it"
+        )
     return numbers
 
 
 def _report(
-    archives: Sequence[Archive], made: Archive, limit: Limit, moved: tuple[Deviation, ...], seconds: float, notes: tuple[str, ...]
+    archives: Sequence[Archive],
+    made: Archive,
+    limit: DeviationLimit,
+    moved: tuple[Deviation, ...],
+    seconds: float,
+    notes: tuple[str, ...],
 ) -> MergeReport:
     bytes_in = sum(len(archive.to_bytes()) for archive in archives)
     bytes_out = len(made.to_bytes())
     if bytes_out >= bytes_in:
-        notes = (*notes, "the archives apart take no more bytes; allow a larger deviation for fewer")
+        notes = (
+            *notes,
+            "the archives apart take no more bytes; allow a larger deviation for fewer",
+        )
     return MergeReport(
         archives=len(archives),
         tracks=len(made.ids),
-        parts=sum(len(walk.gaps) for walk in made.lattice.walks),
+        parts=sum(len(walk.gaps) for walk in made.grid_walks.walks),
         nodes=len(made.road_map.nodes),
         edges=len(made.road_map.edges),
         nodes_in=sum(len(archive.road_map.nodes) for archive in archives),

@@ -50,7 +50,12 @@ class Try(Generic[T]):
 
 
 def smallest_error(
-    attempt: Callable[[float, int], Try[T] | None], size: int, *, first: float, coarsest: float, effort: int
+    attempt: Callable[[float, int], Try[T] | None],
+    size: int,
+    *,
+    first: float,
+    coarsest: float,
+    effort: int,
 ) -> tuple[Try[T] | None, int]:
     """Find the smallest error that so many bytes allow.
 
@@ -116,10 +121,18 @@ class _Search(Generic[T]):
 
     def following(self, tries: list[_Point[T]], aim: float) -> float:
         """Return the place where the size should be ``aim``."""
-        over = max((one for one in tries if one.size > self.limit), key=lambda one: one.place, default=None)
-        under = min((one for one in tries if one.size <= self.limit), key=lambda one: one.place, default=None)
+        over = max(
+            (one for one in tries if one.size > self.limit), key=lambda one: one.place, default=None
+        )
+        under = min(
+            (one for one in tries if one.size <= self.limit),
+            key=lambda one: one.place,
+            default=None,
+        )
         if over is not None and under is not None and over.place < under.place:
-            share = (over.size - aim) / (over.size - under.size) if math.isfinite(over.size) else 0.5
+            share = (
+                (over.size - aim) / (over.size - under.size) if math.isfinite(over.size) else 0.5
+            )
             return over.place + min(max(share, 0.1), 0.9) * (under.place - over.place)
         last = tries[-1]
         leap = (aim - last.size) / _power(tries) if math.isfinite(last.size) else _LEAP
@@ -128,7 +141,11 @@ class _Search(Generic[T]):
 
 def _power(tries: list[_Point[T]]) -> float:
     """Power of the error with which size falls, from the last two tries where these tell."""
-    if len(tries) < 2 or not math.isfinite(tries[-2].size) or abs(tries[-1].place - tries[-2].place) < _STEP:
+    if (
+        len(tries) < 2
+        or not math.isfinite(tries[-2].size)
+        or abs(tries[-1].place - tries[-2].place) < _STEP
+    ):
         return _POWER
     found = (tries[-1].size - tries[-2].size) / (tries[-1].place - tries[-2].place)
     return min(max(found, -2.5), -0.2)
@@ -145,13 +162,19 @@ def _drafted(search: _Search[T], place: float) -> float:
     return place
 
 
-def _settled(search: _Search[T], place: float, effort: int, count: int) -> tuple[Try[T] | None, int]:
+def _settled(
+    search: _Search[T], place: float, effort: int, count: int
+) -> tuple[Try[T] | None, int]:
     """Tries at the effort asked for; all that fit compete."""
     tries: list[_Point[T]] = []
     for number in range(count + _MORE_TRIES):
         tries.append(search.at(place, effort))
-        fitting = [one.found for one in search.made if one.found is not None and one.size <= search.limit]
-        if (fitting and number + 1 >= count) or search.limit + math.log(_GOOD) <= tries[-1].size <= search.limit:
+        fitting = [
+            one.found for one in search.made if one.found is not None and one.size <= search.limit
+        ]
+        if (fitting and number + 1 >= count) or search.limit + math.log(_GOOD) <= tries[
+            -1
+        ].size <= search.limit:
             break
         following = search.following(tries, search.limit + math.log(_AIM))
         if number + 2 == count + _MORE_TRIES:

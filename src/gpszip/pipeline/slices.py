@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.model import Frame, LatticeWalk, Track, Walk
-from gpszip.model.frame import quantum
+from gpszip.model import GridWalk, QuantisationGrid, Track, Walk
+from gpszip.model.grid import step_size
 from gpszip.walks.error import synchronised_errors
 from gpszip.walks.quantised import knot_times
 
@@ -53,7 +53,9 @@ def cut_stretches(counts: Sequence[int], length: int) -> list[Stretch]:
         cuts = [count * i // parts for i in range(parts + 1)]
         overlap = max(int(_OVERLAP * length), _LEAST_OVERLAP)
         for begin, end in pairwise(cuts):
-            out.append(Stretch(track, max(begin - overlap, 0), begin, end, min(end + overlap, count)))
+            out.append(
+                Stretch(track, max(begin - overlap, 0), begin, end, min(end + overlap, count))
+            )
     return out
 
 
@@ -77,8 +79,13 @@ def gather(stretches: Sequence[Stretch], length: int) -> list[list[Stretch]]:
 
 
 def seam(
-    before: LatticeWalk, after: LatticeWalk, overlap: Track, when: float, frame: Frame, places: NDArray[np.float64]
-) -> tuple[LatticeWalk, bool]:
+    before: GridWalk,
+    after: GridWalk,
+    overlap: Track,
+    when: float,
+    grid: QuantisationGrid,
+    places: NDArray[np.float64],
+) -> tuple[GridWalk, bool]:
     """Make one walk of two that overlap, and say whether they met.
 
     A knot that both have in the overlap is the seam; of several, the one nearest to the cut. Where there is none, a straight
@@ -92,26 +99,35 @@ def seam(
         The samples that both stretches have.
     when : float
         Time of the cut in seconds.
-    frame : Frame
+    grid : Frame
         The lattice.
     places : float64 array, shape (V, d)
         Positions of the nodes in metres.
     """
-    cut = (when - frame.epoch / 1000) / quantum(frame.time)
-    low, high = int(after.cells[0]), int(before.cells[-1])
-    shared, ours, theirs = np.intersect1d(before.cells, after.cells, return_indices=True)
+    cut = (when - grid.epoch / 1000) / step_size(grid.time)
+    low, high = int(after.time_steps[0]), int(before.time_steps[-1])
+    shared, ours, theirs = np.intersect1d(before.time_steps, after.time_steps, return_indices=True)
     met = before.nodes[ours] == after.nodes[theirs]
     if met.any():
         best = np.flatnonzero(met)[np.abs(shared[met] - cut).argmin()]
-        return _joined(before, int(ours[best]), after, int(theirs[best]) + 1, int(theirs[best])), True
-    starts = _near(before.cells, cut, low - 1, high)
-    ends = _near(after.cells, cut, low, high + 1)
-    tries = [(i, j) for i in starts for j in ends if before.cells[i] < after.cells[j]]
+        return _joined(
+            before, int(ours[best]), after, int(theirs[best]) + 1, int(theirs[best])
+        ), True
+    starts = _near(before.time_steps, cut, low - 1, high)
+    ends = _near(after.time_steps, cut, low, high + 1)
+    tries = [(i, j) for i in starts for j in ends if before.time_steps[i] < after.time_steps[j]]
     if not tries:
         tries = (
-            [(int(np.searchsorted(before.cells, low)) - 1, 0)] if before.cells[0] < low else [(len(before.cells) - 1, len(after.cells) - 1)]
+            [(int(np.searchsorted(before.time_steps, low)) - 1, 0)]
+            if before.time_steps[0] < low
+            else [(len(before.time_steps) - 1, len(after.time_steps) - 1)]
         )
-    i, j = min(tries, key=lambda pair: _misfit(_joined(before, pair[0], after, pair[1], None), overlap, frame, places))
+    i, j = min(
+        tries,
+        key=lambda pair: _misfit(
+            _joined(before, pair[0], after, pair[1], None), overlap, grid, places
+        ),
+    )
     return _joined(before, i, after, j, None), False
 
 
@@ -120,15 +136,21 @@ def _near(cells: NDArray[np.int64], cut: float, low: int, high: int) -> list[int
     return sorted(inside[np.argsort(np.abs(cells[inside] - cut), kind="stable")[:_KNOTS]].tolist())
 
 
-def _joined(before: LatticeWalk, i: int, after: LatticeWalk, j: int, same: int | None) -> LatticeWalk:
+def _joined(before: GridWalk, i: int, after: GridWalk, j: int, same: int | None) -> GridWalk:
     """Knots up to i of one walk, those from j of the other; a straight part between, or none where they are the same knot."""
     between = after.gaps[same : same + 1] if same is not None else np.zeros(1, np.bool_)
     gaps = np.concatenate([before.gaps[:i], between, after.gaps[j:]])
-    return LatticeWalk(
-        np.concatenate([before.nodes[: i + 1], after.nodes[j:]]), np.concatenate([before.cells[: i + 1], after.cells[j:]]), gaps
+    return GridWalk(
+        np.concatenate([before.nodes[: i + 1], after.nodes[j:]]),
+        np.concatenate([before.time_steps[: i + 1], after.time_steps[j:]]),
+        gaps,
     )
 
 
-def _misfit(walk: LatticeWalk, overlap: Track, frame: Frame, places: NDArray[np.float64]) -> float:
-    errors = synchronised_errors(overlap, Walk(overlap.id, walk.nodes, knot_times(walk.cells, frame), walk.gaps), places)
+def _misfit(
+    walk: GridWalk, overlap: Track, grid: QuantisationGrid, places: NDArray[np.float64]
+) -> float:
+    errors = synchronised_errors(
+        overlap, Walk(overlap.id, walk.nodes, knot_times(walk.time_steps, grid), walk.gaps), places
+    )
     return float(np.where(np.isnan(errors), 1e12, errors**2).sum())

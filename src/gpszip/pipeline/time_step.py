@@ -12,16 +12,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from gpszip.codec.kernels.walk_model import PLACE_BITS
-from gpszip.codec.prior import Past
-from gpszip.codec.walks import encode_with_ledger, number_by_visit
+from gpszip.codec.kernels.walk_model import POSITION_BITS
+from gpszip.codec.prior import Prior
+from gpszip.codec.walks import encode_with_statistics, number_by_visit
 from gpszip.errors import BoundError
-from gpszip.model import LatticeWalk, LatticeWalks, Track
-from gpszip.model.frame import QUANTUM_STEPS
+from gpszip.model import GridWalk, GridWalks, Track
+from gpszip.model.grid import STEP_SIZES
 from gpszip.pipeline.encode_batches import Ground, Samples, lay_batch, read_stretch
 from gpszip.pipeline.slices import Stretch
-from gpszip.run.executor import Executor, sharing
-from gpszip.walks.quantised import node_positions, to_lattice, walks_of
+from gpszip.run.executor import Executor, share_value
+from gpszip.walks.quantised import dequantise_walks, node_positions, quantise_walks
 
 __all__ = ["coarsened"]
 
@@ -32,7 +32,9 @@ _STEP, _MOST = 2, 12
 _ONE_OF, _TRIED, _FEWEST = 16, 6, 6
 
 
-def coarsened(log: Samples, ground: Ground, batches: Sequence[Sequence[Stretch]], executor: Executor) -> Ground:
+def coarsened(
+    log: Samples, ground: Ground, batches: Sequence[Sequence[Stretch]], executor: Executor
+) -> Ground:
     """Return the ground with the lattice of times on which some batches of the log take least.
 
     Parameters
@@ -51,7 +53,7 @@ def coarsened(log: Samples, ground: Ground, batches: Sequence[Sequence[Stretch]]
     count = min(max(len(batches) // _ONE_OF, 1), _TRIED)
     some = [batches[(2 * number + 1) * len(batches) // (2 * count)] for number in range(count)]
     best, least = ground, _cost(log, ground, some, len(batches) / count, executor)
-    for steps in range(_STEP, min(_MOST, QUANTUM_STEPS - 1 - ground.frame.time) + 1, _STEP):
+    for steps in range(_STEP, min(_MOST, STEP_SIZES - 1 - ground.grid.time) + 1, _STEP):
         other = _on_coarser_times(ground, steps)
         cost = _cost(log, other, some, len(batches) / count, executor)
         if cost >= least:
@@ -61,31 +63,43 @@ def coarsened(log: Samples, ground: Ground, batches: Sequence[Sequence[Stretch]]
 
 
 def _on_coarser_times(ground: Ground, steps: int) -> Ground:
-    frame, known = replace(ground.frame, time=ground.frame.time + steps), ground.known.walks
-    walks = walks_of(known, ground.frame, [str(number) for number in range(len(known.walks))])
-    past = Past(number_by_visit(to_lattice(node_positions(known, ground.frame), walks, frame)))
-    past.model(0)  # learnt once, before several batches ask for it
-    return replace(ground, frame=frame, known=past)
+    grid, known = replace(ground.grid, time=ground.grid.time + steps), ground.known.walks
+    walks = dequantise_walks(
+        known, ground.grid, [str(number) for number in range(len(known.walks))]
+    )
+    prior = Prior(number_by_visit(quantise_walks(node_positions(known, ground.grid), walks, grid)))
+    prior.model(0)  # learnt once, before several batches ask for it
+    return replace(ground, grid=grid, known=prior)
 
 
-def _cost(log: Samples, ground: Ground, batches: Sequence[Sequence[Stretch]], times: float, executor: Executor) -> float:
+def _cost(
+    log: Samples,
+    ground: Ground,
+    batches: Sequence[Sequence[Stretch]],
+    times: float,
+    executor: Executor,
+) -> float:
     """Bytes of so many times these batches, for which known places are said but once; infinite if one can't hold the bound."""
-    nodes, walks = [ground.known.walks.nodes], list[LatticeWalk]()
-    with sharing(executor, ground) as shared:
-        for found in shared.map(_tried, ([read_stretch(log, stretch) for stretch in own] for own in batches)):
+    nodes, walks = [ground.known.walks.nodes], list[GridWalk]()
+    with share_value(executor, ground) as shared:
+        for found in shared.map(
+            _tried, ([read_stretch(log, stretch) for stretch in own] for own in batches)
+        ):
             if found is None:
                 return math.inf
             own = sum(map(len, nodes)) + np.arange(len(found.nodes))
             number = np.append(np.arange(ground.known.nodes), own).astype(np.int32)
             nodes.append(found.nodes)
-            walks += [LatticeWalk(number[walk.nodes], walk.cells, walk.gaps) for walk in found.walks]
-    whole = number_by_visit(LatticeWalks(np.concatenate(nodes), tuple(walks)))
-    data, ledger = encode_with_ledger(whole)
-    once = float(ledger[PLACE_BITS, 0]) / 8 * (1 - sum(map(len, nodes[1:])) / len(whole.nodes))
+            walks += [
+                GridWalk(number[walk.nodes], walk.time_steps, walk.gaps) for walk in found.walks
+            ]
+    whole = number_by_visit(GridWalks(np.concatenate(nodes), tuple(walks)))
+    data, ledger = encode_with_statistics(whole)
+    once = float(ledger[POSITION_BITS, 0]) / 8 * (1 - sum(map(len, nodes[1:])) / len(whole.nodes))
     return (len(data) - once) * times + once
 
 
-def _tried(ground: Ground, tracks: Sequence[Track]) -> LatticeWalks | None:
+def _tried(ground: Ground, tracks: Sequence[Track]) -> GridWalks | None:
     try:
         return lay_batch(ground, tracks)
     except BoundError:

@@ -24,9 +24,13 @@ def checked(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
     first, seen = whole[0], set[str]()
     for track in whole:
         if track.dimension != first.dimension:
-            raise OptionError(f"track {track.id!r} has {track.dimension} coordinates, {first.id!r} {first.dimension}; compress them apart")
+            raise OptionError(
+                f"track {track.id!r} has {track.dimension} coordinates, {first.id!r} {first.dimension}; compress them apart"
+            )
         if track.plane != first.plane:
-            raise OptionError(f"tracks {first.id!r} and {track.id!r} lie on different planes; read them together")
+            raise OptionError(
+                f"tracks {first.id!r} and {track.id!r} lie on different planes; read them together"
+            )
         _check_range(track)
         if track.id in seen:
             raise OptionError(f"two tracks are called {track.id!r}; give each its own id")
@@ -36,7 +40,10 @@ def checked(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
 
 def _check_range(track: Track) -> None:
     """Refuse numbers that no lattice reaches."""
-    for what, values in (("position", np.abs(track.positions).max(axis=1)), ("time", np.abs(track.times))):
+    for what, values in (
+        ("position", np.abs(track.positions).max(axis=1)),
+        ("time", np.abs(track.times)),
+    ):
         far = values > _FARTHEST
         if far.any():
             where = f"track {track.id!r}: sample {int(far.argmax())}"
@@ -47,29 +54,37 @@ def _check_range(track: Track) -> None:
 
 def laid_on(map: Archive, tracks: Sequence[Track], options: Options) -> tuple[Track, ...]:
     """Tracks on the plane of a map, which they and the options must fit."""
-    from gpszip.geo.planes import on_plane
+    from gpszip.geo.planes import reproject_track
 
     check_map(map, tracks[0].dimension, tracks[0].plane, options)
-    plane = map.frame.plane
-    return tuple(tracks) if plane is None else tuple(on_plane(track, plane) for track in tracks)
+    plane = map.grid.plane
+    return (
+        tuple(tracks) if plane is None else tuple(reproject_track(track, plane) for track in tracks)
+    )
 
 
 def check_map(map: Archive, dimension: int, plane: Plane | None, options: Options) -> None:
     """Refuse a map that doesn't fit tracks of so many coordinates, or that options don't go with."""
     if options.thesis or options.layer or not options.times:
-        raise OptionError("k, m, layer and leaving out times don't go with a map that is there already; leave them out")
+        raise OptionError(
+            "k, m, layer and leaving out times don't go with a map that is there already; leave them out"
+        )
     if map.contents.map is not None:
         raise OptionError("the map lies on another map itself; give one that holds its own walks")
     if not map.timed:
         raise OptionError("the map was written without times; compress its log with them")
-    frame = map.frame
-    if frame.dimension != dimension or (frame.plane is None) != (plane is None):
-        theirs, ours = _axes(frame.dimension, frame.plane), _axes(dimension, plane)
+    grid = map.grid
+    if grid.dimension != dimension or (grid.plane is None) != (plane is None):
+        theirs, ours = _axes(grid.dimension, grid.plane), _axes(dimension, plane)
         raise OptionError(f"the map has {theirs}, the log {ours}; give a map of the same place")
 
 
 def _axes(dimension: int, plane: Plane | None) -> str:
-    return f"{dimension} coordinates on a plane of its own" if plane is None else "latitude and longitude"
+    return (
+        f"{dimension} coordinates on a plane of its own"
+        if plane is None
+        else "latitude and longitude"
+    )
 
 
 def check_names(names: Sequence[str], *, geographic: bool) -> None:
@@ -77,4 +92,6 @@ def check_names(names: Sequence[str], *, geographic: bool) -> None:
     own = {"track_id", "t"} | ({"lat", "lon"} if geographic else {"x", "y", "z"})
     wrong = next((name for name in names if name in own), None)
     if wrong is not None:
-        raise OptionError(f"column {wrong!r} can't be kept besides: each position has one of that name; rename the column")
+        raise OptionError(
+            f"column {wrong!r} can't be kept besides: each position has one of that name; rename the column"
+        )

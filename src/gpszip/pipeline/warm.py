@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from gpszip.model import LatticeWalk, LatticeWalks, Listener, Network, Options, Progress, Track
+from gpszip.model import GridWalk, GridWalks, Listener, Network, Options, Progress, Track
 
 __all__ = ["warm"]
 
@@ -40,17 +40,20 @@ def _loops() -> list[Track]:
     """Somebody twice on the same round; the second one falls silent before the end."""
     turn = np.linspace(0, 4 * math.pi, 120)
     loop = np.stack((40 * np.cos(turn), 30 * np.sin(turn)), axis=1)
-    return [Track("0", np.arange(120.0), loop), Track("1", np.append(np.arange(119.0), 1e4), loop[::-1] + 0.1)]
+    return [
+        Track("0", np.arange(120.0), loop),
+        Track("1", np.append(np.arange(119.0), 1e4), loop[::-1] + 0.1),
+    ]
 
 
 def _code_walks() -> None:
     from gpszip.codec.modes import encode_smallest
-    from gpszip.codec.walks import decode, encode_with_ledger
+    from gpszip.codec.walks import decode, encode_with_statistics
 
     square = np.array([[0, 0], [9, 0], [9, 9], [0, 9]])
-    walk = LatticeWalk(np.arange(12, dtype=np.int32) % 4, np.arange(0, 36, 3), np.zeros(11, bool))
-    walks = LatticeWalks(square, (walk, walk))
-    encode_with_ledger(walks)
+    walk = GridWalk(np.arange(12, dtype=np.int32) % 4, np.arange(0, 36, 3), np.zeros(11, bool))
+    walks = GridWalks(square, (walk, walk))
+    encode_with_statistics(walks)
     decode(encode_smallest(walks), 2, 2)
 
 
@@ -74,9 +77,15 @@ def _follow_roads() -> None:
     from gpszip.pipeline.match import match, patch
 
     corners = np.array([[-40.0, -30.0], [40.0, -30.0], [40.0, 30.0], [-40.0, 30.0]])
-    starts, ends, both = np.arange(4, dtype=np.int32), np.roll(np.arange(4, dtype=np.int32), -1), np.ones(4, bool)
+    starts, ends, both = (
+        np.arange(4, dtype=np.int32),
+        np.roll(np.arange(4, dtype=np.int32), -1),
+        np.ones(4, bool),
+    )
     sides = np.stack((corners[starts], corners[ends]), axis=1).reshape(-1, 2)
-    roads = Network(corners, starts, ends, np.arange(0, 9, 2), sides, both, both, np.full(4, np.nan))
+    roads = Network(
+        corners, starts, ends, np.arange(0, 9, 2), sides, both, both, np.full(4, np.nan)
+    )
     patch(_loops(), roads, gap=60.0)
     track = _loops()[0]
     matcher = LiveMatcher(roads, match(track, roads).scales, lag=1)
@@ -86,15 +95,15 @@ def _follow_roads() -> None:
 
 
 def _sketch() -> None:
-    from gpszip.sketches.partition import build
-    from gpszip.sketches.pieces import through
+    from gpszip.sketches.partition import build_coreset
+    from gpszip.sketches.pieces import polyline
     from gpszip.sketches.samples import weighted_samples
     from gpszip.sketches.stream import CoresetStream
 
     track = _loops()[0]
-    small = build(track, size=10)
-    small.cost(through(track.times[:2], track.positions[:2]))
-    build(track, k=2, eps=0.5)
+    small = build_coreset(track, size=10)
+    small.cost(polyline(track.times[:2], track.positions[:2]))
+    build_coreset(track, k=2, eps=0.5)
     small.least_cost(2)
     weighted_samples(small, track)
     stream = CoresetStream(10)

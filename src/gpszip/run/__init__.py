@@ -1,9 +1,9 @@
 """Executors: where work runs."""
 
-from gpszip.run.choosing import executor_of
+from gpszip.run.choosing import resolve_executor
 from gpszip.run.dask import Dask
 from gpszip.run.processes import Processes
 from gpszip.run.serial import Serial
 from gpszip.run.threads import Threads
 
-__all__ = ["Dask", "Processes", "Serial", "Threads", "executor_of"]
+__all__ = ["Dask", "Processes", "Serial", "Threads", "resolve_executor"]

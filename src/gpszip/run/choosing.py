@@ -9,10 +9,10 @@ from gpszip.run.dask import Dask
 from gpszip.run.executor import Executor
 from gpszip.run.threads import Threads
 
-__all__ = ["executor_of"]
+__all__ = ["resolve_executor"]
 
 
-def executor_of(given: Any) -> Executor:
+def resolve_executor(given: Any) -> Executor:
     """Return an executor: the one given, that of a ready ``distributed.Client``, or a thread for each core.
 
     Raises
@@ -22,7 +22,7 @@ def executor_of(given: Any) -> Executor:
 
     Examples
     --------
-    >>> executor_of(Threads(2))
+    >>> resolve_executor(Threads(2))
     Threads(workers=2)
     """
     if given is None:
@@ -30,6 +30,8 @@ def executor_of(given: Any) -> Executor:
     if hasattr(given, "scatter") and hasattr(given, "submit"):
         return Dask(given)
     if not hasattr(given, "map") or hasattr(given, "submit"):
-        raise OptionError(f"{given!r} is no executor; give one of gpszip.run or a distributed.Client")
+        raise OptionError(
+            f"{given!r} is no executor; give one of gpszip.run or a distributed.Client"
+        )
     executor: Executor = given
     return executor

@@ -9,8 +9,8 @@ from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
 from gpszip.errors import MissingExtraError, WorkerError
-from gpszip.run.executor import Executor, Shared
-from gpszip.run.in_order import in_order
+from gpszip.run.executor import Executor, SharedValue
+from gpszip.run.in_order import results_in_order
 from gpszip.run.threads import Threads
 
 __all__ = ["Dask", "connect"]
@@ -20,7 +20,7 @@ R = TypeVar("R")
 V = TypeVar("V")
 
 #: Seconds to wait for a scheduler.
-_PATIENCE = 10
+_CONNECT_TIMEOUT = 10
 
 
 class Dask:
@@ -48,11 +48,13 @@ class Dask:
 
     def map(self, function: Callable[[T], R], items: Iterable[T], /) -> Iterator[R]:
         """Yield ``function(item)`` for each item, in the order of the items; an item's error is raised in its turn."""
-        return self._results(lambda item: self.client.submit(function, item, pure=False), items)
+        return self._map_in_order(
+            lambda item: self.client.submit(function, item, pure=False), items
+        )
 
-    def share(self, value: V, /) -> Shared[V]:
+    def share(self, value: V, /) -> SharedValue[V]:
         """Bring the value to all workers."""
-        return _Scattered(self, value)
+        return _ScatteredValue(self, value)
 
     def local(self) -> Executor:
         """Return the threads of this process."""
@@ -62,34 +64,39 @@ class Dask:
         """Unite what becomes of items two by two; it stays with the workers until all is one."""
         from distributed import wait
 
-        done: list[tuple[int, Any]] = []  # what is united so far, and of how many items each: powers of 2 that fall
+        done: list[
+            tuple[int, Any]
+        ] = []  # what is united so far, and of how many items each: powers of 2 that fall
         leaves: deque[Any] = deque()
         for item in items:
             leaves.append(self.client.submit(leaf, item, pure=False))
             done.append((1, leaves[-1]))
             while len(done) > 1 and done[-2][0] == done[-1][0]:
-                self._unite_last(unite, done)
-            if len(leaves) >= self._ahead():
+                self._reduce_last(unite, done)
+            if len(leaves) >= self._max_pending():
                 wait(leaves.popleft())  # type: ignore[no-untyped-call]
         while len(done) > 1:
-            self._unite_last(unite, done)
-        whole: R = _result(done[0][1])
+            self._reduce_last(unite, done)
+        whole: R = _fetch_result(done[0][1])
         return whole
 
-    def _unite_last(self, unite: Callable[[R, R], R], done: list[tuple[int, Any]]) -> None:
+    def _reduce_last(self, unite: Callable[[R, R], R], done: list[tuple[int, Any]]) -> None:
         (some, left), (others, right) = done[-2:]
         done[-2:] = [(some + others, self.client.submit(unite, left, right, pure=False))]
 
-    def _ahead(self) -> int:
+    def _max_pending(self) -> int:
         """How many items may be under way."""
         threads: int = sum(self.client.nthreads().values())
         return max(2 * threads, 4)
 
-    def _results(self, submit: Callable[[T], Any], items: Iterable[T]) -> Iterator[Any]:
-        return in_order(lambda item: _Checked(submit(item)), items, self._ahead())  # type: ignore[arg-type,return-value]
+    def _map_in_order(self, submit: Callable[[T], Any], items: Iterable[T]) -> Iterator[Any]:
+        def start(item: T) -> Any:
+            return _CheckedFuture(submit(item))
+
+        return results_in_order(start, items, self._max_pending())
 
 
-class _Scattered(Generic[V]):
+class _ScatteredValue(Generic[V]):
     """A value at all workers; it is brought anew to those that come later, and where all that had it are gone."""
 
     def __init__(self, executor: Dask, value: V) -> None:
@@ -98,7 +105,9 @@ class _Scattered(Generic[V]):
 
     def map(self, function: Callable[[V, T], R], items: Iterable[T], /) -> Iterator[R]:
         """Yield ``function(value, item)`` for each item, in the order of the items."""
-        return self._executor._results(lambda item: _Again(self, function, item), items)
+        return self._executor._map_in_order(
+            lambda item: _RetryingFuture(self, function, item), items
+        )
 
     def submit(self, function: Callable[[V, T], R], item: T) -> Any:
         """Begin with an item."""
@@ -121,15 +130,22 @@ class _Scattered(Generic[V]):
         """Return itself."""
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         """Let the workers forget the value."""
         self._future.release()
 
 
-class _Again:
+class _RetryingFuture:
     """A result that is computed again if the shared value was lost on the way."""
 
-    def __init__(self, shared: _Scattered[Any], function: Callable[[Any, Any], Any], item: Any) -> None:
+    def __init__(
+        self, shared: _ScatteredValue[Any], function: Callable[[Any, Any], Any], item: Any
+    ) -> None:
         self._shared, self._function, self._item = shared, function, item
         self._needs = shared.future
         self._future: Any = shared.submit(function, item)
@@ -145,26 +161,28 @@ class _Again:
         self._future.cancel()
 
 
-class _Checked:
+class _CheckedFuture:
     """A future whose loss is an error of ours."""
 
     def __init__(self, future: Any) -> None:
         self._future = future
 
     def result(self) -> Any:
-        return _result(self._future)
+        return _fetch_result(self._future)
 
     def cancel(self) -> None:
         self._future.cancel()
 
 
-def _result(future: Any) -> Any:
+def _fetch_result(future: Any) -> Any:
     from distributed import KilledWorker
 
     try:
         return future.result()
     except KilledWorker as error:
-        raise WorkerError("several workers of the cluster ended at the same piece of work; they may have too little memory") from error
+        raise WorkerError(
+            "several workers of the cluster ended at the same piece of work; they may have too little memory"
+        ) from error
     except CancelledError as error:
         raise WorkerError("the cluster lost a piece of work; are any workers left?") from error
 
@@ -185,6 +203,6 @@ def connect(address: str) -> Any:
         raise MissingExtraError("dask", "a Dask cluster") from error
     client: Any = distributed.Client
     try:
-        return client(address, timeout=_PATIENCE)
+        return client(address, timeout=_CONNECT_TIMEOUT)
     except (OSError, ValueError, TimeoutError) as error:
         raise WorkerError(f"no scheduler answers at {address}: {error}") from error

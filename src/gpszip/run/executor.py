@@ -9,7 +9,15 @@ from itertools import chain, islice
 from types import TracebackType
 from typing import Generic, Protocol, Self, TypeVar
 
-__all__ = ["Executor", "Held", "Serial", "Shared", "local", "sharing", "united"]
+__all__ = [
+    "Executor",
+    "LocalValue",
+    "Serial",
+    "SharedValue",
+    "local_executor",
+    "reduce_tree",
+    "share_value",
+]
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -28,7 +36,7 @@ class Executor(Protocol):
         """Yield ``function(item)`` for each item, in the order of the items."""
         ...
 
-    def share(self, value: V, /) -> Shared[V]:
+    def share(self, value: V, /) -> SharedValue[V]:
         """Bring a large value to the workers, once, for many items."""
         ...
 
@@ -37,7 +45,7 @@ class Executor(Protocol):
         ...
 
 
-class Shared(Protocol[V_co]):
+class SharedValue(Protocol[V_co]):
     """A value at the workers; leaving its ``with`` block takes it away from them."""
 
     def map(self, function: Callable[[V_co, T], R], items: Iterable[T], /) -> Iterator[R]:
@@ -48,13 +56,19 @@ class Shared(Protocol[V_co]):
         """Return itself."""
         ...
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+        /,
+    ) -> None:
         """Take the value away from the workers."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
-class Held(Generic[V]):
+class LocalValue(Generic[V]):
     """A value in the memory that workers share with the caller.
 
     Parameters
@@ -66,7 +80,7 @@ class Held(Generic[V]):
 
     Examples
     --------
-    >>> list(Held(Serial(), 10).map(divmod, [3, 4]))
+    >>> list(LocalValue(Serial(), 10).map(divmod, [3, 4]))
     [(3, 1), (2, 2)]
     """
 
@@ -81,7 +95,13 @@ class Held(Generic[V]):
         """Return itself."""
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None, /) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+        /,
+    ) -> None:
         """Nothing was brought anywhere."""
 
 
@@ -99,35 +119,40 @@ class Serial:
         """Yield ``function(item)`` for each item, in the order of the items."""
         return map(function, items)
 
-    def share(self, value: V, /) -> Shared[V]:
+    def share(self, value: V, /) -> SharedValue[V]:
         """Return the value where it is."""
-        return Held(self, value)
+        return LocalValue(self, value)
 
     def local(self) -> Executor:
         """Return itself."""
         return self
 
 
-def sharing(executor: Executor | None, value: V) -> Shared[V]:
+def share_value(executor: Executor | None, value: V) -> SharedValue[V]:
     """Share a value with an executor's workers; without an executor, or with one that only maps, it stays where it is.
 
     Examples
     --------
-    >>> with sharing(None, 10) as ten:
+    >>> with share_value(None, 10) as ten:
     ...     list(ten.map(pow, [1, 2]))
     [10, 100]
     """
     own = Serial() if executor is None else executor
-    return own.share(value) if hasattr(own, "share") else Held(own, value)
+    return own.share(value) if hasattr(own, "share") else LocalValue(own, value)
 
 
-def local(executor: Executor | None) -> Executor:
+def local_executor(executor: Executor | None) -> Executor:
     """Return where work on arrays in this process's memory runs."""
     own = Serial() if executor is None else executor
     return own.local() if hasattr(own, "local") else own
 
 
-def united(executor: Executor | None, unite: Callable[[R, R], R], items: Iterable[T], leaf: Callable[[T], R]) -> R:
+def reduce_tree(
+    executor: Executor | None,
+    unite: Callable[[R, R], R],
+    items: Iterable[T],
+    leaf: Callable[[T], R],
+) -> R:
     """Unite what becomes of items two by two, as a tree whose shape depends on nothing but their number.
 
     Only as many items and partial results are held as workers are busy with. Where the executor has workers with memories of
@@ -146,7 +171,7 @@ def united(executor: Executor | None, unite: Callable[[R, R], R], items: Iterabl
 
     Examples
     --------
-    >>> united(None, "({} {})".format, "abcde", str.upper)
+    >>> reduce_tree(None, "({} {})".format, "abcde", str.upper)
     '(((A B) (C D)) E)'
     """
     own = Serial() if executor is None else executor
@@ -159,7 +184,7 @@ def united(executor: Executor | None, unite: Callable[[R, R], R], items: Iterabl
         second = next(level, None)
         if second is None:
             return first
-        level = own.map(partial(_unite_pair, unite), _pairs(chain([first, second], level)))
+        level = own.map(partial(_reduce_pair, unite), _pairs(chain([first, second], level)))
 
 
 def _pairs(values: Iterator[T]) -> Iterator[tuple[T, ...]]:
@@ -168,5 +193,5 @@ def _pairs(values: Iterator[T]) -> Iterator[tuple[T, ...]]:
         yield pair
 
 
-def _unite_pair(unite: Callable[[T, T], T], pair: tuple[T, ...]) -> T:
+def _reduce_pair(unite: Callable[[T, T], T], pair: tuple[T, ...]) -> T:
     return unite(*pair) if len(pair) > 1 else pair[0]

@@ -7,19 +7,21 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
 from typing import TypeVar
 
-__all__ = ["in_order"]
+__all__ = ["results_in_order"]
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 
-def in_order(submit: Callable[[T], Future[R]], items: Iterable[T], most: int) -> Iterator[R]:
+def results_in_order(
+    submit: Callable[[T], Future[R]], items: Iterable[T], max_pending: int
+) -> Iterator[R]:
     """Submit items, at most so many ahead of what is fetched, and yield their results in order; cancel what is left on leaving."""
     waiting: deque[Future[R]] = deque()
     try:
         for item in items:
             waiting.append(submit(item))
-            if len(waiting) >= most:
+            if len(waiting) >= max_pending:
                 yield waiting.popleft().result()
         while waiting:
             yield waiting.popleft().result()

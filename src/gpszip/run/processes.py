@@ -17,10 +17,10 @@ from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
 from gpszip.errors import OptionError, WorkerError
-from gpszip.files.os_errors import naming
+from gpszip.files.os_errors import as_output_error
 from gpszip.files.temporary import SCRATCH_PREFIX, temporary_folder
-from gpszip.run.executor import Executor, Shared
-from gpszip.run.in_order import in_order
+from gpszip.run.executor import Executor, SharedValue
+from gpszip.run.in_order import results_in_order
 from gpszip.run.threads import Threads
 
 __all__ = ["Processes"]
@@ -60,7 +60,7 @@ class Processes:
         self.workers = (os.cpu_count() or 1) if workers is None else workers
         if self.workers < 1:
             raise OptionError(f"{self.workers} processes can't do any work; choose 1 or more")
-        self._context = _Recorded()
+        self._context = _TrackedContext()
         self._pool: ProcessPoolExecutor | None = None
 
     def __repr__(self) -> str:
@@ -70,7 +70,12 @@ class Processes:
         """Return itself."""
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         """End the processes, at once where an error leads out."""
         self.close(at_once=error is not None)
 
@@ -88,51 +93,65 @@ class Processes:
     def map(self, function: Callable[[T], R], items: Iterable[T], /) -> Iterator[R]:
         """Yield ``function(item)`` for each item, in the order of the items; an item's error is raised in its turn."""
         if self._pool is None:
-            self._pool = ProcessPoolExecutor(self.workers, mp_context=self._context, initializer=_be_deaf)
+            self._pool = ProcessPoolExecutor(
+                self.workers, mp_context=self._context, initializer=_ignore_interrupts
+            )
         pool = self._pool
         try:
-            yield from in_order(lambda item: pool.submit(function, item), items, 2 * self.workers)
+            yield from results_in_order(
+                lambda item: pool.submit(function, item), items, 2 * self.workers
+            )
         except BrokenProcessPool as error:
             self.close(at_once=True)
-            raise WorkerError("a process was killed or ran out of memory; try again with fewer workers") from error
+            raise WorkerError(
+                "a process was killed or ran out of memory; try again with fewer workers"
+            ) from error
         except KeyboardInterrupt:
             self.close(at_once=True)
             raise
 
-    def share(self, value: V, /) -> Shared[V]:
+    def share(self, value: V, /) -> SharedValue[V]:
         """Write the value to a file that each process reads once."""
-        return _Filed(self, value)
+        return _PickledValue(self, value)
 
     def local(self) -> Executor:
         """Return as many threads of this process."""
         return Threads(self.workers)
 
 
-class _Filed(Generic[V]):
+class _PickledValue(Generic[V]):
     """A value in a file of its own."""
 
     def __init__(self, executor: Processes, value: V) -> None:
         self._executor = executor
-        with ExitStack() as stack, naming(tempfile.gettempdir()):
-            self._path = stack.enter_context(temporary_folder(Path(tempfile.gettempdir()), SCRATCH_PREFIX)) / "shared"
+        with ExitStack() as stack, as_output_error(tempfile.gettempdir()):
+            self._path = (
+                stack.enter_context(temporary_folder(Path(tempfile.gettempdir()), SCRATCH_PREFIX))
+                / "shared"
+            )
             with self._path.open("wb") as file:
                 pickle.dump(value, file, protocol=pickle.HIGHEST_PROTOCOL)
-            self._room = stack.pop_all()
+            self._cleanup = stack.pop_all()
 
     def map(self, function: Callable[[V, T], R], items: Iterable[T], /) -> Iterator[R]:
         """Yield ``function(value, item)`` for each item, in the order of the items."""
-        return self._executor.map(partial(_with_filed, function, str(self._path)), items)
+        return self._executor.map(partial(_call_with_shared, function, str(self._path)), items)
 
     def __enter__(self) -> Self:
         """Return itself."""
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
         """Remove the file."""
-        self._room.close()
+        self._cleanup.close()
 
 
-class _Recorded(SpawnContext):
+class _TrackedContext(SpawnContext):
     """Starts fresh processes and knows them."""
 
     def __init__(self) -> None:
@@ -145,16 +164,16 @@ class _Recorded(SpawnContext):
         return process
 
 
-def _be_deaf() -> None:
+def _ignore_interrupts() -> None:
     """Leave the answer to Ctrl-C to the process that started this one."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @lru_cache(maxsize=2)
-def _filed(path: str) -> Any:
+def _load_shared(path: str) -> Any:
     with Path(path).open("rb") as file:
         return pickle.load(file)
 
 
-def _with_filed(function: Callable[[Any, T], R], path: str, item: T) -> R:
-    return function(_filed(path), item)
+def _call_with_shared(function: Callable[[Any, T], R], path: str, item: T) -> R:
+    return function(_load_shared(path), item)

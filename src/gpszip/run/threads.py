@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from gpszip.errors import OptionError
-from gpszip.run.executor import Executor, Held, Shared
+from gpszip.run.executor import Executor, LocalValue, SharedValue
 
 __all__ = ["Threads"]
 
@@ -52,7 +52,7 @@ class Threads:
 
     def map(self, function: Callable[[T], R], items: Iterable[T], /) -> Iterator[R]:
         """Yield ``function(item)`` for each item, in the order of the items; an item's error is raised in its turn."""
-        pool, busy = ThreadPoolExecutor(self.workers), _Busy()
+        pool, busy = ThreadPoolExecutor(self.workers), _BusyThreads()
         waiting: deque[Future[R]] = deque()
         try:
             for item in items:
@@ -67,16 +67,16 @@ class Threads:
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
-    def share(self, value: V, /) -> Shared[V]:
+    def share(self, value: V, /) -> SharedValue[V]:
         """Return the value where it is: threads see the same memory."""
-        return Held(self, value)
+        return LocalValue(self, value)
 
     def local(self) -> Executor:
         """Return itself."""
         return self
 
 
-class _Busy:
+class _BusyThreads:
     """The threads that work on an item, so that an interruption of the one that waits for them reaches them, too."""
 
     def __init__(self) -> None:
@@ -98,4 +98,6 @@ class _Busy:
         """Have each thread that works on an item end it as soon as it is out of compiled code."""
         with self._lock:
             for thread in self._threads:
-                ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(KeyboardInterrupt))
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(
+                    ctypes.c_ulong(thread), ctypes.py_object(KeyboardInterrupt)
+                )

@@ -50,11 +50,11 @@ def segment_mean_within(
     >>> segment_mean_within(track, max_error=0.01).k
     2
     """
-    _check(rmse, max_error, m)
-    low, high, found = 0, _least_k(m), None
+    _check_options(rmse, max_error, m)
+    low, high, found = 0, _min_k(m), None
     while found is None:
         high = min(high, len(track))
-        found = _within(track, high, m, rmse, max_error, options)
+        found = _mean_within_bound(track, high, m, rmse, max_error, options)
         if found is None:
             if high == len(track):
                 raise BoundError(
@@ -63,25 +63,36 @@ def segment_mean_within(
             low, high = high, high + (max(1, high // 8) if isinstance(m, int) else high)
     while high - low > 1:
         middle = (low + high) // 2
-        better = _within(track, middle, m, rmse, max_error, options) if middle >= _least_k(m) else None
+        better = (
+            _mean_within_bound(track, middle, m, rmse, max_error, options)
+            if middle >= _min_k(m)
+            else None
+        )
         low, high, found = (middle, high, found) if better is None else (low, middle, better)
     return found
 
 
-def _check(rmse: float | None, max_error: float | None, m: int | float | None) -> None:
+def _check_options(rmse: float | None, max_error: float | None, m: int | float | None) -> None:
     bounds = [bound for bound in (rmse, max_error) if bound is not None]
     if not bounds or min(bounds) <= 0:
         raise OptionError("give rmse or max_error, or both, in metres above 0")
     if m is not None and (m < 1 if isinstance(m, int) else not 0 < m <= 1):
-        raise OptionError(f"m = {m} must be a whole number from 1 on, or a share of k above 0 and up to 1")
+        raise OptionError(
+            f"m = {m} must be a whole number from 1 on, or a share of k above 0 and up to 1"
+        )
 
 
-def _least_k(m: int | float | None) -> int:
+def _min_k(m: int | float | None) -> int:
     return m if isinstance(m, int) else 1
 
 
-def _within(
-    track: Track, k: int, m: int | float | None, rmse: float | None, max_error: float | None, options: dict[str, Any]
+def _mean_within_bound(
+    track: Track,
+    k: int,
+    m: int | float | None,
+    rmse: float | None,
+    max_error: float | None,
+    options: dict[str, Any],
 ) -> SegmentMean | None:
     segments = k if m is None else m if isinstance(m, int) else max(1, round(m * k))
     mean = segment_mean(track, k, segments, **options)

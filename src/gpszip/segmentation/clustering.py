@@ -8,20 +8,20 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-from gpszip.kernels.sums import Sums
+from gpszip.kernels.sums import PrefixSums
 from gpszip.segmentation.kernels import ward as kernel
-from gpszip.segmentation.lines import Lines, excess, own_lines, pooled_lines
+from gpszip.segmentation.lines import FittedLines, best_lines, excess_costs, pooled_lines
 
 __all__ = ["k_means", "ward"]
 
 #: Groups up to which all pairs are weighed.
-_ALL_PAIRS = 2000
+_MAX_ALL_PAIRS = 2000
 
 #: Near groups that are weighed where there are more.
 _NEIGHBOURS = 12
 
 
-def ward(sums: Sums, boundaries: NDArray[np.int64], m: int) -> NDArray[np.int32]:
+def ward(sums: PrefixSums, boundaries: NDArray[np.int64], m: int) -> NDArray[np.int32]:
     """Label k parts with exactly m labels by joining, again and again, the two groups whose common line costs least more.
 
     Above 2000 groups only near ones are weighed against each other. Deterministic; the best start found in experiments.
@@ -31,14 +31,14 @@ def ward(sums: Sums, boundaries: NDArray[np.int64], m: int) -> NDArray[np.int32]
     int32 array, shape (k,)
         Labels in the order of their first parts.
     """
-    pairs, costs = _joins(own_lines(sums, boundaries))
+    pairs, costs = _build_dendrogram(best_lines(sums, boundaries))
     k = len(boundaries) - 1
     cheapest = pairs[np.argsort(costs, kind="stable")[: k - m]]
     links = coo_array((np.ones(len(cheapest)), (cheapest[:, 0], cheapest[:, 1])), shape=(k, k))
-    return _renumbered(connected_components(links, directed=False)[1])
+    return _renumber_labels(connected_components(links, directed=False)[1])
 
 
-def _joins(lines: Lines) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _build_dendrogram(lines: FittedLines) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """All joins down to one group, as pairs of parts, and what each costs.
 
     Groups that are each other's nearest join sooner or later in any case, so all such pairs can be joined at once; the
@@ -46,23 +46,25 @@ def _joins(lines: Lines) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """
     normal, starts, slopes = lines
     left, pairs, costs = np.arange(len(normal)), [], []
-    while len(left) > _ALL_PAIRS:
-        nearest, gaps = _nearest_pairs((normal[left], starts[left], slopes[left]))
+    while len(left) > _MAX_ALL_PAIRS:
+        nearest, gaps = _mutual_neighbours((normal[left], starts[left], slopes[left]))
         pairs.append(left[nearest])
         costs.append(gaps)
-        kernel.join_pairs(normal, starts, slopes, pairs[-1])
+        kernel.merge_pairs(normal, starts, slopes, pairs[-1])
         left = np.setdiff1d(left, pairs[-1][:, 1], assume_unique=True)
     last, gaps = kernel.ward(normal[left], starts[left], slopes[left])
-    return np.concatenate([*pairs, left[last]]), np.concatenate([*costs, np.maximum.accumulate(gaps)])
+    return np.concatenate([*pairs, left[last]]), np.concatenate(
+        [*costs, np.maximum.accumulate(gaps)]
+    )
 
 
-def _nearest_pairs(lines: Lines) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _mutual_neighbours(lines: FittedLines) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Disjoint pairs (i, j), i < j, of mutual nearest neighbours among those with near end points; and their costs."""
     _, starts, slopes = lines
     ends = np.hstack([starts, starts + slopes])
     near = np.asarray(KDTree(ends).query(ends, min(_NEIGHBOURS, len(ends)))[1], dtype=np.int64)
     groups = np.arange(len(ends))
-    cost = np.where(near == groups[:, None], np.inf, kernel.increases(*lines, near))
+    cost = np.where(near == groups[:, None], np.inf, kernel.merge_costs(*lines, near))
     best = cost.argmin(axis=1)
     nearest, gap = near[groups, best], cost[groups, best]
     cheapest = int(gap.argmin())
@@ -74,36 +76,49 @@ def _nearest_pairs(lines: Lines) -> tuple[NDArray[np.int64], NDArray[np.float64]
     return np.column_stack([mutual, nearest[mutual]]), gap[mutual]
 
 
-def k_means(sums: Sums, boundaries: NDArray[np.int64], m: int, rng: np.random.Generator, *, rounds: int = 50) -> NDArray[np.int32]:
+def k_means(
+    sums: PrefixSums,
+    boundaries: NDArray[np.int64],
+    m: int,
+    rng: np.random.Generator,
+    *,
+    rounds: int = 50,
+) -> NDArray[np.int32]:
     """Label k parts with exactly m labels: k-means++ seeds, then Lloyd's rounds, under the pooled fitting cost."""
-    lines = own_lines(sums, boundaries)
-    centers = _seeds(lines, m, rng)
-    labels = _assigned(lines, lines[1][centers], lines[2][centers])
+    lines = best_lines(sums, boundaries)
+    centers = _draw_seeds(lines, m, rng)
+    labels = _assign_labels(lines, lines[1][centers], lines[2][centers])
     for _ in range(rounds):
         _, starts, slopes = pooled_lines(sums, boundaries, labels, m)
-        again = _assigned(lines, starts, slopes)
+        again = _assign_labels(lines, starts, slopes)
         if np.array_equal(again, labels):
             break
         labels = again
-    return _renumbered(labels)
+    return _renumber_labels(labels)
 
 
-def _seeds(lines: Lines, m: int, rng: np.random.Generator) -> list[int]:
+def _draw_seeds(lines: FittedLines, m: int, rng: np.random.Generator) -> list[int]:
     """Parts drawn one by one with odds in proportion to what they cost against the nearest drawn before."""
     _, starts, slopes = lines
     seeds = [int(rng.integers(len(starts)))]
     cost = np.full(len(starts), np.inf)
     for _ in range(m - 1):
-        cost = np.minimum(cost, excess(lines, starts[seeds[-1:]], slopes[seeds[-1:]])[:, 0])
+        cost = np.minimum(cost, excess_costs(lines, starts[seeds[-1:]], slopes[seeds[-1:]])[:, 0])
         cost[seeds] = 0.0
-        odds = cost if cost.sum() > 0 else np.isin(np.arange(len(cost)), seeds, invert=True).astype(float)
+        odds = (
+            cost
+            if cost.sum() > 0
+            else np.isin(np.arange(len(cost)), seeds, invert=True).astype(float)
+        )
         seeds.append(int(rng.choice(len(odds), p=odds / odds.sum())))
     return seeds
 
 
-def _assigned(lines: Lines, starts: NDArray[np.float64], slopes: NDArray[np.float64]) -> NDArray[np.int32]:
+def _assign_labels(
+    lines: FittedLines, starts: NDArray[np.float64], slopes: NDArray[np.float64]
+) -> NDArray[np.int32]:
     """Nearest line of each part; a line without a part takes the worst part of a label that has others."""
-    cost = excess(lines, starts, slopes)
+    cost = excess_costs(lines, starts, slopes)
     labels: NDArray[np.int32] = cost.argmin(axis=1).astype(np.int32)
     least = cost[np.arange(len(cost)), labels]
     count = np.bincount(labels, minlength=len(starts))
@@ -115,7 +130,7 @@ def _assigned(lines: Lines, starts: NDArray[np.float64], slopes: NDArray[np.floa
     return labels
 
 
-def _renumbered(labels: NDArray[np.integer]) -> NDArray[np.int32]:
+def _renumber_labels(labels: NDArray[np.integer]) -> NDArray[np.int32]:
     """Labels 0, 1, ... in the order of their first parts."""
     _, firsts, inverse = np.unique(labels, return_index=True, return_inverse=True)
     rank = np.empty(len(firsts), dtype=np.int32)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.sums import Sums
+from gpszip.kernels.sums import PrefixSums
 from gpszip.segmentation.kernels import douglas_peucker as kernel
 
 __all__ = ["douglas_peucker"]
 
 
-def douglas_peucker(sums: Sums, k: int) -> NDArray[np.int64]:
+def douglas_peucker(sums: PrefixSums, k: int) -> NDArray[np.int64]:
     """Cut a track into exactly k parts, best first: always at the sample farthest from its chord at its own time.
 
     Parameters

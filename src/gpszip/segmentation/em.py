@@ -10,24 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
-from gpszip.kernels.sums import Sums
+from gpszip.kernels.sums import PrefixSums
 from gpszip.model import SegmentMean, Track
-from gpszip.run.executor import Executor, local
+from gpszip.run.executor import Executor, local_executor
 from gpszip.segmentation import estep
-from gpszip.segmentation.bottom_up import bottom_up, relaxed
+from gpszip.segmentation.bottom_up import bottom_up, relax_boundaries
 from gpszip.segmentation.clustering import k_means, ward
 from gpszip.segmentation.douglas_peucker import douglas_peucker
-from gpszip.segmentation.mstep import maximize, segments_of
-from gpszip.segmentation.state import State, sums_of, to_segment_mean, total_cost
+from gpszip.segmentation.mstep import fit_segments, maximize
+from gpszip.segmentation.state import EMState, to_segment_mean, total_cost, track_sums
 
-__all__ = ["Clustering", "Expectation", "Initial", "segment_mean"]
+__all__ = ["Clustering", "ExpectationStep", "InitialPartition", "segment_mean"]
 
-Initial = Literal["bottom-up", "douglas-peucker"]
+InitialPartition = Literal["bottom-up", "douglas-peucker"]
 Clustering = Literal["ward", "k-means++"]
-Expectation = Literal["odd-even", "linear", "naive", "exact"]
+ExpectationStep = Literal["odd-even", "linear", "naive", "exact"]
 
 #: A round of expectation and maximisation.
-_Round = Callable[[State], State]
+_Iteration = Callable[[EMState], EMState]
 
 #: Share of tau below which a round's gain is rounding.
 _ROUNDING = 1e-12
@@ -38,11 +38,11 @@ def segment_mean(
     k: int,
     m: int,
     *,
-    initial: Initial = "bottom-up",
+    initial: InitialPartition = "bottom-up",
     clustering: Clustering = "ward",
-    expectation: Expectation = "odd-even",
+    expectation: ExpectationStep = "odd-even",
     iterations: int = 100,
-    shortest: int = 1,
+    min_samples: int = 1,
     rng: np.random.Generator | None = None,
     executor: Executor | None = None,
 ) -> SegmentMean:
@@ -68,7 +68,7 @@ def segment_mean(
         slower and ends with a lower cost.
     iterations : int, default 100
         Rounds at most.
-    shortest : int, default 1
+    min_samples : int, default 1
         Samples below which no boundary is shifted.
     rng : numpy.random.Generator, optional
         Source of chance; needed by 'k-means++'.
@@ -95,65 +95,93 @@ def segment_mean(
     >>> mean.boundaries.tolist(), mean.labels.tolist(), round(mean.cost, 9)
     ([0, 6, 12, 18, 24], [0, 1, 0, 1], 0.0)
     """
-    _check(track, k, m, shortest)
+    _check_sizes(track, k, m, min_samples)
     _check_choices(initial, clustering, expectation, rng)
-    sums = sums_of(track)
-    boundaries = bottom_up(sums, k, shortest=shortest) if initial == "bottom-up" else douglas_peucker(sums, k)
-    state = _clustered(sums, boundaries, m, rng if clustering == "k-means++" else None)
-    step = partial(_free_round, sums, shortest) if m == k else _round(sums, expectation, shortest, executor)
+    sums = track_sums(track)
+    boundaries = (
+        bottom_up(sums, k, min_samples=min_samples)
+        if initial == "bottom-up"
+        else douglas_peucker(sums, k)
+    )
+    state = _initial_state(sums, boundaries, m, rng if clustering == "k-means++" else None)
+    step = (
+        partial(_free_line_iteration, sums, min_samples)
+        if m == k
+        else _build_iteration(sums, expectation, min_samples, executor)
+    )
     return _iterate(sums, state, step, iterations)
 
 
-def _check(track: Track, k: int, m: int, shortest: int) -> None:
+def _check_sizes(track: Track, k: int, m: int, min_samples: int) -> None:
     if not 1 <= m <= k:
-        raise OptionError(f"k = {k} parts can't have m = {m} different segments; choose 1 <= m <= k")
-    if shortest < 1 or k * shortest > len(track):
-        parts = len(track) // max(shortest, 1)
         raise OptionError(
-            f"track {track.id!r} has {len(track)} samples, too few for k = {k} parts of {shortest} or more; choose k <= {parts}"
+            f"k = {k} parts can't have m = {m} different segments; choose 1 <= m <= k"
+        )
+    if min_samples < 1 or k * min_samples > len(track):
+        parts = len(track) // max(min_samples, 1)
+        raise OptionError(
+            f"track {track.id!r} has {len(track)} samples, too few for k = {k} parts of {min_samples} or more; choose k <= {parts}"
         )
 
 
-def _check_choices(initial: str, clustering: str, expectation: str, rng: np.random.Generator | None) -> None:
-    chosen = {"initial": (initial, Initial), "clustering": (clustering, Clustering), "expectation": (expectation, Expectation)}
+def _check_choices(
+    initial: str, clustering: str, expectation: str, rng: np.random.Generator | None
+) -> None:
+    chosen = {
+        "initial": (initial, InitialPartition),
+        "clustering": (clustering, Clustering),
+        "expectation": (expectation, ExpectationStep),
+    }
     for name, (value, choices) in chosen.items():
         if value not in get_args(choices):
-            raise OptionError(f"{name} = {value!r} is unknown; choose one of {', '.join(get_args(choices))}")
+            raise OptionError(
+                f"{name} = {value!r} is unknown; choose one of {', '.join(get_args(choices))}"
+            )
     if clustering == "k-means++" and rng is None:
-        raise OptionError("clustering 'k-means++' draws at random; pass rng=numpy.random.default_rng(seed)")
+        raise OptionError(
+            "clustering 'k-means++' draws at random; pass rng=numpy.random.default_rng(seed)"
+        )
 
 
-def _clustered(sums: Sums, boundaries: NDArray[np.int64], m: int, rng: np.random.Generator | None) -> State:
-    labels = _labels(sums, boundaries, m, rng)
-    return State(boundaries, labels, *segments_of(sums, boundaries, labels, m))
+def _initial_state(
+    sums: PrefixSums, boundaries: NDArray[np.int64], m: int, rng: np.random.Generator | None
+) -> EMState:
+    labels = _initial_labels(sums, boundaries, m, rng)
+    return EMState(boundaries, labels, *fit_segments(sums, boundaries, labels, m))
 
 
-def _labels(sums: Sums, boundaries: NDArray[np.int64], m: int, rng: np.random.Generator | None) -> NDArray[np.int32]:
+def _initial_labels(
+    sums: PrefixSums, boundaries: NDArray[np.int64], m: int, rng: np.random.Generator | None
+) -> NDArray[np.int32]:
     k = len(boundaries) - 1
     if m in {1, k}:
         return np.arange(k, dtype=np.int32) if m == k else np.zeros(k, dtype=np.int32)
     return ward(sums, boundaries, m) if rng is None else k_means(sums, boundaries, m, rng)
 
 
-def _round(sums: Sums, expectation: str, shortest: int, executor: Executor | None) -> _Round:
-    executor = None if executor is None else local(executor)
-    steps: dict[str, _Round] = {
-        "odd-even": partial(estep.odd_even, sums, shortest=shortest, executor=executor),
-        "linear": partial(estep.linear, sums, shortest=shortest),
-        "naive": partial(estep.naive, sums, shortest=shortest),
-        "exact": partial(estep.exact, sums, shortest=shortest, executor=executor),
+def _build_iteration(
+    sums: PrefixSums, expectation: str, min_samples: int, executor: Executor | None
+) -> _Iteration:
+    executor = None if executor is None else local_executor(executor)
+    steps: dict[str, _Iteration] = {
+        "odd-even": partial(estep.odd_even, sums, min_samples=min_samples, executor=executor),
+        "linear": partial(estep.linear, sums, min_samples=min_samples),
+        "naive": partial(estep.naive, sums, min_samples=min_samples),
+        "exact": partial(estep.exact, sums, min_samples=min_samples, executor=executor),
     }
     expect = steps[expectation]
     return lambda state: maximize(sums, expect(state))
 
 
-def _free_round(sums: Sums, shortest: int, state: State) -> State:
+def _free_line_iteration(sums: PrefixSums, min_samples: int, state: EMState) -> EMState:
     """Expectation and maximisation at once, where every part has a segment of its own."""
-    boundaries = relaxed(sums, state.boundaries, shortest=shortest, sweeps=1)
-    return State(boundaries, state.labels, *segments_of(sums, boundaries, state.labels, len(state.starts)))
+    boundaries = relax_boundaries(sums, state.boundaries, min_samples=min_samples, sweeps=1)
+    return EMState(
+        boundaries, state.labels, *fit_segments(sums, boundaries, state.labels, len(state.starts))
+    )
 
 
-def _iterate(sums: Sums, state: State, step: _Round, iterations: int) -> SegmentMean:
+def _iterate(sums: PrefixSums, state: EMState, step: _Iteration, iterations: int) -> SegmentMean:
     costs = [total_cost(sums, state)]
     for _ in range(iterations):
         candidate = step(state)

@@ -14,11 +14,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.sums import Sums
+from gpszip.kernels.sums import PrefixSums
 from gpszip.run.executor import Executor
-from gpszip.segmentation.kernels.shift import shift
+from gpszip.segmentation.kernels.shift import shift_boundaries
 from gpszip.segmentation.partition import exact_partition
-from gpszip.segmentation.state import State, total_cost
+from gpszip.segmentation.state import EMState, total_cost
 
 __all__ = ["exact", "linear", "naive", "odd_even"]
 
@@ -26,37 +26,49 @@ __all__ = ["exact", "linear", "naive", "odd_even"]
 _BATCH = 64
 
 
-def naive(sums: Sums, state: State, *, shortest: int = 1) -> State:
+def naive(sums: PrefixSums, state: EMState, *, min_samples: int = 1) -> EMState:
     """Walk over the boundaries, summing each candidate up anew (section 6.3.1); time n^2 m / k."""
-    return _walk(sums, state, shortest, naive=True)
+    return _shift_one_by_one(sums, state, min_samples, naive=True)
 
 
-def linear(sums: Sums, state: State, *, shortest: int = 1) -> State:
+def linear(sums: PrefixSums, state: EMState, *, min_samples: int = 1) -> EMState:
     """Walk over the boundaries with the incremental 2-segment mean (section 6.3.2); the same result in time n m."""
-    return _walk(sums, state, shortest, naive=False)
+    return _shift_one_by_one(sums, state, min_samples, naive=False)
 
 
-def _walk(sums: Sums, state: State, shortest: int, *, naive: bool) -> State:
+def _shift_one_by_one(
+    sums: PrefixSums, state: EMState, min_samples: int, *, naive: bool
+) -> EMState:
     boundaries, labels = state.boundaries.copy(), state.labels.copy()
-    shift(sums, boundaries, labels, state.starts, state.ends, 1, len(labels), 1, shortest, naive)
+    shift_boundaries(
+        sums, boundaries, labels, state.starts, state.ends, 1, len(labels), 1, min_samples, naive
+    )
     return replace(state, boundaries=boundaries, labels=labels)
 
 
-def odd_even(sums: Sums, state: State, *, shortest: int = 1, executor: Executor | None = None) -> State:
+def odd_even(
+    sums: PrefixSums, state: EMState, *, min_samples: int = 1, executor: Executor | None = None
+) -> EMState:
     """Shift all even boundaries, then all odd ones (section 6.3.3); those of one kind don't touch each other."""
-    return _sweep(sums, _sweep(sums, state, 2, shortest, executor), 1, shortest, executor)
+    return _shift_every_second(
+        sums, _shift_every_second(sums, state, 2, min_samples, executor), 1, min_samples, executor
+    )
 
 
-def _sweep(sums: Sums, state: State, first: int, shortest: int, executor: Executor | None) -> State:
+def _shift_every_second(
+    sums: PrefixSums, state: EMState, first: int, min_samples: int, executor: Executor | None
+) -> EMState:
     boundaries, labels = state.boundaries.copy(), state.labels.copy()
-    work = partial(_shifted, sums, state, shortest)
-    for low, part_boundaries, part_labels in (executor or _Serially()).map(work, _batches(first, len(labels), executor)):
+    work = partial(_shift_batch, sums, state, min_samples)
+    for low, part_boundaries, part_labels in (executor or _BuiltinMap()).map(
+        work, _batches(first, len(labels), executor)
+    ):
         boundaries[low : low + len(part_boundaries)] = part_boundaries
         labels[low - 1 : low - 1 + len(part_labels)] = part_labels
     return replace(state, boundaries=boundaries, labels=labels)
 
 
-class _Serially:
+class _BuiltinMap:
     map = staticmethod(map)
 
 
@@ -66,20 +78,38 @@ def _batches(first: int, k: int, executor: Executor | None) -> Iterator[tuple[in
     return ((low, min(low + step, k)) for low in range(first, k, step))
 
 
-def _shifted(sums: Sums, state: State, shortest: int, batch: tuple[int, int]) -> tuple[int, NDArray[np.int64], NDArray[np.int32]]:
+def _shift_batch(
+    sums: PrefixSums, state: EMState, min_samples: int, batch: tuple[int, int]
+) -> tuple[int, NDArray[np.int64], NDArray[np.int32]]:
     """Boundaries from ``low`` on and labels from ``low - 1`` on, every second boundary shifted."""
     low, high = batch
     last = low + (high - 1 - low) // 2 * 2
-    boundaries, labels = state.boundaries[low - 1 : last + 2].copy(), state.labels[low - 1 : last + 1].copy()
-    shift(sums, boundaries, labels, state.starts, state.ends, 1, len(labels), 2, shortest, False)
+    boundaries, labels = (
+        state.boundaries[low - 1 : last + 2].copy(),
+        state.labels[low - 1 : last + 1].copy(),
+    )
+    shift_boundaries(
+        sums, boundaries, labels, state.starts, state.ends, 1, len(labels), 2, min_samples, False
+    )
     return low, boundaries[1:-1], labels
 
 
-def exact(sums: Sums, state: State, *, shortest: int = 1, executor: Executor | None = None) -> State:
+def exact(
+    sums: PrefixSums, state: EMState, *, min_samples: int = 1, executor: Executor | None = None
+) -> EMState:
     """Partition the whole track anew with k parts; at least as good as the odd/even shifts."""
-    shifted = odd_even(sums, state, shortest=shortest, executor=executor)
+    shifted = odd_even(sums, state, min_samples=min_samples, executor=executor)
     k = len(state.labels)
-    penalty = total_cost(sums, state) / (4 * k)  # what a part more gains is some share of what a part costs
-    boundaries, labels = exact_partition(sums, state.starts, state.ends, k, shortest=shortest, penalty=penalty)
-    whole = odd_even(sums, replace(state, boundaries=boundaries, labels=labels), shortest=shortest, executor=executor)
+    penalty = total_cost(sums, state) / (
+        4 * k
+    )  # what a part more gains is some share of what a part costs
+    boundaries, labels = exact_partition(
+        sums, state.starts, state.ends, k, min_samples=min_samples, penalty=penalty
+    )
+    whole = odd_even(
+        sums,
+        replace(state, boundaries=boundaries, labels=labels),
+        min_samples=min_samples,
+        executor=executor,
+    )
     return min(shifted, whole, key=partial(total_cost, sums))

@@ -25,13 +25,17 @@ def positions_at(mean: SegmentMean, track: Track) -> NDArray[np.float64]:
     span = np.where(last > first, last - first, 1.0)
     u = (track.times - np.repeat(first, lengths)) / np.repeat(span, lengths)
     labels = np.repeat(mean.labels, lengths)
-    positions: NDArray[np.float64] = mean.starts[labels] + u[:, None] * (mean.ends - mean.starts)[labels]
+    positions: NDArray[np.float64] = (
+        mean.starts[labels] + u[:, None] * (mean.ends - mean.starts)[labels]
+    )
     return positions
 
 
 def distances(mean: SegmentMean, track: Track) -> NDArray[np.float64]:
     """Synchronised distance of each sample in metres, shape (n,)."""
-    away: NDArray[np.float64] = np.sqrt(np.square(positions_at(mean, track) - track.positions).sum(axis=1))
+    away: NDArray[np.float64] = np.sqrt(
+        np.square(positions_at(mean, track) - track.positions).sum(axis=1)
+    )
     return away
 
 

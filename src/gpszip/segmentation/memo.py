@@ -16,14 +16,16 @@ import numpy as np
 from gpszip.errors import InputError
 from gpszip.model import SegmentMean, Track
 
-__all__ = ["Memo", "digest"]
+__all__ = ["Memo", "memo_key"]
 
 _FIELDS = ("boundaries", "labels", "starts", "ends", "cost", "costs")
 
 
-def digest(track: Track, options: Mapping[str, object]) -> str:
+def memo_key(track: Track, options: Mapping[str, object]) -> str:
     """Name of a track and the options that it is solved with: the same data and options, the same 32 hex digits."""
-    known = hashlib.blake2b(json.dumps(dict(options), sort_keys=True, default=str).encode(), digest_size=16)
+    known = hashlib.blake2b(
+        json.dumps(dict(options), sort_keys=True, default=str).encode(), digest_size=16
+    )
     for array in (track.times, track.positions, track.weights):
         known.update(b"-" if array is None else str(array.shape).encode() + array.tobytes())
     return known.hexdigest()
@@ -43,7 +45,7 @@ class Memo:
         self._folder = None if folder is None else Path(folder)
 
     def get(self, key: str, k: int, m: int) -> SegmentMean | None:
-        """Return what was solved under this key of :func:`digest`, or None.
+        """Return what was solved under this key of :func:`memo_key`, or None.
 
         Raises
         ------
@@ -90,7 +92,11 @@ def _read(path: Path, k: int, m: int) -> SegmentMean:
         boundaries, labels, starts, ends, cost, costs = values
         mean = SegmentMean(boundaries, labels, starts, ends, float(cost), tuple(costs.tolist()))
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: not a whole memo of a segment mean ({error}); delete it to solve anew") from error
+        raise InputError(
+            f"{path}: not a whole memo of a segment mean ({error}); delete it to solve anew"
+        ) from error
     if (len(boundaries), len(labels), len(starts), starts.shape) != (k + 1, k, m, ends.shape):
-        raise InputError(f"{path}: holds another segment mean than its name says; delete it to solve anew")
+        raise InputError(
+            f"{path}: holds another segment mean than its name says; delete it to solve anew"
+        )
     return mean

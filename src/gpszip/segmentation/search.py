@@ -16,18 +16,18 @@ import numpy as np
 
 from gpszip.errors import OptionError
 from gpszip.model import SegmentMean, Track
-from gpszip.run.executor import Executor, Shared, sharing
+from gpszip.run.executor import Executor, SharedValue, share_value
 from gpszip.segmentation.em import segment_mean
-from gpszip.segmentation.memo import Memo, digest
+from gpszip.segmentation.memo import Memo, memo_key
 
-__all__ = ["Parameters", "elbow", "find_parameters"]
+__all__ = ["FoundParameters", "find_elbow", "find_parameters"]
 
 #: The track, and the options of all segment means.
-_Given = tuple[Track, dict[str, Any]]
+_TrackAndOptions = tuple[Track, dict[str, Any]]
 
 
 @dataclass(frozen=True, eq=False)
-class Parameters:
+class FoundParameters:
     """What the search found.
 
     Parameters
@@ -60,7 +60,7 @@ def find_parameters(
     memo: Memo | None = None,
     executor: Executor | None = None,
     **options: Any,
-) -> Parameters:
+) -> FoundParameters:
     """Find the k and m at the elbow of the fitting cost.
 
     For every m tried, k is where the cost over k lies farthest below the line through its extremes; m is where the
@@ -84,17 +84,17 @@ def find_parameters(
     OptionError
         If a range is empty or doesn't fit the track.
     """
-    _check(track, k_range, m_range)
+    _check_ranges(track, k_range, m_range)
     (least_k, greatest_k), memo = k_range, memo or Memo()
-    key = digest(track, options)
+    key = memo_key(track, options)
     tried: dict[tuple[int, int], SegmentMean] = {}
 
     def costs_of(pairs: list[tuple[int, int]]) -> list[float]:
-        _solve(shared, pairs, tried, key, memo)
+        _solve_pairs(shared, pairs, tried, key, memo)
         return [tried[pair].cost for pair in pairs]
 
     def best_k(m: int) -> tuple[float, int]:
-        k = elbow(max(least_k, m), greatest_k, lambda ks: costs_of([(k, m) for k in ks]))
+        k = find_elbow(max(least_k, m), greatest_k, lambda ks: costs_of([(k, m) for k in ks]))
         return tried[k, m].cost, k
 
     found = {}
@@ -103,24 +103,34 @@ def find_parameters(
         found.update({m: best_k(m) for m in ms})
         return [found[m][0] for m in ms]
 
-    with sharing(executor, (track, options)) as shared:
-        m = elbow(*m_range, best_costs)
+    with share_value(executor, (track, options)) as shared:
+        m = find_elbow(*m_range, best_costs)
     evaluated = tuple(sorted((k, m, mean.cost) for (k, m), mean in tried.items()))
-    return Parameters(tried[found[m][1], m], evaluated)
+    return FoundParameters(tried[found[m][1], m], evaluated)
 
 
-def _check(track: Track, k_range: tuple[int, int], m_range: tuple[int, int]) -> None:
+def _check_ranges(track: Track, k_range: tuple[int, int], m_range: tuple[int, int]) -> None:
     for name, (least, greatest) in (("k_range", k_range), ("m_range", m_range)):
         if not 1 <= least <= greatest:
-            raise OptionError(f"{name} = ({least}, {greatest}) holds no number; give the least, at least 1, then the greatest")
+            raise OptionError(
+                f"{name} = ({least}, {greatest}) holds no number; give the least, at least 1, then the greatest"
+            )
     if m_range[1] > k_range[1]:
-        raise OptionError(f"m may reach {m_range[1]}, but k only {k_range[1]}; k is never below m: widen k_range or narrow m_range")
+        raise OptionError(
+            f"m may reach {m_range[1]}, but k only {k_range[1]}; k is never below m: widen k_range or narrow m_range"
+        )
     if k_range[1] > len(track):
-        raise OptionError(f"track {track.id!r} has {len(track)} samples; k can't reach {k_range[1]}")
+        raise OptionError(
+            f"track {track.id!r} has {len(track)} samples; k can't reach {k_range[1]}"
+        )
 
 
-def _solve(
-    shared: Shared[_Given], pairs: Iterable[tuple[int, int]], tried: dict[tuple[int, int], SegmentMean], key: str, memo: Memo
+def _solve_pairs(
+    shared: SharedValue[_TrackAndOptions],
+    pairs: Iterable[tuple[int, int]],
+    tried: dict[tuple[int, int], SegmentMean],
+    key: str,
+    memo: Memo,
 ) -> None:
     """Solve the pairs that neither this search nor the memo knows, side by side."""
     for pair in pairs:
@@ -128,17 +138,17 @@ def _solve(
         if known is not None:
             tried[pair] = known
     missing = [pair for pair in dict.fromkeys(pairs) if pair not in tried]
-    for pair, mean in zip(missing, shared.map(_segment_mean, missing), strict=True):
+    for pair, mean in zip(missing, shared.map(_mean_of_pair, missing), strict=True):
         tried[pair] = mean
         memo.put(key, mean)
 
 
-def _segment_mean(given: _Given, pair: tuple[int, int]) -> SegmentMean:
+def _mean_of_pair(given: _TrackAndOptions, pair: tuple[int, int]) -> SegmentMean:
     track, options = given
     return segment_mean(track, *pair, **options)
 
 
-def elbow(low: int, high: int, costs_of: Callable[[list[int]], list[float]]) -> int:
+def find_elbow(low: int, high: int, costs_of: Callable[[list[int]], list[float]]) -> int:
     """Number between low and high whose cost lies farthest below the line through the extremes, by trinary search.
 
     Parameters
@@ -155,11 +165,11 @@ def elbow(low: int, high: int, costs_of: Callable[[list[int]], list[float]]) -> 
 
     Examples
     --------
-    >>> elbow(1, 20, lambda numbers: [1000 / x + x for x in numbers])
+    >>> find_elbow(1, 20, lambda numbers: [1000 / x + x for x in numbers])
     5
     """
     extremes = dict(zip((low, high), costs_of([low, high]), strict=True))
-    below = partial(_distance, low, extremes[low], high, extremes[high])
+    below = partial(_depth_below_chord, low, extremes[low], high, extremes[high])
     seen = {x: below(x, cost) for x, cost in extremes.items()}
     lower, upper = low, high
     while upper - lower > 2:
@@ -175,7 +185,9 @@ def elbow(low: int, high: int, costs_of: Callable[[list[int]], list[float]]) -> 
     return max(sorted(seen), key=seen.__getitem__)
 
 
-def _distance(low: int, cost_low: float, high: int, cost_high: float, x: int, cost: float) -> float:
+def _depth_below_chord(
+    low: int, cost_low: float, high: int, cost_high: float, x: int, cost: float
+) -> float:
     """How far (x, cost) lies below the line through the extremes once both axes run from 0 to 1."""
     if high == low or cost_low == cost_high:
         return 0.0

@@ -7,14 +7,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.sums import Sums, part_moments, part_sums
+from gpszip.kernels.sums import PrefixSums, build_prefix_sums, segment_moments
 from gpszip.model import SegmentMean, Track
 
-__all__ = ["State", "costs_of_parts", "sums_of", "to_metres", "to_segment_mean", "to_ticks", "total_cost"]
+__all__ = [
+    "EMState",
+    "interval_costs",
+    "to_metres",
+    "to_segment_mean",
+    "to_ticks",
+    "total_cost",
+    "track_sums",
+]
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class EMState:
     """A (k,m)-segment in ticks.
 
     Parameters
@@ -33,26 +41,28 @@ class State:
     ends: NDArray[np.float64]
 
 
-def sums_of(track: Track) -> Sums:
+def track_sums(track: Track) -> PrefixSums:
     """Count a track in ticks and sum them up."""
-    return part_sums(track.times, track.positions, track.weights)
+    return build_prefix_sums(track.times, track.positions, track.weights)
 
 
-def to_ticks(sums: Sums, metres: NDArray[np.float64]) -> NDArray[np.float64]:
+def to_ticks(sums: PrefixSums, metres: NDArray[np.float64]) -> NDArray[np.float64]:
     """Place ticks from the first sample of positions in metres."""
-    ticks: NDArray[np.float64] = (np.asarray(metres, dtype=np.float64) - sums.first_place) / sums.place_tick
+    ticks: NDArray[np.float64] = (
+        np.asarray(metres, dtype=np.float64) - sums.first_position
+    ) / sums.position_tick
     return ticks
 
 
-def to_metres(sums: Sums, ticks: NDArray[np.float64]) -> NDArray[np.float64]:
+def to_metres(sums: PrefixSums, ticks: NDArray[np.float64]) -> NDArray[np.float64]:
     """Positions in metres of place ticks from the first sample."""
-    metres: NDArray[np.float64] = sums.first_place + ticks * sums.place_tick
+    metres: NDArray[np.float64] = sums.first_position + ticks * sums.position_tick
     return metres
 
 
-def costs_of_parts(sums: Sums, state: State) -> NDArray[np.float64]:
+def interval_costs(sums: PrefixSums, state: EMState) -> NDArray[np.float64]:
     """Fitting cost of each part in squared place ticks (theory: Q - 2 (a M + v N) + W a^2 + 2 U1 a v + U2 v^2)."""
-    rows = part_moments(sums, state.boundaries)
+    rows = segment_moments(sums, state.boundaries)
     d = sums.p.shape[1]
     a = state.starts[state.labels] - sums.p[state.boundaries[:-1]]
     v = (state.ends - state.starts)[state.labels]
@@ -67,13 +77,13 @@ def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     return product
 
 
-def total_cost(sums: Sums, state: State) -> float:
+def total_cost(sums: PrefixSums, state: EMState) -> float:
     """Fitting cost tau in squared place ticks."""
-    return float(costs_of_parts(sums, state).sum())
+    return float(interval_costs(sums, state).sum())
 
 
-def to_segment_mean(sums: Sums, state: State, costs: list[float]) -> SegmentMean:
+def to_segment_mean(sums: PrefixSums, state: EMState, costs: list[float]) -> SegmentMean:
     """Put a state and the costs on the way to it, both in ticks, into metres."""
-    in_metres = tuple(cost * sums.place_tick**2 for cost in costs)
+    in_metres = tuple(cost * sums.position_tick**2 for cost in costs)
     starts, ends = to_metres(sums, state.starts), to_metres(sums, state.ends)
     return SegmentMean(state.boundaries, state.labels, starts, ends, in_metres[-1], in_metres)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gpszip.model import Track
-from gpszip.segmentation.kernels.shift import cut
-from gpszip.segmentation.state import sums_of, to_ticks
+from gpszip.segmentation.kernels.shift import best_cut
+from gpszip.segmentation.state import to_ticks, track_sums
 
 __all__ = ["TwoSegmentMean", "two_segment_mean"]
 
@@ -34,7 +34,9 @@ class TwoSegmentMean:
     right: int
 
 
-def two_segment_mean(track: Track, starts: ArrayLike, ends: ArrayLike, *, shortest: int = 0) -> TwoSegmentMean:
+def two_segment_mean(
+    track: Track, starts: ArrayLike, ends: ArrayLike, *, min_samples: int = 0
+) -> TwoSegmentMean:
     """Cut a track where two of m given segments fit best, in time n m.
 
     As printed, Algorithm 2 tries an empty left part, but no empty right one; here both ends are candidates.
@@ -45,7 +47,7 @@ def two_segment_mean(track: Track, starts: ArrayLike, ends: ArrayLike, *, shorte
         n samples.
     starts, ends : array_like, shape (m, d)
         End points of the segments in metres.
-    shortest : int, default 0
+    min_samples : int, default 0
         Samples in each part at least.
 
     Examples
@@ -54,9 +56,16 @@ def two_segment_mean(track: Track, starts: ArrayLike, ends: ArrayLike, *, shorte
     >>> two_segment_mean(track, [[0, 0], [2, 1]], [[2, 0], [2, 2]])
     TwoSegmentMean(cost=0.0, boundary=3, left=0, right=1)
     """
-    sums = sums_of(track)
+    sums = track_sums(track)
     n, d = sums.p.shape
-    heads, tails = (to_ticks(sums, np.asarray(points, dtype=np.float64).reshape(-1, d)) for points in (starts, ends))
+    heads, tails = (
+        to_ticks(sums, np.asarray(points, dtype=np.float64).reshape(-1, d))
+        for points in (starts, ends)
+    )
     table = np.empty((n + 1, 2 * d + 4))
-    cost, boundary, left, right = cut(sums, 0, n, shortest, heads, tails, -1, 0, 0, table, False)
-    return TwoSegmentMean(max(float(cost), 0.0) * sums.place_tick**2, int(boundary), int(left), int(right))
+    cost, boundary, left, right = best_cut(
+        sums, 0, n, min_samples, heads, tails, -1, 0, 0, table, False
+    )
+    return TwoSegmentMean(
+        max(float(cost), 0.0) * sums.position_tick**2, int(boundary), int(left), int(right)
+    )

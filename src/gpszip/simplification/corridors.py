@@ -5,15 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["chords", "corridors"]
+__all__ = ["corridor_bounds", "sample_spacings"]
 
 #: Where it isn't known how far apart samples are: this share of all moves takes no longer, or hardly. Where samples are rare nearly every
 #: move is a step between two of them; where they are dense, short moves are those round corners.
-_STEP = 0.25
+_SPACING_QUANTILE = 0.25
 
 
-def chords(
-    length: NDArray[np.float64], edges: NDArray[np.int32], seconds: NDArray[np.float64], sampling: float | None
+def sample_spacings(
+    length: NDArray[np.float64],
+    edges: NDArray[np.int32],
+    seconds: NDArray[np.float64],
+    sampling: float | None,
 ) -> NDArray[np.float64]:
     """Metres of each edge that were travelled between two samples, at most: the log itself is witness that a longer edge is straight.
 
@@ -35,22 +38,22 @@ def chords(
     Examples
     --------
     >>> moves = np.array([0, 0, 0, 1]), np.array([1.0, 1.0, 1.0, 10.0])
-    >>> chords(np.array([10.0, 100.0]), *moves, 0.5).tolist(), chords(np.array([10.0, 100.0]), *moves, None).tolist()
+    >>> sample_spacings(np.array([10.0, 100.0]), *moves, 0.5).tolist(), sample_spacings(np.array([10.0, 100.0]), *moves, None).tolist()
     ([5.0, 5.0], [10.0, 10.0])
     """
     known = seconds > 0
     if not known.any():
         return length
-    step = float(np.quantile(seconds[known], _STEP)) if sampling is None else sampling
+    step = float(np.quantile(seconds[known], _SPACING_QUANTILE)) if sampling is None else sampling
     count = np.bincount(edges[known], minlength=len(length))
     total = np.bincount(edges[known], weights=seconds[known], minlength=len(length))
     share = np.where(count > 0, step * count / np.maximum(total, 1e-9), 1.0)
-    chord: NDArray[np.float64] = length * np.minimum(share, 1.0)
-    return chord
+    spacing: NDArray[np.float64] = length * np.minimum(share, 1.0)
+    return spacing
 
 
-def corridors(
-    length: NDArray[np.float64], chord: NDArray[np.float64], detour: float, margin: float
+def corridor_bounds(
+    length: NDArray[np.float64], spacing: NDArray[np.float64], detour: float, margin: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Bounds of the ground on which the way of an edge may run.
 
@@ -59,7 +62,7 @@ def corridors(
 
     Parameters
     ----------
-    length, chord : float64 array, shape (E,)
+    length, spacing : float64 array, shape (E,)
         Of each edge, and of one step on it, in metres.
     detour : float
         The distances to both ends of a step add up to at most so many times its length.
@@ -75,9 +78,9 @@ def corridors(
 
     Examples
     --------
-    >>> far, wide = corridors(np.array([3.0, 300.0]), np.array([3.0, 3.0]), 5 / 3, 0.0)
+    >>> far, wide = corridor_bounds(np.array([3.0, 300.0]), np.array([3.0, 3.0]), 5 / 3, 0.0)
     >>> far.round(2).tolist(), wide.tolist()
     ([5.0, 300.03], [2.0, 2.0])
     """
-    wide = np.sqrt((detour**2 - 1) / 4 * np.minimum(chord, length) ** 2 + margin**2)
+    wide = np.sqrt((detour**2 - 1) / 4 * np.minimum(spacing, length) ** 2 + margin**2)
     return np.sqrt(length**2 + 4 * wide**2), wide

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from gpszip.model import Track
 from gpszip.sketches.coreset import Coreset
 from gpszip.sketches.kernels import blocks as kernel
-from gpszip.sketches.stream import merge
+from gpszip.sketches.stream import merge_coresets
 
-__all__ = ["fine_blocks", "united_blocks"]
+__all__ = ["build_fine_blocks", "merge_fine_blocks"]
 
 
-def fine_blocks(most: int, tracks: Sequence[Track]) -> Coreset:
+def build_fine_blocks(most: int, tracks: Sequence[Track]) -> Coreset:
     """Make a block of every two samples, and merge neighbours that cost least as one while there are more than ``most``.
 
     Parameters
@@ -29,29 +29,38 @@ def fine_blocks(most: int, tracks: Sequence[Track]) -> Coreset:
     Examples
     --------
     >>> track = Track("lane", range(100), [[t % 50] for t in range(100)])
-    >>> len(fine_blocks(8, [track])), fine_blocks(8, [track]).samples
+    >>> len(build_fine_blocks(8, [track])), build_fine_blocks(8, [track]).samples
     (8, 100)
     """
-    rows = [_absorbed(most, track) for track in tracks]
+    rows = [_absorb_track(most, track) for track in tracks]
     owners = np.repeat(np.arange(len(rows)), [len(own) for own in rows])
-    return _few(most, Coreset(tuple(track.id for track in tracks), owners, np.concatenate(rows), tracks[0].plane))
+    return _reduce_to(
+        most,
+        Coreset(tuple(track.id for track in tracks), owners, np.concatenate(rows), tracks[0].plane),
+    )
 
 
-def united_blocks(most: int, one: Coreset, other: Coreset) -> Coreset:
+def merge_fine_blocks(most: int, one: Coreset, other: Coreset) -> Coreset:
     """Blocks of both, of which neighbours are merged while there are more than ``most``."""
-    return _few(most, merge([one, other]))
+    return _reduce_to(most, merge_coresets([one, other]))
 
 
-def _absorbed(most: int, track: Track) -> NDArray[np.float64]:
+def _absorb_track(most: int, track: Track) -> NDArray[np.float64]:
     weights = np.ones(len(track)) if track.weights is None else track.weights
-    whole = len(track) // kernel.LEAF * kernel.LEAF
-    room = np.empty((min(2 * most, whole // kernel.LEAF), kernel.FIXED + 3 * track.dimension))
-    count = kernel.absorb(room, 0, most, track.times[:whole], track.positions[:whole], weights[:whole])
-    rest = kernel.block_rows(track.times, track.positions, weights, np.arange(whole, len(track) + 1))
+    whole = len(track) // kernel.LEAF_SAMPLES * kernel.LEAF_SAMPLES
+    room = np.empty(
+        (min(2 * most, whole // kernel.LEAF_SAMPLES), kernel.FIXED_COLUMNS + 3 * track.dimension)
+    )
+    count = kernel.absorb_samples(
+        room, 0, most, track.times[:whole], track.positions[:whole], weights[:whole]
+    )
+    rest = kernel.block_rows(
+        track.times, track.positions, weights, np.arange(whole, len(track) + 1)
+    )
     return np.concatenate([room[:count], rest])
 
 
-def _few(most: int, blocks: Coreset) -> Coreset:
+def _reduce_to(most: int, blocks: Coreset) -> Coreset:
     if len(blocks) <= max(most, len(blocks.tracks)):
         return blocks
     rows, owners = blocks.rows.copy(), blocks.owners.copy()

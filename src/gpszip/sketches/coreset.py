@@ -13,23 +13,23 @@ from numpy.typing import ArrayLike, NDArray
 from gpszip.errors import OptionError
 from gpszip.model import Plane, SegmentMean
 from gpszip.sketches.kernels import blocks as kernel
-from gpszip.sketches.kernels.block_chain import priced_parts
+from gpszip.sketches.kernels.block_chain import penalised_block_partition
 from gpszip.sketches.kernels.block_costs import block_costs
-from gpszip.sketches.pieces import Pieces, pieces_of
+from gpszip.sketches.pieces import PiecewiseLinear, from_segment_mean
 
-__all__ = ["FINER", "Coreset", "Cost", "eps_of_blocks"]
+__all__ = ["OVERSAMPLING", "Coreset", "Cost", "eps_of_blocks"]
 
 #: Free costs of blocks are known up to this share of weight times squared reach, for each merge behind them.
 _ROUNDING = 64 * 1.2e-16
 
 #: When blocks become fewer, they are chosen among so many times more.
-FINER = 8
+OVERSAMPLING = 8
 
 #: Halvings of the interval in which the price of a part is searched.
-_STEPS = 40
+_BISECTION_STEPS = 40
 
 #: Share of the time step by which times may be off even steps and still count as even: the rounding of epoch seconds.
-_EVEN = 1e-5
+_EVEN_TOLERANCE = 1e-5
 
 
 class Cost(NamedTuple):
@@ -93,7 +93,7 @@ class Coreset:
     @property
     def dimension(self) -> int:
         """Number of coordinates d."""
-        return int((self.rows.shape[1] - kernel.FIXED) // 3)
+        return int((self.rows.shape[1] - kernel.FIXED_COLUMNS) // 3)
 
     @property
     def counts(self) -> NDArray[np.int64]:
@@ -136,24 +136,37 @@ class Coreset:
         if name is None and len(self.tracks) == 1:
             return self
         if name not in self.tracks:
-            raise OptionError(f"the coreset holds {_listed(self.tracks)}; name one of these tracks" + (f", not {name!r}" if name else ""))
+            raise OptionError(
+                f"the coreset holds {_list_names(self.tracks)}; name one of these tracks"
+                + (f", not {name!r}" if name else "")
+            )
         mine = self.owners == self.tracks.index(name)
-        return replace(self, tracks=(name,), owners=np.zeros(int(mine.sum()), np.int64), rows=self.rows[mine])
+        return replace(
+            self, tracks=(name,), owners=np.zeros(int(mine.sum()), np.int64), rows=self.rows[mine]
+        )
 
     @property
     def uneven(self) -> NDArray[np.bool_]:
         """Whether a block's times (or weights) are uneven, so that :meth:`eps` tells nothing of breaks in it, shape (B,)."""
         span = self.rows[:, kernel.LAST] - self.rows[:, kernel.FIRST]
         steps = np.maximum(self.rows[:, kernel.COUNT] - 1, 1)
-        return (self.rows[:, kernel.COUNT] > 2) & (self.rows[:, kernel.JITTER] > _EVEN * span / steps)
+        return (self.rows[:, kernel.COUNT] > 2) & (
+            self.rows[:, kernel.JITTER] > _EVEN_TOLERANCE * span / steps
+        )
 
-    def cost(self, f: Pieces | SegmentMean, *, times: ArrayLike | None = None, track: str | None = None) -> Cost:
+    def cost(
+        self,
+        f: PiecewiseLinear | SegmentMean,
+        *,
+        times: ArrayLike | None = None,
+        track: str | None = None,
+    ) -> Cost:
         """Price a k-segment or (k,m)-segment: its fitting cost (thesis, definition 4.1.3), estimated, and bounds that hold.
 
         Parameters
         ----------
         f : Pieces or SegmentMean
-            Any piecewise linear function of time: see :func:`~gpszip.sketches.pieces.through` for a polyline.
+            Any piecewise linear function of time: see :func:`~gpszip.sketches.pieces.polyline` for a polyline.
         times : array_like, shape (n,), optional
             Times of the samples, for a segment mean whose parts begin or end within blocks.
         track : str, optional
@@ -173,28 +186,34 @@ class Coreset:
         --------
         >>> from gpszip import Track, coreset
         >>> small = coreset(Track("lane", range(100), [[t % 50] for t in range(100)]), size=4)
-        >>> from gpszip.sketches.pieces import through
-        >>> price = small.cost(through([0, 99], [[24.5], [24.5]]))
+        >>> from gpszip.sketches.pieces import polyline
+        >>> price = small.cost(polyline([0, 99], [[24.5], [24.5]]))
         >>> round(price.lower), round(price.upper)
         (20825, 20825)
         """
         own = self.track(track)
-        pieces = f if isinstance(f, Pieces) else own._parts(f, times)
+        pieces = f if isinstance(f, PiecewiseLinear) else own._pieces_of_mean(f, times)
         if pieces.starts.shape[1] != self.dimension:
-            raise OptionError(f"the function has {pieces.starts.shape[1]} coordinates, the coreset {self.dimension}")
+            raise OptionError(
+                f"the function has {pieces.starts.shape[1]} coordinates, the coreset {self.dimension}"
+            )
         table = block_costs(own.rows, pieces.begins, pieces.breaks, pieces.starts, pieces.speeds)
         estimate, lower, upper = (math.fsum(column) for column in table.T)
         return Cost(estimate, max(math.nextafter(lower, 0.0), 0.0), math.nextafter(upper, math.inf))
 
-    def _parts(self, mean: SegmentMean, times: ArrayLike | None) -> Pieces:
+    def _pieces_of_mean(self, mean: SegmentMean, times: ArrayLike | None) -> PiecewiseLinear:
         if times is not None:
-            return pieces_of(mean, times)
+            return from_segment_mean(mean, times)
         before = np.concatenate([[0], np.cumsum(self.counts)])
         at = np.searchsorted(before, mean.boundaries)
-        if (before[np.minimum(at, len(before) - 1)] != mean.boundaries).any() or mean.boundaries[-1] != before[-1]:
-            raise OptionError("parts of the segment mean begin within blocks; give the times of the samples")
+        if (before[np.minimum(at, len(before) - 1)] != mean.boundaries).any() or mean.boundaries[
+            -1
+        ] != before[-1]:
+            raise OptionError(
+                "parts of the segment mean begin within blocks; give the times of the samples"
+            )
         first, last = self.edges[at[:-1], 0], self.edges[at[1:] - 1, 1]
-        return Pieces(first, last, mean.starts[mean.labels], mean.ends[mean.labels])
+        return PiecewiseLinear(first, last, mean.starts[mean.labels], mean.ends[mean.labels])
 
     def least_cost(self, k: int) -> float:
         """Lower bound in square metres on the cost of every k-segment of each track, all tracks together (G2).
@@ -224,7 +243,9 @@ class Coreset:
 
         The least eps with sum of the k - 1 largest e(B) <= eps^2 / (4 (1 + eps)) times :meth:`least_cost`.
         """
-        return _eps(math.fsum(_worst(rows, k) for rows in self._by_track()), self.least_cost(k))
+        return _eps(
+            math.fsum(_sum_of_costliest(rows, k) for rows in self._by_track()), self.least_cost(k)
+        )
 
     def reduced(self, size: int) -> Coreset:
         """Return the same with at most ``size`` blocks, never across tracks, of about the least cost at these edges.
@@ -241,38 +262,48 @@ class Coreset:
             raise OptionError(f"{len(self.tracks)} tracks need as many blocks, but size is {size}")
         if len(self) <= size:
             return self
-        fine, coarse = self._thinned(FINER * size), self._thinned(size)
-        best = fine._balanced(size)
+        fine, coarse = self._merge_greedily(OVERSAMPLING * size), self._merge_greedily(size)
+        best = fine._balanced_partition(size)
         return best if best.error < coarse.error else coarse
 
-    def _thinned(self, size: int) -> Coreset:
+    def _merge_greedily(self, size: int) -> Coreset:
         rows, owners = self.rows.copy(), self.owners.copy()
         count = kernel.reduce_blocks(rows, owners, len(rows), size)
         return replace(self, rows=rows[:count], owners=owners[:count])
 
-    def _balanced(self, size: int) -> Coreset:
+    def _balanced_partition(self, size: int) -> Coreset:
         """The balanced partition at block edges for the least limit at which there are at most ``size`` blocks."""
         parts = list(self._by_track())
         low, high, best = 0.0, max(self.error, 1e-300), None
-        for _ in range(_STEPS):
+        for _ in range(_BISECTION_STEPS):
             limit = math.sqrt(low * high) if low > 0 else high / 2**6
             cuts = [kernel.balanced_blocks(rows, limit) for rows in parts]
             number = sum(map(len, cuts)) - len(cuts)
             low, high = (limit, high) if number > size else (low, limit)
             best = best if number > size else cuts
-            if number == size or (best is not None and low > 0.999 * high) or high < 1e-18 * self.error:
+            if (
+                number == size
+                or (best is not None and low > 0.999 * high)
+                or high < 1e-18 * self.error
+            ):
                 break
             high = high if best is not None or low < 0.98 * high else 2**6 * high
         if best is None:
-            return self._thinned(size)
-        joined = [kernel.join_blocks(rows, own) for rows, own in zip(parts, best, strict=True)]
-        return replace(self, rows=np.concatenate(joined), owners=np.repeat(self.owners[self._heads()], [len(own) for own in joined]))
+            return self._merge_greedily(size)
+        joined = [
+            kernel.merge_between_cuts(rows, own) for rows, own in zip(parts, best, strict=True)
+        ]
+        return replace(
+            self,
+            rows=np.concatenate(joined),
+            owners=np.repeat(self.owners[self._track_starts()], [len(own) for own in joined]),
+        )
 
-    def _heads(self) -> NDArray[np.intp]:
+    def _track_starts(self) -> NDArray[np.intp]:
         return np.flatnonzero(np.diff(self.owners, prepend=-1))
 
     def _by_track(self) -> Iterator[NDArray[np.float64]]:
-        yield from np.split(self.rows, self._heads()[1:])
+        yield from np.split(self.rows, self._track_starts()[1:])
 
 
 def eps_of_blocks(rows: NDArray[np.float64], k: int) -> float:
@@ -285,7 +316,7 @@ def eps_of_blocks(rows: NDArray[np.float64], k: int) -> float:
     k : int
         Parts, 1 or more.
     """
-    return _eps(_worst(rows, k), _least_cost(rows, k))
+    return _eps(_sum_of_costliest(rows, k), _least_cost(rows, k))
 
 
 def _eps(worst: float, least: float) -> float:
@@ -296,45 +327,57 @@ def _eps(worst: float, least: float) -> float:
     return 2 * share + 2 * math.sqrt(share * share + share) if math.isfinite(share) else math.inf
 
 
-def _worst(rows: NDArray[np.float64], k: int) -> float:
+def _sum_of_costliest(rows: NDArray[np.float64], k: int) -> float:
     """What the k - 1 most expensive blocks of a track cost together."""
-    return _largest(_ceilings(rows), k - 1)
+    return _sum_of_largest(_cost_upper_bounds(rows), k - 1)
 
 
-def _ceilings(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cost_upper_bounds(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """Free costs, rounded up; 0 where two samples or fewer lie on their line by themselves."""
     costs = np.array([kernel.free_cost(row) for row in rows])
-    return np.where(rows[:, kernel.COUNT] > 2, costs + _doubts(rows), 0.0)
+    return np.where(rows[:, kernel.COUNT] > 2, costs + _rounding_errors(rows), 0.0)
 
 
-def _doubts(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(_ROUNDING * (rows[:, kernel.DEPTH] + 1) * rows[:, kernel.WEIGHT] * rows[:, kernel.REACH] ** 2)
+def _rounding_errors(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(
+        _ROUNDING
+        * (rows[:, kernel.DEPTH] + 1)
+        * rows[:, kernel.WEIGHT]
+        * rows[:, kernel.REACH] ** 2
+    )
 
 
-def _largest(values: NDArray[np.float64], count: int) -> float:
+def _sum_of_largest(values: NDArray[np.float64], count: int) -> float:
     return math.fsum(np.sort(values)[::-1][:count])
 
 
 def _least_cost(rows: NDArray[np.float64], k: int) -> float:
     costs = np.array([kernel.free_cost(row) for row in rows])
-    doubt = math.fsum(_doubts(rows))
-    unbroken = math.fsum(costs) - _largest(costs, k - 1) - doubt
+    doubt = math.fsum(_rounding_errors(rows))
+    unbroken = math.fsum(costs) - _sum_of_largest(costs, k - 1) - doubt
     if 2 * k - 1 >= len(rows):
         return max(unbroken, 0.0)
     whole = rows[0].copy()
     for row in rows[1:]:
         kernel.append_block(whole, row)
     dual = _dual_bound(rows, 2 * k - 1, kernel.free_cost(whole))
-    rounding = _ROUNDING * (len(rows) + whole[kernel.DEPTH] + 1) * whole[kernel.WEIGHT] * whole[kernel.REACH] ** 2
-    return max(unbroken, float(dual - _largest(_ceilings(rows), k - 1) - rounding), 0.0)
+    rounding = (
+        _ROUNDING
+        * (len(rows) + whole[kernel.DEPTH] + 1)
+        * whole[kernel.WEIGHT]
+        * whole[kernel.REACH] ** 2
+    )
+    return max(
+        unbroken, float(dual - _sum_of_largest(_cost_upper_bounds(rows), k - 1) - rounding), 0.0
+    )
 
 
 def _dual_bound(rows: NDArray[np.float64], parts: int, most: float) -> float:
     """Largest known lower bound on the cost of so many parts: min (cost + price * number) - price * parts, for any price."""
     low, high, best = 0.0, max(most, 1e-300), 0.0
-    for _ in range(_STEPS):
+    for _ in range(_BISECTION_STEPS):
         price = math.sqrt(low * high) if low > 0 else high / 2**10
-        value, cuts = priced_parts(rows, price)
+        value, cuts = penalised_block_partition(rows, price)
         number = len(cuts) - 1
         best = max(best, value - price * parts)
         if number == parts or high < 1e-12 * most:
@@ -345,6 +388,6 @@ def _dual_bound(rows: NDArray[np.float64], parts: int, most: float) -> float:
     return best
 
 
-def _listed(names: tuple[str, ...]) -> str:
+def _list_names(names: tuple[str, ...]) -> str:
     shown = ", ".join(repr(name) for name in names[:3])
     return shown + (f" and {len(names) - 3} more" if len(names) > 3 else "")

@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 from gpszip.errors import OptionError
 from gpszip.model import SegmentMean
 
-__all__ = ["Pieces", "pieces_of", "through"]
+__all__ = ["PiecewiseLinear", "from_segment_mean", "polyline"]
 
 #: Metres per second beyond which floats may not hold what a piece costs.
 _FASTEST = 1e100
 
 
 @dataclass(frozen=True, eq=False)
-class Pieces:
+class PiecewiseLinear:
     """k straight pieces, each travelled at constant speed: a k-segment (thesis, definition 4.1.2).
 
     Piece j runs from ``starts[j]`` at ``begins[j]`` to ``stops[j]`` at ``ends[j]``. Between the end of one and the begin
@@ -43,19 +43,34 @@ class Pieces:
 
     def __post_init__(self) -> None:
         for name in ("begins", "ends", "starts", "stops"):
-            object.__setattr__(self, name, np.ascontiguousarray(getattr(self, name), dtype=np.float64))
+            object.__setattr__(
+                self, name, np.ascontiguousarray(getattr(self, name), dtype=np.float64)
+            )
         k = len(self.begins)
-        if k < 1 or self.begins.shape != (k,) or self.ends.shape != (k,) or self.starts.ndim != 2 or len(self.starts) != k:
+        if (
+            k < 1
+            or self.begins.shape != (k,)
+            or self.ends.shape != (k,)
+            or self.starts.ndim != 2
+            or len(self.starts) != k
+        ):
             raise OptionError("pieces need as many begins, ends, starts and stops, at least one")
         if self.stops.shape != self.starts.shape:
-            raise OptionError(f"starts have shape {self.starts.shape}, stops {self.stops.shape}; they must be alike")
-        if not all(np.isfinite(values).all() for values in (self.begins, self.ends, self.starts, self.stops)):
+            raise OptionError(
+                f"starts have shape {self.starts.shape}, stops {self.stops.shape}; they must be alike"
+            )
+        if not all(
+            np.isfinite(values).all()
+            for values in (self.begins, self.ends, self.starts, self.stops)
+        ):
             raise OptionError("pieces hold a number that is not finite")
         if (self.ends < self.begins).any() or (self.begins[1:] < self.ends[:-1]).any():
             raise OptionError("pieces must follow each other in time")
         length = (self.ends - self.begins)[:, None]
         if (np.abs(self.stops - self.starts) > _FASTEST * length)[length[:, 0] > 0].any():
-            raise OptionError(f"a piece is faster than {_FASTEST:g} m/s; let it stay at its start, with the same begin and end")
+            raise OptionError(
+                f"a piece is faster than {_FASTEST:g} m/s; let it stay at its start, with the same begin and end"
+            )
 
     @property
     def breaks(self) -> NDArray[np.float64]:
@@ -69,7 +84,7 @@ class Pieces:
         return np.asarray((self.stops - self.starts) / np.where(length > 0, length, np.inf))
 
 
-def through(times: ArrayLike, places: ArrayLike) -> Pieces:
+def polyline(times: ArrayLike, places: ArrayLike) -> PiecewiseLinear:
     """Return the polyline through knots, as an archive decodes to.
 
     Parameters
@@ -81,14 +96,14 @@ def through(times: ArrayLike, places: ArrayLike) -> Pieces:
 
     Examples
     --------
-    >>> through([0, 2, 3], [[0.0], [4.0], [0.0]]).speeds.tolist()
+    >>> polyline([0, 2, 3], [[0.0], [4.0], [0.0]]).speeds.tolist()
     [[2.0], [-4.0]]
     """
     when, where = np.asarray(times, dtype=np.float64), np.asarray(places, dtype=np.float64)
-    return Pieces(when[:-1], when[1:], where[:-1], where[1:])
+    return PiecewiseLinear(when[:-1], when[1:], where[:-1], where[1:])
 
 
-def pieces_of(mean: SegmentMean, times: ArrayLike) -> Pieces:
+def from_segment_mean(mean: SegmentMean, times: ArrayLike) -> PiecewiseLinear:
     """Return a (k,m)-segment mean as a function of time: each part from its first sample to its last.
 
     Parameters
@@ -101,11 +116,15 @@ def pieces_of(mean: SegmentMean, times: ArrayLike) -> Pieces:
     Examples
     --------
     >>> mean = SegmentMean(np.array([0, 2, 4]), np.array([0, 0], np.int32), np.array([[0.0]]), np.array([[1.0]]), 0.0)
-    >>> pieces_of(mean, [0, 1, 2, 3]).begins.tolist()
+    >>> from_segment_mean(mean, [0, 1, 2, 3]).begins.tolist()
     [0.0, 2.0]
     """
     when = np.asarray(times, dtype=np.float64)
     if mean.boundaries[-1] != len(when):
-        raise OptionError(f"the segment mean is of {mean.boundaries[-1]} samples, but there are {len(when)} times")
+        raise OptionError(
+            f"the segment mean is of {mean.boundaries[-1]} samples, but there are {len(when)} times"
+        )
     first, last = mean.boundaries[:-1], mean.boundaries[1:] - 1
-    return Pieces(when[first], when[last], mean.starts[mean.labels], mean.ends[mean.labels])
+    return PiecewiseLinear(
+        when[first], when[last], mean.starts[mean.labels], mean.ends[mean.labels]
+    )

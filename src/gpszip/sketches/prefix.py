@@ -10,31 +10,31 @@ from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
 from gpszip.kernels import sums as kernel
-from gpszip.kernels.sums import Sums as PartSums
+from gpszip.kernels.sums import PrefixSums as PartSums
 from gpszip.model import Track
 
-__all__ = ["PartSums", "part_moments", "part_sums"]
+__all__ = ["PartSums", "interval_moments", "track_sums"]
 
 
-def part_sums(track: Track) -> PartSums:
+def track_sums(track: Track) -> PartSums:
     """Count a track in ticks of 1 ms and 1 mm, or finer where it is fast or small, and sum it up.
 
     Examples
     --------
-    >>> sums = part_sums(Track("far", [1e9, 1e9 + 1, 1e9 + 2], [[5e6], [5e6 + 3], [5e6 + 4]]))
+    >>> sums = track_sums(Track("far", [1e9, 1e9 + 1, 1e9 + 2], [[5e6], [5e6 + 3], [5e6 + 4]]))
     >>> sums.time_tick, sums.first_time
     (0.001, 1000000000.0)
     """
-    return kernel.part_sums(track.times, track.positions, track.weights)
+    return kernel.build_prefix_sums(track.times, track.positions, track.weights)
 
 
-def part_moments(sums: PartSums, boundaries: NDArray[np.int64]) -> NDArray[np.float64]:
+def interval_moments(sums: PartSums, boundaries: NDArray[np.int64]) -> NDArray[np.float64]:
     """Moments of consecutive parts, each in its own time from 0 to 1 and about its own first sample.
 
     Parameters
     ----------
     sums : PartSums
-        A track, from :func:`part_sums`.
+        A track, from :func:`track_sums`.
     boundaries : int64 array, shape (k + 1,)
         Increasing sample numbers; part j holds samples ``boundaries[j]`` to ``boundaries[j + 1] - 1``.
 
@@ -50,11 +50,16 @@ def part_moments(sums: PartSums, boundaries: NDArray[np.int64]) -> NDArray[np.fl
 
     Examples
     --------
-    >>> sums = part_sums(Track("walk", [0, 1, 2], [[0], [1], [2]]))
-    >>> part_moments(sums, np.array([0, 3]))[0, :3].tolist()
+    >>> sums = track_sums(Track("walk", [0, 1, 2], [[0], [1], [2]]))
+    >>> interval_moments(sums, np.array([0, 3]))[0, :3].tolist()
     [3.0, 1.5, 1.25]
     """
     boundaries = np.asarray(boundaries, dtype=np.int64)
-    if len(boundaries) < 1 or boundaries[0] < 0 or boundaries[-1] > len(sums.t) or (np.diff(boundaries) < 1).any():
+    if (
+        len(boundaries) < 1
+        or boundaries[0] < 0
+        or boundaries[-1] > len(sums.t)
+        or (np.diff(boundaries) < 1).any()
+    ):
         raise OptionError(f"boundaries must increase from 0 or more to {len(sums.t)} or less")
-    return kernel.part_moments(sums, boundaries)
+    return kernel.segment_moments(sums, boundaries)

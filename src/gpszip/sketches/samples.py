@@ -9,7 +9,7 @@ import numpy as np
 from gpszip.errors import OptionError
 from gpszip.model import Track
 from gpszip.sketches.coreset import Coreset
-from gpszip.sketches.kernels.caratheodory import keep_few_of_each
+from gpszip.sketches.kernels.caratheodory import select_block_samples
 
 __all__ = ["weighted_samples"]
 
@@ -46,15 +46,19 @@ def weighted_samples(coreset: Coreset, tracks: Sequence[Track] | Track) -> tuple
     (True, 100.0)
     """
     whole = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
-    return tuple(_few(coreset, track) for track in whole)
+    return tuple(_select_track_samples(coreset, track) for track in whole)
 
 
-def _few(coreset: Coreset, track: Track) -> Track:
+def _select_track_samples(coreset: Coreset, track: Track) -> Track:
     own = coreset.track(track.id)
     cuts = np.concatenate([[0], np.cumsum(own.counts)])
-    times = track.times[np.concatenate([cuts[:-1], cuts[1:] - 1])] if cuts[-1] == len(track) else np.empty(0)
+    times = (
+        track.times[np.concatenate([cuts[:-1], cuts[1:] - 1])]
+        if cuts[-1] == len(track)
+        else np.empty(0)
+    )
     if not np.array_equal(times, own.edges.T.ravel()):
         raise OptionError(f"the coreset is not of this track {track.id!r}: samples or times differ")
     weights = np.ones(len(track)) if track.weights is None else track.weights
-    kept, heavy = keep_few_of_each(track.times, track.positions, weights, cuts)
+    kept, heavy = select_block_samples(track.times, track.positions, weights, cuts)
     return Track(track.id, track.times[kept], track.positions[kept], heavy, plane=track.plane)

@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import InputError, OptionError, TrackError
 from gpszip.model import Plane
-from gpszip.sketches.coreset import FINER, Coreset
+from gpszip.sketches.coreset import OVERSAMPLING, Coreset
 from gpszip.sketches.kernels import blocks as kernel
 
-__all__ = ["CoresetStream", "merge"]
+__all__ = ["CoresetStream", "merge_coresets"]
 
 
 class CoresetStream:
@@ -52,7 +52,7 @@ class CoresetStream:
         self.samples = 0
         self._count = 0
         self._rows: NDArray[np.float64] | None = None
-        self._rest: tuple[NDArray[np.float64], ...] = ()
+        self._pending: tuple[NDArray[np.float64], ...] = ()
         self._last = -np.inf
 
     @property
@@ -60,7 +60,9 @@ class CoresetStream:
         """Number of blocks in memory at this moment."""
         return self._count
 
-    def push(self, times: ArrayLike, positions: ArrayLike, weights: ArrayLike | None = None) -> None:
+    def push(
+        self, times: ArrayLike, positions: ArrayLike, weights: ArrayLike | None = None
+    ) -> None:
         """Take in the next samples.
 
         Parameters
@@ -77,19 +79,26 @@ class CoresetStream:
         TrackError
             If time stands still or goes back, or a number is not finite; nothing of the chunk is taken in then.
         """
-        chunk = self._checked(times, positions, weights)
+        chunk = self._validate(times, positions, weights)
         if len(chunk[0]) == 0:
             return
         if self._rows is None:
-            self._rows = np.empty((2 * FINER * self.size, kernel.FIXED + 3 * chunk[1].shape[1]))
+            self._rows = np.empty(
+                (2 * OVERSAMPLING * self.size, kernel.FIXED_COLUMNS + 3 * chunk[1].shape[1])
+            )
         self._last = float(chunk[0][-1])
         self.samples += len(chunk[0])
-        if self._rest:
-            chunk = tuple(np.concatenate(both) for both in zip(self._rest, chunk, strict=True))
-        whole = len(chunk[0]) // kernel.LEAF * kernel.LEAF
+        if self._pending:
+            chunk = tuple(np.concatenate(both) for both in zip(self._pending, chunk, strict=True))
+        whole = len(chunk[0]) // kernel.LEAF_SAMPLES * kernel.LEAF_SAMPLES
         if whole:
-            self._count = kernel.absorb(self._rows, self._count, FINER * self.size, *(values[:whole] for values in chunk))
-        self._rest = tuple(values[whole:].copy() for values in chunk)
+            self._count = kernel.absorb_samples(
+                self._rows,
+                self._count,
+                OVERSAMPLING * self.size,
+                *(values[:whole] for values in chunk),
+            )
+        self._pending = tuple(values[whole:].copy() for values in chunk)
 
     def coreset(self) -> Coreset:
         """Return the coreset of all samples so far; the stream can go on.
@@ -102,20 +111,46 @@ class CoresetStream:
         if self._rows is None:
             raise InputError("no samples came in: there is nothing to make a coreset of")
         rows = self._rows[: self._count]
-        if len(self._rest[0]):
-            times, places, weights = self._rest
-            rows = np.concatenate([rows, kernel.block_rows(times, places, weights, np.array([0, len(times)]))])
-        return Coreset((self.id,), np.zeros(len(rows), np.int64), rows.copy(), self.plane).reduced(self.size)
+        if len(self._pending[0]):
+            times, places, weights = self._pending
+            rows = np.concatenate(
+                [rows, kernel.block_rows(times, places, weights, np.array([0, len(times)]))]
+            )
+        return Coreset((self.id,), np.zeros(len(rows), np.int64), rows.copy(), self.plane).reduced(
+            self.size
+        )
 
-    def _checked(self, times: ArrayLike, positions: ArrayLike, weights: ArrayLike | None) -> tuple[NDArray[np.float64], ...]:
-        when, where = np.ascontiguousarray(times, dtype=np.float64), np.ascontiguousarray(positions, dtype=np.float64)
-        heavy = np.ones(len(when)) if weights is None else np.ascontiguousarray(weights, dtype=np.float64)
+    def _validate(
+        self, times: ArrayLike, positions: ArrayLike, weights: ArrayLike | None
+    ) -> tuple[NDArray[np.float64], ...]:
+        when, where = (
+            np.ascontiguousarray(times, dtype=np.float64),
+            np.ascontiguousarray(positions, dtype=np.float64),
+        )
+        heavy = (
+            np.ones(len(when))
+            if weights is None
+            else np.ascontiguousarray(weights, dtype=np.float64)
+        )
         name = f"track {self.id!r}"
-        dimension = where.shape[-1] if self._rows is None else (self._rows.shape[1] - kernel.FIXED) // 3
+        dimension = (
+            where.shape[-1]
+            if self._rows is None
+            else (self._rows.shape[1] - kernel.FIXED_COLUMNS) // 3
+        )
         if when.ndim != 1 or where.shape != (len(when), dimension) or heavy.shape != when.shape:
-            raise TrackError(f"{name}: times have shape {when.shape} and positions {where.shape}; expected (n,) and (n, {dimension})")
-        if not (np.isfinite(when).all() and np.isfinite(where).all() and np.isfinite(heavy).all() and (heavy > 0).all()):
-            raise TrackError(f"{name}: a sample is not finite, or its weight is not positive; drop or repair such samples first")
+            raise TrackError(
+                f"{name}: times have shape {when.shape} and positions {where.shape}; expected (n,) and (n, {dimension})"
+            )
+        if not (
+            np.isfinite(when).all()
+            and np.isfinite(where).all()
+            and np.isfinite(heavy).all()
+            and (heavy > 0).all()
+        ):
+            raise TrackError(
+                f"{name}: a sample is not finite, or its weight is not positive; drop or repair such samples first"
+            )
         back = np.diff(when, prepend=self._last) <= 0
         if back.any():
             at = int(back.argmax())
@@ -125,7 +160,7 @@ class CoresetStream:
         return when, where, heavy
 
 
-def merge(parts: Sequence[Coreset], *, size: int | None = None) -> Coreset:
+def merge_coresets(parts: Sequence[Coreset], *, size: int | None = None) -> Coreset:
     """Unite coresets of different tracks, or of stretches of the same tracks that follow each other.
 
     Parameters
@@ -150,7 +185,7 @@ def merge(parts: Sequence[Coreset], *, size: int | None = None) -> Coreset:
     >>> one, two = CoresetStream(2, id="a"), CoresetStream(2, id="b")
     >>> one.push([0, 1], [[0.0], [1.0]])
     >>> two.push([0, 1], [[5.0], [6.0]])
-    >>> merge([one.coreset(), two.coreset()]).tracks
+    >>> merge_coresets([one.coreset(), two.coreset()]).tracks
     ('a', 'b')
     """
     if not parts:
@@ -161,7 +196,9 @@ def merge(parts: Sequence[Coreset], *, size: int | None = None) -> Coreset:
             raise OptionError("the coresets lie on different planes; read their logs together")
     names = tuple(dict.fromkeys(name for part in parts for name in part.tracks))
     number = {name: i for i, name in enumerate(names)}
-    owners = np.concatenate([np.array([number[name] for name in part.tracks], np.int64)[part.owners] for part in parts])
+    owners = np.concatenate(
+        [np.array([number[name] for name in part.tracks], np.int64)[part.owners] for part in parts]
+    )
     rows = np.concatenate([part.rows for part in parts])
     order = np.lexsort((rows[:, kernel.FIRST], owners))
     owners, rows = owners[order], rows[order]

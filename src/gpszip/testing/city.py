@@ -57,7 +57,16 @@ def city(
     ([0.0, 30.0, 60.0], (60, 2))
     """
     scale = np.array([_METRES_PER_DEGREE, _METRES_PER_DEGREE * np.cos(np.radians(center[0]))])
-    metres = drives(blocks, vehicles=vehicles, period=period, duration=duration, seed=seed, noise=noise, block=block, speed=speed)
+    metres = drives(
+        blocks,
+        vehicles=vehicles,
+        period=period,
+        duration=duration,
+        seed=seed,
+        noise=noise,
+        block=block,
+        speed=speed,
+    )
     return {name: (times, center + xy[:, ::-1] / scale) for name, (times, xy) in metres.items()}
 
 
@@ -88,14 +97,14 @@ def drives(
     times = np.arange(0.0, duration, period)
     town = {}
     for vehicle in range(vehicles):
-        corners = block * (_errands(blocks, duration * speed / block, rng) - blocks / 2)
+        corners = block * (_plan_drive(blocks, duration * speed / block, rng) - blocks / 2)
         along = np.r_[0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))]
         at = np.column_stack([np.interp(times * speed, along, corners[:, axis]) for axis in (0, 1)])
         town[f"bus-{vehicle}"] = (times, at + rng.normal(0, noise, at.shape))
     return town
 
 
-def _errands(blocks: int, length: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def _plan_drive(blocks: int, length: float, rng: np.random.Generator) -> NDArray[np.float64]:
     """Crossings of a drive at least so many blocks long: along one street, then along the other, to one place after another."""
     here = rng.integers(0, blocks + 1, 2)
     corners = [here]

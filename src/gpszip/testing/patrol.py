@@ -59,13 +59,15 @@ def patrol(
     crossings, ways = _building(corridors, rng)
     times = _times(points, jitter, rng)
     driven = _odometer(times, rng)
-    line = _swaying(_rounded(_tour(crossings, ways, driven[-1], rng)), sway, rng)
+    line = _add_sway(_round_corners(_tour(crossings, ways, driven[-1], rng)), sway, rng)
     along = np.arange(len(line)) * _STEP
     positions = np.column_stack([np.interp(driven, along, line[:, axis]) for axis in (0, 1)])
     return Track(id, times, positions + _drift(len(times), noise, rng))
 
 
-def _building(corridors: int, rng: np.random.Generator) -> tuple[NDArray[np.float64], list[list[int]]]:
+def _building(
+    corridors: int, rng: np.random.Generator
+) -> tuple[NDArray[np.float64], list[list[int]]]:
     """Crossings grown from one cell of a grid until there are enough corridors, and the neighbours of each."""
     cells: list[tuple[int, int]] = [(0, 0)]
     ways: set[tuple[int, int]] = set()
@@ -87,7 +89,12 @@ def _building(corridors: int, rng: np.random.Generator) -> tuple[NDArray[np.floa
     return np.array(cells) * _CELL + rng.normal(0, 0.7, (len(cells), 2)), neighbours
 
 
-def _tour(crossings: NDArray[np.float64], neighbours: list[list[int]], length: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def _tour(
+    crossings: NDArray[np.float64],
+    neighbours: list[list[int]],
+    length: float,
+    rng: np.random.Generator,
+) -> NDArray[np.float64]:
     """Corners of a walk at least so long, which turns back in dead ends only and prefers some corridors."""
     taste = rng.random((len(crossings), len(crossings))) ** 4 + 0.02
     route, before, walked = [0], -1, 0.0
@@ -101,26 +108,34 @@ def _tour(crossings: NDArray[np.float64], neighbours: list[list[int]], length: f
     return crossings[route]
 
 
-def _rounded(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+def _round_corners(corners: NDArray[np.float64]) -> NDArray[np.float64]:
     """The line through the corners at equal steps, its corners rounded over some 40 cm."""
     along = np.r_[0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))]
     steps = np.arange(0, along[-1], _STEP)
-    return np.column_stack([_smooth(np.interp(steps, along, corners[:, axis]), 8) for axis in (0, 1)])
+    return np.column_stack(
+        [_smooth(np.interp(steps, along, corners[:, axis]), 8) for axis in (0, 1)]
+    )
 
 
-def _swaying(line: NDArray[np.float64], sway: float, rng: np.random.Generator) -> NDArray[np.float64]:
+def _add_sway(
+    line: NDArray[np.float64], sway: float, rng: np.random.Generator
+) -> NDArray[np.float64]:
     """The line moved sideways by a smooth random amount."""
     aside = _smooth(rng.standard_normal(len(line)), 30)
     aside *= sway / max(float(aside.std()), 1e-12)
     tangent = np.gradient(line, axis=0)
     normal = np.column_stack([-tangent[:, 1], tangent[:, 0]])
-    moved: NDArray[np.float64] = line + normal * (aside / (np.linalg.norm(normal, axis=1) + 1e-12))[:, None]
+    moved: NDArray[np.float64] = (
+        line + normal * (aside / (np.linalg.norm(normal, axis=1) + 1e-12))[:, None]
+    )
     return moved
 
 
 def _times(points: int, jitter: float, rng: np.random.Generator) -> NDArray[np.float64]:
     beats = np.arange(points) / _RATE
-    times: NDArray[np.float64] = beats + np.clip(rng.normal(0, jitter, points), -0.4 / _RATE, 0.4 / _RATE)
+    times: NDArray[np.float64] = beats + np.clip(
+        rng.normal(0, jitter, points), -0.4 / _RATE, 0.4 / _RATE
+    )
     times -= times[0]
     return times
 

@@ -16,10 +16,12 @@ from gpszip.model import Track
 if TYPE_CHECKING:
     from hypothesis.strategies import DrawFn, SearchStrategy
 
-__all__ = ["degrees", "track_lists", "tracks"]
+__all__ = ["geographic_logs", "track_lists", "tracks"]
 
 
-def tracks(*, dimension: int | None = None, min_points: int = 1, max_points: int = 60, far: bool = True) -> SearchStrategy[Track]:
+def tracks(
+    *, dimension: int | None = None, min_points: int = 1, max_points: int = 60, far: bool = True
+) -> SearchStrategy[Track]:
     """Draw tracks on a plane.
 
     Parameters
@@ -55,7 +57,9 @@ def tracks(*, dimension: int | None = None, min_points: int = 1, max_points: int
     return strategy
 
 
-def track_lists(*, dimension: int = 2, max_tracks: int = 4, max_points: int = 40, far: bool = True) -> SearchStrategy[list[Track]]:
+def track_lists(
+    *, dimension: int = 2, max_tracks: int = 4, max_points: int = 40, far: bool = True
+) -> SearchStrategy[list[Track]]:
     """Draw one to ``max_tracks`` tracks of one plane with different names.
 
     Parameters
@@ -77,11 +81,15 @@ def track_lists(*, dimension: int = 2, max_tracks: int = 4, max_points: int = 40
         If hypothesis is not installed.
     """
     one = tracks(dimension=dimension, max_points=max_points, far=far)
-    several: SearchStrategy[list[Track]] = _strategies().lists(one, min_size=1, max_size=max_tracks, unique_by=lambda track: track.id)
+    several: SearchStrategy[list[Track]] = _strategies().lists(
+        one, min_size=1, max_size=max_tracks, unique_by=lambda track: track.id
+    )
     return several
 
 
-def degrees(*, max_points: int = 40) -> SearchStrategy[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+def geographic_logs(
+    *, max_points: int = 40
+) -> SearchStrategy[tuple[NDArray[np.float64], NDArray[np.float64]]]:
     """Draw logs in degrees, also across the antimeridian and near the poles.
 
     Parameters
@@ -125,8 +133,12 @@ def _strategies() -> Any:
 
 
 def _names(st: Any) -> Any:
-    return st.sampled_from(["0", "000", "walk 3", "1234567890123456789", "Ümläut", "a/0"]) | st.text(
-        st.characters(exclude_categories=("C", "Z"), exclude_characters='/,"'), min_size=1, max_size=8
+    return st.sampled_from(
+        ["0", "000", "walk 3", "1234567890123456789", "Ümläut", "a/0"]
+    ) | st.text(
+        st.characters(exclude_categories=("C", "Z"), exclude_characters='/,"'),
+        min_size=1,
+        max_size=8,
     )
 
 
@@ -134,7 +146,11 @@ def _times(st: Any, count: int) -> Any:
     """Increasing milliseconds as seconds: even, uneven, or with holes of hours."""
     steps = st.one_of(
         st.integers(1, 60_000).map(lambda step: [step] * (count - 1)),
-        st.lists(st.integers(1, 5000) | st.integers(1, 50_000_000), min_size=count - 1, max_size=count - 1),
+        st.lists(
+            st.integers(1, 5000) | st.integers(1, 50_000_000),
+            min_size=count - 1,
+            max_size=count - 1,
+        ),
     )
     return steps.map(lambda values: np.cumsum([0, *values]) / 1000.0)
 

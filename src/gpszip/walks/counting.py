@@ -7,12 +7,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gpszip.model import LatticeWalk, Plane, RoadMap, Walk
+from gpszip.model import GridWalk, Plane, RoadMap, Walk
 
-__all__ = ["count_edges", "tally_edges", "travelled_parts"]
+__all__ = ["build_road_map", "build_road_map_from_counts", "find_travelled_segments"]
 
 
-def count_edges(nodes: ArrayLike, walks: Sequence[Walk | LatticeWalk], *, plane: Plane | None = None) -> RoadMap:
+def build_road_map(
+    nodes: ArrayLike, walks: Sequence[Walk | GridWalk], *, plane: Plane | None = None
+) -> RoadMap:
     """Make a road map of what the walks travelled.
 
     Parameters
@@ -32,21 +34,27 @@ def count_edges(nodes: ArrayLike, walks: Sequence[Walk | LatticeWalk], *, plane:
     Examples
     --------
     >>> walk = Walk("0", np.array([0, 1, 1, 0, 2]), None, np.array([False, False, False, True]))
-    >>> road_map = count_edges([[0, 0], [5, 0], [9, 9]], [walk])
+    >>> road_map = build_road_map([[0, 0], [5, 0], [9, 9]], [walk])
     >>> road_map.edges.tolist(), road_map.forward.tolist(), road_map.backward.tolist()
     ([[0, 1]], [1], [1])
     """
-    hops = [_travelled(walk) for walk in walks]
+    hops = [_travelled_pairs(walk) for walk in walks]
     pairs = np.concatenate(hops) if hops else np.zeros((0, 2), np.int32)
-    return tally_edges(nodes, pairs, np.ones(len(pairs), np.int64), plane=plane)
+    return build_road_map_from_counts(nodes, pairs, np.ones(len(pairs), np.int64), plane=plane)
 
 
-def tally_edges(nodes: ArrayLike, pairs: NDArray[np.int32], counts: NDArray[np.int64], *, plane: Plane | None = None) -> RoadMap:
+def build_road_map_from_counts(
+    nodes: ArrayLike,
+    pairs: NDArray[np.int32],
+    counts: NDArray[np.int64],
+    *,
+    plane: Plane | None = None,
+) -> RoadMap:
     """Make a road map of directed pairs of different nodes, shape (p, 2), each travelled as often as its count says.
 
     Examples
     --------
-    >>> road_map = tally_edges([[0, 0], [5, 0]], np.array([[0, 1], [1, 0]]), np.array([3, 4]))
+    >>> road_map = build_road_map_from_counts([[0, 0], [5, 0]], np.array([[0, 1], [1, 0]]), np.array([3, 4]))
     >>> road_map.forward.tolist(), road_map.backward.tolist()
     ([3], [4])
     """
@@ -61,17 +69,17 @@ def tally_edges(nodes: ArrayLike, pairs: NDArray[np.int32], counts: NDArray[np.i
     return RoadMap(positions, edges, directed[0], directed[1], plane)
 
 
-def travelled_parts(walk: Walk | LatticeWalk) -> NDArray[np.bool_]:
+def find_travelled_segments(walk: Walk | GridWalk) -> NDArray[np.bool_]:
     """Which parts of a walk lead to another node: no gap, no stop, and not all before its start or after its end.
 
     Examples
     --------
     >>> walk = Walk("0", np.array([0, 1, 2]), np.array([0.0, 5.0, 9.0]), np.zeros(2, bool), np.array([[0.0, 5.0]]))
-    >>> travelled_parts(walk).tolist()
+    >>> find_travelled_segments(walk).tolist()
     [True, False]
     """
     moved: NDArray[np.bool_] = ~walk.gaps & (walk.nodes[1:] != walk.nodes[:-1])
-    if isinstance(walk, LatticeWalk) or walk.spans is None or walk.times is None:
+    if isinstance(walk, GridWalk) or walk.spans is None or walk.times is None:
         return moved
 
     # only the first and the last part of a piece may lie outside of the time in which travel is claimed
@@ -80,7 +88,7 @@ def travelled_parts(walk: Walk | LatticeWalk) -> NDArray[np.bool_]:
     return np.asarray(moved & (walk.times[1:] > begins) & (walk.times[:-1] < ends))
 
 
-def _travelled(walk: Walk | LatticeWalk) -> NDArray[np.int32]:
+def _travelled_pairs(walk: Walk | GridWalk) -> NDArray[np.int32]:
     hops = np.stack((walk.nodes[:-1], walk.nodes[1:]), axis=1)
-    travelled: NDArray[np.int32] = hops[travelled_parts(walk)]
+    travelled: NDArray[np.int32] = hops[find_travelled_segments(walk)]
     return travelled

@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 
 from gpszip.model.walk import Walk
 
-__all__ = ["cut_at_ends"]
+__all__ = ["trim_walks"]
 
 
-def cut_at_ends(nodes: NDArray[np.float64], walks: Sequence[Walk], tolerance: float) -> tuple[NDArray[np.float64], tuple[Walk, ...]]:
+def trim_walks(
+    nodes: NDArray[np.float64], walks: Sequence[Walk], tolerance: float
+) -> tuple[NDArray[np.float64], tuple[Walk, ...]]:
     """Let walks begin and end where their tracks do.
 
     The first and the last knot of a piece lie up to a time step outside of its samples, and the node there may be far from the
@@ -38,14 +40,14 @@ def cut_at_ends(nodes: NDArray[np.float64], walks: Sequence[Walk], tolerance: fl
     Examples
     --------
     >>> walk = Walk("0", np.array([0, 1], np.int32), np.array([0.0, 10.0]), np.array([False]), np.array([[0.0, 4.0]]))
-    >>> nodes, walks = cut_at_ends(np.array([[0.0, 0.0], [500.0, 0.0]]), [walk], tolerance=20.0)
+    >>> nodes, walks = trim_walks(np.array([[0.0, 0.0], [500.0, 0.0]]), [walk], tolerance=20.0)
     >>> nodes[2].tolist(), walks[0].nodes.tolist(), walks[0].times.tolist()
     ([200.0, 0.0], [0, 2], [0.0, 4.0])
     """
     new: list[NDArray[np.float64]] = []
     count, cut = len(nodes), []
     for walk in walks:
-        knots, times, places = _ends_to_cut(walk, nodes, tolerance)
+        knots, times, places = _find_ends_to_trim(walk, nodes, tolerance)
         if not len(knots):
             cut.append(walk)
             continue
@@ -57,13 +59,16 @@ def cut_at_ends(nodes: NDArray[np.float64], walks: Sequence[Walk], tolerance: fl
     return np.concatenate([nodes, *new]), tuple(cut)
 
 
-def _ends_to_cut(
+def _find_ends_to_trim(
     walk: Walk, nodes: NDArray[np.float64], tolerance: float
 ) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
     """Knots that lie too far outside, and time and place of the start or end that they stand for."""
     if walk.times is None or walk.spans is None or len(walk.nodes) < 2:
         return np.zeros(0, np.intp), np.zeros(0), np.zeros((0, nodes.shape[1]))
-    first, last = np.flatnonzero(np.append(True, walk.gaps)), np.flatnonzero(np.append(walk.gaps, True))
+    first, last = (
+        np.flatnonzero(np.append(True, walk.gaps)),
+        np.flatnonzero(np.append(walk.gaps, True)),
+    )
     several = first < last
 
     # the first knot of a piece with the one after it, and the last with the one before it

@@ -16,17 +16,17 @@ from numpy.typing import NDArray
 from gpszip.errors import OptionError
 from gpszip.model.track import Track
 from gpszip.model.walk import Walk
-from gpszip.walks.kernels.along import positions_along
+from gpszip.walks.kernels.along import interpolate_positions
 from gpszip.walks.shapes import shape_error
 
-__all__ = ["SLACK", "Fit", "fit", "positions_at", "synchronised_errors"]
+__all__ = ["TIME_SLACK", "ErrorSummary", "measure_errors", "positions_at", "synchronised_errors"]
 
 #: Instants up to this many seconds outside of a piece belong to it.
-SLACK = 1e-3
+TIME_SLACK = 1e-3
 
 
 @dataclass(frozen=True)
-class Fit:
+class ErrorSummary:
     """How well walks stand for tracks.
 
     Parameters
@@ -43,7 +43,9 @@ class Fit:
     uncovered: int
 
 
-def positions_at(walk: Walk, nodes: NDArray[np.float64], when: NDArray[np.float64]) -> NDArray[np.float64]:
+def positions_at(
+    walk: Walk, nodes: NDArray[np.float64], when: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Positions of a walk at given instants.
 
     Parameters
@@ -72,23 +74,31 @@ def positions_at(walk: Walk, nodes: NDArray[np.float64], when: NDArray[np.float6
     [[2.0, 0.0], [nan, nan]]
     """
     if walk.times is None:
-        raise OptionError(f"track {walk.id!r} has no times: the archive was written without them, so positions at a time can't be had")
+        raise OptionError(
+            f"track {walk.id!r} has no times: the archive was written without them, so positions at a time can't be had"
+        )
     out = np.empty((len(when), nodes.shape[1]))
-    positions_along(walk.times, nodes[walk.nodes], walk.gaps, np.array(when, np.float64), SLACK, out)
+    interpolate_positions(
+        walk.times, nodes[walk.nodes], walk.gaps, np.array(when, np.float64), TIME_SLACK, out
+    )
     if walk.spans is not None:
-        out[~_claimed(walk.spans, when)] = np.nan
+        out[~_is_covered(walk.spans, when)] = np.nan
     return out
 
 
-def _claimed(spans: NDArray[np.float64], when: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _is_covered(spans: NDArray[np.float64], when: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Whether each instant lies between the start and the end of a piece, within the slack."""
     if len(spans) == 1:
-        return np.asarray((when >= spans[0, 0] - SLACK) & (when <= spans[0, 1] + SLACK))
-    piece = np.clip(np.searchsorted(spans[:, 0], when + SLACK, side="right") - 1, 0, None)
-    return np.asarray((when >= spans[piece, 0] - SLACK) & (when <= spans[piece, 1] + SLACK))
+        return np.asarray((when >= spans[0, 0] - TIME_SLACK) & (when <= spans[0, 1] + TIME_SLACK))
+    piece = np.clip(np.searchsorted(spans[:, 0], when + TIME_SLACK, side="right") - 1, 0, None)
+    return np.asarray(
+        (when >= spans[piece, 0] - TIME_SLACK) & (when <= spans[piece, 1] + TIME_SLACK)
+    )
 
 
-def synchronised_errors(track: Track, walk: Walk, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+def synchronised_errors(
+    track: Track, walk: Walk, nodes: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Distance in metres between each sample and the walk at the sample's time, shape (n,); NaN where the walk claims nothing.
 
     Parameters
@@ -111,7 +121,9 @@ def synchronised_errors(track: Track, walk: Walk, nodes: NDArray[np.float64]) ->
     return distances
 
 
-def fit(tracks: Sequence[Track], walks: Sequence[Walk], nodes: NDArray[np.float64]) -> Fit:
+def measure_errors(
+    tracks: Sequence[Track], walks: Sequence[Walk], nodes: NDArray[np.float64]
+) -> ErrorSummary:
     """Measure walks against their tracks at every sample, all samples alike.
 
     Tracks without times are compared at equal shares of the way, at all places of it; their mean counts as often as they have points.
@@ -137,4 +149,4 @@ def fit(tracks: Sequence[Track], walks: Sequence[Walk], nodes: NDArray[np.float6
         worst = max(worst, float(covered.max(initial=0.0)))
         uncovered += len(errors) - len(covered)
     points = sum(map(len, tracks))
-    return Fit(math.sqrt(squares / max(points - uncovered, 1)), worst, points, uncovered)
+    return ErrorSummary(math.sqrt(squares / max(points - uncovered, 1)), worst, points, uncovered)

@@ -8,12 +8,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.model import LatticeWalk, LatticeWalks, Track, Walk
+from gpszip.model import GridWalk, GridWalks, Track, Walk
 
-__all__ = ["paced", "shape_error", "walk_by_share", "without_cells"]
+__all__ = ["assign_times_by_distance", "drop_time_steps", "shape_error", "with_synthetic_times"]
 
 
-def paced(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> tuple[Track, ...]:
+def with_synthetic_times(
+    tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]
+) -> tuple[Track, ...]:
     """Give shapes times as if they had been travelled at the typical speed of the tracks that have times.
 
     Parameters
@@ -32,7 +34,7 @@ def paced(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> tuple[T
     --------
     >>> shape = Track("a", [0.0, 6.0], [[0.0], [6.0]], timed=False)
     >>> drive = Track("b", [10.0, 11.0], [[0.0], [3.0]])
-    >>> [track.times.tolist() for track in paced([shape, drive], [np.zeros(1, bool)] * 2)]
+    >>> [track.times.tolist() for track in with_synthetic_times([shape, drive], [np.zeros(1, bool)] * 2)]
     [[10.0, 12.0], [10.0, 11.0]]
     """
     if all(track.timed for track in tracks):
@@ -46,11 +48,17 @@ def paced(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> tuple[T
         start = min(start, float(track.times[0])) if time else float(track.times[0])
         length = np.sqrt((np.diff(track.positions, axis=0) ** 2).sum(axis=1))
         moved = ~gap & (length > 0)
-        way, time = way + float(length[moved].sum()), time + float(np.diff(track.times)[moved].sum())
+        way, time = (
+            way + float(length[moved].sum()),
+            time + float(np.diff(track.times)[moved].sum()),
+        )
 
     # distance over speed
     speed = way / time if way > 0 and time > 0 else 1.0
-    return tuple(track if track.timed else replace(track, times=start + track.times / speed, timed=True) for track in tracks)
+    return tuple(
+        track if track.timed else replace(track, times=start + track.times / speed, timed=True)
+        for track in tracks
+    )
 
 
 def shape_error(samples: NDArray[np.float64], knots: NDArray[np.float64]) -> tuple[float, float]:
@@ -75,30 +83,36 @@ def shape_error(samples: NDArray[np.float64], knots: NDArray[np.float64]) -> tup
     >>> shape_error(np.array([[0.0, 0.0], [9.0, 0.0]]), np.array([[0.0, 3.0], [9.0, 3.0]]))
     (9.0, 3.0)
     """
-    ours, theirs = _shares(samples), _shares(knots)
+    ours, theirs = _distance_fractions(samples), _distance_fractions(knots)
     shares = np.unique(np.concatenate([ours, theirs]))
-    apart = _at_shares(shares, ours, samples) - _at_shares(shares, theirs, knots)
+    apart = _interpolate_at(shares, ours, samples) - _interpolate_at(shares, theirs, knots)
     square = (apart**2).sum(axis=1)
     if len(shares) == 1:
         return float(square[0]), float(np.sqrt(square[0]))
     mixed = (apart[1:] * apart[:-1]).sum(axis=1)
-    mean = float((np.diff(shares) * (square[1:] + square[:-1] + mixed)).sum() / 3 / (shares[-1] - shares[0]))
+    mean = float(
+        (np.diff(shares) * (square[1:] + square[:-1] + mixed)).sum() / 3 / (shares[-1] - shares[0])
+    )
     return mean, float(np.sqrt(square.max()))
 
 
-def walk_by_share(walk: Walk, nodes: NDArray[np.float64], first: float, last: float) -> Walk:
+def assign_times_by_distance(
+    walk: Walk, nodes: NDArray[np.float64], first: float, last: float
+) -> Walk:
     """Give a walk without times the share of its way as time, from ``first`` to ``last``.
 
     Examples
     --------
     >>> walk = Walk("a", np.array([0, 1], np.int32), None, np.array([False]))
-    >>> walk_by_share(walk, np.array([[0.0], [5.0]]), 2.0, 4.0).times.tolist()
+    >>> assign_times_by_distance(walk, np.array([[0.0], [5.0]]), 2.0, 4.0).times.tolist()
     [2.0, 4.0]
     """
-    return replace(walk, times=first + _shares(nodes[walk.nodes]) * (last - first), spans=None)
+    return replace(
+        walk, times=first + _distance_fractions(nodes[walk.nodes]) * (last - first), spans=None
+    )
 
 
-def without_cells(walks: LatticeWalks, untimed: frozenset[int], *, others: bool) -> LatticeWalks:
+def drop_time_steps(walks: GridWalks, untimed: frozenset[int], *, others: bool) -> GridWalks:
     """Take the times away from walks that stand for shapes.
 
     Parameters
@@ -113,24 +127,38 @@ def without_cells(walks: LatticeWalks, untimed: frozenset[int], *, others: bool)
     """
     if not untimed:
         return walks
-    start = min((int(walk.cells[0]) for number, walk in enumerate(walks.walks) if number not in untimed), default=0)
-    stripped = tuple(_stripped(walk, start, others=others) if number in untimed else walk for number, walk in enumerate(walks.walks))
+    start = min(
+        (
+            int(walk.time_steps[0])
+            for number, walk in enumerate(walks.walks)
+            if number not in untimed
+        ),
+        default=0,
+    )
+    stripped = tuple(
+        _drop_stops(walk, start, others=others) if number in untimed else walk
+        for number, walk in enumerate(walks.walks)
+    )
     return replace(walks, walks=stripped, timed=others, untimed=untimed if others else frozenset())
 
 
-def _stripped(walk: LatticeWalk, start: int, *, others: bool) -> LatticeWalk:
+def _drop_stops(walk: GridWalk, start: int, *, others: bool) -> GridWalk:
     """The walk without stops, which mean nothing where there are no times."""
     keep = np.append(True, walk.gaps | (walk.nodes[1:] != walk.nodes[:-1]))
     nodes, gaps = walk.nodes[keep], walk.gaps[keep[1:]]
     cells = start + np.arange(len(nodes)) if others else np.zeros(len(nodes), np.int64)
-    return LatticeWalk(nodes, cells.astype(np.int64), gaps)
+    return GridWalk(nodes, cells.astype(np.int64), gaps)
 
 
-def _shares(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+def _distance_fractions(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
     """Share of the way at each vertex; a line without length is at its start."""
     along = np.append(0.0, np.cumsum(np.sqrt((np.diff(vertices, axis=0) ** 2).sum(axis=1))))
-    return along / along[-1] if along[-1] > 0 else np.linspace(0.0, 1.0, len(along)) * (len(along) > 1)
+    return (
+        along / along[-1] if along[-1] > 0 else np.linspace(0.0, 1.0, len(along)) * (len(along) > 1)
+    )
 
 
-def _at_shares(shares: NDArray[np.float64], own: NDArray[np.float64], vertices: NDArray[np.float64]) -> NDArray[np.float64]:
+def _interpolate_at(
+    shares: NDArray[np.float64], own: NDArray[np.float64], vertices: NDArray[np.float64]
+) -> NDArray[np.float64]:
     return np.stack([np.interp(shares, own, axis) for axis in vertices.T], axis=1)

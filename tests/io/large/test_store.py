@@ -26,11 +26,21 @@ def fleet(seed=0, vehicles=5, n=2300):
     ids = np.repeat([f"bus {i}" for i in range(vehicles)], n)
     times = np.concatenate([np.cumsum(rng.exponential(1, n) + 0.01) for _ in range(vehicles)])
     order = np.argsort(times)
-    return {"track_id": ids[order], "t": times[order], "x": rng.normal(0, 9, len(ids)), "y": rng.normal(0, 9, len(ids))}
+    return {
+        "track_id": ids[order],
+        "t": times[order],
+        "x": rng.normal(0, 9, len(ids)),
+        "y": rng.normal(0, 9, len(ids)),
+    }
 
 
 def csv(rows, path, pack=False):
-    text = "\n".join([",".join(rows), *(",".join(map(str, row)) for row in zip(*rows.values(), strict=True))]) + "\n"
+    text = (
+        "\n".join(
+            [",".join(rows), *(",".join(map(str, row)) for row in zip(*rows.values(), strict=True))]
+        )
+        + "\n"
+    )
     path.write_bytes(gzip.compress(text.encode()) if pack else text.encode())
     return str(path)
 
@@ -43,14 +53,14 @@ def same_as_at_once(sources, **options):
     reading = read_logs(sources, **options)
     with store_logs(sources, rows=TINY, **options) as log:
         assert {track.id for track in log.tracks} == {track.id for track in reading.tracks}
-        assert log.reading.points == reading.points
+        assert log.read_result.points == reading.points
         for track in log.tracks:
             whole = next(one for one in reading.tracks if one.id == track.id)
             found = log.read(track)
             assert np.array_equal(found.times, whole.times)
             assert np.abs(found.positions - whole.positions).max() < 1e-6
             assert np.array_equal(log.read(track, 3, 9).times, whole.times[3:9])
-        return log.samples
+        return log.sample_count
 
 
 @pytest.mark.parametrize("pack", [False, True])
@@ -61,13 +71,22 @@ def test_csv_with_interleaved_tracks(tmp_path, pack):
 def test_a_folder_of_parquet_in_any_order(tmp_path):
     rows = fleet()
     middle = len(rows["t"]) // 3
-    for name, which in (("c", slice(0, middle)), ("a", slice(middle, 2 * middle)), ("b", slice(2 * middle, None))):
-        pq.write_table(pa.table(part(rows, which)), tmp_path / f"{name}.parquet", row_group_size=700)
+    for name, which in (
+        ("c", slice(0, middle)),
+        ("a", slice(middle, 2 * middle)),
+        ("b", slice(2 * middle, None)),
+    ):
+        pq.write_table(
+            pa.table(part(rows, which)), tmp_path / f"{name}.parquet", row_group_size=700
+        )
     reading = read_logs(csv(rows, tmp_path / "whole.csv"))
     with store_logs(tmp_path, rows=TINY) as log:
-        assert log.reading.points == len(rows["t"])
+        assert log.read_result.points == len(rows["t"])
         for track in log.tracks:
-            assert np.array_equal(log.read(track).times, next(one.times for one in reading.tracks if one.id == track.id))
+            assert np.array_equal(
+                log.read(track).times,
+                next(one.times for one in reading.tracks if one.id == track.id),
+            )
         room = log._path.parent
         assert [file.name for file in room.iterdir()] == ["samples"]
     assert not room.exists()
@@ -75,7 +94,10 @@ def test_a_folder_of_parquet_in_any_order(tmp_path):
 
 def test_files_of_a_folder_without_names_are_one_track(tmp_path):
     for name, start in (("b", 0), ("a", 50)):
-        pq.write_table(pa.table({"t": np.arange(start, start + 20.0), "x": np.zeros(20), "y": np.zeros(20)}), tmp_path / f"{name}.parquet")
+        pq.write_table(
+            pa.table({"t": np.arange(start, start + 20.0), "x": np.zeros(20), "y": np.zeros(20)}),
+            tmp_path / f"{name}.parquet",
+        )
     assert same_as_at_once(tmp_path) == 40
 
 
@@ -84,7 +106,9 @@ def test_keys_of_partitions_are_columns(tmp_path):
     names = rows.pop("track_id")
     for name in np.unique(names):
         (tmp_path / f"track_id={name}").mkdir()
-        pq.write_table(pa.table(part(rows, names == name)), tmp_path / f"track_id={name}" / "0.parquet")
+        pq.write_table(
+            pa.table(part(rows, names == name)), tmp_path / f"track_id={name}" / "0.parquet"
+        )
     with store_logs(tmp_path, rows=TINY) as log:
         assert sorted(track.id for track in log.tracks) == ["bus 0", "bus 1"]
 
@@ -97,7 +121,7 @@ def test_rows_that_cannot_be_used_are_counted(tmp_path):
     path.write_text(path.read_text() + "bus 1,5\n")
     same_as_at_once(str(path))
     with store_logs(str(path), rows=TINY) as log:
-        told = {repair.what: repair.count for repair in log.reading.repairs}
+        told = {repair.what: repair.count for repair in log.read_result.repairs}
     assert told == {
         "rows without a time dropped": 2, "rows without a position dropped": 2, "rows with too many or too few cells dropped": 1,
     }  # fmt: skip
@@ -106,7 +130,11 @@ def test_rows_that_cannot_be_used_are_counted(tmp_path):
 def test_degrees_get_the_same_plane(tmp_path):
     rng = np.random.default_rng(1)
     n = 3000
-    rows = {"t": np.arange(n), "lat": 48 + rng.normal(0, 0.02, n), "lon": 11 + rng.normal(0, 0.02, n)}
+    rows = {
+        "t": np.arange(n),
+        "lat": 48 + rng.normal(0, 0.02, n),
+        "lon": 11 + rng.normal(0, 0.02, n),
+    }
     assert same_as_at_once(csv(rows, tmp_path / "log.csv")) == n
 
 
@@ -128,14 +156,19 @@ def test_sorting_merges_runs(tmp_path):
 def test_repeated_times_are_dropped(tmp_path):
     rows = {"t": np.repeat(np.arange(1500), 2), "x": np.arange(3000.0), "y": np.zeros(3000)}
     with store_logs(csv(rows, tmp_path / "log.csv"), rows=TINY) as log:
-        assert log.samples == 1500
-        assert log.reading.lost == 1500
+        assert log.sample_count == 1500
+        assert log.read_result.lost == 1500
         assert log.read(log.tracks[0]).positions[:3, 0].tolist() == [0, 2, 4]
 
 
 def two_files(tmp_path, second, name="b.parquet"):
     (tmp_path / "in").mkdir()
-    pq.write_table(pa.table({"track_id": ["v"] * 5, "t": np.arange(5.0), "x": np.arange(5.0), "y": np.zeros(5)}), tmp_path / "in/a.parquet")
+    pq.write_table(
+        pa.table(
+            {"track_id": ["v"] * 5, "t": np.arange(5.0), "x": np.arange(5.0), "y": np.zeros(5)}
+        ),
+        tmp_path / "in/a.parquet",
+    )
     if isinstance(second, bytes):
         (tmp_path / "in" / name).write_bytes(second)
     else:
@@ -147,12 +180,18 @@ BAD = {
     "read": b"PAR1 no parquet",
     "lat,lon": pa.table({"track_id": ["w"], "t": [1.0], "lat": [48.0], "lon": [11.0]}),
     "no position": pa.table({"track_id": ["w"], "t": [1.0], "speed": [48.0]}),
-    "coordinate system": pa.table({"track_id": ["w"], "t": [1.0], "x": [48.0], "y": [11.0]}).replace_schema_metadata(
-        {b"geo": b'{"columns": {"geometry": {"crs": "EPSG:25832"}}}'}
+    "coordinate system": pa.table(
+        {"track_id": ["w"], "t": [1.0], "x": [48.0], "y": [11.0]}
+    ).replace_schema_metadata({b"geo": b'{"columns": {"geometry": {"crs": "EPSG:25832"}}}'}),
+    "overlaps in time": pa.table(
+        {"track_id": ["v"] * 2, "t": [2.5, 9.0], "x": [48.0, 1.0], "y": [11.0, 1.0]}
     ),
-    "overlaps in time": pa.table({"track_id": ["v"] * 2, "t": [2.5, 9.0], "x": [48.0, 1.0], "y": [11.0, 1.0]}),
-    "no row has a time and position": pa.table({"track_id": ["w"], "t": [np.nan], "x": [48.0], "y": [11.0]}),
-    "time goes back": pa.table({"track_id": ["w"] * 2, "t": [3.0, 1.0], "x": [48.0, 1.0], "y": [11.0, 1.0]}),
+    "no row has a time and position": pa.table(
+        {"track_id": ["w"], "t": [np.nan], "x": [48.0], "y": [11.0]}
+    ),
+    "time goes back": pa.table(
+        {"track_id": ["w"] * 2, "t": [3.0, 1.0], "x": [48.0, 1.0], "y": [11.0, 1.0]}
+    ),
 }
 
 
@@ -163,22 +202,29 @@ def test_a_bad_file_is_named_and_refused_or_left_out(tmp_path, what):
         store_logs(folder, rows=TINY)
     with store_logs(folder, rows=TINY, skip_bad=True) as log:
         assert [(track.id, track.count) for track in log.tracks] == [("v", 5)]
-        (left,) = log.reading.left_out
+        (left,) = log.read_result.left_out
         assert left.name.endswith("b.parquet")
-        assert log.reading.points == 5 + log.reading.lost
+        assert log.read_result.points == 5 + log.read_result.lost
 
 
 def test_a_file_that_is_damaged_in_the_middle_leaves_nothing_behind(tmp_path):
     data = tmp_path / "good.parquet"
-    table = pa.table({"track_id": ["w"] * 9000, "t": np.arange(9000.0), "x": np.random.default_rng(0).random(9000), "y": np.zeros(9000)})
+    table = pa.table(
+        {
+            "track_id": ["w"] * 9000,
+            "t": np.arange(9000.0),
+            "x": np.random.default_rng(0).random(9000),
+            "y": np.zeros(9000),
+        }
+    )
     pq.write_table(table, data, row_group_size=1000)
     raw = bytearray(data.read_bytes())
     raw[len(raw) // 3 : len(raw) // 2] = b"\xff" * (len(raw) // 2 - len(raw) // 3)
     folder = two_files(tmp_path, bytes(raw))
     with store_logs(folder, rows=TINY, skip_bad=True) as log:
         assert [track.id for track in log.tracks] == ["v"]
-        assert len(log.reading.left_out) == 1
-        assert log.reading.points == 5
+        assert len(log.read_result.left_out) == 1
+        assert log.read_result.points == 5
 
 
 def test_nothing_to_read(tmp_path):
@@ -210,7 +256,12 @@ def test_rows_are_counted_without_reading_them(tmp_path):
 def test_other_formats_are_read_file_by_file(tmp_path):
     from gpszip.io.logs.write import write_tracks
 
-    (track,) = gpszip.read(csv({"t": np.arange(9), "lat": 48 + np.arange(9) / 1e4, "lon": np.full(9, 11.0)}, tmp_path / "log.csv"))
+    (track,) = gpszip.read(
+        csv(
+            {"t": np.arange(9), "lat": 48 + np.arange(9) / 1e4, "lon": np.full(9, 11.0)},
+            tmp_path / "log.csv",
+        )
+    )
     write_tracks([track], tmp_path / "log.gpx")
     with store_logs(tmp_path / "log.gpx", rows=TINY) as log:
         assert [one.count for one in log.tracks] == [9]
@@ -218,7 +269,9 @@ def test_other_formats_are_read_file_by_file(tmp_path):
 
 def kept_at_once(sources, keep, **options):
     """Columns of each track, read at once and in batches."""
-    whole = {track.id: track.attributes for track in read_logs(sources, keep=keep, **options).tracks}
+    whole = {
+        track.id: track.attributes for track in read_logs(sources, keep=keep, **options).tracks
+    }
     with store_logs(sources, rows=TINY, keep=keep, **options) as log:
         columns = {column.name: column for column in log.columns}
         values = {name: np.concatenate(list(column.chunks())) for name, column in columns.items()}
@@ -226,9 +279,15 @@ def kept_at_once(sources, keep, **options):
         for track in log.tracks:
             rows = slice(track.offset, track.offset + track.count)
             batches[track.id] = {
-                name: np.array(columns[name].texts)[own[rows]] if columns[name].kind == "U" else own[rows] for name, own in values.items()
+                name: np.array(columns[name].texts)[own[rows]]
+                if columns[name].kind == "U"
+                else own[rows]
+                for name, own in values.items()
             }
-        assert np.array_equal(np.concatenate(list(log.times())), np.concatenate([log.read(track).times for track in log.tracks]))
+        assert np.array_equal(
+            np.concatenate(list(log.times())),
+            np.concatenate([log.read(track).times for track in log.tracks]),
+        )
     return whole, batches
 
 
@@ -245,7 +304,11 @@ def test_further_columns_of_interleaved_tracks_in_files_of_any_order(tmp_path):
     rows = fleet()
     n = len(rows["t"])
     rng = np.random.default_rng(2)
-    rows |= {"fuel": rng.normal(50, 9, n), "gear": rng.integers(-5, 1 << 60, n), "note": rng.choice(["", "stop", "é"], n)}
+    rows |= {
+        "fuel": rng.normal(50, 9, n),
+        "gear": rng.integers(-5, 1 << 60, n),
+        "note": rng.choice(["", "stop", "é"], n),
+    }
     for number, cut in enumerate((slice(n // 2, n), slice(0, n // 2))):
         pq.write_table(pa.table(part(rows, cut)), tmp_path / f"{number}.parquet")
     whole, batches = kept_at_once(str(tmp_path), ("note", "gear", "fuel"))
@@ -256,16 +319,28 @@ def test_a_column_of_several_kinds_is_what_it_is_when_read_at_once(tmp_path):
     """Whole numbers in one file, holes in the next, texts in the last; an earlier file comes later in time."""
     for number, values in enumerate(([1, 2, 3], [4, None, 6], ["7", "eight", ""])):
         times = [float(3 * number + i) for i in range(3)]
-        table = {"t": times, "x": times, "y": times, "a": values, "b": values if number < 2 else [1, 2, 3]}
+        table = {
+            "t": times,
+            "x": times,
+            "y": times,
+            "a": values,
+            "b": values if number < 2 else [1, 2, 3],
+        }
         pq.write_table(pa.table(table), tmp_path / f"{9 - number}.parquet")
     whole, batches = kept_at_once(str(tmp_path), ("a", "b"), sort=True)
     same_columns(whole, batches)
 
 
-@pytest.mark.parametrize("late", ["7", "7.25", "seven", "", "true", "2024-05-01", "2024-05-01 10:00:00"])
+@pytest.mark.parametrize(
+    "late", ["7", "7.25", "seven", "", "true", "2024-05-01", "2024-05-01 10:00:00"]
+)
 @pytest.mark.parametrize("cell", ["3", "3.5", "", "False", "2024-05-01", "2024-05-01T10:00:00Z"])
 def test_text_decides_on_a_column_as_a_whole(tmp_path, late, cell):
-    (tmp_path / "log.csv").write_text("t,x,y,c\n" + "".join(f"{i},{i},0,{late if i == 79 else cell}\n" for i in range(80)) + "1,2\n")
+    (tmp_path / "log.csv").write_text(
+        "t,x,y,c\n"
+        + "".join(f"{i},{i},0,{late if i == 79 else cell}\n" for i in range(80))
+        + "1,2\n"
+    )
     whole, batches = kept_at_once(str(tmp_path / "log.csv"), ("c",))
     same_columns(whole, batches)
     values = whole["0"]["c"]
@@ -274,7 +349,15 @@ def test_text_decides_on_a_column_as_a_whole(tmp_path, late, cell):
 
 
 def test_too_many_different_texts_and_a_missing_column_are_named(tmp_path, monkeypatch):
-    path = csv({"t": range(3000), "x": range(3000), "y": range(3000), "c": [f"row {i}" for i in range(3000)]}, tmp_path / "log.csv")
+    path = csv(
+        {
+            "t": range(3000),
+            "x": range(3000),
+            "y": range(3000),
+            "c": [f"row {i}" for i in range(3000)],
+        },
+        tmp_path / "log.csv",
+    )
     monkeypatch.setattr(streaming, "_TEXT_BYTES", 5)
     with pytest.raises(InputError, match="'c' holds more different texts than there is memory for"):
         store_logs(path, rows=TINY, keep=("c",))
@@ -283,7 +366,10 @@ def test_too_many_different_texts_and_a_missing_column_are_named(tmp_path, monke
 
 
 def test_what_a_file_left_out_held_does_not_change_a_column(tmp_path):
-    good, bad = ({"t": [0.0, 1.0], "track_id": ["a", "a"], "x": [0, 1], "y": [0, 1], "c": values} for values in ([1, 2], ["x", "y"]))
+    good, bad = (
+        {"t": [0.0, 1.0], "track_id": ["a", "a"], "x": [0, 1], "y": [0, 1], "c": values}
+        for values in ([1, 2], ["x", "y"])
+    )
     pq.write_table(pa.table(good), tmp_path / "a.parquet")
     pq.write_table(pa.table(bad | {"t": [1.0, 0.0]}), tmp_path / "b.parquet")
     whole, batches = kept_at_once(str(tmp_path), ("c",), skip_bad=True)
@@ -306,7 +392,12 @@ def spiky(n=7000, seed=4):
 def test_spikes_of_long_tracks_are_those_found_at_once(tmp_path, degrees):
     times, places = spiky()
     names, places = (("lat", "lon"), 48 + places / 1e5) if degrees else (("x", "y"), places)
-    rows = {"t": times, names[0]: places[:, 0], names[1]: places[:, 1], "row": np.arange(len(times))}
+    rows = {
+        "t": times,
+        names[0]: places[:, 0],
+        names[1]: places[:, 1],
+        "row": np.arange(len(times)),
+    }
     path = csv(rows, tmp_path / "log.csv")
     whole = read_logs(path, clean=True, keep=("row",))
     with store_logs(path, rows=TINY, clean=True, keep=("row",)) as log:
@@ -317,7 +408,9 @@ def test_spikes_of_long_tracks_are_those_found_at_once(tmp_path, degrees):
     assert np.array_equal(kept, whole.tracks[0].attributes["row"])
     assert np.array_equal(found.times, whole.tracks[0].times)
     assert np.abs(found.positions - whole.tracks[0].positions).max() < 1e-6
-    assert [(one.what, one.count) for one in log.reading.repairs] == [(one.what, one.count) for one in whole.repairs]
+    assert [(one.what, one.count) for one in log.read_result.repairs] == [
+        (one.what, one.count) for one in whole.repairs
+    ]
 
 
 def test_spikes_far_away_do_not_count_for_the_plane(tmp_path):
@@ -326,25 +419,31 @@ def test_spikes_far_away_do_not_count_for_the_plane(tmp_path):
     path = csv({"t": np.arange(3000), "lat": lat, "lon": lon}, tmp_path / "log.csv")
     with store_logs(path, rows=TINY, clean=True) as log:
         assert len(log.plane.centers) == 1
-        assert log.samples == 2999
+        assert log.sample_count == 2999
     with store_logs(path, rows=TINY) as log:
         assert len(log.plane.centers) == 2
 
 
 def test_a_track_that_stands_still_has_no_spikes(tmp_path):
-    path = csv({"t": np.arange(2500), "x": np.zeros(2500), "y": np.zeros(2500)}, tmp_path / "log.csv")
+    path = csv(
+        {"t": np.arange(2500), "x": np.zeros(2500), "y": np.zeros(2500)}, tmp_path / "log.csv"
+    )
     with store_logs(path, rows=TINY, clean=True) as log:
-        assert log.samples == 2500
+        assert log.sample_count == 2500
 
 
 @given(st.lists(st.floats(0, 1e300), min_size=1, max_size=60), st.floats(0, 1))
 def test_quantiles_by_passes_are_those_of_numpy(numbers, share):
     pieces = [np.array(numbers[a : a + 7]) for a in range(0, len(numbers), 7)]
-    assert despiking._quantile(lambda: iter(pieces), share) == pytest.approx(float(np.quantile(numbers, share)), rel=1e-12)
+    assert despiking._quantile(lambda: iter(pieces), share) == pytest.approx(
+        float(np.quantile(numbers, share)), rel=1e-12
+    )
 
 
 def test_a_file_without_rows_says_so(tmp_path):
-    pq.write_table(pa.table({"t": [0.0], "x": [0.0], "y": [0.0]}).slice(0, 0), tmp_path / "a.parquet")
+    pq.write_table(
+        pa.table({"t": [0.0], "x": [0.0], "y": [0.0]}).slice(0, 0), tmp_path / "a.parquet"
+    )
     with pytest.raises(InputError, match=r"a\.parquet: columns, but no rows"):
         store_logs(str(tmp_path), rows=TINY)
 
@@ -355,11 +454,16 @@ def test_the_order_of_day_and_month_is_told_by_the_whole_file(tmp_path, monkeypa
     dates = [f"{day} {second // 60:02d}:{second % 60:02d}" for day in days for second in range(100)]
     path = csv({"t": dates, "x": np.arange(3100.0), "y": np.zeros(3100)}, tmp_path / "log.csv")
     assert same_as_at_once(path) == 3100
-    path = csv({"t": dates[:1200], "x": np.arange(1200.0), "y": np.zeros(1200)}, tmp_path / "short.csv")
+    path = csv(
+        {"t": dates[:1200], "x": np.arange(1200.0), "y": np.zeros(1200)}, tmp_path / "short.csv"
+    )
     with pytest.raises(InputError, match="say which: --dates dmy or --dates mdy"):
         store_logs(path, rows=TINY)
     assert same_as_at_once(path, dates="dmy") == 1200
-    late = csv({"t": [*dates[:2400], "01/31/2024"], "x": np.arange(2401.0), "y": np.zeros(2401)}, tmp_path / "late.csv")
+    late = csv(
+        {"t": [*dates[:2400], "01/31/2024"], "x": np.arange(2401.0), "y": np.zeros(2401)},
+        tmp_path / "late.csv",
+    )
     with pytest.raises(InputError, match="in different orders of day and month"):
         store_logs(late, rows=TINY)
 
@@ -372,8 +476,11 @@ def test_geojson_leaves_out_the_same_as_in_memory(tmp_path):
     with pytest.raises(InputError, match="feature 3: is neither a feature nor a geometry"):
         store_logs(path, rows=1000)
     with store_logs(path, rows=1000, skip_bad=True) as log:
-        assert log.reading.left_out == read_logs(path, skip_bad=True).left_out
-        assert [left.name for left in log.reading.left_out] == [f"{path}: 1 Polygon", f"{path}: feature 3"]
+        assert log.read_result.left_out == read_logs(path, skip_bad=True).left_out
+        assert [left.name for left in log.read_result.left_out] == [
+            f"{path}: 1 Polygon",
+            f"{path}: feature 3",
+        ]
     path.write_text("t,x,y\n0,0,0\n")
     with pytest.raises(InputError, match="damaged JSON file"):
         store_logs(path, rows=1000, format="geojson")

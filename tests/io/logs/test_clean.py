@@ -23,7 +23,9 @@ def test_repeated_rows_are_dropped_and_counted_apart_from_contradictions():
 
 def test_interleaved_vehicles_are_told_apart_by_their_ids():
     reading = read(["b,5,0,0", "a,1,1,0", "b,6,2,0", "a,2,3,0"], "vehicle,t,x,y")
-    assert [(track.id, track.times.tolist(), track.positions[:, 0].tolist()) for track in reading.tracks] == [
+    assert [
+        (track.id, track.times.tolist(), track.positions[:, 0].tolist()) for track in reading.tracks
+    ] == [
         ("b", [5, 6], [0, 2]),
         ("a", [1, 2], [1, 3]),
     ]
@@ -35,9 +37,15 @@ def test_time_going_back_within_one_of_the_vehicles_names_the_row_in_the_file():
 
 
 def test_sort_orders_each_track():
-    reading = read(["a,3,3,0", "b,9,0,0", "a,1,1,0", "a,2,2,0", "b,8,0,0", "a,3,7,0"], "id,t,x,y", sort=True)
+    reading = read(
+        ["a,3,3,0", "b,9,0,0", "a,1,1,0", "a,2,2,0", "b,8,0,0", "a,3,7,0"], "id,t,x,y", sort=True
+    )
     first, second = reading.tracks
-    assert (first.id, first.times.tolist(), first.positions[:, 0].tolist()) == ("a", [1, 2, 3], [1, 2, 3])
+    assert (first.id, first.times.tolist(), first.positions[:, 0].tolist()) == (
+        "a",
+        [1, 2, 3],
+        [1, 2, 3],
+    )
     assert second.times.tolist() == [8, 9]
     assert reading.kept + reading.lost == reading.points == 6
     assert [(r.count, r.drops) for r in reading.repairs if "order" in r.what] == [(2, False)]
@@ -46,11 +54,19 @@ def test_sort_orders_each_track():
 def test_split_starts_tracks_of_new_names():
     rows = ["a,1,0,0", "a,2,0,0", "a,1,0,0", "a-2,5,0,0", "a,0,0,0"]
     reading = read(rows, "id,t,x,y", split=True)
-    assert [(track.id, len(track)) for track in reading.tracks] == [("a", 2), ("a-3", 1), ("a-4", 1), ("a-2", 1)]
+    assert [(track.id, len(track)) for track in reading.tracks] == [
+        ("a", 2),
+        ("a-3", 1),
+        ("a-4", 1),
+        ("a-2", 1),
+    ]
 
 
 def test_split_of_a_log_without_names():
-    assert [track.id for track in read(["1,0,0", "0,0,0", "1,0,0"], split=True).tracks] == ["0", "0-2"]
+    assert [track.id for track in read(["1,0,0", "0,0,0", "1,0,0"], split=True).tracks] == [
+        "0",
+        "0-2",
+    ]
 
 
 def test_sort_and_split_exclude_each_other():

@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 
 from gpszip.errors import InputError
-from gpszip.io.logs.csv_patching import read_text_log, read_to_write_again
+from gpszip.io.logs.csv_patching import read_for_patching, read_patchable_csv
 from gpszip.io.storage.source import Source
 from gpszip.model import Patch
 
 
 def text_log(text, encoding="utf-8", **options):
-    return read_text_log(Source("log.csv", data=text if isinstance(text, bytes) else text.encode(encoding)), **options)
+    return read_patchable_csv(
+        Source("log.csv", data=text if isinstance(text, bytes) else text.encode(encoding)),
+        **options,
+    )
 
 
 def written(log, *patches):
@@ -22,7 +25,11 @@ def written(log, *patches):
 def patch_of(log, track, after, times, positions=None, confidence=0.5):
     times = np.array(times, float)
     own = log.reading.tracks[track].positions
-    places = np.repeat(own[[after]], len(times), axis=0) if positions is None else np.array(positions, float)
+    places = (
+        np.repeat(own[[after]], len(times), axis=0)
+        if positions is None
+        else np.array(positions, float)
+    )
     return Patch(track, after, 60.0, times, places, np.full(len(times), confidence), 10.0)
 
 
@@ -41,14 +48,24 @@ def test_rows_stay_as_they_were_and_rows_are_added():
 def test_line_ends(end, last):
     text = end.join(["t,x,y", "0,0,0", "1,1,0", "60,2,0"]) + (end if last else "")
     log = text_log(text)
-    expected = ["t,x,y,source,confidence", "0,0,0,log,1", "1,1,0,log,1", "30,1.00,0.00,patched,0.500", "60,2,0,log,1", ""]
+    expected = [
+        "t,x,y,source,confidence",
+        "0,0,0,log,1",
+        "1,1,0,log,1",
+        "30,1.00,0.00,patched,0.500",
+        "60,2,0,log,1",
+        "",
+    ]
     assert written(log, patch_of(log, 0, 1, [30])) == end.join(expected)
 
 
 def test_tracks_that_take_turns_keep_the_order_of_time():
     rows = [("a", 0), ("b", 0), ("a", 1), ("b", 1), ("b", 20), ("b", 40), ("a", 60), ("b", 60)]
     log = text_log("id,t,x,y\n" + "".join(f"{name},{time},0,0\n" for name, time in rows))
-    lines = [line.split(",")[:2] for line in written(log, patch_of(log, 0, 1, [10, 20, 30, 50])).splitlines()[1:]]
+    lines = [
+        line.split(",")[:2]
+        for line in written(log, patch_of(log, 0, 1, [10, 20, 30, 50])).splitlines()[1:]
+    ]
     times = [float(time) for _, time in lines]
     assert times == sorted(times)
     assert [float(time) for name, time in lines if name == "a"] == [0, 1, 10, 20, 30, 50, 60]
@@ -56,7 +73,12 @@ def test_tracks_that_take_turns_keep_the_order_of_time():
 
 def test_tracks_one_after_the_other_stay_apart():
     log = text_log("id,t,x,y\nb,0,0,0\nb,60,0,0\na,0,0,0\na,60,0,0\n")
-    names = [line.split(",")[0] for line in written(log, patch_of(log, 0, 0, [30]), patch_of(log, 1, 0, [30])).splitlines()[1:]]
+    names = [
+        line.split(",")[0]
+        for line in written(log, patch_of(log, 0, 0, [30]), patch_of(log, 1, 0, [30])).splitlines()[
+            1:
+        ]
+    ]
     assert names == ["b", "b", "b", "a", "a", "a"]
 
 
@@ -103,7 +125,9 @@ def test_times_that_are_written_read_as_they_were_meant(header, rows, options):
     log = text_log(f"{header},x,y\n" + "".join(f"{row},0,0\n" for row in rows), **options)
     start = log.reading.tracks[0].times[0]
     again = text_log(written(log, patch_of(log, 0, 0, start + np.array([15.0, 30.0]))), **options)
-    np.testing.assert_allclose(again.reading.tracks[0].times - start, [0, 15, 30, 60, 120], atol=2e-3)
+    np.testing.assert_allclose(
+        again.reading.tracks[0].times - start, [0, 15, 30, 60, 120], atol=2e-3
+    )
 
 
 def test_dates_that_nobody_writes_become_iso():
@@ -116,12 +140,17 @@ def test_dates_that_nobody_writes_become_iso():
 def test_degrees_and_decimal_commas():
     log = text_log("t;lat;lon\n0;48,1234567;11,5\n60;48,1244567;11,5\n")
     line = written(log, patch_of(log, 0, 0, [30])).splitlines()[2]
-    assert line == "30;48,1234567;11,5000000;patched;0.500" or line.startswith("30;48,1234567;11,500000;")
+    assert line == "30;48,1234567;11,5000000;patched;0.500" or line.startswith(
+        "30;48,1234567;11,500000;"
+    )
 
 
 def test_columns_that_are_there_already_are_left_alone():
     log = text_log("t,x,y,source\n0,0,0,gps\n60,1,0,gps\n")
-    assert written(log).splitlines()[:2] == ["t,x,y,source,patch_source,confidence", "0,0,0,gps,log,1"]
+    assert written(log).splitlines()[:2] == [
+        "t,x,y,source,patch_source,confidence",
+        "0,0,0,gps,log,1",
+    ]
 
 
 def test_bad_rows_and_comments_stay():
@@ -137,7 +166,10 @@ def test_bad_rows_and_comments_stay():
 
 def test_without_a_header():
     log = text_log("0 5 5\n60 6 5\n", columns="t,x,y")
-    assert written(log, patch_of(log, 0, 0, [30])) == "0 5 5 log 1\n30 5.00 5.00 patched 0.500\n60 6 5 log 1\n"
+    assert (
+        written(log, patch_of(log, 0, 0, [30]))
+        == "0 5 5 log 1\n30 5.00 5.00 patched 0.500\n60 6 5 log 1\n"
+    )
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1", "utf-16"])
@@ -172,8 +204,8 @@ def test_only_a_lone_text_is_written_again(tmp_path):
     one, other = tmp_path / "one.csv", tmp_path / "other.csv"
     for path in (one, other):
         path.write_text("t,x,y\n0,0,0\n60,1,0\n")
-    assert read_to_write_again([one])[1] is not None
-    reading, text = read_to_write_again([one, other])
+    assert read_for_patching([one])[1] is not None
+    reading, text = read_for_patching([one, other])
     assert text is None
     assert len(reading.tracks) == 2
 

@@ -12,7 +12,9 @@ OPEN, CLOSE = "<gpx>\n<trk><trkseg>\n", "</trkseg></trk></gpx>"
 
 
 def parse(text, fields=("time",)):
-    return parse_points(Source("walk.gpx", data=text.encode() if isinstance(text, str) else text), fields)[0]
+    return parse_points(
+        Source("walk.gpx", data=text.encode() if isinstance(text, str) else text), fields
+    )[0]
 
 
 def refusal(text):
@@ -49,7 +51,10 @@ def test_a_document_type_is_refused_before_anything_is_declared(declaration, enc
     secret.write_text("48.1")
     text = f"<?xml version='1.0'?>\n{declaration.replace('{path}', secret.as_uri())}<gpx><trk><name>{'&a9;' * 1000}</name></trk></gpx>"
     message = refusal(text.encode(encoding))
-    assert message == "walk.gpx: line 2: has a document type (<!DOCTYPE), which no GPX file needs; remove it"
+    assert (
+        message
+        == "walk.gpx: line 2: has a document type (<!DOCTYPE), which no GPX file needs; remove it"
+    )
 
 
 def test_entities_are_not_known_without_a_document_type():
@@ -61,7 +66,9 @@ def test_entities_are_not_known_without_a_document_type():
 
 def test_depth_is_limited_within_points_and_around_them():
     deep = "<a>" * 201 + "</a>" * 201
-    assert "line 3: elements more than 200 deep" in refusal(OPEN + f'<trkpt lat="1" lon="2">{deep}</trkpt>' + CLOSE)
+    assert "line 3: elements more than 200 deep" in refusal(
+        OPEN + f'<trkpt lat="1" lon="2">{deep}</trkpt>' + CLOSE
+    )
     assert "line 3: elements more than 200 deep" in refusal(OPEN + deep + CLOSE)
     shallow = "<a>" * 150 + "</a>" * 150
     assert len(parse(OPEN + shallow + f'<trkpt lat="1" lon="2">{shallow}</trkpt>' + CLOSE).lat) == 1
@@ -77,7 +84,10 @@ def test_depth_is_limited_within_points_and_around_them():
         (f"<!--{'x' * 9_000_000}-->", "a tag or comment of more than 8388608 bytes"),
         ("".join(f"<a{i}/>" for i in range(10_100)), "more than 10000 different names"),
         ('<trkpt lat="3" lon="4"/>', "a <trkpt> within a point"),
-        ('<extensions><trkpt lat="3" lon="4"><time>1</time></trkpt></extensions>', "a <trkpt> within a point"),
+        (
+            '<extensions><trkpt lat="3" lon="4"><time>1</time></trkpt></extensions>',
+            "a <trkpt> within a point",
+        ),
     ],
     ids=["time", "desc", "bare", "attribute", "comment", "names", "nested", "nested deeper"],
 )
@@ -86,7 +96,9 @@ def test_what_no_gpx_file_needs_is_refused(inside, says):
 
 
 def test_a_long_coordinate_and_a_long_name_are_refused():
-    assert "a text of more than" in refusal(OPEN + POINT.replace('"1"', f'"{"1" * 1_100_000}"') + CLOSE)
+    assert "a text of more than" in refusal(
+        OPEN + POINT.replace('"1"', f'"{"1" * 1_100_000}"') + CLOSE
+    )
     assert "a text of more than" in refusal(f"<gpx><trk><name>{'x' * 2_000_000}")
 
 
@@ -96,7 +108,9 @@ def test_long_texts_around_points_are_passed_over():
 
 
 def test_many_empty_tracks_and_segments_count_for_nothing():
-    parsed = parse(f"<gpx>{'<trk><trkseg/></trk>' * 30_000}<trk>{'<trkseg/>' * 30_000}<trkseg>{POINT}</trkseg></trk></gpx>")
+    parsed = parse(
+        f"<gpx>{'<trk><trkseg/></trk>' * 30_000}<trk>{'<trkseg/>' * 30_000}<trkseg>{POINT}</trkseg></trk></gpx>"
+    )
     assert (parsed.names, parsed.parents.tolist(), parsed.starts.tolist()) == ((None,), [0], [0])
 
 
@@ -106,11 +120,16 @@ def test_many_empty_tracks_and_segments_count_for_nothing():
 def test_points_across_many_pieces_are_as_in_one():
     count = 20_000  # of several pieces
     text = OPEN + "".join(
-        f'<trkpt lon="{i}" lat="-{i}">{f"<ele>{i}</ele>" if i % 3 else ""}<time>{i}</time></trkpt>\n' for i in range(count)
+        f'<trkpt lon="{i}" lat="-{i}">{f"<ele>{i}</ele>" if i % 3 else ""}<time>{i}</time></trkpt>\n'
+        for i in range(count)
     )
     parsed = parse((text + CLOSE).encode("utf-16"), ("time", "ele"))
     assert parsed.lat.to_pylist() == [f"-{i}" for i in range(count)]
-    assert parsed.lon.to_pylist() == parsed.fields["time"].to_pylist() == [str(i) for i in range(count)]
+    assert (
+        parsed.lon.to_pylist()
+        == parsed.fields["time"].to_pylist()
+        == [str(i) for i in range(count)]
+    )
     assert parsed.fields["ele"].to_pylist() == [str(i) if i % 3 else None for i in range(count)]
 
 
@@ -126,14 +145,26 @@ def test_gzip_is_unpacked_and_damaged_gzip_refused():
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (OPEN + POINT * 3, "line 6: damaged GPX: the file ends within <trkseg>, after 3 points; fetch it again"),
+        (
+            OPEN + POINT * 3,
+            "line 6: damaged GPX: the file ends within <trkseg>, after 3 points; fetch it again",
+        ),
         (OPEN + POINT + POINT[:30], "line 4: damaged GPX: the file ends within <trkseg>, after"),
-        ("\n\n" + OPEN + POINT + POINT[:10], "line 6: damaged GPX: the file ends within <trkseg>, after 1 point;"),
+        (
+            "\n\n" + OPEN + POINT + POINT[:10],
+            "line 6: damaged GPX: the file ends within <trkseg>, after 1 point;",
+        ),
         (f"<g:gpx><g:trk>{POINT}", "with </g:trk></g:gpx> after the last whole point"),
         ("<?xml version='1.0'?>", "the file ends within its first element"),
-        (f"{OPEN}<name>Tom & Jerry</name>", "line 3: damaged GPX: not well-formed (invalid token), after 0 points; write & as &amp;"),
+        (
+            f"{OPEN}<name>Tom & Jerry</name>",
+            "line 3: damaged GPX: not well-formed (invalid token), after 0 points; write & as &amp;",
+        ),
         (f"{OPEN}{POINT}<name>\x07</name>", "line 4: damaged GPX: not well-formed (invalid token)"),
-        (f"{OPEN}{POINT}</trk>", "line 4: damaged GPX: mismatched tag, after 1 point; close each element"),
+        (
+            f"{OPEN}{POINT}</trk>",
+            "line 4: damaged GPX: mismatched tag, after 1 point; close each element",
+        ),
         (f"{OPEN}{POINT}{CLOSE}\n{OPEN}{POINT}{CLOSE}", "remove what follows the first </gpx>"),
         (f"{OPEN}{POINT.replace('lon', 'lat')}{CLOSE}", "duplicate attribute"),
     ],

@@ -11,8 +11,14 @@ from gpszip.errors import InputError
 from gpszip.io.logs.geojson.json_stream import Document, Element, read_json
 
 VALUES = st.recursive(
-    st.none() | st.booleans() | st.integers(-(10**20), 10**20) | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=4),
+    st.none()
+    | st.booleans()
+    | st.integers(-(10**20), 10**20)
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.text(),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner, max_size=4)
+    ),
     max_leaves=12,
 )
 
@@ -34,12 +40,16 @@ def parts(data, piece=1 << 20):
 
 @given(
     features=st.lists(VALUES, max_size=4),
-    others=st.dictionaries(st.text(max_size=5).filter(lambda name: name != "features"), VALUES, max_size=3),
+    others=st.dictionaries(
+        st.text(max_size=5).filter(lambda name: name != "features"), VALUES, max_size=3
+    ),
     piece=st.integers(1, 60),
     ascii=st.booleans(),
     encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-32"]),
 )
-def test_however_a_text_is_cut_its_values_are_those_of_json(features, others, piece, ascii, encoding):
+def test_however_a_text_is_cut_its_values_are_those_of_json(
+    features, others, piece, ascii, encoding
+):
     text = json.dumps({**others, "features": features, "last": 12.5e-7}, ensure_ascii=ascii)
     data = text.encode("utf-16-le" if encoding == "utf-16-be" else encoding, "replace")
     whole = json.loads(data.decode("utf-16-le" if encoding == "utf-16-be" else encoding))
@@ -51,7 +61,13 @@ def test_however_a_text_is_cut_its_values_are_those_of_json(features, others, pi
 @pytest.mark.parametrize("between", ["\n", "\r\n\r\n", " ", "", "\n\x1e"])
 def test_objects_and_lists_may_follow_each_other(between):
     text = between.join(['{"a": 1}', "[2, {}]", '{"features": [3]}'])
-    assert parts(text) == [Document({"a": 1}), Element(2), Element({}), Element(3), Document({"features": []})]
+    assert parts(text) == [
+        Document({"a": 1}),
+        Element(2),
+        Element({}),
+        Element(3),
+        Document({"features": []}),
+    ]
     assert parts("\x1e" + text + "\n") == parts(text)
 
 
@@ -96,7 +112,10 @@ def test_what_other_readers_stumble_over(text, value):
         ('{"a": "' + "x" * 100, "it is cut short: Unterminated string starting at character 7"),
         ("[" * 1_000_000, "it is nested too deeply at character 2"),
         ('{"a":' * 1_000_000, "it is nested too deeply at character 6"),
-        ("{" + ",".join(f'"{i}":{i}' for i in range(10_001)) + "}", "an object with more than 10,000 members"),
+        (
+            "{" + ",".join(f'"{i}":{i}' for i in range(10_001)) + "}",
+            "an object with more than 10,000 members",
+        ),
         (b'{"a": "\xe4"}', "no UTF-8 after character 0; bring it to UTF-8: iconv"),
         ('{"a": 1}'.encode("utf-16")[:-1], "no UTF-16"),
     ],
@@ -109,7 +128,10 @@ def test_damage_is_named_with_its_place(data, says):
 
 
 def test_a_value_that_would_take_too_much_memory_is_refused():
-    with pytest.raises(InputError, match=r"log: the value at character 2 is too large: .* write it as several features"):
+    with pytest.raises(
+        InputError,
+        match=r"log: the value at character 2 is too large: .* write it as several features",
+    ):
         parts("[[" + "0," * 8_100_000 + "0]]", 8 << 20)
 
 

@@ -18,13 +18,15 @@ def both_ways(text, path, **options):
     path.write_text(text)
     reading = read_logs(path, **options)
     with store_logs(path, rows=1000, **options) as log:
-        assert set(log.reading.losses) == set(reading.losses)
-        assert {track.id: track.count for track in log.tracks} == {track.id: len(track) for track in reading.tracks}
-        assert sorted((one.what, one.count, one.drops) for one in log.reading.repairs) == sorted(
-            (one.what, one.count, one.drops) for one in reading.repairs
-        )
-        assert (log.reading.points, log.reading.lost) == (reading.points, reading.lost)
-        assert len(log.reading.left_out) == len(reading.left_out)
+        assert set(log.read_result.losses) == set(reading.losses)
+        assert {track.id: track.count for track in log.tracks} == {
+            track.id: len(track) for track in reading.tracks
+        }
+        assert sorted(
+            (one.what, one.count, one.drops) for one in log.read_result.repairs
+        ) == sorted((one.what, one.count, one.drops) for one in reading.repairs)
+        assert (log.read_result.points, log.read_result.lost) == (reading.points, reading.lost)
+        assert len(log.read_result.left_out) == len(reading.left_out)
     assert reading.points == reading.kept + reading.lost
     return reading
 
@@ -36,7 +38,9 @@ def path(tmp_path):
 
 def test_a_few_lost_points_are_no_loss(path):
     rows = [f"{number},{number},0" for number in range(100)]
-    reading = both_ways(text_of([*rows, "50.5,,1", "99,7,7", "99,8,8", *rows[-1:]]).replace("\n99,8,8", ""), path)
+    reading = both_ways(
+        text_of([*rows, "50.5,,1", "99,7,7", "99,8,8", *rows[-1:]]).replace("\n99,8,8", ""), path
+    )
     assert (reading.lost, reading.losses, reading.complete) == (3, (), True)
 
 
@@ -60,26 +64,40 @@ def test_several_points_at_one_time_are_told_however_many_there_are(path):
 
 def test_tracks_that_lose_many_points_and_tracks_that_vanish(path):
     rows = [f"{name},{number},{number},0" for name in "abc" for number in range(10)]
-    rows = [row.replace(",5,5,", ",5,,").replace(",7,7,", ",,7,") if row[0] == "b" else row for row in rows]
-    reading = both_ways(text_of([row[:4] + ",0" if row[0] == "c" else row for row in rows], "id,t,x,y"), path)
+    rows = [
+        row.replace(",5,5,", ",5,,").replace(",7,7,", ",,7,") if row[0] == "b" else row
+        for row in rows
+    ]
+    reading = both_ways(
+        text_of([row[:4] + ",0" if row[0] == "c" else row for row in rows], "id,t,x,y"), path
+    )
     assert set(reading.losses) == {Loss("b", str(path), 2, 10), Loss("c", str(path), 10, 10)}
     assert [track.id for track in reading.tracks] == ["a", "b"]
 
 
 def test_rows_of_which_nobody_knows_whose_they_are(path):
-    reading = both_ways(text_of([f"{number},{number},0" + ",9" * (number % 5 == 1) for number in range(20)]), path)
+    reading = both_ways(
+        text_of([f"{number},{number},0" + ",9" * (number % 5 == 1) for number in range(20)]), path
+    )
     assert reading.losses == (Loss("", str(path), 4, 20),)
 
 
 @pytest.mark.parametrize("read", [read_logs, lambda path: store_logs(path, rows=1000)])
 def test_a_clock_that_stands_still_is_refused(path, read):
     path.write_text(text_of([f"1367654400,{number},0" for number in range(184)]))
-    with pytest.raises(InputError, match=r"log.csv: all 184 points.* have the same time, 2013-05-04T08:00:00Z; .*--columns t=COLUMN"):
+    with pytest.raises(
+        InputError,
+        match=r"log.csv: all 184 points.* have the same time, 2013-05-04T08:00:00Z; .*--columns t=COLUMN",
+    ):
         read(path)
 
 
 def test_a_track_whose_clock_stands_still_is_refused_or_left_out(path):
-    rows = [f"a,{number},{number},0" for number in range(10)] + [f"b,5,{number},0" for number in range(30)] + ["c,5,1,1"] * 4
+    rows = (
+        [f"a,{number},{number},0" for number in range(10)]
+        + [f"b,5,{number},0" for number in range(30)]
+        + ["c,5,1,1"] * 4
+    )
     path.write_text(text_of(rows, "id,t,x,y"))
     with pytest.raises(InputError, match="all 30 points of track 'b' have the same time, 5 s"):
         read_logs(path)
@@ -93,7 +111,9 @@ def test_a_track_whose_clock_stands_still_is_refused_or_left_out(path):
 @pytest.mark.parametrize("read", [read_logs, lambda path: store_logs(path, rows=1000)])
 def test_one_point_of_many_is_refused_with_the_causes(path, read):
     path.write_text(text_of(["0,0,0", "1,,0", "2,,0", ",5,5"]))
-    with pytest.raises(InputError, match=r"only 1 of 4 rows can be used: .*2 rows without a position dropped"):
+    with pytest.raises(
+        InputError, match=r"only 1 of 4 rows can be used: .*2 rows without a position dropped"
+    ):
         read(path)
     path.write_text(text_of(["0,0,0", "1,,0"]))
     assert len(read_logs(path).tracks[0]) == 1
@@ -106,11 +126,16 @@ def test_points_at_one_time_in_different_batches(path, monkeypatch):
     assert len(both_ways(text_of(rows, "id,t,x,y"), path).losses) == 3
 
 
-@pytest.mark.parametrize("read", [read_logs, lambda path, **options: store_logs(path, rows=1000, **options)])
+@pytest.mark.parametrize(
+    "read", [read_logs, lambda path, **options: store_logs(path, rows=1000, **options)]
+)
 @pytest.mark.parametrize("sort", [False, True])
 def test_times_of_day_that_go_back_are_refused_however_they_are_to_be_ordered(path, read, sort):
     path.write_text(text_of(["23:59:58,0,0", "23:59:59,1,0", "00:00:00,2,0", "00:00:01,3,0"]))
-    with pytest.raises(InputError, match="the time of day goes back, perhaps at midnight, and there is no date; add a column named date"):
+    with pytest.raises(
+        InputError,
+        match="the time of day goes back, perhaps at midnight, and there is no date; add a column named date",
+    ):
         read(path, sort=sort)
     assert [len(track) for track in read_logs(path, split=True).tracks] == [2, 2]
 

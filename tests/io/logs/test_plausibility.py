@@ -14,7 +14,10 @@ EXCEL, MATLAB = 25569, 719529  # 1970-01-01
 
 
 def csv(times, places, header="time,lat,lon", digits=8):
-    rows = [f"{time},{one:.{digits}f},{other:.{digits}f}" for time, (one, other) in zip(times, places, strict=True)]
+    rows = [
+        f"{time},{one:.{digits}f},{other:.{digits}f}"
+        for time, (one, other) in zip(times, places, strict=True)
+    ]
     return "\n".join([header, *rows, ""])
 
 
@@ -52,7 +55,7 @@ def test_days_of_a_spreadsheet_are_read_as_such_and_told(tmp_path):
     (tmp_path / "log.csv").write_text(text)
     with store_logs(tmp_path / "log.csv", rows=1000) as log:
         assert log.read(log.tracks[0]).times.tolist() == reading.tracks[0].times.tolist()
-        assert told(log.reading) == told(reading)
+        assert told(log.read_result) == told(reading)
     parked = read(csv(days, np.tile(places[:1], (60, 1))))
     assert parked.tracks[0].times.tolist() == reading.tracks[0].times.tolist()
 
@@ -70,18 +73,36 @@ def test_a_spreadsheet_with_other_numbers_far_down_is_refused(tmp_path):
     days = (EIGHT + seconds) / 86400 + EXCEL
     days[-1] = 1.7e9
     (tmp_path / "log.csv").write_text(csv([f"{day:.8f}" for day in days], places))
-    with pytest.raises(InputError, match=r"log.csv: row 200001: its time is no day of a spreadsheet"):
+    with pytest.raises(
+        InputError, match=r"log.csv: row 200001: its time is no day of a spreadsheet"
+    ):
         store_logs(tmp_path / "log.csv", rows=1000)
 
 
 @pytest.mark.parametrize(
     ("times", "header", "remedy"),
     [
-        (lambda seconds: (EIGHT + seconds) / 86400 + MATLAB, "time,lat,lon", "if they are MATLAB's days, say so: --time-unit matlab"),
-        (lambda seconds: seconds / 86400, "t,lat,lon", "if they are days, say so: --time-unit days"),
+        (
+            lambda seconds: (EIGHT + seconds) / 86400 + MATLAB,
+            "time,lat,lon",
+            "if they are MATLAB's days, say so: --time-unit matlab",
+        ),
+        (
+            lambda seconds: seconds / 86400,
+            "t,lat,lon",
+            "if they are days, say so: --time-unit days",
+        ),
         (lambda seconds: seconds, "time_ms,lat,lon", "if they are s, say so: --time-unit s"),
-        (lambda seconds: EIGHT + seconds, "time_ms,lat,lon", "if they are s, say so: --time-unit s"),
-        (lambda seconds: 1000 * (EIGHT + seconds), "time_us,lat,lon", "if they are ms, say so: --time-unit ms"),
+        (
+            lambda seconds: EIGHT + seconds,
+            "time_ms,lat,lon",
+            "if they are s, say so: --time-unit s",
+        ),
+        (
+            lambda seconds: 1000 * (EIGHT + seconds),
+            "time_us,lat,lon",
+            "if they are ms, say so: --time-unit ms",
+        ),
     ],
 )
 def test_a_unit_that_makes_everybody_faster_than_an_aircraft_is_refused(times, header, remedy):
@@ -97,11 +118,16 @@ def test_a_unit_that_makes_everybody_faster_than_an_aircraft_is_refused(times, h
 
 def test_a_log_of_a_thousandth_of_a_second_is_refused():
     _, places = drive(5)
-    with pytest.raises(InputError, match=r"read as s, its times last 4e-07 s; .*--time-unit; if that is right: --time-unit s"):
+    with pytest.raises(
+        InputError,
+        match=r"read as s, its times last 4e-07 s; .*--time-unit; if that is right: --time-unit s",
+    ):
         read(csv(["0", "1e-7", "2e-7", "3e-7", "4e-7"], np.tile(places[:1], (5, 1))))
 
 
-@pytest.mark.parametrize("what", ["jitter at 1 kHz", "satellite", "aircraft", "several in one", "simulated", "dates"])
+@pytest.mark.parametrize(
+    "what", ["jitter at 1 kHz", "satellite", "aircraft", "several in one", "simulated", "dates"]
+)
 def test_fast_logs_without_another_reading_are_right(what):
     rng = np.random.default_rng(4)
     seconds, places = drive(600)
@@ -109,7 +135,10 @@ def test_fast_logs_without_another_reading_are_right(what):
     if what == "jitter at 1 kHz":
         seconds, places = np.arange(600) / 1000, 48 + rng.normal(0, 1e-5, (600, 2))
     elif what == "satellite":
-        seconds, places = np.arange(600.0), np.stack([np.linspace(-40, 40, 600), np.linspace(0, 20, 600)], axis=1)
+        seconds, places = (
+            np.arange(600.0),
+            np.stack([np.linspace(-40, 40, 600), np.linspace(0, 20, 600)], axis=1),
+        )
     elif what == "aircraft":
         seconds, places = drive(600, 0.05, 300.0)
     elif what == "several in one":
@@ -124,7 +153,10 @@ def test_fast_logs_without_another_reading_are_right(what):
 def test_x_and_y_in_degrees_are_refused_with_the_remedy(tmp_path):
     seconds, places = drive()
     text = csv(EIGHT + seconds, places[:, ::-1], "t,X,Y", 6)
-    with pytest.raises(InputError, match=r"'X' and 'Y' are degrees: .* name them: --columns lon=X,lat=Y; .* --columns x=X,y=Y"):
+    with pytest.raises(
+        InputError,
+        match=r"'X' and 'Y' are degrees: .* name them: --columns lon=X,lat=Y; .* --columns x=X,y=Y",
+    ):
         read(text)
     (tmp_path / "log.csv").write_text(text)
     with pytest.raises(InputError, match="are degrees"):
@@ -143,7 +175,11 @@ def test_a_journey_far_across_the_country_is_refused_too():
 
 
 def test_three_points_in_degrees_are_refused_too():
-    rows = ["2024-05-04T08:00:00Z,11.5750,48.1371", "2024-05-04T08:01:00Z,11.5850,48.1471", "2024-05-04T08:02:00Z,11.5950,48.1371"]
+    rows = [
+        "2024-05-04T08:00:00Z,11.5750,48.1371",
+        "2024-05-04T08:01:00Z,11.5850,48.1471",
+        "2024-05-04T08:02:00Z,11.5950,48.1371",
+    ]
     with pytest.raises(InputError, match="--columns lon=X,lat=Y"):
         read("\n".join(["t,X,Y", *rows, ""]))
 
@@ -157,7 +193,9 @@ def test_swapped_degrees_are_seen():
 def test_what_may_be_degrees_is_told():
     seconds, places = drive(speed=80.0)
     reading = read(csv(seconds, places[:, ::-1], "t,x,y"))
-    assert told(reading) == ["positions read as metres, but they look like degrees; if they are, name them: --columns lon=x,lat=y"]
+    assert told(reading) == [
+        "positions read as metres, but they look like degrees; if they are, name them: --columns lon=x,lat=y"
+    ]
     assert reading.lost == 0
     glacier = np.stack([3 + 1.23e-5 * np.arange(60) * 600, np.full(60, 40.0)], axis=1)
     assert len(told(read(csv(np.arange(60) * 600, glacier, "t,x,y")))) == 1
@@ -174,7 +212,9 @@ def test_what_may_be_degrees_is_told():
     parked=st.booleans(),
     count=st.integers(3, 400),
 )
-def test_robots_in_rooms_and_yards_are_never_refused(seed, size, speed, step, origin, digits, parked, count):
+def test_robots_in_rooms_and_yards_are_never_refused(
+    seed, size, speed, step, origin, digits, parked, count
+):
     rng = np.random.default_rng(seed)
     seconds, places = room(count, rng, size, speed, step)
     if parked:  # only the noise of its localisation moves it

@@ -52,7 +52,11 @@ def test_a_pipe_is_read_like_a_file(tmp_path):
 
 
 def test_a_vehicle_goes_on_in_the_next_file_whatever_their_order(tmp_path):
-    put(tmp_path, a=["id,t,x,y", "v,2,2,0", "v,3,3,0"], b=["id,t,x,y", "v,0,0,0", "v,1,1,0", "v,2,2,0"])
+    put(
+        tmp_path,
+        a=["id,t,x,y", "v,2,2,0", "v,3,3,0"],
+        b=["id,t,x,y", "v,0,0,0", "v,1,1,0", "v,2,2,0"],
+    )
     reading = read_logs(str(tmp_path / "*.csv"))
     assert ids(reading) == [("v", [0, 1, 2, 3])]
     assert reading.points == reading.kept + reading.lost == 5
@@ -74,7 +78,11 @@ def test_logs_without_names_that_share_their_file_name(tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "says"),
-    [("missing.csv", "no such file"), ("*.gpx", "no file matches this pattern"), (".", "is a folder; name the files in it")],
+    [
+        ("missing.csv", "no such file"),
+        ("*.gpx", "no file matches this pattern"),
+        (".", "is a folder; name the files in it"),
+    ],
 )
 def test_what_is_not_there(tmp_path, monkeypatch, name, says):
     monkeypatch.chdir(tmp_path)

@@ -6,17 +6,23 @@ import pytest
 
 from gpszip.errors import InputError
 from gpszip.io.logs.geojson.read import read_geojson, sniff_geojson
-from gpszip.io.logs.raw import Request, Unread
+from gpszip.io.logs.raw import Request, UnreadableCell
 from gpszip.io.logs.read import read_logs
 from gpszip.io.storage.source import Source
 
 
 def read(data, **options):
-    return read_logs(io.BytesIO((data if isinstance(data, str) else json.dumps(data)).encode()), **options)
+    return read_logs(
+        io.BytesIO((data if isinstance(data, str) else json.dumps(data)).encode()), **options
+    )
 
 
 def line(coordinates, kind="LineString", **properties):
-    return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
+    return {
+        "type": "Feature",
+        "properties": properties,
+        "geometry": {"type": kind, "coordinates": coordinates},
+    }
 
 
 def collection(*features, **members):
@@ -35,7 +41,11 @@ def ids(reading):
         line([[8, 50], [8, 50.1]], coordTimes=[1700000000500, 1700000001000]),
         line([[8, 50], [8, 50.1]], coordinateProperties={"times": [1700000000.5, 1700000001]}),
         line([[8, 50, 0, 1700000000.5], [8, 50.1, 0, 1700000001]]),
-        line([[[8, 50]], [[8, 50.1]]], kind="MultiLineString", coordTimes=[[1700000000.5], [1700000001]]),
+        line(
+            [[[8, 50]], [[8, 50.1]]],
+            kind="MultiLineString",
+            coordTimes=[[1700000000.5], [1700000001]],
+        ),
     ],
 )
 def test_the_places_where_lines_keep_their_times(feature):
@@ -56,24 +66,40 @@ def test_lines_have_names_and_features_of_one_name_are_one_track():
 
 def test_height_is_an_attribute():
     data = collection(line([[8, 50, 300], [8, 51, 301]], times=[0, 1]))
-    assert read(data).dropped == ("alt",)
+    assert read(data).dropped_columns == ("alt",)
     assert read(data, keep=["ele"]).tracks[0].attributes["ele"].tolist() == [300, 301]
 
 
 def test_points_have_their_time_and_name_among_their_properties():
-    features = [line([8, 50 + i / 1000], "Point", vehicle=str(i % 2), timestamp=f"2023-11-14T22:13:2{i}Z", speed=i) for i in range(4)]
+    features = [
+        line(
+            [8, 50 + i / 1000],
+            "Point",
+            vehicle=str(i % 2),
+            timestamp=f"2023-11-14T22:13:2{i}Z",
+            speed=i,
+        )
+        for i in range(4)
+    ]
     reading = read(collection(*features))
     assert ids(reading) == [("0", [1700000000, 1700000002]), ("1", [1700000001, 1700000003])]
-    assert reading.dropped == ("speed",)
+    assert reading.dropped_columns == ("speed",)
 
 
 def test_what_is_no_line_is_named_as_left_out():
-    data = collection(line([[8, 50]], times=[0]), line([8, 50], "Point"), line([[[8, 50]]], "Polygon"))
-    assert sorted(left.name for left in read(data).left_out) == ["stream: 1 Point", "stream: 1 Polygon"]
+    data = collection(
+        line([[8, 50]], times=[0]), line([8, 50], "Point"), line([[[8, 50]]], "Polygon")
+    )
+    assert sorted(left.name for left in read(data).left_out) == [
+        "stream: 1 Point",
+        "stream: 1 Polygon",
+    ]
 
 
 def test_metres_are_marked():
-    data = collection(line([[1e6, 5, 2], [2, 3, 4]], times=[0, 1]), gpszip={"coordinates": "metres"})
+    data = collection(
+        line([[1e6, 5, 2], [2, 3, 4]], times=[0, 1]), gpszip={"coordinates": "metres"}
+    )
     reading = read(data)
     assert not reading.geographic
     assert reading.tracks[0].positions.tolist() == [[1e6, 5, 2], [2, 3, 4]]
@@ -81,7 +107,9 @@ def test_metres_are_marked():
 
 def raw(data, **request):
     data = data if isinstance(data, (str, bytes)) else json.dumps(data)
-    return read_geojson(Source("log", data=data if isinstance(data, bytes) else data.encode()), Request(**request))
+    return read_geojson(
+        Source("log", data=data if isinstance(data, bytes) else data.encode()), Request(**request)
+    )
 
 
 def tracks(log):
@@ -122,33 +150,75 @@ def two(lat=50, **properties):
     ],
 )
 def test_a_position_that_is_no_two_numbers_is_dropped_counted_and_named(position, shown):
-    good = json.dumps(collection(two(times=[0, 1]), line([[8, 40], ["here"], [8, 41], ["here"]], times=[2, 3, 4, 5])))
+    good = json.dumps(
+        collection(
+            two(times=[0, 1]), line([[8, 40], ["here"], [8, 41], ["here"]], times=[2, 3, 4, 5])
+        )
+    )
     log = raw(good.replace('["here"]', position))
     assert tracks(log) == {"0": ([0, 1], [50, 51]), "1": ([2, 4], [40, 41])}
     (repair,) = log.repairs
-    assert (repair.count, repair.drops, repair.where, repair.value) == (2, True, "log: feature 2, position 2", shown)
+    assert (repair.count, repair.drops, repair.where, repair.value) == (
+        2,
+        True,
+        "log: feature 2, position 2",
+        shown,
+    )
 
 
 @pytest.mark.parametrize(
     ("feature", "reason"),
     [
         (two(times=[0]), "has 2 positions, but 1 times"),
-        (line([[[8, 50]], [[8, 51]]], "MultiLineString", times=[[0], [1], [2]]), "has 2 lines, but 3 lists of times"),
-        (line([[[8, 50]], [[8, 51]]], "MultiLineString", times=[[0], [1, 2]]), "line 2 has 1 positions, but 2 times"),
-        (line([[[8, 50]], [[8, 51]]], "MultiLineString", times=[0, 1, 2]), "has 2 positions, but 3 times"),
+        (
+            line([[[8, 50]], [[8, 51]]], "MultiLineString", times=[[0], [1], [2]]),
+            "has 2 lines, but 3 lists of times",
+        ),
+        (
+            line([[[8, 50]], [[8, 51]]], "MultiLineString", times=[[0], [1, 2]]),
+            "line 2 has 1 positions, but 2 times",
+        ),
+        (
+            line([[[8, 50]], [[8, 51]]], "MultiLineString", times=[0, 1, 2]),
+            "has 2 positions, but 3 times",
+        ),
         (two(times="2024-05-04T08:00:00Z"), "its 'times' is \"2024-05-04T08:00:00Z\", not a list"),
         (two(times=["yesterday", "today"]), 'no time of it can be read, such as "yesterday"'),
         (two(times=[[1], {"a": 2}]), "no time of it can be read, such as"),
-        (line([[8, 50, 0, None], [8, 51, 0, "now"]]), "no fourth number of its positions is a time, such as [8, 50, 0, null]"),
-        (line([["a", 50], [8, None]]), 'none of its 2 positions is a longitude and a latitude, such as ["a", 50]'),
-        (line([[[8, 50], [8, 51]]], times=[0]), "none of its 1 positions is a longitude and a latitude"),
+        (
+            line([[8, 50, 0, None], [8, 51, 0, "now"]]),
+            "no fourth number of its positions is a time, such as [8, 50, 0, null]",
+        ),
+        (
+            line([["a", 50], [8, None]]),
+            'none of its 2 positions is a longitude and a latitude, such as ["a", 50]',
+        ),
+        (
+            line([[[8, 50], [8, 51]]], times=[0]),
+            "none of its 1 positions is a longitude and a latitude",
+        ),
         (line([8, 50]), "none of its 2 positions is a longitude and a latitude, such as 8"),
         (line(5), "its LineString holds 5, not a list"),
-        (line([[8, 50], 5], "MultiLineString", times=[0]), "its MultiLineString's line holds 5, not a list"),
+        (
+            line([[8, 50], 5], "MultiLineString", times=[0]),
+            "its MultiLineString's line holds 5, not a list",
+        ),
         ({"type": "Feature", "geometry": "here"}, 'its geometry is "here", not an object'),
-        ({"type": "Feature", "geometry": {"type": "GeometryCollection", "geometries": [7]}}, "its GeometryCollection holds 7"),
-        ({"type": "Feature", "geometry": {**two()["geometry"], "crs": {"properties": {"name": "EPSG:25832"}}}}, "in 'EPSG:25832'"),
-        ({"locations": [], "semanticSegments": []}, 'neither a feature nor a geometry; it has: "locations", "semanticSegments"'),
+        (
+            {"type": "Feature", "geometry": {"type": "GeometryCollection", "geometries": [7]}},
+            "its GeometryCollection holds 7",
+        ),
+        (
+            {
+                "type": "Feature",
+                "geometry": {**two()["geometry"], "crs": {"properties": {"name": "EPSG:25832"}}},
+            },
+            "in 'EPSG:25832'",
+        ),
+        (
+            {"locations": [], "semanticSegments": []},
+            'neither a feature nor a geometry; it has: "locations", "semanticSegments"',
+        ),
         (7, "is 7, not a feature"),
         (None, "is null, not a feature"),
     ],
@@ -170,32 +240,58 @@ def test_a_feature_that_cannot_be_used_is_named_and_may_be_left_out(feature, rea
 
 def test_of_many_bad_features_the_first_are_named_and_the_others_counted():
     log = raw(collection(two(times=[0, 1]), *[7] * 25), skip_bad=True)
-    assert [left.name for left in log.left_out] == [*(f"log: feature {i}" for i in range(2, 12)), "log: 15 more features"]
+    assert [left.name for left in log.left_out] == [
+        *(f"log: feature {i}" for i in range(2, 12)),
+        "log: 15 more features",
+    ]
 
 
 def test_single_times_that_cannot_be_read_are_no_times():
-    log = raw(collection(two(times=[0, 1]), line([[8, 50], [8, 51], [8, 52]], times=[None, "2024-05-04T08:00:00Z", "?"])))
+    log = raw(
+        collection(
+            two(times=[0, 1]),
+            line([[8, 50], [8, 51], [8, 52]], times=[None, "2024-05-04T08:00:00Z", "?"]),
+        )
+    )
     assert np.isnan(log.times).tolist() == [False, False, True, False, True]
-    assert log.unread == (Unread("times", 4, "?"),)
+    assert log.unreadable == (UnreadableCell("times", 4, "?"),)
 
 
 def test_shapes_and_tracks_with_times_are_kept_side_by_side():
     reading = read(collection(two(id="plan"), two(lat=40, id="ride", times=[5, 6])))
-    assert [(track.id, track.timed, len(track)) for track in reading.tracks] == [("plan", False, 2), ("ride", True, 2)]
+    assert [(track.id, track.timed, len(track)) for track in reading.tracks] == [
+        ("plan", False, 2),
+        ("ride", True, 2),
+    ]
 
 
-@pytest.mark.parametrize("times", [{}, {"times": None}, {"time": "2024-05-04T08:00:00Z"}, {"coordTimes": [None, None]}, {"t": 5}])
+@pytest.mark.parametrize(
+    "times",
+    [{}, {"times": None}, {"time": "2024-05-04T08:00:00Z"}, {"coordTimes": [None, None]}, {"t": 5}],
+)
 def test_a_line_without_times_is_a_shape(times):
     assert tracks(raw(two(**times))) == {None: (None, [50, 51])}
-    log = raw(collection(two(lat=40, id="ride", times=[5, 6]), two(id="plan", **times), two(lat=60, **times)))
-    assert tracks(log) == {"ride": ([5, 6], [40, 41]), "plan": (None, [50, 51]), "2": (None, [60, 61])}
+    log = raw(
+        collection(
+            two(lat=40, id="ride", times=[5, 6]), two(id="plan", **times), two(lat=60, **times)
+        )
+    )
+    assert tracks(log) == {
+        "ride": ([5, 6], [40, 41]),
+        "plan": (None, [50, 51]),
+        "2": (None, [60, 61]),
+    }
     assert log.untimed == {1, 2}
     assert not log.repairs
 
 
 def test_shapes_are_tracks_of_their_own():
     several = line([[[8, 50], [8, 51]], [], [[8, 60], [8, 61]]], "MultiLineString", id="plan")
-    log = raw(collection(several, two(70, id="plan"), two(80, id="plan", times=[0, 1]), two(20, id="plan-3")))
+    log = raw(
+        collection(
+            several, two(70, id="plan"), two(80, id="plan", times=[0, 1]), two(20, id="plan-3")
+        )
+    )
     assert tracks(log) == {
         "plan-2": (None, [50, 51]),
         "plan-4": (None, [60, 61]),
@@ -217,19 +313,31 @@ def test_lines_of_a_collection_of_geometries_share_the_feature():
         "type": "GeometryCollection",
         "geometries": [
             two()["geometry"],
-            {"type": "GeometryCollection", "geometries": [two(60)["geometry"], {"type": "Point", "coordinates": [0, 0]}, None]},
+            {
+                "type": "GeometryCollection",
+                "geometries": [two(60)["geometry"], {"type": "Point", "coordinates": [0, 0]}, None],
+            },
         ],
     }
     for times in ([0, 1, 2, 3], [[0, 1], [2, 3]]):
-        log = raw({"type": "Feature", "properties": {"times": times, "id": 7}, "geometry": geometry})
+        log = raw(
+            {"type": "Feature", "properties": {"times": times, "id": 7}, "geometry": geometry}
+        )
         assert tracks(log) == {"7": ([0, 1, 2, 3], [50, 51, 60, 61])}
         assert [left.name for left in log.left_out] == ["log: 1 Point"]
 
 
 def test_what_is_not_there_is_counted():
     nothing = [line(None), line([], coordTimes=[]), line([[], []], "MultiLineString")]
-    shapes = [line([[8, 50]]), line([[[8, 50]]], "MultiPolygon"), line([[8, 50]], "MultiPoint"), line([[8, 50]], "Circle")]
-    log = raw(collection(two(times=[0, 1]), {"type": "Feature", "geometry": None}, *nothing, *shapes))
+    shapes = [
+        line([[8, 50]]),
+        line([[[8, 50]]], "MultiPolygon"),
+        line([[8, 50]], "MultiPoint"),
+        line([[8, 50]], "Circle"),
+    ]
+    log = raw(
+        collection(two(times=[0, 1]), {"type": "Feature", "geometry": None}, *nothing, *shapes)
+    )
     assert [left.name for left in log.left_out] == [
         "log: 1 MultiPoint",
         "log: 1 MultiPolygon",
@@ -262,8 +370,13 @@ def test_features_on_lines_in_lists_and_in_collections(text, encoding):
 
 
 def test_a_bare_geometry_is_a_feature():
-    assert tracks(raw(line([[8, 50, 0, 5], [8, 51, 0, 6]])["geometry"])) == {None: ([5, 6], [50, 51])}
-    assert tracks(raw([two()["geometry"], two(60)["geometry"]])) == {"0": (None, [50, 51]), "1": (None, [60, 61])}
+    assert tracks(raw(line([[8, 50, 0, 5], [8, 51, 0, 6]])["geometry"])) == {
+        None: ([5, 6], [50, 51])
+    }
+    assert tracks(raw([two()["geometry"], two(60)["geometry"]])) == {
+        "0": (None, [50, 51]),
+        "1": (None, [60, 61]),
+    }
 
 
 def test_of_a_damaged_file_what_comes_before_may_be_kept():
@@ -281,25 +394,49 @@ def test_of_a_damaged_file_what_comes_before_may_be_kept():
 
 @pytest.mark.parametrize(
     "name",
-    ["urn:ogc:def:crs:OGC:1.3:CRS84", "urn:ogc:def:crs:OGC::CRS84", "OGC:CRS84", "EPSG:4326", "urn:ogc:def:crs:EPSG::4326", "WGS 84"],
+    [
+        "urn:ogc:def:crs:OGC:1.3:CRS84",
+        "urn:ogc:def:crs:OGC::CRS84",
+        "OGC:CRS84",
+        "EPSG:4326",
+        "urn:ogc:def:crs:EPSG::4326",
+        "WGS 84",
+    ],
 )
 def test_wgs84_may_be_named(name):
-    assert len(raw(collection(two(times=[0, 1]), crs={"type": "name", "properties": {"name": name}})).times) == 2
+    assert (
+        len(
+            raw(
+                collection(two(times=[0, 1]), crs={"type": "name", "properties": {"name": name}})
+            ).times
+        )
+        == 2
+    )
 
 
 @pytest.mark.parametrize(
     ("crs", "says"),
     [
-        ({"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::3857"}}, "are in 'urn:ogc:def:crs:EPSG::3857'; bring them to"),
+        (
+            {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::3857"}},
+            "are in 'urn:ogc:def:crs:EPSG::3857'; bring them to",
+        ),
         ({"type": "EPSG", "properties": {"code": 31467}}, "are in '31467'"),
         ({"type": "name", "properties": {"name": "a\nb"}}, r"are in 'a\nb'"),
-        ({"type": "link", "properties": {"href": "x"}}, "names a coordinate system in a way that isn't known"),
+        (
+            {"type": "link", "properties": {"href": "x"}},
+            "names a coordinate system in a way that isn't known",
+        ),
         ("EPSG:3857", "names a coordinate system in a way that isn't known"),
     ],
 )
 def test_other_coordinate_systems_are_refused_wherever_they_are_named(crs, says):
     feature = two(times=[0, 1])
-    for data in (collection(feature, crs=crs), {"crs": crs, **feature}, {"features": [feature], "crs": crs}):
+    for data in (
+        collection(feature, crs=crs),
+        {"crs": crs, **feature},
+        {"features": [feature], "crs": crs},
+    ):
         with pytest.raises(InputError) as caught:
             raw(data)
         assert says in str(caught.value)
@@ -312,17 +449,27 @@ def test_metres_and_degrees_do_not_mix():
 
 
 def test_heights_are_kept_where_there_are_some():
-    data = collection(line([[8, 50, 300], [8, 51], [8, 52, None], [8, 53, "high"], [8, 54, 304]], times=[0, 1, 2, 3, 4]))
+    data = collection(
+        line(
+            [[8, 50, 300], [8, 51], [8, 52, None], [8, 53, "high"], [8, 54, 304]],
+            times=[0, 1, 2, 3, 4],
+        )
+    )
     log = raw(data, keep=("alt",))
     assert np.array_equal(log.attributes["alt"], [300, np.nan, np.nan, np.nan, 304], equal_nan=True)
-    assert [(repair.count, repair.drops, repair.where) for repair in log.repairs] == [(3, False, "log: position 2")]
-    assert raw(data).dropped == ("alt",)
+    assert [(repair.count, repair.drops, repair.where) for repair in log.repairs] == [
+        (3, False, "log: position 2")
+    ]
+    assert raw(data).dropped_columns == ("alt",)
     with pytest.raises(InputError, match="its positions have no 'alt'"):
         raw(two(times=[0, 1]), keep=("alt",))
 
 
 def test_texts_and_numbers_in_one_file_are_each_read_as_what_they_are():
-    data = collection(two(times=[1700000000000, 1700000001000]), two(60, times=["2023-11-14T22:13:20Z", "2023-11-14T22:13:21Z"]))
+    data = collection(
+        two(times=[1700000000000, 1700000001000]),
+        two(60, times=["2023-11-14T22:13:20Z", "2023-11-14T22:13:21Z"]),
+    )
     assert [times for times, _ in tracks(raw(data)).values()] == [[1700000000, 1700000001]] * 2
 
 
@@ -332,10 +479,24 @@ def test_the_properties_of_times_and_names_can_be_named():
 
 
 @pytest.mark.parametrize(
-    "name", ["../../etc/passwd", "<script>alert(1)</script>", "a\0b\x1b[2J", "a\nb", "", "ü😀", 12, 12.5, -(10**30), "x" * 10_000]
+    "name",
+    [
+        "../../etc/passwd",
+        "<script>alert(1)</script>",
+        "a\0b\x1b[2J",
+        "a\nb",
+        "",
+        "ü😀",
+        12,
+        12.5,
+        -(10**30),
+        "x" * 10_000,
+    ],
 )
 def test_names_stay_as_they_are(name):
-    assert list(tracks(raw(collection(two(40, times=[0, 1]), two(id=name, times=[0, 1])))))[1] == str(name)
+    assert list(tracks(raw(collection(two(40, times=[0, 1]), two(id=name, times=[0, 1])))))[
+        1
+    ] == str(name)
 
 
 @pytest.mark.parametrize("odd", [None, True, [1], {"a": 1}])
@@ -359,28 +520,52 @@ def test_points_that_are_nowhere_are_dropped_counted_and_named():
     (repair,) = log.repairs
     assert (repair.count, repair.where, repair.value) == (2, "log: feature 3", "[null, 50]")
     assert [left.name for left in log.left_out] == ["log: 1 MultiPoint"]
-    with pytest.raises(InputError, match=r"no Point is at a longitude and a latitude; the first is at \[null, 50\]"):
+    with pytest.raises(
+        InputError, match=r"no Point is at a longitude and a latitude; the first is at \[null, 50\]"
+    ):
         raw(features[1])
 
 
 @pytest.mark.parametrize("name", ["time", "timestamps", "t", "timestamp"])
 def test_points_have_their_times_under_many_names(name):
-    log = raw(collection(*(line([8, 50], "Point", times=3, **{name: f"2023-11-14T22:13:2{i}Z"}) for i in range(2))))
+    log = raw(
+        collection(
+            *(
+                line([8, 50], "Point", times=3, **{name: f"2023-11-14T22:13:2{i}Z"})
+                for i in range(2)
+            )
+        )
+    )
     assert log.times.tolist() == [1700000000, 1700000001]
 
 
 def test_properties_of_points_may_be_anything():
     values = [1, 2.5, "three", None, True, [1], {"a": None}, 10**30]
-    features = [line([8, 50, 7], "Point", time=i, vehicle={"a": i % 2}, note=value) for i, value in enumerate(values)]
+    features = [
+        line([8, 50, 7], "Point", time=i, vehicle={"a": i % 2}, note=value)
+        for i, value in enumerate(values)
+    ]
     log = raw(collection(*features), keep=("note", "alt"))
-    assert log.attributes["note"].tolist() == ["1", "2.5", "three", "", "true", "[1]", '{"a": null}', str(10**30)]
+    assert log.attributes["note"].tolist() == [
+        "1",
+        "2.5",
+        "three",
+        "",
+        "true",
+        "[1]",
+        '{"a": null}',
+        str(10**30),
+    ]
     assert log.attributes["alt"].tolist() == [7] * 8
     assert log.ids == ('{"a": 0}', '{"a": 1}')
 
 
 def test_many_points_are_read_in_parts_of_which_columns_may_change():
     count = 40_000
-    features = [line([8, 50 + i / count], "Point", time=i, **({"late": i} if i > count - 5 else {})) for i in range(count)]
+    features = [
+        line([8, 50 + i / count], "Point", time=i, **({"late": i} if i > count - 5 else {}))
+        for i in range(count)
+    ]
     features[20_000]["properties"]["time"] = 20_000.5
     log = raw("\n".join(map(json.dumps, features)), keep=("late",))
     assert log.times[[0, 19_999, 20_000, -1]].tolist() == [0, 19_999, 20_000.5, count - 1]
@@ -414,11 +599,17 @@ def test_points_with_times_come_before_lines_without():
         ("[]", "no LineString and no Point"),
         ("{", "damaged JSON"),
         ("{" + '"a":[' * 100_000, "damaged JSON"),
-        (line([8], "Point", time=1), "no Point is at a longitude and a latitude; the first is at [8]"),
+        (
+            line([8], "Point", time=1),
+            "no Point is at a longitude and a latitude; the first is at [8]",
+        ),
         ({"type": "FeatureCollection", "features": 7}, "its 'features' is 7, not a list"),
         ({"type": "FeatureCollection", "features": None}, "its 'features' is null, not a list"),
         ({"type": "FeatureCollection"}, "it has no 'features'"),
-        ({"type": "Topology", "objects": {}}, 'neither a feature nor a geometry; it has: "type", "objects"'),
+        (
+            {"type": "Topology", "objects": {}},
+            'neither a feature nor a geometry; it has: "type", "objects"',
+        ),
         ("7", "damaged JSON file: an object or a list is expected"),
     ],
 )
@@ -429,6 +620,8 @@ def test_mistakes_are_named_in_one_line(data, says):
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("head", [b"[t],x,y", b"t,x,y", b"<gpx>", b"", b"[1, 2", "t,x,y".encode("utf-16")])
+@pytest.mark.parametrize(
+    "head", [b"[t],x,y", b"t,x,y", b"<gpx>", b"", b"[1, 2", "t,x,y".encode("utf-16")]
+)
 def test_other_texts_are_not_taken_for_geojson(head):
     assert not sniff_geojson(head)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gpszip.errors import InputError, UnknownFormatError
 from gpszip.io.logs.formats import format_for_reading
 from gpszip.io.logs.gpx.read import read_gpx
-from gpszip.io.logs.raw import Request, Unread
+from gpszip.io.logs.raw import Request, UnreadableCell
 from gpszip.io.logs.read import read_logs
 from gpszip.io.storage.source import Source
 
@@ -20,12 +20,20 @@ HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<gpx version="1.1" creator="test
 
 
 def point(lat, lon, time, more=""):
-    return f'<trkpt lat="{lat}" lon="{lon}">{more}' + (f"<time>{time}</time>" if time else "") + "</trkpt>"
+    return (
+        f'<trkpt lat="{lat}" lon="{lon}">{more}'
+        + (f"<time>{time}</time>" if time else "")
+        + "</trkpt>"
+    )
 
 
 def track(*segments, name=None):
     title = "" if name is None else f"<name>{name}</name>"
-    return f"<trk>{title}" + "".join(f"<trkseg>{''.join(segment)}</trkseg>" for segment in segments) + "</trk>"
+    return (
+        f"<trk>{title}"
+        + "".join(f"<trkseg>{''.join(segment)}</trkseg>" for segment in segments)
+        + "</trk>"
+    )
 
 
 def read(*parts, head=HEAD, **options):
@@ -50,7 +58,7 @@ def test_segments_follow_each_other_with_milliseconds_and_zones():
     assert only.times.tolist() == [1700000000.077, 1700000001.0, 1700000100.0]
     assert reading.geographic
     assert np.isclose(np.diff(only.positions[:, 1])[0], 0.1368, atol=1e-3)
-    assert reading.dropped == ("ele",)
+    assert reading.dropped_columns == ("ele",)
 
 
 def test_height_can_be_kept_by_any_of_its_names():
@@ -63,9 +71,9 @@ def test_height_can_be_kept_by_any_of_its_names():
 def test_what_is_not_kept_is_named_and_what_is_not_there_refused():
     more = "<hdop>1.5</hdop><extensions><speed>3.5</speed></extensions>"
     some = track([A.replace("</trkpt>", more + "</trkpt>"), C])
-    assert read(some).dropped == ("ele", "hdop", "speed")
+    assert read(some).dropped_columns == ("ele", "hdop", "speed")
     assert read(some, keep=["hdop"]).tracks[0].attributes["hdop"][0] == 1.5
-    assert read(some, keep=["hdop"]).dropped == ("ele", "speed")
+    assert read(some, keep=["hdop"]).dropped_columns == ("ele", "speed")
     with pytest.raises(InputError, match="no 'vdop' to keep; its points have: ele, hdop, speed"):
         read(some, keep=["vdop"])
     with pytest.raises(InputError, match="its points have: place and time only"):
@@ -142,8 +150,14 @@ def test_the_content_counts_not_the_name(tmp_path):
     ids=["1.0", "extension"],
 )
 def test_the_course_is_a_heading_where_it_is_asked_for(more):
-    head = HEAD.replace("<gpx ", '<gpx xmlns:gpxtpx="http://www.garmin.com/xmlschemas/TrackPointExtension/v2" ')
-    points = ["<!-- <trkpt> -->", point(50, 8, "2023-11-14T22:13:20Z", more), point(50.1, 8, "2023-11-14T22:14:20Z")]
+    head = HEAD.replace(
+        "<gpx ", '<gpx xmlns:gpxtpx="http://www.garmin.com/xmlschemas/TrackPointExtension/v2" '
+    )
+    points = [
+        "<!-- <trkpt> -->",
+        point(50, 8, "2023-11-14T22:13:20Z", more),
+        point(50.1, 8, "2023-11-14T22:14:20Z"),
+    ]
     (only,) = read(track(points), head=head, heading=True).tracks
     np.testing.assert_array_equal(only.attributes["heading"], [271.5, np.nan])
     assert not read(track(points), head=head).tracks[0].attributes
@@ -159,19 +173,19 @@ def test_points_without_a_course_have_no_headings():
 @pytest.mark.parametrize(
     ("lat", "unread"),
     [
-        ('lat="undefined"', Unread("lat", 1, "undefined")),
-        ('lat="NaN"', Unread("lat", 1, "NaN")),
-        ('lat="48.1371abc"', Unread("lat", 1, "48.1371abc")),
-        ('lat="48,1371"', Unread("lat", 1, "48,1371")),
-        ('lat="48°99\'"', Unread("lat", 1, "48°99'")),
-        ('lat=""', Unread("lat", 1, "")),
-        ("", Unread("lat", 1, "no lat")),
+        ('lat="undefined"', UnreadableCell("lat", 1, "undefined")),
+        ('lat="NaN"', UnreadableCell("lat", 1, "NaN")),
+        ('lat="48.1371abc"', UnreadableCell("lat", 1, "48.1371abc")),
+        ('lat="48,1371"', UnreadableCell("lat", 1, "48,1371")),
+        ('lat="48°99\'"', UnreadableCell("lat", 1, "48°99'")),
+        ('lat=""', UnreadableCell("lat", 1, "")),
+        ("", UnreadableCell("lat", 1, "no lat")),
     ],
 )
 def test_a_position_that_cannot_be_read_is_named_and_no_part_of_it_is_read(lat, unread):
     odd = A.replace('lat="50"', lat)
     log = raw(track([C.replace('lat="50.1"', 'lat="50.5"'), odd, B, odd]))
-    assert log.unread == (unread,)
+    assert log.unreadable == (unread,)
     assert log.coordinates[[0, 2]].tolist() == [[50.5, 8], [50.00000123, 8]]
     assert np.isnan(log.coordinates[[1, 3], 0]).all()
     reading = read(track([A, odd, C]))
@@ -179,22 +193,29 @@ def test_a_position_that_cannot_be_read_is_named_and_no_part_of_it_is_read(lat, 
     assert reading.repairs[0].what == "points without a position dropped"
 
 
-@pytest.mark.parametrize("lat", [" 50.5\n", "+50.5", "5.05e1", "50.5N", "N 50°30'", "50:30:00", "50° 30' 0&quot; N"])
+@pytest.mark.parametrize(
+    "lat", [" 50.5\n", "+50.5", "5.05e1", "50.5N", "N 50°30'", "50:30:00", "50° 30' 0&quot; N"]
+)
 def test_complete_forms_of_a_coordinate_are_read(lat):
     log = raw(track([A, point(lat, 8, "2024-01-01T00:00:00Z")]))
     assert log.coordinates[1].tolist() == [50.5, 8]
-    assert not log.unread
+    assert not log.unreadable
 
 
 def test_a_decimal_comma_is_read_where_all_points_have_it():
-    points = [point("48,1371", "11,575", "2024-01-01T00:00:00Z", "<ele>512,5</ele>"), point("48,2", "-11", "2024-01-01T00:00:01Z")]
+    points = [
+        point("48,1371", "11,575", "2024-01-01T00:00:00Z", "<ele>512,5</ele>"),
+        point("48,2", "-11", "2024-01-01T00:00:01Z"),
+    ]
     log = raw(track(points), keep=("ele",))
     assert log.coordinates.tolist() == [[48.1371, 11.575], [48.2, -11]]
     np.testing.assert_array_equal(log.attributes["ele"], [512.5, np.nan])
 
 
 def test_a_file_without_any_position_or_usable_point_is_refused_with_its_first_value():
-    with pytest.raises(InputError, match=r"no point has a position that can be read; the first has lat='undefined'") as caught:
+    with pytest.raises(
+        InputError, match=r"no point has a position that can be read; the first has lat='undefined'"
+    ) as caught:
         raw(track([point("undefined", 8, "2024-01-01T00:00:00Z")]))
     assert "--columns" not in str(caught.value)
     with pytest.raises(InputError, match="no point has both a position and a time"):
@@ -207,13 +228,20 @@ def test_a_file_without_any_position_or_usable_point_is_refused_with_its_first_v
 @pytest.mark.parametrize("written", ["\n  {}\n", "<!-- when -->{}", "<![CDATA[{}]]>", "{}<?now?>"])
 def test_white_space_comments_and_sections_around_a_time_do_not_matter(written):
     times = ["2024-05-04T08:00:00Z", "2024-05-04T08:00:10.25Z"]
-    log = raw(track([f'<trkpt lat="50" lon="8"><time>{written.format(time)}</time></trkpt>' for time in times]))
+    log = raw(
+        track(
+            [
+                f'<trkpt lat="50" lon="8"><time>{written.format(time)}</time></trkpt>'
+                for time in times
+            ]
+        )
+    )
     assert log.times.tolist() == [1714809600, 1714809610.25]
 
 
 def test_a_track_with_times_that_cannot_be_read_is_no_shape():
     log = raw(track([A, point(50, 8, "noon"), C]))
-    assert log.unread == (Unread("time", 1, "noon"),)
+    assert log.unreadable == (UnreadableCell("time", 1, "noon"),)
     assert np.isnan(log.times).tolist() == [False, True, False]
     with pytest.raises(InputError, match="noon"):
         raw(track([point(50, 8, "noon"), point(51, 8, "noon")]))
@@ -224,7 +252,10 @@ def test_a_track_with_times_that_cannot_be_read_is_no_shape():
 def test_times_as_numbers_are_read_in_their_unit():
     points = [point(50, 8, 1714809600000), point(50, 8, 1714809605500)]
     assert raw(track(points)).times.tolist() == [1714809600, 1714809605.5]
-    assert raw(track([point(50, 8, 7), point(50, 8, 8)]), time_unit="ms").times.tolist() == [0.007, 0.008]
+    assert raw(track([point(50, 8, 7), point(50, 8, 8)]), time_unit="ms").times.tolist() == [
+        0.007,
+        0.008,
+    ]
 
 
 # Tracks, routes and shapes
@@ -235,19 +266,28 @@ ROUTE = '<rte><name>plan</name><rtept lat="5" lon="6"/><rtept lat="7" lon="8"/><
 
 
 def test_routes_and_tracks_without_times_are_shapes_beside_tracks_with_times():
-    log = raw(ROUTE, track([A, B], [C], name="driven"), track([P, Q], name="drawn"), track([Q, P], name="plan"))
+    log = raw(
+        ROUTE,
+        track([A, B], [C], name="driven"),
+        track([P, Q], name="drawn"),
+        track([Q, P], name="plan"),
+    )
     assert log.ids == ("plan", "driven", "drawn", "plan-2")
     assert log.codes.tolist() == [0, 0, 1, 1, 1, 2, 2, 3, 3]
     assert log.untimed == {0, 2, 3}
     assert np.isnan(log.times).tolist() == [True] * 2 + [False] * 3 + [True] * 4
     assert log.coordinates[:2].tolist() == [[5, 6], [7, 8]]
-    assert not log.unread
+    assert not log.unreadable
     assert not log.left_out
 
 
 def test_each_segment_of_a_shape_is_a_shape_of_its_own():
     log = raw(track([P, Q], [], [Q], name="a"), track([P], name="a-2"))
-    assert (log.ids, log.codes.tolist(), log.untimed) == (("a", "a-2", "a-2-2"), [0, 0, 1, 2], {0, 1, 2})
+    assert (log.ids, log.codes.tolist(), log.untimed) == (
+        ("a", "a-2", "a-2-2"),
+        [0, 0, 1, 2],
+        {0, 1, 2},
+    )
     assert raw(track([P], [Q])).ids == ("walk", "walk-2")
 
 
@@ -261,7 +301,11 @@ def test_a_nameless_track_alone_has_no_name():
 
 
 def test_blank_times_are_no_times():
-    assert raw(track(['<trkpt lat="1" lon="2"><time> </time></trkpt><trkpt lat="1" lon="2"><time/></trkpt>'])).untimed == {0}
+    assert raw(
+        track(
+            ['<trkpt lat="1" lon="2"><time> </time></trkpt><trkpt lat="1" lon="2"><time/></trkpt>']
+        )
+    ).untimed == {0}
 
 
 def test_the_times_of_a_route_are_told_as_not_read():
@@ -269,15 +313,33 @@ def test_the_times_of_a_route_are_told_as_not_read():
     log = raw(track([A]), timed)
     assert log.untimed == {1}
     (repair,) = log.repairs
-    assert (repair.count, repair.drops, repair.where, repair.value) == (1, False, "walk.gpx: point 3", "time '2024-05-04T08:00:00Z'")
+    assert (repair.count, repair.drops, repair.where, repair.value) == (
+        1,
+        False,
+        "walk.gpx: point 3",
+        "time '2024-05-04T08:00:00Z'",
+    )
 
 
 def test_points_outside_tracks_and_names_after_points_are_read():
-    log = raw(f"<trk><trkseg>{A}</trkseg><name>late</name><name>later</name></trk>", f"<trkseg>{C}</trkseg>{C}")
+    log = raw(
+        f"<trk><trkseg>{A}</trkseg><name>late</name><name>later</name></trk>",
+        f"<trkseg>{C}</trkseg>{C}",
+    )
     assert (log.ids, log.codes.tolist()) == (("late", "walk-2"), [0, 1, 1])
 
 
-@pytest.mark.parametrize("name", ["../../etc/passwd", "<script>alert(1)</script>", "tab\tline\nend", "\u202ert\u0085l", "a" * 5000, " a "])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "../../etc/passwd",
+        "<script>alert(1)</script>",
+        "tab\tline\nend",
+        "\u202ert\u0085l",
+        "a" * 5000,
+        " a ",
+    ],
+)
 def test_names_come_back_letter_by_letter(name):
     escaped = name.replace("&", "&amp;").replace("<", "&lt;")
     assert raw(track([A], name=escaped)).ids == (name,)
@@ -301,9 +363,17 @@ def test_elements_of_extensions_are_columns_under_any_prefix(prefix):
     for name in set(keep) - {"mood"}:
         np.testing.assert_array_equal(log.attributes[name], [expected[name], np.nan], name)
     assert log.attributes["mood"].tolist() == ["fine", ""]
-    assert log.dropped == ()
+    assert log.dropped_columns == ()
     assert log.times.tolist() == [1700000000.077, 1700000100.0]
-    assert raw(track([first, C])).dropped == ("ele", "atemp", "hr", "cad", "power", "speed", "mood")
+    assert raw(track([first, C])).dropped_columns == (
+        "ele",
+        "atemp",
+        "hr",
+        "cad",
+        "power",
+        "speed",
+        "mood",
+    )
 
 
 def test_the_first_of_several_values_counts_and_links_are_none():
@@ -311,12 +381,17 @@ def test_the_first_of_several_values_counts_and_links_are_none():
     log = raw(track([A.replace("</trkpt>", more + "</trkpt>"), C]), keep=("hr", "text"))
     np.testing.assert_array_equal(log.attributes["hr"], [1, np.nan])
     assert log.attributes["text"].tolist() == ["t", ""]
-    assert log.dropped == ("ele",)
+    assert log.dropped_columns == ("ele",)
 
 
 def test_a_kept_column_is_numbers_only_where_all_of_it_is():
-    points = [point(50, 8, f"2024-01-01T00:00:0{i}Z", f"<ele>{ele}</ele>") for i, ele in enumerate(["1.5", "NaN", "low"])]
-    np.testing.assert_array_equal(raw(track(points[:2]), keep=("alt",)).attributes["alt"], [1.5, np.nan])
+    points = [
+        point(50, 8, f"2024-01-01T00:00:0{i}Z", f"<ele>{ele}</ele>")
+        for i, ele in enumerate(["1.5", "NaN", "low"])
+    ]
+    np.testing.assert_array_equal(
+        raw(track(points[:2]), keep=("alt",)).attributes["alt"], [1.5, np.nan]
+    )
     assert raw(track(points), keep=("alt",)).attributes["alt"].tolist() == ["1.5", "NaN", "low"]
 
 
@@ -334,7 +409,12 @@ def test_a_kept_column_is_numbers_only_where_all_of_it_is():
     ],
 )
 def test_any_namespace_and_what_stands_before_the_root_are_fine(head):
-    data = (head + track([A, B]) + head[head.rindex("<") : head.rindex("<") + 4].replace("<", "</") + ">").encode()
+    data = (
+        head
+        + track([A, B])
+        + head[head.rindex("<") : head.rindex("<") + 4].replace("<", "</")
+        + ">"
+    ).encode()
     source = Source("walk.xml", data=data)
     assert format_for_reading(source).name == "gpx"
     assert read_gpx(source, Request()).times.tolist() == [1700000000.077, 1700000001.0]
@@ -343,7 +423,10 @@ def test_any_namespace_and_what_stands_before_the_root_are_fine(head):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("<kml><Placemark/></kml>", "XML, but not GPX: its root element is 'kml'; it is KML; turn it into GPX"),
+        (
+            "<kml><Placemark/></kml>",
+            "XML, but not GPX: its root element is 'kml'; it is KML; turn it into GPX",
+        ),
         ("<t:TrainingCenterDatabase xmlns:t='x'/>", "TCX"),
         ('<?xml version="1.0"?>\n<osm version="0.6"></osm>', "OpenStreetMap's"),
         ("<!DOCTYPE html><html><br></html>", "a web page"),
@@ -367,7 +450,9 @@ DEGREES = st.one_of(
     st.sampled_from(["", "undefined", "NaN", "1.2.3", "12x", "--5", "0x10", "1ee", "inf", "١٢"]),
 )
 TIMES = st.one_of(
-    st.integers(0, 2_000_000_000).map(lambda t: datetime.fromtimestamp(t, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")),
+    st.integers(0, 2_000_000_000).map(
+        lambda t: datetime.fromtimestamp(t, UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    ),
     st.sampled_from([None, "", "never"]),
 )
 SPACE = st.sampled_from(["", "", " ", "\n\t"])
@@ -377,10 +462,21 @@ ENCODINGS = st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "iso-8859-1", "wind
 
 @st.composite
 def points(draw, tag):
-    sides = [f'{name}="{draw(SPACE)}{text}{draw(SPACE)}"' for name in ("lat", "lon") if (text := draw(st.none() | DEGREES)) is not None]
+    sides = [
+        f'{name}="{draw(SPACE)}{text}{draw(SPACE)}"'
+        for name in ("lat", "lon")
+        if (text := draw(st.none() | DEGREES)) is not None
+    ]
     attributes = draw(st.permutations([*sides, *draw(st.sampled_from([[], ["id='7'"]]))]))
     time = draw(TIMES)
-    parts = draw(st.permutations(["<p:ele>1</p:ele>", *([] if time is None else [f"<p:time>{draw(SPACE)}{time}{draw(SPACE)}</p:time>"])]))
+    parts = draw(
+        st.permutations(
+            [
+                "<p:ele>1</p:ele>",
+                *([] if time is None else [f"<p:time>{draw(SPACE)}{time}{draw(SPACE)}</p:time>"]),
+            ]
+        )
+    )
     return f"<p:{' '.join([tag, *attributes])}>{draw(BETWEEN).join(parts)}</p:{tag}>"
 
 
@@ -389,19 +485,31 @@ def files(draw):
     prefix, encoding = draw(st.sampled_from(["", "g:", "x1:"])), draw(ENCODINGS)
     parts = ["<p:wpt lat='1' lon='1'/>"] * draw(st.integers(0, 2))
     for _ in range(draw(st.integers(1, 4))):
-        name = draw(st.sampled_from(["", "<p:name>Zürich &amp; Öst</p:name>", "<p:name>b</p:name>"]))
+        name = draw(
+            st.sampled_from(["", "<p:name>Zürich &amp; Öst</p:name>", "<p:name>b</p:name>"])
+        )
         if draw(st.booleans()):
             segments = draw(st.lists(st.lists(points("trkpt"), max_size=4), max_size=3))
-            inner = "".join(f"<p:trkseg>{draw(BETWEEN).join(segment)}</p:trkseg>" for segment in segments)
+            inner = "".join(
+                f"<p:trkseg>{draw(BETWEEN).join(segment)}</p:trkseg>" for segment in segments
+            )
             parts.append(f"<p:trk>{name}{inner}</p:trk>")
         else:
-            parts.append(f"<p:rte>{name}{''.join(draw(st.lists(points('rtept'), max_size=4)))}</p:rte>")
+            parts.append(
+                f"<p:rte>{name}{''.join(draw(st.lists(points('rtept'), max_size=4)))}</p:rte>"
+            )
     body = draw(BETWEEN).join(draw(st.permutations(parts)))
-    declared = encoding.removesuffix("-sig") if "utf" not in encoding or draw(st.booleans()) else None
+    declared = (
+        encoding.removesuffix("-sig") if "utf" not in encoding or draw(st.booleans()) else None
+    )
     head = f'<?xml version="1.0" encoding="{declared}"?>' if declared else ""
     space = f' xmlns{":" if prefix else ""}{prefix.rstrip(":")}="http://www.topografix.com/GPX/1/1"'
     text = head + f"<p:gpx{space}>{body}</p:gpx>"
-    return text.replace("<p:", f"<{prefix}").replace("</p:", f"</{prefix}").encode(encoding, "xmlcharrefreplace")
+    return (
+        text.replace("<p:", f"<{prefix}")
+        .replace("</p:", f"</{prefix}")
+        .encode(encoding, "xmlcharrefreplace")
+    )
 
 
 @settings(max_examples=60, deadline=None)
@@ -412,10 +520,21 @@ def test_all_points_come_out_as_an_independent_parse_has_them(data):
     found = root.findall(f".//{of}trkpt") + root.findall(f".//{of}rtept")
     source = Source("walk.gpx", data=data)
     assert format_for_reading(source).name == "gpx"
-    timed = [t for t in root.findall(f"{of}trk") if any((e.text or "").strip() for e in t.iter() if e.tag.endswith("}time"))]
-    expected = [_expected(point, parent in timed) for parent in root for point in parent.iter() if point.tag[-5:] in ("trkpt", "rtept")]
+    timed = [
+        t
+        for t in root.findall(f"{of}trk")
+        if any((e.text or "").strip() for e in t.iter() if e.tag.endswith("}time"))
+    ]
+    expected = [
+        _expected(point, parent in timed)
+        for parent in root
+        for point in parent.iter()
+        if point.tag[-5:] in ("trkpt", "rtept")
+    ]
     assert len(expected) == len(found)
-    usable = [e for e in expected if math.isfinite(e[0] + e[1]) and (math.isfinite(e[2]) or not e[3])]
+    usable = [
+        e for e in expected if math.isfinite(e[0] + e[1]) and (math.isfinite(e[2]) or not e[3])
+    ]
     readable = not timed or any(math.isfinite(e[2]) for e in expected)
     if not usable or not readable:
         with pytest.raises(InputError):
@@ -425,7 +544,9 @@ def test_all_points_come_out_as_an_independent_parse_has_them(data):
     np.testing.assert_array_equal(log.coordinates, [[lat, lon] for lat, lon, _, _ in expected])
     np.testing.assert_array_equal(log.times, [time for _, _, time, _ in expected])
     codes = np.zeros(len(expected), int) if log.codes is None else log.codes
-    assert [code not in log.untimed for code in codes.tolist()] == [is_timed for *_, is_timed in expected]
+    assert [code not in log.untimed for code in codes.tolist()] == [
+        is_timed for *_, is_timed in expected
+    ]
     assert len(log.ids) == len(set(log.ids))
 
 

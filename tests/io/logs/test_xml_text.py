@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gpszip.io.logs.gpx.read import read_gpx
-from gpszip.io.logs.gpx.xml_text import Replaced, Utf8, encoding_of, root_of
+from gpszip.io.logs.gpx.xml_text import ReplacedBytes, Utf8Transcoder, detect_encoding, root_element
 from gpszip.io.logs.raw import Request
 from gpszip.io.storage.source import Source
 
@@ -43,7 +43,7 @@ def test_declared_and_wrongly_declared_encodings_are_read(declared, written, nam
     log = log_of(data)
     assert log.ids == (name,)
     assert not log.repairs
-    assert root_of(data) == "gpx"
+    assert root_element(data) == "gpx"
 
 
 @pytest.mark.parametrize("declared", ["UTF-8", "us-ascii", "utf-16"])
@@ -53,7 +53,7 @@ def test_bytes_that_do_not_fit_the_encoding_are_told(declared):
     assert log.ids == ("Größe 5 €",)
     (repair,) = log.repairs
     assert (repair.count, repair.drops, repair.value) == (3, False, "text 'Größe'")
-    assert root_of(data) == "gpx"
+    assert root_element(data) == "gpx"
 
 
 def test_a_lone_half_of_a_utf_16_pair_becomes_the_replacement_character():
@@ -64,25 +64,33 @@ def test_a_lone_half_of_a_utf_16_pair_becomes_the_replacement_character():
 
 
 def test_white_space_and_marks_before_the_declaration_keep_the_numbers_of_lines():
-    utf8 = Utf8(b"\n")
-    assert [utf8.encode(piece) for piece in (b"\n ", "\ufeff".encode(), b"\r\n<a> </a>\n", b" ")] == [b"", b"", b"<a> </a>\n", b" "]
+    utf8 = Utf8Transcoder(b"\n")
+    assert [
+        utf8.encode(piece) for piece in (b"\n ", "\ufeff".encode(), b"\r\n<a> </a>\n", b" ")
+    ] == [b"", b"", b"<a> </a>\n", b" "]
     assert utf8.skipped_lines == 2
 
 
-@given(text=st.text(), cuts=st.lists(st.integers(0, 200)), encoding=st.sampled_from(["utf-8-sig", "utf-16", "utf-32"]))
+@given(
+    text=st.text(),
+    cuts=st.lists(st.integers(0, 200)),
+    encoding=st.sampled_from(["utf-8-sig", "utf-16", "utf-32"]),
+)
 def test_pieces_are_one_text_wherever_they_are_cut(text, cuts, encoding):
     data = f"<{text}".encode(encoding)
-    utf8 = Utf8(data)
+    utf8 = Utf8Transcoder(data)
     bounds = [0, *sorted(cuts), max(len(data), *cuts, 0)]
-    pieces = [utf8.encode(data[first:last]) for first, last in zip(bounds, bounds[1:], strict=False)]
+    pieces = [
+        utf8.encode(data[first:last]) for first, last in zip(bounds, bounds[1:], strict=False)
+    ]
     assert b"".join([*pieces, utf8.encode(b"", final=True)]).decode() == f"<{text}"
-    assert utf8.replaced == Replaced(0, "")
+    assert utf8.replaced == ReplacedBytes(0, "")
 
 
 @given(data=st.binary(max_size=400))
 def test_any_bytes_are_some_encoding_and_some_root_or_none(data):
-    assert "".encode(encoding_of(data)) is not None
-    assert root_of(data) is None or isinstance(root_of(data), str)
+    assert "".encode(detect_encoding(data)) is not None
+    assert root_element(data) is None or isinstance(root_element(data), str)
 
 
 @pytest.mark.parametrize(
@@ -102,4 +110,4 @@ def test_any_bytes_are_some_encoding_and_some_root_or_none(data):
     ],
 )
 def test_the_root_is_found_or_it_is_no_xml(head, root):
-    assert root_of(head) == root
+    assert root_element(head) == root

@@ -15,8 +15,8 @@ from gpszip.errors import OutputError
 from gpszip.geo.planes import to_plane
 from gpszip.io.maps.write import MAP_FORMATS, write_map
 from gpszip.io.networks.read import read_network
-from gpszip.io.networks.wkb import lines_of_wkb
-from gpszip.model import Plane, RoadMap, WayMap
+from gpszip.io.networks.wkb import parse_wkb_lines
+from gpszip.model import CleanMap, Plane, RoadMap
 
 
 def square(d=2, plane=None):
@@ -40,7 +40,9 @@ def test_geojson_has_a_line_for_each_edge_with_its_traversals(tmp_path):
     ]
     assert lines[0]["geometry"]["coordinates"][0] == [13.4, 52.5]
     assert lines[0]["geometry"]["coordinates"][1] == pytest.approx([13.40442, 52.5], abs=1e-5)
-    assert [f["properties"]["node"] for f in data["features"] if f["geometry"]["type"] == "Point"] == [0, 1, 2, 3]
+    assert [
+        f["properties"]["node"] for f in data["features"] if f["geometry"]["type"] == "Point"
+    ] == [0, 1, 2, 3]
     assert "gpszip" not in data
 
 
@@ -93,14 +95,21 @@ def test_csv_holds_the_places_of_both_ends(tmp_path):
 
 @pytest.mark.parametrize("suffix", MAP_FORMATS)
 def test_a_map_without_edges_is_a_valid_file(tmp_path, suffix):
-    still = RoadMap(np.zeros((1, 2)), np.zeros((0, 2), dtype=np.int32), np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+    still = RoadMap(
+        np.zeros((1, 2)),
+        np.zeros((0, 2), dtype=np.int32),
+        np.zeros(0, dtype=np.int64),
+        np.zeros(0, dtype=np.int64),
+    )
     write_map(still, tmp_path / f"map{suffix}")
     assert (tmp_path / f"map{suffix}").stat().st_size > 0
 
 
 def test_standard_output(capfdbinary):
     write_map(square(), "-", format="csv")
-    assert capfdbinary.readouterr().out.startswith(b"u,v,forward,backward,length,u_x,u_y,v_x,v_y\n0,1,3,0,300,")
+    assert capfdbinary.readouterr().out.startswith(
+        b"u,v,forward,backward,length,u_x,u_y,v_x,v_y\n0,1,3,0,300,"
+    )
 
 
 def test_unknown_formats_are_named(tmp_path):
@@ -115,8 +124,16 @@ DATE_LINE = Plane(((-170000000, 1800000000),))
 def test_geojson_cuts_edges_at_the_antimeridian(tmp_path):
     around = square(plane=DATE_LINE)
     write_map(replace(around, nodes=around.nodes - [150, 0]), tmp_path / "map.geojson")
-    lines = [feature["geometry"] for feature in json.loads((tmp_path / "map.geojson").read_text())["features"]]
-    assert [line["type"] for line in lines] == ["MultiLineString", "MultiLineString", "LineString", "MultiLineString"]
+    lines = [
+        feature["geometry"]
+        for feature in json.loads((tmp_path / "map.geojson").read_text())["features"]
+    ]
+    assert [line["type"] for line in lines] == [
+        "MultiLineString",
+        "MultiLineString",
+        "LineString",
+        "MultiLineString",
+    ]
     (west, (lon, lat)), ((again, same), east) = lines[0]["coordinates"]
     assert (lon, again, lat) == (180, -180, same)
     assert west[0] == pytest.approx(179.99859, abs=1e-5)
@@ -128,7 +145,7 @@ def test_geopackage_cuts_edges_at_the_antimeridian(tmp_path):
     write_map(replace(around, nodes=around.nodes - [150, 0]), tmp_path / "map.gpkg")
     meta, _, geometry, _ = pyogrio.raw.read(tmp_path / "map.gpkg", layer="edges")
     assert meta["geometry_type"] == "MultiLineString"
-    points, offsets, rows, others = lines_of_wkb(pa.array(geometry.tolist(), pa.binary()))
+    points, offsets, rows, others = parse_wkb_lines(pa.array(geometry.tolist(), pa.binary()))
     assert (rows.tolist(), others) == ([0, 0, 1, 1, 2, 3, 3], 0)
     assert all(np.ptp(points[a:b, 0]) < 1 for a, b in pairwise(offsets.tolist()))
 
@@ -137,7 +154,19 @@ def way(nodes, plane):
     """A clean map of a single way."""
     line, one = np.array(nodes, dtype=np.float64), np.ones(1, np.int64)
     ends, none = np.array([[0, 1]], np.int32), np.zeros((1, 0))
-    return WayMap(line[[0, -1]], ends, np.array([0, len(line)]), line, np.ones(1), one, one, np.ones((1, 3)), none, np.ones(1), plane)
+    return CleanMap(
+        line[[0, -1]],
+        ends,
+        np.array([0, len(line)]),
+        line,
+        np.ones(1),
+        one,
+        one,
+        np.ones((1, 3)),
+        none,
+        np.ones(1),
+        plane,
+    )
 
 
 def test_well_known_text_of_a_way_is_cut_at_the_antimeridian(tmp_path):
@@ -153,14 +182,20 @@ def test_a_map_that_was_cut_is_whole_again_as_a_network(tmp_path, suffix):
     around = square(plane=DATE_LINE)
     write_map(replace(around, nodes=around.nodes - [150, 0]), tmp_path / f"map{suffix}")
     network = read_network(tmp_path / f"map{suffix}")
-    graph = coo_array((np.ones(len(network.starts)), (network.starts, network.ends)), shape=(len(network.nodes),) * 2)
+    graph = coo_array(
+        (np.ones(len(network.starts)), (network.starts, network.ends)),
+        shape=(len(network.nodes),) * 2,
+    )
     assert connected_components(graph, directed=False)[0] == 1
     assert np.ptp(network.points[:, 0]) == pytest.approx(300, abs=0.1)
 
 
 def test_long_edges_stay_where_they_are(tmp_path):
     nodes = np.array([[-150_000.0, 0.0], [150_000.0, 0.0]])
-    write_map(RoadMap(nodes, np.array([[0, 1]], np.int32), np.ones(1, int), np.zeros(1, int), BERLIN), tmp_path / "map.geojson")
+    write_map(
+        RoadMap(nodes, np.array([[0, 1]], np.int32), np.ones(1, int), np.zeros(1, int), BERLIN),
+        tmp_path / "map.geojson",
+    )
     (feature,) = json.loads((tmp_path / "map.geojson").read_text())["features"]
     lon, lat = np.array(feature["geometry"]["coordinates"]).T
     number = np.linspace(0, len(lon) - 1, 20_000)

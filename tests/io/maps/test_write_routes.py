@@ -15,7 +15,18 @@ def street(names):
     starts, ends = np.arange(3, dtype=np.int32), np.arange(1, 4, dtype=np.int32)
     points = np.stack((nodes[:-1], nodes[1:]), axis=1).reshape(-1, 2)
     forward, both = np.array([True, True, False]), np.ones(3, bool)
-    return Network(nodes, starts, ends, 2 * np.arange(4), points, forward, both, np.full(3, np.nan), ["a", "b", "c"], names=names)
+    return Network(
+        nodes,
+        starts,
+        ends,
+        2 * np.arange(4),
+        points,
+        forward,
+        both,
+        np.full(3, np.nan),
+        ["a", "b", "c"],
+        names=names,
+    )
 
 
 def written(tracks, network, kind):
@@ -26,10 +37,17 @@ def written(tracks, network, kind):
 
 def test_routes_bear_the_names_of_their_streets():
     drive = Track("car", np.arange(0, 21.0), np.stack((10.0 * np.arange(21), np.zeros(21)), axis=1))
-    (route,) = json.loads(written([drive], street(["Main St", "Main St", ""]), "geojson"))["features"]
+    (route,) = json.loads(written([drive], street(["Main St", "Main St", ""]), "geojson"))[
+        "features"
+    ]
     assert (route["properties"]["roads"], route["properties"]["names"]) == (["a", "b"], ["Main St"])
     rows = list(csv.DictReader(io.StringIO(written([drive], street(["Main St", "", ""]), "csv"))))
-    assert (rows[0]["road"], rows[0]["name"], rows[-1]["road"], rows[-1]["name"]) == ("a", "Main St", "b", "")
+    assert (rows[0]["road"], rows[0]["name"], rows[-1]["road"], rows[-1]["name"]) == (
+        "a",
+        "Main St",
+        "b",
+        "",
+    )
     (bare,) = json.loads(written([drive], street(None), "geojson"))["features"]
     assert "names" not in bare["properties"]
     assert "name" not in next(csv.DictReader(io.StringIO(written([drive], street(None), "csv"))))
@@ -49,7 +67,11 @@ def test_what_has_no_times_is_written_without():
     shape = Track("plan", [0, 60, 150], [[0, 0], [60, 0], [150, 0]], timed=False)
     drive = Track("car", np.arange(0, 21.0), np.stack((10.0 * np.arange(21), np.zeros(21)), axis=1))
     plan, car = json.loads(written([shape, drive], street(None), "geojson"))["features"]
-    assert (plan["properties"]["length"], "t_start" in plan["properties"], "t_end" in plan["properties"]) == (150.0, False, False)
+    assert (
+        plan["properties"]["length"],
+        "t_start" in plan["properties"],
+        "t_end" in plan["properties"],
+    ) == (150.0, False, False)
     assert car["properties"]["t_end"] == 20.0
     rows = list(csv.DictReader(io.StringIO(written([shape, drive], street(None), "csv"))))
     assert [row["t"] for row in rows[:4]] == ["", "", "", "0"]

@@ -18,10 +18,20 @@ def test_routes_are_cut_at_the_antimeridian():
         forward=both, backward=both, speeds=np.full(1, np.nan), plane=DATE_LINE,
     )  # fmt: skip
     east = np.arange(-140.0, 141.0, 20.0)
-    bus = Track("bus", 5.0 * np.arange(len(east)), np.stack([east, np.full(len(east), 2.0)], axis=1), plane=DATE_LINE)
+    bus = Track(
+        "bus",
+        5.0 * np.arange(len(east)),
+        np.stack([east, np.full(len(east), 2.0)], axis=1),
+        plane=DATE_LINE,
+    )
     out = io.BytesIO()
     write_routes(match([bus], road, sigma=5.0), [bus], road, out, "geojson")
     (feature,) = json.loads(out.getvalue())["features"]
     assert feature["geometry"]["type"] == "MultiLineString"
-    assert [[np.sign(lon) for lon, _ in part] for part in feature["geometry"]["coordinates"]] == [[1, 1], [-1, -1]]
-    assert [part[end][0] for part, end in zip(feature["geometry"]["coordinates"], (-1, 0), strict=True)] == [180, -180]
+    assert [[np.sign(lon) for lon, _ in part] for part in feature["geometry"]["coordinates"]] == [
+        [1, 1],
+        [-1, -1],
+    ]
+    assert [
+        part[end][0] for part, end in zip(feature["geometry"]["coordinates"], (-1, 0), strict=True)
+    ] == [180, -180]

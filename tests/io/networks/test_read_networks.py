@@ -11,11 +11,15 @@ from pyproj import Transformer
 
 from gpszip.errors import CorruptArchiveError, InputError, UnknownFormatError
 from gpszip.geo.planes import choose_plane, to_plane
-from gpszip.io.networks.prepared_file import read_roads_file, write_roads_file
-from gpszip.io.networks.read import join_sources, read_network, read_network_with_account
+from gpszip.io.networks.prepared_file import read_prepared_file, write_prepared_file
+from gpszip.io.networks.read import read_network, read_network_result, read_road_graph
 from gpszip.model import Plane, Track
 
-STREETS = [[[11.0, 48.0], [11.001, 48.0]], [[11.001, 48.0], [11.001, 48.001]], [[11.001, 48.0], [11.002, 48.0]]]
+STREETS = [
+    [[11.0, 48.0], [11.001, 48.0]],
+    [[11.001, 48.0], [11.001, 48.001]],
+    [[11.001, 48.0], [11.002, 48.0]],
+]
 
 
 def log_at(lat=48.0, lon=11.0, plane=None, name="car"):
@@ -26,7 +30,11 @@ def log_at(lat=48.0, lon=11.0, plane=None, name="car"):
 
 def geojson(lines, properties=None, **members):
     features = [
-        {"type": "Feature", "properties": properties[i] if properties else {}, "geometry": {"type": "LineString", "coordinates": line}}
+        {
+            "type": "Feature",
+            "properties": properties[i] if properties else {},
+            "geometry": {"type": "LineString", "coordinates": line},
+        }
         for i, line in enumerate(lines)
     ]
     return json.dumps({"type": "FeatureCollection", **members, "features": features})
@@ -45,7 +53,9 @@ def test_lines_come_on_the_plane_of_the_log(roads):
     assert network.plane == log.plane
     assert len(network) == 3
     assert len(network.nodes) == 4
-    np.testing.assert_allclose(network.road(0), to_plane([48.0, 48.0], [11.0, 11.001], log.plane), atol=0.01)
+    np.testing.assert_allclose(
+        network.road(0), to_plane([48.0, 48.0], [11.0, 11.001], log.plane), atol=0.01
+    )
     assert network.forward.all()
     assert network.backward.all()
     assert np.isnan(network.speeds).all()
@@ -63,13 +73,15 @@ def test_properties_tell_directions_speeds_and_names():
         {"osm_id": "8", "oneway": "-1", "highway": "residential"},
         {"osm_id": "9", "oneway": None, "highway": "construction"},
     ]
-    read = read_network_with_account(io.BytesIO(geojson(STREETS, properties).encode()), near=log_at())
+    read = read_network_result(io.BytesIO(geojson(STREETS, properties).encode()), near=log_at())
     network = read.network
     assert list(network.ids) == ["7", "8"]
     assert network.forward.tolist() == [True, False]
     assert network.backward.tolist() == [False, True]
     np.testing.assert_allclose(network.speeds * 3.6, [0.85 * 50, 30])
-    assert [(repair.what, repair.count) for repair in read.repairs] == [("roads that nobody may travel dropped", 1)]
+    assert [(repair.what, repair.count) for repair in read.repairs] == [
+        ("roads that nobody may travel dropped", 1)
+    ]
 
 
 @pytest.mark.parametrize("suffix", [".gpkg", ".fgb", ".shp"])
@@ -90,7 +102,9 @@ def test_projected_files_are_transformed(tmp_path, suffix):
     network = read_network(path, near=log)
     assert sorted(network.backward.tolist()) == [False, True, True]
     np.testing.assert_allclose(
-        np.sort(network.lengths), np.sort(read_network(io.BytesIO(geojson(STREETS).encode()), near=log).lengths), atol=0.03
+        np.sort(network.lengths),
+        np.sort(read_network(io.BytesIO(geojson(STREETS).encode()), near=log).lengths),
+        atol=0.03,
     )
 
 
@@ -99,7 +113,7 @@ def test_shapefile_without_a_system_counts_as_degrees_and_says_so(tmp_path):
     lines = np.array([shapely.to_wkb(shapely.LineString(line)) for line in STREETS], object)
     with pytest.warns(UserWarning, match="crs"):
         pyogrio.raw.write(path, lines, [], [], geometry_type="LineString")
-    read = read_network_with_account(path, near=log_at())
+    read = read_network_result(path, near=log_at())
     assert len(read.network) == 3
     assert any("without a system" in repair.what for repair in read.repairs)
 
@@ -134,7 +148,7 @@ def test_a_network_of_another_place(roads):
 
 def test_a_vertex_that_is_no_number_does_not_make_metres_of_degrees():
     broken = geojson([*STREETS, [[float("nan"), 50.0], STREETS[0][0]]])
-    reading = read_network_with_account(io.BytesIO(broken.encode()), near=log_at())
+    reading = read_network_result(io.BytesIO(broken.encode()), near=log_at())
     assert len(reading.network) == len(read_network(io.BytesIO(geojson(STREETS).encode())))
     assert [repair.count for repair in reading.repairs if "no position" in repair.what] == [1]
 
@@ -148,14 +162,24 @@ def test_roads_far_from_the_log_are_left_out():
 def test_long_silences_make_more_ground_near():
     plane = Plane(((480_000_000, 110_000_000),))
     log = Track("car", [0, 9000], [[-30000.0, 0.0], [30000.0, 0.0]], plane=plane)
-    network = read_network(io.BytesIO(geojson([*STREETS, [[11.0, 48.15], [11.0, 48.16]], [[11.0, 49.5], [11.0, 49.6]]]).encode()), near=log)
+    network = read_network(
+        io.BytesIO(
+            geojson(
+                [*STREETS, [[11.0, 48.15], [11.0, 48.16]], [[11.0, 49.5], [11.0, 49.6]]]
+            ).encode()
+        ),
+        near=log,
+    )
     assert list(network.ids) == ["0", "1", "2", "3"]
 
 
 def test_a_straight_road_through_near_ground_counts():
     plane = Plane(((480_000_000, 110_000_000),))
     log = Track("car", [0, 1], [[0.0, 0.0], [1.0, 0.0]], plane=plane)
-    assert len(read_network(io.BytesIO(geojson([[[10.8, 48.0], [11.2, 48.0]]]).encode()), near=log)) == 1
+    assert (
+        len(read_network(io.BytesIO(geojson([[[10.8, 48.0], [11.2, 48.0]]]).encode()), near=log))
+        == 1
+    )
 
 
 def test_each_road_goes_to_the_planes_of_the_tracks_near_it():
@@ -205,7 +229,9 @@ GRAPH = """<?xml version='1.0' encoding='utf-8'?>
 
 
 def graph(kind="directed", crs="epsg:4326", scale=1.0):
-    return GRAPH.format(kind=kind, crs=crs, x0=11.0, y0=48.0, x1=11.001, y1=48.001, x2=11.0005, y2=48.0015).encode()
+    return GRAPH.format(
+        kind=kind, crs=crs, x0=11.0, y0=48.0, x1=11.001, y1=48.001, x2=11.0005, y2=48.0015
+    ).encode()
 
 
 def test_graphml_of_osmnx():
@@ -220,7 +246,10 @@ def test_graphml_of_osmnx():
 
 
 def test_undirected_graphml_goes_both_ways():
-    assert read_network(io.BytesIO(graph("undirected")), near=log_at()).backward.tolist() == [True, False]
+    assert read_network(io.BytesIO(graph("undirected")), near=log_at()).backward.tolist() == [
+        True,
+        False,
+    ]
 
 
 def test_damaged_graphml():
@@ -249,12 +278,19 @@ def test_damaged_graphml():
 def test_what_is_no_network(content, message):
     with pytest.raises(InputError, match=message) as caught:
         read_network(io.BytesIO(content))
-    assert isinstance(caught.value, UnknownFormatError) == (message in ("no network", "is XML, but neither"))
+    assert isinstance(caught.value, UnknownFormatError) == (
+        message in ("no network", "is XML, but neither")
+    )
 
 
 def test_unknown_coordinate_system(tmp_path):
     path = tmp_path / "roads.geojson"
-    path.write_text(geojson([[[500000, 5300000], [500100, 5300000]]], crs={"type": "name", "properties": {"name": "EPSG:32632"}}))
+    path.write_text(
+        geojson(
+            [[[500000, 5300000], [500100, 5300000]]],
+            crs={"type": "name", "properties": {"name": "EPSG:32632"}},
+        )
+    )
     assert read_network(path).lengths.tolist() == pytest.approx([100], rel=1e-3)
 
 
@@ -275,18 +311,33 @@ def city(size=60):
         48.0 + 0.001 * (np.arange(size) + 0.1 * rng.random((size, size))),
     )
     at = lambda i, j: [round(float(xs[i, j]), 7), round(float(ys[i, j]), 7)]  # noqa: E731
-    lines = [[at(i, j), at(a, b)] for i in range(size) for j in range(size) for a, b in ((i + 1, j), (i, j + 1)) if a < size and b < size]
+    lines = [
+        [at(i, j), at(a, b)]
+        for i in range(size)
+        for j in range(size)
+        for a, b in ((i + 1, j), (i, j + 1))
+        if a < size and b < size
+    ]
     return geojson(
-        lines, [{"id": f"é{i}", "oneway": "yes" if i % 3 == 0 else "no", "maxspeed": "50", "name": NAMES[i % 4]} for i in range(len(lines))]
+        lines,
+        [
+            {
+                "id": f"é{i}",
+                "oneway": "yes" if i % 3 == 0 else "no",
+                "maxspeed": "50",
+                "name": NAMES[i % 4],
+            }
+            for i in range(len(lines))
+        ],
     )
 
 
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory):
     path = tmp_path_factory.mktemp("roads") / "city.gpsz"
-    roads = join_sources(io.BytesIO(city().encode()))
+    roads = read_road_graph(io.BytesIO(city().encode()))
     with path.open("wb") as file:
-        size = write_roads_file(roads, file)
+        size = write_prepared_file(roads, file)
     assert path.stat().st_size == size
     return path, roads
 
@@ -302,8 +353,12 @@ def test_a_prepared_network_is_the_same_network(prepared):
     assert [loaded.names[i] for i in order] == [direct.names[i] for i in other]
     assert set(loaded.names) == {name or "" for name in NAMES}
     for name in ("forward", "backward", "speeds", "lengths"):
-        np.testing.assert_allclose(getattr(loaded, name)[order], getattr(direct, name)[other], atol=1e-4)
-    np.testing.assert_allclose(loaded.nodes[loaded.starts[order]], direct.nodes[direct.starts[other]], atol=0.01)
+        np.testing.assert_allclose(
+            getattr(loaded, name)[order], getattr(direct, name)[other], atol=1e-4
+        )
+    np.testing.assert_allclose(
+        loaded.nodes[loaded.starts[order]], direct.nodes[direct.starts[other]], atol=0.01
+    )
     assert len(loaded.nodes) == len(direct.nodes)
     assert len(read_network(path)) == len(roads)
 
@@ -314,9 +369,15 @@ def test_a_prepared_network_is_the_same_network(prepared):
         ([{"name": "A St"}, {"name": None}, {"name": " B  St "}], ["A St", "", "B St"]),
         ([{"Name": "A St"}, {"Name": ""}, {}], ["A St", "", ""]),
         ([{"street": "A St", "ref": "B 2"}, {"ref": "B 2"}, {}], ["A St", "B 2", ""]),
-        ([{"name": ["A St", "B St"]}, {"name": ["A St"]}, {"name": []}], ["A St; B St", "A St", ""]),
+        (
+            [{"name": ["A St", "B St"]}, {"name": ["A St"]}, {"name": []}],
+            ["A St; B St", "A St", ""],
+        ),
         ([{"name": 5}, {"name": 7}, {"name": None}], ["5", "7", ""]),
-        ([{"name": "[not a list"}, {"name": "['"}, {"name": "[1, ("}], ["[not a list", "['", "[1, ("]),
+        (
+            [{"name": "[not a list"}, {"name": "['"}, {"name": "[1, ("}],
+            ["[not a list", "['", "[1, ("],
+        ),
         ([{"name": None}, {"name": "nan"}, {"name": " "}], None),
         ([{}, {}, {}], None),
     ],
@@ -330,7 +391,11 @@ def test_prepared_networks_of_version_1_are_read(tmp_path):
     path = tmp_path / "old.gpsz"
     path.write_bytes(base64.b64decode(VERSION_1))
     network = read_network(path)
-    assert (list(network.ids), network.names, network.backward.tolist()) == (["é1", "2"], None, [False, True])
+    assert (list(network.ids), network.names, network.backward.tolist()) == (
+        ["é1", "2"],
+        None,
+        [False, True],
+    )
 
 
 def test_blocks_that_contradict_themselves_are_named(tmp_path):
@@ -351,9 +416,12 @@ def test_blocks_that_contradict_themselves_are_named(tmp_path):
 
 def test_only_blocks_that_are_wanted_are_read(prepared):
     path, roads = prepared
-    first = read_roads_file(path, "city", lambda boxes, degrees: np.arange(len(boxes)) == 0)
+    first = read_prepared_file(path, "city", lambda boxes, degrees: np.arange(len(boxes)) == 0)
     assert len(first) == 2048 < len(roads)
-    assert len(read_roads_file(path, "city", lambda boxes, degrees: np.zeros(len(boxes), bool))) == 0
+    assert (
+        len(read_prepared_file(path, "city", lambda boxes, degrees: np.zeros(len(boxes), bool)))
+        == 0
+    )
 
 
 def test_a_prepared_network_elsewhere(prepared):
@@ -377,7 +445,10 @@ def test_any_damage_is_noticed(prepared, tmp_path, at):
 def test_prepared_metres(tmp_path):
     path = tmp_path / "house.gpsz"
     with path.open("wb") as file:
-        write_roads_file(join_sources(io.BytesIO(geojson([[[0.1234, 0], [40, 0]]]).encode()), metric=True), file)
+        write_prepared_file(
+            read_road_graph(io.BytesIO(geojson([[[0.1234, 0], [40, 0]]]).encode()), metric=True),
+            file,
+        )
     robot = Track("robot", [0, 60], [[0, 0], [40, 30]])
     assert read_network(path, near=robot).lengths[0] == pytest.approx(39.877)
     with pytest.raises(InputError, match="metres"):
@@ -389,7 +460,9 @@ def test_the_layer_of_lines_is_found(tmp_path):
     points = np.array([shapely.to_wkb(shapely.Point(11.0, 48.0))], object)
     pyogrio.raw.write(path, points, [], [], layer="places", crs="EPSG:4326", geometry_type="Point")
     lines = np.array([shapely.to_wkb(shapely.LineString(line)) for line in STREETS], object)
-    pyogrio.raw.write(path, lines, [], [], layer="roads", crs="EPSG:4326", geometry_type="LineString", append=True)
+    pyogrio.raw.write(
+        path, lines, [], [], layer="roads", crs="EPSG:4326", geometry_type="LineString", append=True
+    )
     assert len(read_network(path, near=log_at())) == 3
 
 
@@ -430,16 +503,25 @@ def test_networks_without_a_usable_line_are_refused(tmp_path, coordinates, words
 @pytest.mark.parametrize(
     ("coordinates", "what", "value"),
     [
-        ('[["11", "48"], ["11.001", "48"]]', "features that are no lines dropped", "feature 1, counted from 0"),
+        (
+            '[["11", "48"], ["11.001", "48"]]',
+            "features that are no lines dropped",
+            "feature 1, counted from 0",
+        ),
         ("[[NaN, 48], [11, 48]]", "roads with a vertex that is no position dropped", "road '1'"),
         ("[[11, 48]]", "roads without a length dropped", "road '1'"),
     ],
 )
 def test_a_feature_that_is_no_road_is_named(tmp_path, coordinates, what, value):
     path = tmp_path / "roads.geojson"
-    features = ", ".join([json.dumps({"type": "Feature", "properties": {}, "geometry": LINE}), one_feature(coordinates)])
+    features = ", ".join(
+        [
+            json.dumps({"type": "Feature", "properties": {}, "geometry": LINE}),
+            one_feature(coordinates),
+        ]
+    )
     path.write_text(f'{{"type": "FeatureCollection", "features": [{features}]}}')
-    read = read_network_with_account(path, near=log_at())
+    read = read_network_result(path, near=log_at())
     assert len(read.network) == 1
     assert [(one.what, one.count, one.value) for one in read.repairs] == [(what, 1, value)]
 

@@ -2,9 +2,16 @@ import osmium
 import pytest
 
 from gpszip.errors import InputError
-from gpszip.io.networks.read import read_network, read_network_with_account
+from gpszip.io.networks.read import read_network, read_network_result
 
-PLACES = {1: (11.0, 48.0), 2: (11.001, 48.0), 3: (11.002, 48.0), 4: (11.001, 48.001), 5: (11.001, 47.999), 6: (11.003, 48.0)}
+PLACES = {
+    1: (11.0, 48.0),
+    2: (11.001, 48.0),
+    3: (11.002, 48.0),
+    4: (11.001, 48.001),
+    5: (11.001, 47.999),
+    6: (11.003, 48.0),
+}
 WAYS = {
     10: ([1, 2, 3], {"highway": "residential", "name": "Weg"}),
     11: ([4, 2, 5], {"highway": "primary", "oneway": "-1", "maxspeed": "60", "ref": "B 2"}),
@@ -29,11 +36,17 @@ def extract(request, tmp_path):
 
 
 def test_ways_become_roads(extract):
-    read = read_network_with_account(extract)
+    read = read_network_result(extract)
     network = read.network
     roads = {}
     for i, name in enumerate(network.ids):
-        roads.setdefault(name, []).append((bool(network.forward[i]), bool(network.backward[i]), round(float(network.speeds[i]) * 3.6)))
+        roads.setdefault(name, []).append(
+            (
+                bool(network.forward[i]),
+                bool(network.backward[i]),
+                round(float(network.speeds[i]) * 3.6),
+            )
+        )
     assert roads == {
         "10": [(True, True, 30)] * 2,
         "11": [(False, True, 51)] * 2,
@@ -41,7 +54,10 @@ def test_ways_become_roads(extract):
         "13": [(True, False, 100)],
         "17": [(True, True, 15)],
     }
-    assert {(one, name) for one, name in zip(network.ids, network.names, strict=True) if name} == {("10", "Weg"), ("11", "B 2")}
+    assert {(one, name) for one, name in zip(network.ids, network.names, strict=True) if name} == {
+        ("10", "Weg"),
+        ("11", "B 2"),
+    }
     counts = {repair.what: repair.count for repair in read.repairs}
     assert counts["roads cut where the extract ends"] == 1
     assert counts["ways that are no roads (areas, planned, gone) dropped"] == 1

@@ -21,13 +21,22 @@ def endpoint():
     server.start()
     host, port = server.get_host_and_port()
     url = f"http://{host}:{port}"
-    access = {"aws_access_key_id": "key", "aws_secret_access_key": "secret", "region_name": "us-east-1"}
+    access = {
+        "aws_access_key_id": "key",
+        "aws_secret_access_key": "secret",
+        "region_name": "us-east-1",
+    }
     storage = boto3.client("s3", endpoint_url=url, **access)
     storage.create_bucket(Bucket="logs")
     for number in range(3):
         body = io.BytesIO()
         along = np.arange(100.0)
-        pq.write_table(pa.table({"track_id": [str(number)] * 100, "t": along, "x": along, "y": np.full(100, number)}), body)
+        pq.write_table(
+            pa.table(
+                {"track_id": [str(number)] * 100, "t": along, "x": along, "y": np.full(100, number)}
+            ),
+            body,
+        )
         storage.put_object(Bucket="logs", Key=f"day/{number}.parquet", Body=body.getvalue())
     storage.put_object(Bucket="logs", Key="day/torn.parquet", Body=b"PAR1 and no more")
     yield url

@@ -2,7 +2,7 @@ import pytest
 
 from gpszip.errors import InputError
 from gpszip.io.logs.read import read_logs
-from gpszip.io.storage.remote import fetch
+from gpszip.io.storage.remote import fetch_objects
 from gpszip.io.storage.source import expand
 
 
@@ -16,7 +16,9 @@ def folder(tmp_path):
 
 
 def test_a_url_is_read_like_a_file(folder):
-    local, remote = (read_logs([name]) for name in (str(folder / "a.csv"), f"file://{folder}/a.csv"))
+    local, remote = (
+        read_logs([name]) for name in (str(folder / "a.csv"), f"file://{folder}/a.csv")
+    )
     assert [track.id for track in remote.tracks] == [track.id for track in local.tracks]
     assert remote.tracks[0].positions.tolist() == local.tracks[0].positions.tolist()
     assert remote.bytes == local.bytes
@@ -24,23 +26,35 @@ def test_a_url_is_read_like_a_file(folder):
 
 @pytest.mark.parametrize(
     ("pattern", "names"),
-    [("*.csv", ["a.csv", "b.csv"]), ("[b]*", ["b.csv"]), ("*/*.csv", ["deep/c.csv"]), ("**/*.csv", ["a.csv", "b.csv", "deep/c.csv"])],
+    [
+        ("*.csv", ["a.csv", "b.csv"]),
+        ("[b]*", ["b.csv"]),
+        ("*/*.csv", ["deep/c.csv"]),
+        ("**/*.csv", ["a.csv", "b.csv", "deep/c.csv"]),
+    ],
 )
 def test_a_pattern_stands_for_what_it_matches_in_order(folder, pattern, names):
-    assert [source.name for source in expand(f"file://{folder}/{pattern}")] == [f"file://{folder}/{name}" for name in names]
+    assert [source.name for source in expand(f"file://{folder}/{pattern}")] == [
+        f"file://{folder}/{name}" for name in names
+    ]
 
 
 @pytest.mark.parametrize(
-    ("name", "told"), [("none.csv", "no such file"), ("*.gpx", "no file matches"), ("deep", "no folder with Parquet files")]
+    ("name", "told"),
+    [
+        ("none.csv", "no such file"),
+        ("*.gpx", "no file matches"),
+        ("deep", "no folder with Parquet files"),
+    ],
 )
 def test_what_is_not_there_is_named(folder, name, told):
-    (error,) = fetch(f"file://{folder}/{name}")
+    (error,) = fetch_objects(f"file://{folder}/{name}")
     assert isinstance(error, InputError)
     assert f"file://{folder}/{name}" in str(error)
     assert told in str(error)
 
 
 def test_a_scheme_that_nobody_knows_is_named():
-    (error,) = fetch("gopher://host/log.csv")
+    (error,) = fetch_objects("gopher://host/log.csv")
     assert isinstance(error, InputError)
     assert "gopher" in str(error)

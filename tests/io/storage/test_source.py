@@ -10,7 +10,7 @@ import pytest
 from gpszip.errors import InputError
 from gpszip.io.large.store import store_logs
 from gpszip.io.logs.read import read_logs
-from gpszip.io.storage.expansion import FREE, RATIO, Meter
+from gpszip.io.storage.expansion import CHECKED_BYTES, MAX_EXPANSION, ExpansionMeter
 from gpszip.io.storage.source import Source, expand, spooled
 
 ROWS = "".join(f"{i},{i},0\n" for i in range(200))
@@ -31,7 +31,9 @@ def test_a_gzip_file_may_have_several_members():
     "damaged",
     [
         pytest.param(gzip.compress(LOG)[:-9], id="cut"),
-        pytest.param(gzip.compress(LOG)[:-8] + b"1234" + gzip.compress(LOG)[-4:], id="another checksum"),
+        pytest.param(
+            gzip.compress(LOG)[:-8] + b"1234" + gzip.compress(LOG)[-4:], id="another checksum"
+        ),
         pytest.param(gzip.compress(LOG) + b"and more", id="something behind it"),
     ],
 )
@@ -52,16 +54,18 @@ def test_a_gzip_file_that_expands_without_end_is_refused_where_it_begins_to(tmp_
     with pytest.raises(InputError, match=says), Source("log", data=BOMB).open() as stream:
         while piece := stream.read(1 << 20):
             came += len(piece)
-    assert came < FREE
+    assert came < CHECKED_BYTES
 
 
 def test_what_expands_much_only_for_a_while_is_read():
-    meter = Meter("log", "unpack it")
-    meter.count(FREE - 1, 1)
-    meter.count(FREE, 2 * FREE // RATIO + 1)  # as a whole, less than the limit
-    meter.count(FREE // 2, 2 * FREE // RATIO + 1)
+    meter = ExpansionMeter("log", "unpack it")
+    meter.count(CHECKED_BYTES - 1, 1)
+    meter.count(
+        CHECKED_BYTES, 2 * CHECKED_BYTES // MAX_EXPANSION + 1
+    )  # as a whole, less than the limit
+    meter.count(CHECKED_BYTES // 2, 2 * CHECKED_BYTES // MAX_EXPANSION + 1)
     with pytest.raises(InputError, match="log: expands more than"):
-        meter.count(FREE, 2 * FREE // RATIO + 1)
+        meter.count(CHECKED_BYTES, 2 * CHECKED_BYTES // MAX_EXPANSION + 1)
     assert meter.refused
 
 
@@ -97,7 +101,9 @@ def test_a_name_that_is_no_utf8_is_shown_escaped(tmp_path):
 @pytest.mark.skipif(sys.platform != "linux", reason="names are bytes on Linux only")
 def test_a_parquet_file_whose_name_is_no_utf8_is_read(tmp_path):
     path = os.fsdecode(os.fsencode(tmp_path) + b"/\xff.parquet")
-    pq.write_table(pa.table({"t": [0, 1], "x": [0.0, 1.0], "y": [0.0, 2.0]}), tmp_path / "plain.parquet")
+    pq.write_table(
+        pa.table({"t": [0, 1], "x": [0.0, 1.0], "y": [0.0, 2.0]}), tmp_path / "plain.parquet"
+    )
     (tmp_path / "plain.parquet").rename(path)
     assert len(read_logs(path).tracks[0]) == 2
 

@@ -2,12 +2,12 @@ import pytest
 
 from gpszip.errors import OutputError
 from gpszip.io.large.store import store_logs
-from gpszip.io.storage.temporary import scratch, writing
+from gpszip.io.storage.temporary import disk_errors_as_output_errors, scratch_folder
 
 
 def test_the_folder_goes_with_all_that_is_in_it(tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))
-    with scratch() as folder:
+    with scratch_folder() as folder:
         (folder / "a").write_text("much")
         assert folder.parent == tmp_path
     assert not list(tmp_path.iterdir())
@@ -17,7 +17,10 @@ def test_the_folder_goes_with_all_that_is_in_it(tmp_path, monkeypatch):
 def test_no_other_disk_is_filled_than_the_one_named(tmp_path, monkeypatch, name):
     (tmp_path / "file").touch()
     monkeypatch.setenv("TMPDIR", str(tmp_path / name))
-    with pytest.raises(OutputError, match=rf"TMPDIR names .*{name}: no temporary files can be made"), scratch():
+    with (
+        pytest.raises(OutputError, match=rf"TMPDIR names .*{name}: no temporary files can be made"),
+        scratch_folder(),
+    ):
         pass
 
 
@@ -30,7 +33,10 @@ def test_a_full_disk_is_named(tmp_path, monkeypatch):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, limits[1]))
     try:
-        with pytest.raises(OutputError, match=r"room: temporary files can't be written: .* let TMPDIR name a folder with more room"):
+        with pytest.raises(
+            OutputError,
+            match=r"room: temporary files can't be written: .* let TMPDIR name a folder with more room",
+        ):
             store_logs(str(tmp_path / "log.csv"), rows=3000)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
@@ -38,5 +44,5 @@ def test_a_full_disk_is_named(tmp_path, monkeypatch):
 
 
 def test_other_errors_pass():
-    with pytest.raises(KeyError), writing():
+    with pytest.raises(KeyError), disk_errors_as_output_errors():
         raise KeyError

@@ -30,7 +30,15 @@ def ids(reading):
 @pytest.mark.parametrize("method", [zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED])
 def test_each_file_in_an_archive_is_a_log(tmp_path, method):
     path = tmp_path / "walks.zip"
-    path.write_bytes(packed(("mon/a.csv", LOG), ("b.csv.gz", gzip.compress(LOG)), ("c.tsv", OTHER), ("empty/", b""), method=method))
+    path.write_bytes(
+        packed(
+            ("mon/a.csv", LOG),
+            ("b.csv.gz", gzip.compress(LOG)),
+            ("c.tsv", OTHER),
+            ("empty/", b""),
+            method=method,
+        )
+    )
     reading = read_logs(path)
     assert ids(reading) == [("a", 100), ("b", 100), ("7", 2)]
     assert reading.bytes < path.stat().st_size
@@ -41,7 +49,11 @@ def test_each_file_in_an_archive_is_a_log(tmp_path, method):
         assert [source.name for source in sources] == names
         assert [source.read() for source in sources] == [LOG, LOG, OTHER]
         with store_logs(sources, rows=1000) as log:
-            assert [(track.id, track.count) for track in log.tracks] == [("a", 100), ("b", 100), ("7", 2)]
+            assert [(track.id, track.count) for track in log.tracks] == [
+                ("a", 100),
+                ("b", 100),
+                ("7", 2),
+            ]
     assert ids(read_logs(io.BytesIO(path.read_bytes()))) == ids(reading)
 
 
@@ -50,7 +62,11 @@ def test_a_single_log_in_an_archive_is_like_the_log_itself():
 
 
 def test_what_is_no_log_is_left_out_and_named():
-    others = [("README.md", b"# Walks\n"), ("photo.jpg", bytes(range(256))), ("in.zip", packed(("a.csv", LOG)))]
+    others = [
+        ("README.md", b"# Walks\n"),
+        ("photo.jpg", bytes(range(256))),
+        ("in.zip", packed(("a.csv", LOG))),
+    ]
     passed_over = [("__MACOSX/._a.csv", b"x"), (".DS_Store", b"x"), (".git/config", b"x")]
     reading = read_logs(io.BytesIO(packed(("a.csv", LOG), *others, *passed_over)))
     assert ids(reading)[0][1] == 100
@@ -60,7 +76,9 @@ def test_what_is_no_log_is_left_out_and_named():
         ("stream/in.zip", "is a zip archive inside another file"),
     ]
     with store_logs(list(expand(io.BytesIO(packed(("a.csv", LOG), *others)))), rows=1000) as log:
-        assert [left.name for left in log.reading.left_out] == [left.name for left in reading.left_out]
+        assert [left.name for left in log.read_result.left_out] == [
+            left.name for left in reading.left_out
+        ]
     with pytest.raises(UnknownFormatError, match=r"stream/README\.md: is text"):
         read_logs(io.BytesIO(packed(others[0])))
 
@@ -70,7 +88,11 @@ def test_names_in_an_archive_are_names_only(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path / "here")
     data = packed(("../up.csv", LOG), ("/root.csv", LOG), ("a\x1b[2J\n.csv", LOG))
     with spooled(io.BytesIO(data)) as sources:
-        assert [source.name for source in sources] == ["stream/../up.csv", "stream//root.csv", r"stream/a\x1b[2J\n.csv"]
+        assert [source.name for source in sources] == [
+            "stream/../up.csv",
+            "stream//root.csv",
+            r"stream/a\x1b[2J\n.csv",
+        ]
         assert len(read_logs(sources).tracks) == 3
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["here"]
 
@@ -97,10 +119,16 @@ def with_bad_byte(data, at):
         (packed(("a.csv", LOG))[100:], "neither text"),
         (b"PK\x03\x04" + b"x" * 100, "damaged zip archive"),
         (with_bad_byte(packed(("a.csv", LOG)), 60), r"a\.csv: damaged in its zip archive"),
-        (with_bad_byte(packed(("a.csv", LOG), method=zipfile.ZIP_STORED), 60), r"a\.csv: damaged in its zip archive \(Bad CRC-32"),
+        (
+            with_bad_byte(packed(("a.csv", LOG), method=zipfile.ZIP_STORED), 60),
+            r"a\.csv: damaged in its zip archive \(Bad CRC-32",
+        ),
         (changed(packed(("a.csv", LOG)), flags=1), r"a\.csv: is encrypted; unpack it first"),
         (changed(packed(("a.csv", LOG)), method=14), r"a\.csv: is packed by method 14 of zip"),
-        (packed(("xl/workbook.xml", b"<a/>")), "is an Excel workbook; save the sheet with the log as CSV"),
+        (
+            packed(("xl/workbook.xml", b"<a/>")),
+            "is an Excel workbook; save the sheet with the log as CSV",
+        ),
         (gzip.compress(packed(("a.csv", LOG))), "is a zip archive inside another file"),
     ],
 )
@@ -133,7 +161,10 @@ def test_an_archive_that_expands_without_end_is_refused_once():
     assert [str(source) for source in sources if isinstance(source, InputError)] == [
         "stream: expands more than 300 times; if that is meant, unpack it yourself, and name the files"
     ]
-    assert sum(source.archive == "stream" for source in sources if not isinstance(source, InputError)) == 2
+    assert (
+        sum(source.archive == "stream" for source in sources if not isinstance(source, InputError))
+        == 2
+    )
 
 
 def test_thousands_of_members_and_zip64():
@@ -159,4 +190,7 @@ def test_no_change_of_a_byte_breaks_the_reader(method, changes, cut):
     for source in expand(io.BytesIO(bytes(data[: len(data) - max(cut - 2900, 0)]))):
         assert "\n" not in (str(source) if isinstance(source, InputError) else source.name)
         if isinstance(source, Source) and source.archive:
-            assert source.data in (OTHER, b"")  # whole, as its checksum is; or it says that it is empty
+            assert source.data in (
+                OTHER,
+                b"",
+            )  # whole, as its checksum is; or it says that it is empty

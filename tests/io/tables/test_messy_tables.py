@@ -39,7 +39,7 @@ def at_once(path, **options):
 
 def in_pieces(path, **options):
     with store_logs(path, rows=1000, **options) as log:
-        return Log(log.reading, [log.read(track) for track in log.tracks])
+        return Log(log.read_result, [log.read(track) for track in log.tracks])
 
 
 @pytest.fixture(params=[at_once, in_pieces], ids=["at once", "in pieces"])
@@ -60,7 +60,10 @@ def read(request, tmp_path):
     [
         ("time,LATITUDE,N/S,LONGITUDE,E/W\n0,33.8561,S,70.2152,W\n", (-33.8561, -70.2152)),
         ("t,lat,lat_dir,lon,lon_dir\n0,33.8561,s,-70.2152,west\n", (-33.8561, -70.2152)),
-        ("t,GPSLatitude,GPSLatitudeRef,GPSLongitude,GPSLongitudeRef\n0,33.8561,South,70.2152,East\n", (-33.8561, 70.2152)),
+        (
+            "t,GPSLatitude,GPSLatitudeRef,GPSLongitude,GPSLongitudeRef\n0,33.8561,South,70.2152,East\n",
+            (-33.8561, 70.2152),
+        ),
         ("t,lat,a,lon,b\n0,33.8561,S,70.2152,W\n", (-33.8561, -70.2152)),
         ("t,lat,lon,a,b\n0,33.8561,70.2152,S,W\n", (-33.8561, -70.2152)),
         ("t,lat,ns,lon,ew\n0,4808.225,N,00007.500,W\n", (48 + 8.225 / 60, -0.125)),
@@ -81,9 +84,22 @@ def test_coordinates_in_many_dresses(read, text, expected):
 
 
 @pytest.mark.parametrize(
-    "time", ["tracked_at", "timestamp_epoch", "epoch_ms", "gpsTime", "time_stamp_utc", "BaseDateTime", "fixTime", "tst"]
+    "time",
+    [
+        "tracked_at",
+        "timestamp_epoch",
+        "epoch_ms",
+        "gpsTime",
+        "time_stamp_utc",
+        "BaseDateTime",
+        "fixTime",
+        "tst",
+    ],
 )
-@pytest.mark.parametrize(("lat", "lon"), [("locationLatitude(WGS84)", "locationLongitude(WGS84)"), ("position_lat", "position_long")])
+@pytest.mark.parametrize(
+    ("lat", "lon"),
+    [("locationLatitude(WGS84)", "locationLongitude(WGS84)"), ("position_lat", "position_long")],
+)
 def test_names_that_loggers_write(read, time, lat, lon):
     assert read(f"{lon},{lat},{time}\n11,48,0\n").points == 1
 
@@ -121,11 +137,17 @@ def test_units_below_the_header_are_named(read):
         ("t,lat,a,lon,b\n0,33,S,70,q\n", "column 'a' holds only N or S"),
         ("t,lat,ns,lon,ew\n0,33,1,70,2\n", "ns '1'"),
         ("t,lat,lon\n0,undefined,70\n", "lat 'undefined'"),
-        ("t,lat,lon,speed,course\n0,48,11,5\n1,48,11,5\n", "header has 5 cells, but its rows have 4"),
+        (
+            "t,lat,lon,speed,course\n0,48,11,5\n1,48,11,5\n",
+            "header has 5 cells, but its rows have 4",
+        ),
         ("t;x;y\n0;1,234;2,345\n", "'1,234' may have decimals or thousands"),
         ("t,lat,lon\n0,4808.225,01134.5\n", "not degrees"),
         ('t,x,y,note\n0,1,2,"lost\n1,2,3,a\n2,3,4,b\n', "row 2: a quote is not closed"),
-        ('t,x,y,note\n0,1,2,"lost\n1,2,3,a\n2,3,4,"found" b\n3,3,4,c\n', "row 2: a quote is not closed"),
+        (
+            't,x,y,note\n0,1,2,"lost\n1,2,3,a\n2,3,4,"found" b\n3,3,4,c\n',
+            "row 2: a quote is not closed",
+        ),
         ("t,x,y," + "c," * (1 << 18) + "\n0,1,2\n", "first line is longer than 256 KiB"),
         ("id,t,x,y\na\0b,0,0,0\n", "neither text"),
     ],
@@ -138,8 +160,13 @@ def test_what_can_be_taken_in_two_ways_is_refused_in_one_line(read, text, says):
 
 
 def test_columns_by_position_settle_names_and_hemispheres(read):
-    assert read("t,lat,lat,lon\n0,1,2,3\n", columns="t,-,lat,lon").places[0].round(6).tolist() == [2, 3]
-    assert read("t,lat,a,lon,b\n0,33,S,70,q\n", columns="t,lat,-,lon").places[0].round(6).tolist() == [33, 70]
+    assert read("t,lat,lat,lon\n0,1,2,3\n", columns="t,-,lat,lon").places[0].round(6).tolist() == [
+        2,
+        3,
+    ]
+    assert read("t,lat,a,lon,b\n0,33,S,70,q\n", columns="t,lat,-,lon").places[0].round(
+        6
+    ).tolist() == [33, 70]
 
 
 def test_names_of_rows_are_no_names_of_tracks(read):
@@ -147,17 +174,29 @@ def test_names_of_rows_are_no_names_of_tracks(read):
     log = read("uuid,t,lat,lon\n" + rows)
     assert len(log.places) == 40
     (told,) = log.repairs.values()
-    assert told.what == "rows named one by one in column 'uuid', which is no track id; --columns id=uuid makes it one"
+    assert (
+        told.what
+        == "rows named one by one in column 'uuid', which is no track id; --columns id=uuid makes it one"
+    )
     assert not told.drops
     assert len(read("uuid,t,lat,lon\n" + rows, columns="id=uuid").tracks) == 40
     assert len(read("uuid,t,lat,lon\n" + rows, columns="id,t,lat,lon").tracks) == 40
 
 
 def test_a_list_of_many_vehicles_keeps_their_names(read):
-    assert len(read("mmsi,t,lat,lon\n" + "".join(f"{i},5,{i},11\n" for i in range(40))).tracks) == 40
-    assert len(read("mmsi,t,lat,lon\n" + "".join(f"{i},{i},{i},11\n" for i in range(40))).tracks) == 40
-    assert len(read("mmsi,t,lat,lon\n" + "".join(f"{i},{-i},0,11\n" for i in range(40))).tracks) == 40
-    assert len(read("mmsi,t,lat,lon\n" + "".join(f"{i % 20},{i},0,11\n" for i in range(40))).tracks) == 20
+    assert (
+        len(read("mmsi,t,lat,lon\n" + "".join(f"{i},5,{i},11\n" for i in range(40))).tracks) == 40
+    )
+    assert (
+        len(read("mmsi,t,lat,lon\n" + "".join(f"{i},{i},{i},11\n" for i in range(40))).tracks) == 40
+    )
+    assert (
+        len(read("mmsi,t,lat,lon\n" + "".join(f"{i},{-i},0,11\n" for i in range(40))).tracks) == 40
+    )
+    assert (
+        len(read("mmsi,t,lat,lon\n" + "".join(f"{i % 20},{i},0,11\n" for i in range(40))).tracks)
+        == 20
+    )
 
 
 def test_names_of_tracks_are_decided_once_for_all_rows(read):
@@ -175,14 +214,18 @@ def test_names_of_tracks_are_decided_once_for_all_rows(read):
 )
 def test_a_few_positions_off_the_globe_are_dropped_counted_and_named(read, bad, count, value):
     good = 3 if count <= 3 else 95
-    text = "t,lat,lon\n" + "".join(f"{i},{bad if 0 < i <= count else '48.1,11'}\n" for i in range(good + count))
+    text = "t,lat,lon\n" + "".join(
+        f"{i},{bad if 0 < i <= count else '48.1,11'}\n" for i in range(good + count)
+    )
     repair = read(text).repairs["rows off the globe dropped"]
     assert (repair.count, repair.value, repair.where[-6:]) == (count, value, " row 3")
 
 
 def test_many_positions_off_the_globe_are_refused_unless_bad_ones_are_to_be_skipped(read):
     text = "t,lat,lon\n" + "".join(f"{i},{'-9999' if i % 3 else '48'},11\n" for i in range(30))
-    with pytest.raises(InputError, match=r"row 3: latitude -9999, longitude 11: not degrees \(20 of 30 such\)"):
+    with pytest.raises(
+        InputError, match=r"row 3: latitude -9999, longitude 11: not degrees \(20 of 30 such\)"
+    ):
         read(text)
     assert len(read(text, skip_bad=True).places) == 10
     with pytest.raises(InputError, match="not degrees"):
@@ -220,21 +263,30 @@ def test_line_ends_may_be_mixed_and_lines_empty(read):
 
 
 def test_letters_that_are_not_utf_8_come_late(read):
-    log = read(b"id,t,x,y\n" + b"".join(b"a,%d,0,0\n" % i for i in range(40_000)) + b"\xe9\0\x01,1,0,0\n")
+    log = read(
+        b"id,t,x,y\n" + b"".join(b"a,%d,0,0\n" % i for i in range(40_000)) + b"\xe9\0\x01,1,0,0\n"
+    )
     assert list(log.tracks) == ["a", "\xe9\0\x01"]
 
 
 @settings(max_examples=25)
 @given(
     names=st.lists(
-        st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=12), min_size=1, max_size=4, unique=True
+        st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\0"), max_size=12),
+        min_size=1,
+        max_size=4,
+        unique=True,
     )
 )
 def test_names_come_back_verbatim(names, tmp_path_factory):
     path = tmp_path_factory.mktemp("names") / "log"
     names = [*names, "../../etc/passwd", "<script>", "a\nb\r\n", "\x1b[31m", "x" * 200]
     cells = ['"' + name.replace('"', '""') + '"' for name in names]
-    path.write_bytes(("t,track_id,x,y\n" + "".join(f"{t},{cell},0,0\n" for t in range(3) for cell in cells)).encode())
+    path.write_bytes(
+        (
+            "t,track_id,x,y\n" + "".join(f"{t},{cell},0,0\n" for t in range(3) for cell in cells)
+        ).encode()
+    )
     assert list(at_once(path).tracks) == list(in_pieces(path).tracks) == list(dict.fromkeys(names))
 
 
@@ -252,7 +304,10 @@ def test_names_come_back_verbatim(names, tmp_path_factory):
     ],
 )
 def test_parquet_columns_of_any_type_that_holds_numbers(read, lat):
-    assert read({"t": [0, 1], "lat": lat, "lon": [11, 11]}).places[:, 0].round(6).tolist() == [48.5, 49]
+    assert read({"t": [0, 1], "lat": lat, "lon": [11, 11]}).places[:, 0].round(6).tolist() == [
+        48.5,
+        49,
+    ]
 
 
 @pytest.mark.parametrize(
@@ -289,7 +344,9 @@ def test_parquet_columns_of_one_name_are_refused(tmp_path):
 @given(data=st.data())
 def test_damaged_parquet_is_read_or_refused(data, tmp_path_factory):
     path = tmp_path_factory.mktemp("damaged") / "log"
-    pq.write_table(pa.table({"t": np.arange(50), "lat": np.arange(50) / 2, "lon": ["11"] * 50}), path)
+    pq.write_table(
+        pa.table({"t": np.arange(50), "lat": np.arange(50) / 2, "lon": ["11"] * 50}), path
+    )
     raw = bytearray(path.read_bytes())
     at = data.draw(st.integers(4, len(raw) - 1))
     raw[at : at + 4] = data.draw(st.binary(min_size=4, max_size=4))
@@ -303,14 +360,22 @@ def test_damaged_parquet_is_read_or_refused(data, tmp_path_factory):
 
 def test_words_for_nothing_are_named(tmp_path):
     path = tmp_path / "log.csv"
-    path.write_text("t,lat,lon\n" + "".join(f"{i},{'n/a' if i == 7 else 48 + i / 1e4},11\n" for i in range(40)))
+    path.write_text(
+        "t,lat,lon\n" + "".join(f"{i},{'n/a' if i == 7 else 48 + i / 1e4},11\n" for i in range(40))
+    )
     (repair,) = read_logs(path).repairs
-    assert (repair.what, repair.count, repair.value) == ("rows without a position dropped", 1, "lat 'n/a'")
+    assert (repair.what, repair.count, repair.value) == (
+        "rows without a position dropped",
+        1,
+        "lat 'n/a'",
+    )
 
 
 def test_a_table_without_times_is_a_shape_where_that_is_asked_for(tmp_path):
     path = tmp_path / "route.csv"
-    path.write_text("name,lat,lon\n" + "".join(f"{'ab'[i // 5]},{48 + i / 1e3},11\n" for i in range(10)))
+    path.write_text(
+        "name,lat,lon\n" + "".join(f"{'ab'[i // 5]},{48 + i / 1e3},11\n" for i in range(10))
+    )
     with pytest.raises(InputError, match=r"no time;.*or keep the shape alone: --no-times"):
         read_logs(path)
     one, other = read_logs(path, times=False).tracks

@@ -10,8 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpszip.io.logs.raw import Unread
-from gpszip.io.values.coordinates import degrees, has_decimal_comma, has_packed_minutes, unread
+from gpszip.io.logs.raw import UnreadableCell
+from gpszip.io.values.coordinates import (
+    first_unreadable_cell,
+    has_decimal_comma,
+    has_packed_minutes,
+    parse_degrees,
+)
 
 
 def column(*cells):
@@ -19,7 +24,7 @@ def column(*cells):
 
 
 def one(cell, axis="lat", **options):
-    return degrees(pa.chunked_array([[cell]], pa.string()), axis, **options).tolist()[0]
+    return parse_degrees(pa.chunked_array([[cell]], pa.string()), axis, **options).tolist()[0]
 
 
 DMS = 48 + 8 / 60 + 13.5 / 3600
@@ -63,9 +68,42 @@ def test_usual_forms_are_read(cell, expected):
 @pytest.mark.parametrize(
     "cell",
     [
-        *("", " ", "undefined", "nan", "NaN", "inf", "-Infinity", "0x30", "1_000", "1,234.5", "48,137", "٤٨"),
-        *("48.137E", "-48.137N", "N48.137N", "N-48.137", "48.137 X", "48.137abc", "abc48", "--48", "48.1.3", "- 48"),
-        *("48°60'00\"N", "48°08'60\"N", "48.5°08'N", "48°08.5'13\"N", "48 8 13 5", "48.1 11.5", "48:08:13:01", "48 137"),
+        *(
+            "",
+            " ",
+            "undefined",
+            "nan",
+            "NaN",
+            "inf",
+            "-Infinity",
+            "0x30",
+            "1_000",
+            "1,234.5",
+            "48,137",
+            "٤٨",
+        ),
+        *(
+            "48.137E",
+            "-48.137N",
+            "N48.137N",
+            "N-48.137",
+            "48.137 X",
+            "48.137abc",
+            "abc48",
+            "--48",
+            "48.1.3",
+            "- 48",
+        ),
+        *(
+            "48°60'00\"N",
+            "48°08'60\"N",
+            "48.5°08'N",
+            "48°08.5'13\"N",
+            "48 8 13 5",
+            "48.1 11.5",
+            "48:08:13:01",
+            "48 137",
+        ),
         *("48d8m13.5S", "48.137\n11.575", "48.137\x00", "9" * 400, "1e999", "N", "°", "2024-05-04"),
     ],
 )
@@ -82,30 +120,55 @@ def test_a_hemisphere_must_fit_the_axis():
 def test_hemispheres_beside_the_numbers():
     cells = column("33.8", "33.8", "-33.8", "-33.8", "33.8", "33.8", "33.8S", "33.8N")
     sides = column("S", " north ", "S", "N", "E", None, "s", "S")
-    np.testing.assert_array_equal(degrees(cells, "lat", hemisphere=sides), [-33.8, 33.8, -33.8, *[np.nan] * 3, -33.8, np.nan])
-    np.testing.assert_array_equal(degrees(column(70.2, 70.2), "lon", hemisphere=column("west", "5")), [-70.2, np.nan])
-    assert math.isnan(degrees(column(70.2), "lon", hemisphere=column(1))[0])
+    np.testing.assert_array_equal(
+        parse_degrees(cells, "lat", hemisphere=sides),
+        [-33.8, 33.8, -33.8, *[np.nan] * 3, -33.8, np.nan],
+    )
+    np.testing.assert_array_equal(
+        parse_degrees(column(70.2, 70.2), "lon", hemisphere=column("west", "5")), [-70.2, np.nan]
+    )
+    assert math.isnan(parse_degrees(column(70.2), "lon", hemisphere=column(1))[0])
 
 
 @pytest.mark.parametrize(
-    "kind", [pa.int8(), pa.uint64(), pa.float16(), pa.float32(), pa.decimal128(9, 2), pa.dictionary(pa.int8(), pa.int16())]
+    "kind",
+    [
+        pa.int8(),
+        pa.uint64(),
+        pa.float16(),
+        pa.float32(),
+        pa.decimal128(9, 2),
+        pa.dictionary(pa.int8(), pa.int16()),
+    ],
 )
 def test_numbers_of_any_type(kind):
-    values = np.array([48, 11], np.float16) if kind == pa.float16() else pa.array([48, 11]).cast(pa.int16()).to_numpy()
-    cells = pa.array(values).dictionary_encode() if pa.types.is_dictionary(kind) else pa.array(values).cast(kind)
-    assert degrees(pa.chunked_array([cells]), "lat").tolist() == [48, 11]
+    values = (
+        np.array([48, 11], np.float16)
+        if kind == pa.float16()
+        else pa.array([48, 11]).cast(pa.int16()).to_numpy()
+    )
+    cells = (
+        pa.array(values).dictionary_encode()
+        if pa.types.is_dictionary(kind)
+        else pa.array(values).cast(kind)
+    )
+    assert parse_degrees(pa.chunked_array([cells]), "lat").tolist() == [48, 11]
 
 
-@pytest.mark.parametrize("kind", [pa.large_string(), pa.string_view(), pa.dictionary(pa.int8(), pa.string())])
+@pytest.mark.parametrize(
+    "kind", [pa.large_string(), pa.string_view(), pa.dictionary(pa.int8(), pa.string())]
+)
 def test_text_of_any_type(kind):
     cells = pa.array(["48.1", "x", None])
     cells = cells.dictionary_encode() if pa.types.is_dictionary(kind) else cells.cast(kind)
-    np.testing.assert_array_equal(degrees(pa.chunked_array([cells]), "lat"), [48.1, np.nan, np.nan])
+    np.testing.assert_array_equal(
+        parse_degrees(pa.chunked_array([cells]), "lat"), [48.1, np.nan, np.nan]
+    )
 
 
 @pytest.mark.parametrize("cells", [[True], [b"48.1"], [[48.1]], [{"lat": 48.1}], [None]])
 def test_other_types_hold_no_degrees(cells):
-    assert np.isnan(degrees(pa.chunked_array([cells]), "lat")).all()
+    assert np.isnan(parse_degrees(pa.chunked_array([cells]), "lat")).all()
 
 
 def test_decimal_commas_only_where_the_whole_column_has_them():
@@ -113,9 +176,11 @@ def test_decimal_commas_only_where_the_whole_column_has_them():
     assert has_decimal_comma([whole, column("11,5", "11,5", "11")])
     assert not has_decimal_comma([whole, mixed])
     assert not has_decimal_comma([column(48.1), column("n/a, sorry")])
-    assert degrees(whole, "lat", decimal_comma=True).tolist() == [48.1371, 48, 48.2]
-    np.testing.assert_array_equal(degrees(mixed, "lat"), [np.nan, 48.2])
-    np.testing.assert_array_equal(degrees(mixed, "lat", decimal_comma=True), [48.1371, np.nan])
+    assert parse_degrees(whole, "lat", decimal_comma=True).tolist() == [48.1371, 48, 48.2]
+    np.testing.assert_array_equal(parse_degrees(mixed, "lat"), [np.nan, 48.2])
+    np.testing.assert_array_equal(
+        parse_degrees(mixed, "lat", decimal_comma=True), [48.1371, np.nan]
+    )
     assert one("48°08'13,5\"N", decimal_comma=True) == pytest.approx(DMS)
     assert math.isnan(one("1.048,5", decimal_comma=True))
 
@@ -123,8 +188,10 @@ def test_decimal_commas_only_where_the_whole_column_has_them():
 def test_packed_minutes_only_where_the_whole_column_has_them():
     lat, lon = column("4808.225", "4808.226"), column("00007.500", "00007.501")
     assert has_packed_minutes(lat, lon)
-    assert degrees(lat, "lat", packed_minutes=True)[0] == pytest.approx(DMS)
-    assert degrees(lon, "lon", packed_minutes=True, hemisphere=column("W", "W"))[0] == pytest.approx(-0.125)
+    assert parse_degrees(lat, "lat", packed_minutes=True)[0] == pytest.approx(DMS)
+    assert parse_degrees(lon, "lon", packed_minutes=True, hemisphere=column("W", "W"))[
+        0
+    ] == pytest.approx(-0.125)
     assert has_packed_minutes(column(4808.225), column(7.5))
     assert not has_packed_minutes(column(4808.225, 48.1), column(1134.5, 1134.6))
     assert not has_packed_minutes(column(4868.225), column(1134.5))
@@ -134,9 +201,13 @@ def test_packed_minutes_only_where_the_whole_column_has_them():
 
 def test_the_first_cell_that_can_not_be_read_is_named():
     cells = column("48.1", " ", None, "undefined", "x")
-    assert unread(cells, degrees(cells, "lat"), "LAT") == Unread("LAT", 3, "undefined")
-    assert unread(column("48.1", ""), np.array([48.1, np.nan]), "lat") is None
-    assert unread(column(1.0, float("nan")), np.array([1.0, np.nan]), "x") == Unread("x", 1, "nan")
+    assert first_unreadable_cell(cells, parse_degrees(cells, "lat"), "LAT") == UnreadableCell(
+        "LAT", 3, "undefined"
+    )
+    assert first_unreadable_cell(column("48.1", ""), np.array([48.1, np.nan]), "lat") is None
+    assert first_unreadable_cell(
+        column(1.0, float("nan")), np.array([1.0, np.nan]), "x"
+    ) == UnreadableCell("x", 1, "nan")
 
 
 @given(st.text(max_size=30))

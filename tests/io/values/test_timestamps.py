@@ -11,13 +11,15 @@ from hypothesis import strategies as st
 from gpszip.errors import InputError, OptionError
 from gpszip.io.large.store import store_logs
 from gpszip.io.logs.read import read_logs
-from gpszip.io.values.timestamps import seconds, unit_origin, unit_seconds
+from gpszip.io.values.timestamps import times_to_seconds, unit_origin, unit_seconds
 
 EIGHT = 1714809600.0  # 2024-05-04T08:00:00Z
 
 
 def times_of(*cells, unit=None, **options):
-    return seconds(pa.chunked_array([list(cells)]), unit, "log.csv: column 't'", **options).tolist()
+    return times_to_seconds(
+        pa.chunked_array([list(cells)]), unit, "log.csv: column 't'", **options
+    ).tolist()
 
 
 def read(text, **options):
@@ -58,7 +60,10 @@ def times_read(text, **options):
         ("Sat, 04 May 2024 10:00:00 +0200", 0),
         ("Sat May 04 2024 10:00:00 GMT+0200 (Central European Summer Time)", 0),
         ("May 4, 2024 8:00:00 PM", 43200),
-        ("Saturday, 4th Sept. 2021 08:00", (datetime(2021, 9, 4) - datetime(2024, 5, 4)).total_seconds()),
+        (
+            "Saturday, 4th Sept. 2021 08:00",
+            (datetime(2021, 9, 4) - datetime(2024, 5, 4)).total_seconds(),
+        ),
         ("04.05.2024 08:00", 0),
         ("4.5.24, 08:00:30", 30),
         ("05/30/2024 12:00:00 AM", 25 * 86400 + 57600),
@@ -98,7 +103,9 @@ def test_what_is_no_time_is_one_bad_row_or_an_error(cell):
     good, bad = times_of("2024-05-04T08:00:00Z", cell)
     assert good == EIGHT
     assert np.isnan(bad)
-    with pytest.raises(InputError, match=r"log.csv: column 't': .* is no date and time; give ISO 8601") as caught:
+    with pytest.raises(
+        InputError, match=r"log.csv: column 't': .* is no date and time; give ISO 8601"
+    ) as caught:
         times_of(cell)
     assert repr(cell)[:20] in str(caught.value)
 
@@ -122,12 +129,21 @@ moments = st.datetimes(datetime(1000, 1, 3), datetime(9999, 12, 29), timezones=s
 @given(st.lists(st.tuples(moments, st.sampled_from(FORMS)), min_size=1, max_size=20))
 def test_every_date_of_every_form_is_the_calendar_s(written):
     cells = [moment.strftime(form) for moment, form in written]
-    exact = [(moment.replace(microsecond=0) - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(seconds=1) for moment, _ in written]
+    exact = [
+        (moment.replace(microsecond=0) - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(seconds=1)
+        for moment, _ in written
+    ]
     assert times_of(*cells) == exact
 
 
 @settings(max_examples=50)
-@given(st.lists(st.text(max_size=30) | st.from_regex(r"[0-9T:./ ,+Zz-]{1,40}", fullmatch=True), min_size=1, max_size=10))
+@given(
+    st.lists(
+        st.text(max_size=30) | st.from_regex(r"[0-9T:./ ,+Zz-]{1,40}", fullmatch=True),
+        min_size=1,
+        max_size=10,
+    )
+)
 def test_any_text_is_a_time_or_none(cells):
     try:
         times = times_of(*cells)
@@ -149,7 +165,10 @@ def test_any_text_is_a_time_or_none(cells):
     ],
 )
 def test_the_whole_column_tells_the_order_of_day_and_month(cells, day_and_month):
-    expected = [np.nan if one is None else datetime(2024, one[1], one[0], tzinfo=UTC).timestamp() for one in day_and_month]
+    expected = [
+        np.nan if one is None else datetime(2024, one[1], one[0], tzinfo=UTC).timestamp()
+        for one in day_and_month
+    ]
     np.testing.assert_equal(times_of(*cells), expected)
 
 
@@ -159,15 +178,23 @@ def test_an_order_that_nothing_tells_is_refused_with_all_readings():
     assert str(caught.value) == (
         "log.csv: column 't': '03/04/2024 08:00' can be 3 Apr 2024 or 4 Mar 2024; say which: --dates dmy or --dates mdy"
     )
-    with pytest.raises(InputError, match=r"can be 7 Jun 2008 or 6 Jul 2008 or 8 Jun 2007; say which: .* --dates ymd"):
+    with pytest.raises(
+        InputError,
+        match=r"can be 7 Jun 2008 or 6 Jul 2008 or 8 Jun 2007; say which: .* --dates ymd",
+    ):
         times_of("07/06/08")
-    with pytest.raises(InputError, match=r"'31/01/2024' and '01/31/2024' are in different orders|'01/31/2024' and '31/01/2024'"):
+    with pytest.raises(
+        InputError,
+        match=r"'31/01/2024' and '01/31/2024' are in different orders|'01/31/2024' and '31/01/2024'",
+    ):
         times_of("31/01/2024", "01/31/2024")
 
 
 def test_the_user_or_the_column_s_name_settles_the_order():
     text = "03/04/2024 08:00,1,0\n04/04/2024 08:00,2,0\n"
-    april, march = (datetime(2024, month, day, 8, tzinfo=UTC).timestamp() for day, month in ((3, 4), (4, 3)))
+    april, march = (
+        datetime(2024, month, day, 8, tzinfo=UTC).timestamp() for day, month in ((3, 4), (4, 3))
+    )
     assert times_read("time,x,y\n" + text, dates="dmy")[0] == april
     assert times_read("time,x,y\n" + text, dates="mdy")[0] == march
     assert times_read("time (DD/MM/YYYY hh:mm),x,y\n" + text)[0] == april
@@ -181,7 +208,10 @@ def test_years_from_1_to_9999():
 
 
 def test_years_of_two_digits():
-    assert [datetime.fromtimestamp(time, UTC).year for time in times_of("1.1.68", "1.1.69", "1-Jan-99", "1-Jan-00")] == [
+    assert [
+        datetime.fromtimestamp(time, UTC).year
+        for time in times_of("1.1.68", "1.1.69", "1-Jan-99", "1-Jan-00")
+    ] == [
         *(2068, 1969, 1999, 2000),
     ]
 
@@ -209,18 +239,37 @@ def test_a_date_and_a_time_of_day(header, first, second):
 
 
 def test_what_two_columns_leave_open_is_refused():
-    with pytest.raises(InputError, match="'04-05-24 08:00:00' can be 4 May 2024 or 5 Apr 2024 or 24 May 2004"):
+    with pytest.raises(
+        InputError, match="'04-05-24 08:00:00' can be 4 May 2024 or 5 Apr 2024 or 24 May 2004"
+    ):
         read("date,time,x,y\n040524,080000,0,0\n040524,080001,1,1\n")
-    with pytest.raises(InputError, match="column 'time': '100' can be seconds or hhmmss; if seconds, say so: --time-unit s"):
+    with pytest.raises(
+        InputError,
+        match="column 'time': '100' can be seconds or hhmmss; if seconds, say so: --time-unit s",
+    ):
         read("date,time,x,y\n20240504,5,0,0\n20240504,100,1,1\n")
-    assert times_read("date,time,x,y\n20240504,5,0,0\n20240504,100,1,1\n", time_unit="s") == [5, 100]
-    assert times_read("date,time,x,y\n20240504,5,0,0\n20240504,75,1,1\n20240504,100,1,1\n") == [5, 75, 100]
+    assert times_read("date,time,x,y\n20240504,5,0,0\n20240504,100,1,1\n", time_unit="s") == [
+        5,
+        100,
+    ]
+    assert times_read("date,time,x,y\n20240504,5,0,0\n20240504,75,1,1\n20240504,100,1,1\n") == [
+        5,
+        75,
+        100,
+    ]
 
 
 def test_arrow_s_own_times_beside_a_date():
     stream = io.BytesIO()
     clock = pa.array([28_800_000_000, 28_801_500_000], pa.time64("us"))
-    table = pa.table({"date": pa.array([19847, 19847], pa.date32()), "time": clock, "x": [0.0, 1.0], "y": [0.0, 0.0]})
+    table = pa.table(
+        {
+            "date": pa.array([19847, 19847], pa.date32()),
+            "time": clock,
+            "x": [0.0, 1.0],
+            "y": [0.0, 0.0],
+        }
+    )
     pq.write_table(table, stream)
     assert read_logs(io.BytesIO(stream.getvalue())).tracks[0].times.tolist() == [EIGHT, EIGHT + 1.5]
     pq.write_table(table.drop(["date"]), stream := io.BytesIO())
@@ -239,15 +288,21 @@ def test_arrow_s_own_times_beside_a_date():
     ],
 )
 def test_types_of_parquet(column, tmp_path):
-    pq.write_table(pa.table({"time": column, "x": [0.0, 1.0], "y": [0.0, 0.0]}), tmp_path / "log.parquet")
+    pq.write_table(
+        pa.table({"time": column, "x": [0.0, 1.0], "y": [0.0, 0.0]}), tmp_path / "log.parquet"
+    )
     assert read_logs(tmp_path / "log.parquet").tracks[0].times.tolist() == [EIGHT, EIGHT + 1]
     with store_logs(tmp_path / "log.parquet", rows=1000) as log:
         assert log.read(log.tracks[0]).times.tolist() == [EIGHT, EIGHT + 1]
 
 
-@pytest.mark.parametrize("column", [pa.array([True, False]), pa.array([[1], [2]]), pa.array([b"\xff\xfe", b"\xff"])])
+@pytest.mark.parametrize(
+    "column", [pa.array([True, False]), pa.array([[1], [2]]), pa.array([b"\xff\xfe", b"\xff"])]
+)
 def test_types_that_are_no_times(column):
-    pq.write_table(pa.table({"time": column, "x": [0.0, 1.0], "y": [0.0, 0.0]}), stream := io.BytesIO())
+    pq.write_table(
+        pa.table({"time": column, "x": [0.0, 1.0], "y": [0.0, 0.0]}), stream := io.BytesIO()
+    )
     with pytest.raises(InputError, match="column 'time' holds"):
         read_logs(io.BytesIO(stream.getvalue()))
 
@@ -269,15 +324,24 @@ def test_types_that_are_no_times(column):
 )
 def test_numbers_in_any_unit(cells, unit, expected):
     options = {} if unit is None else {"origin": unit_origin(unit)}
-    assert times_of(*cells, unit=None if unit is None else unit_seconds(unit), **options) == expected
+    assert (
+        times_of(*cells, unit=None if unit is None else unit_seconds(unit), **options) == expected
+    )
 
 
 def test_durations_are_times():
-    assert seconds(pa.chunked_array([pa.array([1500, None], pa.duration("ms"))]), None, "a").tolist()[0] == 1.5
+    assert (
+        times_to_seconds(
+            pa.chunked_array([pa.array([1500, None], pa.duration("ms"))]), None, "a"
+        ).tolist()[0]
+        == 1.5
+    )
 
 
 def test_a_column_is_what_most_of_its_cells_are():
-    np.testing.assert_equal(times_of("2024-05-04T08:00:00Z", "0", "2024-05-04T08:00:01Z"), [EIGHT, np.nan, EIGHT + 1])
+    np.testing.assert_equal(
+        times_of("2024-05-04T08:00:00Z", "0", "2024-05-04T08:00:01Z"), [EIGHT, np.nan, EIGHT + 1]
+    )
     np.testing.assert_equal(times_of("1", "2", "2024-05-04"), [1, 2, np.nan])
 
 
@@ -297,7 +361,10 @@ def positions_at(times):
 @pytest.mark.parametrize("first", [28_860, 36_000])
 def test_numbers_that_step_like_a_clock_are_no_seconds(first):
     clock = [f"{t // 3600:02d}{t // 60 % 60:02d}{t % 60:02d}" for t in range(first, first + 90)]
-    with pytest.raises(InputError, match=f"{clock[0]} and the numbers after it step like hours, minutes and seconds.*--time-unit s"):
+    with pytest.raises(
+        InputError,
+        match=f"{clock[0]} and the numbers after it step like hours, minutes and seconds.*--time-unit s",
+    ):
         read_logs(positions_at(clock))
     assert len(read_logs(positions_at(clock), time_unit="s").tracks[0]) == 90
 

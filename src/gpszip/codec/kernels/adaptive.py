@@ -8,32 +8,32 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.codec.kernels.log2 import log2_of
-from gpszip.codec.kernels.range_coder import Coder, code_bits, code_interval, target
+from gpszip.codec.kernels.log2 import fixed_log2
+from gpszip.codec.kernels.range_coder import Coder, code_bits, code_interval, decode_cumulative
 from gpszip.kernels.jit import jit
 
 __all__ = [
     "BY_RATIO",
     "CENTERS",
     "HISTOGRAM",
+    "INTEGER_CONTEXTS",
     "KINDS",
+    "MIXTURE_ROWS",
     "ONE_SIDED",
-    "PARTS",
     "SCALES",
-    "SHEET_ROWS",
-    "SIZES",
+    "SUBSTEPS",
     "TWO_SIDED",
-    "WEIGHT",
+    "WEIGHT_SUM",
     "code_bit",
     "code_choice",
     "code_mixture",
-    "code_size",
-    "code_whole",
+    "code_signed",
+    "code_unsigned",
 ]
 
 #: Fixed-point denominators: centres and scales of a distribution, weights of a mixture, probabilities.
-PARTS = 16
-WEIGHT = 1 << 16
+SUBSTEPS = 16
+WEIGHT_SUM = 1 << 16
 _UNIT = 24
 _WHOLE = 1 << _UNIT
 
@@ -45,17 +45,19 @@ TWO_SIDED, ONE_SIDED, HISTOGRAM, BY_RATIO = np.arange(4)
 
 #: Rows of a sheet of distributions: kinds, centres and scales, and what is worked out from them.
 KINDS, CENTERS, SCALES, _BASES, _CHANCES = np.arange(5)
-SHEET_ROWS = 5
+MIXTURE_ROWS = 5
 
 #: Bit contexts that one integer of any size takes.
-SIZES = 48 + 8 * 48
+INTEGER_CONTEXTS = 48 + 8 * 48
 
 _REACH = 16
 _STEPS = 64
 _Z = np.arange(-_REACH * _STEPS, _REACH * _STEPS + 1) / _STEPS
 _LOGISTIC = np.round(_WHOLE / (1.0 + np.exp(-_Z))).astype(np.int64)
 _LOGISTIC[0], _LOGISTIC[-1] = 0, _WHOLE
-_EXPONENTIAL = np.round(_WHOLE * -np.expm1(-np.arange(_REACH * _STEPS + 1) / _STEPS)).astype(np.int64)
+_EXPONENTIAL = np.round(_WHOLE * -np.expm1(-np.arange(_REACH * _STEPS + 1) / _STEPS)).astype(
+    np.int64
+)
 _EXPONENTIAL[-1] = _WHOLE
 
 
@@ -65,7 +67,7 @@ def code_bit(coder: Coder, counts: NDArray[np.int32], context: int, bit: int) ->
     zeros, ones = np.int64(counts[context, 0]), np.int64(counts[context, 1])
     total = zeros + ones
     if coder.cursor[1] == 1:
-        bit = 1 if target(coder, total) >= zeros else 0
+        bit = 1 if decode_cumulative(coder, total) >= zeros else 0
     if bit:
         code_interval(coder, zeros, ones, total)
     else:
@@ -78,7 +80,7 @@ def code_bit(coder: Coder, counts: NDArray[np.int32], context: int, bit: int) ->
 
 
 @jit
-def code_size(coder: Coder, counts: NDArray[np.int32], context: int, value: int) -> int:
+def code_unsigned(coder: Coder, counts: NDArray[np.int32], context: int, value: int) -> int:
     """Code an integer >= 0 by Exp-Golomb bins; it takes ``SIZES`` contexts from ``context`` on."""
     writing = coder.cursor[1] != 1
     exponent = 0
@@ -102,10 +104,10 @@ def code_size(coder: Coder, counts: NDArray[np.int32], context: int, value: int)
 
 
 @jit
-def code_whole(coder: Coder, counts: NDArray[np.int32], context: int, value: int) -> int:
+def code_signed(coder: Coder, counts: NDArray[np.int32], context: int, value: int) -> int:
     """Code an integer of either sign; it takes ``SIZES`` contexts from ``context`` on."""
     folded = 2 * value if value >= 0 else -2 * value - 1
-    folded = code_size(coder, counts, context, folded)
+    folded = code_unsigned(coder, counts, context, folded)
     return folded // 2 if folded % 2 == 0 else -(folded + 1) // 2
 
 
@@ -116,7 +118,7 @@ def code_choice(coder: Coder, weights: NDArray[np.int64], count: int, choice: in
     for i in range(count):
         total += weights[i]
     if coder.cursor[1] == 1:
-        at = target(coder, total)
+        at = decode_cumulative(coder, total)
         choice = 0
         while choice < count - 1 and at >= weights[choice]:
             at -= weights[choice]
@@ -131,7 +133,7 @@ def code_choice(coder: Coder, weights: NDArray[np.int64], count: int, choice: in
 @jit
 def _log_below(value: int) -> int:
     """Logarithm of ``value`` - 1/2, in units of 2**-16; of no meaning below 1."""
-    return log2_of(max(value * PARTS - PARTS // 2, np.int64(1))) - 4 * WEIGHT
+    return fixed_log2(max(value * SUBSTEPS - SUBSTEPS // 2, np.int64(1))) - 4 * WEIGHT_SUM
 
 
 @jit
@@ -139,7 +141,7 @@ def _below(value: int, log: int, low: int, sheet: NDArray[np.int64], i: int) -> 
     """Probability, in units of 2**-24, that a distribution puts below ``value`` - 1/2, whose logarithm is ``log``."""
     kind, center, scale = sheet[KINDS, i], sheet[CENTERS, i], sheet[SCALES, i]
     if kind == ONE_SIDED:
-        z = ((value - low) * PARTS << 16) // scale
+        z = ((value - low) * SUBSTEPS << 16) // scale
         if z >= (_REACH << 16):
             return np.int64(_WHOLE)
         at = z >> 10
@@ -147,7 +149,7 @@ def _below(value: int, log: int, low: int, sheet: NDArray[np.int64], i: int) -> 
     if kind == BY_RATIO:
         z = ((log - center) * scale >> 1) + (_REACH << 16)
     else:
-        z = ((value * PARTS - PARTS // 2 - center) << 16) // scale + (_REACH << 16)
+        z = ((value * SUBSTEPS - SUBSTEPS // 2 - center) << 16) // scale + (_REACH << 16)
     if z < 0:
         return np.int64(0)
     if z >= (2 * _REACH << 16):
@@ -157,7 +159,9 @@ def _below(value: int, log: int, low: int, sheet: NDArray[np.int64], i: int) -> 
 
 
 @jit
-def _share(value: int, log: int, low: int, sheet: NDArray[np.int64], i: int, histogram: NDArray[np.int64]) -> int:
+def _share(
+    value: int, log: int, low: int, sheet: NDArray[np.int64], i: int, histogram: NDArray[np.int64]
+) -> int:
     """What a distribution puts below ``value``, of what it puts above the lowest one."""
     if sheet[KINDS, i] == HISTOGRAM:
         fewer, total = np.int64(0), np.int64(0)
@@ -173,7 +177,13 @@ def _share(value: int, log: int, low: int, sheet: NDArray[np.int64], i: int, his
 
 @jit
 def _find(
-    at: int, low: int, high: int, sheet: NDArray[np.int64], count: int, weights: NDArray[np.int64], histogram: NDArray[np.int64]
+    at: int,
+    low: int,
+    high: int,
+    sheet: NDArray[np.int64],
+    count: int,
+    weights: NDArray[np.int64],
+    histogram: NDArray[np.int64],
 ) -> int:
     """Find the largest value that what the mixture puts below is at most ``at``: near zero first, where most lie."""
     first, last = low, high
@@ -228,15 +238,23 @@ def code_mixture(
     for i in range(count):
         sum_weights += weights[i]
         symmetric = sheet[KINDS, i] == TWO_SIDED or sheet[KINDS, i] == BY_RATIO
-        sheet[_BASES, i] = min(_below(low, log, low, sheet, i), np.int64(_WHOLE - 64)) if symmetric else np.int64(0)
+        sheet[_BASES, i] = (
+            min(_below(low, log, low, sheet, i), np.int64(_WHOLE - 64))
+            if symmetric
+            else np.int64(0)
+        )
     total = (sum_weights << _UNIT) + (high - low)
     if coder.cursor[1] == 1:
-        value = _find(target(coder, total), low, high, sheet, count, weights, histogram)
+        value = _find(decode_cumulative(coder, total), low, high, sheet, count, weights, histogram)
     start, width = np.int64(value - low), np.int64(1)
     log, log_after = _log_below(value), _log_below(value + 1)
     for i in range(count):
         a = _share(value, log, low, sheet, i, histogram)
-        b = np.int64(_WHOLE) if value + 1 == high else _share(value + 1, log_after, low, sheet, i, histogram)
+        b = (
+            np.int64(_WHOLE)
+            if value + 1 == high
+            else _share(value + 1, log_after, low, sheet, i, histogram)
+        )
         sheet[_CHANCES, i] = weights[i] * (b - a)
         start += weights[i] * a
         width += sheet[_CHANCES, i]
@@ -245,7 +263,7 @@ def code_mixture(
     step = max(np.int64(_LAST_STEP), _FIRST_STEP * _SETTLING // (_SETTLING + weights[used]))
     weights[used] += 1
     # the least weights would make the sum grow for ever
-    shared = min(sum_weights, np.int64(WEIGHT))
+    shared = min(sum_weights, np.int64(WEIGHT_SUM))
     for i in range(count):
         posterior = np.int64((sheet[_CHANCES, i] >> 8) * shared // max(width >> 8, np.int64(1)))
         weights[i] = max(weights[i] + (((posterior - weights[i]) * step) >> 16), np.int64(16))

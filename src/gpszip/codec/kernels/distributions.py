@@ -5,24 +5,31 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.codec.kernels.adaptive import CENTERS, KINDS, SCALES, SIZES, code_size, code_whole
+from gpszip.codec.kernels.adaptive import (
+    CENTERS,
+    INTEGER_CONTEXTS,
+    KINDS,
+    SCALES,
+    code_signed,
+    code_unsigned,
+)
 from gpszip.codec.kernels.range_coder import Coder
-from gpszip.codec.kernels.walk_model import MOST, WalkModel
-from gpszip.codec.kernels.walk_priors import FLAGS
+from gpszip.codec.kernels.walk_model import MAX_MAGNITUDE, WalkModel
+from gpszip.codec.kernels.walk_priors import BIT_CONTEXTS
 from gpszip.kernels.jit import jit
 
 __all__ = [
     "FAR_OFFSET",
     "FAR_SPAN",
     "FIRST_PLACE",
-    "REACH",
+    "MIXTURE_LIMIT",
     "START_GAP",
     "TRACK_ORDER",
     "TRACK_START",
     "ZERO",
-    "code_count",
-    "code_far",
-    "fill",
+    "add_distribution",
+    "code_large_signed",
+    "code_large_unsigned",
 ]
 
 #: Sets of contexts of whole numbers.
@@ -32,25 +39,25 @@ FAR_SPAN, FAR_OFFSET, FIRST_PLACE, TRACK_START, START_GAP, TRACK_ORDER = np.aran
 ZERO = np.int64(0)
 
 #: Numbers at or beyond this are coded apart from the mixtures.
-REACH = np.int64(1) << 25
+MIXTURE_LIMIT = np.int64(1) << 25
 
 
 @jit
-def code_far(coder: Coder, model: WalkModel, slot: int, value: int) -> int:
+def code_large_signed(coder: Coder, model: WalkModel, slot: int, value: int) -> int:
     """Code a number of any size with the contexts of ``slot``."""
-    return code_whole(coder, model.flags, FLAGS + slot * SIZES, value)
+    return code_signed(coder, model.flags, BIT_CONTEXTS + slot * INTEGER_CONTEXTS, value)
 
 
 @jit
-def code_count(coder: Coder, model: WalkModel, slot: int, value: int) -> int:
+def code_large_unsigned(coder: Coder, model: WalkModel, slot: int, value: int) -> int:
     """Code a number >= 0 of any size with the contexts of ``slot``."""
-    return code_size(coder, model.flags, FLAGS + slot * SIZES, value)
+    return code_unsigned(coder, model.flags, BIT_CONTEXTS + slot * INTEGER_CONTEXTS, value)
 
 
 @jit
-def fill(sheet: NDArray[np.int64], at: int, kind: int, center: int, scale: int) -> int:
+def add_distribution(sheet: NDArray[np.int64], at: int, kind: int, center: int, scale: int) -> int:
     """Enter a distribution at index ``at``; return the next index."""
     sheet[KINDS, at] = kind
     sheet[CENTERS, at] = center
-    sheet[SCALES, at] = min(max(scale, np.int64(6)), MOST)
+    sheet[SCALES, at] = min(max(scale, np.int64(6)), MAX_MAGNITUDE)
     return at + 1

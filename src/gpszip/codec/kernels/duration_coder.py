@@ -5,26 +5,48 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.codec.kernels.adaptive import BY_RATIO, CENTERS, HISTOGRAM, KINDS, ONE_SIDED, PARTS, SCALES, code_mixture
-from gpszip.codec.kernels.distributions import FAR_SPAN, REACH, ZERO, code_far, fill
-from gpszip.codec.kernels.log2 import log2_of
+from gpszip.codec.kernels.adaptive import (
+    BY_RATIO,
+    CENTERS,
+    HISTOGRAM,
+    KINDS,
+    ONE_SIDED,
+    SCALES,
+    SUBSTEPS,
+    code_mixture,
+)
+from gpszip.codec.kernels.distributions import (
+    FAR_SPAN,
+    MIXTURE_LIMIT,
+    ZERO,
+    add_distribution,
+    code_large_signed,
+)
+from gpszip.codec.kernels.log2 import fixed_log2
 from gpszip.codec.kernels.range_coder import Coder
 from gpszip.codec.kernels.walk_model import (
-    CLASSES,
     LAST_NEW,
-    MOST,
+    LENGTH_CLASSES,
+    MAX_MAGNITUDE,
     PACE,
     PACE_SLOW,
     TIMED,
     U_NEW,
     WalkModel,
-    class_of,
-    length,
-    settle_usual,
+    length_class,
+    node_distance,
+    update_mean_log,
 )
 from gpszip.kernels.jit import jit
 
-__all__ = ["T_GAP", "T_MOVE", "T_STAY", "code_ahead", "code_move", "code_rest"]
+__all__ = [
+    "T_GAP",
+    "T_MOVE",
+    "T_STAY",
+    "code_duration_first",
+    "code_move_duration",
+    "code_pause_duration",
+]
 
 #: Mixtures of durations: of parts that move, of stops and of gaps.
 T_MOVE, T_STAY, T_GAP, _T_AHEAD = np.arange(4)
@@ -41,51 +63,95 @@ _RESTS = np.int64(20)
 
 @jit
 def _code_span(
-    coder: Coder, model: WalkModel, mixture: int, guesses: NDArray[np.int64], known: int, steep: int, widths: int, cells: int
+    coder: Coder,
+    model: WalkModel,
+    mixture: int,
+    guesses: NDArray[np.int64],
+    known: int,
+    steep: int,
+    widths: int,
+    cells: int,
 ) -> int:
     """Code a duration in cells; ``guesses`` holds ``known`` logarithms of the cells to expect."""
     sheet = model.sheet
-    count = fill(sheet, ZERO, HISTOGRAM, ZERO, np.int64(PARTS))
+    count = add_distribution(sheet, ZERO, HISTOGRAM, ZERO, np.int64(SUBSTEPS))
     for i in range(9):
-        count = fill(sheet, count, ONE_SIDED, ZERO, np.int64(PARTS) << (i if i < 5 else 2 * i - 4))
+        count = add_distribution(
+            sheet, count, ONE_SIDED, ZERO, np.int64(SUBSTEPS) << (i if i < 5 else 2 * i - 4)
+        )
     for i in range(known):
         for width in range(widths):
-            sheet[KINDS, count], sheet[CENTERS, count], sheet[SCALES, count] = BY_RATIO, guesses[i], steep << width
+            sheet[KINDS, count], sheet[CENTERS, count], sheet[SCALES, count] = (
+                BY_RATIO,
+                guesses[i],
+                steep << width,
+            )
             count += 1
-    far = cells >= REACH
-    cells_near = min(cells, REACH - 1)
-    coded = code_mixture(coder, cells_near, _LEAST, REACH, sheet, count, model.weights[mixture], model.histograms[mixture])
-    if coded == REACH - 1:
-        return coded + code_far(coder, model, FAR_SPAN, cells - coded if far else np.int64(0))
+    far = cells >= MIXTURE_LIMIT
+    cells_near = min(cells, MIXTURE_LIMIT - 1)
+    coded = code_mixture(
+        coder,
+        cells_near,
+        _LEAST,
+        MIXTURE_LIMIT,
+        sheet,
+        count,
+        model.weights[mixture],
+        model.histograms[mixture],
+    )
+    if coded == MIXTURE_LIMIT - 1:
+        return coded + code_large_signed(
+            coder, model, FAR_SPAN, cells - coded if far else np.int64(0)
+        )
     return coded
 
 
 @jit
-def code_rest(coder: Coder, model: WalkModel, mixture: int, row: int, cells: int) -> int:
+def code_pause_duration(coder: Coder, model: WalkModel, mixture: int, row: int, cells: int) -> int:
     """Code the duration of a stop or gap, by those before; ``row`` is where ``usual`` keeps them."""
     guesses = np.empty(1, np.int64)
     guesses[0] = model.usual[row, 0]
-    cells = _code_span(coder, model, mixture, guesses, min(model.usual[row, 1], 1), _REST_STEEP, _REST_WIDTHS, cells)
-    settle_usual(model, row, _RESTS, log2_of(min(max(cells, np.int64(1)), MOST)))
+    cells = _code_span(
+        coder,
+        model,
+        mixture,
+        guesses,
+        min(model.usual[row, 1], 1),
+        _REST_STEEP,
+        _REST_WIDTHS,
+        cells,
+    )
+    update_mean_log(model, row, _RESTS, fixed_log2(min(max(cells, np.int64(1)), MAX_MAGNITUDE)))
     return cells
 
 
 @jit
-def code_ahead(coder: Coder, model: WalkModel, cells: int) -> int:
+def code_duration_first(coder: Coder, model: WalkModel, cells: int) -> int:
     """Code the duration of a step to a new node before its place is told, by those before."""
     guesses = np.empty(2, np.int64)
     guesses[0], guesses[1] = model.usual[U_NEW, 0], model.scalars[LAST_NEW]
-    cells = _code_span(coder, model, _T_AHEAD, guesses, 2 * min(model.usual[U_NEW, 1], 1), _REST_STEEP, _AHEAD_WIDTHS, cells)
-    model.scalars[LAST_NEW] = log2_of(min(max(cells, np.int64(1)), MOST))
-    settle_usual(model, U_NEW, _RESTS, model.scalars[LAST_NEW])
+    cells = _code_span(
+        coder,
+        model,
+        _T_AHEAD,
+        guesses,
+        2 * min(model.usual[U_NEW, 1], 1),
+        _REST_STEEP,
+        _AHEAD_WIDTHS,
+        cells,
+    )
+    model.scalars[LAST_NEW] = fixed_log2(min(max(cells, np.int64(1)), MAX_MAGNITUDE))
+    update_mean_log(model, U_NEW, _RESTS, model.scalars[LAST_NEW])
     return cells
 
 
 @jit
-def code_move(coder: Coder, model: WalkModel, half: int, u: int, v: int, cells: int) -> int:
+def code_move_duration(
+    coder: Coder, model: WalkModel, half: int, u: int, v: int, cells: int
+) -> int:
     """Code the duration of a step from u to v, on a known half-edge or a new way (-1)."""
     guesses = np.empty(3, np.int64)
-    known = _guess(model, half, length(model.places, u, v), guesses)
+    known = _guess(model, half, node_distance(model.places, u, v), guesses)
     return _code_span(coder, model, T_MOVE, guesses, known, _MOVE_STEEP, _MOVE_WIDTHS, cells)
 
 
@@ -101,7 +167,7 @@ def _guess(model: WalkModel, half: int, far: int, guesses: NDArray[np.int64]) ->
             weight += times
             total += times * model.usual_span[way]
     scalars = model.scalars
-    length_log = log2_of(max(far, np.int64(1)))
+    length_log = fixed_log2(max(far, np.int64(1)))
     if scalars[TIMED] == 0:
         if weight == 0:
             return 0
@@ -117,9 +183,9 @@ def _guess(model: WalkModel, half: int, far: int, guesses: NDArray[np.int64]) ->
 def _of_class(model: WalkModel, far: int) -> tuple[int, int]:
     """Weight and weighted sum of the mean logarithms of steps about as long."""
     weight, total = np.int64(0), np.int64(0)
-    row = class_of(far)
+    row = length_class(far)
     for near, share in ((-2, 1), (-1, 5), (0, 33), (1, 5), (2, 1)):
-        if 0 <= row + near < CLASSES:
+        if 0 <= row + near < LENGTH_CLASSES:
             times = share * model.usual[row + near, 1]
             weight += times
             total += times * model.usual[row + near, 0]

@@ -11,23 +11,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.codec.kernels.adaptive import code_bit
-from gpszip.codec.kernels.range_coder import Coder, code_interval, target
+from gpszip.codec.kernels.range_coder import Coder, code_interval, decode_cumulative
 from gpszip.kernels.jit import jit
 
-__all__ = ["ALWAYS", "MOST_WRAPS", "NEVER", "SOMETIMES", "code_ends"]
+__all__ = ["ALWAYS", "MAX_QUOTIENT", "NEVER", "SOMETIMES", "code_end_offsets"]
 
 #: Which ends have an offset: those of tracks, those beside a gap where much may happen in a cell, and all others.
 ALWAYS, SOMETIMES, NEVER = np.arange(3, dtype=np.int8)
 
 #: The largest quotient.
-MOST_WRAPS = 255
+MAX_QUOTIENT = 255
 
 #: A "no more" takes all but one of so many numbers.
 _STOP_TOTAL = 64
 
 
 @jit
-def code_ends(coder: Coder, offsets: NDArray[np.int64], kinds: NDArray[np.int8], counts: NDArray[np.int32], levels: int) -> bool:
+def code_end_offsets(
+    coder: Coder,
+    offsets: NDArray[np.int64],
+    kinds: NDArray[np.int8],
+    counts: NDArray[np.int32],
+    levels: int,
+) -> bool:
     """Code offsets in place.
 
     Parameters
@@ -63,17 +69,17 @@ def code_ends(coder: Coder, offsets: NDArray[np.int64], kinds: NDArray[np.int8],
         while True:
             more = done < wraps
             if reads:
-                more = target(coder, _STOP_TOTAL) == _STOP_TOTAL - 1
+                more = decode_cumulative(coder, _STOP_TOTAL) == _STOP_TOTAL - 1
             if not more:
                 code_interval(coder, 0, _STOP_TOTAL - 1, _STOP_TOTAL)
                 break
             code_interval(coder, _STOP_TOTAL - 1, 1, _STOP_TOTAL)
             done += 1
-            if done > MOST_WRAPS:
+            if done > MAX_QUOTIENT:
                 return False
 
         # the remainder
-        rest = target(coder, levels) if reads else offsets[i] - wraps * levels
+        rest = decode_cumulative(coder, levels) if reads else offsets[i] - wraps * levels
         code_interval(coder, rest, 1, levels)
         offsets[i] = done * levels + rest
     return True

@@ -8,7 +8,7 @@ import numba
 from numba.core import cgutils, types
 from numba.extending import intrinsic
 
-__all__ = ["borrowed"]
+__all__ = ["without_refcount"]
 
 
 def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
@@ -20,7 +20,7 @@ def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
 
 
 @intrinsic
-def borrowed(_typing: Any, arrays: Any) -> Any:
+def without_refcount(_typing: Any, arrays: Any) -> Any:
     """Return a named tuple of the same arrays, for kernels only; it doesn't keep them alive.
 
     Only what a kernel was given may be borrowed: whoever gave it holds it until the kernel returns.
@@ -28,11 +28,13 @@ def borrowed(_typing: Any, arrays: Any) -> Any:
 
     def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
         parts = zip(arrays, cgutils.unpack_tuple(builder, arguments[0]), strict=True)
-        return context.make_tuple(builder, arrays, [_uncounted(context, builder, kind, value) for kind, value in parts])
+        return context.make_tuple(
+            builder, arrays, [_uncounted(context, builder, kind, value) for kind, value in parts]
+        )
 
     return arrays(arrays), build
 
 
 if numba.config.DISABLE_JIT:
     # the interpreter has no such arrays, and knows no intrinsics
-    borrowed = cast(Any, lambda arrays: arrays)
+    without_refcount = cast(Any, lambda arrays: arrays)

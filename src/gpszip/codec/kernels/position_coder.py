@@ -4,14 +4,31 @@ from __future__ import annotations
 
 import numpy as np
 
-from gpszip.codec.kernels.adaptive import PARTS, TWO_SIDED, code_mixture
-from gpszip.codec.kernels.distributions import FAR_OFFSET, REACH, ZERO, code_far, fill
+from gpszip.codec.kernels.adaptive import SUBSTEPS, TWO_SIDED, code_mixture
+from gpszip.codec.kernels.distributions import (
+    FAR_OFFSET,
+    MIXTURE_LIMIT,
+    ZERO,
+    add_distribution,
+    code_large_signed,
+)
 from gpszip.codec.kernels.range_coder import Coder
-from gpszip.codec.kernels.rotation import bend, rotate, rotate_back
-from gpszip.codec.kernels.walk_model import HEADING, LAST_CELLS, LAST_FAR, MOST, NO_TURN, STEP_LENGTH, SUM_CELLS, SUM_FAR, TURN, WalkModel
+from gpszip.codec.kernels.rotation import rotate, rotate_back, sideways_offset
+from gpszip.codec.kernels.walk_model import (
+    HEADING,
+    LAST_CELLS,
+    LAST_FAR,
+    MAX_MAGNITUDE,
+    NO_TURN,
+    STEP_LENGTH,
+    SUM_CELLS,
+    SUM_FAR,
+    TURN,
+    WalkModel,
+)
 from gpszip.kernels.jit import jit
 
-__all__ = ["ON_AXES", "ON_HEADING", "code_step"]
+__all__ = ["ON_AXES", "ON_HEADING", "code_position"]
 
 #: Mixtures of coordinates: along the heading, across it, on further axes, and of jumps on each axis.
 _P_ALONG, _P_ACROSS, _P_BESIDE, _P_JUMP = np.arange(5, 9)
@@ -29,12 +46,21 @@ def _code_axis(coder: Coder, model: WalkModel, mixture: int, value: int, count: 
     """Code a coordinate, of which the first ``count`` distributions are told already."""
     sheet = model.sheet
     for octave in (0, 2, 3, 4, 5, 6, 7, 9, 11, 13, 15, 17):
-        count = fill(sheet, count, TWO_SIDED, ZERO, np.int64(PARTS) << octave)
-    outside = value >= REACH - 1 or value < -REACH
-    near = REACH - 1 if outside else value
-    coded = code_mixture(coder, near, -REACH, REACH, sheet, count, model.weights[mixture], model.histograms[mixture][:0])
-    if coded == REACH - 1:
-        return code_far(coder, model, FAR_OFFSET, value)
+        count = add_distribution(sheet, count, TWO_SIDED, ZERO, np.int64(SUBSTEPS) << octave)
+    outside = value >= MIXTURE_LIMIT - 1 or value < -MIXTURE_LIMIT
+    near = MIXTURE_LIMIT - 1 if outside else value
+    coded = code_mixture(
+        coder,
+        near,
+        -MIXTURE_LIMIT,
+        MIXTURE_LIMIT,
+        sheet,
+        count,
+        model.weights[mixture],
+        model.histograms[mixture][:0],
+    )
+    if coded == MIXTURE_LIMIT - 1:
+        return code_large_signed(coder, model, FAR_OFFSET, value)
     return coded
 
 
@@ -43,11 +69,11 @@ def _code_along(coder: Coder, model: WalkModel, value: int, reach: int) -> int:
     sheet = model.sheet
     count = ZERO
     for shift in range(1, 5):
-        count = fill(sheet, count, TWO_SIDED, reach, reach >> shift)
-    count = fill(sheet, count, TWO_SIDED, reach >> 1, reach >> 2)
-    count = fill(sheet, count, TWO_SIDED, ZERO, reach >> 2)
-    count = fill(sheet, count, TWO_SIDED, ZERO, reach)
-    count = fill(sheet, count, TWO_SIDED, reach << 1, reach >> 1)
+        count = add_distribution(sheet, count, TWO_SIDED, reach, reach >> shift)
+    count = add_distribution(sheet, count, TWO_SIDED, reach >> 1, reach >> 2)
+    count = add_distribution(sheet, count, TWO_SIDED, ZERO, reach >> 2)
+    count = add_distribution(sheet, count, TWO_SIDED, ZERO, reach)
+    count = add_distribution(sheet, count, TWO_SIDED, reach << 1, reach >> 1)
     return _code_axis(coder, model, _P_ALONG, value, count)
 
 
@@ -57,35 +83,45 @@ def _code_along_paced(coder: Coder, model: WalkModel, value: int, reach: int, us
     sheet = model.sheet
     count = ZERO
     for shift in range(1, 7):
-        count = fill(sheet, count, TWO_SIDED, reach, reach >> shift)
+        count = add_distribution(sheet, count, TWO_SIDED, reach, reach >> shift)
     for shift in range(1, 6):
-        count = fill(sheet, count, TWO_SIDED, usual, usual >> shift)
-    count = fill(sheet, count, TWO_SIDED, ZERO, reach >> 2)
-    count = fill(sheet, count, TWO_SIDED, ZERO, reach)
+        count = add_distribution(sheet, count, TWO_SIDED, usual, usual >> shift)
+    count = add_distribution(sheet, count, TWO_SIDED, ZERO, reach >> 2)
+    count = add_distribution(sheet, count, TWO_SIDED, ZERO, reach)
     return _code_axis(coder, model, _P_ALONG_PACED, value, count)
 
 
 @jit
-def _code_across(coder: Coder, model: WalkModel, mixture: int, value: int, reach: int, along: int) -> int:
+def _code_across(
+    coder: Coder, model: WalkModel, mixture: int, value: int, reach: int, along: int
+) -> int:
     sheet = model.sheet
     count = ZERO
     for shift in range(1, 6):
-        count = fill(sheet, count, TWO_SIDED, ZERO, reach >> shift)
-    forth = min(abs(along), np.int64(1) << 26) * PARTS
+        count = add_distribution(sheet, count, TWO_SIDED, ZERO, reach >> shift)
+    forth = min(abs(along), np.int64(1) << 26) * SUBSTEPS
     reach = min(reach, np.int64(1) << 30)
-    side = np.int64(np.sqrt(np.float64(reach * reach - forth * forth))) if forth < reach else np.int64(0)
+    side = (
+        np.int64(np.sqrt(np.float64(reach * reach - forth * forth)))
+        if forth < reach
+        else np.int64(0)
+    )
     for sign in (-1, 1):
-        count = fill(sheet, count, TWO_SIDED, sign * side, reach >> 4)
-        count = fill(sheet, count, TWO_SIDED, sign * side, reach >> 2)
+        count = add_distribution(sheet, count, TWO_SIDED, sign * side, reach >> 4)
+        count = add_distribution(sheet, count, TWO_SIDED, sign * side, reach >> 2)
     turn = model.scalars[TURN]
-    aside = bend(forth if along >= 0 else -forth, turn) if turn != NO_TURN else np.int64(0)
+    aside = (
+        sideways_offset(forth if along >= 0 else -forth, turn) if turn != NO_TURN else np.int64(0)
+    )
     for shift in range(2, 4):
-        count = fill(sheet, count, TWO_SIDED, aside, forth >> shift)
+        count = add_distribution(sheet, count, TWO_SIDED, aside, forth >> shift)
     return _code_axis(coder, model, mixture, value, count)
 
 
 @jit
-def code_step(coder: Coder, model: WalkModel, u: int, node: int, frame: bool, cells: int) -> None:
+def code_position(
+    coder: Coder, model: WalkModel, u: int, node: int, grid: bool, cells: int
+) -> None:
     """Code the place of ``node`` relative to u, in the frame of the last step (``ON_HEADING``) or of the axes (``ON_AXES``).
 
     Where it is told already in how many cells the step went, speeds say how far; otherwise ``cells`` is 0.
@@ -96,13 +132,17 @@ def code_step(coder: Coder, model: WalkModel, u: int, node: int, frame: bool, ce
     scalars = model.scalars
     first = 0
     reach = max(scalars[STEP_LENGTH], np.int64(64))
-    if frame and dimension > 1:
+    if grid and dimension > 1:
         turn = max(model.scalars[HEADING], np.int64(0))
         x, y = rotate(places[node, 0] - places[u, 0], places[node, 1] - places[u, 1], turn)
         if cells > 0 and scalars[LAST_CELLS] > 0:
             cells = min(cells, _LONGEST)
-            reach = min(max(scalars[LAST_FAR] * cells // scalars[LAST_CELLS], np.int64(64)), MOST)
-            usual = min(max(scalars[SUM_FAR] * cells // scalars[SUM_CELLS], np.int64(64)), MOST)
+            reach = min(
+                max(scalars[LAST_FAR] * cells // scalars[LAST_CELLS], np.int64(64)), MAX_MAGNITUDE
+            )
+            usual = min(
+                max(scalars[SUM_FAR] * cells // scalars[SUM_CELLS], np.int64(64)), MAX_MAGNITUDE
+            )
             x = _code_along_paced(coder, model, x, reach, usual)
             y = _code_across(coder, model, _P_ACROSS_PACED, y, reach, x)
         else:
@@ -113,8 +153,10 @@ def code_step(coder: Coder, model: WalkModel, u: int, node: int, frame: bool, ce
         first = 2
     for axis in range(first, dimension):
         count = ZERO
-        if frame:
+        if grid:
             for shift in range(0, 6):
-                count = fill(sheet, count, TWO_SIDED, ZERO, reach >> shift)
+                count = add_distribution(sheet, count, TWO_SIDED, ZERO, reach >> shift)
         offset = places[node, axis] - places[u, axis]
-        places[node, axis] = places[u, axis] + _code_axis(coder, model, _P_BESIDE if frame else _P_JUMP + axis % 4, offset, count)
+        places[node, axis] = places[u, axis] + _code_axis(
+            coder, model, _P_BESIDE if grid else _P_JUMP + axis % 4, offset, count
+        )

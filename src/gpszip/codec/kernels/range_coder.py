@@ -13,7 +13,17 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["Coder", "code_bits", "code_interval", "finish", "listener", "reader", "target", "used_bits", "writer"]
+__all__ = [
+    "Coder",
+    "code_bits",
+    "code_interval",
+    "count_bits",
+    "decode_cumulative",
+    "finish",
+    "new_decoder",
+    "new_encoder",
+    "new_listener",
+]
 
 _LOW, _RANGE, _CODE = 0, 1, 2
 _CURSOR, _DIRECTION = 0, 1
@@ -38,21 +48,27 @@ class Coder(NamedTuple):
     data: NDArray[np.uint8]
 
 
-def listener() -> Coder:
+def new_listener() -> Coder:
     """Return a coder that neither writes nor reads, for a model that is to learn what both sides know."""
-    return Coder(np.array([0, 0xFFFFFFFFFFFFFFFF, 0], np.uint64), np.array([0, _LISTENS], np.int64), np.zeros(0, np.uint8))
+    return Coder(
+        np.array([0, 0xFFFFFFFFFFFFFFFF, 0], np.uint64),
+        np.array([0, _LISTENS], np.int64),
+        np.zeros(0, np.uint8),
+    )
 
 
-def writer(capacity: int) -> Coder:
+def new_encoder(capacity: int) -> Coder:
     """Return a coder that writes at most ``capacity`` bytes."""
     words = np.array([0, 0xFFFFFFFFFFFFFFFF, 0], np.uint64)
     return Coder(words, np.zeros(2, np.int64), np.zeros(capacity + 16, np.uint8))
 
 
-def reader(data: bytes) -> Coder:
+def new_decoder(data: bytes) -> Coder:
     """Return a coder that reads ``data``; bytes past its end read as zero."""
     source = np.frombuffer(data + bytes(8), np.uint8).copy()
-    words = np.array([0, 0xFFFFFFFFFFFFFFFF, int.from_bytes(source[:8].tobytes(), "big")], np.uint64)
+    words = np.array(
+        [0, 0xFFFFFFFFFFFFFFFF, int.from_bytes(source[:8].tobytes(), "big")], np.uint64
+    )
     return Coder(words, np.array([8, 1], np.int64), source)
 
 
@@ -94,7 +110,7 @@ def _narrow(coder: Coder, start: np.uint64, width: np.uint64) -> None:
 
 
 @jit
-def target(coder: Coder, total: int) -> int:
+def decode_cumulative(coder: Coder, total: int) -> int:
     """Return where in [0, total) the code word of a reader lies."""
     words = coder.words
     share = words[_RANGE] // np.uint64(total)
@@ -113,13 +129,13 @@ def code_bits(coder: Coder, value: int, count: int) -> int:
     """Code ``count`` <= 32 equally likely bits."""
     total = np.int64(1) << np.int64(count)
     if coder.cursor[_DIRECTION] == _READS:
-        value = target(coder, total)
+        value = decode_cumulative(coder, total)
     code_interval(coder, value, 1, total)
     return value
 
 
 @jit
-def used_bits(coder: Coder) -> float:
+def count_bits(coder: Coder) -> float:
     """Return how many bits have been written, to a fraction of a bit."""
     return 8.0 * coder.cursor[_CURSOR] + 64.0 - np.log2(np.float64(coder.words[_RANGE]))
 

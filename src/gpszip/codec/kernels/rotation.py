@@ -6,7 +6,7 @@ import numpy as np
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["DIRECTIONS", "bend", "direction", "rotate", "rotate_back"]
+__all__ = ["DIRECTIONS", "nearest_direction", "rotate", "rotate_back", "sideways_offset"]
 
 #: Directions of a full turn; two's power, a multiple of 8.
 DIRECTIONS = 256
@@ -26,14 +26,14 @@ _TAN = np.round(np.tan(_ANGLES[: _BENDS + 1]) * (1 << _SHIFT)).astype(np.int64)
 
 
 @jit
-def bend(along: int, turn: int) -> int:
+def sideways_offset(along: int, turn: int) -> int:
     """How far to the side one comes ``along`` a line that is turned by so many directions; 69 degrees stand for any larger turn."""
     across = (along * _TAN[min(abs(turn), _BENDS)]) >> _SHIFT
     return across if turn >= 0 else -across
 
 
 @jit
-def direction(x: int, y: int) -> int:
+def nearest_direction(x: int, y: int) -> int:
     """Nearest of the directions to a vector; 0 for the null vector."""
     best = np.int64(0)
     chosen = 0

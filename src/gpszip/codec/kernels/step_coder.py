@@ -7,14 +7,23 @@ from numpy.typing import NDArray
 
 from gpszip.codec.kernels.adaptive import code_bit, code_choice
 from gpszip.codec.kernels.range_coder import Coder
-from gpszip.codec.kernels.walk_model import NODES, WalkModel, half_edge, pair_count
+from gpszip.codec.kernels.walk_model import NODES, WalkModel, find_half_edge, pair_count
 from gpszip.codec.kernels.walk_priors import F_BACK, F_ESCAPE, F_NEW, F_STAY, ON_WAY
 from gpszip.kernels.jit import jit
 
-__all__ = ["KIND_BACK", "KIND_KNOWN", "KIND_LINK", "KIND_NEW", "KIND_STAY", "code_kind", "code_way", "kind_of"]
+__all__ = [
+    "KIND_BACK",
+    "KIND_KNOWN",
+    "KIND_NEW_EDGE",
+    "KIND_NEW_NODE",
+    "KIND_STAY",
+    "code_known_edge",
+    "code_step_kind",
+    "step_kind",
+]
 
 #: Kinds of steps.
-KIND_BACK, KIND_KNOWN, KIND_LINK, KIND_NEW, KIND_STAY = np.arange(5)
+KIND_BACK, KIND_KNOWN, KIND_NEW_EDGE, KIND_NEW_NODE, KIND_STAY = np.arange(5)
 
 #: Largest sum of weights.
 _MOST = np.int64(1) << 40
@@ -57,7 +66,13 @@ def _list_ways(model: WalkModel, u: int, back: int) -> NDArray[np.int64]:
 
 @jit
 def _weigh_ways(
-    model: WalkModel, u: int, before: int, arrived: int, halves: NDArray[np.int64], turns: NDArray[np.int64], weights: NDArray[np.int64]
+    model: WalkModel,
+    u: int,
+    before: int,
+    arrived: int,
+    halves: NDArray[np.int64],
+    turns: NDArray[np.int64],
+    weights: NDArray[np.int64],
 ) -> int:
     """Weigh known ways by how often they were taken, by their turn, and by how often they followed; return the sum."""
     hits, offers = model.hits[ON_WAY, 0], model.offers[ON_WAY, 0]
@@ -83,7 +98,9 @@ def _weigh_ways(
 
 
 @jit
-def code_way(coder: Coder, model: WalkModel, u: int, before: int, arrived: int, back: int, v: int) -> int:
+def code_known_edge(
+    coder: Coder, model: WalkModel, u: int, before: int, arrived: int, back: int, v: int
+) -> int:
     """Code which known way is taken at u, save the one back; return its half-edge."""
     halves = _list_ways(model, u, back)
     ways = len(halves)
@@ -126,26 +143,33 @@ def _bearing(places: NDArray[np.int64], before: int, u: int, v: int) -> int:
 
 
 @jit
-def kind_of(model: WalkModel, u: int, back: int, node: int) -> int:
+def step_kind(model: WalkModel, u: int, back: int, node: int) -> int:
     """Kind of the step from u to ``node``, where ``back`` is the half-edge to where the walk came from."""
     if node == model.scalars[NODES]:
-        return KIND_NEW
+        return KIND_NEW_NODE
     if node == u:
         return KIND_STAY
-    half = half_edge(model, u, node)
+    half = find_half_edge(model, u, node)
     if half < 0:
-        return KIND_LINK
+        return KIND_NEW_EDGE
     return KIND_BACK if half == back else KIND_KNOWN
 
 
 @jit
-def code_kind(coder: Coder, model: WalkModel, u: int, arrived: int, back: int, kind: int, last: int) -> int:
+def code_step_kind(
+    coder: Coder, model: WalkModel, u: int, arrived: int, back: int, kind: int, last: int
+) -> int:
     """Code the kind of a step from u, reached on the half-edge ``arrived``."""
     flags = model.flags
     degree, level = _depth(model, u)
-    fresh = 1 if last >= KIND_NEW else 0
+    fresh = 1 if last >= KIND_NEW_NODE else 0
     if degree > 0:
-        escape = code_bit(coder, flags, F_ESCAPE + (degree * 5 + level) * 2 + fresh, 1 if kind >= KIND_LINK else 0)
+        escape = code_bit(
+            coder,
+            flags,
+            F_ESCAPE + (degree * 5 + level) * 2 + fresh,
+            1 if kind >= KIND_NEW_EDGE else 0,
+        )
     else:
         escape = 1
     if not escape:
@@ -153,11 +177,28 @@ def code_kind(coder: Coder, model: WalkModel, u: int, arrived: int, back: int, k
             return KIND_KNOWN
         if degree == 1:
             return KIND_BACK
-        seen = 2 if arrived >= 0 and pair_count(model, arrived, back) > 0 else (1 if model.count[back] > 0 else 0)
+        seen = (
+            2
+            if arrived >= 0 and pair_count(model, arrived, back) > 0
+            else (1 if model.count[back] > 0 else 0)
+        )
         context = F_BACK + (min(degree, 4) * 3 + seen) * 2 + (1 if last == KIND_BACK else 0)
-        return KIND_BACK if code_bit(coder, flags, context, 1 if kind == KIND_BACK else 0) else KIND_KNOWN
+        return (
+            KIND_BACK
+            if code_bit(coder, flags, context, 1 if kind == KIND_BACK else 0)
+            else KIND_KNOWN
+        )
     if code_bit(coder, flags, F_STAY + min(last, 4) * 2 + fresh, 1 if kind == KIND_STAY else 0):
         return KIND_STAY
     if model.scalars[NODES] < 2:
-        return KIND_NEW
-    return KIND_NEW if code_bit(coder, flags, F_NEW + min(degree, 3) * 5 + min(last, 4), 1 if kind == KIND_NEW else 0) else KIND_LINK
+        return KIND_NEW_NODE
+    return (
+        KIND_NEW_NODE
+        if code_bit(
+            coder,
+            flags,
+            F_NEW + min(degree, 3) * 5 + min(last, 4),
+            1 if kind == KIND_NEW_NODE else 0,
+        )
+        else KIND_NEW_EDGE
+    )

@@ -11,40 +11,70 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.codec.kernels.adaptive import code_bit
-from gpszip.codec.kernels.distributions import FIRST_PLACE, START_GAP, TRACK_ORDER, TRACK_START, ZERO, code_count, code_far
-from gpszip.codec.kernels.duration_coder import T_GAP, T_STAY, code_ahead, code_move, code_rest
-from gpszip.codec.kernels.new_edge_coder import code_link
-from gpszip.codec.kernels.no_refcount import borrowed
-from gpszip.codec.kernels.position_coder import ON_AXES, ON_HEADING, code_step
-from gpszip.codec.kernels.range_coder import Coder, code_interval, target, used_bits
-from gpszip.codec.kernels.step_coder import KIND_BACK, KIND_KNOWN, KIND_LINK, KIND_NEW, KIND_STAY, code_kind, code_way, kind_of
-from gpszip.codec.kernels.target_coder import code_aim, is_aiming, next_on_trail
+from gpszip.codec.kernels.distributions import (
+    FIRST_PLACE,
+    START_GAP,
+    TRACK_ORDER,
+    TRACK_START,
+    ZERO,
+    code_large_signed,
+    code_large_unsigned,
+)
+from gpszip.codec.kernels.duration_coder import (
+    T_GAP,
+    T_STAY,
+    code_duration_first,
+    code_move_duration,
+    code_pause_duration,
+)
+from gpszip.codec.kernels.new_edge_coder import code_known_node
+from gpszip.codec.kernels.no_refcount import without_refcount
+from gpszip.codec.kernels.position_coder import ON_AXES, ON_HEADING, code_position
+from gpszip.codec.kernels.range_coder import Coder, code_interval, count_bits, decode_cumulative
+from gpszip.codec.kernels.step_coder import (
+    KIND_BACK,
+    KIND_KNOWN,
+    KIND_NEW_EDGE,
+    KIND_NEW_NODE,
+    KIND_STAY,
+    code_known_edge,
+    code_step_kind,
+    step_kind,
+)
+from gpszip.codec.kernels.target_coder import code_target, has_target, take_next_node
 from gpszip.codec.kernels.walk_model import (
-    AIMS,
     BEGUN,
+    DURATION_BITS,
     GAP_BITS,
-    KIND_BITS,
     LATEST,
     MODES,
     NODES,
     ORDER_AT,
-    PACED,
-    PLACE_BITS,
-    SPAN_BITS,
+    POSITION_BITS,
+    SHORTEST_PATHS,
     START_BITS,
+    STEP_KIND_BITS,
+    TIME_FIRST,
     U_GAP,
     U_STAY,
     WalkModel,
+    add_end_weight,
     add_node,
-    book,
-    follow,
-    forget_way,
-    half_edge,
-    pick,
-    weigh,
-    weight_below,
+    end_weight_below,
+    find_by_end_weight,
+    find_half_edge,
+    forget_heading,
+    learn_step,
+    record_bits,
 )
-from gpszip.codec.kernels.walk_priors import F_END, F_GAP, F_GAP_KIND, F_KNOWN_START, ON_GAP, ON_LINK
+from gpszip.codec.kernels.walk_priors import (
+    F_END,
+    F_GAP,
+    F_GAP_KIND,
+    F_KNOWN_START,
+    ON_GAP,
+    ON_LINK,
+)
 from gpszip.kernels.jit import jit
 
 __all__ = ["code_walks"]
@@ -65,7 +95,11 @@ def _code_starts(coder: Coder, model: WalkModel, cell: int) -> bool:
     starts = model.starts
     for i in range(len(starts)):
         gap = starts[i, 0] - cell
-        cell += code_far(coder, model, TRACK_START, gap) if i == 0 else code_count(coder, model, START_GAP, gap)
+        cell += (
+            code_large_signed(coder, model, TRACK_START, gap)
+            if i == 0
+            else code_large_unsigned(coder, model, START_GAP, gap)
+        )
         starts[i, 0], starts[i, 1] = cell, 0
         if abs(cell) >= _LATEST:
             return False
@@ -77,13 +111,13 @@ def _code_first_cell(coder: Coder, model: WalkModel, cell: int, first: int) -> i
     """Code the first cell of a track after a track that began at ``cell``."""
     starts = model.starts
     if len(starts) == 0:
-        return cell + code_far(coder, model, TRACK_START, first - cell)
+        return cell + code_large_signed(coder, model, TRACK_START, first - cell)
     at, skipped = model.scalars[ORDER_AT], np.int64(0)
     if coder.cursor[1] != 1:
         while starts[at, 1] == 1 or starts[at, 0] != first:
             skipped += 1 - starts[at, 1]
             at = (at + 1) % len(starts)
-    skipped = code_count(coder, model, TRACK_ORDER, skipped) % len(starts)
+    skipped = code_large_unsigned(coder, model, TRACK_ORDER, skipped) % len(starts)
     at = model.scalars[ORDER_AT]
     while starts[at, 1] == 1 or skipped > 0:
         skipped -= 1 - starts[at, 1]
@@ -101,43 +135,47 @@ def _code_first(coder: Coder, model: WalkModel, last: int, node: int) -> int:
     if nodes > 0:
         known = code_bit(coder, model.flags, F_KNOWN_START, 1 if node < nodes else 0)
     if known:
-        total = weight_below(model, nodes)
+        total = end_weight_below(model, nodes)
         if coder.cursor[1] == 1:
-            node = pick(model, target(coder, total))
-        start = weight_below(model, node)
-        code_interval(coder, start, weight_below(model, node + 1) - start, total)
+            node = find_by_end_weight(model, decode_cumulative(coder, total))
+        start = end_weight_below(model, node)
+        code_interval(coder, start, end_weight_below(model, node + 1) - start, total)
         return node
     node = nodes
     if last < 0:
         for axis in range(model.places.shape[1]):
-            model.places[node, axis] = code_far(coder, model, FIRST_PLACE, model.places[node, axis])
+            model.places[node, axis] = code_large_signed(
+                coder, model, FIRST_PLACE, model.places[node, axis]
+            )
     else:
-        code_step(coder, model, last, node, ON_AXES, ZERO)
+        code_position(coder, model, last, node, ON_AXES, ZERO)
     return add_node(model)
 
 
 @jit
 def _code_start(coder: Coder, model: WalkModel, last: int, node: int) -> int:
     """Code the first node of a track after one that ended at ``last``, and learn it."""
-    bits = used_bits(coder)
+    bits = count_bits(coder)
     node = _code_first(coder, model, last, node)
-    book(model, START_BITS, used_bits(coder) - bits)
-    weigh(model, node, _WEIGHTS_END)
+    record_bits(model, START_BITS, count_bits(coder) - bits)
+    add_end_weight(model, node, _WEIGHTS_END)
     return node
 
 
 @jit
-def _code_gap(coder: Coder, model: WalkModel, u: int, node: int, cells: int, timed: bool) -> tuple[int, int]:
+def _code_gap(
+    coder: Coder, model: WalkModel, u: int, node: int, cells: int, timed: bool
+) -> tuple[int, int]:
     """Code a part in which no travel is claimed: how long, and where the track goes on."""
     if timed:
-        cells = code_rest(coder, model, T_GAP, U_GAP, cells)
+        cells = code_pause_duration(coder, model, T_GAP, U_GAP, cells)
     if code_bit(coder, model.flags, F_GAP_KIND, 1 if node == u else 0):
         return u, cells
     nodes = model.scalars[NODES]
     if code_bit(coder, model.flags, F_GAP_KIND + 1, 1 if node < nodes else 0):
-        return code_link(coder, model, u, _NOWHERE, node, ON_GAP), cells
+        return code_known_node(coder, model, u, _NOWHERE, node, ON_GAP), cells
     node = nodes
-    code_step(coder, model, u, node, ON_AXES, ZERO)
+    code_position(coder, model, u, node, ON_AXES, ZERO)
     return add_node(model), cells
 
 
@@ -158,24 +196,26 @@ def _joined(gaps: NDArray[np.int8], begins: NDArray[np.int8]) -> NDArray[np.bool
 
 
 @jit
-def _code_way_on(coder: Coder, model: WalkModel, u: int, before: int, arrived: int, last: int, node: int) -> tuple[int, int, int]:
+def _code_way_on(
+    coder: Coder, model: WalkModel, u: int, before: int, arrived: int, last: int, node: int
+) -> tuple[int, int, int]:
     """Code what kind of step follows on u and along which way: return the kind, the half-edge if there is one, and where it leads."""
     back = arrived ^ 1 if arrived >= 0 else _NOWHERE
-    if is_aiming(model):
-        node = next_on_trail(model)
-        half = half_edge(model, u, node)
+    if has_target(model):
+        node = take_next_node(model)
+        half = find_half_edge(model, u, node)
         return KIND_BACK if half == back else KIND_KNOWN, half, node
-    kind = code_kind(coder, model, u, arrived, back, kind_of(model, u, back, node), last)
+    kind = code_step_kind(coder, model, u, arrived, back, step_kind(model, u, back, node), last)
     half = _NOWHERE
     if kind == KIND_STAY:
         node = u
     elif kind == KIND_BACK:
         half = back
     elif kind == KIND_KNOWN:
-        half = code_way(coder, model, u, before, arrived, back, node)
-    elif kind == KIND_LINK:
-        node = code_link(coder, model, u, before, node, ON_LINK)
-    elif kind == KIND_NEW:
+        half = code_known_edge(coder, model, u, before, arrived, back, node)
+    elif kind == KIND_NEW_EDGE:
+        node = code_known_node(coder, model, u, before, node, ON_LINK)
+    elif kind == KIND_NEW_NODE:
         node = model.scalars[NODES]
     if half >= 0:
         node = model.into[half]
@@ -183,35 +223,37 @@ def _code_way_on(coder: Coder, model: WalkModel, u: int, before: int, arrived: i
 
 
 @jit
-def _code_part(coder: Coder, model: WalkModel, kind: int, half: int, u: int, node: int, cells: int, timed: bool) -> int:
+def _code_part(
+    coder: Coder, model: WalkModel, kind: int, half: int, u: int, node: int, cells: int, timed: bool
+) -> int:
     """Code where a new node lies, and how many cells the step to a node takes; return these."""
-    bits = used_bits(coder)
-    ahead = timed and kind == KIND_NEW and model.scalars[MODES] & PACED > 0
+    bits = count_bits(coder)
+    ahead = timed and kind == KIND_NEW_NODE and model.scalars[MODES] & TIME_FIRST > 0
     if ahead:
-        cells = code_ahead(coder, model, cells)
-        book(model, SPAN_BITS + kind, used_bits(coder) - bits)
-        bits = used_bits(coder)
-    if kind == KIND_NEW:
-        code_step(coder, model, u, node, ON_HEADING, cells if ahead else ZERO)
+        cells = code_duration_first(coder, model, cells)
+        record_bits(model, DURATION_BITS + kind, count_bits(coder) - bits)
+        bits = count_bits(coder)
+    if kind == KIND_NEW_NODE:
+        code_position(coder, model, u, node, ON_HEADING, cells if ahead else ZERO)
         add_node(model)
-        book(model, PLACE_BITS, used_bits(coder) - bits)
-        bits = used_bits(coder)
+        record_bits(model, POSITION_BITS, count_bits(coder) - bits)
+        bits = count_bits(coder)
     if timed and not ahead:
         if kind == KIND_STAY:
-            cells = code_rest(coder, model, T_STAY, U_STAY, cells)
+            cells = code_pause_duration(coder, model, T_STAY, U_STAY, cells)
         else:
-            cells = code_move(coder, model, half, u, node, cells)
-        book(model, SPAN_BITS + kind, used_bits(coder) - bits)
+            cells = code_move_duration(coder, model, half, u, node, cells)
+        record_bits(model, DURATION_BITS + kind, count_bits(coder) - bits)
     return cells
 
 
 @jit
 def _code_end(coder: Coder, model: WalkModel, u: int, ends: bool) -> bool:
     """Code whether a track that has come to u ends."""
-    terminal = 1 if weight_below(model, u + 1) - weight_below(model, u) > 1 else 0
+    terminal = 1 if end_weight_below(model, u + 1) - end_weight_below(model, u) > 1 else 0
     ended = code_bit(coder, model.flags, F_END + terminal, 1 if ends else 0) == 1
     if ended:
-        weigh(model, u, _WEIGHTS_END)
+        add_end_weight(model, u, _WEIGHTS_END)
     return ended
 
 
@@ -240,7 +282,7 @@ def code_walks(
 
     Parameters
     ----------
-    nodes, cells : int64 arrays, shape (K,)
+    nodes, time_steps : int64 arrays, shape (K,)
         Node of each knot, numbered by first visit, and its time cell; filled in when reading.
     gaps, begins : int8 arrays, shape (K,)
         Whether the part that leads to the knot is a gap, and whether a track begins at the knot.
@@ -254,13 +296,13 @@ def code_walks(
     int
         Number of nodes, or -1 if what was read is no walk.
     """
-    coder, model = borrowed(coder), borrowed(model)
+    coder, model = without_refcount(coder), without_refcount(model)
     knots = len(nodes)
     left = tracks
-    u, before, arrived, last = model.scalars[LATEST] - 1, _NOWHERE, _NOWHERE, KIND_NEW
+    u, before, arrived, last = model.scalars[LATEST] - 1, _NOWHERE, _NOWHERE, KIND_NEW_NODE
     start = model.scalars[BEGUN]
     ended, arrival = True, False
-    aims = model.scalars[MODES] & AIMS > 0
+    aims = model.scalars[MODES] & SHORTEST_PATHS > 0
     joined = _joined(gaps, begins)
     if timed and len(model.starts) > 0 and not _code_starts(coder, model, start):
         return -1
@@ -277,42 +319,46 @@ def code_walks(
                 cells[j] = start
             u = _code_start(coder, model, u, nodes[j])
             nodes[j] = u
-            before, arrived, last, arrival = _NOWHERE, _NOWHERE, KIND_NEW, False
-            forget_way(model)
+            before, arrived, last, arrival = _NOWHERE, _NOWHERE, KIND_NEW_NODE, False
+            forget_heading(model)
         else:
             begins[j] = 0
             span = cells[j] - cells[j - 1]
             gap = 0
-            bits = used_bits(coder)
-            under_way = is_aiming(model)
+            bits = count_bits(coder)
+            under_way = has_target(model)
             if gapped and not under_way:
                 gap = code_bit(coder, model.flags, _gap_context(model, u, last), np.int64(gaps[j]))
             gaps[j] = gap
             if aims and gap == 0 and not under_way and model.head[u] >= 0:
-                code_aim(coder, model, u, np.int64(5) if arrival else last, nodes, joined, j)
-            under_way = is_aiming(model)
+                code_target(coder, model, u, np.int64(5) if arrival else last, nodes, joined, j)
+            under_way = has_target(model)
             if gap:
                 node, span = _code_gap(coder, model, u, nodes[j], span, timed)
-                book(model, GAP_BITS, used_bits(coder) - bits)
-                before, arrived, last = _NOWHERE, _NOWHERE, KIND_NEW
-                forget_way(model)
+                record_bits(model, GAP_BITS, count_bits(coder) - bits)
+                before, arrived, last = _NOWHERE, _NOWHERE, KIND_NEW_NODE
+                forget_heading(model)
                 model.rests[u] += 1
                 model.rests[node] += 1
             else:
                 last, half, node = _code_way_on(coder, model, u, before, arrived, last, nodes[j])
-                book(model, KIND_BITS + last, used_bits(coder) - bits)
+                record_bits(model, STEP_KIND_BITS + last, count_bits(coder) - bits)
                 if len(model.spent) > 0 and not aims:
-                    model.spent[j] = used_bits(coder) - bits
+                    model.spent[j] = count_bits(coder) - bits
                 span = _code_part(coder, model, last, half, u, node, span, timed)
                 if node != u:
-                    arrived = follow(model, arrived, u, node, span if timed else np.int64(0))
+                    arrived = learn_step(model, arrived, u, node, span if timed else np.int64(0))
                     before = u
-            arrival = under_way and not is_aiming(model)
+            arrival = under_way and not has_target(model)
             nodes[j] = node
             u = node
             cells[j] = cells[j - 1] + span if timed else 0
         if coder.cursor[1] == 1 and not _is_sound(model, u, cells[j]):
             return -1
-        ended = left > 0 and not is_aiming(model) and _code_end(coder, model, u, j + 1 == knots or begins[j + 1] == 1)
+        ended = (
+            left > 0
+            and not has_target(model)
+            and _code_end(coder, model, u, j + 1 == knots or begins[j + 1] == 1)
+        )
     model.scalars[LATEST], model.scalars[BEGUN] = u + 1, start
-    return model.scalars[NODES] if left == 0 and not is_aiming(model) else np.int64(-1)
+    return model.scalars[NODES] if left == 0 and not has_target(model) else np.int64(-1)

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.codec.kernels.adaptive import SIZES
+from gpszip.codec.kernels.adaptive import INTEGER_CONTEXTS
 
 __all__ = [
+    "BIT_CONTEXTS",
     "DISTRIBUTIONS",
-    "FLAGS",
     "F_AIM",
     "F_BACK",
     "F_END",
@@ -27,14 +27,14 @@ __all__ = [
     "ON_GAP",
     "ON_LINK",
     "ON_WAY",
-    "first_flags",
-    "first_hits",
-    "first_offers",
-    "first_weights",
+    "initial_bit_counts",
+    "initial_chosen",
+    "initial_mixture_weights",
+    "initial_offered",
 ]
 
 #: Bit contexts, ahead of those of whole numbers.
-FLAGS = 512
+BIT_CONTEXTS = 512
 _SIZE_SLOTS = 10
 
 #: Sets of mixture weights, histograms and how many distributions a mixture may have.
@@ -84,7 +84,33 @@ _TURNS = 5 << 16
 
 #: How heavy the distributions of each mixture are before any number is seen, of 1,024.
 _WEIGHTS = {
-    0: (26, 3, 3, 13, 30, 53, 6, 14, 3, 3, 151, 230, 73, 17, 11, 6, 68, 45, 14, 35, 8, 115, 66, 16, 9),
+    0: (
+        26,
+        3,
+        3,
+        13,
+        30,
+        53,
+        6,
+        14,
+        3,
+        3,
+        151,
+        230,
+        73,
+        17,
+        11,
+        6,
+        68,
+        45,
+        14,
+        35,
+        8,
+        115,
+        66,
+        16,
+        9,
+    ),
     1: (54, 4, 20, 153, 214, 122, 120, 34, 4, 4, 8, 179, 108),
     2: (40, 5, 5, 6, 20, 16, 90, 90, 232, 89, 125, 193, 113),
     5: (257, 4, 3, 3, 203, 23, 10, 40, 63, 158, 126, 68, 31, 13, 5, 4, 4, 3, 3, 3),
@@ -97,7 +123,7 @@ _WEIGHTS = {
 _EVEN = 36
 
 
-def first_weights() -> NDArray[np.int64]:
+def initial_mixture_weights() -> NDArray[np.int64]:
     """Return the weights of each mixture's distributions, and that none was used yet."""
     weights = np.full((MIXTURES, DISTRIBUTIONS + 1), 64 * _EVEN, np.int64)
     for mixture, shares in _WEIGHTS.items():
@@ -106,7 +132,7 @@ def first_weights() -> NDArray[np.int64]:
     return weights
 
 
-def first_hits() -> NDArray[np.int64]:
+def initial_chosen() -> NDArray[np.int64]:
     """Return what was chosen among nodes and turns, by layer and class."""
     hits = np.full((4, OCTAVES, 8), _TURNS, np.int64)
     hits[ON_LINK] = np.outer(_LIKELY_DISTANCE, _LIKELY_BEARING)
@@ -115,14 +141,16 @@ def first_hits() -> NDArray[np.int64]:
     return hits
 
 
-def first_offers() -> NDArray[np.int64]:
+def initial_offered() -> NDArray[np.int64]:
     """Return how much was to be had among nodes and turns, by layer and class."""
-    return np.array([10, 10, _TURNS, 10], np.int64)[:, None, None] * np.ones((4, OCTAVES, 8), np.int64)
+    return np.array([10, 10, _TURNS, 10], np.int64)[:, None, None] * np.ones(
+        (4, OCTAVES, 8), np.int64
+    )
 
 
-def first_flags() -> NDArray[np.int32]:
+def initial_bit_counts() -> NDArray[np.int32]:
     """Return the counts of zeros and ones of each context."""
-    flags = np.full((FLAGS + _SIZE_SLOTS * SIZES, 2), 10, np.int32)
+    flags = np.full((BIT_CONTEXTS + _SIZE_SLOTS * INTEGER_CONTEXTS, 2), 10, np.int32)
     for first, count, stride, zeros, ones in _EXPECTED:
         flags[first : first + count * stride : stride] = zeros, ones
     return flags

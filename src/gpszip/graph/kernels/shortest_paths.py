@@ -16,26 +16,26 @@ from gpszip.kernels.heap import pop, push
 from gpszip.kernels.jit import jit
 
 __all__ = [
-    "FARTHEST",
     "NO_PATH",
     "TOO_LONG",
+    "UNBOUNDED",
     "Arcs",
-    "Search",
-    "bisected_knots",
-    "extend",
-    "greedy_knots",
-    "grow",
-    "join_waypoints",
+    "DijkstraSearch",
+    "expand_waypoints",
+    "find_waypoints_by_bisection",
+    "find_waypoints_greedily",
+    "follow_canonical_path",
     "new_search",
-    "settle",
-    "settle_all",
     "settle_next",
-    "start",
-    "trace",
+    "settle_node",
+    "settle_targets",
+    "settle_within",
+    "start_search",
+    "write_canonical_path",
 ]
 
 #: A radius that no path exceeds: weights are chosen so that even a path through all nodes stays below.
-FARTHEST = 1 << 62
+UNBOUNDED = 1 << 62
 
 #: Answers of the functions that write walks, below every entry of ``edges``.
 NO_PATH, TOO_LONG = -3, -4
@@ -51,7 +51,7 @@ class Arcs(NamedTuple):
     ranks: NDArray[np.int32]
 
 
-class Search(NamedTuple):
+class DijkstraSearch(NamedTuple):
     """Work arrays of one search after another; ``stamp`` says which entries belong to the present one.
 
     ``state`` holds the stamp of the present search, the size of the heap, the number of settled nodes in ``order``,
@@ -68,9 +68,9 @@ class Search(NamedTuple):
     state: NDArray[np.int64]
 
 
-def new_search(nodes: int, arcs: int, breadth: int) -> Search:
+def new_search(nodes: int, arcs: int, breadth: int) -> DijkstraSearch:
     """Work arrays for graphs with at most this many nodes and arcs, and searches that settle ``breadth`` nodes."""
-    return Search(
+    return DijkstraSearch(
         np.zeros(nodes, np.int64),
         np.zeros(nodes, np.int32),
         np.zeros(nodes, np.int64),
@@ -83,7 +83,7 @@ def new_search(nodes: int, arcs: int, breadth: int) -> Search:
 
 
 @jit
-def _comes_first(arcs: Arcs, search: Search, one: int, other: int, node: int) -> bool:
+def _comes_first(arcs: Arcs, search: DijkstraSearch, one: int, other: int, node: int) -> bool:
     # The two paths part below their last common node; the nodes right after it decide.
     after_one = after_other = node
     while one != other:
@@ -95,7 +95,7 @@ def _comes_first(arcs: Arcs, search: Search, one: int, other: int, node: int) ->
 
 
 @jit
-def _relax(arcs: Arcs, search: Search, node: int) -> None:
+def _relax_arcs(arcs: Arcs, search: DijkstraSearch, node: int) -> None:
     stamp = search.state[0]
     for arc in range(arcs.offsets[node], arcs.offsets[node + 1]):
         target = arcs.targets[arc]
@@ -118,7 +118,7 @@ def _relax(arcs: Arcs, search: Search, node: int) -> None:
 
 
 @jit
-def start(search: Search, source: int) -> None:
+def start_search(search: DijkstraSearch, source: int) -> None:
     """Forget the last search and begin one at ``source``."""
     search.state[0] += 2  # stamp: reached; stamp + 1: settled
     search.state[1] = push(search.keys, search.heap, 0, 0, source)
@@ -130,14 +130,14 @@ def start(search: Search, source: int) -> None:
 
 
 @jit
-def _within_breadth(search: Search) -> bool:
+def _within_breadth(search: DijkstraSearch) -> bool:
     # Nodes as far as the last one allowed still count: which of them comes first is an accident of the heap.
     settled, breadth = search.state[2], search.state[3]
     return bool(settled < breadth or search.keys[0] == search.distance[search.order[breadth - 1]])
 
 
 @jit
-def settle_next(arcs: Arcs, search: Search, radius: int) -> int:
+def settle_next(arcs: Arcs, search: DijkstraSearch, radius: int) -> int:
     """Settle the nearest open node within ``radius`` and return it, or -1 if there is none."""
     while search.state[1] > 0 and search.keys[0] <= radius and _within_breadth(search):
         node, search.state[1] = pop(search.keys, search.heap, search.state[1])
@@ -145,13 +145,13 @@ def settle_next(arcs: Arcs, search: Search, radius: int) -> int:
             search.stamp[node] += 1
             search.order[search.state[2]] = node
             search.state[2] += 1
-            _relax(arcs, search, node)
+            _relax_arcs(arcs, search, node)
             return int(node)
     return -1
 
 
 @jit
-def settle(arcs: Arcs, search: Search, node: int, radius: int) -> bool:
+def settle_node(arcs: Arcs, search: DijkstraSearch, node: int, radius: int) -> bool:
     """Grow the search until ``node`` is settled; False if it is not within ``radius``."""
     while search.stamp[node] != search.state[0] + 1:
         if settle_next(arcs, search, radius) < 0:
@@ -160,36 +160,45 @@ def settle(arcs: Arcs, search: Search, node: int, radius: int) -> bool:
 
 
 @jit
-def grow(arcs: Arcs, search: Search, source: int, radius: int) -> None:
+def settle_within(arcs: Arcs, search: DijkstraSearch, source: int, radius: int) -> None:
     """Settle everything within ``radius`` of ``source``."""
-    start(search, source)
+    start_search(search, source)
     while settle_next(arcs, search, radius) >= 0:
         pass
 
 
 @jit
-def settle_all(arcs: Arcs, search: Search, source: int, targets: NDArray[np.int32], radius: int) -> NDArray[np.int64]:
+def settle_targets(
+    arcs: Arcs, search: DijkstraSearch, source: int, targets: NDArray[np.int32], radius: int
+) -> NDArray[np.int64]:
     """Distances from ``source`` to each target; -1 for those farther than ``radius``."""
-    start(search, source)
+    start_search(search, source)
     found = np.full(len(targets), -1, np.int64)
     for place in range(len(targets)):
-        if settle(arcs, search, targets[place], radius):
+        if settle_node(arcs, search, targets[place], radius):
             found[place] = search.distance[targets[place]]
     return found
 
 
 @jit
-def extend(arcs: Arcs, search: Search, nodes: NDArray[np.int32], edges: NDArray[np.int32], first: int, last: int) -> int:
+def follow_canonical_path(
+    arcs: Arcs,
+    search: DijkstraSearch,
+    nodes: NDArray[np.int32],
+    edges: NDArray[np.int32],
+    first: int,
+    last: int,
+) -> int:
     """Farthest knot up to ``last`` that the walk reaches from knot ``first`` along canonical paths alone.
 
     The tree of the first node is grown only as far as the walk follows it. It follows where ``pred[q_{j+1}] = q_j``
     (theory, section 5); the first knot at which it doesn't ends the longest prefix, for later ones can't hold either.
     """
-    start(search, nodes[first])
+    start_search(search, nodes[first])
     for knot in range(first, last):
         node = nodes[knot + 1]
         # Unsettled, the next node lies no farther than over the edge from the present one: the search stays within the walk's own length.
-        if edges[knot] < 0 or not settle(arcs, search, node, FARTHEST):
+        if edges[knot] < 0 or not settle_node(arcs, search, node, UNBOUNDED):
             return knot
         if search.parent[node] != nodes[knot] or arcs.edges[search.arc[node]] != edges[knot]:
             return knot
@@ -197,8 +206,8 @@ def extend(arcs: Arcs, search: Search, nodes: NDArray[np.int32], edges: NDArray[
 
 
 @jit
-def greedy_knots(
-    arcs: Arcs, search: Search, nodes: NDArray[np.int32], edges: NDArray[np.int32]
+def find_waypoints_greedily(
+    arcs: Arcs, search: DijkstraSearch, nodes: NDArray[np.int32], edges: NDArray[np.int32]
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Knots of the fewest waypoints, and which hops between them are canonical paths rather than single hops that are none."""
     last = len(nodes) - 1
@@ -207,7 +216,7 @@ def greedy_knots(
     count = 0
     while knots[count] < last:
         knot = knots[count]
-        reached = extend(arcs, search, nodes, edges, knot, last)
+        reached = follow_canonical_path(arcs, search, nodes, edges, knot, last)
         paths[count] = reached > knot
         knots[count + 1] = max(reached, knot + 1)
         count += 1
@@ -215,8 +224,8 @@ def greedy_knots(
 
 
 @jit
-def bisected_knots(
-    arcs: Arcs, search: Search, nodes: NDArray[np.int32], edges: NDArray[np.int32]
+def find_waypoints_by_bisection(
+    arcs: Arcs, search: DijkstraSearch, nodes: NDArray[np.int32], edges: NDArray[np.int32]
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """The same by recursive halving (thesis, algorithm 6); both halves keep the middle knot."""
     last = len(nodes) - 1
@@ -230,7 +239,7 @@ def bisected_knots(
         first, end = knots[count], ends[depth - 1]
         if reach[first] < 0:
             # Halves that start here later on are shorter: where this prefix ends is all that they need.
-            reach[first] = extend(arcs, search, nodes, edges, first, end)
+            reach[first] = follow_canonical_path(arcs, search, nodes, edges, first, end)
         if reach[first] >= end or end == first + 1:
             paths[count] = reach[first] >= end
             knots[count + 1] = end
@@ -243,10 +252,18 @@ def bisected_knots(
 
 
 @jit
-def trace(arcs: Arcs, search: Search, source: int, target: int, nodes: NDArray[np.int32], edges: NDArray[np.int32], begin: int) -> int:
+def write_canonical_path(
+    arcs: Arcs,
+    search: DijkstraSearch,
+    source: int,
+    target: int,
+    nodes: NDArray[np.int32],
+    edges: NDArray[np.int32],
+    begin: int,
+) -> int:
     """Write the canonical path behind knot ``begin``; return the knot of its end, NO_PATH or TOO_LONG."""
-    start(search, source)
-    if source == target or not settle(arcs, search, target, FARTHEST):
+    start_search(search, source)
+    if source == target or not settle_node(arcs, search, target, UNBOUNDED):
         return NO_PATH
     end = begin
     node = target
@@ -264,9 +281,9 @@ def trace(arcs: Arcs, search: Search, source: int, target: int, nodes: NDArray[n
 
 
 @jit
-def join_waypoints(
+def expand_waypoints(
     arcs: Arcs,
-    search: Search,
+    search: DijkstraSearch,
     waypoints: NDArray[np.int32],
     literals: NDArray[np.int32],
     nodes: NDArray[np.int32],
@@ -280,7 +297,9 @@ def join_waypoints(
     nodes[0] = waypoints[0]
     for hop in range(len(literals)):
         if literals[hop] == NO_PATH:
-            knot = trace(arcs, search, waypoints[hop], waypoints[hop + 1], nodes, edges, knot)
+            knot = write_canonical_path(
+                arcs, search, waypoints[hop], waypoints[hop + 1], nodes, edges, knot
+            )
             if knot < 0:
                 return knot, hop + 1
         elif knot + 1 >= len(nodes):

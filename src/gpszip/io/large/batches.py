@@ -17,26 +17,26 @@ from gpszip.errors import InputError
 from gpszip.io.logs import csv as csv_log
 from gpszip.io.logs.formats import format_for_reading, format_named
 from gpszip.io.logs.parquet import parquet_dataset
-from gpszip.io.logs.plausibility import as_spreadsheet_days, plausible
+from gpszip.io.logs.plausibility import check_plausible, note_spreadsheet_days
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.storage.source import Source
 from gpszip.io.tables.quotes import check_quotes
 from gpszip.io.tables.roles import Roles, find_roles
-from gpszip.io.tables.table import Habits, habits_of, table_log
-from gpszip.io.tables.time_columns import order_of, time_cells
-from gpszip.io.values.arrow import is_text, trimmed
+from gpszip.io.tables.table import TableConventions, build_raw_log, find_conventions
+from gpszip.io.tables.time_columns import find_date_order, join_time_columns
+from gpszip.io.values.arrow import is_text, trimmed_text
 from gpszip.io.values.coordinates import has_decimal_comma, has_decimal_point
-from gpszip.io.values.dates import DateOrders, date_orders
+from gpszip.io.values.dates import DateOrders, find_date_orders
 from gpszip.model.read_result import Repair
 
-__all__ = ["Shard", "shard_of"]
+__all__ = ["LogFile", "inspect_log_file"]
 
 #: Rows of Parquet that are read at a time.
-_ROWS = 1 << 17
+_PARQUET_BATCH_ROWS = 1 << 17
 
 
 @dataclass(frozen=True, eq=False)
-class Shard:
+class LogFile:
     """One file of a log, not read yet; what it holds is known from its head.
 
     Parameters
@@ -74,9 +74,11 @@ class Shard:
         return self.source.name
 
     @property
-    def contents(self) -> tuple[bool, int, str] | None:
+    def coordinate_kind(self) -> tuple[bool, int, str] | None:
         """Whether its coordinates are degrees, how many they are, and their system; None where that is not known yet."""
-        return None if self.roles is None else (self.roles.geographic, len(self.roles.axes), self.crs)
+        return (
+            None if self.roles is None else (self.roles.geographic, len(self.roles.axes), self.crs)
+        )
 
     def rows(self) -> int | None:
         """Number of rows, where that is told before they are read."""
@@ -95,40 +97,76 @@ class Shard:
             If the file is damaged.
         """
         if self.kind == "whole":
-            yield plausible(format_named(self.format).read(self.source, self.request), self.request)
+            yield check_plausible(
+                format_named(self.format).read(self.source, self.request), self.request
+            )
             return
         try:
-            yield from self._tables(_parquet_tables(self) if self.kind == "parquet" else _csv_tables(self))
+            yield from self._to_raw_logs(
+                _read_parquet_tables(self) if self.kind == "parquet" else _read_csv_tables(self)
+            )
         except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-            said = csv_log.table_error(error) if self.kind == "csv" else f"damaged: {str(error).splitlines()[0][:120]}"
+            said = (
+                csv_log.explain_table_error(error)
+                if self.kind == "csv"
+                else f"damaged: {str(error).splitlines()[0][:120]}"
+            )
             raise InputError(f"{self.name}: {said}") from None
 
-    def _tables(self, tables: Iterator[tuple[Any, int]]) -> Iterator[RawLog]:
-        roles, request, first = self.roles, self.request, 1 if self.dialect is None else self.dialect.header + 1
-        habits: Habits | None = None
+    def _to_raw_logs(self, tables: Iterator[tuple[Any, int]]) -> Iterator[RawLog]:
+        roles, request, first = (
+            self.roles,
+            self.request,
+            1 if self.dialect is None else self.dialect.header_lines + 1,
+        )
+        conventions: TableConventions | None = None
         assert roles is not None
         for table, bad in tables:
             # What the first rows tell holds for all.
             if request.dates is None and table.num_rows:
-                request = replace(request, dates=self._order(table, roles))
-            first_rows = habits is None and table.num_rows > 0
+                request = replace(request, dates=self._find_date_order(table, roles))
+            first_rows = conventions is None and table.num_rows > 0
             if first_rows:
-                habits = habits_of(table.columns, self.names, roles, request, self.name, decimal_comma=self._decimal_comma())
+                conventions = find_conventions(
+                    table.columns,
+                    self.names,
+                    roles,
+                    request,
+                    self.name,
+                    decimal_comma=self._uses_decimal_comma(),
+                )
 
-            repairs = (Repair("rows with too many or too few cells dropped", bad, self.name),) if bad else ()
+            repairs = (
+                (Repair("rows with too many or too few cells dropped", bad, self.name),)
+                if bad
+                else ()
+            )
             if table.num_rows or bad:
-                raw = table_log(
-                    table.columns, self.names, roles, request, self.name, first=first, habits=habits, repairs=repairs, whole=False
+                raw = build_raw_log(
+                    table.columns,
+                    self.names,
+                    roles,
+                    request,
+                    self.name,
+                    first=first,
+                    conventions=conventions,
+                    repairs=repairs,
+                    all_rows=False,
                 )
                 if first_rows:
-                    raw = plausible(raw, self.request)
-                    request = replace(request, time_unit=raw.guess.unit if raw.guess else self.request.time_unit)
+                    raw = check_plausible(raw, self.request)
+                    request = replace(
+                        request,
+                        time_unit=raw.guessed_unit.unit
+                        if raw.guessed_unit
+                        else self.request.time_unit,
+                    )
                 elif request.time_unit == "excel" and self.request.time_unit is None:
-                    raw = as_spreadsheet_days(raw)
+                    raw = note_spreadsheet_days(raw)
                 yield raw
             first += table.num_rows
 
-    def _decimal_comma(self) -> bool | None:
+    def _uses_decimal_comma(self) -> bool | None:
         """Whether numbers have decimal commas. If the first rows have some, all are looked at."""
         if self.dialect is None or self.roles is None:
             return None
@@ -136,42 +174,49 @@ class Shard:
         if not any("," in cell for cell in cells):
             return False
         comma = False
-        for batch in _csv_batches(self, {}, [], csv_log.whole_encoding(self.source, self.dialect), self.roles.axes):
+        for batch in _read_csv_batches(
+            self, {}, [], csv_log.confirm_encoding(self.source, self.dialect), self.roles.axes
+        ):
             columns = [pa.chunked_array([column]) for column in batch.columns]
             comma = comma or has_decimal_comma(columns)
             if has_decimal_point(columns):
                 return False
         return comma
 
-    def _order(self, table: Any, roles: Roles) -> str | None:
+    def _find_date_order(self, table: Any, roles: Roles) -> str | None:
         """Order of day, month and year, from all rows, so that it is the same for all; None where this batch has no such dates."""
         assert self.names
-        named = order_of(self.names, roles, self.request)
-        if named is not None or not self._orders(table).first:
+        named = find_date_order(self.names, roles, self.request)
+        if named is not None or not self._possible_date_orders(table).first:
             return named
-        found = reduce(or_, (self._orders(batch) for batch in self._texts()))
+        found = reduce(or_, (self._possible_date_orders(batch) for batch in self._tables_as_text()))
         return found.decide(f"{self.name}: column {self.names[roles.time[-1]]!r}")
 
-    def _texts(self) -> Iterator[Any]:
+    def _tables_as_text(self) -> Iterator[Any]:
         """Yield all rows once more, those of text with all cells as texts."""
         if self.kind == "parquet":
-            yield from (table for table, _ in _parquet_tables(self))
+            yield from (table for table, _ in _read_parquet_tables(self))
             return
         assert self.dialect is not None
-        encoding = csv_log.whole_encoding(self.source, self.dialect)
-        yield from (pa.Table.from_batches([batch]) for batch in _csv_batches(self, {}, [], encoding))
+        encoding = csv_log.confirm_encoding(self.source, self.dialect)
+        yield from (
+            pa.Table.from_batches([batch]) for batch in _read_csv_batches(self, {}, [], encoding)
+        )
 
-    def _orders(self, table: Any) -> DateOrders:
+    def _possible_date_orders(self, table: Any) -> DateOrders:
         """Orders in which a batch's dates can be read."""
         assert self.roles is not None
         roles, columns = self.roles, dict(zip(self.roles.used, table.columns, strict=False))
-        if any(not is_text(columns[i].type) and pa.types.is_temporal(columns[i].type) for i in roles.time):
+        if any(
+            not is_text(columns[i].type) and pa.types.is_temporal(columns[i].type)
+            for i in roles.time
+        ):
             return DateOrders()
-        cells = time_cells(columns, self.names, roles, self.request, self.name)
-        return date_orders(trimmed(cells)) if is_text(cells.type) else DateOrders()
+        cells = join_time_columns(columns, self.names, roles, self.request, self.name)
+        return find_date_orders(trimmed_text(cells)) if is_text(cells.type) else DateOrders()
 
 
-def shard_of(source: Source, format_: str | None, request: Request) -> Shard | InputError:
+def inspect_log_file(source: Source, format_: str | None, request: Request) -> LogFile | InputError:
     """Return a file of a log with what its head says, or what is wrong with it.
 
     Parameters
@@ -184,33 +229,44 @@ def shard_of(source: Source, format_: str | None, request: Request) -> Shard | I
         Columns and unit of time.
     """
     try:
-        return _shard(source, format_, request)
+        return _inspect(source, format_, request)
     except InputError as error:
         return error
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         return InputError(f"{source.name}: can't be read: {str(error).splitlines()[0][:120]}")
 
 
-def _shard(source: Source, format_: str | None, request: Request) -> Shard:
+def _inspect(source: Source, format_: str | None, request: Request) -> LogFile:
     kind = (format_named(format_) if format_ is not None else format_for_reading(source)).name
     by_role = request.columns if isinstance(request.columns, Mapping) else None
     if kind == "csv":
-        dialect = csv_log.dialect_of(source.head(), request, source.name)
-        roles = find_roles(dialect.names, by_role, request.keep, source.name, cells=dialect.some)
-        return Shard(source, request, kind, dialect.names, roles, dialect=dialect)
-    if kind == "parquet" and source.path is not None and not source.packed:
+        dialect = csv_log.detect_dialect(source.head(), request, source.name)
+        roles = find_roles(
+            dialect.names, by_role, request.keep, source.name, cells=dialect.hint_cells
+        )
+        return LogFile(source, request, kind, dialect.names, roles, dialect=dialect)
+    if kind == "parquet" and source.path is not None and not source.is_gzip:
         schema = parquet_dataset(source).schema
         names = tuple(str(name) for name in schema.names)
         if isinstance(request.columns, tuple):
             if len(request.columns) > len(names):
-                raise InputError(f"{source.name}: has {len(names)} columns, but --columns names {len(request.columns)}")
+                raise InputError(
+                    f"{source.name}: has {len(names)} columns, but --columns names {len(request.columns)}"
+                )
             names = (*(new if new not in ("", "-", "_") else old for new, old in zip(request.columns, names, strict=False)),
                      *names[len(request.columns) :])  # fmt: skip
-        return Shard(source, request, kind, names, find_roles(names, by_role, request.keep, source.name), _crs(schema))
-    return Shard(source, request, "whole", format=kind)
+        return LogFile(
+            source,
+            request,
+            kind,
+            names,
+            find_roles(names, by_role, request.keep, source.name),
+            _geoparquet_crs(schema),
+        )
+    return LogFile(source, request, "whole", format=kind)
 
 
-def _crs(schema: Any) -> str:
+def _geoparquet_crs(schema: Any) -> str:
     """The coordinate system that GeoParquet names."""
     try:
         columns = json.loads((schema.metadata or {})[b"geo"])["columns"].values()
@@ -219,65 +275,95 @@ def _crs(schema: Any) -> str:
         return ""
 
 
-def _parquet_tables(shard: Shard) -> Iterator[tuple[Any, int]]:
-    assert shard.source.path is not None
-    assert shard.roles is not None
-    dataset = parquet_dataset(shard.source)
-    columns = [str(dataset.schema.names[i]) for i in shard.roles.used]
-    for batch in dataset.to_batches(columns=columns, batch_size=_ROWS, batch_readahead=1, fragment_readahead=1, use_threads=False):
+def _read_parquet_tables(log_file: LogFile) -> Iterator[tuple[Any, int]]:
+    assert log_file.source.path is not None
+    assert log_file.roles is not None
+    dataset = parquet_dataset(log_file.source)
+    columns = [str(dataset.schema.names[i]) for i in log_file.roles.used]
+    for batch in dataset.to_batches(
+        columns=columns,
+        batch_size=_PARQUET_BATCH_ROWS,
+        batch_readahead=1,
+        fragment_readahead=1,
+        use_threads=False,
+    ):
         batch.validate(full=True)  # texts that are no UTF-8, for instance
         yield pa.Table.from_batches([batch]), 0
 
 
-def _csv_tables(shard: Shard) -> Iterator[tuple[Any, int]]:
+def _read_csv_tables(log_file: LogFile) -> Iterator[tuple[Any, int]]:
     """Read text by types that its first rows tell; from where that fails on, each cell as a text that speaks for itself."""
-    assert shard.dialect is not None
-    assert shard.roles is not None
-    done, whole, kept = 0, False, _kept_types(shard)
+    assert log_file.dialect is not None
+    assert log_file.roles is not None
+    done, whole, kept = 0, False, _infer_kept_types(log_file)
     with suppress(pa.ArrowInvalid, UnicodeDecodeError):
-        for batch in _csv_batches(shard, kept | csv_log.column_types(shard.dialect, shard.roles), None, shard.dialect.encoding):
+        for batch in _read_csv_batches(
+            log_file,
+            kept | csv_log.guess_column_types(log_file.dialect, log_file.roles),
+            None,
+            log_file.dialect.encoding,
+        ):
             yield pa.Table.from_batches([batch]), 0
             done += batch.num_rows
         whole = True
     if whole:
-        check_quotes(shard.source, shard.dialect.encoding, shard.dialect.delimiter, shard.dialect.header + done)
+        check_quotes(
+            log_file.source,
+            log_file.dialect.encoding,
+            log_file.dialect.delimiter,
+            log_file.dialect.header_lines + done,
+        )
         return
     skipped: list[None] = []
-    encoding = csv_log.whole_encoding(shard.source, shard.dialect)
+    encoding = csv_log.confirm_encoding(log_file.source, log_file.dialect)
     seen = told = 0
-    for batch in _csv_batches(shard, kept, skipped, encoding):
+    for batch in _read_csv_batches(log_file, kept, skipped, encoding):
         fresh = batch.slice(max(done - seen, 0))
         seen += batch.num_rows
         yield pa.Table.from_batches([fresh]), len(skipped) - told
         told = len(skipped)
-    check_quotes(shard.source, encoding, shard.dialect.delimiter, shard.dialect.header + seen + len(skipped))
+    check_quotes(
+        log_file.source,
+        encoding,
+        log_file.dialect.delimiter,
+        log_file.dialect.header_lines + seen + len(skipped),
+    )
 
 
-def _kept_types(shard: Shard) -> dict[str, Any]:
+def _infer_kept_types(log_file: LogFile) -> dict[str, Any]:
     """Types of the columns to keep, which only the whole file tells: the first that no cell contradicts."""
-    assert shard.roles is not None
-    if not shard.roles.keep:
+    assert log_file.roles is not None
+    if not log_file.roles.keep:
         return {}
-    assert shard.dialect is not None
-    encoding = csv_log.whole_encoding(shard.source, shard.dialect)
-    return {str(i): next(kind for kind in csv_log.KEPT_TYPES if _fits(shard, i, kind, encoding)) for i in set(shard.roles.keep.values())}
+    assert log_file.dialect is not None
+    encoding = csv_log.confirm_encoding(log_file.source, log_file.dialect)
+    return {
+        str(i): next(
+            kind for kind in csv_log.ATTRIBUTE_TYPES if _column_fits(log_file, i, kind, encoding)
+        )
+        for i in set(log_file.roles.keep.values())
+    }
 
 
-def _fits(shard: Shard, column: int, kind: Any, encoding: str) -> bool:
+def _column_fits(log_file: LogFile, column: int, kind: Any, encoding: str) -> bool:
     if kind == pa.string():
         return True
     with suppress(pa.ArrowInvalid):
-        for _ in _csv_batches(shard, {str(column): kind}, [], encoding, [column]):
+        for _ in _read_csv_batches(log_file, {str(column): kind}, [], encoding, [column]):
             pass
         return True
     return False
 
 
-def _csv_batches(
-    shard: Shard, types: Mapping[str, Any], skipped: list[None] | None, encoding: str, columns: Sequence[int] | None = None
+def _read_csv_batches(
+    log_file: LogFile,
+    types: Mapping[str, Any],
+    skipped: list[None] | None,
+    encoding: str,
+    columns: Sequence[int] | None = None,
 ) -> Iterator[Any]:
     """Yield rows; those with another number of cells are an error, or gathered where there is a list for them."""
-    dialect, roles = shard.dialect, shard.roles
+    dialect, roles = log_file.dialect, log_file.roles
     assert dialect is not None
     assert roles is not None
     wanted = [str(i) for i in (roles.used if columns is None else columns)]
@@ -288,16 +374,24 @@ def _csv_batches(
         return "skip"
 
     texts = dict.fromkeys(wanted, pa.string())
-    with shard.source.open() as stream:
+    with log_file.source.open() as stream:
         yield from pc.open_csv(
             stream,
             pc.ReadOptions(
                 column_names=[str(i) for i in range(dialect.width)],
-                skip_rows=dialect.header,
+                skip_rows=dialect.header_lines,
                 encoding=encoding,
                 block_size=csv_log.BLOCK,
                 use_threads=False,
             ),
-            pc.ParseOptions(delimiter=dialect.delimiter, newlines_in_values=True, invalid_row_handler=None if skipped is None else skip),
-            pc.ConvertOptions(include_columns=wanted, column_types=texts | dict(types), null_values=csv_log.NO_VALUE),
+            pc.ParseOptions(
+                delimiter=dialect.delimiter,
+                newlines_in_values=True,
+                invalid_row_handler=None if skipped is None else skip,
+            ),
+            pc.ConvertOptions(
+                include_columns=wanted,
+                column_types=texts | dict(types),
+                null_values=csv_log.NULL_TEXTS,
+            ),
         )

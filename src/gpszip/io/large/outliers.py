@@ -9,28 +9,34 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.geo.outliers import FACTOR, QUANTILE, calm_speeds, find_spikes, mark_spikes
+from gpszip.geo.outliers import (
+    SPEED_FACTOR,
+    SPEED_QUANTILE,
+    find_outliers,
+    mark_outliers,
+    min_adjacent_speeds,
+)
 from gpszip.geo.planes import to_plane
 from gpszip.io.large.plane_sample import PlaneSample
 from gpszip.io.large.sort import read_rows
-from gpszip.io.storage.temporary import write_numbers, writing
+from gpszip.io.storage.temporary import disk_errors_as_output_errors, write_numbers
 from gpszip.model import Plane
 from gpszip.model.read_result import Repair
 
-__all__ = ["Despiked"]
+__all__ = ["FilteredTracks"]
 
 #: Samples around a piece that decide on what is in it.
 _MARGIN = 40
 
 #: Bits of a number by which it is looked for at a time.
-_BITS = 16
+_DIGIT_BITS = 16
 
 Floats = NDArray[np.float64]
 _Tracks = Iterator[tuple[str, Iterator[Floats]]]
-_Pieces = Callable[[], Iterator[Floats]]
+_Blocks = Callable[[], Iterator[Floats]]
 
 
-class Despiked:
+class FilteredTracks:
     """Tracks without their spikes, whose rows are written to a file once and read from there.
 
     Parameters
@@ -47,14 +53,28 @@ class Despiked:
         On which speeds are measured, of coordinates in degrees.
     """
 
-    def __init__(self, tracks: _Tracks, path: Path, width: int, dimension: int, rows: int, plane: Plane | None) -> None:
-        self.path, self.width, self.dimension, self.rows, self.plane = path, width, dimension, rows, plane
+    def __init__(
+        self,
+        tracks: _Tracks,
+        path: Path,
+        width: int,
+        dimension: int,
+        rows: int,
+        plane: Plane | None,
+    ) -> None:
+        self.path, self.width, self.dimension, self.rows, self.plane = (
+            path,
+            width,
+            dimension,
+            rows,
+            plane,
+        )
         self.repairs: list[Repair] = []
-        self.sample = PlaneSample()
+        self.plane_sample = PlaneSample()
         self._tracks: list[tuple[str, int, int]] = []
-        self._spikes: list[NDArray[np.int64]] = []
+        self._outliers: list[NDArray[np.int64]] = []
         first = 0
-        with writing(), path.open("wb") as file:
+        with disk_errors_as_output_errors(), path.open("wb") as file:
             for name, blocks in tracks:
                 count = 0
                 for block in blocks:
@@ -62,83 +82,112 @@ class Despiked:
                     count += len(block)
                 file.flush()
                 self._tracks.append((name, first, count))
-                self._spikes.append(self._found(first, count))
-                if len(self._spikes[-1]):
-                    self.repairs.append(Repair("spikes dropped", len(self._spikes[-1]), f"track {name!r}"))
+                self._outliers.append(self._find_outliers(first, count))
+                if len(self._outliers[-1]):
+                    self.repairs.append(
+                        Repair("spikes dropped", len(self._outliers[-1]), f"track {name!r}")
+                    )
                 first += count
         if plane is not None:
             for _, blocks in self.tracks():
                 for block in blocks:
-                    self.sample.add(block[:, 1:3])
+                    self.plane_sample.add(block[:, 1:3])
 
     def tracks(self) -> _Tracks:
         """Yield each track with what is left of its rows."""
-        for (name, first, count), spikes in zip(self._tracks, self._spikes, strict=True):
-            yield name, self._left(first, count, spikes)
+        for (name, first, count), outliers in zip(self._tracks, self._outliers, strict=True):
+            yield name, self._remaining_rows(first, count, outliers)
 
-    def _left(self, first: int, count: int, spikes: NDArray[np.int64]) -> Iterator[Floats]:
+    def _remaining_rows(
+        self, first: int, count: int, outliers: NDArray[np.int64]
+    ) -> Iterator[Floats]:
         for a in range(0, count, self.rows):
             b = min(a + self.rows, count)
-            here = spikes[(spikes >= a) & (spikes < b)]
+            here = outliers[(outliers >= a) & (outliers < b)]
             yield np.delete(read_rows(self.path, first + a, b - a, self.width), here - a, axis=0)
 
-    def _read(self, first: int, a: int, b: int) -> tuple[Floats, Floats]:
+    def _read_samples(self, first: int, a: int, b: int) -> tuple[Floats, Floats]:
         rows = read_rows(self.path, first + a, b - a, self.width)
-        places = rows[:, 1 : 1 + self.dimension]
-        return rows[:, 0], places if self.plane is None else to_plane(places[:, 0], places[:, 1], self.plane)
+        positions = rows[:, 1 : 1 + self.dimension]
+        return rows[:, 0], positions if self.plane is None else to_plane(
+            positions[:, 0], positions[:, 1], self.plane
+        )
 
-    def _found(self, first: int, count: int) -> NDArray[np.int64]:
+    def _find_outliers(self, first: int, count: int) -> NDArray[np.int64]:
         """Rows of a track that are spikes."""
         if count <= self.rows:
-            return np.flatnonzero(find_spikes(*self._read(first, 0, count)))
-        shortest = 0.5 * _quantile(lambda: (np.diff(times) for times, _ in self._pieces(first, count, 1)), 0.5)
+            return np.flatnonzero(find_outliers(*self._read_samples(first, 0, count)))
+        shortest = 0.5 * _quantile(
+            lambda: (np.diff(times) for times, _ in self._overlapping_blocks(first, count, 1)), 0.5
+        )
         calm = self.path.with_name("calm-speeds")
         with calm.open("wb") as file:
-            for times, places in self._pieces(first, count, 2):
-                speeds = calm_speeds(times, places, shortest)
+            for times, positions in self._overlapping_blocks(first, count, 2):
+                speeds = min_adjacent_speeds(times, positions, shortest)
                 write_numbers(speeds[speeds > 0], file)
         size = calm.stat().st_size // 8
 
         def speeds_again() -> Iterator[Floats]:
-            return (read_rows(calm, a, min(self.rows, size - a), 1)[:, 0] for a in range(0, size, self.rows))
+            return (
+                read_rows(calm, a, min(self.rows, size - a), 1)[:, 0]
+                for a in range(0, size, self.rows)
+            )
 
-        limit = FACTOR * _quantile(speeds_again, QUANTILE)
+        limit = SPEED_FACTOR * _quantile(speeds_again, SPEED_QUANTILE)
         calm.unlink()
         found = []
         for a in range(0, count, self.rows):
             low, b = max(a - _MARGIN, 0), min(a + self.rows, count)
-            spikes = np.flatnonzero(mark_spikes(*self._read(first, low, min(b + _MARGIN, count)), shortest, limit)) + low
-            found.append(spikes[(spikes >= a) & (spikes < b)])
+            outliers = (
+                np.flatnonzero(
+                    mark_outliers(
+                        *self._read_samples(first, low, min(b + _MARGIN, count)), shortest, limit
+                    )
+                )
+                + low
+            )
+            found.append(outliers[(outliers >= a) & (outliers < b)])
         return np.concatenate(found)
 
-    def _pieces(self, first: int, count: int, shared: int) -> Iterator[tuple[Floats, Floats]]:
+    def _overlapping_blocks(
+        self, first: int, count: int, shared: int
+    ) -> Iterator[tuple[Floats, Floats]]:
         """Yield a track in pieces of which each has so many samples of the next."""
         for a in range(0, count - shared, self.rows):
-            yield self._read(first, a, min(a + self.rows + shared, count))
+            yield self._read_samples(first, a, min(a + self.rows + shared, count))
 
 
-def _quantile(pieces: _Pieces, share: float) -> float:
+def _quantile(blocks: _Blocks, share: float) -> float:
     """Quantile of numbers that are not negative, as NumPy finds it; infinite if there are none."""
-    count = sum(map(len, pieces()))
+    count = sum(map(len, blocks()))
     if not count:
         return math.inf
     place = share * (count - 1)
-    below, above = (_ranked(pieces, rank) for rank in (math.floor(place), math.ceil(place)))
+    below, above = (_find_by_rank(blocks, rank) for rank in (math.floor(place), math.ceil(place)))
     part = place - math.floor(place)
-    return float(above - (above - below) * (1 - part) if part >= 0.5 else below + (above - below) * part)
+    return float(
+        above - (above - below) * (1 - part) if part >= 0.5 else below + (above - below) * part
+    )
 
 
-def _ranked(pieces: _Pieces, rank: int) -> float:
+def _find_by_rank(blocks: _Blocks, rank: int) -> float:
     """Find the number that so many are smaller than; as bits, numbers that are not negative have the order of whole numbers."""
     known = 0
-    for shift in range(64 - _BITS, -1, -_BITS):
-        counts = np.zeros(1 << _BITS, np.int64)
-        for numbers in pieces():
+    for shift in range(64 - _DIGIT_BITS, -1, -_DIGIT_BITS):
+        counts = np.zeros(1 << _DIGIT_BITS, np.int64)
+        for numbers in blocks():
             bits = np.ascontiguousarray(numbers).view(np.uint64)
-            same = bits[bits >> np.uint64(shift + _BITS) == known] if shift + _BITS < 64 else bits
-            counts += np.bincount((same >> np.uint64(shift) & np.uint64((1 << _BITS) - 1)).astype(np.int64), minlength=1 << _BITS)
+            same = (
+                bits[bits >> np.uint64(shift + _DIGIT_BITS) == known]
+                if shift + _DIGIT_BITS < 64
+                else bits
+            )
+            counts += np.bincount(
+                (same >> np.uint64(shift) & np.uint64((1 << _DIGIT_BITS) - 1)).astype(np.int64),
+                minlength=1 << _DIGIT_BITS,
+            )
         reached = np.cumsum(counts)
         digit = int(np.searchsorted(reached, rank, side="right"))
         rank -= int(reached[digit - 1]) if digit else 0
-        known = known << _BITS | digit
+        known = known << _DIGIT_BITS | digit
     return float(np.array([known], np.uint64).view(np.float64)[0])

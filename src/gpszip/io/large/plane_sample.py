@@ -11,7 +11,7 @@ from gpszip.model import Plane
 __all__ = ["PlaneSample"]
 
 #: Samples from which the plane is chosen, and cells of so many degrees of which each has one besides.
-_SAMPLE, _CELL = 1 << 20, 0.5
+_MAX_SAMPLE, _CELL_DEGREES = 1 << 20, 0.5
 
 Floats = NDArray[np.float64]
 
@@ -30,11 +30,11 @@ class PlaneSample:
         self._seen += len(degrees)
         self._kept.append(own.copy())
         self._count += len(own)
-        cells = np.floor(degrees / _CELL).astype(np.int64)
+        cells = np.floor(degrees / _CELL_DEGREES).astype(np.int64)
         _, first = np.unique(cells[:, 0] * 10_000 + cells[:, 1], return_index=True)
         for i in first.tolist():
             self._cells.setdefault((int(cells[i, 0]), int(cells[i, 1])), degrees[i].copy())
-        if self._count > _SAMPLE:
+        if self._count > _MAX_SAMPLE:
             self._kept = [np.concatenate(self._kept)[::2]]
             self._count, self._stride = len(self._kept[0]), 2 * self._stride
 

@@ -18,17 +18,17 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OptionError
 from gpszip.geo.planes import to_plane
-from gpszip.io.large.batches import Shard, shard_of
-from gpszip.io.large.columns import Slots, StoredColumn
-from gpszip.io.large.outliers import Despiked
-from gpszip.io.large.sort import Sorter, kind_of, read_rows
-from gpszip.io.logs.losses import FEW, nearly_lost
+from gpszip.io.large.batches import LogFile, inspect_log_file
+from gpszip.io.large.columns import ColumnEncoder, StoredColumn
+from gpszip.io.large.outliers import FilteredTracks
+from gpszip.io.large.sort import ExternalSorter, coordinate_names, read_rows
+from gpszip.io.logs.losses import MAX_TINY_LOG_POINTS, nearly_lost_error
 from gpszip.io.logs.raw import RawLog, Request
-from gpszip.io.storage.source import Source, expand, is_no_log
-from gpszip.io.storage.temporary import scratch, write_numbers, writing
+from gpszip.io.storage.source import Source, expand, is_stray_file
+from gpszip.io.storage.temporary import disk_errors_as_output_errors, scratch_folder, write_numbers
 from gpszip.io.tables.roles import parse_columns
 from gpszip.model import Plane, Track
-from gpszip.model.read_result import Reading, Repair
+from gpszip.model.read_result import ReadResult, Repair
 
 __all__ = ["StoredLog", "StoredTrack", "count_rows", "store_logs"]
 
@@ -57,7 +57,7 @@ class StoredLog:
     ----------
     tracks : tuple of StoredTrack
         In the order in which the logs first name them.
-    reading : Reading
+    read_result : Reading
         The account of what was read, without the tracks.
     dimension : int
         Number of coordinates d.
@@ -68,21 +68,21 @@ class StoredLog:
     """
 
     tracks: tuple[StoredTrack, ...]
-    reading: Reading
+    read_result: ReadResult
     dimension: int
     plane: Plane | None
     columns: tuple[StoredColumn, ...]
     _path: Path
-    _room: ExitStack
+    _temporary_files: ExitStack
 
     def __enter__(self) -> StoredLog:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._room.close()
+        self._temporary_files.close()
 
     @property
-    def samples(self) -> int:
+    def sample_count(self) -> int:
         """Number of samples of all tracks."""
         return sum(track.count for track in self.tracks)
 
@@ -94,7 +94,7 @@ class StoredLog:
 
     def times(self, first: int = 0, count: int | None = None) -> Iterator[NDArray[np.float64]]:
         """Yield the times of so many samples from one on, one track after the other, in pieces."""
-        last = self.samples if count is None else first + count
+        last = self.sample_count if count is None else first + count
         for row in range(first, last, _CHUNK):
             yield read_rows(self._path, row, min(_CHUNK, last - row), 1 + self.dimension)[:, 0]
 
@@ -103,10 +103,18 @@ def count_rows(sources: Any, *, format: str | None = None, columns: Any = None) 
     """Count the rows of logs: exactly where a file tells, else as its size lets expect. Files that can't be read count nothing."""
     total = 0
     for source in expand(sources):
-        shard = source if isinstance(source, InputError) else shard_of(source, format, Request(parse_columns(columns)))
-        if isinstance(shard, Shard):
-            rows = shard.rows()
-            total += rows if rows is not None else shard.source.size // (6 if shard.source.packed else 24)
+        log_file = (
+            source
+            if isinstance(source, InputError)
+            else inspect_log_file(source, format, Request(parse_columns(columns)))
+        )
+        if isinstance(log_file, LogFile):
+            rows = log_file.rows()
+            total += (
+                rows
+                if rows is not None
+                else log_file.source.size // (6 if log_file.source.is_gzip else 24)
+            )
     return total
 
 
@@ -159,49 +167,81 @@ def store_logs(
     """
     if sort and split:
         raise OptionError("--sort and --split exclude each other")
-    request = Request(parse_columns(columns), time_unit, tuple(keep), dates=dates, skip_bad=skip_bad)
-    shards, size, errors = _planned(sources, format, request, skip_bad)
+    request = Request(
+        parse_columns(columns), time_unit, tuple(keep), dates=dates, skip_bad=skip_bad
+    )
+    log_files, size, errors = _inspect_files(sources, format, request, skip_bad)
     with ExitStack() as stack:
-        room = stack.enter_context(scratch())
-        sorter = Sorter(room, max(rows, 1000), sort, split, Slots(request.keep, _TEXT_BYTES * rows), skip_bad=skip_bad, clean=clean)
+        folder = stack.enter_context(scratch_folder())
+        sorter = ExternalSorter(
+            folder,
+            max(rows, 1000),
+            sort,
+            split,
+            ColumnEncoder(request.keep, _TEXT_BYTES * rows),
+            skip_bad=skip_bad,
+            clean=clean,
+        )
         sorter.errors += errors
-        alone = len({shard.source.log for shard in shards}) == 1
-        for shard in shards:
-            _take_in(sorter, shard, alone=alone, skip_bad=skip_bad)
+        alone = len({log_file.source.log for log_file in log_files}) == 1
+        for log_file in log_files:
+            _sort_file(sorter, log_file, alone=alone, skip_bad=skip_bad)
         if sorter.empty:
             raise sorter.errors[0] if sorter.errors else InputError("no log holds a sample")
-        sorter.flush()
-        rows_of, sample, repairs = sorter.tracks(skip_bad), sorter.sample, sorter.repairs
+        sorter.write_run()
+        sorted_tracks, sample, repairs = (
+            sorter.tracks(skip_bad),
+            sorter.plane_sample,
+            sorter.repairs,
+        )
         if clean:
             measure = sample.plane() if sorter.geographic else None
-            left = Despiked(rows_of, room / "with-spikes", sorter.width, sorter.dimension, sorter.rows, measure)
-            rows_of, sample, repairs = left.tracks(), left.sample, [*repairs, *left.repairs]
+            left = FilteredTracks(
+                sorted_tracks,
+                folder / "with-spikes",
+                sorter.width,
+                sorter.dimension,
+                sorter.rows,
+                measure,
+            )
+            sorted_tracks, sample, repairs = (
+                left.tracks(),
+                left.plane_sample,
+                [*repairs, *left.repairs],
+            )
         plane = (plane or sample.plane()) if sorter.geographic else None
-        tracks, kept = _written(rows_of, sorter, room, plane)
-        _require_several(tracks, sorter.points, repairs)
-        reading = Reading(
+        tracks, kept = _write_sorted(sorted_tracks, sorter, folder, plane)
+        _check_points_left(tracks, sorter.points, repairs)
+        read_result = ReadResult(
             tracks=(),
             points=sorter.points,
             bytes=size,
             geographic=sorter.geographic,
             repairs=tuple(repairs),
             left_out=tuple(sorter.left_out()),
-            dropped=tuple(sorter.dropped),
+            dropped_columns=tuple(sorter.dropped_columns),
             losses=tuple(sorter.losses),
         )
-        return StoredLog(tracks, reading, sorter.dimension, plane, kept, room / "samples", stack.pop_all())
+        return StoredLog(
+            tracks, read_result, sorter.dimension, plane, kept, folder / "samples", stack.pop_all()
+        )
 
 
-def _written(
-    rows_of: Iterator[tuple[str, Iterator[NDArray[np.float64]]]], sorter: Sorter, room: Path, plane: Plane | None
+def _write_sorted(
+    sorted_tracks: Iterator[tuple[str, Iterator[NDArray[np.float64]]]],
+    sorter: ExternalSorter,
+    folder: Path,
+    plane: Plane | None,
 ) -> tuple[tuple[StoredTrack, ...], tuple[StoredColumn, ...]]:
     """Write the sorted samples on their plane, and each further column to a file of its own."""
     tracks: list[StoredTrack] = []
     own, offset = 1 + sorter.dimension, 0
-    paths = [room / f"column-{number}" for number in range(len(sorter.slots.names))]
-    with writing(), ExitStack() as stack:
-        samples, *columns = (stack.enter_context(path.open("wb")) for path in (room / "samples", *paths))
-        for name, blocks in rows_of:
+    paths = [folder / f"column-{number}" for number in range(len(sorter.column_encoder.names))]
+    with disk_errors_as_output_errors(), ExitStack() as stack:
+        samples, *columns = (
+            stack.enter_context(path.open("wb")) for path in (folder / "samples", *paths)
+        )
+        for name, blocks in sorted_tracks:
             count = 0
             for block in blocks:
                 if plane is not None:
@@ -214,42 +254,65 @@ def _written(
             offset += count
     if not tracks:
         raise sorter.errors[0] if sorter.errors else InputError("no log holds a sample")
-    return tuple(tracks), tuple(sorter.slots.column(number, path) for number, path in enumerate(paths))
+    return tuple(tracks), tuple(
+        sorter.column_encoder.stored_column(number, path) for number, path in enumerate(paths)
+    )
 
 
-def _require_several(tracks: Sequence[StoredTrack], points: int, repairs: Sequence[Repair]) -> None:
+def _check_points_left(
+    tracks: Sequence[StoredTrack], points: int, repairs: Sequence[Repair]
+) -> None:
     """Refuse a log of which one point is left of many."""
-    if sum(track.count for track in tracks) < 2 and points > FEW:
-        raise nearly_lost("the logs", points, "row", repairs)
+    if sum(track.count for track in tracks) < 2 and points > MAX_TINY_LOG_POINTS:
+        raise nearly_lost_error("the logs", points, "row", repairs)
 
 
-def _planned(sources: Any, format_: str | None, request: Request, skip_bad: bool) -> tuple[list[Shard], int, list[InputError]]:
+def _inspect_files(
+    sources: Any, format_: str | None, request: Request, skip_bad: bool
+) -> tuple[list[LogFile], int, list[InputError]]:
     """All files whose heads can be read and fit together; refused before any row is read."""
-    shards: list[Shard] = []
+    log_files: list[LogFile] = []
     errors: list[InputError] = []
     size = 0
     for source in expand(sources):
-        shard = source if isinstance(source, InputError) else shard_of(source, format_, request)
-        error = shard if isinstance(shard, InputError) else _misfit(shard, shards)
-        if error is not None and not (skip_bad or is_no_log(source, error)):
+        log_file = (
+            source if isinstance(source, InputError) else inspect_log_file(source, format_, request)
+        )
+        error = (
+            log_file if isinstance(log_file, InputError) else _find_mismatch(log_file, log_files)
+        )
+        if error is not None and not (skip_bad or is_stray_file(source, error)):
             raise error
         if error is not None:
             errors.append(error)
-        elif isinstance(shard, Shard):
-            shards.append(shard)
-            size += shard.source.size
-    if not shards:
-        raise errors[0] if errors else InputError("no log given; name a file, a folder of Parquet or a pattern")
-    return shards, size, errors
+        elif isinstance(log_file, LogFile):
+            log_files.append(log_file)
+            size += log_file.source.size
+    if not log_files:
+        raise (
+            errors[0]
+            if errors
+            else InputError("no log given; name a file, a folder of Parquet or a pattern")
+        )
+    return log_files, size, errors
 
 
-def _misfit(shard: Shard, before: Sequence[Shard]) -> InputError | None:
-    first = next((other for other in before if other.contents is not None), None)
-    if first is None or shard.contents is None or first.contents is None or shard.contents == first.contents:
+def _find_mismatch(log_file: LogFile, before: Sequence[LogFile]) -> InputError | None:
+    first = next((other for other in before if other.coordinate_kind is not None), None)
+    if (
+        first is None
+        or log_file.coordinate_kind is None
+        or first.coordinate_kind is None
+        or log_file.coordinate_kind == first.coordinate_kind
+    ):
         return None
-    if shard.contents[:2] == first.contents[:2]:
-        return InputError(f"{shard.name}: names another coordinate system than {first.name}; bring them to one, or read them apart")
-    return InputError(f"{shard.name}: holds {kind_of(shard.contents)}, but {first.name} {kind_of(first.contents)}; read them apart")
+    if log_file.coordinate_kind[:2] == first.coordinate_kind[:2]:
+        return InputError(
+            f"{log_file.name}: names another coordinate system than {first.name}; bring them to one, or read them apart"
+        )
+    return InputError(
+        f"{log_file.name}: holds {coordinate_names(log_file.coordinate_kind)}, but {first.name} {coordinate_names(first.coordinate_kind)}; read them apart"
+    )
 
 
 def _check_times(raw: RawLog) -> None:
@@ -261,15 +324,15 @@ def _check_times(raw: RawLog) -> None:
         )
 
 
-def _take_in(sorter: Sorter, shard: Shard, *, alone: bool, skip_bad: bool) -> None:
-    sorter.begin(shard, "0" if alone else shard.source.stem)
+def _sort_file(sorter: ExternalSorter, log_file: LogFile, *, alone: bool, skip_bad: bool) -> None:
+    sorter.begin_file(log_file, "0" if alone else log_file.source.stem)
     try:
-        for raw in shard.batches():
+        for raw in log_file.batches():
             _check_times(raw)
             sorter.add(raw)
-        sorter.end()
+        sorter.end_file()
     except InputError as error:
         if not skip_bad:
             raise
         sorter.errors.append(error)
-        sorter.drop_shard()
+        sorter.drop_file()

@@ -12,7 +12,7 @@ from gpszip.io.logs.geojson.read import read_geojson, sniff_geojson
 from gpszip.io.logs.geojson.write import write_geojson
 from gpszip.io.logs.gpx.read import read_gpx, sniff_gpx
 from gpszip.io.logs.gpx.write import write_gpx
-from gpszip.io.logs.gpx.xml_text import root_of
+from gpszip.io.logs.gpx.xml_text import root_element
 from gpszip.io.logs.parquet import read_parquet, sniff_parquet, write_parquet
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.logs.track_rows import TrackRows
@@ -31,7 +31,7 @@ class Format:
         As ``format=`` names it.
     suffixes : tuple of str
         Of files, lower case; any may be followed by ``.gz`` when read, and lie in a zip archive.
-    about : str
+    description : str
         One line on what is read.
     sniff : callable
         Whether a file may be of this format, from its first bytes.
@@ -43,7 +43,7 @@ class Format:
 
     name: str
     suffixes: tuple[str, ...]
-    about: str
+    description: str
     sniff: Callable[[bytes], bool]
     read: Callable[[Source, Request], RawLog]
     write: Callable[[Iterable[TrackRows], BinaryIO], None] | None
@@ -51,8 +51,22 @@ class Format:
 
 #: In the order in which they are asked whether they know a file; text comes last, as it is least sure.
 FORMATS: tuple[Format, ...] = (
-    Format("parquet", (".parquet", ".pq"), "columns as in CSV; a folder of files, too", sniff_parquet, read_parquet, write_parquet),
-    Format("gpx", (".gpx",), "tracks and routes; extensions with --keep", sniff_gpx, read_gpx, write_gpx),
+    Format(
+        "parquet",
+        (".parquet", ".pq"),
+        "columns as in CSV; a folder of files, too",
+        sniff_parquet,
+        read_parquet,
+        write_parquet,
+    ),
+    Format(
+        "gpx",
+        (".gpx",),
+        "tracks and routes; extensions with --keep",
+        sniff_gpx,
+        read_gpx,
+        write_gpx,
+    ),
     Format(
         "geojson",
         (".geojson", ".json"),
@@ -72,7 +86,7 @@ FORMATS: tuple[Format, ...] = (
 )
 
 #: What else people bring, by its first bytes.
-_OTHERS = (
+_REFUSED_MAGIC = (
     (b"PK\x03\x04", "a zip archive inside another file; unpack the outer one first"),
     (b"BZh", "packed with bzip2; unpack it first: bzip2 -d"),
     (b"\xfd7zXZ", "packed with xz; unpack it first: xz -d"),
@@ -81,7 +95,7 @@ _OTHERS = (
 )
 
 #: XML that people bring, by the root element in lower case, with the remedy.
-_ROOTS = {
+_REFUSED_XML = {
     "kml": "it is KML; turn it into GPX: gpsbabel -i kml -f FILE -o gpx -F FILE.gpx",
     "trainingcenterdatabase": "it is TCX; turn it into GPX: gpsbabel -i gtrnctr -f FILE -o gpx -F FILE.gpx",
     "osm": "it is OpenStreetMap's, which has roads, not logs; 'gpszip network' reads it",
@@ -122,33 +136,39 @@ def format_for_reading(source: Source) -> Format:
     head = source.head()
     if not head.strip():
         raise InputError(f"{source.name}: empty file; name one that holds a log")
-    for magic, what in _OTHERS:
+    for magic, what in _REFUSED_MAGIC:
         if head.startswith(magic):
             raise UnknownFormatError(f"{source.name}: is {what}")
     if source.name.lower().endswith(".gpsz"):
-        raise UnknownFormatError(f"{source.name}: is an archive, not a log; 'gpszip decompress' turns it into one")
-    root = root_of(head)
+        raise UnknownFormatError(
+            f"{source.name}: is an archive, not a log; 'gpszip decompress' turns it into one"
+        )
+    root = root_element(head)
     if root is not None and root.lower() != "gpx":
-        raise UnknownFormatError(f"{source.name}: is XML, but not GPX: {_told(root)}")
+        raise UnknownFormatError(f"{source.name}: is XML, but not GPX: {_explain_xml(root)}")
     for known in FORMATS:
         if known.sniff(head):
-            if _is_mere_text(known, source):
-                raise UnknownFormatError(f"{source.name}: is text, but not named as a table; if it is a log, name it .csv")
+            if _is_unnamed_text(known, source):
+                raise UnknownFormatError(
+                    f"{source.name}: is text, but not named as a table; if it is a log, name it .csv"
+                )
             return known
-    raise UnknownFormatError(f"{source.name}: neither text nor a format that is known; 'gpszip formats' lists what can be read")
+    raise UnknownFormatError(
+        f"{source.name}: neither text nor a format that is known; 'gpszip formats' lists what can be read"
+    )
 
 
-def _is_mere_text(known: Format, source: Source) -> bool:
+def _is_unnamed_text(known: Format, source: Source) -> bool:
     """Whether a member of a zip archive is text, but not named as a table: a page or a licence that came with the logs."""
     name = source.name.lower().removesuffix(".gz")
     return bool(source.archive) and known.name == "csv" and not name.endswith(known.suffixes)
 
 
-def _told(root: str) -> str:
+def _explain_xml(root: str) -> str:
     """Say what an XML file is, and what to do with it."""
     if not root:
         return "no element comes within its first 256 KiB; if it is GPX, say so with --format gpx"
-    what = _ROOTS.get(root.lower(), "convert it to GPX or CSV first")
+    what = _REFUSED_XML.get(root.lower(), "convert it to GPX or CSV first")
     return f"its root element is {root[:40]!r}; {what}"
 
 
@@ -168,8 +188,15 @@ def format_for_writing(name: str, format: str | None = None) -> Format:
     if format is not None:
         found = format_named(format)
     else:
-        found = next((known for known in FORMATS if name.lower().endswith(known.suffixes)), FORMATS[-1] if name == "-" else None)  # type: ignore[assignment]
+        found = next(
+            (known for known in FORMATS if name.lower().endswith(known.suffixes)),
+            FORMATS[-1] if name == "-" else None,
+        )  # type: ignore[assignment]
     if found is None or found.write is None:
-        writable = ", ".join(suffix for known in FORMATS if known.write is not None for suffix in known.suffixes[:1])
-        raise OutputError(f"{name}: can't tell the format from this name; end it with one of {writable}")
+        writable = ", ".join(
+            suffix for known in FORMATS if known.write is not None for suffix in known.suffixes[:1]
+        )
+        raise OutputError(
+            f"{name}: can't tell the format from this name; end it with one of {writable}"
+        )
     return found

@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError
 
-__all__ = ["GlobeCheck", "at_zero", "off_globe_value"]
+__all__ = ["GlobeCheck", "find_zero_positions", "format_off_globe"]
 
 #: Positions off the globe that a log may have: so many, or such a share of all. More of them are no single bad values, but
 #: another kind of coordinates.
-_FEW, _SHARE = 3, 0.05
+_MAX_OFF_COUNT, _MAX_OFF_SHARE = 3, 0.05
 
 #: Swapped coordinates of a log that crosses latitude 90 go on from one side to the other; bad values are further off, in degrees.
-_GOES_ON = 1.0
+_MAX_SWAPPED_STEP = 1.0
 
 #: All others are at least so far from 0,0 if that was not measured, in degrees: 10 km.
-_FAR = 0.09
+_FAR_FROM_ZERO = 0.09
 
 Floats = NDArray[np.float64]
 
@@ -82,18 +82,24 @@ class GlobeCheck:
         InputError
             If they look swapped, or are no degrees.
         """
-        swapped = self._may_be_swapped and (not self.on or self._lowest_off - self._highest_on < _GOES_ON)
-        few = self.off <= max(_SHARE * (self.on + self.off), min(_FEW, self.on))
+        swapped = self._may_be_swapped and (
+            not self.on or self._lowest_off - self._highest_on < _MAX_SWAPPED_STEP
+        )
+        few = self.off <= max(_MAX_OFF_SHARE * (self.on + self.off), min(_MAX_OFF_COUNT, self.on))
         if not self.off or (self.on and (skip_bad or (few and not swapped))):
             return
         if swapped:
-            raise InputError(f"{self.first}: they look swapped; name them: --columns lat=COLUMN,lon=COLUMN")
+            raise InputError(
+                f"{self.first}: they look swapped; name them: --columns lat=COLUMN,lon=COLUMN"
+            )
         more = f" ({self.off} of {self.on + self.off} such)" if self.on else ""
         remedy = "; --skip-bad leaves them out" if self.on else ""
-        raise InputError(f"{self.first}: not degrees{more}; if they are metres, name them so: --columns x=COLUMN,y=COLUMN{remedy}")
+        raise InputError(
+            f"{self.first}: not degrees{more}; if they are metres, name them so: --columns x=COLUMN,y=COLUMN{remedy}"
+        )
 
 
-def at_zero(degrees: Floats) -> NDArray[np.bool_]:
+def find_zero_positions(degrees: Floats) -> NDArray[np.bool_]:
     """Return which positions are exactly 0,0 while all others are more than 10 km from there.
 
     Parameters
@@ -103,15 +109,15 @@ def at_zero(degrees: Floats) -> NDArray[np.bool_]:
 
     Examples
     --------
-    >>> at_zero(np.array([[48.1, 11.5], [0, 0]])).tolist(), at_zero(np.array([[0.01, 0.01], [0, 0]])).tolist()
+    >>> find_zero_positions(np.array([[48.1, 11.5], [0, 0]])).tolist(), find_zero_positions(np.array([[0.01, 0.01], [0, 0]])).tolist()
     ([False, True], [False, False])
     """
     zero: NDArray[np.bool_] = (degrees == 0).all(axis=1)
     others = np.abs(degrees[~zero])
-    return zero & bool(len(others) and (others > _FAR).any(axis=1).all())
+    return zero & bool(len(others) and (others > _FAR_FROM_ZERO).any(axis=1).all())
 
 
-def off_globe_value(degrees: Floats) -> str:
+def format_off_globe(degrees: Floats) -> str:
     """Return the coordinate that is off the globe, such as ``lat -9999``."""
     lat, lon = degrees.tolist()
     return f"lat {lat:g}" if abs(lat) > 90 else f"lon {lon:g}"

@@ -15,7 +15,7 @@ from gpszip.io.logs.track_rows import TrackRows
 from gpszip.io.logs.track_table import track_tables
 from gpszip.io.storage.source import Source
 from gpszip.io.tables.roles import find_roles
-from gpszip.io.tables.table import table_log
+from gpszip.io.tables.table import build_raw_log
 
 __all__ = ["parquet_dataset", "read_parquet", "sniff_parquet", "write_parquet"]
 
@@ -59,10 +59,12 @@ def read_parquet(source: Source, request: Request) -> RawLog:
         table = dataset.to_table(columns=[names[i] for i in roles.used])
         table.validate(full=True)  # texts that are no UTF-8, for instance
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{source.name}: damaged Parquet file: {str(error).splitlines()[0]}") from None
+        raise InputError(
+            f"{source.name}: damaged Parquet file: {str(error).splitlines()[0]}"
+        ) from None
     if table.num_rows == 0:
         raise InputError(f"{source.name}: columns, but no rows")
-    return table_log(table.columns, titles, roles, request, source.name)
+    return build_raw_log(table.columns, titles, roles, request, source.name)
 
 
 def write_parquet(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
@@ -91,14 +93,25 @@ def parquet_dataset(source: Source) -> Any:
     import pyarrow.parquet as pq
 
     if source.path is not None and not _is_unicode(source.path):
-        raise InputError(f"{source.name}: the name is no UTF-8, as names of Parquet files have to be; rename it")
-    packed = pq.read_table(pa.BufferReader(source.read())) if source.path is None or source.packed else None
+        raise InputError(
+            f"{source.name}: the name is no UTF-8, as names of Parquet files have to be; rename it"
+        )
+    packed = (
+        pq.read_table(pa.BufferReader(source.read()))
+        if source.path is None or source.is_gzip
+        else None
+    )
     _check_names(pq.read_schema(str(source.path)) if packed is None else packed.schema, source.name)
     if packed is not None:
         return ds.dataset(packed)
-    if source.base is not None:
+    if source.folder is not None:
         hive = ds.partitioning(flavor="hive")
-        return ds.dataset([str(source.path)], format="parquet", partitioning=hive, partition_base_dir=str(source.base))
+        return ds.dataset(
+            [str(source.path)],
+            format="parquet",
+            partitioning=hive,
+            partition_base_dir=str(source.folder),
+        )
     return ds.dataset(str(source.path), format="parquet")
 
 
@@ -106,7 +119,9 @@ def _check_names(schema: Any, where: str) -> None:
     """Refuse columns of one name: Arrow can't tell them apart."""
     name, times = Counter(schema.names).most_common(1)[0] if schema.names else ("", 0)
     if times > 1:
-        raise InputError(f"{where}: {times} columns are named {name!r}; give them different names where the file is written")
+        raise InputError(
+            f"{where}: {times} columns are named {name!r}; give them different names where the file is written"
+        )
 
 
 def _is_unicode(path: Path) -> bool:
@@ -121,6 +136,11 @@ def _titles(names: list[str], request: Request, where: str) -> list[str]:
     if not isinstance(request.columns, tuple):
         return names
     if len(request.columns) > len(names):
-        raise InputError(f"{where}: has {len(names)} columns, but --columns names {len(request.columns)}")
-    given = [title if title not in ("", "-", "_") else names[i] for i, title in enumerate(request.columns)]
+        raise InputError(
+            f"{where}: has {len(names)} columns, but --columns names {len(request.columns)}"
+        )
+    given = [
+        title if title not in ("", "-", "_") else names[i]
+        for i, title in enumerate(request.columns)
+    ]
     return [*given, *names[len(given) :]]

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
-from gpszip.io.logs.raw import Guess, RawLog, Request
-from gpszip.io.values.timestamps import TIME_UNITS, in_unit, unit_seconds
+from gpszip.io.logs.raw import GuessedUnit, RawLog, Request
+from gpszip.io.values.timestamps import TIME_UNITS, numbers_to_seconds, unit_seconds
 from gpszip.model.read_result import Repair
 
-__all__ = ["as_spreadsheet_days", "plausible"]
+__all__ = ["check_plausible", "note_spreadsheet_days"]
 
 #: Metres of a degree of latitude.
 _DEGREE = 111_195.0
@@ -79,26 +79,30 @@ class _Motion:
     ----------
     duration : float64 array, shape (w,)
         Seconds from the first point of a window to its last.
-    distance : float64 array, shape (w,)
+    displacement : float64 array, shape (w,)
         Metres between these two.
-    way : float64 array, shape (w,)
+    path_length : float64 array, shape (w,)
         Metres along all points between them.
-    step : float
+    median_step : float
         Median of the seconds between points that follow each other.
     """
 
     duration: Floats
-    distance: Floats
-    way: Floats
-    step: float
+    displacement: Floats
+    path_length: Floats
+    median_step: float
 
-    def speed(self, least: float = 0.0) -> float:
+    def median_speed(self, least: float = 0.0) -> float:
         """Median speed in m/s of the windows that move by more metres than the least; 0 where none does."""
-        moving = (self.duration > 0) & (self.distance > least)
-        return float(np.median(self.distance[moving] / self.duration[moving])) if moving.any() else 0.0
+        moving = (self.duration > 0) & (self.displacement > least)
+        return (
+            float(np.median(self.displacement[moving] / self.duration[moving]))
+            if moving.any()
+            else 0.0
+        )
 
 
-def plausible(raw: RawLog, request: Request) -> RawLog:
+def check_plausible(raw: RawLog, request: Request) -> RawLog:
     """Check that a log's speeds are possible, and read days of a spreadsheet as such where no doubt is left.
 
     Nothing is doubted that the user says: a unit of times, or which columns are x and y.
@@ -134,15 +138,23 @@ def plausible(raw: RawLog, request: Request) -> RawLog:
     if not raw.geographic:
         doubt = _degrees_as_metres(raw, request, times, places, track)
         return raw if doubt is None else replace(raw, repairs=(*raw.repairs, doubt))
-    if raw.guess is None or np.abs(places[:, 0]).max() > 90:  # positions off the globe are seen to elsewhere
+    if (
+        raw.guessed_unit is None or np.abs(places[:, 0]).max() > 90
+    ):  # positions off the globe are seen to elsewhere
         return raw
-    if _are_spreadsheet_days(raw.guess, times, places, track):
-        return as_spreadsheet_days(replace(raw, times=in_unit(raw.times, "excel"), guess=Guess("excel", named=False)))
-    _check_unit(raw, raw.guess, times, places, track)
+    if _are_spreadsheet_days(raw.guessed_unit, times, places, track):
+        return note_spreadsheet_days(
+            replace(
+                raw,
+                times=numbers_to_seconds(raw.times, "excel"),
+                guessed_unit=GuessedUnit("excel", from_name=False),
+            )
+        )
+    _check_unit(raw, raw.guessed_unit, times, places, track)
     return raw
 
 
-def as_spreadsheet_days(raw: RawLog) -> RawLog:
+def note_spreadsheet_days(raw: RawLog) -> RawLog:
     """Tell that times were read as days of a spreadsheet.
 
     Raises
@@ -150,58 +162,90 @@ def as_spreadsheet_days(raw: RawLog) -> RawLog:
     InputError
         If some are not in the years in which there is no doubt.
     """
-    low, high = in_unit(np.array(_SPREADSHEET), "excel")
+    low, high = numbers_to_seconds(np.array(_SPREADSHEET), "excel")
     off = ((raw.times < low) | (raw.times >= high)) & np.isfinite(raw.coordinates).all(axis=1)
     if off.any():
         row = int(off.argmax())
         raise InputError(
-            f"{raw.name}: {raw.word} {raw.first + row}: its time is no day of a spreadsheet as those before it; say the unit: --time-unit s"
+            f"{raw.name}: {raw.row_noun} {raw.first + row}: its time is no day of a spreadsheet as those before it; say the unit: --time-unit s"
         )
     count = int(np.isfinite(raw.times).sum())
-    told = Repair("times read as days from 1899-12-30, as spreadsheets count them", count, raw.name, drops=False)
+    told = Repair(
+        "times read as days from 1899-12-30, as spreadsheets count them",
+        count,
+        raw.name,
+        drops=False,
+    )
     return replace(raw, repairs=(*raw.repairs, told))
 
 
-def _are_spreadsheet_days(guess: Guess, times: Floats, places: Floats, track: NDArray[np.int64]) -> bool:
+def _are_spreadsheet_days(
+    guess: GuessedUnit, times: Floats, places: Floats, track: NDArray[np.int64]
+) -> bool:
     """Whether numbers are days since 1899-12-30 beyond doubt: of these years, and impossible as seconds."""
     low, high = _SPREADSHEET
-    if guess != Guess("s", named=False) or times.min() < low or times.max() >= high or not (times % 1).any():
+    if (
+        guess != GuessedUnit("s", from_name=False)
+        or times.min() < low
+        or times.max() >= high
+        or not (times % 1).any()
+    ):
         return False
-    as_seconds = _motion(times, places, track)
-    as_days = _motion(in_unit(times, "excel"), places, track)
-    impossible = as_seconds.step < _TOO_DENSE or (as_seconds.step < _DENSE and as_seconds.speed(_MOVED) > _FASTEST)
-    return impossible and as_days.speed(_MOVED) <= _FASTEST
+    as_seconds = _measure_motion(times, places, track)
+    as_days = _measure_motion(numbers_to_seconds(times, "excel"), places, track)
+    impossible = as_seconds.median_step < _TOO_DENSE or (
+        as_seconds.median_step < _DENSE and as_seconds.median_speed(_MOVED) > _FASTEST
+    )
+    return impossible and as_days.median_speed(_MOVED) <= _FASTEST
 
 
-def _check_unit(raw: RawLog, guess: Guess, times: Floats, places: Floats, track: NDArray[np.int64]) -> None:
+def _check_unit(
+    raw: RawLog, guess: GuessedUnit, times: Floats, places: Floats, track: NDArray[np.int64]
+) -> None:
     """Refuse times in a unit that makes the log end at once, or everybody faster than an aircraft where another unit doesn't."""
     # Is there a reason for doubt?
-    motion, span = _motion(times, places, track), float(np.ptp(times))
+    motion, span = _measure_motion(times, places, track), float(np.ptp(times))
     short = 0 < span < _SHORTEST
-    fast = motion.step < _DENSE and motion.speed(_MOVED) > _FASTEST
+    fast = motion.median_step < _DENSE and motion.median_speed(_MOVED) > _FASTEST
     if not short and not fast:
         return
 
     # Is another unit more likely?
     values = times / unit_seconds(guess.unit)
-    others = [unit for unit in TIME_UNITS if unit != guess.unit and _is_likely(in_unit(values, unit), places, track)]
+    others = [
+        unit
+        for unit in TIME_UNITS
+        if unit != guess.unit and _is_likely(numbers_to_seconds(values, unit), places, track)
+    ]
     if not others and not short:
         return
-    found = f"its times last {span:.2g} s" if short else f"its points move at {motion.speed(_MOVED):.2g} m/s"
-    remedy = (
-        f"if they are {_SPOKEN.get(others[0], others[0])}, say so: --time-unit {others[0]}" if others else "say the unit with --time-unit"
+    found = (
+        f"its times last {span:.2g} s"
+        if short
+        else f"its points move at {motion.median_speed(_MOVED):.2g} m/s"
     )
-    raise InputError(f"{raw.name}: read as {guess.unit}, {found}; {remedy}; if that is right: --time-unit {guess.unit}")
+    remedy = (
+        f"if they are {_SPOKEN.get(others[0], others[0])}, say so: --time-unit {others[0]}"
+        if others
+        else "say the unit with --time-unit"
+    )
+    raise InputError(
+        f"{raw.name}: read as {guess.unit}, {found}; {remedy}; if that is right: --time-unit {guess.unit}"
+    )
 
 
 def _is_likely(times: Floats, places: Floats, track: NDArray[np.int64]) -> bool:
     """Whether times are of the age of receivers, or count from the start of a log, and speeds are those of vehicles."""
     middle = float(np.median(times))
     dated = _RECEIVERS[0] <= middle <= _RECEIVERS[1] or abs(middle) < _ELAPSED
-    return dated and _SLOWEST <= _motion(times, places, track).speed(_MOVED) <= _FASTEST
+    return (
+        dated and _SLOWEST <= _measure_motion(times, places, track).median_speed(_MOVED) <= _FASTEST
+    )
 
 
-def _degrees_as_metres(raw: RawLog, request: Request, times: Floats, places: Floats, track: NDArray[np.int64]) -> Repair | None:
+def _degrees_as_metres(
+    raw: RawLog, request: Request, times: Floats, places: Floats, track: NDArray[np.int64]
+) -> Repair | None:
     """Doubt x and y that look like longitude and latitude; refuse them where speeds leave no doubt."""
     # What the user names x and y is x and y.
     given = set(request.columns or ())
@@ -216,32 +260,44 @@ def _degrees_as_metres(raw: RawLog, request: Request, times: Floats, places: Flo
     far = max(abs(float(np.median(x))), abs(float(np.median(y)))) >= _OFFSET * extent
     wide = extent >= _WIDE
     long = any(np.mean(np.abs(axis - np.round(axis, _DECIMALS)) > 1e-9) > 0.5 for axis in (x, y))
-    if np.abs(lat).max() > 90 or np.abs(lon).max() > 180 or extent < _EXTENT or not long or not (far or wide):
+    if (
+        np.abs(lat).max() > 90
+        or np.abs(lon).max() > 180
+        or extent < _EXTENT
+        or not long
+        or not (far or wide)
+    ):
         return None
 
     # The speeds are those of a snail, or those of travel.
-    crawl = _motion(times, np.stack([x, y], axis=1), track, geographic=False).speed()
-    degrees = _motion(times, np.stack([lat, lon], axis=1), track)
-    moving = degrees.distance > 0
-    if not (crawl < _CRAWL and _TRAVEL[0] <= degrees.speed() <= _TRAVEL[1]):
+    crawl = _measure_motion(times, np.stack([x, y], axis=1), track, geographic=False).median_speed()
+    degrees = _measure_motion(times, np.stack([lat, lon], axis=1), track)
+    moving = degrees.displacement > 0
+    if not (crawl < _CRAWL and _TRAVEL[0] <= degrees.median_speed() <= _TRAVEL[1]):
         return None
-    straight = float(np.median(degrees.distance[moving] / degrees.way[moving])) >= _STRAIGHT
+    straight = (
+        float(np.median(degrees.displacement[moving] / degrees.path_length[moving])) >= _STRAIGHT
+    )
     if not far and not straight:
         return None
 
     # Refuse them or warn.
     remedy = f"--columns lon={names[0]},lat={names[1]}"
-    certain = crawl < _CERTAIN_CRAWL and extent >= _CERTAIN_EXTENT and degrees.step <= _WATCHED
+    certain = (
+        crawl < _CERTAIN_CRAWL and extent >= _CERTAIN_EXTENT and degrees.median_step <= _WATCHED
+    )
     if certain and straight and moving.mean() > 0.5:
         raise InputError(
             f"{raw.name}: columns {raw.axes[0]!r} and {raw.axes[1]!r} are degrees: as metres, points move at {crawl:.2g} m/s, as degrees "
-            f"at {degrees.speed():.2g} m/s; name them: {remedy}; if they are metres: --columns x={raw.axes[0]},y={raw.axes[1]}"
+            f"at {degrees.median_speed():.2g} m/s; name them: {remedy}; if they are metres: --columns x={raw.axes[0]},y={raw.axes[1]}"
         )
     what = f"positions read as metres, but they look like degrees; if they are, name them: {remedy}"
     return Repair(what, len(times), raw.name, drops=False)
 
 
-def _motion(times: Floats, places: Floats, track: NDArray[np.int64], *, geographic: bool = True) -> _Motion:
+def _measure_motion(
+    times: Floats, places: Floats, track: NDArray[np.int64], *, geographic: bool = True
+) -> _Motion:
     """Measure windows of points of one track each, in the order in which the log has them."""
     # Steps from point to point.
     steps = _distances(places[:-1], places[1:], geographic)
@@ -258,9 +314,9 @@ def _motion(times: Floats, places: Floats, track: NDArray[np.int64], *, geograph
     way = np.append(0.0, np.cumsum(np.where(same, steps, 0.0)))
     return _Motion(
         duration=times[end] - times[begin],
-        distance=_distances(places[begin], places[end], geographic),
-        way=way[end] - way[begin],
-        step=float(np.median(gaps[gaps > 0])) if (gaps > 0).any() else np.inf,
+        displacement=_distances(places[begin], places[end], geographic),
+        path_length=way[end] - way[begin],
+        median_step=float(np.median(gaps[gaps > 0])) if (gaps > 0).any() else np.inf,
     )
 
 
@@ -269,6 +325,8 @@ def _distances(places: Floats, others: Floats, geographic: bool) -> Floats:
     difference = others[:, :2] - places[:, :2]
     if geographic:
         east = (difference[:, 1] + 180) % 360 - 180
-        difference = _DEGREE * np.stack([difference[:, 0], east * np.cos(np.radians(places[:, 0]))], axis=1)
+        difference = _DEGREE * np.stack(
+            [difference[:, 0], east * np.cos(np.radians(places[:, 0]))], axis=1
+        )
     distances: Floats = np.hypot(difference[:, 0], difference[:, 1])
     return distances

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gpszip.model.read_result import LeftOut, Repair
 
-__all__ = ["Guess", "RawLog", "Request", "Unread", "unused"]
+__all__ = ["GuessedUnit", "RawLog", "Request", "UnreadableCell", "unused_name"]
 
 
 @dataclass(frozen=True)
@@ -47,7 +47,7 @@ class Request:
 
 
 @dataclass(frozen=True)
-class Unread:
+class UnreadableCell:
     """The first cell of a column that can't be read.
 
     Parameters
@@ -66,19 +66,19 @@ class Unread:
 
 
 @dataclass(frozen=True)
-class Guess:
+class GuessedUnit:
     """A unit of times that the user hasn't said.
 
     Parameters
     ----------
     unit : str
         One of :data:`gpszip.io.values.timestamps.TIME_UNITS`.
-    named : bool
+    from_name : bool
         Whether the name of the column says it, rather than the size of the numbers.
     """
 
     unit: str
-    named: bool
+    from_name: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,22 +103,22 @@ class RawLog:
         Columns that were asked for.
     first : int
         Number by which messages call the first row.
-    word : str
+    row_noun : str
         What messages call a row: ``row`` or ``point``.
-    labels : bool
+    ids_are_titles : bool
         Whether ids are titles, of which two tracks may share one, rather than names of vehicles.
-    dropped : tuple of str
+    dropped_columns : tuple of str
         Columns that are not kept.
     repairs : tuple of Repair
         What the reader itself had to drop; such points are not among the n rows.
     left_out : tuple of LeftOut
         Parts of the log that hold no track.
-    unread : tuple of Unread
+    unreadable : tuple of Unread
         For each column of times or coordinates, the first cell that holds something, but nothing that can be read.
     untimed : frozenset of int
         Codes of the tracks that have no times at all, and are read as shapes; 0 stands for the track of a log that names none.
         Their rows hold NaN for the time and are in the order of travel.
-    guess : Guess, optional
+    guessed_unit : Guess, optional
         The unit in which numbers were read as times, where the user doesn't say it.
     time_of_day : bool
         Whether times are seconds from midnight, as the log has no dates.
@@ -134,24 +134,24 @@ class RawLog:
     geographic: bool
     attributes: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
     first: int = 1
-    word: str = "row"
-    labels: bool = False
-    dropped: tuple[str, ...] = ()
+    row_noun: str = "row"
+    ids_are_titles: bool = False
+    dropped_columns: tuple[str, ...] = ()
     repairs: tuple[Repair, ...] = ()
     left_out: tuple[LeftOut, ...] = ()
-    unread: tuple[Unread, ...] = ()
+    unreadable: tuple[UnreadableCell, ...] = ()
     untimed: frozenset[int] = frozenset()
-    guess: Guess | None = None
+    guessed_unit: GuessedUnit | None = None
     time_of_day: bool = False
     axes: tuple[str, ...] = ()
 
 
-def unused(name: str, taken: Container[str]) -> str:
+def unused_name(name: str, taken: Container[str]) -> str:
     """Return the name, or the first of ``name-2``, ``name-3``, ... that is not taken.
 
     Examples
     --------
-    >>> unused("walk", {"walk", "walk-2"})
+    >>> unused_name("walk", {"walk", "walk-2"})
     'walk-3'
     """
     if name not in taken:

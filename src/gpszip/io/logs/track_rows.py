@@ -10,12 +10,21 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.geo.antimeridian import jumps, with_crossings
-from gpszip.geo.linear_in_degrees import straight_in_degrees
+from gpszip.geo.antimeridian import find_crossings, insert_crossings
+from gpszip.geo.linear_in_degrees import densify_for_degrees
 from gpszip.geo.planes import to_geographic
 from gpszip.model import Track
 
-__all__ = ["DEGREE_DIGITS", "TIME_DECIMALS", "TrackRows", "as_lines", "decimal", "metre_decimals", "straight_rows", "track_rows"]
+__all__ = [
+    "DEGREE_DIGITS",
+    "TIME_DECIMALS",
+    "TrackRows",
+    "densified_rows",
+    "group_into_lines",
+    "metre_decimals",
+    "round_decimals",
+    "track_rows",
+]
 
 #: Degrees need this many decimals more than metres to be as fine.
 DEGREE_DIGITS = 5
@@ -24,13 +33,13 @@ DEGREE_DIGITS = 5
 TIME_DECIMALS = 6
 
 #: Decimals of metres where nothing finer is called for.
-_DECIMALS = 3
+_MIN_METRE_DECIMALS = 3
 
 #: More decimals than a float64 holds of a position on a plane are of no use.
-_MOST_DECIMALS = 9
+_MAX_METRE_DECIMALS = 9
 
 #: Rounding to the last decimal of metres moves a place by at most so many units of it.
-_ROUNDING = math.sqrt(2) / 2 * 1.12  # the fifth decimal of a degree is 1.12 m
+_ROUNDING_ERROR = math.sqrt(2) / 2 * 1.12  # the fifth decimal of a degree is 1.12 m
 
 #: Share of the allowed deviation that rounding may take; the rest is left to the line between the points.
 _ROUNDING_SHARE = 2 / 3
@@ -39,7 +48,7 @@ _ROUNDING_SHARE = 2 / 3
 _TIME_SHARE = 1 / 2
 
 #: Steps shorter than so many units of the last decimal of seconds call for finer times.
-_LEAST_STEP = 8
+_MIN_STEP_UNITS = 8
 
 Floats = NDArray[np.float64]
 
@@ -56,7 +65,7 @@ class TrackRows:
         Name of the track that it is a piece of; the same where the track has no gaps.
     times : float64 array, shape (n,), or None
         Seconds; None for a track without times.
-    places : float64 array, shape (n, d)
+    coordinates : float64 array, shape (n, d)
         Latitude and longitude in degrees, or metres.
     geographic : bool
         Whether the places are degrees.
@@ -67,33 +76,35 @@ class TrackRows:
     id: str
     track: str
     times: Floats | None
-    places: Floats
+    coordinates: Floats
     geographic: bool
     attributes: Mapping[str, NDArray[np.generic]] = field(default_factory=dict)
 
     def __len__(self) -> int:
-        return len(self.places)
+        return len(self.coordinates)
 
-    def part(self, rows: slice) -> TrackRows:
+    def take(self, rows: slice) -> TrackRows:
         """Return some of the rows."""
         times = None if self.times is None else self.times[rows]
         attributes = {name: values[rows] for name, values in self.attributes.items()}
-        return TrackRows(self.id, self.track, times, self.places[rows], self.geographic, attributes)
+        return TrackRows(
+            self.id, self.track, times, self.coordinates[rows], self.geographic, attributes
+        )
 
 
-def decimal(values: Floats, decimals: int) -> Floats:
+def round_decimals(values: Floats, decimals: int) -> Floats:
     """Round to decimals, so that the shortest text of each number has no more of them; there is no minus zero.
 
     Examples
     --------
-    >>> decimal(np.array([1.23456, -0.0001]), 3).tolist()
+    >>> round_decimals(np.array([1.23456, -0.0001]), 3).tolist()
     [1.235, 0.0]
     """
     rounded: Floats = np.round(values, decimals) + 0.0
     return rounded
 
 
-def metre_decimals(within: float | None) -> int:
+def metre_decimals(max_deviation: float | None) -> int:
     """Decimals of metres with which rounding stays well within so many metres; 3 where they do.
 
     Examples
@@ -101,10 +112,10 @@ def metre_decimals(within: float | None) -> int:
     >>> metre_decimals(None), metre_decimals(0.02), metre_decimals(0.0002)
     (3, 3, 4)
     """
-    if within is None:
-        return _DECIMALS
-    fine = math.ceil(math.log10(_ROUNDING / (_ROUNDING_SHARE * within)))
-    return min(max(fine, _DECIMALS), _MOST_DECIMALS)
+    if max_deviation is None:
+        return _MIN_METRE_DECIMALS
+    fine = math.ceil(math.log10(_ROUNDING_ERROR / (_ROUNDING_SHARE * max_deviation)))
+    return min(max(fine, _MIN_METRE_DECIMALS), _MAX_METRE_DECIMALS)
 
 
 def track_rows(track: Track, decimals: int, whole: str | None = None) -> TrackRows:
@@ -125,17 +136,29 @@ def track_rows(track: Track, decimals: int, whole: str | None = None) -> TrackRo
 
     Examples
     --------
-    >>> track_rows(Track("walk", [0, 0.5], [[0, 0], [1, 2.00049]]), 3).places.tolist()
+    >>> track_rows(Track("walk", [0, 0.5], [[0, 0], [1, 2.00049]]), 3).coordinates.tolist()
     [[0.0, 0.0], [1.0, 2.0]]
     """
-    places = decimal(track.positions, decimals)
+    places = round_decimals(track.positions, decimals)
     if track.plane is not None:
-        places = decimal(np.stack(to_geographic(track.positions[:, :2], track.plane), axis=1), decimals + DEGREE_DIGITS)
-    times = decimal(track.times, TIME_DECIMALS) if track.timed else None
-    return TrackRows(track.id, whole or track.id, times, places, track.plane is not None, track.attributes)
+        places = round_decimals(
+            np.stack(to_geographic(track.positions[:, :2], track.plane), axis=1),
+            decimals + DEGREE_DIGITS,
+        )
+    times = round_decimals(track.times, TIME_DECIMALS) if track.timed else None
+    return TrackRows(
+        track.id, whole or track.id, times, places, track.plane is not None, track.attributes
+    )
 
 
-def straight_rows(track: Track, decimals: int, within: float, whole: str | None = None, *, ticks: int = TIME_DECIMALS) -> TrackRows:
+def densified_rows(
+    track: Track,
+    decimals: int,
+    max_deviation: float,
+    whole: str | None = None,
+    *,
+    ticks: int = TIME_DECIMALS,
+) -> TrackRows:
     """Round the knots of a track, with as many more rows as linear interpolation of the columns needs.
 
     Parameters
@@ -144,12 +167,12 @@ def straight_rows(track: Track, decimals: int, within: float, whole: str | None 
         Knots, between which the track is linear in time on its plane.
     decimals : int
         Of metres; degrees have five more.
-    within : float
+    max_deviation : float
         Metres by which latitude and longitude, read as linear in time, may deviate from the track. A track that crosses the
         antimeridian has a row on each side of it.
     whole : str, optional
         Name of the track that this is a piece of; by default its own.
-    ticks : int
+    time_decimals : int
         Decimals of seconds if these are fine enough; else times have six.
 
     Returns
@@ -161,20 +184,33 @@ def straight_rows(track: Track, decimals: int, within: float, whole: str | None 
     >>> from gpszip.model import Plane
     >>> plane = Plane(((480000000, 115000000),))
     >>> track = Track("flight", [0.0, 600.0], [[0.0, 0.0], [100_000.0, 0.0]], plane=plane)
-    >>> len(track_rows(track, 3)), len(straight_rows(track, 3, 1.0))
+    >>> len(track_rows(track, 3)), len(densified_rows(track, 3, 1.0))
     (2, 17)
     """
     if track.plane is None or track.attributes:
         return track_rows(track, decimals, whole)
-    ticks = ticks if _fine(track, ticks, within) else TIME_DECIMALS
+    ticks = ticks if _can_round_times(track, ticks, max_deviation) else TIME_DECIMALS
     digits = decimals + DEGREE_DIGITS
-    straight = straight_in_degrees(track.times, track.positions[:, :2], track.plane, within, decimals=digits, ticks=ticks)
-    times, lat, lon = with_crossings(*straight, 10.0**-ticks)
-    places = decimal(np.stack([lat, lon], axis=1), digits)
-    return TrackRows(track.id, whole or track.id, decimal(times, ticks) if track.timed else None, places, geographic=True)
+    straight = densify_for_degrees(
+        track.times,
+        track.positions[:, :2],
+        track.plane,
+        max_deviation,
+        decimals=digits,
+        time_decimals=ticks,
+    )
+    times, lat, lon = insert_crossings(*straight, 10.0**-ticks)
+    places = round_decimals(np.stack([lat, lon], axis=1), digits)
+    return TrackRows(
+        track.id,
+        whole or track.id,
+        round_decimals(times, ticks) if track.timed else None,
+        places,
+        geographic=True,
+    )
 
 
-def as_lines(pieces: Iterable[TrackRows]) -> Iterator[tuple[str, list[TrackRows]]]:
+def group_into_lines(pieces: Iterable[TrackRows]) -> Iterator[tuple[str, list[TrackRows]]]:
     """Gather the pieces of each track that follow each other, and cut them at the antimeridian.
 
     Parameters
@@ -192,21 +228,25 @@ def as_lines(pieces: Iterable[TrackRows]) -> Iterator[tuple[str, list[TrackRows]
         if lines and (rows.id == rows.track or rows.track != name):
             yield lines[0].track, lines
             lines = []
-        name, lines = rows.track, [*lines, *_cut(rows)]
+        name, lines = rows.track, [*lines, *_cut_at_antimeridian(rows)]
     if lines:
         yield lines[0].track, lines
 
 
-def _cut(rows: TrackRows) -> list[TrackRows]:
-    ends = [0, *(np.flatnonzero(jumps(rows.places[:, 1])) + 1).tolist(), len(rows)] if rows.geographic else [0, len(rows)]
-    return [rows] if len(ends) == 2 else [rows.part(slice(a, b)) for a, b in pairwise(ends)]
+def _cut_at_antimeridian(rows: TrackRows) -> list[TrackRows]:
+    ends = (
+        [0, *(np.flatnonzero(find_crossings(rows.coordinates[:, 1])) + 1).tolist(), len(rows)]
+        if rows.geographic
+        else [0, len(rows)]
+    )
+    return [rows] if len(ends) == 2 else [rows.take(slice(a, b)) for a, b in pairwise(ends)]
 
 
-def _fine(track: Track, ticks: int, within: float) -> bool:
+def _can_round_times(track: Track, ticks: int, max_deviation: float) -> bool:
     """Whether times may be rounded to so many decimals: no knots fall together, and nothing moves far in half a unit."""
     if len(track) < 2 or ticks >= TIME_DECIMALS:
         return True
     unit = 10.0**-ticks
     steps, ways = np.diff(track.times), np.sqrt((np.diff(track.positions, axis=0) ** 2).sum(axis=1))
-    slow = ways / steps * unit / 2 <= _TIME_SHARE * within
-    return bool((slow & (steps >= _LEAST_STEP * unit)).all())
+    slow = ways / steps * unit / 2 <= _TIME_SHARE * max_deviation
+    return bool((slow & (steps >= _MIN_STEP_UNITS * unit)).all())

@@ -14,7 +14,7 @@ from gpszip.io.logs.track_rows import TrackRows
 
 __all__ = ["track_tables"]
 
-_BATCH = 1_000_000
+_BATCH_ROWS = 1_000_000
 
 
 def track_tables(tracks: Iterable[TrackRows]) -> Iterator[pa.Table]:
@@ -41,14 +41,14 @@ def track_tables(tracks: Iterable[TrackRows]) -> Iterator[pa.Table]:
     names: list[str] | None = None
     rows = 0
     for track in tracks:
-        names = _check(track, names, timed)
+        names = _check_columns(track, names, timed)
         batch.append(track)
         rows += len(track)
-        if rows >= _BATCH:
-            yield _table(batch, names, timed)
+        if rows >= _BATCH_ROWS:
+            yield _build_table(batch, names, timed)
             batch, rows = [], 0
     if batch or names is None:
-        yield _table(batch, names or ["track_id", "t", "x", "y"], timed)
+        yield _build_table(batch, names or ["track_id", "t", "x", "y"], timed)
 
 
 def _any_timed(tracks: Iterable[TrackRows]) -> tuple[bool, Iterable[TrackRows]]:
@@ -62,9 +62,13 @@ def _any_timed(tracks: Iterable[TrackRows]) -> tuple[bool, Iterable[TrackRows]]:
     return not untimed, untimed
 
 
-def _check(track: TrackRows, names: list[str] | None, timed: bool) -> list[str]:
-    width = track.places.shape[1]
-    axes = ["lat", "lon"] if track.geographic else [*"xyz", *(f"x{i}" for i in range(4, width + 1))][:width]
+def _check_columns(track: TrackRows, names: list[str] | None, timed: bool) -> list[str]:
+    width = track.coordinates.shape[1]
+    axes = (
+        ["lat", "lon"]
+        if track.geographic
+        else [*"xyz", *(f"x{i}" for i in range(4, width + 1))][:width]
+    )
     own = ["track_id", *(["t"] if timed else []), *axes, *track.attributes]
     if names is not None and own != names:
         raise OutputError(
@@ -73,10 +77,11 @@ def _check(track: TrackRows, names: list[str] | None, timed: bool) -> list[str]:
     return own
 
 
-def _table(batch: Sequence[TrackRows], names: Sequence[str], timed: bool) -> pa.Table:
+def _build_table(batch: Sequence[TrackRows], names: Sequence[str], timed: bool) -> pa.Table:
     lengths = [len(track) for track in batch]
     ids = pa.DictionaryArray.from_arrays(
-        pa.array(np.repeat(np.arange(len(batch), dtype=np.int32), lengths)), pa.array([track.id for track in batch], pa.string())
+        pa.array(np.repeat(np.arange(len(batch), dtype=np.int32), lengths)),
+        pa.array([track.id for track in batch], pa.string()),
     ).cast(pa.string())
 
     columns = [ids]
@@ -84,10 +89,13 @@ def _table(batch: Sequence[TrackRows], names: Sequence[str], timed: bool) -> pa.
         times = np.concatenate([_times(track) for track in batch] or [np.empty(0)])
         columns.append(pa.array(times, from_pandas=True))  # NaN becomes null
 
-    width = batch[0].places.shape[1] if batch else len(names) - len(columns)
-    places = np.concatenate([track.places for track in batch] or [np.empty((0, width))])
+    width = batch[0].coordinates.shape[1] if batch else len(names) - len(columns)
+    places = np.concatenate([track.coordinates for track in batch] or [np.empty((0, width))])
     columns += [pa.array(axis) for axis in places.T]
-    columns += [pa.array(np.concatenate([track.attributes[name] for track in batch])) for name in names[len(columns) :]]
+    columns += [
+        pa.array(np.concatenate([track.attributes[name] for track in batch]))
+        for name in names[len(columns) :]
+    ]
     return pa.table(columns, names=list(names))
 
 

@@ -8,14 +8,14 @@ from typing import BinaryIO
 
 from gpszip.errors import OutputError
 from gpszip.io.logs.formats import format_for_writing
-from gpszip.io.logs.track_rows import TIME_DECIMALS, TrackRows, straight_rows, track_rows
-from gpszip.io.storage.sink import writing
+from gpszip.io.logs.track_rows import TIME_DECIMALS, TrackRows, densified_rows, track_rows
+from gpszip.io.storage.sink import open_sink
 from gpszip.model import Track
 
 __all__ = ["write_tracks"]
 
 #: Decimals of seconds of formats whose readers often know no more than these; more are written only where they matter.
-_TICKS = {"gpx": 3}
+_TIME_DECIMALS_BY_FORMAT = {"gpx": 3}
 
 
 def write_tracks(
@@ -25,7 +25,7 @@ def write_tracks(
     *,
     decimals: int = 3,
     pieces: Mapping[str, str] | None = None,
-    within: float | None = None,
+    max_deviation: float | None = None,
 ) -> int:
     """Write tracks; positions on the earth as latitude and longitude.
 
@@ -42,7 +42,7 @@ def write_tracks(
     pieces : mapping of str to str, optional
         For tracks that are pieces between gaps, the name of the whole track. GPX and GeoJSON write pieces of one track that
         follow each other as one track of several lines; other formats, pieces by their own names.
-    within : float, optional
+    max_deviation : float, optional
         Metres by which latitude and longitude, read as linear in time, may deviate from the tracks. As many rows are added
         as that takes. Without it, or for tracks with attributes, there is one row for each sample.
 
@@ -77,14 +77,20 @@ def write_tracks(
         for track in tracks:
             _check_name(track.id)
             whole = None if pieces is None else pieces.get(track.id)
-            if within is None:
+            if max_deviation is None:
                 made = track_rows(track, decimals, whole)
             else:
-                made = straight_rows(track, decimals, within, whole, ticks=_TICKS.get(chosen.name, TIME_DECIMALS))
+                made = densified_rows(
+                    track,
+                    decimals,
+                    max_deviation,
+                    whole,
+                    ticks=_TIME_DECIMALS_BY_FORMAT.get(chosen.name, TIME_DECIMALS),
+                )
             count += len(made)
             yield made
 
-    with writing(sink) as stream:
+    with open_sink(sink) as stream:
         chosen.write(rows(), stream)
     return count
 
@@ -93,4 +99,6 @@ def _check_name(name: str) -> None:
     try:
         name.encode()
     except UnicodeEncodeError:
-        raise OutputError(f"track {name!r}: its name holds half a letter, which can't be written; give the track another name") from None
+        raise OutputError(
+            f"track {name!r}: its name holds half a letter, which can't be written; give the track another name"
+        ) from None

@@ -22,16 +22,19 @@ def write_map_csv(table: MapTable, path: Path) -> None:
     path : Path
         The file.
     """
-    columns = {name: _nothing_for_nan(values) for name, values in table.properties.items()}
+    columns = {name: _nan_to_null(values) for name, values in table.properties.items()}
     for end in ("u", "v"):
         nodes = table.properties[end]
-        columns |= {f"{end}_{axis}": pa.array(table.places[nodes, i]) for i, axis in enumerate(table.axes)}
-    if table.shaped:
+        columns |= {
+            f"{end}_{axis}": pa.array(table.node_positions[nodes, i])
+            for i, axis in enumerate(table.axes)
+        }
+    if table.has_shapes:
         columns["line"] = pa.array(table.wkt, pa.string())
     with path.open("wb") as file:
         file.write((",".join(columns) + "\n").encode())
         pc.write_csv(pa.table(columns), file, pc.WriteOptions(include_header=False))
 
 
-def _nothing_for_nan(values: object) -> pa.Array:
+def _nan_to_null(values: object) -> pa.Array:
     return pa.array(values, from_pandas=True)

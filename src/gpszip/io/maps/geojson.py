@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.io.logs.geojson.write import METRES
+from gpszip.io.logs.geojson.write import METRES_MEMBER
 from gpszip.io.maps.table import MapTable
 
 __all__ = ["write_map_geojson"]
@@ -31,27 +31,41 @@ def write_map_geojson(table: MapTable, path: Path, *, points: bool = False) -> N
     points : bool
         Write the nodes, too, as Points with the property ``node``.
     """
-    places, vertices = table.places.tolist(), table.points.tolist()
-    columns = [_nothing_for_nan(column) for column in table.properties.values()]
+    node_positions, vertices = table.node_positions.tolist(), table.points.tolist()
+    columns = [_nan_to_null(column) for column in table.properties.values()]
     features = [
-        _line([vertices[part] for part in parts], dict(zip(table.properties, row, strict=True)))
-        for parts, row in zip(table.parts, zip(*columns, strict=True), strict=True)
+        _line_feature(
+            [vertices[part] for part in parts], dict(zip(table.properties, row, strict=True))
+        )
+        for parts, row in zip(table.line_parts, zip(*columns, strict=True), strict=True)
     ]
     if points:
-        features += [_feature("Point", places[node], {"node": node}) for node in table.nodes.tolist()]
-    member = "" if table.geographic else f"{json.dumps(METRES)[1:-1]}, "
+        features += [
+            _feature("Point", node_positions[node], {"node": node}) for node in table.nodes.tolist()
+        ]
+    member = "" if table.geographic else f"{json.dumps(METRES_MEMBER)[1:-1]}, "
     lines = ",\n".join(json.dumps(feature) for feature in features)
-    path.write_text(f'{{"type": "FeatureCollection", {member}"features": [\n{lines}\n]}}\n', encoding="utf-8")
+    path.write_text(
+        f'{{"type": "FeatureCollection", {member}"features": [\n{lines}\n]}}\n', encoding="utf-8"
+    )
 
 
-def _line(parts: list[Any], properties: dict[str, Any]) -> dict[str, Any]:
-    return _feature("LineString", parts[0], properties) if len(parts) == 1 else _feature("MultiLineString", parts, properties)
+def _line_feature(parts: list[Any], properties: dict[str, Any]) -> dict[str, Any]:
+    return (
+        _feature("LineString", parts[0], properties)
+        if len(parts) == 1
+        else _feature("MultiLineString", parts, properties)
+    )
 
 
 def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
+    return {
+        "type": "Feature",
+        "properties": properties,
+        "geometry": {"type": kind, "coordinates": coordinates},
+    }
 
 
-def _nothing_for_nan(column: NDArray[np.generic]) -> list[Any]:
+def _nan_to_null(column: NDArray[np.generic]) -> list[Any]:
     """JSON has no word for NaN."""
     return [None if value != value else value for value in column.tolist()]  # noqa: PLR0124

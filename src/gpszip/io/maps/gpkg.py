@@ -35,25 +35,32 @@ def write_map_gpkg(table: MapTable, path: Path) -> None:
     made = io.BytesIO()
     pyogrio.raw.write(
         made,
-        geometry=_lines(table),
+        geometry=_to_wkb(table),
         field_data=list(table.properties.values()),
         fields=list(table.properties),
-        layer="ways" if table.shaped else "edges",
+        layer="ways" if table.has_shapes else "edges",
         driver="GPKG",
-        geometry_type=("MultiLineString" if len(table.cuts) else "LineString") + (" Z" if table.points.shape[1] == 3 else ""),
+        geometry_type=("MultiLineString" if len(table.cuts) else "LineString")
+        + (" Z" if table.points.shape[1] == 3 else ""),
         crs="EPSG:4326" if table.geographic else 'LOCAL_CS["metres",UNIT["metre",1]]',
     )
     path.write_bytes(made.getbuffer())
 
 
-def _lines(table: MapTable) -> NDArray[np.object_]:
+def _to_wkb(table: MapTable) -> NDArray[np.object_]:
     """Lines in well-known binary; if any is cut, all are MultiLineStrings, as a layer is of one kind."""
     packed, point = table.points.astype("<f8").tobytes(), 8 * table.points.shape[1]
     space = 1000 if table.points.shape[1] == 3 else 0
     lines = np.empty(len(table), dtype=object)
-    for i, parts in enumerate(table.parts):
+    for i, parts in enumerate(table.line_parts):
         several = [
-            struct.pack("<BII", 1, _LINE + space, part.stop - part.start) + packed[part.start * point : part.stop * point] for part in parts
+            struct.pack("<BII", 1, _LINE + space, part.stop - part.start)
+            + packed[part.start * point : part.stop * point]
+            for part in parts
         ]
-        lines[i] = struct.pack("<BII", 1, _MULTI + space, len(several)) + b"".join(several) if len(table.cuts) else several[0]
+        lines[i] = (
+            struct.pack("<BII", 1, _MULTI + space, len(several)) + b"".join(several)
+            if len(table.cuts)
+            else several[0]
+        )
     return lines

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,10 +24,10 @@ def write_map_graphml(table: MapTable, path: Path) -> None:
         The file.
     """
     with path.open("w", encoding="utf-8") as file:
-        file.writelines(_lines(table))
+        file.writelines(_iterate_xml(table))
 
 
-def _lines(table: MapTable) -> Iterator[str]:
+def _iterate_xml(table: MapTable) -> Iterator[str]:
     yield _HEAD
     for axis in table.axes:
         yield f'<key id="{axis}" for="node" attr.name="{axis}" attr.type="double"/>\n'
@@ -34,18 +35,28 @@ def _lines(table: MapTable) -> Iterator[str]:
     for name, column in columns.items():
         kind = "long" if column.dtype.kind == "i" else "double"
         yield f'<key id="{name}" for="edge" attr.name="{name}" attr.type="{kind}"/>\n'
-    if table.shaped:
+    if table.has_shapes:
         yield '<key id="line" for="edge" attr.name="line" attr.type="string"/>\n'
     yield '<graph edgedefault="undirected">\n'
-    places = table.places.tolist()
+    node_positions = table.node_positions.tolist()
     for node in table.nodes.tolist():
-        data = "".join(f'<data key="{axis}">{value!r}</data>' for axis, value in zip(table.axes, places[node], strict=True))
+        data = "".join(
+            f'<data key="{axis}">{value!r}</data>'
+            for axis, value in zip(table.axes, node_positions[node], strict=True)
+        )
         yield f'<node id="{node}">{data}</node>\n'
-    lines = table.wkt if table.shaped else [""] * len(table)
-    for line, u, v, *values in zip(lines, *(column.tolist() for column in table.properties.values()), strict=True):
+    lines = table.wkt if table.has_shapes else [""] * len(table)
+    for line, u, v, *values in zip(
+        lines, *(column.tolist() for column in table.properties.values()), strict=True
+    ):
         # NaN is no data.
-        known = [(name, value) for name, value in zip(columns, values, strict=True) if value == value]  # noqa: PLR0124
+        pairs = zip(columns, values, strict=True)
+        known = [(name, value) for name, value in pairs if not _is_nan(value)]
         data = "".join(f'<data key="{name}">{value!r}</data>' for name, value in known)
         data += f'<data key="line">{line}</data>' if line else ""
         yield f'<edge source="{u}" target="{v}">{data}</edge>\n'
     yield "</graph>\n</graphml>\n"
+
+
+def _is_nan(value: object) -> bool:
+    return isinstance(value, float) and math.isnan(value)

@@ -14,11 +14,11 @@ import pyarrow.csv as pc
 from numpy.typing import NDArray
 
 from gpszip.errors import OutputError
-from gpszip.geo.degree_lines import cut_lines
+from gpszip.geo.degree_lines import cut_at_antimeridian
 from gpszip.geo.planes import to_geographic
-from gpszip.io.logs.geojson.write import METRES
-from gpszip.io.logs.track_rows import DEGREE_DIGITS, TIME_DECIMALS, decimal
-from gpszip.io.storage.sink import writing
+from gpszip.io.logs.geojson.write import METRES_MEMBER
+from gpszip.io.logs.track_rows import DEGREE_DIGITS, TIME_DECIMALS, round_decimals
+from gpszip.io.storage.sink import open_sink
 from gpszip.model import Network, Plane, Track
 from gpszip.model.match import Break, Match, Matching, Piece
 
@@ -45,12 +45,18 @@ def route_format(sink: str | Path | BinaryIO, format: str | None = None) -> str:
     suffix = Path(str(sink)).suffix.lower() if isinstance(sink, (str, Path)) else ""
     chosen = format or _FORMATS.get(suffix, "geojson" if not suffix else suffix[1:])
     if chosen not in {"geojson", "csv"}:
-        raise OutputError(f"{sink}: routes are written as geojson or csv, not as {chosen}; name such a file, or give --format")
+        raise OutputError(
+            f"{sink}: routes are written as geojson or csv, not as {chosen}; name such a file, or give --format"
+        )
     return chosen
 
 
 def write_routes(
-    matching: Matching, tracks: Sequence[Track], network: Network, sink: str | Path | BinaryIO, format: str | None = None
+    matching: Matching,
+    tracks: Sequence[Track],
+    network: Network,
+    sink: str | Path | BinaryIO,
+    format: str | None = None,
 ) -> None:
     """Write routes; on the earth in degrees.
 
@@ -73,15 +79,17 @@ def write_routes(
         If the file can't be written.
     """
     chosen = route_format(sink, format)
-    with writing(sink) as stream:
+    with open_sink(sink) as stream:
         if chosen == "csv":
-            _write_rows(matching, tracks, network, stream)
+            _write_csv(matching, tracks, network, stream)
         else:
-            _write_lines(matching, tracks, network, stream)
+            _write_geojson(matching, tracks, network, stream)
 
 
-def _write_lines(matching: Matching, tracks: Sequence[Track], network: Network, stream: BinaryIO) -> None:
-    member = "" if network.plane is not None else f"{json.dumps(METRES)[1:-1]}, "
+def _write_geojson(
+    matching: Matching, tracks: Sequence[Track], network: Network, stream: BinaryIO
+) -> None:
+    member = "" if network.plane is not None else f"{json.dumps(METRES_MEMBER)[1:-1]}, "
     stream.write(f'{{"type": "FeatureCollection", {member}"features": ['.encode())
     separator = "\n"
     for match, track in zip(matching.matches, tracks, strict=True):
@@ -91,39 +99,55 @@ def _write_lines(matching: Matching, tracks: Sequence[Track], network: Network, 
     stream.write(b'\n], "unmatched": [')
     separator = "\n"
     for match, track in zip(matching.matches, tracks, strict=True):
-        for stretch in _unmatched(match, track, network):
+        for stretch in _unmatched_slices(match, track, network):
             stream.write((separator + json.dumps(stretch, ensure_ascii=False)).encode())
             separator = ",\n"
     stream.write(b"\n]}\n")
 
 
-def _unmatched(match: Match, track: Track, network: Network) -> Iterator[dict[str, Any]]:
+def _unmatched_slices(match: Match, track: Track, network: Network) -> Iterator[dict[str, Any]]:
     """Stretches on no road, with the first and last time of their points and why."""
     for one in match.breaks:
         points = one.after + 1 + np.flatnonzero(match.piece[one.after + 1 : one.before] < 0)
         if not len(points):
             continue
-        stretch = {"track_id": match.track, **_times(track, int(points[0]), int(points[-1])), "points": len(points), "reason": one.reason}
-        yield stretch | ({"against": _labels(one, network)} if one.edges else {})
+        stretch = {
+            "track_id": match.track,
+            **_times(track, int(points[0]), int(points[-1])),
+            "points": len(points),
+            "reason": one.reason,
+        }
+        yield stretch | ({"against": _road_labels(one, network)} if one.edges else {})
 
 
 def _features(match: Match, track: Track, network: Network) -> Iterator[dict[str, Any]]:
     for number, piece in enumerate(match.pieces):
-        line = _places(piece.line if len(piece.line) > 1 else np.repeat(piece.line, 2, axis=0), network.plane)
-        properties = _properties(match, number, piece, track) | {"roads": _roads(piece, network)}
+        line = _to_output_coordinates(
+            piece.line if len(piece.line) > 1 else np.repeat(piece.line, 2, axis=0), network.plane
+        )
+        properties = _properties(match, number, piece, track) | {"roads": _road_ids(piece, network)}
         if network.names is not None:
             properties["names"] = _street_names(piece, network.names)
-        against = [name for one in match.breaks if one.after == piece.last and one.edges for name in _labels(one, network)]
+        against = [
+            name
+            for one in match.breaks
+            if one.after == piece.last and one.edges
+            for name in _road_labels(one, network)
+        ]
         if against:
             properties["against"] = against
-        yield {"type": "Feature", "properties": properties, "geometry": _geometry(line, network.plane)}
+        yield {
+            "type": "Feature",
+            "properties": properties,
+            "geometry": _geometry(line, network.plane),
+        }
 
 
 def _geometry(line: NDArray[np.float64], plane: Plane | None) -> dict[str, Any]:
     """A line, in two or more parts where it crosses the antimeridian (RFC 7946, 3.1.9)."""
     if plane is None:
         return {"type": "LineString", "coordinates": line.tolist()}
-    found = cut_lines(line, np.array([0, len(line)]), decimals=_DECIMALS + DEGREE_DIGITS)
+    found = cut_at_antimeridian(line, np.array([0, len(line)]), decimals=_DECIMALS + DEGREE_DIGITS)
     parts = [part.tolist() for part in np.split(found.points, found.cuts)]
     if len(parts) == 1:
         return {"type": "LineString", "coordinates": parts[0]}
@@ -147,11 +171,11 @@ def _times(track: Track, first: int, last: int) -> dict[str, float]:
     """Times of the first and the last point of a stretch; none where the track has none."""
     if not track.timed:
         return {}
-    start, end = decimal(track.times[[first, last]], TIME_DECIMALS).tolist()
+    start, end = round_decimals(track.times[[first, last]], TIME_DECIMALS).tolist()
     return {"t_start": start, "t_end": end}
 
 
-def _labels(one: Break, network: Network) -> list[str]:
+def _road_labels(one: Break, network: Network) -> list[str]:
     """What the roads that a break leads against are called."""
     return list(dict.fromkeys(map(network.label, one.edges)))
 
@@ -162,48 +186,61 @@ def _street_names(piece: Piece, names: Sequence[str]) -> list[str]:
     return [name for name, _ in groupby(filter(None, travelled))]
 
 
-def _roads(piece: Piece, network: Network) -> list[Any]:
+def _road_ids(piece: Piece, network: Network) -> list[Any]:
     """Ids of the roads travelled, those that several in a row share once; their numbers where they have none."""
     edges = piece.route.edges.tolist()
     names = edges if network.ids is None else [network.ids[edge] for edge in edges]
     return [name for name, _ in groupby(names)]
 
 
-def _places(positions: NDArray[np.float64], plane: Plane | None) -> NDArray[np.float64]:
+def _to_output_coordinates(
+    positions: NDArray[np.float64], plane: Plane | None
+) -> NDArray[np.float64]:
     """Longitude and latitude, or metres, rounded."""
     if plane is None:
-        return decimal(positions, _DECIMALS)
+        return round_decimals(positions, _DECIMALS)
     lat, lon = to_geographic(positions[:, :2], plane)
-    return decimal(np.stack([lon, lat], axis=1), _DECIMALS + DEGREE_DIGITS)
+    return round_decimals(np.stack([lon, lat], axis=1), _DECIMALS + DEGREE_DIGITS)
 
 
-def _write_rows(matching: Matching, tracks: Sequence[Track], network: Network, stream: BinaryIO) -> None:
+def _write_csv(
+    matching: Matching, tracks: Sequence[Track], network: Network, stream: BinaryIO
+) -> None:
     header = True
     for match, track in zip(matching.matches, tracks, strict=True):
-        table = _rows(match, track, network)
+        table = _point_table(match, track, network)
         if header:
             stream.write((",".join(table.column_names) + "\n").encode())
         pc.write_csv(table, stream, pc.WriteOptions(include_header=False, quoting_style="needed"))
         header = False
 
 
-def _rows(match: Match, track: Track, network: Network) -> pa.Table:
+def _point_table(match: Match, track: Track, network: Network) -> pa.Table:
     on = match.piece >= 0
     off = ~on
     columns: dict[str, Any] = {"track_id": pa.array([match.track] * len(match), pa.string())}
-    columns["t"] = _known(decimal(track.times, TIME_DECIMALS), np.full(len(track), not track.timed))
-    columns |= _axes("", track.positions, track.plane, np.zeros(len(track), np.bool_))
-    columns |= _axes("road_", match.places(network), network.plane, off)
-    columns["distance"] = _known(decimal(match.distance, _DECIMALS), off)
+    columns["t"] = _masked(
+        round_decimals(track.times, TIME_DECIMALS), np.full(len(track), not track.timed)
+    )
+    columns |= _coordinate_columns("", track.positions, track.plane, np.zeros(len(track), np.bool_))
+    columns |= _coordinate_columns("road_", match.snapped_positions(network), network.plane, off)
+    columns["distance"] = _masked(round_decimals(match.distance, _DECIMALS), off)
     columns["piece"] = pa.array(match.piece, mask=off)
-    names = match.edge if network.ids is None else [network.ids[edge] if edge >= 0 else "" for edge in match.edge.tolist()]
+    names = (
+        match.edge
+        if network.ids is None
+        else [network.ids[edge] if edge >= 0 else "" for edge in match.edge.tolist()]
+    )
     columns["road"] = pa.array(names, mask=off)
     columns["forward"] = pa.array(match.forward, mask=off)
-    columns["offset"] = _known(decimal(match.offset, _DECIMALS), off)
-    columns["along"] = _known(decimal(match.along, _DECIMALS), off)
-    columns["confidence"] = decimal(match.confidence, _DECIMALS)
+    columns["offset"] = _masked(round_decimals(match.offset, _DECIMALS), off)
+    columns["along"] = _masked(round_decimals(match.along, _DECIMALS), off)
+    columns["confidence"] = round_decimals(match.confidence, _DECIMALS)
     if network.names is not None:
-        columns["name"] = pa.array([network.names[edge] if edge >= 0 else None for edge in match.edge.tolist()], pa.string())
+        columns["name"] = pa.array(
+            [network.names[edge] if edge >= 0 else None for edge in match.edge.tolist()],
+            pa.string(),
+        )
     columns["reason"], columns["against"] = _reasons(match, network)
     return pa.table(columns)
 
@@ -216,19 +253,30 @@ def _reasons(match: Match, network: Network) -> tuple[pa.Array, pa.Array]:
     which[match.piece >= 0] = -1
     off = pa.array(which, mask=which < 0)
     reasons = pa.array([one.reason for one in match.breaks], pa.string())
-    against = pa.array(["; ".join(_labels(one, network)) or None for one in match.breaks], pa.string())
+    against = pa.array(
+        ["; ".join(_road_labels(one, network)) or None for one in match.breaks], pa.string()
+    )
     return reasons.take(off), against.take(off)
 
 
-def _axes(prefix: str, positions: NDArray[np.float64], plane: Plane | None, missing: NDArray[np.bool_]) -> dict[str, Any]:
+def _coordinate_columns(
+    prefix: str, positions: NDArray[np.float64], plane: Plane | None, missing: NDArray[np.bool_]
+) -> dict[str, Any]:
     there = np.where(missing[:, None], 0.0, positions)
     if plane is None:
         names = [*"xyz", *(f"x{i}" for i in range(4, positions.shape[1] + 1))][: positions.shape[1]]
-        return {prefix + name: _known(decimal(there[:, i], _DECIMALS), missing) for i, name in enumerate(names)}
-    there[missing, 0] = np.interp(np.flatnonzero(missing), np.flatnonzero(~missing), there[~missing, 0]) if not missing.all() else 0.0
-    lon, lat = _places(there, plane).T
-    return {prefix + "lat": _known(lat, missing), prefix + "lon": _known(lon, missing)}
+        return {
+            prefix + name: _masked(round_decimals(there[:, i], _DECIMALS), missing)
+            for i, name in enumerate(names)
+        }
+    there[missing, 0] = (
+        np.interp(np.flatnonzero(missing), np.flatnonzero(~missing), there[~missing, 0])
+        if not missing.all()
+        else 0.0
+    )
+    lon, lat = _to_output_coordinates(there, plane).T
+    return {prefix + "lat": _masked(lat, missing), prefix + "lon": _masked(lon, missing)}
 
 
-def _known(values: NDArray[np.float64], missing: NDArray[np.bool_]) -> pa.Array:
+def _masked(values: NDArray[np.float64], missing: NDArray[np.bool_]) -> pa.Array:
     return pa.array(values, mask=missing)

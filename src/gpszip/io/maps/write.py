@@ -11,9 +11,9 @@ from gpszip.io.maps.csv import write_map_csv
 from gpszip.io.maps.geojson import write_map_geojson
 from gpszip.io.maps.gpkg import write_map_gpkg
 from gpszip.io.maps.graphml import write_map_graphml
-from gpszip.io.maps.table import MapTable, map_table, way_table
-from gpszip.io.storage.sink import pouring, replacing
-from gpszip.model import RoadMap, WayMap
+from gpszip.io.maps.table import MapTable, clean_map_table, map_table
+from gpszip.io.storage.sink import atomic_write, to_stdout
+from gpszip.model import CleanMap, RoadMap
 
 __all__ = ["MAP_FORMATS", "write_map"]
 
@@ -28,7 +28,12 @@ MAP_FORMATS: dict[str, Callable[[MapTable, Path], None]] = {
 
 
 def write_map(
-    road_map: RoadMap | WayMap, path: str | Path, min_traversals: int = 0, *, format: str | None = None, nodes: bool = False
+    road_map: RoadMap | CleanMap,
+    path: str | Path,
+    min_traversals: int = 0,
+    *,
+    format: str | None = None,
+    nodes: bool = False,
 ) -> None:
     """Write a map; places on the earth as longitude and latitude.
 
@@ -53,9 +58,15 @@ def write_map(
     suffix = f".{format}" if format else ".geojson" if str(path) == "-" else Path(path).suffix
     write = MAP_FORMATS.get(suffix.lower())
     if write is None:
-        raise OutputError(f"{path}: can't tell the format from this name; end it with one of {', '.join(MAP_FORMATS)}")
+        raise OutputError(
+            f"{path}: can't tell the format from this name; end it with one of {', '.join(MAP_FORMATS)}"
+        )
     if nodes and write is write_map_geojson:
         write = partial(write_map_geojson, points=True)
-    table = way_table(road_map) if isinstance(road_map, WayMap) else map_table(road_map, min_traversals)
-    with pouring(suffix) if str(path) == "-" else replacing(path) as file:
+    table = (
+        clean_map_table(road_map)
+        if isinstance(road_map, CleanMap)
+        else map_table(road_map, min_traversals)
+    )
+    with to_stdout(suffix) if str(path) == "-" else atomic_write(path) as file:
         write(table, file)

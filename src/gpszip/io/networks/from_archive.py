@@ -6,13 +6,13 @@ import numpy as np
 import pyarrow as pa
 
 from gpszip.geo.planes import to_geographic
-from gpszip.io.networks.lines import RoadLines, Users
-from gpszip.model import WayMap
+from gpszip.io.networks.lines import RoadLines, RoadUsers
+from gpszip.model import CleanMap
 
-__all__ = ["way_map_lines"]
+__all__ = ["clean_map_lines"]
 
 
-def way_map_lines(ways: WayMap, name: str) -> RoadLines:
+def clean_map_lines(ways: CleanMap, name: str) -> RoadLines:
     """Lines of a clean map.
 
     That a way was travelled in one direction only does not say that the other one is forbidden.
@@ -43,7 +43,7 @@ def way_map_lines(ways: WayMap, name: str) -> RoadLines:
         forward=np.ones(len(ways), np.bool_),
         backward=np.ones(len(ways), np.bool_),
         speeds=ways.speed[:, 1].astype(np.float64),
-        users=np.full(len(ways), Users.ANYBODY, np.uint8),
+        users=np.full(len(ways), RoadUsers.ANYBODY, np.uint8),
         ids=pa.array([str(i) for i in range(len(ways))], pa.string()),
         names=pa.nulls(len(ways), pa.string()),
     )

@@ -13,12 +13,19 @@ import pyarrow as pa
 from gpszip.errors import InputError
 from gpszip.geo.crs import is_geographic, to_degrees
 from gpszip.io.networks.lines import RoadLines, within_globe
-from gpszip.io.networks.rules import class_speed, class_users, directions, expected_speed, speed_limit, street_name
-from gpszip.io.networks.wkb import points_of_wkt
+from gpszip.io.networks.rules import (
+    clean_street_name,
+    expected_speed,
+    parse_directions,
+    parse_speed_limit,
+    road_class_speed,
+    road_class_users,
+)
+from gpszip.io.networks.wkb import parse_wkt_line
 
 __all__ = ["read_graphml_lines"]
 
-_SHAPES = ("geometry", "line", "wkt")
+_GEOMETRY_KEYS = ("geometry", "line", "wkt")
 
 
 @dataclass
@@ -27,10 +34,10 @@ class _Graph:
 
     names: dict[str, str] = field(default_factory=dict)
     defaults: dict[str, str] = field(default_factory=dict)
-    own: dict[str, str] = field(default_factory=dict)
+    attributes: dict[str, str] = field(default_factory=dict)
     degrees: bool | None = None
     directed: bool = True
-    places: dict[str, tuple[float, float]] = field(default_factory=dict)
+    nodes: dict[str, tuple[float, float]] = field(default_factory=dict)
     edges: list[tuple[str, str, dict[str, str]]] = field(default_factory=list)
 
 
@@ -62,16 +69,20 @@ def read_graphml_lines(stream: Any, name: str, *, metric: bool | None = None) ->
     """
     graph = _Graph()
     try:
-        for element in _elements(stream):
-            _take(graph, element, name)
-    except (ParseError, LookupError, ValueError) as error:  # the latter two of encodings that nobody knows
+        for element in _iterate_elements(stream):
+            _add_element(graph, element, name)
+    except (
+        ParseError,
+        LookupError,
+        ValueError,
+    ) as error:  # the latter two of encodings that nobody knows
         raise InputError(f"{name}: damaged XML: {error}") from error
     if not graph.edges:
         raise InputError(f"{name}: a graph without edges; a network needs some")
-    return _lines(graph, name, metric)
+    return _to_road_lines(graph, name, metric)
 
 
-def _elements(stream: Any) -> Iterator[Element]:
+def _iterate_elements(stream: Any) -> Iterator[Element]:
     """Every element at its end; what was read is forgotten, so that memory stays bounded."""
     open_: list[Element] = []
     for event, element in iterparse(stream, events=("start", "end")):
@@ -90,50 +101,64 @@ def _elements(stream: Any) -> Iterator[Element]:
             yield element
 
 
-def _take(graph: _Graph, element: Element, name: str) -> None:
+def _add_element(graph: _Graph, element: Element, name: str) -> None:
     kind = element.tag.rpartition("}")[2]
     if kind == "key":
         graph.names[element.get("id", "")] = element.get("attr.name", "").lower()
     elif kind == "graph":
         graph.directed = element.get("edgedefault", "directed") == "directed"
     elif kind == "data":
-        graph.own[graph.names.get(element.get("key", ""), "")] = element.text or ""
+        graph.attributes[graph.names.get(element.get("key", ""), "")] = element.text or ""
     elif kind == "node":
-        graph.places[element.get("id", "")] = _place(graph, element, name)
+        graph.nodes[element.get("id", "")] = _read_position(graph, element, name)
     else:
-        graph.edges.append((element.get("source", ""), element.get("target", ""), _data(graph, element)))
+        graph.edges.append(
+            (element.get("source", ""), element.get("target", ""), _read_data(graph, element))
+        )
 
 
-def _data(graph: _Graph, element: Element) -> dict[str, str]:
+def _read_data(graph: _Graph, element: Element) -> dict[str, str]:
     return {graph.names.get(data.get("key", ""), ""): data.text or "" for data in element}
 
 
-def _place(graph: _Graph, element: Element, name: str) -> tuple[float, float]:
-    data = _data(graph, element)
+def _read_position(graph: _Graph, element: Element, name: str) -> tuple[float, float]:
+    data = _read_data(graph, element)
     if graph.degrees is None:
         graph.degrees = "lon" in data and "x" not in data
     try:
-        return (float(data["lon"]), float(data["lat"])) if graph.degrees else (float(data["x"]), float(data["y"]))
+        return (
+            (float(data["lon"]), float(data["lat"]))
+            if graph.degrees
+            else (float(data["x"]), float(data["y"]))
+        )
     except (KeyError, ValueError):
-        raise InputError(f"{name}: node {element.get('id')!r} has no place; nodes need the numbers x and y, or lon and lat") from None
+        raise InputError(
+            f"{name}: node {element.get('id')!r} has no place; nodes need the numbers x and y, or lon and lat"
+        ) from None
 
 
-def _lines(graph: _Graph, name: str, metric: bool | None) -> RoadLines:
+def _to_road_lines(graph: _Graph, name: str, metric: bool | None) -> RoadLines:
     shapes, rules, ids, names = [], [], [], []
     kinds: dict[tuple[str | None, ...], tuple[bool, bool, float, int]] = {}
     for number, (source, target, data) in enumerate(graph.edges):
-        if source not in graph.places or target not in graph.places:
+        if source not in graph.nodes or target not in graph.nodes:
             raise InputError(f"{name}: edge {number} leads to a node that the graph doesn't hold")
-        shape = next((points for key in _SHAPES if (points := points_of_wkt(data.get(key, "")))), None)
-        shapes.append(shape or (graph.places[source], graph.places[target]))
-        words = tuple(data.get(key) for key in ("oneway", "junction", "highway", "maxspeed", "speed_kph", "speed"))
+        shape = next(
+            (points for key in _GEOMETRY_KEYS if (points := parse_wkt_line(data.get(key, "")))),
+            None,
+        )
+        shapes.append(shape or (graph.nodes[source], graph.nodes[target]))
+        words = tuple(
+            data.get(key)
+            for key in ("oneway", "junction", "highway", "maxspeed", "speed_kph", "speed")
+        )
         if words not in kinds:
-            kinds[words] = _rules(graph.directed, *words)
+            kinds[words] = _parse_rules(graph.directed, *words)
         rules.append(kinds[words])
         ids.append(data.get("osmid", str(number)))
-        names.append(street_name(data.get("name"), data.get("ref")))
+        names.append(clean_street_name(data.get("name"), data.get("ref")))
     flat = np.array([point for shape in shapes for point in shape])
-    points, geographic = _system(graph, flat, name, metric)
+    points, geographic = _to_log_coordinates(graph, flat, name, metric)
     forward, backward, speeds, users = zip(*rules, strict=True)
     return RoadLines(
         name=name,
@@ -149,30 +174,40 @@ def _lines(graph: _Graph, name: str, metric: bool | None) -> RoadLines:
     )
 
 
-def _rules(
-    directed: bool, oneway: str | None, junction: str | None, road: str | None, limit: str | None, kmh: str | None, speed: str | None
+def _parse_rules(
+    directed: bool,
+    oneway: str | None,
+    junction: str | None,
+    road: str | None,
+    limit: str | None,
+    kmh: str | None,
+    speed: str | None,
 ) -> tuple[bool, bool, float, int]:
-    forward, backward = directions(oneway, junction=junction, road=road)
+    forward, backward = parse_directions(oneway, junction=junction, road=road)
     if directed:  # the other direction is an edge of its own
         forward, backward = True, False
-    told = _number(kmh) / 3.6 if kmh else _number(speed)
-    usual = expected_speed(speed_limit(limit), class_speed(road))
-    return forward, backward, told if 0 < told < 100 else usual, class_users(road)
+    told = _parse_number(kmh) / 3.6 if kmh else _parse_number(speed)
+    typical_speed = expected_speed(parse_speed_limit(limit), road_class_speed(road))
+    return forward, backward, told if 0 < told < 100 else typical_speed, road_class_users(road)
 
 
-def _number(text: str | None) -> float:
+def _parse_number(text: str | None) -> float:
     try:
         return float(text or "nan")
     except ValueError:
         return float("nan")
 
 
-def _system(graph: _Graph, points: Any, name: str, metric: bool | None) -> tuple[Any, bool]:
-    crs = graph.own.get("crs", "").strip()
+def _to_log_coordinates(
+    graph: _Graph, points: Any, name: str, metric: bool | None
+) -> tuple[Any, bool]:
+    crs = graph.attributes.get("crs", "").strip()
     degrees = is_geographic(crs, name) if crs else bool(graph.degrees)
     if metric:
         if degrees:
-            raise InputError(f"{name}: is in degrees, but the log in x and y; convert one of them to the coordinates of the other")
+            raise InputError(
+                f"{name}: is in degrees, but the log in x and y; convert one of them to the coordinates of the other"
+            )
         return points, False
     if crs and crs.upper() != "EPSG:4326":
         return to_degrees(points, crs, name), True

@@ -13,15 +13,23 @@ from numpy.typing import NDArray
 
 from gpszip.model.read_result import Repair
 
-__all__ = ["RoadLines", "TextColumn", "Users", "line_rows", "take_columns", "take_lines", "within_globe"]
+__all__ = [
+    "RoadLines",
+    "RoadUsers",
+    "TextColumn",
+    "take_attributes",
+    "take_lines",
+    "vertex_rows",
+    "within_globe",
+]
 
 
-class Users(IntEnum):
+class RoadUsers(IntEnum):
     """Who may be met on a road."""
 
     ANYBODY = 0
-    MOTORS = 1  # motorways: nobody walks there
-    NO_MOTORS = 2  # footways, cycleways, steps
+    MOTOR_ONLY = 1  # motorways: nobody walks there
+    NON_MOTOR = 2  # footways, cycleways, steps
 
 
 class TextColumn(Sequence[str]):
@@ -65,7 +73,7 @@ class RoadLines:
     speeds : float64 array, shape (E,)
         Expected speed in m/s, NaN where unknown.
     users : uint8 array, shape (E,)
-        :class:`Users` of each line.
+        :class:`RoadUsers` of each line.
     ids : pyarrow string array of length E
         What the source calls each line.
     names : pyarrow string array of length E
@@ -93,20 +101,22 @@ class RoadLines:
         return len(self.offsets) - 1
 
 
-def line_rows(offsets: NDArray[np.int64], chosen: NDArray[np.intp]) -> NDArray[np.int64]:
+def vertex_rows(offsets: NDArray[np.int64], chosen: NDArray[np.intp]) -> NDArray[np.int64]:
     """Numbers of the vertices of some lines, one line after the other.
 
     Examples
     --------
-    >>> line_rows(np.array([0, 2, 5]), np.array([1, 0])).tolist()
+    >>> vertex_rows(np.array([0, 2, 5]), np.array([1, 0])).tolist()
     [2, 3, 4, 0, 1]
     """
     counts = np.diff(offsets)[chosen]
-    rows: NDArray[np.int64] = np.arange(counts.sum()) + np.repeat(offsets[:-1][chosen] - np.cumsum(counts) + counts, counts)
+    rows: NDArray[np.int64] = np.arange(counts.sum()) + np.repeat(
+        offsets[:-1][chosen] - np.cumsum(counts) + counts, counts
+    )
     return rows
 
 
-def take_columns(lines: RoadLines, chosen: NDArray[np.intp]) -> RoadLines:
+def take_attributes(lines: RoadLines, chosen: NDArray[np.intp]) -> RoadLines:
     """What is told of some of the lines; vertices stay as they are."""
     return replace(
         lines,
@@ -122,7 +132,11 @@ def take_columns(lines: RoadLines, chosen: NDArray[np.intp]) -> RoadLines:
 def take_lines(lines: RoadLines, chosen: NDArray[np.intp]) -> RoadLines:
     """Some of the lines, in the order of their numbers."""
     offsets = np.append(0, np.cumsum(np.diff(lines.offsets)[chosen]))
-    return replace(take_columns(lines, chosen), offsets=offsets, coordinates=lines.coordinates[line_rows(lines.offsets, chosen)])
+    return replace(
+        take_attributes(lines, chosen),
+        offsets=offsets,
+        coordinates=lines.coordinates[vertex_rows(lines.offsets, chosen)],
+    )
 
 
 def within_globe(points: NDArray[np.float64]) -> bool:

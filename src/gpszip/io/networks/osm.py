@@ -11,8 +11,16 @@ import pyarrow as pa
 
 from gpszip.errors import InputError, MissingExtraError
 from gpszip.io.networks.lines import RoadLines
-from gpszip.io.networks.rules import NO_ROADS, class_speed, class_users, directions, expected_speed, speed_limit, street_name
-from gpszip.io.networks.wkb import lines_of_wkb
+from gpszip.io.networks.rules import (
+    NON_ROAD_CLASSES,
+    clean_street_name,
+    expected_speed,
+    parse_directions,
+    parse_speed_limit,
+    road_class_speed,
+    road_class_users,
+)
+from gpszip.io.networks.wkb import parse_wkb_lines
 from gpszip.model.read_result import Repair
 
 __all__ = ["read_osm_lines"]
@@ -21,15 +29,15 @@ _TAGS = ("highway", "oneway", "junction", "maxspeed", "area")
 
 
 @dataclass
-class _Found:
+class _WaysRead:
     """What has been read so far, by columns."""
 
     geometries: list[bytes] = field(default_factory=list)
     ids: list[str] = field(default_factory=list)
     names: list[str | None] = field(default_factory=list)
     tags: list[tuple[str | None, ...]] = field(default_factory=list)
-    torn: int = 0
-    areas: int = 0
+    incomplete: int = 0
+    skipped: int = 0
 
 
 def read_osm_lines(path: str, name: str) -> RoadLines:
@@ -54,47 +62,49 @@ def read_osm_lines(path: str, name: str) -> RoadLines:
     InputError
         If it can't be read, or holds no road.
     """
-    found = _Found()
+    ways_read = _WaysRead()
     try:
         import osmium
     except ImportError:
         raise MissingExtraError("network", "reading OpenStreetMap files") from None
     factory = osmium.geom.WKBFactory()
     try:
-        for way in _ways(path, osmium):
-            _add(found, way, factory, osmium)
+        for way in _iterate_ways(path, osmium):
+            _add_way(ways_read, way, factory, osmium)
     except (RuntimeError, ValueError, OSError, osmium.InvalidLocationError) as error:
         raise InputError(f"{name}: can't be read as OpenStreetMap data: {error}") from error
-    if not found.geometries:
+    if not ways_read.geometries:
         raise InputError(f"{name}: holds no way with the tag 'highway', so no road")
-    return _lines(found, name)
+    return _to_road_lines(ways_read, name)
 
 
-def _ways(path: str, osmium: Any) -> Iterator[Any]:
+def _iterate_ways(path: str, osmium: Any) -> Iterator[Any]:
     everything = osmium.FileProcessor(path, osmium.osm.NODE | osmium.osm.WAY).with_locations()
-    roads = everything.with_filter(osmium.filter.EntityFilter(osmium.osm.WAY)).with_filter(osmium.filter.KeyFilter("highway"))
+    roads = everything.with_filter(osmium.filter.EntityFilter(osmium.osm.WAY)).with_filter(
+        osmium.filter.KeyFilter("highway")
+    )
     return iter(roads)
 
 
-def _add(found: _Found, way: Any, factory: Any, osmium: Any) -> None:
+def _add_way(ways_read: _WaysRead, way: Any, factory: Any, osmium: Any) -> None:
     tags = tuple(way.tags.get(tag) for tag in _TAGS)
-    if tags[0] in NO_ROADS or tags[4] == "yes":
-        found.areas += 1
+    if tags[0] in NON_ROAD_CLASSES or tags[4] == "yes":
+        ways_read.skipped += 1
         return
-    name = street_name(way.tags.get("name"), way.tags.get("ref"))
+    name = clean_street_name(way.tags.get("name"), way.tags.get("ref"))
     try:
         stretches = [bytes.fromhex(factory.create_linestring(way))]
     except (RuntimeError, osmium.InvalidLocationError):
-        stretches = list(_known_stretches(way))
-        found.torn += bool(stretches)
+        stretches = list(_located_runs(way))
+        ways_read.incomplete += bool(stretches)
     for geometry in stretches:
-        found.geometries.append(geometry)
-        found.ids.append(str(way.id))
-        found.names.append(name)
-        found.tags.append(tags)
+        ways_read.geometries.append(geometry)
+        ways_read.ids.append(str(way.id))
+        ways_read.names.append(name)
+        ways_read.tags.append(tags)
 
 
-def _known_stretches(way: Any) -> Iterator[bytes]:
+def _located_runs(way: Any) -> Iterator[bytes]:
     """Runs of nodes whose places the extract holds."""
     run: list[tuple[float, float]] = []
     for node in [*way.nodes, None]:
@@ -107,18 +117,22 @@ def _known_stretches(way: Any) -> Iterator[bytes]:
         run = []
 
 
-def _lines(found: _Found, name: str) -> RoadLines:
-    points, offsets, rows, _ = lines_of_wkb(pa.array(found.geometries, pa.large_binary()))
+def _to_road_lines(ways_read: _WaysRead, name: str) -> RoadLines:
+    points, offsets, rows, _ = parse_wkb_lines(pa.array(ways_read.geometries, pa.large_binary()))
     kinds: dict[tuple[str | None, ...], tuple[bool, bool, float, int]] = {}
-    for tags in found.tags:
+    for tags in ways_read.tags:
         if tags not in kinds:
-            kinds[tags] = _rules(tags)
-    columns = list(zip(*(kinds[tags] for tags in found.tags), strict=True))
+            kinds[tags] = _parse_rules(tags)
+    columns = list(zip(*(kinds[tags] for tags in ways_read.tags), strict=True))
     repairs = []
-    if found.torn:
-        repairs.append(Repair("roads cut where the extract ends", found.torn, name, drops=False))
-    if found.areas:
-        repairs.append(Repair("ways that are no roads (areas, planned, gone) dropped", found.areas, name))
+    if ways_read.incomplete:
+        repairs.append(
+            Repair("roads cut where the extract ends", ways_read.incomplete, name, drops=False)
+        )
+    if ways_read.skipped:
+        repairs.append(
+            Repair("ways that are no roads (areas, planned, gone) dropped", ways_read.skipped, name)
+        )
     return RoadLines(
         name=name,
         coordinates=points,
@@ -128,13 +142,18 @@ def _lines(found: _Found, name: str) -> RoadLines:
         backward=np.array(columns[1], np.bool_)[rows],
         speeds=np.array(columns[2], np.float64)[rows],
         users=np.array(columns[3], np.uint8)[rows],
-        ids=pa.array(found.ids, pa.string()).take(pa.array(rows)),
-        names=pa.array(found.names, pa.string()).take(pa.array(rows)),
+        ids=pa.array(ways_read.ids, pa.string()).take(pa.array(rows)),
+        names=pa.array(ways_read.names, pa.string()).take(pa.array(rows)),
         repairs=tuple(repairs),
     )
 
 
-def _rules(tags: tuple[str | None, ...]) -> tuple[bool, bool, float, int]:
+def _parse_rules(tags: tuple[str | None, ...]) -> tuple[bool, bool, float, int]:
     road, oneway, junction, limit = tags[:4]
-    forward, backward = directions(oneway, junction=junction, road=road)
-    return forward, backward, expected_speed(speed_limit(limit), class_speed(road)), class_users(road)
+    forward, backward = parse_directions(oneway, junction=junction, road=road)
+    return (
+        forward,
+        backward,
+        expected_speed(parse_speed_limit(limit), road_class_speed(road)),
+        road_class_users(road),
+    )

@@ -7,15 +7,15 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from gpszip.io.networks.joining import JoinedRoads
-from gpszip.io.networks.prepared_file import write_roads_file
-from gpszip.io.networks.read import network_of
+from gpszip.io.networks.joining import RoadGraph
+from gpszip.io.networks.prepared_file import write_prepared_file
+from gpszip.io.networks.read import build_network
 
-__all__ = ["Prepared"]
+__all__ = ["PreparedNetwork"]
 
 
 @dataclass(frozen=True, eq=False)
-class Prepared:
+class PreparedNetwork:
     """Joined roads with what there is to say about them.
 
     Parameters
@@ -24,20 +24,23 @@ class Prepared:
         The graph in the coordinates of its source.
     """
 
-    roads: JoinedRoads
+    roads: RoadGraph
 
     @property
-    def facts(self) -> dict[str, Any]:
+    def statistics(self) -> dict[str, Any]:
         """Numbers of roads, nodes, one-way roads, roads with a speed and connected parts, and all their length in metres."""
         from scipy.sparse import coo_array
         from scipy.sparse.csgraph import connected_components
 
         roads = self.roads
-        graph = coo_array((np.ones(len(roads), np.int8), (roads.starts, roads.ends)), shape=2 * (len(roads.places),))
+        graph = coo_array(
+            (np.ones(len(roads), np.int8), (roads.starts, roads.ends)),
+            shape=2 * (len(roads.nodes),),
+        )
         return {
             "roads": len(roads),
-            "nodes": len(roads.places),
-            "length": float(network_of(roads).network.lengths.sum()),
+            "nodes": len(roads.nodes),
+            "length": float(build_network(roads).network.lengths.sum()),
             "one_way": int((roads.forward != roads.backward).sum()),
             "with_speed": int(np.isfinite(roads.speeds).sum()),
             "components": int(connected_components(graph, directed=False)[0]),
@@ -46,4 +49,4 @@ class Prepared:
 
     def write(self, stream: BinaryIO) -> int:
         """Write the prepared file; its number of bytes."""
-        return write_roads_file(self.roads, stream)
+        return write_prepared_file(self.roads, stream)

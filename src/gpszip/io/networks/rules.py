@@ -10,21 +10,42 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.io.networks.lines import Users
+from gpszip.io.networks.lines import RoadUsers
 
-__all__ = ["NO_ROADS", "class_speed", "class_users", "directions", "each", "expected_speed", "speed_limit", "street_name"]
+__all__ = [
+    "NON_ROAD_CLASSES",
+    "clean_street_name",
+    "expected_speed",
+    "map_distinct",
+    "parse_directions",
+    "parse_speed_limit",
+    "road_class_speed",
+    "road_class_users",
+]
 
 T = TypeVar("T")
 
 #: Values of ``highway`` on which nobody travels (yet, any more, or at all).
-NO_ROADS = frozenset(
-    ("proposed", "construction", "abandoned", "razed", "platform", "no", "elevator", "emergency_bay", "rest_area", "services", "planned")
+NON_ROAD_CLASSES = frozenset(
+    (
+        "proposed",
+        "construction",
+        "abandoned",
+        "razed",
+        "platform",
+        "no",
+        "elevator",
+        "emergency_bay",
+        "rest_area",
+        "services",
+        "planned",
+    )
 )
 
 _KMH = 1 / 3.6
 
 #: Usual speeds in km/h, stops at lights and crossings not counted.
-_CLASSES: dict[str, float] = {
+_CLASS_SPEEDS_KMH: dict[str, float] = {
     "motorway": 100,
     "motorway_link": 60,
     "trunk": 85,
@@ -51,19 +72,41 @@ _CLASSES: dict[str, float] = {
     "steps": 2.5,
 }
 
-_NO_MOTORS = frozenset(("cycleway", "bridleway", "pedestrian", "footway", "path", "corridor", "steps"))
-_MOTORS = frozenset(("motorway", "motorway_link"))
+_NON_MOTOR_CLASSES = frozenset(
+    ("cycleway", "bridleway", "pedestrian", "footway", "path", "corridor", "steps")
+)
+_MOTOR_CLASSES = frozenset(("motorway", "motorway_link"))
 
 _BOTH, _FORWARD, _BACKWARD, _CLOSED = (True, True), (True, False), (False, True), (False, False)
 
 _DIRECTIONS: dict[str, tuple[bool, bool]] = (
-    dict.fromkeys(("yes", "true", "1", "t", "y", "ft", "f", "forward", "oneway", "one_way", "one-way", "with", "from-to", "fwd"), _FORWARD)
+    dict.fromkeys(
+        (
+            "yes",
+            "true",
+            "1",
+            "t",
+            "y",
+            "ft",
+            "f",
+            "forward",
+            "oneway",
+            "one_way",
+            "one-way",
+            "with",
+            "from-to",
+            "fwd",
+        ),
+        _FORWARD,
+    )
     | dict.fromkeys(("-1", "reverse", "tf", "backward", "against", "to-from", "bwd"), _BACKWARD)
-    | dict.fromkeys(("no", "false", "0", "n", "b", "both", "twoway", "two_way", "two-way", "bi", "2", ""), _BOTH)
+    | dict.fromkeys(
+        ("no", "false", "0", "n", "b", "both", "twoway", "two_way", "two-way", "bi", "2", ""), _BOTH
+    )
     | dict.fromkeys(("closed", "none"), _CLOSED)
 )
 
-_LIMITS = {
+_NAMED_LIMITS_KMH = {
     "none": 130.0,
     "walk": 6.0,
     "urban": 50.0,
@@ -79,10 +122,12 @@ _LIMITS = {
 _LONGEST_LIST = 10_000
 
 #: What is driven where so much is allowed: traffic, bends and crossings take the rest.
-_OF_LIMIT = 0.85
+_DRIVEN_SHARE = 0.85
 
 
-def directions(oneway: str | None, *, junction: str | None = None, road: str | None = None) -> tuple[bool, bool]:
+def parse_directions(
+    oneway: str | None, *, junction: str | None = None, road: str | None = None
+) -> tuple[bool, bool]:
     """Whether a road may be travelled along its line, and against it.
 
     Parameters
@@ -94,7 +139,7 @@ def directions(oneway: str | None, *, junction: str | None = None, road: str | N
 
     Examples
     --------
-    >>> directions("yes"), directions("-1"), directions(None), directions(None, junction="roundabout"), directions("no", road="motorway")
+    >>> parse_directions("yes"), parse_directions("-1"), parse_directions(None), parse_directions(None, junction="roundabout"), parse_directions("no", road="motorway")
     ((True, False), (False, True), (True, True), (True, False), (True, True))
     """
     if oneway is not None:
@@ -103,20 +148,23 @@ def directions(oneway: str | None, *, junction: str | None = None, road: str | N
     return _FORWARD if implied else _BOTH
 
 
-def speed_limit(text: str | None) -> float:
+def parse_speed_limit(text: str | None) -> float:
     """Limit in m/s of a text such as ``50``, ``30 mph`` or ``DE:urban``; the least of several; NaN where it says nothing.
 
     Examples
     --------
-    >>> speed_limit("36"), round(speed_limit("30 mph"), 2), round(speed_limit("RO:urban"), 2), speed_limit("signals")
+    >>> parse_speed_limit("36"), round(parse_speed_limit("30 mph"), 2), round(parse_speed_limit("RO:urban"), 2), parse_speed_limit("signals")
     (10.0, 13.41, 13.89, nan)
     """
-    found = [_one_limit(part) for part in re.split(r"[;|,]", (text or "").strip(" []").replace("'", "").replace('"', ""))]
+    found = [
+        _parse_one_limit(part)
+        for part in re.split(r"[;|,]", (text or "").strip(" []").replace("'", "").replace('"', ""))
+    ]
     known = [limit for limit in found if limit == limit]  # noqa: PLR0124 (NaN is nothing)
     return min(known) if known else float("nan")
 
 
-def _one_limit(text: str) -> float:
+def _parse_one_limit(text: str) -> float:
     plain = text.strip().lower()
     number = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(mph|knots|km/h|kmh|kph)?", plain)
     if number is not None:
@@ -124,10 +172,10 @@ def _one_limit(text: str) -> float:
         value = float(number[1]) * unit
         return value if 0 < value < 100 else float("nan")
     word = plain.split(":")[-1]
-    return _LIMITS[word] * _KMH if word in _LIMITS else float("nan")
+    return _NAMED_LIMITS_KMH[word] * _KMH if word in _NAMED_LIMITS_KMH else float("nan")
 
 
-def street_name(name: str | None, ref: str | None = None) -> str | None:
+def clean_street_name(name: str | None, ref: str | None = None) -> str | None:
     """Name of a street as people read it, or its number where it has no name.
 
     Parameters
@@ -142,18 +190,22 @@ def street_name(name: str | None, ref: str | None = None) -> str | None:
 
     Examples
     --------
-    >>> street_name(" Main St "), street_name(None, "B 2"), street_name("['Oak St', 'Elm St']"), street_name("", "nan")
+    >>> clean_street_name(" Main St "), clean_street_name(None, "B 2"), clean_street_name("['Oak St', 'Elm St']"), clean_street_name("", "nan")
     ('Main St', 'B 2', 'Oak St; Elm St', None)
     """
     for text in (name, ref):
-        several = [" ".join(one.split()) for one in _parts_of_list(text or "")]
-        known = [one for one in dict.fromkeys(several) if one and one.lower() not in {"nan", "none", "null"}]
+        several = [" ".join(one.split()) for one in _parse_list(text or "")]
+        known = [
+            one
+            for one in dict.fromkeys(several)
+            if one and one.lower() not in {"nan", "none", "null"}
+        ]
         if known:
             return "; ".join(known)
     return None
 
 
-def _parts_of_list(text: str) -> list[str]:
+def _parse_list(text: str) -> list[str]:
     """The members of a list that was written as text, or the text itself."""
     plain = text.strip()
     if plain.startswith("{"):
@@ -167,18 +219,18 @@ def _parts_of_list(text: str) -> list[str]:
     return [str(one) for one in members if one is not None]
 
 
-def class_speed(road: str | None) -> float:
+def road_class_speed(road: str | None) -> float:
     """Usual speed in m/s on roads of a class of OpenStreetMap; NaN for classes unknown.
 
     Examples
     --------
-    >>> class_speed("secondary") > class_speed("residential"), class_speed("A3")
+    >>> road_class_speed("secondary") > road_class_speed("residential"), road_class_speed("A3")
     (True, nan)
     """
-    return _CLASSES.get(_plain_class(road), float("nan")) * _KMH
+    return _CLASS_SPEEDS_KMH.get(_normalise_class(road), float("nan")) * _KMH
 
 
-def expected_speed(limit: float, usual: float) -> float:
+def expected_speed(limit: float, typical_speed: float) -> float:
     """Speed in m/s that is driven where ``limit`` is allowed on a road of a class that has the usual speed ``usual``.
 
     A limit says more than a class, except where it is much above what such roads allow.
@@ -189,23 +241,31 @@ def expected_speed(limit: float, usual: float) -> float:
     (8.5, 7.0, 6.0)
     """
     if limit != limit:  # noqa: PLR0124
-        return usual
-    driven = _OF_LIMIT * limit
-    return min(driven, 1.5 * usual) if usual == usual else driven  # noqa: PLR0124
+        return typical_speed
+    driven = _DRIVEN_SHARE * limit
+    return min(driven, 1.5 * typical_speed) if typical_speed == typical_speed else driven  # noqa: PLR0124
 
 
-def class_users(road: str | None) -> Users:
+def road_class_users(road: str | None) -> RoadUsers:
     """Who may be met on a class of roads of OpenStreetMap."""
-    plain = _plain_class(road)
-    return Users.NO_MOTORS if plain in _NO_MOTORS else Users.MOTORS if plain in _MOTORS else Users.ANYBODY
+    plain = _normalise_class(road)
+    return (
+        RoadUsers.NON_MOTOR
+        if plain in _NON_MOTOR_CLASSES
+        else RoadUsers.MOTOR_ONLY
+        if plain in _MOTOR_CLASSES
+        else RoadUsers.ANYBODY
+    )
 
 
-def each(texts: Sequence[str | None] | Iterable[str | None], rule: Callable[[str | None], T], kind: Any) -> NDArray[Any]:
+def map_distinct(
+    texts: Sequence[str | None] | Iterable[str | None], rule: Callable[[str | None], T], kind: Any
+) -> NDArray[Any]:
     """Apply a rule to texts of which most are alike, once to each kind.
 
     Examples
     --------
-    >>> each(["a", "bb", "a"], lambda text: len(text or ""), np.int64).tolist()
+    >>> map_distinct(["a", "bb", "a"], lambda text: len(text or ""), np.int64).tolist()
     [1, 2, 1]
     """
     known: dict[str | None, T] = {}
@@ -217,6 +277,6 @@ def each(texts: Sequence[str | None] | Iterable[str | None], rule: Callable[[str
     return np.array(answers, dtype=kind)
 
 
-def _plain_class(road: str | None) -> str:
+def _normalise_class(road: str | None) -> str:
     first = (road or "").strip(" []'\"").split(",")[0].split(";")[0]
     return first.strip(" '\"").lower()

@@ -14,21 +14,21 @@ import pyarrow as pa
 
 from gpszip.errors import InputError
 
-__all__ = ["FREE", "RATIO", "Meter", "next_piece", "unpacked"]
+__all__ = ["CHECKED_BYTES", "MAX_EXPANSION", "ExpansionMeter", "open_gzip", "read_chunk"]
 
 #: Bytes unpacked that are looked at together.
-FREE = 64 << 20
+CHECKED_BYTES = 64 << 20
 
 #: How many times larger they may be than the bytes that they come from.
-RATIO = 300
+MAX_EXPANSION = 300
 
 _REMEDY = "unpack it yourself: zcat FILE | gpszip compress - ..."
 
 #: Bytes that are unpacked at a time.
-_PIECE = 1 << 20
+_CHUNK_BYTES = 1 << 20
 
 
-class Meter:
+class ExpansionMeter:
     """Compares what comes out of a packed file with what went in.
 
     Parameters
@@ -67,22 +67,24 @@ class Meter:
 
         Examples
         --------
-        >>> meter = Meter("log.csv.gz", "unpack it yourself")
+        >>> meter = ExpansionMeter("log.csv.gz", "unpack it yourself")
         >>> meter.count(100 << 20, 10 << 20)
         >>> meter.count(100 << 20, (10 << 20) + 1000)
         Traceback (most recent call last):
         gpszip.errors.InputError: log.csv.gz: expands more than 300 times; if that is meant, unpack it yourself
         """
         self._out += out
-        if self._out < FREE:
+        if self._out < CHECKED_BYTES:
             return
-        if self._out > RATIO * (read - self._before):
+        if self._out > MAX_EXPANSION * (read - self._before):
             self.refused = True
-            raise InputError(f"{self._name}: expands more than {RATIO} times; if that is meant, {self._remedy}")
+            raise InputError(
+                f"{self._name}: expands more than {MAX_EXPANSION} times; if that is meant, {self._remedy}"
+            )
         self._out, self._before = 0, read
 
 
-def unpacked(packed: Any, name: str) -> Any:
+def open_gzip(packed: Any, name: str) -> Any:
     """Unpack a gzip file of one or more members while it is read.
 
     Parameters
@@ -97,25 +99,25 @@ def unpacked(packed: Any, name: str) -> Any:
     pyarrow.NativeFile
         Reading it raises an InputError if the file is damaged, or expands beyond the limit.
     """
-    return pa.PythonFile(_Unpacked(packed, name), mode="r")
+    return pa.PythonFile(_GzipReader(packed, name), mode="r")
 
 
-def next_piece(stream: Any, size: int) -> bytes:
+def read_chunk(stream: Any, size: int) -> bytes:
     """Read at most so many bytes of a file; none at its end.
 
     The ``read`` of an Arrow file keeps the memory that it has set aside where reading fails; its buffers don't.
 
     Examples
     --------
-    >>> next_piece(pa.BufferReader(b"walks"), 4)
+    >>> read_chunk(pa.BufferReader(b"walks"), 4)
     b'walk'
     """
     return bytes(getattr(stream, "read_buffer", stream.read)(size))
 
 
-class _Unpacked(io.RawIOBase):
+class _GzipReader(io.RawIOBase):
     def __init__(self, packed: Any, name: str) -> None:
-        self._packed, self._name, self._meter = packed, name, Meter(name, _REMEDY)
+        self._packed, self._name, self._meter = packed, name, ExpansionMeter(name, _REMEDY)
         self._stream = pa.CompressedInputStream(packed, "gzip")
 
     def readable(self) -> bool:
@@ -123,7 +125,7 @@ class _Unpacked(io.RawIOBase):
 
     def readinto(self, buffer: Any) -> int:
         try:
-            piece = next_piece(self._stream, min(len(buffer), _PIECE))
+            piece = read_chunk(self._stream, min(len(buffer), _CHUNK_BYTES))
         except OSError as error:
             raise InputError(
                 f"{self._name}: damaged gzip file ({str(error)[:120]}); fetch it again, or unpack what is left of it with zcat"

@@ -11,16 +11,16 @@ from pathlib import Path
 from typing import BinaryIO
 
 from gpszip.errors import OutputError
-from gpszip.files.atomic_write import replacing
-from gpszip.files.os_errors import cause
-from gpszip.files.written import note
-from gpszip.io.storage.temporary import scratch
+from gpszip.files.atomic_write import atomic_write
+from gpszip.files.os_errors import explain_os_error
+from gpszip.files.written import report_output
+from gpszip.io.storage.temporary import scratch_folder
 
-__all__ = ["pouring", "replacing", "writing"]
+__all__ = ["atomic_write", "open_sink", "to_stdout"]
 
 
 @contextmanager
-def writing(sink: str | Path | BinaryIO) -> Iterator[BinaryIO]:
+def open_sink(sink: str | Path | BinaryIO) -> Iterator[BinaryIO]:
     """Open a file, ``-`` for standard output, or a stream that is open already, for writing bytes.
 
     Parameters
@@ -44,12 +44,12 @@ def writing(sink: str | Path | BinaryIO) -> Iterator[BinaryIO]:
         with _standard_output() as stream:
             yield stream
     else:
-        with replacing(sink) as path, path.open("wb") as file:
+        with atomic_write(sink) as path, path.open("wb") as file:
             yield file
 
 
 @contextmanager
-def pouring(suffix: str) -> Iterator[Path]:
+def to_stdout(suffix: str) -> Iterator[Path]:
     """Give a temporary file; once filled without an error it goes to standard output.
 
     Parameters
@@ -62,7 +62,7 @@ def pouring(suffix: str) -> Iterator[Path]:
     OutputError
         If standard output can't be written.
     """
-    with scratch() as room:
+    with scratch_folder() as room:
         whole = room / f"out{suffix}"
         yield whole
         with whole.open("rb") as file, _standard_output() as stream:
@@ -74,7 +74,7 @@ def _standard_output() -> Iterator[BinaryIO]:
     """Standard output for bytes; what can't be written to it is said at once, not when the process ends."""
     if sys.stdout is None:
         raise OutputError("standard output: is closed; name a file with -o or leave it open")
-    note("standard output may be incomplete")
+    report_output("standard output may be incomplete")
     try:
         yield sys.stdout.buffer
         sys.stdout.buffer.flush()
@@ -83,4 +83,6 @@ def _standard_output() -> Iterator[BinaryIO]:
     except OSError as error:
         if error.filename is not None:
             raise
-        raise OutputError(f"standard output: can't be written: {cause(error)}") from error
+        raise OutputError(
+            f"standard output: can't be written: {explain_os_error(error)}"
+        ) from error

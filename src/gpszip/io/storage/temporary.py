@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from gpszip.errors import OutputError
 from gpszip.files.temporary import SCRATCH_PREFIX, temporary_folder
 
-__all__ = ["read_numbers", "scratch", "write_numbers", "writing"]
+__all__ = ["disk_errors_as_output_errors", "read_numbers", "scratch_folder", "write_numbers"]
 
 Number = TypeVar("Number", bound=np.generic)
 
 
 @contextmanager
-def scratch() -> Iterator[Path]:
+def scratch_folder() -> Iterator[Path]:
     """Make a folder for temporary files, in the one that ``TMPDIR`` names if it is set; it goes at the end with all that is in it.
 
     Raises
@@ -37,13 +37,19 @@ def scratch() -> Iterator[Path]:
             parent = Path(os.environ.get("TMPDIR") or tempfile.gettempdir())
             room = stack.enter_context(temporary_folder(parent, SCRATCH_PREFIX))
         except OSError as error:
-            place = f"TMPDIR names {os.environ['TMPDIR']}" if os.environ.get("TMPDIR") else "TMPDIR is not set"
-            raise OutputError(f"{place}: no temporary files can be made ({error.strerror}); let it name a folder with room") from None
+            place = (
+                f"TMPDIR names {os.environ['TMPDIR']}"
+                if os.environ.get("TMPDIR")
+                else "TMPDIR is not set"
+            )
+            raise OutputError(
+                f"{place}: no temporary files can be made ({error.strerror}); let it name a folder with room"
+            ) from None
         yield room
 
 
 @contextmanager
-def writing() -> Iterator[None]:
+def disk_errors_as_output_errors() -> Iterator[None]:
     """Say where temporary files find no room.
 
     Raises
@@ -56,12 +62,12 @@ def writing() -> Iterator[None]:
     except OSError as error:
         folder = os.environ.get("TMPDIR") or tempfile.gettempdir()
         raise OutputError(
-            f"{folder}: temporary files can't be written: {error.strerror or 'no room'}{_free(folder)}; "
+            f"{folder}: temporary files can't be written: {error.strerror or 'no room'}{_describe_free_space(folder)}; "
             "let TMPDIR name a folder with more room"
         ) from None
 
 
-def _free(folder: str) -> str:
+def _describe_free_space(folder: str) -> str:
     """How much room a folder has, in words; nothing where it is gone."""
     with contextlib.suppress(OSError):
         return f", {shutil.disk_usage(folder).free / 2**20:,.0f} MiB are free"
@@ -99,9 +105,11 @@ def read_numbers(path: Path, kind: type[Number], first: int, count: int) -> NDAr
         If the file is shorter, or can't be read.
     """
     numbers = np.empty(count, kind)
-    with writing(), path.open("rb") as file:
+    with disk_errors_as_output_errors(), path.open("rb") as file:
         file.seek(first * numbers.itemsize)
         found = file.readinto(numbers.data.cast("B")) if count else 0
     if found != numbers.nbytes:
-        raise OutputError(f"{path}: this temporary file is {numbers.nbytes - found} bytes too short; is the disk full, or failing?")
+        raise OutputError(
+            f"{path}: this temporary file is {numbers.nbytes - found} bytes too short; is the disk full, or failing?"
+        )
     return numbers

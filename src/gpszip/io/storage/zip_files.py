@@ -10,16 +10,16 @@ from dataclasses import dataclass
 from typing import Any, BinaryIO
 
 from gpszip.errors import InputError
-from gpszip.io.storage.display_name import shown
-from gpszip.io.storage.expansion import Meter
+from gpszip.io.storage.display_name import printable_name
+from gpszip.io.storage.expansion import ExpansionMeter
 
-__all__ = ["Member", "is_zip", "members"]
+__all__ = ["ZipMember", "find_members", "is_zip"]
 
 #: Of an archive with members, and of one without.
 _MAGIC = (b"PK\x03\x04", b"PK\x05\x06")
 
 #: How members are packed that are read: not at all, or as in gzip. Others may ask for any amount of memory.
-_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
+_READABLE_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 #: Documents that are zip archives by themselves, by a member of each.
 _DOCUMENTS = {
@@ -31,26 +31,26 @@ _DOCUMENTS = {
 #: Flag of a member that is encrypted.
 _ENCRYPTED = 1
 
-_PIECE = 1 << 20
+_CHUNK_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
-class Member:
+class ZipMember:
     """A file in an archive.
 
     Parameters
     ----------
     name : str
         As the archive has it.
-    stored : int
+    stored_bytes : int
         Bytes that it takes in the archive.
-    pieces : callable
+    chunks : callable
         Yields its bytes, while the archive is open; raises an InputError if it is damaged or expands too far.
     """
 
     name: str
-    stored: int
-    pieces: Callable[[], Iterator[bytes]]
+    stored_bytes: int
+    chunks: Callable[[], Iterator[bytes]]
 
 
 def is_zip(head: bytes) -> bool:
@@ -64,7 +64,7 @@ def is_zip(head: bytes) -> bool:
     return head[:4] in _MAGIC
 
 
-def members(file: BinaryIO, name: str) -> Iterator[Member | InputError]:
+def find_members(file: BinaryIO, name: str) -> Iterator[ZipMember | InputError]:
     r"""Find the files in an archive.
 
     Folders, hidden files and what macOS adds are passed over.
@@ -85,66 +85,93 @@ def members(file: BinaryIO, name: str) -> Iterator[Member | InputError]:
     --------
     >>> with zipfile.ZipFile(file := io.BytesIO(), "w") as archive:
     ...     archive.writestr("walks/a.csv", "t,x,y\n0,0,0\n")
-    >>> [(one.name, b"".join(one.pieces())) for one in members(file, "walks.zip")]
+    >>> [(one.name, b"".join(one.chunks())) for one in find_members(file, "walks.zip")]
     [('walks/a.csv', b't,x,y\n0,0,0\n')]
     """
-    counted = _Counted(file)
+    counted = _CountingFile(file)
     try:
         with zipfile.ZipFile(counted) as archive:
-            yield from _found(archive, counted, name)
-    except _DAMAGES as error:
+            yield from _files_in(archive, counted, name)
+    except _DAMAGE_ERRORS as error:
         yield InputError(f"{name}: damaged zip archive ({str(error)[:120]}); fetch it again")
 
 
 #: What the module for zip archives raises where they are damaged.
-_DAMAGES = (zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, NotImplementedError, RuntimeError, LookupError)
+_DAMAGE_ERRORS = (
+    zipfile.BadZipFile,
+    zlib.error,
+    EOFError,
+    OSError,
+    ValueError,
+    NotImplementedError,
+    RuntimeError,
+    LookupError,
+)
 
 
-def _found(archive: zipfile.ZipFile, counted: _Counted, name: str) -> Iterator[Member | InputError]:
+def _files_in(
+    archive: zipfile.ZipFile, counted: _CountingFile, name: str
+) -> Iterator[ZipMember | InputError]:
     infos = archive.infolist()
     files = [info for info in infos if not info.is_dir() and not _is_hidden(info.filename)]
 
     # refuse an archive whose members share bytes, which makes a small file expand without end
     if sum(info.compress_size for info in infos) > counted.size:
-        yield InputError(f"{name}: damaged zip archive: its members overlap, or it is cut short; fetch it again")
+        yield InputError(
+            f"{name}: damaged zip archive: its members overlap, or it is cut short; fetch it again"
+        )
         return
-    if what := next((what for part, what in _DOCUMENTS.items() if part in archive.NameToInfo), None):
+    if what := next(
+        (what for part, what in _DOCUMENTS.items() if part in archive.NameToInfo), None
+    ):
         yield InputError(f"{name}: is {what}")
         return
     if not files:
         yield InputError(f"{name}: no file in this zip archive; name one that holds a log")
 
-    meter = Meter(name, "unpack it yourself, and name the files")
+    meter = ExpansionMeter(name, "unpack it yourself, and name the files")
     for info in files:
         if meter.refused:
             return  # whoever reads it has been told
-        yield _member(archive, info, counted, meter, f"{name}/{shown(info.filename)}")
+        yield _read_member(archive, info, counted, meter, f"{name}/{printable_name(info.filename)}")
 
 
-def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, counted: _Counted, meter: Meter, where: str) -> Member | InputError:
+def _read_member(
+    archive: zipfile.ZipFile,
+    info: zipfile.ZipInfo,
+    counted: _CountingFile,
+    meter: ExpansionMeter,
+    where: str,
+) -> ZipMember | InputError:
     if info.flag_bits & _ENCRYPTED:
         return InputError(f"{where}: is encrypted; unpack it first")
-    if info.compress_type not in _METHODS:
-        return InputError(f"{where}: is packed by method {info.compress_type} of zip, which isn't read; unpack it first")
+    if info.compress_type not in _READABLE_METHODS:
+        return InputError(
+            f"{where}: is packed by method {info.compress_type} of zip, which isn't read; unpack it first"
+        )
 
     def pieces() -> Iterator[bytes]:
         try:
             with archive.open(info) as stream:
-                while piece := stream.read(_PIECE):
+                while piece := stream.read(_CHUNK_BYTES):
                     meter.count(len(piece), counted.read_in_all)
                     yield piece
-        except _DAMAGES as error:
-            raise InputError(f"{where}: damaged in its zip archive ({str(error)[:120]}); fetch it again") from None
+        except _DAMAGE_ERRORS as error:
+            raise InputError(
+                f"{where}: damaged in its zip archive ({str(error)[:120]}); fetch it again"
+            ) from None
 
-    return Member(info.filename, info.compress_size, pieces)
+    return ZipMember(info.filename, info.compress_size, pieces)
 
 
 def _is_hidden(name: str) -> bool:
     parts = name.replace("\\", "/").split("/")
-    return parts[0] == "__MACOSX" or any(part.startswith(".") and part not in (".", "..") for part in parts)
+    return parts[0] == "__MACOSX" or any(
+        part.startswith(".") and part not in (".", "..") for part in parts
+    )
 
 
-class _Counted(io.RawIOBase):
+class _CountingFile(io.RawIOBase):
     """A file that counts the bytes that are read from it."""
 
     def __init__(self, file: Any) -> None:

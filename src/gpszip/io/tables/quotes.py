@@ -8,13 +8,13 @@ from collections.abc import Iterator
 from typing import Any
 
 from gpszip.errors import InputError
-from gpszip.io.storage.expansion import next_piece
+from gpszip.io.storage.expansion import read_chunk
 from gpszip.io.storage.source import Source
 
 __all__ = ["check_quotes"]
 
 #: Bytes that are looked at a time, and the longest cell within quotes.
-_BLOCK, _LONGEST = 1 << 22, 1 << 24
+_BLOCK_BYTES, _MAX_CELL_BYTES = 1 << 22, 1 << 24
 
 
 def check_quotes(source: Source, encoding: str, delimiter: str, rows: int) -> None:
@@ -39,7 +39,12 @@ def check_quotes(source: Source, encoding: str, delimiter: str, rows: int) -> No
     lines, quoted, last = 0, False, b"\n"
     for block in _blocks(source, encoding):
         quoted = quoted or b'"' in block
-        lines += block.count(b"\n") + block.count(b"\r") - block.count(b"\r\n") - (last == b"\r" and block[:1] == b"\n")
+        lines += (
+            block.count(b"\n")
+            + block.count(b"\r")
+            - block.count(b"\r\n")
+            - (last == b"\r" and block[:1] == b"\n")
+        )
         last = block[-1:]
     lines += last not in (b"\n", b"\r")
     if quoted and lines != rows:
@@ -57,10 +62,12 @@ def _check_cells(source: Source, encoding: str, delimiter: str) -> None:
         end = cells.match(text).end()  # type: ignore[union-attr]  # matches the empty text at least
         line += len(re.findall(rb"\r\n|\r|\n", text[:end]))
         rest = text[end:]
-        if len(rest) > _LONGEST:
+        if len(rest) > _MAX_CELL_BYTES:
             break
     if re.fullmatch(cell + rb"\r?", rest) is None:
-        raise InputError(f"{source.name}: row {line}: a quote is not closed, or text follows after it; close it, or write it twice")
+        raise InputError(
+            f"{source.name}: row {line}: a quote is not closed, or text follows after it; close it, or write it twice"
+        )
 
 
 def _blocks(source: Source, encoding: str) -> Iterator[bytes]:
@@ -72,4 +79,4 @@ def _blocks(source: Source, encoding: str) -> Iterator[bytes]:
 
 
 def _read(stream: Any) -> bytes:
-    return next_piece(stream, _BLOCK)
+    return read_chunk(stream, _BLOCK_BYTES)

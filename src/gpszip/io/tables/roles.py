@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from gpszip.errors import InputError, OptionError
 from gpszip.io.values.coordinates import HEMISPHERES, Axis
 
-__all__ = ["Roles", "find_roles", "parse_columns", "time_unit_of"]
+__all__ = ["Roles", "find_roles", "parse_columns", "time_unit_in_name"]
 
 
 def _words(text: str) -> tuple[str, ...]:
@@ -66,7 +66,7 @@ _AXES = {
 }
 
 #: Columns that say on which side of the equator or of Greenwich a position is.
-_SIDES: dict[Axis, tuple[str, ...]] = {
+_HEMISPHERE_NAMES: dict[Axis, tuple[str, ...]] = {
     "lat": _words("""
         n_s ns lat_hemisphere latitude_hemisphere lat_hemi lat_dir latitude_dir lat_direction latitude_direction
         lat_ref latitude_ref gps_lat_ref gps_latitude_ref n_s_indicator ns_indicator n_s_hemisphere
@@ -84,7 +84,7 @@ _HEADING = _words("""
 _ALT = ("alt", "altitude", "ele", "elevation", "height")
 
 #: So far from a coordinate a column without a telling name may say on which side it is: lat, lon, side, side.
-_NEAR = 3
+_MAX_HEMISPHERE_OFFSET = 3
 
 #: Names of times that may stand beside a date, and names of such dates.
 _CLOCKS = _words("t time time_of_day time_utc utc_time utc local_time gps_time")
@@ -118,7 +118,7 @@ class Roles:
         Attributes.
     heading : int, optional
         Where the agent faces, in degrees clockwise from north.
-    sides : tuple of int or None
+    hemispheres : tuple of int or None
         For the latitude and the longitude, the column that says N, S, E or W; empty where there is none for either.
     """
 
@@ -128,13 +128,22 @@ class Roles:
     id: int | None
     keep: Mapping[str, int]
     heading: int | None = None
-    sides: tuple[int | None, ...] = ()
+    hemispheres: tuple[int | None, ...] = ()
 
     @property
     def used(self) -> tuple[int, ...]:
         """All columns that are read, each once, in the order of the table."""
-        perhaps = (self.id, self.heading, *self.sides)
-        return tuple(sorted({*self.time, *self.axes, *self.keep.values(), *(i for i in perhaps if i is not None)}))
+        perhaps = (self.id, self.heading, *self.hemispheres)
+        return tuple(
+            sorted(
+                {
+                    *self.time,
+                    *self.axes,
+                    *self.keep.values(),
+                    *(i for i in perhaps if i is not None),
+                }
+            )
+        )
 
 
 def find_roles(
@@ -180,15 +189,15 @@ def find_roles(
     >>> find_roles(["Longitude", "Latitude", "Vehicle ID", "Time (s)"], None, (), "a.csv").axes
     (1, 0)
     """
-    plain = [_plain(name) for name in names]
-    fixed = {role: _named(names, column, where) for role, column in (columns or {}).items()}
+    plain = [_normalise_name(name) for name in names]
+    fixed = {role: _find_named(names, column, where) for role, column in (columns or {}).items()}
     free = {name: i for i, name in reversed(list(enumerate(plain))) if i not in fixed.values()}
 
     def find(role: str, synonyms: Sequence[str]) -> int | None:
         if role in fixed:
             return fixed[role]
         found = next((free[word] for word in synonyms if word in free), None)
-        return None if found is None else _only(names, found, where)
+        return None if found is None else _require_unique(names, found, where)
 
     # The position: degrees where there are some, unless x or y was named.
     degrees = False
@@ -199,11 +208,11 @@ def find_roles(
         chosen = place if degrees else chosen
 
     # The time.
-    time = _time(plain, find)
+    time = _find_time(plain, find)
     if None in chosen[:2] or (times and not time):
         shapes = "" if None in chosen[:2] else "; or keep the shape alone: --no-times"
         raise InputError(
-            f"{where}: {_lacking(chosen, time)}; columns found: {_listed(names)}; {_NEEDED}; say which is which: --columns t=COLUMN{shapes}"
+            f"{where}: {_describe_missing(chosen, time)}; columns found: {_list_names(names)}; {_NEEDED}; say which is which: --columns t=COLUMN{shapes}"
         )
 
     # All else.
@@ -212,13 +221,19 @@ def find_roles(
         axes=tuple(axis for axis in chosen if axis is not None),
         geographic=degrees,
         id=find("id", _ID),
-        keep={name: _attribute(names, plain, name, where) for name in keep},
+        keep={name: _find_attribute(names, plain, name, where) for name in keep},
         heading=find("heading", _HEADING) if heading else None,
     )
-    return replace(roles, sides=_sides(names, roles, find, cells, where)) if degrees else roles
+    return (
+        replace(roles, hemispheres=_find_hemispheres(names, roles, find, cells, where))
+        if degrees
+        else roles
+    )
 
 
-def parse_columns(columns: str | Sequence[str] | Mapping[str, str] | None) -> Mapping[str, str] | tuple[str, ...] | None:
+def parse_columns(
+    columns: str | Sequence[str] | Mapping[str, str] | None,
+) -> Mapping[str, str] | tuple[str, ...] | None:
     """Understand what a user says about columns.
 
     Parameters
@@ -244,42 +259,48 @@ def parse_columns(columns: str | Sequence[str] | Mapping[str, str] | None) -> Ma
     if columns is None:
         return None
     if isinstance(columns, Mapping):
-        return {_role(role): column for role, column in columns.items()}
-    items = [item.strip() for item in columns.split(",")] if isinstance(columns, str) else list(columns)
+        return {_canonical_role(role): column for role, column in columns.items()}
+    items = (
+        [item.strip() for item in columns.split(",")] if isinstance(columns, str) else list(columns)
+    )
     pairs = [item.split("=", 1) for item in items if "=" in item]
     if pairs and len(pairs) < len(items):
         raise OptionError(
             f"--columns {','.join(items)}: give names by position (t,x,y) or all of them as ROLE=COLUMN (t=when,x=east,y=north)"
         )
-    return {_role(role): column for role, column in pairs} if pairs else tuple(items)
+    return {_canonical_role(role): column for role, column in pairs} if pairs else tuple(items)
 
 
-def time_unit_of(name: str) -> float | None:
+def time_unit_in_name(name: str) -> float | None:
     """Seconds in the unit that a column's name tells, such as ``time_ms`` or ``Time [s]``.
 
     Examples
     --------
-    >>> time_unit_of("time_ms"), time_unit_of("Timestamp [ns]"), time_unit_of("time")
+    >>> time_unit_in_name("time_ms"), time_unit_in_name("Timestamp [ns]"), time_unit_in_name("time")
     (0.001, 1e-09, None)
     """
-    words = re.split(r"[^a-z]+", _worded(name).lower().strip(" )]"))
-    return _UNITS.get(words[-1]) if len(words) > 1 or words[0] in ("seconds", "milliseconds") else None
+    words = re.split(r"[^a-z]+", _separate_words(name).lower().strip(" )]"))
+    return (
+        _UNITS.get(words[-1]) if len(words) > 1 or words[0] in ("seconds", "milliseconds") else None
+    )
 
 
-def _plain(name: str) -> str:
+def _normalise_name(name: str) -> str:
     """Return a name without case, punctuation and unit: ``Time_UTC [s]`` is ``timeutc``."""
-    bare = re.sub(r"[(\[{].*", "", _worded(name.strip().lstrip("#").strip()).lower())
+    bare = re.sub(r"[(\[{].*", "", _separate_words(name.strip().lstrip("#").strip()).lower())
     bare = re.sub(r"[^0-9a-z]+", "_", bare).strip("_")
     unit = _UNIT.fullmatch(bare)
     return (unit[1] if unit and not re.search(r"(^|_)n_s$", bare) else bare).replace("_", "")
 
 
-def _worded(name: str) -> str:
+def _separate_words(name: str) -> str:
     """Set the words of ``gpsTime`` and ``GPSLatitude`` apart."""
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name)
 
 
-def _time(plain: Sequence[str], find: Callable[[str, Sequence[str]], int | None]) -> tuple[int, ...]:
+def _find_time(
+    plain: Sequence[str], find: Callable[[str, Sequence[str]], int | None]
+) -> tuple[int, ...]:
     found = find("t", _TIME)
     if found is None:
         return ()
@@ -289,7 +310,7 @@ def _time(plain: Sequence[str], find: Callable[[str, Sequence[str]], int | None]
     return (found,)
 
 
-def _sides(
+def _find_hemispheres(
     names: Sequence[str],
     roles: Roles,
     find: Callable[[str, Sequence[str]], int | None],
@@ -297,11 +318,19 @@ def _sides(
     where: str,
 ) -> tuple[int | None, ...]:
     """Columns of N, S, E and W: by their names, else by what they hold, if there is one for either axis."""
-    found: dict[Axis, int | None] = {axis: find(f"{axis} side", words) for axis, words in _SIDES.items()}
+    found: dict[Axis, int | None] = {
+        axis: find(f"{axis} side", words) for axis, words in _HEMISPHERE_NAMES.items()
+    }
     unnamed: dict[Axis, int] = {}
     for axis, place in zip(found, roles.axes, strict=True):
-        near = [] if cells is None or found[axis] is not None else _near(place, {*roles.used, *found.values()}, len(names))
-        at = next((i for i in near if cells is not None and _holds_sides(cells(i), axis)), None)
+        near = (
+            []
+            if cells is None or found[axis] is not None
+            else _columns_near(place, {*roles.used, *found.values()}, len(names))
+        )
+        at = next(
+            (i for i in near if cells is not None and _holds_hemispheres(cells(i), axis)), None
+        )
         if at is not None:
             unnamed[axis] = at
     if len(unnamed) == 1 and found == {"lat": None, "lon": None}:
@@ -314,23 +343,25 @@ def _sides(
     return sides if any(side is not None for side in sides) else ()
 
 
-def _near(place: int, taken: set[int | None], width: int) -> list[int]:
+def _columns_near(place: int, taken: set[int | None], width: int) -> list[int]:
     """Columns around one, the next to the right first."""
-    around = [place + sign * step for step in range(1, _NEAR + 1) for sign in (1, -1)]
+    around = [
+        place + sign * step for step in range(1, _MAX_HEMISPHERE_OFFSET + 1) for sign in (1, -1)
+    ]
     return [i for i in around if 0 <= i < width and i not in taken]
 
 
-def _holds_sides(cells: Sequence[str], axis: Axis) -> bool:
+def _holds_hemispheres(cells: Sequence[str], axis: Axis) -> bool:
     return len(cells) > 0 and all(cell.strip().lower() in HEMISPHERES[axis] for cell in cells)
 
 
-def _lacking(chosen: Sequence[int | None], time: Sequence[int]) -> str:
+def _describe_missing(chosen: Sequence[int | None], time: Sequence[int]) -> str:
     if None in chosen[:2]:
         return "no position" if time else "no time and no position"
     return "no time"
 
 
-def _only(names: Sequence[str], index: int, where: str) -> int:
+def _require_unique(names: Sequence[str], index: int, where: str) -> int:
     """Return the index if no other column has the same name."""
     title = names[index].strip().lower()
     same = [i for i, name in enumerate(names) if name.strip().lower() == title]
@@ -342,31 +373,33 @@ def _only(names: Sequence[str], index: int, where: str) -> int:
     return index
 
 
-def _named(names: Sequence[str], column: str, where: str) -> int:
+def _find_named(names: Sequence[str], column: str, where: str) -> int:
     lower = [name.strip().lower() for name in names]
     if list(names).count(column) == 1:
         return list(names).index(column)
     if column.strip().lower() in lower:
-        return _only(names, lower.index(column.strip().lower()), where)
-    raise InputError(f"{where}: no column {column!r}; columns found: {_listed(names)}")
+        return _require_unique(names, lower.index(column.strip().lower()), where)
+    raise InputError(f"{where}: no column {column!r}; columns found: {_list_names(names)}")
 
 
-def _attribute(names: Sequence[str], plain: Sequence[str], name: str, where: str) -> int:
+def _find_attribute(names: Sequence[str], plain: Sequence[str], name: str, where: str) -> int:
     if name not in names and name in _ALT:
         for other in _ALT:
             if other in plain:
                 return list(plain).index(other)
-    return _named(names, name, where)
+    return _find_named(names, name, where)
 
 
-def _role(role: str) -> str:
-    known = {"id": "id", "track_id": "id", "t": "t", "time": "t", "timestamp": "t"} | {axis: axis for axis in _AXES}
+def _canonical_role(role: str) -> str:
+    known = {"id": "id", "track_id": "id", "t": "t", "time": "t", "timestamp": "t"} | {
+        axis: axis for axis in _AXES
+    }
     known |= {"latitude": "lat", "longitude": "lon", "lng": "lon", "heading": "heading"}
     if role.strip().lower() not in known:
         raise OptionError(f"--columns: {role!r} is not one of id, t, x, y, z, lat, lon, heading")
     return known[role.strip().lower()]
 
 
-def _listed(names: Sequence[str]) -> str:
+def _list_names(names: Sequence[str]) -> str:
     shown = [name if len(name) <= 40 else name[:37] + "..." for name in names[:20]]
     return ", ".join(shown) + (f" and {len(names) - 20} more" if len(names) > 20 else "")

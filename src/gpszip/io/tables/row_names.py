@@ -5,23 +5,23 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["names_rows"]
+__all__ = ["names_each_row"]
 
 #: Fewer rows than this tell nothing: two vehicles may have one position each.
-_LEAST_ROWS = 3
+_MIN_ROWS = 3
 
 #: Points that tracks must have on average so that their names are believed.
-_POINTS = 2
+_MIN_POINTS_PER_TRACK = 2
 
 #: Faster than any aircraft that keeps a log, in metres a second: successive rows are of different vehicles.
-_FASTEST = 350.0
+_MAX_SPEED = 350.0
 
 _METRES_PER_DEGREE = 111_195.0
 
 Floats = NDArray[np.float64]
 
 
-def names_rows(ids: int, times: Floats, coordinates: Floats, *, geographic: bool) -> bool:
+def names_each_row(ids: int, times: Floats, coordinates: Floats, *, geographic: bool) -> bool:
     """Whether the values of a column name each row: nearly all differ, while the rows make sense as a single track.
 
     They make sense so if times never go back, mostly increase, and mostly not faster than an aircraft goes. A list of many
@@ -41,16 +41,19 @@ def names_rows(ids: int, times: Floats, coordinates: Floats, *, geographic: bool
     Examples
     --------
     >>> times = np.arange(3.0)
-    >>> names_rows(3, times, np.zeros((3, 2)), geographic=False), names_rows(3, times[::-1], np.zeros((3, 2)), geographic=False)
+    >>> names_each_row(3, times, np.zeros((3, 2)), geographic=False), names_each_row(3, times[::-1], np.zeros((3, 2)), geographic=False)
     (True, False)
     """
-    if len(times) < _LEAST_ROWS or ids * _POINTS <= len(times):
+    if len(times) < _MIN_ROWS or ids * _MIN_POINTS_PER_TRACK <= len(times):
         return False
     known = np.isfinite(times) & np.isfinite(coordinates).all(axis=1)
     steps = np.diff(times[known])
     if not len(steps) or (steps < 0).any() or np.median(steps) <= 0:
         return False
-    return float(np.median(_lengths(coordinates[known], geographic) / np.maximum(steps, 1e-3))) <= _FASTEST
+    return (
+        float(np.median(_lengths(coordinates[known], geographic) / np.maximum(steps, 1e-3)))
+        <= _MAX_SPEED
+    )
 
 
 def _lengths(coordinates: Floats, geographic: bool) -> Floats:

@@ -12,22 +12,22 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
-from gpszip.io.logs.raw import RawLog, Request, Unread
+from gpszip.io.logs.raw import RawLog, Request, UnreadableCell
 from gpszip.io.tables.roles import Roles
-from gpszip.io.tables.row_names import names_rows
+from gpszip.io.tables.row_names import names_each_row
 from gpszip.io.tables.time_columns import TimeColumn, read_times
-from gpszip.io.values.arrow import codes, is_text, numbers, values
+from gpszip.io.values.arrow import factorize, is_text, to_attribute, to_floats
 from gpszip.io.values.coordinates import (
-    degrees,
+    first_unreadable_cell,
     has_decimal_comma,
     has_packed_minutes,
-    plain_numbers,
-    texts,
-    unread,
+    parse_degrees,
+    parse_numbers,
+    trimmed_text,
 )
 from gpszip.model.read_result import Repair
 
-__all__ = ["Habits", "habits_of", "table_log"]
+__all__ = ["TableConventions", "build_raw_log", "find_conventions"]
 
 _DEGREES_UNDERSTOOD = "48.137, 48.137N, 48°08'13\"N or 48 08 13 N"
 
@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Habits:
+class TableConventions:
     """How a table writes things, which only many of its rows tell.
 
     Parameters
@@ -44,16 +44,16 @@ class Habits:
         Whether text writes 1,5 for one and a half.
     packed_minutes : bool
         Whether 4808.225 stands for 48°08.225'.
-    ids_of_rows : bool
+    ids_name_rows : bool
         Whether the column of ids names each row, and so no track.
     """
 
     decimal_comma: bool = False
     packed_minutes: bool = False
-    ids_of_rows: bool = False
+    ids_name_rows: bool = False
 
 
-def habits_of(
+def find_conventions(
     columns: Sequence[Any],
     names: Sequence[str],
     roles: Roles,
@@ -61,7 +61,7 @@ def habits_of(
     where: str,
     *,
     decimal_comma: bool | None = None,
-) -> Habits:
+) -> TableConventions:
     """Find out how a table writes things.
 
     Parameters
@@ -85,27 +85,36 @@ def habits_of(
         If numbers such as 1,234 may be with or without decimals.
     """
     column = dict(zip(roles.used, columns, strict=True))
-    axes = [_cells(column[axis], names[axis], where) for axis in roles.axes]
+    axes = [_numbers_or_text(column[axis], names[axis], where) for axis in roles.axes]
 
     # Numbers.
     comma = has_decimal_comma(axes) if decimal_comma is None else decimal_comma
     if comma and not roles.geographic:
         _check_thousands(axes, [names[axis] for axis in roles.axes], where)
-    packed = bool(roles.sides) and has_packed_minutes(axes[0], axes[1], decimal_comma=comma)
-    found = Habits(comma, packed)
+    packed = bool(roles.hemispheres) and has_packed_minutes(axes[0], axes[1], decimal_comma=comma)
+    found = TableConventions(comma, packed)
 
     # Names.
     if roles.id is None or _is_chosen_id(names[roles.id], request):
         return found
-    ids, index = _names(column[roles.id], names[roles.id], where)
+    ids, index = _factorize_ids(column[roles.id], names[roles.id], where)
     if len(ids) * 2 <= len(index):
         return found
-    times = read_times(column, names, roles, request, where, decimal_comma=comma).times if roles.time else np.arange(len(index) * 1.0)
-    coordinates = np.stack([_coordinates(column, names, roles, number, found, where) for number in range(len(axes))], axis=1)
-    return Habits(comma, packed, names_rows(len(ids), times, coordinates, geographic=roles.geographic))
+    times = (
+        read_times(column, names, roles, request, where, decimal_comma=comma).times
+        if roles.time
+        else np.arange(len(index) * 1.0)
+    )
+    coordinates = np.stack(
+        [_read_axis(column, names, roles, number, found, where) for number in range(len(axes))],
+        axis=1,
+    )
+    return TableConventions(
+        comma, packed, names_each_row(len(ids), times, coordinates, geographic=roles.geographic)
+    )
 
 
-def table_log(
+def build_raw_log(
     columns: Sequence[Any],
     names: Sequence[str],
     roles: Roles,
@@ -113,9 +122,9 @@ def table_log(
     where: str,
     *,
     first: int = 1,
-    habits: Habits | None = None,
+    conventions: TableConventions | None = None,
     repairs: tuple[Repair, ...] = (),
-    whole: bool = True,
+    all_rows: bool = True,
 ) -> RawLog:
     """Make a log of a table's columns.
 
@@ -133,11 +142,11 @@ def table_log(
         Name of the log.
     first : int
         Number of the first row in messages.
-    habits : Habits, optional
+    conventions : Habits, optional
         How the table writes things; found in the columns where left out.
     repairs : tuple of Repair
         What was mended before.
-    whole : bool
+    all_rows : bool
         Whether these are all rows, so that a column without any number is a mistake.
 
     Returns
@@ -149,33 +158,52 @@ def table_log(
     InputError
         If a column can't be what it should be.
     """
-    habits = habits_of(columns, names, roles, request, where) if habits is None else habits
+    conventions = (
+        find_conventions(columns, names, roles, request, where)
+        if conventions is None
+        else conventions
+    )
     column = dict(zip(roles.used, columns, strict=True))
-    kept = {*roles.time, *roles.axes, *roles.keep.values(), *(side for side in roles.sides if side is not None)}
+    kept = {
+        *roles.time,
+        *roles.axes,
+        *roles.keep.values(),
+        *(side for side in roles.hemispheres if side is not None),
+    }
 
     # Names of tracks.
     ids: tuple[str, ...] = ()
     index = None
-    if roles.id is not None and not habits.ids_of_rows:
-        ids, index = _names(column[roles.id], names[roles.id], where)
+    if roles.id is not None and not conventions.ids_name_rows:
+        ids, index = _factorize_ids(column[roles.id], names[roles.id], where)
         kept.add(roles.id)
     elif roles.id is not None:
-        repairs = (*repairs, _told(names[roles.id], len(columns[0]), where))
+        repairs = (*repairs, _row_names_repair(names[roles.id], len(columns[0]), where))
 
     # Times and positions, and what can't be read of them.
     when = TimeColumn(np.full(len(columns[0]), np.nan))
     if roles.time:
-        when = read_times(column, names, roles, request, where, decimal_comma=habits.decimal_comma)
-    axes = [_coordinates(column, names, roles, number, habits, where) for number in range(len(roles.axes))]
-    bad = [_unread_axis(column, names, roles, number, habits, axis, where) for number, axis in enumerate(axes)]
-    if whole:
+        when = read_times(
+            column, names, roles, request, where, decimal_comma=conventions.decimal_comma
+        )
+    axes = [
+        _read_axis(column, names, roles, number, conventions, where)
+        for number in range(len(roles.axes))
+    ]
+    bad = [
+        _first_unreadable_of_axis(column, names, roles, number, conventions, axis, where)
+        for number, axis in enumerate(axes)
+    ]
+    if all_rows:
         _check_axes(axes, names, roles, bad, where)
 
     # All else.
-    attributes = {name: _kept(column[i], names[i], where) for name, i in roles.keep.items()}
+    attributes = {
+        name: _read_attribute(column[i], names[i], where) for name, i in roles.keep.items()
+    }
     if roles.heading is not None:
         kept.add(roles.heading)
-        attributes["heading"] = numbers(column[roles.heading], habits.decimal_comma)
+        attributes["heading"] = to_floats(column[roles.heading], conventions.decimal_comma)
     return RawLog(
         name=where,
         ids=ids,
@@ -185,17 +213,17 @@ def table_log(
         geographic=roles.geographic,
         attributes=attributes,
         first=first,
-        dropped=tuple(name for i, name in enumerate(names) if i not in kept),
+        dropped_columns=tuple(name for i, name in enumerate(names) if i not in kept),
         repairs=(*repairs, *when.repairs),
-        unread=(*when.unread, *(one for one in bad if one is not None)),
-        guess=when.guess,
+        unreadable=(*when.unreadable, *(one for one in bad if one is not None)),
+        guessed_unit=when.guessed_unit,
         time_of_day=when.time_of_day,
         axes=tuple(names[axis] for axis in roles.axes),
         untimed=frozenset() if roles.time else frozenset(range(max(len(ids), 1))),
     )
 
 
-def _told(name: str, rows: int, where: str) -> Repair:
+def _row_names_repair(name: str, rows: int, where: str) -> Repair:
     what = f"rows named one by one in column {name!r}, which is no track id; --columns id={name} makes it one"
     return Repair(what, rows, where, drops=False)
 
@@ -203,10 +231,12 @@ def _told(name: str, rows: int, where: str) -> Repair:
 def _is_chosen_id(name: str, request: Request) -> bool:
     """Whether a user says that a column of this name is the id."""
     columns = request.columns
-    return columns is not None and ("id" in columns if isinstance(columns, Mapping) else name in columns)
+    return columns is not None and (
+        "id" in columns if isinstance(columns, Mapping) else name in columns
+    )
 
 
-def _cells(column: Any, name: str, where: str) -> Any:
+def _numbers_or_text(column: Any, name: str, where: str) -> Any:
     """Return a column as numbers or text, or say that it is neither."""
     kind = column.type
     if isinstance(kind, pa.BaseExtensionType):
@@ -214,83 +244,121 @@ def _cells(column: Any, name: str, where: str) -> Any:
     if pa.types.is_dictionary(kind):
         column, kind = pc.cast(column, kind.value_type), kind.value_type
     if pa.types.is_binary(kind) or pa.types.is_large_binary(kind) or pa.types.is_binary_view(kind):
-        column, kind = _decoded(column, name, where), pa.string()
-    if is_text(kind) or pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind):
+        column, kind = _decode_bytes(column, name, where), pa.string()
+    if (
+        is_text(kind)
+        or pa.types.is_integer(kind)
+        or pa.types.is_floating(kind)
+        or pa.types.is_decimal(kind)
+    ):
         return column
     if pa.types.is_null(kind):
         return pc.cast(column, pa.float64())
-    raise InputError(f"{where}: column {name!r} holds {_short(kind)}, not numbers; name another with --columns")
+    raise InputError(
+        f"{where}: column {name!r} holds {_format_type(kind)}, not numbers; name another with --columns"
+    )
 
 
-def _decoded(column: Any, name: str, where: str) -> Any:
+def _decode_bytes(column: Any, name: str, where: str) -> Any:
     """Old Parquet files have text as bytes."""
     try:
         return pc.cast(column, pa.string())
     except pa.ArrowInvalid:
-        raise InputError(f"{where}: column {name!r} holds bytes that are no text; name another with --columns") from None
+        raise InputError(
+            f"{where}: column {name!r} holds bytes that are no text; name another with --columns"
+        ) from None
 
 
-def _short(kind: Any) -> str:
+def _format_type(kind: Any) -> str:
     text = str(kind)
     return text if len(text) <= 40 else text[:37] + "..."
 
 
-def _names(column: Any, name: str, where: str) -> tuple[tuple[str, ...], NDArray[np.integer[Any]]]:
+def _factorize_ids(
+    column: Any, name: str, where: str
+) -> tuple[tuple[str, ...], NDArray[np.integer[Any]]]:
     try:
-        return codes(column)
+        return factorize(column)
     except (pa.ArrowException, InputError):
         raise InputError(
-            f"{where}: column {name!r} holds {_short(column.type)}, which is no name of a track; name another one: --columns id=COLUMN"
+            f"{where}: column {name!r} holds {_format_type(column.type)}, which is no name of a track; name another one: --columns id=COLUMN"
         ) from None
 
 
-def _kept(column: Any, name: str, where: str) -> NDArray[np.generic]:
+def _read_attribute(column: Any, name: str, where: str) -> NDArray[np.generic]:
     try:
-        return values(column)
+        return to_attribute(column)
     except (pa.ArrowException, InputError):
-        raise InputError(f"{where}: column {name!r} holds {_short(column.type)}, which can't be kept; name another one") from None
+        raise InputError(
+            f"{where}: column {name!r} holds {_format_type(column.type)}, which can't be kept; name another one"
+        ) from None
 
 
-def _coordinates(column: Mapping[int, Any], names: Sequence[str], roles: Roles, number: int, habits: Habits, where: str) -> Floats:
-    cells = _cells(column[roles.axes[number]], names[roles.axes[number]], where)
+def _read_axis(
+    column: Mapping[int, Any],
+    names: Sequence[str],
+    roles: Roles,
+    number: int,
+    conventions: TableConventions,
+    where: str,
+) -> Floats:
+    cells = _numbers_or_text(column[roles.axes[number]], names[roles.axes[number]], where)
     if not roles.geographic:
-        return plain_numbers(cells, habits.decimal_comma)
-    side = roles.sides[number] if roles.sides else None
-    return degrees(
+        return parse_numbers(cells, conventions.decimal_comma)
+    side = roles.hemispheres[number] if roles.hemispheres else None
+    return parse_degrees(
         cells,
         "lon" if number else "lat",
-        hemisphere=None if side is None else _text(column[side], names[side], where),
-        decimal_comma=habits.decimal_comma,
-        packed_minutes=habits.packed_minutes,
+        hemisphere=None if side is None else _read_hemispheres(column[side], names[side], where),
+        decimal_comma=conventions.decimal_comma,
+        packed_minutes=conventions.packed_minutes,
     )
 
 
-def _text(column: Any, name: str, where: str) -> Any:
+def _read_hemispheres(column: Any, name: str, where: str) -> Any:
     """Return a column of hemispheres; one that is no text holds none."""
-    cells = column if pa.types.is_null(column.type) else _cells(column, name, where)
+    cells = column if pa.types.is_null(column.type) else _numbers_or_text(column, name, where)
     return cells if is_text(cells.type) else pc.cast(cells, pa.string())
 
 
-def _unread_axis(
-    column: Mapping[int, Any], names: Sequence[str], roles: Roles, number: int, habits: Habits, values: Floats, where: str
-) -> Unread | None:
+def _first_unreadable_of_axis(
+    column: Mapping[int, Any],
+    names: Sequence[str],
+    roles: Roles,
+    number: int,
+    conventions: TableConventions,
+    values: Floats,
+    where: str,
+) -> UnreadableCell | None:
     """Name the first cell that can't be read: the number, or the hemisphere beside it."""
     axis = roles.axes[number]
-    side = roles.sides[number] if roles.sides else None
-    found = unread(_cells(column[axis], names[axis], where), values, names[axis])
+    side = roles.hemispheres[number] if roles.hemispheres else None
+    found = first_unreadable_cell(
+        _numbers_or_text(column[axis], names[axis], where), values, names[axis]
+    )
     if found is None or side is None:
         return found
-    alone = degrees(
-        _cells(column[axis], names[axis], where).slice(found.row, 1),
+    alone = parse_degrees(
+        _numbers_or_text(column[axis], names[axis], where).slice(found.row, 1),
         "lon" if number else "lat",
-        decimal_comma=habits.decimal_comma,
-        packed_minutes=habits.packed_minutes,
+        decimal_comma=conventions.decimal_comma,
+        packed_minutes=conventions.packed_minutes,
     )
     said = column[side][found.row].as_py()
-    return Unread(names[side], found.row, "" if said is None else str(said)) if np.isfinite(alone[0]) else found
+    return (
+        UnreadableCell(names[side], found.row, "" if said is None else str(said))
+        if np.isfinite(alone[0])
+        else found
+    )
 
 
-def _check_axes(axes: Sequence[Floats], names: Sequence[str], roles: Roles, bad: Sequence[Unread | None], where: str) -> None:
+def _check_axes(
+    axes: Sequence[Floats],
+    names: Sequence[str],
+    roles: Roles,
+    bad: Sequence[UnreadableCell | None],
+    where: str,
+) -> None:
     for axis, found, cell in zip(roles.axes, axes, bad, strict=True):
         if not len(found) or np.isfinite(found).any():
             continue
@@ -309,11 +377,13 @@ def _check_thousands(axes: Sequence[Any], names: Sequence[str], where: str) -> N
     for cells, name in zip(axes, names, strict=True):
         if not is_text(cells.type):
             continue
-        commas = texts(cells).filter(pc.match_substring(cells, ","))
+        commas = trimmed_text(cells).filter(pc.match_substring(cells, ","))
         if not len(commas):
             continue
         if not pc.all(pc.match_substring_regex(commas, r"^[+-]?[1-9]\d{0,2},\d{3}$")).as_py():
             return
         first = first or f"column {name!r}: {commas[0].as_py()!r}"
     if first:
-        raise InputError(f"{where}: {first} may have decimals or thousands; write numbers with a point before decimals")
+        raise InputError(
+            f"{where}: {first} may have decimals or thousands; write numbers with a point before decimals"
+        )

@@ -13,30 +13,30 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OptionError
-from gpszip.io.logs.raw import Guess, Request, Unread
-from gpszip.io.tables.roles import Roles, time_unit_of
-from gpszip.io.values.arrow import is_text, numbers, trimmed
-from gpszip.io.values.date_and_time import joined
-from gpszip.io.values.dates import ORDERS
+from gpszip.io.logs.raw import GuessedUnit, Request, UnreadableCell
+from gpszip.io.tables.roles import Roles, time_unit_in_name
+from gpszip.io.values.arrow import is_text, to_floats, trimmed_text
+from gpszip.io.values.date_and_time import join_date_and_time
+from gpszip.io.values.dates import DATE_ORDERS
 from gpszip.io.values.timestamps import (
+    guess_unit_by_size,
     holds_numbers,
     holds_times_of_day,
-    seconds,
-    seconds_of_day,
-    unit_by_size,
-    unit_of,
+    times_of_day_to_seconds,
+    times_to_seconds,
+    unit_name,
     unit_origin,
     unit_seconds,
 )
 from gpszip.model.read_result import Repair
 
-__all__ = ["TimeColumn", "order_of", "read_times", "time_cells"]
+__all__ = ["TimeColumn", "find_date_order", "join_time_columns", "read_times"]
 
 #: So many rows tell whether numbers are times of day.
-_CLOCK_ROWS = 10
+_MIN_CLOCK_ROWS = 10
 
 #: Letters of a cell in messages.
-_SHOWN = 80
+_MAX_SHOWN_LETTERS = 80
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,25 +47,31 @@ class TimeColumn:
     ----------
     times : float64 array, shape (n,)
         Seconds; NaN where there is no time.
-    guess : Guess, optional
+    guessed_unit : Guess, optional
         The unit of numbers, where the user doesn't say it.
     time_of_day : bool
         Whether they count from midnight, as there is no date.
     repairs : tuple of Repair
         What is to be told of them.
-    unread : tuple of Unread
+    unreadable : tuple of Unread
         The first cell that is no time.
     """
 
     times: NDArray[np.float64]
-    guess: Guess | None = None
+    guessed_unit: GuessedUnit | None = None
     time_of_day: bool = False
     repairs: tuple[Repair, ...] = ()
-    unread: tuple[Unread, ...] = ()
+    unreadable: tuple[UnreadableCell, ...] = ()
 
 
 def read_times(
-    columns: Mapping[int, Any], names: Sequence[str], roles: Roles, request: Request, where: str, *, decimal_comma: bool = False
+    columns: Mapping[int, Any],
+    names: Sequence[str],
+    roles: Roles,
+    request: Request,
+    where: str,
+    *,
+    decimal_comma: bool = False,
 ) -> TimeColumn:
     """Read the times of a table.
 
@@ -92,37 +98,64 @@ def read_times(
     # Times of day count from midnight.
     name = names[roles.time[-1]]
     column = f"{where}: column {name!r}"
-    cells = time_cells(columns, names, roles, request, where, decimal_comma=decimal_comma)
+    cells = join_time_columns(columns, names, roles, request, where, decimal_comma=decimal_comma)
     if holds_times_of_day(cells):
-        times = seconds_of_day(cells)
-        told = Repair("times of day without a date read as seconds from midnight", int(np.isfinite(times).sum()), column, drops=False)
-        return TimeColumn(times, time_of_day=True, repairs=(told,), unread=_unread(name, cells, times))
+        times = times_of_day_to_seconds(cells)
+        told = Repair(
+            "times of day without a date read as seconds from midnight",
+            int(np.isfinite(times).sum()),
+            column,
+            drops=False,
+        )
+        return TimeColumn(
+            times,
+            time_of_day=True,
+            repairs=(told,),
+            unreadable=_first_unreadable(name, cells, times),
+        )
 
     # Numbers are in the unit that the user says, or else the column's name, or else their size.
-    guess = _guess(cells, name) if request.time_unit is None else None
-    if guess is not None and guess.unit == "s" and not guess.named:
-        _check_no_clock(cells, column)
+    guess = _guess_unit(cells, name) if request.time_unit is None else None
+    if guess is not None and guess.unit == "s" and not guess.from_name:
+        _refuse_clock_numbers(cells, column)
     unit = request.time_unit if guess is None else guess.unit
     factor = None if unit is None else unit_seconds(unit)
-    times = seconds(cells, factor, column, origin=unit_origin(unit), dates=order_of(names, roles, request))
-    return TimeColumn(times, guess=guess, unread=_unread(name, cells, times))
+    times = times_to_seconds(
+        cells,
+        factor,
+        column,
+        origin=unit_origin(unit),
+        dates=find_date_order(names, roles, request),
+    )
+    return TimeColumn(times, guessed_unit=guess, unreadable=_first_unreadable(name, cells, times))
 
 
-def time_cells(
-    columns: Mapping[int, Any], names: Sequence[str], roles: Roles, request: Request, where: str, *, decimal_comma: bool = False
+def join_time_columns(
+    columns: Mapping[int, Any],
+    names: Sequence[str],
+    roles: Roles,
+    request: Request,
+    where: str,
+    *,
+    decimal_comma: bool = False,
 ) -> Any:
     """Return the column of times as one: a date and a time of day are joined, and 1,5 becomes 1.5 where text writes numbers so."""
-    parts = [_plain(columns[i], f"{where}: column {names[i]!r}") for i in roles.time]
+    parts = [_unwrap_column(columns[i], f"{where}: column {names[i]!r}") for i in roles.time]
     cells = parts[-1]
     if len(parts) == 2:
         name = names[roles.time[-1]]
-        cells = joined(parts[0], cells, f"{where}: column {name!r}", numbers_are_seconds=request.time_unit is not None)
+        cells = join_date_and_time(
+            parts[0],
+            cells,
+            f"{where}: column {name!r}",
+            numbers_are_seconds=request.time_unit is not None,
+        )
     if decimal_comma and is_text(cells.type):
-        cells = pc.replace_substring(trimmed(cells), ",", ".")
+        cells = pc.replace_substring(trimmed_text(cells), ",", ".")
     return cells
 
 
-def _plain(column: Any, where: str) -> Any:
+def _unwrap_column(column: Any, where: str) -> Any:
     """Return a column without the wrapping of its type: dictionaries, extensions, and text as bytes, as in old Parquet files."""
     kind = column.type
     if isinstance(kind, pa.BaseExtensionType):
@@ -134,10 +167,12 @@ def _plain(column: Any, where: str) -> Any:
     try:
         return pc.cast(column, pa.string())
     except pa.ArrowInvalid:
-        raise InputError(f"{where} holds bytes that are no text; name another with --columns t=COLUMN") from None
+        raise InputError(
+            f"{where} holds bytes that are no text; name another with --columns t=COLUMN"
+        ) from None
 
 
-def order_of(names: Sequence[str], roles: Roles, request: Request) -> str | None:
+def find_date_order(names: Sequence[str], roles: Roles, request: Request) -> str | None:
     """Order of day, month and year that the user names, or else the column: ``Date (DD/MM/YYYY)`` is ``dmy``.
 
     Raises
@@ -146,24 +181,37 @@ def order_of(names: Sequence[str], roles: Roles, request: Request) -> str | None
         If the user names none that exists.
     """
     if request.dates is not None:
-        if request.dates not in ORDERS:
-            raise OptionError(f"order of dates {request.dates!r} is not one of {', '.join(ORDERS)}")
+        if request.dates not in DATE_ORDERS:
+            raise OptionError(
+                f"order of dates {request.dates!r} is not one of {', '.join(DATE_ORDERS)}"
+            )
         return request.dates
-    found = re.search(r"(?i)(?<![a-z])(d{1,2}|m{1,2}|y{2,4})[-/. ]?(d{1,2}|m{1,2})[-/. ]?(d{1,2}|y{2,4})(?![a-z])", names[roles.time[0]])
+    found = re.search(
+        r"(?i)(?<![a-z])(d{1,2}|m{1,2}|y{2,4})[-/. ]?(d{1,2}|m{1,2})[-/. ]?(d{1,2}|y{2,4})(?![a-z])",
+        names[roles.time[0]],
+    )
     order = "".join(part[0].lower() for part in found.groups()) if found else ""
-    return order if order in ORDERS else None
+    return order if order in DATE_ORDERS else None
 
 
-def _check_no_clock(cells: Any, where: str) -> None:
+def _refuse_clock_numbers(cells: Any, where: str) -> None:
     """Refuse numbers that are hours, minutes and seconds rather than seconds: 80059 is followed by 80100, not by 80060."""
-    values = numbers(cells)
+    values = to_floats(cells)
     values = values[np.isfinite(values)]
     hours, minutes, secs = values // 10_000, values // 100 % 100, values % 100
-    if len(values) < _CLOCK_ROWS or not ((values >= 0) & (hours < 24) & (minutes < 60) & (secs < 60)).all():
+    if (
+        len(values) < _MIN_CLOCK_ROWS
+        or not ((values >= 0) & (hours < 24) & (minutes < 60) & (secs < 60)).all()
+    ):
         return
     clock = 3600 * hours + 60 * minutes + secs
-    as_seconds, as_clock = (len(np.unique(np.round(np.diff(times), 3))) for times in (values, clock))
-    padded = is_text(cells.type) and pc.any(pc.match_substring_regex(trimmed(cells), r"^0\d{5}(\D|$)")).as_py()
+    as_seconds, as_clock = (
+        len(np.unique(np.round(np.diff(times), 3))) for times in (values, clock)
+    )
+    padded = (
+        is_text(cells.type)
+        and pc.any(pc.match_substring_regex(trimmed_text(cells), r"^0\d{5}(\D|$)")).as_py()
+    )
     if as_clock < as_seconds or padded:
         first = f"{int(values[0]):06d}"
         raise InputError(
@@ -172,19 +220,21 @@ def _check_no_clock(cells: Any, where: str) -> None:
         )
 
 
-def _guess(cells: Any, name: str) -> Guess | None:
+def _guess_unit(cells: Any, name: str) -> GuessedUnit | None:
     """Return the unit of numbers that the name of their column tells, or else their size."""
-    named = unit_of(time_unit_of(name))
-    unit = (named if holds_numbers(cells) else None) or unit_by_size(cells)
-    return None if unit is None else Guess(unit, named=named is not None)
+    named = unit_name(time_unit_in_name(name))
+    unit = (named if holds_numbers(cells) else None) or guess_unit_by_size(cells)
+    return None if unit is None else GuessedUnit(unit, from_name=named is not None)
 
 
-def _unread(name: str, cells: Any, times: NDArray[np.float64]) -> tuple[Unread, ...]:
+def _first_unreadable(
+    name: str, cells: Any, times: NDArray[np.float64]
+) -> tuple[UnreadableCell, ...]:
     """Return the first cell that holds something, but no time."""
     bad = np.isnan(times)
     if bad.any():
-        bad &= pc.fill_null(pc.not_equal(trimmed(cells), ""), False).to_numpy()
+        bad &= pc.fill_null(pc.not_equal(trimmed_text(cells), ""), False).to_numpy()
     if not bad.any():
         return ()
     row = int(bad.argmax())
-    return (Unread(name, row, str(cells[row].as_py())[:_SHOWN]),)
+    return (UnreadableCell(name, row, str(cells[row].as_py())[:_MAX_SHOWN_LETTERS]),)

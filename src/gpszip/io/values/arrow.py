@@ -12,14 +12,23 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError
 
-__all__ = ["NUMBER", "codes", "is_text", "looks_like_number", "looks_like_time", "numbers", "trimmed", "values"]
+__all__ = [
+    "NUMBER_PATTERN",
+    "factorize",
+    "is_text",
+    "looks_like_number",
+    "looks_like_time",
+    "to_attribute",
+    "to_floats",
+    "trimmed_text",
+]
 
 #: What a decimal number looks like.
-NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?$"
+NUMBER_PATTERN = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?$"
 #: What a date or a time of day begins with.
-_TIME = r"""(?ix)^ (?: \d{4}[-/.:]\d{1,2}[-/.:]\d  |  \d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}  |  \d{1,2}:\d{2}  |  \d{8}[T ]\d{2,6}
+_TIME_PATTERN = r"""(?ix)^ (?: \d{4}[-/.:]\d{1,2}[-/.:]\d  |  \d{1,2}[-/.]\d{1,2}[-/.]\d{2,4}  |  \d{1,2}:\d{2}  |  \d{8}[T ]\d{2,6}
     |  (?:(?:mon|tue|wed|thu|fri|sat|sun)[a-z]*,?\s+)? (?:\d{1,2}[-\s]%(months)s[-\s]\d{2}  |  %(months)s\s+\d{1,2}[,\s]) )"""
-_TIME %= {"months": "(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*"}
+_TIME_PATTERN %= {"months": "(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*"}
 
 Floats = NDArray[np.float64]
 
@@ -32,7 +41,7 @@ def looks_like_number(cell: str) -> bool:
     >>> looks_like_number(" -1.5e3"), looks_like_number("t")
     (True, False)
     """
-    return re.match(NUMBER, cell.strip()) is not None
+    return re.match(NUMBER_PATTERN, cell.strip()) is not None
 
 
 def looks_like_time(cell: str) -> bool:
@@ -43,10 +52,10 @@ def looks_like_time(cell: str) -> bool:
     >>> looks_like_time("2024-01-31T12:00Z"), looks_like_time("12:30"), looks_like_time("time")
     (True, True, False)
     """
-    return re.match(_TIME, cell.strip()) is not None
+    return re.match(_TIME_PATTERN, cell.strip()) is not None
 
 
-def numbers(column: Any, decimal_comma: bool = False) -> Floats:
+def to_floats(column: Any, decimal_comma: bool = False) -> Floats:
     """Turn a column of any type into floats.
 
     Parameters
@@ -63,25 +72,27 @@ def numbers(column: Any, decimal_comma: bool = False) -> Floats:
 
     Examples
     --------
-    >>> numbers(pa.chunked_array([["1.5", "", "n/a"]])).tolist()
+    >>> to_floats(pa.chunked_array([["1.5", "", "n/a"]])).tolist()
     [1.5, nan, nan]
     """
     kind = column.type
     if is_text(kind):
-        text = trimmed(column)
+        text = trimmed_text(column)
         text = pc.replace_substring(text, ",", ".") if decimal_comma else text
-        column = _cast(pc.if_else(pc.match_substring_regex(text, NUMBER), text, None), pa.float64())
+        column = _cast(
+            pc.if_else(pc.match_substring_regex(text, NUMBER_PATTERN), text, None), pa.float64()
+        )
     elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
         return np.full(len(column), np.nan)
     return np.array(pc.cast(column, pa.float64(), safe=False).to_numpy(), dtype=np.float64)
 
 
-def codes(column: Any) -> tuple[tuple[str, ...], NDArray[np.integer[Any]]]:
+def factorize(column: Any) -> tuple[tuple[str, ...], NDArray[np.integer[Any]]]:
     """Turn a column of names into texts in the order of first appearance, and an index into them for each row.
 
     Examples
     --------
-    >>> codes(pa.chunked_array([["b", "a", "b"]]))
+    >>> factorize(pa.chunked_array([["b", "a", "b"]]))
     (('b', 'a'), array([0, 1, 0], dtype=int32))
     """
     _check_flat(column.type)
@@ -90,7 +101,11 @@ def codes(column: Any) -> tuple[tuple[str, ...], NDArray[np.integer[Any]]]:
     if not is_text(column.type):
         column = pc.cast(column, pa.string())
     column = column if pa.types.is_dictionary(column.type) else pc.dictionary_encode(column)
-    array = column.unify_dictionaries().combine_chunks() if isinstance(column, pa.ChunkedArray) else column
+    array = (
+        column.unify_dictionaries().combine_chunks()
+        if isinstance(column, pa.ChunkedArray)
+        else column
+    )
     array = array.chunk(0) if isinstance(array, pa.ChunkedArray) else array
     names = [name or "" for name in array.dictionary.to_pylist()]
     index = array.indices
@@ -101,20 +116,28 @@ def codes(column: Any) -> tuple[tuple[str, ...], NDArray[np.integer[Any]]]:
     return tuple(names), index.to_numpy(zero_copy_only=False)
 
 
-def values(column: Any) -> NDArray[np.generic]:
+def to_attribute(column: Any) -> NDArray[np.generic]:
     """Turn a column to keep into integers where it holds nothing else, into floats where it holds numbers, else into texts."""
     if pa.types.is_integer(column.type) and not column.null_count and column.type != pa.uint64():
         return np.array(pc.cast(column, pa.int64()).to_numpy())
-    if pa.types.is_integer(column.type) or pa.types.is_floating(column.type) or pa.types.is_decimal(column.type):
-        return numbers(column)
+    if (
+        pa.types.is_integer(column.type)
+        or pa.types.is_floating(column.type)
+        or pa.types.is_decimal(column.type)
+    ):
+        return to_floats(column)
     _check_flat(column.type)
-    return np.array([value or "" for value in pc.cast(column, pa.string()).to_pylist()], dtype=np.str_)
+    return np.array(
+        [value or "" for value in pc.cast(column, pa.string()).to_pylist()], dtype=np.str_
+    )
 
 
 def _check_flat(kind: Any) -> None:
     """Refuse columns whose cells are lists or structures of values."""
     if pa.types.is_nested(kind):
-        raise InputError(f"a column that is to be text holds {kind}; name another one, or leave it out")
+        raise InputError(
+            f"a column that is to be text holds {kind}; name another one, or leave it out"
+        )
 
 
 def is_text(kind: Any) -> bool:
@@ -133,7 +156,7 @@ def is_text(kind: Any) -> bool:
     )
 
 
-def trimmed(column: Any) -> Any:
+def trimmed_text(column: Any) -> Any:
     """Cast a column to text without white space around it."""
     return pc.utf8_trim_whitespace(pc.cast(column, pa.string()))
 

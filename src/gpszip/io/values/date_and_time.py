@@ -8,9 +8,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from gpszip.errors import InputError
-from gpszip.io.values.arrow import NUMBER, numbers, trimmed
+from gpszip.io.values.arrow import NUMBER_PATTERN, to_floats, trimmed_text
 
-__all__ = ["joined"]
+__all__ = ["join_date_and_time"]
 
 #: The first number that can be a time of day with an hour in it, written hhmmss without zeros before it.
 _ONE_O_CLOCK = 10_000
@@ -19,7 +19,9 @@ _ONE_O_CLOCK = 10_000
 _CLOCK = r"^\d{1,2}:\d{2}"
 
 
-def joined(date: Any, time: Any, where: str, *, numbers_are_seconds: bool = False) -> Any:
+def join_date_and_time(
+    date: Any, time: Any, where: str, *, numbers_are_seconds: bool = False
+) -> Any:
     """Join a date and a time of day.
 
     The time of day is written with colons (``8:00:00``) or as a number of hours, minutes and seconds (``80000``,
@@ -48,7 +50,7 @@ def joined(date: Any, time: Any, where: str, *, numbers_are_seconds: bool = Fals
 
     Examples
     --------
-    >>> joined(pa.chunked_array([[20240504]]), pa.chunked_array([[80000]]), "a.csv").to_pylist()
+    >>> join_date_and_time(pa.chunked_array([[20240504]]), pa.chunked_array([[80000]]), "a.csv").to_pylist()
     ['20240504 08:00:00']
     """
     # Bring times of day to one form.
@@ -64,32 +66,41 @@ def joined(date: Any, time: Any, where: str, *, numbers_are_seconds: bool = Fals
     days = pc.replace_substring_regex(days, r"^(\d{2})(\d{2})(\d{2})$", r"\1-\2-\3")
 
     # A cell that is no time of day may hold its date, too.
-    return pc.if_else(pc.match_substring_regex(clocks, _CLOCK), pc.binary_join_element_wise(days, clocks, " "), clocks)
+    return pc.if_else(
+        pc.match_substring_regex(clocks, _CLOCK),
+        pc.binary_join_element_wise(days, clocks, " "),
+        clocks,
+    )
 
 
 def _text(column: Any) -> Any:
     """Text of a column; whole numbers have no decimals."""
     if pa.types.is_floating(column.type) and pc.all(pc.equal(column, pc.floor(column))).as_py():
         column = pc.cast(column, pa.int64(), safe=False)
-    return trimmed(column)
+    return trimmed_text(column)
 
 
 def _are_times_of_day(text: Any, where: str) -> bool:
     """Whether all numbers can be hours, minutes and seconds and can't be seconds."""
     # Is each of them a time of day?
-    text = text.filter(pc.match_substring_regex(text, NUMBER))
-    values = numbers(text)
+    text = text.filter(pc.match_substring_regex(text, NUMBER_PATTERN))
+    values = to_floats(text)
     hours, minutes, secs = values // 10_000, values // 100 % 100, values % 100
     if not len(values) or not ((values >= 0) & (hours < 24) & (minutes < 60) & (secs < 61)).all():
         return False
 
     # Six digits with a zero before them, or hours, are no seconds; less than a minute is the same in both.
-    if pc.any(pc.match_substring_regex(text, r"^0\d{5}(\D|$)")).as_py() or values.max() >= _ONE_O_CLOCK:
+    if (
+        pc.any(pc.match_substring_regex(text, r"^0\d{5}(\D|$)")).as_py()
+        or values.max() >= _ONE_O_CLOCK
+    ):
         return True
     if values.max() < 60:
         return False
     cell = text[int((values >= 60).argmax())].as_py()
-    raise InputError(f"{where}: {cell!r} can be seconds or hhmmss; if seconds, say so: --time-unit s; else write 00:01:00 or 000100")
+    raise InputError(
+        f"{where}: {cell!r} can be seconds or hhmmss; if seconds, say so: --time-unit s; else write 00:01:00 or 000100"
+    )
 
 
 def _with_colons(text: Any) -> Any:
@@ -98,4 +109,4 @@ def _with_colons(text: Any) -> Any:
     part = pc.replace_substring_regex(text, r"^\d*\.?", ".")
     clock = pc.replace_substring_regex(whole, r"^(\d{2})(\d{2})(\d{2})$", r"\1:\2:\3")
     clock = pc.if_else(pc.equal(part, "."), clock, pc.binary_join_element_wise(clock, part, ""))
-    return pc.if_else(pc.match_substring_regex(text, NUMBER), clock, text)
+    return pc.if_else(pc.match_substring_regex(text, NUMBER_PATTERN), clock, text)

@@ -10,18 +10,18 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OptionError
-from gpszip.io.values.arrow import NUMBER, is_text, numbers, trimmed
-from gpszip.io.values.dates import date_seconds, day_seconds
+from gpszip.io.values.arrow import NUMBER_PATTERN, is_text, to_floats, trimmed_text
+from gpszip.io.values.dates import clock_to_seconds, dates_to_seconds
 
 __all__ = [
     "TIME_UNITS",
+    "guess_unit_by_size",
     "holds_numbers",
     "holds_times_of_day",
-    "in_unit",
-    "seconds",
-    "seconds_of_day",
-    "unit_by_size",
-    "unit_of",
+    "numbers_to_seconds",
+    "times_of_day_to_seconds",
+    "times_to_seconds",
+    "unit_name",
     "unit_origin",
     "unit_seconds",
 ]
@@ -44,21 +44,25 @@ _UNITS = {
 TIME_UNITS = tuple(_UNITS)
 
 #: Numbers up to the first are seconds, up to the next milliseconds, and so on, where nobody names the unit.
-_SIZES = ((1e11, "s"), (1e14, "ms"), (1e17, "us"), (np.inf, "ns"))
+_UNIT_BY_SIZE = ((1e11, "s"), (1e14, "ms"), (1e17, "us"), (np.inf, "ns"))
 
 #: Decimals of seconds that spreadsheets tell, whose days are rounded.
 _EXCEL_DECIMALS = 3
 
 #: A date and time of day without marks, which would be milliseconds of the 27th century.
-_COMPACT = r"^(19|20)\d{2}(0[1-9]|1[0-2])(0[1-9]|[12]\d|3[01])([01]\d|2[0-4])[0-5]\d([0-5]\d|60)(\.\d*)?$"
+_COMPACT = (
+    r"^(19|20)\d{2}(0[1-9]|1[0-2])(0[1-9]|[12]\d|3[01])([01]\d|2[0-4])[0-5]\d([0-5]\d|60)(\.\d*)?$"
+)
 
-_SHOWN = 40  # letters of a cell in messages
+_MAX_SHOWN_LETTERS = 40  # letters of a cell in messages
 _EXAMPLES = "ISO 8601 (2024-01-31T12:00:00Z), seconds or milliseconds"
 
 Floats = NDArray[np.float64]
 
 
-def seconds(column: Any, unit: float | None, where: str, *, origin: float = 0.0, dates: str | None = None) -> Floats:
+def times_to_seconds(
+    column: Any, unit: float | None, where: str, *, origin: float = 0.0, dates: str | None = None
+) -> Floats:
     """Turn a column of times into seconds.
 
     Numbers are in the unit given, or else, by the size of their median, in seconds (up to 1e11), milliseconds (1e14),
@@ -91,9 +95,9 @@ def seconds(column: Any, unit: float | None, where: str, *, origin: float = 0.0,
 
     Examples
     --------
-    >>> seconds(pa.chunked_array([["1970-01-01T00:00:01.5Z", "1970-01-01 01:00:02+01:00"]]), None, "a").tolist()
+    >>> times_to_seconds(pa.chunked_array([["1970-01-01T00:00:01.5Z", "1970-01-01 01:00:02+01:00"]]), None, "a").tolist()
     [1.5, 2.0]
-    >>> seconds(pa.chunked_array([[1700000000077]]), None, "a").tolist()
+    >>> times_to_seconds(pa.chunked_array([[1700000000077]]), None, "a").tolist()
     [1700000000.077]
     """
     # Types that say what they are.
@@ -101,32 +105,34 @@ def seconds(column: Any, unit: float | None, where: str, *, origin: float = 0.0,
     if pa.types.is_date(kind):
         column = pc.cast(column, pa.timestamp("ms"))
     if pa.types.is_timestamp(column.type) or pa.types.is_duration(kind):
-        return _ticks(column)
+        return _ticks_to_seconds(column)
     if not (is_text(kind) or _is_numeric(kind)):
         raise InputError(f"{where} holds {kind}, which is no time; give {_EXAMPLES}")
 
     # Numbers, and texts that hold them.
-    if unit is None and (size := unit_by_size(column)):
+    if unit is None and (size := guess_unit_by_size(column)):
         unit = unit_seconds(size)
     if unit is not None and holds_numbers(column):
-        return _scaled(column, unit, origin)
+        return _scale_to_seconds(column, unit, origin)
 
     # Dates.
-    text = trimmed(column)
-    times = date_seconds(text, dates, where)
+    text = trimmed_text(column)
+    times = dates_to_seconds(text, dates, where)
     cells = pc.fill_null(pc.not_equal(text, ""), False).to_numpy()
     if cells.any() and np.isnan(times).all():
         cell = text[int(cells.argmax())].as_py()
-        raise InputError(f"{where}: {cell[:_SHOWN]!r} is no date and time; give {_EXAMPLES}")
+        raise InputError(
+            f"{where}: {cell[:_MAX_SHOWN_LETTERS]!r} is no date and time; give {_EXAMPLES}"
+        )
     return times
 
 
-def in_unit(values: Floats, unit: str) -> Floats:
+def numbers_to_seconds(values: Floats, unit: str) -> Floats:
     """Turn numbers in a unit of :data:`TIME_UNITS` into seconds.
 
     Examples
     --------
-    >>> in_unit(np.array([25569.5]), "excel").tolist()
+    >>> numbers_to_seconds(np.array([25569.5]), "excel").tolist()
     [43200.0]
     """
     factor, origin = _UNITS[unit]
@@ -146,8 +152,10 @@ def holds_numbers(column: Any) -> bool:
     """
     if not is_text(column.type):
         return _is_numeric(column.type)
-    text = trimmed(column)
-    return 2 * _count(pc.match_substring_regex(text, NUMBER)) > _count(pc.not_equal(text, ""))
+    text = trimmed_text(column)
+    return 2 * _count(pc.match_substring_regex(text, NUMBER_PATTERN)) > _count(
+        pc.not_equal(text, "")
+    )
 
 
 def holds_times_of_day(column: Any) -> bool:
@@ -160,21 +168,25 @@ def holds_times_of_day(column: Any) -> bool:
     """
     if pa.types.is_time(column.type):
         return True
-    if not is_text(column.type) or not _count(pc.match_substring_regex(trimmed(column.slice(0, 1000)), r"^\d{1,2}:\d{2}:\d{2}")):
+    if not is_text(column.type) or not _count(
+        pc.match_substring_regex(trimmed_text(column.slice(0, 1000)), r"^\d{1,2}:\d{2}:\d{2}")
+    ):
         return False
-    text = trimmed(column)
-    return 2 * _count(pc.match_substring_regex(text, r"^\d{1,2}:\d{2}:\d{2}")) > _count(pc.not_equal(text, ""))
+    text = trimmed_text(column)
+    return 2 * _count(pc.match_substring_regex(text, r"^\d{1,2}:\d{2}:\d{2}")) > _count(
+        pc.not_equal(text, "")
+    )
 
 
-def seconds_of_day(column: Any) -> Floats:
+def times_of_day_to_seconds(column: Any) -> Floats:
     """Turn times of day into seconds from midnight; NaN for what is none.
 
     Examples
     --------
-    >>> seconds_of_day(pa.chunked_array([["00:01:00.5", ""]])).tolist()
+    >>> times_of_day_to_seconds(pa.chunked_array([["00:01:00.5", ""]])).tolist()
     [60.5, nan]
     """
-    return day_seconds(trimmed(column))
+    return clock_to_seconds(trimmed_text(column))
 
 
 def unit_seconds(unit: str) -> float:
@@ -206,35 +218,42 @@ def unit_origin(unit: str | None) -> float:
     return 0.0 if unit is None else _UNITS[unit][1]
 
 
-def unit_of(factor: float | None) -> str | None:
+def unit_name(factor: float | None) -> str | None:
     """Name of the unit of so many seconds; None for none.
 
     Examples
     --------
-    >>> unit_of(0.001), unit_of(None)
+    >>> unit_name(0.001), unit_name(None)
     ('ms', None)
     """
-    return next((name for name, (own, origin) in _UNITS.items() if own == factor and not origin), None)
+    return next(
+        (name for name, (own, origin) in _UNITS.items() if own == factor and not origin), None
+    )
 
 
-def unit_by_size(column: Any) -> str | None:
+def guess_unit_by_size(column: Any) -> str | None:
     """Unit that the size of most numbers in a column tells; None where it holds dates.
 
     Examples
     --------
-    >>> unit_by_size(pa.chunked_array([[1700000000077]])), unit_by_size(pa.chunked_array([["2024-05-04"]]))
+    >>> guess_unit_by_size(pa.chunked_array([[1700000000077]])), guess_unit_by_size(pa.chunked_array([["2024-05-04"]]))
     ('ms', None)
     """
     if not holds_numbers(column) or _is_compact(column):
         return None
-    values = numbers(column)
+    values = to_floats(column)
     values = np.abs(values[np.isfinite(values)])
     size = float(np.median(values)) if len(values) else 0.0
-    return next(unit for top, unit in _SIZES if size <= top)
+    return next(unit for top, unit in _UNIT_BY_SIZE if size <= top)
 
 
 def _is_numeric(kind: Any) -> bool:
-    return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind) or pa.types.is_null(kind))
+    return bool(
+        pa.types.is_integer(kind)
+        or pa.types.is_floating(kind)
+        or pa.types.is_decimal(kind)
+        or pa.types.is_null(kind)
+    )
 
 
 def _count(flags: Any) -> int:
@@ -245,11 +264,15 @@ def _is_compact(column: Any) -> bool:
     """Whether all numbers are dates without marks, such as 20240504080000."""
     if pa.types.is_floating(column.type) or not len(column):
         return False
-    text = trimmed(column)
-    return _count(pc.match_substring_regex(text, _COMPACT)) == _count(pc.match_substring_regex(text, NUMBER)) > 0
+    text = trimmed_text(column)
+    return (
+        _count(pc.match_substring_regex(text, _COMPACT))
+        == _count(pc.match_substring_regex(text, NUMBER_PATTERN))
+        > 0
+    )
 
 
-def _ticks(column: Any) -> Floats:
+def _ticks_to_seconds(column: Any) -> Floats:
     ticks = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[column.type.unit]
     whole, part = np.divmod(pc.fill_null(pc.cast(column, pa.int64()), 0).to_numpy(), ticks)
     result: Floats = whole + part / ticks
@@ -257,9 +280,9 @@ def _ticks(column: Any) -> Floats:
     return result
 
 
-def _scaled(column: Any, unit: float, origin: float) -> Floats:
+def _scale_to_seconds(column: Any, unit: float, origin: float) -> Floats:
     """Seconds of numbers in a unit."""
-    plain = numbers(column)
+    plain = to_floats(column)
     if unit == 1 and not origin:
         return plain
 

@@ -10,39 +10,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
-from gpszip.mapping.kernels.grid_moments import free_cost, line_cost, span_moments
-from gpszip.mapping.kernels.time_grid import Board, Ground
+from gpszip.mapping.kernels.grid_moments import best_line_cost, line_cost, moments_between
+from gpszip.mapping.kernels.time_grid import DPTable, TimeGridArrays
 
-__all__ = ["directions", "relax_within"]
+__all__ = ["build_directions", "fill_table_within_max_error"]
 
 #: Directions across half a turn in the plane.
-_FAN = 16
+_DIRECTIONS = 16
 
 #: Bits beyond which the squared error of a part is more than knots in between would cost.
-_TOO_DEAR = 45.0
+_MAX_LINE_BITS = 45.0
 
 
-def directions(dimension: int) -> tuple[NDArray[np.float64], float]:
+def build_directions(dimension: int) -> tuple[NDArray[np.float64], float]:
     """Directions whose strips enclose a ball, and the share of a radius at which their corners stay within it."""
     if dimension == 2:
-        angle = np.arange(_FAN) * (np.pi / _FAN)
-        return np.stack([np.cos(angle), np.sin(angle)], axis=1), float(np.cos(np.pi / (2 * _FAN)))
+        angle = np.arange(_DIRECTIONS) * (np.pi / _DIRECTIONS)
+        return np.stack([np.cos(angle), np.sin(angle)], axis=1), float(
+            np.cos(np.pi / (2 * _DIRECTIONS))
+        )
     return np.eye(dimension), dimension**-0.5
 
 
 @jit
-def _narrow(
-    ground: Ground, first: int, last: int, start: float, along: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
+def _intersect_velocities(
+    grid_arrays: TimeGridArrays,
+    first: int,
+    last: int,
+    start: float,
+    along: NDArray[np.float64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
 ) -> bool:
     """Intersect the velocities with the cones of the samples first to last; tell whether any are left."""
-    reach = ground.reach[0]
-    dimension = ground.spots.shape[1]
+    reach = grid_arrays.reach[0]
+    dimension = grid_arrays.sample_positions.shape[1]
     for i in range(first, last):
-        span = ground.times[i] - start
+        span = grid_arrays.times[i] - start
         for m in range(len(along)):
             offset = -along[m]
             for axis in range(dimension):
-                offset += ground.directions[m, axis] * ground.spots[i, axis]
+                offset += grid_arrays.directions[m, axis] * grid_arrays.sample_positions[i, axis]
             if span < 1e-9:
                 if abs(offset) > reach:
                     return False
@@ -55,30 +63,41 @@ def _narrow(
 
 
 @jit
-def _is_reached(
-    ground: Ground, spot: NDArray[np.float64], span: float, along: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]
+def _is_reachable(
+    grid_arrays: TimeGridArrays,
+    spot: NDArray[np.float64],
+    span: float,
+    along: NDArray[np.float64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
 ) -> bool:
     """Whether a place is reached after ``span`` at a velocity that is left."""
     for m in range(len(along)):
         offset = -along[m]
         for axis in range(len(spot)):
-            offset += ground.directions[m, axis] * spot[axis]
+            offset += grid_arrays.directions[m, axis] * spot[axis]
         if offset < low[m] * span or offset > high[m] * span:
             return False
     return True
 
 
 @jit
-def relax_within(
-    ground: Ground, board: Board, first: int, widest: int, time_price: float, stay_price: float, error_price: float = 0.0
+def fill_table_within_max_error(
+    grid_arrays: TimeGridArrays,
+    dp_table: DPTable,
+    first: int,
+    max_slots: int,
+    time_price: float,
+    stay_price: float,
+    error_price: float = 0.0,
 ) -> None:
     """Fill the board from its first row on, along parts no sample of which is out of the ground's reach.
 
     Row r stands for slot ``first`` + r; a part spans at most ``widest`` of them and costs its step and ``time_price``, or
     ``stay_price`` if it stays at its node, and its squared error at ``error_price``.
     """
-    candidates, counts, spot, local, table, best, parent_row, parent_choice = board
-    fan, dimension = ground.directions.shape
+    candidates, counts, spot, local, table, best, parent_row, parent_choice = dp_table
+    fan, dimension = grid_arrays.directions.shape
     rows = len(counts)
     low, high, along = np.empty(fan), np.empty(fan), np.empty(fan)
     m, n, center = np.empty(dimension), np.empty(dimension), np.empty(dimension)
@@ -91,22 +110,30 @@ def relax_within(
             for ray in range(fan):
                 low[ray], high[ray], along[ray] = -np.inf, np.inf, 0.0
                 for axis in range(dimension):
-                    along[ray] += ground.directions[ray, axis] * spot[origin, o, axis]
+                    along[ray] += grid_arrays.directions[ray, axis] * spot[origin, o, axis]
             a = first + origin
-            start = ground.cells[a]
+            start = grid_arrays.time_steps[a]
             if error_price > 0.0:
-                center[:] = ground.centers[a] / ground.unit[0]
-            for row in range(origin + 1, min(origin + widest, rows - 1) + 1):
-                if not _narrow(ground, ground.ends[first + row - 1], ground.ends[first + row], start, along, low, high):
+                center[:] = grid_arrays.centers[a] / grid_arrays.ticks_per_step[0]
+            for row in range(origin + 1, min(origin + max_slots, rows - 1) + 1):
+                if not _intersect_velocities(
+                    grid_arrays,
+                    grid_arrays.ends[first + row - 1],
+                    grid_arrays.ends[first + row],
+                    start,
+                    along,
+                    low,
+                    high,
+                ):
                     break
                 b = first + row
-                span = ground.cells[b] - start
+                span = grid_arrays.time_steps[b] - start
                 if error_price > 0.0:
-                    w, u1, u2, q = span_moments(
-                        ground.sums, a, b, ground.ticks[a], ground.ticks[b], ground.centers[a], ground.unit[0], m, n
+                    w, u1, u2, q = moments_between(
+                        grid_arrays.sums, a, b, grid_arrays.ticks[a], grid_arrays.ticks[b], grid_arrays.centers[a], grid_arrays.ticks_per_step[0], m, n
                     )  # fmt: skip
-                    least = error_price * free_cost(w, u1, u2, q, m, n)
-                    if least > _TOO_DEAR:
+                    least = error_price * best_line_cost(w, u1, u2, q, m, n)
+                    if least > _MAX_LINE_BITS:
                         break
                     if reached + least >= np.max(best[row, : counts[row]]):
                         continue
@@ -116,8 +143,12 @@ def relax_within(
                     else:
                         cost = reached + time_price + table[local[origin, o], local[row, c]]
                     if error_price > 0.0 and cost < best[row, c]:
-                        cost += error_price * line_cost(w, u1, u2, q, m, n, spot[origin, o], spot[row, c], center)
-                    if cost < best[row, c] and _is_reached(ground, spot[row, c], span, along, low, high):
+                        cost += error_price * line_cost(
+                            w, u1, u2, q, m, n, spot[origin, o], spot[row, c], center
+                        )
+                    if cost < best[row, c] and _is_reachable(
+                        grid_arrays, spot[row, c], span, along, low, high
+                    ):
                         best[row, c] = cost
                         parent_row[row, c] = origin
                         parent_choice[row, c] = o

@@ -11,15 +11,25 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["free_cost", "line_cost", "part_costs", "part_moments", "prefix_sums", "span_moments"]
+__all__ = [
+    "best_line_cost",
+    "line_cost",
+    "moments_between",
+    "prefix_sums",
+    "segment_costs",
+    "segment_moments",
+]
 
 
 @jit
 def prefix_sums(
-    times: NDArray[np.int64], places: NDArray[np.int64], weights: NDArray[np.int64], ends: NDArray[np.int64]
+    times: NDArray[np.int64],
+    positions: NDArray[np.int64],
+    weights: NDArray[np.int64],
+    ends: NDArray[np.int64],
 ) -> NDArray[np.int64]:
     """Weighted sums over the samples before each of ``ends`` (indices of samples, not decreasing), shape (len(ends), 2d + 4)."""
-    dimension = places.shape[1]
+    dimension = positions.shape[1]
     sums = np.zeros((len(ends), 2 * dimension + 4), np.int64)
     running = np.zeros(2 * dimension + 4, np.int64)
     i = 0
@@ -30,7 +40,7 @@ def prefix_sums(
             running[1] += w * t
             running[2] += w * t * t
             for axis in range(dimension):
-                x = places[i, axis]
+                x = positions[i, axis]
                 running[3 + axis] += w * x
                 running[3 + dimension + axis] += w * t * x
                 running[3 + 2 * dimension] += w * x * x
@@ -40,14 +50,14 @@ def prefix_sums(
 
 
 @jit
-def span_moments(
+def moments_between(
     sums: NDArray[np.int64],
     a: int,
     b: int,
     start: int,
     end: int,
     center: NDArray[np.int64],
-    place_unit: float,
+    ticks_per_step: float,
     first: NDArray[np.float64],
     cross: NDArray[np.float64],
 ) -> tuple[float, float, float, float]:
@@ -67,14 +77,21 @@ def span_moments(
         dx = sums[b, 3 + axis] - sums[a, 3 + axis]
         dtx = sums[b, 3 + dimension + axis] - sums[a, 3 + dimension + axis]
         m = dx - c * count
-        first[axis] = np.float64(m) / place_unit
-        cross[axis] = np.float64(dtx - start * dx - c * t1) / (place_unit * span)
+        first[axis] = np.float64(m) / ticks_per_step
+        cross[axis] = np.float64(dtx - start * dx - c * t1) / (ticks_per_step * span)
         square += c * c * count - 2 * c * dx
-    return np.float64(count), np.float64(t1) / span, np.float64(t2) / (span * span), np.float64(square) / (place_unit * place_unit)
+    return (
+        np.float64(count),
+        np.float64(t1) / span,
+        np.float64(t2) / (span * span),
+        np.float64(square) / (ticks_per_step * ticks_per_step),
+    )
 
 
 @jit
-def free_cost(w: float, u1: float, u2: float, q: float, first: NDArray[np.float64], cross: NDArray[np.float64]) -> float:
+def best_line_cost(
+    w: float, u1: float, u2: float, q: float, first: NDArray[np.float64], cross: NDArray[np.float64]
+) -> float:
     """Squared error of the best line for these moments."""
     if w < 1.5:
         return 0.0
@@ -105,39 +122,62 @@ def line_cost(
     for axis in range(len(first)):
         a = start[axis] - center[axis]
         d = end[axis] - start[axis]
-        cost += w * a * a + 2.0 * u1 * a * d + u2 * d * d - 2.0 * (a * first[axis] + d * cross[axis])
+        cost += (
+            w * a * a + 2.0 * u1 * a * d + u2 * d * d - 2.0 * (a * first[axis] + d * cross[axis])
+        )
     return max(cost, 0.0)
 
 
 @jit
-def part_moments(
+def segment_moments(
     sums: NDArray[np.int64],
     froms: NDArray[np.int64],
     tos: NDArray[np.int64],
     ticks: NDArray[np.int64],
     centers: NDArray[np.int64],
-    place_unit: float,
+    ticks_per_step: float,
 ) -> NDArray[np.float64]:
     """Rows (W, U1, U2, Q, M..., N...) for the parts from slot ``froms`` to ``tos``, relative to the centre of their first slot."""
     dimension = centers.shape[1]
     out = np.empty((len(froms), 4 + 2 * dimension))
     for j in range(len(froms)):
         a, b = froms[j], tos[j]
-        w, u1, u2, q = span_moments(
-            sums, a, b, ticks[a], ticks[b], centers[a], place_unit, out[j, 4 : 4 + dimension], out[j, 4 + dimension :]
+        w, u1, u2, q = moments_between(
+            sums,
+            a,
+            b,
+            ticks[a],
+            ticks[b],
+            centers[a],
+            ticks_per_step,
+            out[j, 4 : 4 + dimension],
+            out[j, 4 + dimension :],
         )
         out[j, 0], out[j, 1], out[j, 2], out[j, 3] = w, u1, u2, q
     return out
 
 
 @jit
-def part_costs(
-    moments: NDArray[np.float64], starts: NDArray[np.float64], ends: NDArray[np.float64], centers: NDArray[np.float64]
+def segment_costs(
+    moments: NDArray[np.float64],
+    starts: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    centers: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Squared error of each part on its line."""
     dimension = starts.shape[1]
     out = np.empty(len(moments))
     for j in range(len(moments)):
         row = moments[j]
-        out[j] = line_cost(row[0], row[1], row[2], row[3], row[4 : 4 + dimension], row[4 + dimension :], starts[j], ends[j], centers[j])
+        out[j] = line_cost(
+            row[0],
+            row[1],
+            row[2],
+            row[3],
+            row[4 : 4 + dimension],
+            row[4 + dimension :],
+            starts[j],
+            ends[j],
+            centers[j],
+        )
     return out

@@ -8,29 +8,50 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
-from gpszip.mapping.kernels.local_search_bits import FIXED, WORK, Desk, code_all, code_prefix
-from gpszip.mapping.kernels.local_search_moves import PROMISE, TRIALS, Offers, Ways, offer_changes
-from gpszip.mapping.kernels.local_search_state import BITS, KNOTS, SQUARE, Chain, Samples, copy_chain, is_within, replace_knots
+from gpszip.mapping.kernels.local_search_bits import (
+    FIXED,
+    WORK,
+    CoderWorkspace,
+    encode_all,
+    encode_prefix,
+)
+from gpszip.mapping.kernels.local_search_moves import (
+    MAX_TRIALS,
+    MIN_SAVING,
+    CandidateMoves,
+    PriorEdges,
+    list_moves,
+)
+from gpszip.mapping.kernels.local_search_state import (
+    BITS,
+    KNOTS,
+    SQUARE,
+    GridSamples,
+    KnotList,
+    copy_knot_list,
+    is_within,
+    replace_knots,
+)
 
-__all__ = ["Calls", "Rule", "decide", "sweep_knots"]
+__all__ = ["AcceptanceRule", "KernelPointers", "accept_or_undo", "sweep_knots"]
 
 #: Knots coded behind those that may change, and knots whose changes share a prefix.
 _TAIL, _CHUNK = 12, 8
 
 
 #: Bits that a change saves at least.
-_LEAST = 1e-6
+_MIN_GAIN = 1e-6
 
 
-class Calls(NamedTuple):
+class KernelPointers(NamedTuple):
     """Kernels that are called but not built in, since those that call them would take long to compile."""
 
     code: Any  # walk_coder.code_walks
     window: Any  # polish_code.code_window
-    decide: Any  # decide, below
+    accept_or_undo: Any  # decide, below
 
 
-class Rule(NamedTuple):
+class AcceptanceRule(NamedTuple):
     """What decides about a change."""
 
     price: float  # bits for a squared error
@@ -44,117 +65,137 @@ class Rule(NamedTuple):
 
 
 @jit
-def _cost(chain: Chain, rule: Rule) -> float:
+def _cost(knot_list: KnotList, rule: AcceptanceRule) -> float:
     """Bits, and the error at its price."""
-    return chain.totals[BITS] + rule.price * chain.totals[SQUARE]
+    return knot_list.totals[BITS] + rule.price * knot_list.totals[SQUARE]
 
 
 @jit
-def _keep_best(chain: Chain, best: Chain, rule: Rule) -> None:
+def _keep_best(knot_list: KnotList, best: KnotList, rule: AcceptanceRule) -> None:
     """Remember the smallest walks within the bound."""
-    if chain.totals[SQUARE] <= rule.bound and chain.totals[BITS] < best.totals[BITS]:
-        for g in range(len(chain.squares)):
-            if chain.squares[g] > rule.bounds[g]:
+    if knot_list.totals[SQUARE] <= rule.bound and knot_list.totals[BITS] < best.totals[BITS]:
+        for g in range(len(knot_list.squares)):
+            if knot_list.squares[g] > rule.bounds[g]:
                 return
-        copy_chain(chain, best)
+        copy_knot_list(knot_list, best)
 
 
 @jit
-def _strays(chain: Chain, spare: Chain, rule: Rule) -> bool:
+def _exceeds_group_bound(knot_list: KnotList, backup: KnotList, rule: AcceptanceRule) -> bool:
     """Whether a change brings a group farther beyond its bound."""
     strays = False
-    for g in range(len(chain.squares)):
-        strays |= chain.squares[g] > rule.over * rule.bounds[g] and chain.squares[g] > spare.squares[g]
+    for g in range(len(knot_list.squares)):
+        strays |= (
+            knot_list.squares[g] > rule.over * rule.bounds[g]
+            and knot_list.squares[g] > backup.squares[g]
+        )
     return strays
 
 
 @jit
-def _is_allowed(samples: Samples, chain: Chain, offers: Offers, rule: Rule, row: int) -> bool:
+def _is_allowed(
+    samples: GridSamples, knot_list: KnotList, moves: CandidateMoves, rule: AcceptanceRule, row: int
+) -> bool:
     """Whether the error stays small enough with an offer."""
-    square = chain.totals[SQUARE] + offers.error[row]
-    if square > rule.most and offers.error[row] > 0:
+    square = knot_list.totals[SQUARE] + moves.error[row]
+    if square > rule.most and moves.error[row] > 0:
         return False
-    group = samples.groups[chain.slot[offers.first[row]]]
-    if offers.error[row] > 0 and chain.squares[group] + offers.error[row] > rule.over * rule.bounds[group]:
+    group = samples.groups[knot_list.slot[moves.first[row]]]
+    if (
+        moves.error[row] > 0
+        and knot_list.squares[group] + moves.error[row] > rule.over * rule.bounds[group]
+    ):
         return False
     if rule.maximum == 0:
         return True
-    first, after, count = offers.first[row], offers.after[row], offers.count[row]
-    i = first - 1 if first > 0 and (first == after or chain.joined[first]) else -1
-    slot, node = (chain.slot[i], chain.node[i]) if i >= 0 else (np.int64(-1), np.int64(-1))
+    first, after, count = moves.first[row], moves.after[row], moves.count[row]
+    i = first - 1 if first > 0 and (first == after or knot_list.joined[first]) else -1
+    slot, node = (knot_list.slot[i], knot_list.node[i]) if i >= 0 else (np.int64(-1), np.int64(-1))
     for k in range(count + 1):
-        if k == count and (after >= chain.counts[KNOTS] or not chain.joined[after]):
+        if k == count and (after >= knot_list.counts[KNOTS] or not knot_list.joined[after]):
             break
-        to = offers.slots[row, k] if k < count else chain.slot[after]
-        into = offers.nodes[row, k] if k < count else chain.node[after]
-        if slot >= 0 and not is_within(samples, slot, chain.places[node], to, chain.places[into], rule.maximum):
+        to = moves.slots[row, k] if k < count else knot_list.slot[after]
+        into = moves.nodes[row, k] if k < count else knot_list.node[after]
+        if slot >= 0 and not is_within(
+            samples, slot, knot_list.places[node], to, knot_list.places[into], rule.maximum
+        ):
             return False
         slot, node = to, into
     return True
 
 
 @jit
-def _look_ahead(desk: Desk, chain: Chain, end: int) -> None:
-    for v in range(len(desk.later)):
-        desk.later[v] = 0
-    for i in range(end, chain.counts[KNOTS]):
-        desk.later[chain.node[i]] += 1
+def _count_later_uses(workspace: CoderWorkspace, knot_list: KnotList, end: int) -> None:
+    for v in range(len(workspace.uses_after_window)):
+        workspace.uses_after_window[v] = 0
+    for i in range(end, knot_list.counts[KNOTS]):
+        workspace.uses_after_window[knot_list.node[i]] += 1
 
 
 @jit
-def decide(code: Any, desk: Desk, cells: NDArray[np.int64], chain: Chain, spare: Chain, best: Chain, rule: Rule) -> bool:
+def accept_or_undo(
+    code: Any,
+    workspace: CoderWorkspace,
+    cells: NDArray[np.int64],
+    knot_list: KnotList,
+    backup: KnotList,
+    best: KnotList,
+    rule: AcceptanceRule,
+) -> bool:
     """Code walks that were changed; take the change back, from ``spare``, unless it saves."""
-    if _strays(chain, spare, rule):
-        copy_chain(spare, chain)
+    if _exceeds_group_bound(knot_list, backup, rule):
+        copy_knot_list(backup, knot_list)
         return False
-    chain.totals[BITS] = code_all(code, desk, chain, cells)
-    if _cost(chain, rule) < _cost(spare, rule) - _LEAST:
-        _keep_best(chain, best, rule)
+    knot_list.totals[BITS] = encode_all(code, workspace, knot_list, cells)
+    if _cost(knot_list, rule) < _cost(backup, rule) - _MIN_GAIN:
+        _keep_best(knot_list, best, rule)
         return True
-    copy_chain(spare, chain)
+    copy_knot_list(backup, knot_list)
     return False
 
 
 @jit
 def _improve(
-    calls: Calls,
-    desk: Desk,
-    samples: Samples,
-    chain: Chain,
-    spare: Chain,
-    best: Chain,
-    offers: Offers,
-    rule: Rule,
+    pointers: KernelPointers,
+    workspace: CoderWorkspace,
+    samples: GridSamples,
+    knot_list: KnotList,
+    backup: KnotList,
+    best: KnotList,
+    moves: CandidateMoves,
+    rule: AcceptanceRule,
     start: int,
     end: int,
     base: float,
 ) -> bool:
     """Code the offers for one knot in a window and make the best change."""
-    bits = np.full(offers.filled[0], np.inf)
-    for row in range(offers.filled[0]):
-        if _is_allowed(samples, chain, offers, rule, row):
-            window = calls.window(
-                calls.code, desk, chain, samples.cells, start, end, offers.first[row], offers.after[row], offers.count[row],
-                offers.slots[row], offers.nodes[row],
+    bits = np.full(moves.filled[0], np.inf)
+    for row in range(moves.filled[0]):
+        if _is_allowed(samples, knot_list, moves, rule, row):
+            window = pointers.window(
+                pointers.code, workspace, knot_list, samples.time_steps, start, end, moves.first[row], moves.after[row], moves.count[row],
+                moves.slots[row], moves.nodes[row],
             )  # fmt: skip
-            bits[row] = window - base + rule.price * offers.error[row]
-    for _ in range(np.int64(min(offers.terms[TRIALS], len(bits)))):
+            bits[row] = window - base + rule.price * moves.error[row]
+    for _ in range(np.int64(min(moves.terms[MAX_TRIALS], len(bits)))):
         row = np.argmin(bits)
-        if bits[row] > -offers.terms[PROMISE]:
+        if bits[row] > -moves.terms[MIN_SAVING]:
             return False
-        copy_chain(chain, spare)
+        copy_knot_list(knot_list, backup)
         if not replace_knots(
             samples,
-            chain,
-            desk.counts[FIXED],
-            offers.first[row],
-            offers.after[row],
-            offers.count[row],
-            offers.slots[row],
-            offers.nodes[row],
+            knot_list,
+            workspace.counts[FIXED],
+            moves.first[row],
+            moves.after[row],
+            moves.count[row],
+            moves.slots[row],
+            moves.nodes[row],
         ):
-            copy_chain(spare, chain)
-        elif calls.decide(calls.code, desk, samples.cells, chain, spare, best, rule):
+            copy_knot_list(backup, knot_list)
+        elif pointers.accept_or_undo(
+            pointers.code, workspace, samples.time_steps, knot_list, backup, best, rule
+        ):
             return True
         bits[row] = np.inf
     return False
@@ -162,29 +203,57 @@ def _improve(
 
 @jit
 def sweep_knots(
-    calls: Calls, desk: Desk, samples: Samples, ways: Ways, chain: Chain, spare: Chain, best: Chain, offers: Offers, rule: Rule
+    pointers: KernelPointers,
+    workspace: CoderWorkspace,
+    samples: GridSamples,
+    prior_edges: PriorEdges,
+    knot_list: KnotList,
+    backup: KnotList,
+    best: KnotList,
+    moves: CandidateMoves,
+    rule: AcceptanceRule,
 ) -> int:
     """Go once along all walks and change what pays; return how often, ``best`` holds the smallest that was within the bound."""
     taken, start, none = 0, np.int64(0), np.int64(-1)
-    while start < chain.counts[KNOTS] and desk.counts[WORK] > 0:
+    while start < knot_list.counts[KNOTS] and workspace.counts[WORK] > 0:
         j = start + 2 if start > 0 else np.int64(0)
         stop = start + 2 + _CHUNK
-        code_prefix(calls.code, desk, chain, samples.cells, start + 1 if start > 0 else np.int64(0))
+        encode_prefix(
+            pointers.code,
+            workspace,
+            knot_list,
+            samples.time_steps,
+            start + 1 if start > 0 else np.int64(0),
+        )
         renewed = True
         end, base = np.int64(0), 0.0
-        while j < min(stop, chain.counts[KNOTS]) and desk.counts[WORK] > 0:
+        while j < min(stop, knot_list.counts[KNOTS]) and workspace.counts[WORK] > 0:
             if renewed:
-                end = min(stop + _TAIL, chain.counts[KNOTS])
-                _look_ahead(desk, chain, end)
-                base = calls.window(
-                    calls.code, desk, chain, samples.cells, start, end, none, none, np.int64(0), offers.slots[0], offers.nodes[0]
+                end = min(stop + _TAIL, knot_list.counts[KNOTS])
+                _count_later_uses(workspace, knot_list, end)
+                base = pointers.window(
+                    pointers.code,
+                    workspace,
+                    knot_list,
+                    samples.time_steps,
+                    start,
+                    end,
+                    none,
+                    none,
+                    np.int64(0),
+                    moves.slots[0],
+                    moves.nodes[0],
                 )
-            offer_changes(samples, chain, ways, offers, desk.counts[FIXED], j, rule.price)
-            knots = chain.counts[KNOTS]
-            renewed = _improve(calls, desk, samples, chain, spare, best, offers, rule, start, end, base)
+            list_moves(
+                samples, knot_list, prior_edges, moves, workspace.counts[FIXED], j, rule.price
+            )
+            knots = knot_list.counts[KNOTS]
+            renewed = _improve(
+                pointers, workspace, samples, knot_list, backup, best, moves, rule, start, end, base
+            )
             if renewed:
                 taken += 1
-                stop += chain.counts[KNOTS] - knots
+                stop += knot_list.counts[KNOTS] - knots
             j += 1
         start = max(stop - 2, start + 1)
     return taken

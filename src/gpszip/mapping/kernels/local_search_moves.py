@@ -8,17 +8,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
-from gpszip.mapping.kernels.grid_moments import span_moments
-from gpszip.mapping.kernels.local_search_state import KNOTS, NODES, TEMPORARY, Chain, Samples, error_of
+from gpszip.mapping.kernels.grid_moments import moments_between
+from gpszip.mapping.kernels.local_search_state import (
+    KNOTS,
+    NODES,
+    TEMPORARY,
+    GridSamples,
+    KnotList,
+    segment_error,
+)
 
-__all__ = ["HOPE", "MOST_OFFERS", "PROMISE", "TRIALS", "Offers", "Ways", "offer_changes"]
+__all__ = [
+    "MAX_EXTRA_BITS",
+    "MAX_MOVES",
+    "MAX_TRIALS",
+    "MIN_SAVING",
+    "CandidateMoves",
+    "PriorEdges",
+    "list_moves",
+]
 
 #: Numbers kept in ``Offers.terms``: bits that an offer may look dearer than what is there, how many are coded in full, and the bits of a
 #: window that these must promise.
-HOPE, TRIALS, PROMISE = 0, 1, 2
+MAX_EXTRA_BITS, MAX_TRIALS, MIN_SAVING = 0, 1, 2
 
 #: Offers kept for a knot.
-MOST_OFFERS = 32
+MAX_MOVES = 32
 
 #: Bits that a knot, a new way and a new node cost about.
 _KNOT, _LINK, _PLACE = 5.0, 5.0, 10.0
@@ -27,14 +42,14 @@ _KNOT, _LINK, _PLACE = 5.0, 5.0, 10.0
 _SHIFT, _TRIES = 2, 8
 
 
-class Ways(NamedTuple):
+class PriorEdges(NamedTuple):
     """The ways between nodes that were known before, both directions, those of node v from ``offsets[v]`` on."""
 
     offsets: NDArray[np.int64]
     into: NDArray[np.int64]
 
 
-class Offers(NamedTuple):
+class CandidateMoves(NamedTuple):
     """Changes: knots from ``first`` to before ``after`` become ``count`` others."""
 
     first: NDArray[np.int64]
@@ -51,34 +66,44 @@ class Offers(NamedTuple):
 
 
 @jit
-def _offer(offers: Offers, first: int, after: int, count: int, error: float, score: float) -> int:
+def _add_move(
+    moves: CandidateMoves, first: int, after: int, count: int, error: float, score: float
+) -> int:
     """Row for an offer, or -1 if it is worse than all those kept."""
-    if score >= offers.terms[HOPE]:
+    if score >= moves.terms[MAX_EXTRA_BITS]:
         return -1
-    row = offers.filled[0]
-    if row == MOST_OFFERS:
+    row = moves.filled[0]
+    if row == MAX_MOVES:
         row = np.int64(0)
-        for other in range(MOST_OFFERS):
-            if offers.score[other] > offers.score[row]:
+        for other in range(MAX_MOVES):
+            if moves.score[other] > moves.score[row]:
                 row = other
-        if offers.score[row] <= score:
+        if moves.score[row] <= score:
             return -1
     else:
-        offers.filled[0] += 1
-    offers.first[row], offers.after[row], offers.count[row] = first, after, count
-    offers.error[row], offers.score[row] = error, score
+        moves.filled[0] += 1
+    moves.first[row], moves.after[row], moves.count[row] = first, after, count
+    moves.error[row], moves.score[row] = error, score
     return row
 
 
 @jit
-def _mark_ways(chain: Chain, ways: Ways, offers: Offers, first: int, after: int, left: int, right: int) -> None:
+def _mark_linked_nodes(
+    knot_list: KnotList,
+    prior_edges: PriorEdges,
+    moves: CandidateMoves,
+    first: int,
+    after: int,
+    left: int,
+    right: int,
+) -> None:
     """Note which nodes have a way to the nodes ``left`` and ``right`` besides those of the knots that are to change."""
-    beside = offers.beside
+    beside = moves.beside
     for v in range(len(beside)):
         beside[v] = 0
-    for i in range(1, chain.counts[KNOTS]):
-        if chain.joined[i] and (i < first or i > after):
-            u, v = chain.node[i - 1], chain.node[i]
+    for i in range(1, knot_list.counts[KNOTS]):
+        if knot_list.joined[i] and (i < first or i > after):
+            u, v = knot_list.node[i - 1], knot_list.node[i]
             if u == left:
                 beside[v] |= 1
             elif v == left:
@@ -89,24 +114,30 @@ def _mark_ways(chain: Chain, ways: Ways, offers: Offers, first: int, after: int,
                 beside[u] |= 2
     for side in range(2):
         node = left if side == 0 else right
-        if 0 <= node < len(ways.offsets) - 1:
-            for h in range(ways.offsets[node], ways.offsets[node + 1]):
-                beside[ways.into[h]] |= 1 + side
+        if 0 <= node < len(prior_edges.offsets) - 1:
+            for h in range(prior_edges.offsets[node], prior_edges.offsets[node + 1]):
+                beside[prior_edges.into[h]] |= 1 + side
 
 
 @jit
-def _link_bits(offers: Offers, node: int, left: int, right: int) -> float:
+def _link_bits(moves: CandidateMoves, node: int, left: int, right: int) -> float:
     bits = 0.0
-    if left >= 0 and (offers.beside[node] & 1) == 0:
+    if left >= 0 and (moves.beside[node] & 1) == 0:
         bits += _LINK
-    if right >= 0 and (offers.beside[node] & 2) == 0:
+    if right >= 0 and (moves.beside[node] & 2) == 0:
         bits += _LINK
     return bits
 
 
 @jit
-def _bowl(
-    samples: Samples, chain: Chain, before: int, slot: int, behind: int, center: NDArray[np.int64], right: NDArray[np.float64]
+def _quadratic_error(
+    samples: GridSamples,
+    knot_list: KnotList,
+    before: int,
+    slot: int,
+    behind: int,
+    center: NDArray[np.int64],
+    right: NDArray[np.float64],
 ) -> tuple[float, float]:
     """Stiffness K and rest r0 of the squared error K|x|^2 - 2 x.right + r0 of the parts from knot ``before`` to a slot and on.
 
@@ -118,68 +149,94 @@ def _bowl(
     for axis in range(dimension):
         right[axis] = 0.0
     if before >= 0:
-        a = chain.slot[before]
-        w, u1, u2, q = span_moments(samples.sums, a, slot, samples.ticks[a], samples.ticks[slot], center, samples.unit, m, n)
+        a = knot_list.slot[before]
+        w, u1, u2, q = moments_between(
+            samples.sums,
+            a,
+            slot,
+            samples.ticks[a],
+            samples.ticks[slot],
+            center,
+            samples.ticks_per_step,
+            m,
+            n,
+        )
         stiffness += u2
         rest += q
         for axis in range(dimension):
-            x = chain.places[chain.node[before], axis] - center[axis] / samples.unit
+            x = (
+                knot_list.places[knot_list.node[before], axis]
+                - center[axis] / samples.ticks_per_step
+            )
             right[axis] += n[axis] - (u1 - u2) * x
             rest += (w - 2.0 * u1 + u2) * x * x - 2.0 * x * (m[axis] - n[axis])
     if behind >= 0:
-        b = chain.slot[behind]
-        w, u1, u2, q = span_moments(samples.sums, slot, b, samples.ticks[slot], samples.ticks[b], center, samples.unit, m, n)
+        b = knot_list.slot[behind]
+        w, u1, u2, q = moments_between(
+            samples.sums,
+            slot,
+            b,
+            samples.ticks[slot],
+            samples.ticks[b],
+            center,
+            samples.ticks_per_step,
+            m,
+            n,
+        )
         stiffness += w - 2.0 * u1 + u2
         rest += q
         for axis in range(dimension):
-            x = chain.places[chain.node[behind], axis] - center[axis] / samples.unit
+            x = (
+                knot_list.places[knot_list.node[behind], axis]
+                - center[axis] / samples.ticks_per_step
+            )
             right[axis] += m[axis] - n[axis] - (u1 - u2) * x
             rest += u2 * x * x - 2.0 * x * n[axis]
     return stiffness, rest
 
 
 @jit
-def _offer_place(
-    samples: Samples,
-    chain: Chain,
-    offers: Offers,
+def _add_new_node_move(
+    samples: GridSamples,
+    knot_list: KnotList,
+    moves: CandidateMoves,
     first: int,
     after: int,
     slot: int,
     center: NDArray[np.int64],
-    bowl: tuple[float, float],
+    quadratic: tuple[float, float],
     step: int,
     price: float,
     old: float,
     bits: float,
 ) -> None:
     """Offer one knot with a node of its own at the whole place of least error, or ``step`` (1, 2.. up, -1, -2.. down an axis) beside."""
-    dimension = len(offers.right)
-    stiffness, rest = bowl
+    dimension = len(moves.right)
+    stiffness, rest = quadratic
     if stiffness < 1e-9:
         return
     place = np.empty(dimension)
     error = rest - old
     for axis in range(dimension):
-        middle = center[axis] / samples.unit
-        place[axis] = np.rint(offers.right[axis] / stiffness + middle)
+        middle = center[axis] / samples.ticks_per_step
+        place[axis] = np.rint(moves.right[axis] / stiffness + middle)
         if abs(step) == axis + 1:
             place[axis] += 1.0 if step > 0 else -1.0
         x = place[axis] - middle
-        error += stiffness * x * x - 2.0 * x * offers.right[axis]
-    row = _offer(offers, first, after, 1, error, price * error + bits)
+        error += stiffness * x * x - 2.0 * x * moves.right[axis]
+    row = _add_move(moves, first, after, 1, error, price * error + bits)
     if row >= 0:
-        node = len(chain.places) - TEMPORARY + row
-        chain.places[node] = place
-        offers.slots[row, 0], offers.nodes[row, 0] = slot, node
+        node = len(knot_list.places) - TEMPORARY + row
+        knot_list.places[node] = place
+        moves.slots[row, 0], moves.nodes[row, 0] = slot, node
 
 
 @jit
-def _offer_one(
-    samples: Samples,
-    chain: Chain,
-    ways: Ways,
-    offers: Offers,
+def _add_replacement_moves(
+    samples: GridSamples,
+    knot_list: KnotList,
+    prior_edges: PriorEdges,
+    moves: CandidateMoves,
     fixed: int,
     first: int,
     after: int,
@@ -189,107 +246,226 @@ def _offer_one(
     price: float,
 ) -> None:
     """Offer a single knot in place of those from ``first`` to before ``after``, at every ``stride``-th slot from low to high."""
-    behind = after if after < chain.counts[KNOTS] and chain.joined[after] else -1
-    before = first - 1 if first == after or chain.joined[first] else -1
-    left = chain.node[before] if before >= 0 else -1
-    right = chain.node[behind] if behind >= 0 else -1
-    _mark_ways(chain, ways, offers, first, after, left, right)
+    behind = after if after < knot_list.counts[KNOTS] and knot_list.joined[after] else -1
+    before = first - 1 if first == after or knot_list.joined[first] else -1
+    left = knot_list.node[before] if before >= 0 else -1
+    right = knot_list.node[behind] if behind >= 0 else -1
+    _mark_linked_nodes(knot_list, prior_edges, moves, first, after, left, right)
     old, bits = 0.0, 0.0
     for i in range(first, after):
-        old += chain.error[i]
-        v = chain.node[i]
-        chain.uses[v] -= 1
-        bits -= _KNOT + _link_bits(offers, v, left, right if i == after - 1 else -1)
-        if chain.uses[v] == 0 and v >= fixed:
+        old += knot_list.error[i]
+        v = knot_list.node[i]
+        knot_list.uses[v] -= 1
+        bits -= _KNOT + _link_bits(moves, v, left, right if i == after - 1 else -1)
+        if knot_list.uses[v] == 0 and v >= fixed:
             bits -= _PLACE
     if behind >= 0:
-        old += chain.error[behind]
+        old += knot_list.error[behind]
     bits += _KNOT
     links = (_LINK if left >= 0 else 0.0) + (0.5 * _LINK if right >= 0 else 0.0)
     for slot in range(low, high + 1, stride):
         center = samples.centers[slot]
-        bowl = _bowl(samples, chain, before, slot, behind, center, offers.right)
-        lowest = bowl[1] - old
+        quadratic = _quadratic_error(samples, knot_list, before, slot, behind, center, moves.right)
+        lowest = quadratic[1] - old
         for axis in range(len(center)):
-            lowest -= offers.right[axis] * offers.right[axis] / max(bowl[0], 1e-9)
-        if price * lowest + bits >= offers.terms[HOPE]:
+            lowest -= moves.right[axis] * moves.right[axis] / max(quadratic[0], 1e-9)
+        if price * lowest + bits >= moves.terms[MAX_EXTRA_BITS]:
             continue
-        for v in range(chain.counts[NODES]):
-            if chain.uses[v] == 0 and v >= fixed:
+        for v in range(knot_list.counts[NODES]):
+            if knot_list.uses[v] == 0 and v >= fixed:
                 continue
-            if after == first + 1 and slot == chain.slot[first] and v == chain.node[first]:
+            if after == first + 1 and slot == knot_list.slot[first] and v == knot_list.node[first]:
                 continue
-            error = bowl[1] - old
+            error = quadratic[1] - old
             for axis in range(len(center)):
-                x = chain.places[v, axis] - center[axis] / samples.unit
-                error += bowl[0] * x * x - 2.0 * x * offers.right[axis]
+                x = knot_list.places[v, axis] - center[axis] / samples.ticks_per_step
+                error += quadratic[0] * x * x - 2.0 * x * moves.right[axis]
             score = price * error + bits
-            if score < offers.terms[HOPE]:
-                score += _link_bits(offers, v, left, right)
-                row = _offer(offers, first, after, 1, error, score)
+            if score < moves.terms[MAX_EXTRA_BITS]:
+                score += _link_bits(moves, v, left, right)
+                row = _add_move(moves, first, after, 1, error, score)
                 if row >= 0:
-                    offers.slots[row, 0], offers.nodes[row, 0] = slot, v
-        _offer_place(samples, chain, offers, first, after, slot, center, bowl, np.int64(0), price, old, bits + _PLACE + links)
-        if after == first + 1 and chain.uses[chain.node[first]] == 0 and slot == chain.slot[first]:
+                    moves.slots[row, 0], moves.nodes[row, 0] = slot, v
+        _add_new_node_move(
+            samples,
+            knot_list,
+            moves,
+            first,
+            after,
+            slot,
+            center,
+            quadratic,
+            np.int64(0),
+            price,
+            old,
+            bits + _PLACE + links,
+        )
+        if (
+            after == first + 1
+            and knot_list.uses[knot_list.node[first]] == 0
+            and slot == knot_list.slot[first]
+        ):
             for axis in range(len(center)):
-                _offer_place(samples, chain, offers, first, after, slot, center, bowl, axis + 1, price, old, bits + _PLACE + links)
-                _offer_place(samples, chain, offers, first, after, slot, center, bowl, -axis - 1, price, old, bits + _PLACE + links)
+                _add_new_node_move(
+                    samples,
+                    knot_list,
+                    moves,
+                    first,
+                    after,
+                    slot,
+                    center,
+                    quadratic,
+                    axis + 1,
+                    price,
+                    old,
+                    bits + _PLACE + links,
+                )
+                _add_new_node_move(
+                    samples,
+                    knot_list,
+                    moves,
+                    first,
+                    after,
+                    slot,
+                    center,
+                    quadratic,
+                    -axis - 1,
+                    price,
+                    old,
+                    bits + _PLACE + links,
+                )
     for i in range(first, after):
-        chain.uses[chain.node[i]] += 1
+        knot_list.uses[knot_list.node[i]] += 1
 
 
 @jit
-def _inner(chain: Chain, j: int) -> bool:
+def _is_inside_piece(knot_list: KnotList, j: int) -> bool:
     """Whether a knot lies inside a piece."""
-    return 0 < j < chain.counts[KNOTS] - 1 and chain.joined[j] == 1 and chain.joined[j + 1] == 1
+    return (
+        0 < j < knot_list.counts[KNOTS] - 1
+        and knot_list.joined[j] == 1
+        and knot_list.joined[j + 1] == 1
+    )
 
 
 @jit
-def _offer_removal(samples: Samples, chain: Chain, offers: Offers, fixed: int, j: int, price: float) -> None:
+def _add_removal_moves(
+    samples: GridSamples,
+    knot_list: KnotList,
+    moves: CandidateMoves,
+    fixed: int,
+    j: int,
+    price: float,
+) -> None:
     """Offer to leave out a knot, and to move those beside it by up to one slot then."""
     a, b = j - 1, j + 1
-    u, v = chain.node[a], chain.node[b]
-    back, forth = 1 if _inner(chain, a) else 0, 1 if _inner(chain, b) else 0
-    bits = -_KNOT - (_PLACE if chain.uses[chain.node[j]] == 1 and chain.node[j] >= fixed else 0.0)
+    u, v = knot_list.node[a], knot_list.node[b]
+    back, forth = (
+        1 if _is_inside_piece(knot_list, a) else 0,
+        1 if _is_inside_piece(knot_list, b) else 0,
+    )
+    bits = -_KNOT - (
+        _PLACE if knot_list.uses[knot_list.node[j]] == 1 and knot_list.node[j] >= fixed else 0.0
+    )
     for p in range(-back, back + 1):
-        at = chain.slot[a] + p
-        if p != 0 and at <= chain.slot[a - 1]:
+        at = knot_list.slot[a] + p
+        if p != 0 and at <= knot_list.slot[a - 1]:
             continue
         lead = (
-            error_of(samples, chain.slot[a - 1], chain.places[chain.node[a - 1]], at, chain.places[u]) - chain.error[a] if p != 0 else 0.0
+            segment_error(
+                samples,
+                knot_list.slot[a - 1],
+                knot_list.places[knot_list.node[a - 1]],
+                at,
+                knot_list.places[u],
+            )
+            - knot_list.error[a]
+            if p != 0
+            else 0.0
         )
         for q in range(-forth, forth + 1):
-            to = chain.slot[b] + q
-            if to <= at or (q != 0 and to >= chain.slot[b + 1]):
+            to = knot_list.slot[b] + q
+            if to <= at or (q != 0 and to >= knot_list.slot[b + 1]):
                 continue
             tail = (
-                error_of(samples, to, chain.places[v], chain.slot[b + 1], chain.places[chain.node[b + 1]]) - chain.error[b + 1]
+                segment_error(
+                    samples,
+                    to,
+                    knot_list.places[v],
+                    knot_list.slot[b + 1],
+                    knot_list.places[knot_list.node[b + 1]],
+                )
+                - knot_list.error[b + 1]
                 if q != 0
                 else 0.0
             )
-            error = lead + tail + error_of(samples, at, chain.places[u], to, chain.places[v]) - chain.error[j] - chain.error[b]
-            row = _offer(offers, a, b + 1, 2, error, price * error + bits)
+            error = (
+                lead
+                + tail
+                + segment_error(samples, at, knot_list.places[u], to, knot_list.places[v])
+                - knot_list.error[j]
+                - knot_list.error[b]
+            )
+            row = _add_move(moves, a, b + 1, 2, error, price * error + bits)
             if row >= 0:
-                offers.slots[row, 0], offers.slots[row, 1] = at, to
-                offers.nodes[row, 0], offers.nodes[row, 1] = u, v
+                moves.slots[row, 0], moves.slots[row, 1] = at, to
+                moves.nodes[row, 0], moves.nodes[row, 1] = u, v
 
 
 @jit
-def offer_changes(samples: Samples, chain: Chain, ways: Ways, offers: Offers, fixed: int, j: int, price: float) -> None:
+def list_moves(
+    samples: GridSamples,
+    knot_list: KnotList,
+    prior_edges: PriorEdges,
+    moves: CandidateMoves,
+    fixed: int,
+    j: int,
+    price: float,
+) -> None:
     """List what may become of knot j: moved, given another node, left out, made one with the next, or followed by another."""
-    offers.filled[0] = 0
-    knots = chain.counts[KNOTS]
-    here = chain.slot[j]
-    inner = _inner(chain, j)
-    low = max(here - _SHIFT, chain.slot[j - 1] + 1) if inner else here
-    high = min(here + _SHIFT, chain.slot[j + 1] - 1) if inner else here
-    _offer_one(samples, chain, ways, offers, fixed, j, j + 1, low, high, np.int64(1), price)
+    moves.filled[0] = 0
+    knots = knot_list.counts[KNOTS]
+    here = knot_list.slot[j]
+    inner = _is_inside_piece(knot_list, j)
+    low = max(here - _SHIFT, knot_list.slot[j - 1] + 1) if inner else here
+    high = min(here + _SHIFT, knot_list.slot[j + 1] - 1) if inner else here
+    _add_replacement_moves(
+        samples, knot_list, prior_edges, moves, fixed, j, j + 1, low, high, np.int64(1), price
+    )
     if inner:
-        _offer_removal(samples, chain, offers, fixed, j, price)
-    if inner and _inner(chain, j + 1):
-        low, high = chain.slot[j - 1] + 1, chain.slot[j + 2] - 1
-        _offer_one(samples, chain, ways, offers, fixed, j, j + 2, low, high, (high - low) // _TRIES + 1, price)
-    if j + 1 < knots and chain.joined[j + 1] and price * chain.error[j + 1] > _KNOT - offers.terms[HOPE]:
-        low, high = here + 1, chain.slot[j + 1] - 1
+        _add_removal_moves(samples, knot_list, moves, fixed, j, price)
+    if inner and _is_inside_piece(knot_list, j + 1):
+        low, high = knot_list.slot[j - 1] + 1, knot_list.slot[j + 2] - 1
+        _add_replacement_moves(
+            samples,
+            knot_list,
+            prior_edges,
+            moves,
+            fixed,
+            j,
+            j + 2,
+            low,
+            high,
+            (high - low) // _TRIES + 1,
+            price,
+        )
+    if (
+        j + 1 < knots
+        and knot_list.joined[j + 1]
+        and price * knot_list.error[j + 1] > _KNOT - moves.terms[MAX_EXTRA_BITS]
+    ):
+        low, high = here + 1, knot_list.slot[j + 1] - 1
         if low <= high:
-            _offer_one(samples, chain, ways, offers, fixed, j + 1, j + 1, low, high, (high - low) // _TRIES + 1, price)
+            _add_replacement_moves(
+                samples,
+                knot_list,
+                prior_edges,
+                moves,
+                fixed,
+                j + 1,
+                j + 1,
+                low,
+                high,
+                (high - low) // _TRIES + 1,
+                price,
+            )

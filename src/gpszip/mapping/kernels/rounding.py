@@ -7,22 +7,22 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["round_places"]
+__all__ = ["round_node_positions"]
 
 
 @jit
-def round_places(
+def round_node_positions(
     offsets: NDArray[np.int32],
     columns: NDArray[np.int32],
     values: NDArray[np.float64],
     right: NDArray[np.float64],
-    places: NDArray[np.float64],
+    positions: NDArray[np.float64],
     sweeps: int,
 ) -> None:
     """Round the minimiser of x'Kx - 2x'r in place, K symmetric in CSR form, each node given its neighbours, ``sweeps`` times."""
     for _ in range(sweeps):
-        for v in range(len(places)):
-            for axis in range(places.shape[1]):
+        for v in range(len(positions)):
+            for axis in range(positions.shape[1]):
                 rest = right[v, axis]
                 own = 0.0
                 for i in range(offsets[v], offsets[v + 1]):
@@ -30,6 +30,6 @@ def round_places(
                     if w == v:
                         own += values[i]
                     else:
-                        rest -= values[i] * places[w, axis]
+                        rest -= values[i] * positions[w, axis]
                 if own > 0.0:
-                    places[v, axis] = np.rint(rest / own)
+                    positions[v, axis] = np.rint(rest / own)

@@ -7,26 +7,26 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Board", "Ground"]
+__all__ = ["DPTable", "TimeGridArrays"]
 
 
-class Ground(NamedTuple):
+class TimeGridArrays(NamedTuple):
     """The slots of all tracks with the sums and the samples between them. No limit on a sample's distance where ``reach`` is 0."""
 
     sums: NDArray[np.int64]  # over the samples before each slot
     ticks: NDArray[np.int64]  # time of each slot, in ticks
     centers: NDArray[np.int64]  # where the log is at each slot, in ticks
-    places: NDArray[np.float64]  # the same, in quanta
-    unit: NDArray[np.float64]  # ticks of a quantum
+    positions: NDArray[np.float64]  # the same, in quanta
+    ticks_per_step: NDArray[np.float64]  # ticks of a quantum
     ends: NDArray[np.int64]  # samples before each slot
     times: NDArray[np.float64]  # of the samples, in cells
-    spots: NDArray[np.float64]  # of the samples, in quanta
-    cells: NDArray[np.float64]  # time of each slot, in cells
+    sample_positions: NDArray[np.float64]  # of the samples, in quanta
+    time_steps: NDArray[np.float64]  # time of each slot, in cells
     directions: NDArray[np.float64]  # along which distances are limited
     reach: NDArray[np.float64]
 
 
-class Board(NamedTuple):
+class DPTable(NamedTuple):
     """Candidate nodes of each slot of a window, and the cheapest way to reach each."""
 
     candidates: NDArray[np.int64]  # nodes

@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from gpszip.kernels.heap import pop, push
 from gpszip.kernels.jit import jit
 
-__all__ = ["grow"]
+__all__ = ["shortest_path_tree"]
 
 
 @jit
-def _turn(a: int, b: int, crossing: bool, headings: NDArray[np.float64], turn: float, u_turn: float) -> float:
+def _turn(
+    a: int, b: int, crossing: bool, headings: NDArray[np.float64], turn: float, u_turn: float
+) -> float:
     """Price of going from directed road a to directed road b."""
     if b == a ^ 1:
         return u_turn
@@ -26,7 +28,7 @@ def _turn(a: int, b: int, crossing: bool, headings: NDArray[np.float64], turn: f
 
 
 @jit
-def grow(
+def shortest_path_tree(
     roads: NDArray[np.int64],
     prices: NDArray[np.float64],
     bound: float,
@@ -78,13 +80,20 @@ def grow(
             if other in done:
                 continue
             if back:
-                price = key + _turn(other, road, crossings[node], headings, turn, u_turn) + costs[other]
+                price = (
+                    key + _turn(other, road, crossings[node], headings, turn, u_turn) + costs[other]
+                )
             else:
-                price = key + _turn(road, other, crossings[node], headings, turn, u_turn) + costs[other]
+                price = (
+                    key + _turn(road, other, crossings[node], headings, turn, u_turn) + costs[other]
+                )
             if price > bound or (other in best and price >= best[other]):
                 continue
             best[other], parent[other] = price, road
             if count + 1 >= len(keys):
-                keys, items = np.concatenate((keys, np.empty_like(keys))), np.concatenate((items, np.empty_like(items)))
+                keys, items = (
+                    np.concatenate((keys, np.empty_like(keys))),
+                    np.concatenate((items, np.empty_like(items))),
+                )
             count = push(keys, items, count, price, other)
     return order[:settled], found[:settled], through[:settled]

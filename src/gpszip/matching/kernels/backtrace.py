@@ -9,13 +9,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
-from gpszip.matching.kernels.candidates import NOWHERE, OVER, ROUND, STAY, cheapest
-from gpszip.matching.kernels.roads import Graph, Model, Roads, Work, apart, direction, larger, place, project, vertex_before
-from gpszip.matching.kernels.search import find_way
-from gpszip.matching.kernels.transitions import longest_way
-from gpszip.matching.kernels.trellis import Lattice
+from gpszip.matching.kernels.candidates import (
+    OFF_ROAD,
+    OTHER_ROADS,
+    SAME_ROAD,
+    U_TURN,
+    first_minimum,
+)
+from gpszip.matching.kernels.roads import (
+    Graph,
+    ModelParameters,
+    Roads,
+    Workspace,
+    distance_between,
+    interpolate_position,
+    project,
+    resized,
+    road_direction,
+    vertex_before,
+)
+from gpszip.matching.kernels.search import find_path
+from gpszip.matching.kernels.transitions import max_path_length
+from gpszip.matching.kernels.trellis import Trellis
 
-__all__ = ["Legs", "best_chain", "directions", "draw", "nearest_on", "place_samples", "places", "trace"]
+__all__ = [
+    "Legs",
+    "best_path",
+    "build_legs",
+    "legs_to_line",
+    "nearest_on_road",
+    "place_samples",
+    "road_positions",
+    "travel_directions",
+]
 
 
 class Legs(NamedTuple):
@@ -28,27 +54,29 @@ class Legs(NamedTuple):
 
 
 @jit
-def best_chain(lattice: Lattice) -> NDArray[np.int64]:
+def best_path(trellis: Trellis) -> NDArray[np.int64]:
     """Candidate of each layer on the cheapest chain."""
-    begins = lattice.begins
+    begins = trellis.candidate_starts
     layers = len(begins) - 1
     chain = np.empty(layers, np.int64)
-    chain[-1] = begins[layers - 1] + cheapest(lattice.all.scores[begins[layers - 1] : begins[layers]])
+    chain[-1] = begins[layers - 1] + first_minimum(
+        trellis.candidates.path_costs[begins[layers - 1] : begins[layers]]
+    )
     for layer in range(layers - 1, 0, -1):
-        chain[layer - 1] = begins[layer - 1] + lattice.all.backs[chain[layer]]
+        chain[layer - 1] = begins[layer - 1] + trellis.candidates.predecessors[chain[layer]]
     return chain
 
 
 @jit
-def trace(
+def build_legs(
     positions: NDArray[np.float64],
     times: NDArray[np.float64],
     used: NDArray[np.int64],
     chain: NDArray[np.int64],
-    lattice: Lattice,
+    trellis: Trellis,
     graph: Graph,
-    model: Model,
-    work: Work,
+    model: ModelParameters,
+    work: Workspace,
 ) -> tuple[Legs, NDArray[np.int64], NDArray[np.float64]]:
     """Legs of a chain; and for each layer its leg, -1 off the roads, and its metres on it, which never go back."""
     layers = len(chain)
@@ -57,34 +85,54 @@ def trace(
     leg_of, metres = np.full(layers, -1, np.int64), np.zeros(layers)
     first = 0
     for layer in range(layers):
-        road, at, kind = lattice.all.roads[chain[layer]], lattice.all.metres[chain[layer]], lattice.all.kinds[chain[layer]]
-        if road == NOWHERE:
+        road, at, kind = (
+            trellis.candidates.roads[chain[layer]],
+            trellis.candidates.metres[chain[layer]],
+            trellis.candidates.transitions[chain[layer]],
+        )
+        if road == OFF_ROAD:
             continue
         way = np.empty(0, np.int32)
-        if kind == OVER:
+        if kind == OTHER_ROADS:
             last = chain[layer - 1]
-            rest = graph.lengths[lattice.all.roads[last]] - lattice.all.metres[last]
-            straight = apart(positions, used[layer - 1], used[layer])
-            longest = longest_way(straight, times[used[layer]] - times[used[layer - 1]], model)
-            bound, goal = straight + model.beta * model.jump, positions[used[layer]]
-            way = find_way(lattice.all.roads[last], rest, road, bound, longest, goal, model.reach, graph, model, work)
+            rest = graph.lengths[trellis.candidates.roads[last]] - trellis.candidates.metres[last]
+            straight = distance_between(positions, used[layer - 1], used[layer])
+            longest = max_path_length(straight, times[used[layer]] - times[used[layer - 1]], model)
+            bound, goal = straight + model.beta * model.jump_cost, positions[used[layer]]
+            way = find_path(
+                trellis.candidates.roads[last],
+                rest,
+                road,
+                bound,
+                longest,
+                goal,
+                model.search_radius,
+                graph,
+                model,
+                work,
+            )
         if count + len(way) + 1 > room:
             room = 2 * room + len(way)
-            legs = Legs(larger(legs.roads, room), larger(legs.begin, room), larger(legs.end, room), larger(legs.piece, room))
-        if kind == OVER and _is_spur(legs, count, graph, model):
+            legs = Legs(
+                resized(legs.roads, room),
+                resized(legs.begin, room),
+                resized(legs.end, room),
+                resized(legs.piece, room),
+            )
+        if kind == OTHER_ROADS and _is_spur(legs, count, graph, model):
             count -= 2
             for one in range(layer - 1, -1, -1):
                 if leg_of[one] < count:
                     break
                 leg_of[one], metres[one] = count - 1, legs.end[count - 1]
-        if kind == STAY:
+        if kind == SAME_ROAD:
             at = max(legs.end[count - 1], at)
             legs.end[count - 1] = at
-        elif kind == ROUND:
+        elif kind == U_TURN:
             turned = max(legs.end[count - 1], graph.lengths[road] - at)
             legs.end[count - 1] = turned
             count = _add_leg(legs, count, road, graph.lengths[road] - turned, at, first)
-        elif kind == OVER:
+        elif kind == OTHER_ROADS:
             legs.end[count - 1] = graph.lengths[legs.roads[count - 1]]
             for i in range(len(way)):
                 count = _add_leg(legs, count, way[i], 0.0, graph.lengths[way[i]], first)
@@ -93,20 +141,37 @@ def trace(
             first = layer
             count = _add_leg(legs, count, road, at, at, first)
         leg_of[layer], metres[layer] = count - 1, at
-    return Legs(legs.roads[:count], legs.begin[:count], legs.end[:count], legs.piece[:count]), leg_of, metres
+    return (
+        Legs(legs.roads[:count], legs.begin[:count], legs.end[:count], legs.piece[:count]),
+        leg_of,
+        metres,
+    )
 
 
 @jit
-def _is_spur(legs: Legs, count: int, graph: Graph, model: Model) -> bool:
+def _is_spur(legs: Legs, count: int, graph: Graph, model: ModelParameters) -> bool:
     """Whether the last two legs only step off a crossing and back, no farther than errors do."""
-    if count < 3 or legs.piece[count - 3] != legs.piece[count - 1] or legs.roads[count - 2] != legs.roads[count - 1] ^ 1:
+    if (
+        count < 3
+        or legs.piece[count - 3] != legs.piece[count - 1]
+        or legs.roads[count - 2] != legs.roads[count - 1] ^ 1
+    ):
         return False
-    return legs.begin[count - 2] == 0 and legs.end[count - 2] <= model.spur and legs.end[count - 3] == graph.lengths[legs.roads[count - 3]]
+    return (
+        legs.begin[count - 2] == 0
+        and legs.end[count - 2] <= model.max_spur
+        and legs.end[count - 3] == graph.lengths[legs.roads[count - 3]]
+    )
 
 
 @jit
 def _add_leg(legs: Legs, count: int, road: int, begin: float, end: float, piece: int) -> int:
-    legs.roads[count], legs.begin[count], legs.end[count], legs.piece[count] = road, begin, end, piece
+    legs.roads[count], legs.begin[count], legs.end[count], legs.piece[count] = (
+        road,
+        begin,
+        end,
+        piece,
+    )
     return count + 1
 
 
@@ -132,8 +197,14 @@ def place_samples(
             continue
         i, at = used[layer], metres_of[layer]
         leg[i] = low
-        metres[i], distance[i] = nearest_on(positions[i], legs.roads[low], at, at, roads, graph)
-        if layer + 1 == layers or leg_of[layer + 1] < 0 or legs.piece[leg_of[layer + 1]] != legs.piece[low]:
+        metres[i], distance[i] = nearest_on_road(
+            positions[i], legs.roads[low], at, at, roads, graph
+        )
+        if (
+            layer + 1 == layers
+            or leg_of[layer + 1] < 0
+            or legs.piece[leg_of[layer + 1]] != legs.piece[low]
+        ):
             continue
         high = leg_of[layer + 1]
         for k in range(i + 1, used[layer + 1]):
@@ -141,7 +212,9 @@ def place_samples(
             for one in range(low, high + 1):
                 begin = at if one == low else legs.begin[one]
                 end = metres_of[layer + 1] if one == high else legs.end[one]
-                found, far = nearest_on(positions[k], legs.roads[one], begin, max(begin, end), roads, graph)
+                found, far = nearest_on_road(
+                    positions[k], legs.roads[one], begin, max(begin, end), roads, graph
+                )
                 if far < best:
                     best, best_leg, best_at = far, one, found
             leg[k], metres[k], distance[k] = best_leg, best_at, best
@@ -150,7 +223,9 @@ def place_samples(
 
 
 @jit
-def nearest_on(at: NDArray[np.float64], directed: int, low: float, high: float, roads: Roads, graph: Graph) -> tuple[float, float]:
+def nearest_on_road(
+    at: NDArray[np.float64], directed: int, low: float, high: float, roads: Roads, graph: Graph
+) -> tuple[float, float]:
     """Metres along a directed road between ``low`` and ``high`` of the place nearest to ``at``, and its distance."""
     road, length = directed >> 1, graph.lengths[directed]
     if directed & 1:
@@ -162,7 +237,7 @@ def nearest_on(at: NDArray[np.float64], directed: int, low: float, high: float, 
         bit = roads.along[vertex + 1] - roads.along[vertex]
         _, share = project(roads.points, vertex, at)
         offset = min(max(roads.along[vertex] + share * bit, low), high)
-        place(roads, road, offset, here)
+        interpolate_position(roads, road, offset, here)
         square = 0.0
         for axis in range(len(at)):
             square += (at[axis] - here[axis]) ** 2
@@ -173,28 +248,34 @@ def nearest_on(at: NDArray[np.float64], directed: int, low: float, high: float, 
 
 
 @jit
-def places(directed: NDArray[np.int32], metres: NDArray[np.float64], roads: Roads, graph: Graph) -> NDArray[np.float64]:
+def road_positions(
+    directed: NDArray[np.int32], metres: NDArray[np.float64], roads: Roads, graph: Graph
+) -> NDArray[np.float64]:
     """Coordinates of places, so many metres along directed roads."""
     out = np.empty((len(directed), roads.points.shape[1]))
     for i in range(len(directed)):
         offset = graph.lengths[directed[i]] - metres[i] if directed[i] & 1 else metres[i]
-        place(roads, directed[i] >> 1, offset, out[i])
+        interpolate_position(roads, directed[i] >> 1, offset, out[i])
     return out
 
 
 @jit
-def directions(directed: NDArray[np.int32], metres: NDArray[np.float64], roads: Roads, graph: Graph) -> NDArray[np.float64]:
+def travel_directions(
+    directed: NDArray[np.int32], metres: NDArray[np.float64], roads: Roads, graph: Graph
+) -> NDArray[np.float64]:
     """Unit vectors in which directed roads lead, so many metres along them."""
     out = np.empty((len(directed), 2))
     for i in range(len(directed)):
         back = directed[i] & 1
-        east, north = direction(roads, directed[i] >> 1, graph.lengths[directed[i]] - metres[i] if back else metres[i])
+        east, north = road_direction(
+            roads, directed[i] >> 1, graph.lengths[directed[i]] - metres[i] if back else metres[i]
+        )
         out[i, 0], out[i, 1] = (-east, -north) if back else (east, north)
     return out
 
 
 @jit
-def draw(legs: Legs, roads: Roads, graph: Graph) -> NDArray[np.float64]:
+def legs_to_line(legs: Legs, roads: Roads, graph: Graph) -> NDArray[np.float64]:
     """Vertices of legs, one after the other, none twice in a row."""
     room = 0
     for i in range(len(legs.roads)):
@@ -204,15 +285,17 @@ def draw(legs: Legs, roads: Roads, graph: Graph) -> NDArray[np.float64]:
     here = np.empty(roads.points.shape[1])
     for i in range(len(legs.roads)):
         road, back, length = legs.roads[i] >> 1, legs.roads[i] & 1, graph.lengths[legs.roads[i]]
-        low, high = (length - legs.end[i], length - legs.begin[i]) if back else (legs.begin[i], legs.end[i])
-        place(roads, road, high if back else low, here)
+        low, high = (
+            (length - legs.end[i], length - legs.begin[i]) if back else (legs.begin[i], legs.end[i])
+        )
+        interpolate_position(roads, road, high if back else low, here)
         count = _add(out, count, here)
         first, last = roads.offsets[road], roads.offsets[road + 1]
         for k in range(last - first):
             vertex = last - 1 - k if back else first + k
             if low < roads.along[vertex] < high:
                 count = _add(out, count, roads.points[vertex])
-        place(roads, road, low if back else high, here)
+        interpolate_position(roads, road, low if back else high, here)
         count = _add(out, count, here)
     return out[:count].copy()
 

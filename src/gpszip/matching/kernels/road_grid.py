@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.jit import inlined, jit
-from gpszip.matching.kernels.roads import Cells, Roads, project
+from gpszip.matching.kernels.roads import RoadGrid, Roads, project
 
-__all__ = ["count_cells", "file_cells", "hash_cells", "near_roads", "nearest_distances"]
+__all__ = ["count_cells", "fill_cells", "find_near_roads", "hash_cells", "nearest_distances"]
 
 #: Multiplier of Fibonacci hashing, 2 ** 64 over the golden ratio, as a signed number.
 _SPREAD = -7046029254386353131
@@ -18,7 +18,12 @@ _SPREAD = -7046029254386353131
 
 @jit
 def _cells_of(
-    points: NDArray[np.float64], first: int, cell: float, origin: NDArray[np.float64], columns: int, out: NDArray[np.int64]
+    points: NDArray[np.float64],
+    first: int,
+    cell: float,
+    origin: NDArray[np.float64],
+    columns: int,
+    out: NDArray[np.int64],
 ) -> int:
     """Cells that the bit from vertex ``first`` to the next crosses, column by column; return their number."""
     ax, ay = (points[first, 0] - origin[0]) / cell, (points[first, 1] - origin[1]) / cell
@@ -42,8 +47,14 @@ def _cells_of(
 
 
 @jit
-def count_cells(points: NDArray[np.float64], offsets: NDArray[np.int64], cell: float, origin: NDArray[np.float64], columns: int) -> int:
-    """Number of entries that :func:`file_cells` makes."""
+def count_cells(
+    points: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    cell: float,
+    origin: NDArray[np.float64],
+    columns: int,
+) -> int:
+    """Number of entries that :func:`fill_cells` makes."""
     nothing = np.empty(0, np.int64)
     total = 0
     for road in range(len(offsets) - 1):
@@ -53,11 +64,20 @@ def count_cells(points: NDArray[np.float64], offsets: NDArray[np.int64], cell: f
 
 
 @jit
-def file_cells(
-    points: NDArray[np.float64], offsets: NDArray[np.int64], cell: float, origin: NDArray[np.float64], columns: int, total: int
+def fill_cells(
+    points: NDArray[np.float64],
+    offsets: NDArray[np.int64],
+    cell: float,
+    origin: NDArray[np.float64],
+    columns: int,
+    total: int,
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int32]]:
     """Cell, first vertex and road of every bit of road in every cell that it crosses."""
-    cells, firsts, roads = np.empty(total, np.int64), np.empty(total, np.int32), np.empty(total, np.int32)
+    cells, firsts, roads = (
+        np.empty(total, np.int64),
+        np.empty(total, np.int32),
+        np.empty(total, np.int32),
+    )
     at = 0
     for road in range(len(offsets) - 1):
         for first in range(offsets[road], offsets[road + 1] - 1):
@@ -80,9 +100,15 @@ def _slot(cell: int, table: NDArray[np.int64]) -> int:
 
 
 @jit
-def hash_cells(cells: NDArray[np.int64], size: int) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+def hash_cells(
+    cells: NDArray[np.int64], size: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
     """Hash table over sorted cells: the cells, and where each one's run begins and ends. ``size`` is a power of two."""
-    table, begins, ends = np.zeros(size, np.int64), np.zeros(size, np.int64), np.zeros(size, np.int64)
+    table, begins, ends = (
+        np.zeros(size, np.int64),
+        np.zeros(size, np.int64),
+        np.zeros(size, np.int64),
+    )
     i = 0
     while i < len(cells):
         j = i
@@ -95,11 +121,11 @@ def hash_cells(cells: NDArray[np.int64], size: int) -> tuple[NDArray[np.int64], 
 
 
 @jit
-def near_roads(
+def find_near_roads(
     at: NDArray[np.float64],
     radius: float,
     roads: Roads,
-    cells: Cells,
+    cells: RoadGrid,
     found: NDArray[np.int32],
     offsets: NDArray[np.float64],
     distances: NDArray[np.float64],
@@ -109,8 +135,14 @@ def near_roads(
     A road that comes by twice, such as a hairpin, counts twice if the two places lie more than the radius apart along it.
     """
     x, y = at[0] - cells.left, at[1] - cells.low
-    left, right = max(math.floor((x - radius) / cells.size), 0), min(math.floor((x + radius) / cells.size), cells.columns - 1)
-    low, high = max(math.floor((y - radius) / cells.size), 0), min(math.floor((y + radius) / cells.size), cells.rows - 1)
+    left, right = (
+        max(math.floor((x - radius) / cells.size), 0),
+        min(math.floor((x + radius) / cells.size), cells.columns - 1),
+    )
+    low, high = (
+        max(math.floor((y - radius) / cells.size), 0),
+        min(math.floor((y + radius) / cells.size), cells.rows - 1),
+    )
     near, hits = np.empty((64, 3)), 0
     for row in range(low, high + 1):
         for column in range(left, right + 1):
@@ -125,14 +157,20 @@ def near_roads(
                 if hits == len(near):
                     near = np.concatenate((near, np.empty_like(near)))
                 near[hits, 0], near[hits, 1] = math.sqrt(square), cells.owners[entry]
-                near[hits, 2] = roads.along[first] + share * (roads.along[first + 1] - roads.along[first])
+                near[hits, 2] = roads.along[first] + share * (
+                    roads.along[first + 1] - roads.along[first]
+                )
                 hits += 1
     return _nearest(near[:hits], radius, found, offsets, distances)
 
 
 @jit
 def _nearest(
-    found: NDArray[np.float64], apart: float, roads: NDArray[np.int32], offsets: NDArray[np.float64], distances: NDArray[np.float64]
+    found: NDArray[np.float64],
+    apart: float,
+    roads: NDArray[np.int32],
+    offsets: NDArray[np.float64],
+    distances: NDArray[np.float64],
 ) -> int:
     """Take distance, road and offset of the nearest places; those near one on the same road go without saying."""
     count, most = 0, len(roads)
@@ -147,9 +185,15 @@ def _nearest(
             found[hit, axis], found[best, axis] = found[best, axis], found[hit, axis]
         stands = False
         for i in range(count):
-            stands = stands or (roads[i] == found[hit, 1] and abs(offsets[i] - found[hit, 2]) <= apart)
+            stands = stands or (
+                roads[i] == found[hit, 1] and abs(offsets[i] - found[hit, 2]) <= apart
+            )
         if not stands:
-            distances[count], roads[count], offsets[count] = found[hit, 0], np.int32(found[hit, 1]), found[hit, 2]
+            distances[count], roads[count], offsets[count] = (
+                found[hit, 0],
+                np.int32(found[hit, 1]),
+                found[hit, 2],
+            )
             count += 1
     return count
 
@@ -164,14 +208,16 @@ def _before(found: NDArray[np.float64], i: int, j: int) -> bool:
 
 
 @jit
-def nearest_distances(positions: NDArray[np.float64], roads: Roads, cells: Cells) -> NDArray[np.float64]:
+def nearest_distances(
+    positions: NDArray[np.float64], roads: Roads, cells: RoadGrid
+) -> NDArray[np.float64]:
     """Distance of each place to the nearest road, infinite where none is within a few cells."""
     out = np.full(len(positions), np.inf)
     road, offset, distance = np.empty(1, np.int32), np.empty(1), np.empty(1)
     for i in range(len(positions)):
         radius = 0.5 * cells.size
         for _ in range(4):
-            if near_roads(positions[i], radius, roads, cells, road, offset, distance):
+            if find_near_roads(positions[i], radius, roads, cells, road, offset, distance):
                 out[i] = distance[0]
                 break
             radius *= 2

@@ -12,7 +12,20 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["Cells", "Graph", "Model", "Rest", "Roads", "Work", "apart", "direction", "larger", "place", "project", "vertex_before"]
+__all__ = [
+    "BackwardSearch",
+    "Graph",
+    "ModelParameters",
+    "RoadGrid",
+    "Roads",
+    "Workspace",
+    "distance_between",
+    "interpolate_position",
+    "project",
+    "resized",
+    "road_direction",
+    "vertex_before",
+]
 
 #: Metres behind a place at which its road's direction is taken: more than offsets err by rounding.
 _BEHIND = 1e-6
@@ -26,7 +39,7 @@ class Roads(NamedTuple):
     offsets: NDArray[np.int64]
 
 
-class Cells(NamedTuple):
+class RoadGrid(NamedTuple):
     """Bits of road by the square cells that they cross, over the first two axes.
 
     The cell in some row and column counted from (left, low) has number ``row * columns + column``. ``table`` is a hash table of cell
@@ -63,7 +76,7 @@ class Graph(NamedTuple):
     ins: NDArray[np.int32]
 
 
-class Rest(NamedTuple):
+class BackwardSearch(NamedTuple):
     """What is missing from the beginning of each directed road to what a layer wants, found by one search back from there.
 
     ``state`` holds the number of the search, the size of its heap and the node near which ways come from; ``limits`` how far it got, and
@@ -75,13 +88,13 @@ class Rest(NamedTuple):
     limits: NDArray[np.float64]
     stamps: NDArray[np.int64]
     keys: NDArray[np.float64]
-    price: NDArray[np.float64]
+    costs: NDArray[np.float64]
     slots: NDArray[np.int32]
     heap: NDArray[np.int32]
     wanted: NDArray[np.bool_]
 
 
-class Work(NamedTuple):
+class Workspace(NamedTuple):
     """Room for one search at a time, as large as the graph.
 
     ``state`` holds the number of the search and the size of its heap; what belongs to a directed road is of this search if ``stamps``
@@ -93,17 +106,17 @@ class Work(NamedTuple):
     state: NDArray[np.int64]
     stamps: NDArray[np.int64]
     keys: NDArray[np.float64]
-    price: NDArray[np.float64]
+    costs: NDArray[np.float64]
     metres: NDArray[np.float64]
     parents: NDArray[np.int32]
     slots: NDArray[np.int32]
     heap: NDArray[np.int32]
     targets: NDArray[np.int32]
     known: NDArray[np.int32]
-    rest: Rest
+    backward: BackwardSearch
 
 
-class Model(NamedTuple):
+class ModelParameters(NamedTuple):
     """Numbers of the model; prices are negative logarithms of probability.
 
     Candidates are the ``most`` nearest places within ``reach`` metres; one d metres off costs ``(d / sigma) ** 2 / 2``, none at all
@@ -116,24 +129,26 @@ class Model(NamedTuple):
 
     sigma: float
     beta: float
-    reach: float
-    off: float
-    jump: float
-    turn: float
-    u_turn: float
-    slack: float
-    spur: float
-    margin: float
-    most: int
-    fastest: float
-    usual: float
-    detour: float
-    spare: float
+    search_radius: float
+    off_road_cost: float
+    jump_cost: float
+    turn_cost: float
+    u_turn_cost: float
+    backward_tolerance: float
+    max_spur: float
+    cost_margin: float
+    max_candidates: int
+    max_speed: float
+    median_speed: float
+    max_detour: float
+    length_tolerance: float
     heading: float
 
 
 @jit
-def project(points: NDArray[np.float64], first: int, at: NDArray[np.float64]) -> tuple[float, float]:
+def project(
+    points: NDArray[np.float64], first: int, at: NDArray[np.float64]
+) -> tuple[float, float]:
     """Squared distance from a place to a bit of road, and the share of the bit before its nearest point."""
     dot = square = 0.0
     for axis in range(points.shape[1]):
@@ -162,26 +177,31 @@ def vertex_before(roads: Roads, road: int, offset: float) -> int:
 
 
 @jit
-def place(roads: Roads, road: int, offset: float, out: NDArray[np.float64]) -> None:
+def interpolate_position(roads: Roads, road: int, offset: float, out: NDArray[np.float64]) -> None:
     """Coordinates of the place at an offset on a road."""
     a = vertex_before(roads, road, offset)
     bit = roads.along[a + 1] - roads.along[a]
     share = min(max((offset - roads.along[a]) / bit, 0.0), 1.0) if bit > 0 else 0.0
     for axis in range(len(out)):
-        out[axis] = roads.points[a, axis] + share * (roads.points[a + 1, axis] - roads.points[a, axis])
+        out[axis] = roads.points[a, axis] + share * (
+            roads.points[a + 1, axis] - roads.points[a, axis]
+        )
 
 
 @jit
-def direction(roads: Roads, road: int, offset: float) -> tuple[float, float]:
+def road_direction(roads: Roads, road: int, offset: float) -> tuple[float, float]:
     """Unit vector of a road, from its start to its end, at an offset; where it bends, behind the bend. Zero where it has no length."""
     first = vertex_before(roads, road, offset + _BEHIND)
-    east, north = roads.points[first + 1, 0] - roads.points[first, 0], roads.points[first + 1, 1] - roads.points[first, 1]
+    east, north = (
+        roads.points[first + 1, 0] - roads.points[first, 0],
+        roads.points[first + 1, 1] - roads.points[first, 1],
+    )
     length = np.hypot(east, north)
     return (east / length, north / length) if length > 0 else (0.0, 0.0)
 
 
 @jit
-def apart(positions: NDArray[np.float64], i: int, j: int) -> float:
+def distance_between(positions: NDArray[np.float64], i: int, j: int) -> float:
     """Distance between two samples."""
     square = 0.0
     for axis in range(positions.shape[1]):
@@ -190,7 +210,7 @@ def apart(positions: NDArray[np.float64], i: int, j: int) -> float:
 
 
 @jit
-def larger(values: NDArray[np.generic], size: int) -> NDArray[np.generic]:
+def resized(values: NDArray[np.generic], size: int) -> NDArray[np.generic]:
     """A larger array that begins with the same values."""
     out = np.empty(size, values.dtype)
     out[: len(values)] = values

@@ -11,25 +11,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.jit import inlined, jit
-from gpszip.matching.kernels.roads import Graph, Model, Rest, Work
+from gpszip.matching.kernels.roads import BackwardSearch, Graph, ModelParameters, Workspace
 
-__all__ = ["clear_search", "find_way", "leave_to_goal", "leave_to_wanted", "next_to_goal", "next_to_wanted", "search_back"]
+__all__ = [
+    "expand_to_goal",
+    "expand_to_targets",
+    "find_path",
+    "next_towards_goal",
+    "next_towards_targets",
+    "search_backward",
+    "start_search",
+]
 
 
 @inlined
-def _turn_price(a: int, b: int, graph: Graph, model: Model) -> float:
+def _turn_cost(a: int, b: int, graph: Graph, model: ModelParameters) -> float:
     """Price in metres of going from the end of directed road a to directed road b; where the road only bends, it is nothing."""
     if b == a ^ 1:
-        return model.beta * model.u_turn
+        return model.beta * model.u_turn_cost
     node = graph.heads[a]
     if graph.begins[node + 1] - graph.begins[node] <= 2:
         return 0.0
-    cosine = -(graph.headings[a ^ 1, 0] * graph.headings[b, 0] + graph.headings[a ^ 1, 1] * graph.headings[b, 1])
-    return 0.5 * model.beta * model.turn * (1.0 - cosine)
+    cosine = -(
+        graph.headings[a ^ 1, 0] * graph.headings[b, 0]
+        + graph.headings[a ^ 1, 1] * graph.headings[b, 1]
+    )
+    return 0.5 * model.beta * model.turn_cost * (1.0 - cosine)
 
 
 @inlined
-def _sift_up(heap: NDArray[np.int32], slots: NDArray[np.int32], keys: NDArray[np.float64], slot: int) -> None:
+def _sift_up(
+    heap: NDArray[np.int32], slots: NDArray[np.int32], keys: NDArray[np.float64], slot: int
+) -> None:
     item = heap[slot]
     key = keys[item]
     i = slot
@@ -46,7 +59,9 @@ def _sift_up(heap: NDArray[np.int32], slots: NDArray[np.int32], keys: NDArray[np
 
 
 @inlined
-def _sift_down(heap: NDArray[np.int32], slots: NDArray[np.int32], keys: NDArray[np.float64], size: int) -> None:
+def _sift_down(
+    heap: NDArray[np.int32], slots: NDArray[np.int32], keys: NDArray[np.float64], size: int
+) -> None:
     item = heap[0]
     key = keys[item]
     i = 0
@@ -67,7 +82,12 @@ def _sift_down(heap: NDArray[np.int32], slots: NDArray[np.int32], keys: NDArray[
 
 
 @inlined
-def _take_least(heap: NDArray[np.int32], slots: NDArray[np.int32], keys: NDArray[np.float64], state: NDArray[np.int64]) -> None:
+def _take_least(
+    heap: NDArray[np.int32],
+    slots: NDArray[np.int32],
+    keys: NDArray[np.float64],
+    state: NDArray[np.int64],
+) -> None:
     """Drop the least item of a heap, whose size is ``state[1]``."""
     slots[heap[0]] = -1
     state[1] -= 1
@@ -86,12 +106,19 @@ def _distance(node: int, at: NDArray[np.float64], graph: Graph) -> float:
 
 
 @inlined
-def _label(road: int, price: float, metres: float, missing: float, parent: int, work: Work) -> None:
+def _label(
+    road: int, price: float, metres: float, missing: float, parent: int, work: Workspace
+) -> None:
     """Note that the beginning of a directed road is reached, unless it was reached as cheaply before."""
     new = work.stamps[road] != work.state[0]
-    if not new and (work.slots[road] < 0 or not price < work.price[road]):
+    if not new and (work.slots[road] < 0 or not price < work.costs[road]):
         return
-    work.stamps[road], work.price[road], work.metres[road], work.parents[road] = work.state[0], price, metres, parent
+    work.stamps[road], work.costs[road], work.metres[road], work.parents[road] = (
+        work.state[0],
+        price,
+        metres,
+        parent,
+    )
     work.keys[road] = price + missing
     if new:
         work.slots[road] = work.state[1]
@@ -101,14 +128,14 @@ def _label(road: int, price: float, metres: float, missing: float, parent: int, 
 
 
 @jit
-def clear_search(work: Work) -> None:
+def start_search(work: Workspace) -> None:
     """Begin a search, from nowhere yet."""
     work.state[0] += 1
     work.state[1] = 0
 
 
 @inlined
-def _next(bound: float, work: Work) -> int:
+def _next(bound: float, work: Workspace) -> int:
     if work.state[1] == 0:
         return -1
     road = work.heap[0]
@@ -119,7 +146,7 @@ def _next(bound: float, work: Work) -> int:
 
 
 @inlined
-def leave_to_goal(
+def expand_to_goal(
     road: int,
     metres: float,
     price: float,
@@ -128,8 +155,8 @@ def leave_to_goal(
     goal: NDArray[np.float64],
     near: float,
     graph: Graph,
-    model: Model,
-    work: Work,
+    model: ModelParameters,
+    work: Workspace,
 ) -> None:
     """Go on from the end of a directed road, reached by so many metres at some price, to places within ``near`` metres of a goal.
 
@@ -141,59 +168,89 @@ def leave_to_goal(
         return
     for i in range(graph.begins[node], graph.begins[node + 1]):
         out = graph.outs[i]
-        here = price + _turn_price(road, out, graph, model)
+        here = price + _turn_cost(road, out, graph, model)
         if here + missing <= bound:
             _label(out, here, metres, missing, road, work)
 
 
 @inlined
-def next_to_goal(bound: float, longest: float, goal: NDArray[np.float64], near: float, graph: Graph, model: Model, work: Work) -> int:
+def next_towards_goal(
+    bound: float,
+    longest: float,
+    goal: NDArray[np.float64],
+    near: float,
+    graph: Graph,
+    model: ModelParameters,
+    work: Workspace,
+) -> int:
     """Directed road whose beginning, and then the goal, is reached next at the least price; -1 if none is within the bound."""
     road = _next(bound, work)
     if road >= 0:
         length = graph.lengths[road]
-        leave_to_goal(road, work.metres[road] + length, work.price[road] + length, bound, longest, goal, near, graph, model, work)
+        expand_to_goal(
+            road,
+            work.metres[road] + length,
+            work.costs[road] + length,
+            bound,
+            longest,
+            goal,
+            near,
+            graph,
+            model,
+            work,
+        )
     return road
 
 
 @inlined
-def leave_to_wanted(road: int, metres: float, price: float, bound: float, longest: float, graph: Graph, model: Model, work: Work) -> None:
+def expand_to_targets(
+    road: int,
+    metres: float,
+    price: float,
+    bound: float,
+    longest: float,
+    graph: Graph,
+    model: ModelParameters,
+    work: Workspace,
+) -> None:
     """Go on from the end of a directed road to what the last search back wanted."""
     if metres > longest:
         return
     node = graph.heads[road]
-    least = work.rest.limits[0] - _away(node, graph, work.rest)  # where the search back did not get to, more is missing
+    least = work.backward.limits[0] - _away(
+        node, graph, work.backward
+    )  # where the search back did not get to, more is missing
     for i in range(graph.begins[node], graph.begins[node + 1]):
         out = graph.outs[i]
-        met = work.rest.stamps[out] == work.rest.state[0] and work.rest.slots[out] < 0
-        missing = work.rest.price[out] if met else least
-        here = price + _turn_price(road, out, graph, model)
+        met = work.backward.stamps[out] == work.backward.state[0] and work.backward.slots[out] < 0
+        missing = work.backward.costs[out] if met else least
+        here = price + _turn_cost(road, out, graph, model)
         if here + missing <= bound:
             _label(out, here, metres, missing, road, work)
 
 
 @inlined
-def next_to_wanted(bound: float, work: Work) -> int:
+def next_towards_targets(bound: float, work: Workspace) -> int:
     """Directed road whose beginning, and then what is wanted, is reached next at the least price; -1 if none is within the bound."""
     return _next(bound, work)
 
 
 @inlined
-def _away(node: int, graph: Graph, rest: Rest) -> float:
+def _away(node: int, graph: Graph, rest: BackwardSearch) -> float:
     """Metres that a node is at least away from where ways come from."""
     return max(_distance(node, graph.nodes[rest.state[2]], graph) - rest.limits[1], 0.0)
 
 
 @jit
-def search_back(
+def search_backward(
     sources: NDArray[np.int32],
     targets: NDArray[np.int32],
     begins: NDArray[np.float64],
     bound: float,
     longest: float,
     graph: Graph,
-    model: Model,
-    rest: Rest,
+    model: ModelParameters,
+    rest: BackwardSearch,
 ) -> None:
     """Find what is missing from the beginnings of directed roads to those of others, the targets, each with a price to begin with.
 
@@ -210,7 +267,14 @@ def search_back(
         missing += not rest.wanted[node]
         rest.wanted[node] = True
     for j in range(len(targets)):
-        _back_to(targets[j], begins[j], _away(graph.heads[targets[j] ^ 1], graph, rest), bound, longest, rest)
+        _back_to(
+            targets[j],
+            begins[j],
+            _away(graph.heads[targets[j] ^ 1], graph, rest),
+            bound,
+            longest,
+            rest,
+        )
     rest.limits[0] = bound
     while rest.state[1] > 0:
         road = rest.heap[0]
@@ -223,20 +287,26 @@ def search_back(
         rest.wanted[node] = False
         for i in range(graph.arrivals[node], graph.arrivals[node + 1]):
             before = graph.ins[i]
-            price = rest.price[road] + _turn_price(before, road, graph, model) + graph.lengths[before]
-            _back_to(before, price, _away(graph.heads[before ^ 1], graph, rest), bound, longest, rest)
+            price = (
+                rest.costs[road] + _turn_cost(before, road, graph, model) + graph.lengths[before]
+            )
+            _back_to(
+                before, price, _away(graph.heads[before ^ 1], graph, rest), bound, longest, rest
+            )
     for road in sources:
         rest.wanted[graph.heads[road]] = False
 
 
 @inlined
-def _back_to(road: int, price: float, away: float, bound: float, longest: float, rest: Rest) -> None:
+def _back_to(
+    road: int, price: float, away: float, bound: float, longest: float, rest: BackwardSearch
+) -> None:
     new = rest.stamps[road] != rest.state[0]
-    if not new and (rest.slots[road] < 0 or not price < rest.price[road]):
+    if not new and (rest.slots[road] < 0 or not price < rest.costs[road]):
         return
     if price + away > bound or away > longest:
         return
-    rest.stamps[road], rest.price[road], rest.keys[road] = rest.state[0], price, price + away
+    rest.stamps[road], rest.costs[road], rest.keys[road] = rest.state[0], price, price + away
     if new:
         rest.slots[road] = rest.state[1]
         rest.state[1] += 1
@@ -245,7 +315,7 @@ def _back_to(road: int, price: float, away: float, bound: float, longest: float,
 
 
 @jit
-def find_way(
+def find_path(
     road: int,
     rest: float,
     target: int,
@@ -254,16 +324,16 @@ def find_way(
     goal: NDArray[np.float64],
     near: float,
     graph: Graph,
-    model: Model,
-    work: Work,
+    model: ModelParameters,
+    work: Workspace,
 ) -> NDArray[np.int32]:
     """Directed roads after ``road``, ``rest`` metres before its end, up to and with ``target``; none if it is out of bound."""
-    clear_search(work)
+    start_search(work)
     longest += rest  # as in the lattice, whose searches begin at the ends of roads
-    leave_to_goal(road, rest, rest, bound, longest, goal, near, graph, model, work)
+    expand_to_goal(road, rest, rest, bound, longest, goal, near, graph, model, work)
     found = -1
     while found != target:
-        found = next_to_goal(bound, longest, goal, near, graph, model, work)
+        found = next_towards_goal(bound, longest, goal, near, graph, model, work)
         if found < 0:
             return np.empty(0, np.int32)
     count, here = 1, target

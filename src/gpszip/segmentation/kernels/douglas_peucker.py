@@ -32,7 +32,11 @@ def douglas_peucker(t: NDArray[np.float64], p: NDArray[np.float64], k: int) -> N
     """Return the k + 1 boundaries of k parts; a split sample begins the part after it."""
     n = len(t)
     keys, items = np.empty(2 * k + 2), np.empty(2 * k + 2, np.int64)
-    left, right, split = np.empty(2 * k + 2, np.int64), np.empty(2 * k + 2, np.int64), np.empty(2 * k + 2, np.int64)
+    left, right, split = (
+        np.empty(2 * k + 2, np.int64),
+        np.empty(2 * k + 2, np.int64),
+        np.empty(2 * k + 2, np.int64),
+    )
     boundaries = np.empty(k + 1, np.int64)
     boundaries[0], boundaries[k] = 0, n
     parts, size, entries = 1, 0, 0

@@ -6,16 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
-from gpszip.kernels.sums import Sums, add_sample, append_row, free_cost
-from gpszip.segmentation.kernels.shift import coefficients, lowest
+from gpszip.kernels.sums import PrefixSums, add_moments, add_sample, best_line_cost
+from gpszip.segmentation.kernels.shift import lowest_cost, segment_coefficients
 
-__all__ = ["layered", "penalised"]
+__all__ = ["optimal_k_partition", "optimal_penalised_partition"]
 
 _SLACK = 1e-9
 
 
 @jit
-def _reversed_blocks(sums: Sums, cuts: NDArray[np.int64]) -> NDArray[np.float64]:
+def _backward_moments(sums: PrefixSums, cuts: NDArray[np.int64]) -> NDArray[np.float64]:
     """Moments of the samples between cuts about the last of them, with time running backward."""
     rows = np.zeros((len(cuts) - 1, 2 * sums.p.shape[1] + 4))
     for j in range(len(rows)):
@@ -26,8 +26,13 @@ def _reversed_blocks(sums: Sums, cuts: NDArray[np.int64]) -> NDArray[np.float64]
 
 
 @jit
-def penalised(
-    sums: Sums, cuts: NDArray[np.int64], starts: NDArray[np.float64], ends: NDArray[np.float64], penalty: float, shortest: int
+def optimal_penalised_partition(
+    sums: PrefixSums,
+    cuts: NDArray[np.int64],
+    starts: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    penalty: float,
+    min_samples: int,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Minimise cost + penalty * parts over parts that begin and end at cuts; return each cut's best last cut and label.
 
@@ -40,21 +45,25 @@ def penalised(
     total, joined = np.full(count, np.inf), np.full(count, np.inf)
     total[0] = 0.0
     origin, label = np.zeros(count, np.int64), np.zeros(count, np.int64)
-    blocks = _reversed_blocks(sums, cuts)
+    blocks = _backward_moments(sums, cuts)
     s, costs, row = np.empty((2 * d + 3, m)), np.empty(m), np.empty(2 * d + 4)
     for h in range(1, count):
         b = cuts[h]
-        coefficients(ends, starts, sums.p, b - 1, s)
+        segment_coefficients(ends, starts, sums.p, b - 1, s)
         row[:] = 0.0
         best, reach = np.inf, np.inf
         for g in range(h - 1, -1, -1):
             last = cuts[g + 1] - 1
-            append_row(row, blocks[g], sums.t[b - 1] - sums.t[last], sums.p, last, b - 1)
-            free = free_cost(row)
+            add_moments(row, blocks[g], sums.t[b - 1] - sums.t[last], sums.p, last, b - 1)
+            free = best_line_cost(row)
             reach = min(reach, total[g] + free)
             bound = free + penalty - _SLACK * row[3]
-            if b - cuts[g] >= shortest and total[g] + bound < best:
-                cost = total[g] + penalty + lowest(row, sums.t[b - 1] - sums.t[cuts[g]], 1.0, s, costs)
+            if b - cuts[g] >= min_samples and total[g] + bound < best:
+                cost = (
+                    total[g]
+                    + penalty
+                    + lowest_cost(row, sums.t[b - 1] - sums.t[cuts[g]], 1.0, s, costs)
+                )
                 if cost < best:
                     best, origin[h], label[h] = cost, g, int(np.argmin(costs))
             if joined[g] + bound >= best:
@@ -64,32 +73,36 @@ def penalised(
 
 
 @jit
-def _label_costs(
-    sums: Sums, starts: NDArray[np.float64], ends: NDArray[np.float64], shortest: int
+def _interval_costs(
+    sums: PrefixSums, starts: NDArray[np.float64], ends: NDArray[np.float64], min_samples: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     (n, d), m = sums.p.shape, len(starts)
     table = np.full((n + 1, n + 1), np.inf)
     labels = np.zeros((n + 1, n + 1), np.int32)
     s, costs, row = np.empty((2 * d + 3, m)), np.empty(m), np.empty(2 * d + 4)
     for b in range(1, n + 1):
-        coefficients(ends, starts, sums.p, b - 1, s)
+        segment_coefficients(ends, starts, sums.p, b - 1, s)
         row[:] = 0.0
         for a in range(b - 1, -1, -1):
             x = sums.t[b - 1] - sums.t[a]
             add_sample(row, x, sums.w[a], sums.p, a, b - 1)
-            if b - a >= shortest:
-                table[b, a] = lowest(row, x, 1.0, s, costs)
+            if b - a >= min_samples:
+                table[b, a] = lowest_cost(row, x, 1.0, s, costs)
                 labels[b, a] = np.argmin(costs)
     return table, labels
 
 
 @jit
-def layered(
-    sums: Sums, starts: NDArray[np.float64], ends: NDArray[np.float64], k: int, shortest: int
+def optimal_k_partition(
+    sums: PrefixSums,
+    starts: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    k: int,
+    min_samples: int,
 ) -> tuple[float, NDArray[np.int64], NDArray[np.int32]]:
     """Minimise the cost of exactly k parts; return the cost, the boundaries and the labels. Time k n^2, memory n^2."""
     n = len(sums.t)
-    table, pair_labels = _label_costs(sums, starts, ends, shortest)
+    table, pair_labels = _interval_costs(sums, starts, ends, min_samples)
     total, above = np.full(n + 1, np.inf), np.full(n + 1, np.inf)
     total[0] = 0.0
     origin = np.zeros((k + 1, n + 1), np.int32)

@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["increases", "join_pairs", "ward"]
+__all__ = ["merge_costs", "merge_pairs", "ward"]
 
 #: Share of its trace below which a normal matrix has no slope to solve for.
 _SINGULAR = 1e-14
 
 
 @jit
-def _increase(h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64], i: int, j: int) -> float:
+def _merge_cost(
+    h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64], i: int, j: int
+) -> float:
     w, u1, u2 = h[i, 0] + h[j, 0], h[i, 1] + h[j, 1], h[i, 2] + h[j, 2]
     det = w * u2 - u1 * u1
     total = 0.0
@@ -34,7 +36,9 @@ def _increase(h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.floa
 
 
 @jit
-def _join(h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64], i: int, j: int) -> None:
+def _merge_groups(
+    h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64], i: int, j: int
+) -> None:
     """Put group j into group i, in place."""
     w, u1, u2 = h[i, 0] + h[j, 0], h[i, 1] + h[j, 1], h[i, 2] + h[j, 2]
     det = w * u2 - u1 * u1
@@ -52,20 +56,27 @@ def _join(h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64]
 
 @jit
 def _nearest(
-    h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64], live: NDArray[np.int64], count: int, i: int
+    h: NDArray[np.float64],
+    a: NDArray[np.float64],
+    v: NDArray[np.float64],
+    live: NDArray[np.int64],
+    count: int,
+    i: int,
 ) -> tuple[int, float]:
     at, best = -1, np.inf
     for g in range(count):
         j = live[g]
         if j != i:
-            cost = _increase(h, a, v, i, j)
+            cost = _merge_cost(h, a, v, i, j)
             if cost < best:
                 at, best = j, cost
     return at, best
 
 
 @jit
-def ward(h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def ward(
+    h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Join k groups to one, in place; return the k - 1 pairs (into, from) in order and their costs. Time k^2, memory k."""
     k = len(h)
     live, count = np.arange(k), k
@@ -81,7 +92,7 @@ def ward(h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64])
         costs[step] = gap[i]
         i, j = min(i, near[i]), max(i, near[i])
         pairs[step, 0], pairs[step, 1] = i, j
-        _join(h, a, v, i, j)
+        _merge_groups(h, a, v, i, j)
         kept = 0
         for g in range(count):
             if live[g] != j:
@@ -93,24 +104,28 @@ def ward(h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64])
             if other == i or near[other] in (i, j):
                 near[other], gap[other] = _nearest(h, a, v, live, count, other)
             else:
-                cost = _increase(h, a, v, other, i)
+                cost = _merge_cost(h, a, v, other, i)
                 if cost < gap[other]:
                     near[other], gap[other] = i, cost
     return pairs, costs
 
 
 @jit
-def join_pairs(h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64], pairs: NDArray[np.int64]) -> None:
+def merge_pairs(
+    h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64], pairs: NDArray[np.int64]
+) -> None:
     """Put the second group of each pair into the first, in place."""
     for g in range(len(pairs)):
-        _join(h, a, v, pairs[g, 0], pairs[g, 1])
+        _merge_groups(h, a, v, pairs[g, 0], pairs[g, 1])
 
 
 @jit
-def increases(h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64], near: NDArray[np.int64]) -> NDArray[np.float64]:
+def merge_costs(
+    h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64], near: NDArray[np.int64]
+) -> NDArray[np.float64]:
     """Cost of joining each group with each of those named in its row of ``near``."""
     costs = np.empty(near.shape)
     for i in range(near.shape[0]):
         for g in range(near.shape[1]):
-            costs[i, g] = _increase(h, a, v, i, near[i, g])
+            costs[i, g] = _merge_cost(h, a, v, i, near[i, g])
     return costs

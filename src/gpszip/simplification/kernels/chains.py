@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["string_ways"]
+__all__ = ["chain_edges"]
 
 
 @jit
-def _follow(
+def _follow_chain(
     offsets: NDArray[np.int64],
     targets: NDArray[np.int32],
     edges: NDArray[np.int32],
@@ -38,7 +38,7 @@ def _follow(
 
 
 @jit
-def string_ways(
+def chain_edges(
     offsets: NDArray[np.int64], targets: NDArray[np.int32], edges: NDArray[np.int32], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int32]]:
     """Offsets and nodes of the ways, and the edges that they consist of; first those between ends and junctions, then rings."""
@@ -55,7 +55,9 @@ def string_ways(
                 if not used[edges[arc]]:
                     starts[way] = place + way
                     nodes[place + way] = node
-                    place = _follow(offsets, targets, edges, arc, used, nodes, strung, place, way)
+                    place = _follow_chain(
+                        offsets, targets, edges, arc, used, nodes, strung, place, way
+                    )
                     way += 1
     starts[way] = place + way
     return starts[: way + 1].copy(), nodes[: place + way].copy(), strung

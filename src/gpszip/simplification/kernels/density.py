@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["blur", "climb"]
+__all__ = ["blur", "find_peaks"]
 
 
 @jit
@@ -27,7 +27,7 @@ def blur(values: NDArray[np.float64], near: NDArray[np.int32], passes: int) -> N
 
 
 @jit
-def climb(
+def find_peaks(
     places: NDArray[np.float64],
     cells: NDArray[np.int32],
     centers: NDArray[np.float64],

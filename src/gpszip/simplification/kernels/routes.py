@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from gpszip.kernels.heap import pop, push
 from gpszip.kernels.jit import jit
 
-__all__ = ["cheapest_routes"]
+__all__ = ["cheapest_paths"]
 
 
 @jit
-def _room(values: NDArray[Any], size: int) -> NDArray[Any]:
+def _ensure_capacity(values: NDArray[Any], size: int) -> NDArray[Any]:
     # Twice the room where none is left.
     if size < len(values):
         return values
@@ -24,23 +24,27 @@ def _room(values: NDArray[Any], size: int) -> NDArray[Any]:
 
 
 @jit
-def _away(places: NDArray[np.float64], one: int, other: int) -> float:
-    return np.sqrt((places[one, 0] - places[other, 0]) ** 2 + (places[one, 1] - places[other, 1]) ** 2)
+def _distance(places: NDArray[np.float64], one: int, other: int) -> float:
+    return np.sqrt(
+        (places[one, 0] - places[other, 0]) ** 2 + (places[one, 1] - places[other, 1]) ** 2
+    )
 
 
 @jit
-def _within(places: NDArray[np.float64], place: int, start: int, end: int, far: float, wide: float) -> bool:
+def _in_corridor(
+    places: NDArray[np.float64], place: int, start: int, end: int, far: float, wide: float
+) -> bool:
     x, y = places[place, 0] - places[start, 0], places[place, 1] - places[start, 1]
     along, up = places[end, 0] - places[start, 0], places[end, 1] - places[start, 1]
     length = along**2 + up**2
     share = min(max((x * along + y * up) / length, 0.0), 1.0) if length > 0 else 0.0
     if (x - share * along) ** 2 + (y - share * up) ** 2 > wide**2:
         return False
-    return _away(places, place, start) + _away(places, place, end) <= far
+    return _distance(places, place, start) + _distance(places, place, end) <= far
 
 
 @jit
-def cheapest_routes(
+def cheapest_paths(
     places: NDArray[np.float64],
     near: NDArray[np.int32],
     price: NDArray[np.float64],
@@ -72,17 +76,23 @@ def cheapest_routes(
                 break
             for k in range(near.shape[1]):
                 other = near[place, k]
-                if other < 0 or done[other] == i or not _within(places, other, start, end, far[i], wide[i]):
+                if (
+                    other < 0
+                    or done[other] == i
+                    or not _in_corridor(places, other, start, end, far[i], wide[i])
+                ):
                     continue
-                reached = cost[place] + _away(places, place, other) * 0.5 * (price[place] + price[other])
+                reached = cost[place] + _distance(places, place, other) * 0.5 * (
+                    price[place] + price[other]
+                )
                 if seen[other] != i or reached < cost[other]:
                     seen[other], cost[other], before[other] = i, reached, place
-                    keys, items = _room(keys, size), _room(items, size)
+                    keys, items = _ensure_capacity(keys, size), _ensure_capacity(items, size)
                     size = push(keys, items, size, reached, other)
         if done[end] == i:
             first, place = total, end
             while True:
-                out = _room(out, total)
+                out = _ensure_capacity(out, total)
                 out[total] = place
                 total += 1
                 if place == start:

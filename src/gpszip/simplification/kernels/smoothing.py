@@ -7,11 +7,13 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["keep_corners"]
+__all__ = ["simplify_lines"]
 
 
 @jit
-def _away(point: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]) -> float:
+def _distance_to_segment(
+    point: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
+) -> float:
     along = dot = square = 0.0
     for c in range(len(point)):
         along += (end[c] - start[c]) ** 2
@@ -23,7 +25,9 @@ def _away(point: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[n
 
 
 @jit
-def keep_corners(places: NDArray[np.float64], offsets: NDArray[np.int64], tolerance: float) -> NDArray[np.bool_]:
+def simplify_lines(
+    places: NDArray[np.float64], offsets: NDArray[np.int64], tolerance: float
+) -> NDArray[np.bool_]:
     """Which vertices of the lines ``places[offsets[i]:offsets[i + 1]]`` Douglas and Peucker keep; their ends always."""
     kept = np.zeros(len(places), np.bool_)
     todo = np.empty((len(places) + 1, 2), np.int64)
@@ -36,7 +40,7 @@ def keep_corners(places: NDArray[np.float64], offsets: NDArray[np.int64], tolera
             first, last = todo[size]
             worst, at = tolerance, -1
             for i in range(first + 1, last):
-                away = _away(places[i], places[first], places[last])
+                away = _distance_to_segment(places[i], places[first], places[last])
                 if away > worst:
                     worst, at = away, i
             if at >= 0:

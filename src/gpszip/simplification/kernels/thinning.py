@@ -11,7 +11,7 @@ __all__ = ["thin"]
 
 
 @jit
-def _spare(ring: NDArray[np.bool_], second: bool) -> bool:
+def _is_removable(ring: NDArray[np.bool_], second: bool) -> bool:
     # Zhang and Suen, A fast parallel algorithm for thinning digital patterns, 1984.
     filled = starts = 0
     for k in range(8):
@@ -39,7 +39,7 @@ def thin(area: NDArray[np.bool_], near: NDArray[np.int32]) -> NDArray[np.bool_]:
         for cell in live:
             for k in range(8):
                 ring[k] = near[cell, k] >= 0 and left[near[cell, k]]
-            if _spare(ring, second):
+            if _is_removable(ring, second):
                 gone[count] = cell
                 count += 1
             else:

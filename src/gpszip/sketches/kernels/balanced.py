@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
-from gpszip.kernels.sums import Sums, free_cost, raw_moments
+from gpszip.kernels.sums import PrefixSums, best_line_cost, tick_moments
 
 __all__ = ["balanced_cuts"]
 
@@ -15,16 +15,16 @@ _ROUNDING = 1e-14
 
 
 @jit
-def _block_cost(sums: Sums, a: int, b: int, row: NDArray[np.float64]) -> float:
+def _block_cost(sums: PrefixSums, a: int, b: int, row: NDArray[np.float64]) -> float:
     if b - a <= 2:
         return 0.0
-    raw_moments(sums, a, b, row)
-    cost = float(free_cost(row))
+    tick_moments(sums, a, b, row)
+    cost = float(best_line_cost(row))
     return cost if cost > _ROUNDING * row[3] else 0.0
 
 
 @jit
-def balanced_cuts(sums: Sums, limit: float, most: int) -> NDArray[np.int64]:
+def balanced_cuts(sums: PrefixSums, limit: float, most: int) -> NDArray[np.int64]:
     """Cut samples into the fewest blocks whose free cost is at most ``limit`` square ticks each.
 
     The free cost never falls when samples are added, so that the end of each block is found by galloping and halving,

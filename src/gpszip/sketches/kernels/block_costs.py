@@ -20,16 +20,16 @@ from gpszip.sketches.kernels.blocks import (
     COUNT,
     DEPTH,
     FIRST,
-    FIXED,
+    FIXED_COLUMNS,
     JITTER,
     LAST,
-    MEAN,
+    MEAN_TIME,
     REACH,
     SPREAD,
     WEIGHT,
+    are_times_exact,
     free_cost,
     has_slope,
-    is_exact,
 )
 
 __all__ = ["block_costs"]
@@ -69,19 +69,19 @@ def block_costs(
         last = j
         while last < k - 1 and breaks[last] <= row[LAST]:
             last += 1
-        slack = _localise(row, begins, starts, speeds, j, last, lines)
+        slack = _relative_lines(row, begins, starts, speeds, j, last, lines)
         if last == j:
             cost = _line_cost(row, lines[j])
             out[i, 0] = out[i, 1] = out[i, 2] = cost
         else:
-            _crossed(row, breaks, lines, j, last, out[i])
+            _broken_block_costs(row, breaks, lines, j, last, out[i])
         out[i, 1] = max(out[i, 1] - slack, 0.0)
         out[i, 2] += slack
     return out
 
 
 @jit
-def _localise(
+def _relative_lines(
     row: NDArray[np.float64],
     begins: NDArray[np.float64],
     starts: NDArray[np.float64],
@@ -99,10 +99,10 @@ def _localise(
         speed, away, moved = 0.0, 0.0, 0.0
         for c in range(d):
             lines[j, 1, c] = speeds[j, c]
-            lines[j, 0, c] = (starts[j, c] - row[FIXED + c]) + speeds[j, c] * dt
+            lines[j, 0, c] = (starts[j, c] - row[FIXED_COLUMNS + c]) + speeds[j, c] * dt
             speed += speeds[j, c] ** 2
             away += lines[j, 0, c] ** 2
-            moved += abs(starts[j, c] - row[FIXED + c]) + abs(speeds[j, c] * dt)
+            moved += abs(starts[j, c] - row[FIXED_COLUMNS + c]) + abs(speeds[j, c] * dt)
         far = max(far, row[REACH] + np.sqrt(away) + np.sqrt(speed) * span)
         off = max(off, moved)
     off *= _ROUNDING
@@ -115,7 +115,7 @@ def _line_cost(row: NDArray[np.float64], line: NDArray[np.float64]) -> float:
     d = line.shape[1]
     cost = free_cost(row)
     for c in range(d):
-        away = line[0, c] + line[1, c] * row[MEAN] - row[FIXED + d + c]
+        away = line[0, c] + line[1, c] * row[MEAN_TIME] - row[FIXED_COLUMNS + d + c]
         lean = line[1, c] - _slope(row, c)
         cost += row[WEIGHT] * away * away + row[SPREAD] * lean * lean
     return float(cost)
@@ -123,12 +123,12 @@ def _line_cost(row: NDArray[np.float64], line: NDArray[np.float64]) -> float:
 
 @jit
 def _slope(row: NDArray[np.float64], c: int) -> float:
-    d = (len(row) - FIXED) // 3
-    return float(row[FIXED + 2 * d + c] / row[SPREAD] if has_slope(row) else 0.0)
+    d = (len(row) - FIXED_COLUMNS) // 3
+    return float(row[FIXED_COLUMNS + 2 * d + c] / row[SPREAD] if has_slope(row) else 0.0)
 
 
 @jit
-def _index(row: NDArray[np.float64], step: float, instant: float) -> int:
+def _first_step_at(row: NDArray[np.float64], step: float, instant: float) -> int:
     """Number of the first even step at or after an instant."""
     i = int(min(max(np.ceil((instant - row[FIRST]) / step), 0.0), row[COUNT]))
     while i > 0 and row[FIRST] + step * (i - 1) >= instant:
@@ -139,20 +139,25 @@ def _index(row: NDArray[np.float64], step: float, instant: float) -> int:
 
 
 @jit
-def _crossed(
-    row: NDArray[np.float64], breaks: NDArray[np.float64], lines: NDArray[np.float64], low: int, high: int, out: NDArray[np.float64]
+def _broken_block_costs(
+    row: NDArray[np.float64],
+    breaks: NDArray[np.float64],
+    lines: NDArray[np.float64],
+    low: int,
+    high: int,
+    out: NDArray[np.float64],
 ) -> None:
     d = lines.shape[2]
     free, step = free_cost(row), (row[LAST] - row[FIRST]) / (row[COUNT] - 1)
     cuts = np.empty(high - low + 2, np.int64)
     cuts[0], cuts[-1] = 0, int(row[COUNT])
     for j in range(low, high):
-        cuts[j - low + 1] = _index(row, step, breaks[j])
+        cuts[j - low + 1] = _first_step_at(row, step, breaks[j])
     g = np.empty((2, d))
     for c in range(d):
         g[1, c] = _slope(row, c)
-        g[0, c] = row[FIXED + d + c] - g[1, c] * row[MEAN]
-    mean = _projection(row, lines, cuts, low, step)
+        g[0, c] = row[FIXED_COLUMNS + d + c] - g[1, c] * row[MEAN_TIME]
+    mean = _project_pieces(row, lines, cuts, low, step)
     out[0], out[1], out[2] = 0.0, 0.0, np.inf
     for attempt in range(3):
         line = mean if attempt == 0 else lines[low] if attempt == 1 else lines[high]
@@ -167,8 +172,12 @@ def _crossed(
 
 
 @jit
-def _projection(
-    row: NDArray[np.float64], lines: NDArray[np.float64], cuts: NDArray[np.int64], low: int, step: float
+def _project_pieces(
+    row: NDArray[np.float64],
+    lines: NDArray[np.float64],
+    cuts: NDArray[np.int64],
+    low: int,
+    step: float,
 ) -> NDArray[np.float64]:
     """The line nearest to the pieces over even steps."""
     d = lines.shape[2]
@@ -192,7 +201,9 @@ def _projection(
 
 
 @jit
-def _product(a: NDArray[np.float64], line: NDArray[np.float64], g: NDArray[np.float64], x: float) -> tuple[float, float]:
+def _product_at(
+    a: NDArray[np.float64], line: NDArray[np.float64], g: NDArray[np.float64], x: float
+) -> tuple[float, float]:
     """Value and slope at x of <f - l, f + l - 2 g>, f being the line ``a``."""
     value, slope = 0.0, 0.0
     for c in range(a.shape[1]):
@@ -217,7 +228,7 @@ def _sum_bounds(
     """Sum over even steps, and least and greatest sum over the samples, of <f - l, f + l - 2 g>; with g = l it is |f - l|^2."""
     d = lines.shape[2]
     span, jitter, each = row[LAST] - row[FIRST], row[JITTER], row[WEIGHT] / row[COUNT]
-    if not is_exact(row[FIRST], step, span):
+    if not are_times_exact(row[FIRST], step, span):
         jitter += 4 * 2.3e-16 * (span + abs(row[FIRST]))
     total, error, least, most = 0.0, 0.0, np.inf, -np.inf
     several = np.floor(2 * jitter / step) + 1.0
@@ -228,19 +239,26 @@ def _sum_bounds(
         curve = 0.0
         for c in range(d):
             curve += (piece[1, c] - line[1, c]) * (piece[1, c] + line[1, c] - 2 * g[1, c])
-        total += m * _product(piece, line, g, x)[0] + curve * step * step * m * (m * m - 1) / 12
+        total += m * _product_at(piece, line, g, x)[0] + curve * step * step * m * (m * m - 1) / 12
         a = max(breaks[low + j - 1] - row[FIRST], 0.0) if j > 0 else 0.0
         b = min(breaks[low + j] - row[FIRST], span) if j < len(cuts) - 2 else span
-        (at_a, slope_a), (at_b, slope_b) = _product(piece, line, g, a), _product(piece, line, g, b)
-        bottom = at_a - slope_a * slope_a / (4 * curve) if slope_a * slope_b < 0 and curve != 0 else at_a
+        (at_a, slope_a), (at_b, slope_b) = (
+            _product_at(piece, line, g, a),
+            _product_at(piece, line, g, b),
+        )
+        bottom = (
+            at_a - slope_a * slope_a / (4 * curve) if slope_a * slope_b < 0 and curve != 0 else at_a
+        )
         low_end, high_end = min(at_a, at_b, bottom), max(at_a, at_b, bottom)
         least, most = min(least, low_end), max(most, high_end)
         steepest = max(abs(slope_a), abs(slope_b))
         change = abs(at_a - bottom) + abs(at_b - bottom)
         error += min(several * change, steepest * 2 * jitter * ((b - a + 2 * jitter) / step + 2))
         if j > 0:
-            near = _index(row, step, breaks[low + j - 1] + jitter) - _index(row, step, breaks[low + j - 1] - jitter)
-            jump = abs(at_a - _product(lines[low + j - 1], line, g, a)[0])
+            near = _first_step_at(row, step, breaks[low + j - 1] + jitter) - _first_step_at(
+                row, step, breaks[low + j - 1] - jitter
+            )
+            jump = abs(at_a - _product_at(lines[low + j - 1], line, g, a)[0])
             error += jump * near if jitter > 0 and near > 0 else 0.0
     whole = row[WEIGHT]
     even = each * total

@@ -19,34 +19,36 @@ __all__ = [
     "COUNT",
     "DEPTH",
     "FIRST",
-    "FIXED",
+    "FIXED_COLUMNS",
     "JITTER",
     "LAST",
-    "LEAF",
-    "MEAN",
+    "LEAF_SAMPLES",
+    "MEAN_TIME",
     "REACH",
     "SCATTER",
     "SPREAD",
     "WEIGHT",
-    "absorb",
+    "absorb_samples",
     "append_block",
+    "are_times_exact",
     "balanced_blocks",
     "block_rows",
     "fill_block",
     "free_cost",
     "has_slope",
-    "is_exact",
-    "join_blocks",
+    "merge_between_cuts",
     "reduce_blocks",
 ]
 
-FIRST, LAST, WEIGHT, COUNT, MEAN, SPREAD, SCATTER, REACH, JITTER, DEPTH, FIXED = range(11)
+FIRST, LAST, WEIGHT, COUNT, MEAN_TIME, SPREAD, SCATTER, REACH, JITTER, DEPTH, FIXED_COLUMNS = range(
+    11
+)
 
 #: Samples of the smallest block of a stream.
-LEAF = 2
+LEAF_SAMPLES = 2
 
 #: Samples that are summed at once before blocks are merged.
-_RUN = 64
+_RUN_SAMPLES = 64
 
 #: Share of a block's time span by which an evenly spaced time may be rounded.
 _TIME_ROUNDING = 4.5e-16
@@ -60,7 +62,12 @@ _SINGULAR = 1e-24
 
 @jit
 def fill_block(
-    times: NDArray[np.float64], places: NDArray[np.float64], weights: NDArray[np.float64], a: int, b: int, row: NDArray[np.float64]
+    times: NDArray[np.float64],
+    places: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    a: int,
+    b: int,
+    row: NDArray[np.float64],
 ) -> None:
     """Write the moments of samples a to b - 1: their means first, then everything about the means."""
     d = places.shape[1]
@@ -72,11 +79,11 @@ def fill_block(
         total += w
         mean += w * (times[i] - times[a])
         for c in range(d):
-            row[FIXED + d + c] += w * (places[i, c] - places[a, c])
+            row[FIXED_COLUMNS + d + c] += w * (places[i, c] - places[a, c])
     mean /= total
     for c in range(d):
-        row[FIXED + c] = places[a, c]
-        row[FIXED + d + c] /= total
+        row[FIXED_COLUMNS + c] = places[a, c]
+        row[FIXED_COLUMNS + d + c] /= total
     step = (times[b - 1] - times[a]) / max(b - a - 1, 1)
     farthest, jitter = 0.0, 0.0
     for i in range(a, b):
@@ -87,11 +94,17 @@ def fill_block(
         for c in range(d):
             r = places[i, c] - places[a, c]
             square += r * r
-            r -= row[FIXED + d + c]
+            r -= row[FIXED_COLUMNS + d + c]
             row[SCATTER] += w * r * r
-            row[FIXED + 2 * d + c] += w * (x - mean) * r
+            row[FIXED_COLUMNS + 2 * d + c] += w * (x - mean) * r
         farthest = max(farthest, square)
-    row[FIRST], row[LAST], row[WEIGHT], row[COUNT], row[MEAN] = times[a], times[b - 1], total, b - a, mean
+    row[FIRST], row[LAST], row[WEIGHT], row[COUNT], row[MEAN_TIME] = (
+        times[a],
+        times[b - 1],
+        total,
+        b - a,
+        mean,
+    )
     row[REACH] = np.sqrt(farthest)
     row[JITTER] = jitter if even else np.inf
 
@@ -99,25 +112,25 @@ def fill_block(
 @jit
 def append_block(row: NDArray[np.float64], later: NDArray[np.float64]) -> None:
     """Merge a later block into ``row`` (Chan's update), exact but for rounding."""
-    d = (len(row) - FIXED) // 3
+    d = (len(row) - FIXED_COLUMNS) // 3
     count = row[COUNT] + later[COUNT]
     even = row[WEIGHT] * later[COUNT] == later[WEIGHT] * row[COUNT]
     row[JITTER] = _joint_jitter(row, later, count) if even else np.inf
     total = row[WEIGHT] + later[WEIGHT]
     share = later[WEIGHT] / total
     h = row[WEIGHT] * share
-    dt = (later[FIRST] - row[FIRST]) + (later[MEAN] - row[MEAN])
+    dt = (later[FIRST] - row[FIRST]) + (later[MEAN_TIME] - row[MEAN_TIME])
     between, square = 0.0, 0.0
     for c in range(d):
-        step = later[FIXED + c] - row[FIXED + c]
+        step = later[FIXED_COLUMNS + c] - row[FIXED_COLUMNS + c]
         between += step * step
-        dp = step + (later[FIXED + d + c] - row[FIXED + d + c])
+        dp = step + (later[FIXED_COLUMNS + d + c] - row[FIXED_COLUMNS + d + c])
         square += dp * dp
-        row[FIXED + 2 * d + c] += later[FIXED + 2 * d + c] + h * dt * dp
-        row[FIXED + d + c] += share * dp
+        row[FIXED_COLUMNS + 2 * d + c] += later[FIXED_COLUMNS + 2 * d + c] + h * dt * dp
+        row[FIXED_COLUMNS + d + c] += share * dp
     row[SPREAD] += later[SPREAD] + h * dt * dt
     row[SCATTER] += later[SCATTER] + h * square
-    row[MEAN] += share * dt
+    row[MEAN_TIME] += share * dt
     row[REACH] = max(row[REACH], np.sqrt(between) + later[REACH])
     row[DEPTH] = max(row[DEPTH], later[DEPTH]) + 1
     row[LAST], row[WEIGHT], row[COUNT] = later[LAST], total, count
@@ -131,38 +144,50 @@ def _joint_jitter(a: NDArray[np.float64], b: NDArray[np.float64], count: float) 
     bend_a = abs((a[LAST] - a[FIRST]) - step * (a[COUNT] - 1))
     bend_b = abs((b[FIRST] - a[FIRST]) - step * a[COUNT])
     bend = max(a[JITTER] + bend_a, b[JITTER] + bend_b)
-    if bend == 0 and is_exact(a[FIRST], step, span):
+    if bend == 0 and are_times_exact(a[FIRST], step, span):
         return 0.0
     return float(bend + _TIME_ROUNDING * (span + abs(a[FIRST])))
 
 
 @jit
-def is_exact(first: float, step: float, span: float) -> bool:
+def are_times_exact(first: float, step: float, span: float) -> bool:
     """Whether times from ``first`` in even steps are multiples of 2^-20 s below 2^32 s, which floats add without rounding."""
-    return bool(np.floor(first * _BINARY) == first * _BINARY and np.floor(step * _BINARY) == step * _BINARY and abs(first) + span < _FAR)
+    return bool(
+        np.floor(first * _BINARY) == first * _BINARY
+        and np.floor(step * _BINARY) == step * _BINARY
+        and abs(first) + span < _FAR
+    )
 
 
 @jit
 def block_rows(
-    times: NDArray[np.float64], places: NDArray[np.float64], weights: NDArray[np.float64], cuts: NDArray[np.int64]
+    times: NDArray[np.float64],
+    places: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    cuts: NDArray[np.int64],
 ) -> NDArray[np.float64]:
     """Rows of the samples between consecutive cuts, shape (len(cuts) - 1, 10 + 3 d)."""
-    width = FIXED + 3 * places.shape[1]
+    width = FIXED_COLUMNS + 3 * places.shape[1]
     rows, tower = np.empty((len(cuts) - 1, width)), np.empty((64, width))
     for j in range(len(rows)):
-        _fill_long(times, places, weights, cuts[j], cuts[j + 1], tower)
+        _fill_long_block(times, places, weights, cuts[j], cuts[j + 1], tower)
         rows[j] = tower[0]
     return rows
 
 
 @jit
-def _fill_long(
-    times: NDArray[np.float64], places: NDArray[np.float64], weights: NDArray[np.float64], a: int, b: int, tower: NDArray[np.float64]
+def _fill_long_block(
+    times: NDArray[np.float64],
+    places: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    a: int,
+    b: int,
+    tower: NDArray[np.float64],
 ) -> None:
     """Moments of many samples by merging runs in pairs, so that rounding grows with the logarithm of their number."""
     size, done, even = 0, 0, True
-    for i in range(a, b, _RUN):
-        fill_block(times, places, weights, i, min(i + _RUN, b), tower[size])
+    for i in range(a, b, _RUN_SAMPLES):
+        fill_block(times, places, weights, i, min(i + _RUN_SAMPLES, b), tower[size])
         even = even and tower[size, JITTER] < np.inf and weights[i] == weights[a]
         size, done = size + 1, done + 1
         pairs = done
@@ -183,18 +208,20 @@ def _fill_long(
 @jit
 def has_slope(row: NDArray[np.float64]) -> bool:
     """Whether the times of a block are spread, so that its best line has a slope."""
-    return bool(row[COUNT] > 1 and row[SPREAD] > _SINGULAR * row[WEIGHT] * (row[LAST] - row[FIRST]) ** 2)
+    return bool(
+        row[COUNT] > 1 and row[SPREAD] > _SINGULAR * row[WEIGHT] * (row[LAST] - row[FIRST]) ** 2
+    )
 
 
 @jit
 def free_cost(row: NDArray[np.float64]) -> float:
     """Fitting cost of a block against its own best line."""
-    d = (len(row) - FIXED) // 3
+    d = (len(row) - FIXED_COLUMNS) // 3
     cost = row[SCATTER]
     if has_slope(row):
         drift = 0.0
         for c in range(d):
-            drift += row[FIXED + 2 * d + c] ** 2
+            drift += row[FIXED_COLUMNS + 2 * d + c] ** 2
         cost -= drift / row[SPREAD]
     return max(float(cost), 0.0)
 
@@ -226,7 +253,7 @@ def balanced_blocks(rows: NDArray[np.float64], limit: float) -> NDArray[np.int64
 
 
 @jit
-def join_blocks(rows: NDArray[np.float64], cuts: NDArray[np.int64]) -> NDArray[np.float64]:
+def merge_between_cuts(rows: NDArray[np.float64], cuts: NDArray[np.int64]) -> NDArray[np.float64]:
     """Rows of the blocks between consecutive cuts, each made one."""
     out = np.empty((len(cuts) - 1, rows.shape[1]))
     for j in range(len(out)):
@@ -237,7 +264,9 @@ def join_blocks(rows: NDArray[np.float64], cuts: NDArray[np.int64]) -> NDArray[n
 
 
 @jit
-def reduce_blocks(rows: NDArray[np.float64], owners: NDArray[np.int64], count: int, size: int) -> int:
+def reduce_blocks(
+    rows: NDArray[np.float64], owners: NDArray[np.int64], count: int, size: int
+) -> int:
     """Merge neighbours of one owner, always the two that cost least as one, until ``size`` are left; return how many are.
 
     Blocks stay in order; rows and owners are overwritten. Time count log count.
@@ -282,7 +311,7 @@ def reduce_blocks(rows: NDArray[np.float64], owners: NDArray[np.int64], count: i
 
 
 @jit
-def absorb(
+def absorb_samples(
     rows: NDArray[np.float64],
     count: int,
     size: int,
@@ -295,9 +324,9 @@ def absorb(
     Whenever ``rows`` is full, the blocks are merged until ``size`` are left.
     """
     owners = np.zeros(len(rows), np.int64)
-    for a in range(0, len(times), LEAF):
+    for a in range(0, len(times), LEAF_SAMPLES):
         if count == len(rows):
             count = reduce_blocks(rows, owners, count, size)
-        fill_block(times, places, weights, a, a + LEAF, rows[count])
+        fill_block(times, places, weights, a, a + LEAF_SAMPLES, rows[count])
         count += 1
     return count

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["keep_few", "keep_few_of_each"]
+__all__ = ["select_block_samples", "select_samples"]
 
 #: Share of the largest entry below which a pivot is rounding.
 _PIVOT = 1e-13
@@ -59,8 +59,12 @@ def _null_vector(matrix: NDArray[np.float64], out: NDArray[np.float64]) -> None:
 
 
 @jit
-def keep_few(
-    times: NDArray[np.float64], places: NDArray[np.float64], weights: NDArray[np.float64], a: int, b: int
+def select_samples(
+    times: NDArray[np.float64],
+    places: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    a: int,
+    b: int,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Choose at most 2 d + 4 of the samples a to b - 1, and positive weights, that have the same 2 d + 4 moments.
 
@@ -75,7 +79,10 @@ def keep_few(
         low, high = places[a:b, c].min(), places[a:b, c].max()
         middle[c] = low + (high - low) / 2
         size = max(size, (high - low) / 2)
-    start, half = times[a] + (times[b - 1] - times[a]) / 2, max((times[b - 1] - times[a]) / 2, 1e-300)
+    start, half = (
+        times[a] + (times[b - 1] - times[a]) / 2,
+        max((times[b - 1] - times[a]) / 2, 1e-300),
+    )
     kept, weight = np.empty(r + 1, np.int64), np.empty(r + 1)
     columns, matrix, shift = np.empty((r, r + 1)), np.empty((r, r + 1)), np.empty(r + 1)
     count = 0
@@ -93,7 +100,11 @@ def keep_few(
 
 @jit
 def _drop_one(
-    kept: NDArray[np.int64], weight: NDArray[np.float64], columns: NDArray[np.float64], shift: NDArray[np.float64], count: int
+    kept: NDArray[np.int64],
+    weight: NDArray[np.float64],
+    columns: NDArray[np.float64],
+    shift: NDArray[np.float64],
+    count: int,
 ) -> int:
     """Move weight along the null vector until one sample has none; samples with none go."""
     least, out = np.inf, 0
@@ -113,15 +124,18 @@ def _drop_one(
 
 
 @jit
-def keep_few_of_each(
-    times: NDArray[np.float64], places: NDArray[np.float64], weights: NDArray[np.float64], cuts: NDArray[np.int64]
+def select_block_samples(
+    times: NDArray[np.float64],
+    places: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    cuts: NDArray[np.int64],
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Choose at most 2 d + 4 samples of each block between cuts."""
     most = min(len(times), (2 * places.shape[1] + 4) * (len(cuts) - 1))
     kept, weight = np.empty(most, np.int64), np.empty(most)
     count = 0
     for j in range(len(cuts) - 1):
-        some, new = keep_few(times, places, weights, cuts[j], cuts[j + 1])
+        some, new = select_samples(times, places, weights, cuts[j], cuts[j + 1])
         kept[count : count + len(some)] = some
         weight[count : count + len(some)] = new
         count += len(some)

@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
 
-__all__ = ["distances_along", "positions_along"]
+__all__ = ["interpolate_positions", "sample_distances"]
 
 
 @jit
-def positions_along(
+def interpolate_positions(
     times: NDArray[np.float64],
     places: NDArray[np.float64],
     gaps: NDArray[np.bool_],
@@ -38,7 +38,7 @@ def positions_along(
     after = 0
     for i in range(len(when)):
         t = when[i]
-        after = _first_after(times, t, after)
+        after = _count_until(times, t, after)
         left, right = max(after - 1, 0), min(after, last)
         if after == 0 or after > last or gaps[left]:
             before, beyond = abs(t - times[left]), abs(t - times[right])
@@ -53,7 +53,7 @@ def positions_along(
 
 
 @jit
-def _first_after(times: NDArray[np.float64], t: float, guess: int) -> int:
+def _count_until(times: NDArray[np.float64], t: float, guess: int) -> int:
     """Number of times up to t, where ``guess`` or the next one is likely."""
     for near in range(guess, min(guess + 2, len(times))):
         if near > 0 and times[near - 1] <= t < times[near]:
@@ -69,7 +69,7 @@ def _first_after(times: NDArray[np.float64], t: float, guess: int) -> int:
 
 
 @jit
-def distances_along(
+def sample_distances(
     froms: NDArray[np.int64],
     tos: NDArray[np.int64],
     starts: NDArray[np.float64],
@@ -89,7 +89,7 @@ def distances_along(
         First and last slot of each part.
     starts, ends : float64 arrays, shape (k, d)
         Where the parts begin and end.
-    cells, before : int64 arrays, shape (S,)
+    time_steps, before : int64 arrays, shape (S,)
         Time of each slot, and the number of samples before it.
     times, spots : float64 arrays, shape (n,) and (n, d)
         The samples.

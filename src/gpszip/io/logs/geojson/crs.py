@@ -7,13 +7,13 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-__all__ = ["crs_fault"]
+__all__ = ["crs_problem"]
 
 #: Last parts of names of WGS 84 in degrees: OGC's CRS84, EPSG's 4326 and, with heights, 4979.
 _WGS84 = {"crs84", "crs84h", "84", "4326", "4979", "wgs84", "wgs 84"}
 
 
-def crs_fault(crs: Any) -> str:
+def crs_problem(crs: Any) -> str:
     """Say what is wrong with the coordinate system that the member ``crs`` names.
 
     Positions in GeoJSON are longitudes and latitudes on WGS 84. Files made by an older rule may name another system.
@@ -30,15 +30,17 @@ def crs_fault(crs: Any) -> str:
 
     Examples
     --------
-    >>> crs_fault({"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}})
+    >>> crs_problem({"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}})
     ''
-    >>> crs_fault({"type": "name", "properties": {"name": "EPSG:3857"}})
+    >>> crs_problem({"type": "name", "properties": {"name": "EPSG:3857"}})
     "its coordinates are in 'EPSG:3857'; bring them to longitude and latitude: ogr2ogr -t_srs EPSG:4326 OUT.geojson FILE"
     """
     if crs is None:
         return ""
     properties = crs.get("properties") if isinstance(crs, Mapping) else None
-    name = properties.get("name", properties.get("code")) if isinstance(properties, Mapping) else None
+    name = (
+        properties.get("name", properties.get("code")) if isinstance(properties, Mapping) else None
+    )
     if name is None:
         return "names a coordinate system in a way that isn't known; remove its member 'crs' if it is in longitude and latitude"
     if re.split("[:/]", str(name).strip().lower())[-1] in _WGS84:

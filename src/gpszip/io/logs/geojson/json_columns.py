@@ -8,9 +8,9 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from gpszip.io.storage.display_name import shown
+from gpszip.io.storage.display_name import printable_name
 
-__all__ = ["as_json", "brief", "column", "joined"]
+__all__ = ["abbreviate", "as_json", "build_column", "concatenate_columns"]
 
 #: Letters of a value that a message shows.
 _SHOWN = 60
@@ -30,19 +30,19 @@ def as_json(value: Any) -> str:
         return f"a deeply nested {type(value).__name__}"
 
 
-def brief(value: Any) -> str:
+def abbreviate(value: Any) -> str:
     """Return a value as JSON has it, in one line and cut where it is long.
 
     Examples
     --------
-    >>> brief("x" * 100)
+    >>> abbreviate("x" * 100)
     '"xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx...'
     """
-    text = shown(as_json(value))
+    text = printable_name(as_json(value))
     return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
 
 
-def column(values: list[Any]) -> Any:
+def build_column(values: list[Any]) -> Any:
     """Make a column of values: of one kind as they are, of several kinds texts.
 
     Parameters
@@ -57,7 +57,7 @@ def column(values: list[Any]) -> Any:
 
     Examples
     --------
-    >>> column([1, None, 2.5]).to_pylist(), column([1, "b", True]).to_pylist()
+    >>> build_column([1, None, 2.5]).to_pylist(), build_column([1, "b", True]).to_pylist()
     ([1.0, None, 2.5], ['1', 'b', 'true'])
     """
     kinds = set(map(type, values)) - {type(None)}
@@ -66,16 +66,19 @@ def column(values: list[Any]) -> Any:
             return pa.array(values)
         except (pa.ArrowException, OverflowError):
             pass  # integers that are too long for either kind of numbers
-    return pa.array([value if value is None or isinstance(value, str) else as_json(value) for value in values], pa.string())
+    return pa.array(
+        [value if value is None or isinstance(value, str) else as_json(value) for value in values],
+        pa.string(),
+    )
 
 
-def joined(parts: list[Any]) -> Any:
+def concatenate_columns(parts: list[Any]) -> Any:
     """Join parts of a column: integers and floats become floats, and all else that differs becomes texts.
 
     Parameters
     ----------
     parts : list of pyarrow.Array
-        As :func:`column` makes them.
+        As :func:`build_column` makes them.
 
     Returns
     -------
@@ -83,7 +86,7 @@ def joined(parts: list[Any]) -> Any:
 
     Examples
     --------
-    >>> joined([column([1]), column([None]), column(["b"])]).to_pylist()
+    >>> concatenate_columns([build_column([1]), build_column([None]), build_column(["b"])]).to_pylist()
     ['1', None, 'b']
     """
     kinds = {part.type for part in parts if not pa.types.is_null(part.type)}

@@ -16,21 +16,21 @@ from dataclasses import dataclass
 from typing import Any
 
 from gpszip.errors import InputError
-from gpszip.io.storage.expansion import next_piece
+from gpszip.io.storage.expansion import read_chunk
 
-__all__ = ["Document", "Element", "encoding_of", "read_json"]
+__all__ = ["Document", "Element", "detect_encoding", "read_json"]
 
 #: Letters that a single value may take at most.
-_LETTERS = 64 << 20
+_MAX_VALUE_LETTERS = 64 << 20
 
 #: Marks between values (commas, colons and opening brackets) that may be in it: what they part takes up to 100 bytes each.
-_MARKS = 8_000_000
+_MAX_VALUE_MARKS = 8_000_000
 
 #: Members of an object at the top, of which GeoJSON has a handful.
-_MEMBERS = 10_000
+_MAX_MEMBERS = 10_000
 
 #: Bytes that are read at a time.
-_PIECE = 4 << 20
+_CHUNK_BYTES = 4 << 20
 
 #: Letters from the end in which a mistake may come from the text being cut there: the longest word is -Infinity.
 _WORD = 16
@@ -56,12 +56,12 @@ class Document:
     members: dict[str, Any]
 
 
-def encoding_of(head: bytes) -> str:
+def detect_encoding(head: bytes) -> str:
     r"""Tell the encoding of JSON from its first bytes.
 
     Examples
     --------
-    >>> encoding_of(b"{}"), encoding_of("{}".encode("utf-16-le")), encoding_of(codecs.BOM_UTF8)
+    >>> detect_encoding(b"{}"), detect_encoding("{}".encode("utf-16-le")), detect_encoding(codecs.BOM_UTF8)
     ('utf-8', 'utf-16-le', 'utf-8-sig')
     """
     return json.detect_encoding(head[:4])
@@ -123,8 +123,8 @@ def _object(window: _Window) -> Iterator[Element | Document]:
             window.begin()
         else:
             members[name] = window.value()
-        if len(members) > _MEMBERS:
-            raise window.damage(f"an object with more than {_MEMBERS:,} members is no GeoJSON")
+        if len(members) > _MAX_MEMBERS:
+            raise window.damage(f"an object with more than {_MAX_MEMBERS:,} members is no GeoJSON")
     yield Document(members)
 
 
@@ -154,7 +154,9 @@ class _Window:
 
     def damage(self, what: str) -> InputError:
         """Say what is wrong at the present place."""
-        return InputError(f"{self._name}: damaged JSON file: {what[:120]} at character {self._passed + self._at + 1:,}")
+        return InputError(
+            f"{self._name}: damaged JSON file: {what[:120]} at character {self._passed + self._at + 1:,}"
+        )
 
     def peek(self) -> str:
         """Return the next letter that is no space; none at the end."""
@@ -171,7 +173,11 @@ class _Window:
     def take(self, letter: str) -> None:
         """Pass over a letter that has to come next."""
         if (found := self.peek()) != letter:
-            raise self.damage(f"{letter!r} is expected, not {found!r}," if found else f"it ends where {letter!r} is expected,")
+            raise self.damage(
+                f"{letter!r} is expected, not {found!r},"
+                if found
+                else f"it ends where {letter!r} is expected,"
+            )
         self._at += 1
 
     def goes_on(self, closing: str, *, first: bool) -> bool:
@@ -188,12 +194,14 @@ class _Window:
         self.peek()
         while True:
             try:
-                found, end = _decoded(self._text, self._at)
+                found, end = _decode_value(self._text, self._at)
             except json.JSONDecodeError as error:
                 if self._ended or not _may_be_cut(error):
                     cut = self._ended and _may_be_cut(error)
                     self._at = error.pos
-                    raise self.damage("it is cut short: " * cut + error.msg.removesuffix(" at")) from None
+                    raise self.damage(
+                        "it is cut short: " * cut + error.msg.removesuffix(" at")
+                    ) from None
             except RecursionError:
                 raise self.damage("it is nested too deeply") from None
             else:
@@ -207,10 +215,10 @@ class _Window:
     def _count(self, end: int, *, whole: bool = True) -> None:
         """Refuse a value, or what is in memory of it, before it takes too much memory."""
         marks = 1 + sum(self._text.count(mark, self._at, end) for mark in ",:[{")
-        if end - self._at > _LETTERS or self._marks + marks > _MARKS:
+        if end - self._at > _MAX_VALUE_LETTERS or self._marks + marks > _MAX_VALUE_MARKS:
             raise InputError(
                 f"{self._name}: the value at character {self._passed + self._at + 1:,} is too large: more than "
-                f"{_LETTERS >> 20} million letters, or {_MARKS // 4_000_000} million positions; write it as several features, or as CSV"
+                f"{_MAX_VALUE_LETTERS >> 20} million letters, or {_MAX_VALUE_MARKS // 4_000_000} million positions; write it as several features, or as CSV"
             )
         self._marks += marks * whole
 
@@ -218,9 +226,9 @@ class _Window:
         """Read on: as much again as is in memory, which makes reading a value again and again cheap."""
         self._passed += self._at
         rest, self._at = self._text[self._at :], 0
-        data = next_piece(self._stream, max(_PIECE, len(rest)))
+        data = read_chunk(self._stream, max(_CHUNK_BYTES, len(rest)))
         if self._decoder is None:
-            self._decoder = codecs.getincrementaldecoder(encoding_of(data))()
+            self._decoder = codecs.getincrementaldecoder(detect_encoding(data))()
         self._ended = not data
         try:
             self._text = rest + self._decoder.decode(data, final=self._ended)
@@ -235,7 +243,7 @@ def _may_be_cut(error: json.JSONDecodeError) -> bool:
     return error.pos >= len(error.doc) - _WORD or error.msg.startswith("Unterminated string")
 
 
-def _decoded(text: str, at: int) -> tuple[Any, int]:
+def _decode_value(text: str, at: int) -> tuple[Any, int]:
     try:
         found, end = _QUICK.raw_decode(text, at)
     except json.JSONDecodeError:
@@ -243,7 +251,7 @@ def _decoded(text: str, at: int) -> tuple[Any, int]:
     except ValueError:  # an integer of more digits than Python reads
         found, end = _PATIENT.raw_decode(text, at)
     if text.find("\\ud", at, end) >= 0 or text.find("\\uD", at, end) >= 0:
-        found = _in_whole_letters(found)
+        found = _escape_surrogates(found)
     return found, end
 
 
@@ -256,12 +264,12 @@ _QUICK = json.JSONDecoder(parse_constant=str)
 _PATIENT = json.JSONDecoder(parse_constant=str, parse_int=_integer)
 
 
-def _in_whole_letters(value: Any) -> Any:
+def _escape_surrogates(value: Any) -> Any:
     """Write halves of letters (surrogates), which no text can hold, as the file does: with a backslash."""
     if isinstance(value, str):
         return value.encode("utf-8", "backslashreplace").decode()
     if isinstance(value, list):
-        return [_in_whole_letters(item) for item in value]
+        return [_escape_surrogates(item) for item in value]
     if isinstance(value, dict):
-        return {_in_whole_letters(name): _in_whole_letters(item) for name, item in value.items()}
+        return {_escape_surrogates(name): _escape_surrogates(item) for name, item in value.items()}
     return value

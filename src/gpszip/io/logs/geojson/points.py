@@ -13,25 +13,25 @@ from numpy.typing import NDArray
 
 from gpszip.errors import InputError
 from gpszip.io.logs.geojson.features import BadPosition, Point, position_table
-from gpszip.io.logs.geojson.json_columns import brief, column, joined
+from gpszip.io.logs.geojson.json_columns import abbreviate, build_column, concatenate_columns
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.tables.roles import find_roles
-from gpszip.io.tables.table import table_log
+from gpszip.io.tables.table import build_raw_log
 from gpszip.model.read_result import Repair
 
-__all__ = ["HEIGHTS", "Points", "dropped_positions"]
+__all__ = ["HEIGHT_NAMES", "PointTable", "dropped_positions_repair"]
 
 #: What the third number of a position may be asked for as.
-HEIGHTS = ("alt", "altitude", "ele", "elevation", "height")
+HEIGHT_NAMES = ("alt", "altitude", "ele", "elevation", "height")
 
 #: Points whose properties become columns together.
-_BATCH = 1 << 14
+_BATCH_POINTS = 1 << 14
 
 #: Cells that may be empty as only some points have a property; beyond that, points are no rows of a table.
-_EMPTY = 50_000_000
+_MAX_EMPTY_CELLS = 50_000_000
 
 
-class Points:
+class PointTable:
     """Gathers points, and holds them as columns.
 
     Parameters
@@ -61,7 +61,7 @@ class Points:
             If there are too many properties that only few points have.
         """
         self._held.append((number, point))
-        if len(self._held) == _BATCH:
+        if len(self._held) == _BATCH_POINTS:
             self._flush()
 
     def log(self, request: Request, *, metric: bool) -> RawLog:
@@ -82,25 +82,40 @@ class Points:
         self._flush()
         if not self._rows:
             value = self._first_bad.value if self._first_bad is not None else ""
-            raise InputError(f"{self._name}: no Point is at a longitude and a latitude; the first is at {value}")
+            raise InputError(
+                f"{self._name}: no Point is at a longitude and a latitude; the first is at {value}"
+            )
         names, columns = self._named(metric=metric)
         own = {"x": "x", "y": "y"} if metric else {"lat": "lat", "lon": "lon"}
         by_role = request.columns if isinstance(request.columns, Mapping) else {}
-        roles = find_roles(names, {**by_role, **own}, request.keep, self._name, heading=request.heading)
-        roles = replace(roles, sides=())  # coordinates of GeoJSON have a sign, whatever properties there are
-        repairs = () if self._first_bad is None else (dropped_positions(self._bad, self._first_bad, self._name),)
-        return table_log([columns[i]() for i in roles.used], names, roles, request, self._name, repairs=repairs)
+        roles = find_roles(
+            names, {**by_role, **own}, request.keep, self._name, heading=request.heading
+        )
+        roles = replace(
+            roles, hemispheres=()
+        )  # coordinates of GeoJSON have a sign, whatever properties there are
+        repairs = (
+            ()
+            if self._first_bad is None
+            else (dropped_positions_repair(self._bad, self._first_bad, self._name),)
+        )
+        return build_raw_log(
+            [columns[i]() for i in roles.used], names, roles, request, self._name, repairs=repairs
+        )
 
     def _named(self, *, metric: bool) -> tuple[list[str], list[Any]]:
         """Names of all columns, and functions that make them."""
         table = np.concatenate(self._tables)
         axes = ["x", "y"] if metric else ["lon", "lat"]
         third = bool(np.isfinite(table[:, 2]).any())
-        if third and (metric or not any(name.lower() in HEIGHTS for name in self._columns)):
+        if third and (metric or not any(name.lower() in HEIGHT_NAMES for name in self._columns)):
             axes.append("z" if metric else "alt")
         others = [name for name in self._columns if name not in axes]
         numbers = [lambda i=i: pa.chunked_array([pa.array(table[:, i])]) for i in range(len(axes))]
-        return [*axes, *others], [*numbers, *(lambda name=name: joined(self._whole(name)) for name in others)]
+        return [*axes, *others], [
+            *numbers,
+            *(lambda name=name: concatenate_columns(self._whole(name)) for name in others),
+        ]
 
     def _whole(self, name: str) -> list[Any]:
         """The parts of a column, with nulls for the rows at the end."""
@@ -118,7 +133,9 @@ class Points:
         good = np.isfinite(table[:, :2]).all(axis=1)
         if not good.all():
             number, point = held[int(good.argmin())]
-            self._first_bad = self._first_bad or BadPosition(f"feature {number}", brief(point.coordinates))
+            self._first_bad = self._first_bad or BadPosition(
+                f"feature {number}", abbreviate(point.coordinates)
+            )
             self._bad += int((~good).sum())
         rows = [held[row][1].properties for row in np.flatnonzero(good).tolist()]
         self._tables.append(table[good])
@@ -126,16 +143,23 @@ class Points:
         # their properties
         names = dict.fromkeys(chain.from_iterable(rows))
         self._empty += len(names) * len(rows) - sum(map(len, rows))
-        if self._empty > _EMPTY:
-            raise InputError(f"{self._name}: its points have {len(names):,} different properties, most of them in few; write it as CSV")
+        if self._empty > _MAX_EMPTY_CELLS:
+            raise InputError(
+                f"{self._name}: its points have {len(names):,} different properties, most of them in few; write it as CSV"
+            )
         for name in names:
             parts = self._columns.setdefault(name, [])
             if missing := self._rows - sum(map(len, parts)):
                 parts.append(pa.nulls(missing))
-            parts.append(column([row.get(name) for row in rows]))
+            parts.append(build_column([row.get(name) for row in rows]))
         self._rows += len(rows)
 
 
-def dropped_positions(count: int, first: BadPosition, name: str) -> Repair:
+def dropped_positions_repair(count: int, first: BadPosition, name: str) -> Repair:
     """Tell of positions that can't be read."""
-    return Repair("positions without a longitude and latitude dropped", count, f"{name}: {first.where}", value=first.value)
+    return Repair(
+        "positions without a longitude and latitude dropped",
+        count,
+        f"{name}: {first.where}",
+        value=first.value,
+    )

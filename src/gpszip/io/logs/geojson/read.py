@@ -11,24 +11,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError
-from gpszip.io.logs.geojson.crs import crs_fault
-from gpszip.io.logs.geojson.features import BadPosition, FeatureError, Line, Names, read_feature
-from gpszip.io.logs.geojson.json_columns import brief
-from gpszip.io.logs.geojson.json_stream import Document, encoding_of, read_json
-from gpszip.io.logs.geojson.points import HEIGHTS, Points, dropped_positions
-from gpszip.io.logs.geojson.times import has_texts, read_times
-from gpszip.io.logs.geojson.write import METRES
-from gpszip.io.logs.raw import RawLog, Request, Unread, unused
+from gpszip.io.logs.geojson.crs import crs_problem
+from gpszip.io.logs.geojson.features import (
+    BadPosition,
+    FeatureError,
+    Line,
+    PropertyNames,
+    read_feature,
+)
+from gpszip.io.logs.geojson.json_columns import abbreviate
+from gpszip.io.logs.geojson.json_stream import Document, detect_encoding, read_json
+from gpszip.io.logs.geojson.points import HEIGHT_NAMES, PointTable, dropped_positions_repair
+from gpszip.io.logs.geojson.times import has_text_times, read_times
+from gpszip.io.logs.geojson.write import METRES_MEMBER
+from gpszip.io.logs.raw import RawLog, Request, UnreadableCell, unused_name
 from gpszip.io.storage.source import Source
 from gpszip.model.read_result import LeftOut, Repair
 
 __all__ = ["read_geojson", "sniff_geojson"]
 
 #: Bytes by which JSON is told: an object, a list of objects, or a sequence whose objects follow a record separator.
-_HEAD = 1000
+_SNIFFED_BYTES = 1000
 
 #: How many features are named that are left out; further ones are counted.
-_NAMED = 10
+_MAX_NAMED_FEATURES = 10
 
 Floats = NDArray[np.float64]
 
@@ -41,7 +47,7 @@ def sniff_geojson(head: bytes) -> bool:
     >>> sniff_geojson(b'{"type": "FeatureCollection"'), sniff_geojson(b'[ {"type": "Feature"'), sniff_geojson(b"[t],x,y")
     (True, True, False)
     """
-    text = head[:_HEAD].decode(encoding_of(head), "ignore").lstrip(" \t\r\n\x1e\ufeff")
+    text = head[:_SNIFFED_BYTES].decode(detect_encoding(head), "ignore").lstrip(" \t\r\n\x1e\ufeff")
     return text[:1] == "{" or (text[:1] == "[" and text[1:].lstrip()[:1] in ("{", "]"))
 
 
@@ -72,30 +78,30 @@ def read_geojson(source: Source, request: Request) -> RawLog:
         If it is no GeoJSON, names another coordinate system than WGS 84, has a feature that can't be used, or has neither
         a line nor a point with times.
     """
-    found = _Found(source.name, request.skip_bad, Points(source.name))
-    _gather(found, source, Names.of(request.columns))
+    found = _Contents(source.name, request.skip_bad, PointTable(source.name))
+    _collect_features(found, source, PropertyNames.of(request.columns))
     metric = _is_metric(found)
     if found.lines and (found.timed or not len(found.points)):
-        return _line_log(found, request, metric=metric)
+        return _log_from_lines(found, request, metric=metric)
     if not len(found.points):
-        raise _nothing(found)
+        raise _no_tracks_error(found)
     try:
         log = found.points.log(request, metric=metric)
     except InputError:
         if not found.lines:
             raise
-        return _line_log(found, request, metric=metric)
+        return _log_from_lines(found, request, metric=metric)
     found.others["line without times"] += len(found.lines)
     return replace(log, left_out=_left_out(found, "the log is in its points"))
 
 
 @dataclass
-class _Found:
+class _Contents:
     """What is found in a file, feature by feature."""
 
     name: str
     skip_bad: bool
-    points: Points
+    points: PointTable
     lines: list[Line] = field(default_factory=list)
     timed: bool = False  # whether a line has times
     features: int = 0
@@ -105,38 +111,43 @@ class _Found:
     bad: int = 0
     first_bad: BadPosition | None = None
     metric: set[bool] = field(default_factory=set)
-    crs_fault: str = ""
+    crs_problem: str = ""
 
     def skip(self, feature: int, reason: str) -> None:
         """Leave out a feature, or raise."""
         where = f"{self.name}: feature {feature}"
         if not self.skip_bad:
             raise InputError(f"{where}: {reason}; --skip-bad leaves it out")
-        if len(self.skipped) < _NAMED:
+        if len(self.skipped) < _MAX_NAMED_FEATURES:
             self.skipped.append(LeftOut(where, reason))
         else:
             self.more_skipped += 1
 
 
-def _gather(found: _Found, source: Source, names: Names) -> None:
+def _collect_features(found: _Contents, source: Source, names: PropertyNames) -> None:
     """Read all features; where a file is damaged from some place on, those before may be kept."""
     try:
         with source.open() as stream:
             for part in read_json(stream, source.name):
                 if not isinstance(part, Document):
-                    _add(found, part.value, names)
+                    _add_feature(found, part.value, names)
                 elif "features" in part.members or part.members.get("type") == "FeatureCollection":
                     _add_members(found, part.members)
                 else:
-                    found.metric.add(part.members.get("gpszip") == METRES["gpszip"])
-                    _add(found, part.members, names)
+                    found.metric.add(part.members.get("gpszip") == METRES_MEMBER["gpszip"])
+                    _add_feature(found, part.members, names)
     except InputError as error:
         if not (found.skip_bad and found.features):
             raise
-        found.skipped.append(LeftOut(f"{source.name}: all after feature {found.features}", str(error).removeprefix(f"{source.name}: ")))
+        found.skipped.append(
+            LeftOut(
+                f"{source.name}: all after feature {found.features}",
+                str(error).removeprefix(f"{source.name}: "),
+            )
+        )
 
 
-def _add(found: _Found, element: Any, names: Names) -> None:
+def _add_feature(found: _Contents, element: Any, names: PropertyNames) -> None:
     found.features += 1
     try:
         feature = read_feature(element, found.features, names)
@@ -154,50 +165,68 @@ def _add(found: _Found, element: Any, names: Names) -> None:
         found.points.add(found.features, feature.point)
 
 
-def _add_members(found: _Found, members: dict[str, Any]) -> None:
+def _add_members(found: _Contents, members: dict[str, Any]) -> None:
     """Take in what a collection says besides its features."""
     if not isinstance(members.get("features"), list):
-        what = f"its 'features' is {brief(members['features'])}, not a list" if "features" in members else "it has no 'features'"
+        what = (
+            f"its 'features' is {abbreviate(members['features'])}, not a list"
+            if "features" in members
+            else "it has no 'features'"
+        )
         raise InputError(f"{found.name}: no FeatureCollection as GeoJSON has it: {what}")
-    metric = members.get("gpszip") == METRES["gpszip"]
+    metric = members.get("gpszip") == METRES_MEMBER["gpszip"]
     found.metric.add(metric)
-    found.crs_fault = found.crs_fault or ("" if metric else crs_fault(members.get("crs")))
+    found.crs_problem = found.crs_problem or ("" if metric else crs_problem(members.get("crs")))
 
 
-def _is_metric(found: _Found) -> bool:
-    if found.crs_fault:
-        raise InputError(f"{found.name}: {found.crs_fault}")
+def _is_metric(found: _Contents) -> bool:
+    if found.crs_problem:
+        raise InputError(f"{found.name}: {found.crs_problem}")
     if len(found.metric) > 1:
-        raise InputError(f"{found.name}: holds features in metres and others in degrees; read them apart")
+        raise InputError(
+            f"{found.name}: holds features in metres and others in degrees; read them apart"
+        )
     return True in found.metric
 
 
-def _nothing(found: _Found) -> InputError:
+def _no_tracks_error(found: _Contents) -> InputError:
     if found.skipped:
         return InputError(f"{found.skipped[0].name}: {found.skipped[0].reason}")
     only = ", ".join(f"{count} {kind}" for kind, count in sorted(found.others.items()))
-    return InputError(f"{found.name}: no LineString and no Point in it" + (f", only {only}" if only else ""))
+    return InputError(
+        f"{found.name}: no LineString and no Point in it" + (f", only {only}" if only else "")
+    )
 
 
-def _left_out(found: _Found, reason: str) -> tuple[LeftOut, ...]:
-    kinds = [LeftOut(f"{found.name}: {count} {kind}", reason) for kind, count in sorted(found.others.items()) if count]
-    more = [LeftOut(f"{found.name}: {found.more_skipped} more features", "can't be used")] if found.more_skipped else []
+def _left_out(found: _Contents, reason: str) -> tuple[LeftOut, ...]:
+    kinds = [
+        LeftOut(f"{found.name}: {count} {kind}", reason)
+        for kind, count in sorted(found.others.items())
+        if count
+    ]
+    more = (
+        [LeftOut(f"{found.name}: {found.more_skipped} more features", "can't be used")]
+        if found.more_skipped
+        else []
+    )
     return (*kinds, *found.skipped, *more)
 
 
-def _line_log(found: _Found, request: Request, *, metric: bool) -> RawLog:
+def _log_from_lines(found: _Contents, request: Request, *, metric: bool) -> RawLog:
     if len(found.points):
         found.others["Point"] += len(found.points)
     lines, times, unread = _timed_lines(found, request)
     if not lines:
-        raise _nothing(found)
+        raise _no_tracks_error(found)
     table = np.concatenate([line.table for line in lines])
     heights = bool(np.isfinite(table[:, 2]).any())
 
     # third numbers: a coordinate of metres, else a column that may be kept
-    kept = {name: table[:, 2] for name in request.keep if name in HEIGHTS and heights}
+    kept = {name: table[:, 2] for name in request.keep if name in HEIGHT_NAMES and heights}
     if missing := [name for name in request.keep if name not in kept]:
-        raise InputError(f"{found.name}: its positions have no {missing[0]!r}; only a third number, alt, can be kept")
+        raise InputError(
+            f"{found.name}: its positions have no {missing[0]!r}; only a third number, alt, can be kept"
+        )
     coordinates = table[:, : 3 if heights else 2].copy() if metric else table[:, 1::-1].copy()
 
     tracks = _tracks(lines)
@@ -211,16 +240,18 @@ def _line_log(found: _Found, request: Request, *, metric: bool) -> RawLog:
         coordinates=coordinates,
         geographic=not metric,
         attributes=kept,
-        word="position",
-        dropped=("alt",) if heights and not metric and not kept else (),
+        row_noun="position",
+        dropped_columns=("alt",) if heights and not metric and not kept else (),
         repairs=_repairs(found, tracks.renamed, table[:, 2] if kept else None),
         left_out=_left_out(found, "no line"),
-        unread=unread,
+        unreadable=unread,
         untimed=tracks.untimed,
     )
 
 
-def _timed_lines(found: _Found, request: Request) -> tuple[list[Line], list[Floats], tuple[Unread, ...]]:
+def _timed_lines(
+    found: _Contents, request: Request
+) -> tuple[list[Line], list[Floats], tuple[UnreadableCell, ...]]:
     """The lines that can be used, with their times in seconds."""
     lines = _lines_of_two(found)
 
@@ -230,9 +261,9 @@ def _timed_lines(found: _Found, request: Request) -> tuple[list[Line], list[Floa
     except InputError as error:
         if not found.skip_bad:
             raise
-        for feature in dict.fromkeys(line.feature for line in lines if has_texts(line)):
+        for feature in dict.fromkeys(line.feature for line in lines if has_text_times(line)):
             found.skip(feature, str(error).rsplit(": times: ", 1)[-1])
-        lines = [line for line in lines if not has_texts(line)]
+        lines = [line for line in lines if not has_text_times(line)]
         times = read_times(lines, request, found.name)
 
     # features of which no time can be read
@@ -241,11 +272,11 @@ def _timed_lines(found: _Found, request: Request) -> tuple[list[Line], list[Floa
             found.skip(feature, fault)
         lines = [line for line in lines if line.feature not in times.faults]
         times = read_times(lines, request, found.name)
-    unread = () if times.unread is None else (Unread("times", *times.unread),)
+    unread = () if times.unreadable is None else (UnreadableCell("times", *times.unreadable),)
     return lines, times.seconds, unread
 
 
-def _lines_of_two(found: _Found) -> list[Line]:
+def _lines_of_two(found: _Contents) -> list[Line]:
     """Lines but those that are one position, and no time."""
     lines = [line for line in found.lines if line.times is not None or len(line.table) > 1]
     if len(lines) < len(found.lines):
@@ -267,7 +298,10 @@ def _tracks(lines: Sequence[Line]) -> _Tracks:
     """Lines of one name are one track if they have times; each line without times is a shape, whose name no other track has."""
     # names that features have, and for those without one their numbers
     given = {line.name for line in lines if line.name is not None}
-    names = [line.name if line.name is not None else unused(str(line.feature - 1), given) for line in lines]
+    names = [
+        line.name if line.name is not None else unused_name(str(line.feature - 1), given)
+        for line in lines
+    ]
 
     # shapes whose name is taken
     reserved = set(names)
@@ -296,13 +330,27 @@ def _free(name: str, taken: set[str], reserved: set[str], tries: Counter[str]) -
     return own
 
 
-def _repairs(found: _Found, renamed: int, heights: Floats | None) -> tuple[Repair, ...]:
+def _repairs(found: _Contents, renamed: int, heights: Floats | None) -> tuple[Repair, ...]:
     repairs = []
     if found.first_bad is not None:
-        repairs.append(dropped_positions(found.bad, found.first_bad, found.name))
+        repairs.append(dropped_positions_repair(found.bad, found.first_bad, found.name))
     if renamed:
-        repairs.append(Repair("lines without times renamed, as another track has their name", renamed, found.name, drops=False))
+        repairs.append(
+            Repair(
+                "lines without times renamed, as another track has their name",
+                renamed,
+                found.name,
+                drops=False,
+            )
+        )
     if heights is not None and (missing := np.isnan(heights)).any():
         where = f"{found.name}: position {int(missing.argmax()) + 1}"
-        repairs.append(Repair("positions without a height, which is unknown there", int(missing.sum()), where, drops=False))
+        repairs.append(
+            Repair(
+                "positions without a height, which is unknown there",
+                int(missing.sum()),
+                where,
+                drops=False,
+            )
+        )
     return tuple(repairs)

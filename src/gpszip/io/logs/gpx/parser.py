@@ -13,14 +13,14 @@ from xml.parsers import expat
 
 from gpszip.errors import InputError
 from gpszip.io.logs.gpx.points import GpxPoints, PointCollector, RefusedError
-from gpszip.io.logs.gpx.xml_text import Replaced, Utf8
-from gpszip.io.storage.expansion import next_piece
+from gpszip.io.logs.gpx.xml_text import ReplacedBytes, Utf8Transcoder
+from gpszip.io.storage.expansion import read_chunk
 from gpszip.io.storage.source import Source
 
 __all__ = ["parse_points"]
 
 #: Bytes that the parser gets at a time.
-_PIECE = 1 << 18
+_CHUNK_BYTES = 1 << 18
 
 #: Bytes of one tag or comment, all of which the parser keeps in memory.
 _MAX_TAG = 1 << 23
@@ -43,14 +43,18 @@ _CUT_OFF = frozenset(
 
 #: How to mend the commonest errors.
 _REMEDIES = {
-    _ERROR.codes[_ERROR.XML_ERROR_INVALID_TOKEN]: "write & as &amp; and < as &lt;, and remove control characters",
+    _ERROR.codes[
+        _ERROR.XML_ERROR_INVALID_TOKEN
+    ]: "write & as &amp; and < as &lt;, and remove control characters",
     _ERROR.codes[_ERROR.XML_ERROR_UNDEFINED_ENTITY]: "write the letter itself, and & as &amp;",
     _ERROR.codes[_ERROR.XML_ERROR_TAG_MISMATCH]: "close each element before the one around it",
-    _ERROR.codes[_ERROR.XML_ERROR_JUNK_AFTER_DOC_ELEMENT]: "remove what follows the first </gpx>, or move it to a file of its own",
+    _ERROR.codes[
+        _ERROR.XML_ERROR_JUNK_AFTER_DOC_ELEMENT
+    ]: "remove what follows the first </gpx>, or move it to a file of its own",
 }
 
 
-def parse_points(source: Source, fields: Collection[str]) -> tuple[GpxPoints, Replaced]:
+def parse_points(source: Source, fields: Collection[str]) -> tuple[GpxPoints, ReplacedBytes]:
     """Collect the points of a GPX file.
 
     Elements are known by their names, in upper or lower case. Prefixes and namespaces don't matter.
@@ -81,46 +85,59 @@ def parse_points(source: Source, fields: Collection[str]) -> tuple[GpxPoints, Re
     parser.buffer_text = True
     parser.ordered_attributes = True
     collector = PointCollector(parser, fields)
-    pieces = _pieces(source)
+    pieces = _chunks(source)
     first = next(pieces, b"")
-    utf8 = Utf8(first)
+    utf8 = Utf8Transcoder(first)
 
     try:
         _feed(parser, collector, utf8, chain([first], pieces))
     except expat.ExpatError as error:
         line = error.lineno + utf8.skipped_lines
-        raise InputError(f"{source.name}: line {line}: damaged GPX: {_damage(error.code, collector)}") from None
+        raise InputError(
+            f"{source.name}: line {line}: damaged GPX: {_explain_damage(error.code, collector)}"
+        ) from None
     except RefusedError as error:
         line = parser.CurrentLineNumber + utf8.skipped_lines
         raise InputError(f"{source.name}: line {line}: {error}") from None
     except UnicodeDecodeError:
         encoding = utf8.encoding.upper()
-        raise InputError(f"{source.name}: damaged {encoding} text; fetch the file again, or save it as UTF-8") from None
-    return collector.collected(), utf8.replaced
+        raise InputError(
+            f"{source.name}: damaged {encoding} text; fetch the file again, or save it as UTF-8"
+        ) from None
+    return collector.finish(), utf8.replaced
 
 
-def _feed(parser: expat.XMLParserType, collector: PointCollector, utf8: Utf8, pieces: Iterator[bytes]) -> None:
+def _feed(
+    parser: expat.XMLParserType,
+    collector: PointCollector,
+    utf8: Utf8Transcoder,
+    pieces: Iterator[bytes],
+) -> None:
     """Parse all pieces, and check after each one what the handlers can't see."""
     fed = 0
     for piece in pieces:
         text = utf8.encode(piece)
         parser.Parse(text, False)
         fed += len(text)
-        collector.settle()
+        collector.flush()
         if fed - parser.CurrentByteIndex > _MAX_TAG:
             raise RefusedError(f"a tag or comment of more than {_MAX_TAG} bytes; shorten it")
         if len(parser.intern) > _MAX_NAMES:
-            raise RefusedError(f"more than {_MAX_NAMES} different names of elements and attributes, which no GPX file needs")
+            raise RefusedError(
+                f"more than {_MAX_NAMES} different names of elements and attributes, which no GPX file needs"
+            )
     parser.Parse(utf8.encode(b"", final=True), True)
-    collector.settle()
+    collector.flush()
 
 
-def _damage(code: int, collector: PointCollector) -> str:
+def _explain_damage(code: int, collector: PointCollector) -> str:
     """Say what is wrong with the file, and how to mend it."""
     points = f"{collector.count} point{'' if collector.count == 1 else 's'}"
     if code not in _CUT_OFF:
         remedy = _REMEDIES.get(code, "mend it there")
-        return f"{expat.ErrorString(code)}, after {points}; {remedy}; --skip-bad leaves the file out"
+        return (
+            f"{expat.ErrorString(code)}, after {points}; {remedy}; --skip-bad leaves the file out"
+        )
 
     elements = collector.open_elements
     if not elements:
@@ -130,10 +147,10 @@ def _damage(code: int, collector: PointCollector) -> str:
     return f"the file ends within <{elements[-1]}>, after {points}; {remedy}; --skip-bad leaves the file out"
 
 
-def _pieces(source: Source) -> Iterator[bytes]:
+def _chunks(source: Source) -> Iterator[bytes]:
     with source.open() as stream:
         try:
-            while piece := next_piece(stream, _PIECE):
+            while piece := read_chunk(stream, _CHUNK_BYTES):
                 yield piece
         except OSError as error:
             raise InputError(

@@ -130,7 +130,7 @@ class PointCollector:
         """Names of the elements around points that are open, the outermost first."""
         return tuple(self._open)
 
-    def settle(self) -> None:
+    def flush(self) -> None:
         """Store the texts so far in little room. To be called after each piece of the file.
 
         Raises
@@ -139,17 +139,17 @@ class PointCollector:
             If a text is too long.
         """
         for column in (self._lat, self._lon, *self._fields.values()):
-            column.settle()
+            column.flush()
         if sum(map(len, self._text)) > _MAX_LETTERS:
             raise RefusedError(f"a text of more than {_MAX_LETTERS} letters; shorten it")
 
-    def collected(self) -> GpxPoints:
+    def finish(self) -> GpxPoints:
         """Return all points."""
         present = self._fields.keys() & self._present.keys()
         return GpxPoints(
-            lat=self._lat.of_all(self.count),
-            lon=self._lon.of_all(self.count),
-            fields={name: self._fields[name].of_all(self.count) for name in present},
+            lat=self._lat.to_column(self.count),
+            lon=self._lon.to_column(self.count),
+            fields={name: self._fields[name].to_column(self.count) for name in present},
             present=self._present,
             names=tuple(self._names),
             routes=np.array(self._routes, dtype=np.bool_),
@@ -161,7 +161,9 @@ class PointCollector:
     # Handlers for elements around points.
 
     def _start(self, name: str, attributes: list[str]) -> None:
-        kind = self._local_names.get(name) or self._local_names.setdefault(name, _local(name).lower())
+        kind = self._local_names.get(name) or self._local_names.setdefault(
+            name, _local(name).lower()
+        )
         if kind in _POINTS:
             self._enter_point(name, kind, attributes)
             return
@@ -229,7 +231,9 @@ class PointCollector:
         if self._parent_index < 0:
             self._parent_index = len(self._names)
             self._names.append(self._parent_name)
-            self._routes.append(self._parent_kind == "rte" or (not self._parent_kind and kind == "rtept"))
+            self._routes.append(
+                self._parent_kind == "rte" or (not self._parent_kind and kind == "rtept")
+            )
         self._parents.append(self._parent_index)
         self._starts.append(self._row)
         self._at_new_segment = False
@@ -272,7 +276,11 @@ class PointCollector:
 
         # The text of a link is no column, and the time of an extension is not the point's time.
         column = None
-        if top != "link" and field not in _CONTAINERS and not (field == "time" and len(self._path) > 1):
+        if (
+            top != "link"
+            and field not in _CONTAINERS
+            and not (field == "time" and len(self._path) > 1)
+        ):
             self._present.setdefault(field, shown)
             column = self._fields.get(field)
         self._columns.setdefault(self._path[0], {})[name] = column
@@ -300,14 +308,14 @@ class _TextColumn:
         self.rows.append(row)
         self.last_row = row
 
-    def settle(self) -> None:
+    def flush(self) -> None:
         chunk = pa.array(self.texts, pa.string())
         self.texts.clear()
         if (pc.max(pc.utf8_length(chunk)).as_py() or 0) > _MAX_LETTERS:
             raise RefusedError(f"a text of more than {_MAX_LETTERS} letters in a point; shorten it")
         self._chunks.append(chunk)
 
-    def of_all(self, count: int) -> Any:
+    def to_column(self, count: int) -> Any:
         """The texts of all points, of which there are so many; null for those that have none."""
         column = pa.chunked_array(self._chunks, pa.string())
         if len(column) == count:
@@ -328,7 +336,9 @@ def _attribute(attributes: Sequence[str], wanted: str) -> str | None:
 
 
 def _refuse_depth() -> NoReturn:
-    raise RefusedError(f"elements more than {_MAX_DEPTH} deep within each other, which no GPX file needs")
+    raise RefusedError(
+        f"elements more than {_MAX_DEPTH} deep within each other, which no GPX file needs"
+    )
 
 
 def _refuse_nested(name: str) -> NoReturn:

@@ -18,20 +18,20 @@ from numpy.typing import NDArray
 from gpszip.errors import InputError
 from gpszip.io.logs.gpx.parser import parse_points
 from gpszip.io.logs.gpx.points import GpxPoints
-from gpszip.io.logs.gpx.write import HEIGHTS
-from gpszip.io.logs.gpx.xml_text import Replaced, root_of
-from gpszip.io.logs.raw import RawLog, Request, Unread
+from gpszip.io.logs.gpx.write import HEIGHT_NAMES
+from gpszip.io.logs.gpx.xml_text import ReplacedBytes, root_element
+from gpszip.io.logs.raw import RawLog, Request, UnreadableCell
 from gpszip.io.storage.source import Source
-from gpszip.io.values.arrow import numbers
-from gpszip.io.values.coordinates import degrees, has_decimal_comma, unread
-from gpszip.io.values.timestamps import seconds, unit_origin, unit_seconds
+from gpszip.io.values.arrow import to_floats
+from gpszip.io.values.coordinates import first_unreadable_cell, has_decimal_comma, parse_degrees
+from gpszip.io.values.timestamps import times_to_seconds, unit_origin, unit_seconds
 from gpszip.model.read_result import LeftOut, Repair
 
 __all__ = ["read_gpx", "sniff_gpx"]
 
 #: Names of one quantity. Who asks for one name gets another one that the points have.
 _SYNONYMS = (
-    HEIGHTS,
+    HEIGHT_NAMES,
     ("hr", "heart_rate", "heartrate"),
     ("cad", "cadence"),
     ("atemp", "temperature", "temp"),
@@ -67,7 +67,7 @@ def sniff_gpx(head: bytes) -> bool:
     >>> sniff_gpx(b'<?xml version="1.0"?> <gpx version="1.1">'), sniff_gpx(b"<kml>")
     (True, False)
     """
-    return (root_of(head) or "").lower() == "gpx"
+    return (root_element(head) or "").lower() == "gpx"
 
 
 def read_gpx(source: Source, request: Request) -> RawLog:
@@ -111,27 +111,36 @@ def read_gpx(source: Source, request: Request) -> RawLog:
     points, replaced = parse_points(source, wanted)
     if not len(points.lat):
         only = f", only {_waypoints(points)}" if points.waypoints else ""
-        raise InputError(f"{source.name}: no track points{only}; GPSZip reads tracks (trk) and routes (rte)")
+        raise InputError(
+            f"{source.name}: no track points{only}; GPSZip reads tracks (trk) and routes (rte)"
+        )
 
     # Tell tracks from shapes, and name both.
-    time_texts = points.fields.get("time", pa.chunked_array([pa.nulls(len(points.lat), pa.string())]))
+    time_texts = points.fields.get(
+        "time", pa.chunked_array([pa.nulls(len(points.lat), pa.string())])
+    )
     has_times = _has_times(points, time_texts)
     ids, codes, is_shape = _tracks(points, has_times, source.stem)
 
     # Read the texts.
     comma = has_decimal_comma([points.lat, points.lon])
     coordinates, unread_places = _coordinates(points, comma)
-    time_texts_of_tracks = pc.if_else(pa.array(has_times[_parent_of_points(points)]), time_texts, None)
+    time_texts_of_tracks = pc.if_else(
+        pa.array(has_times[_parent_of_points(points)]), time_texts, None
+    )
     times = _times(time_texts_of_tracks, request, source.name)
-    unread_time = unread(time_texts_of_tracks, times, "time")
+    unread_time = first_unreadable_cell(time_texts_of_tracks, times, "time")
     _require_usable_points(source.name, times, coordinates, is_shape[codes], unread_places)
 
     # Read what else is to be kept.
     kept = _kept_fields(points, request, source.name)
-    attributes = {name: _values(points.fields[field], comma, f"{source.name}: {field}") for name, field in kept.items()}
+    attributes = {
+        name: _values(points.fields[field], comma, f"{source.name}: {field}")
+        for name, field in kept.items()
+    }
     used = list(kept.values())
     if _COURSE in points.fields and request.heading:
-        headings = numbers(points.fields[_COURSE], comma)
+        headings = to_floats(points.fields[_COURSE], comma)
         if np.isfinite(headings).any():
             attributes["heading"] = headings
             used.append(_COURSE)
@@ -144,12 +153,17 @@ def read_gpx(source: Source, request: Request) -> RawLog:
         coordinates=coordinates,
         geographic=True,
         attributes=attributes,
-        word="point",
-        labels=True,
-        dropped=_dropped(points, used),
-        repairs=(*_replacements(replaced, source.name), *_ignored_times(points, time_texts, source.name)),
-        left_out=(LeftOut(f"{source.name}: {_waypoints(points)}", "not a track"),) if points.waypoints else (),
-        unread=(*unread_places, *((unread_time,) if unread_time is not None else ())),
+        row_noun="point",
+        ids_are_titles=True,
+        dropped_columns=_dropped(points, used),
+        repairs=(
+            *_replacements(replaced, source.name),
+            *_ignored_times(points, time_texts, source.name),
+        ),
+        left_out=(LeftOut(f"{source.name}: {_waypoints(points)}", "not a track"),)
+        if points.waypoints
+        else (),
+        unreadable=(*unread_places, *((unread_time,) if unread_time is not None else ())),
         untimed=frozenset(np.flatnonzero(is_shape).tolist()),
     )
 
@@ -174,7 +188,9 @@ def _has_times(points: GpxPoints, time_texts: Any) -> Flags:
     return has_times & ~points.routes
 
 
-def _tracks(points: GpxPoints, has_times: Flags, stem: str) -> tuple[tuple[str, ...], NDArray[np.int32], Flags]:
+def _tracks(
+    points: GpxPoints, has_times: Flags, stem: str
+) -> tuple[tuple[str, ...], NDArray[np.int32], Flags]:
     """Return names of tracks and shapes, the index of a name for each point, and which are shapes."""
     # A track with times starts with its first segment, a shape with each segment.
     starts_parent = np.diff(points.parents, prepend=-1) > 0
@@ -186,14 +202,17 @@ def _tracks(points: GpxPoints, has_times: Flags, stem: str) -> tuple[tuple[str, 
     # What has no name is named after the file, or has none at all where it is alone.
     if points.names == (None,):
         titles = [stem]
-        ids = _distinct(titles * len(parents)) if len(parents) > 1 else ()
+        ids = _distinct_names(titles * len(parents)) if len(parents) > 1 else ()
     else:
-        titles = [f"{stem}-{number}" if name is None else name for number, name in enumerate(points.names, 1)]
-        ids = _distinct([titles[parent] for parent in parents.tolist()])
+        titles = [
+            f"{stem}-{number}" if name is None else name
+            for number, name in enumerate(points.names, 1)
+        ]
+        ids = _distinct_names([titles[parent] for parent in parents.tolist()])
     return ids, codes, is_shape
 
 
-def _distinct(names: Sequence[str]) -> tuple[str, ...]:
+def _distinct_names(names: Sequence[str]) -> tuple[str, ...]:
     """Number names that occur twice: the second ``a`` becomes ``a-2``, or the next free one."""
     found: dict[str, None] = {}
     last_number: dict[str, int] = {}
@@ -210,38 +229,46 @@ def _distinct(names: Sequence[str]) -> tuple[str, ...]:
 # Positions and times
 
 
-def _coordinates(points: GpxPoints, comma: bool) -> tuple[Floats, tuple[Unread, ...]]:
+def _coordinates(points: GpxPoints, comma: bool) -> tuple[Floats, tuple[UnreadableCell, ...]]:
     """Return latitudes and longitudes, and the first of each that can't be read."""
-    lat = degrees(points.lat, "lat", decimal_comma=comma)
-    lon = degrees(points.lon, "lon", decimal_comma=comma)
-    found = (_first_unread(points.lat, lat, "lat"), _first_unread(points.lon, lon, "lon"))
+    lat = parse_degrees(points.lat, "lat", decimal_comma=comma)
+    lon = parse_degrees(points.lon, "lon", decimal_comma=comma)
+    found = (_first_unreadable(points.lat, lat, "lat"), _first_unreadable(points.lon, lon, "lon"))
     return np.stack([lat, lon], axis=1), tuple(cell for cell in found if cell is not None)
 
 
-def _first_unread(texts: Any, values: Floats, name: str) -> Unread | None:
+def _first_unreadable(texts: Any, values: Floats, name: str) -> UnreadableCell | None:
     """Return the first coordinate that can't be read, or isn't there: each point must have one."""
     bad = ~np.isfinite(values)
     if not bad.any():
         return None
     row = int(bad.argmax())
     text = texts[row].as_py()
-    return Unread(name, row, f"no {name}" if text is None else text)
+    return UnreadableCell(name, row, f"no {name}" if text is None else text)
 
 
 def _times(texts: Any, request: Request, where: str) -> Floats:
     if texts.null_count == len(texts):
         return np.full(len(texts), np.nan)
     unit = unit_seconds(request.time_unit) if request.time_unit else None
-    return seconds(texts, unit, f"{where}: time", origin=unit_origin(request.time_unit), dates=request.dates)
+    return times_to_seconds(
+        texts, unit, f"{where}: time", origin=unit_origin(request.time_unit), dates=request.dates
+    )
 
 
-def _require_usable_points(where: str, times: Floats, coordinates: Floats, in_shape: Flags, unread_places: Sequence[Unread]) -> None:
+def _require_usable_points(
+    where: str,
+    times: Floats,
+    coordinates: Floats,
+    in_shape: Flags,
+    unread_places: Sequence[UnreadableCell],
+) -> None:
     placed: Flags = np.asarray(np.isfinite(coordinates).all(axis=1))
     if not placed.any():
         first = unread_places[0]
         raise InputError(
             f"{where}: no point has a position that can be read; the first has "
-            f"{first.column}={_shown(first.value)}; write degrees such as lat='48.1371'"
+            f"{first.column}={_quote(first.value)}; write degrees such as lat='48.1371'"
         )
     if not (placed & (in_shape | np.isfinite(times))).any():
         raise InputError(f"{where}: no point has both a position and a time that can be read")
@@ -277,34 +304,42 @@ def _dropped(points: GpxPoints, used: Iterable[str]) -> tuple[str, ...]:
 
 def _values(texts: Any, comma: bool, where: str) -> NDArray[np.generic]:
     """Return floats where all texts are numbers, NaN for those that are not there; else texts."""
-    unknown = pc.fill_null(pc.match_substring_regex(texts, _NAN), True).to_numpy(zero_copy_only=False)
-    floats = numbers(texts, comma)
+    unknown = pc.fill_null(pc.match_substring_regex(texts, _NAN), True).to_numpy(
+        zero_copy_only=False
+    )
+    floats = to_floats(texts, comma)
     if (np.isfinite(floats) | unknown.astype(np.bool_)).all():
         return floats
 
     letters = int(pc.max(pc.utf8_length(texts)).as_py())
     if letters * np.dtype("U1").itemsize * len(texts) > _MAX_TEXT_BYTES:
-        raise InputError(f"{where}: texts of {letters} letters are too long to keep for {len(texts)} points; leave them out")
+        raise InputError(
+            f"{where}: texts of {letters} letters are too long to keep for {len(texts)} points; leave them out"
+        )
     return np.array(pc.fill_null(texts, "").to_pylist(), dtype=np.str_)
 
 
 # What the user must know
 
 
-def _replacements(replaced: Replaced, where: str) -> tuple[Repair, ...]:
+def _replacements(replaced: ReplacedBytes, where: str) -> tuple[Repair, ...]:
     if not replaced.count:
         return ()
     what = "bytes that don't fit the file's encoding read as Windows-1252"
-    return (Repair(what, replaced.count, where, drops=False, value=f"text {_shown(replaced.first)}"),)
+    return (
+        Repair(what, replaced.count, where, drops=False, value=f"text {_quote(replaced.first)}"),
+    )
 
 
 def _ignored_times(points: GpxPoints, time_texts: Any, where: str) -> tuple[Repair, ...]:
-    rows = np.flatnonzero(time_texts.is_valid().to_numpy() & points.routes[_parent_of_points(points)])
+    rows = np.flatnonzero(
+        time_texts.is_valid().to_numpy() & points.routes[_parent_of_points(points)]
+    )
     if not len(rows):
         return ()
     first = int(rows[0])
     what = "times of route points not read, as routes are shapes"
-    value = f"time {_shown(time_texts[first].as_py())}"
+    value = f"time {_quote(time_texts[first].as_py())}"
     return (Repair(what, len(rows), f"{where}: point {first + 1}", drops=False, value=value),)
 
 
@@ -312,5 +347,5 @@ def _waypoints(points: GpxPoints) -> str:
     return f"{points.waypoints} waypoint{'' if points.waypoints == 1 else 's'}"
 
 
-def _shown(text: str) -> str:
+def _quote(text: str) -> str:
     return repr(text if len(text) <= _SHOWN_LETTERS else text[:_SHOWN_LETTERS] + "...")

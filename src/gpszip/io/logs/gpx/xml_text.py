@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass
 from xml.parsers import expat
 
-__all__ = ["Replaced", "Utf8", "encoding_of", "root_of"]
+__all__ = ["ReplacedBytes", "Utf8Transcoder", "detect_encoding", "root_element"]
 
 #: Byte order marks. UTF-32 comes first, as one of its marks starts with one of UTF-16.
 _MARKS = (
@@ -54,7 +54,7 @@ _COMMENT = re.compile(r"<!--.*?(?:-->|\Z)", re.DOTALL)
 
 
 @dataclass(frozen=True)
-class Replaced:
+class ReplacedBytes:
     """Bytes that don't fit the encoding of a file.
 
     Parameters
@@ -69,7 +69,7 @@ class Replaced:
     first: str
 
 
-class Utf8:
+class Utf8Transcoder:
     r"""Turns an XML file into UTF-8, piece by piece.
 
     Bytes that don't fit the encoding of the file are read as Windows-1252, and counted.
@@ -90,7 +90,7 @@ class Utf8:
 
     Examples
     --------
-    >>> text = Utf8(b"<name>Z\xfcrich</name>")
+    >>> text = Utf8Transcoder(b"<name>Z\xfcrich</name>")
     >>> text.encode(b"<name>Z\xfcrich</name>").decode()
     '<name>Zürich</name>'
     >>> text.replaced
@@ -98,12 +98,14 @@ class Utf8:
     """
 
     def __init__(self, head: bytes) -> None:
-        self.encoding = encoding_of(head)
+        self.encoding = detect_encoding(head)
         wide = self.encoding.startswith(("utf-16", "utf-32"))
-        self._decoder = codecs.getincrementaldecoder(self.encoding)("surrogatepass" if wide else "surrogateescape")
+        self._decoder = codecs.getincrementaldecoder(self.encoding)(
+            "surrogatepass" if wide else "surrogateescape"
+        )
         self._at_start = True
         self.skipped_lines = 0
-        self.replaced = Replaced(0, "")
+        self.replaced = ReplacedBytes(0, "")
 
     def encode(self, piece: bytes, *, final: bool = False) -> bytes:
         """Return the next piece of the file in UTF-8.
@@ -128,7 +130,7 @@ class Utf8:
         try:
             return text.encode()
         except UnicodeEncodeError:
-            return self._mended(text).encode()
+            return self._read_as_cp1252(text).encode()
 
     def _without_margin(self, text: str) -> str:
         """Leave out what must not stand before an XML declaration, but does in some files."""
@@ -137,16 +139,16 @@ class Utf8:
         self.skipped_lines += text[: len(text) - len(bare)].count("\n")
         return bare
 
-    def _mended(self, text: str) -> str:
+    def _read_as_cp1252(self, text: str) -> str:
         """Read bytes that don't fit the encoding as Windows-1252."""
         mended, count = _UNDECODED.subn(lambda found: _LETTERS.get(ord(found[0]), "\ufffd"), text)
         word = _WORD.search(text)
         first = self.replaced.first or (mended[word.start() : word.end()] if word else "")
-        self.replaced = Replaced(self.replaced.count + count, first)
+        self.replaced = ReplacedBytes(self.replaced.count + count, first)
         return mended
 
 
-def encoding_of(head: bytes) -> str:
+def detect_encoding(head: bytes) -> str:
     """Tell the encoding of an XML file from its first bytes.
 
     A byte order mark comes first, then the number of bytes for a character, then the declaration.
@@ -164,11 +166,11 @@ def encoding_of(head: bytes) -> str:
 
     Examples
     --------
-    >>> encoding_of(b'<?xml version="1.0" encoding="windows-1252"?>')
+    >>> detect_encoding(b'<?xml version="1.0" encoding="windows-1252"?>')
     'cp1252'
-    >>> encoding_of("<gpx>".encode("utf-16-le"))
+    >>> detect_encoding("<gpx>".encode("utf-16-le"))
     'utf-16-le'
-    >>> encoding_of(b'<?xml version="1.0" encoding="UTF-16"?>')
+    >>> detect_encoding(b'<?xml version="1.0" encoding="UTF-16"?>')
     'utf-8'
     """
     for mark, name in _MARKS:
@@ -178,10 +180,10 @@ def encoding_of(head: bytes) -> str:
         if start.match(head):
             return name
     declared = _DECLARED.match(head)
-    return _usable(declared[1].decode()) if declared else "utf-8"
+    return _usable_codec(declared[1].decode()) if declared else "utf-8"
 
 
-def root_of(head: bytes) -> str | None:
+def root_element(head: bytes) -> str | None:
     """Find the name of an XML file's root element, without its prefix.
 
     Where there is a document type, it names the root element.
@@ -198,12 +200,12 @@ def root_of(head: bytes) -> str | None:
 
     Examples
     --------
-    >>> root_of(b'<?xml version="1.0"?><!-- a walk --><g:gpx xmlns:g="...">'), root_of(b"t,x,y")
+    >>> root_element(b'<?xml version="1.0"?><!-- a walk --><g:gpx xmlns:g="...">'), root_element(b"t,x,y")
     ('gpx', None)
     """
     # Decode the bytes, and leave files that are no XML.
     try:
-        text = Utf8(head).encode(head)
+        text = Utf8Transcoder(head).encode(head)
     except UnicodeDecodeError:
         return None
     if not text.startswith(b"<"):
@@ -212,8 +214,8 @@ def root_of(head: bytes) -> str | None:
     # Parse up to the first element.
     names: list[str] = []
     parser = expat.ParserCreate("utf-8")
-    parser.StartElementHandler = lambda name, _attributes: _found(name, names)
-    parser.StartDoctypeDeclHandler = lambda name, *_ids: _found(name, names)
+    parser.StartElementHandler = lambda name, _attributes: _stop_at(name, names)
+    parser.StartDoctypeDeclHandler = lambda name, *_ids: _stop_at(name, names)
     try:
         parser.Parse(text, True)
     except _FoundError:
@@ -230,12 +232,12 @@ class _FoundError(Exception):
     """The root element is found; the parser can stop."""
 
 
-def _found(name: str, names: list[str]) -> None:
+def _stop_at(name: str, names: list[str]) -> None:
     names.append(name)
     raise _FoundError
 
 
-def _usable(declared: str) -> str:
+def _usable_codec(declared: str) -> str:
     """Return the codec for a declared encoding, or UTF-8 where the file can't have that one."""
     try:
         name = codecs.lookup(declared).name

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-__all__ = ["MOST_HALVINGS", "QUANTUM_STEPS", "Frame", "Plane", "quantum", "quantum_index", "refined_frame"]
+__all__ = [
+    "MAX_REFINEMENTS",
+    "STEP_SIZES",
+    "Plane",
+    "QuantisationGrid",
+    "refined_grid",
+    "step_index",
+    "step_size",
+]
 
 #: Quanta come in eighths of an octave; literal so that every machine has the same eight numbers.
 _EIGHTHS = (
@@ -19,34 +27,34 @@ _EIGHTHS = (
 )
 
 #: Number of quanta that an archive can name (one byte).
-QUANTUM_STEPS = 256
+STEP_SIZES = 256
 
 
 #: How often an archive on a map kept elsewhere may halve the map's quanta.
-MOST_HALVINGS = 3
+MAX_REFINEMENTS = 3
 
 
-def quantum(index: int) -> float:
+def step_size(index: int) -> float:
     """Size of the quantum with this index: ``2 ** (index / 8 - 16)`` metres or seconds.
 
     Examples
     --------
-    >>> quantum(128), quantum(136)
+    >>> step_size(128), step_size(136)
     (1.0, 2.0)
     """
     return float(_EIGHTHS[index % 8] * 2.0 ** (index // 8 - 16))
 
 
-def quantum_index(size: float) -> int:
+def step_index(size: float) -> int:
     """Index of the largest quantum that is not above ``size``, between 0 and 255.
 
     Examples
     --------
-    >>> quantum_index(1.0), quantum_index(1.9), quantum_index(1e-9)
+    >>> step_index(1.0), step_index(1.9), step_index(1e-9)
     (128, 135, 0)
     """
     index = 0
-    while index + 1 < QUANTUM_STEPS and quantum(index + 1) <= size * (1 + 1e-12):
+    while index + 1 < STEP_SIZES and step_size(index + 1) <= size * (1 + 1e-12):
         index += 1
     return index
 
@@ -71,7 +79,7 @@ class Plane:
 
 
 @dataclass(frozen=True)
-class Frame:
+class QuantisationGrid:
     """The lattice on which an archive keeps its nodes and times.
 
     A node with integer coordinates c lies at ``origin / 1000 + c * quantum(space)`` metres,
@@ -84,7 +92,7 @@ class Frame:
     epoch : int
         Milliseconds in the log's own zero.
     space, time : int
-        Indices of the quanta, see :func:`quantum`.
+        Indices of the quanta, see :func:`step_size`.
     plane : Plane, optional
         The planes of a log that came in degrees.
     """
@@ -101,6 +109,6 @@ class Frame:
         return len(self.origin)
 
 
-def refined_frame(frame: Frame, times: int) -> Frame:
+def refined_grid(grid: QuantisationGrid, times: int) -> QuantisationGrid:
     """Return the lattice with both quanta halved so many times."""
-    return replace(frame, space=frame.space - 8 * times, time=frame.time - 8 * times)
+    return replace(grid, space=grid.space - 8 * times, time=grid.time - 8 * times)

@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.model.frame import Plane
+from gpszip.model.grid import Plane
 
-__all__ = ["WayMap"]
+__all__ = ["CleanMap"]
 
 
 @dataclass(frozen=True, eq=False)
-class WayMap:
+class CleanMap:
     """Ways, which are lines between junctions or ends, and what the walks tell of each.
 
     Parameters

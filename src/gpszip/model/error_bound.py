@@ -9,16 +9,16 @@ from fractions import Fraction
 __all__ = [
     "DIGITS",
     "EXPONENTS",
-    "FEW_DIGITS",
-    "GROWN",
+    "GROWN_DIGITS",
+    "GROWTH_STEPS",
     "LAST_OF_VERSION_2",
-    "MOST_OVER",
+    "MAXIMUM_EXPONENTS_ABOVE",
     "WRITING_SHARE",
     "WRITING_SHARE_IN_METRES",
-    "Promise",
-    "grown_promise",
-    "promise_of",
-    "promise_of_both",
+    "ErrorBound",
+    "extended_bound",
+    "rounded_bound",
+    "rounded_bounds",
     "writing_error",
 ]
 
@@ -27,10 +27,10 @@ DIGITS, EXPONENTS = range(1, 1000), range(-8, 7)
 LAST_OF_VERSION_2 = 7
 
 #: By how much the exponent of the maximum may be above that of the root mean square where both are promised.
-MOST_OVER = range(4)
+MAXIMUM_EXPONENTS_ABOVE = range(4)
 
 #: Steps by which merges may have made a promise larger, and the digits that it has then; a factor 2 has so many steps.
-GROWN, FEW_DIGITS, _DOUBLE = range(1, 63), range(1, 100), 16
+GROWTH_STEPS, GROWN_DIGITS, _DOUBLE = range(1, 63), range(1, 100), 16
 
 #: Share of the error promised by which tracks may move when they are written to a file in degrees, where lines are straight in
 #: another sense, and numbers are rounded; and in metres, where only the rounding counts, and another decimal costs next to nothing.
@@ -42,7 +42,7 @@ _MOST_WRITING_ERROR, _WRITING_ERROR = 1.0, 0.01
 
 
 @dataclass(frozen=True)
-class Promise:
+class ErrorBound:
     """No more error than this: ``digits * 10 ** exponent * 2 ** (grown / 16)`` metres.
 
     Parameters
@@ -53,28 +53,30 @@ class Promise:
         -8 to 6.
     maximum : bool
         Whether every sample is that near, rather than all of them in the root mean square.
-    grown : int, default 0
+    growth : int, default 0
         Steps by which merges have made it larger, up to 62.
-    most_digits, most_exponent : int, default 0
+    max_digits, max_exponent : int, default 0
         The largest distance of any sample, where that is promised beside the root mean square; no digits where it is not.
     """
 
     digits: int
     exponent: int
     maximum: bool
-    grown: int = 0
-    most_digits: int = 0
-    most_exponent: int = 0
+    growth: int = 0
+    max_digits: int = 0
+    max_exponent: int = 0
 
     @property
-    def most(self) -> float | None:
+    def max_error(self) -> float | None:
         """The largest distance of any sample in metres, where that is promised beside the root mean square."""
-        return float(self.most_digits * Fraction(10) ** self.most_exponent) if self.most_digits else None
+        return (
+            float(self.max_digits * Fraction(10) ** self.max_exponent) if self.max_digits else None
+        )
 
     @property
     def metres(self) -> float:
         """The error in metres."""
-        return self.before * math.pow(2.0, self.grown / _DOUBLE)
+        return self.before * math.pow(2.0, self.growth / _DOUBLE)
 
     @property
     def before(self) -> float:
@@ -82,12 +84,12 @@ class Promise:
         return float(self.digits * Fraction(10) ** self.exponent)
 
 
-def promise_of(metres: float, *, maximum: bool) -> Promise | None:
+def rounded_bound(metres: float, *, maximum: bool) -> ErrorBound | None:
     """Round a measured error up to three digits; None where it is beyond all that can be promised.
 
     Examples
     --------
-    >>> promise_of(0.23941, maximum=False).metres, promise_of(0.4, maximum=True).metres
+    >>> rounded_bound(0.23941, maximum=False).metres, rounded_bound(0.4, maximum=True).metres
     (0.24, 0.4)
     """
     if not 0 <= metres < math.inf:
@@ -97,69 +99,69 @@ def promise_of(metres: float, *, maximum: bool) -> Promise | None:
     for exponent in EXPONENTS:
         digits = math.ceil(exact / Fraction(10) ** exponent)
         if digits < DIGITS.stop:
-            return Promise(max(digits, 1), exponent, maximum)
+            return ErrorBound(max(digits, 1), exponent, maximum)
     return None
 
 
-def promise_of_both(rmse: float, maximum: float) -> Promise | None:
+def rounded_bounds(rmse: float, maximum: float) -> ErrorBound | None:
     """Promise a root mean square error and a maximum in metres, each rounded up to three digits.
 
     Examples
     --------
-    >>> promise = promise_of_both(3.0, 12.0)
-    >>> promise.metres, promise.most
+    >>> error_bound = rounded_bounds(3.0, 12.0)
+    >>> error_bound.metres, error_bound.max_error
     (3.0, 12.0)
     """
-    first, second = promise_of(rmse, maximum=False), promise_of(maximum, maximum=False)
+    first, second = rounded_bound(rmse, maximum=False), rounded_bound(maximum, maximum=False)
     if first is None or second is None:
-        return first or promise_of(maximum, maximum=True)
+        return first or rounded_bound(maximum, maximum=True)
     if second.metres <= first.metres:  # the maximum says it all
         return replace(second, maximum=True)
     over = second.exponent - first.exponent
-    if over not in MOST_OVER:
+    if over not in MAXIMUM_EXPONENTS_ABOVE:
         return first
-    return replace(first, most_digits=second.digits, most_exponent=second.exponent)
+    return replace(first, max_digits=second.digits, max_exponent=second.exponent)
 
 
-def grown_promise(before: float, metres: float, *, maximum: bool) -> Promise | None:
+def extended_bound(before: float, metres: float, *, maximum: bool) -> ErrorBound | None:
     """Promise an error of ``metres`` where merges have added to ``before``; None where that is beyond all that can be promised.
 
     Examples
     --------
-    >>> promise = grown_promise(5.0, 9.9, maximum=False)
-    >>> promise.before, promise.metres
+    >>> error_bound = extended_bound(5.0, 9.9, maximum=False)
+    >>> error_bound.before, error_bound.metres
     (5.0, 10.0)
     """
     if not 0 < before < metres < math.inf:
-        return promise_of(metres, maximum=maximum)
+        return rounded_bound(metres, maximum=maximum)
     # what has grown beyond all steps counts as if it had been more from the start
-    least = max(before, metres * 2.0 ** (-GROWN[-1] / _DOUBLE))
-    exponent = max(math.ceil(math.log10(least / (FEW_DIGITS.stop - 0.5))), EXPONENTS.start)
+    least = max(before, metres * 2.0 ** (-GROWTH_STEPS[-1] / _DOUBLE))
+    exponent = max(math.ceil(math.log10(least / (GROWN_DIGITS.stop - 0.5))), EXPONENTS.start)
     digits = max(round(least / 10.0**exponent), 1)
-    for number in range(digits, FEW_DIGITS.stop if exponent in EXPONENTS else 0):
-        for grown in GROWN:
-            promise = Promise(number, exponent, maximum, grown)
-            if promise.metres >= metres:
-                return promise
-    return promise_of(metres, maximum=maximum)
+    for number in range(digits, GROWN_DIGITS.stop if exponent in EXPONENTS else 0):
+        for grown in GROWTH_STEPS:
+            error_bound = ErrorBound(number, exponent, maximum, grown)
+            if error_bound.metres >= metres:
+                return error_bound
+    return rounded_bound(metres, maximum=maximum)
 
 
-def writing_error(promise: Promise | None, *, geographic: bool) -> float:
+def writing_error(error_bound: ErrorBound | None, *, geographic: bool) -> float:
     """Metres by which tracks may move when they are written to a file, so little that the promise means the file, too.
 
     Parameters
     ----------
-    promise : Promise or None
+    error_bound : Promise or None
         Of the archive.
     geographic : bool
         Whether they are written in degrees.
 
     Examples
     --------
-    >>> writing_error(Promise(1, 1, maximum=True), geographic=True), writing_error(None, geographic=True)
+    >>> writing_error(ErrorBound(1, 1, maximum=True), geographic=True), writing_error(None, geographic=True)
     (0.01, 0.01)
     """
-    if promise is None:
+    if error_bound is None:
         return _WRITING_ERROR
     share = WRITING_SHARE if geographic else WRITING_SHARE_IN_METRES
-    return min(promise.before * share, _MOST_WRITING_ERROR)
+    return min(error_bound.before * share, _MOST_WRITING_ERROR)
