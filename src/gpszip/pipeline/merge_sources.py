@@ -51,7 +51,7 @@ class MergeSource:
     curves : tuple of Curve
         One for each track.
     scale : float
-        Largest scale factor of the common plane where the archive lay on another one.
+        Largest scale factor of the common plane where the archive was on another one.
     bend : float
         Metres by which its lines may bend on the common plane.
     """
