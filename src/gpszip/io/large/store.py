@@ -109,7 +109,7 @@ def count_rows(sources: Any, *, format: str | None = None, columns: Any = None) 
             else inspect_log_file(source, format, Request(parse_columns(columns)))
         )
         if isinstance(log_file, LogFile):
-            rows = log_file.rows()
+            rows = log_file.row_count()
             total += (
                 rows
                 if rows is not None
