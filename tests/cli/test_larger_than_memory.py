@@ -260,7 +260,7 @@ def test_spikes_are_dropped_and_counted(gpszip, log):
     pq.write_table(rows.set_column(2, "x", pa.array(places)), log / "9.parquet")
     done = gpszip("compress", log, "-o", "a.gpsz", *batches("--clean", "--json"))
     assert done.code == 0, done.err
-    assert sum(one["count"] for one in done.json["repairs"] if one["what"] == "spikes dropped") == 2
+    assert sum(one["count"] for one in done.json["repairs"] if one["what"] == "outliers dropped") == 2
     assert done.json["points"] == N - 2
 
 
