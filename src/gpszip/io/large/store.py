@@ -71,6 +71,10 @@ class StoredTrack:
     id: str
     offset: int
     count: int
+    timed: bool = True
+
+    def __len__(self) -> int:
+        return self.count
 
 
 @dataclass(eq=False)
