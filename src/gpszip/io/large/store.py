@@ -66,6 +66,8 @@ class StoredTrack:
         Index of its first row.
     count : int
         Number of its rows.
+    timed : bool
+        Whether it has times; a stored track always has.
     """
 
     id: str
