@@ -198,6 +198,10 @@ def _facts(
     coreset: Coreset, k: int | None, asked_eps: float | None, points: int | None
 ) -> dict[str, Any]:
     """Return the results for JSON: lengths in metres, costs in square metres."""
+    # Bounds are those of functions with k segments.
+    eps = None if k is None else coreset.eps(k)
+    least_cost = None if k is None else coreset.least_cost(k)
+
     return {
         "samples": coreset.samples,
         "tracks": len(coreset.tracks),
@@ -207,8 +211,8 @@ def _facts(
         "largest": float(coreset.free_costs.max()),
         "k": k,
         "eps_asked": asked_eps,
-        "eps": None if k is None else coreset.eps(k),
-        "least_cost": None if k is None else coreset.least_cost(k),
+        "eps": eps,
+        "least_cost": least_cost,
         "uneven_blocks": int(coreset.uneven.sum()),
     }
 

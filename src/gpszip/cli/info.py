@@ -108,15 +108,20 @@ def _bounds(archive: Archive) -> dict[str, list[float]]:
 
 def _summary_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     """Return label and text of each line for a person."""
+    # The file.
     layer = f", packed with {facts['layer']}" if facts["layer"] else ""
     rows = [
         ("format", f"version {facts['version']}, {facts['form']}{layer}"),
         ("size", f"{facts['bytes']:,} bytes, groups {facts['groups']:,}"),
         ("tracks", f"{facts['tracks']:,}{_list_ids(facts['ids'])}"),
     ]
+
+    # Its walks, positions and times.
     if "nodes" in facts:
         rows += _detail_rows(facts)
     rows += _resolution_rows(facts)
+
+    # What else is known.
     if facts["map"]:
         rows.append(("map", f"kept elsewhere, {facts['map']}"))
     if facts["promise"]:
@@ -135,6 +140,8 @@ def _detail_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
         time_range = "times are not kept"
     else:
         time_range = f"{_format_time(facts['t_start'])} to {_format_time(facts['t_end'])}"
+
+    # JSON calls segments "parts".
     return [
         ("map", f"nodes {facts['nodes']:,}, edges {facts['edges']:,}"),
         ("walks", f"segments {facts['parts']:,}, gaps {facts['gaps']:,}"),

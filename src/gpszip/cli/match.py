@@ -255,7 +255,11 @@ def _describe_ignored_headings(tracks: list[str]) -> str:
 
 def _facts(matching: Matching, network: Network) -> dict[str, Any]:
     """Return the results for JSON: lengths in metres, angles in degrees."""
+    # JSON has no infinite number: a heading that is not used is null.
     pieces = [piece for match in matching for piece in match.pieces]
+    heading = matching.scales.heading if math.isfinite(matching.scales.heading) else None
+
+    # "unheeded" are the tracks whose headings were ignored.
     return {
         "points": matching.points,
         "tracks": len(matching),
@@ -265,7 +269,7 @@ def _facts(matching: Matching, network: Network) -> dict[str, Any]:
         "error": matching.scales.error,
         "sigma": matching.scales.sigma,
         "beta": matching.scales.beta,
-        "heading": matching.scales.heading if math.isfinite(matching.scales.heading) else None,
+        "heading": heading,
         "unheeded": list(matching.headings_ignored),
         "breaks": matching.breaks,
         "unmatched": matching.unmatched,

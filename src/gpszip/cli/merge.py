@@ -190,11 +190,13 @@ def _describe(merged: Archive, report: MergeReport) -> str:
 
 def _facts(archives: tuple[str, ...], merged: Archive, report: MergeReport) -> dict[str, Any]:
     """Return the same for JSON: lengths in metres, times in seconds, sizes in bytes."""
+    # JSON calls the error bound "promise".
     names = ("tracks", "parts", "nodes", "edges", "nodes_in", "edges_in", "bytes_in", "bytes_out")
     error_bound = merged.error_bound
     bound_kind = None
     if error_bound is not None:
         bound_kind = "max_error" if error_bound.maximum else "rmse"
+
     return {
         **{name: getattr(report, name) for name in names},
         "archives": [

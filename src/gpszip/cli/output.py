@@ -49,6 +49,7 @@ def check_output(target: str, *, force: bool, binary: bool = False) -> None:
         If the file exists and ``force`` is not given, its folder can't be written to, or binary
         data would go to a terminal.
     """
+    # Standard output.
     if target == STDOUT:
         if binary and sys.stdout.isatty():
             raise OutputError(
@@ -56,6 +57,8 @@ def check_output(target: str, *, force: bool, binary: bool = False) -> None:
                 "name a file with -o or redirect with > FILE"
             )
         return
+
+    # An existing file, or what is no file.
     path = Path(target)
     if path.is_dir():
         example = path / ("out.gpsz" if binary else "out.csv")
@@ -69,6 +72,8 @@ def check_output(target: str, *, force: bool, binary: bool = False) -> None:
         raise OutputError(
             f"{target}: exists already; add --force to replace it, or name another file with -o"
         )
+
+    # The folder; of a link, that of the file to which it leads.
     _check_folder(Path(os.path.realpath(path)).parent)
 
 
@@ -85,6 +90,8 @@ def _check_folder(folder: Path) -> None:
             else "no such folder; make it first or name another one"
         )
         raise OutputError(f"{folder}: {reason}")
+
+    # Try it.
     try:
         with temporary_folder(folder, OUTPUT_PREFIX):
             pass

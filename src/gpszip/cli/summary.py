@@ -45,6 +45,8 @@ def print_summary(target: str, read_result: ReadResult, report: Report, *, as_js
     if as_json:
         print_json({"output": target, **summary_as_dict(read_result, report)}, err=target == STDOUT)
         return
+
+    # For a person, losses come first.
     print_losses(read_result)
     print_left_out(read_result)
     print_status(f"{output_label(target)}: {describe_compression(read_result, report)}")
@@ -136,7 +138,8 @@ def _describe_remarks(read_result: ReadResult, report: Report) -> list[str]:
 
 def summary_as_dict(read_result: ReadResult, report: Report) -> dict[str, Any]:
     """Return the summary of a compression for JSON: lengths in m, times in s, sizes in bytes."""
-    return {
+    # The compression; "parts" are the segments of all walks.
+    compression = {
         "points": report.points,
         "tracks": report.tracks,
         "bytes_in": read_result.bytes,
@@ -151,6 +154,11 @@ def summary_as_dict(read_result: ReadResult, report: Report) -> dict[str, Any]:
         "nodes": report.nodes,
         "edges": report.edges,
         "notes": list(report.notes),
+    }
+
+    # What is not in the archive.
+    return {
+        **compression,
         **losses_as_dict(read_result),
         **repairs_as_dict(read_result.repairs, read_result.left_out),
         "dropped": list(read_result.dropped_columns),
