@@ -16,14 +16,19 @@ from gpszip.io.logs.raw import RawLog, Request, UnreadableCell
 from gpszip.io.tables.roles import Roles
 from gpszip.io.tables.row_names import names_each_row
 from gpszip.io.tables.time_columns import TimeColumn, read_times
-from gpszip.io.values.arrow import factorize, is_text, to_attribute, to_floats
+from gpszip.io.values.arrow import (
+    factorize,
+    is_text,
+    to_attribute,
+    to_floats,
+    trimmed_text,
+)
 from gpszip.io.values.coordinates import (
     first_unreadable_cell,
     has_decimal_comma,
     has_packed_minutes,
     parse_degrees,
     parse_numbers,
-    trimmed_text,
 )
 from gpszip.model.read_result import Repair
 
