@@ -56,7 +56,7 @@ def test_a_cluster_has_its_own_workers(gpszip, log):
 
 @pytest.mark.filterwarnings("default")
 def test_a_scheduler_that_is_not_there_is_named(gpszip, log, monkeypatch):
-    monkeypatch.setattr("gpszip.run.dask._PATIENCE", 1)
+    monkeypatch.setattr("gpszip.run.dask._CONNECT_TIMEOUT", 1)
     done = gpszip("compress", log, "-o", "walk.gpsz", "--scheduler", "tcp://127.0.0.1:9")
     assert done.code == 1
     assert "tcp://127.0.0.1:9" in done.err
