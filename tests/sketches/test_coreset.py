@@ -7,7 +7,7 @@ from gpszip import OptionError, SegmentMean, Track, coreset
 from gpszip.sketches.coreset import Coreset
 from gpszip.sketches.pieces import PiecewiseLinear, from_segment_mean, polyline
 from gpszip.testing.patrol import patrol
-from oracle.coreset import best_cost, exact_cost, free_cost, greedy_cuts, plain_cost
+from oracle.coreset import best_cost, exact_cost, free_cost, greedy_cuts, float_cost
 
 WALK = patrol(3000, seed=4)
 
@@ -36,7 +36,7 @@ def test_pieces_that_break_at_block_edges_cost_exactly_what_the_samples_cost():
         places + 3,
     )
     price = small.cost(f)
-    truth = plain_cost(WALK.times, WALK.positions, ones(WALK), f)
+    truth = float_cost(WALK.times, WALK.positions, ones(WALK), f)
     assert price.estimate == pytest.approx(truth, rel=1e-12)
     assert price.upper - price.lower < 1e-8 * truth
     assert price.lower <= truth <= price.upper
@@ -90,7 +90,7 @@ def test_even_times_leave_only_the_residual_in_doubt():
     track = Track("straight", np.arange(100.0), np.stack([np.arange(100.0)] * 2, axis=1))
     f = polyline([0, 33.3, 71.9, 99], [[0, 5], [40, 0], [60, 90], [99, 99]])
     price = coreset(track, size=1).cost(f)
-    truth = plain_cost(track.times, track.positions, ones(track), f)
+    truth = float_cost(track.times, track.positions, ones(track), f)
     assert price.lower == pytest.approx(truth, rel=1e-9)
     assert price.upper == pytest.approx(truth, rel=1e-9)
 
@@ -128,7 +128,7 @@ def test_the_estimate_of_any_k_segment_is_within_eps(k, eps):
         knots = np.concatenate([[0], knots, [1499]])
         near = np.stack([np.interp(knots, track.times, axis) for axis in track.positions.T], axis=1)
         f = polyline(knots, near + rng.normal(0, rng.choice([0, 0.5, 20]), near.shape))
-        truth = plain_cost(track.times, track.positions, ones(track), f)
+        truth = float_cost(track.times, track.positions, ones(track), f)
         assert abs(small.cost(f).estimate - truth) <= eps * truth
 
 

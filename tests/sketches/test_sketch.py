@@ -105,7 +105,7 @@ def test_deleting_from_the_front_is_the_sketch_of_the_rest():
 
 
 def test_deleting_from_an_empty_block_is_refused():
-    with pytest.raises(OptionError, match="can't be taken out"):
+    with pytest.raises(OptionError, match="can't be removed"):
         delete_sample(empty_sketch(2), 0.0, [0.0, 0.0])
 
 
