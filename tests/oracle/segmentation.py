@@ -60,7 +60,7 @@ def best_cut(track, a, b, starts, ends, min_samples=1):
 
 
 def shift_boundaries(track, boundaries, labels, starts, ends, indices):
-    """Shift the boundaries with these indices in turn to their best cuts, if that lowers the cost."""
+    """Shift the boundaries with these indices in turn, where that lowers the cost."""
     boundaries, labels = list(boundaries), list(labels)
     for j in indices:
         a, c, b = boundaries[j - 1 : j + 2]

@@ -69,7 +69,7 @@ def lines_in_degrees(
     >>> lines.points.tolist(), lines.cuts.tolist()
     ([[179.999, 0.0], [180.0, 0.0], [-180.0, 0.0], [-179.999, 0.0]], [2])
     """
-    # the step from the end of a line to the start of the next one is no part of any
+    # the step from the end of a line to the start of the next one belongs to none
     skipped = np.zeros(max(len(positions) - 1, 0), np.bool_)
     skipped[offsets[1:-1] - 1] = True
 

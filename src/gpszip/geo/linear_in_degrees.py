@@ -88,7 +88,7 @@ def densify_for_degrees(
     time_decimals : int
         Decimals to which times are rounded.
     skipped : bool array, shape (n - 1,), optional
-        Segments that are no part of the line and get no points.
+        Segments that don't belong to the line and get no points.
 
     Returns
     -------
@@ -222,7 +222,8 @@ class _LineOnPlane:
         # those that deviate too much
         deviation = self._measure_deviation(subsegments)
         is_wide = deviation > self.max_deviation[subsegments.segments]
-        segments, start, end = (column[is_wide] for column in subsegments)
+        segments = subsegments.segments[is_wide]
+        start, end = subsegments.start[is_wide], subsegments.end[is_wide]
         deviation = deviation[is_wide]
 
         # number of new subsegments: the error shrinks with the square of it
@@ -234,9 +235,9 @@ class _LineOnPlane:
         durations = (end - start) * np.diff(self.times)[segments]
         longest = np.floor(durations * 10.0**self.time_decimals / 2)
         counts = np.minimum(counts, longest).astype(np.int64)
-        segments, start, end, counts = (
-            column[counts > 1] for column in (segments, start, end, counts)
-        )
+        is_split = counts > 1
+        segments, counts = segments[is_split], counts[is_split]
+        start, end = start[is_split], end[is_split]
 
         # shares at which they start, equally spaced, moved to rounded times
         first = np.cumsum(counts) - counts

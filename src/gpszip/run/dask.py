@@ -10,7 +10,7 @@ from typing import Any, Generic, NamedTuple, Self, TypeVar
 
 from gpszip.errors import MissingExtraError, WorkerError
 from gpszip.run.executor import Executor, SharedValue
-from gpszip.run.in_order import results_in_order
+from gpszip.run.in_order import PENDING_PER_WORKER, results_in_order
 from gpszip.run.threads import Threads
 
 __all__ = ["Dask", "connect"]
@@ -21,6 +21,9 @@ V = TypeVar("V")
 
 #: Seconds until a scheduler that doesn't answer is reported.
 _CONNECT_TIMEOUT = 10
+
+#: Items in flight at least, so that a cluster that is still growing gets work at once.
+_MIN_PENDING = 4
 
 
 class Dask:
@@ -77,6 +80,8 @@ class Dask:
             subtrees.append(_Subtree(1, leaves[-1]))
             while len(subtrees) > 1 and subtrees[-2].size == subtrees[-1].size:
                 self._combine_last_two(combine, subtrees)
+
+            # draw no more items than the workers keep up with
             if len(leaves) >= self._max_pending():
                 wait(leaves.popleft())  # type: ignore[no-untyped-call]
 
@@ -94,7 +99,7 @@ class Dask:
     def _max_pending(self) -> int:
         """Return the number of items that may be in flight: enough to keep all threads busy."""
         threads: int = sum(self.client.nthreads().values())
-        return max(2 * threads, 4)
+        return max(PENDING_PER_WORKER * threads, _MIN_PENDING)
 
     def _map_in_order(self, submit: Callable[[T], Any], items: Iterable[T]) -> Iterator[Any]:
         def start(item: T) -> Any:

@@ -7,10 +7,14 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
 from typing import TypeVar
 
-__all__ = ["results_in_order"]
+__all__ = ["PENDING_PER_WORKER", "results_in_order"]
 
 T = TypeVar("T")
 R = TypeVar("R")
+
+#: Items in flight for each worker: one that it runs, and one that is ready when it finishes. More
+#: of them would only take memory.
+PENDING_PER_WORKER = 2
 
 
 def results_in_order(
@@ -34,12 +38,16 @@ def results_in_order(
     """
     pending: deque[Future[R]] = deque()
     try:
+        # keep workers busy; wait for the oldest result when enough items are in flight
         for item in items:
             pending.append(submit(item))
             if len(pending) >= max_pending:
                 yield pending.popleft().result()
+
+        # no more items: wait for the rest
         while pending:
             yield pending.popleft().result()
     finally:
+        # an error, or the caller stopped early
         for future in pending:
             future.cancel()

@@ -20,7 +20,7 @@ from gpszip.errors import OptionError, WorkerError
 from gpszip.files.os_errors import as_output_error
 from gpszip.files.temporary import SCRATCH_PREFIX, temporary_folder
 from gpszip.run.executor import Executor, SharedValue
-from gpszip.run.in_order import results_in_order
+from gpszip.run.in_order import PENDING_PER_WORKER, results_in_order
 from gpszip.run.threads import Threads
 
 __all__ = ["Processes"]
@@ -84,6 +84,8 @@ class Processes:
         """End the processes after the items that they are running, or at once."""
         if self._pool is None:
             return
+
+        # the pool itself can't interrupt a running item
         if at_once:
             for process in self._context.started:
                 process.terminate()
@@ -93,6 +95,7 @@ class Processes:
 
     def map(self, function: Callable[[T], R], items: Iterable[T], /) -> Iterator[R]:
         """Yield ``function(item)`` for each item, in order; raise an item's error in its turn."""
+        # start the processes at the first call
         if self._pool is None:
             self._pool = ProcessPoolExecutor(
                 self.workers, mp_context=self._context, initializer=_ignore_interrupts
@@ -102,7 +105,9 @@ class Processes:
         # a broken or interrupted pool is ended; the next call starts a new one
         try:
             yield from results_in_order(
-                lambda item: pool.submit(function, item), items, 2 * self.workers
+                lambda item: pool.submit(function, item),
+                items,
+                PENDING_PER_WORKER * self.workers,
             )
         except BrokenProcessPool as error:
             self.close(at_once=True)

@@ -15,7 +15,7 @@ from typing import TypeVar
 
 from gpszip.errors import OptionError
 from gpszip.run.executor import Executor, LocalValue, SharedValue
-from gpszip.run.in_order import results_in_order
+from gpszip.run.in_order import PENDING_PER_WORKER, results_in_order
 
 __all__ = ["Threads"]
 
@@ -59,9 +59,12 @@ class Threads:
         busy = _BusyThreads()
         try:
             yield from results_in_order(
-                lambda item: pool.submit(busy.run, function, item), items, 2 * self.workers
+                lambda item: pool.submit(busy.run, function, item),
+                items,
+                PENDING_PER_WORKER * self.workers,
             )
         except KeyboardInterrupt:
+            # otherwise the shutdown would wait until the threads have finished their items
             busy.interrupt()
             raise
         finally:

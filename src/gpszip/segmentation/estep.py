@@ -28,7 +28,7 @@ _BATCH = 64
 
 
 def naive(sums: PrefixSums, state: EMState, *, min_samples: int = 1) -> EMState:
-    """Shift the boundaries in turn, summing up each candidate anew (6.3.1); time n^2 m / k."""
+    """Shift the boundaries in turn, with new sums for each candidate (6.3.1); time n^2 m / k."""
     return _shift_one_by_one(sums, state, min_samples, naive=True)
 
 

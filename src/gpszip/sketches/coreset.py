@@ -19,7 +19,7 @@ from gpszip.sketches.pieces import PiecewiseLinear, from_segment_mean
 
 __all__ = ["OVERSAMPLING", "Coreset", "Cost", "eps_of_blocks"]
 
-#: Rounding of a free cost as a share of weight times squared reach, for each merge of a block.
+#: Rounding of a free cost as a share of weight times squared extent, for each merge of a block.
 _ROUNDING = 64 * 1.2e-16
 
 #: Factor on the number of blocks among whose edges those of fewer blocks are chosen.
@@ -274,7 +274,7 @@ class Coreset:
         """Merge blocks until at most ``size`` are left, at nearly the least cost.
 
         The cheapest neighbours are merged until ``8 * size`` blocks are left. From there, two
-        ways are tried: merging goes on, or the blocks get a balanced partition. The result with
+        methods are tried: merging goes on, or the blocks get a balanced partition. The result with
         the lower total cost is returned. Blocks of different tracks are never merged.
 
         Raises

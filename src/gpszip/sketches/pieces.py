@@ -55,6 +55,8 @@ class PiecewiseLinear:
         self._check_times_and_speeds()
 
     def _check_shapes(self) -> None:
+        """Raise OptionError if shapes don't fit."""
+        # k times and k points
         k = len(self.start_times)
         has_k_pieces = (
             k >= 1
@@ -67,12 +69,16 @@ class PiecewiseLinear:
             raise OptionError(
                 "pieces need as many start times, end times, starts and ends, at least one"
             )
+
+        # the same number of axes
         if self.ends.shape != self.starts.shape:
             raise OptionError(
                 f"starts have shape {self.starts.shape}, ends {self.ends.shape}; they must be alike"
             )
 
     def _check_times_and_speeds(self) -> None:
+        """Raise OptionError if times decrease or a piece is too fast."""
+        # pieces in order of time
         if (self.end_times < self.start_times).any() or (
             self.start_times[1:] < self.end_times[:-1]
         ).any():

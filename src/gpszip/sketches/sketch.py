@@ -82,12 +82,12 @@ def build_sketch(track: Track, first: int = 0, last: int | None = None) -> Sketc
 
 def _sample_sketch(time: float, position: ArrayLike, weight: float) -> Sketch:
     """Return the sketch of one sample."""
-    place = np.array(position, dtype=np.float64)
-    d = len(place)
+    mean_position = np.array(position, dtype=np.float64)
+    d = len(mean_position)
     return Sketch(
         float(weight),
         float(time),
-        place,
+        mean_position,
         0.0,
         np.zeros(d),
         np.zeros((d, d)),

@@ -95,7 +95,7 @@ class CoresetStream:
         if len(chunk.times) == 0:
             return
 
-        # the first chunk tells the dimension
+        # the first chunk fixes the dimension
         if self._rows is None:
             width = kernel.FIXED_COLUMNS + 3 * chunk.positions.shape[1]
             self._rows = np.empty((2 * OVERSAMPLING * self.size, width))
@@ -217,7 +217,7 @@ def merge_coresets(coresets: Sequence[Coreset], *, size: int | None = None) -> C
         if coreset.dimension != first.dimension or coreset.plane != first.plane:
             raise OptionError("the coresets lie on different planes; read their logs together")
 
-    # number the tracks anew
+    # common numbers for the tracks
     names = tuple(dict.fromkeys(name for coreset in coresets for name in coreset.tracks))
     numbers = {name: i for i, name in enumerate(names)}
     owners = np.concatenate(

@@ -111,7 +111,7 @@ def lowest_cost(
     u1, u2 = row[1] * inverse + w * still, row[2] * inverse * inverse + w * still
 
     if d == 2:
-        # the usual case in one loop over segments, which vectorises
+        # two axes in one loop over segments, which vectorises
         m1, m2 = row[4], row[5]
         n1, n2 = row[6] * inverse + m1 * still, row[7] * inverse + m2 * still
         for j in range(m):
@@ -253,7 +253,7 @@ def best_cut(
     table : float64 array, shape (b - a + 1 or more, 2 d + 4)
         Scratch.
     naive : bool
-        Whether to sum up every candidate anew and to prune nothing (section 6.3.1). The result is
+        Whether to recompute the sums of every candidate and to prune nothing (6.3.1). The result is
         the same.
 
     Returns
