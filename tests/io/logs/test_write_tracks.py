@@ -65,6 +65,13 @@ def test_metres_come_back_exactly(format_, d):
         assert one.positions.tolist() == other.positions.tolist()
 
 
+@pytest.mark.parametrize("format_", ["csv", "parquet", "geojson"])
+def test_tracks_of_one_row_keep_their_names(format_):
+    """Elsewhere, a column with a value of its own in each row doesn't name tracks."""
+    tracks = [Track(name, [time], [[0, 0]]) for time, name in enumerate(["", "0", "a", "b"])]
+    assert [track.id for track in again(tracks, format_).tracks] == ["", "0", "a", "b"]
+
+
 def test_gpx_escapes_names_and_holds_heights():
     track = on_earth('<a> & "b"', n=3)
     track = Track(

@@ -29,6 +29,9 @@ from gpszip.model.read_result import Repair
 
 __all__ = ["TableConventions", "build_raw_log", "find_conventions"]
 
+#: Column of track names in tables that GPSZip writes. A track may have a single row there.
+_WRITTEN_ID = "track_id"
+
 _DEGREES_UNDERSTOOD = "48.137, 48.137N, 48°08'13\"N or 48 08 13 N"
 
 Floats = NDArray[np.float64]
@@ -229,7 +232,9 @@ def _row_names_repair(name: str, rows: int, where: str) -> Repair:
 
 
 def _is_chosen_id(name: str, request: Request) -> bool:
-    """Whether a user says that a column of this name is the id."""
+    """Whether a column certainly names tracks: the user says so, or GPSZip names its own so."""
+    if name.strip().lower() == _WRITTEN_ID:
+        return True
     columns = request.columns
     return columns is not None and (
         "id" in columns if isinstance(columns, Mapping) else name in columns

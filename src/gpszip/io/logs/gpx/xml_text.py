@@ -94,7 +94,7 @@ class Utf8Transcoder:
     >>> text.encode(b"<name>Z\xfcrich</name>").decode()
     '<name>Zürich</name>'
     >>> text.replaced
-    Replaced(count=1, first='Zürich')
+    ReplacedBytes(count=1, first='Zürich')
     """
 
     def __init__(self, head: bytes) -> None:
