@@ -154,7 +154,7 @@ def test_gzip_is_unpacked_and_damaged_gzip_refused():
             "\n\n" + OPEN + POINT + POINT[:10],
             "line 6: damaged GPX: the file ends within <trkseg>, after 1 point;",
         ),
-        (f"<g:gpx><g:trk>{POINT}", "with </g:trk></g:gpx> after the last whole point"),
+        (f"<g:gpx><g:trk>{POINT}", "with </g:trk></g:gpx> after the last complete point"),
         ("<?xml version='1.0'?>", "the file ends within its first element"),
         (
             f"{OPEN}<name>Tom & Jerry</name>",
