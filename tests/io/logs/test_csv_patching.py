@@ -24,7 +24,7 @@ def written(log, *patches):
 
 def patch_of(log, track, after, times, positions=None, confidence=0.5):
     times = np.array(times, float)
-    own = log.reading.tracks[track].positions
+    own = log.read_result.tracks[track].positions
     places = (
         np.repeat(own[[after]], len(times), axis=0)
         if positions is None
@@ -103,12 +103,12 @@ def test_tracks_one_after_the_other_stay_apart():
 )
 def test_times_are_written_as_the_log_writes_them(one, other, step, expected):
     log = text_log(f"t,x,y\n{one},0,0\n{other},1,0\n")
-    start = log.reading.tracks[0].times[0]
+    start = log.read_result.tracks[0].times[0]
     line = written(log, patch_of(log, 0, 0, [start + step])).splitlines()[2]
     assert line.split(",")[0] == expected
     again = text_log(written(log, patch_of(log, 0, 0, [start + step])))
-    end = log.reading.tracks[0].times[-1] - start
-    np.testing.assert_allclose(again.reading.tracks[0].times - start, [0, step, end], atol=1e-6)
+    end = log.read_result.tracks[0].times[-1] - start
+    np.testing.assert_allclose(again.read_result.tracks[0].times - start, [0, step, end], atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -123,18 +123,18 @@ def test_times_are_written_as_the_log_writes_them(one, other, step, expected):
 )
 def test_times_that_are_written_read_as_they_were_meant(header, rows, options):
     log = text_log(f"{header},x,y\n" + "".join(f"{row},0,0\n" for row in rows), **options)
-    start = log.reading.tracks[0].times[0]
+    start = log.read_result.tracks[0].times[0]
     again = text_log(written(log, patch_of(log, 0, 0, start + np.array([15.0, 30.0]))), **options)
     np.testing.assert_allclose(
-        again.reading.tracks[0].times - start, [0, 15, 30, 60, 120], atol=2e-3
+        again.read_result.tracks[0].times - start, [0, 15, 30, 60, 120], atol=2e-3
     )
 
 
 def test_dates_that_nobody_writes_become_iso():
     log = text_log("date,time,x,y\n2024-05-06,07:08:09,0,0\n2024-05-06,07:09:09,1,0\n")
-    start = log.reading.tracks[0].times[0]
+    start = log.read_result.tracks[0].times[0]
     again = text_log(written(log, patch_of(log, 0, 0, [start + 30])))
-    np.testing.assert_allclose(again.reading.tracks[0].times - start, [0, 30, 60])
+    np.testing.assert_allclose(again.read_result.tracks[0].times - start, [0, 30, 60])
 
 
 def test_degrees_and_decimal_commas():
@@ -156,7 +156,7 @@ def test_columns_that_are_there_already_are_left_alone():
 def test_bad_rows_and_comments_stay():
     text = "# made by hand\nt,x,y\n0,0,0\nrubbish\n1,,0\n\n60,1,0\n"
     log = text_log(text)
-    assert [len(track) for track in log.reading.tracks] == [2]
+    assert [len(track) for track in log.read_result.tracks] == [2]
     assert [line.removesuffix(",log,1") for line in written(log).splitlines()] == [
         "# made by hand",
         "t,x,y,source,confidence",

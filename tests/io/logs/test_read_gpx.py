@@ -76,7 +76,7 @@ def test_what_is_not_kept_is_named_and_what_is_not_there_refused():
     assert read(some, keep=["hdop"]).dropped_columns == ("ele", "speed")
     with pytest.raises(InputError, match="no 'vdop' to keep; its points have: ele, hdop, speed"):
         read(some, keep=["vdop"])
-    with pytest.raises(InputError, match="its points have: place and time only"):
+    with pytest.raises(InputError, match="its points have: position and time only"):
         read(track([C]), keep=["time"])
 
 
@@ -123,7 +123,7 @@ def test_times_that_go_back_name_the_point():
     ("text", "says"),
     [
         (HEAD + track([A, B])[:-60], "damaged GPX"),
-        ('<!DOCTYPE x [<!ENTITY a "b">]>' + HEAD, "XML, but not GPX"),
+        ('<!DOCTYPE x [<!ENTITY a "b">]>' + HEAD, "XML, but of no format that is read"),
         (HEAD.replace("<gpx", "<!DOCTYPE gpx><gpx") + "</gpx>", "line 2: has a document type"),
         (HEAD + "</gpx>", "no track points"),
     ],
@@ -425,7 +425,7 @@ def test_any_namespace_and_what_stands_before_the_root_are_fine(head):
     [
         (
             "<kml><Placemark/></kml>",
-            "XML, but not GPX: its root element is 'kml'; it is KML; turn it into GPX",
+            "XML, but of no format that is read: its root element is 'kml'; it is KML; turn it into GPX",
         ),
         ("<t:TrainingCenterDatabase xmlns:t='x'/>", "TCX"),
         ('<?xml version="1.0"?>\n<osm version="0.6"></osm>', "OpenStreetMap's"),

@@ -9,7 +9,7 @@ import pytest
 
 from gpszip.errors import OptionError, OutputError
 from gpszip.geo.planes import choose_plane, to_plane
-from gpszip.io.logs.formats import FORMATS
+from gpszip.io.logs.formats import LOG_FORMATS
 from gpszip.io.logs.gpx.write import has_unwritable_letters
 from gpszip.io.logs.read import read_logs
 from gpszip.io.logs.track_rows import metre_decimals
@@ -40,7 +40,7 @@ def again(tracks, format_):
     return read_logs(io.BytesIO(stream.getvalue()))
 
 
-@pytest.mark.parametrize("format_", [known.name for known in FORMATS])
+@pytest.mark.parametrize("format_", [known.name for known in LOG_FORMATS])
 def test_tracks_on_earth_come_back_from_every_format(format_):
     track = on_earth()
     (back,) = again([track], format_).tracks
