@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import gpszip as package
-from gpszip.pipeline import compress_large as large
+from batches import force_batches
 from gpszip.testing.patrol import patrol
 
 N = 6000
@@ -22,9 +22,7 @@ N = 6000
 @pytest.fixture(autouse=True)
 def little_memory(monkeypatch):
     """Batches so small that little logs have several, and memory in which these don't fit."""
-    monkeypatch.setattr(large, "_BATCH", 1500)
-    monkeypatch.setattr(large, "_EXCERPT", 3000)
-    monkeypatch.setattr(large, "_IN_MEMORY", 1 << 20)
+    force_batches(monkeypatch, batch=1500, subsample=3000)
 
 
 @pytest.fixture
@@ -260,7 +258,7 @@ def test_spikes_are_dropped_and_counted(gpszip, log):
     pq.write_table(rows.set_column(2, "x", pa.array(places)), log / "9.parquet")
     done = gpszip("compress", log, "-o", "a.gpsz", *batches("--clean", "--json"))
     assert done.code == 0, done.err
-    assert sum(one["count"] for one in done.json["repairs"] if one["what"] == "spikes dropped") == 2
+    assert sum(one["count"] for one in done.json["repairs"] if one["what"] == "outliers dropped") == 2
     assert done.json["points"] == N - 2
 
 

@@ -27,7 +27,7 @@ from pathlib import Path
 
 from faults.commands import COMMANDS, prepare
 from gpszip.cli.main import run
-from gpszip.pipeline import compress_large as large
+from gpszip.pipeline import memory as budget
 
 __all__ = ["BRIEF", "FAULTS", "Outcome", "sweep"]
 
@@ -227,9 +227,8 @@ def _wait(child: int) -> int:
 
 
 def _run() -> None:
-    large.fits = lambda *_, **__: (
-        False
-    )  # with --memory, even small logs are worked on as those that are larger than it
+    # with --memory, even small logs are encoded in batches
+    budget._BYTES_IN_MEMORY = 1 << 40
     words = sys.argv[1:]
     faults = FAULTS if "--all" in words else BRIEF
     given = dict(word[2:].split("=") for word in words if "=" in word)

@@ -6,10 +6,10 @@ import time
 import numpy as np
 import pytest
 
+from batches import compress_in_batches, force_batches
 from gpszip.errors import BoundError, OptionError, WorkerError
 from gpszip.io.large.store import store_logs
 from gpszip.model import Options, Track
-from gpszip.pipeline import compress_large as large
 from gpszip.pipeline import coreset as sketching
 from gpszip.pipeline.compress import compress
 from gpszip.pipeline.merge import merge
@@ -129,8 +129,7 @@ def test_an_archive_is_the_same_on_every_engine(client):
 
 
 def test_a_log_larger_than_memory_is_the_same_on_a_cluster(client, tmp_path, monkeypatch):
-    monkeypatch.setattr(large, "_BATCH", 2000)
-    monkeypatch.setattr(large, "_EXCERPT", 3000)
+    force_batches(monkeypatch, batch=2000, subsample=3000)
     track = patrol(12_000, seed=5)
     log = tmp_path / "log.csv"
     log.write_text(
@@ -138,7 +137,7 @@ def test_a_log_larger_than_memory_is_the_same_on_a_cluster(client, tmp_path, mon
         + "\n".join(f"{t},{x},{y}" for t, (x, y) in zip(track.times, track.positions, strict=True))
     )
     made = [
-        large.compress_large(
+        compress_in_batches(
             str(log), Options(rmse=0.3, effort=1), memory=420 << 20, executor=executor
         )[0].to_bytes()
         for executor in (Serial(), Dask(client))

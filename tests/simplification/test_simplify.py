@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from gpszip.io.maps.table import clean_map_table
-from gpszip.io.maps.write import MAP_FORMATS, write_map
+from gpszip.io.maps.write import map_suffixes, write_map
 from gpszip.model import Plane, Walk
 from gpszip.simplification.bundling import bundle_edges
 from gpszip.simplification.cell_grid import (
@@ -194,7 +194,7 @@ def test_nobody_moved():
     assert made.points.shape == (0, 2)
 
 
-@pytest.mark.parametrize("suffix", MAP_FORMATS)
+@pytest.mark.parametrize("suffix", map_suffixes())
 @pytest.mark.parametrize("plane", [None, Plane(((525000000, 134000000),))])
 def test_every_format_holds_ways(tmp_path, suffix, plane):
     road_map, walks = archive_like(street())

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,9 @@ from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
-    from gpszip.model import Options
+    from gpszip.model import Listener, Options, Report
+    from gpszip.model.log import Log
+    from gpszip.run.executor import Executor
 
 __all__ = ["command"]
 
@@ -162,94 +164,106 @@ def command(
     printed. Exit code 3 says that points or logs were lost, which are named first.
     """
     from gpszip.cli.output import check_output
+    from gpszip.cli.progress import progress_bar
+    from gpszip.cli.summary import print_summary
 
+    # everything that can be refused before the logs are read
     options = _compress_options(choices)
-    before = _archive_to_extend(target, choices)
-    there = _open_map(choices)
-    check_output(target, force=force or before is not None, binary=True)
+    extended = _archive_to_extend(target, choices)
+    known_map = _open_map(choices)
+    overwrite = force or extended is not None
+    check_output(target, force=overwrite, binary=True)
     if choices["update_map"]:
         check_output(choices["update_map"], force=force, binary=True)
-    sources: Sequence[Any] = logs
-    if choices["memory"] is not None:
-        sources = _spool_streams(logs)
-        if not _fits_memory(sources, choices):
-            return _compress_in_batches(
-                settings, sources, target, options, choices, before, there, force=force, quiet=quiet
-            )
-    from gpszip.cli.progress import progress_bar
-    from gpszip.cli.summary import print_summary
-    from gpszip.io.logs.read import read_logs
-    from gpszip.pipeline.append import append
-    from gpszip.pipeline.compress import compress
 
+    # the archive, and the map with what the logs add to it
     with (
         progress_bar(quiet=quiet or settings.json) as listener,
         open_executor(*_executor_choices(choices)) as executor,
+        _open_log(logs, choices, extended or known_map, listener) as log,
     ):
-        read_result = read_logs(sources, **_read_options(choices))
-        where: dict[str, Any] = {"executor": executor, "progress": listener}
-        if before is not None:
-            archive, report = append(before, read_result.tracks, options, **where)
+        work = _Work(_memory(choices), executor, listener)
+        if extended is not None:
+            archive, report = work.append(extended, log, options)
         else:
-            archive, report = compress(
-                read_result.tracks, options, bytes_in=read_result.bytes, map=there, **where
-            )
-        updated_map = (
-            append(there, read_result.tracks, _map_options(options), **where)[0]
-            if there is not None and choices["update_map"]
-            else None
-        )
-    _write(target, archive, choices["update_map"], updated_map, force=force or before is not None)
+            archive, report = work.compress(log, options, known_map)
+        updated_map = None
+        if known_map is not None and choices["update_map"]:
+            updated_map = work.append(known_map, log, _map_options(options))[0]
+        read_result = log.read_result
+
+    # whole files, then the summary
+    _write(target, archive, choices["update_map"], updated_map, force=overwrite)
+    assert read_result is not None
     if settings.json or not quiet:
         print_summary(target, read_result, report, as_json=settings.json)
     return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
 
 
-def _spool_streams(logs: tuple[str, ...]) -> Sequence[Any]:
-    """The logs, those that are no files as temporary ones until the command ends."""
-    from gpszip.io.storage.source import spooled
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """Where and within which memory logs are compressed."""
 
-    found: Sequence[Any] = click.get_current_context().with_resource(spooled(logs))
-    return found
+    memory: int | None
+    executor: Executor | None
+    listener: Listener | None
 
+    def compress(self, log: Log, options: Options, map: Archive | None) -> tuple[Archive, Report]:
+        """Compress a log, on a map kept elsewhere if there is one."""
+        from gpszip.pipeline.compress import compress
 
-def _fits_memory(logs: Sequence[Any], choices: dict[str, Any]) -> bool:
-    """Whether the logs are small enough for the memory given."""
-    from gpszip.pipeline.compress_large import fits
-
-    return fits(logs, int(choices["memory"]), format=choices["format"], columns=choices["columns"])
-
-
-def _compress_in_batches(
-    settings: Settings, logs: Sequence[Any], target: str, options: Options, choices: dict[str, Any], before: Archive | None,
-    there: Archive | None, *, force: bool, quiet: bool,
-) -> Outcome:  # fmt: skip
-    """Compress logs larger than memory."""
-    from gpszip.cli.progress import progress_bar
-    from gpszip.cli.summary import print_summary
-    from gpszip.pipeline.append_large import append_large
-    from gpszip.pipeline.compress_large import compress_large
-
-    names = ("format", "columns", "time_unit", "dates", "clean", "sort", "split", "skip_bad")
-    with (
-        progress_bar(quiet=quiet or settings.json) as listener,
-        open_executor(*_executor_choices(choices)) as executor,
-    ):
-        how: dict[str, Any] = {name: choices[name] for name in names}
-        how |= {"memory": int(choices["memory"]), "executor": executor, "progress": listener}
-        if before is not None:
-            archive, report, read_result = append_large(before, logs, options, **how)
-        else:
-            archive, report, read_result = compress_large(logs, options, map=there, **how)
-        updated_map = (
-            append_large(there, logs, _map_options(options), **how)[0]
-            if there is not None and choices["update_map"]
-            else None
+        return compress(
+            log,
+            options,
+            memory=self.memory,
+            map=map,
+            executor=self.executor,
+            progress=self.listener,
         )
-    _write(target, archive, choices["update_map"], updated_map, force=force or before is not None)
-    if settings.json or not quiet:
-        print_summary(target, read_result, report, as_json=settings.json)
-    return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
+
+    def append(self, archive: Archive, log: Log, options: Options) -> tuple[Archive, Report]:
+        """Append a log to an archive."""
+        from gpszip.pipeline.append import append
+
+        return append(
+            archive,
+            log,
+            options,
+            memory=self.memory,
+            executor=self.executor,
+            progress=self.listener,
+        )
+
+
+def _open_log(
+    logs: tuple[str, ...],
+    choices: dict[str, Any],
+    map: Archive | None,
+    listener: Listener | None,
+) -> AbstractContextManager[Log]:
+    """Read the logs into memory, or sort them on disk where they don't fit."""
+    from gpszip.pipeline.open_log import open_log
+
+    return open_log(
+        logs,
+        memory=_memory(choices),
+        plane=None if map is None else map.grid.plane,
+        progress=listener,
+        format=choices["format"],
+        columns=choices["columns"],
+        time_unit=choices["time_unit"],
+        dates=choices["dates"],
+        clean=choices["clean"],
+        sort=choices["sort"],
+        split=choices["split"],
+        skip_bad=choices["skip_bad"],
+        keep=_kept_columns(choices),
+        times=choices["times"],
+    )
+
+
+def _memory(choices: dict[str, Any]) -> int | None:
+    return None if choices["memory"] is None else int(choices["memory"])
 
 
 def _write(
@@ -324,11 +338,3 @@ def _compress_options(choices: dict[str, Any]) -> Options:
 def _kept_columns(choices: dict[str, Any]) -> tuple[str, ...]:
     names = (name.strip() for name in (choices["keep"] or "").split(","))
     return tuple(dict.fromkeys(name for name in names if name))
-
-
-def _read_options(choices: dict[str, Any]) -> dict[str, Any]:
-    names = ("format", "columns", "time_unit", "dates", "clean", "sort", "split", "skip_bad")
-    return {name: choices[name] for name in names} | {
-        "keep": _kept_columns(choices),
-        "times": choices["times"],
-    }

@@ -89,8 +89,8 @@ def command(
     if len(given) > 1:
         raise OptionError(f"{given[0]} and {given[1]} were both given; give one")
     times = None if at is None else parse_times(at)
-    form = format_for_writing(target, kind).name
-    check_output(target, force=force, binary=form == "parquet")
+    chosen = format_for_writing(target, kind)
+    check_output(target, force=force, binary=chosen.is_binary)
     with open_archive_file(archive, map_name) as source:
         tracks = (
             _read_samples(source, track) if samples else _read_tracks(source, every, times, track)
@@ -117,7 +117,7 @@ def command(
         print_status(
             f"gpszip: left out {left}; decompress without --at or --every for their shapes"
         )
-    for warning in _format_warnings(tracks, pieces or {}, form):
+    for warning in _format_warnings(tracks, pieces or {}, chosen.name):
         print_status(f"gpszip: {warning}")
     if settings.json:
         print_json({"output": target, "pieces": len(tracks), "points": points}, err=target == "-")
@@ -140,7 +140,8 @@ def _read_samples(archive: Archive, track: str | None) -> list[Track]:
 
 def _format_warnings(tracks: list[Track], pieces: Mapping[str, str], form: str) -> list[str]:
     """What a format can't hold as it is, in words."""
-    from gpszip.io.logs.gpx.write import HEIGHT_NAMES, has_unwritable_letters
+    from gpszip.io.logs.gpx.write import has_unwritable_letters
+    from gpszip.io.logs.raw import HEIGHT_NAMES
 
     if form != "gpx":
         return []

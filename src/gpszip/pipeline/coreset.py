@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from gpszip.io.large.store import StoredLog
 from gpszip.model import Track
-from gpszip.pipeline.slices import Stretch, cut_stretches, gather
+from gpszip.pipeline.slices import Slice, batch_slices, slice_tracks
 from gpszip.run.executor import Executor, Serial, reduce_tree
 from gpszip.sketches.blocks import build_fine_blocks, merge_fine_blocks
 from gpszip.sketches.coreset import OVERSAMPLING, Coreset
@@ -66,24 +66,24 @@ def sketch_log(
         As :func:`gpszip.sketches.partition.build_coreset` does.
     """
     most = resolve_block_count(len(log.tracks), log.dimension, k, eps, size, max_bytes)
-    stretches = cut_stretches([track.count for track in log.tracks], _BATCH)
+    slices = slice_tracks([track.count for track in log.tracks], _BATCH)
     if most is not None:
-        return _united(log, stretches, OVERSAMPLING * most, executor).reduced(most)
+        return _united(log, slices, OVERSAMPLING * most, executor).reduced(most)
     assert k is not None
     assert eps is not None
-    return _within_eps(log, stretches, k, eps, executor)
+    return _within_eps(log, slices, k, eps, executor)
 
 
 def _within_eps(
-    log: StoredLog, stretches: Sequence[Stretch], k: int, eps: float, executor: Executor | None
+    log: StoredLog, slices: Sequence[Slice], k: int, eps: float, executor: Executor | None
 ) -> Coreset:
     """Cut tracks into blocks that keep ``eps``, and those whose blocks don't again, finer."""
-    costs: dict[int, float | None] = dict(_first_costs(log, stretches, k, eps, executor))
+    costs: dict[int, float | None] = dict(_first_costs(log, slices, k, eps, executor))
     rows = dict[int, NDArray[np.float64]]()
     left, tries = set(costs), 0
     while left:
         tries += 1
-        rows |= _cut(log, [one for one in stretches if one.track in left], costs, executor)
+        rows |= _cut(log, [one for one in slices if one.track in left], costs, executor)
         asked = {number: costs[number] for number in left}
         for number, cost in asked.items():
             if cost is not None:
@@ -100,20 +100,20 @@ def _within_eps(
 
 
 def _first_costs(
-    log: StoredLog, stretches: Sequence[Stretch], k: int, eps: float, executor: Executor | None
+    log: StoredLog, slices: Sequence[Slice], k: int, eps: float, executor: Executor | None
 ) -> dict[int, float]:
     """What a block of each track may cost, from a lower bound on the least cost of k parts."""
     own = executor or Serial()
-    short = gather(
-        [one for one in stretches if one.end - one.begin == log.tracks[one.track].count], _BATCH
+    short = batch_slices(
+        [one for one in slices if one.end - one.begin == log.tracks[one.track].count], _BATCH
     )
     costs = dict[int, float]()
     for batch, found in zip(
         short, own.map(partial(_costs, k, eps), _samples(log, short)), strict=True
     ):
         costs |= {one.track: cost for one, cost in zip(batch, found, strict=True)}
-    for number in sorted({one.track for one in stretches} - set(costs)):
-        parts = [one for one in stretches if one.track == number]
+    for number in sorted({one.track for one in slices} - set(costs)):
+        parts = [one for one in slices if one.track == number]
         costs[number] = max_block_cost(
             _united(log, parts, OVERSAMPLING * math.ceil(LOWER_BOUND_FACTORS[-1] * k), executor),
             k,
@@ -124,12 +124,12 @@ def _first_costs(
 
 def _cut(
     log: StoredLog,
-    stretches: Sequence[Stretch],
+    slices: Sequence[Slice],
     costs: Mapping[int, float | None],
     executor: Executor | None,
 ) -> dict[int, NDArray[np.float64]]:
     """Rows of the blocks of each track, none of which costs more than the track's blocks may."""
-    batches = gather(stretches, _BATCH)
+    batches = batch_slices(slices, _BATCH)
     work = (
         (samples, [costs[one.track] for one in batch])
         for samples, batch in zip(_samples(log, batches), batches, strict=True)
@@ -190,15 +190,15 @@ def _few(
     return track.times[kept], track.positions[kept], weights
 
 
-def _samples(log: StoredLog, batches: Sequence[Sequence[Stretch]]) -> Iterator[list[Track]]:
+def _samples(log: StoredLog, batches: Sequence[Sequence[Slice]]) -> Iterator[list[Track]]:
     for batch in batches:
         yield [log.read(log.tracks[one.track], one.begin, one.end) for one in batch]
 
 
 def _united(
-    log: StoredLog, stretches: Sequence[Stretch], most: int, executor: Executor | None
+    log: StoredLog, slices: Sequence[Slice], most: int, executor: Executor | None
 ) -> Coreset:
-    samples = _samples(log, gather(stretches, _BATCH))
+    samples = _samples(log, batch_slices(slices, _BATCH))
     whole: Coreset = reduce_tree(
         executor, partial(merge_fine_blocks, most), samples, partial(build_fine_blocks, most)
     )

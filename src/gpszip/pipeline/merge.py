@@ -29,7 +29,7 @@ from gpszip.model.error_bound import ErrorBound, extended_bound
 from gpszip.model.grid import step_size
 from gpszip.model.merge_options import MergeOptions
 from gpszip.model.merge_report import Deviation, MergeReport
-from gpszip.pipeline.continue_tracks import claimed
+from gpszip.pipeline.continue_tracks import piece_time_ranges_of
 from gpszip.run.executor import Executor
 from gpszip.walks.shapes import assign_times_by_distance, drop_time_steps
 
@@ -231,7 +231,7 @@ def _spans(sources: Sequence[_Source], ids: Sequence[str]) -> list[NDArray[np.fl
     """Seconds at which the pieces of each track begin and end, in the order of time."""
     runs: dict[str, list[NDArray[np.float64]]] = {name: [] for name in ids}
     for source in sources:
-        for name, spans in zip(source.ids, claimed(source.archive), strict=True):
+        for name, spans in zip(source.ids, piece_time_ranges_of(source.archive), strict=True):
             runs[name].append(spans)
     whole = (np.concatenate(runs[name]) for name in ids)
     return [spans[np.argsort(spans[:, 0], kind="stable")] for spans in whole]

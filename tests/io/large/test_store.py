@@ -358,8 +358,8 @@ def test_too_many_different_texts_and_a_missing_column_are_named(tmp_path, monke
         },
         tmp_path / "log.csv",
     )
-    monkeypatch.setattr(streaming, "_TEXT_BYTES", 5)
-    with pytest.raises(InputError, match="'c' holds more different texts than there is memory for"):
+    monkeypatch.setattr(streaming, "_TEXT_BYTES_PER_ROW", 5)
+    with pytest.raises(InputError, match="'c' holds more distinct texts than there is memory for"):
         store_logs(path, rows=TINY, keep=("c",))
     with pytest.raises(InputError, match="no column 'd'"):
         store_logs(path, rows=TINY, keep=("d",))

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from gpszip.errors import OutputError
 from gpszip.geo.planes import to_plane
-from gpszip.io.maps.write import MAP_FORMATS, write_map
+from gpszip.io.maps.write import map_suffixes, write_map
 from gpszip.io.networks.read import read_network
 from gpszip.io.networks.wkb import parse_wkb_lines
 from gpszip.model import CleanMap, Plane, RoadMap
@@ -93,7 +93,7 @@ def test_csv_holds_the_places_of_both_ends(tmp_path):
     }
 
 
-@pytest.mark.parametrize("suffix", MAP_FORMATS)
+@pytest.mark.parametrize("suffix", map_suffixes())
 def test_a_map_without_edges_is_a_valid_file(tmp_path, suffix):
     still = RoadMap(
         np.zeros((1, 2)),

@@ -91,7 +91,7 @@ def test_ends_of_roads_are_their_nodes():
     assert len(roads) == 4
     assert len(roads.nodes) == 5
     assert roads.ids.to_pylist() == ["0", "0", "1", "2"]
-    assert counted(roads) == {"roads cut where others meet them": 1}
+    assert counted(roads) == {"roads split where others meet them": 1}
 
 
 def test_crossing_without_a_shared_vertex_is_a_bridge():
@@ -115,7 +115,7 @@ def test_overlapping_extracts_are_one_network():
         )
     )
     assert as_shapes(roads, 1.0).keys() == {((0, 0), (3, 1)), ((3, 1), (7, 1)), ((7, 1), (9, 0))}
-    assert counted(roads)["roads united with another one of the same shape"] == 2
+    assert counted(roads)["roads merged with another one of the same shape"] == 2
     assert roads.speeds.max() == 8
 
 

@@ -255,7 +255,7 @@ def test_undirected_graphml_goes_both_ways():
 def test_damaged_graphml():
     with pytest.raises(InputError, match="damaged XML"):
         read_network(io.BytesIO(graph()[: len(graph()) // 2]))
-    with pytest.raises(InputError, match="has no place"):
+    with pytest.raises(InputError, match="has no position"):
         read_network(io.BytesIO(graph().replace(b'attr.name="y"', b'attr.name="why"')))
     with pytest.raises(InputError, match="leads to a node"):
         read_network(io.BytesIO(graph().replace(b'target="3"', b'target="4"')))

@@ -30,13 +30,6 @@ def guard_plugin(format_: LogFormat) -> LogFormat:
     ----------
     format_ : LogFormat
         A format that another package registers.
-
-    Examples
-    --------
-    >>> broken = LogFormat("toy", (".toy",), "toys", lambda head: {}[head], lambda *_: None)
-    >>> guard_plugin(broken).sniff(b"TOY")
-    Traceback (most recent call last):
-    gpszip.errors.InputError: format 'toy' of gpszip.io.logs.plugin_guard failed: KeyError: b'TOY'; ...
     """
     guard = _Guard(format_)
     return replace(
