@@ -153,9 +153,12 @@ def test_a_named_format_of_gpszip_is_read_whatever_other_packages_do(install_plu
         format_named("toy")
 
 
-def test_xml_is_refused_only_if_no_format_recognises_it(install_plugin):
-    with pytest.raises(UnknownFormatError, match="root element is 'kml'"):
+def test_xml_that_no_format_recognises_is_refused_with_advice():
+    with pytest.raises(UnknownFormatError, match="root element is 'kml'; it is KML; turn it into"):
         read_logs(io.BytesIO(KML))
+
+
+def test_xml_is_refused_only_after_all_formats_were_asked(install_plugin):
     install_plugin("gpszip.formats", textwrap.dedent(PLACEMARKS))
     (track,) = read_logs(io.BytesIO(KML)).tracks
     assert track.positions.shape == (2, 2)
@@ -230,7 +233,7 @@ def test_faults_while_another_package_writes_are_errors_with_its_name(install_pl
 def test_a_format_that_is_only_read_is_not_written(install_plugin, tmp_path):
     install_plugin("gpszip.formats", textwrap.dedent(PLACEMARKS))
     track = Track("walk", [0, 1], [[0, 0], [1, 1]])
-    with pytest.raises(OutputError, match="end it with one of .parquet, .gpx, .geojson, .csv"):
+    with pytest.raises(OutputError, match=r"one of \.parquet, \.gpx, \.geojson, \.csv"):
         write_tracks([track], tmp_path / "walk.kml")
     with pytest.raises(OutputError, match="placemarks is only read"):
         write_tracks([track], tmp_path / "walk.kml", "placemarks")
@@ -255,5 +258,5 @@ def test_formats_that_accept_any_text_are_asked_last():
 def test_errors_list_the_formats_of_the_table():
     with pytest.raises(OptionError, match="no format 'nmea'; there are parquet, gpx, geojson, csv"):
         format_named("nmea")
-    with pytest.raises(OutputError, match="one of .parquet, .gpx, .geojson, .csv"):
+    with pytest.raises(OutputError, match=r"one of \.parquet, \.gpx, \.geojson, \.csv"):
         format_for_writing("walk.nmea")
