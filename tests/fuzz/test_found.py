@@ -64,7 +64,7 @@ def test_graphml_of_unknown_encodings(encoding):
         read_network(io.BytesIO(data))
 
 
-def test_osm_with_a_place_that_is_none(tmp_path):
+def test_osm_with_a_blank_latitude(tmp_path):
     pytest.importorskip("osmium")
     path = tmp_path / "roads.osm"
     path.write_text(ROADS_OSM[0].replace('lat="48.1"', 'lat=" "'))
@@ -82,7 +82,7 @@ def _resealed(data, change):
 
 
 @pytest.mark.parametrize("seed", [0, 1], ids=["degrees", "metres"])
-def test_prepared_roads_that_lie_nowhere(tmp_path, seed):
+def test_prepared_roads_without_a_valid_position(tmp_path, seed):
     data, path = TARGETS["roads prepared"].seeds()[seed], tmp_path / "roads.gpsz"
     nowhere = (
         np.array([2**31 - 1] * 2, "<i4").tobytes() if seed == 0 else np.array([np.nan]).tobytes()

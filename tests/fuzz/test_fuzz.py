@@ -68,7 +68,7 @@ def test_any_change_of_anything(kind):
 
 
 @pytest.mark.parametrize("says", ["KeyError", "MemoryError"])
-def test_leaks_are_noticed(says, monkeypatch):
+def test_unexpected_exceptions_are_reported(says, monkeypatch):
     def take(data):
         raise {"KeyError": KeyError, "MemoryError": MemoryError}[says]
 
@@ -78,7 +78,7 @@ def test_leaks_are_noticed(says, monkeypatch):
     assert found["data"]
 
 
-def test_deaths_are_noticed():
+def test_a_killed_worker_is_noticed():
     worker = Worker("times")
     try:
         worker.process.kill()

@@ -21,7 +21,7 @@ def test_repeated_rows_are_dropped_and_counted_apart_from_contradictions():
     assert reading.points == reading.kept + reading.lost == 8
 
 
-def test_interleaved_vehicles_are_told_apart_by_their_ids():
+def test_interleaved_vehicles_are_separated_by_their_ids():
     reading = read(["b,5,0,0", "a,1,1,0", "b,6,2,0", "a,2,3,0"], "vehicle,t,x,y")
     assert [
         (track.id, track.times.tolist(), track.positions[:, 0].tolist()) for track in reading.tracks

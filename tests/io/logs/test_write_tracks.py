@@ -88,7 +88,7 @@ def test_gpx_escapes_names_and_holds_heights():
     assert np.array_equal(back.attributes["ele"], [1.5, np.nan, 3.0], equal_nan=True)
 
 
-def test_csv_is_plain_text_with_the_columns_that_were_promised():
+def test_csv_is_plain_text_with_the_documented_columns():
     stream = io.BytesIO()
     write_tracks(
         [
@@ -162,7 +162,7 @@ def test_no_tracks_make_a_valid_empty_file(format_):
     assert stream.getvalue()
 
 
-def test_files_appear_whole_or_not_at_all(tmp_path):
+def test_files_appear_complete_or_not_at_all(tmp_path):
     path = tmp_path / "out.csv"
     write_tracks([in_metres()], path)
     whole = path.read_bytes()
@@ -221,7 +221,7 @@ def gpx_tracks(text):
 
 
 def ride_with_gaps(plane=DATE_LINE):
-    """Three pieces of one track, of which the second is a lone sample, and another track; all east of the antimeridian."""
+    """Three pieces of one track, the second a single sample, and another track, near 180 E."""
     lines = [
         [[100.0, 0.0], [200.0, 0.0]],
         [[300.0, 0.0]],
@@ -261,7 +261,7 @@ def test_geojson_has_a_line_for_each_piece_between_gaps_with_its_times():
     assert feature["properties"] == {"track_id": "my ride", "times": [[0, 1], [2000, 2001, 2002]]}
 
 
-def test_geojson_has_lone_positions_as_points_in_the_order_of_travel():
+def test_geojson_has_single_positions_as_points_in_the_order_of_travel():
     tracks, pieces = ride_with_gaps()
     text = written(tracks, "geojson", pieces=pieces)
     kinds = [
@@ -289,7 +289,7 @@ def test_tables_name_the_pieces_between_gaps():
     ] * 2
 
 
-def test_tracks_of_one_name_stay_tracks_of_their_own():
+def test_tracks_of_one_name_stay_separate_tracks():
     twins = [on_earth("walk", 3), on_earth("walk", 4, start=1.8e9)]
     assert [len(parts) for _, parts in gpx_tracks(written(twins, "gpx"))] == [1, 1]
     assert len(json.loads(written(twins, "geojson"))["features"]) == 2
@@ -413,7 +413,7 @@ def test_control_characters_are_kept_where_the_format_can_hold_them():
 
 
 @pytest.mark.parametrize("format_", ["csv", "geojson", "gpx", "parquet"])
-def test_half_a_letter_is_refused(format_):
+def test_half_a_surrogate_pair_is_refused(format_):
     with pytest.raises(OutputError, match="half a letter"):
         written([on_earth("caf\udcc3", 2)], format_)
 
