@@ -50,10 +50,10 @@ def parts(data, piece=1 << 20):
 def test_values_are_those_of_json_wherever_chunks_end(features, others, piece, ascii, encoding):
     text = json.dumps({**others, "features": features, "last": 12.5e-7}, ensure_ascii=ascii)
     data = text.encode("utf-16-le" if encoding == "utf-16-be" else encoding, "replace")
-    whole = json.loads(data.decode("utf-16-le" if encoding == "utf-16-be" else encoding))
-    read = parts(data, max(piece, 4))  # the first four bytes tell the encoding
-    assert [part.value for part in read[:-1]] == whole["features"]
-    assert read[-1] == Document({**whole, "features": []})
+    expected = json.loads(data.decode("utf-16-le" if encoding == "utf-16-be" else encoding))
+    read = parts(data, max(piece, 4))  # the first four bytes show the encoding
+    assert [part.value for part in read[:-1]] == expected["features"]
+    assert read[-1] == Document({**expected, "features": []})
 
 
 @pytest.mark.parametrize("between", ["\n", "\r\n\r\n", " ", "", "\n\x1e"])

@@ -561,15 +561,16 @@ def test_properties_of_points_may_be_anything():
     assert log.ids == ('{"a": 0}', '{"a": 1}')
 
 
-def test_columns_may_change_between_batches_of_points():
-    count = 40_000
+def test_columns_may_change_between_batches_of_points(monkeypatch):
+    monkeypatch.setattr("gpszip.io.logs.geojson.points._BATCH_POINTS", 1000)
+    count = 3500
     features = [
         line([8, 50 + i / count], "Point", time=i, **({"late": i} if i > count - 5 else {}))
         for i in range(count)
     ]
-    features[20_000]["properties"]["time"] = 20_000.5
+    features[2000]["properties"]["time"] = 2000.5
     log = raw("\n".join(map(json.dumps, features)), keep=("late",))
-    assert log.times[[0, 19_999, 20_000, -1]].tolist() == [0, 19_999, 20_000.5, count - 1]
+    assert log.times[[0, 1999, 2000, -1]].tolist() == [0, 1999, 2000.5, count - 1]
     assert np.isnan(log.attributes["late"]).sum() == count - 4
     assert log.coordinates[:, 0].tolist() == [50 + i / count for i in range(count)]
 

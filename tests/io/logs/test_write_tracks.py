@@ -147,12 +147,14 @@ def test_geojson_holds_heights_and_other_columns():
     ].tolist() == [500.5, 501.0]
 
 
-def test_millions_of_rows_are_written_in_pieces():
-    tracks = [Track(str(i), np.arange(300_000.0), np.zeros((300_000, 2))) for i in range(5)]
+def test_many_rows_are_written_in_batches(monkeypatch):
+    monkeypatch.setattr("gpszip.io.logs.track_table._BATCH_ROWS", 1000)
+    tracks = [Track(str(i), np.arange(300.0), np.zeros((300, 2))) for i in range(11)]
     stream = io.BytesIO()
     write_tracks(tracks, stream, "parquet")
     back = read_logs(io.BytesIO(stream.getvalue()))
     assert [(t.id, len(t)) for t in back.tracks] == [(t.id, len(t)) for t in tracks]
+    assert pq.ParquetFile(io.BytesIO(stream.getvalue())).num_row_groups == 3
 
 
 @pytest.mark.parametrize("format_", ["csv", "geojson", "parquet", "gpx"])
