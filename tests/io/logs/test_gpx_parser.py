@@ -26,8 +26,8 @@ def refusal(text):
     return message
 
 
-# Entities and external references. The refusal comes after the start of the declaration alone, which
-# shows that nothing is declared, expanded or fetched before it.
+# Entities and external references. The refusal comes after the start of the declaration alone: this
+# shows that nothing is declared, expanded or fetched before.
 
 LAUGHS = "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 10))
 
