@@ -21,8 +21,8 @@ def install_plugin(tmp_path, monkeypatch):
         (metadata / "METADATA").write_text("Metadata-Version: 2.1\nName: toy\nVersion: 1.0\n")
         (metadata / "entry_points.txt").write_text(f"[{group}]\ntoy = toy_plugin:FORMAT\n")
         monkeypatch.syspath_prepend(tmp_path)
+        forget_plugins()
 
-    forget_plugins()
     yield install
     forget_plugins()
     sys.modules.pop("toy_plugin", None)

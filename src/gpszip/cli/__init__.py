@@ -1,4 +1,4 @@
-"""The command line: one file for each command, each a thin face of pipeline and archive.
+"""The command line: one module for each command, which calls the pipeline or an archive.
 
-What a command needs is imported when it runs, so that help and ``info`` answer without the compiler.
+A command imports what it needs when it runs, so that help and ``info`` answer without the compiler.
 """

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.cli.engine import engine_options, open_executor
+from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import Settings, common_options, force, output_option, time_options
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
@@ -33,7 +34,11 @@ _BOUND_OPTIONS = {
 }
 
 
-@click.command("compress", short_help="Learn the map of logs and store them as walks on it.")
+@click.command(
+    "compress",
+    cls=CommandWithFormats,
+    short_help="Learn the map of logs and store them as walks on it.",
+)
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True)
 @output_option("walks.gpsz")
 @click.option(
@@ -50,40 +55,42 @@ _BOUND_OPTIONS = {
     "size",
     type=SIZE,
     metavar="SIZE",
-    help="Largest archive, such as 900 or 4KiB, with the smallest RMSE it allows.",
+    help="Largest archive, such as 900 or 4KiB, with the smallest RMSE that fits.",
 )
 @click.option(
     "--ratio",
     type=click.FloatRange(min=0, min_open=True),
     metavar="X",
-    help="The same as a share of the logs: 1 in X.",
+    help="The same as a ratio: 1 byte for X bytes of the logs.",
 )
 @click.option(
     "--gap",
     type=_GAP,
     metavar="DURATION",
-    help="Silences longer than this claim no travel, or none. Estimated where left out.",
+    help="Intervals without points longer than this are gaps, or none. By default estimated.",
 )
 @click.option(
     "--map",
     "map_name",
     metavar="CITY.gpsz",
-    help="Walks on this map, which is not stored again; decompress needs it, too.",
+    help="Store walks on the map of this archive, not a map; decompress needs it, too.",
 )
 @click.option(
     "--update-map",
     metavar="FILE",
-    help="With --map: write the map with what these logs add, for those to come.",
+    help="With --map: write the map, extended by these logs, for later ones.",
 )
 @click.option(
-    "--append", is_flag=True, help="Add the logs to the archive that -o names; its map grows."
+    "--append",
+    is_flag=True,
+    help="Append the logs to the archive that -o names, and extend its map.",
 )
 @click.option(
     "--effort",
     type=click.IntRange(1, 9),
     default=5,
     show_default=True,
-    help="From 1, quick, to 9, small.",
+    help="From 1, fast, to 9, small archives.",
 )
 @click.option(
     "--coreset",
@@ -95,22 +102,22 @@ _BOUND_OPTIONS = {
     "--memory",
     type=SIZE,
     metavar="SIZE",
-    help="Memory to work in, such as 1GiB; larger logs are compressed in batches.",
+    help="Memory to use, such as 1GiB; larger logs are compressed in batches.",
 )
 @click.option(
     "--k",
     type=click.IntRange(1),
-    help="Number of parts of the thesis's (k,m)-segment mean, used instead of the connected map where k or m is given.",
+    help="Number of segments of the thesis's (k,m)-segment mean, instead of the connected map.",
 )
 @click.option(
     "--m",
     type=click.IntRange(1),
-    help="Number of segments that the k parts share; searched where left out.",
+    help="Number of distinct segments that the k segments share; by default searched.",
 )
 @click.option(
     "--times/--no-times",
     default=True,
-    help="Keep the times, or the shape only; a table may then lack a column of times.",
+    help="Keep the times, or the shapes only; a table then needs no column of times.",
 )
 @click.option(
     "--layer", type=click.Choice(["bz2"]), help="Pack the archive once more, as the thesis did."
@@ -118,10 +125,10 @@ _BOUND_OPTIONS = {
 @click.option(
     "--clean",
     is_flag=True,
-    help="Drop spikes, single points that no vehicle could have reached, and positions at 0,0 far from all others.",
+    help="Drop outliers, which no vehicle could reach, and positions at 0,0 far from others.",
 )
 @click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
-@click.option("--split", is_flag=True, help="Begin a new track where time goes back.")
+@click.option("--split", is_flag=True, help="Start a new track where time goes back.")
 @click.option(
     "--skip-bad",
     is_flag=True,
@@ -130,7 +137,7 @@ _BOUND_OPTIONS = {
 @click.option(
     "--columns",
     metavar="ROLES",
-    help="Which column is what: t=when,x=east,y=north, or names in order for a log without a header.",
+    help="Which column is what: t=when,x=east,y=north; or names in order, without a header.",
 )
 @time_options
 @click.option(
@@ -142,7 +149,7 @@ _BOUND_OPTIONS = {
 @click.option(
     "--format",
     metavar="FORMAT",
-    help="Format of the logs, csv, gpx, geojson or parquet; found from the content where left out.",
+    help="Format of the logs: LOG_FORMATS; by default found from the content.",
 )
 @engine_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
@@ -158,10 +165,11 @@ def command(
     quiet: bool,
     **choices: Any,
 ) -> Outcome:
-    """Read every LOG (CSV, GPX, GeoJSON or Parquet; - is standard input), learn the ways that they repeat, and write one archive.
+    """Read every LOG, learn the map that they repeat, and write one archive.
 
-    Without --rmse, --max-error, --bytes or --ratio, an RMSE that suits the log and a maximum of four times that are estimated, and
-    printed. Exit code 3 says that points or logs were lost, which are named first.
+    Formats of LOG: LOG_FORMATS; - is standard input. Without --rmse, --max-error,
+    --bytes or --ratio, an RMSE that suits the log and a maximum of four times that are estimated
+    and printed. Exit code 3 says that points or logs were lost; the first lines name them.
     """
     from gpszip.cli.output import check_output
     from gpszip.cli.progress import progress_bar

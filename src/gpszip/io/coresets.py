@@ -126,6 +126,7 @@ def read_coreset(source: str | Path | BinaryIO) -> Coreset:
     """
     is_path = isinstance(source, (str, Path))
     where = str(source) if is_path else "stream"
+
     try:
         # The bytes are read here: Arrow opens no file whose name isn't UTF-8.
         data: Any = pa.py_buffer(Path(str(source)).read_bytes()) if is_path else source

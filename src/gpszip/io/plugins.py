@@ -73,6 +73,7 @@ def _load_group(group: str) -> tuple[tuple[Any, str], ...]:
         distribution = entry_point.dist
         package = entry_point.module if distribution is None else distribution.name
         where = f"plugin {entry_point.name!r} of {package}"
+
         # A plugin may fail in any way when it is imported.
         try:
             plugins.append((entry_point.load(), where))

@@ -120,6 +120,8 @@ class FilteredTracks:
                 for block in blocks:
                     write_numbers(block, file)
                     count += len(block)
+
+                # Samples are read from the file, so it has to hold all of them.
                 file.flush()
                 outliers = self._find_outliers(first, count)
                 self._tracks.append(_FileRange(name, first, count, outliers))

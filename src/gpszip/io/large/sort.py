@@ -214,6 +214,7 @@ class ExternalSorter:
         InputError
             If no row of the file can be used, or its times go back and are not to be sorted.
         """
+        # Its rows.
         file = self._file
         name = file.log_file.name
         if not file.row_count:
@@ -224,6 +225,8 @@ class ExternalSorter:
                 f"{name}: no row has a time and position that can be read"
                 f"{first_cell_hint(file.unreadable)}; name the columns: --columns t=COLUMN,..."
             )
+
+        # Its tracks.
         for code in file.codes:
             self._check_order(self._file_tracks[code])
         self._name_split_tracks()
@@ -375,6 +378,7 @@ class ExternalSorter:
         count = int(rows.sum())
         if not count:
             return
+
         row = int(rows.argmax()) if cell is None else cell.row
         value = value if cell is None else format_cell(cell)
         where = f"{raw.name}: {raw.row_noun} {raw.first + row}"
@@ -495,6 +499,7 @@ class ExternalSorter:
 
     def _group_by_track(self) -> dict[str, list[_FileTrack]]:
         """Return what the files have of each track, in the order of time."""
+        # Leave out what overlaps with an earlier file.
         tracks: dict[str, list[_FileTrack]] = {}
         for file_track in self._accepted:
             file_tracks = tracks.setdefault(file_track.name, [])
@@ -509,6 +514,8 @@ class ExternalSorter:
                 file_tracks.append(file_track)
             else:
                 self._refuse_overlap(file_track, other)
+
+        # Leave out tracks whose clock stands still, and sort the rest.
         for name in list(tracks):
             self._check_clock(name, tracks)
         return {

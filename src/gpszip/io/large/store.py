@@ -66,6 +66,8 @@ class StoredTrack:
         Index of its first row.
     count : int
         Number of its rows.
+    timed : bool
+        Whether it has times; a stored track always has.
     """
 
     id: str
@@ -164,6 +166,8 @@ def count_rows(
         log_file = inspect_log_file(source, format, request)
         if isinstance(log_file, InputError):
             continue
+
+        # Estimate from the size if the file does not state the number.
         rows = log_file.row_count()
         if rows is None:
             row_bytes = _PACKED_ROW_BYTES if log_file.source.is_gzip else _ROW_BYTES
@@ -347,6 +351,8 @@ def _find_mismatch(log_file: LogFile, before: Sequence[LogFile]) -> InputError |
     first_kind = None if first is None else first.coordinate_kind
     if kind is None or first is None or first_kind is None or kind == first_kind:
         return None
+
+    # Say what differs: the names of the coordinate systems, or the columns.
     if kind.geographic == first_kind.geographic and kind.dimension == first_kind.dimension:
         return InputError(
             f"{log_file.name}: names another coordinate system than {first.name}; "
@@ -390,6 +396,7 @@ def _write_sorted(
     plane: Plane | None,
 ) -> tuple[tuple[StoredTrack, ...], tuple[StoredColumn, ...]]:
     """Write times and positions to the file ``samples``, and each kept column to its own file."""
+    # A row has time and coordinates, then a number for each column.
     tracks: list[StoredTrack] = []
     sample_width = 1 + sorter.dimension
     offset = 0
@@ -399,6 +406,8 @@ def _write_sorted(
         sample_file, *column_files = (
             stack.enter_context(path.open("wb")) for path in (folder / "samples", *column_paths)
         )
+
+        # Tracks follow each other in all files.
         for name, blocks in sorted_tracks:
             count = 0
             for block in blocks:
@@ -410,6 +419,7 @@ def _write_sorted(
                 count += len(block)
             tracks.append(StoredTrack(name, offset, count))
             offset += count
+
     if not tracks:
         raise _no_sample_error(sorter)
     columns = [encoder.stored_column(number, path) for number, path in enumerate(column_paths)]

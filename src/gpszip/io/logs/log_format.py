@@ -7,7 +7,7 @@ A format is one :class:`LogFormat`. Those of GPSZip stand in the table of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import BinaryIO, NamedTuple
 
@@ -79,6 +79,9 @@ class LogFormat:
         units are guessed.
     write : callable, optional
         Writes tracks to a binary file; None for a format that is only read.
+    describe_losses : callable, optional
+        Describes what its files can't hold, one text for each loss. It gets the names of the tracks
+        and of their attributes.
     time_decimals : int
         Decimals of seconds to write if these are fine enough: many readers of GPX know no more
         than three.
@@ -117,6 +120,7 @@ class LogFormat:
     read: Callable[[Source, Request], RawLog]
     read_batches: Callable[[Source, Request], LogBatches | None] | None = None
     write: Callable[[Iterable[TrackRows], BinaryIO], None] | None = None
+    describe_losses: Callable[[Sequence[str], Sequence[str]], list[str]] | None = None
     time_decimals: int = TIME_DECIMALS
     is_binary: bool = False
     is_fallback: bool = False

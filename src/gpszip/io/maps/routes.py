@@ -119,6 +119,8 @@ def _write_geojson(
     _write_items(
         (feature for match, track in pairs for feature in _features(match, track, network)), stream
     )
+
+    # GeoJSON allows members of a collection that it does not know.
     stream.write(b'\n], "unmatched": [')
     _write_items(
         (item for match, track in pairs for item in _unmatched_slices(match, track, network)),
@@ -143,6 +145,7 @@ def _unmatched_slices(match: Match, track: Track, network: Network) -> Iterator[
         )
         if not len(points):
             continue
+
         item = {
             "track_id": match.track,
             **_times(track, int(points[0]), int(points[-1])),

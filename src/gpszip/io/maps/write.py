@@ -118,10 +118,14 @@ def find_map_format(path: str | Path, name: str | None = None) -> MapFormat:
     formats = map_formats()
     if name is None and str(path) == "-":
         return formats[0]
+
+    # Find it by its name or by a suffix.
     suffix = Path(path).suffix.lower() if name is None else f".{name.lower()}"
     for map_format in formats:
         if suffix in map_format.suffixes or (name is not None and name.lower() == map_format.name):
             return map_format
+
+    # There is none: say which there are.
     if name is not None:
         names = ", ".join(map_format.name for map_format in formats)
         raise OutputError(f"{path}: no format {name!r} for maps; there are {names}")
@@ -166,6 +170,8 @@ def write_map(
     write = map_format.write
     if nodes and map_format.write_with_nodes is not None:
         write = map_format.write_with_nodes
+
+    # Write the columns of the map.
     if isinstance(road_map, CleanMap):
         table = clean_map_table(road_map)
     else:

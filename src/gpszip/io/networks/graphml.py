@@ -113,6 +113,8 @@ def _iterate_elements(stream: BinaryIO) -> Iterator[Element]:
             if element.tag.endswith("}graph"):
                 yield element
             continue
+
+        # At its end, an element is complete.
         ancestors.pop()
         if element.tag.rpartition("}")[2] in ("key", "node", "edge"):
             yield element
@@ -233,6 +235,8 @@ def _to_log_coordinates(
                 "convert one of them to the coordinates of the other"
             )
         return points, False
+
+    # The log is in degrees, or there is none.
     if crs and crs.upper() != "EPSG:4326":
         return to_degrees(points, crs, name), True
     return points, in_degrees or (not crs and within_globe(points))

@@ -338,6 +338,7 @@ def _resolve_direction(
         has_twin = has_backward & has_forward
         if group_count < _MIN_SHAPES or has_twin.mean() <= _MIN_TWIN_SHARE:
             return lines
+
         what = "roads read as one-way: most have a twin against them, these don't"
         _add_repair(repairs, lines, what, int((~has_twin).sum()))
     return replace(lines, forward=lines.forward.copy(), backward=np.zeros(len(lines), np.bool_))

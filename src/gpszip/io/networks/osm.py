@@ -78,11 +78,14 @@ def read_osm_lines(path: str, name: str) -> RoadLines:
     InputError
         If the file can't be read, or holds no road.
     """
-    ways_read = _WaysRead()
+    # osmium comes with an extra.
     try:
         import osmium
     except ImportError:
         raise MissingExtraError("network", "reading OpenStreetMap files") from None
+
+    # Read way by way.
+    ways_read = _WaysRead()
     factory = osmium.geom.WKBFactory()
     try:
         for way in _iterate_ways(path, osmium):

@@ -338,9 +338,13 @@ def _read_blocks(
         offset, size, roads, points, streets = (
             int(entry[key]) for key in ("offset", "size", "roads", "points", "streets")
         )
+
+        # Check.
         body = data[offset : offset + size]
         if len(body) != size or zlib.crc32(body) != entry["crc"]:
             raise CorruptArchiveError(f"{name}: damaged block of roads; prepare it again", offset)
+
+        # Decode. A block with a valid checksum can still contradict itself.
         try:
             yield _decode_block(body, roads, points, streets if version > 1 else None, geographic)
         except (ValueError, IndexError) as error:
@@ -418,6 +422,8 @@ def _concatenate(blocks: list[_Block]) -> _Block:
         ids = pa.concat_arrays([block.ids for block in blocks])
         names = pa.concat_arrays([block.names for block in blocks])
         return _Block._make([*arrays, ids, names])
+
+    # Without a block, there is no road.
     no_numbers, no_texts = np.empty(0, np.int32), pa.array([], pa.string())
     return _Block(
         points=np.empty((0, 2)),

@@ -159,6 +159,8 @@ def read_network_result(
     """Read a road network as :func:`read_network` does, and return what was repaired, too."""
     tracks = [near] if isinstance(near, Track) else list(near or ())
     plane = plane or (tracks[0].plane if tracks else None)
+
+    # Of a prepared network, only blocks near the log are read.
     prepared_path = _find_prepared(source)
     if prepared_path is not None:
         area = build_nearby_area(tracks) if tracks else None
@@ -227,7 +229,9 @@ def build_network(
         raise InputError(f"{roads.name}: holds no road")
     if near and roads.geographic != (plane is not None):
         kind, log_kind = (
-            ("degrees", "x and y") if roads.geographic else ("metres of no known place", "degrees")
+            ("degrees", "x and y")
+            if roads.geographic
+            else ("metres of an unknown origin", "degrees")
         )
         raise InputError(
             f"{roads.name}: is in {kind}, but the log in {log_kind}; "
@@ -301,7 +305,7 @@ def _keep_nearby(roads: RoadGraph, candidates: _PlaneRoads, area: NearbyArea) ->
     owner = np.repeat(np.arange(len(chosen)), np.diff(roads.offsets)[chosen])
     is_near = np.bincount(owner[area.contains(points)], minlength=len(chosen)) > 0
 
-    # Place points on long steps between two vertices of a road.
+    # Put points on long steps between two vertices of a road.
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     is_long = np.flatnonzero((steps > _MAX_SPACING) & (np.diff(owner) == 0))
     pieces = np.ceil(steps[is_long] / _MAX_SPACING).astype(np.int64)
@@ -322,13 +326,17 @@ def _drop_footways(
     """Leave out footways for a log of motor vehicles, unless nothing else is near it."""
     if not (roads.users == RoadUsers.NON_MOTOR).any() or not _is_motorised(near):
         return plane_roads
+
+    # Drop them on each plane.
     remaining, dropped = [], 0
     for chosen, points in plane_roads:
         keep = roads.users[chosen] != RoadUsers.NON_MOTOR
         dropped += int((~keep).sum())
         keep_points = np.repeat(keep, np.diff(roads.offsets)[chosen])
         remaining.append(_PlaneRoads(chosen[keep], points[keep_points]))
-    if not sum(len(kept.chosen) for kept in remaining):
+
+    # Without them, is any road near the log?
+    if not any(len(kept.chosen) for kept in remaining):
         return plane_roads
     if dropped:
         what = "ways without motor traffic left out, as the log is of motor vehicles"
@@ -393,7 +401,7 @@ def _describe_mismatch(roads: RoadGraph, plane: Plane | None, near: Sequence[Tra
     if plane is not None:
         lat, lon = to_geographic(log, plane)
         log = np.stack((lon, lat), axis=1)
-    hint = "give a network of that place"
+    hint = "give a network of that region"
     if not len(roads):
         extent = _format_extent(log)
         return f"{roads.name}: no road of it is near the log, which is at {extent}; {hint}"
@@ -434,6 +442,8 @@ def read_road_graph(
         source had one line for each direction; found from the lines if left out.
     """
     sources: list[Any] = list(source) if isinstance(source, (list, tuple)) else [source]
+
+    # Read the lines of all files.
     lines_read: list[RoadLines] = []
     for item in sources:
         if isinstance(item, RoadLines):
@@ -442,6 +452,8 @@ def read_road_graph(
             lines_read += [_read_lines(file, metric) for file in expand(item, unzip=False)]
     if not lines_read:
         raise InputError("no network given; name a file")
+
+    # Join them.
     lines = lines_read[0] if len(lines_read) == 1 else _concatenate(lines_read)
     if directed is not None and lines.directed is None:
         lines = replace(lines, directed=directed)
@@ -462,6 +474,8 @@ def _concatenate(lines_read: Sequence[RoadLines]) -> RoadLines:
             f"{first.name} and {last.name}: one is in degrees and the other in metres; "
             "convert one of them"
         )
+
+    # The offsets of a source count from its own start.
     counts = np.concatenate([np.diff(lines.offsets) for lines in lines_read])
     return replace(
         first,

@@ -337,11 +337,15 @@ def _find_rules(columns: Mapping[str, Any], count: int) -> _FeatureRules:
         columns[role].to_pylist() if role in columns else [None] * count
         for role in ("oneway", "junction", "class")
     )
+
+    # Directions, found once for each combination of words.
     if "oneway" in columns or "junction" in columns or "class" in columns:
         words = [f"{a}\0{b}\0{c}" for a, b, c in zip(oneway, junction, road_class, strict=True)]
         directions = map_distinct(words, _parse_directions, np.bool_).reshape(-1, 2)
     else:
         directions = np.ones((count, 2), np.bool_)
+
+    # Speeds and users, by class.
     typical_speeds = map_distinct(road_class, road_class_speed, np.float64)
     is_no_road = map_distinct(road_class, lambda text: text in NON_ROAD_CLASSES, np.bool_)
     return _FeatureRules(

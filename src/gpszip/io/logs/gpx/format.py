@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from gpszip.io.logs.gpx.read import read_gpx, sniff_gpx
-from gpszip.io.logs.gpx.write import write_gpx
+from gpszip.io.logs.gpx.write import describe_gpx_losses, write_gpx
 from gpszip.io.logs.log_format import LogFormat
 
 __all__ = ["GPX"]
@@ -15,5 +15,6 @@ GPX = LogFormat(
     sniff=sniff_gpx,
     read=read_gpx,
     write=write_gpx,
+    describe_losses=describe_gpx_losses,
     time_decimals=3,
 )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, BinaryIO
 from xml.sax.saxutils import escape
 
@@ -15,7 +15,7 @@ from gpszip.errors import OutputError
 from gpszip.io.logs.raw import HEIGHT_NAMES
 from gpszip.io.logs.track_rows import TrackRows, group_into_lines, round_decimals
 
-__all__ = ["has_unwritable_letters", "write_gpx"]
+__all__ = ["describe_gpx_losses", "has_unwritable_letters", "write_gpx"]
 
 #: Seconds from 1970 to the year 1, the first that a date can name.
 _YEAR_1 = -62_135_596_800
@@ -68,6 +68,41 @@ def write_gpx(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
             sink.write(b"\n</trkseg>")
         sink.write(b"</trk>\n")
     sink.write(b"</gpx>\n")
+
+
+def describe_gpx_losses(names: Sequence[str], attributes: Sequence[str]) -> list[str]:
+    """Describe what GPX can't hold of tracks.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the tracks.
+    attributes : sequence of str
+        Names of their attributes.
+
+    Examples
+    --------
+    >>> describe_gpx_losses(["walk"], ["ele", "speed"])
+    ["gpx can't hold speed; write CSV, GeoJSON or Parquet to have them"]
+    """
+    losses = []
+
+    # There is an element for one column of heights only.
+    heights = [name for name in HEIGHT_NAMES if name in attributes]
+    missing = [name for name in attributes if name not in heights[:1]]
+    if missing:
+        losses.append(
+            f"gpx can't hold {', '.join(missing)}; write CSV, GeoJSON or Parquet to have them"
+        )
+
+    changed = [name for name in names if has_unwritable_letters(name)]
+    if changed:
+        losses.append(
+            "gpx can't hold control characters: they are U+FFFD in the names of tracks, in "
+            f"{len(changed):,} of them, the first {changed[0]!r}; "
+            "write GeoJSON or Parquet to have them"
+        )
+    return losses
 
 
 def has_unwritable_letters(name: str) -> bool:
