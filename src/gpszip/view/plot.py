@@ -134,7 +134,7 @@ def draw_comparison(
     OutputError
         If the file can't be written.
     """
-    # Place the full map beside a square.
+    # The full map stands beside a square.
     road_map = _main_plane(_road_map(source))
     samples = _subsample([track.positions[:, :2] for track in tracks])
     extent = np.vstack([samples, road_map.nodes[:, :2]])

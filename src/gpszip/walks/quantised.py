@@ -87,16 +87,14 @@ def dequantise_walks(
         Walks of untimed tracks have None for times and spans.
     """
     # Time spans of the pieces, where the archive keeps them.
-    count = len(grid_walks.walks)
     spans = piece_time_ranges(grid_walks, grid) if grid_walks.timed else None
-    if spans is None:
-        spans = [None] * count
 
     walks = []
-    for number, (name, walk, span) in enumerate(zip(ids, grid_walks.walks, spans, strict=True)):
+    for number, (name, walk) in enumerate(zip(ids, grid_walks.walks, strict=True)):
         timed = grid_walks.timed and number not in grid_walks.untimed
         times = knot_times(walk.time_steps, grid) if timed else None
-        walks.append(Walk(name, walk.nodes, times, walk.gaps, span if timed else None))
+        span = spans[number] if timed and spans is not None else None
+        walks.append(Walk(name, walk.nodes, times, walk.gaps, span))
     return tuple(walks)
 
 

@@ -153,7 +153,8 @@ def _distance_fractions(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
     """Fraction of the length at each vertex; evenly spaced if the line has no length."""
     along = np.append(0.0, np.cumsum(np.sqrt((np.diff(vertices, axis=0) ** 2).sum(axis=1))))
     if along[-1] > 0:
-        return along / along[-1]
+        fractions: NDArray[np.float64] = along / along[-1]
+        return fractions
     return np.linspace(0.0, 1.0, len(along)) * (len(along) > 1)
 
 

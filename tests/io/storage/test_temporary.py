@@ -35,7 +35,7 @@ def test_full_disk_is_named(tmp_path, monkeypatch):
     try:
         with pytest.raises(
             OutputError,
-            match=r"scratch: temporary files can't be written: .* let TMPDIR name a folder with more",
+            match=r"scratch: temporary files can't be written: .* let TMPDIR name a folder",
         ):
             store_logs(str(tmp_path / "log.csv"), rows=3000)
     finally:

@@ -128,7 +128,7 @@ def with_bad_byte(data, offset):
         (with_fields(zipped(("a.csv", LOG)), method=14), r"a\.csv: is packed by method 14 of zip"),
         (
             zipped(("xl/workbook.xml", b"<a/>")),
-            "is an Excel workbook; save the sheet with the log as CSV",
+            "is an Excel workbook; save the worksheet with the log as CSV",
         ),
         (gzip.compress(zipped(("a.csv", LOG))), "is a zip archive inside another file"),
     ],

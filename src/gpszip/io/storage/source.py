@@ -1,4 +1,4 @@
-"""Sources of a log's bytes: files, streams and standard input, plain, gzipped or in zip archives."""
+"""Sources of a log's bytes: files, streams and standard input; plain, gzip or in zip archives."""
 
 from __future__ import annotations
 

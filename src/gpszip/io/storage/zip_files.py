@@ -26,8 +26,8 @@ _READABLE_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
 #: Document formats that are zip archives, by a member of each.
 _DOCUMENTS = {
-    "xl/workbook.xml": "an Excel workbook; save the sheet with the log as CSV",
-    "META-INF/manifest.xml": "an OpenDocument file; save the sheet with the log as CSV",
+    "xl/workbook.xml": "an Excel workbook; save the worksheet with the log as CSV",
+    "META-INF/manifest.xml": "an OpenDocument file; save the worksheet with the log as CSV",
     "doc.kml": "a KMZ file; convert it to GPX",
 }
 
@@ -178,7 +178,7 @@ def _read_member(
 def _is_hidden(name: str) -> bool:
     """Whether a file or one of its folders is hidden, or was added by macOS."""
     names = name.replace("\\", "/").split("/")
-    has_dot = any(part.startswith(".") and part not in (".", "..") for part in names)
+    has_dot = any(n.startswith(".") and n not in (".", "..") for n in names)
     return names[0] == "__MACOSX" or has_dot
 
 

@@ -412,6 +412,8 @@ def _check_thousands(axes: Sequence[Any], names: Sequence[str], where: str) -> N
     for cells, name in zip(axes, names, strict=True):
         if not is_text(cells.type):
             continue
+
+        # Each cell with a comma must be ambiguous; any other decides.
         commas = trimmed_text(cells).filter(pc.match_substring(cells, ","))
         if not len(commas):
             continue
