@@ -3,9 +3,12 @@
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 import textwrap
+import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,40 +24,17 @@ from gpszip.io.logs.formats import (
 )
 from gpszip.io.logs.read import read_logs
 from gpszip.io.logs.write import write_tracks
+from gpszip.io.plugins import forget_plugins
 from gpszip.io.storage.source import Source
 from gpszip.model import Track
 
-#: A format in a package of its own: lines of time, x and y after a line "TOY".
-TOY = """
-    import numpy as np
-
-    from gpszip.io.logs.log_format import LogFormat
-    from gpszip.io.logs.raw import RawLog
-
-
-    def read_toy(source, request):
-        rows = np.array([line.split() for line in source.read().splitlines()[1:]], float)
-        return RawLog(source.name, (), None, rows[:, 0], rows[:, 1:], geographic=False)
-
-
-    def write_toy(tracks, sink):
-        sink.write(b"TOY\\n")
-        for track in tracks:
-            np.savetxt(sink, np.column_stack([track.times, track.coordinates]), fmt="%.3f")
-
-
-    FORMAT = LogFormat(
-        name="toy",
-        suffixes=(".toy",),
-        description="time, x and y in each line",
-        sniff=lambda head: head.startswith(b"TOY\\n"),
-        read=read_toy,
-        write=write_toy,
-    )
-"""
+#: The example of CONTRIBUTING.md: lines of time, x and y after a line "TOY".
+TOY = re.search(
+    r"```python\n(.*?)```", (Path(__file__).parents[3] / "CONTRIBUTING.md").read_text(), re.DOTALL
+)[1]
 
 #: A format of XML, which could not be read if XML were refused before formats are asked.
-PLACEMARKS = """
+PLACEMARKS = textwrap.dedent("""
     import re
 
     import numpy as np
@@ -77,7 +57,7 @@ PLACEMARKS = """
         sniff=lambda head: root_element(head) == "kml",
         read=read_placemarks,
     )
-"""
+""")
 
 KML = b"<?xml version='1.0'?><kml><coordinates>11.5,48.1 11.6,48.2</coordinates></kml>"
 
@@ -91,7 +71,7 @@ def toy_file(path, points=200):
 
 def install(folder, source, name="toy"):
     """Write a package as pip installs it: a module, and the metadata with its entry point."""
-    (folder / f"{name}_plugin.py").write_text(textwrap.dedent(source))
+    (folder / f"{name}_plugin.py").write_text(source)
     metadata = folder / f"{name}-1.0.dist-info"
     metadata.mkdir()
     (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
@@ -130,7 +110,7 @@ def test_a_format_of_another_package_is_read_written_and_listed(tmp_path):
 
 @pytest.mark.parametrize("words", [("formats",), ("info", "walk.toy"), ("--help",)])
 def test_other_packages_are_imported_only_where_formats_matter(tmp_path, words):
-    install(tmp_path, "print('imported')\n" + TOY.replace("\n    ", "\n"))
+    install(tmp_path, "print('imported')\n" + TOY)
     done = gpszip(tmp_path, *words)
     assert ("imported" in done.stdout) == (words[0] == "formats")
 
@@ -159,7 +139,7 @@ def test_xml_that_no_format_recognises_is_refused_with_advice():
 
 
 def test_xml_is_refused_only_after_all_formats_were_asked(install_plugin):
-    install_plugin("gpszip.formats", textwrap.dedent(PLACEMARKS))
+    install_plugin("gpszip.formats", PLACEMARKS)
     (track,) = read_logs(io.BytesIO(KML)).tracks
     assert track.positions.shape == (2, 2)
 
@@ -169,12 +149,37 @@ def test_xml_is_refused_only_after_all_formats_were_asked(install_plugin):
 )
 def test_formats_are_asked_before_a_file_is_refused(install_plugin, head):
     source = TOY.replace('head.startswith(b"TOY\\n")', f"head.startswith({head!r})")
-    install_plugin("gpszip.formats", textwrap.dedent(source))
+    install_plugin("gpszip.formats", source)
     assert format_for_reading(Source("file", data=head + b"...")).name == "toy"
 
 
+def test_a_zip_archive_that_is_a_log_is_not_unpacked(install_plugin):
+    source = TOY.replace('head.startswith(b"TOY\\n")', 'b"toy.txt" in head[:100]').replace(
+        "source.read().splitlines()", "b'TOY\\n0 0 0\\n1 1 1'.splitlines()"
+    )
+    install_plugin("gpszip.formats", source)
+    for name, points in (("toy.txt", 2), ("other.csv", 3)):
+        with zipfile.ZipFile(stream := io.BytesIO(), "w") as archive:
+            archive.writestr(name, "t,x,y\n0,0,0\n1,1,1\n2,2,2\n")
+        (track,) = read_logs(io.BytesIO(stream.getvalue())).tracks
+        assert len(track) == points
+
+
+def test_xml_within_a_zip_archive_is_asked_of_all_formats(install_plugin):
+    """KMZ is a zip archive of a KML file and pictures."""
+    with zipfile.ZipFile(stream := io.BytesIO(), "w") as archive:
+        archive.writestr("doc.kml", KML)
+        archive.writestr("picture.png", b"\x89PNG\r\n\x1a\n\0\0")
+    with pytest.raises(InputError, match=r"stream/doc\.kml: is XML, .*: it is KML|of 2 logs"):
+        read_logs(io.BytesIO(stream.getvalue()))
+    install_plugin("gpszip.formats", PLACEMARKS)
+    forget_plugins()
+    (track,) = read_logs(io.BytesIO(stream.getvalue())).tracks
+    assert len(track) == 2
+
+
 def test_a_format_of_another_package_is_read_in_batches(install_plugin, tmp_path):
-    source = textwrap.dedent(TOY) + textwrap.dedent("""
+    source = TOY + textwrap.dedent("""
         from dataclasses import replace
 
         from gpszip.io.logs.log_format import LogBatches
@@ -212,7 +217,7 @@ def test_a_format_of_another_package_is_read_in_batches(install_plugin, tmp_path
 def test_faults_of_another_package_are_errors_with_its_name(
     install_plugin, tmp_path, change, message
 ):
-    source = textwrap.dedent(TOY)
+    source = TOY
     assert change[0] in source
     install_plugin("gpszip.formats", source.replace(*change))
     path = toy_file(tmp_path / "walk.toy")
@@ -223,7 +228,7 @@ def test_faults_of_another_package_are_errors_with_its_name(
 
 
 def test_faults_while_another_package_writes_are_errors_with_its_name(install_plugin, tmp_path):
-    install_plugin("gpszip.formats", textwrap.dedent(TOY).replace("savetxt", "no_such_name"))
+    install_plugin("gpszip.formats", TOY.replace("savetxt", "no_such_name"))
     track = Track("walk", [0, 1], [[0, 0], [1, 1]])
     with pytest.raises(OutputError, match="format 'toy' of toy_plugin failed: AttributeError"):
         write_tracks([track], tmp_path / "walk.toy")
@@ -231,7 +236,7 @@ def test_faults_while_another_package_writes_are_errors_with_its_name(install_pl
 
 
 def test_a_format_that_is_only_read_is_not_written(install_plugin, tmp_path):
-    install_plugin("gpszip.formats", textwrap.dedent(PLACEMARKS))
+    install_plugin("gpszip.formats", PLACEMARKS)
     track = Track("walk", [0, 1], [[0, 0], [1, 1]])
     with pytest.raises(OutputError, match=r"one of \.parquet, \.gpx, \.geojson, \.csv"):
         write_tracks([track], tmp_path / "walk.kml")

@@ -26,6 +26,7 @@ __all__ = [
     "format_for_reading",
     "format_for_writing",
     "format_named",
+    "is_bundle",
     "log_formats",
 ]
 
@@ -146,6 +147,18 @@ def format_for_reading(source: Source) -> LogFormat:
         f"{source.name}: neither text nor a format that is known; "
         "'gpszip formats' lists what can be read"
     )
+
+
+def is_bundle(archive: Source) -> bool:
+    """Whether a zip archive holds logs, rather than being one: no format recognises it as it is.
+
+    Parameters
+    ----------
+    archive : Source
+        The archive, for :func:`gpszip.io.storage.source.expand` to decide whether to unpack it.
+    """
+    head = archive.head()
+    return not any(format_.sniff(head) for format_ in log_formats() if not format_.is_fallback)
 
 
 def _explain_other_kind(name: str, head: bytes) -> str:

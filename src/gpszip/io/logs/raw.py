@@ -25,6 +25,7 @@ __all__ = [
 ]
 
 #: Names of the attribute that holds the height above the sea in metres, the preferred one first.
+#: They stand for each other: a request for one is met by another.
 HEIGHT_NAMES = ("alt", "altitude", "ele", "elevation", "height")
 
 

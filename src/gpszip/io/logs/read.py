@@ -19,7 +19,7 @@ from gpszip.errors import InputError
 from gpszip.geo.outliers import find_outliers
 from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.io.logs.clean import CleanedLog, LogTrack, clean_log
-from gpszip.io.logs.formats import format_for_reading, format_named
+from gpszip.io.logs.formats import format_for_reading, format_named, is_bundle
 from gpszip.io.logs.losses import loss_if_large
 from gpszip.io.logs.plausibility import check_plausible
 from gpszip.io.logs.raw import RawLog, Request, unused_name
@@ -204,7 +204,7 @@ def read_logs(
 
     # Read and clean file by file.
     logs = _CollectedLogs()
-    for source in expand(sources):
+    for source in expand(sources, unzip=is_bundle):
         logs.logs.add(source.log if isinstance(source, Source) else str(source))
         try:
             raw = check_plausible(_read_source(source, format, request), request)
