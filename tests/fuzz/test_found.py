@@ -92,7 +92,7 @@ def test_prepared_roads_without_a_valid_position(tmp_path, seed):
     path.write_bytes(_resealed(data, lambda body: None))
     assert len(read_network(path))
     path.write_bytes(_resealed(data, change))
-    with pytest.raises(CorruptArchiveError, match="has no valid position or speed"):
+    with pytest.raises(CorruptArchiveError, match="no valid position or speed"):
         read_network(path)
 
 

@@ -1,4 +1,5 @@
-"""The command line: one module for each command, which calls the pipeline or an archive.
+"""The command line: one module for each command.
 
-A command imports what it needs when it runs, so that help and ``info`` answer without the compiler.
+A command calls the pipeline or an archive. It imports what it needs when it runs, so that help and
+``info`` answer without the compiler.
 """

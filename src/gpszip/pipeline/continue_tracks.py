@@ -21,8 +21,8 @@ from gpszip.walks.quantised import knot_times
 
 __all__ = ["piece_time_ranges_of", "ready_to_continue", "track_end"]
 
-#: Step sizes that halve a time step: they come in eighths of an octave.
-_STEP_SIZES_PER_HALVING = 8
+#: Step sizes from one time step to its half.
+_STEP_SIZES_PER_OCTAVE = 8
 
 #: A time step this many times the one that suits the new tracks is refined first. Logs of parked
 #: vehicles have steps of hours.
@@ -62,7 +62,7 @@ def ready_to_continue(archive: Archive, starts: Mapping[str, float], time_step: 
         return archive
 
     # the same walks on a finer time grid
-    grid = replace(archive.grid, time=archive.grid.time - _STEP_SIZES_PER_HALVING * refinements)
+    grid = replace(archive.grid, time=archive.grid.time - _STEP_SIZES_PER_OCTAVE * refinements)
     known = archive.grid_walks
     walks = [
         GridWalk(walk.nodes, walk.time_steps << refinements, walk.gaps) for walk in known.walks
@@ -122,7 +122,7 @@ def _refinements(grid: QuantisationGrid, time_step: float) -> int:
     step = step_size(grid.time)
     if step <= _TOO_COARSE * time_step:
         return 0
-    limit = grid.time // _STEP_SIZES_PER_HALVING - MAX_REFINEMENTS
+    limit = grid.time // _STEP_SIZES_PER_OCTAVE - MAX_REFINEMENTS
     return max(min(math.ceil(math.log2(step / time_step)), limit), 0)
 
 

@@ -156,7 +156,7 @@ def prepare(
 
     # the bound
     options = size_in_bytes(options, _bytes_of(log))
-    options, notes = with_bound(options, sample, gaps, "the log" if in_memory else "an excerpt")
+    options, notes = with_bound(options, sample, gaps, "the log" if in_memory else "a subsample")
     _check_thesis(options, in_memory=in_memory)
 
     # batches and workers that fit the memory

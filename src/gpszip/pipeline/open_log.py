@@ -49,7 +49,7 @@ def open_log(
         Bytes that compressing the log may take, at least 400 MiB. A log that would take more is
         sorted by track and time into a temporary file, which goes when the context ends.
     plane : Plane, optional
-        Plane on which a log on disk is laid out: that of a map. Chosen for it by default.
+        Plane of a log on disk, such as that of a map. Chosen for it by default.
     progress : callable, optional
         Called with :class:`~gpszip.model.report.Progress` events.
     **options

@@ -76,7 +76,7 @@ def _check_range(track: Track) -> None:
 def on_plane_of(map: Archive, log: Log, options: Options) -> Log:
     """Return a log on the plane of a map, which it and the options must fit.
 
-    A log on disk was laid out on that plane when it was read.
+    A log on disk was put on that plane when it was read.
     """
     from gpszip.geo.planes import reproject_track
 
