@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from gpszip.errors import InputError
 from gpszip.geo.planes import to_geographic
 from gpszip.io.logs.csv import Dialect, confirm_encoding, detect_dialect
-from gpszip.io.logs.csv_format import CSV
-from gpszip.io.logs.formats import format_for_reading, format_named, is_bundle
+from gpszip.io.logs.formats import CSV, format_for_reading, format_named, is_bundle
 from gpszip.io.logs.raw import Request, unused_name
 from gpszip.io.logs.read import ReadOptions, read_logs
 from gpszip.io.storage.source import Source, expand

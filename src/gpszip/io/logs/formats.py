@@ -9,19 +9,19 @@ be CSV.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
 from gpszip.errors import InputError, OptionError, OutputError, UnknownFormatError
-from gpszip.io.logs.csv_format import CSV
-from gpszip.io.logs.geojson.format import GEOJSON
-from gpszip.io.logs.gpx.format import GPX
 from gpszip.io.logs.gpx.xml_text import root_element
-from gpszip.io.logs.log_format import LogFormat
-from gpszip.io.logs.parquet import PARQUET
+from gpszip.io.logs.log_format import LogFormat, deferred
 from gpszip.io.logs.plugin_guard import guard_plugin
 from gpszip.io.plugins import load_plugins
-from gpszip.io.storage.source import Source
+
+if TYPE_CHECKING:
+    from gpszip.io.storage.source import Source
 
 __all__ = [
+    "CSV",
     "LOG_FORMATS",
     "format_for_reading",
     "format_for_writing",
@@ -32,6 +32,51 @@ __all__ = [
 
 #: Group of entry points by which other packages add formats.
 _PLUGIN_GROUP = "gpszip.formats"
+
+PARQUET = LogFormat(
+    name="parquet",
+    suffixes=(".parquet", ".pq"),
+    description="columns as in CSV; a folder of files, too",
+    sniff=deferred("gpszip.io.logs.parquet", "sniff_parquet"),
+    read=deferred("gpszip.io.logs.parquet", "read_parquet"),
+    read_batches=deferred("gpszip.io.logs.parquet", "read_parquet_batches"),
+    write=deferred("gpszip.io.logs.parquet", "write_parquet"),
+    is_binary=True,
+)
+
+GPX = LogFormat(
+    name="gpx",
+    suffixes=(".gpx",),
+    description="tracks and routes; extensions with --keep",
+    sniff=deferred("gpszip.io.logs.gpx.read", "sniff_gpx"),
+    read=deferred("gpszip.io.logs.gpx.read", "read_gpx"),
+    write=deferred("gpszip.io.logs.gpx.write", "write_gpx"),
+    describe_losses=deferred("gpszip.io.logs.gpx.write", "describe_gpx_losses"),
+    time_decimals=3,
+)
+
+GEOJSON = LogFormat(
+    name="geojson",
+    suffixes=(".geojson", ".json"),
+    description=(
+        "LineStrings with coordTimes or times, or as shapes; Points with a time; "
+        "one on each line, too"
+    ),
+    sniff=deferred("gpszip.io.logs.geojson.read", "sniff_geojson"),
+    read=deferred("gpszip.io.logs.geojson.read", "read_geojson"),
+    write=deferred("gpszip.io.logs.geojson.write", "write_geojson"),
+)
+
+CSV = LogFormat(
+    name="csv",
+    suffixes=(".csv", ".tsv", ".txt", ".tab"),
+    description="a header with t and x,y[,z] or lat,lon, in any order; track_id",
+    sniff=deferred("gpszip.io.logs.csv", "sniff_csv"),
+    read=deferred("gpszip.io.logs.csv", "read_csv"),
+    read_batches=deferred("gpszip.io.logs.csv_batches", "read_csv_batches"),
+    write=deferred("gpszip.io.logs.csv", "write_csv"),
+    is_fallback=True,
+)
 
 #: The formats of GPSZip, in the order in which they are asked.
 LOG_FORMATS: tuple[LogFormat, ...] = (PARQUET, GPX, GEOJSON, CSV)

@@ -2,20 +2,22 @@
 
 A format is one :class:`LogFormat`. Those of GPSZip stand in the table of
 :mod:`gpszip.io.logs.formats`; other packages register theirs by an entry point of the group
-``gpszip.formats``.
+``gpszip.formats``. The table is also read for help texts, so this module imports nothing heavy.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import BinaryIO, NamedTuple
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 
-from gpszip.io.logs.raw import RawLog, Request
-from gpszip.io.logs.track_rows import TIME_DECIMALS, TrackRows
-from gpszip.io.storage.source import Source
+if TYPE_CHECKING:
+    from gpszip.io.logs.raw import RawLog, Request
+    from gpszip.io.logs.track_rows import TrackRows
+    from gpszip.io.storage.source import Source
 
-__all__ = ["CoordinateKind", "LogBatches", "LogFormat"]
+__all__ = ["CoordinateKind", "LogBatches", "LogFormat", "deferred"]
 
 
 class CoordinateKind(NamedTuple):
@@ -82,9 +84,9 @@ class LogFormat:
     describe_losses : callable, optional
         Describes what its files can't hold, one text for each loss. It gets the names of the tracks
         and of their attributes.
-    time_decimals : int
-        Decimals of seconds to write if these are fine enough: many readers of GPX know no more
-        than three.
+    time_decimals : int, optional
+        Decimals of seconds to write if these are fine enough, for a format whose readers often
+        know no more; six by default.
     is_binary : bool
         Whether its files are no text, and are not written to a terminal.
     is_fallback : bool
@@ -99,7 +101,9 @@ class LogFormat:
     A format that is only read:
 
     >>> import numpy as np
-    >>> def read_pairs(source: Source, request: Request) -> RawLog:
+    >>> from gpszip.io.logs.raw import RawLog, Request
+    >>> from gpszip.io.storage.source import Source
+    >>> def read_pairs(source, request):
     ...     rows = np.array([line.split() for line in source.read().splitlines()[1:]], float)
     ...     return RawLog(source.name, (), None, rows[:, 0], rows[:, 1:], geographic=True)
     >>> pairs = LogFormat(
@@ -121,7 +125,29 @@ class LogFormat:
     read_batches: Callable[[Source, Request], LogBatches | None] | None = None
     write: Callable[[Iterable[TrackRows], BinaryIO], None] | None = None
     describe_losses: Callable[[Sequence[str], Sequence[str]], list[str]] | None = None
-    time_decimals: int = TIME_DECIMALS
+    time_decimals: int | None = None
     is_binary: bool = False
     is_fallback: bool = False
     extra: str = ""
+
+
+def deferred(module: str, name: str) -> Callable[..., Any]:
+    """Return a function of a module, which is imported at the first call.
+
+    Parameters
+    ----------
+    module : str
+        Name of the module.
+    name : str
+        Name of the function.
+
+    Examples
+    --------
+    >>> deferred("math", "hypot")(3, 4)
+    5.0
+    """
+
+    def call(*arguments: Any) -> Any:
+        return getattr(import_module(module), name)(*arguments)
+
+    return call

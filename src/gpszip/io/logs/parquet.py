@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 import pyarrow as pa
 
 from gpszip.errors import InputError
-from gpszip.io.logs.log_format import CoordinateKind, LogBatches, LogFormat
+from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.logs.table_batches import TableBatch, interpret_batches
 from gpszip.io.logs.track_rows import TrackRows
@@ -21,7 +21,7 @@ from gpszip.io.storage.source import Source
 from gpszip.io.tables.roles import Roles, find_roles
 from gpszip.io.tables.table import build_raw_log
 
-__all__ = ["PARQUET", "read_parquet", "read_parquet_batches", "sniff_parquet", "write_parquet"]
+__all__ = ["read_parquet", "read_parquet_batches", "sniff_parquet", "write_parquet"]
 
 #: Rows of a batch.
 _BATCH_ROWS = 1 << 17
@@ -252,15 +252,3 @@ def write_parquet(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
         writer.write_table(first)
         for table in tables:
             writer.write_table(table)
-
-
-PARQUET = LogFormat(
-    name="parquet",
-    suffixes=(".parquet", ".pq"),
-    description="columns as in CSV; a folder of files, too",
-    sniff=sniff_parquet,
-    read=read_parquet,
-    read_batches=read_parquet_batches,
-    write=write_parquet,
-    is_binary=True,
-)

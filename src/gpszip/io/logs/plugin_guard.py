@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import BinaryIO, TypeVar
+from typing import TYPE_CHECKING, BinaryIO, TypeVar
 
 from gpszip.errors import GPSZipError, InputError, OutputError
 from gpszip.io.logs.log_format import LogBatches, LogFormat
-from gpszip.io.logs.raw import RawLog, Request
-from gpszip.io.logs.track_rows import TrackRows
-from gpszip.io.storage.source import Source
+
+if TYPE_CHECKING:
+    from gpszip.io.logs.raw import RawLog, Request
+    from gpszip.io.logs.track_rows import TrackRows
+    from gpszip.io.storage.source import Source
 
 __all__ = ["guard_plugin"]
 
@@ -53,7 +55,7 @@ class _Guard:
 
     def read(self, source: Source, request: Request) -> RawLog:
         with self._named_faults(InputError, source.name):
-            return _expect(RawLog, self.format.read(source, request))
+            return _expect_log(self.format.read(source, request))
 
     def read_batches(self, source: Source, request: Request) -> LogBatches | None:
         assert self.format.read_batches is not None
@@ -67,7 +69,7 @@ class _Guard:
     def _iterate(self, opened: LogBatches, where: str) -> Iterator[RawLog]:
         with self._named_faults(InputError, where):
             for batch in opened.batches:
-                yield _expect(RawLog, batch)
+                yield _expect_log(batch)
 
     def write(self, tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
         assert self.format.write is not None
@@ -88,6 +90,12 @@ class _Guard:
                 f"{prefix}format {self.format.name!r} of {self.format.read.__module__} failed: "
                 f"{type(error).__name__}: {message}; report it to the authors of that package"
             ) from error
+
+
+def _expect_log(value: object) -> RawLog:
+    from gpszip.io.logs.raw import RawLog
+
+    return _expect(RawLog, value)
 
 
 def _expect(kind: type[Result], value: object) -> Result:

@@ -8,7 +8,7 @@ from typing import BinaryIO
 
 from gpszip.errors import OutputError
 from gpszip.io.logs.formats import format_for_writing
-from gpszip.io.logs.track_rows import TrackRows, densified_rows, track_rows
+from gpszip.io.logs.track_rows import TIME_DECIMALS, TrackRows, densified_rows, track_rows
 from gpszip.io.storage.sink import open_sink
 from gpszip.model import Track
 
@@ -71,6 +71,7 @@ def write_tracks(
     file_name = str(sink) if isinstance(sink, (str, Path)) else "-"
     chosen = format_for_writing(file_name, format)
     assert chosen.write is not None
+    time_decimals = TIME_DECIMALS if chosen.time_decimals is None else chosen.time_decimals
     row_count = 0
 
     def rows_of_tracks() -> Iterator[TrackRows]:
@@ -82,7 +83,7 @@ def write_tracks(
                 rows = track_rows(track, decimals, track_name)
             else:
                 rows = densified_rows(
-                    track, decimals, max_deviation, track_name, time_decimals=chosen.time_decimals
+                    track, decimals, max_deviation, track_name, time_decimals=time_decimals
                 )
             row_count += len(rows)
             yield rows
