@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -120,15 +121,17 @@ class PointTable:
             axes.append("z" if metric else "alt")
 
         coordinates = [
-            _Column(name, lambda i=i: pa.chunked_array([pa.array(table[:, i])]))  # type: ignore[misc]
-            for i, name in enumerate(axes)
+            _Column(name, partial(_to_column, table[:, i])) for i, name in enumerate(axes)
         ]
         properties = [
-            _Column(name, lambda name=name: concatenate_columns(self._all_rows(name)))  # type: ignore[misc]
+            _Column(name, partial(self._property, name))
             for name in self._chunks
             if name not in axes
         ]
         return [*coordinates, *properties]
+
+    def _property(self, name: str) -> Any:
+        return concatenate_columns(self._all_rows(name))
 
     def _all_rows(self, name: str) -> list[Any]:
         """Return the chunks of a property, with nulls for the last rows if they don't have it."""
@@ -169,6 +172,10 @@ class PointTable:
                 chunks.append(pa.nulls(missing))
             chunks.append(build_column([row.get(name) for row in rows]))
         self._rows += len(rows)
+
+
+def _to_column(values: NDArray[np.float64]) -> Any:
+    return pa.chunked_array([pa.array(values)])
 
 
 def dropped_positions_repair(count: int, first: BadPosition, name: str) -> Repair:
