@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.cli.engine import engine_options, open_executor
+from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import Settings, common_options, force, output_option, time_options
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
@@ -33,7 +34,11 @@ _BOUND_OPTIONS = {
 }
 
 
-@click.command("compress", short_help="Learn the map of logs and store them as walks on it.")
+@click.command(
+    "compress",
+    cls=CommandWithFormats,
+    short_help="Learn the map of logs and store them as walks on it.",
+)
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True)
 @output_option("walks.gpsz")
 @click.option(
@@ -144,7 +149,7 @@ _BOUND_OPTIONS = {
 @click.option(
     "--format",
     metavar="FORMAT",
-    help="Format of the logs: csv, gpx, geojson or parquet; by default found from the content.",
+    help="Format of the logs: LOG_FORMATS; by default found from the content.",
 )
 @engine_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
@@ -162,7 +167,7 @@ def command(
 ) -> Outcome:
     """Read every LOG, learn the map that they repeat, and write one archive.
 
-    Formats are CSV, GPX, GeoJSON and Parquet; LOG - is standard input. Without --rmse, --max-error,
+    Formats of LOG: LOG_FORMATS; - is standard input. Without --rmse, --max-error,
     --bytes or --ratio, an RMSE that suits the log and a maximum of four times that are estimated
     and printed. Exit code 3 says that points or logs were lost; the first lines name them.
     """

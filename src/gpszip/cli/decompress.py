@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import (
     Settings,
     archive_argument,
@@ -20,12 +21,15 @@ from gpszip.cli.units import DURATION
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
+    from gpszip.io.logs.log_format import LogFormat
     from gpszip.model import Track
 
 __all__ = ["command"]
 
 
-@click.command("decompress", short_help="Write the tracks of an archive as a log.")
+@click.command(
+    "decompress", cls=CommandWithFormats, short_help="Write the tracks of an archive as a log."
+)
 @archive_argument
 @map_option
 @output_option("walks.csv")
@@ -50,7 +54,7 @@ __all__ = ["command"]
     "--format",
     "kind",
     metavar="FORMAT",
-    help="Format instead of the one of the output's suffix: csv, gpx, geojson or parquet.",
+    help="Format instead of the one of the output's suffix: WRITTEN_LOG_FORMATS.",
 )
 @force
 @common_options
@@ -67,7 +71,7 @@ def command(
     map_name: str | None,
     force: bool,
 ) -> Outcome:
-    """Write the tracks of ARCHIVE as CSV, GPX, GeoJSON or Parquet.
+    """Write the tracks of ARCHIVE in one of the formats WRITTEN_LOG_FORMATS.
 
     The points are knots, between which each track is linear in time.
     """
@@ -83,8 +87,8 @@ def command(
     # Refuse what can be refused before the archive is read.
     at_times = _find_times_option(every, at, samples)
     times = None if at is None else parse_times(at)
-    format_name = format_for_writing(target, kind).name
-    check_output(target, force=force, binary=format_name == "parquet")
+    log_format = format_for_writing(target, kind)
+    check_output(target, force=force, binary=log_format.is_binary)
 
     # Read.
     untimed: Sequence[str] = ()
@@ -116,7 +120,7 @@ def command(
             f"gpszip: left out {len(untimed):,} {noun} without times, such as {untimed[0]!r}; "
             "decompress without --at or --every for their shapes"
         )
-    for warning in _format_warnings(tracks, pieces or {}, format_name):
+    for warning in _format_warnings(log_format, tracks, pieces or {}):
         print_status(f"gpszip: {warning}")
     if settings.json:
         print_json({"output": target, "pieces": len(tracks), "points": points}, err=target == "-")
@@ -161,31 +165,14 @@ def _read_tracks(
     return [piece for piece in pieces if track in (piece.id, owners[piece.id])]
 
 
-def _format_warnings(tracks: list[Track], pieces: Mapping[str, str], format_name: str) -> list[str]:
-    """Describe what a format can't hold."""
-    from gpszip.io.logs.gpx.write import HEIGHT_NAMES, has_unwritable_letters
-
-    if format_name != "gpx":
+def _format_warnings(
+    log_format: LogFormat, tracks: list[Track], pieces: Mapping[str, str]
+) -> list[str]:
+    """Describe what a format can't hold of the tracks."""
+    if log_format.describe_losses is None:
         return []
-    warnings = []
-
-    # GPX has an element for one column of heights only.
-    heights = [name for name in HEIGHT_NAMES if name in tracks[0].attributes]
-    missing = [name for name in tracks[0].attributes if name not in heights[:1]]
-    if missing:
-        warnings.append(
-            f"gpx can't hold {', '.join(missing)}; write CSV, GeoJSON or Parquet to have them"
-        )
-
     names = dict.fromkeys(pieces.get(track.id, track.id) for track in tracks)
-    changed = [name for name in names if has_unwritable_letters(name)]
-    if changed:
-        warnings.append(
-            "gpx can't hold control characters: they are U+FFFD in the names of tracks, in "
-            f"{len(changed):,} of them, the first {changed[0]!r}; "
-            "write GeoJSON or Parquet to have them"
-        )
-    return warnings
+    return log_format.describe_losses(list(names), list(tracks[0].attributes))
 
 
 def _explain_empty(archive: str, track: str | None) -> str:

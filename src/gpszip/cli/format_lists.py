@@ -9,7 +9,23 @@ from collections.abc import Callable
 
 import click
 
+from gpszip.errors import GPSZipError
+
 __all__ = ["CommandWithFormats"]
+
+
+def _list_logs() -> str:
+    from gpszip.io.logs.formats import log_formats
+
+    return ", ".join(log_format.name for log_format in log_formats())
+
+
+def _list_written_logs() -> str:
+    from gpszip.io.logs.formats import log_formats
+
+    return ", ".join(
+        log_format.name for log_format in log_formats() if log_format.write is not None
+    )
 
 
 def _list_networks() -> str:
@@ -32,6 +48,8 @@ def _list_routes() -> str:
 
 #: What stands for a list in help texts, and how the list is made.
 _LISTS: dict[str, Callable[[], str]] = {
+    "WRITTEN_LOG_FORMATS": _list_written_logs,
+    "LOG_FORMATS": _list_logs,
     "NETWORK_FORMATS": _list_networks,
     "MAP_FORMATS": _list_maps,
     "ROUTE_FORMATS": _list_routes,
@@ -53,5 +71,13 @@ class CommandWithFormats(click.Command):
 def _fill(text: str | None) -> str | None:
     for placeholder, make_list in _LISTS.items():
         if text and placeholder in text:
-            text = text.replace(placeholder, make_list())
+            text = text.replace(placeholder, _list_or_hint(make_list))
     return text
+
+
+def _list_or_hint(make_list: Callable[[], str]) -> str:
+    """Return a list; if a plugin can't be loaded, name the command that reports it."""
+    try:
+        return make_list()
+    except GPSZipError:
+        return "see 'gpszip formats'"

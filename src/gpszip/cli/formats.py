@@ -20,7 +20,7 @@ def command(settings: Settings) -> Outcome:
     or be in a zip archive.
     """
     from gpszip.cli.output import print_json
-    from gpszip.io.logs.formats import FORMATS
+    from gpszip.io.logs.formats import log_formats
     from gpszip.io.maps.write import map_suffixes
     from gpszip.io.networks.formats import network_formats
 
@@ -34,17 +34,20 @@ def command(settings: Settings) -> Outcome:
                 "suffixes": log_format.suffixes,
                 "about": log_format.description,
                 "write": log_format.write is not None,
+                "extra": log_format.extra,
             }
-            for log_format in FORMATS
+            for log_format in log_formats()
         ]
         print_json({"logs": logs, "maps": map_suffixes(), "networks": networks})
         return Outcome.DONE
 
     click.echo("logs")
-    for log_format in FORMATS:
+    for log_format in log_formats():
         suffixes = " ".join(log_format.suffixes)
         does = "read" if log_format.write is None else "read, write"
-        click.echo(f"  {log_format.name:<9}{suffixes:<22}{does:<13}{log_format.description}")
+        needs = f"; needs gpszip[{log_format.extra}]" if log_format.extra else ""
+        about = log_format.description + needs
+        click.echo(f"  {log_format.name:<9}{suffixes:<22}{does:<13}{about}")
     click.echo(f"maps\n  write    {' '.join(map_suffixes())}")
     click.echo(f"networks\n  read     {' '.join(networks)}")
     return Outcome.DONE

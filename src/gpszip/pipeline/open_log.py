@@ -67,6 +67,7 @@ def open_log(
     OptionError
         If the memory is too little to work in.
     """
+    from gpszip.io.logs.formats import is_bundle
     from gpszip.io.storage.source import spooled
 
     if memory is None:
@@ -75,7 +76,7 @@ def open_log(
         return
 
     # streams are read twice: to count, and to read
-    with spooled(sources) as files:
+    with spooled(sources, unzip=is_bundle) as files:
         rows = _count_rows(files, options)
         if fits(rows, memory):
             result = read_logs(files, **options)

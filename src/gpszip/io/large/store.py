@@ -24,6 +24,7 @@ from gpszip.io.large.columns import ColumnEncoder, StoredColumn
 from gpszip.io.large.outliers import FilteredTracks
 from gpszip.io.large.runs import read_rows
 from gpszip.io.large.sort import ExternalSorter, coordinate_names
+from gpszip.io.logs.formats import is_bundle
 from gpszip.io.logs.losses import MAX_TINY_LOG_POINTS, nearly_lost_error
 from gpszip.io.logs.raw import RawLog, Request
 from gpszip.io.storage.source import Source, expand, is_stray_file
@@ -160,7 +161,7 @@ def count_rows(
     """
     total = 0
     request = Request(parse_columns(columns))
-    for source in expand(sources):
+    for source in expand(sources, unzip=is_bundle):
         if isinstance(source, InputError):
             continue
         log_file = inspect_log_file(source, format, request)
@@ -318,7 +319,7 @@ def _inspect_files(sources: Sources, format_: str | None, request: Request) -> _
     log_files: list[LogFile] = []
     errors: list[InputError] = []
     size = 0
-    for source in expand(sources):
+    for source in expand(sources, unzip=is_bundle):
         # Inspect.
         if isinstance(source, InputError):
             log_file: LogFile | InputError = source

@@ -175,7 +175,9 @@ _Keep = Callable[[_Stream], Source]
 _Items = Iterable[str | Path | BinaryIO | Source | InputError] | str | Path | BinaryIO
 
 
-def expand(sources: _Items, *, unzip: bool = True) -> Iterator[Source | InputError]:
+def expand(
+    sources: _Items, *, unzip: bool | Callable[[Source], bool] = True
+) -> Iterator[Source | InputError]:
     """Turn names, patterns and streams into logs to read.
 
     Parameters
@@ -183,9 +185,9 @@ def expand(sources: _Items, *, unzip: bool = True) -> Iterator[Source | InputErr
     sources : str, Path, binary stream, or iterable of these and of the results of :func:`spooled`
         ``-`` is standard input. A name with ``*``, ``?`` or ``[`` that is no file is a pattern for
         files, in the order of their names. URLs such as ``s3://bucket/logs/*.parquet`` are fetched.
-    unzip : bool, default True
-        Whether a zip archive means the files in it, which are named ``ARCHIVE/FILE``. Nothing is
-        written to disk.
+    unzip : bool or callable, default True
+        Whether a zip archive means the files in it, which are named ``ARCHIVE/FILE``; a function
+        decides for each archive. Nothing is written to disk.
 
     Yields
     ------
@@ -197,14 +199,16 @@ def expand(sources: _Items, *, unzip: bool = True) -> Iterator[Source | InputErr
 
 
 @contextmanager
-def spooled(sources: _Items) -> Iterator[list[Source | InputError]]:
+def spooled(
+    sources: _Items, *, unzip: bool | Callable[[Source], bool] = True
+) -> Iterator[list[Source | InputError]]:
     r"""Find all logs, and store those without a file in temporary files until the context ends.
 
     So all of them can be read in batches and several times.
 
     Parameters
     ----------
-    sources : str, Path, binary stream, or iterable of these
+    sources, unzip
         As for :func:`expand`.
 
     Examples
@@ -222,7 +226,7 @@ def spooled(sources: _Items) -> Iterator[list[Source | InputError]]:
             number += 1
             return _on_disk(stream, folder / str(number))
 
-        yield list(_expand(sources, keep, unzip=True))
+        yield list(_expand(sources, keep, unzip=unzip))
 
 
 def is_stray_file(source: Source | InputError, error: InputError) -> bool:
@@ -231,7 +235,9 @@ def is_stray_file(source: Source | InputError, error: InputError) -> bool:
     return in_archive and isinstance(error, UnknownFormatError)
 
 
-def _expand(sources: Any, keep: _Keep, *, unzip: bool) -> Iterator[Source | InputError]:
+def _expand(
+    sources: Any, keep: _Keep, *, unzip: bool | Callable[[Source], bool]
+) -> Iterator[Source | InputError]:
     """Turn names, patterns and streams into sources; ``keep`` stores streams."""
     is_single = isinstance(sources, (str, Path)) or hasattr(sources, "read")
     for item in [sources] if is_single else sources:
@@ -241,7 +247,7 @@ def _expand(sources: Any, keep: _Keep, *, unzip: bool) -> Iterator[Source | Inpu
 
         for resolved in _resolve(item):
             source = _store_stream(resolved, keep) if isinstance(resolved, _Stream) else resolved
-            if unzip and isinstance(source, Source) and _is_zip(source):
+            if isinstance(source, Source) and _is_zip(source) and _decide(unzip, source):
                 yield from _zip_sources(source, keep)
             else:
                 yield source
@@ -318,6 +324,10 @@ def _read_file(path: Path) -> Iterator[bytes]:
 
 def _fetched_stream(name: str, data: bytes) -> _Stream:
     return _Stream(printable_name(name), lambda: iter((data,)))
+
+
+def _decide(unzip: bool | Callable[[Source], bool], archive: Source) -> bool:
+    return unzip(archive) if callable(unzip) else unzip
 
 
 def _is_zip(source: Source) -> bool:

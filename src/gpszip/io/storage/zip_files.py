@@ -28,7 +28,6 @@ _READABLE_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _DOCUMENTS = {
     "xl/workbook.xml": "an Excel workbook; save the worksheet with the log as CSV",
     "META-INF/manifest.xml": "an OpenDocument file; save the worksheet with the log as CSV",
-    "doc.kml": "a KMZ file; convert it to GPX",
 }
 
 #: Flag of an encrypted member.

@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from gpszip.errors import InputError, OptionError
+from gpszip.io.logs.raw import HEIGHT_NAMES
 from gpszip.io.values.coordinates import HEMISPHERES, Axis
 
 __all__ = ["Roles", "find_roles", "parse_columns", "time_unit_in_name"]
@@ -104,9 +105,6 @@ _HEADING = _words("""
     heading bearing course cog course_over_ground track_angle true_track true_heading hdg head
     gps_heading gps_bearing gps_course ground_course direction_of_travel azimuth
 """)
-
-#: Names of heights, which stand for each other as attributes.
-_HEIGHTS = ("alt", "altitude", "ele", "elevation", "height")
 
 #: Largest number of columns from a coordinate to a column of hemispheres with any other name, as in
 #: lat, lon, hemisphere of lat, hemisphere of lon.
@@ -435,8 +433,8 @@ def _find_named(names: Sequence[str], column: str, where: str) -> int:
 
 def _find_attribute(names: Sequence[str], plain: Sequence[str], name: str, where: str) -> int:
     """Index of the column of an attribute, where all names of heights are synonyms."""
-    if name not in names and name in _HEIGHTS:
-        for synonym in _HEIGHTS:
+    if name not in names and name in HEIGHT_NAMES:
+        for synonym in HEIGHT_NAMES:
             if synonym in plain:
                 return list(plain).index(synonym)
     return _find_named(names, name, where)

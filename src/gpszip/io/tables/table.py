@@ -35,6 +35,9 @@ from gpszip.model.read_result import Repair
 
 __all__ = ["TableConventions", "build_raw_log", "find_conventions"]
 
+#: Column of track names in tables that GPSZip writes. A track may have a single row there.
+_WRITTEN_ID = "track_id"
+
 #: Notations of degrees that messages suggest.
 _DEGREES_UNDERSTOOD = "48.137, 48.137N, 48°08'13\"N or 48 08 13 N"
 
@@ -247,7 +250,9 @@ def _row_names_repair(name: str, rows: int, where: str) -> Repair:
 
 
 def _is_chosen_id(name: str, request: Request) -> bool:
-    """Whether the user has given the column of ids."""
+    """Whether a column certainly names tracks: the user gave it, or it is named as GPSZip does."""
+    if name.strip().lower() == _WRITTEN_ID:
+        return True
     columns = request.columns
     if columns is None:
         return False
