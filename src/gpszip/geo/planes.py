@@ -7,17 +7,18 @@ several planes side by side in x, see :class:`gpszip.model.Plane`.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import OptionError
 from gpszip.model import Plane, Track
-
-if TYPE_CHECKING:
-    from pyproj import Transformer
+from gpszip.model.projection import (
+    UNITS_PER_DEGREE,
+    plane_indices,
+    projection,
+    to_geographic,
+)
 
 __all__ = [
     "PLANE_RADIUS",
@@ -33,7 +34,6 @@ __all__ = [
 PLANE_RADIUS = 400_000.0
 
 _EARTH_RADIUS = 6_371_000.0
-_UNITS_PER_DEGREE = 1e7  # a centre's units in one degree
 
 Floats = NDArray[np.float64]
 
@@ -101,48 +101,14 @@ def to_plane(lat: ArrayLike, lon: ArrayLike, plane: Plane) -> Floats:
     lat, lon = np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64)
     positions = np.empty((len(lat), 2))
     if len(plane.centers) == 1:
-        positions[:, 0], positions[:, 1] = _projection(plane.centers[0]).transform(lon, lat)
+        positions[:, 0], positions[:, 1] = projection(plane.centers[0]).transform(lon, lat)
         return positions
     index = _assign_planes(_unit_vectors(lat, lon), plane)
     for i in np.unique(index).tolist():
         here = index == i
-        x, y = _projection(plane.centers[i]).transform(lon[here], lat[here])
+        x, y = projection(plane.centers[i]).transform(lon[here], lat[here])
         positions[here, 0], positions[here, 1] = x + i * Plane.SPREAD, y
     return positions
-
-
-def to_geographic(positions: ArrayLike, plane: Plane) -> tuple[Floats, Floats]:
-    """Latitude and longitude of positions on the planes.
-
-    Parameters
-    ----------
-    positions : array_like, shape (n, 2)
-        Metres.
-    plane : Plane
-        The planes on which they lie.
-
-    Returns
-    -------
-    lat, lon : float64 array, shape (n,)
-        Degrees; lon in [-180, 180].
-
-    Examples
-    --------
-    >>> plane = choose_plane([60.0], [25.0])
-    >>> lat, lon = to_geographic([[0.0, 0.0]], plane)
-    >>> lat.round(9).tolist(), lon.round(9).tolist()
-    ([60.0], [25.0])
-    """
-    positions = np.asarray(positions, dtype=np.float64)
-    index = plane_indices(positions, plane)
-    lat, lon = np.empty(len(positions)), np.empty(len(positions))
-    for i in np.unique(index).tolist():
-        here = index == i
-        x = positions[here, 0] - i * Plane.SPREAD
-        lon[here], lat[here] = _projection(plane.centers[i]).transform(
-            x, positions[here, 1], direction="INVERSE"
-        )
-    return lat, lon
 
 
 def reproject_track(track: Track, plane: Plane) -> Track:
@@ -184,30 +150,6 @@ def reproject_track(track: Track, plane: Plane) -> Track:
     return replace(track, positions=to_plane(lat, lon, plane), plane=plane)
 
 
-def plane_indices(positions: ArrayLike, plane: Plane) -> NDArray[np.int64]:
-    """Which of the planes each position lies on.
-
-    Parameters
-    ----------
-    positions : array_like, shape (n, 2)
-        Metres.
-    plane : Plane
-        The planes.
-
-    Returns
-    -------
-    int64 array, shape (n,)
-        In [0, number of planes).
-
-    Examples
-    --------
-    >>> plane_indices([[5.0, 0.0], [Plane.SPREAD - 7.0, 0.0]], Plane(((0, 0), (0, 900000000)))).tolist()
-    [0, 1]
-    """
-    x = np.asarray(positions, dtype=np.float64)[:, 0]
-    return np.clip(np.rint(x / Plane.SPREAD), 0, len(plane.centers) - 1).astype(np.int64)
-
-
 def plane_changes(positions: ArrayLike, plane: Plane | None) -> NDArray[np.bool_]:
     """Steps from one plane to another: no way on the planes leads along them, so they are gaps.
 
@@ -233,16 +175,6 @@ def plane_changes(positions: ArrayLike, plane: Plane | None) -> NDArray[np.bool_
     return changed
 
 
-@lru_cache(maxsize=256)
-def _projection(center: tuple[int, int]) -> Transformer:
-    from pyproj import Transformer
-
-    lat, lon = center[0] / _UNITS_PER_DEGREE, center[1] / _UNITS_PER_DEGREE
-    return Transformer.from_pipeline(
-        f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=tmerc +lat_0={lat:.7f} +lon_0={lon:.7f} +ellps=WGS84"
-    )
-
-
 def _unit_vectors(lat: Floats, lon: Floats) -> Floats:
     north, east = np.radians(lat), np.radians(lon)
     flat = np.cos(north)
@@ -251,8 +183,8 @@ def _unit_vectors(lat: Floats, lon: Floats) -> Floats:
 
 def _round_center(lat: float, lon: float) -> tuple[int, int]:
     # hundredths of a degree take fewer bytes in an archive, and a plane a kilometre off is as good
-    return round(float(lat) * 100) * int(_UNITS_PER_DEGREE // 100), round(float(lon) * 100) * int(
-        _UNITS_PER_DEGREE // 100
+    return round(float(lat) * 100) * int(UNITS_PER_DEGREE // 100), round(float(lon) * 100) * int(
+        UNITS_PER_DEGREE // 100
     )
 
 
@@ -265,7 +197,7 @@ def _median_center(directions: Floats) -> list[tuple[int, int]]:
 
 def _cosines(directions: Floats, center: tuple[int, int]) -> Floats:
     axis = _unit_vectors(
-        np.array([center[0] / _UNITS_PER_DEGREE]), np.array([center[1] / _UNITS_PER_DEGREE])
+        np.array([center[0] / UNITS_PER_DEGREE]), np.array([center[1] / UNITS_PER_DEGREE])
     )[0]
     cosines: Floats = directions @ axis
     return cosines
