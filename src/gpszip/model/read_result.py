@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import overload
 
+from gpszip.model.text import count_text
 from gpszip.model.track import Track
 
 __all__ = ["LeftOut", "Loss", "ReadResult", "Repair"]
@@ -90,7 +93,7 @@ class Loss:
 
 
 @dataclass(frozen=True, eq=False)
-class ReadResult:
+class ReadResult(Sequence[Track]):
     """Tracks on one common plane with an account of how they came about.
 
     Every point that was read is either in a track or counted by a repair that drops: ``points == kept + lost``.
@@ -123,6 +126,21 @@ class ReadResult:
     left_out: tuple[LeftOut, ...] = ()
     dropped_columns: tuple[str, ...] = ()
     losses: tuple[Loss, ...] = ()
+
+    def __repr__(self) -> str:
+        tracks, points = count_text(len(self.tracks), "track"), count_text(self.points, "point")
+        return f"ReadResult({tracks}, {points}, {self.lost:,} lost)"
+
+    def __len__(self) -> int:
+        return len(self.tracks)
+
+    @overload
+    def __getitem__(self, number: int) -> Track: ...
+    @overload
+    def __getitem__(self, number: slice) -> tuple[Track, ...]: ...
+    def __getitem__(self, number: int | slice) -> Track | tuple[Track, ...]:
+        """Return a track, or some, in the order in which the logs first name them."""
+        return self.tracks[number]
 
     @property
     def complete(self) -> bool:
