@@ -59,7 +59,7 @@ def test_what_was_coded_is_decoded_from_the_bytes(dimension, timed):
     opened = open_archive(made.to_bytes())
     assert_same(opened.grid_walks, grid_walks(dimension=dimension, timed=timed))
     assert opened.grid == made.grid
-    assert opened.tracks == opened.ids == ("walk 0", "walk 1")
+    assert opened.ids == ("walk 0", "walk 1")
     assert opened.timed == timed
     assert opened.to_bytes() == made.to_bytes()
 
@@ -160,16 +160,14 @@ def test_samples_at_no_times_are_refused(options):
 def test_degrees_are_where_the_plane_lies():
     made = archive(plane=PLANE, gaps=0.3)
     walk = made.walks[0]
-    degrees = made.position("walk 0", np.append(walk.times, 0.0), geographic=True)
+    degrees = made.position("walk 0", np.append(walk.times, 0.0))
     assert np.isnan(degrees[-1]).all()
-    metres = made.position("walk 0", walk.times)
+    metres = made.position("walk 0", walk.times, metres=True)
     # close to the plane's middle, 1 degree of latitude is 111,272 m at 52.5 degrees
     np.testing.assert_allclose(
         (degrees[:-1, 0] - 52.5) * 111_272, metres[:, 1], atol=0.01 * np.abs(metres).max()
     )
     assert np.abs(degrees[:-1, 1] - 13.4).max() < 0.1
-    with pytest.raises(OptionError, match="x and y"):
-        archive().position("walk 0", 0.0, geographic=True)
 
 
 def test_an_unknown_track_is_named_with_those_that_there_are():
@@ -320,5 +318,5 @@ def test_waypoints_and_shortest_paths_give_the_walks_back():
         np.testing.assert_array_equal(route.nodes, walk.nodes)
         np.testing.assert_array_equal(route.gaps, walk.gaps)
     assert made.info(decode=True)["waypoints"] == sum(
-        len(made.waypoints(name)) for name in made.tracks
+        len(made.waypoints(name)) for name in made.ids
     )

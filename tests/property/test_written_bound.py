@@ -102,7 +102,7 @@ def deviation(archive, lines, instants):
     """Metres between the archive's tracks and what is read from lines as linear, at most; and how many instants that are of."""
     worst, told = 0.0, 0
     for track in archive.ids:
-        true = archive.position(track, instants, geographic=True)
+        true = archive.position(track, instants)
         for line in lines:
             at = (instants >= line[0, 0]) & (instants <= line[-1, 0]) & ~np.isnan(true[:, 0])
             read = np.stack(

@@ -59,6 +59,7 @@ __all__ = [
     "StoredGroups",
     "find_group",
     "find_groups",
+    "group_heads",
     "open_catalog",
     "open_contents",
     "path_opener",
@@ -269,6 +270,12 @@ def stored_size(contents: Contents) -> int | None:
     same_extras = all(isinstance(extra.body, StoredBytes) for extra in contents.extras)
     same_layer = (contents.layer is not None) == catalog.layered
     return catalog.size if stored == current and same_extras and same_layer else None
+
+
+def group_heads(contents: Contents) -> Sequence[Group | IndexEntry]:
+    """Tracks and time range of each group, as attributes; nothing is read from the file."""
+    groups = contents.groups
+    return groups.catalog.entries if isinstance(groups, StoredGroups) else groups
 
 
 def open_catalog(file: BinaryIO) -> Catalog:

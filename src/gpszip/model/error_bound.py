@@ -84,11 +84,21 @@ class ErrorBound:
     max_digits: int = 0
     max_exponent: int = 0
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
+        """Say the bound in words.
+
+        Examples
+        --------
+        >>> print(rounded_bounds(3.0, 12.0))
+        RMSE <= 3 m, maximum <= 12 m
+        """
         kind = "maximum" if self.maximum else "RMSE"
         beside = "" if self.max_error is None else f", maximum <= {self.max_error:g} m"
+        return f"{kind} <= {self.metres:.6g} m{beside}"
+
+    def __repr__(self) -> str:
         merged = f", {self.before:g} m before merges" if self.growth else ""
-        return f"ErrorBound({kind} <= {self.metres:g} m{beside}{merged})"
+        return f"ErrorBound({self}{merged})"
 
     @property
     def max_error(self) -> float | None:

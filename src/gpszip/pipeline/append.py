@@ -82,7 +82,7 @@ def append(
     >>> there = Track("a", range(9), [[float(t)] for t in range(9)])
     >>> back = Track("a", range(10, 19), [[18.0 - t] for t in range(10, 19)])
     >>> archive, _ = append(compress(there, Options(max_error=0.1))[0], back)
-    >>> archive.tracks, len(archive.road_map.nodes), bool(abs(archive.position("a", 14.0)[0] - 4) <= 0.1)
+    >>> archive.ids, len(archive.road_map.nodes), bool(abs(archive.position("a", 14.0)[0] - 4) <= 0.1)
     (('a',), 2, True)
     """
     options = completed(options or Options(), archive)

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import OptionError
 from gpszip.model import SegmentMean
+from gpszip.model.text import count_text
 
 __all__ = ["PiecewiseLinear", "from_segment_mean", "polyline"]
 
@@ -40,6 +41,10 @@ class PiecewiseLinear:
     ends: NDArray[np.float64]
     starts: NDArray[np.float64]
     stops: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        pieces = count_text(len(self.begins), "piece")
+        return f"PiecewiseLinear({pieces}, {self.begins[0]:.10g} to {self.ends[-1]:.10g} s)"
 
     def __post_init__(self) -> None:
         for name in ("begins", "ends", "starts", "stops"):
