@@ -237,10 +237,13 @@ def compress(
     """
     from gpszip.pipeline.compress import compress as compress_tracks
 
+    # A single name would be taken for a sequence of letters.
     names = (keep,) if isinstance(keep, str) else tuple(keep)
     options = Options(
         rmse, max_error, size, ratio, gap, k, m, times, names, keep_times, layer, effort, coreset
     )
+
+    # The map and the tracks may still be files.
     known_map = map if map is None or isinstance(map, Archive) else open_archive(map)
     tracks = _read_if_paths(tracks, keep=names, times=times)
     archive, report = compress_tracks(
@@ -302,6 +305,7 @@ def append(
     """
     from gpszip.pipeline.append import append as append_tracks
 
+    # Files are read with the columns that the archive keeps.
     opened = archive if isinstance(archive, Archive) else open_archive(archive)
     extended, report = append_tracks(
         opened,
@@ -407,6 +411,7 @@ def match(
     """
     from gpszip.pipeline.match import match as match_tracks
 
+    # Headings are read from files, so that they can help where they follow the roads.
     return match_tracks(
         _read_if_paths(tracks, heading=True),
         network,
@@ -472,6 +477,7 @@ def merge(
     from gpszip.model.merge_options import MergeOptions
     from gpszip.pipeline.merge import merge as merge_archives
 
+    # Archives are named after their files, or numbered.
     opened = [archive if isinstance(archive, Archive) else open(archive) for archive in archives]
     names = [
         pathlib.Path(source).stem if isinstance(source, str | os.PathLike) else str(number)
@@ -703,7 +709,8 @@ def _caller_depth() -> int:
     """Stack level of the first caller outside of this module, for warnings."""
     import sys
 
-    depth, frame = 1, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals is globals():
-        frame, depth = frame.f_back, depth + 1
+    # The warning is about the user's line, whether that reads or compresses files.
+    depth, caller = 1, sys._getframe(1)
+    while caller.f_back is not None and caller.f_globals is globals():
+        caller, depth = caller.f_back, depth + 1
     return depth

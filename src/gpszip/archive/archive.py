@@ -97,6 +97,7 @@ class Archive:
     _priors: dict[int, Prior] = field(default_factory=dict)
 
     def __repr__(self) -> str:
+        # Nothing is decoded here, nor read from the file.
         facts = [count_text(self.contents.tracks, "track")]
         if self.error_bound is not None:
             facts.append(str(self.error_bound))
@@ -164,12 +165,15 @@ class Archive:
 
         None for an archive without times.
         """
+        # The groups of a large archive have their time ranges in the index.
         if not self.timed:
             return None
         ranges = [self._time_step_range(number) for number in range(len(self.contents.groups))]
         known = [steps for steps in ranges if steps is not None]
         if not known:
             return None
+
+        # From time steps to seconds.
         first, last = min(steps[0] for steps in known), max(steps[1] for steps in known)
         step, epoch = step_size(self.grid.time), self.grid.epoch / 1000
         return epoch + first * step, epoch + last * step
@@ -203,6 +207,7 @@ class Archive:
         """Map and walks as integers on ``grid``."""
         from gpszip.walks.quantised import merge_grid_walks
 
+        # Nodes at the same position in several groups become one.
         groups = [self._decode_group(number) for number in range(len(self.contents.groups))]
         return groups[0] if len(groups) == 1 else merge_grid_walks(groups)
 
@@ -257,6 +262,7 @@ class Archive:
         """
         from gpszip.simplification.simplify import clean_map
 
+        # The size of a node's step is the scale of the errors that cleaning removes.
         road_map, walks = self._trimmed
         return clean_map(
             road_map,
@@ -321,8 +327,11 @@ class Archive:
             If the track has no times, or ``when`` looks like another unit or another zero than the
             log's: milliseconds, or seconds from the start of a log that counts from 1970.
         """
+        # Metres on the plane, one row for each time.
         times = to_seconds(when, name="when")
         positions = self._positions(track, times.reshape(-1))
+
+        # If all of them are NaN, the times may be in a wrong unit.
         if times.size and np.isnan(positions[:, 0]).all():
             self._check_unit(times)
         if not metres:
@@ -342,10 +351,12 @@ class Archive:
         track : str, optional
             Only this track.
         """
+        # One track needs its group alone.
         plane = self.grid.plane
         if track is not None:
             walk, positions = self._knots(track)
             return build_pieces(walk, positions, self._named_pieces(walk), plane)
+
         nodes = self.road_map.nodes
         return [
             piece
@@ -553,6 +564,7 @@ class Archive:
         from gpszip.walks.counting import build_road_map
         from gpszip.walks.cut_ends import trim_walks
 
+        # Without an error bound, the step of the grid is the best guess of the error.
         error = step_size(self.grid.space) if self.error_bound is None else self.error_bound.metres
         nodes, walks = trim_walks(self.road_map.nodes, self.walks, _TRIM_FACTOR * error)
         return build_road_map(nodes, walks, plane=self.grid.plane), walks
@@ -584,6 +596,7 @@ class Archive:
         if number not in self._decoded_groups:
             from gpszip.codec.walks import decode, number_by_visit
 
+            # Versions without piece ends don't need the grid to be decoded.
             group, prior = self.contents.groups[number], self._prior
             walks = decode(
                 group.payload,
@@ -592,6 +605,7 @@ class Archive:
                 prior,
                 self.grid if self.contents.ends else None,
             )
+            # On a map kept elsewhere, the nodes that no walk visits are dropped.
             self._decoded_groups[number] = walks if prior is None else number_by_visit(walks)
         return self._decoded_groups[number]
 
@@ -650,6 +664,8 @@ class Archive:
         head = group_heads(self.contents)[number]
         if head.time_range is not None:
             return head.time_range
+
+        # A single group has no time range: its knots say it.
         group = self._decode_group(number)
         timed = [
             walk.time_steps

@@ -88,6 +88,7 @@ def _check_map(map: Archive, wanted: MapReference) -> Archive:
 def _find_map_beside(path: Path, wanted: MapReference) -> Archive | None:
     """Find the map in the archive's folder, if it is there."""
     for other in sorted(path.parent.glob("*.gpsz"))[:_MAX_FILES]:
+        # Other files there may be anything, and their hash needs all of their groups.
         try:
             archive = Archive(_read_contents(other))
             if archive.contents.map is None and archive.hash == wanted.hash:

@@ -37,12 +37,14 @@ def pieces_by_track(walks: Sequence[Walk]) -> dict[str, list[tuple[str, slice]]]
     >>> [name for pieces in pieces_by_track(walks).values() for name, _ in pieces]
     ['a//0', 'a//1', 'a/1']
     """
+    # Tracks without gaps have the first choice: they keep their names.
     taken = {walk.id for walk in walks if not walk.gaps.any()}
     pieces = {}
     for walk in walks:
         knots = cut_at_gaps(walk)
         names, slashes = [walk.id], "/"
         if len(knots) > 1:
+            # Another slash, until none of the names is taken.
             while not taken.isdisjoint(
                 names := [f"{walk.id}{slashes}{number}" for number in range(len(knots))]
             ):
@@ -117,8 +119,11 @@ def build_pieces(
     for number, (name, knots) in enumerate(pieces):
         positions = nodes[walk.nodes[knots]]
         if walk.times is None:
+            # A shape, with the distance along it in place of times.
             tracks.append(Track(name, *measure_shape(positions), plane=plane, timed=False))
             continue
+
+        # The first and the last knot lie outside of the samples by up to a time step.
         first, last = span_of_piece(walk, number, knots)
         times, positions = clip_to_span(walk.times[knots], positions, first, last)
         tracks.append(Track(name, times, positions, plane=plane))
@@ -151,6 +156,7 @@ def clip_to_span(
     >>> times.tolist(), positions.tolist()
     ([1.0, 6.0], [[2.0], [12.0]])
     """
+    # Exact knots are given back as they are.
     if first <= times[0] and last >= times[-1]:
         return times, positions
     inside = times[(times > first) & (times < last)]

@@ -80,12 +80,16 @@ class TrackView:
         begin, end = time_bounds(span)
         if not self.timed:
             raise OptionError("has no times, so no time range", location=f"track {self.id!r}")
+
+        # Pieces that the range touches, with knots where it begins and ends.
         cut = [
             Track(piece.id, *clipped, plane=piece.plane)
             for piece in self.pieces
             if begin <= piece.times[-1] and end >= piece.times[0]
             for clipped in [_clip(piece, begin, end)]
         ]
+
+        # Without any, the range may be in a wrong unit.
         if not cut:
             self.archive._check_unit(np.array([begin, end]))
         return cut

@@ -55,7 +55,7 @@ __all__ = [
     "WHOLE_FILE_BYTES",
     "Catalog",
     "Opener",
-    "SectionPlace",
+    "SectionLocation",
     "StoredGroups",
     "find_group",
     "find_groups",
@@ -85,7 +85,7 @@ Opener: TypeAlias = Callable[[], AbstractContextManager[BinaryIO]]
 
 
 @dataclass(frozen=True)
-class SectionPlace:
+class SectionLocation:
     """Where a section lies that is neither read yet nor in the index.
 
     Parameters
@@ -114,15 +114,15 @@ class Catalog:
     map : MapReference or None
         The map, where it is kept elsewhere.
     entries : tuple of IndexEntry
-        Where each group lies; empty if ``whole`` is there.
+        Where each group lies; empty if ``contents`` is there.
     layered : bool
         Whether payloads are packed with bzip2.
     size : int
         Bytes of the file.
-    whole : Contents or None
+    contents : Contents or None
         Everything, for an archive that was read at once: it is small, or has a single group and
         with that no index.
-    extras : tuple of SectionPlace
+    extras : tuple of SectionLocation
         Further sections, in their order.
     error_bound : ErrorBound or None
         The error that the walks keep.
@@ -138,8 +138,8 @@ class Catalog:
     entries: tuple[IndexEntry, ...]
     layered: bool
     size: int
-    whole: Contents | None = None
-    extras: tuple[SectionPlace, ...] = ()
+    contents: Contents | None = None
+    extras: tuple[SectionLocation, ...] = ()
     error_bound: ErrorBound | None = None
     sampling: int | None = None
     version: int = 0
@@ -186,7 +186,7 @@ class StoredGroups(Sequence[Group]):
 
 
 def path_opener(path: str | os.PathLike[str]) -> Opener:
-    """Open the same file again and again, and refuse another one in its place.
+    """Open the same file again and again, and refuse another one in its location.
 
     No file stays open in between, so that an archive can be replaced while it is in use, and
     nobody has to close it.
@@ -211,11 +211,11 @@ def stream_opener(file: BinaryIO) -> Opener:
     lock = Lock()
 
     @contextmanager
-    def borrow() -> Iterator[BinaryIO]:
+    def lend() -> Iterator[BinaryIO]:
         with lock:
             yield file
 
-    return borrow
+    return lend
 
 
 def open_contents(opener: Opener) -> Contents:
@@ -231,16 +231,19 @@ def open_contents(opener: Opener) -> Contents:
     CorruptArchiveError
         If what was read is wrong. Groups are checked when they are read.
     """
+    # A small file is read at once, and so is one without an index.
     with opener() as file:
         size = file.seek(0, os.SEEK_END)
         if size <= WHOLE_FILE_BYTES:
             return from_bytes(_read(file, 0, size))
         catalog = open_catalog(file)
-    if catalog.whole is not None:
-        return catalog.whole
+    if catalog.contents is not None:
+        return catalog.contents
+
+    # Of a large file, groups and further sections stay where they are.
     extras = tuple(
-        Section(place.kind, StoredBytes(_body_reader(opener, place), place.size))
-        for place in catalog.extras
+        Section(location.kind, StoredBytes(_body_reader(opener, location), location.size))
+        for location in catalog.extras
     )
     contents = Contents(
         catalog.grid,
@@ -253,6 +256,8 @@ def open_contents(opener: Opener) -> Contents:
         catalog.sampling,
         catalog.version,
     )
+
+    # What can be checked without the payloads.
     wrong = find_contradiction(replace(contents, groups=_group_heads(catalog.entries)))
     if wrong:
         raise CorruptArchiveError(wrong, HEAD_BYTES)
@@ -265,6 +270,8 @@ def stored_size(contents: Contents) -> int | None:
     if not isinstance(groups, StoredGroups):
         return None
     catalog = groups.catalog
+
+    # The groups are those of the file; everything else may have been replaced.
     stored = (catalog.ids, catalog.error_bound, catalog.sampling, len(catalog.extras))
     current = (contents.ids, contents.error_bound, contents.sampling, len(contents.extras))
     same_extras = all(isinstance(extra.body, StoredBytes) for extra in contents.extras)
@@ -297,19 +304,21 @@ def open_catalog(file: BinaryIO) -> Catalog:
     >>> open_catalog(io.BytesIO(bytes.fromhex("a75a820000807800000077616c6b73592744d4"))).ids
     ('0',)
     """
+    # The end mark, which has a fixed size, says where the index is.
     size = file.seek(0, os.SEEK_END)
     head = read_head(_read(file, 0, min(size, HEAD_BYTES)))
     index_offset = 0
     if head.form is Form.SECTIONS and not head.low:
         index_offset = _index_offset(file, size)
 
-    # A single group has no index.
+    # An archive of a single group has no index.
     if not index_offset:
         contents = from_bytes(_read(file, 0, size))
         return Catalog(
             contents.grid, contents.ids, contents.map, (), bool(contents.layer), size, contents
         )
 
+    # The opening sections lie before the first group.
     entries = _read_entries(file, index_offset, size - END_BYTES)
     extras = _find_extras(file, entries, index_offset, size)
     return _build_catalog(_read_sections(file, entries[0].offset), entries, head, size, extras)
@@ -332,17 +341,20 @@ def read_catalog_group(file: BinaryIO, catalog: Catalog, number: int) -> Group:
     CorruptArchiveError
         If the group is damaged or another one than the index says.
     """
-    if catalog.whole is not None:
-        return catalog.whole.groups[number]
+    if catalog.contents is not None:
+        return catalog.contents.groups[number]
     entry = catalog.entries[number]
     section = _read_one_section(file, entry.offset, entry.offset + entry.size, SectionKind.WALKS)
     group = read_group(section.cursor())
+
+    # The section's checksum is right; its head must say what the index says.
     if (group.first_track, group.tracks, group.time_range) != (
         entry.first_track,
         entry.tracks,
         entry.time_range,
     ):
         raise CorruptArchiveError("the index and the group differ", entry.offset)
+    # The payload may be packed once more.
     if not catalog.layered:
         return group
     limit = layer_limit(catalog.size)
@@ -362,7 +374,7 @@ def find_groups(catalog: Catalog, first: int, last: int) -> tuple[int, ...]:
 
     A group without a time range may hold any.
     """
-    if catalog.whole is not None:
+    if catalog.contents is not None:
         return (0,)
     spans = enumerate(entry.time_range for entry in catalog.entries)
     return tuple(
@@ -371,16 +383,16 @@ def find_groups(catalog: Catalog, first: int, last: int) -> tuple[int, ...]:
 
 
 def _identity(file: BinaryIO) -> tuple[int, int, int, int]:
-    """What tells one file from another, or from itself after a change."""
+    """Numbers that differ between files, and change when a file changes."""
     status = os.fstat(file.fileno())
     return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
 
 
-def _body_reader(opener: Opener, place: SectionPlace) -> Callable[[], bytes]:
+def _body_reader(opener: Opener, location: SectionLocation) -> Callable[[], bytes]:
     def read_body() -> bytes:
         with opener() as file:
-            stop = place.offset + place.size
-            return _read_one_section(file, place.offset, stop, place.kind).body
+            stop = location.offset + location.size
+            return _read_one_section(file, location.offset, stop, location.kind).body
 
     return read_body
 
@@ -389,6 +401,7 @@ def _read(file: BinaryIO, start: int, stop: int) -> bytes:
     """Bytes of a file, which may be unbuffered and give fewer at once than were asked for."""
     file.seek(start)
     data = file.read(stop - start)
+    # An unbuffered file may give less than was asked for, and nothing at its end.
     while len(data) < stop - start:
         more = file.read(stop - start - len(data))
         if not more:
@@ -421,6 +434,7 @@ def _index_offset(file: BinaryIO, size: int) -> int:
 
 
 def _read_entries(file: BinaryIO, start: int, stop: int) -> tuple[IndexEntry, ...]:
+    # Groups must follow each other between the head and the index.
     entries = read_fully(_read_one_section(file, start, stop, SectionKind.INDEX), read_index)
     end = HEAD_BYTES
     for entry in entries:
@@ -445,25 +459,25 @@ def _read_sections(file: BinaryIO, stop: int) -> list[StoredSection]:
 
 def _find_extras(
     file: BinaryIO, entries: tuple[IndexEntry, ...], index_offset: int, size: int
-) -> tuple[SectionPlace, ...]:
+) -> tuple[SectionLocation, ...]:
     """Find the sections that are no groups, by their lengths alone: their bodies are not read."""
     # What lies before the first group, between two groups, and after the last one.
     begins = [HEAD_BYTES, *(entry.offset + entry.size for entry in entries)]
     ends = [*(entry.offset for entry in entries), index_offset]
-    found: list[SectionPlace] = []
+    found: list[SectionLocation] = []
     for begin, end in zip(begins, ends, strict=True):
         offset = begin
         while offset < end:
-            place = _section_at(file, offset, end)
-            if begin != HEAD_BYTES or place.kind not in _OPENING_KINDS:
-                found.append(place)
-            offset += place.size
+            location = _section_at(file, offset, end)
+            if begin != HEAD_BYTES or location.kind not in _OPENING_KINDS:
+                found.append(location)
+            offset += location.size
             if len(found) > max_sections(size):
                 raise CorruptArchiveError("too many sections", offset)
     return tuple(found)
 
 
-def _section_at(file: BinaryIO, offset: int, end: int) -> SectionPlace:
+def _section_at(file: BinaryIO, offset: int, end: int) -> SectionLocation:
     cursor = Cursor(_read(file, offset, min(offset + _MAX_SECTION_HEAD, end)), base=offset)
     if cursor.read_bytes(len(SECTION_MARKER), "a section's marker") != SECTION_MARKER:
         raise CorruptArchiveError("no section begins here", offset)
@@ -472,7 +486,7 @@ def _section_at(file: BinaryIO, offset: int, end: int) -> SectionPlace:
     size = cursor.offset + length + CHECKSUM_BYTES
     if offset + size > end:
         raise CorruptArchiveError(f"a section of kind {kind} takes {size} bytes", offset)
-    return SectionPlace(kind, offset, size)
+    return SectionLocation(kind, offset, size)
 
 
 def _group_heads(entries: tuple[IndexEntry, ...]) -> tuple[Group, ...]:
@@ -485,13 +499,17 @@ def _build_catalog(
     entries: tuple[IndexEntry, ...],
     head: Head,
     size: int,
-    extras: tuple[SectionPlace, ...],
+    extras: tuple[SectionLocation, ...],
 ) -> Catalog:
+    # The grid (or the map) and the names come first, and perhaps the error bound.
     grid, reference, error_bound, sampling = read_opening(opening, head.version)
     ids = read_fully(opening[1], lambda cursor: read_names(cursor, size))
+
+    # Names and index must agree.
     wrong = find_contradiction(Contents(grid, ids, _group_heads(entries), reference))
     if wrong:
         raise CorruptArchiveError(wrong, HEAD_BYTES)
+
     return Catalog(
         grid,
         ids,

@@ -22,7 +22,7 @@ __all__ = [
     "writing_error",
 ]
 
-#: Digits that a bound may have: three decimal places of precision in ten bits.
+#: Digits that a bound may have, in ten bits.
 DIGITS = range(1, 1000)
 
 #: Exponents of ten that a bound may have, from 10 nm to 999 000 km.

@@ -43,6 +43,7 @@ def map_coordinates(positions: Floats, plane: Plane | None) -> Floats:
     """
     if plane is None:
         return positions
+    # Only the first two coordinates lie on the plane.
     coordinates = positions.copy()
     known = ~np.isnan(positions[:, 0])
     coordinates[known, :2] = np.stack(to_geographic(positions[known, :2], plane), axis=1)
@@ -73,6 +74,7 @@ def to_geographic(positions: ArrayLike, plane: Plane) -> tuple[Floats, Floats]:
     positions = np.asarray(positions, dtype=np.float64)
     index = plane_indices(positions, plane)
     lat, lon = np.empty(len(positions)), np.empty(len(positions))
+    # Each plane has its own projection, and its own range of x.
     for i in np.unique(index).tolist():
         on_plane = index == i
         x = positions[on_plane, 0] - i * Plane.SPREAD

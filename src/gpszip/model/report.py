@@ -16,7 +16,7 @@ class Progress:
     Parameters
     ----------
     stage : str
-        What is being done, as a word for a person, such as ``"learn"``.
+        Name of the stage for a person, such as ``"learn"``.
     done : float
         Share of the stage that is done, from 0 to 1.
     """

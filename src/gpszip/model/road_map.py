@@ -63,8 +63,8 @@ class RoadMap:
 
         The thesis's map is a directed graph (definition 4.1.8). Here an edge is one object for both
         directions, because that is what a street is: both directions share its geometry, so that a
-        round trip costs one line and not two, and a traversal of one direction tells the coder
-        where the other one leads. The counts by direction lose nothing of the directed graph.
+        round trip costs one line and not two, and a traversal in one direction lets the coder
+        predict the way back. The counts by direction lose nothing of the directed graph.
 
         Returns
         -------

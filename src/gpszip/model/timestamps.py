@@ -54,6 +54,7 @@ def to_seconds(times: Times, *, name: str = "times") -> NDArray[np.float64]:
     >>> to_seconds(np.datetime64("1970-01-01T00:00:00.250")).tolist()
     0.25
     """
+    # Arrays of numbers and of datetime64 are converted at once.
     try:
         array = np.asarray(times)
     except ValueError as error:
@@ -91,10 +92,12 @@ def format_span(first: float, last: float) -> str:
     '2014-05-13 16:53:20 to 16:54:50 UTC'
     """
     if not counts_from_1970(first):
+        # Ten digits show milliseconds for 115 days.
         return f"{first:.10g} s to {last:.10g} s"
     try:
         begin, end = datetime.fromtimestamp(first, UTC), datetime.fromtimestamp(last, UTC)
     except (OverflowError, ValueError, OSError):
+        # Dates end with the year 9999.
         return f"{first:.0f} s to {last:.0f} s"
     day = "%H:%M:%S" if begin.date() == end.date() else "%Y-%m-%d %H:%M:%S"
     return f"{begin:%Y-%m-%d %H:%M:%S} to {end:{day}} UTC"
@@ -143,7 +146,7 @@ def wrong_unit(times: NDArray[np.float64], first: float, last: float) -> str | N
                 return f"{example} looks like {unit}: divide by {factor}"
 
     # Seconds from the log's start where it counts from 1970, and the other way round.
-    if counts_from_1970(first) and -EPOCH_START < low and high < EPOCH_START:
+    if counts_from_1970(first) and low > -EPOCH_START and high < EPOCH_START:
         return f"{example} looks like seconds from the start of the log: add {first:.15g}"
     if last < EPOCH_START and low >= EPOCH_START:
         return (
@@ -154,15 +157,15 @@ def wrong_unit(times: NDArray[np.float64], first: float, last: float) -> str | N
 
 
 def _datetime64_seconds(array: NDArray[np.datetime64]) -> NDArray[np.float64]:
-    # Whole seconds and the rest apart: nanoseconds since 1970 don't fit a float64.
-    whole = array.astype("datetime64[s]")
-    rest = np.subtract(array, whole.astype(array.dtype)) / np.timedelta64(1, "s")
-    seconds: NDArray[np.float64] = whole.astype(np.int64) + rest
-    seconds = np.where(np.isnat(array), np.nan, seconds)
-    return seconds
+    # Full seconds and the rest apart: nanoseconds since 1970 don't fit a float64.
+    full = array.astype("datetime64[s]")
+    rest = np.subtract(array, full.astype(array.dtype)) / np.timedelta64(1, "s")
+    seconds: NDArray[np.float64] = full.astype(np.int64) + rest
+    return np.asarray(np.where(np.isnat(array), np.nan, seconds), dtype=np.float64)
 
 
 def _one_in_seconds(value: object, name: str) -> float:
+    # Text becomes a datetime.
     if isinstance(value, str):
         try:
             value = datetime.fromisoformat(value)
@@ -172,12 +175,16 @@ def _one_in_seconds(value: object, name: str) -> float:
                 remedy="give a datetime, numpy.datetime64, seconds, or text such as "
                 "2024-05-01T10:00:00Z",
             ) from None
+
+    # Dates, in UTC where they name no zone. A datetime is a date, too, so it comes first.
     if isinstance(value, datetime):
         return (value if value.tzinfo else value.replace(tzinfo=UTC)).timestamp()
     if isinstance(value, date):
         return datetime(value.year, value.month, value.day, tzinfo=UTC).timestamp()
     if isinstance(value, np.datetime64):
         return float(_datetime64_seconds(np.asarray(value)))
+
+    # Numbers. To Python, True and a timedelta64 are numbers as well.
     if isinstance(value, Real) and not isinstance(value, bool | np.timedelta64):
         return float(value)
     raise OptionError(
