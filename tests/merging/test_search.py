@@ -328,7 +328,7 @@ def test_archives_that_promise_nothing_may_move_by_a_step_of_their_lattice():
     made, report = merge([hand_made(("a",)), hand_made(("b",))])
     assert report.limit == 1.0
     assert made.error_bound is None
-    assert "promised nothing" in " ".join(report.notes)
+    assert "states no error bound" in " ".join(report.notes)
     assert len(made.road_map.nodes) == 2
 
 

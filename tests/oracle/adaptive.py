@@ -5,7 +5,7 @@ from __future__ import annotations
 from decimal import Decimal, localcontext
 from functools import cache
 
-# Constants of docs/format.md, "Numbers that adapt".
+# Constants of docs/format.md, "Adaptive models".
 UNIT = 24
 WHOLE = 1 << UNIT
 BIT_STEP, BIT_LIMIT = 20, 2000

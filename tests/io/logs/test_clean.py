@@ -92,7 +92,7 @@ def test_clean_drops_spikes_counts_them_and_needs_no_plane_for_them():
     assert len(plain.tracks[0].plane.centers) == 2
     assert len(clean.tracks[0].plane.centers) == 1
     assert 120.0 not in clean.tracks[0].times.tolist()
-    assert [(repair.what, repair.count) for repair in clean.repairs] == [("spikes dropped", 1)]
+    assert [(repair.what, repair.count) for repair in clean.repairs] == [("outliers dropped", 1)]
     assert clean.points == clean.kept + clean.lost == 300
 
 

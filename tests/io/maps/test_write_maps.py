@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import connected_components
 
 from gpszip.errors import OutputError
 from gpszip.geo.planes import to_plane
-from gpszip.io.maps.write import MAP_FORMATS, write_map
+from gpszip.io.maps.write import map_suffixes, write_map
 from gpszip.io.networks.read import read_network
 from gpszip.io.networks.wkb import parse_wkb_lines
 from gpszip.model import CleanMap, Plane, RoadMap
@@ -46,7 +46,7 @@ def test_geojson_has_a_line_for_each_edge_with_its_traversals(tmp_path):
     assert "gpszip" not in data
 
 
-def test_geojson_of_metres_says_so(tmp_path):
+def test_geojson_in_metres_has_a_member_that_says_so(tmp_path):
     write_map(square(d=3), tmp_path / "map.geojson")
     data = json.loads((tmp_path / "map.geojson").read_text())
     assert data["gpszip"] == {"coordinates": "metres"}
@@ -60,7 +60,7 @@ def test_rarely_travelled_edges_can_be_left_out(tmp_path):
 
 
 @pytest.mark.parametrize(("d", "plane"), [(2, None), (3, None), (2, BERLIN)])
-def test_geopackage_opens_as_any_other(tmp_path, d, plane):
+def test_geopackage_is_read_by_gdal(tmp_path, d, plane):
     write_map(square(d, plane), tmp_path / "map.gpkg")
     meta, _, geometry, columns = pyogrio.raw.read(tmp_path / "map.gpkg", layer="edges")
     values = dict(zip(meta["fields"].tolist(), columns, strict=True))
@@ -83,7 +83,7 @@ def test_graphml_is_a_graph(tmp_path):
     assert {data.get("key") for data in root.findall(".//g:data", space)} == keys
 
 
-def test_csv_holds_the_places_of_both_ends(tmp_path):
+def test_csv_has_the_positions_of_both_ends(tmp_path):
     write_map(square(), tmp_path / "map.csv")
     with (tmp_path / "map.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -93,7 +93,7 @@ def test_csv_holds_the_places_of_both_ends(tmp_path):
     }
 
 
-@pytest.mark.parametrize("suffix", MAP_FORMATS)
+@pytest.mark.parametrize("suffix", map_suffixes())
 def test_a_map_without_edges_is_a_valid_file(tmp_path, suffix):
     still = RoadMap(
         np.zeros((1, 2)),
@@ -151,7 +151,7 @@ def test_geopackage_cuts_edges_at_the_antimeridian(tmp_path):
 
 
 def way(nodes, plane):
-    """A clean map of a single way."""
+    """A clean map with one edge."""
     line, one = np.array(nodes, dtype=np.float64), np.ones(1, np.int64)
     ends, none = np.array([[0, 1]], np.int32), np.zeros((1, 0))
     return CleanMap(
@@ -169,7 +169,7 @@ def way(nodes, plane):
     )
 
 
-def test_well_known_text_of_a_way_is_cut_at_the_antimeridian(tmp_path):
+def test_well_known_text_is_cut_at_the_antimeridian(tmp_path):
     write_map(way([[-100, 0], [-50, 0], [50, 0]], DATE_LINE), tmp_path / "map.csv")
     with (tmp_path / "map.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
@@ -178,7 +178,7 @@ def test_well_known_text_of_a_way_is_cut_at_the_antimeridian(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".graphml"])
-def test_a_map_that_was_cut_is_whole_again_as_a_network(tmp_path, suffix):
+def test_lines_cut_at_the_antimeridian_are_joined_in_a_network(tmp_path, suffix):
     around = square(plane=DATE_LINE)
     write_map(replace(around, nodes=around.nodes - [150, 0]), tmp_path / f"map{suffix}")
     network = read_network(tmp_path / f"map{suffix}")
@@ -190,7 +190,7 @@ def test_a_map_that_was_cut_is_whole_again_as_a_network(tmp_path, suffix):
     assert np.ptp(network.points[:, 0]) == pytest.approx(300, abs=0.1)
 
 
-def test_long_edges_stay_where_they_are(tmp_path):
+def test_long_edges_get_vertices_in_degrees(tmp_path):
     nodes = np.array([[-150_000.0, 0.0], [150_000.0, 0.0]])
     write_map(
         RoadMap(nodes, np.array([[0, 1]], np.int32), np.ones(1, int), np.zeros(1, int), BERLIN),

@@ -1,4 +1,9 @@
-"""Logs batch by batch: each file of a log is a shard, whose rows come in pieces that fit in memory."""
+"""Read one file of a log in batches of rows that fit in memory.
+
+CSV and Parquet files are read block by block. Formats whose readers need the full file give one
+batch. :func:`inspect_log_file` looks at the start of a file and returns a :class:`LogFile`;
+:meth:`LogFile.batches` then reads its rows.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +11,10 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from enum import Enum
 from functools import reduce
 from operator import or_
-from typing import Any
+from typing import Any, NamedTuple
 
 import pyarrow as pa
 import pyarrow.csv as pc
@@ -29,15 +35,59 @@ from gpszip.io.values.coordinates import has_decimal_comma, has_decimal_point
 from gpszip.io.values.dates import DateOrders, find_date_orders
 from gpszip.model.read_result import Repair
 
-__all__ = ["LogFile", "inspect_log_file"]
+__all__ = ["CoordinateKind", "LogFile", "ReadMode", "inspect_log_file"]
 
-#: Rows of Parquet that are read at a time.
+#: Rows of a Parquet file in one batch.
 _PARQUET_BATCH_ROWS = 1 << 17
+
+#: Letters of an error message of Arrow that are shown.
+_MAX_REASON_LETTERS = 120
+
+
+class ReadMode(Enum):
+    """How the rows of a file are read."""
+
+    CSV = "csv"
+    PARQUET = "parquet"
+    AT_ONCE = "at once"
+
+
+class CoordinateKind(NamedTuple):
+    """What the coordinates of a file are; files of one log have to agree.
+
+    Parameters
+    ----------
+    geographic : bool
+        Whether they are degrees.
+    dimension : int
+        Number of coordinates.
+    crs : str
+        Coordinate system that the file names; empty if it names none.
+    """
+
+    geographic: bool
+    dimension: int
+    crs: str
+
+
+class _TableBatch(NamedTuple):
+    """Rows of a table, and the number of rows before their end that have a wrong number of cells.
+
+    Parameters
+    ----------
+    table : pyarrow.Table
+        The rows, with the columns of ``roles.used``.
+    malformed : int
+        Rows with too many or too few cells since the batch before; they are not in ``table``.
+    """
+
+    table: Any
+    malformed: int = 0
 
 
 @dataclass(frozen=True, eq=False)
 class LogFile:
-    """One file of a log, not read yet; what it holds is known from its head.
+    """One file of a log: what its start says, before its rows are read.
 
     Parameters
     ----------
@@ -45,23 +95,23 @@ class LogFile:
         The file.
     request : Request
         Columns and unit of time.
-    kind : str
-        ``csv``, ``parquet``, or ``whole`` for a format that is read at once.
+    mode : ReadMode
+        How its rows are read.
     names : tuple of str
-        Titles of its columns.
+        Names of its columns; empty for a file that is read at once.
     roles : Roles, optional
-        Which column is what; unknown of a format that is read at once.
+        Which column holds what; None for a file that is read at once.
     crs : str
-        The coordinate system that the file names; empty where it names none.
+        The coordinate system that the file names; empty if it names none.
     dialect : Dialect, optional
-        How text is written.
+        How CSV is written; None for other formats.
     format : str
         Name of the format of a file that is read at once.
     """
 
     source: Source
     request: Request
-    kind: str
+    mode: ReadMode
     names: tuple[str, ...] = ()
     roles: Roles | None = None
     crs: str = ""
@@ -70,63 +120,66 @@ class LogFile:
 
     @property
     def name(self) -> str:
-        """What messages call it."""
+        """Name of the file in messages."""
         return self.source.name
 
     @property
-    def coordinate_kind(self) -> tuple[bool, int, str] | None:
-        """Whether its coordinates are degrees, how many they are, and their system; None where that is not known yet."""
-        return (
-            None if self.roles is None else (self.roles.geographic, len(self.roles.axes), self.crs)
-        )
+    def coordinate_kind(self) -> CoordinateKind | None:
+        """What its coordinates are; None if that shows only when its rows are read."""
+        if self.roles is None:
+            return None
+        return CoordinateKind(self.roles.geographic, len(self.roles.axes), self.crs)
 
-    def rows(self) -> int | None:
-        """Number of rows, where that is told before they are read."""
-        if self.kind != "parquet" or self.source.path is None:
+    def row_count(self) -> int | None:
+        """Return the number of rows if the file states it, as Parquet does; else None."""
+        if self.mode is not ReadMode.PARQUET or self.source.path is None:
             return None
         import pyarrow.parquet as pq
 
         return int(pq.ParquetFile(str(self.source.path)).metadata.num_rows)
 
     def batches(self) -> Iterator[RawLog]:
-        """Yield the rows in their order.
+        """Yield the rows in the order of the file.
 
         Raises
         ------
         InputError
             If the file is damaged.
         """
-        if self.kind == "whole":
-            yield check_plausible(
-                format_named(self.format).read(self.source, self.request), self.request
-            )
+        if self.mode is ReadMode.AT_ONCE:
+            raw = format_named(self.format).read(self.source, self.request)
+            yield check_plausible(raw, self.request)
             return
-        try:
-            yield from self._to_raw_logs(
-                _read_parquet_tables(self) if self.kind == "parquet" else _read_csv_tables(self)
-            )
-        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-            said = (
-                csv_log.explain_table_error(error)
-                if self.kind == "csv"
-                else f"damaged: {str(error).splitlines()[0][:120]}"
-            )
-            raise InputError(f"{self.name}: {said}") from None
 
-    def _to_raw_logs(self, tables: Iterator[tuple[Any, int]]) -> Iterator[RawLog]:
-        roles, request, first = (
-            self.roles,
-            self.request,
-            1 if self.dialect is None else self.dialect.header_lines + 1,
-        )
+        try:
+            yield from self._to_raw_logs(self._read_tables())
+        except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
+            if self.mode is ReadMode.CSV:
+                reason = csv_log.explain_table_error(error)
+            else:
+                reason = f"damaged: {_shorten(error)}"
+            raise InputError(f"{self.name}: {reason}") from None
+
+    def _read_tables(self) -> Iterator[_TableBatch]:
+        """Yield all rows, with numbers and times parsed where Arrow can parse them."""
+        return _read_parquet(self) if self.mode is ReadMode.PARQUET else _read_csv(self)
+
+    def _to_raw_logs(self, batches: Iterator[_TableBatch]) -> Iterator[RawLog]:
+        """Interpret batches of a table.
+
+        Decimal marks, the order of dates and the unit of time are found once, so that all batches
+        are read alike.
+        """
+        assert self.roles is not None
+        roles, request = self.roles, self.request
+        row_number = 1 if self.dialect is None else self.dialect.header_lines + 1
         conventions: TableConventions | None = None
-        assert roles is not None
-        for table, bad in tables:
-            # What the first rows tell holds for all.
+        for table, malformed in batches:
+            # Find what holds for all rows, from the first batch that has some.
             if request.dates is None and table.num_rows:
                 request = replace(request, dates=self._find_date_order(table, roles))
-            first_rows = conventions is None and table.num_rows > 0
-            if first_rows:
+            has_first_rows = conventions is None and table.num_rows > 0
+            if has_first_rows:
                 conventions = find_conventions(
                     table.columns,
                     self.names,
@@ -136,138 +189,163 @@ class LogFile:
                     decimal_comma=self._uses_decimal_comma(),
                 )
 
-            repairs = (
-                (Repair("rows with too many or too few cells dropped", bad, self.name),)
-                if bad
-                else ()
-            )
-            if table.num_rows or bad:
+            # Interpret the columns.
+            if table.num_rows or malformed:
                 raw = build_raw_log(
                     table.columns,
                     self.names,
                     roles,
                     request,
                     self.name,
-                    first=first,
+                    first=row_number,
                     conventions=conventions,
-                    repairs=repairs,
+                    repairs=self._malformed_rows(malformed),
                     all_rows=False,
                 )
-                if first_rows:
+
+                # The unit of time that the first rows suggest holds for all.
+                if has_first_rows:
                     raw = check_plausible(raw, self.request)
-                    request = replace(
-                        request,
-                        time_unit=raw.guessed_unit.unit
-                        if raw.guessed_unit
-                        else self.request.time_unit,
-                    )
+                    unit = raw.guessed_unit.unit if raw.guessed_unit else self.request.time_unit
+                    request = replace(request, time_unit=unit)
                 elif request.time_unit == "excel" and self.request.time_unit is None:
                     raw = note_spreadsheet_days(raw)
                 yield raw
-            first += table.num_rows
+            row_number += table.num_rows
+
+    def _malformed_rows(self, count: int) -> tuple[Repair, ...]:
+        if not count:
+            return ()
+        return (Repair("rows with too many or too few cells dropped", count, self.name),)
 
     def _uses_decimal_comma(self) -> bool | None:
-        """Whether numbers have decimal commas. If the first rows have some, all are looked at."""
+        """Whether CSV has decimal commas in its coordinates; None for other formats.
+
+        Only if one of the first rows has a comma, all rows are read for the answer.
+        """
         if self.dialect is None or self.roles is None:
             return None
         cells = [cell for axis in self.roles.axes for cell in self.dialect.cells(axis)]
         if not any("," in cell for cell in cells):
             return False
-        comma = False
-        for batch in _read_csv_batches(
-            self, {}, [], csv_log.confirm_encoding(self.source, self.dialect), self.roles.axes
-        ):
+
+        # A comma may also separate thousands: a decimal point in any row says so.
+        encoding = csv_log.confirm_encoding(self.source, self.dialect)
+        has_comma = False
+        for batch in _read_csv_batches(self, {}, [], encoding, self.roles.axes):
             columns = [pa.chunked_array([column]) for column in batch.columns]
-            comma = comma or has_decimal_comma(columns)
+            has_comma = has_comma or has_decimal_comma(columns)
             if has_decimal_point(columns):
                 return False
-        return comma
+        return has_comma
 
     def _find_date_order(self, table: Any, roles: Roles) -> str | None:
-        """Order of day, month and year, from all rows, so that it is the same for all; None where this batch has no such dates."""
-        assert self.names
-        named = find_date_order(self.names, roles, self.request)
-        if named is not None or not self._possible_date_orders(table).first:
-            return named
-        found = reduce(or_, (self._possible_date_orders(batch) for batch in self._tables_as_text()))
-        return found.decide(f"{self.name}: column {self.names[roles.time[-1]]!r}")
+        """Find the order of day, month and year; None if this batch has no such dates.
 
-    def _tables_as_text(self) -> Iterator[Any]:
-        """Yield all rows once more, those of text with all cells as texts."""
-        if self.kind == "parquet":
-            yield from (table for table, _ in _read_parquet_tables(self))
+        It is found from all rows of the file, so that every batch is read in the same order.
+        """
+        assert self.names
+        stated = find_date_order(self.names, roles, self.request)
+        if stated is not None or not self._possible_date_orders(table).first:
+            return stated
+        orders = reduce(or_, (self._possible_date_orders(batch) for batch in self._text_tables()))
+        return orders.decide(f"{self.name}: column {self.names[roles.time[-1]]!r}")
+
+    def _text_tables(self) -> Iterator[Any]:
+        """Yield all rows once more; every cell of CSV is a text."""
+        if self.mode is ReadMode.PARQUET:
+            yield from (batch.table for batch in _read_parquet(self))
             return
         assert self.dialect is not None
         encoding = csv_log.confirm_encoding(self.source, self.dialect)
-        yield from (
-            pa.Table.from_batches([batch]) for batch in _read_csv_batches(self, {}, [], encoding)
-        )
+        for batch in _read_csv_batches(self, {}, [], encoding):
+            yield pa.Table.from_batches([batch])
 
     def _possible_date_orders(self, table: Any) -> DateOrders:
-        """Orders in which a batch's dates can be read."""
+        """Return the orders of day, month and year in which all dates of a batch are valid."""
         assert self.roles is not None
-        roles, columns = self.roles, dict(zip(self.roles.used, table.columns, strict=False))
-        if any(
-            not is_text(columns[i].type) and pa.types.is_temporal(columns[i].type)
-            for i in roles.time
-        ):
+        columns = dict(zip(self.roles.used, table.columns, strict=False))
+
+        # Columns of type timestamp or date have no order.
+        types = [columns[i].type for i in self.roles.time]
+        if any(not is_text(kind) and pa.types.is_temporal(kind) for kind in types):
             return DateOrders()
-        cells = join_time_columns(columns, self.names, roles, self.request, self.name)
+
+        cells = join_time_columns(columns, self.names, self.roles, self.request, self.name)
         return find_date_orders(trimmed_text(cells)) if is_text(cells.type) else DateOrders()
 
 
 def inspect_log_file(source: Source, format_: str | None, request: Request) -> LogFile | InputError:
-    """Return a file of a log with what its head says, or what is wrong with it.
+    r"""Find the format and the columns of a file from its start.
 
     Parameters
     ----------
     source : Source
         The file.
     format_ : str, optional
-        Its format; told from the content where left out.
+        Its format; found from its content if left out.
     request : Request
         Columns and unit of time.
+
+    Returns
+    -------
+    LogFile or InputError
+        The error says why the file can't be read. It is returned, not raised, since a caller may
+        go on with the other files of a log.
+
+    Examples
+    --------
+    >>> from gpszip.io.storage.source import Source
+    >>> source = Source("walk.csv", data=b"t,lat,lon\n0,48,11\n")
+    >>> inspect_log_file(source, None, Request()).coordinate_kind
+    CoordinateKind(geographic=True, dimension=2, crs='')
     """
     try:
         return _inspect(source, format_, request)
     except InputError as error:
         return error
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        return InputError(f"{source.name}: can't be read: {str(error).splitlines()[0][:120]}")
+        return InputError(f"{source.name}: can't be read: {_shorten(error)}")
 
 
 def _inspect(source: Source, format_: str | None, request: Request) -> LogFile:
-    kind = (format_named(format_) if format_ is not None else format_for_reading(source)).name
+    format_name = (format_for_reading(source) if format_ is None else format_named(format_)).name
     by_role = request.columns if isinstance(request.columns, Mapping) else None
-    if kind == "csv":
+    if format_name == "csv":
         dialect = csv_log.detect_dialect(source.head(), request, source.name)
         roles = find_roles(
             dialect.names, by_role, request.keep, source.name, cells=dialect.hint_cells
         )
-        return LogFile(source, request, kind, dialect.names, roles, dialect=dialect)
-    if kind == "parquet" and source.path is not None and not source.is_gzip:
+        return LogFile(source, request, ReadMode.CSV, dialect.names, roles, dialect=dialect)
+
+    # Parquet is read in batches from a plain file only: its footer has to be reached by seeking.
+    if format_name == "parquet" and source.path is not None and not source.is_gzip:
         schema = parquet_dataset(source).schema
-        names = tuple(str(name) for name in schema.names)
-        if isinstance(request.columns, tuple):
-            if len(request.columns) > len(names):
-                raise InputError(
-                    f"{source.name}: has {len(names)} columns, but --columns names {len(request.columns)}"
-                )
-            names = (*(new if new not in ("", "-", "_") else old for new, old in zip(request.columns, names, strict=False)),
-                     *names[len(request.columns) :])  # fmt: skip
-        return LogFile(
-            source,
-            request,
-            kind,
-            names,
-            find_roles(names, by_role, request.keep, source.name),
-            _geoparquet_crs(schema),
+        names = _column_names(schema, request, source.name)
+        roles = find_roles(names, by_role, request.keep, source.name)
+        return LogFile(source, request, ReadMode.PARQUET, names, roles, _geoparquet_crs(schema))
+
+    return LogFile(source, request, ReadMode.AT_ONCE, format=format_name)
+
+
+def _column_names(schema: Any, request: Request, where: str) -> tuple[str, ...]:
+    """Return the names of a table's columns, replaced by those that the user gives in order."""
+    names = tuple(str(name) for name in schema.names)
+    if not isinstance(request.columns, tuple):
+        return names
+    if len(request.columns) > len(names):
+        raise InputError(
+            f"{where}: has {len(names)} columns, but --columns names {len(request.columns)}"
         )
-    return LogFile(source, request, "whole", format=kind)
+    renamed = tuple(
+        old if new in ("", "-", "_") else new
+        for new, old in zip(request.columns, names, strict=False)
+    )
+    return renamed + names[len(renamed) :]
 
 
 def _geoparquet_crs(schema: Any) -> str:
-    """The coordinate system that GeoParquet names."""
+    """Return the coordinate systems that GeoParquet names, as JSON; empty if it names none."""
     try:
         columns = json.loads((schema.metadata or {})[b"geo"])["columns"].values()
         return json.dumps([column.get("crs") for column in columns], sort_keys=True)
@@ -275,7 +353,8 @@ def _geoparquet_crs(schema: Any) -> str:
         return ""
 
 
-def _read_parquet_tables(log_file: LogFile) -> Iterator[tuple[Any, int]]:
+def _read_parquet(log_file: LogFile) -> Iterator[_TableBatch]:
+    """Yield all rows of a Parquet file."""
     assert log_file.source.path is not None
     assert log_file.roles is not None
     dataset = parquet_dataset(log_file.source)
@@ -287,65 +366,73 @@ def _read_parquet_tables(log_file: LogFile) -> Iterator[tuple[Any, int]]:
         fragment_readahead=1,
         use_threads=False,
     ):
-        batch.validate(full=True)  # texts that are no UTF-8, for instance
-        yield pa.Table.from_batches([batch]), 0
+        batch.validate(full=True)  # finds texts that aren't UTF-8, for instance
+        yield _TableBatch(pa.Table.from_batches([batch]))
 
 
-def _read_csv_tables(log_file: LogFile) -> Iterator[tuple[Any, int]]:
-    """Read text by types that its first rows tell; from where that fails on, each cell as a text that speaks for itself."""
+def _read_csv(log_file: LogFile) -> Iterator[_TableBatch]:
+    """Yield all rows of a CSV file, typed as far as possible.
+
+    1. Read columns by the types that the first rows suggest.
+    2. From the row on where a cell contradicts its type, read every cell as text, and skip rows
+       with a wrong number of cells.
+    3. Check that no quote was left open, which would have swallowed rows.
+    """
     assert log_file.dialect is not None
     assert log_file.roles is not None
-    done, whole, kept = 0, False, _infer_kept_types(log_file)
+    source, dialect = log_file.source, log_file.dialect
+
+    # 1. By the types of the first rows.
+    kept_types = _infer_kept_types(log_file)
+    types = kept_types | csv_log.guess_column_types(dialect, log_file.roles)
+    yielded_rows, is_complete = 0, False
     with suppress(pa.ArrowInvalid, UnicodeDecodeError):
-        for batch in _read_csv_batches(
-            log_file,
-            kept | csv_log.guess_column_types(log_file.dialect, log_file.roles),
-            None,
-            log_file.dialect.encoding,
-        ):
-            yield pa.Table.from_batches([batch]), 0
-            done += batch.num_rows
-        whole = True
-    if whole:
-        check_quotes(
-            log_file.source,
-            log_file.dialect.encoding,
-            log_file.dialect.delimiter,
-            log_file.dialect.header_lines + done,
-        )
+        for batch in _read_csv_batches(log_file, types, None, dialect.encoding):
+            yield _TableBatch(pa.Table.from_batches([batch]))
+            yielded_rows += batch.num_rows
+        is_complete = True
+    if is_complete:
+        lines = dialect.header_lines + yielded_rows
+        check_quotes(source, dialect.encoding, dialect.delimiter, lines)
         return
+
+    # 2. As texts. Rows that were yielded already are passed over.
     skipped: list[None] = []
-    encoding = csv_log.confirm_encoding(log_file.source, log_file.dialect)
-    seen = told = 0
-    for batch in _read_csv_batches(log_file, kept, skipped, encoding):
-        fresh = batch.slice(max(done - seen, 0))
-        seen += batch.num_rows
-        yield pa.Table.from_batches([fresh]), len(skipped) - told
-        told = len(skipped)
-    check_quotes(
-        log_file.source,
-        encoding,
-        log_file.dialect.delimiter,
-        log_file.dialect.header_lines + seen + len(skipped),
-    )
+    encoding = csv_log.confirm_encoding(source, dialect)
+    read_rows = reported = 0
+    for batch in _read_csv_batches(log_file, kept_types, skipped, encoding):
+        new_rows = batch.slice(max(yielded_rows - read_rows, 0))
+        read_rows += batch.num_rows
+        yield _TableBatch(pa.Table.from_batches([new_rows]), len(skipped) - reported)
+        reported = len(skipped)
+
+    # 3. Quotes.
+    lines = dialect.header_lines + read_rows + len(skipped)
+    check_quotes(source, encoding, dialect.delimiter, lines)
 
 
 def _infer_kept_types(log_file: LogFile) -> dict[str, Any]:
-    """Types of the columns to keep, which only the whole file tells: the first that no cell contradicts."""
+    """Find the types of the columns to keep: for each, the first that no cell contradicts.
+
+    All rows decide, as they do for a file that is read at once.
+    """
     assert log_file.roles is not None
     if not log_file.roles.keep:
         return {}
     assert log_file.dialect is not None
     encoding = csv_log.confirm_encoding(log_file.source, log_file.dialect)
     return {
-        str(i): next(
-            kind for kind in csv_log.ATTRIBUTE_TYPES if _column_fits(log_file, i, kind, encoding)
+        str(column): next(
+            kind
+            for kind in csv_log.ATTRIBUTE_TYPES
+            if _column_fits(log_file, column, kind, encoding)
         )
-        for i in set(log_file.roles.keep.values())
+        for column in set(log_file.roles.keep.values())
     }
 
 
 def _column_fits(log_file: LogFile, column: int, kind: Any, encoding: str) -> bool:
+    """Whether every cell of a column can be read as a type."""
     if kind == pa.string():
         return True
     with suppress(pa.ArrowInvalid):
@@ -362,18 +449,33 @@ def _read_csv_batches(
     encoding: str,
     columns: Sequence[int] | None = None,
 ) -> Iterator[Any]:
-    """Yield rows; those with another number of cells are an error, or gathered where there is a list for them."""
+    """Yield record batches of CSV, with columns named by their index.
+
+    Parameters
+    ----------
+    log_file : LogFile
+        The file.
+    types : mapping of str to pyarrow.DataType
+        Types of columns; text if left out.
+    skipped : list, optional
+        Gets an item for each row with a wrong number of cells. Without it, such a row raises
+        ``pyarrow.ArrowInvalid``.
+    encoding : str
+        Encoding of the file.
+    columns : sequence of int, optional
+        Columns to read; those of ``roles.used`` if left out.
+    """
     dialect, roles = log_file.dialect, log_file.roles
     assert dialect is not None
     assert roles is not None
     wanted = [str(i) for i in (roles.used if columns is None else columns)]
+    texts = dict.fromkeys(wanted, pa.string())
 
     def skip(_row: Any) -> str:
         assert skipped is not None
         skipped.append(None)
         return "skip"
 
-    texts = dict.fromkeys(wanted, pa.string())
     with log_file.source.open() as stream:
         yield from pc.open_csv(
             stream,
@@ -395,3 +497,8 @@ def _read_csv_batches(
                 null_values=csv_log.NULL_TEXTS,
             ),
         )
+
+
+def _shorten(error: Exception) -> str:
+    """Return the first line of an error message."""
+    return str(error).splitlines()[0][:_MAX_REASON_LETTERS]

@@ -348,7 +348,7 @@ def _drop_outliers(
         spikes = find_outliers(piece.times, own) if piece.timed else np.zeros(len(own), np.bool_)
         if spikes.any():
             repairs.append(
-                Repair("spikes dropped", int(spikes.sum()), f"{piece.where}: track {piece.id!r}")
+                Repair("outliers dropped", int(spikes.sum()), f"{piece.where}: track {piece.id!r}")
             )
         cleaned.append(piece.take(~spikes) if spikes.any() else piece)
     return cleaned, any(old is not new for old, new in zip(pieces, cleaned, strict=True))

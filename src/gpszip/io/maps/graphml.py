@@ -1,4 +1,4 @@
-"""A map as GraphML, for programs that work on graphs."""
+"""Write a map as GraphML, for programs that work on graphs."""
 
 from __future__ import annotations
 
@@ -10,11 +10,16 @@ from gpszip.io.maps.table import MapTable
 
 __all__ = ["write_map_graphml"]
 
-_HEAD = '<?xml version="1.0" encoding="UTF-8"?>\n<graphml xmlns="http://graphml.graphdrawing.org/xmlns">\n'
+_HEADER = (
+    '<?xml version="1.0" encoding="UTF-8"?>\n'
+    '<graphml xmlns="http://graphml.graphdrawing.org/xmlns">\n'
+)
 
 
 def write_map_graphml(table: MapTable, path: Path) -> None:
-    """Write nodes with lon, lat or x, y[, z], and edges with the other columns; ways as well-known text named ``line``.
+    """Write nodes with lon, lat or x, y[, z], and edges with the other columns.
+
+    Edges with a shape have well-known text in the attribute ``line``.
 
     Parameters
     ----------
@@ -28,16 +33,19 @@ def write_map_graphml(table: MapTable, path: Path) -> None:
 
 
 def _iterate_xml(table: MapTable) -> Iterator[str]:
-    yield _HEAD
+    # Keys: names and types of attributes.
+    yield _HEADER
     for axis in table.axes:
         yield f'<key id="{axis}" for="node" attr.name="{axis}" attr.type="double"/>\n'
-    columns = dict(list(table.properties.items())[2:])
+    columns = dict(list(table.properties.items())[2:])  # without u and v
     for name, column in columns.items():
         kind = "long" if column.dtype.kind == "i" else "double"
         yield f'<key id="{name}" for="edge" attr.name="{name}" attr.type="{kind}"/>\n'
     if table.has_shapes:
         yield '<key id="line" for="edge" attr.name="line" attr.type="string"/>\n'
     yield '<graph edgedefault="undirected">\n'
+
+    # Nodes.
     node_positions = table.node_positions.tolist()
     for node in table.nodes.tolist():
         data = "".join(
@@ -45,14 +53,16 @@ def _iterate_xml(table: MapTable) -> Iterator[str]:
             for axis, value in zip(table.axes, node_positions[node], strict=True)
         )
         yield f'<node id="{node}">{data}</node>\n'
+
+    # Edges. An attribute that is NaN is left out.
     lines = table.wkt if table.has_shapes else [""] * len(table)
-    for line, u, v, *values in zip(
-        lines, *(column.tolist() for column in table.properties.values()), strict=True
-    ):
-        # NaN is no data.
-        pairs = zip(columns, values, strict=True)
-        known = [(name, value) for name, value in pairs if not _is_nan(value)]
-        data = "".join(f'<data key="{name}">{value!r}</data>' for name, value in known)
+    rows = zip(*(column.tolist() for column in table.properties.values()), strict=True)
+    for line, (u, v, *values) in zip(lines, rows, strict=True):
+        data = "".join(
+            f'<data key="{name}">{value!r}</data>'
+            for name, value in zip(columns, values, strict=True)
+            if not _is_nan(value)
+        )
         data += f'<data key="line">{line}</data>' if line else ""
         yield f'<edge source="{u}" target="{v}">{data}</edge>\n'
     yield "</graph>\n</graphml>\n"
