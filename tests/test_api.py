@@ -122,7 +122,8 @@ def test_files_are_read_where_tracks_are_taken(tmp_path, archive):
         assert gpszip.compress(files, rmse=0.3, effort=1).to_bytes() == expected
     assert gpszip.match(path, archive).share > 0.9
     assert gpszip.patch([path], archive).filled == 0
-    assert len(gpszip.coreset(path, size=10)) <= 10
+    assert gpszip.compress(path, rmse=0.3, effort=1, memory=1 << 30).to_bytes() == expected
+    assert len(gpszip.coreset(path, size=10)) == len(gpszip.coreset(path, size=10, memory=1 << 30))
     later = write_csv(tmp_path / "later.txt", replace(patrol(), id="later"))
     assert gpszip.append(archive, later, effort=1).ids == ("patrol", "later")
     with pytest.raises(OptionError, match="tracks and paths"):

@@ -7,14 +7,17 @@ from __future__ import annotations
 
 import os
 import pathlib
+import sys
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, BinaryIO, TypeAlias, cast
 
 from gpszip.archive import Archive, ArchiveSource, open_archive
 from gpszip.errors import LossWarning, OptionError
-from gpszip.model import Listener, Network, Options, ReadResult, SegmentMean, Track
+from gpszip.model import Listener, Network, Options, Plane, ReadResult, SegmentMean, Track
+from gpszip.model.log import Log, MemoryLog
 from gpszip.model.timestamps import Times
 from gpszip.run.executor import Executor
 
@@ -95,7 +98,7 @@ def read(
         Leave out logs that can't be read, and features or positions that can't be used, instead of
         raising.
     times : bool, default True
-        Read times. Without them, all tracks are shapes.
+        Whether a table needs a column of times. If not, the tracks of one without are shapes.
 
     Returns
     -------
@@ -128,11 +131,10 @@ def read(
     """
     from gpszip.io.logs.read import read_logs
 
-    # Paths other than pathlib's, and other iterables, in the forms that readers of logs know.
     several = isinstance(sources, Iterable) and not _is_log_source(sources)
     listed = cast("Iterable[LogSource]", sources) if several else [cast("LogSource", sources)]
     result = read_logs(
-        [os.fspath(each) if isinstance(each, os.PathLike) else each for each in listed],
+        _as_names(listed),
         format=format,
         columns=columns,
         time_unit=time_unit,
@@ -145,8 +147,7 @@ def read(
         skip_bad=skip_bad,
         times=times,
     )
-    for loss in result.losses:
-        warnings.warn(f"lost {loss}", LossWarning, stacklevel=_caller_depth())
+    _warn_of_losses(result)
     return result
 
 
@@ -167,6 +168,7 @@ def compress(
     effort: int = 5,
     coreset: int | None = None,
     map: Archive | ArchiveSource | None = None,
+    memory: int | None = None,
     executor: Executor | None = None,
     progress: Listener | None = None,
 ) -> Archive:
@@ -183,9 +185,9 @@ def compress(
     size : int, optional
         Largest number of bytes; the smallest RMSE that it allows is found.
     ratio : float, optional
-        Minimum compression ratio against the tracks as floats of 8 bytes, times and coordinates. A
-        size or a ratio excludes all other bounds. Without any bound, a sensible RMSE is estimated,
-        and a maximum of four times that.
+        Minimum compression ratio against the files; against times and coordinates as floats of 8
+        bytes for tracks. A size or a ratio excludes all other bounds. Without any bound, a sensible
+        RMSE is estimated, and a maximum of four times that.
     gap : float, optional
         Intervals longer than this, in seconds, are gaps, in which no travel is claimed;
         ``math.inf`` for none. Estimated by default.
@@ -209,6 +211,9 @@ def compress(
     map : Archive, path or bytes, optional
         Store the tracks as walks on the map of this archive. The map is not stored again, and
         :func:`open` needs it, too. Lines off the map are in :attr:`Archive.off_map_lines`.
+    memory : int, optional
+        Bytes that the process may take, at least 400 MiB. Files that would take more are sorted
+        into a temporary file, and compressed in batches.
     executor : Executor, optional
         Runs the work, by default on a thread for each core; the archive is the same for any number
         of workers.
@@ -245,10 +250,11 @@ def compress(
 
     # The map and the tracks may still be files.
     known_map = map if map is None or isinstance(map, Archive) else open_archive(map)
-    tracks = _read_if_paths(tracks, keep=names, times=times)
-    archive, report = compress_tracks(
-        tracks, options, map=known_map, executor=executor, progress=progress
-    )
+    plane = None if known_map is None else known_map.grid.plane
+    with _open_log(tracks, memory, plane, names, times, progress) as log:
+        archive, report = compress_tracks(
+            log, options, memory=memory, map=known_map, executor=executor, progress=progress
+        )
     return replace(archive, report=report)
 
 
@@ -260,6 +266,7 @@ def append(
     max_error: float | None = None,
     gap: float | None = None,
     effort: int = 5,
+    memory: int | None = None,
     executor: Executor | None = None,
     progress: Listener | None = None,
 ) -> Archive:
@@ -278,6 +285,8 @@ def append(
         Intervals longer than this, in seconds, are gaps. Estimated by default.
     effort : int, default 5
         From 1, quick, to 9, small.
+    memory : int, optional
+        Bytes that the process may take, as for :func:`compress`.
     executor : Executor, optional
         Runs the work.
     progress : callable, optional
@@ -307,13 +316,16 @@ def append(
 
     # Files are read with the columns that the archive keeps.
     opened = archive if isinstance(archive, Archive) else open_archive(archive)
-    extended, report = append_tracks(
-        opened,
-        _read_if_paths(tracks, keep=opened.kept_columns or ()),
-        Options(rmse, max_error, gap=gap, effort=effort),
-        executor=executor,
-        progress=progress,
-    )
+    keep, plane = opened.kept_columns or (), opened.grid.plane
+    with _open_log(tracks, memory, plane, keep, True, progress) as log:
+        extended, report = append_tracks(
+            opened,
+            log,
+            Options(rmse, max_error, gap=gap, effort=effort),
+            memory=memory,
+            executor=executor,
+            progress=progress,
+        )
     return replace(extended, report=report)
 
 
@@ -617,6 +629,8 @@ def coreset(
     eps: float | None = None,
     size: int | None = None,
     max_bytes: int | None = None,
+    memory: int | None = None,
+    executor: Executor | None = None,
 ) -> Coreset:
     """Build the (k, eps)-coreset of tracks: blocks that price any k-segment.
 
@@ -633,6 +647,11 @@ def coreset(
         Largest number of blocks, instead.
     max_bytes : int, optional
         Largest size of the file that :func:`save_coreset` writes, instead.
+    memory : int, optional
+        Bytes that the process may take, as for :func:`compress`. A coreset of files that take more
+        is merged from batches.
+    executor : Executor, optional
+        Runs the work on batches.
 
     Returns
     -------
@@ -650,9 +669,16 @@ def coreset(
     >>> len(coreset(track, size=20))
     10
     """
+    from gpszip.pipeline.coreset import sketch_log
     from gpszip.sketches.partition import build_coreset
 
-    return build_coreset(_read_if_paths(tracks), k=k, eps=eps, size=size, max_bytes=max_bytes)
+    with _open_log(tracks, memory, None, (), True, None) as log:
+        if isinstance(log, MemoryLog | Track | Sequence):
+            in_memory = log.tracks if isinstance(log, MemoryLog) else log
+            return build_coreset(in_memory, k=k, eps=eps, size=size, max_bytes=max_bytes)
+
+        # A log on disk is sketched batch by batch.
+        return sketch_log(log, k=k, eps=eps, size=size, max_bytes=max_bytes, executor=executor)
 
 
 def open_coreset(source: str | os.PathLike[str]) -> Coreset:
@@ -686,31 +712,63 @@ def _is_log_source(value: object) -> bool:
     return isinstance(value, str | os.PathLike) or hasattr(value, "read")
 
 
-def _read_if_paths(
-    tracks: Logs, *, keep: Sequence[str] = (), times: bool = True, heading: bool = False
-) -> Sequence[Track] | Track:
-    """Tracks as they were given, or read from the files that were given."""
+def _as_names(sources: Iterable[LogSource]) -> list[str | BinaryIO]:
+    """Return paths of any kind as text, and streams as they are."""
+    return [os.fspath(each) if isinstance(each, os.PathLike) else each for each in sources]
+
+
+def _files_among(tracks: Logs) -> list[LogSource] | None:
+    """Files that were given in place of tracks; None for tracks."""
     if isinstance(tracks, Track):
-        return tracks
+        return None
     if _is_log_source(tracks):
-        return read(cast("LogSource", tracks), keep=keep, times=times, heading=heading)
+        return [cast("LogSource", tracks)]
 
     # A sequence of one kind.
     values = list(cast("Sequence[Track | LogSource]", tracks))
-    files = [value for value in values if _is_log_source(value)]
-    if not files:
-        return cast("Sequence[Track]", tracks)
-    if len(files) < len(values):
-        raise OptionError("tracks and paths were given together; read the paths first")
-    return read(cast("list[LogSource]", files), keep=keep, times=times, heading=heading)
+    files = [cast("LogSource", value) for value in values if _is_log_source(value)]
+    if files and len(files) < len(values):
+        raise OptionError("tracks and paths were given together", remedy="read the paths first")
+    return files or None
 
 
-def _caller_depth() -> int:
-    """Stack level of the first caller outside of this module, for warnings."""
-    import sys
+def _read_if_paths(tracks: Logs, *, heading: bool = False) -> Sequence[Track] | Track:
+    """Tracks as they were given, or read from the files that were given."""
+    files = _files_among(tracks)
+    if files is None:
+        return cast("Sequence[Track] | Track", tracks)
+    return read(files, heading=heading)
 
-    # The warning is about the user's line, whether that reads or compresses files.
+
+@contextmanager
+def _open_log(
+    tracks: Logs,
+    memory: int | None,
+    plane: Plane | None,
+    keep: Sequence[str],
+    times: bool,
+    progress: Listener | None,
+) -> Iterator[Sequence[Track] | Track | Log]:
+    """Tracks as they were given, or the files that were given, in memory or on disk."""
+    files = _files_among(tracks)
+    if files is None:
+        yield cast("Sequence[Track] | Track", tracks)
+        return
+
+    from gpszip.pipeline.open_log import open_log
+
+    with open_log(
+        _as_names(files), memory=memory, plane=plane, progress=progress, keep=keep, times=times
+    ) as log:
+        if log.read_result is not None:
+            _warn_of_losses(log.read_result)
+        yield log
+
+
+def _warn_of_losses(result: ReadResult) -> None:
+    """Warn at the line of the user, whether it reads files or compresses them."""
     depth, caller = 1, sys._getframe(1)
-    while caller.f_back is not None and caller.f_globals is globals():
+    while caller.f_back is not None and caller.f_globals["__name__"] in {__name__, "contextlib"}:
         caller, depth = caller.f_back, depth + 1
-    return depth
+    for loss in result.losses:
+        warnings.warn(f"lost {loss}", LossWarning, stacklevel=depth + 1)

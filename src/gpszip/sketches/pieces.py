@@ -46,8 +46,8 @@ class PiecewiseLinear:
     ends: NDArray[np.float64]
 
     def __repr__(self) -> str:
-        pieces = count_text(len(self.begins), "piece")
-        return f"PiecewiseLinear({pieces}, {self.begins[0]:.10g} to {self.ends[-1]:.10g} s)"
+        pieces, first, last = len(self.starts), self.start_times[0], self.end_times[-1]
+        return f"PiecewiseLinear({count_text(pieces, 'piece')}, {first:.10g} to {last:.10g} s)"
 
     def __post_init__(self) -> None:
         fields = ("start_times", "end_times", "starts", "ends")
