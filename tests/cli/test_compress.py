@@ -21,7 +21,9 @@ def distances(log, archive):
     """Synchronised distance of every sample of a log to its position in the archive."""
     opened = package.open(archive)
     found = [
-        np.linalg.norm(opened.position(track.id, track.times) - track.positions, axis=1)
+        np.linalg.norm(
+            opened.position(track.id, track.times, metres=True) - track.positions, axis=1
+        )
         for track in package.read(log)
     ]
     return np.concatenate(found)
@@ -117,7 +119,7 @@ def test_standard_input_to_standard_output(shell, log):
     packed = gzip.compress(log.read_bytes())
     done = shell("compress", "-", "-o", "-", "--rmse", "50cm", "--effort", "1", data=packed)
     assert done.returncode == 0, done.stderr
-    assert package.open(done.stdout).tracks == ("0",)
+    assert package.open(done.stdout).ids == ("0",)
     assert b"RMSE" in done.stderr
 
 
@@ -154,7 +156,7 @@ def test_left_out_logs_are_named_and_end_with_3(gpszip, log, tmp_path):
     assert done.code == 3
     assert "left out bad.csv" in done.err
     assert "left out nowhere.csv" in done.err
-    assert len(package.open("walk.gpsz").tracks) == 1
+    assert len(package.open("walk.gpsz").ids) == 1
 
 
 def test_repairs_are_counted(gpszip, tmp_path):

@@ -23,7 +23,7 @@ def logs(tmp_path_factory):
 
 def rmse(archive, log):
     (track,) = package.read(log)
-    off = archive.position("0", track.times) - track.positions
+    off = archive.position("0", track.times, metres=True) - track.positions
     return np.sqrt((off**2).sum(axis=1).mean())
 
 

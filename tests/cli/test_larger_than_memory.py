@@ -116,7 +116,7 @@ def halves(log):
 
 def rmse_of(archive, log):
     errors = [
-        np.linalg.norm(archive.position(one.id, one.times) - one.positions, axis=1)
+        np.linalg.norm(archive.position(one.id, one.times, metres=True) - one.positions, axis=1)
         for one in package.read(str(log))
     ]
     return float(np.sqrt((np.concatenate(errors) ** 2).mean()))

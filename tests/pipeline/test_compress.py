@@ -158,7 +158,7 @@ def test_no_travel_is_claimed_in_gaps():
 def test_degrees_come_back_across_the_antimeridian():
     track, lat, lon = antimeridian()
     archive, _ = compressed([track], max_error=5.0, effort=1)
-    found = archive.position("ship", track.times, geographic=True)
+    found = archive.position("ship", track.times)
     assert np.abs(found[:, 0] - lat).max() < 1e-4
     assert np.abs((found[:, 1] - lon + 180) % 360 - 180).max() < 1e-4
 
@@ -172,7 +172,7 @@ def test_a_track_over_two_planes_claims_nothing_between_them():
     track = Track("flight", np.arange(50.0), to_plane(lat, lon, plane), plane=plane)
     archive, _ = compressed([track], max_error=5.0, gap=math.inf, effort=1)
     assert measure([track], archive.decompress())[2] == 0
-    found = archive.position("flight", track.times, geographic=True)
+    found = archive.position("flight", track.times)
     np.testing.assert_allclose(found, np.stack([lat, lon], axis=1), atol=2e-4)
 
 

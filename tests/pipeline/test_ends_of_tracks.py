@@ -129,7 +129,7 @@ def test_shapes_are_merged_appended_and_refused_as_what_goes_on():
     ride = [track for track in read_logs(mixed_log(), format="gpx").tracks if track.timed]
     timed, _ = compress(ride, Options(max_error=10.0, effort=1))
     both, _ = append(timed, shapes)
-    assert (both.tracks, both.untimed) == (("ride", "plan"), ("plan",))
+    assert (both.ids, both.untimed) == (("ride", "plan"), ("plan",))
     with pytest.raises(Exception, match="one of both has no times"):
         append(both, shapes)
 

@@ -40,7 +40,9 @@ def later(fleet, city):
 
 def errors(archive, tracks):
     off = [
-        np.linalg.norm(archive.position(track.id, track.times) - track.positions, axis=1)
+        np.linalg.norm(
+            archive.position(track.id, track.times, metres=True) - track.positions, axis=1
+        )
         for track in tracks
     ]
     return np.concatenate(off)
@@ -131,7 +133,7 @@ def test_degrees_come_on_the_plane_of_the_map():
     assert here != there
     city = gpszip.compress(one, rmse=2.0)
     archive = gpszip.open(gpszip.compress(two, rmse=2.0, map=city).to_bytes(), map=city)
-    found = archive.position("b", two.times, geographic=True)
+    found = archive.position("b", two.times)
     off = to_plane(found[:, 0], found[:, 1], there) - two.positions
     assert np.sqrt((off**2).sum(axis=1).mean()) <= 2.01
     far = Track("c", t[:100], one.positions, plane=choose_plane([0.0], [0.0]))

@@ -54,7 +54,7 @@ def folder(tmp_path):
 def off(archive, tracks):
     return np.concatenate(
         [
-            np.linalg.norm(archive.position(one.id, one.times) - one.positions, axis=1)
+            np.linalg.norm(archive.position(one.id, one.times, metres=True) - one.positions, axis=1)
             for one in tracks
         ]
     )

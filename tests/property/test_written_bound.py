@@ -95,7 +95,7 @@ def deviation(archive, lines, times):
     """Largest distance in metres between an archive's tracks and lines, and the times compared."""
     largest, compared = 0.0, 0
     for track in archive.ids:
-        positions = archive.position(track, times, geographic=True)
+        positions = archive.position(track, times)
         for line in lines:
             is_within = (times >= line[0, 0]) & (times <= line[-1, 0])
             is_within &= ~np.isnan(positions[:, 0])

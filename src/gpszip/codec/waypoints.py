@@ -13,6 +13,7 @@ from gpszip.errors import CorruptArchiveError
 from gpszip.graph.road_graph import RoadGraph
 from gpszip.graph.route import GAP, STOP, Route, find_arcs, find_route_arcs
 from gpszip.graph.trees import kernel_arcs, new_search_on
+from gpszip.model.text import count_text
 
 __all__ = [
     "Connection",
@@ -51,6 +52,9 @@ class Waypoints:
     nodes: NDArray[np.int32]
     connections: NDArray[np.uint8]
     parallel_indices: NDArray[np.int32]
+
+    def __repr__(self) -> str:
+        return f"Waypoints({count_text(len(self), 'node')})"
 
     def __len__(self) -> int:
         return len(self.nodes)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import BinaryIO
 
@@ -26,6 +26,7 @@ __all__ = [
     "MapReference",
     "Section",
     "SpooledBytes",
+    "StoredBytes",
     "find_contradiction",
     "single_group_contents",
 ]
@@ -95,12 +96,42 @@ class SpooledBytes:
             yield self.file.read(min(_PIECE, self.size - first))
 
 
+@dataclass(frozen=True, eq=False)
+class StoredBytes:
+    """Bytes in the file of an archive, which are read, and checked, when they are asked for.
+
+    Parameters
+    ----------
+    read : callable
+        Reads them.
+    size : int
+        Bytes that they take in the file, with all framing.
+    """
+
+    read: Callable[[], bytes]
+    size: int
+
+    def __len__(self) -> int:
+        return len(self.read())
+
+    def __bytes__(self) -> bytes:
+        return self.read()
+
+    def __reduce__(self) -> tuple[type[bytes], tuple[bytes]]:
+        # Another process or machine may not have the file.
+        return bytes, (self.read(),)
+
+    def chunks(self) -> Iterator[bytes]:
+        """Yield them all at once."""
+        yield self.read()
+
+
 @dataclass(frozen=True)
 class Section:
     """Bytes of a kind that the container does not look into: kept attributes, or what a later version added."""
 
     kind: int
-    body: bytes | SpooledBytes
+    body: bytes | SpooledBytes | StoredBytes
 
 
 @dataclass(frozen=True)
@@ -130,7 +161,7 @@ class Contents:
     ids : tuple of str or None
         Names of the tracks in the order in which the walks are coded; None for one track that is called as the first of the
         map kept elsewhere.
-    groups : tuple of Group
+    groups : sequence of Group
         At least one; together they hold each track once, in order.
     map : MapReference, optional
         The map, where it is kept elsewhere.
@@ -148,7 +179,7 @@ class Contents:
 
     grid: QuantisationGrid | None
     ids: tuple[str, ...] | None
-    groups: tuple[Group, ...]
+    groups: Sequence[Group]
     map: MapReference | None = None
     extras: tuple[Section, ...] = ()
     layer: str | None = None
@@ -226,7 +257,7 @@ def _plane_complaint(plane: Plane) -> str | None:
     return None
 
 
-def _groups_complaint(groups: tuple[Group, ...], tracks: int) -> str | None:
+def _groups_complaint(groups: Sequence[Group], tracks: int) -> str | None:
     if not groups:
         return "no walks"
     following = 0

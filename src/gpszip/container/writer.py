@@ -13,6 +13,7 @@ from gpszip.container.contents import (
     Group,
     Section,
     SpooledBytes,
+    StoredBytes,
     find_contradiction,
 )
 from gpszip.container.error_bound_record import encode_error_bound
@@ -53,7 +54,7 @@ from gpszip.files.atomic_write import atomic_write
 
 __all__ = ["archive_size", "save", "to_bytes", "write"]
 
-_Piece: TypeAlias = bytes | SpooledBytes
+_Piece: TypeAlias = bytes | SpooledBytes | StoredBytes
 
 
 def to_bytes(contents: Contents) -> bytes:
@@ -162,7 +163,7 @@ def write(contents: Contents, file: BinaryIO) -> int:
 
 
 def _parts(piece: _Piece) -> Iterator[bytes]:
-    return piece.chunks() if isinstance(piece, SpooledBytes) else iter((piece,))
+    return iter((piece,)) if isinstance(piece, bytes) else piece.chunks()
 
 
 def _shortest(contents: Contents, wrapped: list[bytes]) -> list[_Piece]:

@@ -8,17 +8,18 @@ Data that extends farther lies on several planes side by side in x, see
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import OptionError
 from gpszip.model import Plane, Track
-
-if TYPE_CHECKING:
-    from pyproj import Transformer
+from gpszip.model.projection import (
+    UNITS_PER_DEGREE,
+    plane_indices,
+    projection,
+    to_geographic,
+)
 
 __all__ = [
     "PLANE_RADIUS",
@@ -35,9 +36,6 @@ PLANE_RADIUS = 400_000.0
 
 #: Metres; mean radius of the earth.
 _EARTH_RADIUS = 6_371_000.0
-
-#: Units of a plane's centre in one degree.
-_UNITS_PER_DEGREE = 1e7
 
 #: Centres are rounded to this fraction of a degree: they take fewer bytes in an archive, and a
 #: centre that is a kilometre off serves as well.
@@ -119,50 +117,16 @@ def to_plane(lat: ArrayLike, lon: ArrayLike, plane: Plane) -> Floats:
     lat, lon = np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64)
     positions = np.empty((len(lat), 2))
     if len(plane.centers) == 1:
-        positions[:, 0], positions[:, 1] = _projection(plane.centers[0]).transform(lon, lat)
+        positions[:, 0], positions[:, 1] = projection(plane.centers[0]).transform(lon, lat)
         return positions
 
     # several planes, side by side in x
     assigned = _assign_planes(_unit_vectors(lat, lon), plane)
     for i in np.unique(assigned).tolist():
         is_on = assigned == i
-        x, y = _projection(plane.centers[i]).transform(lon[is_on], lat[is_on])
+        x, y = projection(plane.centers[i]).transform(lon[is_on], lat[is_on])
         positions[is_on, 0], positions[is_on, 1] = x + i * Plane.SPREAD, y
     return positions
-
-
-def to_geographic(positions: ArrayLike, plane: Plane) -> tuple[Floats, Floats]:
-    """Return latitude and longitude of positions on planes.
-
-    Parameters
-    ----------
-    positions : array_like, shape (n, 2)
-        Metres.
-    plane : Plane
-        The planes.
-
-    Returns
-    -------
-    lat, lon : float64 array, shape (n,)
-        Degrees; lon in [-180, 180].
-
-    Examples
-    --------
-    >>> plane = choose_plane([60.0], [25.0])
-    >>> lat, lon = to_geographic([[0.0, 0.0]], plane)
-    >>> lat.round(9).tolist(), lon.round(9).tolist()
-    ([60.0], [25.0])
-    """
-    positions = np.asarray(positions, dtype=np.float64)
-    indices = plane_indices(positions, plane)
-    lat, lon = np.empty(len(positions)), np.empty(len(positions))
-    for i in np.unique(indices).tolist():
-        is_on = indices == i
-        x = positions[is_on, 0] - i * Plane.SPREAD
-        lon[is_on], lat[is_on] = _projection(plane.centers[i]).transform(
-            x, positions[is_on, 1], direction="INVERSE"
-        )
-    return lat, lon
 
 
 def reproject_track(track: Track, plane: Plane) -> Track:
@@ -207,31 +171,6 @@ def reproject_track(track: Track, plane: Plane) -> Track:
     return replace(track, positions=to_plane(lat, lon, plane), plane=plane)
 
 
-def plane_indices(positions: ArrayLike, plane: Plane) -> NDArray[np.int64]:
-    """Return the index of the plane of each position.
-
-    Parameters
-    ----------
-    positions : array_like, shape (n, 2)
-        Metres.
-    plane : Plane
-        The planes.
-
-    Returns
-    -------
-    int64 array, shape (n,)
-        In [0, number of planes).
-
-    Examples
-    --------
-    >>> planes = Plane(((0, 0), (0, 900000000)))
-    >>> plane_indices([[5.0, 0.0], [Plane.SPREAD - 7.0, 0.0]], planes).tolist()
-    [0, 1]
-    """
-    x = np.asarray(positions, dtype=np.float64)[:, 0]
-    return np.clip(np.rint(x / Plane.SPREAD), 0, len(plane.centers) - 1).astype(np.int64)
-
-
 def plane_changes(positions: ArrayLike, plane: Plane | None) -> NDArray[np.bool_]:
     """Find steps from one plane to another: the path is unknown there, so they are gaps.
 
@@ -258,18 +197,6 @@ def plane_changes(positions: ArrayLike, plane: Plane | None) -> NDArray[np.bool_
     return changed
 
 
-@lru_cache(maxsize=256)
-def _projection(center: tuple[int, int]) -> Transformer:
-    """Return the projection from longitude and latitude to the plane of a centre."""
-    from pyproj import Transformer
-
-    lat, lon = center[0] / _UNITS_PER_DEGREE, center[1] / _UNITS_PER_DEGREE
-    return Transformer.from_pipeline(
-        "+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad "
-        f"+step +proj=tmerc +lat_0={lat:.7f} +lon_0={lon:.7f} +ellps=WGS84"
-    )
-
-
 def _unit_vectors(lat: Floats, lon: Floats) -> Floats:
     """Return directions from the earth's centre, taken as a sphere; shape (n, 3)."""
     lat, lon = np.radians(lat), np.radians(lon)
@@ -279,7 +206,7 @@ def _unit_vectors(lat: Floats, lon: Floats) -> Floats:
 
 def _round_center(lat: float, lon: float) -> tuple[int, int]:
     """Round a position to hundredths of a degree; return a centre in its integer units."""
-    unit = int(_UNITS_PER_DEGREE // _CENTERS_PER_DEGREE)
+    unit = int(UNITS_PER_DEGREE // _CENTERS_PER_DEGREE)
     return (
         round(float(lat) * _CENTERS_PER_DEGREE) * unit,
         round(float(lon) * _CENTERS_PER_DEGREE) * unit,
@@ -298,7 +225,7 @@ def _median_center(directions: Floats) -> tuple[int, int] | None:
 def _cosines(directions: Floats, center: tuple[int, int]) -> Floats:
     """Return the cosines of the angles between directions and a centre."""
     axis = _unit_vectors(
-        np.array([center[0] / _UNITS_PER_DEGREE]), np.array([center[1] / _UNITS_PER_DEGREE])
+        np.array([center[0] / UNITS_PER_DEGREE]), np.array([center[1] / UNITS_PER_DEGREE])
     )[0]
     cosines: Floats = directions @ axis
     return cosines

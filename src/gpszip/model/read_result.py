@@ -6,8 +6,11 @@ left out tell a user what changed between the logs and the tracks.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import overload
 
+from gpszip.model.text import count_text
 from gpszip.model.track import Track
 
 __all__ = ["LeftOut", "Loss", "ReadResult", "Repair"]
@@ -96,7 +99,7 @@ class Loss:
 
 
 @dataclass(frozen=True, eq=False)
-class ReadResult:
+class ReadResult(Sequence[Track]):
     """Tracks on one common plane, and a record of how they were made from the logs.
 
     Every point read is either in a track or counted by a repair that drops points:
@@ -131,6 +134,21 @@ class ReadResult:
     left_out: tuple[LeftOut, ...] = ()
     dropped_columns: tuple[str, ...] = ()
     losses: tuple[Loss, ...] = ()
+
+    def __repr__(self) -> str:
+        tracks, points = count_text(len(self.tracks), "track"), count_text(self.points, "point")
+        return f"ReadResult({tracks}, {points}, {self.lost:,} lost)"
+
+    def __len__(self) -> int:
+        return len(self.tracks)
+
+    @overload
+    def __getitem__(self, number: int) -> Track: ...
+    @overload
+    def __getitem__(self, number: slice) -> tuple[Track, ...]: ...
+    def __getitem__(self, number: int | slice) -> Track | tuple[Track, ...]:
+        """Return a track, or some, in the order in which the logs first name them."""
+        return self.tracks[number]
 
     @property
     def complete(self) -> bool:

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import OptionError
 from gpszip.model import Plane, SegmentMean
+from gpszip.model.text import count_text
 from gpszip.sketches.kernels import blocks as kernel
 from gpszip.sketches.kernels.block_chain import penalised_block_partition
 from gpszip.sketches.kernels.block_costs import block_costs
@@ -94,6 +95,10 @@ class Coreset:
             values = np.ascontiguousarray(getattr(self, name), dtype=dtype)
             values.flags.writeable = False
             object.__setattr__(self, name, values)
+
+    def __repr__(self) -> str:
+        blocks, tracks = count_text(len(self), "block"), count_text(len(self.tracks), "track")
+        return f"Coreset({blocks} of {count_text(self.samples, 'sample')}, {tracks})"
 
     def __len__(self) -> int:
         """Number of blocks."""

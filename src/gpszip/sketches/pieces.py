@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import OptionError
 from gpszip.model import SegmentMean
+from gpszip.model.text import count_text
 
 __all__ = ["PiecewiseLinear", "from_segment_mean", "polyline"]
 
@@ -43,6 +44,10 @@ class PiecewiseLinear:
     end_times: NDArray[np.float64]
     starts: NDArray[np.float64]
     ends: NDArray[np.float64]
+
+    def __repr__(self) -> str:
+        pieces, first, last = len(self.starts), self.start_times[0], self.end_times[-1]
+        return f"PiecewiseLinear({count_text(pieces, 'piece')}, {first:.10g} to {last:.10g} s)"
 
     def __post_init__(self) -> None:
         fields = ("start_times", "end_times", "starts", "ends")

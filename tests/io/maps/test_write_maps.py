@@ -1,5 +1,6 @@
 import csv
 import json
+import re
 from dataclasses import replace
 from itertools import pairwise
 from xml.etree import ElementTree as ET
@@ -71,14 +72,16 @@ def test_geopackage_is_read_by_gdal(tmp_path, d, plane):
     assert (meta["crs"] == "EPSG:4326") == (plane is not None)
 
 
-def test_graphml_is_a_graph(tmp_path):
+def test_graphml_is_a_directed_graph(tmp_path):
     write_map(square(), tmp_path / "map.graphml", min_traversals=2)
     space = {"g": "http://graphml.graphdrawing.org/xmlns"}
     root = ET.parse(tmp_path / "map.graphml").getroot()  # our own file
     assert [node.get("id") for node in root.findall(".//g:node", space)] == ["0", "1", "2"]
     edges = root.findall(".//g:edge", space)
-    assert [(edge.get("source"), edge.get("target")) for edge in edges] == [("0", "1"), ("1", "2")]
-    assert [data.text for data in edges[1]] == ["2", "2", "400.0"]
+    assert [
+        (edge.get("source"), edge.get("target"), *(data.text for data in edge)) for edge in edges
+    ] == [("0", "1", "3", "300.0"), ("1", "2", "2", "400.0"), ("2", "1", "2", "400.0")]
+    assert root.find("g:graph", space).get("edgedefault") == "directed"
     keys = {key.get("id") for key in root.findall("g:key", space)}
     assert {data.get("key") for data in root.findall(".//g:data", space)} == keys
 
@@ -175,6 +178,32 @@ def test_well_known_text_is_cut_at_the_antimeridian(tmp_path):
         (row,) = csv.DictReader(file)
     assert row["line"].startswith("MULTILINESTRING ((179.99")
     assert "180.0 -17.0), (-180.0 -17.0, -179.9995" in row["line"]
+
+
+def test_lines_of_graphml_lead_from_source_to_target(tmp_path):
+    write_map(way([[-100, 0], [-50, 7], [50, 0]], DATE_LINE), tmp_path / "cut.graphml")
+    write_map(way([[0, 0], [30, 40], [60, 0]], None), tmp_path / "map.graphml")
+    assert graphml_lines(tmp_path / "map.graphml") == [
+        ("0", "1", "LINESTRING (0.0 0.0, 30.0 40.0, 60.0 0.0)"),
+        ("1", "0", "LINESTRING (60.0 0.0, 30.0 40.0, 0.0 0.0)"),
+    ]
+    there, back = (numbers(line) for *_, line in graphml_lines(tmp_path / "cut.graphml"))
+    assert len(there) > 3
+    assert there == back[::-1]
+
+
+def graphml_lines(path):
+    space = {"g": "http://graphml.graphdrawing.org/xmlns"}
+    edges = ET.parse(path).getroot().findall(".//g:edge", space)
+    return [
+        (edge.get("source"), edge.get("target"), edge.find("g:data[@key='line']", space).text)
+        for edge in edges
+    ]
+
+
+def numbers(line):
+    """Positions of a line in well-known text, whatever its parts are."""
+    return re.findall(r"-?[\d.]+ -?[\d.]+", line)
 
 
 @pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".graphml"])
