@@ -37,7 +37,7 @@ def prices_of(network, turn=2.0, u_turn=20.0):
 def find(network, start, end, **options):
     finder = PathFinder(network)
     return finder, finder.find_paths(
-        [start], [end], prices_of(network), **{"slack": 60.0, "most": 20} | options
+        [start], [end], prices_of(network), **{"slack": 60.0, "max_paths": 20} | options
     )
 
 

@@ -105,10 +105,10 @@ def test_the_chain_is_as_cheap_as_the_plain_one(seed, headed):
     least, plain, price = cheapest(
         town, places[used], times[used], model, [one if one.any() else None for one in facing[used]]
     )
-    assert price(layers.all.roads[chain].tolist()) == pytest.approx(least, rel=1e-9)
+    assert price(layers.candidates.roads[chain].tolist()) == pytest.approx(least, rel=1e-9)
     # at a crossing the end of one road and the beginning of the next are one place
     np.testing.assert_allclose(
-        spots(index, layers.all.roads[chain], layers.all.metres[chain]),
+        spots(index, layers.candidates.roads[chain], layers.candidates.metres[chain]),
         spots(
             index,
             np.array([one[0] for one in plain], np.int32),
@@ -145,7 +145,7 @@ def test_of_chains_equally_cheap_the_first_is_taken(seed):
         create_workspace(index),
     )
     _, plain, _ = cheapest(town, places[used], times[used], model)
-    assert layers.all.roads[best_path(layers)].tolist() == [one[0] for one in plain]
+    assert layers.candidates.roads[best_path(layers)].tolist() == [one[0] for one in plain]
 
 
 def facings(places, seed):
