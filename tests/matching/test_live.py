@@ -172,7 +172,7 @@ def test_a_matcher_begins_anew_after_its_end():
 
 
 def test_choices_are_checked():
-    with pytest.raises(OptionError, match="no usual scales"):
+    with pytest.raises(OptionError, match="no default scales"):
         LiveMatcher(town())
     for wrong in ({"lag": 0}, {"gap": 0.0}):
         with pytest.raises(OptionError, match="positive"):

@@ -176,7 +176,7 @@ def test_no_way_leads_there():
     )
     times, _, seen = drive([(0, 0), (1200, 0)])
     found = patch(torn(times, seen, 40.0, 80.0), network, gap=20.0)
-    assert found.open[0].reason == "no way over the roads leads through it"
+    assert found.open[0].reason == "no path over the roads leads through it"
 
 
 def test_hours_for_a_minutes_way_may_have_been_spent_anywhere():

@@ -102,7 +102,7 @@ def candidates(plain, place, model, heading=None):
             kept.append((far, e, offset))
 
     def turned(cosine):
-        return 0.0 if heading is None else math.log(1 + model.heading * (1 - cosine))
+        return 0.0 if heading is None else math.log(1 + model.heading_weight * (1 - cosine))
 
     out = [
         (a, offset, 0.5 * (far / model.sigma) ** 2 + turned(plain.cosine(e, offset, heading)))
