@@ -285,10 +285,13 @@ class PathFinder:
         paths = []
         for start in starts:
             for end in ends:
+                # the direction must be open
                 is_forward = end.offset >= start.offset
                 is_open = self.network.forward if is_forward else self.network.backward
                 if start.road >> 1 != end.road >> 1 or not is_open[start.road >> 1]:
                     continue
+
+                # turning round at the start or end to travel in it
                 road = (start.road & ~1) | (not is_forward)
                 length = max(float(self.lengths[road]), _MIN_LENGTH)
                 share = abs(end.offset - start.offset) / length

@@ -272,6 +272,8 @@ def _reason_of_jump(
     road, target = int(path.roads[a]), int(path.roads[b])
     if road in {target, target ^ 1}:
         return "detour"
+
+    # a path with neither costs nor limits but for its length
     straight = distance_between(path.observations.positions, i, j)
     bound = _MAX_DETOUR * (straight + search_radius(scales))
     between = find_path(

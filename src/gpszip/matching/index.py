@@ -48,6 +48,8 @@ class RoadIndex:
 def create_workspace(index: RoadIndex) -> Workspace:
     """Allocate the arrays of one thread's searches, once: they are as large as the network."""
     roads, nodes = len(index.graph.is_open), len(index.graph.node_positions)
+
+    # backward from the candidates of a time step
     backward = BackwardSearch(
         state=np.zeros(3, np.int64),
         limits=np.zeros(2),
@@ -58,6 +60,8 @@ def create_workspace(index: RoadIndex) -> Workspace:
         heap=np.zeros(roads, np.int32),
         is_source=np.zeros(nodes, np.bool_),
     )
+
+    # forward from those of the time step before
     return Workspace(
         state=np.zeros(2, np.int64),
         stamps=np.zeros(roads, np.int64),

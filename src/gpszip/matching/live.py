@@ -332,7 +332,8 @@ class LiveMatcher:
         straight, seconds = 0.0, math.inf
         if not is_after_gap:
             straight = self._distance_to_last_step(position)
-            seconds = time - self._step_times[(step - 1) % slots]
+            # a float, since the kernel would be compiled anew for integers
+            seconds = float(time - self._step_times[(step - 1) % slots])
         best = add_time_step(
             self._ring,
             step,

@@ -177,11 +177,15 @@ def _check(
         raise InputError("no tracks: there is nothing to match")
     if not len(network):
         raise InputError("the network has no roads: there is nothing to match with")
+
+    # numbers
     numbers = {"sigma": sigma, "beta": beta, "gap": gap, "heading": heading}
     for name, value in numbers.items():
         may_be_infinite = name in {"gap", "heading"}
         if value is not None and not (value > 0 and (may_be_infinite or math.isfinite(value))):
             raise OptionError(f"{name} is {value:g}; it must be a positive number")
+
+    # planes
     for track in tracks:
         if track.plane != network.plane:
             raise OptionError(

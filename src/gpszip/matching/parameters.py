@@ -91,20 +91,23 @@ def model_parameters(scales: Scales) -> ModelParameters:
     """
     radius = search_radius(scales)
     return ModelParameters(
+        # emission
         sigma=scales.sigma,
-        beta=scales.beta,
         search_radius=radius,
+        max_candidates=_MAX_CANDIDATES,
         off_road_cost=0.5 * (radius / scales.sigma) ** 2,
+        heading_weight=1.0 / math.radians(scales.heading) ** 2,
+        # transition
+        beta=scales.beta,
         jump_cost=JUMP_COST,
         turn_cost=_TURN_COST,
         u_turn_cost=_U_TURN_COST,
         backward_tolerance=_BACKWARD_TOLERANCE * scales.error,
-        max_spur=_MAX_SPUR * scales.error,
-        cost_margin=_COST_MARGIN,
-        max_candidates=_MAX_CANDIDATES,
+        # limits of the search
         max_speed=scales.max_speed,
         median_speed=scales.median_speed,
         max_detour=_MAX_DETOUR,
         length_tolerance=radius,
-        heading_weight=1.0 / math.radians(scales.heading) ** 2,
+        cost_margin=_COST_MARGIN,
+        max_spur=_MAX_SPUR * scales.error,
     )

@@ -276,8 +276,11 @@ def _nearest_on_legs(
     """
     least, nearest_leg, nearest_metres = np.inf, low, begin
     for leg in range(low, high + 1):
+        # the interval of the leg
         leg_begin = begin if leg == low else legs.begin[leg]
         leg_end = end if leg == high else legs.end[leg]
+
+        # the first of the nearest points
         metres, distance = nearest_on_road(
             position, legs.roads[leg], leg_begin, max(leg_begin, leg_end), roads, graph
         )

@@ -188,10 +188,13 @@ def expand_to_goal(
     straight line to within ``goal_radius`` metres of the goal. Paths longer than ``max_length``
     metres, or beyond the cost bound, are not followed.
     """
+    # lower bound of the cost to go
     node = graph.heads[road]
     cost_to_go = max(_distance_to_node(node, goal, graph) - goal_radius, 0.0)
     if metres > max_length or cost + cost_to_go > cost_bound:
         return
+
+    # every road that leaves the node
     for i in range(graph.out_starts[node], graph.out_starts[node + 1]):
         next_road = graph.out_roads[i]
         next_cost = cost + _turn_cost(road, next_road, graph, model)
@@ -214,6 +217,8 @@ def next_towards_goal(
     Its label is final: no other path to its beginning costs less. -1 if there is none.
     """
     road = _pop_next(cost_bound, work)
+
+    # metres and cost to its end
     if road >= 0:
         length = graph.lengths[road]
         expand_to_goal(
@@ -247,12 +252,15 @@ def expand_to_targets(
     The cost to go is what the last backward search found, or at least its limit where it did not
     reach.
     """
+    # lower bound of the cost to go where the backward search did not reach
     if metres > max_length:
         return
     node = graph.heads[road]
     least_to_go = work.backward.limits[COST_LIMIT] - _min_distance_to_sources(
         node, graph, work.backward
     )
+
+    # every road that leaves the node
     for i in range(graph.out_starts[node], graph.out_starts[node + 1]):
         next_road = graph.out_roads[i]
         is_final = (
