@@ -1,4 +1,4 @@
-"""Samples near each other for their noise are averaged, and white noise no longer sends routes to and fro."""
+"""Moving averages: the noise they are chosen by, and matching with them."""
 
 import numpy as np
 import pytest
@@ -11,119 +11,103 @@ from gpszip.matching.averaging import (
     moving_average,
 )
 from gpszip.matching.match import match
-from gpszip.model import Network, Track
+from gpszip.model import Track
 from gpszip.testing.city import drives
+from matching.streets import town
 
 
-def town(blocks, block):
-    """The streets of :func:`gpszip.testing.city.drives`."""
-    n = blocks + 1
-    nodes = block * (np.array([(x, y) for x in range(n) for y in range(n)], float) - blocks / 2)
-    pairs = [(x * n + y, (x + 1) * n + y) for x in range(blocks) for y in range(n)]
-    pairs = np.array(
-        pairs + [(x * n + y, x * n + y + 1) for x in range(n) for y in range(blocks)], np.int32
-    )
-    both = np.ones(len(pairs), bool)
-    return Network(
-        nodes,
-        pairs[:, 0].copy(),
-        pairs[:, 1].copy(),
-        2 * np.arange(len(pairs) + 1),
-        nodes[pairs.ravel()],
-        both,
-        both,
-        0.0 * both + np.nan,
-    )
-
-
-def plain_means(positions, is_gap, size):
-    out = []
+def plain_moving_average(positions, is_gap, window):
+    """Widen the window about each sample until it meets a gap or an end."""
+    means = []
     for i in range(len(positions)):
-        reach = 0
+        side = 0
         while (
-            reach < size // 2
-            and i - reach > 0
-            and i + reach + 1 < len(positions)
-            and not is_gap[i - reach - 1]
-            and not is_gap[i + reach]
+            side < window // 2
+            and i - side > 0
+            and i + side + 1 < len(positions)
+            and not is_gap[i - side - 1]
+            and not is_gap[i + side]
         ):
-            reach += 1
-        out.append(positions[i - reach : i + reach + 1].mean(axis=0))
-    return np.array(out)
+            side += 1
+        means.append(positions[i - side : i + side + 1].mean(axis=0))
+    return np.array(means)
 
 
-@pytest.mark.parametrize("size", [1, 3, 7, 31])
+@pytest.mark.parametrize("window", [1, 3, 7, 31])
 @pytest.mark.parametrize("seed", range(4))
-def test_means_are_those_of_the_plain_twin_also_one_by_one(size, seed):
+def test_moving_and_running_averages_equal_the_oracle(window, seed):
     rng = np.random.default_rng(seed)
     positions, is_gap = rng.normal(0, 10, (60, 2)), rng.random(59) < 0.08
-    means = moving_average(positions, is_gap, size)
-    np.testing.assert_allclose(means, plain_means(positions, is_gap, size), atol=1e-12)
-    running, told = RunningAverage(size), []
-    for i, place in enumerate(positions):
+    means = moving_average(positions, is_gap, window)
+    np.testing.assert_allclose(means, plain_moving_average(positions, is_gap, window), atol=1e-12)
+
+    running, samples = RunningAverage(window), []
+    for i, position in enumerate(positions):
         if i and is_gap[i - 1]:
-            told += running.finish()
-        told += running.push((float(i), place, np.zeros(2)))
-        assert i - len(told) < size // 2 + 1
-    told += running.finish()
-    assert [time for time, _, _ in told] == list(range(60))
-    np.testing.assert_array_equal([place for _, place, _ in told], means)
+            samples += running.finish()
+        samples += running.push((float(i), position, np.zeros(2)))
+        assert i - len(samples) < window // 2 + 1
+    samples += running.finish()
+    assert [time for time, _, _ in samples] == list(range(60))
+    np.testing.assert_array_equal([position for _, position, _ in samples], means)
 
 
 @pytest.mark.parametrize("noise", [0.5, 4.0, 25.0])
 @pytest.mark.parametrize("dimension", [1, 2, 3])
-def test_noise_is_told_from_travel(noise, dimension):
-    way = 9.0 * np.arange(2000.0)[:, None] * np.eye(dimension)[0]
-    seen = way + np.random.default_rng(1).normal(0, noise, way.shape)
-    assert estimate_noise(seen, np.zeros(1999, bool)) == pytest.approx(noise, rel=0.1)
+def test_noise_is_estimated_beside_travel(noise, dimension):
+    line = 9.0 * np.arange(2000.0)[:, None] * np.eye(dimension)[0]
+    positions = line + np.random.default_rng(1).normal(0, noise, line.shape)
+    assert estimate_noise(positions, np.zeros(1999, bool)) == pytest.approx(noise, rel=0.1)
 
 
-def test_speed_is_told_from_noise_and_from_standing():
+def test_stride_shows_the_speed_of_an_agent_that_mostly_stands():
     rng, is_gap = np.random.default_rng(2), np.zeros(9999, bool)
-    moving = np.arange(10_000) % 1000 < 100  # stands nine tenths of the time
-    way = 9.0 * np.cumsum(moving)[:, None] * [1.0, 0.0]
-    seen = way + rng.normal(0, 5, way.shape)
-    every, length = find_stride(seen, is_gap, estimate_noise(seen, is_gap))
-    assert length / every == pytest.approx(9, rel=0.25)
-    assert choose_window(seen, is_gap) == 1
+    is_moving = np.arange(10_000) % 1000 < 100
+    line = 9.0 * np.cumsum(is_moving)[:, None] * [1.0, 0.0]
+    positions = line + rng.normal(0, 5, line.shape)
+    stride, length = find_stride(positions, is_gap, estimate_noise(positions, is_gap))
+    assert length / stride == pytest.approx(9, rel=0.25)
+    assert choose_window(positions, is_gap) == 1
 
 
 @pytest.mark.parametrize("period", [1.0, 10.0, 60.0])
-def test_sparse_samples_are_left_alone(period):
-    (one,) = drives(blocks=6, vehicles=1, period=period, duration=400 * period, noise=4.0).values()
-    assert choose_window(one[1][:5], np.zeros(4, bool)) == 1
-    assert match(Track("bus", *one), town(6, 120.0)).scales.averaging_window == 1
+def test_sparse_samples_are_not_averaged(period):
+    (bus,) = drives(blocks=6, vehicles=1, period=period, duration=400 * period, noise=4.0).values()
+    assert choose_window(bus[1][:5], np.zeros(4, bool)) == 1
+    assert match(Track("bus", *bus), town()).scales.averaging_window == 1
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_white_noise_sends_no_route_to_and_fro(seed):
+def test_white_noise_does_not_send_routes_to_and_fro(seed):
     blocks, block = 8, 90.0
     options = {"blocks": blocks, "block": block, "vehicles": 2, "duration": 900.0, "seed": seed}
-    seen, truth = drives(noise=25.0, **options), drives(noise=0.0, **options)
+    noisy, exact = drives(noise=25.0, **options), drives(noise=0.0, **options)
     streets = town(blocks, block)
-    found = match([Track(name, *one) for name, one in seen.items()], streets)
-    true = np.concatenate([one[1] for one in truth.values()])
-    places = np.concatenate([one.snapped_positions(streets) for one in found])
-    assert found.scales.averaging_window in {3, 5}
-    assert np.mean(np.linalg.norm(places - true, axis=1) < 40) > 0.95
-    driven = sum(np.linalg.norm(np.diff(one[1], axis=0), axis=1).sum() for one in truth.values())
-    assert sum(piece.length for one in found for piece in one.pieces) / driven == pytest.approx(
-        0.97, abs=0.06
-    )
-    raw = np.concatenate([one[1] for one in seen.values()])
+    matching = match([Track(name, *bus) for name, bus in noisy.items()], streets)
+    assert matching.scales.averaging_window in {3, 5}
+
+    # near the true positions, and about as long as the true drive
+    exact_positions = np.concatenate([bus[1] for bus in exact.values()])
+    snapped = np.concatenate([matched.snapped_positions(streets) for matched in matching])
+    assert np.mean(np.linalg.norm(snapped - exact_positions, axis=1) < 40) > 0.95
+    driven = sum(np.linalg.norm(np.diff(bus[1], axis=0), axis=1).sum() for bus in exact.values())
+    matched_length = sum(piece.length for matched in matching for piece in matched.pieces)
+    assert matched_length / driven == pytest.approx(0.97, abs=0.06)
+
+    # distances are those of the samples, not of their means
+    noisy_positions = np.concatenate([bus[1] for bus in noisy.values()])
     np.testing.assert_allclose(
-        np.concatenate([one.distance for one in found]),
-        np.linalg.norm(raw - places, axis=1),
+        np.concatenate([matched.distance for matched in matching]),
+        np.linalg.norm(noisy_positions - snapped, axis=1),
         atol=1e-6,
     )
 
 
 @pytest.mark.parametrize("period", [30.0, 60.0])
 @pytest.mark.parametrize("seed", range(3))
-def test_sparse_routes_are_as_long_as_the_shortest_ways(period, seed):
-    """Not as the drives: a car that came to its goal and turned between two samples was not seen to."""
+def test_sparse_routes_are_as_long_as_shortest_paths(period, seed):
+    """Not as the drives: a car that turned at its destination between two samples was not seen."""
     blocks, block = 12, 120.0
-    streets = town(blocks, block)
     options = {
         "blocks": blocks,
         "block": block,
@@ -132,11 +116,9 @@ def test_sparse_routes_are_as_long_as_the_shortest_ways(period, seed):
         "seed": seed,
         "period": period,
     }
-    seen, truth = drives(noise=8.0, **options), drives(noise=0.0, **options)
-    found = match([Track(name, *one) for name, one in seen.items()], streets)
-    shortest = sum(
-        np.abs(np.diff(one[1], axis=0)).sum() for one in truth.values()
-    )  # on a grid; a little more round a block
-    assert sum(piece.length for one in found for piece in one.pieces) / shortest == pytest.approx(
-        1.02, abs=0.04
-    )
+    noisy, exact = drives(noise=8.0, **options), drives(noise=0.0, **options)
+    matching = match([Track(name, *bus) for name, bus in noisy.items()], town(blocks, block))
+    # on a grid; a little more where a path goes round a block
+    shortest = sum(np.abs(np.diff(bus[1], axis=0)).sum() for bus in exact.values())
+    matched_length = sum(piece.length for matched in matching for piece in matched.pieces)
+    assert matched_length / shortest == pytest.approx(1.02, abs=0.04)

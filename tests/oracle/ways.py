@@ -1,57 +1,56 @@
-"""All paths between two positions on a small network, one by one."""
+"""Cheapest paths over a small network, by trying all of them."""
 
 import math
 
 
-def cheapest(network, costs, start, end, turn, u_turn):
-    """Cost of the cheapest path between two positions, by trying all.
+def cheapest(network, costs, start, end, turn_cost, u_turn_cost):
+    """Cost of the cheapest path between two positions, each (directed road, offset).
 
-    Positions are pairs of a directed road and an offset. Paths use no directed road twice.
+    Tries all paths that use no directed road twice.
     """
-    best = [math.inf]
-    lengths = network.lengths
+    directed = range(2 * len(network))
     nodes = [
-        [int(network.starts[road >> 1]), int(network.ends[road >> 1])][:: -1 if road % 2 else 1]
-        for road in range(2 * len(network))
+        [int(network.starts[a >> 1]), int(network.ends[a >> 1])][:: -1 if a % 2 else 1]
+        for a in directed
     ]
-    is_open = [
-        bool((network.backward if road % 2 else network.forward)[road >> 1])
-        for road in range(2 * len(network))
-    ]
+    is_open = [bool((network.backward if a % 2 else network.forward)[a >> 1]) for a in directed]
     degree = [
-        sum(node in pair for pair in nodes[::2])
-        + sum(pair[0] == pair[1] == node for pair in nodes[::2])
+        sum((pair[0] == node) + (pair[1] == node) for pair in nodes[::2])
         for node in range(len(network.nodes))
     ]
 
-    def heading(road):
-        line = network.road(road >> 1)[:: -1 if road % 2 else 1]
+    def direction(a):
+        line = network.road(a >> 1)[:: -1 if a % 2 else 1]
         step = line[1] - line[0]
         return step / math.hypot(*step)
 
-    def turn_cost(a, b):
+    def cost_of_turn(a, b):
         if b == a ^ 1:
-            return u_turn
+            return u_turn_cost
         if degree[nodes[a][1]] <= 2:
             return 0.0
-        cosine = float(-heading(a ^ 1) @ heading(b))
-        return turn * (1 - cosine)
+        return turn_cost * (1 + float(direction(a ^ 1) @ direction(b)))
 
-    def fraction(road, offset, leaving):
-        length = float(lengths[road >> 1])
-        ahead = offset if road % 2 else length - offset
-        return (ahead if leaving else length - ahead) / length
+    def share(a, offset, *, leaving):
+        """Share of a road behind a position (leaving), or before it."""
+        length = float(network.lengths[a >> 1])
+        metres_left = offset if a % 2 else length - offset
+        return (metres_left if leaving else length - metres_left) / length
 
-    def follow(road, total, used):
-        for last, extra in ((end[0], 0.0), (end[0] ^ 1, u_turn)):
-            if road == last and len(used) > 1 and is_open[last]:
-                remaining = costs[road] * (1 - fraction(road, end[1], False))
-                best[0] = min(best[0], total - remaining + extra)
-        for other in range(2 * len(network)):
-            if other not in used and is_open[other] and nodes[other][0] == nodes[road][1]:
-                follow(other, total + turn_cost(road, other) + costs[other], used | {other})
+    least = math.inf
 
-    for road, extra in ((start[0], 0.0), (start[0] ^ 1, u_turn)):
-        if is_open[road] or extra == 0.0:
-            follow(road, costs[road] * fraction(road, start[1], True) + extra, {road})
-    return best[0]
+    def extend(a, total, used):
+        """Try to end on road a, reached at ``total`` to its end, and all roads behind it."""
+        nonlocal least
+        for target, turn in ((end[0], 0.0), (end[0] ^ 1, u_turn_cost)):
+            if a == target and len(used) > 1 and is_open[target]:
+                unused = costs[a] * (1 - share(a, end[1], leaving=False))
+                least = min(least, total - unused + turn)
+        for b in directed:
+            if b not in used and is_open[b] and nodes[b][0] == nodes[a][1]:
+                extend(b, total + cost_of_turn(a, b) + costs[b], used | {b})
+
+    for a, turn in ((start[0], 0.0), (start[0] ^ 1, u_turn_cost)):
+        if is_open[a] or turn == 0.0:
+            extend(a, costs[a] * share(a, start[1], leaving=True) + turn, {a})
+    return least

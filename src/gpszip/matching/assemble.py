@@ -1,4 +1,8 @@
-"""From the chain of one track to its match: pieces, breaks with their reasons, and a place for every sample."""
+"""From a Viterbi path to a match: pieces, breaks with their reasons, and sample positions.
+
+An interval between pieces is a pair of time steps (a, b): the last one on a piece, -1 before the
+first piece, and the next one on a piece, the number of time steps after the last piece.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +13,7 @@ from numpy.typing import NDArray
 
 from gpszip.matching.averaging import estimate_noise
 from gpszip.matching.index import RoadIndex
-from gpszip.matching.kernels.backtrace import Legs, legs_to_line, place_samples
+from gpszip.matching.kernels.backtrace import Legs, legs_to_line, place_samples, slice_legs
 from gpszip.matching.kernels.candidates import BREAK, JUMP
 from gpszip.matching.kernels.roads import Workspace, distance_between
 from gpszip.matching.kernels.search import find_path
@@ -24,240 +28,264 @@ from gpszip.model.match import Break, Match, Piece, Route, Scales
 
 __all__ = ["build_match", "route_from_legs"]
 
-#: Ways up to so many times the straight line are looked for to tell a detour from no way at all.
-_FAR = 100.0
+#: Length of the longest path, in straight lines, that is a detour rather than no route at all.
+_MAX_DETOUR = 100.0
 
-#: A piece shorter than this share of what its samples move stays at one place: so much way is made by errors.
-_NOTHING = 0.1
+#: A piece shorter than this share of what its samples move stays in one position: errors alone
+#: make a path that long.
+_MIN_PROGRESS = 0.1
 
-#: Errors of a standing receiver wander: within an hour by so many times what they change from sample to sample.
+#: Distance that the errors of a standing receiver wander within an hour, as a multiple of their
+#: change from sample to sample.
 _WANDER = 100.0
 
 
 def route_from_legs(index: RoadIndex, legs: Legs) -> Route:
-    """The route of legs on directed roads."""
-    back = (legs.roads & 1).astype(np.bool_)
+    """Convert legs on directed roads to a route."""
+    is_backward = (legs.roads & 1).astype(np.bool_)
     lengths = index.graph.lengths[legs.roads]
-    begin, end = (
-        np.where(back, lengths - legs.begin, legs.begin),
-        np.where(back, lengths - legs.end, legs.end),
-    )
-    return Route(legs.roads >> 1, ~back, begin, end)
+    begin = np.where(is_backward, lengths - legs.begin, legs.begin)
+    end = np.where(is_backward, lengths - legs.end, legs.end)
+    return Route(legs.roads >> 1, ~is_backward, begin, end)
 
 
 def build_match(
-    index: RoadIndex, work: Workspace, track: str, chain: ViterbiPath, scales: Scales
+    index: RoadIndex, work: Workspace, track: str, path: ViterbiPath, scales: Scales
 ) -> Match:
-    """Put together what is told of a track.
+    """Build the match of a track.
 
     Parameters
     ----------
-    index, work : RoadIndex, Work
-        The network, and room to search it.
+    index, work : RoadIndex, Workspace
+        The network, and arrays for its searches.
     track : str
         Name of the track.
-    chain : Chain
-        Its cheapest chain.
+    path : ViterbiPath
+        Its Viterbi path.
     scales : Scales
-        What it was matched with.
+        The scales that the path was found with.
     """
-    samples = len(chain.observations.times)
+    # position of every sample on the legs
+    samples, steps = len(path.observations.times), len(path.sample_indices)
     leg, metres, distance = place_samples(
-        chain.observations.positions, chain.sample_indices, chain.leg, chain.metres, chain.legs, index.roads, index.graph
-    )  # fmt: skip
-    spans = [span for span in _spans(chain) if not _claims_nothing(chain, scales, *span)]
-    leg = _taken_off(chain, leg, spans)
+        path.observations.positions,
+        path.sample_indices,
+        path.leg,
+        path.metres,
+        path.legs,
+        index.roads,
+        index.graph,
+    )
+
+    # pieces, without those that are no route, and the reasons of the breaks between them
+    spans = [span for span in _piece_spans(path) if not _is_standstill(path, scales, *span)]
+    leg = _drop_other_legs(path, leg, spans)
     distance = np.where(leg >= 0, distance, np.nan)
     reasons = [
-        _reason(index, work, chain, scales, a, b)
-        for a, b in _between(spans, len(chain.sample_indices))
+        _break_reason(index, work, path, scales, a, b) for a, b in _intervals_between(spans, steps)
     ]
     confidence = np.where(
-        leg >= 0, np.interp(np.arange(samples), chain.sample_indices, chain.confidence), 0.0
+        leg >= 0, np.interp(np.arange(samples), path.sample_indices, path.confidence), 0.0
     )
-    piece, number, along = (
-        np.full(samples, -1, np.int32),
-        np.full(samples, -1, np.int32),
-        np.full(samples, np.nan),
-    )
+
+    # each piece, and where its samples lie along it
+    piece_of = np.full(samples, -1, np.int32)
+    leg_of = np.full(samples, -1, np.int32)
+    along = np.full(samples, np.nan)
     pieces = []
-    for i, (first, last) in enumerate(spans):
-        low, high = int(chain.leg[first]), int(chain.leg[last]) + 1
-        legs = Legs(
-            chain.legs.roads[low:high],
-            chain.legs.begin[low:high],
-            chain.legs.end[low:high],
-            chain.legs.piece[low:high],
-        )
-        a, b = int(chain.sample_indices[first]), int(chain.sample_indices[last])
-        here = slice(a, b + 1)
-        piece[here], number[here] = i, leg[here] - low
-        along[here] = (
-            np.concatenate(([0.0], np.cumsum(legs.end - legs.begin)))[number[here]]
-            + metres[here]
-            - legs.begin[number[here]]
-        )
-        sure = float(confidence[here].mean())
+    for number, (first_step, last_step) in enumerate(spans):
+        low, high = int(path.leg[first_step]), int(path.leg[last_step]) + 1
+        legs = slice_legs(path.legs, low, high)
+        first, last = int(path.sample_indices[first_step]), int(path.sample_indices[last_step])
+        inside = slice(first, last + 1)
+        piece_of[inside] = number
+        leg_of[inside] = leg[inside] - low
+        leg_starts = np.concatenate(([0.0], np.cumsum(legs.end - legs.begin)))
+        along[inside] = leg_starts[leg_of[inside]] + metres[inside] - legs.begin[leg_of[inside]]
         pieces.append(
             Piece(
-                a,
-                b,
+                first,
+                last,
                 route_from_legs(index, legs),
                 legs_to_line(legs, index.roads, index.graph),
-                sure,
-                reasons[i + 1] or "end of track",
+                float(confidence[inside].mean()),
+                reasons[number + 1] or "end of track",
             )
         )
-    breaks = _breaks(chain, spans, reasons)
-    edge, forward, offset = _on_roads(index, chain, leg, metres)
+
+    edge, forward, offset = _edges_of_samples(index, path, leg, metres)
     return Match(
-        track, tuple(pieces), breaks, piece, number, edge, forward, offset, along, distance, confidence, scales
-    )  # fmt: skip
+        track,
+        tuple(pieces),
+        _build_breaks(path, spans, reasons),
+        piece_of,
+        leg_of,
+        edge,
+        forward,
+        offset,
+        along,
+        distance,
+        confidence,
+        scales,
+    )
 
 
-def _on_roads(
-    index: RoadIndex, chain: ViterbiPath, leg: NDArray[np.int64], metres: NDArray[np.float64]
+def _edges_of_samples(
+    index: RoadIndex, path: ViterbiPath, leg: NDArray[np.int64], metres: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.bool_], NDArray[np.float64]]:
     """Road, direction and offset of every sample."""
-    on = leg >= 0
+    is_on_road = leg >= 0
     roads = np.zeros(len(leg), np.int32)
-    roads[on] = chain.legs.roads[leg[on]]
-    back = (roads & 1).astype(np.bool_)
-    edge = np.where(on, roads >> 1, -1).astype(np.int32)
-    return edge, on & ~back, np.where(back, index.graph.lengths[roads] - metres, metres)
+    roads[is_on_road] = path.legs.roads[leg[is_on_road]]
+    is_backward = (roads & 1).astype(np.bool_)
+    edge = np.where(is_on_road, roads >> 1, -1).astype(np.int32)
+    offset = np.where(is_backward, index.graph.lengths[roads] - metres, metres)
+    return edge, is_on_road & ~is_backward, offset
 
 
-def _spans(chain: ViterbiPath) -> list[tuple[int, int]]:
-    """First and last layer of each piece."""
-    on = chain.leg >= 0
-    if not on.any():
+def _piece_spans(path: ViterbiPath) -> list[tuple[int, int]]:
+    """First and last time step of each piece."""
+    is_on_road = path.leg >= 0
+    if not is_on_road.any():
         return []
-    piece = np.where(on, chain.legs.piece[np.maximum(chain.leg, 0)], -1)
+    piece = np.where(is_on_road, path.legs.piece[np.maximum(path.leg, 0)], -1)
     change = np.flatnonzero(np.diff(piece)) + 1
-    firsts, lasts = np.concatenate(([0], change)), np.concatenate((change, [len(piece)])) - 1
+    firsts = np.concatenate(([0], change))
+    lasts = np.concatenate((change, [len(piece)])) - 1
     return [(int(a), int(b)) for a, b in zip(firsts, lasts, strict=True) if piece[a] >= 0]
 
 
-def _claims_nothing(chain: ViterbiPath, scales: Scales, first: int, last: int) -> bool:
-    """Whether a piece from one layer to another is no route: it stays at one place while its samples move.
+def _is_standstill(path: ViterbiPath, scales: Scales, first: int, last: int) -> bool:
+    """Whether a piece is no route: it stays in one position while its samples move.
 
-    So it is where no way leads on from a sample, nor to it: the sample before and the next one are elsewhere, too.
+    This happens where no path leads on from a sample, nor to it: the samples before and after are
+    elsewhere, too.
     """
-    low, high = int(chain.leg[first]), int(chain.leg[last])
-    length = float((chain.legs.end - chain.legs.begin)[low : high + 1].sum())
+    low, high = int(path.leg[first]), int(path.leg[last])
+    length = float((path.legs.end - path.legs.begin)[low : high + 1].sum())
 
-    # how far its samples get, with those from which, and to which, there is no way
-    before = first > 0 and chain.transitions[first] == JUMP
-    behind = last + 1 < len(chain.sample_indices) and chain.transitions[last + 1] == JUMP
-    a, b = int(chain.sample_indices[first - before]), int(chain.sample_indices[last + behind])
-    places = chain.observations.positions[a : b + 1]
-    moved = float(
-        np.sqrt(
-            ((places - chain.observations.positions[chain.sample_indices[first]]) ** 2).sum(axis=1)
-        ).max()
-    )
-    if length > _NOTHING * moved:
+    # how far its samples move, with the next ones to which, or from which, no path leads
+    jumped_before = first > 0 and path.transitions[first] == JUMP
+    jumps_after = last + 1 < len(path.sample_indices) and path.transitions[last + 1] == JUMP
+    first_sample = int(path.sample_indices[first - jumped_before])
+    last_sample = int(path.sample_indices[last + jumps_after])
+    positions = path.observations.positions
+    steps = positions[first_sample : last_sample + 1] - positions[path.sample_indices[first]]
+    moved = float(np.sqrt((steps**2).sum(axis=1)).max())
+
+    # more than errors can make
+    if length > _MIN_PROGRESS * moved:
         return False
-    return moved > (min_spacing(scales) if before or behind else _standing(chain, scales))
+    return moved > (
+        min_spacing(scales) if jumped_before or jumps_after else _standstill_diameter(path, scales)
+    )
 
 
-def _standing(chain: ViterbiPath, scales: Scales) -> float:
+def _standstill_diameter(path: ViterbiPath, scales: Scales) -> float:
     """Metres that samples of a standing agent may lie apart.
 
-    The error tells it, but not where the whole log is far off the roads; then the samples' own noise does.
+    The error bounds it. Where the log is far off the roads the error is too large, and the
+    samples' own noise bounds it.
     """
-    noise = estimate_noise(chain.observations.positions, chain.observations.is_gap)
-    return (
-        min(backward_tolerance(scales), max(_WANDER * noise, 0.5 * scales.error))
-        if noise
-        else backward_tolerance(scales)
-    )
+    noise = estimate_noise(path.observations.positions, path.observations.is_gap)
+    tolerance = backward_tolerance(scales)
+    return min(tolerance, max(_WANDER * noise, 0.5 * scales.error)) if noise else tolerance
 
 
-def _taken_off(
-    chain: ViterbiPath, leg: NDArray[np.int64], spans: list[tuple[int, int]]
+def _drop_other_legs(
+    path: ViterbiPath, leg: NDArray[np.int64], spans: list[tuple[int, int]]
 ) -> NDArray[np.int64]:
-    """The legs of samples, of those that lie on pieces."""
-    on = np.zeros(len(leg), np.bool_)
+    """The legs of samples on pieces, -1 for all others."""
+    is_on_piece = np.zeros(len(leg), np.bool_)
     for first, last in spans:
-        on[chain.sample_indices[first] : chain.sample_indices[last] + 1] = True
-    return np.where(on, leg, -1)
+        is_on_piece[path.sample_indices[first] : path.sample_indices[last] + 1] = True
+    return np.where(is_on_piece, leg, -1)
 
 
-def _between(spans: list[tuple[int, int]], layers: int) -> list[tuple[int, int]]:
-    """Layers before the first piece, between pieces and after the last one: the last on a piece and the next on one."""
+def _intervals_between(spans: list[tuple[int, int]], steps: int) -> list[tuple[int, int]]:
+    """Intervals before the first piece, between pieces, and after the last one."""
     ends = [-1, *(last for _, last in spans)]
-    return list(zip(ends, [*(first for first, _ in spans), layers], strict=True))
+    return list(zip(ends, [*(first for first, _ in spans), steps], strict=True))
 
 
-def _breaks(
-    chain: ViterbiPath, spans: list[tuple[int, int]], reasons: list[str]
+def _build_breaks(
+    path: ViterbiPath, spans: list[tuple[int, int]], reasons: list[str]
 ) -> tuple[Break, ...]:
-    layers, samples = len(chain.sample_indices), len(chain.observations.times)
-    out = []
-    for (a, b), reason in zip(_between(spans, layers), reasons, strict=True):
+    """Breaks in the intervals that have a reason."""
+    steps, samples = len(path.sample_indices), len(path.observations.times)
+    breaks = []
+    for (a, b), reason in zip(_intervals_between(spans, steps), reasons, strict=True):
         if reason:
-            out.append(
-                Break(
-                    int(chain.sample_indices[a]) if a >= 0 else -1,
-                    int(chain.sample_indices[b]) if b < layers else samples,
-                    reason,
-                )
-            )
-    return tuple(out)
+            after = int(path.sample_indices[a]) if a >= 0 else -1
+            before = int(path.sample_indices[b]) if b < steps else samples
+            breaks.append(Break(after, before, reason))
+    return tuple(breaks)
 
 
-def _reason(
-    index: RoadIndex, work: Workspace, chain: ViterbiPath, scales: Scales, a: int, b: int
+def _break_reason(
+    index: RoadIndex, work: Workspace, path: ViterbiPath, scales: Scales, a: int, b: int
 ) -> str:
-    """Why no piece leads from layer a to layer b; nothing where the track begins or ends with a piece."""
-    if b - a == 1 and (a < 0 or b == len(chain.sample_indices)):
+    """Why no piece leads from time step a to time step b; empty at a matched end of the track."""
+    if b - a == 1 and (a < 0 or b == len(path.sample_indices)):
         return ""
     if b - a > 1:
-        return _reason_of_layers(index, work, chain, scales, a, b)
-    if chain.transitions[b] == BREAK:
-        return (
-            "gap"
-            if chain.observations.is_gap[chain.sample_indices[a] : chain.sample_indices[b]].any()
-            else "too fast"
-        )
-    return _obstacle(index, work, chain, scales, a, b)
+        return _reason_of_steps(index, work, path, scales, a, b)
+    if path.transitions[b] == BREAK:
+        is_gap = path.observations.is_gap[path.sample_indices[a] : path.sample_indices[b]]
+        return "gap" if is_gap.any() else "too fast"
+    return _reason_of_jump(index, work, path, scales, a, b)
 
 
-def _reason_of_layers(
-    index: RoadIndex, work: Workspace, chain: ViterbiPath, scales: Scales, a: int, b: int
+def _reason_of_steps(
+    index: RoadIndex, work: Workspace, path: ViterbiPath, scales: Scales, a: int, b: int
 ) -> str:
-    """Why the layers between a and b lie on no piece."""
-    if chain.no_road_near[a + 1 : b].any():
+    """Why the time steps between a and b are on no piece."""
+    if path.no_road_near[a + 1 : b].any():
         return "no road near"
-    if (chain.leg[a + 1 : b] < 0).any():
+    if (path.leg[a + 1 : b] < 0).any():
         return "off road"
 
-    # all of them are on roads, from which no way leads on
+    # all of them are on roads, from which no path leads on
     jumps = [
         k
-        for k in range(max(a, 0) + 1, min(b, len(chain.sample_indices) - 1) + 1)
-        if chain.transitions[k] == JUMP
+        for k in range(max(a, 0) + 1, min(b, len(path.sample_indices) - 1) + 1)
+        if path.transitions[k] == JUMP
     ]
-    several = {
-        _obstacle(index, work, chain, scales, k - 1, k)
+    reasons = {
+        _reason_of_jump(index, work, path, scales, k - 1, k)
         for k in jumps
-        if min(chain.leg[k - 1], chain.leg[k]) >= 0
+        if min(path.leg[k - 1], path.leg[k]) >= 0
     }
-    return "off road" if not several else "detour" if several == {"detour"} else "no route"
+    if not reasons:
+        return "off road"
+    return "detour" if reasons == {"detour"} else "no route"
 
 
-def _obstacle(
-    index: RoadIndex, work: Workspace, chain: ViterbiPath, scales: Scales, a: int, b: int
+def _reason_of_jump(
+    index: RoadIndex, work: Workspace, path: ViterbiPath, scales: Scales, a: int, b: int
 ) -> str:
-    """Why no way was taken from layer a to layer b, both on roads."""
-    i, j = chain.sample_indices[a], chain.sample_indices[b]
-    straight = distance_between(chain.observations.positions, i, j)
-    road, target = int(chain.roads[a]), int(chain.roads[b])
+    """Why no path was taken from time step a to time step b, both on roads.
+
+    A search without costs for turns and with a far bound tells a detour from no route.
+    """
+    i, j = path.sample_indices[a], path.sample_indices[b]
+    road, target = int(path.roads[a]), int(path.roads[b])
     if road in {target, target ^ 1}:
         return "detour"
-    rest = float(index.graph.lengths[road] - chain.metres[a])
-    free = model_parameters(scales)._replace(turn_cost=0.0, u_turn_cost=0.0)
-    goal, far = chain.observations.positions[j], _FAR * (straight + search_radius(scales))
-    found = find_path(road, rest, target, far, far, goal, math.inf, index.graph, free, work)
-    return "detour" if len(found) else "no route"
+
+    # a path with neither costs nor limits but for its length
+    straight = distance_between(path.observations.positions, i, j)
+    bound = _MAX_DETOUR * (straight + search_radius(scales))
+    between = find_path(
+        road,
+        float(index.graph.lengths[road] - path.metres[a]),
+        target,
+        bound,
+        bound,
+        path.observations.positions[j],
+        math.inf,
+        index.graph,
+        model_parameters(scales)._replace(turn_cost=0.0, u_turn_cost=0.0),
+        work,
+    )
+    return "detour" if len(between) else "no route"

@@ -1,7 +1,8 @@
-"""White noise: samples so near each other that they tell of one place are averaged, rather than skipped.
+"""Moving averages over white noise: samples near each other are averaged, rather than skipped.
 
-Whoever skips samples within two errors of the last one used (Newson and Krumm 2009) keeps, of an agent that is slow for its noise, the
-outliers. As many samples as are travelled within twice the noise make a mean instead, whose error is smaller by the root of their number.
+Skipping samples within two errors of the last one used (Newson and Krumm 2009) keeps the outliers
+of an agent that is slow for its noise. Instead, the samples within twice the noise are averaged;
+the error of the mean is smaller by the root of their number.
 """
 
 from __future__ import annotations
@@ -21,188 +22,222 @@ __all__ = [
     "moving_average",
 ]
 
-#: A step so many times as long as a sample's noise is hardly longer for it: by a tenth, in the mean.
-_CLEAR = 5.0
+#: Length of a step, in standard deviations of the noise, that the noise hardly makes longer: by a
+#: tenth in the mean.
+_CLEAR_STEP = 5.0
 
-#: No step and no mean takes more samples, and a track has so many steps at least.
-_LONGEST, _ENOUGH = 64, 20
+#: Largest number of samples in a step or in a mean.
+_MAX_SAMPLES = 64
 
-#: A mean is taken of samples that lie within so many times their noise.
-_WITHIN = 2.0
+#: Least number of steps of a track from which noise and stride are estimated.
+_MIN_STEPS = 20
+
+#: Distance, in standard deviations of the noise, within which samples are averaged.
+_RADIUS = 2.0
 
 Floats = NDArray[np.float64]
 
-#: Time in seconds, position in metres, and where the agent faces.
+#: Time in seconds, position in metres, and the unit vector in which the agent faces.
 Sample: TypeAlias = tuple[float, Floats, Floats]
 
 
 def estimate_noise(positions: Floats, is_gap: NDArray[np.bool_]) -> float:
-    """Standard deviation in metres of what changes from sample to sample without rhyme, from second differences.
+    """Estimate the standard deviation of white noise in metres, from second differences.
+
+    Second differences of a smooth path are small. Those of noise with variance s² have variance
+    6 s² on each axis; the median of their squares is that of chi squared, by the approximation of
+    Wilson and Hilferty.
 
     Parameters
     ----------
     positions : float64 array, shape (n, d)
         Metres.
     is_gap : bool array, shape (n - 1,)
-        Steps that tell nothing.
+        Steps to leave out.
 
     Examples
     --------
-    >>> places = np.arange(900.0)[:, None] * [3.0, 4.0]
-    >>> round(estimate_noise(places + np.random.default_rng(1).normal(0, 2, (900, 2)), np.zeros(899, bool)), 1)
+    >>> line = np.arange(900.0)[:, None] * [3.0, 4.0]
+    >>> noise = np.random.default_rng(1).normal(0, 2, (900, 2))
+    >>> round(estimate_noise(line + noise, np.zeros(899, bool)), 1)
     2.0
     """
-    known = ~(is_gap[1:] | is_gap[:-1])
-    if known.sum() < _ENOUGH:
+    is_known = ~(is_gap[1:] | is_gap[:-1])
+    if is_known.sum() < _MIN_STEPS:
         return 0.0
-    squares = (np.diff(positions, n=2, axis=0)[known] ** 2).sum(axis=1)
+    squares = (np.diff(positions, n=2, axis=0)[is_known] ** 2).sum(axis=1)
     dimension = positions.shape[1]
-    return math.sqrt(
-        float(np.median(squares)) / (6 * dimension * (1 - 2 / (9 * dimension)) ** 3)
-    )  # median of chi squared
+    median_of_unit_noise = 6 * dimension * (1 - 2 / (9 * dimension)) ** 3
+    return math.sqrt(float(np.median(squares)) / median_of_unit_noise)
 
 
 def find_stride(positions: Floats, is_gap: NDArray[np.bool_], noise: float) -> tuple[int, float]:
-    """So many samples make a step that tells of travel, not of noise; and metres of such a step.
+    """Find the number of samples whose steps show travel rather than noise.
+
+    Returns that number, a power of two, and the length of such a step in metres.
 
     Parameters
     ----------
     positions, is_gap : arrays
         See :func:`estimate_noise`.
     noise : float
-        Its answer.
+        What it returned.
     """
-    runs = np.append(0, np.cumsum(is_gap))
-    every, length = 1, 0.0
+    run = np.append(0, np.cumsum(is_gap))
+    stride, length = 1, 0.0
     while True:
-        steps = np.linalg.norm(positions[every:] - positions[:-every], axis=1)[
-            runs[every:] == runs[:-every]
-        ]
+        # steps of this many samples, without gaps
+        same_run = run[stride:] == run[:-stride]
+        steps = np.linalg.norm(positions[stride:] - positions[:-stride], axis=1)[same_run]
         if len(steps):
-            length = _usual(steps)
+            length = _median_by_length(steps)
+
+        # long enough, or too few steps left
         if (
-            length >= _CLEAR * noise
-            or 2 * every > _LONGEST
-            or len(positions) <= 2 * every * _ENOUGH
+            length >= _CLEAR_STEP * noise
+            or 2 * stride > _MAX_SAMPLES
+            or len(positions) <= 2 * stride * _MIN_STEPS
         ):
-            return every, length
-        every *= 2
+            return stride, length
+        stride *= 2
 
 
-def _usual(steps: Floats) -> float:
-    """Half of the way is travelled in longer steps: who stands most of the time counts as far as he moves."""
+def _median_by_length(steps: Floats) -> float:
+    """The length such that half of the distance is travelled in longer steps.
+
+    An agent that stands most of the time counts as far as it moves.
+    """
     order = np.sort(steps)
-    way = np.cumsum(order)
-    return float(order[min(np.searchsorted(way, 0.5 * way[-1]), len(order) - 1)])
+    travelled = np.cumsum(order)
+    return float(order[min(np.searchsorted(travelled, 0.5 * travelled[-1]), len(order) - 1)])
 
 
-def choose_window(positions: Floats, is_gap: NDArray[np.bool_], most: float = math.inf) -> int:
-    """Odd number of samples to be averaged, 1 where the agent travels far for its noise.
+def choose_window(positions: Floats, is_gap: NDArray[np.bool_], max_noise: float = math.inf) -> int:
+    """Choose the number of samples to average: odd, and 1 where the agent is fast for its noise.
 
     Parameters
     ----------
     positions, is_gap : arrays
         See :func:`estimate_noise`.
-    most : float, default infinite
-        The error that the roads tell: sparse samples of a small town look like noise, too, but not beside its roads.
+    max_noise : float, default infinite
+        Upper bound of the noise, from the distances to the roads. Sparse samples in a small town
+        look like noise, but not beside its roads.
 
     Examples
     --------
-    >>> walk, noise = np.arange(900.0)[:, None] * [0.6, 0.8], np.random.default_rng(1).normal(0, 1, (900, 2))
+    >>> walk = np.arange(900.0)[:, None] * [0.6, 0.8]
+    >>> noise = np.random.default_rng(1).normal(0, 1, (900, 2))
     >>> [choose_window(walk + size * noise, np.zeros(899, bool)) for size in (0.5, 2.0, 4.0)]
     [1, 3, 7]
     """
-    noise = min(estimate_noise(positions, is_gap), most)
+    noise = min(estimate_noise(positions, is_gap), max_noise)
     if noise == 0:
         return 1
-    every, length = find_stride(positions, is_gap, noise)
-    near = min(int(_WITHIN * noise * every / length), _LONGEST) if length > 0 else 1
-    return max(near - (near % 2 == 0), 1)
+    stride, length = find_stride(positions, is_gap, noise)
+    window = min(int(_RADIUS * noise * stride / length), _MAX_SAMPLES) if length > 0 else 1
+    return max(window - (window % 2 == 0), 1)
 
 
-def moving_average(positions: Floats, is_gap: NDArray[np.bool_], size: int) -> Floats:
-    """Means of as many samples about each, fewer where a silence is near, as many before it as after it.
+def moving_average(positions: Floats, is_gap: NDArray[np.bool_], window: int) -> Floats:
+    """Average the samples of a window about each sample.
+
+    Near a gap the window is shorter, and as long before the sample as after it.
 
     Parameters
     ----------
     positions, is_gap : arrays
         See :func:`estimate_noise`.
-    size : int
+    window : int
         Number of samples, odd.
 
     Examples
     --------
-    >>> moving_average(np.array([[0.0], [3.0], [3.0], [9.0]]), np.zeros(3, bool), 3).ravel().tolist()
+    >>> positions = np.array([[0.0], [3.0], [3.0], [9.0]])
+    >>> moving_average(positions, np.zeros(3, bool), 3).ravel().tolist()
     [0.0, 2.0, 5.0, 9.0]
     """
-    n, half = len(positions), size // 2
+    n, half = len(positions), window // 2
     if half == 0:
         return positions
-    at = np.arange(n)
-    breaks = np.flatnonzero(is_gap)
-    first = np.append(0, breaks + 1)[np.searchsorted(breaks, at, side="left")]
-    last = np.append(breaks, n - 1)[np.searchsorted(breaks, at, side="left")]
-    reach = np.minimum(half, np.minimum(at - first, last - at))
+
+    # samples on each side of a sample, within its run between gaps
+    samples = np.arange(n)
+    gaps = np.flatnonzero(is_gap)
+    run = np.searchsorted(gaps, samples, side="left")
+    first = np.append(0, gaps + 1)[run]
+    last = np.append(gaps, n - 1)[run]
+    sides = np.minimum(half, np.minimum(samples - first, last - samples))
+
+    # sums in the order of time, as the live matcher adds them
     total = np.zeros_like(positions)
-    for step in range(-half, half + 1):  # in the order of time, as the live matcher adds them
-        here = np.flatnonzero(reach >= abs(step))
-        total[here] += positions[here + step]
-    means: Floats = total / (2 * reach + 1)[:, None]
+    for step in range(-half, half + 1):
+        has_step = np.flatnonzero(sides >= abs(step))
+        total[has_step] += positions[has_step + step]
+    means: Floats = total / (2 * sides + 1)[:, None]
     return means
 
 
 class RunningAverage:
-    """The means of :func:`moving_average`, one sample at a time: each as soon as the samples after it are known.
+    """The means of :func:`moving_average`, one sample at a time.
+
+    Each mean is returned as soon as the samples after it are known.
 
     Parameters
     ----------
-    size : int
+    window : int
         Number of samples, odd.
 
     Examples
     --------
-    >>> means, nowhere = RunningAverage(3), np.zeros(1)
-    >>> told = [means.push((float(t), np.array([x]), nowhere)) for t, x in enumerate([0.0, 3.0, 3.0, 9.0])]
-    >>> [[(time, float(place[0])) for time, place, _ in some] for some in (*told, means.finish())]
+    >>> average, heading = RunningAverage(3), np.zeros(1)
+    >>> samples = [(float(t), np.array([x]), heading) for t, x in enumerate([0.0, 3.0, 3.0, 9.0])]
+    >>> means = [*map(average.push, samples), average.finish()]
+    >>> [[(time, float(position[0])) for time, position, _ in ready] for ready in means]
     [[(0.0, 0.0)], [], [(1.0, 2.0)], [(2.0, 5.0)], [(3.0, 9.0)]]
     """
 
-    def __init__(self, size: int) -> None:
-        self._half = size // 2
+    def __init__(self, window: int) -> None:
+        self._half = window // 2
         self._recent: list[Sample] = []
-        self._begin = self._told = (
-            0  # samples since the last silence that were forgotten, and that were told
-        )
+        # samples since the last gap that were dropped from ``_recent``, and that were averaged
+        self._dropped = self._averaged = 0
 
     def push(self, sample: Sample) -> list[Sample]:
         """Take in a sample; return those whose means are known now."""
         if not self._half:
             return [sample]
         self._recent.append(sample)
-        known, ready = self._begin + len(self._recent), []
-        while self._told < known and self._told + min(self._half, self._told) < known:
-            ready.append(self._mean(min(self._half, self._told)))
-        forget = max(self._told - self._half - self._begin, 0)
-        del self._recent[:forget]
-        self._begin += forget
+
+        # means of all samples that have enough samples after them
+        received, ready = self._dropped + len(self._recent), []
+        while self._averaged < received:
+            side = min(self._half, self._averaged)
+            if self._averaged + side >= received:
+                break
+            ready.append(self._mean(side))
+
+        # drop samples that no later mean needs
+        unneeded = max(self._averaged - self._half - self._dropped, 0)
+        del self._recent[:unneeded]
+        self._dropped += unneeded
         return ready
 
     def finish(self) -> list[Sample]:
-        """Return the rest, before a silence or at the end."""
-        known = self._begin + len(self._recent)
+        """Return the remaining means, before a gap or at the end."""
+        received = self._dropped + len(self._recent)
         ready = [
-            self._mean(min(self._half, self._told, known - 1 - self._told))
-            for _ in range(known - self._told)
+            self._mean(min(self._half, self._averaged, received - 1 - self._averaged))
+            for _ in range(received - self._averaged)
         ]
-        self._recent, self._begin, self._told = [], 0, 0
+        self._recent, self._dropped, self._averaged = [], 0, 0
         return ready
 
-    def _mean(self, reach: int) -> Sample:
-        """The next sample, at the mean of those before and after it."""
-        at = self._told - self._begin
-        total = np.zeros_like(self._recent[at][1])
-        for _, place, _ in self._recent[at - reach : at + reach + 1]:
-            total += place
-        self._told += 1
-        time, _, facing = self._recent[at]
-        return time, total / (2 * reach + 1), facing
+    def _mean(self, side: int) -> Sample:
+        """The next sample, averaged with ``side`` samples before and after it."""
+        number = self._averaged - self._dropped
+        total = np.zeros_like(self._recent[number][1])
+        for _, position, _ in self._recent[number - side : number + side + 1]:
+            total += position
+        self._averaged += 1
+        time, _, heading = self._recent[number]
+        return time, total / (2 * side + 1), heading

@@ -1,4 +1,4 @@
-"""Where an agent is on the roads, one sample at a time."""
+"""Live matching: where an agent is on the roads, one sample at a time."""
 
 from __future__ import annotations
 
@@ -27,11 +27,14 @@ from gpszip.model.match import Scales
 
 __all__ = ["FinalisedPosition", "LiveMatcher", "LivePosition", "NextRoad"]
 
-#: Receivers in vehicles at about one sample a second, on the maps that there are of streets (docs/matching.md).
+#: Scales of receivers in vehicles at about one sample a second, on today's maps of streets
+#: (docs/matching.md).
 _STREETS = Scales(error=5.8, sigma=36.0, beta=5.9, median_speed=10.0, max_speed=150.0, heading=30.0)
 
-#: Facing nowhere.
-_NOWHERE = np.zeros(2)
+#: Heading of a sample that has none.
+_NO_HEADING = np.zeros(2)
+
+Floats = NDArray[np.float64]
 
 
 class NextRoad(NamedTuple):
@@ -44,7 +47,7 @@ class NextRoad(NamedTuple):
     forward : bool
         Whether it would be travelled from its start to its end.
     probability : float
-        How likely it is, by how far one must turn off for it.
+        Probability by the angle of the turn.
     """
 
     edge: int
@@ -53,12 +56,12 @@ class NextRoad(NamedTuple):
 
 
 class FinalisedPosition(NamedTuple):
-    """Where a sample was, as seen from later ones.
+    """The position of an earlier sample, given the samples after it.
 
     Parameters
     ----------
     time : float
-        Of the sample in seconds.
+        Time of the sample in seconds.
     edge : int
         Road of the network, -1 for none.
     forward : bool
@@ -66,11 +69,12 @@ class FinalisedPosition(NamedTuple):
     offset : float
         Metres from the road's start, NaN for none.
     distance : float
-        Metres from the sample to its place, NaN for none.
+        Metres from the sample to its position on the road, NaN for none.
     linked : bool
-        Whether a way leads there from the sample settled before.
+        Whether a path leads there from the sample finalised before.
     converged : bool
-        Whether no later sample could change it: it is what the batch finds. False where the lag was over before all chains agreed.
+        Whether no later sample can change it: it is what :func:`gpszip.match` finds. False where
+        the lag passed before all paths agreed.
     """
 
     time: float
@@ -83,12 +87,12 @@ class FinalisedPosition(NamedTuple):
 
 
 class LivePosition(NamedTuple):
-    """Where the agent is now.
+    """The current position of the agent.
 
     Parameters
     ----------
     time : float
-        Seconds, as given.
+        Time of the sample in seconds.
     edge : int
         Road of the network, -1 for none.
     forward : bool
@@ -96,16 +100,18 @@ class LivePosition(NamedTuple):
     offset : float
         Metres from the road's start, NaN for none.
     distance : float
-        Metres from the sample to its place, NaN for none.
+        Metres from the sample to its position on the road, NaN for none.
     confidence : float
-        Probability of the road in this direction, or of being off all roads, given the samples so far.
+        Probability of the road in this direction, or of being off all roads, given the samples so
+        far.
     off_map : bool
         Whether the agent is on no road.
-    next : tuple of Next
-        Roads that leave from the end of this one.
-    finalised : tuple of Settled
-        Where earlier samples were, each told once, as soon as no later one can change it, or when its lag has passed: those that
-        lie apart, not each of a standing agent.
+    next : tuple of NextRoad
+        Roads that leave the end of this one.
+    finalised : tuple of FinalisedPosition
+        Positions of earlier samples, each reported once: as soon as no later sample can change it,
+        or when its lag has passed. Samples of a standing agent, which lie near each other, are left
+        out.
     """
 
     time: float
@@ -126,39 +132,54 @@ class LivePosition(NamedTuple):
         )
 
 
-class LiveMatcher:
-    """Follows one agent over a network, with the model of :func:`gpszip.match`; work and memory don't grow with the log.
+class _LastSample(NamedTuple):
+    """The last sample taken in, and whether it makes a time step."""
 
-    A sample that leaps far away is off the roads and breaks the way; only the batch knows whether the next ones come back.
+    time: float
+    position: Floats
+    heading: Floats
+    has_step: bool
+
+
+class LiveMatcher:
+    """Follows one agent over a network, one sample at a time.
+
+    The model is that of :func:`gpszip.match`. Time and memory for a sample don't grow with the log.
+    An outlier is off the roads and breaks the route, since only later samples tell whether the
+    agent comes back.
 
     Parameters
     ----------
     network : Network or RoadIndex
-        The roads; an index is shared by the matchers of many agents.
+        The roads; the matchers of many agents can share an index.
     scales : Scales, optional
-        What the model knows of the log, such as ``gpszip.match(earlier, network).scales``. By default those of vehicles with
-        a receiver, on roads in degrees.
+        Scales of the model, such as ``gpszip.match(earlier, network).scales``. By default those of
+        vehicles with a receiver, for roads in degrees.
     lag : int, default 100
-        Samples are settled as soon as no later one can change them, at the latest after so many that lie apart.
+        Number of time steps after which a position is finalised, if it does not converge before.
     gap : float, default 120.0
-        Silences longer than this, in seconds, break the way.
+        Seconds above which an interval is a gap, which breaks the route.
 
     Raises
     ------
     OptionError
-        If the roads are on a plane of their own and no scales are given.
+        If the roads are not in degrees and no scales are given.
 
     Examples
     --------
     >>> nodes = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 80.0]])
+    >>> starts, ends, offsets = np.array([0, 1], np.int32), np.array([1, 2], np.int32), [0, 2, 4]
+    >>> both, speeds = np.ones(2, bool), np.full(2, np.nan)
     >>> corner = Network(
-    ...     nodes, np.array([0, 1], np.int32), np.array([1, 2], np.int32), np.array([0, 2, 4]), nodes[[0, 1, 1, 2]],
-    ...     np.ones(2, bool), np.ones(2, bool), np.full(2, np.nan),
+    ...     nodes, starts, ends, np.array(offsets), nodes[[0, 1, 1, 2]], both, both, speeds
     ... )
-    >>> matcher = LiveMatcher(corner, Scales(error=2.0, sigma=3.0, beta=3.0, median_speed=9.0, max_speed=40.0), lag=2)
+    >>> scales = Scales(error=2.0, sigma=3.0, beta=3.0, median_speed=9.0, max_speed=40.0)
+    >>> matcher = LiveMatcher(corner, scales, lag=2)
     >>> here = [matcher.push(t, [9.0 * t, 0.5]) for t in range(8)][-1]
-    >>> here.edge, here.forward, here.offset, [(one.edge, one.forward) for one in here.next], here.finalised[0].offset
-    (0, True, 63.0, [(0, False), (1, True)], 45.0)
+    >>> here.edge, here.forward, here.offset, here.finalised[0].offset
+    (0, True, 63.0, 45.0)
+    >>> [(road.edge, road.forward) for road in here.next]
+    [(0, False), (1, True)]
     """
 
     def __init__(
@@ -172,261 +193,288 @@ class LiveMatcher:
         self.index = network if isinstance(network, RoadIndex) else index_network(network)
         if scales is None and self.index.network.plane is None:
             raise OptionError(
-                "roads on a plane of their own have no usual scales; give those of gpszip.match(earlier, network).scales"
+                "roads on a plane of their own have no default scales; "
+                "give those of gpszip.match(earlier, network).scales"
             )
         if lag < 1 or not gap > 0:
             raise OptionError(f"lag is {lag} and gap {gap:g}; both must be positive")
+
+        # the model
         self.scales = scales or _STREETS
         self._lag, self._gap = lag, gap
-        self._model, self._apart = model_parameters(self.scales), min_spacing(self.scales)
+        self._model = model_parameters(self.scales)
+        self._min_spacing = min_spacing(self.scales)
         self._work = create_workspace(self.index)
+
+        # the last time steps: step k is at k % (lag + 2)
         self._ring = empty_ring(lag + 2, 2 * self._model.max_candidates + 1)
-        self._times = [0.0] * (lag + 2)
-        self._places: list[list[float]] = [[]] * (lag + 2)
-        self._used = self._run = 0  # layers so far, and of these since the last silence
-        # the last sample: time, place, where it faced, and whether it has a layer
-        self._last: tuple[float, NDArray[np.float64], NDArray[np.float64], bool] | None = None
-        self._at: LivePosition | None = None
-        self._means, self._newest = RunningAverage(self.scales.averaging_window), -math.inf
-        self._told = 0  # layers that have been settled
-        self._next: dict[int, tuple[NextRoad, ...]] = {}
+        self._step_times = [0.0] * (lag + 2)
+        self._step_positions: list[list[float]] = [[]] * (lag + 2)
+        self._steps = 0
+        self._steps_since_gap = 0
+        self._finalised_steps = 0
+
+        # the last samples
+        self._average = RunningAverage(self.scales.averaging_window)
+        self._newest_time = -math.inf
+        self._last: _LastSample | None = None
+        self._position: LivePosition | None = None
+
+        # roads that leave the end of each directed road
+        self._next_roads: dict[int, tuple[NextRoad, ...]] = {}
 
     def push(self, time: float, position: ArrayLike, heading: float | None = None) -> LivePosition:
-        """Take in a sample and tell where the agent is.
+        """Take in a sample and return where the agent is.
 
         Parameters
         ----------
         time : float
-            Seconds, later than the one before.
+            Seconds, later than the sample before.
         position : array_like, shape (d,)
             Metres on the plane of the network.
         heading : float, optional
-            Where the agent faces, in degrees clockwise from north (y on a plane of its own); NaN is as good as none. It counts as far
-            as the scales have a spread of headings.
+            Direction in which the agent faces, in degrees clockwise from north (from the y axis on
+            a plane of its own); NaN for none. It is used if the scales have a spread of headings.
 
         Raises
         ------
         TrackError
-            If time stands still or goes back, or a number is not finite; the sample is not taken in.
+            If time stands still or goes back, or a number is not finite. The sample is not taken
+            in.
         """
-        place = np.array(position, dtype=np.float64)[: self.index.dimension]
-        if len(place) < self.index.dimension:
-            place = np.append(place, np.zeros(self.index.dimension - len(place)))
-        if not (math.isfinite(time) and all(map(math.isfinite, place.tolist()))):
+        # check the sample
+        point = np.array(position, dtype=np.float64)[: self.index.dimension]
+        if len(point) < self.index.dimension:
+            point = np.append(point, np.zeros(self.index.dimension - len(point)))
+        if not (math.isfinite(time) and all(map(math.isfinite, point.tolist()))):
             raise TrackError(f"sample at {time:g} s is not finite; drop it")
-        if time <= self._newest:
-            raise TrackError(f"time {time:g} does not follow {self._newest:g}; drop the sample")
-        ended = self._means.finish() if time - self._newest > self._gap else []
-        self._newest = time
-        finalised = self._heard(
-            [*ended, *self._means.push((time, place, self._facing(heading, place)))]
-        )
-        now = (
-            self._at if self._at is not None and self._at.time == time else self._near(time, place)
-        )
-        return now._replace(finalised=finalised) if finalised else now
+        if time <= self._newest_time:
+            raise TrackError(
+                f"time {time:g} does not follow {self._newest_time:g}; drop the sample"
+            )
+
+        # match all samples whose means are known now
+        is_after_gap = time - self._newest_time > self._gap
+        ready = self._average.finish() if is_after_gap else []
+        self._newest_time = time
+        ready += self._average.push((time, point, self._heading_vector(heading, point)))
+        finalised = self._match_samples(ready)
+
+        # where its own mean is not known yet, match the sample to the last road
+        here = self._position
+        if here is None or here.time != time:
+            here = self._match_to_last_road(time, point)
+        return here._replace(finalised=finalised) if finalised else here
 
     def finish(self) -> tuple[FinalisedPosition, ...]:
-        """Tell where the rest of the samples were; what is pushed from here on begins anew."""
-        finalised = self._heard(self._means.finish())
-        if self._last is not None and not self._last[3]:
-            self._end(*self._last[:3])
-        rest = (
-            self._tell(self._used - 1, best_candidate(self._ring, self._used - 1), converged=True)
-            if self._used
-            else ()
-        )
-        self._last = self._at = None
-        self._newest = -math.inf
-        self._used = self._run = self._told = 0
-        return finalised + rest
+        """Finalise the remaining samples; what is pushed afterwards is a new track."""
+        finalised = self._match_samples(self._average.finish())
+        if self._last is not None and not self._last.has_step:
+            self._add_end_of_run(self._last)
+        if self._steps:
+            newest = self._steps - 1
+            finalised += self._finalise(newest, best_candidate(self._ring, newest), converged=True)
 
-    def _heard(self, samples: list[Sample]) -> tuple[FinalisedPosition, ...]:
-        """Take in samples, and tell what they settle."""
-        finalised: tuple[FinalisedPosition, ...] = ()
-        for time, place, facing in samples:
-            layers = self._used
-            self._taken(time, place, facing)
-            finalised += self._settle() if self._used > layers else ()
+        self._last = self._position = None
+        self._newest_time = -math.inf
+        self._steps = self._steps_since_gap = self._finalised_steps = 0
         return finalised
 
-    def _facing(self, heading: float | None, place: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _match_samples(self, samples: list[Sample]) -> tuple[FinalisedPosition, ...]:
+        """Match samples in turn; return the positions that they finalise."""
+        finalised: tuple[FinalisedPosition, ...] = ()
+        for sample in samples:
+            steps = self._steps
+            self._position = self._match_sample(*sample)
+            if self._steps > steps:
+                finalised += self._finalise_converged()
+        return finalised
+
+    def _heading_vector(self, heading: float | None, position: Floats) -> Floats:
         if heading is None or not math.isfinite(heading):
-            return _NOWHERE
-        (vector,) = heading_vectors(np.array([heading]), place[None], self.index.network.plane)
+            return _NO_HEADING
+        plane = self.index.network.plane
+        (vector,) = heading_vectors(np.array([heading]), position[None], plane)
         return np.asarray(vector)
 
-    def _taken(
-        self, time: float, place: NDArray[np.float64], facing: NDArray[np.float64]
-    ) -> LivePosition:
-        if self._last is None:
-            return self._layer(time, place, facing, is_gap=True)
-        last, where, faced, used = self._last
-        if time - last > self._gap:
-            if not used:
-                self._end(last, where, faced)
-            return self._layer(time, place, facing, is_gap=True)
-        if self._distance(place) >= self._apart:
-            return self._layer(time, place, facing, is_gap=False)
-        self._last = (time, place, facing, False)
-        return self._between(time, place)
+    def _match_sample(self, time: float, position: Floats, heading: Floats) -> LivePosition:
+        """Match a sample: as a time step, or on the last road where it is near the last step."""
+        last = self._last
+        if last is None:
+            return self._add_step(time, position, heading, is_after_gap=True)
+        if time - last.time > self._gap:
+            if not last.has_step:
+                self._add_end_of_run(last)
+            return self._add_step(time, position, heading, is_after_gap=True)
+        if self._distance_to_last_step(position) >= self._min_spacing:
+            return self._add_step(time, position, heading, is_after_gap=False)
+        self._last = _LastSample(time, position, heading, has_step=False)
+        return self._match_to_last_road(time, position)
 
-    def _distance(self, place: NDArray[np.float64]) -> float:
-        """From the sample of the last layer, rounded as in the batch: at a crossing the last bit decides between two names of one place."""
+    def _distance_to_last_step(self, position: Floats) -> float:
+        """Distance to the sample of the last time step, with the rounding errors of the batch.
+
+        At a crossing, the last bit decides between two roads that meet there.
+        """
+        last_position = self._step_positions[(self._steps - 1) % len(self._step_times)]
         square = 0.0
-        for one, other in zip(
-            place.tolist(), self._places[(self._used - 1) % len(self._times)], strict=True
-        ):
-            square += (one - other) * (one - other)
+        for a, b in zip(position.tolist(), last_position, strict=True):
+            square += (a - b) * (a - b)
         return math.sqrt(square)
 
-    def _end(self, time: float, place: NDArray[np.float64], facing: NDArray[np.float64]) -> None:
-        """Give the last sample before a silence its layer; it stands for the one just before it."""
-        if self._run > 1:
-            self._used -= 1
-            self._run -= 1
-        self._layer(time, place, facing, is_gap=False)
-
-    def _layer(
-        self, time: float, place: NDArray[np.float64], facing: NDArray[np.float64], *, is_gap: bool
-    ) -> LivePosition:
-        number, slot = self._used, self._used % len(self._times)
-        straight, seconds = 0.0, math.inf
-        if not is_gap:
-            straight, seconds = (
-                self._distance(place),
-                time - self._times[(number - 1) % len(self._times)],
-            )
-        index = self.index
-        road, metres, distance, share, kind = add_time_step(
-            self._ring, number, place, facing, straight, seconds, index.roads, index.road_grid, index.graph, self._model, self._work
-        )  # fmt: skip
-        self._times[slot], self._places[slot] = time, place.tolist()
-        self._used, self._run, self._last = (
-            number + 1,
-            1 if is_gap else self._run + 1,
-            (time, place, facing, True),
+    def _add_end_of_run(self, sample: _LastSample) -> None:
+        """Add the last sample before a gap as a time step; it replaces the one just before it."""
+        if self._steps_since_gap > 1:
+            self._steps -= 1
+            self._steps_since_gap -= 1
+        self._position = self._add_step(
+            sample.time, sample.position, sample.heading, is_after_gap=False
         )
-        before = self._at
+
+    def _add_step(
+        self, time: float, position: Floats, heading: Floats, *, is_after_gap: bool
+    ) -> LivePosition:
+        """Add a time step to the trellis; return the position of its best candidate."""
+        step, slots = self._steps, len(self._step_times)
+        straight, seconds = 0.0, math.inf
+        if not is_after_gap:
+            straight = self._distance_to_last_step(position)
+            # a float, since the kernel would be compiled anew for integers
+            seconds = float(time - self._step_times[(step - 1) % slots])
+        best = add_time_step(
+            self._ring,
+            step,
+            position,
+            heading,
+            straight,
+            seconds,
+            self.index.roads,
+            self.index.road_grid,
+            self.index.graph,
+            self._model,
+            self._work,
+        )
+        self._step_times[step % slots] = time
+        self._step_positions[step % slots] = position.tolist()
+        self._steps = step + 1
+        self._steps_since_gap = 1 if is_after_gap else self._steps_since_gap + 1
+        self._last = _LastSample(time, position, heading, has_step=True)
+
+        # an agent that seems to go a little back on its road stands still
+        metres = best.metres
+        before = self._position
         if (
             before is not None
-            and kind not in {BREAK, JUMP}
-            and before.edge == road >> 1
-            and before.forward == (not road & 1)
+            and best.transition not in {BREAK, JUMP}
+            and before.edge == best.road >> 1
+            and before.forward == (not best.road & 1)
         ):
-            metres = max(
-                metres, self._metres(road, before.offset)
-            )  # a little back is standing still
-        self._at = self._whereabouts(time, road, metres, distance, share)
-        return self._at
+            metres = max(metres, self._flip_metres(best.road, before.offset))
+        return self._live_position(time, best.road, metres, best.distance, best.probability)
 
-    def _settle(self) -> tuple[FinalisedPosition, ...]:
-        """Tell the layers on which all chains agree, and those whose lag has passed."""
-        last = self._used - 1
-        # the end of a run of samples may yet take the place of its last layer, see _end
-        layer, candidate = find_convergence(
-            self._ring, last if self._run == 1 else last - 1, self._told
-        )
-        sure = self._tell(layer, candidate, converged=True) if layer >= 0 else ()
-        late = self._used - self._lag
-        if late <= self._told:
-            return sure
-        chain = backtrack(self._ring, last, best_candidate(self._ring, last), late - 1)
-        return sure + self._tell(
-            late - 1, int(chain[0]) % len(self._ring.transition_costs), converged=False
-        )
+    def _finalise_converged(self) -> tuple[FinalisedPosition, ...]:
+        """Finalise the time steps at which all paths agree, and those whose lag has passed."""
+        # convergence; the newest step may yet be replaced by the end of its run (_add_end_of_run)
+        newest = self._steps - 1
+        fixed = newest if self._steps_since_gap == 1 else newest - 1
+        step, candidate = find_convergence(self._ring, fixed, self._finalised_steps)
+        finalised = self._finalise(step, candidate, converged=True) if step >= 0 else ()
 
-    def _tell(
-        self, layer: int, candidate: int, *, converged: bool
+        # lag
+        late = self._steps - self._lag
+        if late <= self._finalised_steps:
+            return finalised
+        best = best_candidate(self._ring, newest)
+        index = int(backtrack(self._ring, newest, best, late - 1)[0])
+        candidate = index % len(self._ring.transition_costs)
+        return finalised + self._finalise(late - 1, candidate, converged=False)
+
+    def _finalise(
+        self, step: int, candidate: int, *, converged: bool
     ) -> tuple[FinalisedPosition, ...]:
-        """Tell all layers up to one that have not been told yet, on the cheapest chain to a candidate there."""
-        first, self._told = self._told, layer + 1
-        chain = backtrack(self._ring, layer, candidate, first).tolist()
+        """Finalise all time steps up to one, on the cheapest path to a candidate of it."""
+        first, self._finalised_steps = self._finalised_steps, step + 1
+        path = backtrack(self._ring, step, candidate, first).tolist()
         return tuple(
-            self._one_settled(first + i, place, converged) for i, place in enumerate(chain)
+            self._finalised_position(first + k, index, converged) for k, index in enumerate(path)
         )
 
-    def _one_settled(self, layer: int, place: int, converged: bool) -> FinalisedPosition:
-        layers, time = self._ring.candidates, self._times[layer % len(self._times)]
-        road = int(layers.roads[place])
+    def _finalised_position(self, step: int, index: int, converged: bool) -> FinalisedPosition:
+        """The position of a time step at a candidate, by its index in the ring."""
+        candidates = self._ring.candidates
+        time = self._step_times[step % len(self._step_times)]
+        road = int(candidates.roads[index])
         if road < 0:
             return FinalisedPosition(time, -1, False, math.nan, math.nan, False, converged)
-        offset, linked = (
-            self._metres(road, float(layers.metres[place])),
-            bool(layers.transitions[place] < JUMP),
-        )
         return FinalisedPosition(
-            time, road >> 1, not road & 1, offset, float(layers.distances[place]), linked, converged
+            time=time,
+            edge=road >> 1,
+            forward=not road & 1,
+            offset=self._flip_metres(road, float(candidates.metres[index])),
+            distance=float(candidates.distances[index]),
+            linked=bool(candidates.transitions[index] < JUMP),
+            converged=converged,
         )
 
-    def _metres(self, road: int, metres: float) -> float:
-        """From metres along a directed road to metres from the road's start, and back."""
+    def _flip_metres(self, road: int, metres: float) -> float:
+        """Convert metres along a directed road to metres from the road's start, or back."""
         return float(self.index.graph.lengths[road]) - metres if road & 1 else metres
 
-    def _between(self, time: float, place: NDArray[np.float64]) -> LivePosition:
-        """A sample near the last one that has a layer: on the same road."""
-        self._at = self._near(time, place)
-        return self._at
-
-    def _near(self, time: float, place: NDArray[np.float64]) -> LivePosition:
-        """Where a sample is on the road on which the agent was last, not before that place."""
-        at = self._at
-        assert at is not None
-        if at.off_map:
-            return at._replace(time=time)
-        road = 2 * at.edge + (not at.forward)
-        low = self._metres(road, at.offset)
+    def _match_to_last_road(self, time: float, position: Floats) -> LivePosition:
+        """The nearest position on the last road, not before the last position."""
+        last = self._position
+        assert last is not None
+        if last.off_map:
+            return last._replace(time=time)
+        road = 2 * last.edge + (not last.forward)
         metres, distance = nearest_on_road(
-            place,
+            position,
             road,
-            low,
+            self._flip_metres(road, last.offset),
             float(self.index.graph.lengths[road]),
             self.index.roads,
             self.index.graph,
         )
-        return LivePosition(
-            time,
-            at.edge,
-            at.forward,
-            self._metres(road, metres),
-            distance,
-            at.confidence,
-            False,
-            at.next,
-            (),
+        return last._replace(
+            time=time, offset=self._flip_metres(road, metres), distance=distance, finalised=()
         )
 
-    def _whereabouts(
-        self, time: float, road: int, metres: float, distance: float, share: float
+    def _live_position(
+        self, time: float, road: int, metres: float, distance: float, probability: float
     ) -> LivePosition:
+        """The position at metres along a directed road, with the roads that may come next."""
         if road < 0:
-            return LivePosition(time, -1, False, math.nan, math.nan, share, True, (), ())
-        following = self._next.get(road)
+            return LivePosition(time, -1, False, math.nan, math.nan, probability, True, (), ())
+        following = self._next_roads.get(road)
         if following is None:
-            following = self._next[road] = self._following(road)
+            following = self._next_roads[road] = self._find_next_roads(road)
         return LivePosition(
-            time,
-            road >> 1,
-            not road & 1,
-            self._metres(road, metres),
-            distance,
-            share,
-            False,
-            following,
-            (),
+            time=time,
+            edge=road >> 1,
+            forward=not road & 1,
+            offset=self._flip_metres(road, metres),
+            distance=distance,
+            confidence=probability,
+            off_map=False,
+            next=following,
+            finalised=(),
         )
 
-    def _following(self, road: int) -> tuple[NextRoad, ...]:
-        """Roads that leave from the end of a directed road, each as likely as the model's price of the turn tells."""
+    def _find_next_roads(self, road: int) -> tuple[NextRoad, ...]:
+        """Roads that leave the end of a directed road; the model's turn costs give probabilities.
+
+        The cost of a turn by an angle is ``turn_cost * (1 - cos(angle)) / 2``.
+        """
         graph, model = self.index.graph, self._model
         node = graph.heads[road]
-        outs = graph.outs[graph.begins[node] : graph.begins[node + 1]]
-        cosines = -(graph.headings[outs] @ graph.headings[road ^ 1])
-        weights = np.exp(
-            -np.where(outs == road ^ 1, model.u_turn_cost, 0.5 * model.turn_cost * (1.0 - cosines))
+        roads = graph.out_roads[graph.out_starts[node] : graph.out_starts[node + 1]]
+        cosines = -(graph.directions[roads] @ graph.directions[road ^ 1])
+        turn_costs = np.where(
+            roads == road ^ 1, model.u_turn_cost, 0.5 * model.turn_cost * (1.0 - cosines)
         )
-        shares = weights / weights.sum() if len(outs) else weights
+        weights = np.exp(-turn_costs)
+        probabilities = weights / weights.sum() if len(roads) else weights
         return tuple(
-            NextRoad(int(out) >> 1, not int(out) & 1, float(share))
-            for out, share in zip(outs, shares, strict=True)
+            NextRoad(int(out) >> 1, not int(out) & 1, float(probability))
+            for out, probability in zip(roads, probabilities, strict=True)
         )

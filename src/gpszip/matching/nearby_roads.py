@@ -1,4 +1,4 @@
-"""Roads near a place, for the few places that begin or end a gap."""
+"""Roads near a position, for the few positions at which a gap begins or ends."""
 
 from __future__ import annotations
 
@@ -11,12 +11,18 @@ __all__ = ["NearbyRoads"]
 
 Floats = NDArray[np.float64]
 
-#: Bits of road longer than this are filed at several places; the same in metres and in usual lengths.
-_BIT = 2.0
+#: Line segments longer than this many medians are entered in the index several times.
+_MAX_LENGTH = 2.0
+
+#: Least length in metres of an entry of the index.
+_MIN_ENTRY = 1e-3
+
+#: Least length in metres of a segment by which is divided.
+_MIN_LENGTH = 1e-12
 
 
 class NearbyRoads:
-    """A spatial index on the bits of road between vertices.
+    """A spatial index over the line segments of roads: a k-d tree of their middles.
 
     Parameters
     ----------
@@ -26,41 +32,56 @@ class NearbyRoads:
     Examples
     --------
     >>> points, both = np.array([[0.0, 0.0], [100.0, 0.0]]), np.ones(1, bool)
-    >>> road = Network(points, np.zeros(1, np.int32), np.ones(1, np.int32), np.array([0, 2]), points, both, both, np.full(1, np.nan))
-    >>> [found.round(1).tolist() for found in NearbyRoads(road).near(np.array([30.0, 4.0]), 5.0)]
+    >>> start, end, speed = np.zeros(1, np.int32), np.ones(1, np.int32), np.full(1, np.nan)
+    >>> road = Network(points, start, end, np.array([0, 2]), points, both, both, speed)
+    >>> columns = NearbyRoads(road).near(np.array([30.0, 4.0]), 5.0)
+    >>> [column.round(1).tolist() for column in columns]
     [[0], [30.0], [4.0], [[1.0, 0.0]]]
     """
 
     def __init__(self, network: Network) -> None:
         from scipy.spatial import cKDTree
 
+        # line segments of roads, by their first vertices
         self.network = network
         points = network.points[:, :2]
-        first = np.flatnonzero(
-            np.diff(np.repeat(np.arange(len(network)), np.diff(network.offsets))) == 0
-        )
-        sizes = np.linalg.norm(points[first + 1] - points[first], axis=1)
-        self._size = max(_BIT * float(np.median(sizes)), 1e-3)
-        pieces = np.maximum(np.ceil(sizes / self._size), 1).astype(np.int64)
-        self._bit = np.repeat(first, pieces)
-        number = np.arange(len(self._bit)) - np.repeat(np.cumsum(pieces) - pieces, pieces)
-        share = ((number + 0.5) / np.repeat(pieces, pieces))[:, None]
-        self._tree = cKDTree(points[self._bit] * (1 - share) + points[self._bit + 1] * share)
+        road_of = np.repeat(np.arange(len(network)), np.diff(network.offsets))
+        first = np.flatnonzero(np.diff(road_of) == 0)
+        lengths = np.linalg.norm(points[first + 1] - points[first], axis=1)
 
-    def near(self, place: Floats, reach: float) -> tuple[NDArray[np.int64], Floats, Floats, Floats]:
-        """Roads within so many metres, nearest first: number, offset, distance, and direction of the road there."""
+        # long ones cut into entries of equal length
+        self._max_length = max(_MAX_LENGTH * float(np.median(lengths)), _MIN_ENTRY)
+        entries = np.maximum(np.ceil(lengths / self._max_length), 1).astype(np.int64)
+        self._vertex = np.repeat(first, entries)
+        number = np.arange(len(self._vertex)) - np.repeat(np.cumsum(entries) - entries, entries)
+        fraction = ((number + 0.5) / np.repeat(entries, entries))[:, None]
+        self._tree = cKDTree(
+            points[self._vertex] * (1 - fraction) + points[self._vertex + 1] * fraction
+        )
+
+    def near(
+        self, position: Floats, radius: float
+    ) -> tuple[NDArray[np.int64], Floats, Floats, Floats]:
+        """Find the roads within a radius in metres, nearest first.
+
+        Returns number, offset, distance, and unit vector of each road there.
+        """
+        # segments whose middles are near, and their nearest points
         network = self.network
-        bits = np.unique(self._bit[self._tree.query_ball_point(place[:2], reach + self._size / 2)])
-        a, b = network.points[bits, :2], network.points[bits + 1, :2]
+        near = self._tree.query_ball_point(position[:2], radius + self._max_length / 2)
+        vertices = np.unique(self._vertex[near])
+        a, b = network.points[vertices, :2], network.points[vertices + 1, :2]
         step = b - a
-        size = np.maximum(np.linalg.norm(step, axis=1), 1e-12)
-        share = np.clip(((place[:2] - a) * step).sum(axis=1) / size**2, 0, 1)
-        distance = np.linalg.norm(a + share[:, None] * step - place[:2], axis=1)
+        length = np.maximum(np.linalg.norm(step, axis=1), _MIN_LENGTH)
+        fraction = np.clip(((position[:2] - a) * step).sum(axis=1) / length**2, 0, 1)
+        distance = np.linalg.norm(a + fraction[:, None] * step - position[:2], axis=1)
+
+        # the nearest segment of each road
         order = np.argsort(distance, kind="stable")
-        order = order[distance[order] <= reach]
-        road = np.searchsorted(network.offsets, bits[order], side="right") - 1
-        _, once = np.unique(road, return_index=True)
-        once.sort()
-        order = order[once]
-        offset = network.along[bits[order]] + share[order] * size[order]
-        return road[once], offset, distance[order], step[order] / size[order, None]
+        order = order[distance[order] <= radius]
+        road = np.searchsorted(network.offsets, vertices[order], side="right") - 1
+        _, nearest = np.unique(road, return_index=True)
+        nearest.sort()
+        order = order[nearest]
+        offset = network.along[vertices[order]] + fraction[order] * length[order]
+        return road[nearest], offset, distance[order], step[order] / length[order, None]

@@ -1,4 +1,7 @@
-"""Filling gaps: the most likely way over roads between the samples around each, at the log's own rhythm (thesis, chapter 5.2)."""
+"""Filling gaps with the most likely path over roads, at the log's own sampling interval.
+
+Thesis, chapter 5.2.
+"""
 
 from __future__ import annotations
 
@@ -27,37 +30,127 @@ from gpszip.model.match import Match
 
 __all__ = ["patch"]
 
-#: Prices in seconds of turning off by a right angle, and of turning round: little, as maps lack links and matching errs at crossings.
-_TURN, _U_TURN = 3.0, 20.0
+# Costs of a path.
 
-#: A way that takes so many seconds, and this share of the gap, longer than another is less likely by a factor of e.
-_LOSS, _SHARE = 8.0, 0.1
+#: Seconds for turning off by a right angle: few, since maps lack links and matching errs at
+#: crossings.
+_TURN_COST = 3.0
 
-#: Waiting takes this share of a gap, in the mean, and who goes faster than usual does so by this factor (as a logarithm).
-_WAIT, _HURRY = 0.5, 0.3
+#: Seconds for turning round.
+_U_TURN_COST = 20.0
 
-#: How much less likely (as a logarithm) roads near the end of a gap are that matching didn't choose, and going against their direction.
-_STRAY, _AGAINST = 4.0, 4.0
+#: Number of alternative paths that are compared.
+_MAX_PATHS = 40
 
-#: So many ways are compared; so many seconds tell the speed at an end of a gap, or as many as usually lead so many errors away.
-_WAYS, _SECONDS, _AWAY = 40, 3.0, 4.0
+#: Most seconds by which a path may cost more than twice the cheapest.
+_MAX_SLACK = 60.0
 
-#: From the median distance to the road to its standard deviation, and the least that this counts for in metres.
-_TO_SIGMA, _LEAST = 1.4826, 0.1
+# Likelihood of a path.
 
-#: An agent that takes longer than so many times what its way takes, and this many seconds more, may have been anywhere.
-_IDLE, _IDLER = 3.0, 600.0
+#: Seconds that a path must cost more than another to be less likely by a factor of e ...
+_COST_SCALE = 8.0
 
-#: A way that usually takes so many times as long as the gap wasn't taken: the network lacks a road.
-_LATE = 2.0
+#: ... and as a share of the gap, which is added to them.
+_COST_SCALE_SHARE = 0.1
 
-#: A way that asks for a speed so many times as high as the log's highest wasn't taken.
-_HASTE = 1.3
+#: Mean share of a gap that is spent waiting.
+_MEAN_WAIT = 0.5
 
-#: A gap in which more points than this would be added is none of lost samples.
-_MOST_POINTS = 1_000_000
+#: Standard deviation of the logarithm by which an agent is faster than its mean.
+_HURRY = 0.3
+
+#: Logarithm by which a road beside the matched one is less likely at the end of a gap.
+_OTHER_ROAD_COST = 4.0
+
+#: Logarithm by which a road is less likely that leads against the direction of travel there.
+_OPPOSITE_COST = 4.0
+
+#: Distance, in errors, within which other roads count at the end of a gap.
+_OTHER_ROAD_RADIUS = 3.0
+
+#: Distance, in errors, from the end of a gap at which the matched route is believed.
+_BACK_OFF = 2.0
+
+#: Distance, in errors, of a movement that shows a direction of travel.
+_MIN_MOVE = 2.0
+
+#: Samples beside a gap among which that movement is looked for.
+_DIRECTION_SAMPLES = 60
+
+#: Distance, in errors, along a path within which the sample at its end lies on it.
+_CUT_RADIUS = 6.0
+
+# Errors of the samples.
+
+#: Ratio of the standard deviation of a normal distribution to its median absolute value.
+_MEDIAN_TO_SIGMA = 1.4826
+
+#: Least error in metres.
+_MIN_ERROR = 0.1
+
+#: Samples below which a track's motion is that of the log.
+_MIN_MOTION_SAMPLES = 60
+
+# Times along a path.
+
+#: Seconds beside a gap over which its speed is measured, at least.
+_SPEED_SECONDS = 3.0
+
+#: The same in sampling intervals.
+_SPEED_INTERVALS = 1.5
+
+#: The same in errors, at the mean speed.
+_SPEED_ERRORS = 4.0
+
+#: Metres from the ends of a path over which that speed is compared with the roads' own.
+_END_METRES = 12.0
+
+#: Step in metres at which speeds along a path are computed ...
+_SPEED_STEP = 2.0
+
+#: ... or the most steps, on a long one.
+_MAX_SPEED_STEPS = 2000
+
+#: Least speed along a path, as a share of the mean speed.
+_MIN_SPEED = 0.05
+
+# Gaps that are left open.
+
+#: An agent with more time than this many times its travel time, and the seconds below, may have
+#: been anywhere.
+_MAX_WAIT = 3.0
+
+#: See above.
+_MAX_WAIT_SECONDS = 600.0
+
+#: Travel time, in gaps, above which a path was not taken: the network lacks a road.
+_MAX_LATENESS = 2.0
+
+#: Speed, in top speeds, above which a path was not taken.
+_MAX_HASTE = 1.3
+
+#: Most samples added in a gap; a longer one is not due to lost samples.
+_MAX_SAMPLES = 1_000_000
+
+# Least divisors.
+
+#: Metres of a road.
+_MIN_ROAD_LENGTH = 1e-3
+
+#: Metres of a line segment.
+_MIN_SEGMENT_LENGTH = 1e-9
+
+#: Square metres of a line segment's squared length.
+_MIN_SQUARE = 1e-12
+
+#: Side of a gap: before it.
+_BEFORE = -1
+
+#: Side of a gap: after it.
+_AFTER = 1
 
 Floats = NDArray[np.float64]
+Longs = NDArray[np.int64]
 
 
 def patch(
@@ -67,11 +160,12 @@ def patch(
     gap: float | None = None,
     ignore_oneway: bool = False,
 ) -> Patching:
-    """Fill the gaps of tracks with the most likely ways over roads.
+    """Fill the gaps of tracks with the most likely paths over roads.
 
-    Of all ways between the roads on which a gap begins and ends, that one is taken which best explains the time that passed: it is
-    quick, and neither too short nor too long for the speed that the log shows. Along it the agent goes from the speed before the gap
-    to that after it, as fast as the roads allow and slower in bends, for as long as the gap takes.
+    Of all plausible paths between the roads at both ends of a gap, the one is taken that best
+    explains the time: it is quick, and neither too short nor too long for the speeds in the log.
+    Along it the agent goes from the speed before the gap to that after it, as fast as the roads
+    allow, slower in bends, and for as long as the gap takes.
 
     Parameters
     ----------
@@ -80,9 +174,9 @@ def patch(
     network : Network
         Roads on the same plane.
     gap : float, optional
-        Seconds above which a step is a gap; estimated from the log by default.
+        Seconds above which an interval is a gap; estimated from the log by default.
     ignore_oneway : bool, default False
-        Whether all roads may be travelled both ways, as by those who walk or cycle.
+        Whether all roads may be travelled in both directions, as by pedestrians and cyclists.
 
     Returns
     -------
@@ -93,16 +187,54 @@ def patch(
     InputError
         If a track has no times.
     OptionError
-        If there is no track or no road, tracks and roads lie on different planes, or the gap is not positive.
+        If there is no track or no road, tracks and roads lie on different planes, or the gap is not
+        positive.
     """
-    several = [tracks] if isinstance(tracks, Track) else list(tracks)
-    if not several or not len(network):
+    log = [tracks] if isinstance(tracks, Track) else list(tracks)
+    _check(log, network)
+    if ignore_oneway:
+        network = network.two_way()
+    gap = estimate_gap(log) if gap is None else gap
+    if not gap > 0:
+        raise OptionError(f"a gap of {gap:g} s; it must be a positive number of seconds")
+    if not any(find_long_intervals(track.times, gap).any() for track in log):
+        return Patching(tuple(log), (), gap)
+
+    # roads of the log, and how its agents move
+    matches = match(log, network, gap=gap)
+    error = _robust_error(np.concatenate([matched.distance for matched in matches]))
+    log_motion = measure_motion(log, gap, error)
+    motion = [
+        measure_motion([track], gap, error) if len(track) > _MIN_MOTION_SAMPLES else log_motion
+        for track in log
+    ]
+    slowness = estimate_road_slowness(log, list(matches), motion, network, gap)
+
+    # each gap of each track
+    finder, nearby_roads = PathFinder(network), NearbyRoads(network)
+    patches: list[Patch] = []
+    for number, (track, matched) in enumerate(zip(log, matches, strict=True)):
+        gaps = np.flatnonzero(find_long_intervals(track.times, gap))
+        if not len(gaps):
+            continue
+        filler = _GapFiller(finder, nearby_roads, track, matched, motion[number], slowness, gap)
+        changes_plane = plane_changes(track.positions, track.plane)
+        patches += [
+            filler.fill(number, int(after), changes_plane=bool(changes_plane[after]))
+            for after in gaps
+        ]
+    return Patching(tuple(log), tuple(patches), gap)
+
+
+def _check(tracks: Sequence[Track], network: Network) -> None:
+    """Check that the gaps of tracks can be filled on a network."""
+    if not tracks or not len(network):
         raise OptionError("patching needs at least one track and one road")
-    if any(track.plane != network.plane for track in several):
+    if any(track.plane != network.plane for track in tracks):
         raise OptionError(
             "the roads are not on the plane of the tracks; read them with near=tracks"
         )
-    untimed = [track.id for track in several if not track.timed]
+    untimed = [track.id for track in tracks if not track.timed]
     if untimed:
         which = (
             f"track {untimed[0]!r} has"
@@ -110,356 +242,382 @@ def patch(
             else f"{len(untimed):,} tracks, the first of them {untimed[0]!r}, have"
         )
         raise InputError(
-            f"{which} no times, so there are no gaps to fill; leave such tracks out, or match them instead"
+            f"{which} no times, so there are no gaps to fill; "
+            "leave such tracks out, or match them instead"
         )
-    if ignore_oneway:
-        network = network.two_way()
-    wanted = estimate_gap(several) if gap is None else gap
-    if not wanted > 0:
-        raise OptionError(f"a gap of {wanted:g} s; it must be a positive number of seconds")
-    if not any(find_long_intervals(track.times, wanted).any() for track in several):
-        return Patching(tuple(several), (), wanted)
-    matches = match(several, network, gap=wanted)
-    error = _error(np.concatenate([found.distance for found in matches]))
-    everybody = measure_motion(several, wanted, error)
-    motion = [_own(measure_motion([track], wanted, error), everybody, track) for track in several]
-    slowness = estimate_road_slowness(several, list(matches), motion, network, wanted)
-    finder, near = PathFinder(network), NearbyRoads(network)
-    patches: list[Patch] = []
-    for number, (track, found) in enumerate(zip(several, matches, strict=True)):
-        gaps = np.flatnonzero(find_long_intervals(track.times, wanted))
-        if not len(gaps):
-            continue
-        filler = _Filler(finder, near, track, found, motion[number], slowness, wanted)
-        apart = plane_changes(track.positions, track.plane)
-        patches += [filler.fill(number, int(after), apart=bool(apart[after])) for after in gaps]
-    return Patching(tuple(several), tuple(patches), wanted)
 
 
-def _own(motion: MotionStatistics, everybody: MotionStatistics, track: Track) -> MotionStatistics:
-    """One agent's habits, or everybody's where it shows too little of its own."""
-    return motion if len(track) > 60 else everybody
-
-
-class _Filler:
-    """Fills the gaps of one track."""
+class _GapFiller:
+    """Fills the gaps of one track. A gap is named by the sample after which it lies."""
 
     def __init__(
         self,
         finder: PathFinder,
-        near: NearbyRoads,
+        nearby_roads: NearbyRoads,
         track: Track,
-        found: Match,
+        match: Match,
         motion: MotionStatistics,
         slowness: Floats,
         gap: float,
     ) -> None:
-        self.finder, self.near, self.track, self.match, self.motion = (
-            finder,
-            near,
-            track,
-            found,
-            motion,
-        )
-        steps = np.diff(track.times)
-        usual = steps[steps <= gap]
-        self.rhythm = float(np.median(usual)) if len(usual) else gap
-        self.travel_time = slowness * np.maximum(finder.lengths, 1e-3) / motion.mean_speed
-        heeded = math.isfinite(found.scales.heading)
-        self.headings = read_headings(track) if heeded else np.zeros((len(track), 2))
-        self.error = _error(found.distance)
+        self.finder = finder
+        self.nearby_roads = nearby_roads
+        self.track = track
+        self.match = match
+        self.motion = motion
 
-    def fill(self, number: int, after: int, *, apart: bool) -> Patch:
-        """Fill the gap after a sample, or say why not."""
+        # sampling interval of the log
+        steps = np.diff(track.times)
+        steps = steps[steps <= gap]
+        self.interval = float(np.median(steps)) if len(steps) else gap
+
+        # seconds on each directed road, and speeds
+        road_lengths = np.maximum(finder.lengths, _MIN_ROAD_LENGTH)
+        self.travel_time = slowness * road_lengths / motion.mean_speed
+        self.road_speed = finder.lengths / self.travel_time
+
+        uses_headings = math.isfinite(match.scales.heading)
+        self.headings = read_headings(track) if uses_headings else np.zeros((len(track), 2))
+        self.error = _robust_error(match.distance)
+
+    def fill(self, number: int, after: int, *, changes_plane: bool) -> Patch:
+        """Fill a gap of the track with this number, or say why not."""
+        # gaps that no path fills
         seconds = float(self.track.times[after + 1] - self.track.times[after])
         reason = (
-            "it leads to another part of the world" if apart else self._hopeless(after, seconds)
+            "it leads to another part of the world"
+            if changes_plane
+            else self._reason_to_skip(after, seconds)
         )
         if reason:
-            return self._open(number, after, seconds, reason)
-        ways = self._ways(after, seconds)
-        if isinstance(ways, str):
-            return self._open(number, after, seconds, ways)
-        scores = np.array([self._score(way, after, seconds) for way in ways])
-        best = ways[int(scores.argmax())]
+            return self._leave_open(number, after, seconds, reason)
+        paths = self._find_paths(after, seconds)
+        if isinstance(paths, str):
+            return self._leave_open(number, after, seconds, paths)
+
+        # the most likely path
+        log_likelihoods = np.array([self._log_likelihood(path, after, seconds) for path in paths])
+        best = paths[int(log_likelihoods.argmax())]
         line, owner = self._cut(best, after)
         length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-        reason = self._implausible(best, length, seconds)
+        reason = self._reason_to_reject(best, length, seconds)
         if reason:
-            return self._open(number, after, seconds, reason)
-        times, at = self._times(best, line, owner, length, after, seconds)
-        positions, road = _positions(line, owner, at)
-        likely = np.exp(scores - scores.max())
-        confidence = _confidence(ways, likely / likely.sum(), best)[road]
-        return Patch(
-            number, after, seconds, times, self._lifted(positions, after, times), confidence, length
-        )
+            return self._leave_open(number, after, seconds, reason)
 
-    def _open(self, number: int, after: int, seconds: float, reason: str) -> Patch:
+        # samples along it
+        times, along = self._sample_times(best, line, owner, length, after, seconds)
+        positions, road = _interpolate_line(line, owner, along)
+        likelihoods = np.exp(log_likelihoods - log_likelihoods.max())
+        confidence = _road_probabilities(paths, likelihoods / likelihoods.sum(), best)[road]
+        positions = self._add_other_coordinates(positions, after, times)
+        return Patch(number, after, seconds, times, positions, confidence, length)
+
+    def _leave_open(self, number: int, after: int, seconds: float, reason: str) -> Patch:
         nothing = np.empty(0)
-        return Patch(
-            number,
-            after,
-            seconds,
-            nothing,
-            np.empty((0, self.track.dimension)),
-            nothing,
-            reason=reason,
-        )
+        no_positions = np.empty((0, self.track.dimension))
+        return Patch(number, after, seconds, nothing, no_positions, nothing, reason=reason)
 
-    def _hopeless(self, after: int, seconds: float) -> str:
-        if seconds / self.rhythm > _MOST_POINTS:
+    def _reason_to_skip(self, after: int, seconds: float) -> str:
+        """Why no path is looked for; empty if one is."""
+        if seconds / self.interval > _MAX_SAMPLES:
             return "it is too long"
         straight = float(np.linalg.norm(np.diff(self.track.positions[after : after + 2], axis=0)))
-        if straight / seconds > _HASTE * self.motion.top_speed:
+        if straight / seconds > _MAX_HASTE * self.motion.top_speed:
             return f"it would take {straight / seconds:.3g} m/s even straight ahead"
         return ""
 
-    def _implausible(self, way: RoadPath, length: float, seconds: float) -> str:
-        if length / seconds > _HASTE * max(
-            self.motion.top_speed, float((self.finder.lengths / self.travel_time)[way.roads].max())
-        ):
-            return f"the shortest way would take {length / seconds:.3g} m/s"
-        takes = self._takes(way)
-        if takes > _LATE * seconds + self.rhythm:
-            return f"the shortest way takes {takes:.0f} s, and the gap only {seconds:.0f} s"
-        if seconds > _IDLE * takes + _IDLER:
-            return f"the way takes {takes:.0f} s, and the agent may have been anywhere in the rest of {seconds:.0f} s"
+    def _reason_to_reject(self, path: RoadPath, length: float, seconds: float) -> str:
+        """Why the most likely path was not taken; empty if it may have been."""
+        top_speed = max(self.motion.top_speed, float(self.road_speed[path.roads].max()))
+        if length / seconds > _MAX_HASTE * top_speed:
+            return f"the shortest path would take {length / seconds:.3g} m/s"
+        travel_time = self._travel_time(path)
+        if travel_time > _MAX_LATENESS * seconds + self.interval:
+            return f"the shortest path takes {travel_time:.0f} s, and the gap only {seconds:.0f} s"
+        if seconds > _MAX_WAIT * travel_time + _MAX_WAIT_SECONDS:
+            return (
+                f"the path takes {travel_time:.0f} s, and the agent may have been anywhere "
+                f"in the rest of {seconds:.0f} s"
+            )
         return ""
 
-    def _ways(self, after: int, seconds: float) -> list[RoadPath] | str:
-        """Ways from a little before the gap to a little after it, since the last roads seen are the least sure."""
-        worth = _worth(seconds)
-        starts, ends = self._places(after, -1, worth), self._places(after + 1, 1, worth)
+    def _find_paths(self, after: int, seconds: float) -> list[RoadPath] | str:
+        """Find the paths through a gap, or say why there are none.
+
+        They begin a little before the gap and end a little after it, since the last roads are the
+        least certain.
+        """
+        cost_scale = _cost_scale(seconds)
+        starts = self._end_positions(after, _BEFORE, cost_scale)
+        ends = self._end_positions(after + 1, _AFTER, cost_scale)
         if not starts or not ends:
             return f"it {'ends' if starts else 'begins'} off the roads"
-        ways = self.finder.find_paths(
+        paths = self.finder.find_paths(
             starts,
             ends,
-            TravelCosts(self.travel_time, _TURN, _U_TURN),
-            slack=min(60.0, seconds),
-            max_paths=_WAYS,
+            TravelCosts(self.travel_time, _TURN_COST, _U_TURN_COST),
+            slack=min(_MAX_SLACK, seconds),
+            max_paths=_MAX_PATHS,
         )
-        return ways or "no way over the roads leads through it"
+        return paths or "no path over the roads leads through it"
 
-    def _places(self, sample: int, side: int, worth: float) -> list[RoadPosition]:
-        """Where the way may have begun (or ended): where matching says, and on other roads near."""
-        matched = self.match.edge[sample] >= 0
-        likely = [self._matched(sample, side)] if matched else []
-        reach = 3 * self.error + (float(self.match.distance[sample]) if matched else 0.0)
-        heading = self._heading(sample, side)
-        for road, offset, distance, along in zip(
-            *self.near.near(self.track.positions[sample], reach), strict=True
+    def _end_positions(self, sample: int, side: int, cost_scale: float) -> list[RoadPosition]:
+        """Where a path may begin or end: where matching says, and on other roads near.
+
+        The penalty of a road is ``cost_scale`` times the cost of its distance and direction.
+        """
+        is_matched = bool(self.match.edge[sample] >= 0)
+        positions = [self._matched_position(sample, side)] if is_matched else []
+        radius = _OTHER_ROAD_RADIUS * self.error
+        if is_matched:
+            radius += float(self.match.distance[sample])
+        heading = self._direction_of_travel(sample, side)
+        network = self.finder.network
+
+        for road, offset, distance, direction in zip(
+            *self.nearby_roads.near(self.track.positions[sample], radius), strict=True
         ):
-            for against, open_ in enumerate(
-                (self.finder.network.forward, self.finder.network.backward)
-            ):
-                if open_[road]:
-                    turned = (
-                        1 - float(along @ heading) * (1 - 2 * against)
-                        if heading is not None
-                        else 0.0
-                    )
-                    doubt = (
-                        0.5 * (float(distance) / self.error) ** 2
-                        + _AGAINST * turned / 2
-                        + _STRAY * matched
-                    )
-                    likely.append(
-                        RoadPosition(2 * int(road) + against, float(offset), doubt * worth)
-                    )
-        return likely
+            for is_backward, is_open in enumerate((network.forward, network.backward)):
+                if not is_open[road]:
+                    continue
+                turn = 0.0  # 1 - cosine
+                if heading is not None:
+                    turn = 1 - float(direction @ heading) * (1 - 2 * is_backward)
+                cost = (
+                    0.5 * (float(distance) / self.error) ** 2
+                    + _OPPOSITE_COST * turn / 2
+                    + _OTHER_ROAD_COST * is_matched
+                )
+                positions.append(
+                    RoadPosition(2 * int(road) + is_backward, float(offset), cost * cost_scale)
+                )
+        return positions
 
-    def _heading(self, sample: int, side: int) -> Floats | None:
-        """Unit vector of travel beside a gap: what the log tells, or where the agent moved by more than the error."""
+    def _direction_of_travel(self, sample: int, side: int) -> Floats | None:
+        """Unit vector of travel beside a gap: the heading, or the movement beyond the error."""
         if self.headings[sample].any():
             return np.asarray(self.headings[sample])
+
+        # samples from the gap on
         positions = self.track.positions[:, :2]
-        near = (
-            positions[sample - 60 if sample >= 60 else 0 : sample + 1][::-1]
-            if side < 0
-            else positions[sample : sample + 61]
-        )
-        far = np.flatnonzero(np.linalg.norm(near - near[0], axis=1) > 2 * self.error)
+        if side == _BEFORE:
+            first = max(sample - _DIRECTION_SAMPLES, 0)
+            positions = positions[first : sample + 1][::-1]
+        else:
+            positions = positions[sample : sample + _DIRECTION_SAMPLES + 1]
+
+        # the first that is far enough
+        distances = np.linalg.norm(positions - positions[0], axis=1)
+        far = np.flatnonzero(distances > _MIN_MOVE * self.error)
         if not len(far):
             return None
-        step = (near[far[0]] - near[0]) * side
-        unit: Floats = step / np.linalg.norm(step)
-        return unit
+        step = (positions[far[0]] - positions[0]) * side
+        direction: Floats = step / np.linalg.norm(step)
+        return direction
 
-    def _matched(self, sample: int, side: int) -> RoadPosition:
-        """Place on the route, two errors farther from the gap than the sample is."""
-        found = self.match
-        route = found.pieces[found.piece[sample]].route
+    def _matched_position(self, sample: int, side: int) -> RoadPosition:
+        """The position on the matched route two errors farther from the gap than the sample."""
+        # distance along the route
+        route = self.match.pieces[self.match.piece[sample]].route
         ends = np.cumsum(route.lengths)
-        at = float(np.clip(found.along[sample] + side * 2 * self.error, 0.0, ends[-1]))
-        leg = min(
-            int(np.searchsorted(ends, at, side="left" if side < 0 else "right")), len(ends) - 1
+        along = float(
+            np.clip(self.match.along[sample] + side * _BACK_OFF * self.error, 0.0, ends[-1])
         )
-        forward = bool(route.forward[leg])
-        share = at - (float(ends[leg - 1]) if leg else 0.0)
-        offset = float(route.begin[leg]) + (share if forward else -share)
+
+        # leg, and offset on its road
+        number = np.searchsorted(ends, along, side="left" if side == _BEFORE else "right")
+        leg = min(int(number), len(ends) - 1)
+        is_forward = bool(route.forward[leg])
+        metres = along - (float(ends[leg - 1]) if leg else 0.0)
+        offset = float(route.begin[leg]) + (metres if is_forward else -metres)
         edge = int(route.edges[leg])
         return RoadPosition(
-            2 * edge + (not forward), float(np.clip(offset, 0.0, self.finder.lengths[2 * edge]))
+            2 * edge + (not is_forward),
+            float(np.clip(offset, 0.0, self.finder.lengths[2 * edge])),
         )
 
-    def _score(self, way: RoadPath, after: int, seconds: float) -> float:
-        """Logarithm of how likely a way is, up to a constant.
+    def _log_likelihood(self, path: RoadPath, after: int, seconds: float) -> float:
+        """Logarithm of the likelihood of a path, up to a constant.
 
-        Who knows the roads takes a quick way; the rest of the time is spent waiting, and few are much quicker than usual.
+        Agents who know the roads take a quick path. The rest of the time they wait, for a time of
+        exponential distribution; few are much faster than their mean, by a log-normal distribution.
         """
-        expected = max(self._takes(way), self.rhythm)
-        off = 0.0
-        if way.penalty == 0:
-            line, _ = self._cut(way, after)
-            squares = (
-                (self.track.positions[after : after + 2, : line.shape[1]] - line[[0, -1]]) ** 2
-            ).sum(axis=1) / self.error**2
-            off = float(
-                np.log1p(0.5 * squares).sum()
-            )  # receivers err much where they come out of a tunnel
-        late = (
-            (seconds - expected) / (_WAIT * seconds)
+        # distance of the samples from the ends of the path; the tails are those of Cauchy's
+        # distribution, since receivers err much at the end of a tunnel
+        distance_cost = 0.0
+        if path.penalty == 0:
+            line, _ = self._cut(path, after)
+            steps = self.track.positions[after : after + 2, : line.shape[1]] - line[[0, -1]]
+            squares = (steps**2).sum(axis=1) / self.error**2
+            distance_cost = float(np.log1p(0.5 * squares).sum())
+
+        # waiting, or hurry
+        expected = max(self._travel_time(path), self.interval)
+        time_cost = (
+            (seconds - expected) / (_MEAN_WAIT * seconds)
             if seconds > expected
             else 0.5 * (math.log(expected / seconds) / _HURRY) ** 2
         )
-        return -(way.cost + way.penalty) / _worth(seconds) - late - off
+        return -(path.cost + path.penalty) / _cost_scale(seconds) - time_cost - distance_cost
 
-    def _takes(self, way: RoadPath) -> float:
-        """Seconds of travel on a way."""
-        return self.finder.travel_time(way, TravelCosts(self.travel_time, 0.0, 0.0))
+    def _travel_time(self, path: RoadPath) -> float:
+        """Seconds of travel on a path, without turns."""
+        return self.finder.travel_time(path, TravelCosts(self.travel_time, 0.0, 0.0))
 
-    def _cut(self, way: RoadPath, after: int) -> tuple[Floats, NDArray[np.int64]]:
-        """The part of a way between the samples' places on it."""
-        line, owner = self.finder.line(way)
-        reach = 6 * self.error
+    def _cut(self, path: RoadPath, after: int) -> tuple[Floats, Longs]:
+        """The line of a path between the samples beside a gap, and the road of each vertex."""
+        line, owner = self.finder.line(path)
+        radius = _CUT_RADIUS * self.error
         positions = self.track.positions[:, : line.shape[1]]
-        first = _nearest(line, positions[after], 0.0, reach)
+        first = _nearest_along(line, positions[after], 0.0, radius)
         length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-        last = max(_nearest(line, positions[after + 1], length - reach, length), first)
-        return _between(line, owner, first, last)
+        last = max(_nearest_along(line, positions[after + 1], length - radius, length), first)
+        return _cut_line(line, owner, first, last)
 
-    def _times(
+    def _sample_times(
         self,
-        way: RoadPath,
+        path: RoadPath,
         line: Floats,
-        owner: NDArray[np.int64],
+        owner: Longs,
         length: float,
         after: int,
         seconds: float,
     ) -> tuple[Floats, Floats]:
-        """Times of the samples to add, and how far along the line they are."""
-        times = self.track.times
-        when = np.arange(1, math.ceil(seconds / self.rhythm - 0.5)) * self.rhythm
-        at = np.linspace(0.0, length, max(int(length / max(2.0, length / 2000)), 2))
-        along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
-        road = way.roads[
-            owner[np.clip(np.searchsorted(along, at, side="right") - 1, 0, len(owner) - 1)]
-        ]
-        speed = (self.finder.lengths / self.travel_time)[road]
-        speed = np.minimum(
-            speed,
-            bend_speed(
-                line, at, self.motion.acceleration, max(float(speed.max()), self.motion.mean_speed)
-            ),
-        )
-        pace = 1.0 / np.maximum(speed, 0.05 * self.motion.mean_speed)
-        clock = np.append(0.0, np.cumsum((pace[1:] + pace[:-1]) / 2 * np.diff(at)))
-        few = max(int(np.searchsorted(at, 12.0)), 1)
-        before, beyond = (
-            self._speed(after + (side > 0), side) * float(pace[part].mean())
-            for side, part in _ends(few)
-        )
-        progress = interpolate_progress(
-            seconds, float(clock[-1]), before, beyond, self.motion.correlation_time(seconds)
-        )
-        return times[after] + when, np.interp(np.interp(when, *progress), clock, at)
+        """Times of the samples to add, and their distances along the line.
 
-    def _speed(self, sample: int, side: int) -> float:
+        1. Find the speed that roads and bends allow along the line.
+        2. Integrate it to the time that the agent would take.
+        3. Fit that time to the gap, given the speeds at both ends.
+        """
+        # 1. allowed speed
+        along = np.linspace(
+            0.0, length, max(int(length / max(_SPEED_STEP, length / _MAX_SPEED_STEPS)), 2)
+        )
+        _, road = _interpolate_line(line, owner, along)
+        speed = self.road_speed[path.roads[road]]
+        top_speed = max(float(speed.max()), self.motion.mean_speed)
+        speed = np.minimum(speed, bend_speed(line, along, self.motion.acceleration, top_speed))
+
+        # 2. time at that speed
+        pace = 1.0 / np.maximum(speed, _MIN_SPEED * self.motion.mean_speed)
+        clock = np.append(0.0, np.cumsum((pace[1:] + pace[:-1]) / 2 * np.diff(along)))
+
+        # 3. progress on that clock: its rate at both ends is the speed over the allowed speed
+        few = max(int(np.searchsorted(along, _END_METRES)), 1)
+        rate_before = self._speed_beside(after, _BEFORE) * float(pace[:few].mean())
+        rate_after = self._speed_beside(after + 1, _AFTER) * float(pace[-few:].mean())
+        progress = interpolate_progress(
+            seconds,
+            float(clock[-1]),
+            rate_before,
+            rate_after,
+            self.motion.correlation_time(seconds),
+        )
+        since_gap = np.arange(1, math.ceil(seconds / self.interval - 0.5)) * self.interval
+        return (
+            self.track.times[after] + since_gap,
+            np.interp(np.interp(since_gap, *progress), clock, along),
+        )
+
+    def _speed_beside(self, sample: int, side: int) -> float:
         """Speed over a few seconds beside a gap."""
         times, along, piece = self.track.times, self.match.along, self.match.piece
-        reach = max(_SECONDS, 1.5 * self.rhythm, _AWAY * self.error / self.motion.mean_speed)
+        duration = max(
+            _SPEED_SECONDS,
+            _SPEED_INTERVALS * self.interval,
+            _SPEED_ERRORS * self.error / self.motion.mean_speed,
+        )
         near = np.flatnonzero(
             (side * (times - times[sample]) >= 0)
-            & (np.abs(times - times[sample]) <= reach)
+            & (np.abs(times - times[sample]) <= duration)
             & (piece == piece[sample])
         )
         if len(near) < 2:
             return self.motion.mean_speed
-        return float(abs(along[near[-1]] - along[near[0]]) / (times[near[-1]] - times[near[0]]))
+        first, last = near[0], near[-1]
+        return float(abs(along[last] - along[first]) / (times[last] - times[first]))
 
-    def _lifted(self, positions: Floats, after: int, times: Floats) -> Floats:
-        """Further coordinates, which roads don't have, straight from one end to the other."""
-        ends, when = self.track.positions[after : after + 2], self.track.times[after : after + 2]
-        flat = positions[:, : self.track.dimension]
-        rest = [
-            np.interp(times, when, ends[:, axis])
-            for axis in range(flat.shape[1], self.track.dimension)
+    def _add_other_coordinates(self, positions: Floats, after: int, times: Floats) -> Floats:
+        """Interpolate the coordinates that roads lack, such as heights, over the gap."""
+        end_positions = self.track.positions[after : after + 2]
+        end_times = self.track.times[after : after + 2]
+        on_roads = positions[:, : self.track.dimension]
+        others = [
+            np.interp(times, end_times, end_positions[:, axis])
+            for axis in range(on_roads.shape[1], self.track.dimension)
         ]
-        return np.column_stack([flat, *rest])
+        return np.column_stack([on_roads, *others])
 
 
-def _error(distances: Floats) -> float:
-    """Standard deviation of samples from their roads, deaf to strays."""
+def _robust_error(distances: Floats) -> float:
+    """Standard deviation of samples from their roads, by the median, which outliers don't move."""
     known = distances[np.isfinite(distances)]
-    return max(_TO_SIGMA * float(np.median(known)), _LEAST) if len(known) else _LEAST
+    if not len(known):
+        return _MIN_ERROR
+    return max(_MEDIAN_TO_SIGMA * float(np.median(known)), _MIN_ERROR)
 
 
-def _worth(seconds: float) -> float:
-    """Seconds by which a way must be slower than another to be less likely by a factor of e."""
-    return _LOSS + _SHARE * seconds
+def _cost_scale(seconds: float) -> float:
+    """Seconds that a path must cost more than another to be less likely by a factor of e."""
+    return _COST_SCALE + _COST_SCALE_SHARE * seconds
 
 
-def _ends(few: int) -> tuple[tuple[int, slice], tuple[int, slice]]:
-    return (-1, slice(few)), (1, slice(-few, None))
+def _measure_along(line: Floats) -> Floats:
+    """Metres along a line to each vertex."""
+    return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
 
 
-def _nearest(line: Floats, point: Floats, low: float, high: float) -> float:
-    """Metres along a line to where it is nearest to a point, of the part between two places."""
+def _nearest_along(line: Floats, point: Floats, low: float, high: float) -> float:
+    """Metres along a line, between two bounds, to where it is nearest to a point."""
     steps = np.diff(line, axis=0)
-    sizes = np.linalg.norm(steps, axis=1)
-    along = np.append(0.0, np.cumsum(sizes))
+    lengths = np.linalg.norm(steps, axis=1)
+    along = np.append(0.0, np.cumsum(lengths))
     low, high = max(low, 0.0), min(high, float(along[-1]))
     if not len(steps) or high <= low:
         return max(low, 0.0)
-    share = ((point - line[:-1]) * steps).sum(axis=1) / np.maximum(sizes**2, 1e-12)
-    least, most = (
-        np.clip((low - along[:-1]) / np.maximum(sizes, 1e-9), 0, 1),
-        np.clip((high - along[:-1]) / np.maximum(sizes, 1e-9), 0, 1),
-    )
-    share = np.clip(share, least, most)
-    off = np.linalg.norm(line[:-1] + share[:, None] * steps - point, axis=1)
-    off[(along[1:] < low) | (along[:-1] > high)] = np.inf
-    best = int(off.argmin())
-    return float(along[best] + share[best] * sizes[best])
+
+    # nearest fraction of each segment, within the bounds
+    fraction = ((point - line[:-1]) * steps).sum(axis=1) / np.maximum(lengths**2, _MIN_SQUARE)
+    divisor = np.maximum(lengths, _MIN_SEGMENT_LENGTH)
+    least = np.clip((low - along[:-1]) / divisor, 0, 1)
+    greatest = np.clip((high - along[:-1]) / divisor, 0, 1)
+    fraction = np.clip(fraction, least, greatest)
+
+    # nearest segment
+    distance = np.linalg.norm(line[:-1] + fraction[:, None] * steps - point, axis=1)
+    distance[(along[1:] < low) | (along[:-1] > high)] = np.inf
+    best = int(distance.argmin())
+    return float(along[best] + fraction[best] * lengths[best])
 
 
-def _between(
-    line: Floats, owner: NDArray[np.int64], first: float, last: float
-) -> tuple[Floats, NDArray[np.int64]]:
-    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
-    inner = np.flatnonzero((along > first) & (along < last))
-    at = np.concatenate(([first], along[inner], [last]))
-    points = np.stack([np.interp(at, along, axis) for axis in line.T], axis=1)
-    begin = owner[np.clip(np.searchsorted(along, first, side="right") - 1, 0, len(owner) - 1)]
-    return points, np.concatenate(
-        ([begin], owner[inner], owner[inner][-1:] if len(inner) else [begin])
-    )
+def _owner_at(owner: Longs, vertices: Floats, along: Floats | float) -> Longs:
+    """The owner of the last vertex not beyond each distance along a line."""
+    vertex = np.clip(np.searchsorted(vertices, along, side="right") - 1, 0, len(owner) - 1)
+    found: Longs = owner[vertex]
+    return found
 
 
-def _positions(
-    line: Floats, owner: NDArray[np.int64], at: Floats
-) -> tuple[Floats, NDArray[np.int64]]:
-    """Places along a line, and the number of the road of each."""
-    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
-    road = owner[np.clip(np.searchsorted(along, at, side="right") - 1, 0, len(owner) - 1)]
-    return np.stack([np.interp(at, along, axis) for axis in line.T], axis=1), road
+def _cut_line(line: Floats, owner: Longs, first: float, last: float) -> tuple[Floats, Longs]:
+    """Cut a line at two distances along it."""
+    vertices = _measure_along(line)
+    inner = np.flatnonzero((vertices > first) & (vertices < last))
+    along = np.concatenate(([first], vertices[inner], [last]))
+    points = np.stack([np.interp(along, vertices, axis) for axis in line.T], axis=1)
+    first_owner = _owner_at(owner, vertices, first)
+    last_owner = owner[inner][-1:] if len(inner) else [first_owner]
+    return points, np.concatenate(([first_owner], owner[inner], last_owner))
 
 
-def _confidence(ways: Sequence[RoadPath], likely: Floats, best: RoadPath) -> Floats:
-    """Probability of each road of the best way: that of all ways that use it."""
-    chance = np.zeros(len(best.roads))
-    for way, one in zip(ways, likely.tolist(), strict=True):
-        chance += one * np.isin(best.roads, way.roads)
-    return np.minimum(chance, 1.0)
+def _interpolate_line(line: Floats, owner: Longs, along: Floats) -> tuple[Floats, Longs]:
+    """Positions at distances along a line, and the owner of each."""
+    vertices = _measure_along(line)
+    positions = np.stack([np.interp(along, vertices, axis) for axis in line.T], axis=1)
+    return positions, _owner_at(owner, vertices, along)
+
+
+def _road_probabilities(paths: Sequence[RoadPath], probabilities: Floats, best: RoadPath) -> Floats:
+    """Probability of each road of the best path: that of all paths that use it."""
+    total = np.zeros(len(best.roads))
+    for path, probability in zip(paths, probabilities.tolist(), strict=True):
+        total += probability * np.isin(best.roads, path.roads)
+    return np.minimum(total, 1.0)

@@ -1,4 +1,4 @@
-"""How slow each road is: learnt from a log where it was driven, and guessed from speeds that are known elsewhere."""
+"""How slow each road is: learnt from a log where it was driven, else from the network's speeds."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ from gpszip.model.match import Match
 
 __all__ = ["estimate_road_slowness"]
 
-#: What is known beforehand of a road counts as much as having been driven for so many metres.
+#: Metres of driving as which the expected slowness of a road counts.
 _PRIOR = 300.0
 
-#: A road is at most so many times as quick, or as slow, as others.
-_FACTOR = 4.0
+#: Largest ratio between the slowness of a road and that of others.
+_MAX_RATIO = 4.0
+
+Floats = NDArray[np.float64]
 
 
 def estimate_road_slowness(
@@ -26,11 +28,12 @@ def estimate_road_slowness(
     motion: Sequence[MotionStatistics],
     network: Network,
     gap: float,
-) -> NDArray[np.float64]:
-    """Time that an agent takes for a metre of each directed road, as a multiple of what it usually takes for a metre.
+) -> Floats:
+    """Estimate the time for a metre of each directed road, as a multiple of the agent's mean.
 
-    Speeds of the network are scaled to what the log shows on roads that have one: expected speeds of cars don't fit bicycles. Roads that
-    were driven from end to end are pulled towards what was seen there.
+    The network's speeds are scaled to what the log shows on roads that have one: expected speeds of
+    cars don't fit bicycles. Roads that were driven from end to end are pulled towards what was seen
+    there.
 
     Parameters
     ----------
@@ -38,8 +41,8 @@ def estimate_road_slowness(
         The log.
     matches : sequence of Match
         Where each of them lies on the roads.
-    motion : sequence of Habits
-        How each of their agents goes.
+    motion : sequence of MotionStatistics
+        How each of their agents moves.
     network : Network
         The roads.
     gap : float
@@ -50,46 +53,56 @@ def estimate_road_slowness(
     float64 array, shape (2 E,)
         Directed road 2e leads along road e, 2e + 1 back; about 1 in the mean.
     """
-    metres, worth = np.zeros(2 * len(network)), np.zeros(2 * len(network))
-    for track, found, own in zip(tracks, matches, motion, strict=True):
-        road, along, seconds = _passed(track, found, gap)
-        np.add.at(metres, road, along)
-        np.add.at(worth, road, seconds * own.mean_speed)
-    expected = _expected(network, metres, worth)
-    learnt: NDArray[np.float64] = np.clip(
-        (worth + _PRIOR * expected) / (metres + _PRIOR), 1 / _FACTOR, _FACTOR
+    # metres driven on each road, and the metres that the agent drives elsewhere in the same time
+    metres, mean_metres = np.zeros(2 * len(network)), np.zeros(2 * len(network))
+    for track, match, statistics in zip(tracks, matches, motion, strict=True):
+        road, step_metres, step_seconds = _steps_on_passed_roads(track, match, gap)
+        np.add.at(metres, road, step_metres)
+        np.add.at(mean_metres, road, step_seconds * statistics.mean_speed)
+
+    # weighted mean of what was seen and what is expected
+    expected = _expected_slowness(network, metres, mean_metres)
+    slowness: Floats = np.clip(
+        (mean_metres + _PRIOR * expected) / (metres + _PRIOR), 1 / _MAX_RATIO, _MAX_RATIO
     )
-    return learnt
+    return slowness
 
 
-def _passed(
-    track: Track, found: Match, gap: float
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Directed road, metres and seconds of the steps, save those on roads of which only a part was seen."""
-    if not found.pieces:
+def _steps_on_passed_roads(
+    track: Track, match: Match, gap: float
+) -> tuple[NDArray[np.int64], Floats, Floats]:
+    """Directed road, metres and seconds of each step on a road that was driven from end to end."""
+    if not match.pieces:
         return np.empty(0, np.int64), np.empty(0), np.empty(0)
-    last = np.array([len(piece.route) - 1 for piece in found.pieces])
-    used = (
+
+    # steps on one piece, without its first and last leg
+    last_leg = np.array([len(piece.route) - 1 for piece in match.pieces])
+    is_used = (
         (np.diff(track.times) <= gap)
-        & (found.piece[1:] == found.piece[:-1])
-        & (found.piece[1:] >= 0)
+        & (match.piece[1:] == match.piece[:-1])
+        & (match.piece[1:] >= 0)
     )
-    used &= (found.leg[:-1] > 0) & (found.leg[1:] < last[found.piece[1:]])
-    road = 2 * found.edge.astype(np.int64) + ~found.forward
-    return road[:-1][used], np.diff(found.along)[used], np.diff(track.times)[used]
+    is_used &= (match.leg[:-1] > 0) & (match.leg[1:] < last_leg[match.piece[1:]])
+
+    road = 2 * match.edge.astype(np.int64) + ~match.forward
+    return road[:-1][is_used], np.diff(match.along)[is_used], np.diff(track.times)[is_used]
 
 
-def _expected(
-    network: Network, metres: NDArray[np.float64], worth: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """What the network's speeds say, so scaled that it is right in the mean for the roads that were driven."""
-    told = np.repeat(network.speeds, 2)
-    known = np.isfinite(told) & (told > 0)
-    pace = np.divide(1.0, told, out=np.ones_like(told), where=known)
-    driven = known & (metres > 0)
-    weights = metres[driven] if driven.any() else np.repeat(network.lengths, 2)[known]
-    sum_ = float((weights * pace[driven if driven.any() else known]).sum())
-    seen = float(worth[driven].sum()) if driven.any() else float(weights.sum())
-    return np.where(
-        known, np.clip(pace * (seen / sum_ if sum_ > 0 else 1.0), 1 / _FACTOR, _FACTOR), 1.0
-    )
+def _expected_slowness(network: Network, metres: Floats, mean_metres: Floats) -> Floats:
+    """Slowness by the network's speeds, scaled to be right in the mean for the roads driven."""
+    # seconds for a metre
+    speeds = np.repeat(network.speeds, 2)
+    is_known = np.isfinite(speeds) & (speeds > 0)
+    pace = np.divide(1.0, speeds, out=np.ones_like(speeds), where=is_known)
+
+    # scale: by the roads driven, or by the lengths of all roads
+    is_driven = is_known & (metres > 0)
+    if is_driven.any():
+        seconds = float((metres[is_driven] * pace[is_driven]).sum())
+        wanted = float(mean_metres[is_driven].sum())
+    else:
+        lengths = np.repeat(network.lengths, 2)[is_known]
+        seconds = float((lengths * pace[is_known]).sum())
+        wanted = float(lengths.sum())
+    scale = wanted / seconds if seconds > 0 else 1.0
+    return np.where(is_known, np.clip(pace * scale, 1 / _MAX_RATIO, _MAX_RATIO), 1.0)

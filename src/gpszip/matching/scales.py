@@ -1,4 +1,4 @@
-"""The scales of the model from the log itself: match, measure what was matched, and match again."""
+"""The scales of the model, estimated from the log: match, measure what was matched, match again."""
 
 from __future__ import annotations
 
@@ -23,405 +23,461 @@ from gpszip.model.match import Scales
 
 __all__ = ["estimate_robust_scales", "estimate_scales", "guess_error"]
 
-#: Rounds of matching and measuring on a few samples, before one on many: as many as it takes until the error is the same but for so
-#: much, which are two or three, but where who stands beside the roads for hours makes the first guess far too large.
-_ROUNDS, _SAME = 8, 0.2
+#: Most rounds of matching and measuring on a few samples, before one on many. Two or three are
+#: enough, but where an agent stands beside the roads for hours the first guess is far too large.
+_MAX_ROUNDS = 8
 
-#: Samples that the rounds look at, and that the last one does; of each track at least the third number.
-_SOME, _MANY, _FEW = 10_000, 100_000, 30
+#: Change of the error, as a logarithm, below which the rounds end.
+_CONVERGED = 0.2
 
-#: A share of a track is looked at in at most so many parts, so that one long walk off the roads is not all that is seen.
-_PARTS = 10
+#: Samples that each round looks at.
+_ROUND_SAMPLES = 10_000
 
-#: A first guess of how much longer than the straight line a way is. Rather too much: if ways that wind seem too dear, layers are
-#: matched to far roads instead, which looks like a large error, and this never mends.
+#: Samples that the last round looks at.
+_LAST_SAMPLES = 100_000
+
+#: Least samples of each track that a round looks at.
+_MIN_TRACK_SAMPLES = 30
+
+#: Most slices of a track that a round looks at: more than one, so that a long walk off the roads
+#: is not all that it sees.
+_MAX_SLICES = 10
+
+#: First guess of how much longer than the straight line a path is, as a share. It is rather too
+#: large: if winding paths cost too much, time steps are matched to far roads instead, which looks
+#: like a large error, and the rounds don't recover.
 _WINDING = 0.25
 
-#: A first guess of the error is so many times the distance that a quarter of the samples have at most, or that half of them have, whichever
-#: is more: 1.3 errors where all are on roads. Where only 55 in a hundred are it is 3.4: nine in ten of these are nearer than the median.
-_GUESS = np.array([4.0, 2.0])
+#: Quantiles of the distance to the nearest road from which the error is guessed.
+_GUESS_QUANTILES = (0.25, 0.5)
 
-#: An error so many times the first guess, which is rather too much, is none of the log.
-_UNSOUND = 1.5
+#: Factor of each quantile; the larger product is the guess. It is 1.3 errors where all samples are
+#: on roads, and 3.4 where 55 in a hundred are, since nine in ten of these are nearer than the
+#: median.
+_GUESS_FACTORS = np.array([4.0, 2.0])
 
-#: Layers so many errors away tell whether a track keeps its distance beside a road: who crosses it by 30 degrees has come as far again.
+#: Error, as a multiple of the first guess (which is rather too large), above which it is not
+#: believed.
+_MAX_TO_GUESS = 1.5
+
+#: Distance, in errors, between time steps that tell whether a track keeps its distance beside a
+#: road. A track that crosses the road by 30 degrees is as much farther.
 _BESIDE = 5.0
 
-#: What the whole log tells counts for a track as much as so many layers of its own.
+#: Time steps as which the log counts for the scales of a track.
 _PRIOR = 300.0
 
-#: The most that errors are alike from layer to layer, so that sigma stays finite.
-_MOST_ALIKE = 0.95
+#: Largest autocorrelation of errors from time step to time step, so that sigma stays finite.
+_MAX_AUTOCORRELATION = 0.95
+
+#: Least error, in cells of the grid of roads: the rounding of the map.
+_MIN_ERROR = 1e-3
+
+#: First share of time steps on roads, from which the mixture of distances is fitted.
+_FIRST_SHARE = 0.5
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class _Shown:
-    """What the layers of a matched track show.
+class _Residuals:
+    """What the time steps of a matched track leave unexplained.
 
     Parameters
     ----------
     errors : float64 array, shape (k, d)
-        From the place of each layer to its sample, NaN off the roads.
-    differences : float64 array, shape (k - 1,)
-        Way over roads less straight line between layers in a row, NaN where no way joins them.
+        From the position of each time step on its road to its sample, NaN off the roads.
+    detours : float64 array, shape (k - 1,)
+        Path over roads less straight line between a time step and the next, NaN without a path.
     lag : int
-        Layers so many places on are some five errors away.
+        Number of time steps that are about five errors apart.
     """
 
     errors: Floats
-    differences: Floats
+    detours: Floats
     lag: int
 
     @property
     def strays(self) -> Floats:
-        """How far each layer is from its road, or from being as far beside it as the layers before or after it are.
+        """Distance of each time step from its road, or from keeping its distance beside the road.
 
-        A map that is wrong shifts whole streets, and who follows them keeps his distance; who crosses a field does not.
+        A map that is wrong shifts whole streets; a track on such a street keeps its distance, a
+        track that crosses a field does not. So the least of three distances counts: to the road,
+        and to the errors of the time steps ``lag`` before and after.
         """
         length = np.sqrt((self.errors**2).sum(axis=1))
         change = np.sqrt(((self.errors[self.lag :] - self.errors[: -self.lag]) ** 2).sum(axis=1))
         strays: Floats = length.copy()
-        strays[self.lag :] = np.fmin(
-            strays[self.lag :], np.where(np.isnan(strays[self.lag :]), np.nan, change)
-        )
-        strays[: -self.lag] = np.fmin(
-            strays[: -self.lag], np.where(np.isnan(strays[: -self.lag]), np.nan, change)
-        )
+        for side in (slice(self.lag, None), slice(None, -self.lag)):
+            known_change = np.where(np.isnan(strays[side]), np.nan, change)
+            strays[side] = np.fmin(strays[side], known_change)
         return strays
 
 
 @dataclass(frozen=True)
 class _Sums:
-    """What layers of matched tracks add up to, each as far as it is on its road.
+    """Sums over the time steps of matched tracks, weighted by the probability of being on roads.
 
     Parameters
     ----------
-    squares, layers : float
-        Squared distance to the roads, and number of layers on them.
-    products, both : float
-        Product of the errors of layers in a row, and their mean square.
-    differences, ways : float
-        Squared difference between ways and straight lines, and number of ways.
+    squares, steps : float
+        Squared distance to the roads, and number of time steps on them.
+    products, pairs : float
+        Product of the errors of a time step and the next, and their mean square.
+    detours, paths : float
+        Squared difference between paths and straight lines, and number of paths.
     """
 
     squares: float = 0.0
-    layers: float = 0.0
+    steps: float = 0.0
     products: float = 0.0
-    both: float = 0.0
-    differences: float = 0.0
-    ways: float = 0.0
+    pairs: float = 0.0
+    detours: float = 0.0
+    paths: float = 0.0
 
     def __add__(self, other: _Sums) -> _Sums:
         return _Sums(
             *(a + b for a, b in zip(vars(self).values(), vars(other).values(), strict=True))
         )
 
-    def shrunk(self, layers: float) -> _Sums:
-        """The same as so few layers would tell; no more than there are."""
-        share = min(layers / self.layers, 1.0) if self.layers else 0.0
+    def shrunk(self, steps: float) -> _Sums:
+        """Scale the sums to a number of time steps, unless they have fewer."""
+        share = min(steps / self.steps, 1.0) if self.steps else 0.0
         return _Sums(*(share * value for value in vars(self).values()))
 
 
 def estimate_scales(
     index: RoadIndex,
     work: Workspace,
-    stretches: Sequence[Observations],
+    observations: Sequence[Observations],
     *,
     sigma: float | None = None,
     beta: float | None = None,
     heading: float | None = None,
 ) -> tuple[Scales, list[Scales]]:
-    """Find the scales of a log as a whole and of each track.
+    """Estimate the scales of a log and of each of its tracks.
 
-    Errors of receiver and map change slowly, so that samples in a row repeat the same error rather than tell a new one. If the error of
-    one layer is alike that of the next by a share rho, n of them tell as much as n (1 - rho) / (1 + rho) independent ones; the prices
-    of all candidates are lowered by as much, which is a larger sigma. Where samples are far apart nothing is left of this.
+    Errors of receiver and map change slowly, so that successive samples repeat the same error. With
+    an autocorrelation rho from time step to time step, n time steps tell as much as
+    n (1 - rho) / (1 + rho) independent ones. The emission costs of all candidates are lowered by as
+    much, which is a larger sigma. Where samples are far apart nothing is left of this.
 
-    A part of the log may be off all roads, and still be matched where roads are near: layers count as far as they are on their roads.
+    Part of the log may be off all roads, and still be matched where roads are near: time steps
+    count by the probability that they are on their roads.
 
     Parameters
     ----------
-    index, work : RoadIndex, Work
-        The network, and room to search it.
-    stretches : sequence of Stretch
+    index, work : RoadIndex, Workspace
+        The network, and arrays for its searches.
+    observations : sequence of Observations
         The log.
     sigma, beta, heading : float, optional
-        Those that are known.
+        Scales that are known.
+
+    Returns
+    -------
+    Scales, list of Scales
+        Those of the log, and those of each track.
     """
-    some = _some(stretches, _SOME)
-    least = _least_error(index)
-    scales = _fixed(_first(index, some), sigma, beta)
-    for _ in range(_ROUNDS):
-        shown = [
-            _shown(
-                index, find_viterbi_path(index, work, one, scales, with_confidence=False), scales
-            )
-            for one in some
-        ]
-        total = _total(shown, _usual(shown, scales))
-        if not total.ways:
+    # rounds on a few samples, until the error converges
+    sample = _take_sample(observations, _ROUND_SAMPLES)
+    min_error = _min_error(index)
+    scales = _with_known(_guess_scales(index, sample), sigma, beta)
+    for _ in range(_MAX_ROUNDS):
+        _, residuals = _match_and_measure(index, work, sample, scales)
+        total = _sum_all(residuals, _fit_log_mixture(residuals, scales))
+        if not total.paths:
             scales = replace(scales, heading=heading or math.inf)
-            return scales, [scales] * len(stretches)
-        before, scales = scales, _fixed(_of(total, _speeds(some, scales.error), least), sigma, beta)
-        if abs(math.log(scales.error / before.error)) < _SAME:
+            return scales, [scales] * len(observations)
+        last_error = scales.error
+        speeds = _measure_speeds(sample, last_error)
+        scales = _with_known(_scales_from(total, speeds, min_error), sigma, beta)
+        if abs(math.log(scales.error / last_error)) < _CONVERGED:
             break
-    many = _some(stretches, _MANY)
-    chains = [find_viterbi_path(index, work, one, scales, with_confidence=False) for one in many]
-    shown = [_shown(index, chain, scales) for chain in chains]
-    usual = _usual(shown, scales)
-    sums = [_summed(one, fit_mixture(one.strays, usual, _PRIOR)) for one in shown]
-    facing, facings = (
-        _facing(index, work, chains, scales)
-        if heading is None
-        else (heading, [heading] * len(many))
-    )
-    total = _total(shown, usual)
-    whole = _fixed(_of(total, _speeds(many, scales.error), least), sigma, beta)
-    prior, speeds = total.shrunk(_PRIOR), (whole.median_speed, whole.max_speed)
-    own = (
-        _of(one + prior, _blend(_speeds([track], whole.error), speeds, one.ways), least) for one, track in zip(sums, many, strict=True)
-    )  # fmt: skip
-    each = [
-        replace(_fixed(one, sigma, beta), heading=turned)
-        for one, turned in zip(own, facings, strict=True)
-    ]
-    return replace(whole, heading=facing), each
+
+    # one round on many samples
+    sample = _take_sample(observations, _LAST_SAMPLES)
+    paths, residuals = _match_and_measure(index, work, sample, scales)
+    mixture = _fit_log_mixture(residuals, scales)
+    total = _sum_all(residuals, mixture)
+    if heading is None:
+        log_heading, track_headings = _estimate_headings(index, work, paths, scales)
+    else:
+        log_heading, track_headings = heading, [heading] * len(sample)
+
+    # scales of the log
+    speeds = _measure_speeds(sample, scales.error)
+    log_scales = _with_known(_scales_from(total, speeds, min_error), sigma, beta)
+
+    # scales of each track, with those of the log as prior
+    prior, log_speeds = total.shrunk(_PRIOR), (log_scales.median_speed, log_scales.max_speed)
+    track_scales = []
+    for observed, residual, track_heading in zip(sample, residuals, track_headings, strict=True):
+        sums = _sum_on_roads(residual, fit_mixture(residual.strays, mixture, _PRIOR))
+        track_speeds = _measure_speeds([observed], log_scales.error)
+        speeds = _blend_speeds(track_speeds, log_speeds, sums.paths)
+        scales_of_track = _with_known(_scales_from(sums + prior, speeds, min_error), sigma, beta)
+        track_scales.append(replace(scales_of_track, heading=track_heading))
+    return replace(log_scales, heading=log_heading), track_scales
 
 
 def estimate_robust_scales(
     index: RoadIndex,
     opened: RoadIndex | None,
     work: Workspace,
-    stretches: Sequence[Observations],
+    observations: Sequence[Observations],
     *,
     sigma: float | None = None,
     beta: float | None = None,
     heading: float | None = None,
 ) -> tuple[Scales, list[Scales]]:
-    """Find the scales of a log as :func:`estimate_scales` does, also where it travels against one-way roads.
+    """Estimate scales as :func:`estimate_scales` does, also where a log travels against roads.
 
-    Samples that travel against a road look as if their errors were as long as the road. What is far more than the distance to
-    the nearest road tells is measured again with all roads open both ways.
+    Samples that travel against a one-way road look as if their errors were as long as the road. An
+    error far above what the distance to the nearest road tells is estimated again with all roads
+    open in both directions.
 
     Parameters
     ----------
     index : RoadIndex
         The network.
     opened : RoadIndex or None
-        The same with all roads open both ways; None where they are.
-    work, stretches, sigma, beta, heading
+        The same with all roads open in both directions; None where they are.
+    work, observations, sigma, beta, heading
         As for :func:`estimate_scales`.
     """
-    known = {"sigma": sigma, "beta": beta, "heading": heading}
-    whole, each = estimate_scales(index, work, stretches, **known)
+    log_scales, track_scales = estimate_scales(
+        index, work, observations, sigma=sigma, beta=beta, heading=heading
+    )
     if opened is None:
-        return whole, each
-    unsound = [
-        one.error > _UNSOUND * guess_error(index, [stretch])
-        for one, stretch in zip(each, stretches, strict=True)
+        return log_scales, track_scales
+
+    # tracks with too large an error
+    is_too_large = [
+        scales.error > _MAX_TO_GUESS * guess_error(index, [observed])
+        for scales, observed in zip(track_scales, observations, strict=True)
     ]
-    if not any(unsound):
-        return whole, each
-    whole_again, again = estimate_scales(opened, work, stretches, **known)
-    if whole.error > _UNSOUND * guess_error(index, stretches):
-        whole = whole_again
-    return whole, [new if bad else old for old, new, bad in zip(each, again, unsound, strict=True)]
+    if not any(is_too_large):
+        return log_scales, track_scales
+
+    # the same with all roads open
+    log_again, tracks_again = estimate_scales(
+        opened, work, observations, sigma=sigma, beta=beta, heading=heading
+    )
+    if log_scales.error > _MAX_TO_GUESS * guess_error(index, observations):
+        log_scales = log_again
+    return log_scales, [
+        again if bad else scales
+        for scales, again, bad in zip(track_scales, tracks_again, is_too_large, strict=True)
+    ]
 
 
-def _facing(
-    index: RoadIndex, work: Workspace, chains: Sequence[ViterbiPath], scales: Scales
-) -> tuple[float, list[float]]:
-    """Spread of headings, of a log as a whole and of each track: measured, matched with, and measured again."""
-    whole, each = headings_follow_roads(index, chains)
-    if not any(each):
-        return math.inf, [math.inf] * len(chains)
-    followed = [chain for chain, agrees in zip(chains, each, strict=True) if agrees]
-    headed = replace(scales, heading=estimate_heading_spread(index, followed))
-    found = estimate_heading_spread(
-        index,
+def guess_error(index: RoadIndex, observations: Sequence[Observations]) -> float:
+    """Guess the error from the distance to the nearest road of some samples."""
+    distances = np.concatenate(
         [
-            find_viterbi_path(index, work, chain.observations, headed, with_confidence=False)
-            for chain in followed
-        ],
+            nearest_distances(observed.positions, index.roads, index.road_grid)
+            for observed in _take_sample(observations, _ROUND_SAMPLES)
+        ]
     )
-    return found if whole else math.inf, [found if agrees else math.inf for agrees in each]
+    known = distances[np.isfinite(distances)]
+    if not len(known):
+        return _min_error(index)
+    guesses = _GUESS_FACTORS * np.quantile(known, _GUESS_QUANTILES)
+    return max(float(guesses.max()), _min_error(index))
 
 
-def _some(stretches: Sequence[Observations], samples: int) -> list[Observations]:
-    """So many samples of a log: the same share of each track."""
-    share = min(samples / max(sum(len(one.times) for one in stretches), 1), 1.0)
-    return [_parts(one, share) for one in stretches]
+def _match_and_measure(
+    index: RoadIndex, work: Workspace, sample: Sequence[Observations], scales: Scales
+) -> tuple[list[ViterbiPath], list[_Residuals]]:
+    """Match the sample of a log, and measure the residuals of each track."""
+    paths = [
+        find_viterbi_path(index, work, observed, scales, with_confidence=False)
+        for observed in sample
+    ]
+    return paths, [_measure_residuals(index, path, scales) for path in paths]
 
 
-def _parts(stretch: Observations, share: float) -> Observations:
-    """A share of a track, from all over it; nothing is told of what lies between two parts."""
-    n = len(stretch.times)
-    size = min(max(math.ceil(n * share), _FEW), n)
-    count = min(max(size // _FEW, 1), _PARTS) if size < n else 1
-    starts = np.round(np.linspace(0, n - size, 2 * count + 1)[1::2]).astype(
-        np.int64
-    )  # of what is left out before each part
+def _estimate_headings(
+    index: RoadIndex, work: Workspace, paths: Sequence[ViterbiPath], scales: Scales
+) -> tuple[float, list[float]]:
+    """Estimate the spread of headings, of the log and of each track; infinite if not followed.
+
+    The spread is measured, used for matching, and measured again.
+    """
+    log_follows, track_follow = headings_follow_roads(index, paths)
+    if not any(track_follow):
+        return math.inf, [math.inf] * len(paths)
+    followed = [path for path, follows in zip(paths, track_follow, strict=True) if follows]
+    with_heading = replace(scales, heading=estimate_heading_spread(index, followed))
+    rematched = [
+        find_viterbi_path(index, work, path.observations, with_heading, with_confidence=False)
+        for path in followed
+    ]
+    spread = estimate_heading_spread(index, rematched)
+    return (
+        spread if log_follows else math.inf,
+        [spread if follows else math.inf for follows in track_follow],
+    )
+
+
+def _take_sample(observations: Sequence[Observations], samples: int) -> list[Observations]:
+    """Take about a number of samples of a log: the same share of each track."""
+    share = min(samples / max(sum(len(observed.times) for observed in observations), 1), 1.0)
+    return [_take_slices(observed, share) for observed in observations]
+
+
+def _take_slices(observations: Observations, share: float) -> Observations:
+    """Take a share of a track, in slices from all over it; a gap separates them."""
+    # number of slices, and of samples in all of them
+    n = len(observations.times)
+    size = min(max(math.ceil(n * share), _MIN_TRACK_SAMPLES), n)
+    count = min(max(size // _MIN_TRACK_SAMPLES, 1), _MAX_SLICES) if size < n else 1
+
+    # samples left out before each slice
+    left_out = np.round(np.linspace(0, n - size, 2 * count + 1)[1::2]).astype(np.int64)
     number = np.arange(size)
-    kept = number + starts[number * count // size]
-    is_gap = stretch.is_gap[kept[:-1]] | (np.diff(kept) > 1)
+    kept = number + left_out[number * count // size]
+    is_gap = observations.is_gap[kept[:-1]] | (np.diff(kept) > 1)
     return Observations(
-        stretch.positions[kept], stretch.times[kept], is_gap, stretch.headings[kept]
+        observations.positions[kept], observations.times[kept], is_gap, observations.headings[kept]
     )
 
 
-def _fixed(scales: Scales, sigma: float | None, beta: float | None) -> Scales:
-    """Put in what the user knows; an error is never above the sigma that it makes."""
+def _with_known(scales: Scales, sigma: float | None, beta: float | None) -> Scales:
+    """Replace what the user knows; an error is never above the sigma that it makes."""
     if sigma is not None:
         scales = replace(scales, sigma=sigma, error=min(scales.error, sigma))
     return scales if beta is None else replace(scales, beta=beta)
 
 
-def _first(index: RoadIndex, stretches: Sequence[Observations]) -> Scales:
-    """A first guess."""
-    error = guess_error(index, stretches)
-    return Scales(
-        error,
-        2.0 * error,
-        2.0 * error + _WINDING * _step(stretches, error),
-        *_speeds(stretches, error),
-    )
+def _guess_scales(index: RoadIndex, observations: Sequence[Observations]) -> Scales:
+    """Guess the scales before anything is matched."""
+    error = guess_error(index, observations)
+    beta = 2.0 * error + _WINDING * _median_step(observations, error)
+    return Scales(error, 2.0 * error, beta, *_measure_speeds(observations, error))
 
 
-def guess_error(index: RoadIndex, stretches: Sequence[Observations]) -> float:
-    """A first guess of the error, from the distance to the nearest road of some samples."""
-    near = np.concatenate(
-        [
-            nearest_distances(one.positions, index.roads, index.road_grid)
-            for one in _some(stretches, _SOME)
-        ]
-    )
-    known = near[np.isfinite(near)]
-    return (
-        max(*(_GUESS * np.quantile(known, [0.25, 0.5])).tolist(), _least_error(index))
-        if len(known)
-        else _least_error(index)
-    )
-
-
-def _step(stretches: Sequence[Observations], error: float) -> float:
-    """Median distance between samples that lie apart, 0 where none do."""
+def _median_step(observations: Sequence[Observations], error: float) -> float:
+    """Median distance between samples that lie two errors apart, 0 where none do."""
     steps = [np.zeros(0)]
-    for one in stretches:
-        used = select_samples(one.positions, one.is_gap, 2 * error)
-        steps.append(np.sqrt((np.diff(one.positions[used], axis=0) ** 2).sum(axis=1)))
+    for observed in observations:
+        samples = select_samples(observed.positions, observed.is_gap, 2 * error)
+        steps.append(_step_lengths(observed, samples))
     pooled = np.concatenate(steps)
     return float(np.median(pooled)) if len(pooled) else 0.0
 
 
-def _least_error(index: RoadIndex) -> float:
-    """Even a log without error has one: some rounding of the map."""
-    return 1e-3 * index.road_grid.size
+def _step_lengths(observations: Observations, samples: NDArray[np.int64]) -> Floats:
+    """Straight lines between samples."""
+    steps = np.diff(observations.positions[samples], axis=0)
+    lengths: Floats = np.sqrt((steps**2).sum(axis=1))
+    return lengths
 
 
-def _speeds(stretches: Sequence[Observations], error: float) -> tuple[float, float]:
-    """Usual and fastest speed between samples that lie apart; 0 and infinite where there are none."""
-    speeds, calm = [np.zeros(0)], [np.zeros(0)]
-    for one in stretches:
-        used = select_samples(one.positions, one.is_gap, 2 * error)
-        steps = np.sqrt((np.diff(one.positions[used], axis=0) ** 2).sum(axis=1))
-        is_gap = np.concatenate(([0], np.cumsum(one.is_gap)))[used]
-        own = (steps / np.diff(one.times[used]))[np.diff(is_gap) == 0]
-        speeds.append(own)
-        # the lesser of two in a row, so that in a short log a leap or two don't become the fastest that it knows
-        calm.append(np.minimum(own[:-1], own[1:]) if len(own) > 1 else own)
+def _min_error(index: RoadIndex) -> float:
+    """The least error in metres: even a log without errors is matched to a rounded map."""
+    return _MIN_ERROR * index.road_grid.cell_size
+
+
+def _measure_speeds(observations: Sequence[Observations], error: float) -> tuple[float, float]:
+    """Median and highest speed between samples that lie two errors apart.
+
+    0 and infinite where there are none.
+    """
+    speeds, calm_speeds = [np.zeros(0)], [np.zeros(0)]
+    for observed in observations:
+        samples = select_samples(observed.positions, observed.is_gap, 2 * error)
+        lengths = _step_lengths(observed, samples)
+        run = np.concatenate(([0], np.cumsum(observed.is_gap)))[samples]
+        speed = (lengths / np.diff(observed.times[samples]))[np.diff(run) == 0]
+        speeds.append(speed)
+        # of each two successive steps the slower, so that an outlier or two in a short log don't
+        # become its highest speed
+        calm_speeds.append(np.minimum(speed[:-1], speed[1:]) if len(speed) > 1 else speed)
     pooled = np.concatenate(speeds)
     if not len(pooled):
         return 0.0, math.inf
-    return float(np.median(pooled)), MAX_SPEED_FACTOR * float(
-        np.quantile(np.concatenate(calm), 0.95)
-    )
+    brisk = float(np.quantile(np.concatenate(calm_speeds), 0.95))
+    return float(np.median(pooled)), MAX_SPEED_FACTOR * brisk
 
 
-def _blend(
-    own: tuple[float, float], whole: tuple[float, float], ways: float
+def _blend_speeds(
+    track: tuple[float, float], log: tuple[float, float], paths: float
 ) -> tuple[float, float]:
-    """Speeds of a track, as far as it has enough of them."""
-    share = ways / (ways + _PRIOR)
-    usual, fastest = (
-        share * a + (1 - share) * b if share else b for a, b in zip(own, whole, strict=True)
-    )
-    return usual, max(fastest, own[1]) if math.isfinite(own[1]) else fastest
+    """Median and highest speed of a track with those of the log as prior.
 
-
-def _of(sums: _Sums, speeds: tuple[float, float], least: float) -> Scales:
-    """Scales of what was matched.
-
-    beta is a root mean square, since differences have a longer tail than the exponential distribution of their price; and
-    the places between which a way leads are themselves uncertain by the error.
+    The highest speed is never below the track's own.
     """
-    error = max(math.sqrt(sums.squares / sums.layers), least)
-    rho = min(max(sums.products / sums.both, 0.0), _MOST_ALIKE) if sums.both > 0 else 0.0
-    square = sums.differences / sums.ways if sums.ways else 0.0
-    return Scales(
-        error, error * math.sqrt((1 + rho) / (1 - rho)), math.sqrt(square + error**2), *speeds
+    share = paths / (paths + _PRIOR)
+    median_speed, max_speed = (
+        share * a + (1 - share) * b if share else b for a, b in zip(track, log, strict=True)
     )
+    return median_speed, max(max_speed, track[1]) if math.isfinite(track[1]) else max_speed
 
 
-def _differences(chain: ViterbiPath) -> Floats:
-    """Way over roads less straight line between layers in a row, NaN where no way joins them."""
-    steps = np.sqrt(
-        (np.diff(chain.observations.positions[chain.sample_indices], axis=0) ** 2).sum(axis=1)
-    )
-    return np.where(chain.transitions[1:] < JUMP, np.diff(chain.along) - steps, np.nan)
+def _scales_from(sums: _Sums, speeds: tuple[float, float], min_error: float) -> Scales:
+    """Compute scales from sums.
+
+    beta is a root mean square, since detours have a longer tail than the exponential distribution
+    that their cost implies; the error is added, since the ends of a path are uncertain by it.
+    """
+    error = max(math.sqrt(sums.squares / sums.steps), min_error)
+    rho = min(max(sums.products / sums.pairs, 0.0), _MAX_AUTOCORRELATION) if sums.pairs > 0 else 0.0
+    square = sums.detours / sums.paths if sums.paths else 0.0
+    sigma = error * math.sqrt((1 + rho) / (1 - rho))
+    return Scales(error, sigma, math.sqrt(square + error**2), *speeds)
 
 
-def _usual(shown: Sequence[_Shown], scales: Scales) -> DistanceMixture:
-    """Distances of all layers, on roads and off them."""
-    return fit_mixture(
-        np.concatenate([one.strays for one in shown]),
-        DistanceMixture(0.5, scales.error, search_radius(scales)),
-    )
+def _fit_log_mixture(residuals: Sequence[_Residuals], scales: Scales) -> DistanceMixture:
+    """Fit the mixture of distances of all time steps, on roads and off them."""
+    start = DistanceMixture(_FIRST_SHARE, scales.error, search_radius(scales))
+    return fit_mixture(np.concatenate([residual.strays for residual in residuals]), start)
 
 
-def _total(shown: Sequence[_Shown], usual: DistanceMixture) -> _Sums:
-    return sum((_summed(one, usual) for one in shown), _Sums())
+def _sum_all(residuals: Sequence[_Residuals], mixture: DistanceMixture) -> _Sums:
+    return sum((_sum_on_roads(residual, mixture) for residual in residuals), _Sums())
 
 
-def _summed(shown: _Shown, usual: DistanceMixture) -> _Sums:
-    """What is on roads, added up: who crosses a field within reach of a road tells nothing of errors, nor of ways."""
-    on = usual.on_roads(shown.strays)
-    errors = np.nan_to_num(shown.errors)
+def _sum_on_roads(residuals: _Residuals, mixture: DistanceMixture) -> _Sums:
+    """Sum over the time steps on roads; a track across a field tells nothing of errors or paths."""
+    # errors, weighted by the probability of being on the road
+    weight = mixture.on_roads(residuals.strays)
+    errors = np.nan_to_num(residuals.errors)
     squares = (errors**2).sum(axis=1)
-    both = on[:-1] * on[1:]
-    products = both @ (errors[:-1] * errors[1:]).sum(axis=1)
-    joined = np.where(np.isfinite(shown.differences), both, 0.0)
-    differences = joined @ np.nan_to_num(shown.differences) ** 2
+
+    # pairs of successive time steps
+    pair_weight = weight[:-1] * weight[1:]
+    products = pair_weight @ (errors[:-1] * errors[1:]).sum(axis=1)
+    mean_squares = 0.5 * pair_weight @ (squares[:-1] + squares[1:])
+
+    # paths
+    path_weight = np.where(np.isfinite(residuals.detours), pair_weight, 0.0)
+    detours = path_weight @ np.nan_to_num(residuals.detours) ** 2
     return _Sums(
-        *map(
-            float,
-            (
-                on @ squares,
-                on.sum(),
-                products,
-                0.5 * both @ (squares[:-1] + squares[1:]),
-                differences,
-                joined.sum(),
-            ),
-        )
+        squares=float(weight @ squares),
+        steps=float(weight.sum()),
+        products=float(products),
+        pairs=float(mean_squares),
+        detours=float(detours),
+        paths=float(path_weight.sum()),
     )
 
 
-def _shown(index: RoadIndex, chain: ViterbiPath, scales: Scales) -> _Shown:
-    steps = np.sqrt(
-        (np.diff(chain.observations.positions[chain.sample_indices], axis=0) ** 2).sum(axis=1)
+def _measure_residuals(index: RoadIndex, path: ViterbiPath, scales: Scales) -> _Residuals:
+    """Measure errors and detours of a matched track."""
+    # from the position on the road to the sample
+    observed, samples = path.observations, path.sample_indices
+    is_on_road = path.leg >= 0
+    on_road = road_positions(
+        np.where(is_on_road, path.roads, 0), path.metres, index.roads, index.graph
     )
-    step = float(np.median(steps)) if steps.any() else 0.0
-    return _Shown(
-        _errors(index, chain),
-        _differences(chain),
-        max(math.ceil(_BESIDE * scales.error / step), 1) if step else 1,
-    )
+    errors = np.where(is_on_road[:, None], observed.positions[samples] - on_road, np.nan)
 
+    # path less straight line
+    lengths = _step_lengths(observed, samples)
+    detours = np.where(path.transitions[1:] < JUMP, np.diff(path.along) - lengths, np.nan)
 
-def _errors(index: RoadIndex, chain: ViterbiPath) -> Floats:
-    """From the place of each layer to its sample, NaN off the roads."""
-    on = chain.leg >= 0
-    at = road_positions(np.where(on, chain.roads, 0), chain.metres, index.roads, index.graph)
-    return np.where(on[:, None], chain.observations.positions[chain.sample_indices] - at, np.nan)
+    step = float(np.median(lengths)) if lengths.any() else 0.0
+    lag = max(math.ceil(_BESIDE * scales.error / step), 1) if step else 1
+    return _Residuals(errors, detours, lag)

@@ -1,4 +1,4 @@
-"""The cheapest chain of candidates through the samples of one track."""
+"""The Viterbi path of one track: the cheapest sequence of candidates through its samples."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Observations:
     positions, times : float64 array, shape (n, d) and (n,)
         Metres in the coordinates of the index, and seconds.
     is_gap : bool array, shape (n - 1,)
-        Intervals that break every way.
+        Intervals that break every path.
     headings : float64 array, shape (n, 2)
         Unit vectors in which the agent faces, zero where that is not known.
     """
@@ -40,28 +40,28 @@ class Observations:
 
 @dataclass(frozen=True, eq=False)
 class ViterbiPath:
-    """What was chosen at each layer, on directed roads as the kernels count them.
+    """The candidate chosen at each time step. Directed road 2e leads along road e, 2e + 1 back.
 
     Parameters
     ----------
-    observations : Stretch
+    observations : Observations
         The track.
     sample_indices : int64 array, shape (k,)
-        Samples that have a layer.
+        Samples that make a time step.
     roads : int32 array, shape (k,)
-        Directed road of each layer, -1 for none.
+        Directed road of each time step, -1 for none.
     transitions : uint8 array, shape (k,)
         How each was reached, see :mod:`gpszip.matching.kernels.candidates`.
     no_road_near : bool array, shape (k,)
-        Layers that have no road near.
+        Time steps without a road within the search radius.
     confidence : float64 array, shape (k,)
-        Probability of what was chosen.
+        Probability of the route at each time step.
     legs : Legs
-        The ways of all pieces.
+        Legs of all pieces.
     leg : int64 array, shape (k,)
-        Leg of each layer, -1 for none.
+        Leg of each time step, -1 for none.
     metres : float64 array, shape (k,)
-        Metres on the leg's directed road.
+        Metres along the leg's directed road.
     """
 
     observations: Observations
@@ -76,7 +76,7 @@ class ViterbiPath:
 
     @property
     def along(self) -> NDArray[np.float64]:
-        """Metres of each layer along all legs, one after the other; NaN for none."""
+        """Metres of each time step along all legs, one after the other; NaN for none."""
         if not len(self.legs.roads):
             return np.full(len(self.leg), np.nan)
         before = np.concatenate(([0.0], np.cumsum(self.legs.end - self.legs.begin)))
@@ -87,56 +87,68 @@ class ViterbiPath:
 def find_viterbi_path(
     index: RoadIndex,
     work: Workspace,
-    stretch: Observations,
+    observations: Observations,
     scales: Scales,
     *,
     with_confidence: bool = True,
 ) -> ViterbiPath:
-    """Find the cheapest chain.
+    """Find the Viterbi path of a track.
 
     Parameters
     ----------
-    index, work : RoadIndex, Work
-        The network, and room to search it.
-    observations : Stretch
+    index, work : RoadIndex, Workspace
+        The network, and arrays for its searches.
+    observations : Observations
         The track.
     scales : Scales
-        Numbers of the model.
+        Scales of the model.
     with_confidence : bool, default True
-        Work out the confidence, too.
+        Whether to compute the confidence. Without it the search ignores all paths that cost more
+        than the best, which is faster.
     """
-    positions, model = stretch.positions, model_parameters(scales)
+    # trellis
+    model = model_parameters(scales)
     if not with_confidence:
         model = model._replace(cost_margin=0.0)
-    used = select_samples(positions, stretch.is_gap, min_spacing(scales))
-    layers = build_trellis(
-        positions,
-        stretch.times,
-        stretch.headings,
-        stretch.is_gap,
-        used,
+    samples = select_samples(observations.positions, observations.is_gap, min_spacing(scales))
+    trellis = build_trellis(
+        observations.positions,
+        observations.times,
+        observations.headings,
+        observations.is_gap,
+        samples,
         index.roads,
         index.road_grid,
         index.graph,
         model,
         work,
     )
-    chain = best_path(layers)
+
+    # cheapest path, and its legs
+    path = best_path(trellis)
     legs, leg, metres = build_legs(
-        positions, stretch.times, used, chain, layers, index.graph, model, work
+        observations.positions,
+        observations.times,
+        samples,
+        path,
+        trellis,
+        index.graph,
+        model,
+        work,
     )
     confidence = (
-        road_probabilities(layers, posterior(layers), legs.roads, leg)
+        road_probabilities(trellis, posterior(trellis), legs.roads, leg)
         if with_confidence
-        else np.zeros(len(used))
+        else np.zeros(len(samples))
     )
-    alone = np.diff(layers.candidate_starts) == 1
+
+    # a time step whose only candidate is off the roads has no road near
     return ViterbiPath(
-        stretch,
-        used,
-        layers.candidates.roads[chain],
-        layers.candidates.transitions[chain],
-        alone,
+        observations,
+        samples,
+        trellis.candidates.roads[path],
+        trellis.candidates.transitions[path],
+        np.diff(trellis.candidate_starts) == 1,
         confidence,
         legs,
         leg,

@@ -1,4 +1,8 @@
-"""What matching found: routes on the roads of a network, where each sample lies on them, and where and why they break."""
+"""Results of map matching: routes on a network, the samples along them, and breaks with reasons.
+
+A :class:`Matching` holds a :class:`Match` for each track. A match has pieces, which lie on roads
+without a break, and the breaks between them.
+"""
 
 from __future__ import annotations
 
@@ -18,24 +22,27 @@ __all__ = ["Break", "Match", "Matching", "Piece", "Route", "Scales"]
 
 @dataclass(frozen=True)
 class Scales:
-    """What the model of matching knows of a log.
+    """Scales of the hidden Markov model, estimated from a log.
 
     Parameters
     ----------
     error : float
-        Root mean square distance in metres between samples and the roads travelled, where they are on roads: the log's and the map's
-        errors together.
+        Root mean square distance in metres between samples and the roads travelled, where they are
+        on roads: the errors of log and map together.
     sigma : float
-        Scale in metres of the distance in the prices of candidates: the error, larger by as much as errors of samples in a row are alike.
+        Scale in metres of the distance in emission costs. It is the error times
+        sqrt((1 + rho) / (1 - rho)), with the autocorrelation rho of successive errors.
     beta : float
-        Scale in metres of the difference between the way over roads and the straight line.
+        Scale in metres of the difference between a path over roads and the straight line.
     median_speed, max_speed : float
-        Median speed in m/s, and one that is never exceeded.
+        Median speed, and one that is never exceeded, in m/s.
     heading : float, default infinite
-        Spread in degrees between headings that the log tells and the roads travelled, larger by as much as differences of samples in
-        a row are alike; infinite where there are none, or they don't follow the roads.
+        Spread in degrees between the headings in the log and the roads travelled, larger for
+        autocorrelated errors as sigma is. Infinite where there are no headings, or they don't
+        follow the roads.
     averaging_window : int, default 1
-        Number of samples in a row of which means are matched, odd: as many as are travelled within twice their white noise.
+        Number of successive samples whose mean is matched, odd: as many as lie within twice their
+        white noise.
     """
 
     error: float
@@ -49,10 +56,10 @@ class Scales:
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A way over roads: legs, each along one road in one direction.
+    """A route over roads: legs, each along one road in one direction.
 
-    A leg begins where the one before it ended; where the next leg is on the same road in the other direction, the
-    agent turned inside the road.
+    A leg begins where the last one ended. Where the next leg is on the same road in the other
+    direction, the agent turned round on the road.
 
     Parameters
     ----------
@@ -61,8 +68,8 @@ class Route:
     forward : bool array, shape (L,)
         Whether each was travelled from its start to its end.
     begin, end : float64 array, shape (L,)
-        Metres from the road's start, along it, at which the leg begins and ends: ``begin <= end`` where it goes forward and
-        ``begin >= end`` where not.
+        Metres from the road's start, along it, at which the leg begins and ends:
+        ``begin <= end`` where it goes forward and ``begin >= end`` where not.
     """
 
     edges: NDArray[np.int32]
@@ -83,13 +90,13 @@ class Route:
 
     @property
     def length(self) -> float:
-        """Metres of the whole route."""
+        """Metres of the route."""
         return float(self.lengths.sum())
 
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """A stretch of a track that lies on roads without a break.
+    """A piece of a track that lies on roads without a break.
 
     Parameters
     ----------
@@ -98,9 +105,9 @@ class Piece:
     route : Route
         Roads travelled, cut at the first and the last sample.
     line : float64 array, shape (P, 2)
-        The same as vertices in metres, P >= 1.
+        Vertices of the route in metres, P >= 1.
     confidence : float
-        Mean of its samples' confidence, from 0 to 1.
+        Mean confidence of its samples, from 0 to 1.
     reason : str
         Why it ends: ``"end of track"``, or the reason of the break after it.
     """
@@ -126,19 +133,22 @@ class Piece:
 
 @dataclass(frozen=True)
 class Break:
-    """A stretch of a track of which no way over the roads is claimed.
+    """An interval of a track without a route over roads.
 
     Parameters
     ----------
     after, before : int
-        Samples between which it lies, and any samples in between off the roads; -1 where the track begins off the roads, and the
-        number of its samples where it ends so. Both are on a piece, or in another break beside it that has another reason.
+        Samples between which it lies; any samples between them are off the roads. -1 where the
+        track begins with the break, and the number of its samples where it ends with it. Both
+        samples are on a piece, or in the next break, which has another reason.
     reason : str
-        Why: ``"gap"``, ``"no road near"``, ``"no route"``, ``"detour"`` (the only way over roads is far longer than what was
-        travelled), ``"off road"`` (it lies between roads rather than on one), ``"too fast"``, ``"one-way"`` (it leads against
-        one-way roads), or ``"leap"``: the samples in between leap far away and back, and the piece goes on.
+        Why: ``"gap"``, ``"no road near"``, ``"no route"``, ``"detour"`` (the only path over roads
+        is far longer than what was travelled), ``"off road"`` (it lies between roads rather than on
+        one), ``"too fast"``, ``"one-way"`` (it leads against one-way roads), or ``"leap"``: the
+        samples between are outliers, and the piece goes on.
     edges : tuple of int
-        The roads that a ``"one-way"`` break leads against, in the order of travel; empty for other reasons.
+        The roads that a ``"one-way"`` break leads against, in the order of travel; empty for other
+        reasons.
     """
 
     after: int
@@ -149,16 +159,16 @@ class Break:
 
 @dataclass(frozen=True, eq=False)
 class Match:
-    """Where one track lies on the roads of a network.
+    """The match of one track: where it lies on the roads of a network.
 
     Parameters
     ----------
     track : str
         Name of the track.
     pieces : tuple of Piece
-        Stretches on roads, in order of time.
+        Pieces on roads, in order of time.
     breaks : tuple of Break
-        What lies between, before and after them.
+        The intervals between, before and after them.
     piece : int32 array, shape (n,)
         Piece on which each sample lies, -1 for none.
     leg : int32 array, shape (n,)
@@ -172,11 +182,11 @@ class Match:
     along : float64 array, shape (n,)
         Metres along the piece's route, never decreasing on a piece, NaN for none.
     distance : float64 array, shape (n,)
-        Metres between the sample and its place on the road, NaN for none.
+        Metres between the sample and its position on the road, NaN for none.
     confidence : float64 array, shape (n,)
-        Probability of the road travelled, as the model sees it, 0 for samples on no piece.
+        Probability of the road travelled by the model, 0 for samples on no piece.
     scales : Scales
-        What it was matched with.
+        The scales it was matched with.
     """
 
     track: str
@@ -210,26 +220,30 @@ class Match:
     def unmatched(self) -> dict[str, int]:
         """Number of samples on no piece by reason, the most frequent first."""
         counts: Counter[str] = Counter()
-        for one in self.breaks:
-            counts[one.reason] += int((self.piece[one.after + 1 : one.before] < 0).sum())
+        for break_ in self.breaks:
+            inside = slice(break_.after + 1, break_.before)
+            counts[break_.reason] += int((self.piece[inside] < 0).sum())
         return {reason: count for reason, count in counts.most_common() if count}
 
     def snapped_positions(self, network: Network) -> NDArray[np.float64]:
         """Positions on the roads, shape (n, d) in metres, NaN for samples on no piece."""
         out = np.full((len(self), network.dimension), np.nan)
-        on = np.flatnonzero(self.edge >= 0)
-        edge, offset = self.edge[on], self.offset[on]
-        last = np.concatenate(([0.0], np.cumsum(network.lengths)))  # all roads laid end to end
-        along = last[:-1].repeat(np.diff(network.offsets)) + network.along
-        vertex = np.searchsorted(along, last[edge] + offset, side="right") - 1
+        matched = np.flatnonzero(self.edge >= 0)
+        edge, offset = self.edge[matched], self.offset[matched]
+
+        # last vertex before each sample: one search in distances along all roads, end to end
+        road_starts = np.concatenate(([0.0], np.cumsum(network.lengths)))
+        along = road_starts[:-1].repeat(np.diff(network.offsets)) + network.along
+        vertex = np.searchsorted(along, road_starts[edge] + offset, side="right") - 1
         vertex = np.clip(vertex, network.offsets[edge], network.offsets[edge + 1] - 2)
-        begin, bit = network.along[vertex], network.along[vertex + 1] - network.along[vertex]
-        share = np.clip(
-            np.divide(offset - begin, bit, out=np.zeros(len(on)), where=bit > 0), 0.0, 1.0
-        )[:, None]
-        out[on] = network.points[vertex] + share * (
-            network.points[vertex + 1] - network.points[vertex]
-        )
+
+        # interpolate to the next vertex
+        begin = network.along[vertex]
+        length = network.along[vertex + 1] - begin
+        fraction = np.divide(offset - begin, length, out=np.zeros(len(matched)), where=length > 0)
+        fraction = np.clip(fraction, 0.0, 1.0)[:, None]
+        step = network.points[vertex + 1] - network.points[vertex]
+        out[matched] = network.points[vertex] + fraction * step
         return out
 
 
@@ -242,9 +256,9 @@ class Matching:
     matches : tuple of Match
         One for each track.
     scales : Scales
-        Of the log as a whole; a track's own are nearer to them the shorter it is.
+        Scales of the log. Those of a track are nearer to them the shorter it is.
     headings_ignored : tuple of str
-        Tracks whose headings were left out, since they don't show that they follow the roads travelled.
+        Tracks whose headings were ignored, since they don't follow the roads travelled.
     """
 
     matches: tuple[Match, ...]
@@ -291,7 +305,7 @@ class Matching:
         """One-way roads of the network that samples travel against, in the order of travel."""
         return tuple(
             dict.fromkeys(
-                edge for match in self.matches for one in match.breaks for edge in one.edges
+                edge for match in self.matches for break_ in match.breaks for edge in break_.edges
             )
         )
 
@@ -299,5 +313,7 @@ class Matching:
     def breaks(self) -> dict[str, int]:
         """Number of breaks by reason, the most frequent first."""
         return dict(
-            Counter(one.reason for match in self.matches for one in match.breaks).most_common()
+            Counter(
+                break_.reason for match in self.matches for break_ in match.breaks
+            ).most_common()
         )

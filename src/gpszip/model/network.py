@@ -1,4 +1,4 @@
-"""Roads that are known beforehand: a graph with shapes, directions and speeds on a metric plane."""
+"""A road network: a graph with shapes, directions and speeds on a metric plane."""
 
 from __future__ import annotations
 
@@ -17,35 +17,36 @@ __all__ = ["Network"]
 
 @dataclass(frozen=True, eq=False)
 class Network:
-    """Roads between crossings, each with its shape and the ways in which it may be travelled.
+    """Roads between crossings, each with its shape and the directions in which it may be travelled.
 
     Parameters
     ----------
     nodes : float64 array, shape (V, d)
         Crossings and dead ends in metres on the plane.
     starts, ends : int32 array, shape (E,)
-        Nodes between which each road leads.
+        Nodes at which each road begins and ends.
     offsets : int64 array, shape (E + 1,)
         Road e has the vertices ``points[offsets[e]:offsets[e + 1]]``, at least two.
     points : float64 array, shape (N, d)
-        Vertices of all roads in metres, from the start node of a road to its end node, both included.
+        Vertices of all roads in metres, from the start node of a road to its end node, both
+        included.
     forward, backward : bool array, shape (E,)
         Whether a road may be travelled from its start to its end, and from its end to its start.
     speeds : float64 array, shape (E,)
         Expected speed in metres a second, NaN where unknown.
     ids : sequence of str, optional
-        What the source calls each road; roads that were split share one.
+        Id of each road in the source; roads that were split share one.
     plane : Plane, optional
-        The planes of a network that came in degrees; None for one in x and y.
+        The planes of a network in degrees; None for one in x and y.
     names : sequence of str, optional
         Street names, empty where a road has none; None where the source has no names at all.
 
     Examples
     --------
     >>> corner = np.array([[0.0, 0.0], [30.0, 0.0], [30.0, 40.0]])
-    >>> both = np.array([True])
-    >>> zero, one = np.zeros(1, np.int32), np.ones(1, np.int32)
-    >>> network = Network(corner[[0, 2]], zero, one, np.array([0, 3]), corner, both, both, np.full(1, 8.0))
+    >>> start, end, offsets = np.zeros(1, np.int32), np.ones(1, np.int32), np.array([0, 3])
+    >>> yes, speed = np.array([True]), np.array([8.0])
+    >>> network = Network(corner[[0, 2]], start, end, offsets, corner, yes, yes, speed)
     >>> len(network), network.lengths.tolist(), network.road(0).tolist()
     (1, [70.0], [[0.0, 0.0], [30.0, 0.0], [30.0, 40.0]])
     """
@@ -106,14 +107,14 @@ class Network:
         return one_way
 
     def two_way(self) -> Network:
-        """The same roads for those whom one-way rules don't bind: what is open in one direction is open in both."""
-        either = self.forward | self.backward
-        return replace(self, forward=either, backward=either)
+        """The same roads, those open in one direction open in both, as for pedestrians."""
+        is_open = self.forward | self.backward
+        return replace(self, forward=is_open, backward=is_open)
 
     def label(self, index: int) -> str:
-        """What people call a road: its street name, else its id in the source, else its number."""
-        named = self.names[index] if self.names is not None else ""
-        return named or (self.ids[index] if self.ids is not None else str(index))
+        """The name of a road for people: its street name, else its id, else its number."""
+        name = self.names[index] if self.names is not None else ""
+        return name or (self.ids[index] if self.ids is not None else str(index))
 
     def road(self, index: int) -> NDArray[np.float64]:
         """Vertices of one road, shape (n, d), from its start node to its end node."""

@@ -1,4 +1,4 @@
-"""What became of the gaps of a log."""
+"""Results of patching: the gaps of a log, filled or left open."""
 
 from __future__ import annotations
 
@@ -23,19 +23,19 @@ class Patch:
     Parameters
     ----------
     track : int
-        Number of the track.
+        Number of the track in the log.
     after : int
         Sample after which the gap lies.
     seconds : float
         Length of the gap.
     times : float64 array, shape (n,)
-        Seconds of the samples added; none where it was left open.
+        Times in seconds of the samples added; empty where the gap was left open.
     positions : float64 array, shape (n, d)
-        Metres on the plane of the track.
+        Positions in metres on the plane of the track.
     confidence : float64 array, shape (n,)
-        Probability of the road under each, as the model sees it.
+        Probability of the road under each, by the model.
     length : float
-        Metres of the way; NaN where it was left open.
+        Metres of the path; NaN where the gap was left open.
     reason : str
         Why it was left open; empty where it was filled.
     """
@@ -66,7 +66,7 @@ class Patching:
     patches : tuple of Patch
         In the order of tracks and times.
     gap : float
-        Seconds above which a step counts as a gap.
+        Seconds above which an interval is a gap.
     """
 
     tracks: tuple[Track, ...]
@@ -93,22 +93,31 @@ class Patching:
         return tuple(patch for patch in self.patches if patch.reason)
 
     def to_tracks(self) -> list[Track]:
-        """Tracks with the samples added; attributes ``source`` (``log`` or ``patched``) and ``confidence`` (1 for the log's own)."""
-        answer = []
+        """Return the tracks with the samples added.
+
+        They have the attributes ``source`` (``log`` or ``patched``) and ``confidence`` (1 for
+        samples of the log).
+        """
+        patched = []
         for number, track in enumerate(self.tracks):
-            own = [patch for patch in self.patches if patch.track == number and len(patch.times)]
-            times = np.concatenate([track.times, *(patch.times for patch in own)])
-            order = np.argsort(times, kind="stable")
-            added = np.append(
-                np.zeros(len(track), np.bool_), np.ones(len(times) - len(track), np.bool_)
+            # samples of the log, and those added
+            patches = [
+                patch for patch in self.patches if patch.track == number and len(patch.times)
+            ]
+            times = np.concatenate([track.times, *(patch.times for patch in patches)])
+            positions = np.concatenate([track.positions, *(patch.positions for patch in patches)])
+            confidence = np.concatenate(
+                [np.ones(len(track)), *(patch.confidence for patch in patches)]
             )
-            positions = np.concatenate([track.positions, *(patch.positions for patch in own)])
-            confidence = np.concatenate([np.ones(len(track)), *(patch.confidence for patch in own)])
+            is_added = np.arange(len(times)) >= len(track)
+
+            # in order of time
+            order = np.argsort(times, kind="stable")
             attributes = {
-                "source": np.where(added, "patched", "log")[order],
+                "source": np.where(is_added, "patched", "log")[order],
                 "confidence": np.round(confidence[order], 3),
             }
-            answer.append(
+            patched.append(
                 Track(
                     track.id,
                     times[order],
@@ -117,4 +126,4 @@ class Patching:
                     plane=track.plane,
                 )
             )
-        return answer
+        return patched

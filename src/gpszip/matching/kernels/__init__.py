@@ -1,1 +1,1 @@
-"""Compiled loops of map matching."""
+"""Compiled loops of map matching: candidates, transitions, trellis, and backtrace."""

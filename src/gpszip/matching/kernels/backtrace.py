@@ -1,4 +1,4 @@
-"""From the cheapest chain of candidates to legs over roads, and the place of every sample on them."""
+"""From the Viterbi path to legs over roads, and the position of every sample on them."""
 
 from __future__ import annotations
 
@@ -40,12 +40,23 @@ __all__ = [
     "nearest_on_road",
     "place_samples",
     "road_positions",
+    "slice_legs",
     "travel_directions",
 ]
 
+#: Leg of what is off the roads.
+_NO_LEG = -1
+
+#: First capacity in legs, besides two for each time step.
+_FIRST_CAPACITY = 16
+
 
 class Legs(NamedTuple):
-    """Legs one after the other: directed road, metres on it at begin and end, and the layer at which the leg's piece begins."""
+    """Legs of a route, each on one directed road.
+
+    ``begin`` and ``end`` are metres along the directed road; ``piece`` is the time step at which
+    the leg's piece begins.
+    """
 
     roads: NDArray[np.int32]
     begin: NDArray[np.float64]
@@ -54,109 +65,127 @@ class Legs(NamedTuple):
 
 
 @jit
-def best_path(trellis: Trellis) -> NDArray[np.int64]:
-    """Candidate of each layer on the cheapest chain."""
-    begins = trellis.candidate_starts
-    layers = len(begins) - 1
-    chain = np.empty(layers, np.int64)
-    chain[-1] = begins[layers - 1] + first_minimum(
-        trellis.candidates.path_costs[begins[layers - 1] : begins[layers]]
+def slice_legs(legs: Legs, first: int, end: int) -> Legs:
+    """Legs ``first`` to ``end``, without the latter."""
+    return Legs(
+        legs.roads[first:end], legs.begin[first:end], legs.end[first:end], legs.piece[first:end]
     )
-    for layer in range(layers - 1, 0, -1):
-        chain[layer - 1] = begins[layer - 1] + trellis.candidates.predecessors[chain[layer]]
-    return chain
+
+
+@jit
+def best_path(trellis: Trellis) -> NDArray[np.int64]:
+    """The Viterbi path: the candidate of each time step on the cheapest path."""
+    starts = trellis.candidate_starts
+    steps = len(starts) - 1
+    path = np.empty(steps, np.int64)
+    path[-1] = starts[steps - 1] + first_minimum(
+        trellis.candidates.path_costs[starts[steps - 1] : starts[steps]]
+    )
+    for step in range(steps - 1, 0, -1):
+        path[step - 1] = starts[step - 1] + trellis.candidates.predecessors[path[step]]
+    return path
 
 
 @jit
 def build_legs(
     positions: NDArray[np.float64],
     times: NDArray[np.float64],
-    used: NDArray[np.int64],
-    chain: NDArray[np.int64],
+    samples: NDArray[np.int64],
+    path: NDArray[np.int64],
     trellis: Trellis,
     graph: Graph,
     model: ModelParameters,
     work: Workspace,
 ) -> tuple[Legs, NDArray[np.int64], NDArray[np.float64]]:
-    """Legs of a chain; and for each layer its leg, -1 off the roads, and its metres on it, which never go back."""
-    layers = len(chain)
-    room, count = 2 * layers + 16, 0
-    legs = Legs(np.empty(room, np.int32), np.empty(room), np.empty(room), np.empty(room, np.int64))
-    leg_of, metres = np.full(layers, -1, np.int64), np.zeros(layers)
-    first = 0
-    for layer in range(layers):
-        road, at, kind = (
-            trellis.candidates.roads[chain[layer]],
-            trellis.candidates.metres[chain[layer]],
-            trellis.candidates.transitions[chain[layer]],
-        )
+    """Build the legs of a Viterbi path.
+
+    Returns the legs, and for each time step its leg (-1 off the roads) and its metres on the
+    directed road. Metres never decrease along a leg.
+    """
+    candidates = trellis.candidates
+    steps = len(path)
+    capacity, count = 2 * steps + _FIRST_CAPACITY, 0
+    legs = Legs(
+        np.empty(capacity, np.int32),
+        np.empty(capacity),
+        np.empty(capacity),
+        np.empty(capacity, np.int64),
+    )
+    leg_of, metres = np.full(steps, _NO_LEG, np.int64), np.zeros(steps)
+    piece = 0
+    for step in range(steps):
+        road = candidates.roads[path[step]]
+        offset = candidates.metres[path[step]]
+        transition = candidates.transitions[path[step]]
         if road == OFF_ROAD:
             continue
-        way = np.empty(0, np.int32)
-        if kind == OTHER_ROADS:
-            last = chain[layer - 1]
-            rest = graph.lengths[trellis.candidates.roads[last]] - trellis.candidates.metres[last]
-            straight = distance_between(positions, used[layer - 1], used[layer])
-            longest = max_path_length(straight, times[used[layer]] - times[used[layer - 1]], model)
-            bound, goal = straight + model.beta * model.jump_cost, positions[used[layer]]
-            way = find_path(
-                trellis.candidates.roads[last],
-                rest,
+
+        # roads between the time step before and this one
+        between = np.empty(0, np.int32)
+        if transition == OTHER_ROADS:
+            last = path[step - 1]
+            straight = distance_between(positions, samples[step - 1], samples[step])
+            seconds = times[samples[step]] - times[samples[step - 1]]
+            between = find_path(
+                candidates.roads[last],
+                graph.lengths[candidates.roads[last]] - candidates.metres[last],
                 road,
-                bound,
-                longest,
-                goal,
+                straight + model.beta * model.jump_cost,
+                max_path_length(straight, seconds, model),
+                positions[samples[step]],
                 model.search_radius,
                 graph,
                 model,
                 work,
             )
-        if count + len(way) + 1 > room:
-            room = 2 * room + len(way)
-            legs = Legs(
-                resized(legs.roads, room),
-                resized(legs.begin, room),
-                resized(legs.end, room),
-                resized(legs.piece, room),
-            )
-        if kind == OTHER_ROADS and _is_spur(legs, count, graph, model):
+        if count + len(between) + 1 > capacity:
+            capacity = 2 * capacity + len(between)
+            legs = _resized_legs(legs, capacity)
+
+        # a step off a crossing and back is an error, not a leg
+        if transition == OTHER_ROADS and _is_spur(legs, count, graph, model):
             count -= 2
-            for one in range(layer - 1, -1, -1):
-                if leg_of[one] < count:
+            for other in range(step - 1, -1, -1):
+                if leg_of[other] < count:
                     break
-                leg_of[one], metres[one] = count - 1, legs.end[count - 1]
-        if kind == SAME_ROAD:
-            at = max(legs.end[count - 1], at)
-            legs.end[count - 1] = at
-        elif kind == U_TURN:
-            turned = max(legs.end[count - 1], graph.lengths[road] - at)
-            legs.end[count - 1] = turned
-            count = _add_leg(legs, count, road, graph.lengths[road] - turned, at, first)
-        elif kind == OTHER_ROADS:
+                leg_of[other] = count - 1
+                metres[other] = legs.end[count - 1]
+
+        # extend the last leg, and add new ones
+        if transition == SAME_ROAD:
+            offset = max(legs.end[count - 1], offset)
+            legs.end[count - 1] = offset
+        elif transition == U_TURN:
+            turning_point = max(legs.end[count - 1], graph.lengths[road] - offset)
+            legs.end[count - 1] = turning_point
+            begin = graph.lengths[road] - turning_point
+            count = _add_leg(legs, count, road, begin, offset, piece)
+        elif transition == OTHER_ROADS:
             legs.end[count - 1] = graph.lengths[legs.roads[count - 1]]
-            for i in range(len(way)):
-                count = _add_leg(legs, count, way[i], 0.0, graph.lengths[way[i]], first)
-            legs.end[count - 1] = at
+            for i in range(len(between)):
+                length = graph.lengths[between[i]]
+                count = _add_leg(legs, count, between[i], 0.0, length, piece)
+            legs.end[count - 1] = offset
         else:
-            first = layer
-            count = _add_leg(legs, count, road, at, at, first)
-        leg_of[layer], metres[layer] = count - 1, at
-    return (
-        Legs(legs.roads[:count], legs.begin[:count], legs.end[:count], legs.piece[:count]),
-        leg_of,
-        metres,
-    )
+            piece = step
+            count = _add_leg(legs, count, road, offset, offset, piece)
+        leg_of[step] = count - 1
+        metres[step] = offset
+    return slice_legs(legs, 0, count), leg_of, metres
 
 
 @jit
 def _is_spur(legs: Legs, count: int, graph: Graph, model: ModelParameters) -> bool:
-    """Whether the last two legs only step off a crossing and back, no farther than errors do."""
+    """Whether the last two legs step off a crossing and back, within ``max_spur`` metres."""
+    # two legs on one road, there and back, after another leg of the same piece
     if (
         count < 3
         or legs.piece[count - 3] != legs.piece[count - 1]
         or legs.roads[count - 2] != legs.roads[count - 1] ^ 1
     ):
         return False
+
+    # from a crossing, and not far
     return (
         legs.begin[count - 2] == 0
         and legs.end[count - 2] <= model.max_spur
@@ -166,92 +195,141 @@ def _is_spur(legs: Legs, count: int, graph: Graph, model: ModelParameters) -> bo
 
 @jit
 def _add_leg(legs: Legs, count: int, road: int, begin: float, end: float, piece: int) -> int:
-    legs.roads[count], legs.begin[count], legs.end[count], legs.piece[count] = (
-        road,
-        begin,
-        end,
-        piece,
-    )
+    """Add a leg; return the new number of legs."""
+    legs.roads[count] = road
+    legs.begin[count] = begin
+    legs.end[count] = end
+    legs.piece[count] = piece
     return count + 1
+
+
+@jit
+def _resized_legs(legs: Legs, size: int) -> Legs:
+    return Legs(
+        resized(legs.roads, size),
+        resized(legs.begin, size),
+        resized(legs.end, size),
+        resized(legs.piece, size),
+    )
 
 
 @jit
 def place_samples(
     positions: NDArray[np.float64],
-    used: NDArray[np.int64],
-    leg_of: NDArray[np.int64],
-    metres_of: NDArray[np.float64],
+    samples: NDArray[np.int64],
+    step_legs: NDArray[np.int64],
+    step_metres: NDArray[np.float64],
     legs: Legs,
     roads: Roads,
     graph: Graph,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Leg, metres on its directed road, and distance of every sample; leg -1 for samples that are on no piece.
+    """Find leg, metres on its directed road, and distance of every sample.
 
-    Samples between two layers of one piece lie on the way between them, none before the one that came before it.
+    Samples between two time steps of one piece lie on the path between them, none before the one
+    that came before it. The leg is -1 for samples that are on no piece.
     """
-    n, layers = len(positions), len(used)
-    leg, metres, distance = np.full(n, -1, np.int64), np.full(n, np.nan), np.full(n, np.nan)
-    for layer in range(layers):
-        low = leg_of[layer]
+    n, steps = len(positions), len(samples)
+    leg_of = np.full(n, _NO_LEG, np.int64)
+    metres = np.full(n, np.nan)
+    distances = np.full(n, np.nan)
+    for step in range(steps):
+        # the sample of the time step
+        low, begin = step_legs[step], step_metres[step]
         if low < 0:
             continue
-        i, at = used[layer], metres_of[layer]
-        leg[i] = low
-        metres[i], distance[i] = nearest_on_road(
-            positions[i], legs.roads[low], at, at, roads, graph
+        sample = samples[step]
+        leg_of[sample] = low
+        metres[sample], distances[sample] = nearest_on_road(
+            positions[sample], legs.roads[low], begin, begin, roads, graph
         )
-        if (
-            layer + 1 == layers
-            or leg_of[layer + 1] < 0
-            or legs.piece[leg_of[layer + 1]] != legs.piece[low]
-        ):
+
+        # samples between it and the next time step of the same piece
+        if step + 1 == steps or step_legs[step + 1] < 0:
             continue
-        high = leg_of[layer + 1]
-        for k in range(i + 1, used[layer + 1]):
-            best, best_leg, best_at = np.inf, low, at
-            for one in range(low, high + 1):
-                begin = at if one == low else legs.begin[one]
-                end = metres_of[layer + 1] if one == high else legs.end[one]
-                found, far = nearest_on_road(
-                    positions[k], legs.roads[one], begin, max(begin, end), roads, graph
-                )
-                if far < best:
-                    best, best_leg, best_at = far, one, found
-            leg[k], metres[k], distance[k] = best_leg, best_at, best
-            low, at = best_leg, best_at
-    return leg, metres, distance
+        high = step_legs[step + 1]
+        if legs.piece[high] != legs.piece[low]:
+            continue
+        for between in range(sample + 1, samples[step + 1]):
+            low, begin, distance = _nearest_on_legs(
+                positions[between], low, begin, high, step_metres[step + 1], legs, roads, graph
+            )
+            leg_of[between] = low
+            metres[between] = begin
+            distances[between] = distance
+    return leg_of, metres, distances
+
+
+@jit
+def _nearest_on_legs(
+    position: NDArray[np.float64],
+    low: int,
+    begin: float,
+    high: int,
+    end: float,
+    legs: Legs,
+    roads: Roads,
+    graph: Graph,
+) -> tuple[int, float, float]:
+    """Find leg, metres and distance of the nearest point on legs ``low`` to ``high``.
+
+    The legs are cut at ``begin`` metres on the first and ``end`` metres on the last.
+    """
+    least, nearest_leg, nearest_metres = np.inf, low, begin
+    for leg in range(low, high + 1):
+        # the interval of the leg
+        leg_begin = begin if leg == low else legs.begin[leg]
+        leg_end = end if leg == high else legs.end[leg]
+
+        # the first of the nearest points
+        metres, distance = nearest_on_road(
+            position, legs.roads[leg], leg_begin, max(leg_begin, leg_end), roads, graph
+        )
+        if distance < least:
+            least, nearest_leg, nearest_metres = distance, leg, metres
+    return nearest_leg, nearest_metres, least
 
 
 @jit
 def nearest_on_road(
-    at: NDArray[np.float64], directed: int, low: float, high: float, roads: Roads, graph: Graph
+    position: NDArray[np.float64],
+    directed: int,
+    low: float,
+    high: float,
+    roads: Roads,
+    graph: Graph,
 ) -> tuple[float, float]:
-    """Metres along a directed road between ``low`` and ``high`` of the place nearest to ``at``, and its distance."""
+    """Find the nearest point on a directed road between two distances along it.
+
+    Returns the metres along the directed road, and the distance.
+    """
+    # offsets from the start of the road
     road, length = directed >> 1, graph.lengths[directed]
     if directed & 1:
         low, high = length - high, length - low
-    vertex, end = vertex_before(roads, road, low), roads.offsets[road + 1] - 1
-    best, best_at = np.inf, low
-    first, here = vertex, np.empty(len(at))
-    while vertex < end and (roads.along[vertex] <= high or vertex == first):
-        bit = roads.along[vertex + 1] - roads.along[vertex]
-        _, share = project(roads.points, vertex, at)
-        offset = min(max(roads.along[vertex] + share * bit, low), high)
-        interpolate_position(roads, road, offset, here)
+
+    # nearest point on each line segment between them
+    first_vertex, last_vertex = vertex_before(roads, road, low), roads.offsets[road + 1] - 1
+    least, nearest = np.inf, low
+    vertex, point = first_vertex, np.empty(len(position))
+    while vertex < last_vertex and (roads.along[vertex] <= high or vertex == first_vertex):
+        segment = roads.along[vertex + 1] - roads.along[vertex]
+        _, fraction = project(roads.points, vertex, position)
+        offset = min(max(roads.along[vertex] + fraction * segment, low), high)
+        interpolate_position(roads, road, offset, point)
         square = 0.0
-        for axis in range(len(at)):
-            square += (at[axis] - here[axis]) ** 2
-        if square < best:
-            best, best_at = square, offset
+        for axis in range(len(position)):
+            square += (position[axis] - point[axis]) ** 2
+        if square < least:
+            least, nearest = square, offset
         vertex += 1
-    return length - best_at if directed & 1 else best_at, math.sqrt(best)
+    return length - nearest if directed & 1 else nearest, math.sqrt(least)
 
 
 @jit
 def road_positions(
     directed: NDArray[np.int32], metres: NDArray[np.float64], roads: Roads, graph: Graph
 ) -> NDArray[np.float64]:
-    """Coordinates of places, so many metres along directed roads."""
+    """Coordinates at distances in metres along directed roads."""
     out = np.empty((len(directed), roads.points.shape[1]))
     for i in range(len(directed)):
         offset = graph.lengths[directed[i]] - metres[i] if directed[i] & 1 else metres[i]
@@ -263,49 +341,55 @@ def road_positions(
 def travel_directions(
     directed: NDArray[np.int32], metres: NDArray[np.float64], roads: Roads, graph: Graph
 ) -> NDArray[np.float64]:
-    """Unit vectors in which directed roads lead, so many metres along them."""
+    """Unit vectors of directed roads at distances in metres along them."""
     out = np.empty((len(directed), 2))
     for i in range(len(directed)):
-        back = directed[i] & 1
-        east, north = road_direction(
-            roads, directed[i] >> 1, graph.lengths[directed[i]] - metres[i] if back else metres[i]
-        )
-        out[i, 0], out[i, 1] = (-east, -north) if back else (east, north)
+        is_backward = directed[i] & 1
+        offset = graph.lengths[directed[i]] - metres[i] if is_backward else metres[i]
+        east, north = road_direction(roads, directed[i] >> 1, offset)
+        out[i, 0], out[i, 1] = (-east, -north) if is_backward else (east, north)
     return out
 
 
 @jit
 def legs_to_line(legs: Legs, roads: Roads, graph: Graph) -> NDArray[np.float64]:
-    """Vertices of legs, one after the other, none twice in a row."""
-    room = 0
+    """Vertices of legs as one line, without repeating a vertex."""
+    # at most the vertices of all roads, and the two ends of each leg
+    capacity = 0
     for i in range(len(legs.roads)):
         road = legs.roads[i] >> 1
-        room += roads.offsets[road + 1] - roads.offsets[road] + 2
-    out, count = np.empty((room, roads.points.shape[1])), 0
-    here = np.empty(roads.points.shape[1])
+        capacity += roads.offsets[road + 1] - roads.offsets[road] + 2
+    out, count = np.empty((capacity, roads.points.shape[1])), 0
+
+    point = np.empty(roads.points.shape[1])
     for i in range(len(legs.roads)):
-        road, back, length = legs.roads[i] >> 1, legs.roads[i] & 1, graph.lengths[legs.roads[i]]
-        low, high = (
-            (length - legs.end[i], length - legs.begin[i]) if back else (legs.begin[i], legs.end[i])
-        )
-        interpolate_position(roads, road, high if back else low, here)
-        count = _add(out, count, here)
+        # offsets from the start of the road
+        road, is_backward = legs.roads[i] >> 1, legs.roads[i] & 1
+        length = graph.lengths[legs.roads[i]]
+        low, high = legs.begin[i], legs.end[i]
+        if is_backward:
+            low, high = length - legs.end[i], length - legs.begin[i]
+
+        # both ends of the leg, and the vertices between them in the order of travel
+        interpolate_position(roads, road, high if is_backward else low, point)
+        count = _add_point(out, count, point)
         first, last = roads.offsets[road], roads.offsets[road + 1]
         for k in range(last - first):
-            vertex = last - 1 - k if back else first + k
+            vertex = last - 1 - k if is_backward else first + k
             if low < roads.along[vertex] < high:
-                count = _add(out, count, roads.points[vertex])
-        interpolate_position(roads, road, low if back else high, here)
-        count = _add(out, count, here)
+                count = _add_point(out, count, roads.points[vertex])
+        interpolate_position(roads, road, low if is_backward else high, point)
+        count = _add_point(out, count, point)
     return out[:count].copy()
 
 
 @jit
-def _add(out: NDArray[np.float64], count: int, point: NDArray[np.float64]) -> int:
-    same = count > 0
+def _add_point(out: NDArray[np.float64], count: int, point: NDArray[np.float64]) -> int:
+    """Add a point unless it is the last one; return the new number of points."""
+    is_same = count > 0
     for axis in range(len(point)):
-        same = same and out[count - 1, axis] == point[axis]
-    if same:
+        is_same = is_same and out[count - 1, axis] == point[axis]
+    if is_same:
         return count
     out[count] = point
     return count + 1

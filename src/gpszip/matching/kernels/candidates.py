@@ -1,6 +1,6 @@
-"""A layer of a hidden Markov model on roads: the candidates of one sample.
+"""Candidates of one time step of the hidden Markov model: where on the roads a sample may belong.
 
-A candidate is a place on a directed road, or ``NOWHERE``: off all roads.
+A candidate is a position on a directed road, or ``OFF_ROAD``.
 """
 
 from __future__ import annotations
@@ -31,19 +31,38 @@ __all__ = [
     "start_paths",
 ]
 
+#: Directed road of the candidate that is off all roads.
 OFF_ROAD = -1
 
-#: How one candidate was reached from the one before: over other roads, on the same one, turned round on it, without a way, after a break.
-OTHER_ROADS, SAME_ROAD, U_TURN, JUMP, BREAK = 0, 1, 2, 3, 4
+# Transitions: how a candidate was reached from its predecessor. Those below JUMP are paths over
+# roads; of transitions that cost the same, the smallest number is taken.
 
-#: Two sums of the same numbers differ by less.
+#: By a path over one or more other directed roads.
+OTHER_ROADS = 0
+
+#: On the same directed road.
+SAME_ROAD = 1
+
+#: By turning round on the road.
+U_TURN = 2
+
+#: Without a path over roads.
+JUMP = 3
+
+#: The path begins here, after a gap or at the start of the track.
+BREAK = 4
+
+#: Two sums of the same numbers in another order differ by less than this cost.
 ROUNDING = 1e-9
 
 
 class Candidates(NamedTuple):
-    """Candidates of one sample, or of many: directed roads, metres along them, distance to the sample, and price of being there.
+    """Candidates of one time step, or of many.
 
-    Then, of the cheapest chain to each: its price, the candidate of the layer before, and how it was reached from there.
+    ``roads`` are directed roads, ``metres`` the distances along them, ``distances`` those to the
+    sample, and ``emission_costs`` the costs of being there. ``path_costs`` are the costs of the
+    cheapest path to each candidate, ``predecessors`` the candidate of the time step before on that
+    path, and ``transitions`` how it was reached from there.
     """
 
     roads: NDArray[np.int32]
@@ -57,67 +76,73 @@ class Candidates(NamedTuple):
 
 @jit
 def find_candidates(
-    at: NDArray[np.float64],
+    position: NDArray[np.float64],
     heading: NDArray[np.float64],
     roads: Roads,
-    cells: RoadGrid,
+    grid: RoadGrid,
     graph: Graph,
     model: ModelParameters,
     out: Candidates,
 ) -> int:
-    """Fill a layer for one sample and return the number of its candidates; the last one is always off all roads.
+    """Write the candidates of one sample to ``out`` and return their number; the last is off-road.
 
-    ``heading`` is a unit vector, or zero where it is not known; off the roads it costs as much as at a right angle to one.
+    A candidate at distance d, whose direction of travel is at angle a to the heading, costs
+    ``(d / sigma) ** 2 / 2 + log(1 + heading_weight * (1 - cos(a)))`` (Newson and Krumm 2009,
+    equation 1, and a term for the heading). ``heading`` is a unit vector, or zero where it is not
+    known; off the roads it costs as much as at a right angle to a road.
     """
-    found, offsets, distances = (
-        np.empty(model.max_candidates, np.int32),
-        np.empty(model.max_candidates),
-        np.empty(model.max_candidates),
+    # nearest positions on roads
+    near_roads = np.empty(model.max_candidates, np.int32)
+    offsets = np.empty(model.max_candidates)
+    distances = np.empty(model.max_candidates)
+    count = find_near_roads(
+        position, model.search_radius, roads, grid, near_roads, offsets, distances
     )
-    count = find_near_roads(at, model.search_radius, roads, cells, found, offsets, distances)
-    headed = model.heading > 0 and (heading[0] != 0 or heading[1] != 0)
-    n, cosine = 0, 0.0
+
+    # a candidate for each open direction
+    has_heading = model.heading_weight > 0 and (heading[0] != 0 or heading[1] != 0)
+    n = 0
+    cosine = 0.0
     for i in range(count):
-        if headed:
-            east, north = road_direction(roads, found[i], offsets[i])
+        if has_heading:
+            east, north = road_direction(roads, near_roads[i], offsets[i])
             cosine = heading[0] * east + heading[1] * north
-        for way in range(2):
-            road = 2 * found[i] + way
-            if graph.open[road]:
-                out.roads[n] = road
-                out.metres[n] = offsets[i] if way == 0 else graph.lengths[road] - offsets[i]
-                out.distances[n] = distances[i]
-                out.emission_costs[n] = 0.5 * (distances[i] / model.sigma) ** 2
-                if headed:
-                    out.emission_costs[n] += math.log1p(
-                        model.heading * (1.0 - (cosine if way == 0 else -cosine))
-                    )
-                n += 1
-    out.roads[n], out.metres[n], out.distances[n], out.emission_costs[n] = (
-        OFF_ROAD,
-        0.0,
-        0.0,
-        model.off_road_cost,
-    )
-    if headed:
-        out.emission_costs[n] += math.log1p(model.heading)
+        for backward in range(2):
+            road = 2 * near_roads[i] + backward
+            if not graph.is_open[road]:
+                continue
+            out.roads[n] = road
+            out.metres[n] = graph.lengths[road] - offsets[i] if backward else offsets[i]
+            out.distances[n] = distances[i]
+            out.emission_costs[n] = 0.5 * (distances[i] / model.sigma) ** 2
+            if has_heading:
+                out.emission_costs[n] += math.log1p(
+                    model.heading_weight * (1.0 - (-cosine if backward else cosine))
+                )
+            n += 1
+
+    # off the roads
+    out.roads[n] = OFF_ROAD
+    out.metres[n] = 0.0
+    out.distances[n] = 0.0
+    out.emission_costs[n] = model.off_road_cost
+    if has_heading:
+        out.emission_costs[n] += math.log1p(model.heading_weight)
     return n + 1
 
 
 @jit
-def start_paths(layer: Candidates, n: int, back: int) -> None:
-    """Begin new chains, all after one that has ended."""
+def start_paths(candidates: Candidates, n: int, predecessor: int) -> None:
+    """Begin a path at each candidate; ``predecessor`` is the end of the path before the break."""
     for j in range(n):
-        layer.path_costs[j], layer.predecessors[j], layer.transitions[j] = (
-            layer.emission_costs[j],
-            back,
-            BREAK,
-        )
+        candidates.path_costs[j] = candidates.emission_costs[j]
+        candidates.predecessors[j] = predecessor
+        candidates.transitions[j] = BREAK
 
 
 @jit
 def empty_candidates(size: int) -> Candidates:
-    """Room for so many candidates."""
+    """Allocate a number of candidates."""
     return Candidates(
         np.empty(size, np.int32),
         np.empty(size),
@@ -130,24 +155,24 @@ def empty_candidates(size: int) -> Candidates:
 
 
 @jit
-def candidates_from(layer: Candidates, low: int) -> Candidates:
-    """The same room without its first candidates."""
+def candidates_from(candidates: Candidates, first: int) -> Candidates:
+    """A view of the candidates from ``first`` on."""
     return Candidates(
-        layer.roads[low:],
-        layer.metres[low:],
-        layer.distances[low:],
-        layer.emission_costs[low:],
-        layer.path_costs[low:],
-        layer.predecessors[low:],
-        layer.transitions[low:],
+        candidates.roads[first:],
+        candidates.metres[first:],
+        candidates.distances[first:],
+        candidates.emission_costs[first:],
+        candidates.path_costs[first:],
+        candidates.predecessors[first:],
+        candidates.transitions[first:],
     )
 
 
 @jit
-def first_minimum(scores: NDArray[np.float64]) -> int:
-    """The first of the least numbers, but for rounding."""
-    least = scores.min()
-    for i in range(len(scores)):
-        if scores[i] <= least + ROUNDING:
+def first_minimum(costs: NDArray[np.float64]) -> int:
+    """Index of the first cost that is the least but for rounding."""
+    least = costs.min()
+    for i in range(len(costs)):
+        if costs[i] <= least + ROUNDING:
             return i
     return 0

@@ -1,4 +1,4 @@
-"""The lattice of matching one sample at a time: only its last layers are kept."""
+"""The trellis of matching one sample at a time: a ring that keeps the last time steps only."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from gpszip.matching.kernels.roads import Graph, ModelParameters, RoadGrid, Road
 from gpszip.matching.kernels.transitions import advance_paths, is_too_fast, max_path_length
 
 __all__ = [
+    "NewestStep",
     "TrellisRing",
     "add_time_step",
     "backtrack",
@@ -31,9 +32,12 @@ __all__ = [
 
 
 class TrellisRing(NamedTuple):
-    """The last layers of a lattice: the one numbered i begins at ``i % len(sizes)`` times the width of all and has so many candidates.
+    """The last time steps of a trellis.
 
-    ``ahead`` is the logarithm of the probability of each candidate, given its sample and those before; ``moves`` is room.
+    Time step t has ``counts[t % size]`` candidates, from index ``(t % size) * width`` on, where
+    size is the number of time steps kept and width the most candidates of one. ``log_forward`` is
+    the logarithm of each candidate's probability given the samples so far, up to a constant.
+    ``transition_costs`` is a table for one time step, shape (width, width).
     """
 
     candidates: Candidates
@@ -42,9 +46,19 @@ class TrellisRing(NamedTuple):
     transition_costs: NDArray[np.float64]
 
 
+class NewestStep(NamedTuple):
+    """The best candidate of the newest time step, and the probability of its road."""
+
+    road: int
+    metres: float
+    distance: float
+    probability: float
+    transition: int
+
+
 @jit
 def empty_ring(size: int, width: int) -> TrellisRing:
-    """A ring for so many layers of at most so many candidates."""
+    """Allocate a ring of ``size`` time steps with at most ``width`` candidates each."""
     return TrellisRing(
         empty_candidates(size * width),
         np.zeros(size, np.int64),
@@ -56,41 +70,44 @@ def empty_ring(size: int, width: int) -> TrellisRing:
 @jit
 def add_time_step(
     ring: TrellisRing,
-    number: int,
-    at: NDArray[np.float64],
+    step: int,
+    position: NDArray[np.float64],
     heading: NDArray[np.float64],
     straight: float,
     seconds: float,
     roads: Roads,
-    cells: RoadGrid,
+    grid: RoadGrid,
     graph: Graph,
     model: ModelParameters,
     work: Workspace,
-) -> tuple[int, float, float, float, int]:
-    """Add the layer with some number, ``straight`` metres and so many seconds after the one before, or after a silence if that is infinite.
+) -> NewestStep:
+    """Add a time step to the ring and find its best candidate.
 
-    Returns directed road, metres, distance and probability of the best candidate, and how it was reached; a road is as probable as all
-    candidates on it.
+    The sample lies ``straight`` metres and ``seconds`` after the time step before; infinite seconds
+    are a gap. The probability of a directed road is that of all candidates on it, given the samples
+    so far: the forward algorithm, as in :mod:`gpszip.matching.kernels.posterior`.
     """
+    # candidates
     size, width = len(ring.counts), len(ring.transition_costs)
-    low = (number % size) * width
-    here = candidates_from(ring.candidates, low)
-    n = find_candidates(at, heading, roads, cells, graph, model, here)
-    ring.counts[number % size] = n
-    ahead = ring.log_forward[low : low + n]
-    if number == 0 or seconds == np.inf or is_too_fast(straight, seconds, model):
-        start_paths(here, n, 0 if number == 0 else best_candidate(ring, number - 1))
-        ahead[:] = -here.emission_costs[:n]
+    low = (step % size) * width
+    after = candidates_from(ring.candidates, low)
+    n1 = find_candidates(position, heading, roads, grid, graph, model, after)
+    ring.counts[step % size] = n1
+    log_forward = ring.log_forward[low : low + n1]
+
+    # transitions from the time step before, unless the path breaks
+    if step == 0 or seconds == np.inf or is_too_fast(straight, seconds, model):
+        start_paths(after, n1, 0 if step == 0 else best_candidate(ring, step - 1))
+        log_forward[:] = -after.emission_costs[:n1]
     else:
-        last = ((number - 1) % size) * width
-        n0 = ring.counts[(number - 1) % size]
-        before = candidates_from(ring.candidates, last)
+        last_low = ((step - 1) % size) * width
+        n0 = ring.counts[(step - 1) % size]
         advance_paths(
-            before,
+            candidates_from(ring.candidates, last_low),
             n0,
-            here,
-            n,
-            at,
+            after,
+            n1,
+            position,
             straight,
             max_path_length(straight, seconds, model),
             graph,
@@ -98,75 +115,82 @@ def add_time_step(
             work,
             ring.transition_costs,
         )
-        _arrive(ring.log_forward[last : last + n0], ring.transition_costs, ahead)
-        ahead -= here.emission_costs[:n]
-    ahead -= ahead.max()
-    chosen = best_candidate(ring, number)
-    total, share = 0.0, 0.0
-    for j in range(n):
-        total += math.exp(ahead[j])
-        if here.roads[j] == here.roads[chosen]:
-            share += math.exp(ahead[j])
-    return (
-        here.roads[chosen],
-        here.metres[chosen],
-        here.distances[chosen],
-        share / total,
-        here.transitions[chosen],
+        _step_forward(
+            ring.log_forward[last_low : last_low + n0], ring.transition_costs, log_forward
+        )
+        log_forward -= after.emission_costs[:n1]
+    log_forward -= log_forward.max()
+
+    # the best candidate, and the probability of its road
+    best = best_candidate(ring, step)
+    total = on_road = 0.0
+    for j in range(n1):
+        total += math.exp(log_forward[j])
+        if after.roads[j] == after.roads[best]:
+            on_road += math.exp(log_forward[j])
+    return NewestStep(
+        after.roads[best],
+        after.metres[best],
+        after.distances[best],
+        on_road / total,
+        after.transitions[best],
     )
 
 
 @jit
-def best_candidate(ring: TrellisRing, number: int) -> int:
-    """The candidate of a layer to which the cheapest chain leads."""
-    slot = number % len(ring.counts)
+def best_candidate(ring: TrellisRing, step: int) -> int:
+    """The candidate of a time step to which the cheapest path leads."""
+    slot = step % len(ring.counts)
     low = slot * len(ring.transition_costs)
     return first_minimum(ring.candidates.path_costs[low : low + ring.counts[slot]])
 
 
 @jit
-def _arrive(
-    before: NDArray[np.float64], moves: NDArray[np.float64], after: NDArray[np.float64]
+def _step_forward(
+    before: NDArray[np.float64], transition_costs: NDArray[np.float64], after: NDArray[np.float64]
 ) -> None:
-    """Logarithm of the probability of reaching each candidate."""
+    """Log-sum-exp over the candidates of the time step before, for each candidate of this one."""
     for j in range(len(after)):
-        most = -np.inf
+        greatest = -np.inf
         for i in range(len(before)):
-            most = max(most, before[i] - moves[i, j])
+            greatest = max(greatest, before[i] - transition_costs[i, j])
         total = 0.0
         for i in range(len(before)):
-            total += math.exp(before[i] - moves[i, j] - most)
-        after[j] = most + math.log(total)
+            total += math.exp(before[i] - transition_costs[i, j] - greatest)
+        after[j] = greatest + math.log(total)
 
 
 @jit
-def find_convergence(ring: TrellisRing, number: int, first: int) -> tuple[int, int]:
-    """The last layer, from layer ``first`` to layer ``number``, in which all chains to the latter are on one candidate, and that candidate.
+def find_convergence(ring: TrellisRing, step: int, first: int) -> tuple[int, int]:
+    """Find the last time step at which all paths meet, and the candidate where they do.
 
-    Whatever follows, the cheapest chain comes from there. The layer is -1 if there is none.
+    Looks at the paths to all candidates of time step ``step``, back to time step ``first``. The
+    cheapest path of any later time step passes this candidate. Returns (-1, -1) if there is none.
     """
+    # candidates on any path, from the newest time step back
     size, width = len(ring.counts), len(ring.transition_costs)
-    alive, before = np.zeros(width, np.bool_), np.zeros(width, np.bool_)
-    alive[: ring.counts[number % size]] = True
-    for layer in range(number, first - 1, -1):
-        low, count, last = (layer % size) * width, 0, 0
-        before[:] = False
-        for j in range(ring.counts[layer % size]):
-            if alive[j]:
-                count, last = count + 1, j
-                before[ring.candidates.predecessors[low + j]] = True
+    is_alive, is_alive_before = np.zeros(width, np.bool_), np.zeros(width, np.bool_)
+    is_alive[: ring.counts[step % size]] = True
+    for here in range(step, first - 1, -1):
+        low, count, last = (here % size) * width, 0, 0
+        is_alive_before[:] = False
+        for j in range(ring.counts[here % size]):
+            if is_alive[j]:
+                count += 1
+                last = j
+                is_alive_before[ring.candidates.predecessors[low + j]] = True
         if count == 1:
-            return layer, last
-        alive, before = before, alive
+            return here, last
+        is_alive, is_alive_before = is_alive_before, is_alive
     return -1, -1
 
 
 @jit
-def backtrack(ring: TrellisRing, number: int, chosen: int, first: int) -> NDArray[np.int64]:
-    """Places in the ring of the cheapest chain to a candidate of layer ``number``, from layer ``first`` on."""
+def backtrack(ring: TrellisRing, step: int, candidate: int, first: int) -> NDArray[np.int64]:
+    """Follow the cheapest path to a candidate back to step ``first``; indices into the ring."""
     size, width = len(ring.counts), len(ring.transition_costs)
-    out = np.empty(number - first + 1, np.int64)
-    for layer in range(number, first - 1, -1):
-        out[layer - first] = (layer % size) * width + chosen
-        chosen = ring.candidates.predecessors[out[layer - first]]
-    return out
+    path = np.empty(step - first + 1, np.int64)
+    for here in range(step, first - 1, -1):
+        path[here - first] = (here % size) * width + candidate
+        candidate = ring.candidates.predecessors[path[here - first]]
+    return path

@@ -1,4 +1,4 @@
-"""How sure the model is of what it chose."""
+"""Posterior probabilities of the hidden Markov model: how certain the roads of a track are."""
 
 from __future__ import annotations
 
@@ -15,87 +15,112 @@ __all__ = ["posterior", "road_probabilities"]
 
 @jit
 def posterior(trellis: Trellis) -> NDArray[np.float64]:
-    """Probability of every candidate given all samples: the forward-backward recursion on prices."""
-    layers = len(trellis.candidate_starts) - 1
-    ahead = np.zeros(trellis.candidate_starts[layers])
-    for layer in range(layers):
-        low, high = trellis.candidate_starts[layer], trellis.candidate_starts[layer + 1]
-        if trellis.cost_starts[layer + 1] > trellis.cost_starts[layer]:
-            _arrive(trellis, layer, ahead)
-        ahead[low:high] -= trellis.candidates.emission_costs[low:high]
-        ahead[low:high] -= ahead[low:high].max()
-    behind = np.zeros(trellis.candidate_starts[layers])
-    for layer in range(layers - 1, 0, -1):
-        if trellis.cost_starts[layer + 1] > trellis.cost_starts[layer]:
-            _return(trellis, layer, behind)
-    for layer in range(layers):
-        low, high = trellis.candidate_starts[layer], trellis.candidate_starts[layer + 1]
-        here = ahead[low:high] + behind[low:high]
-        here = np.exp(here - here.max())
-        ahead[low:high] = here / here.sum()
-    return ahead
+    """Probability of every candidate given all samples, by the forward-backward algorithm.
+
+    With the emission cost e, the transition cost a, and all sums over the candidates i of one time
+    step (Rabiner 1989, in logarithms)::
+
+        log_forward_t(j)  = log sum_i exp(log_forward_(t-1)(i) - a_t(i, j)) - e_t(j)
+        log_backward_t(i) = log sum_j exp(log_backward_(t+1)(j) - e_(t+1)(j) - a_(t+1)(i, j))
+        p_t(i)            proportional to exp(log_forward_t(i) + log_backward_t(i))
+
+    The greatest logarithm of a time step is subtracted from all of them, so that none overflows.
+    """
+    # forward
+    starts = trellis.candidate_starts
+    steps = len(starts) - 1
+    log_forward = np.zeros(starts[steps])
+    for step in range(steps):
+        low, high = starts[step], starts[step + 1]
+        if trellis.cost_starts[step + 1] > trellis.cost_starts[step]:
+            _step_forward(trellis, step, log_forward)
+        log_forward[low:high] -= trellis.candidates.emission_costs[low:high]
+        log_forward[low:high] -= log_forward[low:high].max()
+
+    # backward
+    log_backward = np.zeros(starts[steps])
+    for step in range(steps - 1, 0, -1):
+        if trellis.cost_starts[step + 1] > trellis.cost_starts[step]:
+            _step_backward(trellis, step, log_backward)
+
+    # probabilities, in place of log_forward
+    for step in range(steps):
+        low, high = starts[step], starts[step + 1]
+        logs = log_forward[low:high] + log_backward[low:high]
+        weights = np.exp(logs - logs.max())
+        log_forward[low:high] = weights / weights.sum()
+    return log_forward
 
 
 @jit
-def _arrive(trellis: Trellis, layer: int, ahead: NDArray[np.float64]) -> None:
-    """Logarithm of the probability of reaching each candidate of a layer."""
-    last, low, high = (
-        trellis.candidate_starts[layer - 1],
-        trellis.candidate_starts[layer],
-        trellis.candidate_starts[layer + 1],
-    )
+def _step_forward(trellis: Trellis, step: int, log_forward: NDArray[np.float64]) -> None:
+    """Log-sum-exp over the candidates of the time step before, for each candidate of this one."""
+    last = trellis.candidate_starts[step - 1]
+    low = trellis.candidate_starts[step]
+    high = trellis.candidate_starts[step + 1]
     for j in range(low, high):
-        at = trellis.cost_starts[layer] + j - low
-        most = -np.inf
+        column = trellis.cost_starts[step] + j - low
+        greatest = -np.inf
         for i in range(last, low):
-            most = max(most, ahead[i] - trellis.transition_costs[at + (i - last) * (high - low)])
+            cost = trellis.transition_costs[column + (i - last) * (high - low)]
+            greatest = max(greatest, log_forward[i] - cost)
         total = 0.0
         for i in range(last, low):
-            total += math.exp(
-                ahead[i] - trellis.transition_costs[at + (i - last) * (high - low)] - most
-            )
-        ahead[j] = most + math.log(total)
+            cost = trellis.transition_costs[column + (i - last) * (high - low)]
+            total += math.exp(log_forward[i] - cost - greatest)
+        log_forward[j] = greatest + math.log(total)
 
 
 @jit
-def _return(trellis: Trellis, layer: int, behind: NDArray[np.float64]) -> None:
-    """Logarithm of the probability of all that comes after each candidate of the layer before."""
-    last, low, high = (
-        trellis.candidate_starts[layer - 1],
-        trellis.candidate_starts[layer],
-        trellis.candidate_starts[layer + 1],
-    )
-    after = behind[low:high] - trellis.candidates.emission_costs[low:high]
+def _step_backward(trellis: Trellis, step: int, log_backward: NDArray[np.float64]) -> None:
+    """Log-sum-exp over the candidates of this time step, for each candidate of the one before."""
+    last = trellis.candidate_starts[step - 1]
+    low = trellis.candidate_starts[step]
+    high = trellis.candidate_starts[step + 1]
+    after = log_backward[low:high] - trellis.candidates.emission_costs[low:high]
     for i in range(last, low):
-        at = trellis.cost_starts[layer] + (i - last) * (high - low)
-        most = -np.inf
+        row = trellis.cost_starts[step] + (i - last) * (high - low)
+        greatest = -np.inf
         for j in range(high - low):
-            most = max(most, after[j] - trellis.transition_costs[at + j])
+            greatest = max(greatest, after[j] - trellis.transition_costs[row + j])
         total = 0.0
         for j in range(high - low):
-            total += math.exp(after[j] - trellis.transition_costs[at + j] - most)
-        behind[i] = most + math.log(total)
-    behind[last:low] -= behind[last:low].max()
+            total += math.exp(after[j] - trellis.transition_costs[row + j] - greatest)
+        log_backward[i] = greatest + math.log(total)
+
+    # only differences matter
+    log_backward[last:low] -= log_backward[last:low].max()
 
 
 @jit
 def road_probabilities(
-    trellis: Trellis, share: NDArray[np.float64], roads: NDArray[np.int32], leg: NDArray[np.int64]
+    trellis: Trellis,
+    probabilities: NDArray[np.float64],
+    leg_roads: NDArray[np.int32],
+    leg_of: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """Probability at each layer of the candidates on the way from the layer before to the one after; 0 off the roads.
+    """Probability at each time step of the route there; 0 off the roads.
 
-    At a crossing several roads are equally near: they are one way if it leads over them.
+    It is the sum over the candidates on the legs from the time step before to the one after: at a
+    crossing several roads are equally near, and those on the route don't compete.
     """
-    layers = len(leg)
-    out = np.zeros(layers)
-    for layer in range(layers):
-        if leg[layer] < 0:
+    steps = len(leg_of)
+    out = np.zeros(steps)
+    for step in range(steps):
+        if leg_of[step] < 0:
             continue
-        first = leg[layer - 1] if layer > 0 and leg[layer - 1] >= 0 else leg[layer]
-        last = leg[layer + 1] if layer + 1 < layers and leg[layer + 1] >= 0 else leg[layer]
-        for j in range(trellis.candidate_starts[layer], trellis.candidate_starts[layer + 1]):
-            for one in range(first, last + 1):
-                if roads[one] == trellis.candidates.roads[j]:
-                    out[layer] += share[j]
+
+        # legs beside the time step
+        first = last = leg_of[step]
+        if step > 0 and leg_of[step - 1] >= 0:
+            first = leg_of[step - 1]
+        if step + 1 < steps and leg_of[step + 1] >= 0:
+            last = leg_of[step + 1]
+
+        # candidates on them
+        for j in range(trellis.candidate_starts[step], trellis.candidate_starts[step + 1]):
+            for leg in range(first, last + 1):
+                if leg_roads[leg] == trellis.candidates.roads[j]:
+                    out[step] += probabilities[j]
                     break
     return np.minimum(out, 1.0)

@@ -1,6 +1,8 @@
-"""What the kernels of matching share: roads, the cells that they cross, the graph that they make, and the model's numbers.
+"""Data structures that the kernels of matching share: roads, grid, graph, workspace, and model.
 
-Directed road 2e leads along road e from its start to its end, 2e + 1 back, so that ``a ^ 1`` is a turned round.
+Each road e of the network makes two directed roads: 2e leads from its start to its end, 2e + 1
+from its end to its start. So ``a ^ 1`` is directed road a in the other direction, and ``a >> 1`` is
+its road.
 """
 
 from __future__ import annotations
@@ -13,6 +15,11 @@ from numpy.typing import NDArray
 from gpszip.kernels.jit import jit
 
 __all__ = [
+    "CENTRE_NODE",
+    "CENTRE_RADIUS",
+    "COST_LIMIT",
+    "HEAP_SIZE",
+    "SEARCH_NUMBER",
     "BackwardSearch",
     "Graph",
     "ModelParameters",
@@ -27,12 +34,35 @@ __all__ = [
     "vertex_before",
 ]
 
-#: Metres behind a place at which its road's direction is taken: more than offsets err by rounding.
+#: Metres added to an offset before its direction is taken: more than the offset's rounding error.
 _BEHIND = 1e-6
+
+# Indices into ``state`` of a workspace and of a backward search.
+
+#: Number of the current search. Roads with another number in ``stamps`` were not reached by it.
+SEARCH_NUMBER = 0
+
+#: Number of directed roads in the heap.
+HEAP_SIZE = 1
+
+#: Node in the middle of the sources of a backward search.
+CENTRE_NODE = 2
+
+# Indices into ``limits`` of a backward search.
+
+#: Cost in metres up to which the search reached all roads.
+COST_LIMIT = 0
+
+#: Distance in metres from the centre to the farthest source.
+CENTRE_RADIUS = 1
 
 
 class Roads(NamedTuple):
-    """Shapes: road e has the vertices ``offsets[e]`` to ``offsets[e + 1]`` of ``points``, so many metres ``along`` it."""
+    """Shapes of roads.
+
+    Road e has the vertices ``points[offsets[e]:offsets[e + 1]]``; ``along`` is the distance in
+    metres of each vertex from the start of its road.
+    """
 
     points: NDArray[np.float64]
     along: NDArray[np.float64]
@@ -40,48 +70,54 @@ class Roads(NamedTuple):
 
 
 class RoadGrid(NamedTuple):
-    """Bits of road by the square cells that they cross, over the first two axes.
+    """A spatial index: the line segments of roads by the square cells that they cross.
 
-    The cell in some row and column counted from (left, low) has number ``row * columns + column``. ``table`` is a hash table of cell
-    numbers plus one, 0 where empty; in the same slot are the begin and end of the cell's bits: first vertex and road of each.
+    The grid spans the first two axes. The cell in a row and column counted from (``x_min``,
+    ``y_min``) has the number ``row * columns + column``. ``keys`` is a hash table of cell numbers
+    plus one, 0 where empty. The cell in slot s of the table has the entries ``starts[s]`` to
+    ``ends[s]``, one for each segment: its first vertex in ``vertices`` and its road in ``roads``.
     """
 
-    table: NDArray[np.int64]
-    begins: NDArray[np.int64]
+    keys: NDArray[np.int64]
+    starts: NDArray[np.int64]
     ends: NDArray[np.int64]
-    firsts: NDArray[np.int32]
-    owners: NDArray[np.int32]
-    left: float
-    low: float
-    size: float
+    vertices: NDArray[np.int32]
+    roads: NDArray[np.int32]
+    x_min: float
+    y_min: float
+    cell_size: float
     columns: int
     rows: int
 
 
 class Graph(NamedTuple):
-    """Directed roads that may be travelled out of each node, ``outs[begins[v]:begins[v + 1]]``, and into it, ``ins[arrivals[v]:...]``.
+    """The directed graph of roads, in compressed sparse rows.
 
-    For each directed road: the node at its end, its length, the unit vector at its beginning, and whether it may be travelled.
-    ``nodes`` are the places of the nodes.
+    The open directed roads ``out_roads[out_starts[v]:out_starts[v + 1]]`` leave node v, and
+    ``in_roads[in_starts[v]:in_starts[v + 1]]`` enter it. Each directed road has a node at its end
+    (``heads``), a length in metres, a unit vector at its beginning (``directions``), and whether it
+    may be travelled (``is_open``).
     """
 
-    begins: NDArray[np.int64]
-    outs: NDArray[np.int32]
+    out_starts: NDArray[np.int64]
+    out_roads: NDArray[np.int32]
     heads: NDArray[np.int32]
     lengths: NDArray[np.float64]
-    headings: NDArray[np.float64]
-    open: NDArray[np.bool_]
-    nodes: NDArray[np.float64]
-    arrivals: NDArray[np.int64]
-    ins: NDArray[np.int32]
+    directions: NDArray[np.float64]
+    is_open: NDArray[np.bool_]
+    node_positions: NDArray[np.float64]
+    in_starts: NDArray[np.int64]
+    in_roads: NDArray[np.int32]
 
 
 class BackwardSearch(NamedTuple):
-    """What is missing from the beginning of each directed road to what a layer wants, found by one search back from there.
+    """Workspace of a search backward from the candidates of a time step: the costs still to go.
 
-    ``state`` holds the number of the search, the size of its heap and the node near which ways come from; ``limits`` how far it got, and
-    how near. A road was met by this search if ``stamps`` says so, and ``slots`` is its place in the heap, -1 for what has left it.
-    ``wanted`` are the nodes from which ways come.
+    A label belongs to the beginning of a directed road: ``costs`` is its cost to the nearest
+    target, ``keys`` that cost plus a lower bound of the distance from the sources. The label
+    belongs to the current search if ``stamps`` has its number. ``heap_slots`` is its position in
+    the heap, -1 once it has left the heap and is final. ``is_source`` marks the nodes that the
+    search must reach. ``state`` and ``limits`` are indexed by the constants of this module.
     """
 
     state: NDArray[np.int64]
@@ -89,18 +125,21 @@ class BackwardSearch(NamedTuple):
     stamps: NDArray[np.int64]
     keys: NDArray[np.float64]
     costs: NDArray[np.float64]
-    slots: NDArray[np.int32]
+    heap_slots: NDArray[np.int32]
     heap: NDArray[np.int32]
-    wanted: NDArray[np.bool_]
+    is_source: NDArray[np.bool_]
 
 
 class Workspace(NamedTuple):
-    """Room for one search at a time, as large as the graph.
+    """Arrays for one search at a time, as large as the graph, allocated once.
 
-    ``state`` holds the number of the search and the size of its heap; what belongs to a directed road is of this search if ``stamps``
-    says so. ``keys`` are prices with what is at least missing to the goal; ``slots`` the place in the heap, -1 for what has left it.
-    ``targets`` is the first candidate of a layer on a directed road, and ``known`` the one of the layer before whose ways on are known;
-    -1 for none, also between searches. ``rest`` is room for searches back.
+    A label belongs to the beginning of a directed road: its ``costs`` (metres and turns), its
+    ``metres``, and the directed road before it (``parents``). ``keys``, ``stamps``, ``heap_slots``
+    and ``state`` are as in :class:`BackwardSearch`; a key adds a lower bound of the cost to go.
+
+    ``first_candidate`` is the first candidate of the current time step on each directed road, and
+    ``path_rows`` the row of the path table that holds the paths from its end. Both are -1 for none,
+    and everywhere between two time steps.
     """
 
     state: NDArray[np.int64]
@@ -109,22 +148,30 @@ class Workspace(NamedTuple):
     costs: NDArray[np.float64]
     metres: NDArray[np.float64]
     parents: NDArray[np.int32]
-    slots: NDArray[np.int32]
+    heap_slots: NDArray[np.int32]
     heap: NDArray[np.int32]
-    targets: NDArray[np.int32]
-    known: NDArray[np.int32]
+    first_candidate: NDArray[np.int32]
+    path_rows: NDArray[np.int32]
     backward: BackwardSearch
 
 
 class ModelParameters(NamedTuple):
-    """Numbers of the model; prices are negative logarithms of probability.
+    """Parameters of the hidden Markov model. Costs are negative logarithms of probability.
 
-    Candidates are the ``most`` nearest places within ``reach`` metres; one d metres off costs ``(d / sigma) ** 2 / 2``, none at all
-    ``off``. A way that is x metres longer or shorter than the straight line costs ``x / beta``, a link that no road makes ``jump``,
-    turning off up to ``turn``, turning round ``u_turn``. A candidate may seem to go ``slack`` metres back,
-    and steps off a crossing and back within ``spur`` metres are dropped. Ways that cost ``margin`` more
-    than the best are not looked for. The next four bound the length of a way, see ``longest_way``. Going another way than the heading
-    says costs ``log(1 + heading * (1 - cosine))``: headings err often a little, sometimes much; 0 where they say nothing.
+    Candidates are the ``max_candidates`` nearest positions on roads within ``search_radius``
+    metres, in each open direction.
+
+    Emission: a candidate d metres from its sample costs ``(d / sigma) ** 2 / 2``, and being off all
+    roads ``off_road_cost``. A direction of travel at angle a to the heading costs
+    ``log(1 + heading_weight * (1 - cos(a)))``: headings often err a little, sometimes much. The
+    weight is 0 where headings are not used.
+
+    Transition: a path x metres longer or shorter than the straight line costs ``x / beta``, turning
+    off up to ``turn_cost``, turning round ``u_turn_cost``, and a jump that no road makes
+    ``jump_cost``. A candidate may lie ``backward_tolerance`` metres behind the one before. A step
+    off a crossing and back within ``max_spur`` metres is dropped. The search ignores paths that
+    cost ``cost_margin`` more than the best. ``max_speed``, ``median_speed``, ``max_detour`` and
+    ``length_tolerance`` bound the length of a path; see ``max_path_length``.
     """
 
     sigma: float
@@ -142,60 +189,68 @@ class ModelParameters(NamedTuple):
     median_speed: float
     max_detour: float
     length_tolerance: float
-    heading: float
+    heading_weight: float
 
 
 @jit
 def project(
-    points: NDArray[np.float64], first: int, at: NDArray[np.float64]
+    points: NDArray[np.float64], vertex: int, position: NDArray[np.float64]
 ) -> tuple[float, float]:
-    """Squared distance from a place to a bit of road, and the share of the bit before its nearest point."""
+    """Project a position on the line segment that begins at a vertex.
+
+    Returns the squared distance, and the fraction of the segment before its nearest point.
+    """
+    # fraction = (q - p) . (x - p) / |q - p|^2, clipped to the segment
     dot = square = 0.0
     for axis in range(points.shape[1]):
-        step = points[first + 1, axis] - points[first, axis]
-        dot += step * (at[axis] - points[first, axis])
+        step = points[vertex + 1, axis] - points[vertex, axis]
+        dot += step * (position[axis] - points[vertex, axis])
         square += step * step
-    share = min(max(dot / square, 0.0), 1.0) if square > 0 else 0.0
+    fraction = min(max(dot / square, 0.0), 1.0) if square > 0 else 0.0
+
     distance = 0.0
     for axis in range(points.shape[1]):
-        here = points[first, axis] + share * (points[first + 1, axis] - points[first, axis])
-        distance += (at[axis] - here) ** 2
-    return distance, share
+        nearest = points[vertex, axis] + fraction * (
+            points[vertex + 1, axis] - points[vertex, axis]
+        )
+        distance += (position[axis] - nearest) ** 2
+    return distance, fraction
 
 
 @jit
 def vertex_before(roads: Roads, road: int, offset: float) -> int:
-    """The last vertex of a road, but never its end, that does not lie beyond an offset."""
-    a, b = roads.offsets[road], roads.offsets[road + 1] - 1
-    while b - a > 1:
-        middle = (a + b) // 2
+    """Find the last vertex of a road, other than its end, that is not beyond an offset."""
+    low, high = roads.offsets[road], roads.offsets[road + 1] - 1
+    while high - low > 1:
+        middle = (low + high) // 2
         if roads.along[middle] <= offset:
-            a = middle
+            low = middle
         else:
-            b = middle
-    return a
+            high = middle
+    return low
 
 
 @jit
 def interpolate_position(roads: Roads, road: int, offset: float, out: NDArray[np.float64]) -> None:
-    """Coordinates of the place at an offset on a road."""
-    a = vertex_before(roads, road, offset)
-    bit = roads.along[a + 1] - roads.along[a]
-    share = min(max((offset - roads.along[a]) / bit, 0.0), 1.0) if bit > 0 else 0.0
+    """Write the coordinates at an offset on a road to ``out``."""
+    vertex = vertex_before(roads, road, offset)
+    length = roads.along[vertex + 1] - roads.along[vertex]
+    fraction = min(max((offset - roads.along[vertex]) / length, 0.0), 1.0) if length > 0 else 0.0
     for axis in range(len(out)):
-        out[axis] = roads.points[a, axis] + share * (
-            roads.points[a + 1, axis] - roads.points[a, axis]
+        out[axis] = roads.points[vertex, axis] + fraction * (
+            roads.points[vertex + 1, axis] - roads.points[vertex, axis]
         )
 
 
 @jit
 def road_direction(roads: Roads, road: int, offset: float) -> tuple[float, float]:
-    """Unit vector of a road, from its start to its end, at an offset; where it bends, behind the bend. Zero where it has no length."""
-    first = vertex_before(roads, road, offset + _BEHIND)
-    east, north = (
-        roads.points[first + 1, 0] - roads.points[first, 0],
-        roads.points[first + 1, 1] - roads.points[first, 1],
-    )
+    """Unit vector of a road from its start to its end, at an offset.
+
+    At a bend it is the direction behind the bend; it is zero where the segment has no length.
+    """
+    vertex = vertex_before(roads, road, offset + _BEHIND)
+    east = roads.points[vertex + 1, 0] - roads.points[vertex, 0]
+    north = roads.points[vertex + 1, 1] - roads.points[vertex, 1]
     length = np.hypot(east, north)
     return (east / length, north / length) if length > 0 else (0.0, 0.0)
 
@@ -211,7 +266,7 @@ def distance_between(positions: NDArray[np.float64], i: int, j: int) -> float:
 
 @jit
 def resized(values: NDArray[np.generic], size: int) -> NDArray[np.generic]:
-    """A larger array that begins with the same values."""
+    """Copy an array to a larger one; the rest is not initialised."""
     out = np.empty(size, values.dtype)
     out[: len(values)] = values
     return out

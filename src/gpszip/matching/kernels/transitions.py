@@ -1,4 +1,4 @@
-"""Moves from layer to layer: the cheapest chain to each candidate of one from those of the layer before."""
+"""Transitions from one time step to the next: the Viterbi recursion over pairs of candidates."""
 
 from __future__ import annotations
 
@@ -26,12 +26,16 @@ from gpszip.matching.kernels.search import (
 
 __all__ = ["advance_paths", "is_too_fast", "max_path_length"]
 
+#: In a list of candidates linked by road: no next one.
+_NONE = -1
+
 
 @jit
 def max_path_length(straight: float, seconds: float, model: ModelParameters) -> float:
-    """Metres that a way between two samples may have.
+    """Upper bound in metres of the length of a path between two samples.
 
-    What the usual speed allows is no detour: a vehicle that waits for its samples may have gone round.
+    A path within reach of the median speed is no detour: between two samples far apart in time, a
+    vehicle may have gone round a block.
     """
     return (
         min(
@@ -44,7 +48,7 @@ def max_path_length(straight: float, seconds: float, model: ModelParameters) -> 
 
 @jit
 def is_too_fast(straight: float, seconds: float, model: ModelParameters) -> bool:
-    """Whether nobody goes so far in so many seconds: what comes after has nothing to do with what was before."""
+    """Whether two samples lie too far apart for the time between them: the path breaks there."""
     return straight > model.max_speed * seconds + model.length_tolerance
 
 
@@ -56,43 +60,76 @@ def advance_paths(
     n1: int,
     goal: NDArray[np.float64],
     straight: float,
-    longest: float,
+    max_length: float,
     graph: Graph,
     model: ModelParameters,
     work: Workspace,
-    moves: NDArray[np.float64],
+    transition_costs: NDArray[np.float64],
 ) -> None:
-    """Find the cheapest chain to each candidate of a layer from those to the layer before.
+    """Find the cheapest path to each candidate of a time step from those of the one before.
 
-    ``goal`` is the sample of the layer, ``straight`` its distance from the one before; no way is longer than ``longest``.
-    ``moves`` gets the price of every pair; where it was not worth a search, that of a jump.
+    The Viterbi recursion on costs (Newson and Krumm 2009)::
 
-    Of chains equally cheap but for rounding, such as those by two names of one crossing, the one counts whose candidate of the layer
-    before comes first: the nearest to its sample, then by the number of its directed road.
+        C_t(j) = min_i [C_(t-1)(i) + a(i, j)] + e(j)
+
+    with the path cost C, the emission cost e, and the transition cost a. A path of x metres over
+    roads costs ``a = |x - straight| / beta`` plus its turns; a jump costs ``jump_cost``, half of it
+    where one of the two is off the roads, and nothing where both are.
+
+    Of paths that cost the same but for rounding, such as those over the two roads that meet at a
+    crossing, the one counts whose candidate before comes first: the nearest to its sample, then by
+    the number of its directed road.
+
+    Parameters
+    ----------
+    before, n0, after, n1
+        The two time steps, and their numbers of candidates.
+    goal
+        The sample of the second time step.
+    straight
+        Metres between the two samples.
+    max_length
+        Upper bound in metres of the length of a path.
+    transition_costs
+        Receives the cost of every pair. Where it was not worth a search, it is that of a jump.
     """
-    linked = np.full(n1, -1, np.int32)  # the next candidate on the same directed road
-    distinct = 0
+    linked, distinct = _link_candidates_by_road(after, n1, work)
+
+    # jumps: the upper bound of all other transitions
+    transitions = np.full((n0, n1), JUMP, np.uint8)
     for j in range(n1):
         after.path_costs[j] = np.inf
-        road = after.roads[j]
-        if road >= 0:
-            distinct += work.targets[road] < 0
-            linked[j] = work.targets[road]
-            work.targets[road] = j
-    kinds = np.full((n0, n1), JUMP, np.uint8)
     for i in range(n0):
         for j in range(n1):
-            ends = (before.roads[i] >= 0) + (after.roads[j] >= 0)
-            moves[i, j] = 0.5 * model.jump_cost * ends
-            after.path_costs[j] = min(after.path_costs[j], before.path_costs[i] + moves[i, j])
-    on = np.flatnonzero(before.roads[:n0] >= 0)
-    for i in on:
-        _on_same_road(i, straight, longest, before, after, linked, graph, model, work, moves, kinds)
-    if distinct > 0 and len(on) > 0:
-        wanted = _within_reach(
-            on,
+            ends_on_roads = (before.roads[i] >= 0) + (after.roads[j] >= 0)
+            transition_costs[i, j] = 0.5 * model.jump_cost * ends_on_roads
+            after.path_costs[j] = min(
+                after.path_costs[j], before.path_costs[i] + transition_costs[i, j]
+            )
+
+    # on the same road, or turning round on it
+    on_roads = np.flatnonzero(before.roads[:n0] >= 0)
+    for i in on_roads:
+        _relax_on_same_road(
+            i,
             straight,
-            longest,
+            max_length,
+            before,
+            after,
+            linked,
+            graph,
+            model,
+            work,
+            transition_costs,
+            transitions,
+        )
+
+    # over other roads: first bound the costs, then search within the bounds
+    if distinct > 0 and len(on_roads) > 0:
+        upper_bounds = _bound_path_costs(
+            on_roads,
+            straight,
+            max_length,
             before,
             after.path_costs[:n1].copy(),
             after,
@@ -102,41 +139,63 @@ def advance_paths(
             model,
             work,
         )
-        _over_roads(
-            on,
+        _relax_over_other_roads(
+            on_roads,
             straight,
-            longest,
+            max_length,
             before,
-            wanted,
+            upper_bounds,
             after,
             linked,
             distinct,
             graph,
             model,
             work,
-            moves,
-            kinds,
+            transition_costs,
+            transitions,
         )
+
+    # the first predecessor that is as cheap as the cheapest
     for j in range(n1):
         if after.roads[j] >= 0:
-            work.targets[after.roads[j]] = -1
+            work.first_candidate[after.roads[j]] = _NONE
         i = 0
-        while before.path_costs[i] + moves[i, j] > after.path_costs[j] + ROUNDING:
+        while before.path_costs[i] + transition_costs[i, j] > after.path_costs[j] + ROUNDING:
             i += 1
-        after.predecessors[j], after.transitions[j] = i, kinds[i, j]
+        after.predecessors[j] = i
+        after.transitions[j] = transitions[i, j]
         after.path_costs[j] += after.emission_costs[j]
-    after.path_costs[:n1] -= after.path_costs[
-        :n1
-    ].min()  # only differences count, and a long track must not wear them down
+
+    # only differences matter; subtracting the least keeps their precision on a long track
+    after.path_costs[:n1] -= after.path_costs[:n1].min()
 
 
 @inlined
-def _within_reach(
-    on: NDArray[np.int64],
+def _link_candidates_by_road(
+    after: Candidates, n: int, work: Workspace
+) -> tuple[NDArray[np.int32], int]:
+    """Enter candidates in ``work.first_candidate`` by their directed roads.
+
+    Returns the next candidate on the same directed road for each, and the number of distinct roads.
+    """
+    linked = np.full(n, _NONE, np.int32)
+    distinct = 0
+    for j in range(n):
+        road = after.roads[j]
+        if road >= 0:
+            distinct += work.first_candidate[road] < 0
+            linked[j] = work.first_candidate[road]
+            work.first_candidate[road] = j
+    return linked, distinct
+
+
+@inlined
+def _bound_path_costs(
+    on_roads: NDArray[np.int64],
     straight: float,
-    longest: float,
+    max_length: float,
     before: Candidates,
-    scores: NDArray[np.float64],
+    upper_bounds: NDArray[np.float64],
     after: Candidates,
     linked: NDArray[np.int32],
     goal: NDArray[np.float64],
@@ -144,229 +203,275 @@ def _within_reach(
     model: ModelParameters,
     work: Workspace,
 ) -> NDArray[np.float64]:
-    """Lower the scores of candidates to what some way makes of them, by one search from all candidates before at once.
+    """Lower the upper bounds of path costs, by one search from all candidates before at once.
 
-    The way that comes first at a place need not be the best one where ways are shorter than the straight line, but it is never better.
+    The first path to reach a candidate is a path, so that its cost is an upper bound. It is not
+    always the best one, since a path that is shorter than the straight line costs more.
     """
-    most = _worst(scores, after)
-    bound = straight + model.beta * most
+    # begin at all candidates before, each with the cost of its path
+    cost_bound = straight + model.beta * _max_cost_on_roads(upper_bounds, after)
     start_search(work)
-    for i in on:
+    for i in on_roads:
         road = before.roads[i]
-        rest = graph.lengths[road] - before.metres[i]
+        metres_left = graph.lengths[road] - before.metres[i]
         expand_to_goal(
             road,
-            rest,
-            rest + model.beta * before.path_costs[i],
-            bound,
-            longest,
+            metres_left,
+            metres_left + model.beta * before.path_costs[i],
+            cost_bound,
+            max_length,
             goal,
             model.search_radius,
             graph,
             model,
             work,
         )
-    met = np.zeros(len(scores), np.bool_)
-    for j in range(len(scores)):
-        met[j] = after.roads[j] < 0
+
+    is_reached = np.zeros(len(upper_bounds), np.bool_)
+    for j in range(len(upper_bounds)):
+        is_reached[j] = after.roads[j] < 0
     while True:
-        found = next_towards_goal(bound, longest, goal, model.search_radius, graph, model, work)
-        if found < 0:
-            return scores
-        j = work.targets[found]
+        reached = next_towards_goal(
+            cost_bound, max_length, goal, model.search_radius, graph, model, work
+        )
+        if reached < 0:
+            return upper_bounds
+
+        # all candidates on the road that was reached
+        j = work.first_candidate[reached]
         if j < 0:
             continue
         while j >= 0:
-            metres = work.metres[found] + after.metres[j]
-            if metres <= longest:
-                price = (
-                    work.costs[found] - work.metres[found] + abs(metres - straight)
+            metres = work.metres[reached] + after.metres[j]
+            if metres <= max_length:
+                cost = (
+                    work.costs[reached] - work.metres[reached] + abs(metres - straight)
                 ) / model.beta
-                scores[j] = min(scores[j], price)
-            met[j] = True
+                upper_bounds[j] = min(upper_bounds[j], cost)
+            is_reached[j] = True
             j = linked[j]
-        most = -np.inf
-        for k in range(len(scores)):
-            if not met[k]:
-                most = max(most, scores[k])
-        bound = straight + model.beta * most
+
+        # the search need only go as far as the candidates that are left
+        max_cost = -np.inf
+        for k in range(len(upper_bounds)):
+            if not is_reached[k]:
+                max_cost = max(max_cost, upper_bounds[k])
+        cost_bound = straight + model.beta * max_cost
 
 
 @inlined
-def _over_roads(
-    on: NDArray[np.int64],
+def _relax_over_other_roads(
+    on_roads: NDArray[np.int64],
     straight: float,
-    longest: float,
+    max_length: float,
     before: Candidates,
-    wanted: NDArray[np.float64],
+    upper_bounds: NDArray[np.float64],
     after: Candidates,
     linked: NDArray[np.int32],
     distinct: int,
     graph: Graph,
     model: ModelParameters,
     work: Workspace,
-    moves: NDArray[np.float64],
-    kinds: NDArray[np.uint8],
+    transition_costs: NDArray[np.float64],
+    transitions: NDArray[np.uint8],
 ) -> None:
-    """Offer the ways over other roads that make chains with a score wanted, or a margin worse.
+    """Relax the transitions over other roads that make paths within the bounds, plus the margin.
 
-    Searches share what they find: one that comes to a road from whose end all was searched before does not go on there, but takes over
-    the ways found. Chains that are cheaper at the ends of their roads go first, so that what was found is all that others can want.
+    Searches share what they find: one that comes to a road from whose end another search began
+    does not go on there, but takes over the paths found. Candidates whose paths are cheaper at the
+    ends of their roads go first, so that their searches found all that the others need.
     """
-    targets, begins = np.empty(len(wanted), np.int32), np.empty(len(wanted))
+    # backward from all candidates after: what is left to go from any road
+    targets = np.empty(len(upper_bounds), np.int32)
+    target_costs = np.empty(len(upper_bounds))
     count = 0
-    for j in range(len(wanted)):
+    for j in range(len(upper_bounds)):
         if after.roads[j] >= 0:
             targets[count] = after.roads[j]
-            begins[count] = after.metres[j] - model.beta * (
-                wanted[j] + model.cost_margin + ROUNDING
+            target_costs[count] = after.metres[j] - model.beta * (
+                upper_bounds[j] + model.cost_margin + ROUNDING
             )
             count += 1
-    rests = graph.lengths[before.roads[on]] - before.metres[on]
-    ends = rests + model.beta * before.path_costs[on]
-    least = straight - model.beta * before.path_costs[on].min()
+    metres_left = graph.lengths[before.roads[on_roads]] - before.metres[on_roads]
+    end_costs = metres_left + model.beta * before.path_costs[on_roads]
     search_backward(
-        before.roads[on],
+        before.roads[on_roads],
         targets[:count],
-        begins[:count],
-        least,
-        longest,
+        target_costs[:count],
+        straight - model.beta * before.path_costs[on_roads].min(),
+        max_length,
         graph,
         model,
         work.backward,
     )
-    price, metres = (
-        np.full((len(on), len(wanted)), np.inf),
-        np.empty((len(on), len(wanted))),
-    )  # from the ends of roads
-    for k in np.argsort(ends, kind="mergesort"):
-        i, rest = on[k], rests[k]
-        road, bound = before.roads[i], straight - ends[k]
-        if work.known[road] < 0:
-            _search_on(road, k, bound, longest, linked, distinct, price, metres, graph, model, work)
-            work.known[road] = k
-        known = work.known[road]
-        for j in range(len(wanted)):
-            way = rest + metres[known, j]
-            if price[known, j] < np.inf and way + after.metres[j] <= longest:
-                turns = (price[known, j] - metres[known, j]) / model.beta
-                _offer(
+
+    # forward from each candidate before; table of paths from the ends of roads: costs and metres
+    costs = np.full((len(on_roads), len(upper_bounds)), np.inf)
+    metres = np.empty((len(on_roads), len(upper_bounds)))
+    for row in np.argsort(end_costs, kind="mergesort"):
+        i = on_roads[row]
+        road, cost_bound = before.roads[i], straight - end_costs[row]
+        if work.path_rows[road] < 0:
+            _search_from_road(
+                road,
+                row,
+                cost_bound,
+                max_length,
+                linked,
+                distinct,
+                costs,
+                metres,
+                graph,
+                model,
+                work,
+            )
+            work.path_rows[road] = row
+
+        # transitions by these paths
+        path_row = work.path_rows[road]
+        for j in range(len(upper_bounds)):
+            length = metres_left[row] + metres[path_row, j]
+            if costs[path_row, j] < np.inf and length + after.metres[j] <= max_length:
+                turns = (costs[path_row, j] - metres[path_row, j]) / model.beta
+                _relax_transition(
                     i,
                     j,
-                    abs(way + after.metres[j] - straight) / model.beta + turns,
+                    abs(length + after.metres[j] - straight) / model.beta + turns,
                     OTHER_ROADS,
                     before,
                     after,
-                    moves,
-                    kinds,
+                    transition_costs,
+                    transitions,
                 )
-    for i in on:
-        work.known[before.roads[i]] = -1
+
+    # leave no marks
+    for i in on_roads:
+        work.path_rows[before.roads[i]] = _NONE
 
 
 @inlined
-def _search_on(
+def _search_from_road(
     road: int,
-    k: int,
-    bound: float,
-    longest: float,
+    row: int,
+    cost_bound: float,
+    max_length: float,
     linked: NDArray[np.int32],
     distinct: int,
-    price: NDArray[np.float64],
+    costs: NDArray[np.float64],
     metres: NDArray[np.float64],
     graph: Graph,
     model: ModelParameters,
     work: Workspace,
 ) -> None:
-    """Fill row k with the ways from the end of a directed road to the beginnings of those of all candidates."""
+    """Fill a row of the path table: from the end of a directed road to the roads of candidates."""
     start_search(work)
-    expand_to_targets(road, 0.0, 0.0, bound, longest, graph, model, work)
-    reached = 0
-    while reached < distinct:
-        found = next_towards_targets(bound, work)
-        if found < 0:
+    expand_to_targets(road, 0.0, 0.0, cost_bound, max_length, graph, model, work)
+    reached_count = 0
+    while reached_count < distinct:
+        reached = next_towards_targets(cost_bound, work)
+        if reached < 0:
             break
-        j = work.targets[found]
-        reached += j >= 0
+
+        # candidates on the road that was reached
+        j = work.first_candidate[reached]
+        reached_count += j >= 0
         while j >= 0:
-            if work.costs[found] < price[k, j]:
-                price[k, j], metres[k, j] = work.costs[found], work.metres[found]
+            if work.costs[reached] < costs[row, j]:
+                costs[row, j] = work.costs[reached]
+                metres[row, j] = work.metres[reached]
             j = linked[j]
-        end, way = (
-            work.costs[found] + graph.lengths[found],
-            work.metres[found] + graph.lengths[found],
-        )
-        known = work.known[found]
-        if known < 0:
-            expand_to_targets(found, way, end, bound, longest, graph, model, work)
+
+        # go on from its end, or take over the paths that another search found from there
+        end_cost = work.costs[reached] + graph.lengths[reached]
+        end_metres = work.metres[reached] + graph.lengths[reached]
+        path_row = work.path_rows[reached]
+        if path_row < 0:
+            expand_to_targets(
+                reached, end_metres, end_cost, cost_bound, max_length, graph, model, work
+            )
             continue
-        for one in range(price.shape[1]):
-            if end + price[known, one] < price[k, one]:
-                price[k, one], metres[k, one] = end + price[known, one], way + metres[known, one]
+        for k in range(costs.shape[1]):
+            if end_cost + costs[path_row, k] < costs[row, k]:
+                costs[row, k] = end_cost + costs[path_row, k]
+                metres[row, k] = end_metres + metres[path_row, k]
 
 
 @inlined
-def _worst(scores: NDArray[np.float64], layer: Candidates) -> float:
-    """The highest score of a candidate on a road."""
-    worst = -np.inf
-    for j in range(len(scores)):
-        if layer.roads[j] >= 0:
-            worst = max(worst, scores[j])
-    return worst
+def _max_cost_on_roads(costs: NDArray[np.float64], candidates: Candidates) -> float:
+    """The highest cost of a candidate on a road."""
+    max_cost = -np.inf
+    for j in range(len(costs)):
+        if candidates.roads[j] >= 0:
+            max_cost = max(max_cost, costs[j])
+    return max_cost
 
 
 @inlined
-def _on_same_road(
+def _relax_on_same_road(
     i: int,
     straight: float,
-    longest: float,
+    max_length: float,
     before: Candidates,
     after: Candidates,
     linked: NDArray[np.int32],
     graph: Graph,
     model: ModelParameters,
     work: Workspace,
-    moves: NDArray[np.float64],
-    kinds: NDArray[np.uint8],
+    transition_costs: NDArray[np.float64],
+    transitions: NDArray[np.uint8],
 ) -> None:
-    """Offer the ways that stay on a directed road, on or a little back, and those that turn round on it."""
-    road, here = before.roads[i], before.metres[i]
-    j = work.targets[road]
+    """Relax the transitions of candidate i that stay on its road, or turn round on it."""
+    # onward, or a little back by errors of a standing receiver
+    road, offset = before.roads[i], before.metres[i]
+    j = work.first_candidate[road]
     while j >= 0:
-        ahead = after.metres[j] - here
-        if -model.backward_tolerance <= ahead <= longest:
-            _offer(i, j, abs(ahead - straight) / model.beta, SAME_ROAD, before, after, moves, kinds)
+        ahead = after.metres[j] - offset
+        if -model.backward_tolerance <= ahead <= max_length:
+            _relax_transition(
+                i,
+                j,
+                abs(ahead - straight) / model.beta,
+                SAME_ROAD,
+                before,
+                after,
+                transition_costs,
+                transitions,
+            )
         j = linked[j]
-    j = work.targets[road ^ 1]
+
+    # back, on the directed road of the other direction
+    j = work.first_candidate[road ^ 1]
     while j >= 0:
-        metres = abs(graph.lengths[road] - after.metres[j] - here)
-        if metres <= longest:
-            _offer(
+        metres = abs(graph.lengths[road] - after.metres[j] - offset)
+        if metres <= max_length:
+            _relax_transition(
                 i,
                 j,
                 abs(metres - straight) / model.beta + model.u_turn_cost,
                 U_TURN,
                 before,
                 after,
-                moves,
-                kinds,
+                transition_costs,
+                transitions,
             )
         j = linked[j]
 
 
 @inlined
-def _offer(
+def _relax_transition(
     i: int,
     j: int,
-    price: float,
-    kind: int,
+    cost: float,
+    transition: int,
     before: Candidates,
     after: Candidates,
-    moves: NDArray[np.float64],
-    kinds: NDArray[np.uint8],
+    transition_costs: NDArray[np.float64],
+    transitions: NDArray[np.uint8],
 ) -> None:
-    """Take a way from candidate i to candidate j where it is cheaper than what is known, or as cheap and of a kind that comes first."""
-    if price < moves[i, j] - ROUNDING or (price <= moves[i, j] + ROUNDING and kind < kinds[i, j]):
-        kinds[i, j] = kind
-    moves[i, j] = min(moves[i, j], price)
-    after.path_costs[j] = min(after.path_costs[j], before.path_costs[i] + price)
+    """Take a transition from i to j if it is cheaper, or as cheap and of a smaller number."""
+    if cost < transition_costs[i, j] - ROUNDING or (
+        cost <= transition_costs[i, j] + ROUNDING and transition < transitions[i, j]
+    ):
+        transitions[i, j] = transition
+    transition_costs[i, j] = min(transition_costs[i, j], cost)
+    after.path_costs[j] = min(after.path_costs[j], before.path_costs[i] + cost)

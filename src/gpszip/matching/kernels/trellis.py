@@ -1,4 +1,4 @@
-"""The lattice of a hidden Markov model on roads: a layer for each used sample, and the cheapest chain through them."""
+"""The trellis of the hidden Markov model: candidates and transitions of all time steps."""
 
 from __future__ import annotations
 
@@ -29,11 +29,17 @@ from gpszip.matching.kernels.transitions import advance_paths, is_too_fast, max_
 
 __all__ = ["Trellis", "build_trellis", "select_samples"]
 
+#: First capacity, in candidates for each time step and transition costs for each candidate; the
+#: arrays double when they are full.
+_FIRST_CAPACITY = 8
+
 
 class Trellis(NamedTuple):
-    """All layers of a track: layer i has the candidates ``begins[i]`` to ``begins[i + 1]`` of ``all``.
+    """Candidates and transition costs of all time steps of a track.
 
-    ``moves[starts[i]:starts[i + 1]]`` are the prices of moves from each candidate of layer i - 1 to each of layer i, none after a break.
+    Time step t has the candidates ``candidate_starts[t]`` to ``candidate_starts[t + 1]``, and
+    ``transition_costs[cost_starts[t]:cost_starts[t + 1]]`` from each candidate of time step t - 1
+    to each of its own, by rows; there are none after a break.
     """
 
     candidate_starts: NDArray[np.int64]
@@ -44,25 +50,32 @@ class Trellis(NamedTuple):
 
 @jit
 def select_samples(
-    positions: NDArray[np.float64], is_gap: NDArray[np.bool_], spacing: float
+    positions: NDArray[np.float64], is_gap: NDArray[np.bool_], min_spacing: float
 ) -> NDArray[np.int64]:
-    """Samples that make a layer: the first, each that lies ``spacing`` from the last one used, and both ends of a silence."""
+    """Select the samples that make a time step.
+
+    These are the first sample, each that lies ``min_spacing`` metres from the last one selected,
+    and both ends of a gap (Newson and Krumm 2009 skip samples that lie near, too).
+    """
     n = len(positions)
-    used, count = np.empty(n, np.int64), 0
-    begin = 0  # layers before the last silence
+    selected, count = np.empty(n, np.int64), 0
+    run_start = 0  # of ``selected``, after the last gap
     for i in range(n):
-        first, last = i == 0 or is_gap[i - 1], i == n - 1 or is_gap[i]
-        if first:
-            begin = count
-        far = first or distance_between(positions, i, used[count - 1]) >= spacing
-        if last and not far:
-            if count - begin > 1:  # the end itself stands for the layer just before it
+        is_first = i == 0 or is_gap[i - 1]
+        is_last = i == n - 1 or is_gap[i]
+        if is_first:
+            run_start = count
+        is_selected = is_first or distance_between(positions, i, selected[count - 1]) >= min_spacing
+
+        # the end before a gap replaces a sample that is near
+        if is_last and not is_selected:
+            if count - run_start > 1:
                 count -= 1
-            far = True
-        if far:
-            used[count] = i
+            is_selected = True
+        if is_selected:
+            selected[count] = i
             count += 1
-    return used[:count]
+    return selected[:count]
 
 
 @jit
@@ -71,80 +84,85 @@ def build_trellis(
     times: NDArray[np.float64],
     headings: NDArray[np.float64],
     is_gap: NDArray[np.bool_],
-    used: NDArray[np.int64],
+    samples: NDArray[np.int64],
     roads: Roads,
-    cells: RoadGrid,
+    grid: RoadGrid,
     graph: Graph,
     model: ModelParameters,
     work: Workspace,
 ) -> Trellis:
-    """Layers of all used samples of a track and the cheapest chain to each candidate."""
-    layers, width = len(used), 2 * model.max_candidates + 1
-    begins, starts = np.zeros(layers + 1, np.int64), np.zeros(layers + 1, np.int64)
-    room = width + 8 * layers
-    every = empty_candidates(room)
-    moves = np.empty((width, width))
-    kept = np.empty(8 * room, np.float32)
-    for layer in range(layers):
-        low = begins[layer]
-        if low + width > room:
-            room = 2 * room
-            every = _more(every, room)
-        here = candidates_from(every, low)
-        n = find_candidates(
-            positions[used[layer]], headings[used[layer]], roads, cells, graph, model, here
-        )
-        begins[layer + 1], filled = low + n, starts[layer]
-        starts[layer + 1] = filled
-        if layer == 0:
-            start_paths(here, n, -1)
+    """Build the trellis of a track, with the cheapest path to each candidate.
+
+    ``samples`` are those that make a time step. The recursion is that of ``advance_paths``.
+    """
+    # arrays that grow with the candidates
+    steps = len(samples)
+    max_candidates = 2 * model.max_candidates + 1  # both directions, and off the roads
+    candidate_starts = np.zeros(steps + 1, np.int64)
+    cost_starts = np.zeros(steps + 1, np.int64)
+    capacity = max_candidates + _FIRST_CAPACITY * steps
+    candidates = empty_candidates(capacity)
+    step_costs = np.empty((max_candidates, max_candidates))
+    all_costs = np.empty(_FIRST_CAPACITY * capacity, np.float32)
+
+    for step in range(steps):
+        # candidates of the time step
+        low = candidate_starts[step]
+        if low + max_candidates > capacity:
+            capacity = 2 * capacity
+            candidates = _resized_candidates(candidates, capacity)
+        after = candidates_from(candidates, low)
+        sample = samples[step]
+        n1 = find_candidates(positions[sample], headings[sample], roads, grid, graph, model, after)
+        candidate_starts[step + 1] = low + n1
+        filled = cost_starts[step]
+        cost_starts[step + 1] = filled
+        if step == 0:
+            start_paths(after, n1, -1)
             continue
-        last = begins[layer - 1]
-        before = candidates_from(every, last)
-        straight, seconds = (
-            distance_between(positions, used[layer - 1], used[layer]),
-            times[used[layer]] - times[used[layer - 1]],
-        )
-        if _silence(is_gap, used[layer - 1], used[layer]) or is_too_fast(straight, seconds, model):
-            start_paths(here, n, first_minimum(every.path_costs[last:low]))
+
+        # a break: paths begin anew
+        last_low, last_sample = candidate_starts[step - 1], samples[step - 1]
+        straight = distance_between(positions, last_sample, sample)
+        seconds = times[sample] - times[last_sample]
+        if is_gap[last_sample:sample].any() or is_too_fast(straight, seconds, model):
+            start_paths(after, n1, first_minimum(candidates.path_costs[last_low:low]))
             continue
-        longest = max_path_length(straight, seconds, model)
-        n0 = low - last
+
+        # transitions from the time step before
+        n0 = low - last_low
         advance_paths(
-            before,
+            candidates_from(candidates, last_low),
             n0,
-            here,
-            n,
-            positions[used[layer]],
+            after,
+            n1,
+            positions[sample],
             straight,
-            longest,
+            max_path_length(straight, seconds, model),
             graph,
             model,
             work,
-            moves,
+            step_costs,
         )
-        if filled + n0 * n > len(kept):
-            kept = resized(kept, 2 * len(kept) + n0 * n)
+
+        # keep their costs for the posterior probabilities
+        if filled + n0 * n1 > len(all_costs):
+            all_costs = resized(all_costs, 2 * len(all_costs) + n0 * n1)
         for i in range(n0):
-            for j in range(n):
-                kept[filled + i * n + j] = moves[i, j]
-        starts[layer + 1] = filled + n0 * n
-    return Trellis(begins, candidates_from(every, 0), starts, kept)
+            for j in range(n1):
+                all_costs[filled + i * n1 + j] = step_costs[i, j]
+        cost_starts[step + 1] = filled + n0 * n1
+    return Trellis(candidate_starts, candidates_from(candidates, 0), cost_starts, all_costs)
 
 
 @jit
-def _more(layer: Candidates, size: int) -> Candidates:
+def _resized_candidates(candidates: Candidates, size: int) -> Candidates:
     return Candidates(
-        resized(layer.roads, size),
-        resized(layer.metres, size),
-        resized(layer.distances, size),
-        resized(layer.emission_costs, size),
-        resized(layer.path_costs, size),
-        resized(layer.predecessors, size),
-        resized(layer.transitions, size),
+        resized(candidates.roads, size),
+        resized(candidates.metres, size),
+        resized(candidates.distances, size),
+        resized(candidates.emission_costs, size),
+        resized(candidates.path_costs, size),
+        resized(candidates.predecessors, size),
+        resized(candidates.transitions, size),
     )
-
-
-@jit
-def _silence(is_gap: NDArray[np.bool_], first: int, last: int) -> bool:
-    return bool(is_gap[first:last].any())
