@@ -91,11 +91,11 @@ class Settling:
 
 def assert_counts_are_those_of_the_walks(settling):
     working_map, nodes = settling.working_map, int(settling.working_map.scalars[0])
-    again = allocate_working_map(2, 200, 400, float(working_map.cell[0]))
+    again = allocate_working_map(2, 200, 400, float(working_map.bucket_size[0]))
     count_walks(again, settling.slot_nodes, settling.last_slots)
     used = again.uses[:nodes] > 0
     np.testing.assert_array_equal(np.maximum(working_map.uses[:nodes], 0), again.uses[:nodes])
-    np.testing.assert_array_equal(working_map.leaving[:nodes], again.leaving[:nodes])
+    np.testing.assert_array_equal(working_map.outgoing_weight[:nodes], again.outgoing_weight[:nodes])
     for u in range(nodes):
         for v in range(nodes):
             assert step_count(working_map, u, v) == step_count(again, u, v)

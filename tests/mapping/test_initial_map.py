@@ -144,6 +144,6 @@ def test_parts_between_other_nodes_are_those_listed_anew():
         list_segments(slots, at, len(positions)).relabelled(joined, 5),
         list_segments(slots, joined, 5),
     )
-    for field in ("froms", "tos", "starts", "ends", "moments", "centers"):
+    for field in ("first_slots", "last_slots", "starts", "ends", "moments", "centers"):
         np.testing.assert_array_equal(getattr(renamed, field), getattr(listed, field))
     np.testing.assert_array_equal(renamed.stiffness.toarray(), listed.stiffness.toarray())

@@ -57,7 +57,7 @@ class Log:
 
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize(
-    ("price", "knot_bits", "widest"),
+    ("price", "knot_bits", "max_slots"),
     [
         (0.5, 7.0, 300),
         (3.0, 2.0, 4),

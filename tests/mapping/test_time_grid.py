@@ -105,7 +105,17 @@ def same_as_laid_thin(tracks, gaps, grid):
     found = sparsify(full)
     if found is None:
         return len(thin.time_steps) >= 0.7 * len(full.time_steps)
-    fields = ("cells", "ticks", "places", "centers", "sums", "firsts", "lasts", "owners", "ends")
+    fields = (
+        "time_steps",
+        "ticks",
+        "positions",
+        "centers",
+        "sums",
+        "first_slots",
+        "last_slots",
+        "piece_tracks",
+        "ends",
+    )
     return all(np.array_equal(getattr(found, field), getattr(thin, field)) for field in fields)
 
 

@@ -68,7 +68,7 @@ def natural_sort_key(name: str) -> tuple[tuple[str | tuple[int, str], ...], str]
 
     Examples
     --------
-    >>> sorted(["b", "a10", "a9", "7", "a09"], key=name_key)
+    >>> sorted(["b", "a10", "a9", "7", "a09"], key=natural_sort_key)
     ['7', 'a09', 'a9', 'a10', 'b']
     """
     # texts and numbers take turns, a text first, so that like is compared with like
