@@ -23,7 +23,13 @@ from gpszip.mapping.rounds import Outcome, fit
 from gpszip.mapping.time_grid import TimeGrid
 from gpszip.merging.deviation import Curve, measure_deviation, split_at_gaps, union_of_knot_times
 from gpszip.merging.refine import AllowedDeviation, refine, snap_to_time_grid
-from gpszip.merging.tree import Branch, Part, build_leaf, build_leaves, concatenate_branches
+from gpszip.merging.tree import (
+    Branch,
+    ArchiveCurves,
+    build_leaf,
+    build_leaves,
+    concatenate_branches,
+)
 from gpszip.model import GridWalks, QuantisationGrid, Track, Walk
 from gpszip.model.grid import STEP_SIZES, step_size
 from gpszip.model.merge_report import Deviation
@@ -31,7 +37,7 @@ from gpszip.run.executor import Executor, SharedValue, reduce_tree, share_value
 from gpszip.walks.error import TIME_SLACK, positions_at
 from gpszip.walks.quantised import dequantise_walks, node_positions
 
-__all__ = ["DeviationLimit", "MergedMap", "Part", "merge_archives"]
+__all__ = ["DeviationLimit", "MergedMap", "ArchiveCurves", "merge_archives"]
 
 #: What is tried around each archive's own quanta: indices of space and time, eight to an octave.
 _AROUND = ((0, 0), (0, -4), (-4, 0), (0, -8), (4, 0))
@@ -96,7 +102,7 @@ class MergedMap:
 class _Search:
     """What all searches of one merge have in common."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[ArchiveCurves, ...]
     limit: DeviationLimit
 
     @cached_property
@@ -270,7 +276,7 @@ class _Search:
 
 
 def merge_archives(
-    parts: Sequence[Part],
+    parts: Sequence[ArchiveCurves],
     limit: DeviationLimit,
     *,
     executor: Executor | None = None,
@@ -283,7 +289,7 @@ def merge_archives(
 
     Parameters
     ----------
-    parts : sequence of Part
+    parts : sequence of ArchiveCurves
         At least one; all on one plane.
     limit : Limit
         How far curves may be moved.
@@ -340,7 +346,7 @@ def _merge_as_tree(
     return branch
 
 
-def _leaf_on(grid: QuantisationGrid, numbered: tuple[int, Part]) -> Branch:
+def _leaf_on(grid: QuantisationGrid, numbered: tuple[int, ArchiveCurves]) -> Branch:
     number, part = numbered
     return build_leaf(part, grid, number)
 
@@ -357,7 +363,9 @@ def _merge_pair(
     return both if outcome is None else replace(both, walks=outcome.walks)
 
 
-def _list_grids(parts: Sequence[Part], around: Sequence[tuple[int, int]]) -> list[QuantisationGrid]:
+def _list_grids(
+    parts: Sequence[ArchiveCurves], around: Sequence[tuple[int, int]]
+) -> list[QuantisationGrid]:
     """Lattices to try: those of the largest parts, with quanta about their own."""
     own = sorted(parts, key=lambda part: -part.knots)[:_LATTICES]
     plane = [

@@ -16,7 +16,7 @@ from gpszip.merging.deviation import Curve, order_by_start, sample_weighted, sha
 from gpszip.model import GridWalk, GridWalks, QuantisationGrid
 from gpszip.model.grid import step_size
 
-__all__ = ["Branch", "Part", "build_leaf", "build_leaves", "concatenate_branches"]
+__all__ = ["Branch", "ArchiveCurves", "build_leaf", "build_leaves", "concatenate_branches"]
 
 T = TypeVar("T")
 
@@ -28,7 +28,7 @@ _AT_KNOTS = 0.6
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class ArchiveCurves:
     """The curves of one archive, on the plane that all share, and its map.
 
     Parameters
@@ -106,16 +106,16 @@ class Branch:
         )
 
     def point_groups(self) -> NDArray[np.int64]:
-        """Part of each point."""
+        """Archive of each point."""
         return np.repeat(self.groups, [len(point.track) for point in self.points])
 
 
-def build_leaves(parts: Sequence[Part], grid: QuantisationGrid) -> list[Branch]:
+def build_leaves(parts: Sequence[ArchiveCurves], grid: QuantisationGrid) -> list[Branch]:
     """Round all parts to a lattice."""
     return [build_leaf(part, grid, number) for number, part in enumerate(parts)]
 
 
-def build_leaf(part: Part, grid: QuantisationGrid, number: int) -> Branch:
+def build_leaf(part: ArchiveCurves, grid: QuantisationGrid, number: int) -> Branch:
     """Round one part to a lattice."""
     corner = np.asarray(grid.origin, dtype=np.float64) / 1000
     nodes = np.rint((part.nodes - corner) / step_size(grid.space)).astype(np.int64)

@@ -23,7 +23,7 @@ from gpszip.merging.deviation import (
     share_at_knots,
     split_at_gaps,
 )
-from gpszip.merging.search import DeviationLimit, MergedMap, Part, merge_archives
+from gpszip.merging.search import ArchiveCurves, DeviationLimit, MergedMap, merge_archives
 from gpszip.model import Listener, Plane, Progress, QuantisationGrid, Track, Walk
 from gpszip.model.error_bound import ErrorBound, extended_bound
 from gpszip.model.grid import step_size
@@ -409,16 +409,16 @@ def _frame_on(source: _Source) -> QuantisationGrid:
     return replace(grid, origin=origin, plane=plane)
 
 
-def _part(curves: Sequence[Curve], grid: QuantisationGrid, step: float | None) -> Part:
+def _part(curves: Sequence[Curve], grid: QuantisationGrid, step: float | None) -> ArchiveCurves:
     places = np.concatenate([curve.track.positions for curve in curves])
     nodes, visits = np.unique(places, axis=0, return_inverse=True)
     cuts = np.cumsum([len(curve.track) for curve in curves])[:-1]
-    return Part(
+    return ArchiveCurves(
         tuple(curves), nodes, tuple(np.split(visits.reshape(-1).astype(np.int32), cuts)), grid, step
     )
 
 
-def _joined(sources: Sequence[_Source], frames: Sequence[QuantisationGrid]) -> Part:
+def _joined(sources: Sequence[_Source], frames: Sequence[QuantisationGrid]) -> ArchiveCurves:
     """All curves as one part, those of one name as one curve."""
     curves = dict[str, list[tuple[Curve, _Source]]]()
     for source in sources:
