@@ -17,29 +17,37 @@ class Problem:
         self.rows, width = 6, 3
         self.time_steps = np.cumsum(rng.integers(1, 4, self.rows)).astype(float)
         times = np.sort(rng.uniform(self.time_steps[0], self.time_steps[-1], 14))
-        times[0] = self.time_steps[
-            0
-        ]  # a sample at the very start allows no velocity to make up for it
+        # A sample at the very start: no velocity makes up for its offset.
+        times[0] = self.time_steps[0]
         bends = rng.normal(0, 4, (self.rows, dimension))
-        spots = np.stack(
+        curve = np.stack(
             [np.interp(times, self.time_steps, bends[:, axis]) for axis in range(dimension)], axis=1
         )
-        self.spot = (
+        self.positions = (
             bends[:, None]
             + rng.normal(0, 1.2, (self.rows, width, dimension)) * np.arange(width)[None, :, None]
         )
         ends = np.searchsorted(times, self.time_steps)
         ends[-1] = len(times)
-        fan, self.share = build_directions(dimension)
+        directions, self.share = build_directions(dimension)
         self.reach = reach
         nothing = np.zeros((0, 0), np.int64)
         self.limits = TimeGridArrays(
-            nothing, nothing.ravel(), nothing, np.zeros((0, dimension)), np.ones(1), ends, times,
-            spots + rng.normal(0, 0.2, spots.shape), self.time_steps, fan, np.array([self.share * reach]),
-        )  # fmt: skip
+            sums=nothing,
+            ticks=nothing.ravel(),
+            centers=nothing,
+            positions=np.zeros((0, dimension)),
+            ticks_per_step=1.0,
+            ends=ends,
+            times=times,
+            sample_positions=curve + rng.normal(0, 0.2, curve.shape),
+            time_steps=self.time_steps,
+            directions=directions,
+            max_distance=self.share * reach,
+        )
         self.candidates = rng.integers(0, 9, (self.rows, width))
-        self.local = self.candidates % 4
-        self.table = rng.uniform(1, 9, (4, 4))
+        self.numbers = self.candidates % 4
+        self.step_bits = rng.uniform(1, 9, (4, 4))
         self.counts = np.full(self.rows, width)
 
     def solve(self):
@@ -47,31 +55,38 @@ class Problem:
         best[0] = 0.0
         rows, choices = np.full(best.shape, -1), np.zeros(best.shape, np.int64)
         dp_table = DPTable(
-            self.candidates, self.counts, self.spot, self.local, self.table, best, rows, choices
+            self.candidates,
+            self.counts,
+            self.positions,
+            self.numbers,
+            self.step_bits,
+            best,
+            rows,
+            choices,
         )
         fill_table_within_max_error(self.limits, dp_table, 0, self.rows, TIME, STAY)
         return best, rows, choices
 
     def errors(self, path):
-        """Distances of the samples between the first and the last knot of a path of (row, choice), at their own times."""
-        knots = np.array([self.spot[knot] for knot in path])
+        """Distances of the samples from a path of (row, choice), at their own times."""
+        knots = np.array([self.positions[knot] for knot in path])
         when = self.time_steps[[row for row, _ in path]]
         inside = slice(self.limits.ends[path[0][0]], self.limits.ends[path[-1][0]])
-        at = [
+        columns = [
             np.interp(self.limits.times[inside], when, knots[:, axis])
             for axis in range(knots.shape[1])
         ]
         return np.sqrt(
-            ((np.stack(at, axis=1) - self.limits.sample_positions[inside]) ** 2).sum(axis=1)
+            ((np.stack(columns, axis=1) - self.limits.sample_positions[inside]) ** 2).sum(axis=1)
         )
 
     def step(self, a, b):
         if self.candidates[a] == self.candidates[b]:
             return STAY
-        return TIME + self.table[self.local[a], self.local[b]]
+        return TIME + self.step_bits[self.numbers[a], self.numbers[b]]
 
     def cheapest(self, reach):
-        """The least bits to the last row's candidates over all paths that are within ``reach``, by trying them all."""
+        """Least bits to each candidate of the last row, over all paths within ``reach``."""
         least = np.full(3, np.inf)
         for count in range(self.rows - 1):
             for middle in combinations(range(1, self.rows - 1), count):
@@ -90,7 +105,7 @@ def test_the_cheapest_path_within_the_limit_is_found(seed, dimension):
     problem = Problem(seed, dimension, reach=2.5)
     best, _, _ = problem.solve()
     strict, loose = problem.cheapest(problem.share * problem.reach), problem.cheapest(problem.reach)
-    # strips along directions lie between the ball and its inner share
+    # The intersection of the strips is between the ball and its inner share.
     assert (best[-1] <= strict + 1e-9).all()
     assert (best[-1] >= loose - 1e-9).all()
 
@@ -111,11 +126,11 @@ def test_no_sample_is_farther_than_the_limit_on_the_paths_found(dimension):
     assert reached > 20
 
 
-def test_strips_that_touch_the_inner_ball_stay_within_the_outer_one():
+def test_the_intersection_of_strips_is_within_the_ball():
     rng = np.random.default_rng(0)
     for dimension in (1, 2, 3, 4):
-        fan, share = build_directions(dimension)
+        directions, share = build_directions(dimension)
         points = rng.normal(0, 1, (4000, dimension))
-        inside = (np.abs(points @ fan.T) <= share).all(axis=1)
+        inside = (np.abs(points @ directions.T) <= share).all(axis=1)
         assert inside.any()
         assert (np.linalg.norm(points[inside], axis=1) <= 1 + 1e-12).all()

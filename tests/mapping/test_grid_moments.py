@@ -15,7 +15,7 @@ UNIT = 64.0
 
 
 class Log:
-    """Samples in ticks, slots over them, and the parts between all pairs of slots."""
+    """Samples in ticks, slots over them, and the segments between all pairs of slots."""
 
     def __init__(self, seed, dimension, samples=60, slots=12, shift_t=0, shift_x=0, weighted=False):
         rng = np.random.default_rng(seed)
@@ -47,33 +47,35 @@ class Log:
 
 
 @given(st.integers(0, 10_000), st.integers(1, 4), st.booleans())
-def test_costs_are_the_plain_sums(seed, dimension, weighted):
+def test_costs_are_sums_over_samples(seed, dimension, weighted):
     log = Log(seed, dimension, weighted=weighted)
     moments, costs = log.segments()
     for row, cost, a, b, start, end in zip(
         moments, costs, log.first_slots, log.last_slots, log.starts, log.stops, strict=True
     ):
-        mine = list(plain.part_samples(log.ends, a, b))
-        t, x, w = log.times[mine], log.positions[mine] / UNIT, log.weights[mine]
+        inside = list(plain.segment_samples(log.ends, a, b))
+        t, x, w = log.times[inside], log.positions[inside] / UNIT, log.weights[inside]
         assert row[0] == w.sum()
         assert cost == pytest.approx(
             plain.line_cost(t, x, w, start, end, log.ticks[a], log.ticks[b]), rel=1e-9, abs=1e-6
         )
         if len(set(t.tolist())) > 1:
             best = best_line_cost(*row[:4], row[4 : 4 + dimension], row[4 + dimension :])
-            assert best == pytest.approx(plain.free_cost(t.astype(float), x, w), rel=1e-6, abs=1e-4)
+            assert best == pytest.approx(
+                plain.best_line_cost(t.astype(float), x, w), rel=1e-6, abs=1e-4
+            )
             assert best <= cost + 1e-6
 
 
 @pytest.mark.parametrize("shift_t", [0, 256 * 10**9, -(2**45), 2**61])
 @pytest.mark.parametrize("shift_x", [0, 64 * 10**9, -(2**50), 2**62 + 12345])
-def test_a_shift_changes_no_bit_even_where_sums_wrap_around(shift_t, shift_x):
-    here, there = Log(3, 3), Log(3, 3, shift_t=shift_t, shift_x=shift_x)
-    for one, other in zip(here.segments(), there.segments(), strict=True):
-        np.testing.assert_array_equal(one, other)
+def test_a_shift_changes_no_bit_even_where_sums_wrap(shift_t, shift_x):
+    original, shifted = Log(3, 3), Log(3, 3, shift_t=shift_t, shift_x=shift_x)
+    for first, second in zip(original.segments(), shifted.segments(), strict=True):
+        np.testing.assert_array_equal(first, second)
 
 
-def test_a_weight_counts_as_so_many_samples():
+def test_a_weight_counts_like_repeated_samples():
     log = Log(5, 2, weighted=True)
     heavy, costs = log.segments()
     log.times, log.positions = (
@@ -82,11 +84,11 @@ def test_a_weight_counts_as_so_many_samples():
     )
     log.ends = np.concatenate([[0], np.cumsum(log.weights)])[log.ends]
     log.weights = np.ones(len(log.times), np.int64)
-    for one, other in zip((heavy, costs), log.segments(), strict=True):
-        np.testing.assert_array_equal(one, other)
+    for first, second in zip((heavy, costs), log.segments(), strict=True):
+        np.testing.assert_array_equal(first, second)
 
 
-def test_a_part_without_samples_costs_nothing():
+def test_a_segment_without_samples_costs_nothing():
     sums = prefix_sums(np.array([5]), np.array([[9]]), np.ones(1, np.int64), np.array([0, 0, 1]))
     moments = segment_moments(
         sums,

@@ -15,8 +15,8 @@ from gpszip.mapping.time_grid import build_time_grid
 from gpszip.model import QuantisationGrid, Track
 
 
-def drafted(seed, nodes=9, dimension=2):
-    """Slots of two tracks with gaps, and a random draft on them that keeps the pieces' ends."""
+def random_knots(seed, nodes=9, dimension=2):
+    """Time grid of two tracks with gaps, and random knots that keep the ends of the pieces."""
     rng = np.random.default_rng(seed)
     tracks, gaps = [], []
     for name in "ab":
@@ -24,64 +24,68 @@ def drafted(seed, nodes=9, dimension=2):
         times = np.cumsum(rng.integers(1, 900, 120) + 6000 * np.append(False, gap)) / 1000
         tracks.append(Track(name, times, np.cumsum(rng.normal(0, 1, (120, dimension)), axis=0)))
         gaps.append(gap)
-    slots = build_time_grid(tracks, gaps, QuantisationGrid((0,) * dimension, 0, 112, 132))
-    at = np.where(rng.random(len(slots.time_steps)) < 0.3, 0, -1)
-    at[slots.first_slots] = at[slots.last_slots] = 0
-    at[at >= 0] = rng.permutation(np.arange((at >= 0).sum()) % nodes)
-    return slots, at, rng.normal(0, 20, (nodes, dimension))
+    time_grid = build_time_grid(tracks, gaps, QuantisationGrid((0,) * dimension, 0, 112, 132))
+    slot_nodes = np.where(rng.random(len(time_grid.time_steps)) < 0.3, 0, -1)
+    slot_nodes[time_grid.first_slots] = slot_nodes[time_grid.last_slots] = 0
+    slot_nodes[slot_nodes >= 0] = rng.permutation(np.arange((slot_nodes >= 0).sum()) % nodes)
+    return time_grid, slot_nodes, rng.normal(0, 20, (nodes, dimension))
 
 
-def plain_errors(slots, at, positions):
-    """Distance of each sample, found sample by sample."""
-    out = []
-    for i, t in enumerate(slots.times):
-        piece = int((slots.ends[slots.last_slots] <= i).sum())
+def plain_errors(time_grid, slot_nodes, positions):
+    """Distance of each sample, one by one."""
+    distances = []
+    for i, t in enumerate(time_grid.times):
+        piece = int((time_grid.ends[time_grid.last_slots] <= i).sum())
         knots = [
-            s for s in range(slots.first_slots[piece], slots.last_slots[piece] + 1) if at[s] >= 0
+            s
+            for s in range(time_grid.first_slots[piece], time_grid.last_slots[piece] + 1)
+            if slot_nodes[s] >= 0
         ]
-        after = next((k for k in range(1, len(knots)) if slots.ends[knots[k]] > i), len(knots) - 1)
+        after = next(
+            (k for k in range(1, len(knots)) if time_grid.ends[knots[k]] > i), len(knots) - 1
+        )
         a, b = knots[after - 1], knots[after]
-        share = (t - slots.time_steps[a]) / (slots.time_steps[b] - slots.time_steps[a])
-        out.append(
+        share = (t - time_grid.time_steps[a]) / (time_grid.time_steps[b] - time_grid.time_steps[a])
+        distances.append(
             float(
                 np.linalg.norm(
-                    (1 - share) * positions[at[a]]
-                    + share * positions[at[b]]
-                    - slots.sample_positions[i]
+                    (1 - share) * positions[slot_nodes[a]]
+                    + share * positions[slot_nodes[b]]
+                    - time_grid.sample_positions[i]
                 )
             )
         )
-    return out
+    return distances
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_errors_of_samples_and_their_sum_are_the_plain_twins(seed):
-    slots, at, positions = drafted(seed, dimension=1 + seed % 3)
-    segments = list_segments(slots, at, len(positions))
-    errors, part = sample_errors(slots, segments, positions)
-    np.testing.assert_allclose(errors, plain_errors(slots, at, positions), atol=1e-9)
-    # sums are of positions and times in whole ticks
+def test_errors_are_those_of_each_sample(seed):
+    time_grid, slot_nodes, positions = random_knots(seed, dimension=1 + seed % 3)
+    segments = list_segments(time_grid, slot_nodes, len(positions))
+    errors, segment = sample_errors(time_grid, segments, positions)
+    np.testing.assert_allclose(errors, plain_errors(time_grid, slot_nodes, positions), atol=1e-9)
+    # The sums are of positions and times in whole ticks.
     assert squared_error(segments, positions) == pytest.approx(float((errors**2).sum()), rel=1e-3)
-    assert (np.diff(part) >= 0).all()
+    assert (np.diff(segment) >= 0).all()
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_nodes_are_placed_where_the_error_is_least(seed):
-    slots, at, positions = drafted(seed)
-    segments = list_segments(slots, at, len(positions))
+def test_nodes_are_placed_at_least_squared_error(seed):
+    time_grid, slot_nodes, positions = random_knots(seed)
+    segments = list_segments(time_grid, slot_nodes, len(positions))
     solved = solve_positions(*normal_equations(segments, positions))
     best = squared_error(segments, solved)
-    # least squares over all samples, set up row by row
-    design = np.zeros((slots.samples, len(positions)))
-    _, part = sample_errors(slots, segments, positions)
+    # Least squares over all samples, set up row by row.
+    design = np.zeros((time_grid.samples, len(positions)))
+    _, segment = sample_errors(time_grid, segments, positions)
     start, end = (
-        slots.time_steps[segments.first_slots][part],
-        slots.time_steps[segments.last_slots][part],
+        time_grid.time_steps[segments.first_slots][segment],
+        time_grid.time_steps[segments.last_slots][segment],
     )
-    share = (slots.times - start) / (end - start)
-    np.add.at(design, (np.arange(slots.samples), segments.starts[part]), 1 - share)
-    np.add.at(design, (np.arange(slots.samples), segments.ends[part]), share)
-    expected = np.linalg.lstsq(design, slots.sample_positions, rcond=None)[0]
+    share = (time_grid.times - start) / (end - start)
+    np.add.at(design, (np.arange(time_grid.samples), segments.starts[segment]), 1 - share)
+    np.add.at(design, (np.arange(time_grid.samples), segments.ends[segment]), share)
+    expected = np.linalg.lstsq(design, time_grid.sample_positions, rcond=None)[0]
     np.testing.assert_allclose(solved, expected, atol=0.05)
     rng = np.random.default_rng(seed)
     for _ in range(20):
@@ -89,9 +93,9 @@ def test_nodes_are_placed_where_the_error_is_least(seed):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_rounded_places_are_whole_and_near_as_good(seed):
-    slots, at, positions = drafted(seed)
-    segments = list_segments(slots, at, len(positions))
+def test_rounded_positions_are_no_worse_than_each_rounded(seed):
+    time_grid, slot_nodes, positions = random_knots(seed)
+    segments = list_segments(time_grid, slot_nodes, len(positions))
     system = normal_equations(segments, positions)
     solved = solve_positions(*system)
     rounded = round_positions(*system, solved)
@@ -99,51 +103,59 @@ def test_rounded_places_are_whole_and_near_as_good(seed):
     assert squared_error(segments, rounded) <= squared_error(segments, np.rint(solved)) + 1e-6
 
 
-def test_a_node_that_nothing_binds_stays_where_it_is():
-    slots, at, positions = drafted(1)
+def test_a_node_without_samples_stays_where_it_is():
+    time_grid, slot_nodes, positions = random_knots(1)
     positions = np.vstack([positions, [[77.0, -5.0]]])
-    solved = solve_positions(*normal_equations(list_segments(slots, at, len(positions)), positions))
+    solved = solve_positions(
+        *normal_equations(list_segments(time_grid, slot_nodes, len(positions)), positions)
+    )
     np.testing.assert_allclose(solved[-1], [77.0, -5.0])
 
 
-def test_walks_are_the_knots_of_each_track_and_gaps_part_its_pieces():
-    slots, at, positions = drafted(3)
-    walks = walks_of(slots, at, np.rint(positions), 2)
+def test_walks_have_the_knots_of_each_track_and_gaps_between_pieces():
+    time_grid, slot_nodes, positions = random_knots(3)
+    walks = walks_of(time_grid, slot_nodes, np.rint(positions), 2)
     for track, walk in enumerate(walks.walks):
-        expected, gaps = [], []
-        for piece in np.flatnonzero(slots.piece_tracks == track):
-            mine = [
+        knots_expected, gaps = [], []
+        for piece in np.flatnonzero(time_grid.piece_tracks == track):
+            piece_knots = [
                 s
-                for s in range(slots.first_slots[piece], slots.last_slots[piece] + 1)
-                if at[s] >= 0
+                for s in range(time_grid.first_slots[piece], time_grid.last_slots[piece] + 1)
+                if slot_nodes[s] >= 0
             ]
-            gaps += [bool(expected)] * (len(expected) > 0) + [False] * (len(mine) - 1)
-            expected += mine
-        np.testing.assert_array_equal(walk.time_steps, slots.time_steps[expected])
-        np.testing.assert_array_equal(walks.nodes[walk.nodes], np.rint(positions)[at[expected]])
+            gaps += [bool(knots_expected)] * (len(knots_expected) > 0) + [False] * (
+                len(piece_knots) - 1
+            )
+            knots_expected += piece_knots
+        np.testing.assert_array_equal(walk.time_steps, time_grid.time_steps[knots_expected])
+        np.testing.assert_array_equal(
+            walks.nodes[walk.nodes], np.rint(positions)[slot_nodes[knots_expected]]
+        )
         assert walk.gaps.tolist() == gaps
     assert any(walk.gaps.any() for walk in walks.walks)
 
 
-def test_a_draft_counts_the_knots_of_its_walks():
-    slots, at, positions = drafted(2)
-    working_map = build_working_map(slots, at, positions, 3.0, 50)
-    np.testing.assert_array_equal(working_map.uses[:9], np.bincount(at[at >= 0], minlength=9))
-    segments = list_segments(slots, at, len(positions))
+def test_a_working_map_counts_the_knots_of_its_walks():
+    time_grid, slot_nodes, positions = random_knots(2)
+    working_map = build_working_map(time_grid, slot_nodes, positions, 3.0, 50)
+    np.testing.assert_array_equal(
+        working_map.uses[:9], np.bincount(slot_nodes[slot_nodes >= 0], minlength=9)
+    )
+    segments = list_segments(time_grid, slot_nodes, len(positions))
     moving = segments.starts != segments.ends
-    leaving = np.bincount(segments.starts[moving], minlength=9) + 0.5 * np.bincount(
+    outgoing = np.bincount(segments.starts[moving], minlength=9) + 0.5 * np.bincount(
         segments.ends[moving], minlength=9
     )
-    np.testing.assert_array_equal(working_map.outgoing_weight[:9], leaving)
+    np.testing.assert_array_equal(working_map.outgoing_weight[:9], outgoing)
 
 
-def test_parts_between_other_nodes_are_those_listed_anew():
-    slots, at, positions = drafted(5)
-    joined = np.where(at > 4, 4, at)
+def test_relabelled_segments_are_those_of_relabelled_knots():
+    time_grid, slot_nodes, positions = random_knots(5)
+    merged = np.where(slot_nodes > 4, 4, slot_nodes)
     renamed, listed = (
-        list_segments(slots, at, len(positions)).relabelled(joined, 5),
-        list_segments(slots, joined, 5),
+        list_segments(time_grid, slot_nodes, len(positions)).relabelled(merged, 5),
+        list_segments(time_grid, merged, 5),
     )
-    for field in ("froms", "tos", "starts", "ends", "moments", "centers"):
+    for field in ("first_slots", "last_slots", "starts", "ends", "moments", "centers"):
         np.testing.assert_array_equal(getattr(renamed, field), getattr(listed, field))
     np.testing.assert_array_equal(renamed.stiffness.toarray(), listed.stiffness.toarray())

@@ -12,27 +12,27 @@ def lane(n=4000, noise=0.0, dimension=2, seed=1, plane=None, uneven=False):
     return Track("a", times, positions, plane=plane)
 
 
-def none(*tracks):
+def no_gaps(*tracks):
     return [np.zeros(len(track) - 1, bool) for track in tracks]
 
 
 @pytest.mark.parametrize("dimension", [1, 2, 3])
 @pytest.mark.parametrize("uneven", [False, True])
 @pytest.mark.parametrize("noise", [0.01, 2.0])
-def test_noise_that_was_added_is_found(dimension, uneven, noise):
+def test_added_noise_is_found(dimension, uneven, noise):
     track = lane(noise=noise, dimension=dimension, uneven=uneven)
-    assert estimate_noise([track], none(track)) == pytest.approx(
+    assert estimate_noise([track], no_gaps(track)) == pytest.approx(
         noise * np.sqrt(dimension), rel=0.06
     )
 
 
-def test_spikes_and_standing_still_hardly_change_it():
+def test_outliers_and_parked_tracks_hardly_change_the_noise():
     track = lane(noise=0.5)
     positions = track.positions.copy()
     positions[::40] += 1000
-    still = Track("b", np.arange(5000.0), np.zeros((5000, 2)))
-    tracks = [Track("a", track.times, positions), still]
-    assert estimate_noise(tracks, none(*tracks)) == pytest.approx(0.5 * np.sqrt(2), rel=0.2)
+    parked = Track("b", np.arange(5000.0), np.zeros((5000, 2)))
+    tracks = [Track("a", track.times, positions), parked]
+    assert estimate_noise(tracks, no_gaps(*tracks)) == pytest.approx(0.5 * np.sqrt(2), rel=0.2)
 
 
 def test_gaps_don_t_count():
@@ -46,32 +46,32 @@ def test_gaps_don_t_count():
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 50])
-def test_a_log_without_noise_gets_a_bound_all_the_same(n):
+def test_a_log_without_noise_gets_a_bound(n):
     track = lane(n)
-    assert estimate_noise([track], none(track)) == 0
-    assert suggest_rmse([track], none(track)) >= 1e-3
+    assert estimate_noise([track], no_gaps(track)) == 0
+    assert suggest_rmse([track], no_gaps(track)) >= 1e-3
 
 
 def test_the_bound_lies_above_the_noise_and_far_below_the_extent():
     track = lane(noise=0.3)
-    bound = suggest_rmse([track], none(track))
+    bound = suggest_rmse([track], no_gaps(track))
     assert 0.3 * np.sqrt(2) < bound < 4000 * np.sqrt(2) / 200
 
 
-def test_the_bound_of_noise_alone_keeps_to_the_extent():
+def test_the_bound_of_pure_noise_is_limited_by_the_extent():
     rng = np.random.default_rng(3)
     track = Track("a", np.arange(500.0), rng.normal(0, 1, (500, 2)))
     extent = np.linalg.norm(np.ptp(track.positions, axis=0))
-    assert suggest_rmse([track], none(track)) == pytest.approx(extent / 200, rel=0.05)
+    assert suggest_rmse([track], no_gaps(track)) == pytest.approx(extent / 200, rel=0.05)
 
 
 @pytest.mark.parametrize(("noise", "bound"), [(0.001, 3.0), (100.0, 10.0)])
-def test_a_log_in_degrees_gets_what_receivers_are_good_for(noise, bound):
+def test_the_bound_of_a_gps_log_is_3_to_10_metres(noise, bound):
     track = lane(noise=noise, plane=Plane(((0, 0),)))
-    assert suggest_rmse([track], none(track)) == bound
+    assert suggest_rmse([track], no_gaps(track)) == bound
 
 
-def test_moving_a_log_in_time_and_place_keeps_its_bound():
+def test_a_shift_in_time_and_space_keeps_the_bound():
     track = lane(noise=0.3)
     moved = Track("a", track.times + 1e9, track.positions + 1e7)
-    assert suggest_rmse([track], none(track)) == suggest_rmse([moved], none(moved))
+    assert suggest_rmse([track], no_gaps(track)) == suggest_rmse([moved], no_gaps(moved))

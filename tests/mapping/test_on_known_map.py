@@ -3,7 +3,7 @@ import pytest
 
 from gpszip.codec.prior import Prior
 from gpszip.codec.walks import decode, encode
-from gpszip.mapping import search as connected
+from gpszip.mapping import search
 from gpszip.mapping.on_known_map import learn_on, needed_refinements
 from gpszip.model import GridWalk, GridWalks, QuantisationGrid, Track
 from gpszip.model.grid import MAX_REFINEMENTS, refined_grid, step_size
@@ -27,20 +27,20 @@ def no_gaps(tracks):
 @pytest.fixture(scope="module")
 def day():
     """Two hours of a patrol, a sample each second."""
-    whole = patrol(96000, seed=2)
-    return Track("0", whole.times[::16], whole.positions[::16])
+    log = patrol(96000, seed=2)
+    return Track("0", log.times[::16], log.positions[::16])
 
 
 @pytest.fixture(scope="module")
-def known(day):
-    """The map of the first half of a patrol, and its lattice."""
+def known_map(day):
+    """Grid and walks of the first half of a patrol."""
     morning = [half(day, 0, 3000, "morning")]
-    grid, walks = connected.learn_map(morning, no_gaps(morning), rmse=RMSE, effort=1)
+    grid, walks = search.learn_map(morning, no_gaps(morning), rmse=RMSE, effort=1)
     return grid, Prior(walks)
 
 
 @pytest.fixture(scope="module")
-def later(day):
+def later_tracks(day):
     return [half(day, 3000, 4700, "noon"), half(day, 4700, 6000, "evening")]
 
 
@@ -53,68 +53,72 @@ def errors(tracks, walks, grid):
 
 
 @pytest.mark.parametrize("bound", [{"rmse": RMSE}, {"max_error": 1.5}])
-def test_later_tracks_are_walks_on_the_map_within_the_bound(known, later, bound):
-    grid, past = known
-    walks = learn_on(past, grid, later, no_gaps(later), **bound, effort=2)
-    read = decode(encode(walks, past), 2, 2, past)
-    assert read.nodes[: past.nodes].tolist() == past.walks.nodes.tolist()
-    found = errors(later, read, grid)
-    assert found.uncovered == 0
-    assert (found.rmse <= RMSE) if "rmse" in bound else (found.max_error <= 1.5)
-    # most of what they use is there already
+def test_later_tracks_keep_the_bound_on_the_map(known_map, later_tracks, bound):
+    grid, prior = known_map
+    walks = learn_on(prior, grid, later_tracks, no_gaps(later_tracks), **bound, effort=2)
+    read = decode(encode(walks, prior), 2, 2, prior)
+    assert read.nodes[: prior.nodes].tolist() == prior.walks.nodes.tolist()
+    summary = errors(later_tracks, read, grid)
+    assert summary.uncovered == 0
+    assert (summary.rmse <= RMSE) if "rmse" in bound else (summary.max_error <= 1.5)
+    # Most of the nodes that they use are known.
     used = np.unique(np.concatenate([walk.nodes for walk in walks.walks]))
-    assert (used < past.nodes).sum() > (used >= past.nodes).sum()
+    assert (used < prior.nodes).sum() > (used >= prior.nodes).sum()
 
 
-def test_a_known_map_saves_bytes(known, later):
-    grid, past = known
-    on_map = encode(learn_on(past, grid, later, no_gaps(later), rmse=RMSE, effort=2), past)
-    alone = encode(connected.learn_map(later, no_gaps(later), rmse=RMSE, effort=2)[1])
-    assert len(on_map) < 0.95 * len(alone)
+def test_a_known_map_saves_bytes(known_map, later_tracks):
+    grid, prior = known_map
+    on_map = encode(
+        learn_on(prior, grid, later_tracks, no_gaps(later_tracks), rmse=RMSE, effort=2), prior
+    )
+    separate = encode(search.learn_map(later_tracks, no_gaps(later_tracks), rmse=RMSE, effort=2)[1])
+    assert len(on_map) < 0.95 * len(separate)
 
 
-def test_a_log_from_elsewhere_gets_nodes_of_its_own(known, later):
-    grid, past = known
-    away = [Track(track.id, track.times, track.positions + 5000.0) for track in later]
-    walks = learn_on(past, grid, away, no_gaps(away), rmse=RMSE, effort=1)
+def test_a_log_from_elsewhere_gets_new_nodes(known_map, later_tracks):
+    grid, prior = known_map
+    away = [Track(track.id, track.times, track.positions + 5000.0) for track in later_tracks]
+    walks = learn_on(prior, grid, away, no_gaps(away), rmse=RMSE, effort=1)
     used = np.unique(np.concatenate([walk.nodes for walk in walks.walks]))
-    assert used.min() >= past.nodes
+    assert used.min() >= prior.nodes
     assert errors(away, walks, grid).rmse <= RMSE
 
 
-def test_the_executor_does_not_matter(known, later):
-    grid, past = known
-    one, two = (
-        learn_on(past, grid, later, no_gaps(later), rmse=RMSE, effort=3, executor=executor)
+def test_the_executor_does_not_change_the_walks(known_map, later_tracks):
+    grid, prior = known_map
+    first, second = (
+        learn_on(
+            prior, grid, later_tracks, no_gaps(later_tracks), rmse=RMSE, effort=3, executor=executor
+        )
         for executor in (None, Serial())
     )
-    assert encode(one, past) == encode(two, past)
+    assert encode(first, prior) == encode(second, prior)
 
 
-def test_a_small_part_of_a_log_gets_a_small_part_of_its_work(known, later):
-    grid, past = known
+def test_a_small_share_of_a_log_gets_a_small_share_of_its_work(known_map, later_tracks):
+    grid, prior = known_map
 
-    def searched(**work):
+    def run(**work):
         starts = []
         walks = learn_on(
-            past,
+            prior,
             grid,
-            later,
-            no_gaps(later),
+            later_tracks,
+            no_gaps(later_tracks),
             rmse=RMSE,
             **work,
             progress=lambda _, count: starts.append(count),
         )
-        return starts[-1], len(encode(walks, past))
+        return starts[-1], len(encode(walks, prior))
 
-    alone, (most, best) = searched(effort=1), searched(effort=5)
-    assert most > alone[0] == 1
-    assert best <= alone[1]
-    assert searched(effort=5, share=1e-6) == alone
+    single, (starts, size) = run(effort=1), run(effort=5)
+    assert starts > single[0] == 1
+    assert size <= single[1]
+    assert run(effort=5, share=1e-6) == single
 
 
-def test_a_finer_bound_takes_a_finer_lattice(known):
-    grid, _ = known
+def test_a_finer_bound_takes_a_finer_grid(known_map):
+    grid, _ = known_map
     assert needed_refinements(grid, RMSE, None) == 0
     assert needed_refinements(grid, RMSE / 4, None) > 0
     assert needed_refinements(grid, RMSE / 1000, None) == MAX_REFINEMENTS

@@ -3,28 +3,28 @@ import pytest
 
 from gpszip.mapping.kernels.grid_moments import prefix_sums
 from gpszip.mapping.kernels.private_chain import find_private_chain
-from oracle.chain import chain_cost, cheapest_chain
+from oracle.private_chain import chain_cost, cheapest_chain
 
 UNIT = 64.0
 
 
 class Log:
-    """A bent way in quanta, sampled unevenly, with a slot at every cell."""
+    """A path with bends in grid steps, sampled unevenly, with a slot at every time step."""
 
     def __init__(self, seed, slots=10, noise=0.3):
         rng = np.random.default_rng(seed)
         dimension = 1 + seed % 3
         bends = np.cumsum(rng.normal(0, 4, (5, dimension)), axis=0)
-        cell = np.sort(rng.uniform(0, slots - 1, 40))
-        way = np.column_stack(
+        sample_steps = np.sort(rng.uniform(0, slots - 1, 40))
+        path = np.column_stack(
             [
-                np.interp(cell, np.linspace(0, slots - 1, 5), bends[:, axis])
+                np.interp(sample_steps, np.linspace(0, slots - 1, 5), bends[:, axis])
                 for axis in range(dimension)
             ]
         )
-        ticks = np.rint(64 * (way + rng.normal(0, noise, way.shape))).astype(np.int64)
+        ticks = np.rint(64 * (path + rng.normal(0, noise, path.shape))).astype(np.int64)
         self.times, self.samples, self.weights = (
-            np.rint(256 * cell).astype(np.int64),
+            np.rint(256 * sample_steps).astype(np.int64),
             ticks / UNIT,
             np.ones(40, np.int64),
         )
@@ -57,7 +57,7 @@ class Log:
 
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize(
-    ("price", "knot_bits", "widest"),
+    ("price", "knot_bits", "max_slots"),
     [
         (0.5, 7.0, 300),
         (3.0, 2.0, 4),
@@ -67,7 +67,7 @@ class Log:
         (0.05, 0.1, 300),
     ],
 )
-def test_the_chain_is_as_cheap_as_any(seed, price, knot_bits, max_slots):
+def test_no_chain_is_cheaper(seed, price, knot_bits, max_slots):
     log = Log(seed)
     knots = np.flatnonzero(log.chain(0, 9, price, knot_bits, max_slots) == 0).tolist()
     assert (knots[0], knots[-1]) == (0, 9)
@@ -76,14 +76,14 @@ def test_the_chain_is_as_cheap_as_any(seed, price, knot_bits, max_slots):
     )
 
 
-def test_only_the_piece_is_touched():
+def test_other_slots_are_not_changed():
     slot_nodes = Log(3).chain(2, 6, 1.0, 7.0, 300)
     assert slot_nodes[[0, 1, 7, 8, 9]].tolist() == [7] * 5
     assert set(slot_nodes[2:7].tolist()) <= {0, -1}
     assert slot_nodes[2] == slot_nodes[6] == 0
 
 
-def test_dear_errors_buy_knots_and_cheap_ones_sell_them():
+def test_more_knots_pay_at_a_higher_price_of_errors():
     log = Log(4)
     counts = [(log.chain(0, 9, price, 7.0, 300) == 0).sum() for price in (1e-4, 0.3, 30.0)]
     assert counts[0] < counts[1] < counts[2]

@@ -6,7 +6,7 @@ from gpszip.mapping.kernels.rounding import round_node_positions
 
 
 def system(seed, nodes=30, dimension=2):
-    """K and r of a loop of nodes with chords, as the M-step makes them, and their solution."""
+    """K and r of the M-step for a loop of nodes with chords, and their solution."""
     rng = np.random.default_rng(seed)
     dense = np.zeros((nodes, nodes))
     right = np.zeros((nodes, dimension))
@@ -22,9 +22,9 @@ def system(seed, nodes=30, dimension=2):
 
 
 def rounded(stiffness, right, positions, sweeps=4):
-    out = positions.copy()
-    round_node_positions(stiffness.indptr, stiffness.indices, stiffness.data, right, out, sweeps)
-    return out
+    result = positions.copy()
+    round_node_positions(stiffness.indptr, stiffness.indices, stiffness.data, right, result, sweeps)
+    return result
 
 
 def cost(stiffness, right, positions):
@@ -32,31 +32,31 @@ def cost(stiffness, right, positions):
 
 
 @pytest.mark.parametrize("seed", range(30))
-def test_rounding_in_turn_is_no_worse_than_rounding_each(seed):
+def test_coordinate_descent_is_no_worse_than_rounding_each_node(seed):
     stiffness, right, positions = system(seed)
-    found = rounded(stiffness, right, positions)
-    np.testing.assert_array_equal(found, np.rint(found))
-    assert cost(stiffness, right, found) <= cost(stiffness, right, np.rint(positions))
+    result = rounded(stiffness, right, positions)
+    np.testing.assert_array_equal(result, np.rint(result))
+    assert cost(stiffness, right, result) <= cost(stiffness, right, np.rint(positions))
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_more_sweeps_never_harm_and_the_last_leaves_nothing_to_one_node(seed):
+def test_more_sweeps_never_cost_and_end_in_a_local_optimum(seed):
     stiffness, right, positions = system(seed)
     costs = [
         cost(stiffness, right, rounded(stiffness, right, positions, sweeps))
         for sweeps in (1, 2, 4, 50)
     ]
     assert sorted(costs, reverse=True) == costs
-    settled = rounded(stiffness, right, positions, 50)
-    for v in range(len(settled)):
+    optimum = rounded(stiffness, right, positions, 50)
+    for v in range(len(optimum)):
         for axis in range(2):
             for step in (-1, 1):
-                other = settled.copy()
-                other[v, axis] += step
-                assert cost(stiffness, right, other) >= costs[-1] - 1e-6
+                shifted = optimum.copy()
+                shifted[v, axis] += step
+                assert cost(stiffness, right, shifted) >= costs[-1] - 1e-6
 
 
-def test_a_node_that_nothing_binds_stays():
+def test_a_node_without_samples_stays():
     positions = np.array([[0.4], [7.3]])
     round_node_positions(
         np.array([0, 0, 1], np.int32),

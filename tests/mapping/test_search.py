@@ -32,47 +32,52 @@ def measured(tracks, grid, grid_walks):
 @pytest.fixture(scope="module")
 def town():
     """Vehicles in whole milliseconds and millimetres, so that a shift loses nothing."""
-    found = drives(4, vehicles=4, duration=300.0, seed=2).items()
-    return [Track(name, np.round(times, 3), np.round(places, 3)) for name, (times, places) in found]
+    vehicles = drives(4, vehicles=4, duration=300.0, seed=2).items()
+    return [
+        Track(name, np.round(times, 3), np.round(positions, 3))
+        for name, (times, positions) in vehicles
+    ]
 
 
 @pytest.mark.parametrize("rmse", [3.0, 8.0])
 def test_the_error_is_within_the_bound(town, rmse):
     grid, grid_walks = learn_map(town, no_gaps(town), rmse=rmse, effort=1)
-    found = measured(town, grid, grid_walks)
-    assert found.uncovered == 0
-    assert 0.5 * rmse < found.rmse <= rmse
+    errors = measured(town, grid, grid_walks)
+    assert errors.uncovered == 0
+    assert 0.5 * rmse < errors.rmse <= rmse
 
 
-def test_tracks_of_one_sample_and_tracks_that_stand_still_are_learnt():
+def test_tracks_of_one_sample_and_parked_tracks_are_learned():
     tracks = [Track("a", [5.0], [[1.0, 2.0]]), Track("b", np.arange(50.0), np.zeros((50, 2)))]
     grid, grid_walks = learn_map(tracks, no_gaps(tracks), rmse=1.0, effort=1)
-    found = measured(tracks, grid, grid_walks)
-    assert found.uncovered == 0
-    assert found.rmse <= 1.0
+    errors = measured(tracks, grid, grid_walks)
+    assert errors.uncovered == 0
+    assert errors.rmse <= 1.0
 
 
 @pytest.mark.parametrize("effort", [1, 3])
-def test_the_bytes_do_not_depend_on_where_the_searches_run(town, effort):
-    every = [
+def test_the_executor_does_not_change_the_bytes(town, effort):
+    results = [
         learn_map(town, no_gaps(town), rmse=6.0, effort=effort, executor=run)
         for run in (None, Serial(), Threads(1), Threads(3))
     ]
-    assert len({(grid, encode(grid_walks)) for grid, grid_walks in every}) == 1
+    assert len({(grid, encode(grid_walks)) for grid, grid_walks in results}) == 1
 
 
 @pytest.mark.parametrize("shift", [(1e9, 1e7), (0.0, -3e6)])
 def test_a_shifted_log_gives_the_same_walks(town, shift):
     grid, grid_walks = learn_map(town, no_gaps(town), rmse=6.0, effort=1)
     moved = [Track(track.id, track.times + shift[0], track.positions + shift[1]) for track in town]
-    there, same = learn_map(moved, no_gaps(moved), rmse=6.0, effort=1)
-    assert encode(same) == encode(grid_walks)
-    assert (there.space, there.time) == (grid.space, grid.time)
-    assert there.epoch - grid.epoch == 1000 * shift[0]
-    assert [a - b for a, b in zip(there.origin, grid.origin, strict=True)] == [1000 * shift[1]] * 2
+    moved_grid, moved_walks = learn_map(moved, no_gaps(moved), rmse=6.0, effort=1)
+    assert encode(moved_walks) == encode(grid_walks)
+    assert (moved_grid.space, moved_grid.time) == (grid.space, grid.time)
+    assert moved_grid.epoch - grid.epoch == 1000 * shift[0]
+    assert [a - b for a, b in zip(moved_grid.origin, grid.origin, strict=True)] == [
+        1000 * shift[1]
+    ] * 2
 
 
-def test_gaps_are_kept_as_gaps():
+def test_gaps_stay_gaps():
     track = patrol(1500, seed=5)
     times = track.times + 600.0 * (np.arange(1500) >= 700)
     track = Track("a", times, track.positions)
@@ -90,12 +95,12 @@ def test_more_effort_never_costs_bytes(town):
 
 
 def test_progress_counts_up_to_its_end(town):
-    told = []
+    calls = []
     learn_map(
-        town, no_gaps(town), rmse=6.0, effort=3, progress=lambda done, of: told.append((done, of))
+        town, no_gaps(town), rmse=6.0, effort=3, progress=lambda done, of: calls.append((done, of))
     )
-    assert [done for done, _ in told] == list(range(1, told[-1][1] + 1))
-    assert len({of for _, of in told}) == 1
+    assert [done for done, _ in calls] == list(range(1, calls[-1][1] + 1))
+    assert len({of for _, of in calls}) == 1
 
 
 def test_a_map_needs_a_bound(town):
@@ -104,8 +109,8 @@ def test_a_map_needs_a_bound(town):
 
 
 @pytest.mark.parametrize("rmse", [0.3, 0.6])
-def test_a_log_whose_single_steps_are_far_below_the_error_is_learned(rmse):
-    # 13 samples a second at a fifth of a metre a second: noise in disguise, were it not for the way that they add up to
+def test_a_log_with_steps_far_below_the_error_is_learned(rmse):
+    # 13 samples a second at 0.2 m/s: single steps look like noise, but they add up to a path.
     track = patrol(6000, seed=2)
     grid, walks = learn_map([track], [np.zeros(5999, bool)], rmse=rmse, effort=1)
     assert len(walks.nodes) > 4
@@ -114,7 +119,7 @@ def test_a_log_whose_single_steps_are_far_below_the_error_is_learned(rmse):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_under_a_maximum_knots_can_lie_at_samples_of_whole_seconds(seed):
-    # Teleports: only a knot at the very sample comes near enough to it.
+    # Outliers: only a knot at the very time of a sample comes near enough to it.
     rng = np.random.default_rng(seed)
     positions = np.cumsum(rng.normal(3.0, 1.0, (400, 2)), axis=0)
     positions[50::60] += 500.0

@@ -15,27 +15,30 @@ MEANS = [random_mean(np.random.default_rng(seed), dimension=2 + seed % 2) for se
 @pytest.mark.parametrize(("mean", "track"), MEANS)
 def test_the_map_is_that_of_algorithm_5(mean, track):
     made = make_map(mean)
-    edges, passed = segment_map(mean)
+    edges, counts_expected = segment_map(mean)
     listed = made.segments.tolist() + made.transitions.tolist()
     assert sorted(map(tuple, listed)) == sorted(edges)
     counts = made.traversals.tolist() + made.passages.tolist()
     assert {
         tuple(edge): count for edge, count in zip(listed, counts, strict=True) if count
-    } == passed
+    } == counts_expected
     assert made.road_map.nodes.tolist() == mean.starts.tolist() + mean.ends.tolist()
 
 
 @pytest.mark.parametrize(("mean", "track"), MEANS)
 def test_the_road_map_counts_both_directions_of_each_pair(mean, track):
     road_map = make_map(mean).road_map
-    _, passed = segment_map(mean)
+    _, counts_expected = segment_map(mean)
     for (u, v), forward, backward in zip(
         road_map.edges.tolist(), road_map.forward, road_map.backward, strict=True
     ):
         assert u < v
-        assert (forward, backward) == (passed.get((u, v), 0), passed.get((v, u), 0))
+        assert (forward, backward) == (
+            counts_expected.get((u, v), 0),
+            counts_expected.get((v, u), 0),
+        )
     assert road_map.edges.tolist() == sorted(road_map.edges.tolist())
-    assert road_map.forward.sum() + road_map.backward.sum() == sum(passed.values())
+    assert road_map.forward.sum() + road_map.backward.sum() == sum(counts_expected.values())
 
 
 @pytest.mark.parametrize(("mean", "track"), MEANS)
@@ -43,11 +46,11 @@ def test_the_walk_is_where_the_segment_mean_is_at_every_sample(mean, track):
     walk, nodes = build_walk(mean, track), make_map(mean).road_map.nodes
     assert (np.diff(walk.times) > 0).all()
     assert not walk.gaps.any()
-    seen = np.stack(
+    interpolated = np.stack(
         [np.interp(track.times, walk.times, column) for column in nodes[walk.nodes].T], axis=1
     )
     np.testing.assert_allclose(
-        seen, fitted_positions(mean, track), atol=1e-5
+        interpolated, fitted_positions(mean, track), atol=1e-5
     )  # times of 1.7e9 s come in steps of 2.4e-7 s
     assert (walk.times[0], walk.times[-1]) == (track.times[0], track.times[-1])
 

@@ -30,93 +30,112 @@ def logs(draw):
     return tracks, gaps, grid
 
 
-def cells_of(slots, piece):
-    return slots.time_steps[slots.first_slots[piece] : slots.last_slots[piece] + 1]
+def piece_steps(time_grid, piece):
+    return time_grid.time_steps[time_grid.first_slots[piece] : time_grid.last_slots[piece] + 1]
 
 
 @given(logs(), st.booleans())
 @settings(max_examples=150)
-def test_every_sample_lies_in_one_part_and_pieces_do_not_overlap(log, sparse):
+def test_every_sample_is_in_one_slot_and_pieces_do_not_overlap(log, sparse):
     tracks, gaps, grid = log
-    slots = build_time_grid(tracks, gaps, grid, sparse=sparse)
+    time_grid = build_time_grid(tracks, gaps, grid, sparse=sparse)
     begin = 0
     for piece, (first, last) in enumerate(
-        zip(slots.first_slots.tolist(), slots.last_slots.tolist(), strict=True)
+        zip(time_grid.first_slots.tolist(), time_grid.last_slots.tolist(), strict=True)
     ):
-        assert slots.ends[first] == begin
-        begin = int(slots.ends[last])
-        assert (np.diff(cells_of(slots, piece)) > 0).all()
+        assert time_grid.ends[first] == begin
+        begin = int(time_grid.ends[last])
+        assert (np.diff(piece_steps(time_grid, piece)) > 0).all()
         for slot in range(first, last):
-            mine = slots.times[slots.ends[slot] : slots.ends[slot + 1]]
-            assert (mine >= slots.time_steps[slot] - 1e-6).all()
-            assert (mine <= slots.time_steps[slot + 1] + 1e-6).all()
-        if piece and slots.piece_tracks[piece] == slots.piece_tracks[piece - 1]:
-            assert slots.time_steps[first] > slots.time_steps[slots.last_slots[piece - 1]]
-    assert begin == slots.samples == sum(map(len, tracks))
-    np.testing.assert_array_equal(np.unique(slots.piece_tracks), np.arange(len(tracks)))
+            inside = time_grid.times[time_grid.ends[slot] : time_grid.ends[slot + 1]]
+            assert (inside >= time_grid.time_steps[slot] - 1e-6).all()
+            assert (inside <= time_grid.time_steps[slot + 1] + 1e-6).all()
+        if piece and time_grid.piece_tracks[piece] == time_grid.piece_tracks[piece - 1]:
+            assert (
+                time_grid.time_steps[first] > time_grid.time_steps[time_grid.last_slots[piece - 1]]
+            )
+    assert begin == time_grid.samples == sum(map(len, tracks))
+    np.testing.assert_array_equal(np.unique(time_grid.piece_tracks), np.arange(len(tracks)))
     step = step_size(grid.time)
     expected = np.concatenate([(track.times - grid.epoch / 1000) / step for track in tracks])
-    np.testing.assert_allclose(slots.times, expected, atol=2e-6 / step, rtol=1e-12)
+    np.testing.assert_allclose(time_grid.times, expected, atol=2e-6 / step, rtol=1e-12)
 
 
 @given(logs())
 @settings(max_examples=100)
-def test_gaps_part_pieces_where_a_cell_fits_in(log):
+def test_gaps_separate_pieces_where_a_time_step_fits(log):
     tracks, gaps, grid = log
-    slots = build_time_grid(tracks, gaps, grid)
-    assert count_slots(tracks, gaps, grid) == len(slots.time_steps)
-    for owner, gap in enumerate(gaps):
-        assert 1 <= (slots.piece_tracks == owner).sum() <= 1 + gap.sum()
+    time_grid = build_time_grid(tracks, gaps, grid)
+    assert count_slots(tracks, gaps, grid) == len(time_grid.time_steps)
+    for track, gap in enumerate(gaps):
+        assert 1 <= (time_grid.piece_tracks == track).sum() <= 1 + gap.sum()
 
 
 @given(logs(), st.integers(0, 2**32))
 @settings(max_examples=150)
-def test_sparse_slots_are_some_of_the_full_ones_and_hand_their_knots_on(log, seed):
+def test_knots_on_sparse_slots_are_transferred_to_full_ones(log, seed):
     tracks, gaps, grid = log
-    full, thin = (
+    full, sparse_grid = (
         build_time_grid(tracks, gaps, grid),
         build_time_grid(tracks, gaps, grid, sparse=True),
     )
-    assert len(thin.first_slots) == len(full.first_slots)
+    assert len(sparse_grid.first_slots) == len(full.first_slots)
     for piece in range(len(full.first_slots)):
-        every, some = cells_of(full, piece).tolist(), cells_of(thin, piece).tolist()
-        assert set(some) <= set(every)
-        assert (some[0], some[-1]) == (every[0], every[-1])
-    at = np.where(
-        np.random.default_rng(seed).random(len(thin.time_steps)) < 0.4,
-        np.arange(len(thin.time_steps)),
+        full_steps, sparse_steps = (
+            piece_steps(full, piece).tolist(),
+            piece_steps(sparse_grid, piece).tolist(),
+        )
+        assert set(sparse_steps) <= set(full_steps)
+        assert (sparse_steps[0], sparse_steps[-1]) == (full_steps[0], full_steps[-1])
+    slot_nodes = np.where(
+        np.random.default_rng(seed).random(len(sparse_grid.time_steps)) < 0.4,
+        np.arange(len(sparse_grid.time_steps)),
         -1,
     )
-    carried = transfer_knots(at, thin, full)
-    np.testing.assert_array_equal(carried[carried >= 0], at[at >= 0])
-    np.testing.assert_array_equal(full.time_steps[carried >= 0], thin.time_steps[at >= 0])
+    transferred = transfer_knots(slot_nodes, sparse_grid, full)
+    np.testing.assert_array_equal(transferred[transferred >= 0], slot_nodes[slot_nodes >= 0])
     np.testing.assert_array_equal(
-        np.searchsorted(full.last_slots, np.flatnonzero(carried >= 0)),
-        np.searchsorted(thin.last_slots, np.flatnonzero(at >= 0)),
+        full.time_steps[transferred >= 0], sparse_grid.time_steps[slot_nodes >= 0]
+    )
+    np.testing.assert_array_equal(
+        np.searchsorted(full.last_slots, np.flatnonzero(transferred >= 0)),
+        np.searchsorted(sparse_grid.last_slots, np.flatnonzero(slot_nodes >= 0)),
     )
 
 
-def same_as_laid_thin(tracks, gaps, grid):
-    """Whether thinned slots are those of a sparse grid; where these are most of all there are none."""
-    full, thin = (
+def is_sparsified_like_sparse_grid(tracks, gaps, grid):
+    """Whether sparsify gives a sparse grid, or None where that has most of the slots."""
+    full, sparse_grid = (
         build_time_grid(tracks, gaps, grid),
         build_time_grid(tracks, gaps, grid, sparse=True),
     )
-    found = sparsify(full)
-    if found is None:
-        return len(thin.time_steps) >= 0.7 * len(full.time_steps)
-    fields = ("cells", "ticks", "places", "centers", "sums", "firsts", "lasts", "owners", "ends")
-    return all(np.array_equal(getattr(found, field), getattr(thin, field)) for field in fields)
+    sparsified = sparsify(full)
+    if sparsified is None:
+        return len(sparse_grid.time_steps) >= 0.7 * len(full.time_steps)
+    fields = (
+        "time_steps",
+        "ticks",
+        "positions",
+        "centers",
+        "sums",
+        "first_slots",
+        "last_slots",
+        "piece_tracks",
+        "ends",
+    )
+    return all(
+        np.array_equal(getattr(sparsified, field), getattr(sparse_grid, field)) for field in fields
+    )
 
 
 @given(logs())
 @settings(max_examples=150)
-def test_slots_are_thinned_to_a_sparse_grid(log):
-    assert same_as_laid_thin(*log)
+def test_sparsify_gives_a_sparse_grid(log):
+    assert is_sparsified_like_sparse_grid(*log)
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_slots_of_tracks_with_pauses_and_gaps_are_thinned_to_a_sparse_grid(seed):
+def test_sparsify_gives_a_sparse_grid_with_pauses_and_gaps(seed):
     rng = np.random.default_rng(seed)
     tracks, gaps = [], []
     for name in "abc":
@@ -129,7 +148,7 @@ def test_slots_of_tracks_with_pauses_and_gaps_are_thinned_to_a_sparse_grid(seed)
         gaps.append(gap)
     grid = QuantisationGrid((0, 0), 0, 112, 132)
     assert sparsify(build_time_grid(tracks, gaps, grid)) is not None
-    assert same_as_laid_thin(tracks, gaps, grid)
+    assert is_sparsified_like_sparse_grid(tracks, gaps, grid)
 
 
 @pytest.mark.parametrize("shift", [(1e9, 1e7), (1_600_000_000.0, -(2.0**22)), (-3600.0, 5e6)])
@@ -138,74 +157,74 @@ def test_a_shifted_log_has_the_same_slots(shift):
     times = np.cumsum(rng.integers(1, 3000, 300)) / 1000
     positions = np.round(np.cumsum(rng.normal(0, 2, (300, 2)), axis=0), 3)
     gap = rng.random(299) < 0.05
-    here = build_time_grid(
+    original = build_time_grid(
         [Track("a", times, positions)], [gap], QuantisationGrid((0, 0), 0, 120, 130)
     )
     origin = (int(1000 * shift[1]),) * 2
-    there = build_time_grid(
+    shifted = build_time_grid(
         [Track("a", times + shift[0], positions + shift[1])],
         [gap],
         QuantisationGrid(origin, int(1000 * shift[0]), 120, 130),
     )
-    for name in vars(here):
-        np.testing.assert_array_equal(getattr(here, name), getattr(there, name), err_msg=name)
+    for name in vars(original):
+        np.testing.assert_array_equal(getattr(original, name), getattr(shifted, name), err_msg=name)
 
 
-def test_a_lone_sample_spans_a_cell():
-    slots = build_time_grid(
+def test_a_single_sample_spans_a_time_step():
+    time_grid = build_time_grid(
         [Track("a", [5.3], [[1.0, 2.0]])],
         [np.zeros(0, bool)],
         QuantisationGrid((0, 0), 0, 128, 128),
     )
-    assert slots.time_steps.tolist() == [5, 6]
-    assert slots.ends.tolist() == [0, 1]
+    assert time_grid.time_steps.tolist() == [5, 6]
+    assert time_grid.ends.tolist() == [0, 1]
 
 
-def test_places_are_means_where_samples_are_dense_and_lie_on_the_line_where_not():
+def test_positions_are_means_of_dense_samples_else_interpolated():
     times = np.array([0, 0.8, 0.9, 1.1, 1.2, 4.0])
     track = Track("a", times, np.array([[0.0], [1], [2], [3], [6], [20]]))
-    slots = build_time_grid([track], [np.zeros(5, bool)], QuantisationGrid((0,), 0, 128, 128))
-    assert slots.positions[:, 0].tolist() == pytest.approx(
+    time_grid = build_time_grid([track], [np.zeros(5, bool)], QuantisationGrid((0,), 0, 128, 128))
+    assert time_grid.positions[:, 0].tolist() == pytest.approx(
         [0, 3, 6 + 14 * 0.8 / 2.8, 6 + 14 * 1.8 / 2.8, 20]
     )
 
 
-def test_a_very_long_pause_takes_no_slot_for_each_cell():
+def test_a_long_pause_has_no_slot_for_each_time_step():
     track = Track("a", [0.0, 1.0, 1e6], np.zeros((3, 2)))
-    slots = build_time_grid([track], [np.zeros(2, bool)], QuantisationGrid((0, 0), 0, 128, 64))
-    assert len(slots.time_steps) < 20
+    time_grid = build_time_grid([track], [np.zeros(2, bool)], QuantisationGrid((0, 0), 0, 128, 64))
+    assert len(time_grid.time_steps) < 20
 
 
 @given(logs())
 @settings(max_examples=50)
-def test_samples_of_weight_one_are_what_they_were(log):
-    slots = build_time_grid(*log)
-    assume(slots.samples > 1)
+def test_weights_multiply_the_sums(log):
+    time_grid = build_time_grid(*log)
+    assume(time_grid.samples > 1)
     np.testing.assert_array_equal(
-        reweight_samples(slots, np.ones(slots.samples, np.int64)).sums, slots.sums
+        reweight_samples(time_grid, np.ones(time_grid.samples, np.int64)).sums, time_grid.sums
     )
     np.testing.assert_array_equal(
-        reweight_samples(slots, np.full(slots.samples, 3)).sums, 3 * slots.sums
+        reweight_samples(time_grid, np.full(time_grid.samples, 3)).sums, 3 * time_grid.sums
     )
 
 
 @given(logs(), st.integers(0, 3), st.integers(0, 2**32 - 1))
-def test_slots_near_knots_hand_them_on_and_price_parts_alike(log, reach, seed):
+def test_slots_near_knots_keep_knots_and_sums(log, reach, seed):
     tracks, gaps, grid = log
-    full, thin = (
+    full, sparse_grid = (
         build_time_grid(tracks, gaps, grid),
         build_time_grid(tracks, gaps, grid, sparse=True),
     )
     knots = np.flatnonzero(np.random.default_rng(seed).random(len(full.time_steps)) < 0.2)
-    near = mask_near_knots(thin, full, knots, reach)
+    near = mask_near_knots(sparse_grid, full, knots, reach)
     assert near[knots].all()
     assert near[full.first_slots].all()
     assert near[full.last_slots].all()
-    assert near.sum() <= len(thin.time_steps) + (2 * reach + 1) * len(knots)
-    picked = select_slots(full, near)
+    assert near.sum() <= len(sparse_grid.time_steps) + (2 * reach + 1) * len(knots)
+    selected = select_slots(full, near)
     np.testing.assert_array_equal(
-        picked.time_steps[picked.first_slots], full.time_steps[full.first_slots]
+        selected.time_steps[selected.first_slots], full.time_steps[full.first_slots]
     )
-    np.testing.assert_array_equal(picked.sums[picked.last_slots], full.sums[full.last_slots])
-    at = np.where(np.isin(np.arange(len(full.time_steps)), knots), 7, -1)
-    np.testing.assert_array_equal(transfer_knots(at[near], picked, full), at)
+    np.testing.assert_array_equal(selected.sums[selected.last_slots], full.sums[full.last_slots])
+    slot_nodes = np.where(np.isin(np.arange(len(full.time_steps)), knots), 7, -1)
+    np.testing.assert_array_equal(transfer_knots(slot_nodes[near], selected, full), slot_nodes)

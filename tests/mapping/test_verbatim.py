@@ -16,7 +16,7 @@ from oracle.decoded import position
     st.sampled_from([0.05, 0.5, 5.0, 1e3]),
 )
 @settings(max_examples=150)
-def test_no_sample_is_farther_than_the_error(seed, n, dimension, error):
+def test_all_samples_are_within_the_error(seed, n, dimension, error):
     rng = np.random.default_rng(seed)
     tracks = [
         Track(
@@ -31,18 +31,18 @@ def test_no_sample_is_farther_than_the_error(seed, n, dimension, error):
     nodes = node_positions(grid_walks, grid)
     for track, walk in zip(tracks, dequantise_walks(grid_walks, grid, ["0", "1"]), strict=True):
         for t, p in zip(track.times, track.positions, strict=True):
-            found = position(walk.times, nodes[walk.nodes], walk.gaps, t)
-            assert found is not None
-            assert np.linalg.norm(found - p) <= error * (1 + 1e-9)
+            interpolated = position(walk.times, nodes[walk.nodes], walk.gaps, t)
+            assert interpolated is not None
+            assert np.linalg.norm(interpolated - p) <= error * (1 + 1e-9)
 
 
-def test_samples_that_round_to_one_place_share_its_node():
+def test_samples_that_round_to_one_position_share_a_node():
     track = Track("a", range(6), [[0.0, 0.0], [9.0, 0.0]] * 3)
     _, grid_walks = keep_samples([track], [np.zeros(5, bool)], 0.5)
     assert grid_walks.walks[0].nodes.tolist() == [0, 1, 0, 1, 0, 1]
 
 
-def test_gaps_stay():
+def test_gaps_stay_gaps():
     track = Track("a", [0.0, 1.0, 100.0, 101.0], [[0.0], [1.0], [50.0], [51.0]])
     _, grid_walks = keep_samples([track], [np.array([False, True, False])], 0.5)
     assert grid_walks.walks[0].gaps.tolist() == [False, True, False]

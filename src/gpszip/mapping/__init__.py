@@ -1,1 +1,1 @@
-"""Learning the map that tracks share, by description length."""
+"""Map learning: finds the map that tracks share, by minimum description length."""

@@ -1,4 +1,4 @@
-"""A draft of the connected map: nodes, and the knots of all walks on a time grid."""
+"""The map under construction: knots on a time grid, the segments between them, and their nodes."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from gpszip.codec.prior import Prior
 from gpszip.codec.walks import number_by_visit
 from gpszip.mapping.kernels.grid_moments import segment_costs, segment_moments
 from gpszip.mapping.kernels.initial_map import (
+    NODE_COUNT,
     WorkingMap,
     count_prior_steps,
     count_walks,
@@ -36,16 +37,36 @@ __all__ = [
     "walks_of",
 ]
 
-#: Pull of every node to where it is, so that one that no sample binds stays there.
+#: Stiffness that holds every node where it is, so that a node without samples stays.
 _ANCHOR = 1e-5
+
+#: Passes over all nodes when their positions are rounded.
+_ROUNDING_SWEEPS = 4
+
+#: Entries of the table of pairs for each step that fits: two directions, half full.
+_TABLE_ENTRIES_PER_STEP = 4
+
+#: Least number of entries of the table of pairs.
+_MIN_TABLE_ENTRIES = 64
 
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """The parts between consecutive knots of all pieces.
+    """Segments between consecutive knots of all pieces.
 
-    ``froms`` and ``tos`` are slots, ``starts`` and ``ends`` nodes, all int64 arrays of shape (k,); ``moments`` has the
-    columns W, U1, U2, Q, M..., N... about the places ``centers``, in quanta. ``nodes`` is the number of nodes.
+    Parameters
+    ----------
+    first_slots, last_slots : int64 arrays, shape (k,)
+        Slots of each segment's knots.
+    starts, ends : int64 arrays, shape (k,)
+        Nodes of each segment's knots.
+    moments : float64 array, shape (k, 2d + 4)
+        Columns W, U1, U2, Q, M..., N... about the positions ``centers``, see
+        :mod:`gpszip.mapping.kernels.grid_moments`.
+    centers : float64 array, shape (k, d)
+        In grid steps.
+    nodes : int
+        Number of nodes.
     """
 
     first_slots: NDArray[np.int64]
@@ -57,18 +78,22 @@ class Segments:
     nodes: int
 
     def relabelled(self, slot_nodes: NDArray[np.int64], nodes: int) -> Segments:
-        """Return the same parts between other nodes."""
+        """Return the same segments between other nodes."""
         return replace(
             self, starts=slot_nodes[self.first_slots], ends=slot_nodes[self.last_slots], nodes=nodes
         )
 
     @cached_property
     def stiffness(self) -> csr_array:
-        """How firmly the samples hold each node, and each pair of nodes together; it does not depend on where they are."""
+        """Matrix K of the normal equations; it does not depend on the nodes' positions.
+
+        A segment between the nodes u and v adds W - 2 U1 + U2 to K[u, u], U2 to K[v, v], and
+        U1 - U2 to K[u, v] and K[v, u].
+        """
         w, u1, u2 = self.moments[:, 0], self.moments[:, 1], self.moments[:, 2]
-        every = np.arange(self.nodes)
-        rows = np.concatenate([self.starts, self.ends, self.starts, self.ends, every])
-        columns = np.concatenate([self.starts, self.ends, self.ends, self.starts, every])
+        nodes = np.arange(self.nodes)
+        rows = np.concatenate([self.starts, self.ends, self.starts, self.ends, nodes])
+        columns = np.concatenate([self.starts, self.ends, self.ends, self.starts, nodes])
         values = np.concatenate(
             [w - 2 * u1 + u2, u2, u1 - u2, u1 - u2, np.full(self.nodes, _ANCHOR)]
         )
@@ -76,27 +101,45 @@ class Segments:
 
 
 def list_segments(time_grid: TimeGrid, slot_nodes: NDArray[np.int64], nodes: int) -> Segments:
-    """List the parts of a draft on so many nodes, with the moments of their samples."""
+    """List the segments between knots, with the moments of their samples.
+
+    Parameters
+    ----------
+    time_grid : TimeGrid
+        The slots.
+    slot_nodes : int64 array, shape (S,)
+        Node of each slot, -1 where there is no knot.
+    nodes : int
+        Number of nodes.
+    """
+    # Pair consecutive knots of the same piece.
     knots = np.flatnonzero(slot_nodes >= 0)
     piece = np.searchsorted(time_grid.last_slots, knots)
-    inside = piece[1:] == piece[:-1]
-    froms, tos = knots[:-1][inside], knots[1:][inside]
+    is_inside = piece[1:] == piece[:-1]
+    first_slots, last_slots = knots[:-1][is_inside], knots[1:][is_inside]
+
+    # Sum their samples up about the position of the first slot.
     moments = segment_moments(
-        time_grid.sums, froms, tos, time_grid.ticks, time_grid.centers, time_grid.ticks_per_step
+        time_grid.sums,
+        first_slots,
+        last_slots,
+        time_grid.ticks,
+        time_grid.centers,
+        time_grid.ticks_per_step,
     )
     return Segments(
-        froms,
-        tos,
-        slot_nodes[froms],
-        slot_nodes[tos],
+        first_slots,
+        last_slots,
+        slot_nodes[first_slots],
+        slot_nodes[last_slots],
         moments,
-        time_grid.centers[froms] / time_grid.ticks_per_step,
+        time_grid.centers[first_slots] / time_grid.ticks_per_step,
         nodes,
     )
 
 
 def squared_error(segments: Segments, positions: NDArray[np.float64]) -> float:
-    """Sum of squared synchronised distances in squared quanta, the thesis's tau."""
+    """Sum of squared synchronised distances in squared grid steps, the thesis's tau."""
     return float(
         segment_costs(
             segments.moments, positions[segments.starts], positions[segments.ends], segments.centers
@@ -107,8 +150,9 @@ def squared_error(segments: Segments, positions: NDArray[np.float64]) -> float:
 def sample_errors(
     time_grid: TimeGrid, segments: Segments, positions: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Synchronised distance of every sample in quanta, and the part that each lies in."""
-    errors, part = np.empty(len(time_grid.times)), np.empty(len(time_grid.times), np.int64)
+    """Synchronised distance of every sample in grid steps, and the segment of each."""
+    errors = np.empty(len(time_grid.times))
+    segment = np.empty(len(time_grid.times), np.int64)
     starts, ends = positions[segments.starts], positions[segments.ends]
     sample_distances(
         segments.first_slots,
@@ -120,18 +164,20 @@ def sample_errors(
         time_grid.times,
         time_grid.sample_positions,
         errors,
-        part,
+        segment,
     )
-    return errors, part
+    return errors, segment
 
 
 def normal_equations(
     segments: Segments, positions: NDArray[np.float64]
 ) -> tuple[csr_array, NDArray[np.float64]]:
-    """Return K and r whose solution K x = r places all nodes at least squared error."""
+    """Return K and r; the solution of K x = r are the node positions of least squared error."""
+    # Move the moments M and N from the segments' centres to the origin.
     dimension = positions.shape[1]
     m = segments.moments[:, 4 : 4 + dimension] + segments.centers * segments.moments[:, :1]
     n = segments.moments[:, 4 + dimension :] + segments.centers * segments.moments[:, 1:2]
+
     right = _ANCHOR * positions
     np.add.at(right, segments.starts, m - n)
     np.add.at(right, segments.ends, n)
@@ -144,15 +190,18 @@ def free_equations(
     """Return the equations of all but the first ``fixed`` nodes, which stay where they are."""
     if fixed == 0:
         return stiffness, right
-    return stiffness[fixed:, fixed:].tocsr(), right[fixed:] - stiffness[fixed:, :fixed] @ positions[
-        :fixed
-    ]
+    free_right = right[fixed:] - stiffness[fixed:, :fixed] @ positions[:fixed]
+    return stiffness[fixed:, fixed:].tocsr(), free_right
 
 
 def solve_positions(stiffness: csr_array, right: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Solve the M-step: the places of all nodes at once (one sparse symmetric positive definite system)."""
+    """Solve the M-step: the positions of all nodes at once.
+
+    It is one sparse symmetric positive definite system.
+    """
     if stiffness.shape[0] == 0:
         return right
+    # A positive definite matrix needs no pivoting, so that the ordering keeps it sparse.
     solver = splu(
         stiffness.tocsc(),
         permc_spec="MMD_AT_PLUS_A",
@@ -165,9 +214,11 @@ def solve_positions(stiffness: csr_array, right: NDArray[np.float64]) -> NDArray
 def round_positions(
     stiffness: csr_array, right: NDArray[np.float64], positions: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Round places to whole quanta, each given its neighbours."""
+    """Round positions to whole grid steps, each given its neighbours."""
     rounded = positions.copy()
-    round_node_positions(stiffness.indptr, stiffness.indices, stiffness.data, right, rounded, 4)
+    round_node_positions(
+        stiffness.indptr, stiffness.indices, stiffness.data, right, rounded, _ROUNDING_SWEEPS
+    )
     return rounded
 
 
@@ -178,11 +229,28 @@ def walks_of(
     tracks: int,
     fixed: int = 0,
 ) -> GridWalks:
-    """Return the draft as walks on the lattice, nodes but the first ``fixed`` numbered by visit; ``places`` are whole."""
+    """Return the knots on a time grid as walks.
+
+    Parameters
+    ----------
+    time_grid : TimeGrid
+        The slots.
+    slot_nodes : int64 array, shape (S,)
+        Node of each slot, -1 where there is no knot.
+    positions : float64 array, shape (V, d)
+        Whole positions of the nodes, in grid steps.
+    tracks : int
+        Number of tracks.
+    fixed : int, default 0
+        The first nodes keep their numbers; the others are numbered by their first visits.
+    """
+    # Find the knots of each track.
     knots = np.flatnonzero(slot_nodes >= 0)
     piece = np.searchsorted(time_grid.last_slots, knots)
     owner = time_grid.piece_tracks[piece]
     bounds = np.searchsorted(owner, np.arange(tracks + 1))
+
+    # A step to another piece is a gap.
     walks = tuple(
         GridWalk(
             slot_nodes[knots[a:b]].astype(np.int32),
@@ -195,8 +263,13 @@ def walks_of(
 
 
 def allocate_working_map(dimension: int, nodes: int, steps: int, reach: float) -> WorkingMap:
-    """Return a draft with room for so many nodes and steps; near nodes are those within ``reach`` quanta."""
-    table = 1 << int(max(4 * steps, 64)).bit_length()
+    """Return an empty map with capacity for ``nodes`` nodes and ``steps`` different steps.
+
+    Near nodes are those within ``reach`` grid steps.
+    """
+    # Sizes of hash tables are powers of two.
+    entries = 1 << int(max(_TABLE_ENTRIES_PER_STEP * steps, _MIN_TABLE_ENTRIES)).bit_length()
+    buckets = 1 << int(2 * nodes).bit_length()
     return WorkingMap(
         positions=np.zeros((nodes, dimension)),
         uses=np.zeros(nodes, np.int64),
@@ -204,14 +277,14 @@ def allocate_working_map(dimension: int, nodes: int, steps: int, reach: float) -
         outgoing_weight=np.zeros(nodes),
         first_half_edge=np.full(nodes, -1, np.int64),
         next_half_edge=np.zeros(2 * steps, np.int64),
-        into=np.zeros(2 * steps, np.int64),
+        end_node=np.zeros(2 * steps, np.int64),
         table_index=np.zeros(2 * steps, np.int64),
-        keys=np.full(table, -1, np.int64),
-        counts=np.zeros(table, np.int64),
-        buckets=np.full(1 << int(2 * nodes).bit_length(), -1, np.int64),
+        pair_keys=np.full(entries, -1, np.int64),
+        pair_counts=np.zeros(entries, np.int64),
+        first_in_bucket=np.full(buckets, -1, np.int64),
         next_in_bucket=np.full(nodes, -1, np.int64),
-        bucket_size=np.array([reach]),
-        scalars=np.zeros(4, np.int64),
+        cell_size=float(reach),
+        counters=np.zeros(4, np.int64),
     )
 
 
@@ -221,18 +294,36 @@ def build_working_map(
     positions: NDArray[np.float64],
     reach: float,
     spare: int,
-    known: Prior | None = None,
+    prior: Prior | None = None,
 ) -> WorkingMap:
-    """Return a draft of the present walks, and of those known before, with ``spare`` room for more nodes and steps."""
-    knots = int((slot_nodes >= 0).sum()) + (0 if known is None else len(known.edge_traversals[0]))
+    """Return a map of the present walks and the prior ones.
+
+    Parameters
+    ----------
+    time_grid : TimeGrid
+        The slots.
+    slot_nodes : int64 array, shape (S,)
+        Node of each slot, -1 where there is no knot.
+    positions : float64 array, shape (V, d)
+        The nodes, in grid steps; those of the prior walks first.
+    reach : float
+        Grid steps within which nodes are near.
+    spare : int
+        Capacity for further nodes and steps.
+    prior : Prior, optional
+        Walks that stay as they are.
+    """
+    knots = int((slot_nodes >= 0).sum()) + (0 if prior is None else len(prior.edge_traversals[0]))
     working_map = allocate_working_map(
         positions.shape[1], len(positions) + spare, knots + spare, reach
     )
+
+    # Enter the nodes, then the walks.
     working_map.positions[: len(positions)] = positions
-    working_map.scalars[0] = len(positions)
+    working_map.counters[NODE_COUNT] = len(positions)
     index_nodes(working_map, len(positions))
     count_walks(working_map, slot_nodes, time_grid.last_slots)
-    if known is not None:
-        working_map.uses[: known.nodes] += known.node_visits
-        count_prior_steps(working_map, *known.edge_traversals)
+    if prior is not None:
+        working_map.uses[: prior.nodes] += prior.node_visits
+        count_prior_steps(working_map, *prior.edge_traversals)
     return working_map

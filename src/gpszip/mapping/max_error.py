@@ -1,4 +1,7 @@
-"""Walks mended until no sample is farther away than a maximum: where a part misses, it gets another knot at its worst sample."""
+"""Walks changed until no sample is farther away than a maximum.
+
+Where a segment misses a sample by more, it gets another knot at its worst sample.
+"""
 
 from __future__ import annotations
 
@@ -17,17 +20,26 @@ from gpszip.walks.quantised import knot_times
 
 __all__ = ["enforce_max_error"]
 
-#: New knots take a node that is already there within this share of the maximum.
-_SNAP = 0.5
+#: New knots take an existing node within this share of the maximum.
+_SNAP_SHARE = 0.5
 
-#: How often the lattice is made finer, and how many indices of quanta make half the size.
-_REFINEMENTS, _OCTAVE = 8, 8
+#: Largest number of refinements of the grid.
+_REFINEMENTS = 8
 
-#: Share of the maximum to which a shift brings a sample.
-_WITHIN = 0.9
+#: Step indices of an octave: so many make half the step size.
+_OCTAVE = 8
 
-#: Rounds without another knot, and rounds in all, after which a walk that still misses is given up.
-_STALE, _ROUNDS = 24, 400
+#: Every so many refinements, space is refined in place of time.
+_SPACE_REFINEMENT_EVERY = 3
+
+#: Share of the maximum to which a shifted knot brings a sample.
+_SHIFTED_SHARE = 0.9
+
+#: Rounds without another knot after which a walk that still misses is given up.
+_MAX_STALE_ROUNDS = 24
+
+#: Rounds after which a walk that still misses is given up.
+_MAX_ROUNDS = 400
 
 
 def enforce_max_error(
@@ -38,52 +50,59 @@ def enforce_max_error(
     *,
     known: int | None = None,
 ) -> tuple[QuantisationGrid, GridWalks] | None:
-    """Add knots, or move them to other nodes, until no sample is farther from its walk than a maximum.
+    """Add knots, or move them to other nodes, until each sample is within a maximum of its walk.
 
-    Where the lattice is too coarse for that, it gets twice as many cells, or on every third occasion lattice points.
+    Where the grid is too coarse for that, its time step is halved, or every third time its space
+    step.
 
     Parameters
     ----------
     tracks : sequence of Track
         The samples.
-    grid : Frame
-        The lattice.
-    grid_walks : LatticeWalks
-        One walk with times for each track, that covers its samples.
+    grid : QuantisationGrid
+        The grid of the walks.
+    grid_walks : GridWalks
+        One walk with times for each track, which covers the track's samples.
     max_error : float
         Largest synchronised distance in metres.
     known : int, optional
-        The first so many nodes belong to a map that is there already: they stay, and so does the lattice.
+        Number of the first nodes that belong to an existing map: they stay, and so does the grid.
 
     Returns
     -------
-    (Frame, LatticeWalks) or None
+    (QuantisationGrid, GridWalks) or None
         None if the maximum is still missed.
 
     Examples
     --------
     >>> track = Track("a", range(5), [[0.0, 0.0], [1.0, 0.0], [2.0, 4.0], [3.0, 0.0], [4.0, 0.0]])
     >>> walk = GridWalk(np.array([0, 1], np.int32), np.array([0, 4]), np.array([False]))
-    >>> _, mended = enforce_max_error([track], QuantisationGrid((0, 0), 0, 128, 128), GridWalks(np.array([[0, 0], [4, 0]]), (walk,)), 0.5)
-    >>> mended.walks[0].time_steps.tolist()
+    >>> grid = QuantisationGrid((0, 0), 0, 128, 128)
+    >>> walks = GridWalks(np.array([[0, 0], [4, 0]]), (walk,))
+    >>> _, changed = enforce_max_error([track], grid, walks, 0.5)
+    >>> changed.walks[0].time_steps.tolist()
     [0, 1, 2, 3, 4]
     """
-    for finer in range(_REFINEMENTS):
-        nodes, walks, missed = grid_walks.nodes, list(grid_walks.walks), False
+    for refinement in range(_REFINEMENTS):
+        # Change one walk after the other; all share the new nodes.
+        nodes, walks, is_missed = grid_walks.nodes, list(grid_walks.walks), False
         for number, track in enumerate(tracks):
             walks[number], nodes, misses = _enforce_on_walk(
                 track, walks[number], nodes, grid, max_error
             )
-            missed = missed or misses
-        if not missed:
+            is_missed = is_missed or misses
+        if not is_missed:
             return grid, number_by_visit(
                 GridWalks(nodes, tuple(walks), grid_walks.timed), known or 0
             )
+
+        # Refine the grid, and begin again with the walks as given.
         if known is not None or min(grid.space, grid.time) < _OCTAVE:
             break
-        grid, grid_walks = (
-            _refine_space(grid, grid_walks) if finer % 3 == 2 else _refine_time(grid, grid_walks)
-        )
+        if refinement % _SPACE_REFINEMENT_EVERY == _SPACE_REFINEMENT_EVERY - 1:
+            grid, grid_walks = _refine_space(grid, grid_walks)
+        else:
+            grid, grid_walks = _refine_time(grid, grid_walks)
     return None
 
 
@@ -97,47 +116,52 @@ def _refine_time(
 def _refine_space(
     grid: QuantisationGrid, grid_walks: GridWalks
 ) -> tuple[QuantisationGrid, GridWalks]:
-    return replace(grid, space=grid.space - _OCTAVE), replace(
-        grid_walks, nodes=2 * grid_walks.nodes
-    )
+    refined_walks = replace(grid_walks, nodes=2 * grid_walks.nodes)
+    return replace(grid, space=grid.space - _OCTAVE), refined_walks
 
 
 def _enforce_on_walk(
     track: Track, walk: GridWalk, nodes: NDArray[np.int64], grid: QuantisationGrid, max_error: float
 ) -> tuple[GridWalk, NDArray[np.int64], bool]:
-    """Walk and nodes after mending, and whether the maximum is still missed."""
-    stale = 0
-    for turn in range(_ROUNDS):
-        worst = _worst_samples(track, walk, nodes, grid, max_error)
+    """Changed walk and nodes, and whether the maximum is still missed."""
+    stale_rounds = 0
+    for turn in range(_MAX_ROUNDS):
+        worst = _find_worst_samples(track, walk, nodes, grid, max_error)
         if len(worst) == 0:
             return walk, nodes, False
-        if stale > _STALE:
+        if stale_rounds > _MAX_STALE_ROUNDS:
             break
+
+        # Shift knots every other round while no segment takes another one; else add knots at
+        # nodes, which have to be nearer and nearer.
         knots = len(walk.time_steps)
-        if stale and turn % 2 == 0:
+        if stale_rounds and turn % 2 == 0:
             walk, nodes = _shift_knots(track, worst, walk, nodes, grid, max_error)
         else:
-            cells = _time_steps(track.times[worst], walk, grid, beside=turn % 2 == 1)
-            places, nodes = _find_nodes(
-                track, cells, nodes, grid, _SNAP ** (1 + turn / 4) * max_error
+            time_steps = _choose_time_steps(track.times[worst], walk, grid, beside=turn % 2 == 1)
+            knot_nodes, nodes = _find_nodes(
+                track, time_steps, nodes, grid, _SNAP_SHARE ** (1 + turn / 4) * max_error
             )
-            walk = _insert_knots(walk, cells, places)
-        stale = stale + 1 if len(walk.time_steps) == knots else 0
+            walk = _insert_knots(walk, time_steps, knot_nodes)
+        stale_rounds = stale_rounds + 1 if len(walk.time_steps) == knots else 0
     return walk, nodes, True
 
 
-def _worst_samples(
+def _find_worst_samples(
     track: Track, walk: GridWalk, nodes: NDArray[np.int64], grid: QuantisationGrid, max_error: float
 ) -> NDArray[np.intp]:
-    """The sample of each part that is farthest away, where that is too far."""
-    metres = np.asarray(grid.origin, dtype=np.float64) / 1000 + nodes * step_size(grid.space)
+    """The farthest sample of each segment, where that is too far away."""
+    # Measure all samples.
+    positions = np.asarray(grid.origin, dtype=np.float64) / 1000 + nodes * step_size(grid.space)
     times = knot_times(walk.time_steps, grid)
-    errors = synchronised_errors(track, Walk(track.id, walk.nodes, times, walk.gaps), metres)
-    bad = np.flatnonzero(errors > max_error)
-    part = np.searchsorted(times, track.times[bad], side="right")
-    order = np.lexsort((-errors[bad], part))
-    first = np.append(True, np.diff(part[order]) > 0)[: len(order)]
-    worst: NDArray[np.intp] = np.sort(bad[order[first]])
+    errors = synchronised_errors(track, Walk(track.id, walk.nodes, times, walk.gaps), positions)
+
+    # Of those that are too far away, keep the farthest of each segment.
+    too_far = np.flatnonzero(errors > max_error)
+    segment = np.searchsorted(times, track.times[too_far], side="right")
+    order = np.lexsort((-errors[too_far], segment))
+    is_first = np.append(True, np.diff(segment[order]) > 0)[: len(order)]
+    worst: NDArray[np.intp] = np.sort(too_far[order[is_first]])
     return worst
 
 
@@ -149,34 +173,50 @@ def _shift_knots(
     grid: QuantisationGrid,
     max_error: float,
 ) -> tuple[GridWalk, NDArray[np.int64]]:
-    """Where samples lie between knots in adjacent cells, move the nearer knot so far that the sample comes within the maximum."""
-    at, size = (
-        (track.times[worst] - grid.epoch / 1000) / step_size(grid.time),
-        step_size(grid.space),
+    """Shift knots at adjacent time steps so that the samples between them come within the maximum.
+
+    Of the two knots around a sample, the nearer one gets a new node.
+    """
+    # Samples in time steps; those between two adjacent knots.
+    exact_steps = (track.times[worst] - grid.epoch / 1000) / step_size(grid.time)
+    nearest = np.clip(
+        np.rint(exact_steps).astype(np.int64), walk.time_steps[0], walk.time_steps[-1]
     )
-    cells = np.clip(np.rint(at).astype(np.int64), walk.time_steps[0], walk.time_steps[-1])
-    second = cells + np.where(at >= cells, 1, -1)
-    tight = np.isin(cells, walk.time_steps) & np.isin(second, walk.time_steps)
-    worst, at, cells = worst[tight], at[tight], cells[tight]
-    knot = np.searchsorted(walk.time_steps, cells)
-    corner = np.asarray(grid.origin, dtype=np.float64) / 1000
+    second = nearest + np.where(exact_steps >= nearest, 1, -1)
+    is_between = np.isin(nearest, walk.time_steps) & np.isin(second, walk.time_steps)
+    worst, exact_steps, nearest = worst[is_between], exact_steps[is_between], nearest[is_between]
+
+    # Offset of each sample from the walk.
+    size = step_size(grid.space)
+    origin = np.asarray(grid.origin, dtype=np.float64) / 1000
     decoded = Walk(track.id, walk.nodes, knot_times(walk.time_steps, grid), walk.gaps)
-    away = track.positions[worst] - positions_at(decoded, corner + nodes * size, track.times[worst])
-    pull = (1 - _WITHIN * max_error / np.linalg.norm(away, axis=1)) / (1 - np.abs(at - cells))
-    places = nodes[walk.nodes[knot]] + np.rint(away * pull[:, None] / size).astype(np.int64)
-    moved = walk.nodes.copy()
-    moved[knot] = np.arange(len(nodes), len(nodes) + len(knot), dtype=np.int32)
-    return replace(walk, nodes=moved), np.concatenate((nodes, places))
+    offset = track.positions[worst] - positions_at(
+        decoded, origin + nodes * size, track.times[worst]
+    )
+
+    # A knot's shift moves the walk at the sample by its share of the time; shift so far that only
+    # a share of the maximum remains.
+    shift = (1 - _SHIFTED_SHARE * max_error / np.linalg.norm(offset, axis=1)) / (
+        1 - np.abs(exact_steps - nearest)
+    )
+    knot = np.searchsorted(walk.time_steps, nearest)
+    new_nodes = nodes[walk.nodes[knot]] + np.rint(offset * shift[:, None] / size).astype(np.int64)
+    knot_nodes = walk.nodes.copy()
+    knot_nodes[knot] = np.arange(len(nodes), len(nodes) + len(knot), dtype=np.int32)
+    return replace(walk, nodes=knot_nodes), np.concatenate((nodes, new_nodes))
 
 
-def _time_steps(
+def _choose_time_steps(
     times: NDArray[np.float64], walk: GridWalk, grid: QuantisationGrid, *, beside: bool
 ) -> NDArray[np.int64]:
-    """The nearest cell to each time; if so asked, the second nearest where a knot has the nearest one and none the second."""
-    at = (times - grid.epoch / 1000) / step_size(grid.time)
-    nearest = np.rint(at).astype(np.int64)
+    """The nearest time step to each time, in the order of time.
+
+    With ``beside``, the second nearest where a knot has the nearest and none the second nearest.
+    """
+    exact_steps = (times - grid.epoch / 1000) / step_size(grid.time)
+    nearest = np.rint(exact_steps).astype(np.int64)
     if beside:
-        second = nearest + np.where(at >= nearest, 1, -1)
+        second = nearest + np.where(exact_steps >= nearest, 1, -1)
         nearest = np.where(
             np.isin(nearest, walk.time_steps) & ~np.isin(second, walk.time_steps), second, nearest
         )
@@ -185,54 +225,77 @@ def _time_steps(
 
 def _find_nodes(
     track: Track,
-    cells: NDArray[np.int64],
+    time_steps: NDArray[np.int64],
     nodes: NDArray[np.int64],
     grid: QuantisationGrid,
     reach: float,
 ) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Node for each cell, where the track is about that instant: a known one within reach, else a new one."""
+    """Node near the track at each time step: an existing one within reach, else a new one.
+
+    Returns
+    -------
+    knot_nodes : int32 array
+        Node of each time step.
+    nodes : int64 array, shape (V, d)
+        The nodes with the new ones.
+    """
+    # Positions of the track in grid steps.
     size = step_size(grid.space)
-    spots = (
-        _box_centres(track, knot_times(cells, grid), step_size(grid.time) / 2)
+    positions = (
+        _box_centres(track, knot_times(time_steps, grid), step_size(grid.time) / 2)
         - np.asarray(grid.origin) / 1000
     ) / size
-    away, number = cKDTree(nodes).query(spots)
-    fresh = away * size > reach
-    added, which = np.unique(np.rint(spots[fresh]).astype(np.int64), axis=0, return_inverse=True)
-    known = np.where(fresh, 0, number).astype(np.int32)
-    known[fresh] = len(nodes) + which.reshape(-1)
-    return known, np.concatenate((nodes, added))
 
-
-def _box_centres(track: Track, when: NDArray[np.float64], span: float) -> NDArray[np.float64]:
-    """Middle of the box about the samples within so many seconds of each instant; the interpolated position where there are none."""
-    there = np.stack([np.interp(when, track.times, axis) for axis in track.positions.T], axis=1)
-    first, after = (
-        np.searchsorted(track.times, when - span),
-        np.searchsorted(track.times, when + span),
+    # Round those without a near node to new nodes.
+    distance, nearest = cKDTree(nodes).query(positions)
+    is_new = distance * size > reach
+    new_nodes, number = np.unique(
+        np.rint(positions[is_new]).astype(np.int64), axis=0, return_inverse=True
     )
-    some = after > first
-    if some.any():
-        bounds = np.stack((first[some], after[some]), axis=1).ravel()
+    knot_nodes = np.where(is_new, 0, nearest).astype(np.int32)
+    knot_nodes[is_new] = len(nodes) + number.reshape(-1)
+    return knot_nodes, np.concatenate((nodes, new_nodes))
+
+
+def _box_centres(
+    track: Track, times: NDArray[np.float64], half_width: float
+) -> NDArray[np.float64]:
+    """Centre of the bounding box of the samples within ``half_width`` seconds of each time.
+
+    Where there are no samples, it is the interpolated position.
+    """
+    centres = np.stack([np.interp(times, track.times, axis) for axis in track.positions.T], axis=1)
+    first = np.searchsorted(track.times, times - half_width)
+    after = np.searchsorted(track.times, times + half_width)
+    has_samples = after > first
+    if has_samples.any():
+        # reduceat takes bounds in pairs; a row of padding lets the last one end at the end.
+        bounds = np.stack((first[has_samples], after[has_samples]), axis=1).ravel()
         padded = np.concatenate((track.positions, track.positions[-1:]))
-        low, high = (
-            np.minimum.reduceat(padded, bounds)[::2],
-            np.maximum.reduceat(padded, bounds)[::2],
-        )
-        there[some] = (low + high) / 2
-    return there
+        low = np.minimum.reduceat(padded, bounds)[::2]
+        high = np.maximum.reduceat(padded, bounds)[::2]
+        centres[has_samples] = (low + high) / 2
+    return centres
 
 
-def _insert_knots(walk: GridWalk, cells: NDArray[np.int64], places: NDArray[np.int32]) -> GridWalk:
-    """Put knots into a walk; one that has the same cell moves to the new place."""
-    after = np.searchsorted(walk.time_steps, cells)
-    same = walk.time_steps[np.minimum(after, len(walk.time_steps) - 1)] == cells
+def _insert_knots(
+    walk: GridWalk, time_steps: NDArray[np.int64], knot_nodes: NDArray[np.int32]
+) -> GridWalk:
+    """Insert knots into a walk; a knot at the same time step moves to the new node.
+
+    In gaps, no knots are inserted.
+    """
+    # Move knots at the same time steps.
+    after = np.searchsorted(walk.time_steps, time_steps)
+    is_same = walk.time_steps[np.minimum(after, len(walk.time_steps) - 1)] == time_steps
     nodes = walk.nodes.copy()
-    nodes[after[same]] = places[same]
-    between = ~same & ~np.append(walk.gaps, True)[after - 1]
-    at = after[between]
+    nodes[after[is_same]] = knot_nodes[is_same]
+
+    # Insert the others.
+    is_between = ~is_same & ~np.append(walk.gaps, True)[after - 1]
+    index = after[is_between]
     return GridWalk(
-        np.insert(nodes, at, places[between]),
-        np.insert(walk.time_steps, at, cells[between]),
-        np.insert(walk.gaps, at - 1, False),
+        np.insert(nodes, index, knot_nodes[is_between]),
+        np.insert(walk.time_steps, index, time_steps[is_between]),
+        np.insert(walk.gaps, index - 1, False),
     )

@@ -1,4 +1,4 @@
-"""What error is sensible for a log of which the user has said nothing."""
+"""Suggested error bounds, for a log whose user gives none."""
 
 from __future__ import annotations
 
@@ -12,26 +12,38 @@ from gpszip.model.track import Track
 
 __all__ = ["estimate_noise", "extent_rmse", "suggest_rmse"]
 
-#: A bound this many times the noise leaves the way and drops the noise.
-_ABOVE_NOISE = 1.5
+#: Ratio of the suggested bound to the noise: such a bound keeps the path and drops the noise.
+_BOUND_PER_NOISE = 1.5
 
-#: Shares of the log's extent: a bound above the larger loses the way itself, one below the smaller shows nobody more.
-_EXTENT_SHARES = (1 / 400, 1 / 200)
+#: Lower limit of the bound, as a share of the log's extent: a smaller bound shows nobody more.
+_MIN_EXTENT_SHARE = 1 / 400
+#: Upper limit of the bound, as a share of the log's extent: a larger one loses the path itself.
+_MAX_EXTENT_SHARE = 1 / 200
 
-#: Metres; receivers smooth what they tell, so that their samples look less noisy than they are.
-_GEOGRAPHIC = (3.0, 10.0)
+#: Lower limit of the bound of a GPS log, in metres. Receivers smooth their output, so that samples
+#: look less noisy than they are.
+_MIN_GEOGRAPHIC = 3.0
+#: Upper limit of the bound of a GPS log, in metres.
+_MAX_GEOGRAPHIC = 10.0
+
+#: Least bound, in metres.
+_MIN_BOUND = 1e-3
+
+#: Differences up to this many metres are taken as 0: the agent stands still.
+_STANDSTILL = 1e-9
 
 #: Median of the absolute value of a standard normal variable.
 _MEDIAN_NORMAL = 0.6744897501960817
 
 
 def estimate_noise(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> float:
-    """Root mean square distance between samples and the way that they follow, in metres.
+    """Root mean square distance between the samples and the path that they follow, in metres.
 
-    Each sample is compared with the point between its two neighbours at its own time. Were the way straight and the
-    noise of the samples independent with deviation s on each axis, the difference would have the deviation
-    s * sqrt(1 + u^2 + (1 - u)^2), u being the share of the time between the neighbours. The median makes the estimate
-    deaf to corners and spikes; the differences that are exactly 0, of an agent that stands still, don't count.
+    Each sample is compared with the point between its two neighbours at its own time. On a straight
+    path, with independent noise of deviation s on each axis, the difference has the deviation
+    s * sqrt(1 + u^2 + (1 - u)^2), where u is the share of the time between the neighbours. The
+    median makes the estimate robust to corners and outliers. Differences of exactly 0, of an agent
+    that stands still, do not count.
 
     Parameters
     ----------
@@ -43,7 +55,7 @@ def estimate_noise(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -
     Returns
     -------
     float
-        Metres over all axes together; 0 where no sample differs from the straight way.
+        Metres over all axes together; 0 where all samples are on straight lines.
 
     Examples
     --------
@@ -53,21 +65,24 @@ def estimate_noise(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -
     0.43
     """
     differences = [
-        _differences(track, gap) for track, gap in zip(tracks, gaps, strict=True) if len(track) > 2
+        _scaled_differences(track, gap)
+        for track, gap in zip(tracks, gaps, strict=True)
+        if len(track) > 2
     ]
     pooled = np.concatenate([np.zeros(0), *differences])
-    pooled = pooled[pooled > 1e-9]
+    pooled = pooled[pooled > _STANDSTILL]
     if len(pooled) == 0:
         return 0.0
     return float(np.median(pooled)) / _MEDIAN_NORMAL * math.sqrt(tracks[0].dimension)
 
 
 def suggest_rmse(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> float:
-    """RMSE in metres that keeps the ways of a log and drops its noise.
+    """RMSE in metres that keeps the path of a log and drops its noise.
 
-    It is 1.5 times the noise. Positions of robots drift slowly, which no neighbours tell, so that a log in x and y gets
-    no less than 1/400 of its extent or one second's way, whichever is smaller; and never more than 1/200 of its extent.
-    A log in degrees gets 3 to 10 m. The number is rounded to two digits, and 1 mm is the least.
+    It is 1.5 times the noise. Positions of robots drift slowly, which no comparison of neighbours
+    shows: a log in x and y gets at least 1/400 of its extent or the distance travelled in one
+    second, whichever is smaller. It never gets more than 1/200 of its extent. A log in degrees gets
+    3 to 10 m. The number is rounded to two digits, and is at least 1 mm.
 
     Parameters
     ----------
@@ -81,17 +96,22 @@ def suggest_rmse(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> 
     float
         Metres.
     """
-    noise = _ABOVE_NOISE * estimate_noise(tracks, gaps)
+    noise = _BOUND_PER_NOISE * estimate_noise(tracks, gaps)
     if tracks[0].plane is not None:
-        return _two_digits(min(max(noise, _GEOGRAPHIC[0]), _GEOGRAPHIC[1]))
+        return _round_to_two_digits(min(max(noise, _MIN_GEOGRAPHIC), _MAX_GEOGRAPHIC))
+
+    # Limit the bound by the diagonal of the bounding box.
     low = np.min([track.positions.min(axis=0) for track in tracks], axis=0)
     high = np.max([track.positions.max(axis=0) for track in tracks], axis=0)
-    least, most = (share * float(np.linalg.norm(high - low)) for share in _EXTENT_SHARES)
-    return _two_digits(max(min(max(noise, min(least, _speed(tracks, gaps))), most), 1e-3))
+    extent = float(np.linalg.norm(high - low))
+    least = min(_MIN_EXTENT_SHARE * extent, _median_speed(tracks, gaps))
+    return _round_to_two_digits(max(min(max(noise, least), _MAX_EXTENT_SHARE * extent), _MIN_BOUND))
 
 
 def extent_rmse(tracks: Sequence[Track]) -> float:
-    """Root mean square distance of all samples from their mean in metres: a coarser bound is held by a single place.
+    """Root mean square distance of all samples from their mean, in metres.
+
+    A single node holds any larger bound.
 
     Examples
     --------
@@ -102,8 +122,8 @@ def extent_rmse(tracks: Sequence[Track]) -> float:
     return float(np.sqrt(((positions - positions.mean(axis=0)) ** 2).sum(axis=1).mean()))
 
 
-def _speed(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> float:
-    """Median speed in m/s of the steps that lead somewhere."""
+def _median_speed(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> float:
+    """Median speed in m/s of the steps that move."""
     speeds = [
         (np.linalg.norm(np.diff(track.positions, axis=0), axis=1) / np.diff(track.times))[~gap]
         for track, gap in zip(tracks, gaps, strict=True)
@@ -113,14 +133,15 @@ def _speed(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> float:
     return float(np.median(moving)) if len(moving) else 0.0
 
 
-def _differences(track: Track, gaps: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _scaled_differences(track: Track, gaps: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Distance of each coordinate from its neighbours' line, in metres of noise."""
     times, positions = track.times, track.positions
     share = ((times[1:-1] - times[:-2]) / (times[2:] - times[:-2]))[:, None]
     between = (1 - share) * positions[:-2] + share * positions[2:]
     scaled = np.abs(positions[1:-1] - between) / np.sqrt(1 + share**2 + (1 - share) ** 2)
-    known: NDArray[np.float64] = scaled[~(gaps[:-1] | gaps[1:])].reshape(-1)
-    return known
+    differences: NDArray[np.float64] = scaled[~(gaps[:-1] | gaps[1:])].reshape(-1)
+    return differences
 
 
-def _two_digits(value: float) -> float:
+def _round_to_two_digits(value: float) -> float:
     return float(f"{value:.2g}")

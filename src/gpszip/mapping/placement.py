@@ -1,4 +1,4 @@
-"""The M-step of the connected map: where nodes lie, on whole places at last, and which of them become one."""
+"""The M-step of the connected map: positions of the nodes, and merges of nodes."""
 
 from __future__ import annotations
 
@@ -15,10 +15,18 @@ from gpszip.mapping.initial_map import (
     round_positions,
     solve_positions,
 )
+from gpszip.mapping.kernels.assign import Prices
 from gpszip.mapping.kernels.initial_map import merge_disjoint_pairs
 from gpszip.mapping.plan import Plan
 
 __all__ = ["merge_nodes", "place_nodes", "place_on_grid"]
+
+#: Distance in targets up to which two nodes may merge.
+_MERGE_REACH = 4
+
+#: Share of its price that a node saves when it merges, and of a new edge's for each neighbour that
+#: the two nodes share: the coder's model adapts to what is left.
+_SAVED_SHARE = 0.7
 
 
 def place_nodes(
@@ -34,7 +42,7 @@ def place_nodes(
 def place_on_grid(
     segments: Segments, positions: NDArray[np.float64], fixed: int
 ) -> NDArray[np.float64]:
-    """Whole places of all nodes; the first ``fixed`` are so already."""
+    """Round the positions of all nodes to whole grid steps; the first ``fixed`` are whole."""
     equations = normal_equations(segments, positions)
     return np.concatenate(
         [
@@ -49,54 +57,106 @@ def merge_nodes(
     segments: Segments,
     positions: NDArray[np.float64],
     plan: Plan,
-    bits: NDArray[np.float64],
+    prices: Prices,
     fixed: int,
 ) -> tuple[NDArray[np.int64], Segments, NDArray[np.float64]]:
-    """Unite nodes whose error apart costs fewer bits than the second node, which is never one of the first ``fixed``."""
-    pairs = _near_pairs(positions, 4 * plan.target, fixed)
+    """Merge nodes where that saves more bits than the error that it adds is worth.
+
+    Parameters
+    ----------
+    slot_nodes : int64 array, shape (S,)
+        Node of each slot, -1 where there is no knot; not changed.
+    segments : Segments
+        The segments between these knots.
+    positions : float64 array, shape (V, d)
+        The nodes, in grid steps.
+    plan : Plan
+        The target.
+    prices : Prices
+        Prices in bits.
+    fixed : int
+        The first nodes stay.
+
+    Returns
+    -------
+    slot_nodes, segments, positions
+        The same after the merges, with the nodes placed again.
+    """
+    pairs = _find_near_pairs(positions, _MERGE_REACH * plan.target, fixed)
     if len(pairs) == 0:
         return slot_nodes, segments, positions
-    own = segments.stiffness.diagonal()
-    square = ((positions[pairs[:, 0]] - positions[pairs[:, 1]]) ** 2).sum(axis=1)
-    # a node that stays where it is pulls as if it were infinitely stiff
-    pull = np.where(
-        pairs[:, 0] < fixed, 1.0, own[pairs[:, 0]] / (own[pairs[:, 0]] + own[pairs[:, 1]])
-    )
-    harm = bits[0] * square * own[pairs[:, 1]] * pull
-    count = len(positions)
-    ones = np.ones(len(segments.starts))
-    one_way = csr_array((ones, (segments.starts, segments.ends)), shape=(count, count))
-    linked = ((one_way + one_way.T) > 0).astype(np.float64)
-    shared = (linked @ linked).tocsr()[pairs[:, 0], pairs[:, 1]]
-    gain = 0.7 * (bits[3] + bits[4]) + 0.7 * bits[5] * np.asarray(shared).ravel() - harm
-    good = np.flatnonzero(gain > 0)
-    if len(good) == 0:
+
+    # Merge the pairs that gain, the best first.
+    gain = _merge_gain(pairs, segments, positions, prices, fixed)
+    gaining = np.flatnonzero(gain > 0)
+    if len(gaining) == 0:
         return slot_nodes, segments, positions
-    order = good[np.argsort(-gain[good], kind="stable")]
-    target = np.arange(count)
+    order = gaining[np.argsort(-gain[gaining], kind="stable")]
+    target = np.arange(len(positions))
     merge_disjoint_pairs(pairs[order], target)
+
+    # Renumber the nodes that are left, and place them.
     slot_nodes = np.where(slot_nodes >= 0, target[slot_nodes], -1)
     slot_nodes, positions = drop_unused_nodes(slot_nodes, positions, fixed)
     segments = segments.relabelled(slot_nodes, len(positions))
     return slot_nodes, segments, place_nodes(segments, positions, fixed)
 
 
-def _near_pairs(positions: NDArray[np.float64], reach: float, fixed: int) -> NDArray[np.int64]:
-    """Pairs of nodes within reach, the lower number first, at least one of them not of the first ``fixed``."""
+def _merge_gain(
+    pairs: NDArray[np.int64],
+    segments: Segments,
+    positions: NDArray[np.float64],
+    prices: Prices,
+    fixed: int,
+) -> NDArray[np.float64]:
+    """Bits that the merge of each pair saves, less the price of the error that it adds.
+
+    Two nodes of stiffness a and b at distance r that move to their common optimum add the squared
+    error r^2 a b / (a + b). A fixed node stays, as if its stiffness were infinite.
+    """
+    # The price of the added error.
+    stiffness = segments.stiffness.diagonal()
+    square = ((positions[pairs[:, 0]] - positions[pairs[:, 1]]) ** 2).sum(axis=1)
+    pull = np.where(
+        pairs[:, 0] < fixed,
+        1.0,
+        stiffness[pairs[:, 0]] / (stiffness[pairs[:, 0]] + stiffness[pairs[:, 1]]),
+    )
+    error_bits = prices.error * square * stiffness[pairs[:, 1]] * pull
+
+    # Neighbours that both nodes have: their edges merge, too.
+    count = len(positions)
+    ones = np.ones(len(segments.starts))
+    adjacency = csr_array((ones, (segments.starts, segments.ends)), shape=(count, count))
+    is_linked = ((adjacency + adjacency.T) > 0).astype(np.float64)
+    shared = (is_linked @ is_linked).tocsr()[pairs[:, 0], pairs[:, 1]]
+
+    gain: NDArray[np.float64] = (
+        _SAVED_SHARE * (prices.new_node + prices.position)
+        + _SAVED_SHARE * prices.new_edge * np.asarray(shared).ravel()
+        - error_bits
+    )
+    return gain
+
+
+def _find_near_pairs(positions: NDArray[np.float64], reach: float, fixed: int) -> NDArray[np.int64]:
+    """Pairs of nodes within reach, the lower number first.
+
+    The second node is never one of the first ``fixed``.
+    """
     if fixed == 0:
         return cKDTree(positions).query_pairs(reach, output_type="ndarray").astype(np.int64)
+
+    # Pairs of free nodes.
     free = cKDTree(positions[fixed:])
     pairs = [free.query_pairs(reach, output_type="ndarray") + fixed]
-    low, high = (
-        positions[fixed:].min(axis=0, initial=np.inf) - reach,
-        positions[fixed:].max(axis=0, initial=-np.inf) + reach,
-    )
+
+    # Pairs of a fixed and a free node; only fixed nodes near the bounding box of the free ones
+    # count.
+    low = positions[fixed:].min(axis=0, initial=np.inf) - reach
+    high = positions[fixed:].max(axis=0, initial=-np.inf) + reach
     near = np.flatnonzero(((positions[:fixed] >= low) & (positions[:fixed] <= high)).all(axis=1))
-    found = (
-        cKDTree(positions[near]).sparse_distance_matrix(free, reach, output_type="ndarray")
-        if len(near) and free.n
-        else None
-    )
-    if found is not None:
-        pairs.append(np.stack([near[found["i"]], found["j"] + fixed], axis=1))
+    if len(near) and free.n:
+        mixed = cKDTree(positions[near]).sparse_distance_matrix(free, reach, output_type="ndarray")
+        pairs.append(np.stack([near[mixed["i"]], mixed["j"] + fixed], axis=1))
     return np.concatenate(pairs).astype(np.int64)

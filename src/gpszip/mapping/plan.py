@@ -1,4 +1,4 @@
-"""What one search for a map is told."""
+"""Parameters of one search for a map."""
 
 from __future__ import annotations
 
@@ -6,36 +6,48 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Plan"]
+__all__ = ["LOCAL_MAX_ERROR_AIM", "MAX_ERROR_AIM", "RMSE_AIM", "Plan"]
+
+#: Share of an RMSE allowed that a search targets, with a margin for rounding.
+RMSE_AIM = 0.9995
+
+#: Share of a maximum allowed that a search targets, with a margin for rounding.
+MAX_ERROR_AIM = 0.999
+
+#: The same for a local search, which measures each sample.
+LOCAL_MAX_ERROR_AIM = 1 - 1e-6
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How one search for a map goes about it.
+    """Parameters of one search for a map.
 
     Parameters
     ----------
     target : float
-        Root mean square error to reach, in quanta.
-    leader_radius : float
-        Radius, in targets, within which the first knots are gathered into shared nodes; 0 leaves each its own.
-    rounds : int
-        Number of rounds of E-step, M-step and merging.
-    extra_rounds : int
-        Rounds that may follow while the error allowed isn't made use of.
-    give_up_ratio : float
-        Give up where the error is so many times the target, and hardly falls when the price rises.
-    beam : float
-        Bits beyond the cheapest node of a slot above which another one isn't looked at.
-    encode_alternate_rounds : bool
-        Code the walks only every other round before the last few, beside the next round's work: prices lag behind by one.
+        Root mean square error to reach, in grid steps.
+    leader_radius : float, default 1
+        Radius, in targets, within which the first knots share a node; 0 gives each its own node.
+    rounds : int, default 12
+        Rounds of E-step, M-step and merging.
+    extra_rounds : int, default 0
+        Rounds that may follow while the error allowed is not used up.
+    give_up_ratio : float, default infinity
+        Give up where the error is more than this many times the target, and hardly falls although
+        its price rises.
+    beam : float, default infinity
+        Bits beyond the cheapest node of a slot above which another node is left out.
+    encode_alternate_rounds : bool, default False
+        Encode the walks only every other round before the last few, concurrently with the next
+        round. Prices then lag behind by one round.
     maximum : float, optional
-        Largest distance of any sample, in quanta, to aim for instead; ``target`` is then the error of the first walks.
-    window : int
+        Largest distance of any sample, in grid steps, to aim for instead; ``target`` is then the
+        error of the first walks.
+    window : int, default 24
         Knots that the E-step chooses at once.
-    max_slots : int
-        Slots that a part may span.
-    reach : float
+    max_slots : int, default 300
+        Slots that a segment may span.
+    reach : float, default 3
         Radius, in targets, within which a knot may take a node.
     """
 

@@ -1,7 +1,8 @@
-"""The connected map: parts end in nodes that walks share, found by description length.
+"""Rounds of learning the connected map: segments end in nodes that walks share.
 
-One objective decides everything: J = bits + price x squared error. Each round moves knots and relabels them window by window
-(E-step), places all nodes by one sparse solve (M-step) and merges nodes where that saves bits.
+One objective decides everything, the rate-distortion cost J = bits + price x squared error. Each
+round moves and relabels knots window by window (E-step), places all nodes by one sparse solve
+(M-step), and merges nodes where that saves bits.
 """
 
 from __future__ import annotations
@@ -26,7 +27,8 @@ from gpszip.mapping.initial_map import (
     squared_error,
     walks_of,
 )
-from gpszip.mapping.kernels.initial_map import cluster_by_leader, index_nodes
+from gpszip.mapping.kernels.assign import Prices
+from gpszip.mapping.kernels.initial_map import NODE_COUNT, cluster_by_leader, index_nodes
 from gpszip.mapping.kernels.private_chain import find_private_chains
 from gpszip.mapping.placement import merge_nodes, place_nodes, place_on_grid
 from gpszip.mapping.plan import Plan
@@ -44,34 +46,98 @@ __all__ = ["Outcome", "estimate_prices", "fit", "measure_and_encode"]
 
 T = TypeVar("T")
 
-#: Steps of the walks' kinds in the coder's ledger.
-_BACK, _KNOWN, _LINK, _NEW, _STAY = range(5)
-#: Power of the error's excess by which the price rises after the first miss.
-_PUSH = 2.5
-#: Share of it below which the price falls harder each round, too: on thin slots, and where rounds follow until none is left.
-_SLACK, _NO_SLACK = 0.99, 0.998
-#: Share of the error allowed that is to be made use of.
-_FULL = 0.992
-#: Share of the last round's error above which it hardly falls.
+#: Kind of a step in the coder's bit statistics: back along the edge that the walk came by.
+_BACK = 0
+#: Kind of a step along another known edge.
+_KNOWN = 1
+#: Kind of a step along a new edge to a known node.
+_LINK = 2
+#: Kind of a step to a new node.
+_NEW = 3
+#: Kind of a stop.
+_STAY = 4
+
+#: Power of the excess error by which the price changes after a first miss.
+_PRICE_POWER = 2.5
+#: What the power gains in each further round in which the error is on the same side.
+_POWER_STEP = 1.5
+
+#: Share of the error allowed that the price targets.
+_AIM = 0.995
+#: Excess below which the price falls harder each round, on a sparse time grid.
+_SLACK = 0.99
+#: The same where rounds follow until the error allowed is used up.
+_SMALL_SLACK = 0.998
+#: Share of the error allowed from which on it counts as used up.
+_USED_UP = 0.992
+#: Share of the last round's error above which the error hardly falls.
 _STUCK = 0.98
-#: Every so many rounds the price falls by this factor: walks that need fewer knots leave a local optimum behind.
-_KICK_EVERY, _KICK = 6, 0.6
-#: A maximum: share of it beyond which a sample pulls harder, the heaviest weight, the share of parts that may miss it before the
-#: last rounds, bytes that one takes there and afterwards, and how gently the price follows.
-_PULL, _HEAVIEST, _MISSES, _HOLD, _MEND, _GENTLY = 0.87, 64.0, 0.04, 3.0, 8.0, 0.15
-#: Rounds in which knots are settled along parts that keep the maximum.
-_HOLDING_ROUNDS = 4
-#: Rounds on all slots after those on the thin ones.
-_LAST_ROUNDS = 5
-#: Rounds at the end whose walks are coded in any case.
-_CODED_ROUNDS = 2
-#: Slots to either side of a knot to which it may move in one of them.
+
+#: Every so many rounds the price falls: walks that need fewer knots leave a local optimum.
+_KICK_EVERY = 6
+#: Factor by which it falls.
+_KICK = 0.6
+
+#: Share of a maximum beyond which a sample gains weight.
+_PULL_SHARE = 0.87
+#: Largest weight of a sample.
+_MAX_WEIGHT = 64.0
+#: Limits of the factor by which a weight changes in a round.
+_MIN_REWEIGHT = 0.5
+_MAX_REWEIGHT = 4.0
+#: Share of the segments that may miss a maximum before the last rounds.
+_MAX_MISSES = 0.04
+#: Bytes that a miss counts for among the outcomes of a search.
+_BYTES_PER_MISS = 3.0
+#: Bytes that it takes to bring a segment that still misses within the maximum.
+_BYTES_PER_REPAIR = 8.0
+#: Power of the misses by which the price follows them.
+_MISS_POWER = 0.15
+
+#: Rounds in which knots are assigned along segments that keep the maximum.
+_MAX_ERROR_ROUNDS = 4
+#: Rounds on all slots after those on the sparse ones.
+_DENSE_ROUNDS = 5
+#: Rounds at the end whose walks are always encoded.
+_ENCODED_ROUNDS = 2
+#: Slots to either side of a knot to which it may move in one of the dense rounds.
 _NEAR_SLOTS = 3
+
+#: Bits of a knot when each piece gets its own chain, beside its position.
+_CHAIN_KNOT_BITS = 7.0
+#: Rounds in which the price of the first chains is adjusted.
+_CHAIN_ROUNDS = 4
+#: Share of the target that the first chains aim at.
+_CHAIN_AIM = 0.93
+#: Power of the miss by which their price changes, about what error and price follow.
+_CHAIN_POWER = 1.6
+#: Miss within which the first chains are good enough.
+_CHAIN_TOLERANCE = 0.05
+
+#: Bits of squared error for each slot when the error is on target: the first price.
+_BITS_PER_SLOT = 0.3
+
+#: Steps of each kind that a guess of its price counts for.
+_GUESS_WEIGHT = 4
+#: Bits of a known edge beside its share of the traffic.
+_ESCAPE_BITS = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class Outcome:
-    """A map with its walks: the coded size in bytes, the root mean square error in quanta, and the parts that miss a maximum."""
+    """A map with its walks.
+
+    Parameters
+    ----------
+    walks : GridWalks
+        Map and walks.
+    size : int
+        Encoded size in bytes.
+    error : float
+        Root mean square error in grid steps.
+    misses : int, default 0
+        Number of segments that miss a maximum.
+    """
 
     walks: GridWalks
     size: int
@@ -80,8 +146,8 @@ class Outcome:
 
     @property
     def cost(self) -> float:
-        """Bytes, with what mending the parts that still miss a maximum takes, on a finer lattice for all."""
-        return self.size + _MEND * self.misses
+        """Bytes, with those that it takes to bring all segments within the maximum."""
+        return self.size + _BYTES_PER_REPAIR * self.misses
 
 
 def fit(
@@ -90,101 +156,105 @@ def fit(
     plan: Plan,
     *,
     sparse_grid: TimeGrid | None = None,
-    known: Prior | None = None,
+    prior: Prior | None = None,
     executor: Executor | None = None,
 ) -> Outcome | None:
     """Learn a map and walks of few bytes whose error is within the plan's target.
 
+    1. Each piece gets the cheapest chain of knots by itself; near knots share a node.
+    2. In each round, knots are assigned (E-step), nodes placed (M-step) and merged, and the walks
+       measured and encoded.
+    3. After each round, prices follow the error and the coder's bit statistics.
+    4. Under a maximum, the best walks are assigned again along segments that keep it.
+
     Parameters
     ----------
-    time_grid : Slots
-        Where knots may lie.
+    time_grid : TimeGrid
+        Slots where knots may lie.
     tracks : int
         Number of tracks.
     plan : Plan
-        The target and how to go about it.
-    sparse_grid : Slots, optional
-        Some of the slots: all rounds but the last few are spent on them, for speed.
-    known : Past, optional
-        Walks whose nodes these may take, too: they stay where they are and come first in the outcome.
+        The target, and parameters of the search.
+    sparse_grid : TimeGrid, optional
+        Some of the slots: all rounds but the last few use these only, for speed.
+    prior : Prior, optional
+        Walks whose nodes the new walks may take, too: they stay where they are and come first in
+        the outcome.
     executor : Executor, optional
-        Where the batches of a round are settled; the outcome does not depend on it.
+        Runs the batches of a round; the outcome does not depend on it.
 
     Returns
     -------
     Outcome or None
-        The smallest that was met on the way; None if no round met the target.
+        The smallest of all rounds; None if no round met the target.
     """
-    here, fixed = (
-        time_grid if sparse_grid is None else sparse_grid,
-        0 if known is None else known.nodes,
-    )
-    slot_nodes, positions, price = _start_from_private_chains(here, plan, executor)
-    slot_nodes, positions = _cluster_knots(here, slot_nodes, positions, plan, known)
-    tally, last = _BestOutcome(plan, known), np.inf
-    slack = _SLACK if sparse_grid is not None else _NO_SLACK if plan.extra_rounds else 0.0
-    push, fall, bits, weights = (
-        _PUSH,
-        _PUSH,
-        estimate_prices(None, price, len(positions), plan.beam),
-        np.ones(len(time_grid.times)),
-    )
+    # Start from private chains, with near knots clustered.
+    current_grid = time_grid if sparse_grid is None else sparse_grid
+    slot_nodes, positions, price = _start_from_private_chains(current_grid, plan, executor)
+    slot_nodes, positions = _cluster_knots(current_grid, slot_nodes, positions, plan, prior)
+
+    best = _BestOutcome(plan, prior)
+    control = _PriceControl(plan, price, _choose_slack(plan, sparse_grid))
+    prices = estimate_prices(None, price, len(positions), plan.beam)
+    weights = np.ones(len(time_grid.times))
     for turn in range(plan.rounds + plan.extra_rounds):
-        if turn >= plan.rounds and tally.is_full():
+        if turn >= plan.rounds and best.is_used_up():
             break
-        if sparse_grid is not None and turn >= plan.rounds - _LAST_ROUNDS:
-            slot_nodes, here = _restore_slots(time_grid, sparse_grid, here, slot_nodes)
+        if sparse_grid is not None and turn >= plan.rounds - _DENSE_ROUNDS:
+            slot_nodes, current_grid = _restore_slots(
+                time_grid, sparse_grid, current_grid, slot_nodes
+            )
         if plan.maximum is not None:
-            here = reweight_samples(here, np.rint(weights).astype(np.int64))
-        anew = partial(
+            current_grid = reweight_samples(current_grid, np.rint(weights).astype(np.int64))
+
+        # E-step, while the walks of the round before are encoded.
+        assign = partial(
             assign_knots,
-            here,
+            current_grid,
             slot_nodes,
             positions,
             plan,
-            bits,
+            prices,
             turn,
-            known=known,
+            prior=prior,
             executor=executor,
         )
-        slot_nodes, positions = (
-            anew()
-            if tally.waiting is None
-            else _run_concurrently(local_executor(executor), tally.code, anew)
+        slot_nodes, positions = best.encode_beside(assign, executor)
+
+        # M-step, merge and rounding.
+        slot_nodes, positions, layout, segments = _place_and_merge(
+            current_grid, slot_nodes, positions, plan, prices, prior
         )
-        segments = list_segments(here, slot_nodes, len(positions))
-        slot_nodes, segments, positions = merge_nodes(
-            slot_nodes, segments, place_nodes(segments, positions, fixed), plan, bits, fixed
-        )
-        rounded = place_on_grid(segments, positions, fixed)
-        outcome, errors = _measure(here, slot_nodes, rounded, tracks, plan, known, segments)
-        if not plan.encode_alternate_rounds or turn % 2 == 0 or turn >= plan.rounds - _CODED_ROUNDS:
-            tally.add(outcome, _Layout(here, slot_nodes, rounded))
+
+        # Measure the walks, and encode them now or beside the next E-step.
+        outcome, errors = _measure(layout, tracks, plan, prior, segments)
+        if _is_encoded(plan, turn):
+            best.add(outcome, layout)
         if turn == 0 or not plan.encode_alternate_rounds:
-            tally.code()
+            best.encode()
+
+        # Let weights and prices follow the errors.
         if plan.maximum is not None:
             weights = _reweigh(weights, errors, plan.maximum)
         if turn >= 1:
-            over = _excess(outcome, plan)
-            if over > plan.give_up_ratio and outcome.error > _STUCK * last:
+            if control.is_hopeless(outcome):
                 return None
-            last = outcome.error
-            # a map that lags behind its price is pushed harder each round
-            push = push + 1.5 if over > 1 else _PUSH
-            fall = fall + 1.5 if over < slack else _PUSH
-            price *= over ** (push if over > 1 else fall)
+            control.follow(outcome)
         if turn % _KICK_EVERY == _KICK_EVERY - 1 and turn + _KICK_EVERY < plan.rounds:
-            price, push, fall = _KICK * price, _PUSH, _PUSH
-        bits = estimate_prices(tally.bit_statistics, price, len(outcome.walks.nodes), plan.beam)
-    tally.code()
-    if plan.maximum is None or tally.layout is None:
-        return tally.best
-    return _enforce_max_error(tally.layout, tracks, plan, bits, known, executor)
+            control.kick()
+        prices = estimate_prices(
+            best.bit_statistics, control.price, len(outcome.walks.nodes), plan.beam
+        )
+
+    best.encode()
+    if plan.maximum is None or best.layout is None:
+        return best.outcome
+    return _enforce_max_error(best.layout, tracks, plan, prices, prior, executor)
 
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """Knots on slots, and whole places of their nodes."""
+    """Knots on slots, and whole positions of their nodes."""
 
     time_grid: TimeGrid
     slot_nodes: NDArray[np.int64]
@@ -193,45 +263,98 @@ class _Layout:
 
 @dataclass(eq=False)
 class _BestOutcome:
-    """The smallest outcome so far with its layout, what the coder last paid, and an outcome that it has still to code."""
+    """The smallest outcome so far with its layout, and an outcome that waits to be encoded."""
 
     plan: Plan
-    known: Prior | None
-    best: Outcome | None = None
+    prior: Prior | None
+    outcome: Outcome | None = None
     layout: _Layout | None = None
     bit_statistics: NDArray[np.float64] = field(default_factory=lambda: np.zeros((STATISTICS, 2)))
     waiting: tuple[Outcome, _Layout] | None = None
 
     def add(self, outcome: Outcome, layout: _Layout) -> None:
-        """Take note of an outcome whose size nobody knows yet."""
+        """Let an outcome of unknown size wait to be encoded."""
         self.waiting = outcome, layout
 
-    def code(self) -> None:
-        """Code what waits."""
+    def encode(self) -> None:
+        """Encode the waiting outcome, and keep it if it is the smallest."""
         if self.waiting is None:
             return
         (outcome, layout), self.waiting = self.waiting, None
-        outcome, self.bit_statistics = _encode_outcome(outcome, self.known)
-        if _is_better(outcome, self.best, self.plan):
-            self.best, self.layout = outcome, layout
+        outcome, self.bit_statistics = _encode_outcome(outcome, self.prior)
+        if _is_better(outcome, self.outcome, self.plan):
+            self.outcome, self.layout = outcome, layout
 
-    def is_full(self) -> bool:
-        """Whether the best outcome makes use of the error allowed."""
-        enough = _FULL * self.plan.target
-        if (
-            self.waiting is not None
-            and max(self.waiting[0].error, self.best.error if self.best else 0.0) > enough
-        ):
-            self.code()
-        return self.best is not None and self.best.error > enough
+    def encode_beside(self, work: Callable[[], T], executor: Executor | None) -> T:
+        """Encode the waiting outcome while other work runs; return the result of that work."""
+        if self.waiting is None:
+            return work()
+        return _run_concurrently(local_executor(executor), self.encode, work)
+
+    def is_used_up(self) -> bool:
+        """Whether the best outcome uses up the error allowed."""
+        enough = _USED_UP * self.plan.target
+        best_error = self.outcome.error if self.outcome else 0.0
+        if self.waiting is not None and max(self.waiting[0].error, best_error) > enough:
+            self.encode()
+        return self.outcome is not None and self.outcome.error > enough
+
+
+@dataclass(eq=False)
+class _PriceControl:
+    """The price of a squared error, which follows the error from round to round.
+
+    The longer the error stays on one side, the harder the price changes.
+    """
+
+    plan: Plan
+    price: float
+    slack: float
+    rise_power: float = _PRICE_POWER
+    fall_power: float = _PRICE_POWER
+    last_error: float = np.inf
+
+    def is_hopeless(self, outcome: Outcome) -> bool:
+        """Whether the error is far too large, and hardly falls."""
+        return (
+            _find_excess(outcome, self.plan) > self.plan.give_up_ratio
+            and outcome.error > _STUCK * self.last_error
+        )
+
+    def follow(self, outcome: Outcome) -> None:
+        """Raise the price if the error is too large, and lower it if it is too small."""
+        excess = _find_excess(outcome, self.plan)
+        self.last_error = outcome.error
+        self.rise_power = self.rise_power + _POWER_STEP if excess > 1 else _PRICE_POWER
+        self.fall_power = self.fall_power + _POWER_STEP if excess < self.slack else _PRICE_POWER
+        self.price *= excess ** (self.rise_power if excess > 1 else self.fall_power)
+
+    def kick(self) -> None:
+        """Let the price fall, so that walks leave a local optimum."""
+        self.price = _KICK * self.price
+        self.rise_power = self.fall_power = _PRICE_POWER
+
+
+def _choose_slack(plan: Plan, sparse_grid: TimeGrid | None) -> float:
+    """Excess below which the price falls harder each round; 0 for never."""
+    if sparse_grid is not None:
+        return _SLACK
+    return _SMALL_SLACK if plan.extra_rounds else 0.0
+
+
+def _is_encoded(plan: Plan, turn: int) -> bool:
+    """Whether the walks of a round are encoded."""
+    return (
+        not plan.encode_alternate_rounds or turn % 2 == 0 or turn >= plan.rounds - _ENCODED_ROUNDS
+    )
 
 
 def _run_concurrently(executor: Executor, aside: Callable[[], None], work: Callable[[], T]) -> T:
-    """Return what comes of work; something else is done at the same time."""
-    found: list[T] = []
-    for _ in executor.map(_call, [aside, lambda: found.append(work())]):
+    """Run ``aside`` concurrently; return the result of ``work``."""
+    results: list[T] = []
+    for _ in executor.map(_call, [aside, lambda: results.append(work())]):
         pass
-    return found[0]
+    return results[0]
 
 
 def _call(step: Callable[[], None]) -> None:
@@ -239,84 +362,136 @@ def _call(step: Callable[[], None]) -> None:
 
 
 def _restore_slots(
-    time_grid: TimeGrid, sparse_grid: TimeGrid, here: TimeGrid, slot_nodes: NDArray[np.int64]
+    time_grid: TimeGrid,
+    sparse_grid: TimeGrid,
+    current_grid: TimeGrid,
+    slot_nodes: NDArray[np.int64],
 ) -> tuple[NDArray[np.int64], TimeGrid]:
-    """Carry the knots to slots that lie closely about them."""
-    whole = transfer_knots(slot_nodes, here, time_grid)
-    near = mask_near_knots(sparse_grid, time_grid, np.flatnonzero(whole >= 0), _NEAR_SLOTS)
-    return whole[near], select_slots(time_grid, near)
+    """Transfer the knots to a grid with all slots that are close to them."""
+    transferred = transfer_knots(slot_nodes, current_grid, time_grid)
+    near = mask_near_knots(sparse_grid, time_grid, np.flatnonzero(transferred >= 0), _NEAR_SLOTS)
+    return transferred[near], select_slots(time_grid, near)
+
+
+def _place_and_merge(
+    time_grid: TimeGrid,
+    slot_nodes: NDArray[np.int64],
+    positions: NDArray[np.float64],
+    plan: Plan,
+    prices: Prices,
+    prior: Prior | None,
+) -> tuple[NDArray[np.int64], NDArray[np.float64], _Layout, Segments]:
+    """Place all nodes, merge some, and round their positions.
+
+    Returns
+    -------
+    slot_nodes, positions
+        Knots and nodes after the merge.
+    layout : _Layout
+        The same with whole positions.
+    segments : Segments
+        The segments between the knots.
+    """
+    fixed = 0 if prior is None else prior.nodes
+    segments = list_segments(time_grid, slot_nodes, len(positions))
+    slot_nodes, segments, positions = merge_nodes(
+        slot_nodes, segments, place_nodes(segments, positions, fixed), plan, prices, fixed
+    )
+    rounded = place_on_grid(segments, positions, fixed)
+    return slot_nodes, positions, _Layout(time_grid, slot_nodes, rounded), segments
 
 
 def _enforce_max_error(
     layout: _Layout,
     tracks: int,
     plan: Plan,
-    bits: NDArray[np.float64],
-    known: Prior | None,
+    prices: Prices,
+    prior: Prior | None,
     executor: Executor | None,
 ) -> Outcome:
-    """Settle the knots once more on places that are whole already, along parts that keep the maximum."""
+    """Assign the knots again at whole positions, along segments that keep the maximum."""
     time_grid, slot_nodes, positions = layout.time_grid, layout.slot_nodes, layout.positions
-    whole = replace(time_grid, positions=np.rint(time_grid.positions))
-    bits = np.concatenate(
-        [[0.0], bits[1:]]
-    )  # where the maximum is kept, squared error costs nothing
-    best = measure_and_encode(time_grid, slot_nodes, positions, tracks, plan, known)[0]
-    for turn in range(_HOLDING_ROUNDS):
+    rounded_grid = replace(time_grid, positions=np.rint(time_grid.positions))
+    best, _, _ = measure_and_encode(time_grid, slot_nodes, positions, tracks, plan, prior)
+
+    # Where the maximum is kept, squared error costs nothing.
+    prices = prices._replace(error=0.0)
+    for turn in range(_MAX_ERROR_ROUNDS):
         slot_nodes, positions = assign_knots(
-            whole,
+            rounded_grid,
             slot_nodes,
             positions,
             plan,
-            bits,
+            prices,
             turn,
             maximum=plan.maximum or 0.0,
-            known=known,
+            prior=prior,
             executor=executor,
         )
         outcome, bit_statistics, _ = measure_and_encode(
-            time_grid, slot_nodes, positions, tracks, plan, known
+            time_grid, slot_nodes, positions, tracks, plan, prior
         )
-        bits = estimate_prices(bit_statistics, 0.0, len(outcome.walks.nodes))
+        prices = estimate_prices(bit_statistics, 0.0, len(outcome.walks.nodes))
         best = outcome if outcome.cost < best.cost else best
     return best
 
 
 def _is_better(outcome: Outcome, best: Outcome | None, plan: Plan) -> bool:
-    """Whether an outcome is smaller; a miss of the target is out, a part that misses the maximum costs what mending it will."""
+    """Whether an outcome is smaller; misses of a maximum count for some bytes.
+
+    An outcome that misses the target is never better.
+    """
     if plan.maximum is None and outcome.error > plan.target:
         return False
-    return best is None or outcome.size + _HOLD * outcome.misses < best.size + _HOLD * best.misses
+    return (
+        best is None
+        or outcome.size + _BYTES_PER_MISS * outcome.misses
+        < best.size + _BYTES_PER_MISS * best.misses
+    )
 
 
-def _excess(outcome: Outcome, plan: Plan) -> float:
-    """How far the walks are from what the price is to bring about; above 1 it must rise."""
+def _find_excess(outcome: Outcome, plan: Plan) -> float:
+    """Ratio of an outcome's error, or of its misses, to those aimed at; above 1, prices rise."""
     if plan.maximum is None:
-        return outcome.error / (0.995 * plan.target)
+        return outcome.error / (_AIM * plan.target)
     segments = sum(len(walk.gaps) for walk in outcome.walks.walks)
-    return float(((outcome.misses + 1) / (_MISSES * segments + 1)) ** _GENTLY)
+    return float(((outcome.misses + 1) / (_MAX_MISSES * segments + 1)) ** _MISS_POWER)
 
 
 def _reweigh(
     weights: NDArray[np.float64], errors: NDArray[np.float64], maximum: float
 ) -> NDArray[np.float64]:
-    """Let samples near or beyond the maximum pull harder and the others less: multipliers of the constraints, by dual ascent."""
-    return np.asarray(
-        np.clip(weights * np.clip((errors / (_PULL * maximum)) ** 2, 0.5, 4.0), 1.0, _HEAVIEST)
-    )
+    """Weights of the samples: those near or beyond the maximum gain, the others lose.
+
+    They are the multipliers of the constraints, by dual ascent.
+    """
+    factors = np.clip((errors / (_PULL_SHARE * maximum)) ** 2, _MIN_REWEIGHT, _MAX_REWEIGHT)
+    return np.asarray(np.clip(weights * factors, 1.0, _MAX_WEIGHT))
 
 
 def _start_from_private_chains(
     time_grid: TimeGrid, plan: Plan, executor: Executor | None
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], float]:
-    """Give every piece the cheapest chain of its own, at a price that meets the target."""
-    price = 0.3 * len(time_grid.time_steps) / (time_grid.samples * plan.target**2)
+    """Give every piece the cheapest chain by itself, at a price that meets the target.
+
+    Returns
+    -------
+    slot_nodes : int64 array, shape (S,)
+        Each knot has a node of its own; -1 where there is no knot.
+    positions : float64 array, shape (V, d)
+        The nodes, in grid steps.
+    price : float
+        Bits for a squared error.
+    """
+    price = _BITS_PER_SLOT * len(time_grid.time_steps) / (time_grid.samples * plan.target**2)
     slot_nodes = np.full(len(time_grid.time_steps), -1, np.int64)
+
+    # Batches end between pieces, since only last slots are marked as knots.
     batches = cut_into_batches(
         time_grid, np.where(np.isin(np.arange(len(slot_nodes)), time_grid.last_slots), 0, -1), 0
     )
 
-    def chain(batch: NDArray[np.int64]) -> None:
+    def find_chains(batch: NDArray[np.int64]) -> None:
         find_private_chains(
             time_grid.sums,
             time_grid.ticks,
@@ -325,22 +500,28 @@ def _start_from_private_chains(
             time_grid.ticks_per_step,
             batch,
             price,
-            7.0,
+            _CHAIN_KNOT_BITS,
             plan.max_slots,
             slot_nodes,
         )
 
-    for _ in range(4):
-        for _ in (map if executor is None else executor.map)(chain, batches):
+    for _ in range(_CHAIN_ROUNDS):
+        for _ in (map if executor is None else executor.map)(find_chains, batches):
             pass
-        slot_nodes[slot_nodes >= 0] = np.arange((slot_nodes >= 0).sum())
-        segments = list_segments(time_grid, slot_nodes, int((slot_nodes >= 0).sum()))
-        positions = place_nodes(segments, time_grid.positions[slot_nodes >= 0])
+
+        # Number the knots, and measure their error at the best positions.
+        is_knot = slot_nodes >= 0
+        knots = int(is_knot.sum())
+        slot_nodes[is_knot] = np.arange(knots)
+        segments = list_segments(time_grid, slot_nodes, knots)
+        positions = place_nodes(segments, time_grid.positions[is_knot])
         error = np.sqrt(squared_error(segments, positions) / time_grid.samples)
-        miss = max(error, 1e-3) / (0.93 * plan.target)
-        if 0.95 < miss < 1.05:
+
+        # Adjust the price.
+        miss = max(error, 1e-3) / (_CHAIN_AIM * plan.target)
+        if 1 - _CHAIN_TOLERANCE < miss < 1 + _CHAIN_TOLERANCE:
             break
-        price *= min(max(miss**1.6, 0.02), 50.0)
+        price *= min(max(miss**_CHAIN_POWER, 0.02), 50.0)
     return slot_nodes, positions, price
 
 
@@ -349,30 +530,35 @@ def _cluster_knots(
     slot_nodes: NDArray[np.int64],
     positions: NDArray[np.float64],
     plan: Plan,
-    known: Prior | None,
+    prior: Prior | None,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Let knots that are near each other, or a known node, share a node."""
-    there = (
-        np.zeros((0, positions.shape[1])) if known is None else known.walks.nodes.astype(np.float64)
+    """Let knots near each other, or near a prior node, share a node."""
+    prior_nodes = (
+        np.zeros((0, positions.shape[1])) if prior is None else prior.walks.nodes.astype(np.float64)
     )
+    is_knot = slot_nodes >= 0
     if plan.leader_radius <= 0:
-        return np.where(slot_nodes >= 0, slot_nodes + len(there), -1), np.concatenate(
-            [there, positions]
-        )
-    knots = int((slot_nodes >= 0).sum())
+        renumbered = np.where(is_knot, slot_nodes + len(prior_nodes), -1)
+        return renumbered, np.concatenate([prior_nodes, positions])
+
+    # Enter the prior nodes into an empty map.
     working_map = allocate_working_map(
-        positions.shape[1], len(there) + knots, 8, plan.leader_radius * plan.target
+        positions.shape[1],
+        len(prior_nodes) + int(is_knot.sum()),
+        8,
+        plan.leader_radius * plan.target,
     )
-    working_map.positions[: len(there)] = there
-    working_map.scalars[0] = len(there)
-    index_nodes(working_map, len(there))
-    spots = time_grid.positions.copy()
-    spots[slot_nodes >= 0] = positions[slot_nodes[slot_nodes >= 0]]
-    cluster_by_leader(working_map, spots, slot_nodes)
-    nodes = working_map.positions[: int(working_map.scalars[0])]
-    return slot_nodes, place_nodes(
-        list_segments(time_grid, slot_nodes, len(nodes)), nodes, len(there)
-    )
+    working_map.positions[: len(prior_nodes)] = prior_nodes
+    working_map.counters[NODE_COUNT] = len(prior_nodes)
+    index_nodes(working_map, len(prior_nodes))
+
+    # Cluster the knots at their nodes' positions, and place the clusters.
+    knot_positions = time_grid.positions.copy()
+    knot_positions[is_knot] = positions[slot_nodes[is_knot]]
+    cluster_by_leader(working_map, knot_positions, slot_nodes)
+    nodes = working_map.positions[: int(working_map.counters[NODE_COUNT])]
+    segments = list_segments(time_grid, slot_nodes, len(nodes))
+    return slot_nodes, place_nodes(segments, nodes, len(prior_nodes))
 
 
 def measure_and_encode(
@@ -381,67 +567,81 @@ def measure_and_encode(
     positions: NDArray[np.float64],
     tracks: int,
     plan: Plan,
-    known: Prior | None = None,
+    prior: Prior | None = None,
 ) -> tuple[Outcome, NDArray[np.float64], NDArray[np.float64]]:
-    """Measure the walks at whole places, sample by sample, and code them: outcome, ledger and distances."""
+    """Measure walks at whole positions sample by sample, and encode them.
+
+    Returns
+    -------
+    outcome : Outcome
+        The walks with size and error.
+    bit_statistics : float64 array
+        Bits and counts by kind, of the coder.
+    errors : float64 array, shape (n,)
+        Distance of each sample, in grid steps.
+    """
     outcome, errors = _measure(
-        time_grid,
-        slot_nodes,
-        positions,
+        _Layout(time_grid, slot_nodes, positions),
         tracks,
         plan,
-        known,
+        prior,
         list_segments(time_grid, slot_nodes, len(positions)),
     )
-    outcome, bit_statistics = _encode_outcome(outcome, known)
+    outcome, bit_statistics = _encode_outcome(outcome, prior)
     return outcome, bit_statistics, errors
 
 
 def _measure(
-    time_grid: TimeGrid,
-    slot_nodes: NDArray[np.int64],
-    positions: NDArray[np.float64],
-    tracks: int,
-    plan: Plan,
-    known: Prior | None,
-    segments: Segments,
+    layout: _Layout, tracks: int, plan: Plan, prior: Prior | None, segments: Segments
 ) -> tuple[Outcome, NDArray[np.float64]]:
     """The walks with their error but without a size, and the distance of each sample."""
-    errors, part = sample_errors(time_grid, segments, positions)
-    misses = 0 if plan.maximum is None else len(np.unique(part[errors > plan.maximum]))
-    walks = walks_of(time_grid, slot_nodes, positions, tracks, 0 if known is None else known.nodes)
-    return Outcome(
-        walks, 0, float(np.sqrt((time_grid.weights * errors**2).sum() / time_grid.samples)), misses
-    ), errors
+    time_grid = layout.time_grid
+    errors, segment = sample_errors(time_grid, segments, layout.positions)
+    misses = 0 if plan.maximum is None else len(np.unique(segment[errors > plan.maximum]))
+    error = float(np.sqrt((time_grid.weights * errors**2).sum() / time_grid.samples))
+    fixed = 0 if prior is None else prior.nodes
+    walks = walks_of(time_grid, layout.slot_nodes, layout.positions, tracks, fixed)
+    return Outcome(walks, 0, error, misses), errors
 
 
-def _encode_outcome(outcome: Outcome, known: Prior | None) -> tuple[Outcome, NDArray[np.float64]]:
-    """The outcome with its size, and what the bits were spent on."""
-    data, bit_statistics = encode_with_statistics(outcome.walks, known)
+def _encode_outcome(outcome: Outcome, prior: Prior | None) -> tuple[Outcome, NDArray[np.float64]]:
+    """The outcome with its size, and the coder's bit statistics."""
+    data, bit_statistics = encode_with_statistics(outcome.walks, prior)
     return replace(outcome, size=len(data)), bit_statistics
 
 
 def estimate_prices(
     bit_statistics: NDArray[np.float64] | None, price: float, nodes: int, beam: float = np.inf
-) -> NDArray[np.float64]:
-    """Prices of the E-step in bits, from what the coder last paid."""
+) -> Prices:
+    """Prices of the E-step in bits, from what the coder spent last.
+
+    Parameters
+    ----------
+    bit_statistics : float64 array, optional
+        Bits and counts by kind; without them, prices are guesses.
+    price : float
+        Bits for a squared error of one grid step.
+    nodes : int
+        Number of nodes.
+    beam : float, default infinity
+        Bits beyond the cheapest candidate of a slot at which others are left out.
+    """
     spent = np.zeros((STATISTICS, 2)) if bit_statistics is None else bit_statistics
 
-    def mean(rows: list[int], guess: float) -> float:
-        return float((spent[rows, 0].sum() + 4 * guess) / (spent[rows, 1].sum() + 4))
+    # Guesses count for a few steps of each kind, so that rare kinds have a price, too.
+    def mean_bits(kinds: list[int], guess: float) -> float:
+        bits, count = spent[kinds, 0].sum(), spent[kinds, 1].sum()
+        return float((bits + _GUESS_WEIGHT * guess) / (count + _GUESS_WEIGHT))
 
-    moving = [DURATION_BITS + kind for kind in (_BACK, _KNOWN, _LINK, _NEW)]
-    return np.array(
-        [
-            price,
-            mean(moving, 4.0),
-            mean([DURATION_BITS + _STAY], 6.0),
-            mean([STEP_KIND_BITS + _NEW], 1.0),
-            mean([POSITION_BITS], 9.0),
-            mean([STEP_KIND_BITS + _LINK], 8.0),
-            mean([STEP_KIND_BITS + _STAY], 4.0),
-            np.log2(nodes + 2.0),
-            0.2,
-            beam,
-        ]
+    return Prices(
+        error=float(price),
+        duration=mean_bits([DURATION_BITS + kind for kind in (_BACK, _KNOWN, _LINK, _NEW)], 4.0),
+        stay_duration=mean_bits([DURATION_BITS + _STAY], 6.0),
+        new_node=mean_bits([STEP_KIND_BITS + _NEW], 1.0),
+        position=mean_bits([POSITION_BITS], 9.0),
+        new_edge=mean_bits([STEP_KIND_BITS + _LINK], 8.0),
+        stay=mean_bits([STEP_KIND_BITS + _STAY], 4.0),
+        start=float(np.log2(nodes + 2.0)),
+        escape=_ESCAPE_BITS,
+        beam=float(beam),
     )

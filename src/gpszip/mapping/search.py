@@ -1,4 +1,4 @@
-"""The connected map of a log: quanta and starts are tried, the smallest archive that keeps the bound wins."""
+"""The connected map of a log: step sizes and starts are tried, and the smallest map wins."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from gpszip.mapping.local_search import (
     select_best_outcomes,
 )
 from gpszip.mapping.max_error import enforce_max_error
-from gpszip.mapping.plan import Plan
+from gpszip.mapping.plan import LOCAL_MAX_ERROR_AIM, MAX_ERROR_AIM, RMSE_AIM, Plan
 from gpszip.mapping.rounds import Outcome, fit
 from gpszip.mapping.time_grid import build_time_grid, count_slots, sparsify
 from gpszip.model import GridWalks, QuantisationGrid, Track
@@ -28,32 +29,59 @@ from gpszip.run.executor import Executor, SharedValue, local_executor, share_val
 
 __all__ = ["RMSE_PER_MAX_ERROR", "SLOTS_BY_EFFORT", "learn_map", "suggest_time_step"]
 
-_TrialResult = tuple[QuantisationGrid, Outcome | None]
-
-#: The mean error with which the walks for a maximum begin, as a share of it.
+#: Root mean square error with which the walks for a maximum begin, as a share of the maximum.
 RMSE_PER_MAX_ERROR = 0.4
 
-#: Indices of quanta from one to its double: every eighth is that of 1, 2, 4 ... or 1/2, 1/4 ... seconds.
+#: Step indices from a step size to its double: every eighth index is 1, 2, 4, ... or 1/2, 1/4, ...
 _OCTAVE = 8
 
-#: Size that stands for a bound not kept.
+#: Size that stands for a bound that is not kept.
 _NEVER = 1 << 62
 
 
 @dataclass(frozen=True)
 class _Trial:
-    """Quanta and start of one search: ``space`` in targets, ``time`` in space quanta at the log's mean speed, leader radius in targets."""
+    """Step sizes and start of one search.
+
+    Parameters
+    ----------
+    space : float
+        Space step in targets.
+    time : float
+        Time step, in the seconds in which the log's mean speed covers a space step.
+    leader_radius : float
+        Radius in targets within which the first knots share a node.
+    """
 
     space: float
     time: float
     leader_radius: float
 
 
-#: Where the search for quanta starts, and the factors by which it steps.
-_FIRST = _Trial(1.2, 2.0, 1.2)
-_STEPS = ((1 / 1.5, 1 / 1.5), (1.0, 1 / 1.6), (1.0, 1.6), (1 / 1.4, 1.0), (1.4, 1.0))
+class _TrialResult(NamedTuple):
+    """What a search finds: the grid, and the outcome if the bound is kept."""
 
-#: What is tried around the quanta found: factors on space and time, and leader radii, in this order.
+    grid: QuantisationGrid
+    outcome: Outcome | None
+
+
+class _Solution(NamedTuple):
+    """An outcome that keeps the bound, with its grid."""
+
+    grid: QuantisationGrid
+    outcome: Outcome
+
+
+#: Trial with which the pattern search for step sizes begins.
+_FIRST = _Trial(1.2, 2.0, 1.2)
+
+#: Factors on space and time by which the pattern search moves.
+_MOVES = ((1 / 1.5, 1 / 1.5), (1.0, 1 / 1.6), (1.0, 1.6), (1 / 1.4, 1.0), (1.4, 1.0))
+
+#: Largest number of moves of the pattern search.
+_MAX_MOVES = 4
+
+#: Trials around the step sizes found: factors on space and time, and leader radii, in this order.
 _STARTS = tuple(
     (space, time, leader_radius)
     for space, time in (
@@ -69,21 +97,41 @@ _STARTS = tuple(
     for leader_radius in (1.2, 0.0, 2.0, 0.7)
 )
 
-#: Slots that all starts of one log may take together, at each effort, and the most starts.
+#: Slots that all starts of one log may take together, at efforts 1 to 9.
 SLOTS_BY_EFFORT = (0, 30_000, 60_000, 90_000, 120_000, 250_000, 500_000, 1_000_000, 2_000_000)
-_MOST_STARTS = (1, 3, 6, 9, 16, 20, 24, 28, 32)
 
-#: Samples of the excerpt on which quanta are chosen, the slots that it may have, and samples that it has in any case.
-_SUBSAMPLE, _SUBSAMPLE_SLOTS, _MIN_SUBSAMPLE = 12_000, 40_000, 4000
+#: Largest number of starts, at efforts 1 to 9.
+_MAX_STARTS = (1, 3, 6, 9, 16, 20, 24, 28, 32)
 
-#: Rounds of a search that only compares quanta, on the whole log or an excerpt, of the only start of a large log, and of each
-#: start of a small one.
-_ROUGH_ROUNDS, _HASTY_ROUNDS, _ROUNDS, _MANY_ROUNDS = 8, 6, 12, 24
+#: Samples of the subsample on which step sizes are chosen.
+_SUBSAMPLE = 12_000
+#: Slots above which the subsample is smaller.
+_SUBSAMPLE_SLOTS = 40_000
+#: Samples that the subsample always has.
+_MIN_SUBSAMPLE = 4000
+
+#: Rounds of a search that only compares step sizes, on all of the log.
+_ROUGH_ROUNDS = 8
+#: The same on a subsample.
+_SUBSAMPLE_ROUNDS = 6
+#: Rounds of the only start of a large log.
+_SINGLE_START_ROUNDS = 12
+#: Rounds of each start of a small log.
+_ROUNDS = 24
 #: Rounds that may follow on a large log.
-_EXTRA = 5
-#: On large logs: bits beyond a slot's cheapest node above which another isn't looked at, and the excess of the error above which
-#: quanta are given up that hardly bring it down.
-_BEAM, _HOPELESS = 6.0, 1.2
+_EXTRA_ROUNDS = 5
+
+#: On large logs: bits beyond a slot's cheapest node above which another node is left out.
+_BEAM = 6.0
+#: On subsamples: ratio of the error to its target above which step sizes are given up that hardly
+#: bring it down.
+_GIVE_UP_RATIO = 1.2
+
+#: Factor on step sizes before they are rounded down to the next index, half an index on average.
+_ROUNDING = 1.04
+
+#: Coordinates and times this little below a whole number, in metres or seconds, count as whole.
+_WHOLE_TOLERANCE = 1e-6
 
 
 def learn_map(
@@ -96,9 +144,10 @@ def learn_map(
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> tuple[QuantisationGrid, GridWalks] | None:
-    """Learn a connected map and the tracks' walks on it whose error is within a bound.
+    """Learn a connected map, and the tracks' walks on it, within a bound on the error.
 
-    Quanta are chosen by a pattern search on an excerpt, then maps are learnt from several starts.
+    A pattern search on a subsample chooses the step sizes; then maps are learned from several
+    starts, and the best ones improved by local search.
 
     Parameters
     ----------
@@ -113,21 +162,23 @@ def learn_map(
     effort : int, default 5
         From 1 (one start) to 9 (up to 32): how many slots all starts together may take.
     executor : Executor, optional
-        Where the searches run; their results do not depend on it.
+        Runs the searches; their results do not depend on it.
     progress : callable, optional
-        Told how many searches are done, and of how many.
+        Called with the number of searches done, and the number of all.
 
     Returns
     -------
-    (Frame, LatticeWalks) or None
-        The smallest that was found; None if none kept the bound. Of two bounds the looser one may be missed by little where the
-        tighter one is a maximum.
+    (QuantisationGrid, GridWalks) or None
+        The smallest map with its walks; None if none kept the bound. Of two bounds, the looser one
+        may be missed by little where the tighter one is a maximum.
     """
     if rmse is None and max_error is None:
         raise OptionError("a map needs a bound on its error: give rmse or max_error")
+
+    # Of two bounds, aim at the tighter one.
     if rmse is not None and max_error is not None:
         if rmse < RMSE_PER_MAX_ERROR * max_error:
-            # few samples are beyond the maximum: it takes few knots to bring them back
+            # Few samples are beyond the maximum: it takes few knots to bring them back.
             loose = learn_map(
                 tracks, gaps, rmse=rmse, effort=effort, executor=executor, progress=progress
             )
@@ -138,71 +189,92 @@ def learn_map(
         tuple(gaps),
         RMSE_PER_MAX_ERROR * max_error if max_error is not None else rmse or 0.0,
         max_error,
+        work=WORK_BY_EFFORT[effort - 1],
     )
-    # an excerpt is done with before processes would have started
-    with share_value(local_executor(executor), _subsample(search)) as subsample:
+
+    # Choose step sizes on a subsample, which is done before processes would have started.
+    with share_value(local_executor(executor), _choose_subsample(search)) as subsample:
         chosen = _choose_steps(subsample)
+
+    # One start spreads its own work over the executor.
     trials = _list_trials(chosen, effort, search.count_slots(chosen))
-    search = replace(search, work=WORK_BY_EFFORT[effort - 1])
-    if len(trials) == 1:  # one search spreads its own work
-        alone = replace(
+    if len(trials) == 1:
+        single = replace(
             search,
-            rounds=_ROUNDS,
-            hasty=True,
-            extra_rounds=_EXTRA if max_error is None else 0,
+            rounds=_SINGLE_START_ROUNDS,
+            is_hasty=True,
+            extra_rounds=_EXTRA_ROUNDS if max_error is None else 0,
             inner=local_executor(executor),
         )
-        found = _collect_outcomes([alone.run(trials[0])], 1, progress)
+        solutions = _collect_solutions([single.run(trials[0])], 1, progress)
         return _select_smallest(
-            alone.improve_walks(one) for one in _select_finalists(found, effort)
+            single.improve_walks(solution) for solution in _select_finalists(solutions, effort)
         )
-    with share_value(executor, replace(search, rounds=_MANY_ROUNDS)) as whole:
-        found = _collect_outcomes(whole.map(_run, trials), len(trials), progress)
-        return _select_smallest(whole.map(_polish, _select_finalists(found, effort)))
+
+    # Several starts run at once.
+    with share_value(executor, replace(search, rounds=_ROUNDS)) as shared:
+        solutions = _collect_solutions(shared.map(_run, trials), len(trials), progress)
+        return _select_smallest(shared.map(_improve_walks, _select_finalists(solutions, effort)))
 
 
-def _collect_outcomes(
+def _collect_solutions(
     results: Iterable[_TrialResult], count: int, progress: Callable[[int, int], None] | None
-) -> list[tuple[QuantisationGrid, Outcome]]:
-    """Return what searches found, telling how far they are."""
-    found: list[tuple[QuantisationGrid, Outcome]] = []
+) -> list[_Solution]:
+    """Return the results that keep the bound, and report progress."""
+    solutions: list[_Solution] = []
     for done, (grid, outcome) in enumerate(results, 1):
         if outcome is not None:
-            found.append((grid, outcome))
+            solutions.append(_Solution(grid, outcome))
         if progress is not None:
             progress(done, count)
-    return found
+    return solutions
 
 
-def _select_finalists(
-    found: list[tuple[QuantisationGrid, Outcome]], effort: int
-) -> list[tuple[QuantisationGrid, Outcome]]:
-    """Return the outcomes that are to be polished."""
-    frames = {id(outcome): grid for grid, outcome in found}
-    return [
-        (frames[id(outcome)], outcome)
-        for outcome in select_best_outcomes((outcome for _, outcome in found), effort)
-    ]
+def _select_finalists(solutions: list[_Solution], effort: int) -> list[_Solution]:
+    """Return the solutions that a local search is to improve."""
+    grids = {id(outcome): grid for grid, outcome in solutions}
+    best = select_best_outcomes((outcome for _, outcome in solutions), effort)
+    return [_Solution(grids[id(outcome)], outcome) for outcome in best]
 
 
 def _select_smallest(
-    found: Iterable[tuple[QuantisationGrid, Outcome]],
+    solutions: Iterable[_Solution],
 ) -> tuple[QuantisationGrid, GridWalks] | None:
-    best = min(found, key=lambda one: one[1].cost, default=None)
-    return None if best is None else (best[0], best[1].walks)
+    smallest = min(solutions, key=lambda solution: solution.outcome.cost, default=None)
+    return None if smallest is None else (smallest.grid, smallest.outcome.walks)
 
 
 @dataclass(frozen=True)
 class _Search:
-    """What all searches of one log have in common."""
+    """What all searches of one log share.
+
+    Parameters
+    ----------
+    tracks, gaps : tuples
+        The log.
+    rmse : float
+        Root mean square error to reach, in metres.
+    max_error : float, optional
+        Largest distance of a sample, in metres.
+    rounds, extra_rounds : int
+        Rounds, and those that may follow.
+    is_rough : bool
+        Only step sizes are compared, on sparse time grids.
+    is_hasty : bool
+        The log is large: speed counts.
+    inner : Executor, optional
+        Spreads the work of one search.
+    work : int
+        Knots that a local search may encode.
+    """
 
     tracks: tuple[Track, ...]
     gaps: tuple[NDArray[np.bool_], ...]
     rmse: float
     max_error: float | None = None
     rounds: int = 0
-    rough: bool = False
-    hasty: bool = False
+    is_rough: bool = False
+    is_hasty: bool = False
     extra_rounds: int = 0
     inner: Executor | None = None
     work: int = 0
@@ -213,132 +285,135 @@ class _Search:
 
     @cached_property
     def speed(self) -> float:
+        """Mean speed in m/s."""
         return _mean_speed(self.tracks, self.gaps, self.rmse)
 
     @cached_property
-    def ticking(self) -> bool:
+    def has_whole_seconds(self) -> bool:
         """Whether all samples are at whole seconds."""
         return all(bool((track.times == np.rint(track.times)).all()) for track in self.tracks)
 
     def grid(self, trial: _Trial) -> QuantisationGrid:
+        """Quantisation grid of a trial."""
         grid = _build_grid(self.tracks, self.rmse, self.speed, trial)
-        if self.max_error is None or not self.ticking:
+        if self.max_error is None or not self.has_whole_seconds:
             return grid
-        # a knot at the very time of a sample comes as near to it as it likes, whatever lies beside
-        return replace(
-            grid, time=_OCTAVE * min(round(grid.time / _OCTAVE), STEP_SIZES // _OCTAVE - 1)
-        )
+        # Under a maximum, time steps of 1, 2, 4, ... or 1/2, 1/4, ... seconds: a knot at the very
+        # time of a sample can come as near to it as it needs, wherever its neighbours are.
+        octaves = min(round(grid.time / _OCTAVE), STEP_SIZES // _OCTAVE - 1)
+        return replace(grid, time=_OCTAVE * octaves)
 
     def run(self, trial: _Trial) -> _TrialResult:
+        """Learn a map with the step sizes and the start of a trial."""
         grid = self.grid(trial)
-        maximum = None if self.max_error is None else 0.999 * self.max_error / step_size(grid.space)
+        unit = step_size(grid.space)
         plan = Plan(
-            target=0.9995 * self.rmse / step_size(grid.space), leader_radius=trial.leader_radius, rounds=self.rounds, extra_rounds=self.extra_rounds,
-            maximum=maximum, give_up_ratio=_HOPELESS if self.hasty and self.rough else math.inf, beam=_BEAM if self.hasty else math.inf,
-            encode_alternate_rounds=self.hasty and self.max_error is None,
-        )  # fmt: skip
-        slots = build_time_grid(self.tracks, self.gaps, grid, sparse=self.rough)
+            target=RMSE_AIM * self.rmse / unit,
+            leader_radius=trial.leader_radius,
+            rounds=self.rounds,
+            extra_rounds=self.extra_rounds,
+            maximum=None if self.max_error is None else MAX_ERROR_AIM * self.max_error / unit,
+            give_up_ratio=_GIVE_UP_RATIO if self.is_hasty and self.is_rough else math.inf,
+            beam=_BEAM if self.is_hasty else math.inf,
+            encode_alternate_rounds=self.is_hasty and self.max_error is None,
+        )
+        time_grid = build_time_grid(self.tracks, self.gaps, grid, sparse=self.is_rough)
         outcome = fit(
-            slots,
+            time_grid,
             len(self.tracks),
             plan,
-            sparse_grid=None if self.rough else sparsify(slots),
+            sparse_grid=None if self.is_rough else sparsify(time_grid),
             executor=self.inner,
         )
-        if self.rough:
-            return grid, outcome
-        return (
-            (grid, outcome)
-            if outcome is None or self.max_error is None
-            else self._mended(grid, outcome)
-        )
 
-    def _mended(self, grid: QuantisationGrid, outcome: Outcome) -> _TrialResult:
-        """What becomes of walks of which a few parts miss the maximum."""
-        mended = (
-            None
-            if self.max_error is None
-            else enforce_max_error(self.tracks, grid, outcome.walks, self.max_error)
-        )
-        if mended is None:
-            return grid, None
-        return mended[0], replace(outcome, walks=mended[1], size=len(encode(mended[1])), misses=0)
+        # To compare step sizes, a few misses of the maximum do not matter.
+        if self.is_rough or outcome is None or self.max_error is None:
+            return _TrialResult(grid, outcome)
+        return self._enforce_max_error(grid, outcome, self.max_error)
 
-    def improve_walks(
-        self, found: tuple[QuantisationGrid, Outcome]
-    ) -> tuple[QuantisationGrid, Outcome]:
-        """What becomes of an outcome by single changes."""
-        grid, outcome = found
+    def _enforce_max_error(
+        self, grid: QuantisationGrid, outcome: Outcome, max_error: float
+    ) -> _TrialResult:
+        """Bring the segments that miss the maximum within it."""
+        changed = enforce_max_error(self.tracks, grid, outcome.walks, max_error)
+        if changed is None:
+            return _TrialResult(grid, None)
+        grid, walks = changed
+        return _TrialResult(grid, replace(outcome, walks=walks, size=len(encode(walks)), misses=0))
+
+    def improve_walks(self, solution: _Solution) -> _Solution:
+        """Improve an outcome by local search, if the work allows it."""
+        grid, outcome = solution
         if not is_worthwhile(outcome, self.work):
-            return found
+            return solution
         unit = step_size(grid.space)
-        maximum = None if self.max_error is None else (1 - 1e-6) * self.max_error / unit
-        slots = build_time_grid(self.tracks, self.gaps, grid)
-        return grid, improve_walks(
-            slots, outcome, target=self.rmse / unit, maximum=maximum, work=self.work
+        improved = improve_walks(
+            build_time_grid(self.tracks, self.gaps, grid),
+            outcome,
+            target=self.rmse / unit,
+            maximum=None if self.max_error is None else LOCAL_MAX_ERROR_AIM * self.max_error / unit,
+            work=self.work,
         )
+        return _Solution(grid, improved)
 
     def count_slots(self, trial: _Trial) -> int:
         return count_slots(self.tracks, self.gaps, self.grid(trial))
 
     def subsample(self, samples: int) -> _Search:
-        """Whole tracks, evenly chosen, or the start of one, of about so many samples in all."""
+        """Return a rough search of about ``samples`` samples: complete tracks, evenly chosen.
+
+        Where one track has more samples, its start.
+        """
         if self.samples <= samples:
-            return replace(self, rounds=_ROUGH_ROUNDS, rough=True)
+            return replace(self, rounds=_ROUGH_ROUNDS, is_rough=True)
+
+        # Take every so many tracks, until there are enough samples.
         stride = max(1, min(len(self.tracks), self.samples // samples))
-        tracks, gaps, left = [], [], samples
+        tracks, gaps, remaining = [], [], samples
         for track, gap in list(zip(self.tracks, self.gaps, strict=True))[::stride]:
-            count = min(len(track), left)
+            count = min(len(track), remaining)
             if count > 0:
-                weights = None if track.weights is None else track.weights[:count]
-                tracks.append(
-                    Track(
-                        track.id,
-                        track.times[:count],
-                        track.positions[:count],
-                        weights,
-                        plane=track.plane,
-                    )
-                )
+                tracks.append(_cut_track(track, count))
                 gaps.append(gap[: count - 1])
-                left -= count
+                remaining -= count
         return replace(
             self,
             tracks=tuple(tracks),
             gaps=tuple(gaps),
-            rounds=_HASTY_ROUNDS,
-            rough=True,
-            hasty=True,
+            rounds=_SUBSAMPLE_ROUNDS,
+            is_rough=True,
+            is_hasty=True,
         )
 
 
-def _subsample(search: _Search) -> _Search:
-    """Return a search of a part of the log that takes little time."""
+def _cut_track(track: Track, count: int) -> Track:
+    """The first ``count`` samples of a track."""
+    weights = None if track.weights is None else track.weights[:count]
+    return Track(track.id, track.times[:count], track.positions[:count], weights, plane=track.plane)
+
+
+def _choose_subsample(search: _Search) -> _Search:
+    """Return a search of a subsample that takes little time."""
     subsample = search.subsample(_SUBSAMPLE)
-    slots = len(
-        build_time_grid(
-            subsample.tracks, subsample.gaps, subsample.grid(_FIRST), sparse=True
-        ).time_steps
+    time_grid = build_time_grid(
+        subsample.tracks, subsample.gaps, subsample.grid(_FIRST), sparse=True
     )
-    return (
-        search.subsample(max(_SUBSAMPLE * _SUBSAMPLE_SLOTS // slots, _MIN_SUBSAMPLE))
-        if slots > _SUBSAMPLE_SLOTS
-        else subsample
-    )
+    slots = len(time_grid.time_steps)
+    if slots <= _SUBSAMPLE_SLOTS:
+        return subsample
+    return search.subsample(max(_SUBSAMPLE * _SUBSAMPLE_SLOTS // slots, _MIN_SUBSAMPLE))
 
 
 def _run(search: _Search, trial: _Trial) -> _TrialResult:
     return search.run(trial)
 
 
-def _polish(
-    search: _Search, found: tuple[QuantisationGrid, Outcome]
-) -> tuple[QuantisationGrid, Outcome]:
-    return search.improve_walks(found)
+def _improve_walks(search: _Search, solution: _Solution) -> _Solution:
+    return search.improve_walks(solution)
 
 
 def _choose_steps(search: SharedValue[_Search]) -> _Trial:
-    """Walk downhill on the coded size from the usual quanta."""
+    """Choose step sizes by a pattern search on the encoded size."""
     sizes: dict[_Trial, float] = {}
 
     def measure(trials: list[_Trial]) -> None:
@@ -347,19 +422,23 @@ def _choose_steps(search: SharedValue[_Search]) -> _Trial:
             sizes[trial] = _NEVER if outcome is None else outcome.cost
 
     best = _FIRST
-    for _ in range(4):
-        around = [_Trial(best.space * s, best.time * t, best.leader_radius) for s, t in _STEPS]
+    for _ in range(_MAX_MOVES):
+        around = [
+            _Trial(best.space * space, best.time * time, best.leader_radius)
+            for space, time in _MOVES
+        ]
         measure([best, *around])
-        nearer = min(around, key=sizes.__getitem__)
-        if sizes[nearer] >= sizes[best] and sizes[best] < _NEVER:
+        smallest = min(around, key=sizes.__getitem__)
+        if sizes[smallest] >= sizes[best] and sizes[best] < _NEVER:
             break
-        best = nearer if sizes[nearer] < _NEVER else around[0]
+        # Where nothing keeps the bound yet, the first move makes both steps finer.
+        best = smallest if sizes[smallest] < _NEVER else around[0]
     return best
 
 
 def _list_trials(chosen: _Trial, effort: int, slots: int) -> list[_Trial]:
-    """Starts around the chosen quanta: the smaller the log, the more of them."""
-    count = max(1, min(_MOST_STARTS[effort - 1], SLOTS_BY_EFFORT[effort - 1] // slots))
+    """Trials around the chosen step sizes: the fewer slots the log has, the more trials."""
+    count = max(1, min(_MAX_STARTS[effort - 1], SLOTS_BY_EFFORT[effort - 1] // slots))
     return [
         _Trial(chosen.space * space, chosen.time * time, leader_radius)
         for space, time, leader_radius in _STARTS[:count]
@@ -369,43 +448,62 @@ def _list_trials(chosen: _Trial, effort: int, slots: int) -> list[_Trial]:
 def _build_grid(
     tracks: Sequence[Track], rmse: float, speed: float, trial: _Trial
 ) -> QuantisationGrid:
-    space = step_index(1.04 * trial.space * rmse)
-    time = step_index(1.04 * trial.time * step_size(space) / speed)
+    """Grid with a trial's step sizes, from the first sample of the log on."""
+    space = step_index(_ROUNDING * trial.space * rmse)
+    time = step_index(_ROUNDING * trial.time * step_size(space) / speed)
     first = min(tracks, key=lambda track: float(track.times[0]))
-    # whole metres and seconds take fewer bytes in the head than they cost in the first place
-    origin = tuple(1000 * math.floor(float(x) + 1e-6) for x in first.positions[0])
-    return QuantisationGrid(
-        origin, 1000 * math.floor(float(first.times[0]) + 1e-6), space, time, first.plane
-    )
+
+    # Whole metres and seconds save more bytes in the header than they cost at the first node.
+    origin = tuple(1000 * math.floor(float(x) + _WHOLE_TOLERANCE) for x in first.positions[0])
+    epoch = 1000 * math.floor(float(first.times[0]) + _WHOLE_TOLERANCE)
+    return QuantisationGrid(origin, epoch, space, time, first.plane)
 
 
 def suggest_time_step(
     tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], space: int
 ) -> float:
-    """Time step in seconds with which the search for quanta would begin: about that in which tracks go two space quanta."""
+    """Time step in seconds with which the search for step sizes begins.
+
+    It is about the time in which tracks travel two space steps.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        The log.
+    gaps : sequence of bool array
+        For each track, which of its n - 1 steps between samples are gaps.
+    space : int
+        Index of the space step.
+    """
     size = step_size(space)
     return _FIRST.time * size / _mean_speed(tracks, gaps, size)
 
 
 def _mean_speed(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], scale: float) -> float:
-    """Way per second outside gaps, in metres, where only steps of at least ``scale`` count as way, so that noise does not."""
-    way = span = 0.0
+    """Mean speed outside gaps in m/s.
+
+    Only steps of at least ``scale`` metres count as travelled, so that noise does not.
+    """
+    distance = duration = 0.0
     for track, gap in zip(tracks, gaps, strict=True):
-        span += float(np.diff(track.times)[~gap].sum())
-        way += _travelled_distance(track.positions, gap, scale)
-    return max(way, 1e-3 * scale) / max(span, 1e-3)
+        duration += float(np.diff(track.times)[~gap].sum())
+        distance += _travelled_distance(track.positions, gap, scale)
+    return max(distance, 1e-3 * scale) / max(duration, 1e-3)
 
 
 def _travelled_distance(
     positions: NDArray[np.float64], gap: NDArray[np.bool_], scale: float
 ) -> float:
-    """Length of the way in steps of at least ``scale``, by decimating until steps are that long."""
+    """Distance travelled in steps of at least ``scale``, in metres.
+
+    Samples are decimated until the median of the steps that move is that long.
+    """
     stride = 1
     while True:
-        step = np.sqrt((np.diff(positions[::stride], axis=0) ** 2).sum(axis=1))
-        jumps = np.add.reduceat(gap, np.arange(0, len(gap), stride)) > 0 if len(gap) else gap
-        step = step[~jumps[: len(step)]]
-        moving = step[step > 0.2 * scale]
+        steps = np.sqrt((np.diff(positions[::stride], axis=0) ** 2).sum(axis=1))
+        has_gap = np.add.reduceat(gap, np.arange(0, len(gap), stride)) > 0 if len(gap) else gap
+        steps = steps[~has_gap[: len(steps)]]
+        moving = steps[steps > 0.2 * scale]
         if (len(moving) >= 20 and np.median(moving) >= scale) or stride > len(positions) // 20:
-            return float(step[step > 0.5 * scale].sum())
+            return float(steps[steps > 0.5 * scale].sum())
         stride *= 2

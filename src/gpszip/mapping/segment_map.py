@@ -20,15 +20,17 @@ class SegmentMap:
     Parameters
     ----------
     road_map : RoadMap
-        Its 2m nodes are the starts of the segments, then their ends: segment l leads from node l to node m + l.
+        Its 2m nodes are the starts of the segments, then their ends: segment l leads from node l
+        to node m + l.
     segments : int32 array, shape (m, 2)
         Start and end node of each segment.
     traversals : int64 array, shape (m,)
-        How many parts run along each segment; 0 for one that no part is labelled with.
+        Number of pieces that run along each segment; 0 where no piece has its label.
     transitions : int32 array, shape (a, 2)
-        Each different transition once, from the end of a segment to the start of one that followed it, sorted.
+        Each different transition once, from the end of a segment to the start of the next one,
+        sorted.
     passages : int64 array, shape (a,)
-        How often each transition was made.
+        Number of times that each transition was made.
     """
 
     road_map: RoadMap
@@ -41,16 +43,17 @@ class SegmentMap:
 def make_map(mean: SegmentMean) -> SegmentMap:
     """Connect the segments by the transitions that were made (Make_map, algorithm 5).
 
-    Line 4 of the algorithm as printed asks for the pair of labels among the edges; what is meant, and done, is the pair
-    of the nodes that the text of section 6.5 gives: the end of one segment and the start of the next.
+    Line 4 of the algorithm as printed asks for the pair of labels among the edges. The text of
+    section 6.5 means the pair of nodes: the end of one segment and the start of the next. This
+    function follows the text.
 
-    A segment followed by itself makes a transition from its end back to its start. On the road map that is the
-    segment's own edge, travelled backwards.
+    A segment followed by itself makes a transition from its end back to its start. On the road map
+    that is the segment's own edge, travelled backwards.
 
     Parameters
     ----------
     mean : SegmentMean
-        Parts and segments.
+        Pieces and segments.
 
     Examples
     --------
@@ -62,11 +65,15 @@ def make_map(mean: SegmentMean) -> SegmentMap:
     >>> segment_map.transitions.tolist(), segment_map.road_map.edges.tolist()
     ([[2, 1], [3, 0]], [[0, 2], [0, 3], [1, 2], [1, 3]])
     """
+    # Each segment is an edge from node l to node m + l.
     m, labels = mean.m, mean.labels.astype(np.int64)
     segments = np.stack((np.arange(m), np.arange(m, 2 * m)), axis=1).astype(np.int32)
     traversals = np.bincount(labels, minlength=m).astype(np.int64)
+
+    # Consecutive labels are transitions; count each pair once.
     keys, passages = np.unique(labels[:-1] * m + labels[1:], return_counts=True)
     transitions = np.stack((m + keys // m, keys % m), axis=1).astype(np.int32)
+
     positions = np.concatenate((mean.starts, mean.ends))
     road_map = build_road_map_from_counts(
         positions, np.concatenate((segments, transitions)), np.concatenate((traversals, passages))
@@ -77,18 +84,19 @@ def make_map(mean: SegmentMean) -> SegmentMap:
 def build_walk(mean: SegmentMean, track: Track) -> Walk:
     """Follow a track on the map of its segment mean, nodes numbered as by :func:`make_map`.
 
-    Each part enters its segment's start at the time of its first sample and leaves the end at that of its last, so that
-    the position interpolated between the knots is f(t) of the segment mean at every sample. A part of a single sample,
-    whose f(t) is the start, leaves the end halfway to the next sample, where there is none to be asked for. The track's
-    last part, if single, ends the walk at its start; and where not even half a step can be told apart in double
-    precision, the end is left out and the hop to the next start is marked as a gap, being no edge of the map.
+    Each piece enters its segment's start at the time of its first sample and leaves the end at that
+    of its last, so that the position interpolated between the knots is f(t) of the segment mean at
+    every sample. A piece of a single sample has f(t) at the start; it leaves the end halfway to the
+    next sample, where no sample asks for f(t). The track's last piece, if single, ends the walk at
+    its start. Where not even half a step can be told apart in double precision, the end is left
+    out, and the step to the next start is marked as a gap, since it is no edge of the map.
 
     Parameters
     ----------
     mean : SegmentMean
-        Parts and segments of the track.
+        Pieces and segments of the track.
     track : Track
-        The track that they were found for.
+        The track of this segment mean.
 
     Raises
     ------
@@ -98,7 +106,8 @@ def build_walk(mean: SegmentMean, track: Track) -> Walk:
     Examples
     --------
     >>> track = Track("0", np.arange(5.0), np.zeros((5, 2)))
-    >>> mean = SegmentMean(np.array([0, 2, 3, 5]), np.array([0, 1, 0]), np.zeros((2, 2)), np.ones((2, 2)), cost=0.0)
+    >>> starts, ends = np.zeros((2, 2)), np.ones((2, 2))
+    >>> mean = SegmentMean(np.array([0, 2, 3, 5]), np.array([0, 1, 0]), starts, ends, cost=0.0)
     >>> walk = build_walk(mean, track)
     >>> walk.nodes.tolist(), walk.times.tolist()
     ([0, 2, 1, 3, 0, 2], [0.0, 1.0, 2.0, 2.5, 3.0, 4.0])
@@ -107,19 +116,25 @@ def build_walk(mean: SegmentMean, track: Track) -> Walk:
         raise ValueError(
             f"the segment mean has {mean.boundaries[-1]} samples, track {track.id!r} {len(track)}"
         )
-    enter, leave, kept = _part_times(mean, track)
-    present = np.stack((np.ones(mean.k, np.bool_), kept), axis=1).ravel()
-    nodes = np.stack((mean.labels, mean.m + mean.labels), axis=1).ravel()[present].astype(np.int32)
-    times = np.stack((enter, leave), axis=1).ravel()[present]
+
+    # Interleave the starts of the segments with those ends that have a time.
+    enter, leave, has_end = _find_piece_times(mean, track)
+    is_kept = np.stack((np.ones(mean.k, np.bool_), has_end), axis=1).ravel()
+    nodes = np.stack((mean.labels, mean.m + mean.labels), axis=1).ravel()[is_kept].astype(np.int32)
+    times = np.stack((enter, leave), axis=1).ravel()[is_kept]
+
+    # From start to start there is no edge.
     gaps = (nodes[:-1] < mean.m) & (nodes[1:] < mean.m)
     return Walk(track.id, nodes, times, gaps)
 
 
-def _part_times(
+def _find_piece_times(
     mean: SegmentMean, track: Track
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    firsts, lasts = mean.boundaries[:-1], mean.boundaries[1:] - 1
-    enter, leave = track.times[firsts], track.times[lasts]
+    """Times at which each piece enters and leaves its segment, and whether it leaves at all."""
+    first, last = mean.boundaries[:-1], mean.boundaries[1:] - 1
+    enter, leave = track.times[first], track.times[last]
     following = np.append(enter[1:], enter[-1])
-    leave = np.where(firsts == lasts, enter + (following - enter) / 2, leave)
-    return enter, leave, (leave > enter) & ((leave < following) | (lasts == len(track) - 1))
+    leave = np.where(first == last, enter + (following - enter) / 2, leave)
+    has_end = (leave > enter) & ((leave < following) | (last == len(track) - 1))
+    return enter, leave, has_end

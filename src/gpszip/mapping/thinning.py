@@ -1,4 +1,4 @@
-"""A log as its coreset: few weighted samples with the moments of all, from which a map is learnt as from the log itself."""
+"""A log reduced to its coreset: few weighted samples from which a map is learned like from all."""
 
 from __future__ import annotations
 
@@ -14,14 +14,18 @@ from gpszip.sketches.samples import weighted_samples
 
 __all__ = ["reduce_to_coreset"]
 
+#: Samples of a piece up to which it has no samples between its ends.
+_ENDS = 2
+
 
 def reduce_to_coreset(
     tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], size: int
 ) -> tuple[tuple[Track, ...], tuple[NDArray[np.bool_], ...]]:
     """Weighted samples of a balanced partition of the log, and their gaps.
 
-    The first and the last sample of every piece between gaps stay with their own weights, so that walks that cover the few
-    cover all. What is between them is cut into blocks, each of which keeps at most 2 d + 4 samples.
+    The first and the last sample of every piece stay with their own weights, so that walks that
+    cover the coreset cover the log. The samples between them are cut into blocks, each of which
+    keeps at most 2 d + 4 samples with the moments of all.
 
     Parameters
     ----------
@@ -40,59 +44,69 @@ def reduce_to_coreset(
     Examples
     --------
     >>> track = Track("a", range(1000), [[t % 100.0] for t in range(1000)])
-    >>> (few,), _ = reduce_to_coreset([track], [np.zeros(999, bool)], 20)
-    >>> len(few), round(float(few.weights.sum()), 6)
+    >>> (coreset,), _ = reduce_to_coreset([track], [np.zeros(999, bool)], 20)
+    >>> len(coreset), round(float(coreset.weights.sum()), 6)
     (62, 1000.0)
     """
-    inner, ends = _pieces(tracks, gaps)
-    pieces = [
-        _cut(tracks[owner], f"{number}", a + 1, b - 1)
-        for number, (owner, a, b) in enumerate(ends)
-        if b - a > 2
-    ]
-    few = iter(
-        weighted_samples(build_coreset(pieces, size=max(size, len(pieces))), pieces)
-        if pieces
+    # Build the coreset of the inner samples of all pieces.
+    ranges = [_find_pieces(track, gap) for track, gap in zip(tracks, gaps, strict=True)]
+    inner_pieces: list[Track] = []
+    for number, (owner, first, after) in enumerate(
+        (owner, *bounds) for owner, pieces in enumerate(ranges) for bounds in pieces
+    ):
+        if after - first > _ENDS:
+            inner_pieces.append(_slice_track(tracks[owner], f"{number}", first + 1, after - 1))
+    coresets = iter(
+        weighted_samples(
+            build_coreset(inner_pieces, size=max(size, len(inner_pieces))), inner_pieces
+        )
+        if inner_pieces
         else ()
     )
-    thinned, flags = [], []
-    for owner, track in enumerate(tracks):
-        parts = [_with_ends(track, a, b, next(few) if b - a > 2 else None) for a, b in inner[owner]]
-        joined = [np.concatenate(values) for values in zip(*parts, strict=True)]
-        thinned.append(Track(track.id, joined[0], joined[1], joined[2], plane=track.plane))
-        last = np.cumsum([len(part[0]) for part in parts])[:-1] - 1
-        flag = np.zeros(len(joined[0]) - 1, np.bool_)
-        flag[last] = True
-        flags.append(flag)
-    return tuple(thinned), tuple(flags)
+
+    # Add the ends of the pieces, and concatenate the pieces of each track.
+    reduced, reduced_gaps = [], []
+    for track, pieces in zip(tracks, ranges, strict=True):
+        samples = [
+            _add_ends(track, first, after, next(coresets) if after - first > _ENDS else None)
+            for first, after in pieces
+        ]
+        times, positions, weights = (
+            np.concatenate(values) for values in zip(*samples, strict=True)
+        )
+        reduced.append(Track(track.id, times, positions, weights, plane=track.plane))
+        last = np.cumsum([len(piece[0]) for piece in samples])[:-1] - 1
+        gap = np.zeros(len(times) - 1, np.bool_)
+        gap[last] = True
+        reduced_gaps.append(gap)
+    return tuple(reduced), tuple(reduced_gaps)
 
 
-def _pieces(
-    tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]
-) -> tuple[list[list[tuple[int, int]]], list[tuple[int, int, int]]]:
-    """Sample ranges of the pieces of each track, and of all of them with their owners."""
-    inner = []
-    for track, gap in zip(tracks, gaps, strict=True):
-        bounds = [0, *(np.flatnonzero(gap) + 1).tolist(), len(track)]
-        inner.append(list(pairwise(bounds)))
-    return inner, [(owner, a, b) for owner, ranges in enumerate(inner) for a, b in ranges]
+def _find_pieces(track: Track, gap: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First sample of each piece, and the one after its last."""
+    return list(pairwise([0, *(np.flatnonzero(gap) + 1).tolist(), len(track)]))
 
 
-def _cut(track: Track, name: str, a: int, b: int) -> Track:
-    weights = None if track.weights is None else track.weights[a:b]
-    return Track(name, track.times[a:b], track.positions[a:b], weights)
+def _slice_track(track: Track, name: str, first: int, after: int) -> Track:
+    weights = None if track.weights is None else track.weights[first:after]
+    return Track(name, track.times[first:after], track.positions[first:after], weights)
 
 
-def _with_ends(track: Track, a: int, b: int, few: Track | None) -> tuple[NDArray[np.float64], ...]:
-    """Times, positions and weights of a piece's first sample, the few between, and its last."""
-    first, last = np.arange(a, min(a + 1, b)), np.arange(max(b - 1, a + 1), b)
-    own = np.ones(len(track)) if track.weights is None else track.weights
+def _add_ends(
+    track: Track, first: int, after: int, inner: Track | None
+) -> tuple[NDArray[np.float64], ...]:
+    """Times, positions and weights of a piece's first sample, its inner coreset, and its last."""
+    head, tail = (
+        np.arange(first, min(first + 1, after)),
+        np.arange(max(after - 1, first + 1), after),
+    )
+    weights = np.ones(len(track)) if track.weights is None else track.weights
     middle = (
         (np.empty(0), np.empty((0, track.dimension)), np.empty(0))
-        if few is None
-        else (few.times, few.positions, few.weights)
+        if inner is None
+        else (inner.times, inner.positions, inner.weights)
     )
     return tuple(
-        np.concatenate([values[first], between, values[last]])
-        for values, between in zip((track.times, track.positions, own), middle, strict=True)
+        np.concatenate([values[head], between, values[tail]])
+        for values, between in zip((track.times, track.positions, weights), middle, strict=True)
     )

@@ -1,4 +1,4 @@
-"""Walks with a knot at every sample: large, and within any bound. The last resort where no map can be learned."""
+"""Walks with a knot at every sample: large, and within any bound, where no map can be learned."""
 
 from __future__ import annotations
 
@@ -14,11 +14,20 @@ from gpszip.walks.quantised import choose_grid, merge_grid_walks, quantise_walks
 
 __all__ = ["keep_samples"]
 
+#: The error, divided by the distance that the highest speed covers in a time step.
+_ERROR_PER_TIME_STEP = 3
+
+#: Sample intervals per time step at least, so that no segment gets much shorter.
+_STEPS_PER_INTERVAL = 6
+
+#: Seconds above which a sample interval is not needed to choose the time step.
+_MAX_INTERVAL = 2.0
+
 
 def keep_samples(
     tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], error: float
 ) -> tuple[QuantisationGrid, GridWalks]:
-    """Round every sample to a lattice so fine that none lies farther than ``error`` from its walk, as far as quanta go.
+    """Round every sample to a quantisation grid fine enough for a maximum error.
 
     Parameters
     ----------
@@ -27,19 +36,21 @@ def keep_samples(
     gaps : sequence of bool array, shape (n - 1,)
         For each track, the steps that are gaps.
     error : float
-        Largest synchronised distance in metres.
+        Largest synchronised distance in metres, as far as the smallest steps allow it.
 
     Returns
     -------
-    Frame, LatticeWalks
-        The lattice, and one node for each place that a sample rounds to.
+    QuantisationGrid, GridWalks
+        The grid, and walks with one node for each grid position that samples round to.
 
     Examples
     --------
-    >>> grid, grid_walks = keep_samples([Track("a", [0, 1, 2], [[0.0], [5.0], [0.2]])], [np.zeros(2, bool)], 1.0)
+    >>> track = Track("a", [0, 1, 2], [[0.0], [5.0], [0.2]])
+    >>> grid, grid_walks = keep_samples([track], [np.zeros(2, bool)], 1.0)
     >>> grid_walks.nodes.tolist(), grid_walks.walks[0].nodes.tolist()
     ([[0], [5]], [0, 1, 0])
     """
+    # Each sample is a node of its own, until nodes at one grid position are merged.
     positions = np.concatenate([track.positions for track in tracks])
     bounds = np.cumsum([0] + [len(track) for track in tracks])
     knots = np.arange(len(positions), dtype=np.int32)
@@ -47,28 +58,36 @@ def keep_samples(
         Walk(track.id, knots[first : first + len(track)], track.times, gap)
         for track, gap, first in zip(tracks, gaps, bounds.tolist(), strict=False)
     ]
-    # Half a quantum of each axis, and half a quantum of time at full speed, stay within the error together.
+
+    # Half a step along each axis, and half a time step at full speed, stay within the error
+    # together.
     space = step_index(error / math.sqrt(positions.shape[1]))
     grid = choose_grid(
         positions,
         walks,
         space=space,
-        time=step_index(_time_step(tracks, gaps, error)),
+        time=step_index(_choose_time_step(tracks, gaps, error)),
         plane=tracks[0].plane,
     )
     return grid, merge_grid_walks([quantise_walks(positions, walks, grid)])
 
 
-def _time_step(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], error: float) -> float:
-    """A third of the error at the highest speed, and no more than a sixth of the shortest step, so that no part gets much shorter."""
-    longest = math.inf
+def _choose_time_step(
+    tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]], error: float
+) -> float:
+    """Seconds in which the highest speed covers a third of the error.
+
+    At most a sixth of the shortest sample interval.
+    """
+    time_step = math.inf
+    reach = error / _ERROR_PER_TIME_STEP
     for track, gap in zip(tracks, gaps, strict=True):
-        steps = np.diff(track.times)
-        way = np.linalg.norm(np.diff(track.positions, axis=0), axis=1)
-        moving = (way > 0) & ~gap
-        longest = min(
-            longest,
-            float(steps.min(initial=2.0)) / 6,
-            float((error / 3 * steps[moving] / way[moving]).min(initial=math.inf)),
+        intervals = np.diff(track.times)
+        distances = np.linalg.norm(np.diff(track.positions, axis=0), axis=1)
+        is_moving = (distances > 0) & ~gap
+        time_step = min(
+            time_step,
+            float(intervals.min(initial=_MAX_INTERVAL)) / _STEPS_PER_INTERVAL,
+            float((reach * intervals[is_moving] / distances[is_moving]).min(initial=math.inf)),
         )
-    return longest
+    return time_step

@@ -1,1 +1,1 @@
-"""Merging the maps and walks of several archives."""
+"""Merging of the maps and walks of several archives."""

@@ -1,4 +1,7 @@
-"""Curves of archives: where their tracks are at any time, as the measure of what a merge changes."""
+"""Curves of archives, and how far a merge moves them.
+
+A curve is the position of a track at any time, as its archive has it.
+"""
 
 from __future__ import annotations
 
@@ -29,22 +32,22 @@ __all__ = [
 ]
 
 #: Points between two knots at which curves are sampled.
-_BETWEEN = 3
+_POINTS_BETWEEN = 3
 
-#: Weight that every point has at least: tracks have no points without.
+#: Least weight of a point: the samples of a track have positive weights.
 _MIN_WEIGHT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One track as its archive has it: linear in time between knots, and nowhere in gaps.
+    """One track as its archive has it: linear in time between knots, and undefined in gaps.
 
     Parameters
     ----------
     track : Track
         The knots.
     gaps : bool array, shape (n - 1,)
-        Steps during which no travel is claimed.
+        Steps between knots that are gaps.
     """
 
     track: Track
@@ -52,7 +55,7 @@ class Curve:
 
     @property
     def walk(self) -> Walk:
-        """The same as a walk over its own knots."""
+        """The same curve as a walk over its own knots."""
         return Walk(
             self.track.id, np.arange(len(self.track), dtype=np.int32), self.track.times, self.gaps
         )
@@ -64,27 +67,26 @@ def build_curve(walk: Walk, nodes: NDArray[np.float64]) -> Curve:
 
 
 def natural_sort_key(name: str) -> tuple[tuple[str | tuple[int, str], ...], str]:
-    """What names are sorted by: numbers in them by value.
+    """Key to sort names by, with the numbers in them by value.
 
     Examples
     --------
-    >>> sorted(["b", "a10", "a9", "7", "a09"], key=name_key)
+    >>> sorted(["b", "a10", "a9", "7", "a09"], key=natural_sort_key)
     ['7', 'a09', 'a9', 'a10', 'b']
     """
-    # texts and numbers take turns, a text first, so that like is compared with like
-    return tuple(
-        _by_value(word) if i % 2 else word for i, word in enumerate(re.split(r"([0-9]+)", name))
-    ), name
+    # Text and numbers alternate, text first, so that text is compared with text.
+    words = re.split(r"([0-9]+)", name)
+    return tuple(_digits_key(word) if i % 2 else word for i, word in enumerate(words)), name
 
 
-def _by_value(digits: str) -> tuple[int, str]:
-    """What sorts digits like their value, however many there are."""
+def _digits_key(digits: str) -> tuple[int, str]:
+    """Key that sorts digits by value; Python's integers are limited to 4300 digits."""
     number = digits.lstrip("0")
     return len(number), number
 
 
 def order_by_start(curves: Sequence[Curve]) -> list[int]:
-    """Numbers of the curves in the order in which their tracks start; of those that start together, in the order of their names."""
+    """Indices of the curves in the order of their start times, then of their names."""
     return sorted(
         range(len(curves)),
         key=lambda i: (float(curves[i].track.times[0]), natural_sort_key(curves[i].track.id)),
@@ -103,7 +105,9 @@ def split_at_gaps(gaps: NDArray[np.bool_]) -> list[tuple[int, int]]:
 
 
 def share_at_knots(curves: Sequence[Curve], step: float | None) -> float:
-    """Share of a log's points that may lie at knots: as many as there are knots, of one each ``step`` seconds; all if that is not known.
+    """Largest share of a log's samples that are at knots.
+
+    As many samples as there are knots, of one for each ``step`` seconds; 1 if the step is unknown.
 
     Examples
     --------
@@ -111,52 +115,74 @@ def share_at_knots(curves: Sequence[Curve], step: float | None) -> float:
     >>> share_at_knots([curve], 1.0), share_at_knots([curve], 60.0), share_at_knots([curve], None)
     (0.03, 1.0, 1.0)
     """
-    seconds = sum(float(np.diff(curve.track.times)[~curve.gaps].sum()) for curve in curves)
+    duration = sum(float(np.diff(curve.track.times)[~curve.gaps].sum()) for curve in curves)
     knots = sum(len(curve.track) for curve in curves)
-    return 1.0 if step is None or knots * step >= seconds else knots * step / seconds
+    return 1.0 if step is None or knots * step >= duration else knots * step / duration
 
 
 def sample_curve(curve: Curve) -> Curve:
-    """Return the curve with three more points on each part, evenly spaced."""
-    knots, shares = len(curve.track), np.arange(1, _BETWEEN + 1) / (_BETWEEN + 1)
-    inside = np.flatnonzero(~curve.gaps)
-    at = np.sort(np.concatenate([np.arange(knots), (inside[:, None] + shares).ravel()]))
-    times = np.interp(at, np.arange(knots), curve.track.times)
-    apart = np.append(True, np.diff(times) > 0) | (at == np.floor(at))
-    at, times = at[apart], times[apart]
+    """Return the curve with three more points on each segment, evenly spaced."""
+    # Points as fractions of knot indices.
+    knots = len(curve.track)
+    shares = np.arange(1, _POINTS_BETWEEN + 1) / (_POINTS_BETWEEN + 1)
+    segments = np.flatnonzero(~curve.gaps)
+    index = np.sort(np.concatenate([np.arange(knots), (segments[:, None] + shares).ravel()]))
+    times = np.interp(index, np.arange(knots), curve.track.times)
+
+    # Drop points that double precision can't tell from the one before, but no knots.
+    is_distinct = np.append(True, np.diff(times) > 0) | (index == np.floor(index))
+    index, times = index[is_distinct], times[is_distinct]
+
     positions = np.stack(
-        [np.interp(at, np.arange(knots), axis) for axis in curve.track.positions.T], axis=1
+        [np.interp(index, np.arange(knots), axis) for axis in curve.track.positions.T], axis=1
     )
-    gaps = np.append(curve.gaps, False)[at[:-1].astype(np.int64)] & (at[:-1] == np.floor(at[:-1]))
+    starts_at_knot = index[:-1] == np.floor(index[:-1])
+    gaps = np.append(curve.gaps, False)[index[:-1].astype(np.int64)] & starts_at_knot
     return Curve(Track(curve.track.id, times, positions), gaps)
 
 
 def sample_weighted(curves: Sequence[Curve], at_knots: float) -> list[Curve]:
-    """Sample curves so that a weighted sum over points is one over time, and over the knots for a share of the weight.
+    """Sample curves so that a weighted sum over points is one over time, and over knots.
 
-    The weights are 1 in the mean of all curves.
+    Parameters
+    ----------
+    curves : sequence of Curve
+        The curves of an archive.
+    at_knots : float
+        Share of the weight that the knots have together.
+
+    Returns
+    -------
+    list of Curve
+        Points with weights of mean 1 over all curves.
     """
     points = [sample_curve(curve) for curve in curves]
-    knots = [
+    is_knot = [
         np.isin(point.track.times, curve.track.times)
         for point, curve in zip(points, curves, strict=True)
     ]
+
+    # Each point stands for half the time to its neighbours.
     steps = [np.where(point.gaps, 0.0, np.diff(point.track.times)) for point in points]
     spans = [(np.append(step, 0.0) + np.append(0.0, step)) / 2 for step in steps]
-    count, whole = sum(map(len, knots)), sum(float(span.sum()) for span in spans)
-    each = count * (at_knots if whole > 0 else 1.0) / sum(int(own.sum()) for own in knots)
-    second = count * (1 - at_knots) / whole if whole > 0 else 0.0
+
+    # Weight of a knot, and of a second.
+    count, duration = sum(map(len, is_knot)), sum(float(span.sum()) for span in spans)
+    knot_weight = (
+        count * (at_knots if duration > 0 else 1.0) / sum(int(knots.sum()) for knots in is_knot)
+    )
+    second_weight = count * (1 - at_knots) / duration if duration > 0 else 0.0
     return [
         Curve(
             Track(
                 point.track.id,
                 point.track.times,
                 point.track.positions,
-                each * own + second * span + _MIN_WEIGHT,
+                knot_weight * knots + second_weight * span + _MIN_WEIGHT,
             ),
             point.gaps,
         )
-        for point, own, span in zip(points, knots, spans, strict=True)
+        for point, knots, span in zip(points, is_knot, spans, strict=True)
     ]
 
 
@@ -166,26 +192,27 @@ def measure_deviation(
     nodes: NDArray[np.float64],
     at_knots: float = 1.0,
 ) -> Deviation:
-    """How far walks lie from curves, at the same times.
+    """How far walks are from curves, at the same times.
 
-    Both are linear between knots, so the largest distance is at a knot of either and the mean square has a closed form: what
-    comes out is exact, but for what lies within 1 ms of the end of a piece.
+    Both are linear between knots, so the largest distance is at a knot of either, and the mean
+    square has a closed form: between two times, the mean of |x|^2 over a line from a to b is
+    (|a|^2 + |b|^2 + a.b) / 3. The result is exact, but for the last 1 ms before the end of a piece.
 
     Parameters
     ----------
     curves : sequence of Curve
-        What is to be kept.
+        The curves to compare with.
     walks : sequence of Walk
         One for each curve, with times.
     nodes : float64 array, shape (V, d)
-        Places of the walks' nodes in metres.
+        Positions of the walks' nodes in metres.
     at_knots : float, default 1.0
-        Share of a log's points that may lie at knots; the others are taken to lie evenly in time.
+        Largest share of a log's samples at knots; the others are evenly spread in time.
 
     Returns
     -------
     Deviation
-        Infinite where a walk claims no travel and its curve does.
+        Infinite where a walk has a gap and its curve has none.
 
     Examples
     --------
@@ -194,33 +221,41 @@ def measure_deviation(
     >>> measure_deviation([curve], [walk], np.array([[0.0, 0.0], [2.0, 3.0]])).maximum
     3.0
     """
-    worst, square, span, knot_square, knots = 0.0, 0.0, 0.0, 0.0, 0
+    largest, time_square, duration, knot_square, knots = 0.0, 0.0, 0.0, 0.0, 0
     for curve, walk in zip(curves, walks, strict=True):
         for first, after in split_at_gaps(curve.gaps):
-            times = union_of_knot_times(curve.track.times[first:after], walk)
-            away = positions_at(walk, nodes, times) - positions_at(
+            # Offsets at all knots of either, which bound linear pieces.
+            curve_times = curve.track.times[first:after]
+            times = union_of_knot_times(curve_times, walk)
+            offsets = positions_at(walk, nodes, times) - positions_at(
                 curve.walk, curve.track.positions, times
             )
-            if np.isnan(away).any() or _has_gap_within(walk, times):
+            if np.isnan(offsets).any() or _has_gap_within(walk, times):
                 return Deviation(math.inf, math.inf)
-            squares = (away**2).sum(axis=1)
-            worst = max(worst, float(squares.max()))
+
+            # Maximum, integral over time, and sum over the curve's knots.
+            squares = (offsets**2).sum(axis=1)
+            largest = max(largest, float(squares.max()))
             steps = np.diff(times)
-            square += float(
-                (
-                    steps * (squares[1:] + squares[:-1] + (away[1:] * away[:-1]).sum(axis=1)) / 3
-                ).sum()
-            )
-            span += float(steps.sum())
-            own = squares[np.isin(times, curve.track.times[first:after])]
-            knot_square, knots = knot_square + float(own.sum()), knots + len(own)
-    in_time, in_knots = square / span if span > 0 else 0.0, knot_square / max(knots, 1)
-    mean = in_time + at_knots * max(in_knots - in_time, 0.0)
-    return Deviation(math.sqrt(mean), math.sqrt(worst))
+            products = (offsets[1:] * offsets[:-1]).sum(axis=1)
+            time_square += float((steps * (squares[1:] + squares[:-1] + products) / 3).sum())
+            duration += float(steps.sum())
+            at_curve_knots = squares[np.isin(times, curve_times)]
+            knot_square += float(at_curve_knots.sum())
+            knots += len(at_curve_knots)
+
+    # If knots are farther away than the rest, samples at knots count by their share.
+    in_time = time_square / duration if duration > 0 else 0.0
+    in_knots = knot_square / max(knots, 1)
+    mean_square = in_time + at_knots * max(in_knots - in_time, 0.0)
+    return Deviation(math.sqrt(mean_square), math.sqrt(largest))
 
 
 def _has_gap_within(walk: Walk, times: NDArray[np.float64]) -> bool:
-    """Whether a walk claims no travel somewhere between the first and the last of these times, and not just for a moment."""
+    """Whether a walk has a gap between the first and the last of these times.
+
+    A gap of at most two time slacks does not count.
+    """
     if walk.times is None:
         return True
     begins, ends = np.maximum(walk.times[:-1], times[0]), np.minimum(walk.times[1:], times[-1])
@@ -228,8 +263,8 @@ def _has_gap_within(walk: Walk, times: NDArray[np.float64]) -> bool:
 
 
 def union_of_knot_times(times: NDArray[np.float64], walk: Walk) -> NDArray[np.float64]:
-    """Times of a piece's knots, and those at which a walk has knots meanwhile."""
+    """Times of the knots of a piece, and of a walk's knots between them."""
     if walk.times is None:
         return times
-    meanwhile = walk.times[(walk.times > times[0]) & (walk.times < times[-1])]
-    return np.union1d(times, meanwhile)
+    between = walk.times[(walk.times > times[0]) & (walk.times < times[-1])]
+    return np.union1d(times, between)

@@ -1,4 +1,4 @@
-"""A map and walks that are there already, made smaller: knots and nodes are moved, dropped and united within a deviation allowed."""
+"""Refinement of an existing map with its walks: fewer bytes within an allowed deviation."""
 
 from __future__ import annotations
 
@@ -17,14 +17,27 @@ from gpszip.model import GridWalks
 
 __all__ = ["AllowedDeviation", "refine", "snap_to_time_grid"]
 
-#: Power of the error's excess by which the price follows, what it gains with each further miss, and the farthest it goes at once.
-_PUSH, _MORE, _LEAP = 2.5, 1.5, 5.0
+#: Bits of squared error for each slot when the deviation is as large as allowed: the first price.
+_BITS_PER_SLOT = 0.3
 
-#: Weight of the points of the dearest group; the others have less, but at least 1.
-_WEIGHTS = 16
+#: Power of the excess deviation by which the price changes after a first miss.
+_PRICE_POWER = 2.5
+#: What the power gains with each further miss.
+_POWER_STEP = 1.5
+#: Largest factor by which a price changes at once.
+_MAX_PRICE_FACTOR = 5.0
+#: Share of the allowed deviation that the price targets.
+_AIM = 0.995
+#: Least excess deviation that the price takes into account.
+_MIN_EXCESS = 0.01
 
-#: Every so many rounds the price falls by this factor: walks that need fewer knots leave a local optimum behind.
-_KICK_EVERY, _KICK = 6, 0.6
+#: Weight of the points of the group with the highest price; others have less, but at least 1.
+_MAX_WEIGHT = 16
+
+#: Every so many rounds the price falls: walks that need fewer knots leave a local optimum.
+_KICK_EVERY = 6
+#: Factor by which it falls.
+_KICK = 0.6
 
 #: Rounds at the end in which nodes stay where they are, so that all walks come within the maximum.
 _LAST_ROUNDS = 4
@@ -32,14 +45,14 @@ _LAST_ROUNDS = 4
 
 @dataclass(frozen=True, eq=False)
 class AllowedDeviation:
-    """How far curves may be moved, in quanta.
+    """How far curves may be moved, in grid steps.
 
     Parameters
     ----------
     rms : float64 array, shape (G,)
-        In the root mean square of each group of points by their weights.
+        Largest root mean square of each group of points, by their weights.
     maximum : float
-        Anywhere.
+        Largest distance of any point.
     """
 
     rms: NDArray[np.float64]
@@ -55,16 +68,17 @@ def refine(
     allowed: AllowedDeviation,
     rounds: int,
 ) -> Outcome | None:
-    """Move, drop and unite the knots and nodes of a map by description length.
+    """Move, drop and merge the knots and nodes of a map by description length.
 
-    The slots are laid over points of the curves that are to be kept. Each round settles the knots anew along parts that keep
-    the maximum (E-step); in all but the last, nodes are then placed by least squares (M-step) and united where that saves bits.
-    Each group of points has its own price of squared error, which follows what the group is allowed.
+    Each round assigns the knots anew along segments that keep the maximum (E-step). Every other
+    round, except for the last ones, then places the nodes by least squares (M-step) and merges them
+    where that saves bits. Each group of points has its own price of squared error, which follows
+    the deviation of the group.
 
     Parameters
     ----------
-    time_grid : Slots
-        Where knots may lie.
+    time_grid : TimeGrid
+        Slots where knots may lie, over the points of the curves to keep.
     tracks : int
         Number of tracks.
     groups : int64 array, shape (n,)
@@ -72,99 +86,110 @@ def refine(
     slot_nodes : int64 array, shape (S,)
         Node at each slot, -1 where there is no knot.
     positions : float64 array, shape (V, d)
-        The nodes, in quanta.
-    allowed : Allowance
-        What keeps to it counts; a part that misses the maximum counts as much as mending it will.
+        The nodes, in grid steps.
+    allowed : AllowedDeviation
+        Bounds. A segment that misses the maximum counts as many bytes as its repair takes.
     rounds : int
         Number of rounds.
 
     Returns
     -------
     Outcome or None
-        The smallest that was met on the way, the walks as given among them; None if none kept to the root mean squares.
+        The smallest of all rounds and the walks as given; None if none kept to the root mean
+        squares.
     """
     plan = Plan(target=float(allowed.rms.max()), maximum=allowed.maximum, rounds=rounds)
-    counts = np.bincount(groups, weights=time_grid.weights, minlength=len(allowed.rms))
-    price = 0.3 * len(time_grid.time_steps) / (time_grid.samples * allowed.rms**2)
-    push = np.full(len(price), _PUSH)
+    group_weights = np.bincount(groups, weights=time_grid.weights, minlength=len(allowed.rms))
+    price = _BITS_PER_SLOT * len(time_grid.time_steps) / (time_grid.samples * allowed.rms**2)
+    power = np.full(len(price), _PRICE_POWER)
 
-    def measured() -> tuple[Outcome, NDArray[np.float64], NDArray[np.float64]]:
+    def measure() -> tuple[Outcome, NDArray[np.float64], NDArray[np.float64]]:
+        """Outcome, bit statistics, and each group's deviation as a multiple of its bound."""
         outcome, bit_statistics, errors = measure_and_encode(
             time_grid, slot_nodes, positions, tracks, plan
         )
-        mean = np.bincount(
-            groups, weights=time_grid.weights * errors**2, minlength=len(counts)
-        ) / np.maximum(counts, 1)
-        return outcome, bit_statistics, np.sqrt(mean) / allowed.rms
-
-    positions = np.rint(positions)
-    best, bit_statistics, over = measured()
-    held = bool((over <= 1).all())
-    for turn in range(rounds):
-        weighed = reweight_samples(
-            time_grid,
-            np.rint(np.maximum(_WEIGHTS * price / price.max(), 1)).astype(np.int64)[groups],
+        squares = np.bincount(
+            groups, weights=time_grid.weights * errors**2, minlength=len(group_weights)
         )
-        bits = estimate_prices(bit_statistics, float(price.max()) / _WEIGHTS, len(positions))
+        rms = np.sqrt(squares / np.maximum(group_weights, 1))
+        return outcome, bit_statistics, rms / allowed.rms
+
+    # Begin with the walks as given.
+    positions = np.rint(positions)
+    best, bit_statistics, excess = measure()
+    is_kept = bool((excess <= 1).all())
+
+    for turn in range(rounds):
+        # E-step: points weigh in proportion to their group's price.
+        weights = np.rint(np.maximum(_MAX_WEIGHT * price / price.max(), 1)).astype(np.int64)
+        weighted_grid = reweight_samples(time_grid, weights[groups])
+        prices = estimate_prices(bit_statistics, float(price.max()) / _MAX_WEIGHT, len(positions))
         slot_nodes, positions = assign_knots(
-            replace(weighed, positions=np.rint(time_grid.positions)),
+            replace(weighted_grid, positions=np.rint(time_grid.positions)),
             slot_nodes,
             positions,
             plan,
-            bits,
+            prices,
             turn,
             allowed.maximum,
         )
+
+        # M-step and merge.
         if turn % 2 == 0 and turn < rounds - _LAST_ROUNDS:
-            segments = list_segments(weighed, slot_nodes, len(positions))
+            segments = list_segments(weighted_grid, slot_nodes, len(positions))
             slot_nodes, segments, positions = merge_nodes(
-                slot_nodes, segments, place_nodes(segments, positions), plan, bits, 0
+                slot_nodes, segments, place_nodes(segments, positions), plan, prices, 0
             )
             positions = place_on_grid(segments, positions, 0)
-        outcome, bit_statistics, over = measured()
-        if (over <= 1).all() and (not held or outcome.cost < best.cost):
-            best, held = outcome, True
-        over = over / 0.995
-        push = np.where(over > 1, push + _MORE, _PUSH)
-        price = price * np.clip(np.maximum(over, 0.01) ** push, 1 / _LEAP, _LEAP)
+
+        # Keep the smallest walks within the bounds.
+        outcome, bit_statistics, excess = measure()
+        if (excess <= 1).all() and (not is_kept or outcome.cost < best.cost):
+            best, is_kept = outcome, True
+
+        # Let the prices follow the deviations.
+        excess = excess / _AIM
+        power = np.where(excess > 1, power + _POWER_STEP, _PRICE_POWER)
+        factor = np.maximum(excess, _MIN_EXCESS) ** power
+        price = price * np.clip(factor, 1 / _MAX_PRICE_FACTOR, _MAX_PRICE_FACTOR)
         if turn % _KICK_EVERY == _KICK_EVERY - 1 and turn + _KICK_EVERY < rounds:
-            price, push = _KICK * price, np.full(len(price), _PUSH)
-    return best if held else None
+            price, power = _KICK * price, np.full(len(price), _PRICE_POWER)
+    return best if is_kept else None
 
 
 def snap_to_time_grid(
     time_grid: TimeGrid, walks: GridWalks
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Put the knots of walks on slots of the same lattice: the nearest slot of the piece that each belongs to.
+    """Move the knots of walks to the nearest slots of a time grid of the same quantisation grid.
 
-    Where two knots come to lie on one slot, the later one stays; pieces begin and end with a knot.
+    A knot stays in its piece. Of two knots at one slot, the later one stays; pieces begin and end
+    with a knot.
 
     Returns
     -------
     slot_nodes : int64 array, shape (S,)
         Node at each slot, -1 where there is no knot.
     positions : float64 array, shape (V, d)
-        The nodes, in quanta.
+        The nodes, in grid steps.
     """
     slot_nodes = np.full(len(time_grid.time_steps), -1, np.int64)
-    owned = np.searchsorted(time_grid.piece_tracks, np.arange(len(walks.walks) + 1))
+    bounds = np.searchsorted(time_grid.piece_tracks, np.arange(len(walks.walks) + 1))
     for number, walk in enumerate(walks.walks):
-        pieces = np.arange(owned[number], owned[number + 1])
+        # Find the piece of each knot: the last one that starts before it.
+        pieces = np.arange(bounds[number], bounds[number + 1])
         starts = time_grid.time_steps[time_grid.first_slots[pieces]]
-        which = pieces[
-            np.clip(np.searchsorted(starts, walk.time_steps, side="right") - 1, 0, len(pieces) - 1)
-        ]
+        index = np.searchsorted(starts, walk.time_steps, side="right") - 1
+        knot_pieces = pieces[np.clip(index, 0, len(pieces) - 1)]
+
         for piece in pieces.tolist():
-            mine = np.flatnonzero(which == piece)
+            knots = np.flatnonzero(knot_pieces == piece)
             first, last = int(time_grid.first_slots[piece]), int(time_grid.last_slots[piece])
-            cells = time_grid.time_steps[first : last + 1]
-            after = np.clip(np.searchsorted(cells, walk.time_steps[mine]), 0, len(cells) - 1)
+
+            # Of the slots before and after each knot, take the nearer one.
+            knot_steps, slot_steps = walk.time_steps[knots], time_grid.time_steps[first : last + 1]
+            after = np.clip(np.searchsorted(slot_steps, knot_steps), 0, len(slot_steps) - 1)
             before = np.maximum(after - 1, 0)
-            nearer = np.where(
-                walk.time_steps[mine] - cells[before] < cells[after] - walk.time_steps[mine],
-                before,
-                after,
-            )
-            slot_nodes[first + nearer] = walk.nodes[mine]
-            slot_nodes[first], slot_nodes[last] = walk.nodes[mine[0]], walk.nodes[mine[-1]]
+            is_before = knot_steps - slot_steps[before] < slot_steps[after] - knot_steps
+            slot_nodes[first + np.where(is_before, before, after)] = walk.nodes[knots]
+            slot_nodes[first], slot_nodes[last] = walk.nodes[knots[0]], walk.nodes[knots[-1]]
     return slot_nodes, walks.nodes.astype(np.float64)

@@ -1,4 +1,4 @@
-"""Parts of a merge: the curves of an archive, and those of several with walks for them on a common lattice."""
+"""Branches of a merge tree: curves of archives, with walks for them on a common grid."""
 
 from __future__ import annotations
 
@@ -16,33 +16,34 @@ from gpszip.merging.deviation import Curve, order_by_start, sample_weighted, sha
 from gpszip.model import GridWalk, GridWalks, QuantisationGrid
 from gpszip.model.grid import step_size
 
-__all__ = ["Branch", "Part", "build_leaf", "build_leaves", "concatenate_branches"]
+__all__ = ["ArchiveCurves", "Branch", "build_leaf", "build_leaves", "concatenate_branches"]
 
 T = TypeVar("T")
 
-#: Slots from which on only those next to points are taken.
-_SPARSE = 500_000
+#: Slots from which on a time grid is sparse.
+_SPARSE_SLOTS = 500_000
 
-#: The most weight that knots have in searches: without any between them, curves would stray there.
-_AT_KNOTS = 0.6
+#: Largest share of the weight that knots have in searches: without any weight between them, curves
+#: would stray there.
+_MAX_SHARE_AT_KNOTS = 0.6
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
-    """The curves of one archive, on the plane that all share, and its map.
+class ArchiveCurves:
+    """The curves of one archive, on the plane that all archives share, and its map.
 
     Parameters
     ----------
     curves : tuple of Curve
         One for each track.
     nodes : float64 array, shape (V, d)
-        Places of the map's nodes in metres.
+        Positions of the map's nodes in metres.
     knot_nodes : tuple of int32 arrays
         Node at each knot of each curve.
-    grid : Frame
-        The archive's lattice, whose quanta are tried.
+    grid : QuantisationGrid
+        The archive's grid, whose step sizes are tried.
     step : float, optional
-        Seconds between two samples of the log, where that is known.
+        Seconds between two samples of the log, where known.
     limit_share : float, default 1.0
         Share of the limit by which these curves may be moved.
     """
@@ -56,13 +57,13 @@ class Part:
 
     @cached_property
     def at_knots(self) -> float:
-        """Share of the log's points that may lie at knots."""
+        """Largest share of the log's samples at knots."""
         return share_at_knots(self.curves, self.step)
 
     @cached_property
     def points(self) -> tuple[Curve, ...]:
-        """The curves as points with weights."""
-        return tuple(sample_weighted(self.curves, min(self.at_knots, _AT_KNOTS)))
+        """The curves as weighted points."""
+        return tuple(sample_weighted(self.curves, min(self.at_knots, _MAX_SHARE_AT_KNOTS)))
 
     @property
     def knots(self) -> int:
@@ -72,7 +73,19 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """Some of the curves with walks for them on the common lattice."""
+    """Some of the curves, with walks for them on the common grid.
+
+    Parameters
+    ----------
+    curves : tuple of Curve
+        One for each track.
+    points : tuple of Curve
+        The same as weighted points.
+    walks : GridWalks
+        One for each track.
+    groups : tuple of int
+        Number of the archive of each track.
+    """
 
     curves: tuple[Curve, ...]
     points: tuple[Curve, ...]
@@ -85,7 +98,7 @@ class Branch:
         return tuple(curve.track.id for curve in self.curves)
 
     def sorted(self) -> Branch:
-        """The same in the order of starts."""
+        """Return the same tracks in the order of their starts."""
         order = order_by_start(self.curves)
         walks = GridWalks(self.walks.nodes, _pick(self.walks.walks, order))
         return Branch(
@@ -96,49 +109,59 @@ class Branch:
         )
 
     def time_grid(self, grid: QuantisationGrid) -> TimeGrid:
-        """The slots of a lattice over the points, sparse ones where there would be very many."""
+        """Time grid over the points; a sparse one where a full one would be very large."""
         tracks, gaps = [point.track for point in self.points], [point.gaps for point in self.points]
         time_grid = build_time_grid(tracks, gaps, grid)
-        return (
-            time_grid
-            if len(time_grid.time_steps) < _SPARSE
-            else build_time_grid(tracks, gaps, grid, sparse=True)
-        )
+        if len(time_grid.time_steps) < _SPARSE_SLOTS:
+            return time_grid
+        return build_time_grid(tracks, gaps, grid, sparse=True)
 
     def point_groups(self) -> NDArray[np.int64]:
-        """Part of each point."""
+        """Number of the archive of each point."""
         return np.repeat(self.groups, [len(point.track) for point in self.points])
 
 
-def build_leaves(parts: Sequence[Part], grid: QuantisationGrid) -> list[Branch]:
-    """Round all parts to a lattice."""
-    return [build_leaf(part, grid, number) for number, part in enumerate(parts)]
+def build_leaves(archives: Sequence[ArchiveCurves], grid: QuantisationGrid) -> list[Branch]:
+    """Round the walks of all archives to a grid."""
+    return [build_leaf(archive, grid, number) for number, archive in enumerate(archives)]
 
 
-def build_leaf(part: Part, grid: QuantisationGrid, number: int) -> Branch:
-    """Round one part to a lattice."""
-    corner = np.asarray(grid.origin, dtype=np.float64) / 1000
-    nodes = np.rint((part.nodes - corner) / step_size(grid.space)).astype(np.int64)
-    walks = [
-        GridWalk(
-            visits,
-            np.rint((curve.track.times - grid.epoch / 1000) / step_size(grid.time)).astype(
-                np.int64
-            ),
-            curve.gaps,
-        )
-        for curve, visits in zip(part.curves, part.knot_nodes, strict=True)
-    ]
-    return Branch(part.curves, part.points, GridWalks(nodes, tuple(walks)), (number,) * len(walks))
+def build_leaf(archive: ArchiveCurves, grid: QuantisationGrid, number: int) -> Branch:
+    """Round the walks of one archive to a grid.
+
+    Parameters
+    ----------
+    archive : ArchiveCurves
+        The archive.
+    grid : QuantisationGrid
+        The common grid.
+    number : int
+        Number of the archive.
+    """
+    # Round the nodes.
+    origin = np.asarray(grid.origin, dtype=np.float64) / 1000
+    nodes = np.rint((archive.nodes - origin) / step_size(grid.space)).astype(np.int64)
+
+    # Round the times of the knots.
+    walks = []
+    for curve, knot_nodes in zip(archive.curves, archive.knot_nodes, strict=True):
+        exact_steps = (curve.track.times - grid.epoch / 1000) / step_size(grid.time)
+        walks.append(GridWalk(knot_nodes, np.rint(exact_steps).astype(np.int64), curve.gaps))
+    return Branch(
+        archive.curves, archive.points, GridWalks(nodes, tuple(walks)), (number,) * len(walks)
+    )
 
 
 def concatenate_branches(branches: Sequence[Branch]) -> Branch:
-    """Put branches side by side, each with its own nodes still."""
+    """Concatenate the tracks and nodes of branches; no nodes are merged."""
     walks: list[GridWalk] = []
-    first = 0
+    first_node = 0
     for branch in branches:
-        walks += [replace(walk, nodes=walk.nodes + np.int32(first)) for walk in branch.walks.walks]
-        first += len(branch.walks.nodes)
+        walks += [
+            replace(walk, nodes=walk.nodes + np.int32(first_node)) for walk in branch.walks.walks
+        ]
+        first_node += len(branch.walks.nodes)
+
     nodes = np.concatenate([branch.walks.nodes for branch in branches])
     groups = tuple(group for branch in branches for group in branch.groups)
     curves = tuple(curve for branch in branches for curve in branch.curves)

@@ -12,7 +12,7 @@ from gpszip.archive import Archive
 from gpszip.errors import OptionError
 from gpszip.merging.deviation import Curve, build_curve, share_at_knots, split_at_gaps
 from gpszip.merging.search import DeviationLimit
-from gpszip.merging.tree import Part as ArchiveCurves
+from gpszip.merging.tree import ArchiveCurves
 from gpszip.model import Plane, QuantisationGrid, Track, Walk
 from gpszip.model.grid import step_size
 from gpszip.model.merge_options import MergeOptions

@@ -1,1 +1,1 @@
-"""Compiled loops of map learning."""
+"""Compiled kernels of map learning; only the package ``mapping`` calls them."""

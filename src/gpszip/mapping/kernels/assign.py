@@ -1,16 +1,18 @@
-"""The E-step of the connected map: knots of one window of a walk are chosen anew, all at once, at their marginal price.
+"""The E-step of the connected map: the knots of one window of a walk are chosen anew at once.
 
-Within a window the walk's own uses are taken out of the counts. Then a dynamic program over slots and candidate nodes may insert,
-delete, move and relabel knots: a node that others use is free, one that nobody uses pays for its place, and every step
-pays what it would cost to code.
+Within a window, the walk's own uses are taken out of the counts. A dynamic program over slots and
+candidate nodes then inserts, deletes, moves and relabels knots at their marginal price: a node that
+other knots use is free, a new one pays for its position, and each step pays the bits of its code.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inlined, jit
 from gpszip.mapping.kernels.assign_max_error import fill_table_within_max_error
 from gpszip.mapping.kernels.grid_moments import best_line_cost, moments_between
 from gpszip.mapping.kernels.initial_map import (
@@ -24,24 +26,64 @@ from gpszip.mapping.kernels.initial_map import (
 )
 from gpszip.mapping.kernels.time_grid import DPTable, TimeGridArrays
 
-__all__ = ["CANDIDATES", "assign_slice"]
+__all__ = [
+    "BEGINS_PIECE",
+    "ENDS_PIECE",
+    "FIRST_SLOT",
+    "LAST_SLOT",
+    "Prices",
+    "assign_slice",
+]
 
-#: Prices in bits, in the order of the array ``prices``; the last is what a candidate may cost beyond the cheapest of its slot.
-ERROR, TIME, STAY_TIME, NEW, PLACE, LINK, STAY, JUMP, ESCAPE, BEAM = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
+#: Index in a time slice of its first slot.
+FIRST_SLOT = 0
+#: Index of its last slot.
+LAST_SLOT = 1
+#: Index of the flag that a piece begins at its first slot.
+BEGINS_PIECE = 2
+#: Index of the flag that a piece ends at its last slot.
+ENDS_PIECE = 3
 
-CANDIDATES = 8
+#: Bits of squared error beyond which no segment pays, unless it joins adjacent slots.
 _MAX_LINE_BITS = 200.0
+
+#: Stands for a new node among the candidates of a slot.
 _NEW_NODE = -2
 
+#: Columns of a window's table beside the near nodes: the present node and a new one.
+_EXTRA_CANDIDATES = 2
 
-@jit
-def _step_price(working_map: WorkingMap, u: int, v: int, prices: NDArray[np.float64]) -> float:
-    """Bits of a step between two nodes that others use."""
+#: Spare capacity in nodes and steps that a window needs beside one for each slot.
+_SPARE_CAPACITY = 8
+
+
+class Prices(NamedTuple):
+    """Prices of the E-step in bits; all are floats."""
+
+    error: float  # of a squared error of one grid step
+    duration: float  # of a step to another node
+    stay_duration: float  # of a stop
+    new_node: float  # to announce a new node
+    position: float  # of a new node
+    new_edge: float  # of a step along a new edge
+    stay: float  # to announce a stop
+    start: float  # of the first node of a piece
+    escape: float  # of a known edge beside its share of the traffic
+    beam: float  # beyond the cheapest candidate of a slot at which others are left out
+
+
+@inlined
+def _price_step(working_map: WorkingMap, u: int, v: int, prices: Prices) -> float:
+    """Bits of a step between two used nodes: log2 of its share of the steps from u.
+
+    With n the counts, a step against the direction of travel weighs half:
+    log2((outgoing_weight[u] + 1) / (n[u, v] + n[v, u] / 2)) + escape, at most a new edge's price.
+    """
     weight = step_count(working_map, u, v) + 0.5 * step_count(working_map, v, u)
     if weight <= 0.0:
-        return prices[LINK]
+        return prices.new_edge
     return min(
-        np.log2((working_map.outgoing_weight[u] + 1.0) / weight) + prices[ESCAPE], prices[LINK]
+        np.log2((working_map.outgoing_weight[u] + 1.0) / weight) + prices.escape, prices.new_edge
     )
 
 
@@ -52,23 +94,26 @@ def _find_candidates(
     slot_nodes: NDArray[np.int64],
     first: int,
     last: int,
-    most: int,
+    max_near: int,
     candidates: NDArray[np.int64],
     counts: NDArray[np.int64],
 ) -> None:
-    """List the nodes that each slot may take: the nearest, its present one, and a fresh one at its own place."""
-    distances = np.empty(most + 1)
+    """List the candidates of each slot: the nearest nodes, its present one, and a new one."""
+    distances = np.empty(max_near + 1)
     for slot in range(first, last + 1):
         row = slot - first
-        count = find_near_nodes(working_map, positions[slot], most, candidates[row], distances)
-        own = slot_nodes[slot]
-        if own >= 0:
-            known = False
+        count = find_near_nodes(working_map, positions[slot], max_near, candidates[row], distances)
+
+        # The present node stays a candidate even where others are nearer.
+        present = slot_nodes[slot]
+        if present >= 0:
+            is_listed = False
             for i in range(count):
-                known |= candidates[row, i] == own
-            if not known:
-                candidates[row, count] = own
+                is_listed |= candidates[row, i] == present
+            if not is_listed:
+                candidates[row, count] = present
                 count += 1
+
         candidates[row, count] = _NEW_NODE
         counts[row] = count + 1
 
@@ -79,9 +124,17 @@ def _number_used_candidates(
     candidates: NDArray[np.int64],
     counts: NDArray[np.int64],
     marks: NDArray[np.int64],
-    members: NDArray[np.int64],
+    used_nodes: NDArray[np.int64],
 ) -> int:
-    """Number the used nodes among the candidates from 1 on; 0 stands for all that nobody uses."""
+    """Number the used nodes among the candidates from 1 on; 0 stands for all unused ones.
+
+    ``marks`` receives the number of each node, ``used_nodes`` the node of each number.
+
+    Returns
+    -------
+    int
+        The largest number.
+    """
     count = 0
     for row in range(len(counts)):
         for i in range(counts[row]):
@@ -89,53 +142,85 @@ def _number_used_candidates(
             if node >= 0 and working_map.uses[node] > 0 and marks[node] == 0:
                 count += 1
                 marks[node] = count
-                members[count] = node
+                used_nodes[count] = node
     return count
 
 
 @jit
-def _price_steps(
+def _price_all_steps(
     working_map: WorkingMap,
-    members: NDArray[np.int64],
+    used_nodes: NDArray[np.int64],
     count: int,
     marks: NDArray[np.int64],
-    prices: NDArray[np.float64],
+    prices: Prices,
 ) -> NDArray[np.float64]:
-    """Bits of the steps between all used candidates; row and column 0 are for fresh nodes."""
-    table = np.full((count + 1, count + 1), prices[LINK])
-    table[:, 0] = prices[NEW] + prices[PLACE]
+    """Bits of the steps between all used candidates; row and column 0 are for unused nodes."""
+    step_bits = np.full((count + 1, count + 1), prices.new_edge)
+    step_bits[:, 0] = prices.new_node + prices.position
     for i in range(1, count + 1):
-        u = members[i]
+        # Only half-edges of the map lead to nodes at less than a new edge's price.
+        u = used_nodes[i]
         half = working_map.first_half_edge[u]
         while half >= 0:
-            v = working_map.into[half]
+            v = working_map.end_node[half]
             if marks[v] > 0:
-                table[i, marks[v]] = _step_price(working_map, u, v, prices)
+                step_bits[i, marks[v]] = _price_step(working_map, u, v, prices)
             half = working_map.next_half_edge[half]
-        table[i, i] = prices[STAY]
-    return table
+        step_bits[i, i] = prices.stay
+    return step_bits
 
 
 @jit
 def _locate_candidates(
     working_map: WorkingMap,
-    positions: NDArray[np.float64],
+    slot_positions: NDArray[np.float64],
     first: int,
     candidates: NDArray[np.int64],
     counts: NDArray[np.int64],
     marks: NDArray[np.int64],
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Place of each candidate, and its index among the used ones."""
-    spot = np.empty((*candidates.shape, positions.shape[1]))
-    local = np.zeros(candidates.shape, np.int64)
+    """Position of each candidate, and its number among the used ones."""
+    positions = np.empty((*candidates.shape, slot_positions.shape[1]))
+    numbers = np.zeros(candidates.shape, np.int64)
     for row in range(len(counts)):
         for i in range(counts[row]):
             node = candidates[row, i]
-            spot[row, i] = (
-                positions[first + row] if node == _NEW_NODE else working_map.positions[node]
+            positions[row, i] = (
+                slot_positions[first + row] if node == _NEW_NODE else working_map.positions[node]
             )
-            local[row, i] = 0 if node == _NEW_NODE else marks[node]
-    return spot, local
+            numbers[row, i] = 0 if node == _NEW_NODE else marks[node]
+    return positions, numbers
+
+
+@inlined
+def _sum_end_terms(
+    positions: NDArray[np.float64],
+    row: int,
+    count: int,
+    center: NDArray[np.int64],
+    unit: float,
+    u2: float,
+    n: NDArray[np.float64],
+    end_terms: NDArray[np.float64],
+) -> None:
+    """Terms of the squared error that depend on the end y only: U2 |y|^2 - 2 y.N."""
+    for c in range(count):
+        end_terms[c] = 0.0
+        for axis in range(len(n)):
+            y = positions[row, c, axis] - center[axis] / unit
+            end_terms[c] += u2 * y * y - 2.0 * y * n[axis]
+
+
+@inlined
+def _find_limit(
+    best: NDArray[np.float64], row: int, count: int, cheapest: NDArray[np.float64], beam: float
+) -> float:
+    """Bits from which on no path to a row pays: its dearest candidate, or the beam's edge."""
+    limit = 0.0
+    for c in range(count):
+        limit = max(limit, best[row, c])
+        cheapest[row] = min(cheapest[row], best[row, c])
+    return min(limit, cheapest[row] + beam)
 
 
 @jit
@@ -144,98 +229,114 @@ def _fill_table(
     dp_table: DPTable,
     first: int,
     max_slots: int,
-    prices: NDArray[np.float64],
+    prices: Prices,
 ) -> None:
-    """Fill the board from its first row on: squared error costs its price.
+    """Fill a table from its first row on: squared error costs its price.
 
-    Origins are looked at from the nearest to the farthest: what the best line misses only grows, and ends the search. A
-    candidate that costs so much more than the cheapest of its slot as the last of the prices says is left out.
-    One long loop on purpose: handing these arrays to a function for each pair of slots takes longer than the arithmetic.
+    Row r stands for slot ``first`` + r. With B[r, c] the least bits to reach candidate c of row r,
+
+        B[r, c] = min over r - max_slots <= o < r and k of  B[o, k] + S(k, c) + lambda E(o, k, r, c)
+
+    S is the price of the step and of its duration, lambda the price of a squared error. E is the
+    squared error of the samples between the slots; about the centre of slot o, with x the position
+    of candidate k and y that of c, and the moments of :mod:`grid_moments`, it is
+
+        E = [(W - 2 U1 + U2) |x|^2 - 2 x.(M - N) + Q] + [U2 |y|^2 - 2 y.N] + 2 (U1 - U2) x.y
+
+    Origins o are tried from the nearest to the farthest. The error of the best line between the
+    slots bounds E from below and only grows, so that it ends the search. ``Prices.beam`` leaves out
+    candidates that cost that much more than the cheapest of their slot.
+
+    The innermost loops stay in this function: to pass these arrays to another for each pair of
+    slots takes longer than the arithmetic.
     """
-    sums, ticks, centers, unit = (
-        grid_arrays.sums,
-        grid_arrays.ticks,
-        grid_arrays.centers,
-        grid_arrays.ticks_per_step[0],
-    )
-    candidates, counts, spot, local, table, best, parent_row, parent_choice = dp_table
-    rows, width, dimension = spot.shape
-    error, time, stay = prices[ERROR], prices[TIME], prices[STAY] + prices[STAY_TIME]
-    quickest = min(time, prices[STAY_TIME])
+    sums, ticks, centers = grid_arrays.sums, grid_arrays.ticks, grid_arrays.centers
+    unit = grid_arrays.ticks_per_step
+    candidates, counts, positions, numbers, step_bits, best, parent_rows, parent_choices = dp_table
+    rows, width, dimension = positions.shape
+    error_price, move_price = prices.error, prices.duration
+    stay_price = prices.stay + prices.stay_duration
+    min_duration = min(move_price, prices.stay_duration)
     m, n = np.empty(dimension), np.empty(dimension)
-    ends, lean = np.empty(width), np.empty(dimension)
-    cheapest, sofar = np.full(rows, np.inf), np.full(rows, np.inf)
+    end_terms, slopes = np.empty(width), np.empty(dimension)
+
+    # Least bits of each row, and of all rows up to it.
+    cheapest, cheapest_so_far = np.full(rows, np.inf), np.full(rows, np.inf)
     for c in range(counts[0]):
         cheapest[0] = min(cheapest[0], best[0, c])
-    sofar[0] = cheapest[0]
+    cheapest_so_far[0] = cheapest[0]
+
     for row in range(1, rows):
         g = first + row
         limit = np.inf
-        # what led to the slot before is a good guess, and bounds the rest
-        guess = parent_row[row - 1, np.argmin(best[row - 1, : counts[row - 1]])]
-        missed = 0.0
-        for turn in range(
-            row if guess < max(row - max_slots, 0) else row + 1, max(row - max_slots, 0), -1
-        ):
+        line_bits = 0.0
+
+        # Try the origin of the slot before first: a good guess bounds the rest. Turn row + 1
+        # stands for the guess, turn t <= row for origin t - 1.
+        guess = parent_rows[row - 1, np.argmin(best[row - 1, : counts[row - 1]])]
+        oldest = max(row - max_slots, 0)
+        for turn in range(row if guess < oldest else row + 1, oldest, -1):
             origin = turn - 1 if turn <= row else guess
+
+            # Leave out what can't pay, by the best line of the origin before.
             if turn < row:
-                if sofar[origin] + quickest + missed >= limit:
+                if cheapest_so_far[origin] + min_duration + line_bits >= limit:
                     break
                 if origin == guess:
                     continue
             elif turn == row:
-                missed = 0.0
+                line_bits = 0.0
                 if origin == guess:
                     continue
-            if cheapest[origin] + quickest + missed >= limit:
+            if cheapest[origin] + min_duration + line_bits >= limit:
                 continue
+
+            # The best line between the two slots bounds the error of all segments.
             a = first + origin
             w, u1, u2, q = moments_between(sums, a, g, ticks[a], ticks[g], centers[a], unit, m, n)
-            missed = error * best_line_cost(w, u1, u2, q, m, n)
-            if missed > _MAX_LINE_BITS and origin < row - 1:
+            line_bits = error_price * best_line_cost(w, u1, u2, q, m, n)
+            if line_bits > _MAX_LINE_BITS and origin < row - 1:
                 if turn < row:
                     break
                 continue
-            if cheapest[origin] + quickest + missed >= limit:
+            if cheapest[origin] + min_duration + line_bits >= limit:
                 continue
-            for c in range(counts[row]):
-                ends[c] = 0.0
-                for axis in range(dimension):
-                    y = spot[row, c, axis] - centers[a, axis] / unit
-                    ends[c] += u2 * y * y - 2.0 * y * n[axis]
-            better = False
+
+            _sum_end_terms(positions, row, counts[row], centers[a], unit, u2, n, end_terms)
+            has_improved = False
             for o in range(counts[origin]):
                 reached = best[origin, o]
-                if reached + quickest + missed >= limit:
+                if reached + min_duration + line_bits >= limit:
                     continue
-                begin = q
+
+                # Terms of the start x alone, and slopes of the cross term 2 (U1 - U2) x.y.
+                start_terms = q
                 for axis in range(dimension):
-                    x = spot[origin, o, axis] - centers[a, axis] / unit
-                    begin += (w - 2.0 * u1 + u2) * x * x - 2.0 * x * (m[axis] - n[axis])
-                    lean[axis] = 2.0 * (u1 - u2) * x
+                    x = positions[origin, o, axis] - centers[a, axis] / unit
+                    start_terms += (w - 2.0 * u1 + u2) * x * x - 2.0 * x * (m[axis] - n[axis])
+                    slopes[axis] = 2.0 * (u1 - u2) * x
+
+                # Relax all candidates of the row.
                 for c in range(counts[row]):
                     if candidates[origin, o] == candidates[row, c] and candidates[row, c] >= 0:
-                        cost = reached + stay
+                        cost = reached + stay_price
                     else:
-                        cost = reached + time + table[local[origin, o], local[row, c]]
-                    if cost + missed >= best[row, c]:
+                        cost = reached + move_price + step_bits[numbers[origin, o], numbers[row, c]]
+                    if cost + line_bits >= best[row, c]:
                         continue
-                    square = begin + ends[c]
+                    square = start_terms + end_terms[c]
                     for axis in range(dimension):
-                        square += lean[axis] * (spot[row, c, axis] - centers[a, axis] / unit)
-                    cost += error * max(square, 0.0)
+                        square += slopes[axis] * (positions[row, c, axis] - centers[a, axis] / unit)
+                    cost += error_price * max(square, 0.0)
                     if cost < best[row, c]:
                         best[row, c] = cost
-                        parent_row[row, c] = origin
-                        parent_choice[row, c] = o
-                        better = True
-            if better:
-                limit = 0.0
-                for c in range(counts[row]):
-                    limit = max(limit, best[row, c])
-                    cheapest[row] = min(cheapest[row], best[row, c])
-                limit = min(limit, cheapest[row] + prices[BEAM])
-        sofar[row] = min(sofar[row - 1], cheapest[row])
+                        parent_rows[row, c] = origin
+                        parent_choices[row, c] = o
+                        has_improved = True
+
+            if has_improved:
+                limit = _find_limit(best, row, counts[row], cheapest, prices.beam)
+        cheapest_so_far[row] = min(cheapest_so_far[row - 1], cheapest[row])
 
 
 @jit
@@ -247,7 +348,7 @@ def _subtract_window(
     with_first: bool,
     with_last: bool,
 ) -> None:
-    """Take the window's steps, and the uses of its free knots, out of the counts."""
+    """Take the window's steps, and the uses of its open knots, out of the counts."""
     before = slot_nodes[first]
     if with_first:
         working_map.uses[before] -= 1
@@ -273,9 +374,11 @@ def _add_window(
     with_first: bool,
     with_last: bool,
 ) -> None:
-    """Enter the chosen knots (``count`` rows and nodes, last first) and drop what nobody uses any more."""
+    """Enter the chosen knots, ``count`` rows and nodes, last first; release unused nodes."""
     old = slot_nodes[first : last + 1].copy()
     slot_nodes[first : last + 1] = -1
+
+    # Count the uses of the open knots, and all steps.
     before = -1
     for i in range(count - 1, -1, -1):
         slot = first + rows[i]
@@ -288,6 +391,8 @@ def _add_window(
         if before >= 0:
             count_step(working_map, before, node, 1)
         before = node
+
+    # Release nodes that only the old knots used; -1 keeps one from being released twice.
     for i in range(len(old)):
         if old[i] >= 0 and working_map.uses[old[i]] == 0:
             working_map.uses[old[i]] = -1
@@ -303,15 +408,16 @@ def _build_table(
     last: int,
     open_first: bool,
     open_last: bool,
-    most: int,
-    prices: NDArray[np.float64],
+    max_near: int,
+    prices: Prices,
     marks: NDArray[np.int64],
 ) -> DPTable:
-    """Board of a window before the first move; an end that isn't open keeps its node."""
-    rows, width = last - first + 1, most + 2
+    """Table of a window with its first row filled; an end that isn't open keeps its node."""
+    # List the candidates; a closed end has one.
+    rows, width = last - first + 1, max_near + _EXTRA_CANDIDATES
     candidates, counts = np.empty((rows, width), np.int64), np.empty(rows, np.int64)
     _find_candidates(
-        working_map, grid_arrays.positions, slot_nodes, first, last, most, candidates, counts
+        working_map, grid_arrays.positions, slot_nodes, first, last, max_near, candidates, counts
     )
     if not open_first:
         candidates[0, 0] = slot_nodes[first]
@@ -319,22 +425,28 @@ def _build_table(
     if not open_last:
         candidates[rows - 1, 0] = slot_nodes[last]
         counts[rows - 1] = 1
-    members = np.empty(rows * width + 1, np.int64)
-    used = _number_used_candidates(working_map, candidates, counts, marks, members)
-    table = _price_steps(working_map, members, used, marks, prices)
-    spot, local = _locate_candidates(
+
+    # Price the steps between them.
+    used_nodes = np.empty(rows * width + 1, np.int64)
+    used = _number_used_candidates(working_map, candidates, counts, marks, used_nodes)
+    step_bits = _price_all_steps(working_map, used_nodes, used, marks, prices)
+    positions, numbers = _locate_candidates(
         working_map, grid_arrays.positions, first, candidates, counts, marks
     )
     for i in range(1, used + 1):
-        marks[members[i]] = 0
-    best = np.full((rows, width), np.inf)
+        marks[used_nodes[i]] = 0
+
+    # At an open start, a node that nobody uses pays for its position.
+    bits = np.full((rows, width), np.inf)
     for i in range(counts[0]):
         node = candidates[0, i]
-        lone = open_first and (node == _NEW_NODE or working_map.uses[node] == 0)
-        best[0, i] = prices[JUMP] + prices[PLACE] if lone else 0.0
-    parents = np.full((rows, width), -1, np.int64)
+        is_unused = open_first and (node == _NEW_NODE or working_map.uses[node] == 0)
+        bits[0, i] = prices.start + prices.position if is_unused else 0.0
+
+    parent_rows = np.full((rows, width), -1, np.int64)
+    parent_choices = np.zeros((rows, width), np.int64)
     return DPTable(
-        candidates, counts, spot, local, table, best, parents, np.zeros((rows, width), np.int64)
+        candidates, counts, positions, numbers, step_bits, bits, parent_rows, parent_choices
     )
 
 
@@ -346,22 +458,29 @@ def _backtrace(
     path_rows: NDArray[np.int64],
     path_nodes: NDArray[np.int64],
 ) -> int:
-    """List rows and nodes of the cheapest way, last first; the present ones where no way reaches the end."""
+    """List rows and nodes of the cheapest path, the last first, and return their number.
+
+    Where no path reaches the end, these are the present knots.
+    """
     row = len(dp_table.counts) - 1
-    choice = np.argmin(dp_table.best[row, : dp_table.counts[row]])
+    choice = np.argmin(dp_table.bits[row, : dp_table.counts[row]])
     count = 0
-    if dp_table.best[row, choice] == np.inf:
+
+    # Keep the present knots.
+    if dp_table.bits[row, choice] == np.inf:
         for old in range(row, -1, -1):
             if slot_nodes[first + old] >= 0:
                 path_rows[count] = old
                 path_nodes[count] = slot_nodes[first + old]
                 count += 1
         return count
+
+    # Follow the parents.
     while row >= 0:
         path_rows[count] = row
         path_nodes[count] = dp_table.candidates[row, choice]
         count += 1
-        row, choice = dp_table.parent_row[row, choice], dp_table.parent_choice[row, choice]
+        row, choice = dp_table.parent_rows[row, choice], dp_table.parent_choices[row, choice]
     return count
 
 
@@ -374,12 +493,15 @@ def _assign_window(
     last: int,
     open_first: bool,
     open_last: bool,
-    most: int,
+    max_near: int,
     max_slots: int,
-    prices: NDArray[np.float64],
+    prices: Prices,
     marks: NDArray[np.int64],
 ) -> None:
+    """Choose the knots of slots [first, last] anew."""
     _subtract_window(working_map, slot_nodes, first, last, open_first, open_last)
+
+    # Find the cheapest path through the window.
     dp_table = _build_table(
         working_map,
         grid_arrays,
@@ -388,25 +510,26 @@ def _assign_window(
         last,
         open_first,
         open_last,
-        most,
+        max_near,
         prices,
         marks,
     )
-    if grid_arrays.reach[0] > 0.0:
+    if grid_arrays.max_distance > 0.0:
         fill_table_within_max_error(
             grid_arrays,
             dp_table,
             first,
             max_slots,
-            prices[TIME],
-            prices[STAY] + prices[STAY_TIME],
-            prices[ERROR],
+            prices.duration,
+            prices.stay + prices.stay_duration,
+            prices.error,
         )
     else:
         _fill_table(grid_arrays, dp_table, first, max_slots, prices)
     rows = last - first + 1
     path_rows, path_nodes = np.empty(rows, np.int64), np.empty(rows, np.int64)
     count = _backtrace(dp_table, slot_nodes, first, path_rows, path_nodes)
+
     _add_window(
         working_map,
         slot_nodes,
@@ -422,6 +545,20 @@ def _assign_window(
 
 
 @jit
+def _find_window_end(slot_nodes: NDArray[np.int64], first: int, end: int, size: int) -> int:
+    """Slot of the knot that is ``size`` knots after slot ``first``, at most ``end``."""
+    last = first
+    knots = 0
+    while last < end and (knots < size or slot_nodes[last] < 0):
+        last += 1
+        if slot_nodes[last] >= 0:
+            knots += 1
+            if knots >= size:
+                break
+    return last
+
+
+@jit
 def assign_slice(
     working_map: WorkingMap,
     grid_arrays: TimeGridArrays,
@@ -430,49 +567,54 @@ def assign_slice(
     time_slice: NDArray[np.int64],
     phase: int,
     window: int,
-    most: int,
+    max_near: int,
     max_slots: int,
-    prices: NDArray[np.float64],
+    prices: Prices,
     marks: NDArray[np.int64],
 ) -> int:
-    """Settle the windows of a stretch of a piece from slot ``start`` on.
+    """Choose the knots of a time slice of a piece anew, window by window, from slot ``start`` on.
 
     Parameters
     ----------
-    grid_arrays : Ground
-        The slots and samples; where it has a reach, only parts within it are taken.
-    slot_nodes : int64 array, shape (slots,)
+    working_map : WorkingMap
+        The map; its counts and nodes change in place.
+    grid_arrays : TimeGridArrays
+        Slots and samples. With a maximum distance, only segments within it are chosen.
+    slot_nodes : int64 array, shape (S,)
         Node of each slot, -1 where there is no knot; changed in place.
+    start : int
+        Slot with a knot.
     time_slice : int64 array, shape (4,)
-        First and last slot, both with knots, and whether the piece begins and ends there: only then do their knots change.
+        First and last slot, both with knots, and whether the piece begins and ends there: only then
+        do their knots change.
     phase, window : int
-        Knots in the first window and in the others.
-    most, max_slots : int
-        Near nodes to try at a slot, and slots that a part may span.
+        Knots in the first window, and in the others.
+    max_near : int
+        Near nodes to try at a slot.
+    max_slots : int
+        Slots that a segment may span.
+    prices : Prices
+        Prices in bits.
+    marks : int64 array, shape (nodes,)
+        Scratch space: all 0, before and after.
 
     Returns
     -------
     int
-        Slot from which to go on once the draft has been given more room; the last one when all is done.
+        Slot from which to go on once the map has more capacity; the last one when all is done.
     """
-    begin, end = time_slice[0], time_slice[1]
+    begin, end = time_slice[FIRST_SLOT], time_slice[LAST_SLOT]
     first = start
     size = phase if start == begin else window
     while first < end:
-        last = first
-        knots = 0
-        while last < end and (knots < size or slot_nodes[last] < 0):
-            last += 1
-            if slot_nodes[last] >= 0:
-                knots += 1
-                if knots >= size:
-                    break
-        if free_capacity(working_map) < last - first + 8:
+        # Stop where the map is full, before anything changes.
+        last = _find_window_end(slot_nodes, first, end, size)
+        if free_capacity(working_map) < last - first + _SPARE_CAPACITY:
             return first
-        open_first, open_last = (
-            first == begin and time_slice[2] == 1,
-            last == end and time_slice[3] == 1,
-        )
+
+        # Only the ends of a piece are open; windows share the knots between them.
+        open_first = first == begin and time_slice[BEGINS_PIECE] == 1
+        open_last = last == end and time_slice[ENDS_PIECE] == 1
         _assign_window(
             working_map,
             grid_arrays,
@@ -481,7 +623,7 @@ def assign_slice(
             last,
             open_first,
             open_last,
-            most,
+            max_near,
             max_slots,
             prices,
             marks,

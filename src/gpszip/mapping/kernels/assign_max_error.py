@@ -1,7 +1,8 @@
-"""The E-step under a maximum: only parts along which no sample is too far away are considered.
+"""The E-step under a maximum error: only segments on which no sample is too far away.
 
-From a candidate at one slot, each later sample allows a cone of velocities. The cones' intersection, kept as an interval along each
-of a few directions, tells at once which candidates of later slots may be reached, and when none will be any more.
+From a candidate at one slot, each later sample allows a cone of velocities. The intersection of
+the cones, kept as an interval along each of a few directions, tells at once which candidates of
+later slots are within reach, and when none will be any more.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inlined, jit
 from gpszip.mapping.kernels.grid_moments import best_line_cost, line_cost, moments_between
 from gpszip.mapping.kernels.time_grid import DPTable, TimeGridArrays
 
@@ -18,23 +19,36 @@ __all__ = ["build_directions", "fill_table_within_max_error"]
 #: Directions across half a turn in the plane.
 _DIRECTIONS = 16
 
-#: Bits beyond which the squared error of a part is more than knots in between would cost.
+#: Bits of squared error beyond which no segment pays: knots in between cost less.
 _MAX_LINE_BITS = 45.0
+
+#: Time steps below which a sample lies at the time of the knot.
+_MIN_SPAN = 1e-9
 
 
 def build_directions(dimension: int) -> tuple[NDArray[np.float64], float]:
-    """Directions whose strips enclose a ball, and the share of a radius at which their corners stay within it."""
+    """Directions whose strips enclose a ball.
+
+    Returns
+    -------
+    directions : float64 array, shape (m, d)
+        Unit vectors.
+    share : float
+        Share of a radius at which the corners of the strips' intersection are within the ball.
+    """
     if dimension == 2:
         angle = np.arange(_DIRECTIONS) * (np.pi / _DIRECTIONS)
-        return np.stack([np.cos(angle), np.sin(angle)], axis=1), float(
-            np.cos(np.pi / (2 * _DIRECTIONS))
-        )
+        directions = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        return directions, float(np.cos(np.pi / (2 * _DIRECTIONS)))
     return np.eye(dimension), dimension**-0.5
 
 
-@jit
+@inlined
 def _intersect_velocities(
-    grid_arrays: TimeGridArrays,
+    times: NDArray[np.float64],
+    positions: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    reach: float,
     first: int,
     last: int,
     start: float,
@@ -42,16 +56,27 @@ def _intersect_velocities(
     low: NDArray[np.float64],
     high: NDArray[np.float64],
 ) -> bool:
-    """Intersect the velocities with the cones of the samples first to last; tell whether any are left."""
-    reach = grid_arrays.reach[0]
-    dimension = grid_arrays.sample_positions.shape[1]
+    """Intersect the allowed velocities with the cones of the samples ``first`` to ``last`` - 1.
+
+    The cone of a sample at time t and offset y along a direction, from a knot at time ``start``
+    and offset ``along``, is [(y - along - r) / (t - start), (y - along + r) / (t - start)] for the
+    largest distance r.
+
+    Returns
+    -------
+    bool
+        Whether any velocities remain.
+    """
+    dimension = positions.shape[1]
     for i in range(first, last):
-        span = grid_arrays.times[i] - start
+        span = times[i] - start
         for m in range(len(along)):
             offset = -along[m]
             for axis in range(dimension):
-                offset += grid_arrays.directions[m, axis] * grid_arrays.sample_positions[i, axis]
-            if span < 1e-9:
+                offset += directions[m, axis] * positions[i, axis]
+
+            # At the knot's own time no velocity makes up for an offset.
+            if span < _MIN_SPAN:
                 if abs(offset) > reach:
                     return False
             else:
@@ -62,23 +87,38 @@ def _intersect_velocities(
     return True
 
 
-@jit
+@inlined
 def _is_reachable(
-    grid_arrays: TimeGridArrays,
-    spot: NDArray[np.float64],
+    directions: NDArray[np.float64],
+    position: NDArray[np.float64],
     span: float,
     along: NDArray[np.float64],
     low: NDArray[np.float64],
     high: NDArray[np.float64],
 ) -> bool:
-    """Whether a place is reached after ``span`` at a velocity that is left."""
+    """Whether an allowed velocity leads to a position in ``span`` time steps."""
     for m in range(len(along)):
         offset = -along[m]
-        for axis in range(len(spot)):
-            offset += grid_arrays.directions[m, axis] * spot[axis]
+        for axis in range(len(position)):
+            offset += directions[m, axis] * position[axis]
         if offset < low[m] * span or offset > high[m] * span:
             return False
     return True
+
+
+@inlined
+def _open_cone(
+    directions: NDArray[np.float64],
+    position: NDArray[np.float64],
+    along: NDArray[np.float64],
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+) -> None:
+    """Allow all velocities from a knot, and note its offset along each direction."""
+    for m in range(len(directions)):
+        low[m], high[m], along[m] = -np.inf, np.inf, 0.0
+        for axis in range(len(position)):
+            along[m] += directions[m, axis] * position[axis]
 
 
 @jit
@@ -87,39 +127,50 @@ def fill_table_within_max_error(
     dp_table: DPTable,
     first: int,
     max_slots: int,
-    time_price: float,
+    move_price: float,
     stay_price: float,
     error_price: float = 0.0,
 ) -> None:
-    """Fill the board from its first row on, along parts no sample of which is out of the ground's reach.
+    """Fill a table from its first row on, along segments within ``grid_arrays.max_distance``.
 
-    Row r stands for slot ``first`` + r; a part spans at most ``widest`` of them and costs its step and ``time_price``, or
-    ``stay_price`` if it stays at its node, and its squared error at ``error_price``.
+    Row r stands for slot ``first`` + r; a segment spans at most ``max_slots`` slots. Recurrence,
+    with B[r, c] the least bits to reach candidate c of row r:
+
+        B[r, c] = min over o < r and k of  B[o, k] + step bits + error_price * E(o, k, r, c)
+
+    A step costs ``stay_price`` if it stays at its node, else ``move_price`` and the bits in the
+    table. E is the squared error of the segment's samples. The minimum is over those (o, k) from
+    which an allowed velocity leads to (r, c).
     """
-    candidates, counts, spot, local, table, best, parent_row, parent_choice = dp_table
-    fan, dimension = grid_arrays.directions.shape
+    candidates, counts, positions, numbers, step_bits, best, parent_rows, parent_choices = dp_table
+    times, sample_positions = grid_arrays.times, grid_arrays.sample_positions
+    directions, ends, time_steps = grid_arrays.directions, grid_arrays.ends, grid_arrays.time_steps
+    fan, dimension = directions.shape
     rows = len(counts)
     low, high, along = np.empty(fan), np.empty(fan), np.empty(fan)
     m, n, center = np.empty(dimension), np.empty(dimension), np.empty(dimension)
     w = u1 = u2 = q = 0.0
+
     for origin in range(rows - 1):
+        a = first + origin
         for o in range(counts[origin]):
             reached = best[origin, o]
             if reached == np.inf:
                 continue
-            for ray in range(fan):
-                low[ray], high[ray], along[ray] = -np.inf, np.inf, 0.0
-                for axis in range(dimension):
-                    along[ray] += grid_arrays.directions[ray, axis] * spot[origin, o, axis]
-            a = first + origin
-            start = grid_arrays.time_steps[a]
+            _open_cone(directions, positions[origin, o], along, low, high)
+            start = time_steps[a]
             if error_price > 0.0:
-                center[:] = grid_arrays.centers[a] / grid_arrays.ticks_per_step[0]
+                center[:] = grid_arrays.centers[a] / grid_arrays.ticks_per_step
+
             for row in range(origin + 1, min(origin + max_slots, rows - 1) + 1):
+                # Narrow the cone by the samples before this slot; an empty one stays empty.
                 if not _intersect_velocities(
-                    grid_arrays,
-                    grid_arrays.ends[first + row - 1],
-                    grid_arrays.ends[first + row],
+                    times,
+                    sample_positions,
+                    directions,
+                    grid_arrays.max_distance,
+                    ends[first + row - 1],
+                    ends[first + row],
                     start,
                     along,
                     low,
@@ -127,28 +178,40 @@ def fill_table_within_max_error(
                 ):
                     break
                 b = first + row
-                span = grid_arrays.time_steps[b] - start
+                span = time_steps[b] - start
+
+                # The best line bounds the error of each segment between the two slots.
                 if error_price > 0.0:
                     w, u1, u2, q = moments_between(
-                        grid_arrays.sums, a, b, grid_arrays.ticks[a], grid_arrays.ticks[b], grid_arrays.centers[a], grid_arrays.ticks_per_step[0], m, n
-                    )  # fmt: skip
-                    least = error_price * best_line_cost(w, u1, u2, q, m, n)
-                    if least > _MAX_LINE_BITS:
+                        grid_arrays.sums,
+                        a,
+                        b,
+                        grid_arrays.ticks[a],
+                        grid_arrays.ticks[b],
+                        grid_arrays.centers[a],
+                        grid_arrays.ticks_per_step,
+                        m,
+                        n,
+                    )
+                    line_bits = error_price * best_line_cost(w, u1, u2, q, m, n)
+                    if line_bits > _MAX_LINE_BITS:
                         break
-                    if reached + least >= np.max(best[row, : counts[row]]):
+                    if reached + line_bits >= np.max(best[row, : counts[row]]):
                         continue
+
+                # Relax the candidates of this slot that the cone reaches.
                 for c in range(counts[row]):
                     if candidates[origin, o] == candidates[row, c] and candidates[row, c] >= 0:
                         cost = reached + stay_price
                     else:
-                        cost = reached + time_price + table[local[origin, o], local[row, c]]
+                        cost = reached + move_price + step_bits[numbers[origin, o], numbers[row, c]]
                     if error_price > 0.0 and cost < best[row, c]:
                         cost += error_price * line_cost(
-                            w, u1, u2, q, m, n, spot[origin, o], spot[row, c], center
+                            w, u1, u2, q, m, n, positions[origin, o], positions[row, c], center
                         )
                     if cost < best[row, c] and _is_reachable(
-                        grid_arrays, spot[row, c], span, along, low, high
+                        directions, positions[row, c], span, along, low, high
                     ):
                         best[row, c] = cost
-                        parent_row[row, c] = origin
-                        parent_choice[row, c] = o
+                        parent_rows[row, c] = origin
+                        parent_choices[row, c] = o

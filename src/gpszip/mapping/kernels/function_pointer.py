@@ -1,4 +1,4 @@
-"""A compiled kernel as a value, to be called from another one without being built into it."""
+"""Pointers to compiled kernels: a kernel calls a large one without compiling it again."""
 
 from __future__ import annotations
 
@@ -12,12 +12,15 @@ __all__ = ["pointer_to"]
 
 
 def pointer_to(kernel: Any, *arguments: Any) -> Any:
-    """Return a kernel, compiled for arguments like these, so that other kernels can take it as an argument.
+    """Return a pointer to a kernel, compiled for the types of these arguments.
 
-    A large kernel that is called in the usual way is compiled again as a part of each that calls it.
+    Other kernels take the pointer as an argument. A direct call would compile a large kernel
+    again within each kernel that calls it.
     """
+    # Without the compiler, a Python function is its own pointer.
     if numba.config.DISABLE_JIT:
         return kernel
+
     types = tuple(typeof(argument) for argument in arguments)
     kernel.compile(types)
     return CompileResultWAP(kernel.overloads[types])

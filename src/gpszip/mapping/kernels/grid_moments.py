@@ -1,7 +1,13 @@
-"""Moments of the samples between two slots of a time grid, from integer prefix sums (exact under wrap-around).
+"""Moments of the samples between two slots of a time grid, from prefix sums of whole numbers.
 
-Row s of the sums holds, over all samples before slot s, each times its weight: count, T, TT, then X_i, then TX_i for each
-axis, then XX, with times and positions as integer ticks. Differences are re-centred on integers before anything becomes a float.
+Row s of the sums holds weighted sums over all samples before slot s: count, T, TT, then X_i and
+TX_i for each axis, then XX. Times and positions are whole ticks, so that sums are exact even where
+64 bits wrap around. Differences are re-centred as whole numbers before they become floats.
+
+The moments of a segment between the slots a and b are sums over its samples with weights w,
+positions x relative to a centre, and times s normalised to [0, 1]:
+
+    W = sum w,  U1 = sum w s,  U2 = sum w s^2,  Q = sum w |x|^2,  M = sum w x,  N = sum w s x
 """
 
 from __future__ import annotations
@@ -28,12 +34,30 @@ def prefix_sums(
     weights: NDArray[np.int64],
     ends: NDArray[np.int64],
 ) -> NDArray[np.int64]:
-    """Weighted sums over the samples before each of ``ends`` (indices of samples, not decreasing), shape (len(ends), 2d + 4)."""
+    """Weighted sums over the samples before each of ``ends``.
+
+    Parameters
+    ----------
+    times : int64 array, shape (n,)
+        Ticks of the samples.
+    positions : int64 array, shape (n, d)
+        Positions of the samples, in ticks.
+    weights : int64 array, shape (n,)
+        Weights of the samples.
+    ends : int64 array, shape (S,)
+        Sample counts, not decreasing.
+
+    Returns
+    -------
+    int64 array, shape (S, 2d + 4)
+        Rows of count, T, TT, X..., TX..., XX.
+    """
     dimension = positions.shape[1]
     sums = np.zeros((len(ends), 2 * dimension + 4), np.int64)
     running = np.zeros(2 * dimension + 4, np.int64)
     i = 0
     for slot in range(len(ends)):
+        # Add the samples since the slot before.
         while i < ends[slot]:
             t, w = times[i], weights[i]
             running[0] += w
@@ -61,16 +85,32 @@ def moments_between(
     first: NDArray[np.float64],
     cross: NDArray[np.float64],
 ) -> tuple[float, float, float, float]:
-    """Moments (W, U1, U2, Q) of the samples of slots [a, b), in time normalised over [start, end] ticks.
+    """Moments (W, U1, U2, Q) of the samples of slots [a, b); M and N go to two arrays.
 
-    ``first`` and ``cross`` receive M and N for each axis, relative to ``center`` ticks; lengths come out in units of
-    ``place_unit`` ticks.
+    Parameters
+    ----------
+    sums : int64 array, shape (S, 2d + 4)
+        Prefix sums.
+    a, b : int
+        First slot, and the slot after the last.
+    start, end : int
+        Ticks at which the normalised time is 0 and 1.
+    center : int64 array, shape (d,)
+        Position in ticks that positions are relative to.
+    ticks_per_step : float
+        Ticks of a grid step; the moments come in grid steps.
+    first, cross : float64 arrays, shape (d,)
+        Receive M and N.
     """
     dimension = len(center)
+    span = np.float64(end - start)
+
+    # Moments of time about ``start``: t1 = sum w (t - start), t2 = sum w (t - start)^2.
     count = sums[b, 0] - sums[a, 0]
     t1 = sums[b, 1] - sums[a, 1] - start * count
     t2 = sums[b, 2] - sums[a, 2] - 2 * start * (sums[b, 1] - sums[a, 1]) + start * start * count
-    span = np.float64(end - start)
+
+    # Moments of position about ``center``, alone and with time.
     square = sums[b, 3 + 2 * dimension] - sums[a, 3 + 2 * dimension]
     for axis in range(dimension):
         c = center[axis]
@@ -80,6 +120,7 @@ def moments_between(
         first[axis] = np.float64(m) / ticks_per_step
         cross[axis] = np.float64(dtx - start * dx - c * t1) / (ticks_per_step * span)
         square += c * c * count - 2 * c * dx
+
     return (
         np.float64(count),
         np.float64(t1) / span,
@@ -92,16 +133,23 @@ def moments_between(
 def best_line_cost(
     w: float, u1: float, u2: float, q: float, first: NDArray[np.float64], cross: NDArray[np.float64]
 ) -> float:
-    """Squared error of the best line for these moments."""
+    """Squared error of the least-squares line: Q - |M|^2 / W - |N - U1 M / W|^2 / (U2 - U1^2 / W).
+
+    No segment between these slots has a smaller error.
+    """
+    # A line meets a single sample.
     if w < 1.5:
         return 0.0
+
     spread = u2 - u1 * u1 / w
     cost = q
     for axis in range(len(first)):
         cost -= first[axis] * first[axis] / w
+        # Samples at one time have no slope to fit.
         if spread > 1e-12 * w:
-            lean = cross[axis] - u1 * first[axis] / w
-            cost -= lean * lean / spread
+            slope = cross[axis] - u1 * first[axis] / w
+            cost -= slope * slope / spread
+
     return max(cost, 0.0)
 
 
@@ -117,7 +165,11 @@ def line_cost(
     end: NDArray[np.float64],
     center: NDArray[np.float64],
 ) -> float:
-    """Squared error of the line from ``start`` to ``end``."""
+    """Squared error of the line from ``start`` to ``end``, in grid steps.
+
+    With a = start - center and d = end - start, it is
+    Q + W |a|^2 + 2 U1 a.d + U2 |d|^2 - 2 (a.M + d.N).
+    """
     cost = q
     for axis in range(len(first)):
         a = start[axis] - center[axis]
@@ -131,17 +183,17 @@ def line_cost(
 @jit
 def segment_moments(
     sums: NDArray[np.int64],
-    froms: NDArray[np.int64],
-    tos: NDArray[np.int64],
+    first_slots: NDArray[np.int64],
+    last_slots: NDArray[np.int64],
     ticks: NDArray[np.int64],
     centers: NDArray[np.int64],
     ticks_per_step: float,
 ) -> NDArray[np.float64]:
-    """Rows (W, U1, U2, Q, M..., N...) for the parts from slot ``froms`` to ``tos``, relative to the centre of their first slot."""
+    """Rows (W, U1, U2, Q, M..., N...) of segments, each about the centre of its first slot."""
     dimension = centers.shape[1]
-    out = np.empty((len(froms), 4 + 2 * dimension))
-    for j in range(len(froms)):
-        a, b = froms[j], tos[j]
+    moments = np.empty((len(first_slots), 4 + 2 * dimension))
+    for j in range(len(first_slots)):
+        a, b = first_slots[j], last_slots[j]
         w, u1, u2, q = moments_between(
             sums,
             a,
@@ -150,11 +202,11 @@ def segment_moments(
             ticks[b],
             centers[a],
             ticks_per_step,
-            out[j, 4 : 4 + dimension],
-            out[j, 4 + dimension :],
+            moments[j, 4 : 4 + dimension],
+            moments[j, 4 + dimension :],
         )
-        out[j, 0], out[j, 1], out[j, 2], out[j, 3] = w, u1, u2, q
-    return out
+        moments[j, 0], moments[j, 1], moments[j, 2], moments[j, 3] = w, u1, u2, q
+    return moments
 
 
 @jit
@@ -164,12 +216,12 @@ def segment_costs(
     ends: NDArray[np.float64],
     centers: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Squared error of each part on its line."""
+    """Squared error of each segment on its line from ``starts`` to ``ends``."""
     dimension = starts.shape[1]
-    out = np.empty(len(moments))
+    costs = np.empty(len(moments))
     for j in range(len(moments)):
         row = moments[j]
-        out[j] = line_cost(
+        costs[j] = line_cost(
             row[0],
             row[1],
             row[2],
@@ -180,4 +232,4 @@ def segment_costs(
             ends[j],
             centers[j],
         )
-    return out
+    return costs

@@ -1,4 +1,4 @@
-"""The map under construction: live nodes, how often each step between two is taken, and a grid of cells to find near ones."""
+"""The map under construction: nodes in use, step counts, and a hash grid to find near nodes."""
 
 from __future__ import annotations
 
@@ -11,6 +11,10 @@ from gpszip.kernels.jit import jit
 from gpszip.kernels.pair_table import find_pair_slot
 
 __all__ = [
+    "FIRST_REUSABLE",
+    "FREE_COUNT",
+    "HALF_EDGE_COUNT",
+    "NODE_COUNT",
     "WorkingMap",
     "add_node",
     "cluster_by_leader",
@@ -27,60 +31,72 @@ __all__ = [
     "step_count",
 ]
 
-#: Numbers kept in ``Draft.scalars``: nodes ever used, nodes on the free list, half-edges, and the first number that may be used again.
-NODES, FREE, HALVES, BASE = 0, 1, 2, 3
+#: Index in ``WorkingMap.counters`` of the number of nodes ever made.
+NODE_COUNT = 0
+#: Index of the number of node numbers on the stack of free ones.
+FREE_COUNT = 1
+#: Index of the number of half-edges.
+HALF_EDGE_COUNT = 2
+#: Index of the first node number that may be used again once its node is released.
+FIRST_REUSABLE = 3
 
-#: Only so many axes take part in the grid's cells; three keep a search at 27 cells.
+#: Axes that take part in the hash grid's cells; three keep a search at 27 cells.
 _GRID_AXES = 3
 
 
 class WorkingMap(NamedTuple):
-    """State of the map while walks are being moved on it."""
+    """State of the map while knots are assigned; a half-edge is one direction of an edge."""
 
-    positions: NDArray[np.float64]  # nodes, in quanta
-    uses: NDArray[np.int64]  # knots at a node
-    free: NDArray[np.int64]  # stack of unused numbers
-    outgoing_weight: NDArray[np.float64]  # weight of all steps from a node
-    first_half_edge: NDArray[np.int64]  # first half-edge of a node
-    next_half_edge: NDArray[np.int64]
-    into: NDArray[np.int64]
-    table_index: NDArray[np.int64]  # slot of a half-edge in the table
-    keys: NDArray[np.int64]  # table of pairs of nodes
-    counts: NDArray[np.int64]
-    buckets: NDArray[np.int64]  # grid: first node of a bucket
-    next_in_bucket: NDArray[np.int64]  # next node of the same bucket
-    bucket_size: NDArray[np.float64]  # size of a grid cell
-    scalars: NDArray[np.int64]
+    positions: NDArray[np.float64]  # of the nodes, in grid steps
+    uses: NDArray[np.int64]  # knots at each node; -1 for a released one
+    free: NDArray[np.int64]  # stack of node numbers to use again
+    outgoing_weight: NDArray[np.float64]  # weight of all steps from each node
+    first_half_edge: NDArray[np.int64]  # of each node, or -1
+    next_half_edge: NDArray[np.int64]  # of the same node, or -1
+    end_node: NDArray[np.int64]  # node that each half-edge leads to
+    table_index: NDArray[np.int64]  # entry of each half-edge in the table of pairs
+    pair_keys: NDArray[np.int64]  # hash table of pairs of nodes
+    pair_counts: NDArray[np.int64]  # steps from the first node of each pair to the second
+    first_in_bucket: NDArray[np.int64]  # hash grid: first node of each bucket, or -1
+    next_in_bucket: NDArray[np.int64]  # next node of the same bucket, or -1
+    cell_size: float  # of the hash grid, in grid steps
+    counters: NDArray[np.int64]  # by the indices above
 
 
 @jit
 def step_count(working_map: WorkingMap, u: int, v: int) -> int:
-    """How often v follows u."""
-    return working_map.counts[find_pair_slot(working_map.keys, u * (np.int64(1) << 31) + v)]
+    """Count the steps from u to v."""
+    return working_map.pair_counts[
+        find_pair_slot(working_map.pair_keys, u * (np.int64(1) << 31) + v)
+    ]
 
 
 @jit
-def _entry(working_map: WorkingMap, u: int, v: int) -> int:
+def _find_or_add_pair(working_map: WorkingMap, u: int, v: int) -> int:
+    """Index of a pair in the table; a new pair gets a half-edge from u to v."""
     key = u * (np.int64(1) << 31) + v
-    at = find_pair_slot(working_map.keys, key)
-    if working_map.keys[at] == -1:
-        working_map.keys[at] = key
-        working_map.counts[at] = 0
-        half = working_map.scalars[HALVES]
-        working_map.scalars[HALVES] = half + 1
-        working_map.into[half] = v
-        working_map.table_index[half] = at
+    index = find_pair_slot(working_map.pair_keys, key)
+    if working_map.pair_keys[index] == -1:
+        working_map.pair_keys[index] = key
+        working_map.pair_counts[index] = 0
+        half = working_map.counters[HALF_EDGE_COUNT]
+        working_map.counters[HALF_EDGE_COUNT] = half + 1
+        working_map.end_node[half] = v
+        working_map.table_index[half] = index
         working_map.next_half_edge[half] = working_map.first_half_edge[u]
         working_map.first_half_edge[u] = half
-    return at
+    return index
 
 
 @jit
 def count_step(working_map: WorkingMap, u: int, v: int, change: int) -> None:
-    """Count a step from u to v; the way back is entered, too, so that it is found from v."""
-    working_map.counts[_entry(working_map, u, v)] += change
+    """Change the count of steps from u to v.
+
+    The reverse direction gets a half-edge, too, so that the step is found from v. It weighs half.
+    """
+    working_map.pair_counts[_find_or_add_pair(working_map, u, v)] += change
     if u != v:
-        _entry(working_map, v, u)
+        _find_or_add_pair(working_map, v, u)
         working_map.outgoing_weight[u] += change
         working_map.outgoing_weight[v] += 0.5 * change
 
@@ -88,49 +104,50 @@ def count_step(working_map: WorkingMap, u: int, v: int, change: int) -> None:
 @jit
 def free_capacity(working_map: WorkingMap) -> int:
     """Number of steps and nodes that still fit."""
-    halves = (
-        min(len(working_map.into), len(working_map.keys) * 3 // 4) - working_map.scalars[HALVES]
+    # A hash table is slow when it is more than three quarters full.
+    half_edges = (
+        min(len(working_map.end_node), len(working_map.pair_keys) * 3 // 4)
+        - working_map.counters[HALF_EDGE_COUNT]
     )
-    return min(halves // 2, len(working_map.positions) - working_map.scalars[NODES])
+    return min(half_edges // 2, len(working_map.positions) - working_map.counters[NODE_COUNT])
 
 
 @jit
-def _bucket(working_map: WorkingMap, place: NDArray[np.float64], shift: int) -> int:
+def _find_bucket(working_map: WorkingMap, position: NDArray[np.float64], neighbour: int) -> int:
+    """Bucket of a cell next to a position: a digit to base 3 for each axis, 1 for its own cell."""
     key = np.int64(17)
-    for axis in range(min(len(place), _GRID_AXES)):
-        step = shift % 3 - 1
-        shift //= 3
-        key = key * 1000003 + np.int64(np.floor(place[axis] / working_map.bucket_size[0])) + step
-    return ((key * 0x9E3779B97F4A7C1) >> 24) & (len(working_map.buckets) - 1)
+    for axis in range(min(len(position), _GRID_AXES)):
+        shift = neighbour % 3 - 1
+        neighbour //= 3
+        key = key * 1000003 + np.int64(np.floor(position[axis] / working_map.cell_size)) + shift
+    return ((key * 0x9E3779B97F4A7C1) >> 24) & (len(working_map.first_in_bucket) - 1)
+
+
+@jit
+def _find_own_bucket(working_map: WorkingMap, node: int) -> int:
+    """Bucket of a node: neighbour 111, 11 or 1 to base 3."""
+    dimension = working_map.positions.shape[1]
+    neighbour = 13 if dimension > 2 else (4 if dimension == 2 else 1)
+    return _find_bucket(working_map, working_map.positions[node], neighbour)
 
 
 @jit
 def index_node(working_map: WorkingMap, node: int) -> None:
-    """Make a node findable by its place."""
-    at = _bucket(
-        working_map,
-        working_map.positions[node],
-        13
-        if working_map.positions.shape[1] > 2
-        else (4 if working_map.positions.shape[1] == 2 else 1),
-    )
-    working_map.next_in_bucket[node] = working_map.buckets[at]
-    working_map.buckets[at] = node
+    """Enter a node into the hash grid."""
+    bucket = _find_own_bucket(working_map, node)
+    working_map.next_in_bucket[node] = working_map.first_in_bucket[bucket]
+    working_map.first_in_bucket[bucket] = node
 
 
 @jit
 def _unindex_node(working_map: WorkingMap, node: int) -> None:
-    at = _bucket(
-        working_map,
-        working_map.positions[node],
-        13
-        if working_map.positions.shape[1] > 2
-        else (4 if working_map.positions.shape[1] == 2 else 1),
-    )
-    if working_map.buckets[at] == node:
-        working_map.buckets[at] = working_map.next_in_bucket[node]
+    """Remove a node from the hash grid."""
+    bucket = _find_own_bucket(working_map, node)
+    if working_map.first_in_bucket[bucket] == node:
+        working_map.first_in_bucket[bucket] = working_map.next_in_bucket[node]
         return
-    w = working_map.buckets[at]
+
+    w = working_map.first_in_bucket[bucket]
     while w >= 0:
         if working_map.next_in_bucket[w] == node:
             working_map.next_in_bucket[w] = working_map.next_in_bucket[node]
@@ -139,16 +156,17 @@ def _unindex_node(working_map: WorkingMap, node: int) -> None:
 
 
 @jit
-def add_node(working_map: WorkingMap, place: NDArray[np.float64]) -> int:
-    """Make a new node."""
-    scalars = working_map.scalars
-    if scalars[FREE] > 0:
-        scalars[FREE] -= 1
-        node = working_map.free[scalars[FREE]]
+def add_node(working_map: WorkingMap, position: NDArray[np.float64]) -> int:
+    """Make a new node and return its number."""
+    counters = working_map.counters
+    if counters[FREE_COUNT] > 0:
+        counters[FREE_COUNT] -= 1
+        node = working_map.free[counters[FREE_COUNT]]
     else:
-        node = scalars[NODES]
-        scalars[NODES] += 1
-    working_map.positions[node] = place
+        node = counters[NODE_COUNT]
+        counters[NODE_COUNT] += 1
+
+    working_map.positions[node] = position
     working_map.uses[node] = 0
     index_node(working_map, node)
     return node
@@ -156,68 +174,87 @@ def add_node(working_map: WorkingMap, place: NDArray[np.float64]) -> int:
 
 @jit
 def release_node(working_map: WorkingMap, node: int) -> None:
-    """Forget a node that no knot uses."""
+    """Remove a node that no knot uses."""
     _unindex_node(working_map, node)
-    if node >= working_map.scalars[BASE]:
-        working_map.free[working_map.scalars[FREE]] = node
-        working_map.scalars[FREE] += 1
+    if node >= working_map.counters[FIRST_REUSABLE]:
+        working_map.free[working_map.counters[FREE_COUNT]] = node
+        working_map.counters[FREE_COUNT] += 1
 
 
 @jit
 def find_near_nodes(
     working_map: WorkingMap,
-    place: NDArray[np.float64],
-    most: int,
-    found: NDArray[np.int64],
+    position: NDArray[np.float64],
+    max_near: int,
+    near: NDArray[np.int64],
     distances: NDArray[np.float64],
 ) -> int:
-    """Find at most ``most`` nodes nearest to a place, within one grid cell's size; return how many."""
-    dimension = len(place)
+    """Find the nodes nearest to a position, within one cell size of the hash grid.
+
+    Parameters
+    ----------
+    max_near : int
+        Largest number of nodes.
+    near, distances : arrays, shape (at least max_near,)
+        Receive the nodes and their squared distances, the nearest first; among nodes at the same
+        distance, the lowest number first.
+
+    Returns
+    -------
+    int
+        Number of nodes.
+    """
+    dimension = len(position)
     count = 0
     cells = 27 if dimension > 2 else (9 if dimension == 2 else 3)
-    reach = working_map.bucket_size[0] * working_map.bucket_size[0]
-    for shift in range(cells):
-        node = working_map.buckets[_bucket(working_map, place, shift)]
+    max_square = working_map.cell_size * working_map.cell_size
+    for neighbour in range(cells):
+        node = working_map.first_in_bucket[_find_bucket(working_map, position, neighbour)]
         while node >= 0:
             square = 0.0
             for axis in range(dimension):
-                off = working_map.positions[node, axis] - place[axis]
-                square += off * off
-            if square <= reach:
+                offset = working_map.positions[node, axis] - position[axis]
+                square += offset * offset
+
+            if square <= max_square:
+                # Find the rank of the node among those found so far.
                 i = count
                 while i > 0 and (
-                    distances[i - 1] > square
-                    or (distances[i - 1] == square and found[i - 1] > node)
+                    distances[i - 1] > square or (distances[i - 1] == square and near[i - 1] > node)
                 ):
                     i -= 1
-                known = False
-                for other in range(count):
-                    known |= found[other] == node
-                if not known and i < most:
-                    for other in range(min(count, most - 1), i, -1):
-                        found[other] = found[other - 1]
-                        distances[other] = distances[other - 1]
-                    found[i] = node
+
+                # Two cells may share a bucket: the node may be listed already.
+                is_listed = False
+                for j in range(count):
+                    is_listed |= near[j] == node
+                if not is_listed and i < max_near:
+                    for j in range(min(count, max_near - 1), i, -1):
+                        near[j] = near[j - 1]
+                        distances[j] = distances[j - 1]
+                    near[i] = node
                     distances[i] = square
-                    count = min(count + 1, most)
+                    count = min(count + 1, max_near)
             node = working_map.next_in_bucket[node]
     return count
 
 
 @jit
 def count_walks(
-    working_map: WorkingMap, slots_at: NDArray[np.int64], last_slots: NDArray[np.int64]
+    working_map: WorkingMap, slot_nodes: NDArray[np.int64], last_slots: NDArray[np.int64]
 ) -> None:
-    """Count the knots and steps of all pieces; ``lasts`` is the last slot of each."""
+    """Count the knots and steps of all pieces; ``last_slots`` is the last slot of each."""
     piece = 0
     before = -1
-    for slot in range(len(slots_at)):
-        node = slots_at[slot]
+    for slot in range(len(slot_nodes)):
+        node = slot_nodes[slot]
         if node >= 0:
             working_map.uses[node] += 1
             if before >= 0:
                 count_step(working_map, before, node, 1)
             before = node
+
+        # No step leads across a gap.
         if slot == last_slots[piece]:
             piece += 1
             before = -1
@@ -227,57 +264,75 @@ def count_walks(
 def count_prior_steps(
     working_map: WorkingMap, pairs: NDArray[np.int64], counts: NDArray[np.int64]
 ) -> None:
-    """Count steps between knots that are not to be moved."""
+    """Count the steps of prior walks, which stay as they are."""
     for i in range(len(pairs)):
         count_step(working_map, pairs[i, 0], pairs[i, 1], counts[i])
 
 
 @jit
-def copy_working_map(working_map: WorkingMap, other: WorkingMap) -> None:
-    """Enter all nodes and steps of another draft into an empty one with more room."""
-    count = other.scalars[NODES]
-    working_map.scalars[:] = other.scalars
-    working_map.scalars[HALVES] = 0
-    working_map.positions[:count] = other.positions[:count]
-    working_map.uses[:count] = other.uses[:count]
-    working_map.free[: other.scalars[FREE]] = other.free[: other.scalars[FREE]]
-    working_map.outgoing_weight[:count] = other.outgoing_weight[:count]
+def copy_working_map(working_map: WorkingMap, source: WorkingMap) -> None:
+    """Copy all nodes and steps of a map into an empty one with more capacity."""
+    # Copy the nodes; half-edges are counted again below.
+    count = source.counters[NODE_COUNT]
+    working_map.counters[:] = source.counters
+    working_map.counters[HALF_EDGE_COUNT] = 0
+    working_map.positions[:count] = source.positions[:count]
+    working_map.uses[:count] = source.uses[:count]
+    working_map.free[: source.counters[FREE_COUNT]] = source.free[: source.counters[FREE_COUNT]]
+    working_map.outgoing_weight[:count] = source.outgoing_weight[:count]
+
+    # Enter nodes and half-edges into the larger hash tables.
     for node in range(count):
-        if other.uses[node] >= 0:
+        if source.uses[node] >= 0:
             index_node(working_map, node)
-        half = other.first_half_edge[node]
+        half = source.first_half_edge[node]
         while half >= 0:
-            working_map.counts[_entry(working_map, node, other.into[half])] = other.counts[
-                other.table_index[half]
-            ]
-            half = other.next_half_edge[half]
+            index = _find_or_add_pair(working_map, node, source.end_node[half])
+            working_map.pair_counts[index] = source.pair_counts[source.table_index[half]]
+            half = source.next_half_edge[half]
 
 
 @jit
 def index_nodes(working_map: WorkingMap, count: int) -> None:
-    """Make the first ``count`` nodes findable."""
+    """Enter the first ``count`` nodes into the hash grid."""
     for node in range(count):
         index_node(working_map, node)
 
 
 @jit
 def cluster_by_leader(
-    working_map: WorkingMap, positions: NDArray[np.float64], at: NDArray[np.int64]
+    working_map: WorkingMap, positions: NDArray[np.float64], slot_nodes: NDArray[np.int64]
 ) -> None:
-    """Give every knot the nearest node within the draft's reach of its place, or a node of its own."""
-    found = np.empty(1, np.int64)
+    """Leader clustering: each knot takes the nearest node within a cell size, or becomes a node.
+
+    Parameters
+    ----------
+    positions : float64 array, shape (S, d)
+        Position of each slot, in grid steps.
+    slot_nodes : int64 array, shape (S,)
+        -1 where a slot carries no knot, else receives the node; changed in place.
+    """
+    near = np.empty(1, np.int64)
     distances = np.empty(1)
-    for slot in range(len(at)):
-        if at[slot] >= 0:
-            if find_near_nodes(working_map, positions[slot], 1, found, distances) == 1:
-                at[slot] = found[0]
+    for slot in range(len(slot_nodes)):
+        if slot_nodes[slot] >= 0:
+            if find_near_nodes(working_map, positions[slot], 1, near, distances) == 1:
+                slot_nodes[slot] = near[0]
             else:
-                at[slot] = add_node(working_map, positions[slot])
+                slot_nodes[slot] = add_node(working_map, positions[slot])
 
 
 @jit
 def merge_disjoint_pairs(pairs: NDArray[np.int64], target: NDArray[np.int64]) -> int:
-    """Merge the second node of each pair into the first, in the order given, unless either took part already; return how many."""
+    """Merge the second node of each pair into the first, in the order given.
+
+    A pair is left out if one of its nodes took part in an earlier merge.
+
+    Returns
+    -------
+    int
+        Number of merges.
+    """
     taken = np.zeros(len(target), np.bool_)
     count = 0
     for i in range(len(pairs)):

@@ -1,4 +1,7 @@
-"""What may become of a knot and those beside it: the changes that look cheapest, by prices."""
+"""Candidate moves of a local search: changes of a knot and its neighbours that look cheapest.
+
+The bits of a move are estimated by fixed prices here; the coder counts those of the best ones.
+"""
 
 from __future__ import annotations
 
@@ -19,71 +22,105 @@ from gpszip.mapping.kernels.local_search_state import (
 )
 
 __all__ = [
-    "MAX_EXTRA_BITS",
     "MAX_MOVES",
-    "MAX_TRIALS",
-    "MIN_SAVING",
+    "MOVE_COUNT",
     "CandidateMoves",
     "PriorEdges",
     "list_moves",
 ]
 
-#: Numbers kept in ``Offers.terms``: bits that an offer may look dearer than what is there, how many are coded in full, and the bits of a
-#: window that these must promise.
-MAX_EXTRA_BITS, MAX_TRIALS, MIN_SAVING = 0, 1, 2
+#: Index in ``CandidateMoves.counts`` of the number of moves listed.
+MOVE_COUNT = 0
 
-#: Offers kept for a knot.
-MAX_MOVES = 32
+#: Candidate moves kept for a knot, each with a temporary node.
+MAX_MOVES = TEMPORARY
 
-#: Bits that a knot, a new way and a new node cost about.
-_KNOT, _LINK, _PLACE = 5.0, 5.0, 10.0
+#: About the bits of a knot.
+_KNOT_BITS = 5.0
+#: About the bits of a step along a new edge, beyond those of a known one.
+_EDGE_BITS = 5.0
+#: About the bits of a new node's position.
+_NODE_BITS = 10.0
 
-#: Slots by which a knot may move at once, and slots that are tried for one between two others.
-_SHIFT, _TRIES = 2, 8
+#: Slots by which a knot may move at once.
+_MAX_SHIFT = 2
+
+#: Slots that are tried for a knot between two others.
+_MAX_TRIED_SLOTS = 8
+
+#: Stiffness below which no sample holds a knot.
+_MIN_STIFFNESS = 1e-9
+
+#: Flags of ``CandidateMoves.links``: an edge leads to the knot before, and to the one after.
+_LINKED_BEFORE = 1
+_LINKED_AFTER = 2
 
 
 class PriorEdges(NamedTuple):
-    """The ways between nodes that were known before, both directions, those of node v from ``offsets[v]`` on."""
+    """Edges of prior walks in CSR form, both directions."""
 
-    offsets: NDArray[np.int64]
-    into: NDArray[np.int64]
+    offsets: NDArray[np.int64]  # first edge of each node
+    ends: NDArray[np.int64]  # node that each edge leads to
 
 
 class CandidateMoves(NamedTuple):
-    """Changes: knots from ``first`` to before ``after`` become ``count`` others."""
+    """Candidate moves: the knots from ``first`` to before ``after`` become ``count`` others."""
 
     first: NDArray[np.int64]
     after: NDArray[np.int64]
     count: NDArray[np.int64]
-    slots: NDArray[np.int64]
-    nodes: NDArray[np.int64]
-    error: NDArray[np.float64]  # squared error that is added
-    score: NDArray[np.float64]  # bits and price of the error that are added, about
-    filled: NDArray[np.int64]
-    beside: NDArray[np.int8]  # by node: whether a way leads to the knot before (1) or after (2)
-    right: NDArray[np.float64]  # room for one place
-    terms: NDArray[np.float64]
+    slots: NDArray[np.int64]  # of the new knots, shape (MAX_MOVES, 2)
+    nodes: NDArray[np.int64]  # of the new knots, shape (MAX_MOVES, 2)
+    errors: NDArray[np.float64]  # squared error that is added
+    scores: NDArray[np.float64]  # about the bits that are added, with the price of the error
+    counts: NDArray[np.int64]  # by MOVE_COUNT
+    links: NDArray[np.int8]  # flags of each node, see above
+    linear: NDArray[np.float64]  # linear terms of an error, shape (d,)
+    max_extra_bits: float  # score from which on a move is left out
+
+
+class _Replacement(NamedTuple):
+    """Knots that a single new one replaces."""
+
+    first: int  # first knot
+    after: int  # knot after the last
+    before: int  # knot that a segment leads from, or -1
+    behind: int  # knot that a segment leads to, or -1
+    left: int  # node of the knot before, or -1
+    right: int  # node of the knot behind, or -1
+    old_error: float  # squared error of the segments that go
+    bits: float  # about the bits that are added, but for the new knot's node
+
+
+class _Quadratic(NamedTuple):
+    """Squared error K|x|^2 - 2 x.b + r of a knot at x; b is in ``CandidateMoves.linear``."""
+
+    stiffness: float  # K
+    constant: float  # r
 
 
 @jit
 def _add_move(
     moves: CandidateMoves, first: int, after: int, count: int, error: float, score: float
 ) -> int:
-    """Row for an offer, or -1 if it is worse than all those kept."""
-    if score >= moves.terms[MAX_EXTRA_BITS]:
+    """Row of a new move, or -1 if it scores worse than all those kept."""
+    if score >= moves.max_extra_bits:
         return -1
-    row = moves.filled[0]
+
+    # A full list drops its worst move.
+    row = moves.counts[MOVE_COUNT]
     if row == MAX_MOVES:
         row = np.int64(0)
         for other in range(MAX_MOVES):
-            if moves.score[other] > moves.score[row]:
+            if moves.scores[other] > moves.scores[row]:
                 row = other
-        if moves.score[row] <= score:
+        if moves.scores[row] <= score:
             return -1
     else:
-        moves.filled[0] += 1
+        moves.counts[MOVE_COUNT] += 1
+
     moves.first[row], moves.after[row], moves.count[row] = first, after, count
-    moves.error[row], moves.score[row] = error, score
+    moves.errors[row], moves.scores[row] = error, score
     return row
 
 
@@ -97,35 +134,43 @@ def _mark_linked_nodes(
     left: int,
     right: int,
 ) -> None:
-    """Note which nodes have a way to the nodes ``left`` and ``right`` besides those of the knots that are to change."""
-    beside = moves.beside
-    for v in range(len(beside)):
-        beside[v] = 0
+    """Mark the nodes that share an edge with the nodes ``left`` and ``right``.
+
+    Steps from and to the knots that change do not count.
+    """
+    links = moves.links
+    for v in range(len(links)):
+        links[v] = 0
+
+    # Edges of the walks.
     for i in range(1, knot_list.counts[KNOTS]):
         if knot_list.joined[i] and (i < first or i > after):
-            u, v = knot_list.node[i - 1], knot_list.node[i]
+            u, v = knot_list.nodes[i - 1], knot_list.nodes[i]
             if u == left:
-                beside[v] |= 1
+                links[v] |= _LINKED_BEFORE
             elif v == left:
-                beside[u] |= 1
+                links[u] |= _LINKED_BEFORE
             if u == right:
-                beside[v] |= 2
+                links[v] |= _LINKED_AFTER
             elif v == right:
-                beside[u] |= 2
+                links[u] |= _LINKED_AFTER
+
+    # Edges of prior walks.
     for side in range(2):
         node = left if side == 0 else right
         if 0 <= node < len(prior_edges.offsets) - 1:
             for h in range(prior_edges.offsets[node], prior_edges.offsets[node + 1]):
-                beside[prior_edges.into[h]] |= 1 + side
+                links[prior_edges.ends[h]] |= _LINKED_BEFORE if side == 0 else _LINKED_AFTER
 
 
 @jit
 def _link_bits(moves: CandidateMoves, node: int, left: int, right: int) -> float:
+    """Bits of the new edges from a node to its neighbours; -1 stands for no neighbour."""
     bits = 0.0
-    if left >= 0 and (moves.beside[node] & 1) == 0:
-        bits += _LINK
-    if right >= 0 and (moves.beside[node] & 2) == 0:
-        bits += _LINK
+    if left >= 0 and (moves.links[node] & _LINKED_BEFORE) == 0:
+        bits += _EDGE_BITS
+    if right >= 0 and (moves.links[node] & _LINKED_AFTER) == 0:
+        bits += _EDGE_BITS
     return bits
 
 
@@ -137,19 +182,29 @@ def _quadratic_error(
     slot: int,
     behind: int,
     center: NDArray[np.int64],
-    right: NDArray[np.float64],
-) -> tuple[float, float]:
-    """Stiffness K and rest r0 of the squared error K|x|^2 - 2 x.right + r0 of the parts from knot ``before`` to a slot and on.
+    linear: NDArray[np.float64],
+) -> _Quadratic:
+    """Squared error of the segments from knot ``before`` to a slot, and on to knot ``behind``.
 
-    x is relative to ``center``; a knot of -1 stands for none.
+    It is K|x|^2 - 2 x.b + r for the knot's position x relative to ``center``; ``linear`` receives
+    b. A knot of -1 stands for none. With the moments of :mod:`grid_moments` and the other end of a
+    segment at y, the segment that ends in x adds
+
+        K += U2,  b += N - (U1 - U2) y,  r += Q + (W - 2 U1 + U2) |y|^2 - 2 y.(M - N)
+
+    and the segment that starts in x adds
+
+        K += W - 2 U1 + U2,  b += M - N - (U1 - U2) y,  r += Q + U2 |y|^2 - 2 y.N
     """
-    dimension = len(right)
+    dimension = len(linear)
     m, n = np.empty(dimension), np.empty(dimension)
-    stiffness, rest = 0.0, 0.0
+    stiffness, constant = 0.0, 0.0
     for axis in range(dimension):
-        right[axis] = 0.0
+        linear[axis] = 0.0
+
+    # The segment that ends in the knot.
     if before >= 0:
-        a = knot_list.slot[before]
+        a = knot_list.slots[before]
         w, u1, u2, q = moments_between(
             samples.sums,
             a,
@@ -162,16 +217,18 @@ def _quadratic_error(
             n,
         )
         stiffness += u2
-        rest += q
+        constant += q
         for axis in range(dimension):
-            x = (
-                knot_list.places[knot_list.node[before], axis]
+            y = (
+                knot_list.positions[knot_list.nodes[before], axis]
                 - center[axis] / samples.ticks_per_step
             )
-            right[axis] += n[axis] - (u1 - u2) * x
-            rest += (w - 2.0 * u1 + u2) * x * x - 2.0 * x * (m[axis] - n[axis])
+            linear[axis] += n[axis] - (u1 - u2) * y
+            constant += (w - 2.0 * u1 + u2) * y * y - 2.0 * y * (m[axis] - n[axis])
+
+    # The segment that starts in the knot.
     if behind >= 0:
-        b = knot_list.slot[behind]
+        b = knot_list.slots[behind]
         w, u1, u2, q = moments_between(
             samples.sums,
             slot,
@@ -184,15 +241,103 @@ def _quadratic_error(
             n,
         )
         stiffness += w - 2.0 * u1 + u2
-        rest += q
+        constant += q
         for axis in range(dimension):
-            x = (
-                knot_list.places[knot_list.node[behind], axis]
+            y = (
+                knot_list.positions[knot_list.nodes[behind], axis]
                 - center[axis] / samples.ticks_per_step
             )
-            right[axis] += m[axis] - n[axis] - (u1 - u2) * x
-            rest += u2 * x * x - 2.0 * x * n[axis]
-    return stiffness, rest
+            linear[axis] += m[axis] - n[axis] - (u1 - u2) * y
+            constant += u2 * y * y - 2.0 * y * n[axis]
+    return _Quadratic(stiffness, constant)
+
+
+@jit
+def _take_out_knots(
+    knot_list: KnotList,
+    prior_edges: PriorEdges,
+    moves: CandidateMoves,
+    fixed: int,
+    first: int,
+    after: int,
+) -> _Replacement:
+    """Take the uses of the knots from ``first`` to before ``after`` out, and sum up what they save.
+
+    :func:`_put_back_knots` undoes it.
+    """
+    # Find the neighbours in the same piece, and the nodes that share an edge with them.
+    behind = after if after < knot_list.counts[KNOTS] and knot_list.joined[after] else -1
+    before = first - 1 if first == after or knot_list.joined[first] else -1
+    left = knot_list.nodes[before] if before >= 0 else -1
+    right = knot_list.nodes[behind] if behind >= 0 else -1
+    _mark_linked_nodes(knot_list, prior_edges, moves, first, after, left, right)
+
+    # Knots save their own bits, those of their edges, and those of nodes that nobody else uses.
+    old_error, bits = 0.0, 0.0
+    for i in range(first, after):
+        old_error += knot_list.errors[i]
+        v = knot_list.nodes[i]
+        knot_list.uses[v] -= 1
+        bits -= _KNOT_BITS + _link_bits(moves, v, left, right if i == after - 1 else -1)
+        if knot_list.uses[v] == 0 and v >= fixed:
+            bits -= _NODE_BITS
+    if behind >= 0:
+        old_error += knot_list.errors[behind]
+    bits += _KNOT_BITS
+    return _Replacement(first, after, before, behind, left, right, old_error, bits)
+
+
+@jit
+def _put_back_knots(knot_list: KnotList, first: int, after: int) -> None:
+    """Count the uses of the knots from ``first`` to before ``after`` again."""
+    for i in range(first, after):
+        knot_list.uses[knot_list.nodes[i]] += 1
+
+
+@jit
+def _lowest_error(moves: CandidateMoves, quadratic: _Quadratic, old_error: float) -> float:
+    """Least squared error that a knot adds anywhere: r - |b|^2 / K, less the old error."""
+    lowest = quadratic.constant - old_error
+    for axis in range(len(moves.linear)):
+        lowest -= moves.linear[axis] * moves.linear[axis] / max(quadratic.stiffness, _MIN_STIFFNESS)
+    return lowest
+
+
+@jit
+def _add_known_node_moves(
+    samples: GridSamples,
+    knot_list: KnotList,
+    moves: CandidateMoves,
+    fixed: int,
+    replacement: _Replacement,
+    slot: int,
+    center: NDArray[np.int64],
+    quadratic: _Quadratic,
+    price: float,
+) -> None:
+    """Add the moves to a knot at a slot, at each node of the map."""
+    first = replacement.first
+    for v in range(knot_list.counts[NODES]):
+        if knot_list.uses[v] == 0 and v >= fixed:
+            continue
+        # The knot as it is now is no move.
+        if (
+            replacement.after == first + 1
+            and slot == knot_list.slots[first]
+            and v == knot_list.nodes[first]
+        ):
+            continue
+
+        error = quadratic.constant - replacement.old_error
+        for axis in range(len(center)):
+            x = knot_list.positions[v, axis] - center[axis] / samples.ticks_per_step
+            error += quadratic.stiffness * x * x - 2.0 * x * moves.linear[axis]
+        score = price * error + replacement.bits
+        if score < moves.max_extra_bits:
+            score += _link_bits(moves, v, replacement.left, replacement.right)
+            row = _add_move(moves, first, replacement.after, 1, error, score)
+            if row >= 0:
+                moves.slots[row, 0], moves.nodes[row, 0] = slot, v
 
 
 @jit
@@ -200,34 +345,39 @@ def _add_new_node_move(
     samples: GridSamples,
     knot_list: KnotList,
     moves: CandidateMoves,
-    first: int,
-    after: int,
+    replacement: _Replacement,
     slot: int,
     center: NDArray[np.int64],
-    quadratic: tuple[float, float],
+    quadratic: _Quadratic,
     step: int,
     price: float,
-    old: float,
     bits: float,
 ) -> None:
-    """Offer one knot with a node of its own at the whole place of least error, or ``step`` (1, 2.. up, -1, -2.. down an axis) beside."""
-    dimension = len(moves.right)
-    stiffness, rest = quadratic
-    if stiffness < 1e-9:
+    """Add the move to a knot with a new node, at the whole position of least error x = b / K.
+
+    A ``step`` of 1, 2, ... goes one grid step up the first, second, ... axis from there, and one
+    of -1, -2, ... goes down.
+    """
+    dimension = len(moves.linear)
+    if quadratic.stiffness < _MIN_STIFFNESS:
         return
-    place = np.empty(dimension)
-    error = rest - old
+
+    # Round the optimum, and measure the error there.
+    position = np.empty(dimension)
+    error = quadratic.constant - replacement.old_error
     for axis in range(dimension):
         middle = center[axis] / samples.ticks_per_step
-        place[axis] = np.rint(moves.right[axis] / stiffness + middle)
+        position[axis] = np.rint(moves.linear[axis] / quadratic.stiffness + middle)
         if abs(step) == axis + 1:
-            place[axis] += 1.0 if step > 0 else -1.0
-        x = place[axis] - middle
-        error += stiffness * x * x - 2.0 * x * moves.right[axis]
-    row = _add_move(moves, first, after, 1, error, price * error + bits)
+            position[axis] += 1.0 if step > 0 else -1.0
+        x = position[axis] - middle
+        error += quadratic.stiffness * x * x - 2.0 * x * moves.linear[axis]
+
+    # The node stays temporary until the move is made.
+    row = _add_move(moves, replacement.first, replacement.after, 1, error, price * error + bits)
     if row >= 0:
-        node = len(knot_list.places) - TEMPORARY + row
-        knot_list.places[node] = place
+        node = len(knot_list.positions) - TEMPORARY + row
+        knot_list.positions[node] = position
         moves.slots[row, 0], moves.nodes[row, 0] = slot, node
 
 
@@ -245,97 +395,67 @@ def _add_replacement_moves(
     stride: int,
     price: float,
 ) -> None:
-    """Offer a single knot in place of those from ``first`` to before ``after``, at every ``stride``-th slot from low to high."""
-    behind = after if after < knot_list.counts[KNOTS] and knot_list.joined[after] else -1
-    before = first - 1 if first == after or knot_list.joined[first] else -1
-    left = knot_list.node[before] if before >= 0 else -1
-    right = knot_list.node[behind] if behind >= 0 else -1
-    _mark_linked_nodes(knot_list, prior_edges, moves, first, after, left, right)
-    old, bits = 0.0, 0.0
-    for i in range(first, after):
-        old += knot_list.error[i]
-        v = knot_list.node[i]
-        knot_list.uses[v] -= 1
-        bits -= _KNOT + _link_bits(moves, v, left, right if i == after - 1 else -1)
-        if knot_list.uses[v] == 0 and v >= fixed:
-            bits -= _PLACE
-    if behind >= 0:
-        old += knot_list.error[behind]
-    bits += _KNOT
-    links = (_LINK if left >= 0 else 0.0) + (0.5 * _LINK if right >= 0 else 0.0)
+    """Add the moves to a single knot in place of those from ``first`` to before ``after``.
+
+    Each ``stride``-th slot from ``low`` to ``high`` is tried, with known nodes and with a new one.
+    """
+    replacement = _take_out_knots(knot_list, prior_edges, moves, fixed, first, after)
+
+    # A new node pays for its position and its edges; the way on may be known already.
+    new_edge_bits = (_EDGE_BITS if replacement.left >= 0 else 0.0) + (
+        0.5 * _EDGE_BITS if replacement.right >= 0 else 0.0
+    )
+    new_node_bits = replacement.bits + _NODE_BITS + new_edge_bits
+
     for slot in range(low, high + 1, stride):
         center = samples.centers[slot]
-        quadratic = _quadratic_error(samples, knot_list, before, slot, behind, center, moves.right)
-        lowest = quadratic[1] - old
-        for axis in range(len(center)):
-            lowest -= moves.right[axis] * moves.right[axis] / max(quadratic[0], 1e-9)
-        if price * lowest + bits >= moves.terms[MAX_EXTRA_BITS]:
+        quadratic = _quadratic_error(
+            samples, knot_list, replacement.before, slot, replacement.behind, center, moves.linear
+        )
+
+        # Skip slots where even the best position costs too much.
+        lowest = _lowest_error(moves, quadratic, replacement.old_error)
+        if price * lowest + replacement.bits >= moves.max_extra_bits:
             continue
-        for v in range(knot_list.counts[NODES]):
-            if knot_list.uses[v] == 0 and v >= fixed:
-                continue
-            if after == first + 1 and slot == knot_list.slot[first] and v == knot_list.node[first]:
-                continue
-            error = quadratic[1] - old
-            for axis in range(len(center)):
-                x = knot_list.places[v, axis] - center[axis] / samples.ticks_per_step
-                error += quadratic[0] * x * x - 2.0 * x * moves.right[axis]
-            score = price * error + bits
-            if score < moves.terms[MAX_EXTRA_BITS]:
-                score += _link_bits(moves, v, left, right)
-                row = _add_move(moves, first, after, 1, error, score)
-                if row >= 0:
-                    moves.slots[row, 0], moves.nodes[row, 0] = slot, v
+
+        _add_known_node_moves(
+            samples, knot_list, moves, fixed, replacement, slot, center, quadratic, price
+        )
         _add_new_node_move(
             samples,
             knot_list,
             moves,
-            first,
-            after,
+            replacement,
             slot,
             center,
             quadratic,
             np.int64(0),
             price,
-            old,
-            bits + _PLACE + links,
+            new_node_bits,
         )
+
+        # A node that only this knot uses may also move by one grid step.
         if (
             after == first + 1
-            and knot_list.uses[knot_list.node[first]] == 0
-            and slot == knot_list.slot[first]
+            and knot_list.uses[knot_list.nodes[first]] == 0
+            and slot == knot_list.slots[first]
         ):
             for axis in range(len(center)):
-                _add_new_node_move(
-                    samples,
-                    knot_list,
-                    moves,
-                    first,
-                    after,
-                    slot,
-                    center,
-                    quadratic,
-                    axis + 1,
-                    price,
-                    old,
-                    bits + _PLACE + links,
-                )
-                _add_new_node_move(
-                    samples,
-                    knot_list,
-                    moves,
-                    first,
-                    after,
-                    slot,
-                    center,
-                    quadratic,
-                    -axis - 1,
-                    price,
-                    old,
-                    bits + _PLACE + links,
-                )
-    for i in range(first, after):
-        knot_list.uses[knot_list.node[i]] += 1
+                for sign in (1, -1):
+                    _add_new_node_move(
+                        samples,
+                        knot_list,
+                        moves,
+                        replacement,
+                        slot,
+                        center,
+                        quadratic,
+                        sign * (axis + 1),
+                        price,
+                        new_node_bits,
+                    )
+
+    _put_back_knots(knot_list, first, after)
 
 
 @jit
@@ -357,58 +477,66 @@ def _add_removal_moves(
     j: int,
     price: float,
 ) -> None:
-    """Offer to leave out a knot, and to move those beside it by up to one slot then."""
+    """Add the moves that leave out knot j, and shift its neighbours by up to one slot."""
     a, b = j - 1, j + 1
-    u, v = knot_list.node[a], knot_list.node[b]
-    back, forth = (
-        1 if _is_inside_piece(knot_list, a) else 0,
-        1 if _is_inside_piece(knot_list, b) else 0,
+    u, v = knot_list.nodes[a], knot_list.nodes[b]
+    shift_a = 1 if _is_inside_piece(knot_list, a) else 0
+    shift_b = 1 if _is_inside_piece(knot_list, b) else 0
+    bits = -_KNOT_BITS - (
+        _NODE_BITS
+        if knot_list.uses[knot_list.nodes[j]] == 1 and knot_list.nodes[j] >= fixed
+        else 0.0
     )
-    bits = -_KNOT - (
-        _PLACE if knot_list.uses[knot_list.node[j]] == 1 and knot_list.node[j] >= fixed else 0.0
-    )
-    for p in range(-back, back + 1):
-        at = knot_list.slot[a] + p
-        if p != 0 and at <= knot_list.slot[a - 1]:
+
+    for p in range(-shift_a, shift_a + 1):
+        # Shift the knot before, and measure the segment that leads to it.
+        slot_a = knot_list.slots[a] + p
+        if p != 0 and slot_a <= knot_list.slots[a - 1]:
             continue
-        lead = (
+        error_before = (
             segment_error(
                 samples,
-                knot_list.slot[a - 1],
-                knot_list.places[knot_list.node[a - 1]],
-                at,
-                knot_list.places[u],
+                knot_list.slots[a - 1],
+                knot_list.positions[knot_list.nodes[a - 1]],
+                slot_a,
+                knot_list.positions[u],
             )
-            - knot_list.error[a]
+            - knot_list.errors[a]
             if p != 0
             else 0.0
         )
-        for q in range(-forth, forth + 1):
-            to = knot_list.slot[b] + q
-            if to <= at or (q != 0 and to >= knot_list.slot[b + 1]):
+
+        for q in range(-shift_b, shift_b + 1):
+            # Shift the knot behind, and measure the segment that leads from it.
+            slot_b = knot_list.slots[b] + q
+            if slot_b <= slot_a or (q != 0 and slot_b >= knot_list.slots[b + 1]):
                 continue
-            tail = (
+            error_behind = (
                 segment_error(
                     samples,
-                    to,
-                    knot_list.places[v],
-                    knot_list.slot[b + 1],
-                    knot_list.places[knot_list.node[b + 1]],
+                    slot_b,
+                    knot_list.positions[v],
+                    knot_list.slots[b + 1],
+                    knot_list.positions[knot_list.nodes[b + 1]],
                 )
-                - knot_list.error[b + 1]
+                - knot_list.errors[b + 1]
                 if q != 0
                 else 0.0
             )
+
+            # Measure the segment that replaces the two of the knot.
             error = (
-                lead
-                + tail
-                + segment_error(samples, at, knot_list.places[u], to, knot_list.places[v])
-                - knot_list.error[j]
-                - knot_list.error[b]
+                error_before
+                + error_behind
+                + segment_error(
+                    samples, slot_a, knot_list.positions[u], slot_b, knot_list.positions[v]
+                )
+                - knot_list.errors[j]
+                - knot_list.errors[b]
             )
             row = _add_move(moves, a, b + 1, 2, error, price * error + bits)
             if row >= 0:
-                moves.slots[row, 0], moves.slots[row, 1] = at, to
+                moves.slots[row, 0], moves.slots[row, 1] = slot_a, slot_b
                 moves.nodes[row, 0], moves.nodes[row, 1] = u, v
 
 
@@ -422,20 +550,41 @@ def list_moves(
     j: int,
     price: float,
 ) -> None:
-    """List what may become of knot j: moved, given another node, left out, made one with the next, or followed by another."""
-    moves.filled[0] = 0
+    """List the candidate moves of knot j.
+
+    The knot is shifted, given another node, left out, merged with the next one, or followed by a
+    new one.
+
+    Parameters
+    ----------
+    moves : CandidateMoves
+        Receives the moves.
+    fixed : int
+        The first nodes, of prior walks.
+    j : int
+        The knot.
+    price : float
+        Bits for a squared error of one grid step.
+    """
+    moves.counts[MOVE_COUNT] = 0
     knots = knot_list.counts[KNOTS]
-    here = knot_list.slot[j]
-    inner = _is_inside_piece(knot_list, j)
-    low = max(here - _SHIFT, knot_list.slot[j - 1] + 1) if inner else here
-    high = min(here + _SHIFT, knot_list.slot[j + 1] - 1) if inner else here
+    slot = knot_list.slots[j]
+    is_inside = _is_inside_piece(knot_list, j)
+
+    # Shift the knot, or give it another node; the ends of a piece keep their slots.
+    low = max(slot - _MAX_SHIFT, knot_list.slots[j - 1] + 1) if is_inside else slot
+    high = min(slot + _MAX_SHIFT, knot_list.slots[j + 1] - 1) if is_inside else slot
     _add_replacement_moves(
         samples, knot_list, prior_edges, moves, fixed, j, j + 1, low, high, np.int64(1), price
     )
-    if inner:
+
+    # Leave it out.
+    if is_inside:
         _add_removal_moves(samples, knot_list, moves, fixed, j, price)
-    if inner and _is_inside_piece(knot_list, j + 1):
-        low, high = knot_list.slot[j - 1] + 1, knot_list.slot[j + 2] - 1
+
+    # Merge it with the next one.
+    if is_inside and _is_inside_piece(knot_list, j + 1):
+        low, high = knot_list.slots[j - 1] + 1, knot_list.slots[j + 2] - 1
         _add_replacement_moves(
             samples,
             knot_list,
@@ -446,15 +595,17 @@ def list_moves(
             j + 2,
             low,
             high,
-            (high - low) // _TRIES + 1,
+            (high - low) // _MAX_TRIED_SLOTS + 1,
             price,
         )
+
+    # Insert a knot behind it, if the segment's error is worth one.
     if (
         j + 1 < knots
         and knot_list.joined[j + 1]
-        and price * knot_list.error[j + 1] > _KNOT - moves.terms[MAX_EXTRA_BITS]
+        and price * knot_list.errors[j + 1] > _KNOT_BITS - moves.max_extra_bits
     ):
-        low, high = here + 1, knot_list.slot[j + 1] - 1
+        low, high = slot + 1, knot_list.slots[j + 1] - 1
         if low <= high:
             _add_replacement_moves(
                 samples,
@@ -466,6 +617,6 @@ def list_moves(
                 j + 1,
                 low,
                 high,
-                (high - low) // _TRIES + 1,
+                (high - low) // _MAX_TRIED_SLOTS + 1,
                 price,
             )

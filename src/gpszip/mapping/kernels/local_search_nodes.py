@@ -1,4 +1,4 @@
-"""Whole nodes polished: united with another one, or moved by one quantum, by the coder's real count."""
+"""Local search over nodes: merge one with another, or move it by one grid step, by real bits."""
 
 from __future__ import annotations
 
@@ -22,32 +22,33 @@ from gpszip.mapping.kernels.local_search_state import (
 
 __all__ = ["sweep_nodes"]
 
-
-#: Nodes with which one is tried to be united.
+#: Largest number of nodes with which a node is tried to be merged.
 _MAX_PARTNERS = 6
 
 
 @jit
-def _error_at(
+def _added_error(
     samples: GridSamples,
     knot_list: KnotList,
     node: int,
-    place: NDArray[np.float64],
+    position: NDArray[np.float64],
     knots: NDArray[np.int64],
     count: int,
 ) -> float:
-    """Squared error that is added when a node, at the knots listed, lies at a place."""
+    """Squared error that is added when a node, at the ``count`` knots listed, moves."""
     added = 0.0
     for k in range(count):
         i = knots[k]
         for j in range(i, min(i + 2, knot_list.counts[KNOTS])):
-            # a part from the node to itself is met twice
-            if knot_list.joined[j] and not (j == i + 1 and knot_list.node[j] == node):
-                u, v = knot_list.node[j - 1], knot_list.node[j]
-                start = place if u == node else knot_list.places[u]
-                end = place if v == node else knot_list.places[v]
-                error = segment_error(samples, knot_list.slot[j - 1], start, knot_list.slot[j], end)
-                added += error - knot_list.error[j]
+            # A segment from the node to itself would be met twice.
+            if knot_list.joined[j] and not (j == i + 1 and knot_list.nodes[j] == node):
+                u, v = knot_list.nodes[j - 1], knot_list.nodes[j]
+                start = position if u == node else knot_list.positions[u]
+                end = position if v == node else knot_list.positions[v]
+                error = segment_error(
+                    samples, knot_list.slots[j - 1], start, knot_list.slots[j], end
+                )
+                added += error - knot_list.errors[j]
     return added
 
 
@@ -56,20 +57,21 @@ def _keeps_maximum(
     samples: GridSamples,
     knot_list: KnotList,
     node: int,
-    place: NDArray[np.float64],
+    position: NDArray[np.float64],
     knots: NDArray[np.int64],
     count: int,
     maximum: float,
 ) -> bool:
+    """Whether no sample is farther away than a maximum when a node moves."""
     for k in range(count):
         i = knots[k]
         for j in range(i, min(i + 2, knot_list.counts[KNOTS])):
             if knot_list.joined[j]:
-                u, v = knot_list.node[j - 1], knot_list.node[j]
-                start = place if u == node else knot_list.places[u]
-                end = place if v == node else knot_list.places[v]
+                u, v = knot_list.nodes[j - 1], knot_list.nodes[j]
+                start = position if u == node else knot_list.positions[u]
+                end = position if v == node else knot_list.positions[v]
                 if not is_within(
-                    samples, knot_list.slot[j - 1], start, knot_list.slot[j], end, maximum
+                    samples, knot_list.slots[j - 1], start, knot_list.slots[j], end, maximum
                 ):
                     return False
     return True
@@ -85,26 +87,33 @@ def _try_move(
     best: KnotList,
     rule: AcceptanceRule,
     node: int,
-    into: int,
-    place: NDArray[np.float64],
+    target: int,
+    position: NDArray[np.float64],
     knots: NDArray[np.int64],
     count: int,
 ) -> bool:
-    """Put a node's knots at a place, that of the node ``into`` or, if that is the node itself, another one; undo it if it costs."""
+    """Move the knots of a node to a position, and undo it unless it pays.
+
+    The position is that of the node ``target``, which takes the knots; or, if ``target`` is the
+    node itself, any other.
+    """
     if rule.maximum > 0 and not _keeps_maximum(
-        samples, knot_list, node, place, knots, count, rule.maximum
+        samples, knot_list, node, position, knots, count, rule.maximum
     ):
         return False
+
+    # Make the move.
     copy_knot_list(knot_list, backup)
-    if into == node:
-        knot_list.places[node] = place
+    if target == node:
+        knot_list.positions[node] = position
     else:
         for k in range(count):
-            knot_list.node[knots[k]] = into
-        knot_list.uses[into] += knot_list.uses[node]
+            knot_list.nodes[knots[k]] = target
+        knot_list.uses[target] += knot_list.uses[node]
         knot_list.uses[node] = 0
     for k in range(count):
         remeasure(samples, knot_list, knots[k], knots[k] + 1)
+
     return bool(
         pointers.accept_or_undo(
             pointers.code, workspace, samples.time_steps, knot_list, backup, best, rule
@@ -121,25 +130,30 @@ def _find_merge_partners(
     node: int,
     knots: NDArray[np.int64],
     count: int,
-    found: NDArray[np.int64],
+    partners: NDArray[np.int64],
 ) -> int:
-    """The nodes with which a node may be united at the least error, and how many they are."""
-    added = np.empty(len(found))
+    """List the nodes into which a node merges at the least error, and return their number."""
+    added = np.empty(len(partners))
     filled = 0
     for w in range(knot_list.counts[NODES]):
         if w == node or (knot_list.uses[w] == 0 and w >= fixed):
             continue
-        error = _error_at(samples, knot_list, node, knot_list.places[w], knots, count)
-        if rule.price * error > rule.unite or knot_list.totals[SQUARE] + error > rule.most:
+        error = _added_error(samples, knot_list, node, knot_list.positions[w], knots, count)
+        if (
+            rule.price * error > rule.merge_bits
+            or knot_list.totals[SQUARE] + error > rule.max_square
+        ):
             continue
+
+        # Insert the node by its error.
         i = filled
         while i > 0 and added[i - 1] > error:
             i -= 1
-        if i < len(found):
-            for k in range(min(filled, len(found) - 1), i, -1):
-                found[k], added[k] = found[k - 1], added[k - 1]
-            found[i], added[i] = w, error
-            filled = min(filled + 1, len(found))
+        if i < len(partners):
+            for k in range(min(filled, len(partners) - 1), i, -1):
+                partners[k], added[k] = partners[k - 1], added[k - 1]
+            partners[i], added[i] = w, error
+            filled = min(filled + 1, len(partners))
     return filled
 
 
@@ -156,17 +170,20 @@ def _shift_node(
     knots: NDArray[np.int64],
     count: int,
 ) -> int:
-    """Move a node by one quantum along each axis while that pays; return how often."""
-    taken = 0
-    for axis in range(knot_list.places.shape[1]):
+    """Move a node by one grid step along each axis where that pays; return how often."""
+    changes = 0
+    for axis in range(knot_list.positions.shape[1]):
         for step in (-1.0, 1.0):
-            place = knot_list.places[node].copy()
-            place[axis] += step
-            error = _error_at(samples, knot_list, node, place, knots, count)
-            if rule.price * error < rule.move and (
-                knot_list.totals[SQUARE] + error <= rule.most or error < 0
+            # Measure the error of the shift.
+            position = knot_list.positions[node].copy()
+            position[axis] += step
+            error = _added_error(samples, knot_list, node, position, knots, count)
+
+            # Encode it if the error is small, or falls.
+            if rule.price * error < rule.shift_bits and (
+                knot_list.totals[SQUARE] + error <= rule.max_square or error < 0
             ):
-                taken += _try_move(
+                changes += _try_move(
                     pointers,
                     workspace,
                     samples,
@@ -176,11 +193,11 @@ def _shift_node(
                     rule,
                     node,
                     node,
-                    place,
+                    position,
                     knots,
                     count,
                 )
-    return taken
+    return changes
 
 
 @jit
@@ -193,24 +210,34 @@ def sweep_nodes(
     best: KnotList,
     rule: AcceptanceRule,
 ) -> int:
-    """Go once over all nodes, unite and move what pays; return how often."""
-    taken = 0
+    """Go once over all nodes; merge and move them where that pays.
+
+    Returns
+    -------
+    int
+        Number of changes.
+    """
+    changes = 0
     fixed = workspace.counts[FIXED]
-    knots = np.empty(len(knot_list.node), np.int64)
-    found = np.empty(_MAX_PARTNERS, np.int64)
+    knots = np.empty(len(knot_list.nodes), np.int64)
+    partners = np.empty(_MAX_PARTNERS, np.int64)
     for node in range(knot_list.counts[NODES]):
         if knot_list.uses[node] == 0 or workspace.counts[WORK] <= 0:
             continue
+
+        # List the knots of the node.
         count = np.int64(0)
         for i in range(knot_list.counts[KNOTS]):
-            if knot_list.node[i] == node:
+            if knot_list.nodes[i] == node:
                 knots[count] = i
                 count += 1
-        united = False
+
+        # Merge the node into another one.
+        is_merged = False
         for k in range(
-            _find_merge_partners(samples, knot_list, rule, fixed, node, knots, count, found)
+            _find_merge_partners(samples, knot_list, rule, fixed, node, knots, count, partners)
         ):
-            w = found[k]
+            w = partners[k]
             if _try_move(
                 pointers,
                 workspace,
@@ -221,16 +248,18 @@ def sweep_nodes(
                 rule,
                 node,
                 w,
-                knot_list.places[w].copy(),
+                knot_list.positions[w].copy(),
                 knots,
                 count,
             ):
-                united = True
+                is_merged = True
                 break
-        if united:
-            taken += 1
+
+        # Else move it; nodes of prior walks stay.
+        if is_merged:
+            changes += 1
         elif node >= fixed:
-            taken += _shift_node(
+            changes += _shift_node(
                 pointers, workspace, samples, knot_list, backup, best, rule, node, knots, count
             )
-    return taken
+    return changes

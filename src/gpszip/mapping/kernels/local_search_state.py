@@ -1,4 +1,4 @@
-"""Walks that are being polished: their knots, the error of their parts, and changes to either."""
+"""State of a local search: the knots of all walks, the errors of their segments, and changes."""
 
 from __future__ import annotations
 
@@ -26,68 +26,73 @@ __all__ = [
     "segment_error",
 ]
 
-#: Numbers kept in ``Chain.counts`` and ``Chain.totals``.
-KNOTS, NODES = 0, 1
-SQUARE, BITS = 0, 1
+#: Index in ``KnotList.counts`` of the number of knots.
+KNOTS = 0
+#: Index in ``KnotList.counts`` of the number of nodes.
+NODES = 1
 
-#: Nodes at the end of a chain's room that belong to changes not made yet.
+#: Index in ``KnotList.totals`` of the squared error of all segments.
+SQUARE = 0
+#: Index in ``KnotList.totals`` of the bits of all walks.
+BITS = 1
+
+#: Nodes at the end of a knot list's capacity that belong to candidate moves, one for each.
 TEMPORARY = 32
 
 
 class GridSamples(NamedTuple):
-    """Slots and the samples between them, with the sums that price any part."""
+    """Slots and the samples between them, with the prefix sums that measure any segment."""
 
     sums: NDArray[np.int64]  # over the samples before each slot
     ticks: NDArray[np.int64]  # time of each slot, in ticks
-    centers: NDArray[np.int64]  # where the log is at each slot, in ticks
-    ticks_per_step: float  # ticks of a quantum
-    ends: NDArray[np.int64]  # samples before each slot
-    times: NDArray[np.float64]  # of the samples, in cells
-    sample_positions: NDArray[np.float64]  # of the samples, in quanta
-    time_steps: NDArray[np.int64]  # time of each slot, in cells
-    groups: NDArray[np.int64]  # group of each slot, whose parts keep to an error of their own
+    centers: NDArray[np.int64]  # position of the log at each slot, in ticks
+    ticks_per_step: float  # position ticks of a grid step
+    ends: NDArray[np.int64]  # number of samples before each slot
+    times: NDArray[np.float64]  # of the samples, in time steps
+    sample_positions: NDArray[np.float64]  # in grid steps
+    time_steps: NDArray[np.int64]  # time of each slot, in time steps
+    groups: NDArray[np.int64]  # group of each slot, whose segments share an error budget
 
 
 class KnotList(NamedTuple):
-    """Knots of all walks in a row, with room for more."""
+    """Knots of all walks one after the other, with capacity for more."""
 
-    slot: NDArray[np.int64]
-    node: NDArray[np.int64]
-    joined: NDArray[np.int8]  # whether a part leads to the knot from the one before
-    begins: NDArray[np.int8]  # whether a track begins there
-    error: NDArray[np.float64]  # squared error of the part that leads there
-    places: NDArray[
-        np.float64
-    ]  # of the nodes, whole; the last few are those of changes not made yet
+    slots: NDArray[np.int64]
+    nodes: NDArray[np.int64]
+    joined: NDArray[np.int8]  # 1 where a segment leads to the knot from the one before
+    begins: NDArray[np.int8]  # 1 where a track begins
+    errors: NDArray[np.float64]  # squared error of the segment that leads to each knot
+    positions: NDArray[np.float64]  # of the nodes, whole; the last TEMPORARY are of moves
     uses: NDArray[np.int64]  # knots at each node
-    counts: NDArray[np.int64]
-    totals: NDArray[np.float64]
-    squares: NDArray[np.float64]  # squared error of each group
+    counts: NDArray[np.int64]  # by KNOTS and NODES
+    totals: NDArray[np.float64]  # by SQUARE and BITS
+    group_squares: NDArray[np.float64]  # squared error of each group
 
 
 @jit
-def _copy_knot(knot_list: KnotList, i: int, into: KnotList, to: int) -> None:
-    into.slot[to] = knot_list.slot[i]
-    into.node[to] = knot_list.node[i]
-    into.joined[to] = knot_list.joined[i]
-    into.begins[to] = knot_list.begins[i]
-    into.error[to] = knot_list.error[i]
+def _copy_knot(source: KnotList, i: int, target: KnotList, j: int) -> None:
+    """Copy knot i of one list to knot j of another."""
+    target.slots[j] = source.slots[i]
+    target.nodes[j] = source.nodes[i]
+    target.joined[j] = source.joined[i]
+    target.begins[j] = source.begins[i]
+    target.errors[j] = source.errors[i]
 
 
 @jit
-def copy_knot_list(knot_list: KnotList, to: KnotList) -> None:
+def copy_knot_list(source: KnotList, target: KnotList) -> None:
     """Copy all that is in use."""
-    # loops compile several times as fast as assignments of slices
-    for i in range(knot_list.counts[KNOTS]):
-        _copy_knot(knot_list, i, to, i)
-    for v in range(knot_list.counts[NODES]):
-        to.uses[v] = knot_list.uses[v]
-        for axis in range(knot_list.places.shape[1]):
-            to.places[v, axis] = knot_list.places[v, axis]
+    # Loops compile several times as fast as assignments of slices.
+    for i in range(source.counts[KNOTS]):
+        _copy_knot(source, i, target, i)
+    for v in range(source.counts[NODES]):
+        target.uses[v] = source.uses[v]
+        for axis in range(source.positions.shape[1]):
+            target.positions[v, axis] = source.positions[v, axis]
     for i in range(2):
-        to.counts[i], to.totals[i] = knot_list.counts[i], knot_list.totals[i]
-    for g in range(len(knot_list.squares)):
-        to.squares[g] = knot_list.squares[g]
+        target.counts[i], target.totals[i] = source.counts[i], source.totals[i]
+    for g in range(len(source.group_squares)):
+        target.group_squares[g] = source.group_squares[g]
 
 
 @jit
@@ -98,7 +103,7 @@ def segment_error(
     last: int,
     end: NDArray[np.float64],
 ) -> float:
-    """Squared error of a part between two slots and places."""
+    """Squared error of a segment from ``start`` at slot ``first`` to ``end`` at slot ``last``."""
     dimension = len(start)
     m, n, center = np.empty(dimension), np.empty(dimension), np.empty(dimension)
     for axis in range(dimension):
@@ -126,16 +131,16 @@ def is_within(
     end: NDArray[np.float64],
     maximum: float,
 ) -> bool:
-    """Whether no sample of a part is farther from it than a maximum."""
+    """Whether no sample of a segment is farther from it than a maximum, in grid steps."""
     begin, span = samples.time_steps[first], samples.time_steps[last] - samples.time_steps[first]
     for i in range(samples.ends[first], samples.ends[last]):
         share = (samples.times[i] - begin) / span
         square = 0.0
         for axis in range(len(start)):
-            away = (
+            offset = (
                 start[axis] + share * (end[axis] - start[axis]) - samples.sample_positions[i, axis]
             )
-            square += away * away
+            square += offset * offset
         if square > maximum * maximum:
             return False
     return True
@@ -143,40 +148,46 @@ def is_within(
 
 @jit
 def remeasure(samples: GridSamples, knot_list: KnotList, first: int, last: int) -> None:
-    """Measure anew the parts that lead to the knots from ``first`` to ``last``, and sum up."""
+    """Measure the segments that lead to knots ``first`` to ``last``, and sum all errors up."""
     for i in range(max(first, 0), min(last, knot_list.counts[KNOTS] - 1) + 1):
-        knot_list.error[i] = 0.0
+        knot_list.errors[i] = 0.0
         if knot_list.joined[i]:
-            u, v = knot_list.node[i - 1], knot_list.node[i]
-            knot_list.error[i] = segment_error(
+            u, v = knot_list.nodes[i - 1], knot_list.nodes[i]
+            knot_list.errors[i] = segment_error(
                 samples,
-                knot_list.slot[i - 1],
-                knot_list.places[u],
-                knot_list.slot[i],
-                knot_list.places[v],
+                knot_list.slots[i - 1],
+                knot_list.positions[u],
+                knot_list.slots[i],
+                knot_list.positions[v],
             )
-    for g in range(len(knot_list.squares)):
-        knot_list.squares[g] = 0.0
+
+    # Sum over all knots in their order, so that rounding does not depend on the changes made.
+    for g in range(len(knot_list.group_squares)):
+        knot_list.group_squares[g] = 0.0
     square = 0.0
     for i in range(knot_list.counts[KNOTS]):
-        square += knot_list.error[i]
-        knot_list.squares[samples.groups[knot_list.slot[i]]] += knot_list.error[i]
+        square += knot_list.errors[i]
+        knot_list.group_squares[samples.groups[knot_list.slots[i]]] += knot_list.errors[i]
     knot_list.totals[SQUARE] = square
 
 
 @jit
-def allocate_node(knot_list: KnotList, fixed: int, place: NDArray[np.float64]) -> int:
-    """A node at this place that no knot uses yet, or -1 if there is no room."""
+def allocate_node(knot_list: KnotList, fixed: int, position: NDArray[np.float64]) -> int:
+    """Make a node at a position, under a number that no knot uses; -1 if the capacity is used up.
+
+    The first ``fixed`` nodes belong to prior walks and stay.
+    """
     for v in range(fixed, knot_list.counts[NODES]):
         if knot_list.uses[v] == 0:
-            knot_list.places[v] = place
+            knot_list.positions[v] = position
             return v
+
     v = knot_list.counts[NODES]
-    if v >= len(knot_list.places) - TEMPORARY:
+    if v >= len(knot_list.positions) - TEMPORARY:
         return -1
     knot_list.counts[NODES] = v + 1
     knot_list.uses[v] = 0
-    knot_list.places[v] = place
+    knot_list.positions[v] = position
     return v
 
 
@@ -191,13 +202,21 @@ def replace_knots(
     slots: NDArray[np.int64],
     nodes: NDArray[np.int64],
 ) -> bool:
-    """Put ``count`` knots in place of those from ``first`` to before ``after``; tell whether there was room."""
+    """Replace the knots from ``first`` to before ``after`` by ``count`` others.
+
+    Returns
+    -------
+    bool
+        Whether the capacity sufficed; if not, the list is left half changed.
+    """
     knots = knot_list.counts[KNOTS]
     shift = count - (after - first)
-    if knots + shift > len(knot_list.slot):
+    if knots + shift > len(knot_list.slots):
         return False
+
+    # Release the old knots' nodes, and move the knots behind them.
     for i in range(first, after):
-        knot_list.uses[knot_list.node[i]] -= 1
+        knot_list.uses[knot_list.nodes[i]] -= 1
     if shift > 0:
         for i in range(knots - 1, after - 1, -1):
             _copy_knot(knot_list, i, knot_list, i + shift)
@@ -205,15 +224,18 @@ def replace_knots(
         for i in range(after, knots):
             _copy_knot(knot_list, i, knot_list, i + shift)
     knot_list.counts[KNOTS] = knots + shift
+
+    # Enter the new knots; temporary nodes become real ones.
     for i in range(count):
-        at, v = first + i, nodes[i]
-        if v >= len(knot_list.places) - TEMPORARY:
-            v = allocate_node(knot_list, fixed, knot_list.places[v])
+        knot, v = first + i, nodes[i]
+        if v >= len(knot_list.positions) - TEMPORARY:
+            v = allocate_node(knot_list, fixed, knot_list.positions[v])
             if v < 0:
                 return False
-        knot_list.slot[at], knot_list.node[at] = slots[i], v
+        knot_list.slots[knot], knot_list.nodes[knot] = slots[i], v
         knot_list.uses[v] += 1
         if i >= after - first:
-            knot_list.joined[at], knot_list.begins[at] = 1, 0
+            knot_list.joined[knot], knot_list.begins[knot] = 1, 0
+
     remeasure(samples, knot_list, first, first + count)
     return True

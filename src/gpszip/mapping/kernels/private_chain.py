@@ -1,4 +1,4 @@
-"""The cheapest chain of knots for one piece of a track on its own: exact dynamic programming over slots."""
+"""The cheapest knots for one piece of a track by itself: exact dynamic programming over slots."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from gpszip.mapping.kernels.grid_moments import best_line_cost, line_cost, momen
 
 __all__ = ["find_private_chain", "find_private_chains"]
 
-#: A part that misses the best line by more than this many bits is never worth it.
+#: Bits of error beyond which no segment pays: more knots cost less than that.
 _MAX_LINE_BITS = 45.0
 
 
@@ -28,10 +28,15 @@ def find_private_chain(
     max_slots: int,
     slot_nodes: NDArray[np.int64],
 ) -> None:
-    """Choose the slots in [first, last] that carry knots; write 0 into ``at`` there and -1 elsewhere.
+    """Choose the slots in [first, last] that carry knots: 0 in ``slot_nodes``, -1 elsewhere.
 
-    The curve runs through ``places``; a knot costs ``knot_bits`` and twice the logarithm of its step, a squared error
-    ``price`` bits for each squared quantum.
+    Recurrence: the least bits B of a chain that ends at slot g are
+
+        B[g] = min over g - max_slots <= e < g of
+               B[e] + knot_bits + 2 log2(1 + |p_g - p_e|_1) + price * E(e, g)
+
+    where p are the slots' positions and E is the squared error of the samples between the slots
+    on the straight line from p_e to p_g, in squared grid steps.
     """
     count = last - first + 1
     dimension = positions.shape[1]
@@ -40,10 +45,13 @@ def find_private_chain(
     best[0] = 0.0
     m, n = np.empty(dimension), np.empty(dimension)
     center = np.empty(dimension)
-    # the best line's error grows with a span at either end: the first origin worth a look only moves on
+
     lowest = 0
     for g in range(1, count):
         b = first + g
+
+        # Skip origins whose best line is too far off. Its error grows with a segment at either
+        # end, so the lowest origin only moves on.
         lowest = max(lowest, g - max_slots)
         while lowest < g - 1:
             a = first + lowest
@@ -53,17 +61,21 @@ def find_private_chain(
             if price * best_line_cost(w, u1, u2, q, m, n) <= _MAX_LINE_BITS:
                 break
             lowest += 1
+
         for e in range(lowest, g):
+            # The bits of knot and position alone often rule an origin out.
             if best[e] + knot_bits >= best[g]:
                 continue
             a = first + e
-            far = 0.0
+            length = 0.0
             for axis in range(dimension):
                 center[axis] = centers[a, axis] / ticks_per_step
-                far += abs(positions[b, axis] - positions[a, axis])
-            cost = best[e] + knot_bits + 2.0 * np.log2(1.0 + far)
+                length += abs(positions[b, axis] - positions[a, axis])
+            cost = best[e] + knot_bits + 2.0 * np.log2(1.0 + length)
             if cost >= best[g]:
                 continue
+
+            # Add the bits of the squared error.
             w, u1, u2, q = moments_between(
                 sums, a, b, ticks[a], ticks[b], centers[a], ticks_per_step, m, n
             )
@@ -71,6 +83,8 @@ def find_private_chain(
             if cost < best[g]:
                 best[g] = cost
                 parent[g] = e
+
+    # Trace the cheapest chain back from the last slot.
     slot_nodes[first : last + 1] = -1
     g = count - 1
     while g >= 0:
@@ -91,7 +105,10 @@ def find_private_chains(
     max_slots: int,
     slot_nodes: NDArray[np.int64],
 ) -> None:
-    """Choose knots as :func:`find_private_chain` for each piece; a row of ``pieces`` begins with its first and last slot."""
+    """Choose knots by :func:`find_private_chain` for each piece.
+
+    A row of ``pieces`` begins with the first and the last slot of the piece.
+    """
     for i in range(len(pieces)):
         find_private_chain(
             sums,

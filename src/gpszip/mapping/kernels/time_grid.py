@@ -1,4 +1,4 @@
-"""What the windows of the E-step are settled on: slots, samples and limits; and the board on which one window is played."""
+"""Arrays of the E-step's kernels: the time grid with its samples, and the table of one window."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ __all__ = ["DPTable", "TimeGridArrays"]
 
 
 class TimeGridArrays(NamedTuple):
-    """The slots of all tracks with the sums and the samples between them. No limit on a sample's distance where ``reach`` is 0."""
+    """Slots of all tracks with prefix sums and samples; positions are in grid steps."""
 
     sums: NDArray[np.int64]  # over the samples before each slot
     ticks: NDArray[np.int64]  # time of each slot, in ticks
-    centers: NDArray[np.int64]  # where the log is at each slot, in ticks
-    positions: NDArray[np.float64]  # the same, in quanta
-    ticks_per_step: NDArray[np.float64]  # ticks of a quantum
-    ends: NDArray[np.int64]  # samples before each slot
-    times: NDArray[np.float64]  # of the samples, in cells
-    sample_positions: NDArray[np.float64]  # of the samples, in quanta
-    time_steps: NDArray[np.float64]  # time of each slot, in cells
-    directions: NDArray[np.float64]  # along which distances are limited
-    reach: NDArray[np.float64]
+    centers: NDArray[np.int64]  # position of the log at each slot, in ticks
+    positions: NDArray[np.float64]  # the same in grid steps
+    ticks_per_step: float  # position ticks of a grid step
+    ends: NDArray[np.int64]  # number of samples before each slot
+    times: NDArray[np.float64]  # of the samples, in time steps
+    sample_positions: NDArray[np.float64]
+    time_steps: NDArray[np.float64]  # time of each slot, in time steps
+    directions: NDArray[np.float64]  # unit vectors along which distances are limited
+    max_distance: float  # of a sample along each direction; 0 for no limit
 
 
 class DPTable(NamedTuple):
-    """Candidate nodes of each slot of a window, and the cheapest way to reach each."""
+    """Dynamic-programming table of one window: a row for each slot, a column for each candidate."""
 
     candidates: NDArray[np.int64]  # nodes
-    counts: NDArray[np.int64]  # how many candidates a slot has
-    spot: NDArray[np.float64]  # places of the candidates, in quanta
-    local: NDArray[np.int64]  # their indices in ``table``
-    table: NDArray[np.float64]  # bits of a step between two candidates
-    best: NDArray[np.float64]  # least bits to reach a candidate
-    parent_row: NDArray[np.int64]  # slot and candidate from which it is reached so
-    parent_choice: NDArray[np.int64]
+    counts: NDArray[np.int64]  # number of candidates of each slot
+    positions: NDArray[np.float64]  # of the candidates, in grid steps
+    numbers: NDArray[np.int64]  # of the candidates, as rows and columns of ``step_bits``
+    step_bits: NDArray[np.float64]  # bits of a step between two candidates
+    bits: NDArray[np.float64]  # least bits to reach each candidate
+    parent_rows: NDArray[np.int64]  # row from which the cheapest path reaches it
+    parent_choices: NDArray[np.int64]  # column of the same
