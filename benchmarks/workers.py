@@ -1,6 +1,10 @@
-"""Seconds with one worker and with two on a generated fleet: learning, engine by engine, and EM over k/2 parts (thesis, 6.3.3).
+"""Time learning and the expectation step with one worker and with two, on generated logs.
 
-Runs with one worker and with two alternate, so that other load on the machine meets both alike.
+    python benchmarks/workers.py [--points N] [--rmse METRES] [--turns N] [--engines ENGINE...]
+
+Learning a fleet's map is timed with each engine; the expectation step of EM, which works on k/2
+intervals at a time (thesis, section 6.3.3), with threads. Runs with one worker and with two
+alternate, so that other load on the machine affects both alike; the best time counts.
 """
 
 from __future__ import annotations
@@ -23,43 +27,29 @@ from gpszip.segmentation.mstep import fit_segments
 from gpszip.segmentation.state import EMState, track_sums
 from gpszip.testing.city import drives
 
-
-def fleet(points: int) -> list[Track]:
-    """Vehicles of a town, half an hour each, a sample each second."""
-    return [
-        Track(name, *drive)
-        for name, drive in drives(blocks=12, vehicles=max(points // 1800, 1), period=1.0).items()
-    ]
+#: Classes of executors by the names of engines.
+ENGINES = {"threads": Threads, "processes": Processes}
 
 
-def learning(points: int, rmse: float, engines: list[str], turns: int) -> None:
-    tracks = fleet(points)
-    print(f"fleet of {sum(map(len, tracks))} points in {len(tracks)} tracks, RMSE {rmse} m")
-    for engine in engines:
-        kind = Threads if engine == "threads" else Processes
-        best, seen = {1: np.inf, 2: np.inf}, set()
-        for _ in range(turns):
-            for workers in (1, 2):
-                executor = kind(workers)
-                start = time.perf_counter()
-                archive, report = compress(tracks, Options(rmse=rmse), executor=executor)
-                best[workers] = min(best[workers], time.perf_counter() - start)
-                seen.add(hashlib.sha256(archive.to_bytes()).hexdigest())
-                if engine == "processes":
-                    executor.close()
-        print(
-            f"  {engine}: 1 worker {best[1]:.1f} s, 2 workers {best[2]:.1f} s, {best[1] / best[2]:.2f} times the speed; ",
-            end="",
-        )
-        print(f"{report.bytes_out} B, {'the same bytes' if len(seen) == 1 else 'DIFFERENT BYTES'}")
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--points", type=int, default=1_000_000)
+    parser.add_argument("--rmse", type=float, default=8.0)
+    parser.add_argument("--turns", type=int, default=1)
+    parser.add_argument("--engines", nargs="+", choices=ENGINES, default=list(ENGINES))
+    options = parser.parse_args()
+    warm()
+    time_expectation(200_000, 2000, max(options.turns, 3))
+    time_learning(options.points, options.rmse, options.engines, options.turns)
 
 
-def expectation(points: int, k: int, turns: int) -> None:
-    patrol = testing.patrol(points)
-    sums = track_sums(patrol)
+def time_expectation(points: int, k: int, turns: int) -> None:
+    """Print the time of an expectation step with one worker and with two."""
+    sums = track_sums(testing.patrol(points))
     boundaries = np.linspace(0, points, k + 1).astype(np.int64)
     labels = ward(sums, bottom_up(sums, k), 20)
     state = EMState(boundaries, labels, *fit_segments(sums, boundaries, labels, 20))
+
     best = {1: np.inf, 2: np.inf}
     for _ in range(turns):
         for workers in (1, 2):
@@ -68,22 +58,37 @@ def expectation(points: int, k: int, turns: int) -> None:
                 estep.odd_even(sums, state, executor=Threads(workers))
             best[workers] = min(best[workers], (time.perf_counter() - start) / 5)
     print(
-        f"EM over k/2 parts, n = {points}, k = {k}: 1 worker {1000 * best[1]:.0f} ms, 2 workers {1000 * best[2]:.0f} ms a sweep, ",
-        end="",
+        f"EM over k/2 intervals, n = {points}, k = {k}: 1 worker {1000 * best[1]:.0f} ms, "
+        f"2 workers {1000 * best[2]:.0f} ms a step, {best[1] / best[2]:.2f} times the speed"
     )
-    print(f"{best[1] / best[2]:.2f} times the speed")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--points", type=int, default=1_000_000)
-    parser.add_argument("--rmse", type=float, default=8.0)
-    parser.add_argument("--turns", type=int, default=1)
-    parser.add_argument("--engines", nargs="+", default=["threads", "processes"])
-    options = parser.parse_args()
-    warm()
-    expectation(200_000, 2000, max(options.turns, 3))
-    learning(options.points, options.rmse, options.engines, options.turns)
+def time_learning(points: int, rmse: float, engines: list[str], turns: int) -> None:
+    """Print the time of compressing a fleet's log, and whether all archives are the same."""
+    tracks = generate_fleet(points)
+    print(f"fleet of {sum(map(len, tracks))} points in {len(tracks)} tracks, RMSE {rmse} m")
+    for engine in engines:
+        best, digests = {1: np.inf, 2: np.inf}, set()
+        for _ in range(turns):
+            for workers in (1, 2):
+                executor = ENGINES[engine](workers)
+                start = time.perf_counter()
+                archive, report = compress(tracks, Options(rmse=rmse), executor=executor)
+                best[workers] = min(best[workers], time.perf_counter() - start)
+                digests.add(hashlib.sha256(archive.to_bytes()).hexdigest())
+                if engine == "processes":
+                    executor.close()
+        verdict = "the same bytes" if len(digests) == 1 else "DIFFERENT BYTES"
+        print(
+            f"  {engine}: 1 worker {best[1]:.1f} s, 2 workers {best[2]:.1f} s, "
+            f"{best[1] / best[2]:.2f} times the speed; {report.bytes_out} B, {verdict}"
+        )
+
+
+def generate_fleet(points: int) -> list[Track]:
+    """Return vehicles of a town, half an hour each, with a sample each second."""
+    log = drives(blocks=12, vehicles=max(points // 1800, 1), period=1.0)
+    return [Track(name, *drive) for name, drive in log.items()]
 
 
 if __name__ == "__main__":

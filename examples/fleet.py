@@ -1,4 +1,4 @@
-"""Learn one map from a fleet's log in degrees, save it, and find the busiest streets.
+"""Learn one map from the log of a fleet in degrees, save it, and find the busiest streets.
 
 python examples/fleet.py [FOLDER]
 """
@@ -24,10 +24,10 @@ archive = gpszip.compress(gpszip.read(log), rmse=10.0)
 archive.save(folder / "fleet.gpsz", force=True)
 print(f"{log.stat().st_size:,} bytes of CSV became {len(archive.to_bytes()):,}")
 
-travels = archive.road_map.forward + archive.road_map.backward
-for edge in np.argsort(-travels)[:3]:
+traversals = archive.road_map.forward + archive.road_map.backward
+for edge in np.argsort(-traversals)[:3]:
     ends = archive.road_map.nodes[archive.road_map.edges[edge]]
-    print(f"travelled {travels[edge]} times: {np.linalg.norm(ends[1] - ends[0]):.0f} m")
+    print(f"travelled {traversals[edge]} times: {np.linalg.norm(ends[1] - ends[0]):.0f} m")
 
 reopened = gpszip.open(folder / "fleet.gpsz")
 print("bus-3 after two minutes:", reopened.position("bus-3", 120.0).round(5))

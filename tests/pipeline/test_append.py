@@ -1,4 +1,4 @@
-"""Archives to which logs are added."""
+"""Logs are appended to archives."""
 
 import numpy as np
 import pytest
@@ -15,13 +15,15 @@ RMSE = 0.3
 
 @pytest.fixture(scope="module")
 def day():
-    whole = patrol(48000, seed=4)
+    """Every 16th sample of a patrol: 3000 samples."""
+    track = patrol(48000, seed=4)
     return Track(
-        "robot", whole.times[::16], whole.positions[::16], attributes={"battery": np.arange(3000)}
+        "robot", track.times[::16], track.positions[::16], attributes={"battery": np.arange(3000)}
     )
 
 
-def stretch(track, first, last, name=None):
+def slice_track(track, first, last, name=None):
+    """Samples of a track from ``first`` to before ``last``, with their columns."""
     columns = {key: values[first:last] for key, values in track.attributes.items()}
     return Track(
         name or track.id, track.times[first:last], track.positions[first:last], attributes=columns
@@ -29,84 +31,88 @@ def stretch(track, first, last, name=None):
 
 
 def rmse(archive, track):
-    off = archive.position(track.id, track.times, metres=True) - track.positions
-    return float(np.sqrt((off**2).sum(axis=1).mean()))
+    errors = archive.position(track.id, track.times, metres=True) - track.positions
+    return float(np.sqrt((errors**2).sum(axis=1).mean()))
 
 
 @pytest.fixture(scope="module")
 def morning(day):
-    return compress([stretch(day, 0, 1500)], Options(rmse=RMSE, effort=2))[0]
+    return compress([slice_track(day, 0, 1500)], Options(rmse=RMSE, effort=2))[0]
 
 
-def test_a_track_goes_on_where_it_ended(day, morning):
-    grown, report = append(morning, stretch(day, 1500, 3000), Options(effort=2))
-    grown = gpszip.open(grown.to_bytes())
-    assert grown.ids == ("robot",)
-    assert rmse(grown, stretch(day, 0, 1500)) <= RMSE
-    assert rmse(grown, stretch(day, 1500, 3000)) <= RMSE
-    assert (report.points, report.bytes_out) == (1500, len(grown.to_bytes()))
-    assert not grown.walk("robot").gaps.any()
-    # what was there is the same, knot by knot
-    old, new = morning.walk("robot"), grown.walk("robot")
+def test_an_appended_track_continues_where_it_ended(day, morning):
+    longer, report = append(morning, slice_track(day, 1500, 3000), Options(effort=2))
+    longer = gpszip.open(longer.to_bytes())
+    assert longer.ids == ("robot",)
+    assert rmse(longer, slice_track(day, 0, 1500)) <= RMSE
+    assert rmse(longer, slice_track(day, 1500, 3000)) <= RMSE
+    assert (report.points, report.bytes_out) == (1500, len(longer.to_bytes()))
+    assert not longer.walk("robot").gaps.any()
+    # The old knots are the same.
+    old, new = morning.walk("robot"), longer.walk("robot")
     np.testing.assert_array_equal(new.times[: len(old.times)], old.times)
     np.testing.assert_allclose(
-        grown.road_map.nodes[new.nodes[: len(old.nodes)]], morning.road_map.nodes[old.nodes]
+        longer.road_map.nodes[new.nodes[: len(old.nodes)]], morning.road_map.nodes[old.nodes]
     )
 
 
 def test_appending_is_not_much_larger_than_compressing_at_once(day):
-    archive = compress([stretch(day, 0, 1000)], Options(rmse=RMSE, effort=2))[0]
+    archive = compress([slice_track(day, 0, 1000)], Options(rmse=RMSE, effort=2))[0]
     for first in (1000, 2000):
-        archive, _ = append(archive, stretch(day, first, first + 1000), Options(effort=2))
+        archive, _ = append(archive, slice_track(day, first, first + 1000), Options(effort=2))
     at_once = compress([day], Options(rmse=RMSE, effort=2))[0]
     assert len(archive.to_bytes()) < 1.2 * len(at_once.to_bytes())
 
 
-def test_a_silence_before_what_is_appended_is_a_gap(day, morning):
+def test_a_long_interval_before_appended_samples_is_a_gap(day, morning):
     later = Track("robot", day.times[1500:2000] + 7200.0, day.positions[1500:2000])
-    grown, _ = append(morning, later, Options(effort=1, gap=600.0))
-    assert grown.walk("robot").gaps.sum() == 1
-    assert np.isnan(grown.position("robot", later.times[0] - 3600.0)).all()
-    assert rmse(grown, later) <= RMSE
+    longer, _ = append(morning, later, Options(effort=1, gap=600.0))
+    assert longer.walk("robot").gaps.sum() == 1
+    assert np.isnan(longer.position("robot", later.times[0] - 3600.0)).all()
+    assert rmse(longer, later) <= RMSE
 
 
-def test_new_names_are_added(day, morning):
-    other = stretch(day, 1500, 2200, "other")
-    grown, _ = append(morning, [other, stretch(day, 1500, 2000)], Options(effort=1))
-    assert grown.ids == ("robot", "other")
-    # both together keep it
+def test_tracks_of_new_names_are_added(day, morning):
+    other = slice_track(day, 1500, 2200, "other")
+    longer, _ = append(morning, [other, slice_track(day, 1500, 2000)], Options(effort=1))
+    assert longer.ids == ("robot", "other")
+    # The bound holds for both together.
     assert (
-        rmse(grown, other) ** 2 * 700 + rmse(grown, stretch(day, 1500, 2000)) ** 2 * 500
+        rmse(longer, other) ** 2 * 700 + rmse(longer, slice_track(day, 1500, 2000)) ** 2 * 500
     ) / 1200 <= RMSE**2
 
 
-def test_times_that_overlap_are_refused(day, morning):
+def test_overlapping_times_are_refused(day, morning):
     with pytest.raises(OptionError, match="'robot' overlaps in time"):
-        append(morning, stretch(day, 1400, 2000))
+        append(morning, slice_track(day, 1400, 2000))
     with pytest.raises(OptionError, match="'robot' overlaps in time"):
         append(morning, Track("robot", day.times[:500] - 1e4, day.positions[:500]))
 
 
-def test_a_maximum_is_kept_too(day):
-    archive = compress([stretch(day, 0, 1000)], Options(max_error=1.0, effort=1))[0]
-    grown, _ = append(archive, stretch(day, 1000, 1600), Options(effort=1))
-    for track in (stretch(day, 0, 1000), stretch(day, 1000, 1600)):
+def test_appending_keeps_a_maximum_error(day):
+    archive = compress([slice_track(day, 0, 1000)], Options(max_error=1.0, effort=1))[0]
+    longer, _ = append(archive, slice_track(day, 1000, 1600), Options(effort=1))
+    for track in (slice_track(day, 0, 1000), slice_track(day, 1000, 1600)):
         assert (
-            np.linalg.norm(grown.position("robot", track.times) - track.positions, axis=1).max()
+            np.linalg.norm(longer.position("robot", track.times) - track.positions, axis=1).max()
             <= 1.0
         )
-    assert grown.error_bound.maximum
-    assert grown.error_bound.metres == 1.0
-    weaker, _ = append(archive, stretch(day, 1000, 1600), Options(rmse=RMSE, effort=1))
+    assert longer.error_bound.maximum
+    assert longer.error_bound.metres == 1.0
+    weaker, _ = append(archive, slice_track(day, 1000, 1600), Options(rmse=RMSE, effort=1))
     assert (weaker.error_bound.maximum, weaker.error_bound.metres) == (False, 1.0)
 
 
-def test_kept_columns_go_on(day):
-    archive = compress([stretch(day, 0, 1000)], Options(rmse=RMSE, keep=("battery",), effort=1))[0]
-    grown, _ = append(
-        archive, [stretch(day, 1000, 1500), stretch(day, 1000, 1300, "b")], Options(effort=1)
+def test_kept_columns_are_appended(day):
+    archive = compress(
+        [slice_track(day, 0, 1000)], Options(rmse=RMSE, keep=("battery",), effort=1)
+    )[0]
+    longer, _ = append(
+        archive,
+        [slice_track(day, 1000, 1500), slice_track(day, 1000, 1300, "b")],
+        Options(effort=1),
     )
-    robot, b = gpszip.open(grown.to_bytes()).samples()
+    robot, b = gpszip.open(longer.to_bytes()).samples()
     np.testing.assert_array_equal(robot.times, day.times[:1500])
     np.testing.assert_array_equal(robot.attributes["battery"], np.arange(1500))
     np.testing.assert_array_equal(b.attributes["battery"], np.arange(1000, 1300))
@@ -116,19 +122,19 @@ def test_kept_columns_go_on(day):
     with pytest.raises(OptionError, match="keeps no columns"):
         append(
             compress([bare], Options(rmse=RMSE, effort=1))[0],
-            stretch(day, 1500, 1600),
+            slice_track(day, 1500, 1600),
             Options(keep=("battery",)),
         )
 
 
-def test_a_size_can_not_be_asked_for(day, morning):
+def test_a_size_is_refused(day, morning):
     with pytest.raises(OptionError, match="give rmse or max_error"):
-        append(morning, stretch(day, 1500, 1600), Options(size=100))
+        append(morning, slice_track(day, 1500, 1600), Options(size=100))
 
 
 def test_a_far_finer_bound_is_refused(day, morning):
     with pytest.raises(BoundError, match="too coarse"):
-        append(morning, stretch(day, 1500, 1560), Options(rmse=1e-4, effort=1))
+        append(morning, slice_track(day, 1500, 1560), Options(rmse=1e-4, effort=1))
 
 
 def test_no_tracks_are_refused(morning):
@@ -136,8 +142,8 @@ def test_no_tracks_are_refused(morning):
         append(morning, [])
 
 
-def test_a_log_that_begins_within_the_last_cell_goes_on():
-    # the first walk ends at a whole cell, at or after its last sample
+def test_a_log_that_begins_within_the_last_time_step_is_appended():
+    # The first walk ends at a full time step, at or after its last sample.
     track = patrol(32000, seed=8)
     times, positions = track.times[::16], track.positions[::16]
     halves = [

@@ -1,4 +1,4 @@
-"""Archives whose walks lie on a map that is kept elsewhere."""
+"""Archives whose walks lie on the map of another archive."""
 
 import numpy as np
 import pytest
@@ -38,28 +38,27 @@ def later(fleet, city):
     return gpszip.compress(fleet[16:], rmse=BOUND, map=city, effort=2)
 
 
-def errors(archive, tracks):
-    off = [
-        np.linalg.norm(
-            archive.position(track.id, track.times, metres=True) - track.positions, axis=1
-        )
+def distances(archive, tracks):
+    """Distances of all samples to the archive's positions."""
+    by_track = [
+        np.linalg.norm(archive.position(track.id, track.times, metres=True) - track.positions, axis=1)
         for track in tracks
     ]
-    return np.concatenate(off)
+    return np.concatenate(by_track)
 
 
-def test_later_logs_are_smaller_on_a_map_and_keep_the_bound(fleet, city, later):
-    back = gpszip.open(later.to_bytes(), map=city)
-    assert back.ids == tuple(track.id for track in fleet[16:])
-    assert np.sqrt((errors(back, fleet[16:]) ** 2).mean()) <= BOUND
+def test_a_map_makes_later_archives_smaller_and_the_bound_holds(fleet, city, later):
+    reopened = gpszip.open(later.to_bytes(), map=city)
+    assert reopened.ids == tuple(track.id for track in fleet[16:])
+    assert np.sqrt((distances(reopened, fleet[16:]) ** 2).mean()) <= BOUND
     assert len(later.to_bytes()) < 0.9 * len(
         gpszip.compress(fleet[16:], rmse=BOUND, effort=2).to_bytes()
     )
-    assert back.grid == city.grid
-    assert back.error_bound.metres == BOUND
+    assert reopened.grid == city.grid
+    assert reopened.error_bound.metres == BOUND
 
 
-def test_the_map_is_needed_and_checked(tmp_path, fleet, city, later):
+def test_a_missing_or_wrong_map_is_refused(tmp_path, fleet, city, later):
     data = later.to_bytes()
     with pytest.raises(MapError, match=f"lies on the map {city.hash.hex()}, kept elsewhere"):
         gpszip.open(data).decompress()
@@ -78,11 +77,11 @@ def test_the_map_is_found_in_the_same_folder(tmp_path, city, later):
     with pytest.raises(MapError):
         gpszip.open(tmp_path / "later.gpsz").decompress()
     city.save(tmp_path / "the city.gpsz")
-    found = gpszip.open(tmp_path / "later.gpsz").decompress()
-    assert [track.id for track in found] == [track.id for track in later.decompress()]
+    tracks = gpszip.open(tmp_path / "later.gpsz").decompress()
+    assert [track.id for track in tracks] == [track.id for track in later.decompress()]
 
 
-def test_neither_names_nor_kept_columns_change_what_a_map_is_called(fleet, city):
+def test_neither_names_nor_kept_columns_change_the_hash_of_a_map(fleet, city):
     renamed = [
         Track(f"x{i}", track.times, track.positions, attributes={"speed": track.times})
         for i, track in enumerate(fleet[:16])
@@ -94,68 +93,57 @@ def test_neither_names_nor_kept_columns_change_what_a_map_is_called(fleet, city)
 def test_paths_off_the_map_are_reported(fleet, city):
     away = Track("away", fleet[16].times, fleet[16].positions + 20_000.0)
     archive, report = compress([away], Options(rmse=BOUND, effort=1), map=city)
-    (way,) = archive.off_map_lines
-    # ten minutes at 9 m/s
-    assert np.linalg.norm(np.diff(way, axis=0), axis=1).sum() == pytest.approx(5400, rel=0.1)
+    (line,) = archive.off_map_lines
+    # Ten minutes at 9 m/s.
+    assert np.linalg.norm(np.diff(line, axis=0), axis=1).sum() == pytest.approx(5400, rel=0.1)
     assert any("1 path lies off the map" in note for note in report.notes)
-    # a log that the map was made of hardly leaves it
+    # A log from which the map was learned hardly leaves it.
     known = gpszip.compress(fleet[0], rmse=BOUND, map=city, effort=1)
-    assert sum(len(way) for way in known.off_map_lines) < 0.3 * len(known.walks[0].nodes)
+    assert sum(len(line) for line in known.off_map_lines) < 0.3 * len(known.walks[0].nodes)
 
 
 @pytest.mark.parametrize("bound", [{"rmse": 1.0}, {"max_error": 3.0}])
-def test_a_finer_bound_than_the_maps_is_held(fleet, city, bound):
+def test_a_finer_bound_than_that_of_the_map_holds(fleet, city, bound):
     archive = gpszip.compress(fleet[16:18], map=city, effort=1, **bound)
-    off = errors(gpszip.open(archive.to_bytes(), map=city), fleet[16:18])
-    assert (np.sqrt((off**2).mean()) <= 1.0) if "rmse" in bound else (off.max() <= 3.0)
+    errors = distances(gpszip.open(archive.to_bytes(), map=city), fleet[16:18])
+    assert (np.sqrt((errors**2).mean()) <= 1.0) if "rmse" in bound else (errors.max() <= 3.0)
 
 
-def test_a_bound_far_below_the_maps_lattice_gives_an_archive_of_its_own(fleet, city):
-    archive, report = compress(_start(fleet[16], 40), Options(rmse=0.002, effort=1), map=city)
+def test_a_bound_far_below_the_grid_of_the_map_gives_an_archive_without_it(fleet, city):
+    track = Track("bus", fleet[16].times[:40], fleet[16].positions[:40])
+    archive, report = compress(track, Options(rmse=0.002, effort=1), map=city)
     assert archive.contents.map is None
     assert any("too coarse" in note for note in report.notes)
-    assert (
-        np.sqrt((errors(gpszip.open(archive.to_bytes()), [_start(fleet[16], 40)]) ** 2).mean())
-        <= 0.002
-    )
+    errors = distances(gpszip.open(archive.to_bytes()), [track])
+    assert np.sqrt((errors**2).mean()) <= 0.002
 
 
-def _start(track, count):
-    return Track(track.id, track.times[:count], track.positions[:count])
-
-
-def test_degrees_come_on_the_plane_of_the_map():
+def test_degrees_are_moved_to_the_plane_of_the_map():
     t = np.arange(200.0)
     lat, lon = 52.5 + 2e-4 * np.abs(t % 80 - 40), 13.4 + 1e-4 * t
-    here, there = choose_plane(lat[:100], lon[:100]), choose_plane(lat[100:] + 0.3, lon[100:])
-    one = Track("a", t[:100], to_plane(lat[:100], lon[:100], here), plane=here)
-    two = Track("b", t[100:], to_plane(lat[100:], lon[100:], there), plane=there)
-    assert here != there
-    city = gpszip.compress(one, rmse=2.0)
-    archive = gpszip.open(gpszip.compress(two, rmse=2.0, map=city).to_bytes(), map=city)
-    found = archive.position("b", two.times)
-    off = to_plane(found[:, 0], found[:, 1], there) - two.positions
-    assert np.sqrt((off**2).sum(axis=1).mean()) <= 2.01
-    far = Track("c", t[:100], one.positions, plane=choose_plane([0.0], [0.0]))
+    plane_a = choose_plane(lat[:100], lon[:100])
+    plane_b = choose_plane(lat[100:] + 0.3, lon[100:])
+    first = Track("a", t[:100], to_plane(lat[:100], lon[:100], plane_a), plane=plane_a)
+    second = Track("b", t[100:], to_plane(lat[100:], lon[100:], plane_b), plane=plane_b)
+    assert plane_a != plane_b
+    city = gpszip.compress(first, rmse=2.0)
+    archive = gpszip.open(gpszip.compress(second, rmse=2.0, map=city).to_bytes(), map=city)
+    degrees = archive.position("b", second.times)
+    errors = to_plane(degrees[:, 0], degrees[:, 1], plane_b) - second.positions
+    assert np.sqrt((errors**2).sum(axis=1).mean()) <= 2.01
+    far = Track("c", t[:100], first.positions, plane=choose_plane([0.0], [0.0]))
     with pytest.raises(OptionError, match="400 km"):
         gpszip.compress(far, rmse=2.0, map=city)
-    assert to_geographic(one.positions, here)[0][0] == pytest.approx(lat[0])
+    assert to_geographic(first.positions, plane_a)[0][0] == pytest.approx(lat[0])
 
 
-@pytest.mark.parametrize(
-    ("change", "says"),
-    [
-        ({"k": 5}, "don't go with a map"),
-        ({"times": False}, "don't go with a map"),
-        ({"layer": "bz2"}, "don't go with a map"),
-    ],
-)
-def test_options_that_no_map_goes_with(fleet, city, change, says):
-    with pytest.raises(OptionError, match=says):
+@pytest.mark.parametrize("change", [{"k": 5}, {"times": False}, {"layer": "bz2"}], ids=str)
+def test_options_that_contradict_a_map_are_refused(fleet, city, change):
+    with pytest.raises(OptionError, match="don't go with a map"):
         gpszip.compress(fleet[16], rmse=None if "k" in change else BOUND, map=city, **change)
 
 
-def test_maps_of_other_places_and_kinds_are_refused(fleet, city, later):
+def test_unsuitable_maps_are_refused(fleet, city, later):
     with pytest.raises(OptionError, match="3 coordinates"):
         gpszip.compress(Track("a", range(5), np.zeros((5, 3))), rmse=1.0, map=city)
     with pytest.raises(OptionError, match="lies on another map itself"):
@@ -166,14 +154,14 @@ def test_maps_of_other_places_and_kinds_are_refused(fleet, city, later):
         )
 
 
-def test_a_torn_archive_on_a_map_is_corrupt(city, later):
+def test_a_damaged_archive_on_a_map_is_corrupt(city, later):
     data = bytearray(later.to_bytes())
     data[len(data) // 2] ^= 4
     with pytest.raises(CorruptArchiveError):
         gpszip.open(bytes(data), map=city)
 
 
-def test_one_track_called_as_the_maps_costs_no_name(fleet):
+def test_a_track_named_as_that_of_the_map_costs_no_name(fleet):
     first = Track("a rather long name", fleet[0].times, fleet[0].positions)
     again = Track("a rather long name", fleet[0].times + 1e4, fleet[0].positions + 1.0)
     city = gpszip.compress(first, rmse=BOUND, effort=1)
@@ -183,7 +171,7 @@ def test_one_track_called_as_the_maps_costs_no_name(fleet):
     assert gpszip.open(archive.to_bytes(), map=city).ids == ("a rather long name",)
 
 
-def test_kept_columns_lie_beside_walks_on_a_map(fleet, city):
+def test_columns_are_kept_with_walks_on_a_map(fleet, city):
     track = Track(
         "a",
         fleet[16].times,
@@ -193,6 +181,6 @@ def test_kept_columns_lie_beside_walks_on_a_map(fleet, city):
     archive = gpszip.open(
         gpszip.compress(track, rmse=BOUND, map=city, keep="speed", effort=1).to_bytes(), map=city
     )
-    (back,) = archive.samples()
-    np.testing.assert_array_equal(back.attributes["speed"], track.attributes["speed"])
-    np.testing.assert_array_equal(back.times, track.times)
+    (samples,) = archive.samples()
+    np.testing.assert_array_equal(samples.attributes["speed"], track.attributes["speed"])
+    np.testing.assert_array_equal(samples.times, track.times)

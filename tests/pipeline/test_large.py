@@ -1,4 +1,4 @@
-"""Logs larger than memory: the same promises, whoever works and however the log is spread over files."""
+"""Logs larger than memory keep all bounds, on all engines and however files share them."""
 
 import io
 import os
@@ -14,14 +14,14 @@ import pyarrow.parquet as pq
 import pytest
 
 import gpszip
-from batches import compress_in_batches, force_batches
+from batches import append_in_batches, compress_in_batches, force_batches
 from gpszip import BoundError, OptionError
 from gpszip.cli.main import main
 from gpszip.model import Options, Track
 from gpszip.model.error_bound import WRITING_SHARE_IN_METRES
 from gpszip.model.log import MemoryLog
 from gpszip.pipeline import encode_batches, learn
-from gpszip.pipeline import memory as budget
+from gpszip.pipeline import memory as memory_limits
 from gpszip.pipeline.job import prepare
 from gpszip.pipeline.open_log import open_log
 from gpszip.run import Processes, Serial, Threads
@@ -34,64 +34,75 @@ TESTS = Path(__file__).parents[1]
 
 @pytest.fixture(autouse=True)
 def small_batches(monkeypatch):
-    """Batches so small that little logs have several."""
+    """Make batches so small that short logs have several."""
     force_batches(monkeypatch, batch=4000, subsample=6000)
 
 
+@pytest.fixture(scope="module")
+def robots():
+    """Two robots in one building."""
+    return [patrol(9000, seed=5, id="one"), patrol(3000, seed=5, id="two")]
+
+
 @pytest.fixture
-def folder(tmp_path):
-    """Two robots in one building, whose hours are spread over files."""
-    room = tmp_path / "logs"
-    room.mkdir()
-    robots = [patrol(9000, seed=5, id="one"), patrol(3000, seed=5, id="two")]
-    for number, cut in enumerate((slice(0, 2000), slice(2000, 9000))):
-        parts = [pa.table({"track_id": [r.id] * len(r.times[cut]), "t": r.times[cut], "x": r.positions[cut, 0], "y": r.positions[cut, 1]})
-                 for r in robots if len(r.times[cut])]  # fmt: skip
-        pq.write_table(pa.concat_tables(parts).sort_by("t"), room / f"{9 - number}.parquet")
-    return room, robots
+def folder(robots, tmp_path):
+    """A folder of two files, each with some hours of both robots."""
+    path = tmp_path / "logs"
+    path.mkdir()
+    for name, rows in (("9", slice(0, 2000)), ("8", slice(2000, 9000))):
+        tables = [rows_of_track(robot, rows) for robot in robots]
+        pq.write_table(pa.concat_tables(tables).sort_by("t"), path / f"{name}.parquet")
+    return path
 
 
-def off(archive, tracks):
-    return np.concatenate(
-        [
-            np.linalg.norm(archive.position(one.id, one.times, metres=True) - one.positions, axis=1)
-            for one in tracks
-        ]
-    )
+def rows_of_track(track, rows):
+    """Some samples of a track as a table."""
+    times = track.times[rows]
+    x, y = track.positions[rows].T
+    return pa.table({"track_id": [track.id] * len(times), "t": times, "x": x, "y": y})
+
+
+def distances(archive, tracks):
+    """Distances of all samples to the archive's positions."""
+    by_track = [
+        np.linalg.norm(archive.position(track.id, track.times, metres=True) - track.positions, axis=1)
+        for track in tracks
+    ]
+    return np.concatenate(by_track)
+
+
+def root_mean_square(values):
+    return float(np.sqrt((values**2).mean()))
 
 
 @pytest.mark.parametrize("bound", [{"rmse": 0.25}, {"max_error": 0.9}, {}])
-def test_the_bound_holds_at_every_sample(folder, bound):
-    archive, report, reading = compress_in_batches(
-        folder[0], Options(effort=1, **bound), memory=MEMORY
-    )
-    errors = off(archive, folder[1])
-    assert report.points == len(errors) == reading.points == 12_000
-    assert report.rmse == pytest.approx(np.sqrt((errors**2).mean()), rel=1e-6)
+def test_the_bound_holds_at_every_sample(folder, robots, bound):
+    archive, report, result = compress_in_batches(folder, Options(effort=1, **bound), memory=MEMORY)
+    errors = distances(archive, robots)
+    assert report.points == len(errors) == result.points == 12_000
+    assert report.rmse == pytest.approx(root_mean_square(errors), rel=1e-6)
     assert report.max_error == pytest.approx(errors.max(), rel=1e-6)
     assert report.rmse <= bound.get("rmse", np.inf)
     assert report.max_error <= bound.get("max_error", np.inf)
     assert sorted(archive.ids) == ["one", "two"]
-    whole = gpszip.compress(folder[1], effort=1, **(bound or {"rmse": report.rmse}))
-    assert len(archive.to_bytes()) < 1.6 * len(whole.to_bytes())
+    in_memory = gpszip.compress(robots, effort=1, **(bound or {"rmse": report.rmse}))
+    assert len(archive.to_bytes()) < 1.6 * len(in_memory.to_bytes())
 
 
-def test_the_same_bytes_whoever_works(folder):
-    made = []
+def test_engines_give_the_same_bytes(folder):
+    options = Options(rmse=0.3, effort=1)
     with Processes(2) as processes:
-        for executor in (Serial(), Threads(1), Threads(3), processes):
-            made.append(
-                compress_in_batches(
-                    folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=executor
-                )[0].to_bytes()
-            )
-    assert len(set(made)) == 1
+        archives = [
+            compress_in_batches(folder, options, memory=MEMORY, executor=executor)[0].to_bytes()
+            for executor in (Serial(), Threads(1), Threads(3), processes)
+        ]
+    assert len(set(archives)) == 1
 
 
-def test_batches_are_worked_on_by_other_processes(folder):
-    """Nothing but bytes comes and goes: an executor in whose map both are pickled does the same."""
+def test_batches_can_be_pickled_for_other_processes(folder):
+    """An executor that pickles functions, batches and results gives the same bytes."""
 
-    class Elsewhere:
+    class PicklingExecutor:
         def __init__(self):
             self.batches = []
 
@@ -100,166 +111,201 @@ def test_batches_are_worked_on_by_other_processes(folder):
 
         def map(self, function, items):
             for item in items:
-                there, work = pickle.loads(pickle.dumps((function, item)))
-                self.batches.append(work)
-                yield pickle.loads(pickle.dumps(there(work)))
+                remote_function, batch = pickle.loads(pickle.dumps((function, item)))
+                self.batches.append(batch)
+                yield pickle.loads(pickle.dumps(remote_function(batch)))
 
-    elsewhere = Elsewhere()
-    here, there = (
-        compress_in_batches(folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=x)[0]
-        for x in (Serial(), elsewhere)
+    pickling, options = PicklingExecutor(), Options(rmse=0.3, effort=1)
+    local, remote = (
+        compress_in_batches(folder, options, memory=MEMORY, executor=executor)[0]
+        for executor in (Serial(), pickling)
     )
-    assert here.to_bytes() == there.to_bytes()
-    laid = sum(isinstance(work, list) and isinstance(work[0], Track) for work in elsewhere.batches)
-    assert laid >= 3
-    assert laid % 3 == 0  # all batches, for each share of the bound that is tried
+    assert local.to_bytes() == remote.to_bytes()
+    encoded = sum(
+        isinstance(batch, list) and isinstance(batch[0], Track) for batch in pickling.batches
+    )
+    assert encoded >= 3
+    assert encoded % 3 == 0  # all three batches, for each share of the bound that is tried
 
 
-def test_no_more_threads_work_than_there_is_memory_for(folder, monkeypatch):
-    monkeypatch.setattr(budget, "_BYTES_ENCODING", 4000)
-    with open_log(folder[0], memory=MEMORY) as log:
+def test_memory_limits_the_number_of_threads(folder, monkeypatch):
+    monkeypatch.setattr(memory_limits, "_BYTES_ENCODING", 4000)
+    with open_log(folder, memory=MEMORY) as log:
         job = prepare(log, Options(rmse=0.3), memory=MEMORY, executor=Threads(9))
-    workers, available = job.executor.workers, MEMORY - budget.PROGRAM
+    workers, available = job.executor.workers, MEMORY - memory_limits.PROGRAM
     assert workers * 5000 * 4000 <= available < (workers + 1) * 5000 * 4000
 
 
-def test_degrees_and_gaps(tmp_path):
+@pytest.fixture
+def messy_logs(tmp_path):
+    """Two halves of a log, each with a row of every kind that reading repairs."""
+    names = []
+    for name, first in (("morning", 0), ("evening", 4500)):
+        times = np.arange(first, first + 4500)
+        noise = np.random.default_rng(first).normal(0, 0.3, (2, len(times)))
+        x, y = np.stack([50 * np.cos(times / 50), 30 * np.sin(times / 50)]) + noise
+        x[300] += 50_000  # an outlier
+        rows = [
+            f"robot,{row[0]},{row[1]:.3f},{row[2]:.3f}" for row in zip(times, x, y, strict=True)
+        ]
+        rows[100] = f"robot,{times[100]},,"  # no position
+        rows[200] = rows[199]  # a duplicate
+        rows[400], rows[401] = rows[401], rows[400]  # a time that goes back
+        names.append(str(tmp_path / f"{name}.csv"))
+        Path(names[-1]).write_text("\n".join(["id,t,x,y", *rows]) + "\n")
+    return names
+
+
+def test_disk_and_memory_report_the_same_points_and_repairs(messy_logs):
+    def count_points_and_repairs(report, result):
+        repairs = sorted((repair.what, repair.count, repair.drops) for repair in result.repairs)
+        return report.points, result.points, repairs
+
+    counts = []
+    for memory in (None, MEMORY):
+        reading = {"memory": memory, "clean": True, "sort": True}
+        archive, *compressed = compress_in_batches(
+            messy_logs[0], Options(rmse=1.0, effort=1), **reading
+        )
+        _, *appended = append_in_batches(archive, messy_logs[1], Options(effort=1), **reading)
+        counts.append([count_points_and_repairs(*pair) for pair in (compressed, appended)])
+    in_memory, on_disk = counts
+    assert on_disk == in_memory
+    for kept, points, repairs in in_memory:
+        assert (kept, points, len(repairs)) == (4497, 4500, 4)
+
+
+def test_logs_in_degrees_with_gaps_are_compressed(tmp_path):
     rows = ["id,time,lat,lon"]
     for name, (times, degrees) in city(vehicles=3, period=10.0, duration=9000.0, blocks=3).items():
         rows += [
             f"{name},{t + (40_000 if t > 5000 else 0):g},{lat:.6f},{lon:.6f}"
             for t, (lat, lon) in zip(times, degrees, strict=True)
         ]
-    (tmp_path / "town.csv").write_text("\n".join(rows) + "\n")
-    archive, report, _ = compress_in_batches(
-        str(tmp_path / "town.csv"), Options(rmse=12.0, effort=1), memory=MEMORY
-    )
+    log = str(tmp_path / "town.csv")
+    Path(log).write_text("\n".join(rows) + "\n")
+    archive, report, _ = compress_in_batches(log, Options(rmse=12.0, effort=1), memory=MEMORY)
     assert report.gap < 40_000
     assert all(walk.gaps.sum() == 1 for walk in archive.walks)
-    assert np.sqrt((off(archive, gpszip.read(str(tmp_path / "town.csv"))) ** 2).mean()) <= 12.01
+    assert root_mean_square(distances(archive, gpszip.read(log))) <= 12.01
 
 
-def test_a_batch_that_learning_does_not_master_keeps_the_knots_that_it_needs(folder, monkeypatch):
+def test_a_batch_keeps_the_knots_it_needs_where_learning_fails(folder, robots, monkeypatch):
     monkeypatch.setattr(encode_batches, "learn_on", lambda *_, **__: None)
     archive, report, _ = compress_in_batches(
-        folder[0], Options(max_error=1.0, effort=1), memory=MEMORY
+        folder, Options(max_error=1.0, effort=1), memory=MEMORY
     )
-    assert off(archive, folder[1]).max() <= 1.0
+    assert distances(archive, robots).max() <= 1.0
     assert report.points == 12_000
 
 
-def test_a_batch_may_take_more_error_where_others_take_less(folder, monkeypatch):
+def test_one_batch_may_have_more_error_where_others_have_less(folder, robots, monkeypatch):
     from gpszip.mapping.on_known_map import learn_on
 
-    def only_for_more(known, grid, tracks, gaps, *, rmse, **others):
-        hard = tracks[0].id == "0/0"
-        return (
-            None
-            if hard and rmse < 0.31
-            else learn_on(known, grid, tracks, gaps, rmse=rmse if hard else 0.8 * rmse, **others)
-        )
+    def learn_first_batch_coarsely(known, grid, tracks, gaps, *, rmse, **others):
+        is_first = tracks[0].id == "0/0"
+        if is_first and rmse < 0.31:
+            return None
+        rmse = rmse if is_first else 0.8 * rmse
+        return learn_on(known, grid, tracks, gaps, rmse=rmse, **others)
 
-    monkeypatch.setattr(encode_batches, "learn_on", only_for_more)
-    archive, report, _ = compress_in_batches(folder[0], Options(rmse=0.31, effort=1), memory=MEMORY)
+    monkeypatch.setattr(encode_batches, "learn_on", learn_first_batch_coarsely)
+    archive, report, _ = compress_in_batches(folder, Options(rmse=0.31, effort=1), memory=MEMORY)
     assert report.rmse <= 0.31
-    assert np.sqrt((off(archive, folder[1]) ** 2).mean()) <= 0.31
+    assert root_mean_square(distances(archive, robots)) <= 0.31
 
 
-def test_what_needs_the_whole_log_is_refused(folder):
+def test_options_that_need_all_samples_in_memory_are_refused(folder):
     with pytest.raises(
         OptionError, match=r"larger than the memory.*give --rmse instead of k and m"
     ):
-        compress_in_batches(folder[0], Options(k=3), memory=MEMORY)
+        compress_in_batches(folder, Options(k=3), memory=MEMORY)
 
 
-def test_a_size_is_kept_and_made_use_of(folder):
-    archive, report, reading = compress_in_batches(
-        folder[0], Options(effort=1, ratio=500.0), memory=MEMORY
+def test_archives_fit_a_size_and_use_it(folder, robots):
+    archive, report, result = compress_in_batches(
+        folder, Options(effort=1, ratio=500.0), memory=MEMORY
     )
-    size = int(reading.bytes / 500)
+    size = int(result.bytes / 500)
     assert 0.9 * size <= len(archive.to_bytes()) == report.bytes_out <= size
-    assert report.rmse == pytest.approx(np.sqrt((off(archive, folder[1]) ** 2).mean()), rel=1e-6)
+    assert report.rmse == pytest.approx(root_mean_square(distances(archive, robots)), rel=1e-6)
 
 
-def test_a_size_that_nothing_has_names_what_would_do(folder):
+def test_the_message_on_too_small_a_size_names_the_smallest(folder):
     with pytest.raises(
         BoundError, match="20 bytes are too few for this log: the smallest archive takes"
     ):
-        compress_in_batches(folder[0], Options(size=20, effort=1), memory=MEMORY)
+        compress_in_batches(folder, Options(size=20, effort=1), memory=MEMORY)
 
 
 def test_too_little_memory_is_refused(folder):
     with pytest.raises(OptionError, match="give at least 400 MiB"):
-        compress_in_batches(folder[0], Options(rmse=1.0), memory=1 << 20)
+        compress_in_batches(folder, Options(rmse=1.0), memory=1 << 20)
 
 
 def test_small_logs_are_read_into_memory(folder, monkeypatch):
-    monkeypatch.setattr(budget, "_BYTES_IN_MEMORY", 700)
-    with open_log(folder[0], memory=1 << 30) as log:
+    monkeypatch.setattr(memory_limits, "_BYTES_IN_MEMORY", 700)
+    with open_log(folder, memory=1 << 30) as log:
         assert isinstance(log, MemoryLog)
-    with open_log(folder[0], memory=400 << 20) as log:
+    with open_log(folder, memory=400 << 20) as log:
         assert isinstance(log, MemoryLog)
-    monkeypatch.setattr(budget, "_BYTES_IN_MEMORY", 70_000)
-    with open_log(folder[0], memory=1 << 30) as log:
+    monkeypatch.setattr(memory_limits, "_BYTES_IN_MEMORY", 70_000)
+    with open_log(folder, memory=1 << 30) as log:
         assert not isinstance(log, MemoryLog)
 
 
-def test_the_command_line_compresses_in_batches(folder, capfd, monkeypatch):
-    (folder[0] / "bad.parquet").write_bytes(b"PAR1 none")
-    target = folder[0].parent / "out.gpsz"
-    command = [
-        "compress",
-        str(folder[0]),
-        "-o",
-        str(target),
-        "--rmse",
-        "30cm",
-        "--effort",
-        "1",
-        "--memory",
-        "420MiB",
-    ]
+def test_the_command_line_compresses_in_batches(folder, robots, capfd):
+    (folder / "bad.parquet").write_bytes(b"PAR1 none")
+    target = folder.parent / "out.gpsz"
+    options = ["--rmse", "30cm", "--effort", "1", "--memory", "420MiB"]
+    command = ["compress", str(folder), "-o", str(target), *options]
     assert main(command) == 1
     assert "bad.parquet: can't be read" in capfd.readouterr().err
     assert main([*command, "--skip-bad"]) == 3
     assert "bad.parquet" in capfd.readouterr().err
-    assert np.sqrt((off(gpszip.open(target), folder[1]) ** 2).mean()) <= 0.3
+    assert root_mean_square(distances(gpszip.open(target), robots)) <= 0.3
     assert main([*command, "--skip-bad", "--force", "--k", "9"]) == 2
 
 
 @pytest.mark.skipif(
     not Path("/proc/self/status").exists(), reason="the peak of a process is read from Linux"
 )
-def test_memory_is_kept(tmp_path):
-    """As a process of its own, once what it needs is compiled, which takes memory by itself."""
+def test_the_memory_limit_is_kept(tmp_path):
+    """A process of its own keeps the limit, if need be the second one: compiling takes memory."""
     script = textwrap.dedent(
         """
         import sys
         import numpy as np, pyarrow as pa, pyarrow.parquet as pq
         from gpszip.model import Options, Track
         from batches import compress_in_batches
-        n = 200_000; noise = np.random.default_rng(1).normal(0, 0.5, (2, n))
-        with pq.ParquetWriter(sys.argv[1], pa.schema([("t", pa.float64()), ("x", pa.float64()), ("y", pa.float64())])) as file:
-            for a in range(0, n, 50_000):
-                t = np.arange(a, a + 50_000) / 10
-                x, y = np.stack([50 * np.cos(t / 50), 30 * np.sin(t / 50)]) + noise[:, a : a + 50_000]
-                file.write_table(pa.table({"t": t, "x": x, "y": y}))
-        archive, report, _ = compress_in_batches(sys.argv[1], Options(rmse=1.0, effort=1), memory=410 << 20)
+
+        n = 200_000
+        t = np.arange(n) / 10
+        x, y = np.random.default_rng(1).normal(0, 0.5, (2, n))
+        x += 50 * np.cos(t / 50)
+        y += 30 * np.sin(t / 50)
+        pq.write_table(pa.table({"t": t, "x": x, "y": y}), sys.argv[1], row_group_size=50_000)
+        options = Options(rmse=1.0, effort=1)
+        archive, report, _ = compress_in_batches(sys.argv[1], options, memory=410 << 20)
         assert report.points == n
-        # what getrusage tells begins with the size of the process that started this one
+
+        # The peak that getrusage reports begins with the size of the parent process.
         status = dict(line.split(":", 1) for line in open("/proc/self/status"))
         print(int(status["VmHWM"].split()[0]) / 1024)
         """
     )
     for _ in range(2):
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-c", script, str(tmp_path / "log.parquet")],
             capture_output=True,
             text=True,
             check=True,
             env={**os.environ, "PYTHONPATH": os.pathsep.join([str(TESTS), *sys.path])},
         )
-    assert float(done.stdout) < 1.2 * 410
+        peak = float(process.stdout)
+        if peak < 1.2 * 410:
+            break
+    assert peak < 1.2 * 410
 
 
 def test_a_dense_subsample_is_thinned_and_a_sparse_one_is_not():
@@ -269,9 +315,9 @@ def test_a_dense_subsample_is_thinned_and_a_sparse_one_is_not():
         options = Options(**bound)
         return learn._thin_out(prepare(dense, options), options)[0]
 
-    (few,) = thin_out(rmse=0.3)
-    assert len(few) <= 8 * 100 + 2
-    assert few.weights.sum() == pytest.approx(4000)
+    (thinned,) = thin_out(rmse=0.3)
+    assert len(thinned) <= 8 * 100 + 2
+    assert thinned.weights.sum() == pytest.approx(4000)
     assert thin_out(rmse=0.01)[0] is dense.tracks[0]
     assert thin_out(max_error=0.02)[0] is dense.tracks[0]
 
@@ -283,18 +329,8 @@ def test_standard_input_larger_than_memory_is_split_where_time_goes_back(
     rows = "".join(f"{t:g},{50 * np.cos(t / 50):.3f},{30 * np.sin(t / 50):.3f}\n" for t in times)
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(("t,x,y\n" + rows).encode())))
     target = tmp_path / "out.gpsz"
-    command = [
-        "compress",
-        "-",
-        "-o",
-        str(target),
-        "--rmse",
-        "1m",
-        "--effort",
-        "1",
-        "--memory",
-        "420MiB",
-    ]
+    options = ["--rmse", "1m", "--effort", "1", "--memory", "420MiB"]
+    command = ["compress", "-", "-o", str(target), *options]
     assert main(command) == 1
     assert "--split starts a new track" in capfd.readouterr().err
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(("t,x,y\n" + rows).encode())))
@@ -304,9 +340,9 @@ def test_standard_input_larger_than_memory_is_split_where_time_goes_back(
 
 @pytest.fixture
 def rounds(tmp_path, monkeypatch):
-    """A robot that goes round and round at a pace of its own, in twelve batches."""
+    """A log of twelve batches: a robot drives round and round at changing speeds."""
     force_batches(monkeypatch, batch=2500, subsample=6000)
-    monkeypatch.setattr(budget, "_MIN_BATCH", 2500)
+    monkeypatch.setattr(memory_limits, "_MIN_BATCH", 2500)
     times, rng = np.arange(30_000.0), np.random.default_rng(2)
     phase = np.cumsum(np.repeat(rng.uniform(0.01, 0.03, 600), 50))
     x, y = np.stack([50 * np.cos(phase), 30 * np.sin(phase)]) + rng.normal(0, 0.5, (2, len(times)))
@@ -314,26 +350,27 @@ def rounds(tmp_path, monkeypatch):
     return str(tmp_path / "log.parquet")
 
 
-def test_times_get_as_coarse_as_the_error_left_allows(rounds, monkeypatch):
+def test_times_are_as_coarse_as_the_remaining_error_allows(rounds, monkeypatch):
     options = Options(rmse=1.0 / (1 - WRITING_SHARE_IN_METRES), effort=1)
-    archive, report, _ = compress_in_batches(rounds, options, memory=MEMORY)
+    coarse, coarse_report, _ = compress_in_batches(rounds, options, memory=MEMORY)
     monkeypatch.setattr(learn, "with_best_time_step", lambda log, base, batches, executor: base)
-    fine, before, _ = compress_in_batches(rounds, options, memory=MEMORY)
-    assert 0.98 < report.rmse <= 1.0
-    assert archive.grid.time > fine.grid.time
-    assert report.bytes_out < before.bytes_out
+    fine, fine_report, _ = compress_in_batches(rounds, options, memory=MEMORY)
+    assert 0.98 < coarse_report.rmse <= 1.0
+    assert coarse.grid.time > fine.grid.time
+    assert coarse_report.bytes_out < fine_report.bytes_out
 
 
-def test_twelve_batches_give_the_same_bytes_whoever_works(rounds):
-    made = [
-        compress_in_batches(rounds, Options(rmse=1.0, effort=1), memory=MEMORY, executor=one)[0]
-        for one in (Serial(), Threads(3))
-    ]
-    assert made[0].to_bytes() == made[1].to_bytes()
+def test_engines_give_the_same_bytes_of_twelve_batches(rounds):
+    options = Options(rmse=1.0, effort=1)
+    serial, threaded = (
+        compress_in_batches(rounds, options, memory=MEMORY, executor=executor)[0].to_bytes()
+        for executor in (Serial(), Threads(3))
+    )
+    assert serial == threaded
 
 
-def test_what_a_batch_adds_to_the_map_is_known_to_later_ones(rounds, monkeypatch):
-    """The excerpt ends before the robot leaves its round for another one."""
+def test_later_batches_know_what_earlier_ones_add_to_the_map(rounds, monkeypatch):
+    """The subsample ends before the robot leaves its circle for another one."""
     monkeypatch.setattr(learn, "with_best_time_step", lambda log, base, batches, executor: base)
     rows = pq.read_table(rounds).slice(0, 22_000)
     x = rows["x"].to_numpy() + np.where(np.arange(22_000) >= 5000, 300.0, 0.0)
@@ -355,17 +392,17 @@ def test_what_a_batch_adds_to_the_map_is_known_to_later_ones(rounds, monkeypatch
     )
 
 
-def test_times_too_coarse_for_some_batch_are_taken_back(rounds, monkeypatch):
-    """Where the bound can't be held on coarser times, it is on those that were learnt."""
+def test_times_too_coarse_for_a_batch_become_fine_again(rounds, monkeypatch):
+    """Where coarser times break the bound, the learned ones are used."""
     time_steps, encode = [], learn.encode_batches
 
-    def on_fine_times_only(log, base, batches, executor, report):
+    def encode_on_fine_times_only(log, base, batches, executor, report):
         time_steps.append(base.grid.time)
         if len(time_steps) == 1:
             raise BoundError("too coarse")
         return encode(log, base, batches, executor, report)
 
-    monkeypatch.setattr(learn, "encode_batches", on_fine_times_only)
+    monkeypatch.setattr(learn, "encode_batches", encode_on_fine_times_only)
     _, report, _ = compress_in_batches(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)
     assert time_steps[1] < time_steps[0]
     assert report.rmse <= 1.0

@@ -1,4 +1,4 @@
-"""gpszip compress: logs in, one archive out."""
+"""The command gpszip compress: it reads logs and writes one archive."""
 
 from __future__ import annotations
 
@@ -175,7 +175,7 @@ def command(
     from gpszip.cli.progress import progress_bar
     from gpszip.cli.summary import print_summary
 
-    # everything that can be refused before the logs are read
+    # Refuse what can be refused before the logs are read.
     options = _compress_options(choices)
     extended = _archive_to_extend(target, choices)
     known_map = _open_map(choices)
@@ -184,7 +184,7 @@ def command(
     if choices["update_map"]:
         check_output(choices["update_map"], force=force, binary=True)
 
-    # the archive, and the map with what the logs add to it
+    # Make the archive, and the map extended by the logs.
     with (
         progress_bar(quiet=quiet or settings.json) as listener,
         open_executor(*_executor_choices(choices)) as executor,
@@ -200,7 +200,7 @@ def command(
             updated_map = work.append(known_map, log, _map_options(options))[0]
         read_result = log.read_result
 
-    # whole files, then the summary
+    # Write the files, then print the summary.
     _write(target, archive, choices["update_map"], updated_map, force=overwrite)
     assert read_result is not None
     if settings.json or not quiet:
@@ -210,14 +210,14 @@ def command(
 
 @dataclass(frozen=True, eq=False)
 class _Work:
-    """Where and within which memory logs are compressed."""
+    """The memory, the executor and the listener with which logs are compressed."""
 
     memory: int | None
     executor: Executor | None
     listener: Listener | None
 
     def compress(self, log: Log, options: Options, map: Archive | None) -> tuple[Archive, Report]:
-        """Compress a log, on a map kept elsewhere if there is one."""
+        """Compress a log, on the map of another archive if one is given."""
         from gpszip.pipeline.compress import compress
 
         return compress(
@@ -282,7 +282,7 @@ def _write(
     *,
     force: bool,
 ) -> None:
-    """Write the archive, and the map if it was renewed."""
+    """Write the archive, and the map if it was updated."""
     from gpszip.cli.output import write_archive, write_archive_and_map
 
     if updated_map is None or map_target is None:
@@ -296,7 +296,7 @@ def _executor_choices(choices: dict[str, Any]) -> tuple[int | None, str | None, 
 
 
 def _archive_to_extend(target: str, choices: dict[str, Any]) -> Archive | None:
-    """The archive to which logs are appended; None where a new one is written."""
+    """Open the archive to which logs are appended; return None where a new one is written."""
     from gpszip.cli.archives import open_archive_file
     from gpszip.errors import OptionError
 
@@ -304,7 +304,8 @@ def _archive_to_extend(target: str, choices: dict[str, Any]) -> Archive | None:
         return None
     if target == "-" or choices["map_name"]:
         raise OptionError(
-            "--append adds to the archive that -o names; it goes with neither standard output nor --map"
+            "--append adds to the archive that -o names; "
+            "it goes with neither standard output nor --map"
         )
     if not Path(target).exists():
         return None
@@ -324,12 +325,12 @@ def _open_map(choices: dict[str, Any]) -> Archive | None:
 
 
 def _map_options(options: Options) -> Options:
-    """The options as far as they are of use for a map that is renewed: it need not keep what the archive of the logs keeps."""
+    """Return options for the updated map: no limit of size, no columns, no exact times."""
     return replace(options, size=None, ratio=None, keep=(), keep_times=False)
 
 
 def _compress_options(choices: dict[str, Any]) -> Options:
-    """The pipeline's options; those that contradict each other are refused before anything is read."""
+    """Return the options of the pipeline; refuse those that contradict each other."""
     from gpszip.errors import OptionError
     from gpszip.model import Options
 
