@@ -136,7 +136,7 @@ FORGED = {
         2 | 2 << 5, NONE + (900_000_001).to_bytes(4, "little") + b"\0" * 4 + DEEP
     ),
     "compact: longitude": compact(
-        2 | 3 << 5, NONE + b"\0\0" + (-18_001).to_bytes(2, "little", read_signed=True) + DEEP
+        2 | 3 << 5, NONE + b"\0\0" + (-18_001).to_bytes(2, "little", signed=True) + DEEP
     ),
     "compact: a trillion names": compact(2 | 1 << 3, NONE + DEEP + number((1 << 42) | 0) + b"\0"),
     "layer: no bz2": layered(b"walks"),

@@ -21,7 +21,7 @@ def test_contents_come_back(name):
 
 
 @pytest.mark.parametrize(
-    ("frame", "most"),
+    ("grid", "most"),
     [
         (archives.FAR, 24),
         (archives.FAR_ODD, 27),
