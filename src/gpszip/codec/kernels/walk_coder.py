@@ -87,7 +87,7 @@ from gpszip.codec.kernels.walk_priors import (
     MIX_GAP,
     MIX_STAY,
 )
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inlined, jit
 
 __all__ = ["code_walks"]
 
@@ -325,7 +325,7 @@ def _code_measures(
     return duration
 
 
-@jit
+@inlined
 def _code_segment(
     coder: Coder,
     model: WalkModel,
