@@ -215,7 +215,7 @@ def test_columns_read_in_pieces_come_back_too(kept, piece):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(columns, "_CHUNK", piece)
         patch.setattr(columns, "LARGE", 8)
-        patch.setattr(columns, "_HELD", 8)
+        patch.setattr(columns, "_MAX_SPOOLED", 8)
         body = encode_attributes(kept)
     back = read_attributes(body, len(kept.counts))
     np.testing.assert_array_equal(back.times, kept.times)

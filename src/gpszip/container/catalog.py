@@ -1,4 +1,7 @@
-"""One track or one time range out of a large archive, reading only its end, its beginning and the group asked for."""
+"""One track or one time range out of a large archive.
+
+Only the end of the file, its beginning and the group that is asked for are read.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +18,6 @@ from gpszip.container.layout import (
     HEAD_BYTES,
     Cursor,
     Form,
-    Head,
     SectionKind,
     read_head,
 )
@@ -36,23 +38,24 @@ __all__ = ["Catalog", "find_group", "find_groups", "open_catalog", "read_catalog
 
 @dataclass(frozen=True)
 class Catalog:
-    """What there is in an archive and where, without the walks.
+    """What an archive holds and where, without the walks.
 
     Parameters
     ----------
-    grid : Frame or None
-        Where positions and times lie; None where a map kept elsewhere tells.
+    grid : QuantisationGrid or None
+        Grid of positions and times; None where it is that of a map kept elsewhere.
     ids : tuple of str or None
-        Names of all tracks; None for one track that is called as the first of the map kept elsewhere.
+        Ids of all tracks; None for one track with the id of the first track of a map that is kept
+        elsewhere.
     map : MapReference or None
         The map, where it is kept elsewhere.
-    entries : tuple of Entry
-        Where each group lies; empty if ``whole`` is there.
+    entries : tuple of IndexEntry
+        Where each group lies; empty if there are ``contents``.
     layered : bool
-        Whether payloads are wrapped.
+        Whether payloads are compressed.
     size : int
         Bytes of the file.
-    whole : Contents or None
+    contents : Contents or None
         Everything, in an archive of a single group, which has no index.
     """
 
@@ -62,16 +65,16 @@ class Catalog:
     entries: tuple[IndexEntry, ...]
     layered: bool
     size: int
-    whole: Contents | None = None
+    contents: Contents | None = None
 
 
 def open_catalog(file: BinaryIO) -> Catalog:
-    """Read what an archive holds from its two ends.
+    """Read what an archive holds from its beginning and its end.
 
     Parameters
     ----------
     file : binary file
-        With ``seek`` and ``read``. Of an archive of several groups no group is read.
+        With ``seek`` and ``read``. Of an archive of several groups, no group is read.
 
     Raises
     ------
@@ -84,18 +87,32 @@ def open_catalog(file: BinaryIO) -> Catalog:
     >>> open_catalog(io.BytesIO(bytes.fromhex("a75a820000807800000077616c6b73592744d4"))).ids
     ('0',)
     """
+    # the end mark of a large archive says where the index is
     size = file.seek(0, os.SEEK_END)
     head = read_head(_read(file, 0, min(size, HEAD_BYTES)))
     index_offset = 0
     if head.form is Form.SECTIONS and not head.low:
-        index_offset = _index_offset(file, size)
+        index_offset = _read_index_offset(file, size)
+
+    # without an index, there is one group
     if not index_offset:
         contents = from_bytes(_read(file, 0, size))
         return Catalog(
             contents.grid, contents.ids, contents.map, (), bool(contents.layer), size, contents
         )
-    entries = _entries(file, index_offset, size - END_BYTES)
-    return _opened(_opening(file, entries[0].offset), entries, head, size)
+
+    # the index says where the first group begins, and with it what comes before
+    entries = _read_entries(file, index_offset, size - END_BYTES)
+    sections = _read_opening_sections(file, entries[0].offset)
+    opening = read_opening(sections, head.version)
+    ids = read_fully(sections[1], lambda cursor: read_names(cursor, size))
+    groups = tuple(
+        Group(entry.first_track, entry.tracks, b"", entry.time_range) for entry in entries
+    )
+    contradiction = find_contradiction(Contents(opening.grid, ids, groups, opening.map))
+    if contradiction:
+        raise CorruptArchiveError(contradiction, HEAD_BYTES)
+    return Catalog(opening.grid, ids, opening.map, entries, bool(head.high), size)
 
 
 def read_catalog_group(file: BinaryIO, catalog: Catalog, number: int) -> Group:
@@ -106,50 +123,59 @@ def read_catalog_group(file: BinaryIO, catalog: Catalog, number: int) -> Group:
     file : binary file
         The one that the catalog was read from.
     catalog : Catalog
-        What :func:`open_catalog` returned.
+        The result of :func:`open_catalog`.
     number : int
-        Which group, see :func:`find_group` and :func:`find_groups`.
+        Number of the group, see :func:`find_group` and :func:`find_groups`.
 
     Raises
     ------
     CorruptArchiveError
         If the group is damaged or another one than the index says.
     """
-    if catalog.whole is not None:
-        return catalog.whole.groups[number]
-    line = catalog.entries[number]
-    piece = _lone_piece(file, line.offset, line.offset + line.size, SectionKind.WALKS)
-    group = read_group(piece.cursor())
+    if catalog.contents is not None:
+        return catalog.contents.groups[number]
+
+    # the group must be the one of the index
+    entry = catalog.entries[number]
+    section = _read_one_section(file, entry.offset, entry.offset + entry.size, SectionKind.WALKS)
+    group = read_group(section.cursor())
     if (group.first_track, group.tracks, group.time_range) != (
-        line.first_track,
-        line.tracks,
-        line.time_range,
+        entry.first_track,
+        entry.tracks,
+        entry.time_range,
     ):
-        raise CorruptArchiveError("the index and the group differ", line.offset)
+        raise CorruptArchiveError("the index and the group differ", entry.offset)
     if not catalog.layered:
         return group
-    return replace(group, payload=unpack_bz2(group.payload, layer_limit(catalog.size), line.offset))
+    payload = unpack_bz2(group.payload, layer_limit(catalog.size), entry.offset)
+    return replace(group, payload=payload)
 
 
 def find_group(catalog: Catalog, track: int) -> int:
-    """Number of the group that holds a track, given the track's place in ``catalog.ids``."""
+    """Number of the group that holds a track, given the track's index in ``catalog.ids``."""
     count = 1 if catalog.ids is None else len(catalog.ids)
     if not 0 <= track < count:
         raise IndexError(f"track {track} of {count}")
-    return max(bisect_right([line.first_track for line in catalog.entries], track) - 1, 0)
+    return max(bisect_right([entry.first_track for entry in catalog.entries], track) - 1, 0)
 
 
 def find_groups(catalog: Catalog, first: int, last: int) -> tuple[int, ...]:
-    """Numbers of the groups that may have knots in the time cells ``first`` to ``last``; those that tell no span may."""
-    if catalog.whole is not None:
+    """Numbers of the groups that may have knots in the time steps ``first`` to ``last``.
+
+    A group without a time range may have knots at any time.
+    """
+    if catalog.contents is not None:
         return (0,)
-    spans = enumerate(line.time_range for line in catalog.entries)
+    ranges = enumerate(entry.time_range for entry in catalog.entries)
     return tuple(
-        number for number, span in spans if span is None or (span[0] <= last and first <= span[1])
+        number
+        for number, time_range in ranges
+        if time_range is None or (time_range[0] <= last and first <= time_range[1])
     )
 
 
 def _read(file: BinaryIO, start: int, stop: int) -> bytes:
+    """Read the bytes from ``start`` to before ``stop``."""
     file.seek(start)
     data = file.read(stop - start)
     if len(data) != stop - start:
@@ -157,56 +183,46 @@ def _read(file: BinaryIO, start: int, stop: int) -> bytes:
     return data
 
 
-def _lone_piece(file: BinaryIO, start: int, stop: int, kind: SectionKind) -> StoredSection:
+def _read_one_section(file: BinaryIO, start: int, stop: int, kind: SectionKind) -> StoredSection:
+    """Read a section of a kind that takes all bytes from ``start`` to before ``stop``."""
     cursor = Cursor(_read(file, start, stop), base=start)
-    piece = read_section(cursor)
+    section = read_section(cursor)
     cursor.expect_end(f"the section {kind.name.lower()}")
-    if piece.kind != kind:
+    if section.kind != kind:
         raise CorruptArchiveError(
-            f"a section of kind {piece.kind} where {kind.name.lower()} belongs", start
+            f"a section of kind {section.kind} where {kind.name.lower()} belongs", start
         )
-    return piece
+    return section
 
 
-def _index_offset(file: BinaryIO, size: int) -> int:
+def _read_index_offset(file: BinaryIO, size: int) -> int:
+    """Offset of the index from the end mark; 0 if there is none."""
     start = size - END_BYTES
     if start < HEAD_BYTES:
         raise CorruptArchiveError("the archive ends within its head", size)
-    offset, _ = read_end_mark(_lone_piece(file, start, size, SectionKind.END).cursor())
+    offset, _ = read_end_mark(_read_one_section(file, start, size, SectionKind.END).cursor())
     if offset and not HEAD_BYTES < offset < start:
-        raise CorruptArchiveError(f"the index is said to lie at byte {offset}", start)
+        raise CorruptArchiveError(f"the end mark puts the index at byte {offset}", start)
     return offset
 
 
-def _entries(file: BinaryIO, start: int, stop: int) -> tuple[IndexEntry, ...]:
-    entries = read_fully(_lone_piece(file, start, stop, SectionKind.INDEX), read_index)
+def _read_entries(file: BinaryIO, start: int, stop: int) -> tuple[IndexEntry, ...]:
+    """Read the index, whose groups must lie before it, one after the other."""
+    entries = read_fully(_read_one_section(file, start, stop, SectionKind.INDEX), read_index)
     end = HEAD_BYTES
-    for line in entries:
-        if line.offset < end or line.offset + line.size > start:
-            raise CorruptArchiveError(
-                f"the index says that a group lies at byte {line.offset}", start
-            )
-        end = line.offset + line.size
+    for entry in entries:
+        if entry.offset < end or entry.offset + entry.size > start:
+            raise CorruptArchiveError(f"the index puts a group at byte {entry.offset}", start)
+        end = entry.offset + entry.size
     if not entries:
         raise CorruptArchiveError("an index of no groups", start)
     return entries
 
 
-def _opening(file: BinaryIO, stop: int) -> list[StoredSection]:
+def _read_opening_sections(file: BinaryIO, stop: int) -> list[StoredSection]:
+    """Read the sections before the first group, which begins at ``stop``."""
     cursor = Cursor(_read(file, HEAD_BYTES, stop), base=HEAD_BYTES)
-    found: list[StoredSection] = []
+    sections: list[StoredSection] = []
     while cursor.remaining:
-        found.append(read_section(cursor))
-    return found
-
-
-def _opened(
-    found: list[StoredSection], entries: tuple[IndexEntry, ...], head: Head, size: int
-) -> Catalog:
-    grid, reference, *_ = read_opening(found, head.version)
-    ids = read_fully(found[1], lambda cursor: read_names(cursor, size))
-    groups = tuple(Group(line.first_track, line.tracks, b"", line.time_range) for line in entries)
-    wrong = find_contradiction(Contents(grid, ids, groups, reference))
-    if wrong:
-        raise CorruptArchiveError(wrong, HEAD_BYTES)
-    return Catalog(grid, ids, reference, entries, bool(head.high), size)
+        sections.append(read_section(cursor))
+    return sections
