@@ -96,8 +96,10 @@ def trips_in_town(positions, edges, count, seed=5):
 def known_town():
     positions, edges = town()
     prior = Prior(number_by_visit(GridWalks(positions, (walk_all_edges(positions, edges),))))
-    numbers = {tuple(place): number for number, place in enumerate(prior.walks.nodes.tolist())}
-    order = np.array([numbers[tuple(place)] for place in positions.tolist()], np.int32)
+    numbers = {
+        tuple(position): number for number, position in enumerate(prior.walks.nodes.tolist())
+    }
+    order = np.array([numbers[tuple(position)] for position in positions.tolist()], np.int32)
     trips = tuple(
         GridWalk(order[trip.nodes], trip.time_steps, trip.gaps)
         for trip in trips_in_town(positions, edges, 60)
@@ -145,9 +147,11 @@ def test_sorted_starts_win_where_tracks_follow_each_other():
 
 def test_large_walks_take_shortest_paths_if_the_sample_pays(known_town):
     prior, _ = known_town
-    numbers = {tuple(place): number for number, place in enumerate(prior.walks.nodes.tolist())}
+    numbers = {
+        tuple(position): number for number, position in enumerate(prior.walks.nodes.tolist())
+    }
     positions, edges = town()
-    order = np.array([numbers[tuple(place)] for place in positions.tolist()], np.int32)
+    order = np.array([numbers[tuple(position)] for position in positions.tolist()], np.int32)
     many = trips_in_town(positions, edges, 1100)
     trips = GridWalks(
         prior.walks.nodes,

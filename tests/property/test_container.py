@@ -118,7 +118,7 @@ def test_contents_round_trip_and_equal_contents_have_equal_bytes(original):
 
 
 @given(st.lists(st.text(), max_size=30).map(tuple))
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 def test_names_take_at_most_two_bytes_beside_their_text(names):
     text = sum(len(name.encode()) for name in names)
     assert len(encode_names(names)) <= text + 2 * len(names) + 2

@@ -102,7 +102,7 @@ def assert_decoders_agree(data, dimension, tracks):
         assert 0 <= one.nodes.min() <= one.nodes.max() < len(found.nodes)
         assert (np.diff(one.time_steps) > 0).all() or not found.timed
         assert [node for node, _, _ in twin] == one.nodes.tolist()
-        assert [cell for _, cell, _ in twin] == one.time_steps.tolist()
+        assert [time_step for _, time_step, _ in twin] == one.time_steps.tolist()
 
 
 @given(st.integers(0, 50), st.integers(1, 7), st.data())

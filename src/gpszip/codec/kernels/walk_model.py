@@ -152,11 +152,11 @@ MAX_SEARCH_NODES = 256
 
 #: Rows of ``WalkModel.statistics``. Kinds of steps and their durations have five rows each, in the
 #: order of the kinds: back, known edge, new edge, new node, stop.
-STEP_KIND_BITS = np.int64(0)
-DURATION_BITS = np.int64(5)
-POSITION_BITS = np.int64(10)  # of new nodes
-START_BITS = np.int64(11)
-GAP_BITS = np.int64(12)
+STEP_KIND_BITS: int = np.int64(0)
+DURATION_BITS: int = np.int64(5)
+POSITION_BITS: int = np.int64(10)  # of new nodes
+START_BITS: int = np.int64(11)
+GAP_BITS: int = np.int64(12)
 STATISTICS = 13
 
 #: Durations count as at most this many time steps when they are learned; lengths are below it.
