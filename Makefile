@@ -1,9 +1,14 @@
 # `make test` and `make demo` need Python 3.11 or later, pip and make; everything else they fetch into .venv.
 
 VENV ?= .venv
+ifeq ($(OS),Windows_NT)
+BIN := $(VENV)/Scripts
+else
 BIN := $(VENV)/bin
+endif
 WORKERS ?= 2
 MINUTES ?= 60
+BENCHMARKS ?= estep coreset effort merging workers
 
 # The first Python on the PATH that is new enough. PYTHON=... names another one.
 CANDIDATES := python3 python3.11 python3.12 python3.13 python3.14 python
@@ -11,12 +16,15 @@ PYTHON ?= $(shell for p in $(CANDIDATES); do \
 	$$p -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null && echo $$p && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help test lint types imports warm pytest fuzz faults format demo clean
+.PHONY: help test lint types imports warm pytest fuzz faults bench docs wheel format demo clean
 
 help:
-	@echo "make test     check everything: ruff, mypy, import-linter, pytest"
+	@echo "make test     check everything: ruff, mypy, import-linter, pytest; the 20 slowest tests are listed"
 	@echo "make fuzz     feed every reader and the container changed files for MINUTES=60, within bounds of memory and time"
 	@echo "make faults   let every system call of every command fail, kill each 200 times, compile for any processor (an hour)"
+	@echo "make bench    run the benchmarks (an hour)"
+	@echo "make docs     draw the packages and their imports in docs/architecture.svg"
+	@echo "make wheel    build the wheel and the source archive in dist/"
 	@echo "make demo     compress a generated robot patrol and draw the map that it learned, in demo/"
 	@echo "make format   lay out the code and mend what ruff can mend"
 	@echo "make clean    remove the environment, the demo and all caches"
@@ -40,13 +48,24 @@ imports: $(VENV)/.dev
 	$(BIN)/lint-imports
 
 pytest: $(VENV)/.dev
-	$(BIN)/pytest -n $(WORKERS) --dist worksteal
+	$(BIN)/pytest -n $(WORKERS) --dist worksteal --durations=20
 
 fuzz: $(VENV)/.dev
 	PYTHONPATH=tests $(BIN)/python -m fuzz.run --minutes $(MINUTES)
 
 faults: $(VENV)/.dev
 	GPSZIP_FAULTS=all $(BIN)/pytest tests/faults
+
+bench: $(VENV)/.dev
+	@for name in $(BENCHMARKS); do \
+		echo "== benchmarks/$$name.py"; $(BIN)/python benchmarks/$$name.py || exit 1; done
+
+docs: $(VENV)/.dev
+	$(BIN)/python scripts/draw_architecture.py docs/architecture.svg
+
+wheel: $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check build
+	$(BIN)/python -m build --outdir dist
 
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .

@@ -101,7 +101,7 @@ def spikes(small, track, rng) -> PiecewiseLinear:
 
 def cost(track, f: PiecewiseLinear) -> float:
     j = np.searchsorted(f.breaks, track.times, side="right")
-    there = f.starts[j] + f.speeds[j] * (track.times - f.begins[j])[:, None]
+    there = f.starts[j] + f.velocities[j] * (track.times - f.start_times[j])[:, None]
     return float(((there - track.positions) ** 2).sum())
 
 

@@ -48,7 +48,7 @@ def paired(archives):
 
 def rmse(archive, tracks) -> float:
     squares = [
-        ((archive.position(track.id, track.times) - track.positions) ** 2).sum(axis=1)
+        ((archive.position(track.id, track.times, metres=True) - track.positions) ** 2).sum(axis=1)
         for track in tracks
     ]
     return math.sqrt(np.concatenate(squares).mean())

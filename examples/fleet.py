@@ -30,4 +30,4 @@ for edge in np.argsort(-travels)[:3]:
     print(f"travelled {travels[edge]} times: {np.linalg.norm(ends[1] - ends[0]):.0f} m")
 
 reopened = gpszip.open(folder / "fleet.gpsz")
-print("bus-3 after two minutes:", reopened.position("bus-3", 120.0, geographic=True).round(5))
+print("bus-3 after two minutes:", reopened.position("bus-3", 120.0).round(5))

@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,8 @@ from gpszip import api
 from gpszip.errors import OptionError
 from gpszip.model import Options
 from gpszip.pipeline.compress import compress
+from gpszip.pipeline.match import read_network
+from gpszip.sketches.sketch import build_sketch
 from oracle.decoded import measure
 
 
@@ -15,11 +18,19 @@ def patrol(n=400, seed=0):
     rng = np.random.default_rng(seed)
     corners = np.array([[0, 0], [30, 0], [30, 20], [0, 20]])
     lap = np.arange(n) * 0.02
-    whole = lap.astype(int)
-    places = corners[whole % 4] + (lap - whole)[:, None] * (
-        corners[(whole + 1) % 4] - corners[whole % 4]
-    )
-    return gpszip.Track("patrol", np.arange(n) * 0.5, places + rng.normal(0, 0.05, (n, 2)))
+    side = lap.astype(int)
+    start, end = corners[side % 4], corners[(side + 1) % 4]
+    line = start + (lap - side)[:, None] * (end - start)
+    return gpszip.Track("patrol", np.arange(n) * 0.5, line + rng.normal(0, 0.05, (n, 2)))
+
+
+def write_csv(path, track):
+    rows = [
+        f"{track.id},{t},{x:.3f},{y:.3f}"
+        for t, (x, y) in zip(track.times, track.positions, strict=True)
+    ]
+    path.write_text("\n".join(["track_id,t,x,y", *rows]) + "\n")
+    return path
 
 
 @pytest.fixture(scope="module")
@@ -27,14 +38,9 @@ def archive():
     return gpszip.compress([patrol()], rmse=0.3)
 
 
-def test_the_short_way_from_logs_to_positions(tmp_path):
+def test_from_a_log_to_positions(tmp_path):
     track = patrol()
-    log = tmp_path / "patrol.csv"
-    rows = [
-        f"patrol,{t},{x:.3f},{y:.3f}"
-        for t, (x, y) in zip(track.times, track.positions, strict=True)
-    ]
-    log.write_text("\n".join(["track_id,t,x,y", *rows]) + "\n")
+    log = write_csv(tmp_path / "patrol.csv", track)
     tracks = gpszip.read(log)
     assert [t.id for t in tracks] == ["patrol"]
     saved = tmp_path / "patrol.gpsz"
@@ -58,9 +64,8 @@ def test_decompress_takes_an_archive_its_bytes_or_its_file(archive, tmp_path):
             for track in gpszip.decompress(source)
         ] == expected
     (sampled,) = gpszip.decompress(archive, every=10.0)
-    last = archive.decompress()[0].times[
-        -1
-    ]  # a cell may end up to its own length after the last sample, at 199.5 s
+    # A time step may end up to its own length after the last sample, at 199.5 s.
+    last = archive.decompress()[0].times[-1]
     assert last >= 199.5
     assert sampled.times.tolist() == [10.0 * i for i in range(int(last // 10) + 1)]
     (sampled,) = gpszip.decompress(archive, at=[3.25])
@@ -108,3 +113,117 @@ def test_losses_are_warned_of(tmp_path):
         match="lost 24 of 30 points of track 'bike' of .*log.csv, up to 5 at one time",
     ):
         assert len(gpszip.read(path)[0]) == 6
+
+
+def test_files_are_read_where_tracks_are_taken(tmp_path, archive):
+    path = write_csv(tmp_path / "patrol.csv", patrol())
+    expected = gpszip.compress(gpszip.read(path), rmse=0.3, effort=1).to_bytes()
+    for files in (path, str(path), [path], str(tmp_path / "*.csv")):
+        assert gpszip.compress(files, rmse=0.3, effort=1).to_bytes() == expected
+    assert gpszip.match(path, archive).share > 0.9
+    assert gpszip.patch([path], archive).filled == 0
+    assert gpszip.compress(path, rmse=0.3, effort=1, memory=1 << 30).to_bytes() == expected
+    assert len(gpszip.coreset(path, size=10)) == len(gpszip.coreset(path, size=10, memory=1 << 30))
+    later = write_csv(tmp_path / "later.txt", replace(patrol(), id="later"))
+    assert gpszip.append(archive, later, effort=1).ids == ("patrol", "later")
+    with pytest.raises(OptionError, match="tracks and paths"):
+        gpszip.compress([patrol(), path])
+
+
+def test_columns_and_losses_of_files_that_are_compressed(tmp_path):
+    path = tmp_path / "log.csv"
+    rows = "".join(f"bike,{i // 2},{i},0,{i}\n" for i in range(30))
+    path.write_text("track_id,t,x,y,speed\n" + rows)
+    with pytest.warns(gpszip.LossWarning, match="15 of 30 points of track 'bike'") as caught:
+        archive = gpszip.compress(path, rmse=1.0, keep="speed", effort=1)
+    assert [warning.filename for warning in caught] == [__file__]
+    assert archive.attributes("bike")["speed"].tolist() == list(range(0, 30, 2))
+
+
+def test_a_read_result_is_a_sequence_of_tracks_with_an_account(tmp_path):
+    path = write_csv(tmp_path / "patrol.csv", patrol(50))
+    result = gpszip.read(str(path), columns="track_id,t,x,y", time_unit="s", sort=True)
+    assert isinstance(result, gpszip.ReadResult)
+    (track,) = result
+    assert result[0] is track
+    assert result[:1] == (track,)
+    assert (len(result), result.points, result.lost, result.geographic) == (1, 50, 0, False)
+    with path.open("rb") as stream:
+        assert len(gpszip.read(stream)[0]) == 50
+
+
+def test_archives_that_were_made_say_how(archive):
+    assert isinstance(archive.report, gpszip.Report)
+    assert archive.report.points == 400
+    assert gpszip.open(archive.to_bytes()).report is None
+    other = gpszip.compress(replace(patrol(100), id="other"), rmse=0.3, effort=1)
+    merged = gpszip.merge([archive, other])
+    assert isinstance(merged.report, gpszip.MergeReport)
+    assert merged.report.tracks == 2
+
+
+def test_decompress_takes_times_of_any_kind():
+    track = replace(patrol(50), times=1.4e9 + np.arange(50.0))
+    archive = gpszip.compress(track, rmse=0.3, effort=1)
+    (sampled,) = gpszip.decompress(archive, at=["2014-05-13T16:53:30Z", "2014-05-13T16:53:25Z"])
+    assert sampled.times.tolist() == [1.4e9 + 5, 1.4e9 + 10]
+    with pytest.raises(OptionError, match="milliseconds"):
+        gpszip.decompress(archive, at=[1.4e12 + 5000])
+
+
+def test_an_archive_is_opened_from_a_binary_file(tmp_path, archive):
+    archive.save(tmp_path / "a.gpsz")
+    with (tmp_path / "a.gpsz").open("rb") as file:
+        assert gpszip.open(file).ids == ("patrol",)
+
+
+def values_to_show(archive):
+    track = patrol()
+    matching = gpszip.match(track, archive)
+    gappy = gpszip.Track("gappy", np.append(track.times[:100], 900.0), track.positions[:101])
+    patching = gpszip.patch(gappy, archive, gap=60.0)
+    live = gpszip.Matcher(archive).push(0.0, [1.0, 0.0])
+    coreset = gpszip.coreset(track, size=20)
+    view = archive["patrol"]
+    match = matching[0]
+    return [
+        track,
+        archive,
+        view,
+        view.walk,
+        view.waypoints,
+        archive.road_map,
+        archive.clean_map(),
+        archive.road_map.directed(),
+        archive.report,
+        archive.error_bound,
+        archive.grid,
+        archive.grid_walks,
+        archive.grid_walks.walks[0],
+        archive.grid_walks.ends,
+        read_network(archive).network,
+        matching,
+        matching.scales,
+        match,
+        match.pieces[0],
+        match.pieces[0].route,
+        patching,
+        patching.patches[0],
+        live,
+        coreset,
+        build_sketch(track),
+        api.segment_mean(track, 9, 4),
+        gpszip.polyline([0, 1], [[0], [1]]),
+        gpszip.Plane(((1, 2),) * 4000),
+        gpszip.Progress("learn", 0.5),
+        gpszip.ReadResult((track,) * 1000, 400_000, 1, False),
+    ]
+
+
+def test_every_value_shows_in_one_or_two_lines(archive):
+    for value in values_to_show(archive):
+        text = repr(value)
+        assert text.count("\n") <= 1
+        assert len(text) <= 200, text
+        assert "array(" not in text
+        assert text.startswith(type(value).__name__)

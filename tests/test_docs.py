@@ -1,6 +1,8 @@
 """What the documentation names exists."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -65,3 +67,10 @@ def test_every_command_and_option_is_documented():
 def test_exit_codes_are_documented():
     rows = re.findall(r"^\| (\d+) \|", (ROOT / "docs/cli.md").read_text(), flags=re.MULTILINE)
     assert rows == ["0", "1", "2", "3", "4", "5", "6", "130"]
+
+
+def test_the_picture_of_the_architecture_is_up_to_date(tmp_path):
+    script = ROOT / "scripts" / "draw_architecture.py"
+    subprocess.run([sys.executable, script, tmp_path / "new.svg"], check=True)
+    drawn = (ROOT / "docs" / "architecture.svg").read_text()
+    assert drawn == (tmp_path / "new.svg").read_text(), "run make docs"

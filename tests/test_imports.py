@@ -34,7 +34,7 @@ def test_heavy_libraries_of_one_purpose_are_imported_where_they_belong():
     homes = {
         "matplotlib": {"view"},
         "pyogrio": {"io"},
-        "pyproj": {"geo"},
+        "pyproj": {"geo", "model"},
         "hypothesis": {"testing"},
         "click": {"cli"},
         "rich": {"cli"},

@@ -27,23 +27,52 @@ if TYPE_CHECKING:
         save_coreset,
         segment_mean,
     )
-    from gpszip.archive import Archive
+    from gpszip.archive import Archive, TrackView
+    from gpszip.codec.waypoints import Waypoints
     from gpszip.errors import (
         BoundError,
         CorruptArchiveError,
         GPSZipError,
         InputError,
+        LossWarning,
         MapError,
         MissingExtraError,
         OptionError,
         OutputError,
         TrackError,
         UnknownFormatError,
+        UnknownTrackError,
         WorkerError,
     )
-    from gpszip.model import RoadMap, SegmentMean, Track, Walk
+    from gpszip.matching.live import FinalisedPosition, LivePosition, NextRoad
+    from gpszip.model import (
+        CleanMap,
+        DirectedEdges,
+        LeftOut,
+        Listener,
+        Network,
+        Patch,
+        Patching,
+        Plane,
+        Progress,
+        QuantisationGrid,
+        ReadResult,
+        Repair,
+        Report,
+        RoadMap,
+        SegmentMean,
+        Track,
+        Walk,
+    )
+    from gpszip.model.error_bound import ErrorBound
+    from gpszip.model.match import Break, Match, Matching, Piece, Route, Scales
+    from gpszip.model.merge_report import Deviation, MergeReport
+    from gpszip.model.read_result import Loss
     from gpszip.pipeline.live import Matcher
-    from gpszip.sketches.coreset import Coreset
+    from gpszip.run import Dask, Processes, Serial, Threads
+    from gpszip.run.executor import Executor, SharedValue
+    from gpszip.sketches.coreset import Coreset, Cost
+    from gpszip.sketches.pieces import PiecewiseLinear, polyline
     from gpszip.sketches.stream import CoresetStream
 
 __version__ = "0.1.0"
@@ -51,23 +80,60 @@ __version__ = "0.1.0"
 __all__ = [
     "Archive",
     "BoundError",
+    "Break",
+    "CleanMap",
     "Coreset",
     "CoresetStream",
     "CorruptArchiveError",
+    "Cost",
+    "Dask",
+    "Deviation",
+    "DirectedEdges",
+    "ErrorBound",
+    "Executor",
+    "FinalisedPosition",
     "GPSZipError",
     "InputError",
+    "LeftOut",
+    "Listener",
+    "LivePosition",
+    "Loss",
     "LossWarning",
     "MapError",
+    "Match",
     "Matcher",
+    "Matching",
+    "MergeReport",
     "MissingExtraError",
+    "Network",
+    "NextRoad",
     "OptionError",
     "OutputError",
+    "Patch",
+    "Patching",
+    "Piece",
+    "PiecewiseLinear",
+    "Plane",
+    "Processes",
+    "Progress",
+    "QuantisationGrid",
+    "ReadResult",
+    "Repair",
+    "Report",
     "RoadMap",
+    "Route",
+    "Scales",
     "SegmentMean",
+    "Serial",
+    "SharedValue",
+    "Threads",
     "Track",
     "TrackError",
+    "TrackView",
     "UnknownFormatError",
+    "UnknownTrackError",
     "Walk",
+    "Waypoints",
     "WorkerError",
     "__version__",
     "append",
@@ -79,11 +145,14 @@ __all__ = [
     "open",
     "open_coreset",
     "patch",
+    "polyline",
     "read",
     "save_coreset",
     "segment_mean",
 ]
 
+#: Module of each public name, which is imported when the name is first used: importing gpszip, and
+#: ``gpszip --help``, need none of them.
 _HOMES = {
     "gpszip.api": (
         "append",
@@ -99,19 +168,92 @@ _HOMES = {
         "save_coreset",
         "segment_mean",
     ),
-    "gpszip.archive": ("Archive",),
+    "gpszip.archive": (
+        "Archive",
+        "TrackView",
+    ),
+    "gpszip.codec.waypoints": ("Waypoints",),
+    "gpszip.errors": (
+        "BoundError",
+        "CorruptArchiveError",
+        "GPSZipError",
+        "InputError",
+        "LossWarning",
+        "MapError",
+        "MissingExtraError",
+        "OptionError",
+        "OutputError",
+        "TrackError",
+        "UnknownFormatError",
+        "UnknownTrackError",
+        "WorkerError",
+    ),
+    "gpszip.matching.live": (
+        "FinalisedPosition",
+        "LivePosition",
+        "NextRoad",
+    ),
+    "gpszip.model": (
+        "CleanMap",
+        "DirectedEdges",
+        "LeftOut",
+        "Listener",
+        "Network",
+        "Patch",
+        "Patching",
+        "Plane",
+        "Progress",
+        "QuantisationGrid",
+        "ReadResult",
+        "Repair",
+        "Report",
+        "RoadMap",
+        "SegmentMean",
+        "Track",
+        "Walk",
+    ),
+    "gpszip.model.error_bound": ("ErrorBound",),
+    "gpszip.model.match": (
+        "Break",
+        "Match",
+        "Matching",
+        "Piece",
+        "Route",
+        "Scales",
+    ),
+    "gpszip.model.merge_report": (
+        "Deviation",
+        "MergeReport",
+    ),
+    "gpszip.model.read_result": ("Loss",),
     "gpszip.pipeline.live": ("Matcher",),
-    "gpszip.sketches.coreset": ("Coreset",),
+    "gpszip.run": (
+        "Dask",
+        "Processes",
+        "Serial",
+        "Threads",
+    ),
+    "gpszip.run.executor": (
+        "Executor",
+        "SharedValue",
+    ),
+    "gpszip.sketches.coreset": (
+        "Coreset",
+        "Cost",
+    ),
+    "gpszip.sketches.pieces": (
+        "PiecewiseLinear",
+        "polyline",
+    ),
     "gpszip.sketches.stream": ("CoresetStream",),
-    "gpszip.model": ("RoadMap", "SegmentMean", "Track", "Walk"),
 }
 
 
 def __getattr__(name: str) -> Any:
-    """Import a public name when it is first used: ``gpszip --help`` needs none of them."""
-    if name not in __all__:
+    """Import a public name when it is first used."""
+    home = next((home for home, names in _HOMES.items() if name in names), None)
+    if home is None:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    home = next((home for home, names in _HOMES.items() if name in names), "gpszip.errors")
     value = getattr(importlib.import_module(home), name)
     globals()[name] = value
     return value

@@ -1,4 +1,4 @@
-"""The main path: read logs, compress them to an archive, open it again, and ask it.
+"""The public functions: read logs, compress them to an archive, open it again, and ask it.
 
 Each function here is one call into :mod:`gpszip.pipeline`, or into the package that does the work.
 """
@@ -7,15 +7,18 @@ from __future__ import annotations
 
 import os
 import pathlib
+import sys
 import warnings
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import TYPE_CHECKING, BinaryIO, TypeAlias, cast
 
-from numpy.typing import ArrayLike
-
-from gpszip.archive import Archive, open_archive
-from gpszip.errors import LossWarning
-from gpszip.model import Listener, Network, Options, SegmentMean, Track
+from gpszip.archive import Archive, ArchiveSource, open_archive
+from gpszip.errors import LossWarning, OptionError
+from gpszip.model import Listener, Network, Options, Plane, ReadResult, SegmentMean, Track
+from gpszip.model.log import Log, MemoryLog
+from gpszip.model.timestamps import Times
 from gpszip.run.executor import Executor
 
 if TYPE_CHECKING:
@@ -24,6 +27,8 @@ if TYPE_CHECKING:
     from gpszip.sketches.coreset import Coreset
 
 __all__ = [
+    "LogSource",
+    "Logs",
     "append",
     "compress",
     "coreset",
@@ -38,31 +43,81 @@ __all__ = [
     "segment_mean",
 ]
 
+#: Where a log may come from: a path or a pattern (``walks/*.gpx``), or a binary stream.
+LogSource: TypeAlias = str | os.PathLike[str] | BinaryIO
 
-def read(sources: Any, **options: Any) -> list[Track]:
+#: What functions take as a log: tracks, or files to read them from.
+Logs: TypeAlias = Track | LogSource | Sequence[Track] | Sequence[LogSource]
+
+
+def read(
+    sources: LogSource | Iterable[LogSource],
+    *,
+    format: str | None = None,
+    columns: str | Sequence[str] | Mapping[str, str] | None = None,
+    time_unit: str | None = None,
+    dates: str | None = None,
+    clean: bool = False,
+    sort: bool = False,
+    split: bool = False,
+    keep: Sequence[str] = (),
+    heading: bool = False,
+    skip_bad: bool = False,
+    times: bool = True,
+) -> ReadResult:
     r"""Read tracks from logs.
+
+    Rows without a time or a position, and rows that repeat a time of their track, are dropped and
+    counted.
 
     Parameters
     ----------
-    sources : path, str or sequence of them
-        Files and globs: CSV, GPX, GeoJSON, Parquet, known by their content.
-    **options
-        What :func:`gpszip.io.logs.read.read_logs` takes.
+    sources : path, str, binary stream, or iterable of these
+        Files, patterns (``walks/*.gpx``), folders of Parquet, zip archives of files, ``-`` for
+        standard input.
+    format : str, optional
+        ``csv``, ``parquet``, ``gpx`` or ``geojson``; found by the content where left out.
+    columns : str, sequence of str, or mapping of str to str, optional
+        ``t,x,y`` names the columns by position, ``t=when,x=east,y=north`` by name.
+    time_unit : str, optional
+        Unit of times that are numbers: ``s``, ``ms``, ``us``, ``ns``, ``days``, ``excel`` (days
+        from 1899-12-30) or ``matlab`` (days from the year 0). Found by their size where left out.
+    dates : str, optional
+        Order of day, month and year in dates such as 03/04/2024: ``dmy``, ``mdy`` or ``ymd``. Found
+        by the whole column where left out.
+    clean : bool, default False
+        Drop outliers, and positions at 0,0 where all others are far from there.
+    sort, split : bool, default False
+        What to do where time goes back: put the points in order, or start a new track.
+    keep : sequence of str
+        Further columns to keep, as attributes of the tracks.
+    heading : bool, default False
+        Keep a column of headings, if there is one, as the attribute ``heading``: degrees clockwise
+        from north.
+    skip_bad : bool, default False
+        Leave out logs that can't be read, and features or positions that can't be used, instead of
+        raising.
+    times : bool, default True
+        Whether a table needs a column of times. If not, the tracks of one without are shapes.
 
     Returns
     -------
-    list of Track
-        All on one plane, in metres and seconds.
+    ReadResult
+        A sequence of tracks, all on one plane, in metres and seconds. It also says what was
+        repaired, lost and left out.
 
     Raises
     ------
     InputError
         If a log can't be read, or holds no track.
+    OptionError
+        If the format, the unit or the columns don't exist.
 
     Warns
     -----
     LossWarning
-        For each track that lost more than a tenth of its points, vanished, or has several points at one time.
+        For each track that lost more than a tenth of its points or all of them, or has several
+        points at one time.
 
     Examples
     --------
@@ -71,19 +126,33 @@ def read(sources: Any, **options: Any) -> list[Track]:
     ...     log = pathlib.Path(folder, "walk.csv")
     ...     _ = log.write_text("t,x,y\n0,0,0\n1,1,0\n2,2,0\n")
     ...     tracks = read(log)
-    >>> tracks[0].positions.tolist()
+    >>> tracks[0].coordinates.tolist()
     [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]]
     """
     from gpszip.io.logs.read import read_logs
 
-    reading = read_logs(sources, **options)
-    for loss in reading.losses:
-        warnings.warn(f"lost {loss}", LossWarning, stacklevel=2)
-    return list(reading.tracks)
+    several = isinstance(sources, Iterable) and not _is_log_source(sources)
+    listed = cast("Iterable[LogSource]", sources) if several else [cast("LogSource", sources)]
+    result = read_logs(
+        _as_names(listed),
+        format=format,
+        columns=columns,
+        time_unit=time_unit,
+        dates=dates,
+        clean=clean,
+        sort=sort,
+        split=split,
+        keep=keep,
+        heading=heading,
+        skip_bad=skip_bad,
+        times=times,
+    )
+    _warn_of_losses(result)
+    return result
 
 
 def compress(
-    tracks: Sequence[Track] | Track,
+    tracks: Logs,
     *,
     rmse: float | None = None,
     max_error: float | None = None,
@@ -98,53 +167,64 @@ def compress(
     layer: str | None = None,
     effort: int = 5,
     coreset: int | None = None,
-    map: Archive | str | os.PathLike[str] | bytes | None = None,
+    map: Archive | ArchiveSource | None = None,
+    memory: int | None = None,
     executor: Executor | None = None,
     progress: Listener | None = None,
 ) -> Archive:
-    """Learn the map that tracks repeat, and store each of them as a walk on it.
+    """Learn the map that tracks repeat, and store each track as a walk on it.
 
     Parameters
     ----------
-    tracks : sequence of Track, or one Track
-        On one plane, with different ids; they are not modified.
+    tracks : Track or path, or sequence of either
+        Tracks on one plane, with different ids, which are not modified; or files, which are read as
+        :func:`read` does.
     rmse, max_error : float, optional
-        Bound on the root mean square, or on the largest, distance in metres between a sample and the decoded position
-        at its time.
+        Bound on the root mean square, or on the largest, distance in metres between a sample and
+        the decoded position at its time. They may be given together.
     size : int, optional
-        Largest number of bytes; the smallest RMSE that they allow is found.
+        Largest number of bytes; the smallest RMSE that it allows is found.
     ratio : float, optional
-        The same as a share: at most a ratio-th of what the tracks take as numbers of 8 bytes, times and coordinates. Give
-        one of these, or ``rmse`` and ``max_error`` together. Without any, a sensible RMSE is estimated, and a maximum of
-        four times that.
+        Minimum compression ratio against the files; against times and coordinates as floats of 8
+        bytes for tracks. A size or a ratio excludes all other bounds. Without any bound, a sensible
+        RMSE is estimated, and a maximum of four times that.
     gap : float, optional
-        Silences longer than this, in seconds, claim no travel; ``math.inf`` for none. Estimated by default.
+        Intervals longer than this, in seconds, are gaps, in which no travel is claimed;
+        ``math.inf`` for none. Estimated by default.
     k, m : int, optional
-        Use the thesis's model of k parts on m independent segments (Algorithm 1) instead; one track only.
+        Use the thesis's model of k parts on m independent segments (Algorithm 1) instead; one track
+        only.
     times : bool, default True
         Keep the times of the knots.
     keep : sequence of str
-        Attributes of the tracks to keep exactly, with the times of the samples: see :meth:`Archive.attributes`.
+        Attributes of the tracks (columns of the files) to keep exactly, with the times of the
+        samples: see :meth:`Archive.attributes`.
     keep_times : bool, default False
         Keep the times of the samples exactly, also without attributes.
-    layer : str, optional
+    layer : {None, "bz2"}
         ``"bz2"`` packs the archive once more, as the thesis did.
     effort : int, default 5
         From 1, quick, to 9, small.
     coreset : int, optional
-        Learn from the weighted points of a coreset of so many blocks, for speed; the bound is measured at all samples.
+        Learn from the weighted points of a coreset of this many blocks, for speed. The bound is
+        measured at all samples.
     map : Archive, path or bytes, optional
-        Lay the tracks as walks on the map of this archive, which is not stored again: :func:`open` needs it, too. What lies off
-        the map is in :attr:`Archive.new_ways`.
+        Store the tracks as walks on the map of this archive. The map is not stored again, and
+        :func:`open` needs it, too. Lines off the map are in :attr:`Archive.off_map_lines`.
+    memory : int, optional
+        Bytes that the process may take, at least 400 MiB. Files that would take more are sorted
+        into a temporary file, and compressed in batches.
     executor : Executor, optional
-        Spreads the work, by default over a thread for each core; the archive is the same for any number of workers.
+        Runs the work, by default on a thread for each core; the archive is the same for any number
+        of workers.
     progress : callable, optional
-        Called with :class:`~gpszip.model.report.Progress` events.
+        Called with :class:`Progress` events.
 
     Returns
     -------
     Archive
-        Its bytes hold the bound at every sample.
+        Its bytes hold the bound at every sample. ``archive.report`` says what was done and
+        measured.
 
     Raises
     ------
@@ -157,27 +237,36 @@ def compress(
     --------
     >>> track = Track("lane", range(20), [[abs(t % 8 - 4.0), 0.0] for t in range(20)])
     >>> archive = compress(track, max_error=0.1)
-    >>> abs(archive.position("lane", 5.5)[0] - 1.5) < 0.1
-    np.True_
+    >>> bool(abs(archive.position("lane", 5.5)[0] - 1.5) < 0.1), archive.report.points
+    (True, 20)
     """
     from gpszip.pipeline.compress import compress as compress_tracks
 
+    # A single name would be taken for a sequence of letters.
     names = (keep,) if isinstance(keep, str) else tuple(keep)
     options = Options(
         rmse, max_error, size, ratio, gap, k, m, times, names, keep_times, layer, effort, coreset
     )
-    there = map if map is None or isinstance(map, Archive) else open_archive(map)
-    return compress_tracks(tracks, options, map=there, executor=executor, progress=progress)[0]
+
+    # The map and the tracks may still be files.
+    known_map = map if map is None or isinstance(map, Archive) else open_archive(map)
+    plane = None if known_map is None else known_map.grid.plane
+    with _open_log(tracks, memory, plane, names, times, progress) as log:
+        archive, report = compress_tracks(
+            log, options, memory=memory, map=known_map, executor=executor, progress=progress
+        )
+    return replace(archive, report=report)
 
 
 def append(
-    archive: Archive | str | os.PathLike[str] | bytes,
-    tracks: Sequence[Track] | Track,
+    archive: Archive | ArchiveSource,
+    tracks: Logs,
     *,
     rmse: float | None = None,
     max_error: float | None = None,
     gap: float | None = None,
     effort: int = 5,
+    memory: int | None = None,
     executor: Executor | None = None,
     progress: Listener | None = None,
 ) -> Archive:
@@ -187,18 +276,21 @@ def append(
     ----------
     archive : Archive, path or bytes
         With times and a map of its own; it is not modified.
-    tracks : sequence of Track, or one Track
-        One whose name is in the archive goes on there, and must begin where that one ends, or later.
+    tracks : Track or path, or sequence of either
+        As for :func:`compress`. A track whose name is in the archive continues there, and must
+        begin where that one ends, or later.
     rmse, max_error : float, optional
-        Bound on the error of the new tracks in metres; what the archive promises where both are left out.
+        Bound on the error of the new tracks in metres; the archive's own where both are left out.
     gap : float, optional
-        Silences longer than this, in seconds, claim no travel. Estimated by default.
+        Intervals longer than this, in seconds, are gaps. Estimated by default.
     effort : int, default 5
         From 1, quick, to 9, small.
+    memory : int, optional
+        Bytes that the process may take, as for :func:`compress`.
     executor : Executor, optional
-        Spreads the work.
+        Runs the work.
     progress : callable, optional
-        Called with :class:`~gpszip.model.report.Progress` events.
+        Called with :class:`Progress` events.
 
     Returns
     -------
@@ -210,33 +302,38 @@ def append(
     OptionError
         If archive and tracks don't go together.
     BoundError
-        If the bound can't be held on the archive's lattice.
+        If the bound can't be held on the archive's grid.
 
     Examples
     --------
     >>> monday = Track("monday", range(20), [[abs(t % 8 - 4.0), 0.0] for t in range(20)])
     >>> tuesday = Track("tuesday", range(100, 120), monday.positions)
     >>> archive = append(compress(monday, max_error=0.1), tuesday)
-    >>> archive.tracks, len(archive.road_map.edges)
+    >>> archive.ids, len(archive.road_map.edges)
     (('monday', 'tuesday'), 2)
     """
-    from gpszip.pipeline.append import append as grow
+    from gpszip.pipeline.append import append as append_tracks
 
-    there = archive if isinstance(archive, Archive) else open_archive(archive)
-    return grow(
-        there,
-        tracks,
-        Options(rmse, max_error, gap=gap, effort=effort),
-        executor=executor,
-        progress=progress,
-    )[0]
+    # Files are read with the columns that the archive keeps.
+    opened = archive if isinstance(archive, Archive) else open_archive(archive)
+    keep, plane = opened.kept_columns or (), opened.grid.plane
+    with _open_log(tracks, memory, plane, keep, True, progress) as log:
+        extended, report = append_tracks(
+            opened,
+            log,
+            Options(rmse, max_error, gap=gap, effort=effort),
+            memory=memory,
+            executor=executor,
+            progress=progress,
+        )
+    return replace(extended, report=report)
 
 
 def decompress(
-    archive: Archive | str | os.PathLike[str] | bytes,
+    archive: Archive | ArchiveSource,
     *,
     every: float | None = None,
-    at: ArrayLike | None = None,
+    at: Times | None = None,
 ) -> list[Track]:
     """Give back the tracks of an archive.
 
@@ -245,19 +342,21 @@ def decompress(
     archive : Archive, path or bytes
         What :func:`compress` returned or saved.
     every : float, optional
-        Sample at the whole multiples of so many seconds.
+        Sample at the multiples of this many seconds.
     at : array_like, optional
-        Sample at these instants in seconds. Without any, the knots are given, between which tracks are linear in time.
+        Sample at these times: ``datetime``, ``numpy.datetime64``, ISO 8601 text or seconds. Without
+        ``every`` and ``at``, the knots are given, between which tracks are linear in time.
 
     Returns
     -------
     list of Track
-        Named by their ids; the pieces of a track with gaps ``id/0``, ``id/1`` and so on.
+        Named by their ids; the pieces of a track with gaps ``id/0``, ``id/1`` and so on. Their
+        ``coordinates`` are those of the log: latitude and longitude, or x, y[, z].
 
     Examples
     --------
     >>> archive = compress(Track("lane", [0, 4, 8], [[0.0], [4.0], [8.0]]), max_error=0.1)
-    >>> [track.positions.round().tolist() for track in decompress(archive, every=3.0)]
+    >>> [track.coordinates.round().tolist() for track in decompress(archive, every=3.0)]
     [[[0.0], [3.0], [6.0]]]
     """
     opened = archive if isinstance(archive, Archive) else open(archive)
@@ -265,7 +364,7 @@ def decompress(
 
 
 def match(
-    tracks: Sequence[Track] | Track,
+    tracks: Logs,
     network: Network | Archive | str | os.PathLike[str],
     *,
     sigma: float | None = None,
@@ -279,28 +378,33 @@ def match(
 
     Parameters
     ----------
-    tracks : sequence of Track, or one Track
-        On one plane; they are not modified.
+    tracks : Track or path, or sequence of either
+        Tracks on one plane, which are not modified; or files, which are read as :func:`read` does,
+        with their headings.
     network : Network, Archive or path
         The roads: a file that ``gpszip network`` reads or wrote, or an archive, for its map.
     sigma, beta : float, optional
-        Scales in metres of the distance between log and roads, and of the difference between the way over roads and the
-        straight line. Estimated from the log by default.
+        Scales in metres of the distance between log and roads, and of the difference between the
+        distance over roads and the straight line. Estimated from the log by default.
     gap : float, optional
-        Silences longer than this, in seconds, break a route; ``math.inf`` for none. Estimated by default.
+        Intervals longer than this, in seconds, break a route; ``math.inf`` for none. Estimated by
+        default.
     heading : float, optional
-        Spread in degrees of the headings that tracks have as attribute ``heading`` (``gpszip.read(..., heading=True)``), in degrees
-        clockwise from north; ``math.inf`` to leave them out. Estimated by default, and left out where they don't follow the roads.
+        Spread in degrees of the headings that tracks have as attribute ``heading``
+        (``gpszip.read(..., heading=True)``), in degrees clockwise from north; ``math.inf`` to leave
+        them out. Estimated by default, and left out where they don't follow the roads.
     ignore_oneway : bool, default False
-        Whether all roads may be travelled both ways, as by those who walk or cycle. Otherwise points that travel against a
-        one-way road are on no road, and their break has the reason ``"one-way"``.
+        Whether all roads may be travelled both ways, as by people on foot or on bicycles. Otherwise
+        points that travel against a one-way road are on no road, and their break has the reason
+        ``"one-way"``.
     progress : callable, optional
-        Called with :class:`~gpszip.model.report.Progress` events.
+        Called with :class:`Progress` events.
 
     Returns
     -------
     Matching
-        For each track its routes, the place of each sample on them, and where and why they break.
+        For each track its routes, the position of each sample on them, and where and why they
+        break.
 
     Raises
     ------
@@ -312,19 +416,28 @@ def match(
     Examples
     --------
     >>> walk = Track("walk", [0, 5, 10, 15, 20], [[0, 0], [5, 0], [10, 0], [10, 5], [10, 10]])
-    >>> found = match(Track("again", [0, 8, 16], [[1, 0.1], [9, -0.1], [10, 7]]), compress(walk, max_error=0.1))
-    >>> found.share, round(found[0].pieces[0].length)
+    >>> again = Track("again", [0, 8, 16], [[1, 0.1], [9, -0.1], [10, 7]])
+    >>> matching = match(again, compress(walk, max_error=0.1))
+    >>> matching.share, round(matching[0].pieces[0].length)
     (1.0, 16)
     """
     from gpszip.pipeline.match import match as match_tracks
 
+    # Headings are read from files, so that they can help where they follow the roads.
     return match_tracks(
-        tracks, network, sigma=sigma, beta=beta, gap=gap, heading=heading, ignore_oneway=ignore_oneway, progress=progress
-    )  # fmt: skip
+        _read_if_paths(tracks, heading=True),
+        network,
+        sigma=sigma,
+        beta=beta,
+        gap=gap,
+        heading=heading,
+        ignore_oneway=ignore_oneway,
+        progress=progress,
+    )
 
 
 def merge(
-    archives: Sequence[Archive | str | os.PathLike[str] | bytes],
+    archives: Sequence[Archive | ArchiveSource],
     *,
     deviation: float | None = None,
     max_deviation: float | None = None,
@@ -332,30 +445,31 @@ def merge(
     executor: Executor | None = None,
     progress: Listener | None = None,
 ) -> Archive:
-    """Unite archives on one map, without their logs.
+    """Merge archives into one map, without their logs.
 
-    Places and ways that are the same become one, and every track is kept with its times. :func:`gpszip.pipeline.merge` also
-    reports how far each archive's tracks were moved.
+    Nodes and edges at the same position become one, and every track is kept with its times.
 
     Parameters
     ----------
     archives : sequence of Archive, path or bytes
         Two or more, all in degrees or all on one plane of x and y.
     deviation, max_deviation : float, optional
-        Metres by which the tracks of each archive may be moved, in the root mean square or at any instant. Without either,
-        the least that any of them promised before any merge.
-    same_id : str, default "refuse"
-        What becomes of tracks of one name in several archives: ``"prefix"`` names all tracks ``archive:track``, ``"join"``
-        makes them one track, if their times don't overlap.
+        Metres by which the tracks of each archive may be moved, in the root mean square or at any
+        time. Without either, the smallest error bound that any of them had before any merge.
+    same_id : {"refuse", "prefix", "join"}
+        What becomes of tracks of one name in several archives: ``"prefix"`` names all tracks
+        ``archive:track``, ``"join"`` makes them one track, if their times don't overlap.
     executor : Executor, optional
-        Spreads the work, by default over a thread for each core; the archive is the same for any number of workers.
+        Runs the work, by default on a thread for each core; the archive is the same for any number
+        of workers.
     progress : callable, optional
-        Called with :class:`~gpszip.model.report.Progress` events.
+        Called with :class:`Progress` events.
 
     Returns
     -------
     Archive
-        It promises what they promised and the deviation together.
+        Its error bound is that of the archives and the deviation together. ``archive.report`` says
+        how far the tracks of each archive were moved.
 
     Raises
     ------
@@ -366,35 +480,41 @@ def merge(
 
     Examples
     --------
-    >>> one, two = (Track(name, range(20), [[abs(t % 8 - 4.0), 0.0] for t in range(20)]) for name in ("one", "two"))
-    >>> both = merge([compress(one, max_error=0.1), compress(two, max_error=0.1)])
-    >>> both.tracks, abs(both.position("two", 5.5)[0] - 1.5) < 0.2
-    (('one', 'two'), np.True_)
+    >>> lane = [[abs(t % 8 - 4.0), 0.0] for t in range(20)]
+    >>> north, south = (Track(name, range(20), lane) for name in ("north", "south"))
+    >>> both = merge([compress(north, max_error=0.1), compress(south, max_error=0.1)])
+    >>> both.ids, bool(abs(both.position("south", 5.5)[0] - 1.5) < 0.2)
+    (('north', 'south'), True)
     """
     from gpszip.model.merge_options import MergeOptions
     from gpszip.pipeline.merge import merge as merge_archives
 
+    # Archives are named after their files, or numbered.
     opened = [archive if isinstance(archive, Archive) else open(archive) for archive in archives]
     names = [
-        pathlib.Path(one).stem if isinstance(one, str | os.PathLike) else str(number)
-        for number, one in enumerate(archives, 1)
+        pathlib.Path(source).stem if isinstance(source, str | os.PathLike) else str(number)
+        for number, source in enumerate(archives, 1)
     ]
     options = MergeOptions(deviation, max_deviation, same_id)
-    return merge_archives(opened, options, names=names, executor=executor, progress=progress)[0]
+    merged, report = merge_archives(
+        opened, options, names=names, executor=executor, progress=progress
+    )
+    return replace(merged, report=report)
 
 
-def open(
-    source: str | os.PathLike[str] | bytes,
-    map: Archive | str | os.PathLike[str] | bytes | None = None,
-) -> Archive:
+def open(source: ArchiveSource, map: Archive | ArchiveSource | None = None) -> Archive:
     """Open an archive.
+
+    Of a file beyond a megabyte only the index and the names are read, and then the groups of tracks
+    that a question needs. Such a file must stay as it is as long as the archive is in use.
 
     Parameters
     ----------
-    source : path or bytes
-        A ``.gpsz`` file, or all that is in one.
-    map : Archive, path or bytes, optional
-        The map, for an archive that was written on one. It is looked for in the folder of the file where left out.
+    source : path, bytes or binary file
+        A ``.gpsz`` file or its bytes. A binary file needs ``seek`` and ``read``.
+    map : Archive, path, bytes or binary file, optional
+        The map, for an archive that was written on one. Where left out, it is looked for in the
+        folder of the file.
 
     Raises
     ------
@@ -403,41 +523,44 @@ def open(
     MapError
         If another map is given than the archive was written on.
     CorruptArchiveError
-        If it is no whole archive.
+        If it is not a complete archive. Damage to a group of a large file shows when the group is
+        read; ``gpszip verify`` checks every byte.
 
     Examples
     --------
-    >>> data = compress(Track("lane", [0, 4, 8], [[0.0], [4.0], [8.0]]), max_error=0.1).to_bytes()
-    >>> open(data).tracks
+    >>> lane = Track("lane", [0, 4, 8], [[0.0], [4.0], [8.0]])
+    >>> data = compress(lane, max_error=0.1).to_bytes()
+    >>> open(data).ids
     ('lane',)
     """
     return open_archive(source, map)
 
 
 def patch(
-    tracks: Sequence[Track] | Track,
+    tracks: Logs,
     network: Network | Archive | str | os.PathLike[str],
     *,
     gap: float | None = None,
     ignore_oneway: bool = False,
 ) -> Patching:
-    """Fill the gaps of tracks with the likeliest ways over roads.
+    """Fill the gaps of tracks with the likeliest routes over roads.
 
     Parameters
     ----------
-    tracks : sequence of Track, or one Track
-        On one plane; they are not modified.
+    tracks : Track or path, or sequence of either
+        Tracks on one plane, which are not modified; or files, which are read as :func:`read` does.
     network : Network, Archive or path
         The roads: a file that ``gpszip network`` reads or wrote, or an archive, for its map.
     gap : float, optional
-        Silences longer than this, in seconds, are gaps. Estimated by default.
+        Intervals longer than this, in seconds, are gaps. Estimated by default.
     ignore_oneway : bool, default False
-        Whether all roads may be travelled both ways, as by those who walk or cycle.
+        Whether all roads may be travelled both ways, as by people on foot or on bicycles.
 
     Returns
     -------
     Patching
-        The samples to add to each gap, or why it was left open; ``to_tracks()`` gives tracks with them.
+        The samples to add to each gap, or why it was left open; ``to_tracks()`` gives tracks with
+        them.
 
     Raises
     ------
@@ -448,31 +571,33 @@ def patch(
 
     Examples
     --------
-    >>> walk = Track("walk", range(0, 100, 5), [[min(5.0 * t, 50.0), max(5.0 * t - 50.0, 0.0)] for t in range(20)])
-    >>> torn = Track("torn", [0, 5, 10, 15, 70, 75, 80], [[0, 0], [5, 0], [10, 0], [15, 0], [50, 20], [50, 25], [50, 30]])
-    >>> patching = patch(torn, compress(walk, max_error=0.1), gap=30.0)
+    >>> corner = [[min(5.0 * t, 50.0), max(5.0 * t - 50.0, 0.0)] for t in range(20)]
+    >>> walk = Track("walk", range(0, 100, 5), corner)
+    >>> rows = [0, 1, 2, 3, 14, 15, 16]
+    >>> gappy = Track("gappy", [5 * row for row in rows], [corner[row] for row in rows])
+    >>> patching = patch(gappy, compress(walk, max_error=0.1), gap=30.0)
     >>> patching.filled, len(patching.to_tracks()[0]), round(patching.patches[0].length)
     (1, 17, 55)
     """
     from gpszip.pipeline.match import patch as patch_tracks
 
-    return patch_tracks(tracks, network, gap=gap, ignore_oneway=ignore_oneway)
+    return patch_tracks(_read_if_paths(tracks), network, gap=gap, ignore_oneway=ignore_oneway)
 
 
 def segment_mean(
     track: Track, k: int | None = None, m: int | None = None, *, executor: Executor | None = None
 ) -> SegmentMean:
-    """Approximate a track by k parts, each travelled along one of m segments: the thesis's Algorithm 1.
+    """Approximate a track by k parts, each travelled along one of m segments: Algorithm 1.
 
     Parameters
     ----------
     track : Track
         n samples.
     k, m : int, optional
-        Numbers of parts and of segments, 1 <= m <= k <= n. Those left out are found at the elbow of the fitting cost
-        (Algorithms 3 and 4).
+        Numbers of parts and of segments, 1 <= m <= k <= n. Those left out are found at the elbow of
+        the fitting cost (Algorithms 3 and 4).
     executor : Executor, optional
-        Spreads the work.
+        Runs the work.
 
     Returns
     -------
@@ -486,41 +611,52 @@ def segment_mean(
 
     Examples
     --------
-    >>> track = Track("lane", range(24), [[x] for x in 2 * [0, 2, 4, 6, 8, 10, 10, 8, 6, 4, 2, 0]])
+    >>> there_and_back = [0, 2, 4, 6, 8, 10, 10, 8, 6, 4, 2, 0]
+    >>> track = Track("lane", range(24), [[x] for x in 2 * there_and_back])
     >>> mean = segment_mean(track, k=4, m=2)
     >>> mean.labels.tolist(), round(mean.cost, 6)
     ([0, 1, 0, 1], 0.0)
     """
-    from gpszip.pipeline.segment_mean import segment_mean as mean_of
+    from gpszip.pipeline.segment_mean import segment_mean as find_segment_mean
 
-    return mean_of(track, k, m, executor=executor)
+    return find_segment_mean(track, k, m, executor=executor)
 
 
 def coreset(
-    tracks: Sequence[Track] | Track,
+    tracks: Logs,
     *,
     k: int | None = None,
     eps: float | None = None,
     size: int | None = None,
     max_bytes: int | None = None,
+    memory: int | None = None,
+    executor: Executor | None = None,
 ) -> Coreset:
-    """Make the (k, eps)-coreset of tracks: blocks that price any k-segment, deterministic and mergeable.
+    """Build the (k, eps)-coreset of tracks: blocks that price any k-segment.
+
+    It is deterministic, and coresets can be merged.
 
     Parameters
     ----------
-    tracks : sequence of Track, or one Track
-        On one plane, with different ids.
+    tracks : Track or path, or sequence of either
+        Tracks on one plane, with different ids; or files, which are read as :func:`read` does.
     k, eps : int and float, optional
-        The estimated cost of every k-segment is to be within ``eps`` of the true one (thesis, definition 4.1.6).
+        The estimated cost of every k-segment is to be within ``eps`` of the true one (thesis,
+        definition 4.1.6).
     size : int, optional
         Largest number of blocks, instead.
     max_bytes : int, optional
         Largest size of the file that :func:`save_coreset` writes, instead.
+    memory : int, optional
+        Bytes that the process may take, as for :func:`compress`. A coreset of files that take more
+        is merged from batches.
+    executor : Executor, optional
+        Runs the work on batches.
 
     Returns
     -------
     Coreset
-        Its ``cost`` prices functions, with bounds that hold whatever their breaks are.
+        Its ``cost`` prices functions, with bounds that hold wherever their breaks are.
 
     Raises
     ------
@@ -533,9 +669,16 @@ def coreset(
     >>> len(coreset(track, size=20))
     10
     """
+    from gpszip.pipeline.coreset import sketch_log
     from gpszip.sketches.partition import build_coreset
 
-    return build_coreset(tracks, k=k, eps=eps, size=size, max_bytes=max_bytes)
+    with _open_log(tracks, memory, None, (), True, None) as log:
+        if isinstance(log, MemoryLog | Track | Sequence):
+            in_memory = log.tracks if isinstance(log, MemoryLog) else log
+            return build_coreset(in_memory, k=k, eps=eps, size=size, max_bytes=max_bytes)
+
+        # A log on disk is sketched batch by batch.
+        return sketch_log(log, k=k, eps=eps, size=size, max_bytes=max_bytes, executor=executor)
 
 
 def open_coreset(source: str | os.PathLike[str]) -> Coreset:
@@ -562,3 +705,70 @@ def save_coreset(coreset: Coreset, path: str | os.PathLike[str], *, force: bool 
     from gpszip.io.coresets import write_coreset
 
     write_coreset(coreset, os.fspath(path), force=force)
+
+
+def _is_log_source(value: object) -> bool:
+    """Whether this is a single file to read: a path, a pattern or a stream."""
+    return isinstance(value, str | os.PathLike) or hasattr(value, "read")
+
+
+def _as_names(sources: Iterable[LogSource]) -> list[str | BinaryIO]:
+    """Return paths of any kind as text, and streams as they are."""
+    return [os.fspath(each) if isinstance(each, os.PathLike) else each for each in sources]
+
+
+def _files_among(tracks: Logs) -> list[LogSource] | None:
+    """Files that were given in place of tracks; None for tracks."""
+    if isinstance(tracks, Track):
+        return None
+    if _is_log_source(tracks):
+        return [cast("LogSource", tracks)]
+
+    # A sequence of one kind.
+    values = list(cast("Sequence[Track | LogSource]", tracks))
+    files = [cast("LogSource", value) for value in values if _is_log_source(value)]
+    if files and len(files) < len(values):
+        raise OptionError("tracks and paths were given together", remedy="read the paths first")
+    return files or None
+
+
+def _read_if_paths(tracks: Logs, *, heading: bool = False) -> Sequence[Track] | Track:
+    """Tracks as they were given, or read from the files that were given."""
+    files = _files_among(tracks)
+    if files is None:
+        return cast("Sequence[Track] | Track", tracks)
+    return read(files, heading=heading)
+
+
+@contextmanager
+def _open_log(
+    tracks: Logs,
+    memory: int | None,
+    plane: Plane | None,
+    keep: Sequence[str],
+    times: bool,
+    progress: Listener | None,
+) -> Iterator[Sequence[Track] | Track | Log]:
+    """Tracks as they were given, or the files that were given, in memory or on disk."""
+    files = _files_among(tracks)
+    if files is None:
+        yield cast("Sequence[Track] | Track", tracks)
+        return
+
+    from gpszip.pipeline.open_log import open_log
+
+    with open_log(
+        _as_names(files), memory=memory, plane=plane, progress=progress, keep=keep, times=times
+    ) as log:
+        if log.read_result is not None:
+            _warn_of_losses(log.read_result)
+        yield log
+
+
+def _warn_of_losses(result: ReadResult) -> None:
+    """Warn at the line of the user, whether it reads files or compresses them."""
+    depth, caller = 1, sys._getframe(1)
+    while caller.f_back is not None and caller.f_globals["__name__"] in {__name__, "contextlib"}:
+        caller, depth = caller.f_back, depth + 1
+    for loss in result.losses:
+        warnings.warn(f"lost {loss}", LossWarning, stacklevel=depth + 1)

@@ -5,19 +5,25 @@
     │   ├── UnknownFormatError    no reader knows the file
     │   └── TrackError            times or positions that are no track
     ├── OptionError               options that contradict each other or the data
+    │   └── UnknownTrackError     the archive has no track of this name
     ├── BoundError                the error bound asked for can't be met
-    ├── CorruptArchiveError       bytes that are no whole archive
-    ├── MapError                  the map an archive needs is missing or another one
+    ├── CorruptArchiveError       bytes that are not a complete archive
+    ├── MapError                  the map of an archive is missing, or another map was given
     ├── OutputError               the output exists or can't be written
     ├── WorkerError               a process or machine that did some of the work is gone
     └── MissingExtraError         an optional dependency is not installed
 
 :class:`LossWarning` is a warning, not an error.
 
-A message says what is wrong, where, and how to mend it.
+A message says where, what is wrong, and how to fix it: ``path: location: reason; remedy``. The same
+four are attributes of the error, so that no caller has to take a message apart.
 """
 
 from __future__ import annotations
+
+import copy
+import os
+from typing import Self
 
 __all__ = [
     "BoundError",
@@ -31,12 +37,72 @@ __all__ = [
     "OutputError",
     "TrackError",
     "UnknownFormatError",
+    "UnknownTrackError",
     "WorkerError",
 ]
 
 
 class GPSZipError(Exception):
-    """Root of all errors of GPSZip."""
+    """Root of all errors of GPSZip.
+
+    Parameters
+    ----------
+    reason : str
+        What is wrong. An error that is given nothing else has this as its message.
+    path : str or path, optional
+        File that the error is about.
+    location : str, optional
+        Where in the file or the data, such as ``"point 1203"``, ``"line 7"`` or ``"track 'bus'"``.
+    remedy : str, optional
+        What the user can do.
+
+    Examples
+    --------
+    >>> error = GPSZipError("time goes back 14 s", path="walk.gpx", location="point 1203")
+    >>> str(error)
+    'walk.gpx: point 1203: time goes back 14 s'
+    >>> error.path, error.location, error.remedy
+    ('walk.gpx', 'point 1203', None)
+    """
+
+    path: str | None
+    location: str | None
+    reason: str
+    remedy: str | None
+
+    def __init__(
+        self,
+        reason: str = "",
+        *,
+        path: str | os.PathLike[str] | None = None,
+        location: str | None = None,
+        remedy: str | None = None,
+    ) -> None:
+        self.path = None if path is None else os.fspath(path)
+        self.location = location
+        self.reason = reason
+        self.remedy = remedy
+        super().__init__(self.detail if self.path is None else f"{self.path}: {self.detail}")
+
+    @property
+    def detail(self) -> str:
+        """The message without the path: ``location: reason; remedy``."""
+        where = "" if self.location is None else f"{self.location}: "
+        fix = "" if self.remedy is None else f"; {self.remedy}"
+        return f"{where}{self.reason}{fix}"
+
+    def with_path(self, path: str | os.PathLike[str]) -> Self:
+        """Return the same error about a file, for callers that know which file it was.
+
+        Examples
+        --------
+        >>> str(InputError("no samples", location="track 'bus'").with_path("log.csv"))
+        "log.csv: track 'bus': no samples"
+        """
+        located = copy.copy(self)
+        located.path = os.fspath(path)
+        located.args = (f"{located.path}: {located.detail}", *self.args[1:])
+        return located
 
 
 class InputError(GPSZipError):
@@ -55,32 +121,54 @@ class OptionError(GPSZipError, ValueError):
     """Options that contradict each other or the data."""
 
 
+class UnknownTrackError(OptionError, KeyError):
+    """The archive has no track of this name."""
+
+    def __str__(self) -> str:
+        # KeyError shows the repr of its message.
+        return str(self.args[0])
+
+
 class BoundError(GPSZipError):
     """The error bound that was asked for can't be met."""
 
 
 class CorruptArchiveError(GPSZipError):
-    """Bytes that are no whole, valid archive.
+    """Bytes that are not a complete, valid archive.
 
     Parameters
     ----------
-    message : str
+    reason : str
         What is wrong.
     offset : int, optional
-        Byte at which it was noticed, counted from the start of the archive.
+        Byte at which it was found, counted from the start of the archive.
+    path : str or path, optional
+        File of the archive.
+
+    Examples
+    --------
+    >>> error = CorruptArchiveError("the checksum is wrong", 71)
+    >>> str(error), error.offset
+    ('the checksum is wrong (at byte 71)', 71)
     """
 
-    def __init__(self, message: str, offset: int | None = None) -> None:
-        super().__init__(message if offset is None else f"{message} (at byte {offset})")
+    def __init__(
+        self,
+        reason: str,
+        offset: int | None = None,
+        *,
+        path: str | os.PathLike[str] | None = None,
+    ) -> None:
+        super().__init__(reason if offset is None else f"{reason} (at byte {offset})", path=path)
         self.offset = offset
 
 
 class MapError(GPSZipError):
-    """The map that an archive was written with is missing, or another one was given."""
+    """The map that an archive was written with is missing, or another map was given."""
 
 
 class LossWarning(UserWarning):
-    """A track lost more than a tenth of its points while it was read, or all of them."""
+    """A track lost more than a tenth of its points, or all of them, while it was read."""
 
 
 class OutputError(GPSZipError):
@@ -88,7 +176,7 @@ class OutputError(GPSZipError):
 
 
 class WorkerError(GPSZipError):
-    """A process or machine that did some of the work is gone, and nobody can take over."""
+    """A process or machine that did some of the work is gone, and no other can take over."""
 
 
 class MissingExtraError(GPSZipError, ImportError):
@@ -105,6 +193,7 @@ class MissingExtraError(GPSZipError, ImportError):
     def __init__(self, extra: str, purpose: str) -> None:
         super().__init__(f"{purpose} needs the extra '{extra}': pip install 'gpszip[{extra}]'")
         self.extra = extra
+        self.purpose = purpose
 
     def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, str]]:
-        return type(self), (self.extra, str(self).split(" needs the extra ", 1)[0])
+        return type(self), (self.extra, self.purpose)

@@ -2,7 +2,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpszip.archive.pieces import pieces_by_track
+from gpszip.archive.pieces import pieces_by_track, plain_names
 from gpszip.model import Walk
 
 IDS = st.lists(st.text("a/01", max_size=4), unique=True, max_size=8)
@@ -39,3 +39,11 @@ def test_names_are_the_plain_ones_where_nothing_else_is_called_so():
         ["b"],
         ["a//0", "a//1", "a//2"],
     ]
+
+
+@given(IDS, st.lists(st.booleans(), min_size=8, max_size=8))
+def test_names_given_to_one_track_alone_are_those_among_all(ids, torn):
+    walks = walks_of(ids, torn)
+    for id, pieces in pieces_by_track(walks).items():
+        alone = plain_names(id, len(pieces), set(ids))
+        assert alone is None or alone == [name for name, _ in pieces]

@@ -22,14 +22,24 @@ class Run:
         return json.loads(self.out)
 
 
+def _words(arguments):
+    if not arguments:
+        return []
+    return [*str(arguments[0]).split(), *map(str, arguments[1:])]
+
+
 @pytest.fixture
 def gpszip(capfd, tmp_path, monkeypatch):
-    """Run the command line in a folder of its own, inside this process."""
+    """Run the command line in a temporary folder, inside this process.
+
+    ``gpszip("compress log.csv -o out.gpsz", "--keep", "a b")``: blanks separate the words of the
+    first argument only.
+    """
     monkeypatch.chdir(tmp_path)
 
     def call(*arguments):
         capfd.readouterr()
-        code = main([str(one) for one in arguments])
+        code = main(_words(arguments))
         out, err = capfd.readouterr()
         return Run(code, out, err)
 
@@ -38,10 +48,10 @@ def gpszip(capfd, tmp_path, monkeypatch):
 
 @pytest.fixture
 def shell(tmp_path):
-    """Run the command as a user does, in a process of its own."""
+    """Run the command as a user does, in another process; arguments as for ``gpszip``."""
 
     def call(*arguments, data=None):
-        command = [sys.executable, "-m", "gpszip", *map(str, arguments)]
+        command = [sys.executable, "-m", "gpszip", *_words(arguments)]
         return subprocess.run(
             command, input=data, capture_output=True, cwd=tmp_path, check=False, timeout=120
         )
@@ -67,7 +77,7 @@ def log(tmp_path):
 
 
 def two_walks(plane=None, timed=True):
-    """An archive of a walk with a gap and of one without, made by hand."""
+    """An archive of two walks, the first with a gap."""
     first = GridWalk(
         np.array([0, 1, 2, 0, 1], np.int32),
         np.array([0, 10, 20, 90, 100]),

@@ -8,7 +8,7 @@ import gpszip as package
 from gpszip.sketches.pieces import polyline
 
 
-def test_a_coreset_is_written_and_prices_the_log(gpszip, log):
+def test_a_coreset_bounds_the_cost_of_a_function(gpszip, log):
     done = gpszip("coreset", log, "-o", "c.parquet", "--size", "20", "--k", "3", "--json")
     assert done.code == 0, done.err
     assert done.json["samples"] == 200
@@ -26,7 +26,7 @@ def test_a_coreset_is_written_and_prices_the_log(gpszip, log):
     assert small.cost(f).lower <= ((at - track.positions) ** 2).sum() <= small.cost(f).upper
 
 
-def test_the_summary_says_what_is_promised(gpszip, log):
+def test_the_summary_states_the_bounds(gpszip, log):
     done = gpszip("coreset", log, "-o", "c.parquet", "--k", "2", "--eps", "0.5")
     assert done.code == 0, done.err
     assert "c.parquet: 200 samples in" in done.err
@@ -37,11 +37,11 @@ def test_the_summary_says_what_is_promised(gpszip, log):
     rows = log.read_text().splitlines()
     log.write_text("\n".join(rows[:50] + rows[60:]))
     done = gpszip("coreset", log, "-o", "c.parquet", "--k", "2", "--eps", "0.5", "--force")
-    assert "where it breaks in a block of uneven times (1 of" in done.err
+    assert "for a break in a block of uneven times (1 of" in done.err
 
 
 @pytest.mark.parametrize(("k", "eps"), [("2", "0.5"), ("20", "0.5"), ("90", "0.1")])
-def test_the_relative_error_asked_for_is_the_one_that_was_built(gpszip, log, k, eps):
+def test_the_relative_error_is_within_the_one_asked_for(gpszip, log, k, eps):
     done = gpszip("coreset", log, "-o", "c.parquet", "--k", k, "--eps", eps, "--json")
     assert done.code == 0, done.err
     assert done.json["eps_asked"] == float(eps)
@@ -49,10 +49,10 @@ def test_the_relative_error_asked_for_is_the_one_that_was_built(gpszip, log, k, 
     assert package.open_coreset("c.parquet").eps(int(k)) == done.json["eps"]
 
 
-def test_a_size_is_told_with_what_it_promises(gpszip, log):
+def test_the_summary_of_a_small_coreset_states_no_bound(gpszip, log):
     done = gpszip("coreset", log, "-o", "c.parquet", "--size", "3", "--k", "20")
     assert done.code == 0, done.err
-    assert "too few blocks to promise its price beforehand" in done.err
+    assert "too few blocks for a bound on the error of its cost" in done.err
 
 
 def test_points_are_rows_of_the_log_with_weights(gpszip, log):
@@ -101,18 +101,7 @@ def test_standard_input_is_read_as_a_file_is(shell, log, tmp_path):
     done = shell("coreset", "-", "-o", "piped.parquet", "--size", "9", data=log.read_bytes())
     assert done.returncode == 0, done.stderr
     assert (
-        shell(
-            "coreset",
-            log,
-            "-o",
-            "named.parquet",
-            "--size",
-            "9",
-            "--engine",
-            "threads",
-            "--workers",
-            "3",
-        ).returncode
+        shell(f"coreset {log} -o named.parquet --size 9 --engine threads --workers 3").returncode
         == 0
     )
     assert (tmp_path / "piped.parquet").read_bytes() == (tmp_path / "named.parquet").read_bytes()
@@ -129,26 +118,14 @@ def test_tracks_are_split_where_time_goes_back(gpszip, tmp_path):
     assert package.open_coreset("c.parquet").tracks == ("0", "0-2", "0-3")
 
 
-def test_a_whole_process_does_it(shell, log):
+def test_a_coreset_is_made_in_its_own_process(shell, log):
     done = shell("coreset", log, "-o", "c.parquet", "--size", "9")
     assert done.returncode == 0, done.stderr
     assert b"200 samples in 9 blocks" in done.stderr
 
 
 def test_compress_learns_from_a_coreset(gpszip, log):
-    done = gpszip(
-        "compress",
-        log,
-        "-o",
-        "walk.gpsz",
-        "--rmse",
-        "1m",
-        "--coreset",
-        "12",
-        "--effort",
-        "1",
-        "--json",
-    )
+    done = gpszip(f"compress {log} -o walk.gpsz --rmse 1m --coreset 12 --effort 1 --json")
     assert done.code == 0, done.err
     assert done.json["points"] == 200
     assert done.json["rmse"] <= 1

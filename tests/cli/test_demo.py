@@ -23,7 +23,7 @@ def test_demo_holds_its_bound_and_repeats_itself(gpszip):
     assert Path("one/patrol.gpsz").read_bytes() == Path("two/patrol.gpsz").read_bytes()
 
 
-def test_demo_replaces_nothing_unless_told(gpszip):
+def test_demo_replaces_files_only_with_force(gpszip):
     Path("show").mkdir()
     Path("show/patrol.csv").write_text("precious")
     done = gpszip("demo", "--points", "500", "--out", "show")

@@ -29,18 +29,7 @@ def test_every_engine_writes_the_same_bytes(gpszip, log, scheduler):
         ["--engine", "processes", "--workers", "2"],
         ["--scheduler", scheduler],
     ):
-        done = gpszip(
-            "compress",
-            log,
-            "-o",
-            "walk.gpsz",
-            "--rmse",
-            "50cm",
-            "--effort",
-            "3",
-            "--force",
-            *engine,
-        )
+        done = gpszip(f"compress {log} -o walk.gpsz --rmse 50cm --effort 1 --force", *engine)
         assert done.code == 0, done.err
         written.append(Path("walk.gpsz").read_bytes())
     assert len(set(written)) == 1
@@ -55,8 +44,8 @@ def test_a_cluster_has_its_own_workers(gpszip, log):
 
 
 @pytest.mark.filterwarnings("default")
-def test_a_scheduler_that_is_not_there_is_named(gpszip, log, monkeypatch):
-    monkeypatch.setattr("gpszip.run.dask._PATIENCE", 1)
+def test_a_scheduler_that_does_not_answer_is_named(gpszip, log, monkeypatch):
+    monkeypatch.setattr("gpszip.run.dask._CONNECT_TIMEOUT", 1)
     done = gpszip("compress", log, "-o", "walk.gpsz", "--scheduler", "tcp://127.0.0.1:9")
     assert done.code == 1
     assert "tcp://127.0.0.1:9" in done.err

@@ -1,4 +1,4 @@
-"""Maps kept elsewhere, and archives that grow, as a user meets them."""
+"""compress --map, --update-map and --append."""
 
 import numpy as np
 import pytest
@@ -23,26 +23,19 @@ def logs(tmp_path_factory):
 
 def rmse(archive, log):
     (track,) = package.read(log)
-    off = archive.position("0", track.times) - track.positions
+    off = archive.position("0", track.times, metres=True) - track.positions
     return np.sqrt((off**2).sum(axis=1).mean())
 
 
 def test_compress_on_a_map_and_decompress_with_it(gpszip, logs, tmp_path):
-    assert gpszip("compress", logs[0], "-o", "map.gpsz", "--rmse", "0.4").code == 0
-    done = gpszip("compress", logs[1], "-o", "on/later.gpsz", "--rmse", "0.4", "--map", "map.gpsz")
+    assert gpszip("compress", logs[0], "-o", "map.gpsz", "--rmse", "0.4", "--effort", "1").code == 0
+    done = gpszip(f"compress {logs[1]} -o on/later.gpsz --rmse 0.4 --effort 1 --map map.gpsz")
     assert done.code == 1
     (tmp_path / "on").mkdir()
     done = gpszip(
-        "compress",
-        logs[1],
-        "-o",
-        "on/later.gpsz",
-        "--rmse",
-        "0.4",
-        "--map",
-        "map.gpsz",
+        f"compress {logs[1]} -o on/later.gpsz --rmse 0.4 --effort 1 --map map.gpsz",
         "--update-map",
-        "renewed.gpsz",
+        "updated.gpsz",
         "--json",
     )
     assert done.code == 0, done.err
@@ -51,7 +44,7 @@ def test_compress_on_a_map_and_decompress_with_it(gpszip, logs, tmp_path):
     assert done.code == 5
     assert "kept elsewhere; give it with --map" in done.err
     assert (
-        gpszip("decompress", "on/later.gpsz", "-o", "later.csv", "--map", "renewed.gpsz").code == 5
+        gpszip("decompress", "on/later.gpsz", "-o", "later.csv", "--map", "updated.gpsz").code == 5
     )
     assert not (tmp_path / "later.csv").exists()
     assert (
@@ -66,25 +59,14 @@ def test_compress_on_a_map_and_decompress_with_it(gpszip, logs, tmp_path):
     assert gpszip("map", "on/later.gpsz", "-o", "later.geojson", "--map", "map.gpsz").code == 0
     archive = package.open("on/later.gpsz", map="map.gpsz")
     assert rmse(archive, logs[1]) <= 0.4
-    renewed = package.open("renewed.gpsz")
-    assert rmse(renewed, logs[0]) <= 0.4
-    assert rmse(renewed, logs[1]) <= 0.4
+    updated = package.open("updated.gpsz")
+    assert rmse(updated, logs[0]) <= 0.4
+    assert rmse(updated, logs[1]) <= 0.4
 
 
 def test_the_map_in_the_same_folder_is_found(gpszip, logs):
     gpszip("compress", logs[0], "-o", "map.gpsz", "--rmse", "0.4", "--effort", "1")
-    gpszip(
-        "compress",
-        logs[1],
-        "-o",
-        "later.gpsz",
-        "--rmse",
-        "0.4",
-        "--map",
-        "map.gpsz",
-        "--effort",
-        "1",
-    )
+    gpszip(f"compress {logs[1]} -o later.gpsz --rmse 0.4 --map map.gpsz --effort 1")
     assert gpszip("decompress", "later.gpsz", "-o", "-").out.startswith("track_id,t,x,y")
     shown = gpszip("info", "later.gpsz").out
     assert "kept elsewhere" in shown
@@ -92,18 +74,7 @@ def test_the_map_in_the_same_folder_is_found(gpszip, logs):
 
 
 def test_appending_hour_by_hour(gpszip, logs):
-    first = gpszip(
-        "compress",
-        logs[0],
-        "-o",
-        "robot.gpsz",
-        "--rmse",
-        "0.4",
-        "--append",
-        "--effort",
-        "1",
-        "--json",
-    )
+    first = gpszip(f"compress {logs[0]} -o robot.gpsz --rmse 0.4 --append --effort 1 --json")
     assert first.code == 0, first.err
     done = gpszip("compress", logs[1], "-o", "robot.gpsz", "--append", "--effort", "1", "--json")
     assert done.code == 0, done.err
@@ -112,7 +83,7 @@ def test_appending_hour_by_hour(gpszip, logs):
     assert archive.ids == ("0",)
     assert rmse(archive, logs[0]) <= 0.4
     assert rmse(archive, logs[1]) <= 0.4
-    # the same log again overlaps in time, and the archive stays what it was
+    # The same log again overlaps in time, and the archive stays as it was.
     before = archive.to_bytes()
     again = gpszip("compress", logs[1], "-o", "robot.gpsz", "--append", "--effort", "1")
     assert again.code == 2
@@ -120,21 +91,10 @@ def test_appending_hour_by_hour(gpszip, logs):
     assert package.open("robot.gpsz").to_bytes() == before
 
 
-def test_a_map_is_not_renewed_with_a_log_that_it_holds_already(gpszip, logs, tmp_path):
+def test_a_map_is_not_updated_with_a_log_that_it_holds_already(gpszip, logs, tmp_path):
     gpszip("compress", logs[0], "-o", "map.gpsz", "--rmse", "0.4", "--effort", "1")
     done = gpszip(
-        "compress",
-        logs[0],
-        "-o",
-        "on.gpsz",
-        "--rmse",
-        "0.4",
-        "--effort",
-        "1",
-        "--map",
-        "map.gpsz",
-        "--update-map",
-        "new.gpsz",
+        f"compress {logs[0]} -o on.gpsz --rmse 0.4 --effort 1 --map map.gpsz --update-map new.gpsz"
     )
     assert done.code == 2
     assert "track '0' overlaps in time" in done.err

@@ -1,4 +1,4 @@
-"""What compress can do of logs larger than the memory given, as it is asked for on the command line."""
+"""compress with --memory, on logs larger than that."""
 
 import csv
 import os
@@ -13,42 +13,41 @@ import pyarrow.parquet as pq
 import pytest
 
 import gpszip as package
-from gpszip.pipeline import compress_large as large
+from batches import force_batches
 from gpszip.testing.patrol import patrol
 
 N = 6000
 
 
 @pytest.fixture(autouse=True)
-def little_memory(monkeypatch):
-    """Batches so small that little logs have several, and memory in which these don't fit."""
-    monkeypatch.setattr(large, "_BATCH", 1500)
-    monkeypatch.setattr(large, "_EXCERPT", 3000)
-    monkeypatch.setattr(large, "_IN_MEMORY", 1 << 20)
+def small_batches(monkeypatch):
+    """Make batches so small that small logs have several, and don't fit in memory."""
+    force_batches(monkeypatch, batch=1500, subsample=3000)
 
 
 @pytest.fixture
 def log(tmp_path):
-    """Two robots whose rows are interleaved and spread over files, with further columns."""
-    room = tmp_path / "logs"
-    room.mkdir()
+    """Two robots whose rows are interleaved and spread over files, with columns to keep."""
+    folder = tmp_path / "logs"
+    folder.mkdir()
     rng = np.random.default_rng(3)
     tables = []
-    for one in (patrol(N - 2000, seed=5, id="one"), patrol(2000, seed=5, id="two")):
-        n = len(one.times)
-        tables.append(
-            pa.table(
-                {
-                    "track_id": [one.id] * n, "t": one.times, "x": one.positions[:, 0], "y": one.positions[:, 1],
-                    "speed": np.where(rng.random(n) < 0.1, np.nan, rng.normal(1, 0.3, n).round(2)), "gear": rng.integers(1, 6, n),
-                    "note": rng.choice(["", "stop", "wall, near"], n),
-                }
-            )
-        )  # fmt: skip
+    for track in (patrol(N - 2000, seed=5, id="one"), patrol(2000, seed=5, id="two")):
+        n = len(track.times)
+        columns = {
+            "track_id": [track.id] * n,
+            "t": track.times,
+            "x": track.positions[:, 0],
+            "y": track.positions[:, 1],
+            "speed": np.where(rng.random(n) < 0.1, np.nan, rng.normal(1, 0.3, n).round(2)),
+            "gear": rng.integers(1, 6, n),
+            "note": rng.choice(["", "stop", "wall, near"], n),
+        }
+        tables.append(pa.table(columns))
     rows = pa.concat_tables(tables).sort_by("t")
     for number, first in enumerate(range(0, N, N // 3)):
-        pq.write_table(rows.slice(first, N // 3), room / f"{9 - number}.parquet")
-    return room
+        pq.write_table(rows.slice(first, N // 3), folder / f"{9 - number}.parquet")
+    return folder
 
 
 def rows_of(path):
@@ -61,7 +60,7 @@ def batches(*arguments):
 
 
 @pytest.mark.parametrize("keep", ["speed,gear,note", "note", None])
-def test_columns_and_times_come_back_as_from_a_log_in_memory(gpszip, log, keep):
+def test_columns_and_times_are_kept_as_from_a_log_in_memory(gpszip, log, keep):
     choice = ("--keep-times",) if keep is None else ("--keep", keep)
     assert gpszip("compress", log, "-o", "large.gpsz", *batches(*choice)).code == 0
     assert (
@@ -79,14 +78,14 @@ def test_columns_and_times_come_back_as_from_a_log_in_memory(gpszip, log, keep):
     assert gpszip("verify", "large.gpsz").code == 0
 
 
-def test_a_column_that_is_not_there_or_has_a_name_of_ours_is_refused(gpszip, log):
+def test_a_missing_column_and_a_reserved_name_are_refused(gpszip, log):
     for keep, says in (("fuel", "fuel"), ("x", "can't be kept besides")):
         done = gpszip("compress", log, "-o", "a.gpsz", *batches("--keep", keep))
         assert done.code in (1, 2)
         assert says in done.err
 
 
-def test_without_times_the_shape_is_left(gpszip, log):
+def test_without_times_the_shape_is_kept(gpszip, log):
     done = gpszip("compress", log, "-o", "a.gpsz", *batches("--no-times"))
     assert done.code == 0, done.err
     assert "times were left out" in done.err
@@ -105,7 +104,7 @@ def test_the_bz2_layer_and_a_coreset_go_with_batches(gpszip, log):
 
 
 def halves(log):
-    """The log in two folders, one of them with all that comes before a time."""
+    """The log in two folders, split at the median time."""
     rows = pa.concat_tables([pq.read_table(path) for path in log.glob("*.parquet")]).sort_by("t")
     middle = float(np.median(rows["t"].to_numpy()))
     early = rows["t"].to_numpy() < middle
@@ -115,9 +114,9 @@ def halves(log):
     return log.parent / "early", log.parent / "late"
 
 
-def off(archive, log):
+def rmse_of(archive, log):
     errors = [
-        np.linalg.norm(archive.position(one.id, one.times) - one.positions, axis=1)
+        np.linalg.norm(archive.position(one.id, one.times, metres=True) - one.positions, axis=1)
         for one in package.read(str(log))
     ]
     return float(np.sqrt((np.concatenate(errors) ** 2).mean()))
@@ -129,15 +128,7 @@ def test_logs_are_appended_in_batches(gpszip, log, keep):
     for first in ((), ("--memory", "420MiB")):
         assert (
             gpszip(
-                "compress",
-                early,
-                "-o",
-                "a.gpsz",
-                "--rmse",
-                "0.4m",
-                "--effort",
-                "1",
-                "--append",
+                f"compress {early} -o a.gpsz --rmse 0.4m --effort 1 --append",
                 *keep,
                 *first,
                 "--force",
@@ -145,23 +136,13 @@ def test_logs_are_appended_in_batches(gpszip, log, keep):
             == 0
         )
         done = gpszip(
-            "compress",
-            late,
-            "-o",
-            "a.gpsz",
-            "--effort",
-            "1",
-            "--append",
-            "--memory",
-            "420MiB",
-            *keep,
-            "--json",
+            f"compress {late} -o a.gpsz --effort 1 --append --memory 420MiB", *keep, "--json"
         )
         assert done.code == 0, done.err
         archive = package.open("a.gpsz")
         assert done.json["rmse"] <= 0.4
-        assert off(archive, early) <= 0.4
-        assert off(archive, late) == pytest.approx(done.json["rmse"], rel=1e-6)
+        assert rmse_of(archive, early) <= 0.4
+        assert rmse_of(archive, late) == pytest.approx(done.json["rmse"], rel=1e-6)
         assert archive.error_bound.metres == 0.4
         if keep:
             for track in package.read(str(log), keep=["note", "gear", "speed"], sort=True):
@@ -171,7 +152,7 @@ def test_logs_are_appended_in_batches(gpszip, log, keep):
         (log.parent / "a.gpsz").unlink()
 
 
-def test_what_is_appended_goes_on_where_the_archive_ends(gpszip, log):
+def test_appended_tracks_continue_those_of_the_archive(gpszip, log):
     early, late = halves(log)
     assert gpszip("compress", early, "-o", "a.gpsz", "--rmse", "0.4m", "--effort", "1").code == 0
     assert (
@@ -190,47 +171,40 @@ def test_what_is_appended_goes_on_where_the_archive_ends(gpszip, log):
     assert (log.parent / "a.gpsz").read_bytes() == before
 
 
-def test_batches_are_laid_on_a_known_map_which_may_be_renewed(gpszip, log):
+def test_batches_are_encoded_on_a_known_map_which_is_updated(gpszip, log):
     early, late = halves(log)
     assert gpszip("compress", early, "-o", "map.gpsz", "--rmse", "0.4m", "--effort", "1").code == 0
     done = gpszip(
-        "compress",
-        late,
-        "-o",
-        "on.gpsz",
-        "--map",
-        "map.gpsz",
-        "--update-map",
-        "new.gpsz",
+        f"compress {late} -o on.gpsz --map map.gpsz --update-map new.gpsz",
         *batches("--json", "--keep", "gear"),
     )
     assert done.code == 0, done.err
     archive = package.open("on.gpsz")
     assert archive.contents.map is not None
-    assert off(archive, late) == pytest.approx(done.json["rmse"], rel=1e-6)
+    assert rmse_of(archive, late) == pytest.approx(done.json["rmse"], rel=1e-6)
     assert archive.kept_columns == ("gear",)
     alone = gpszip("compress", late, "-o", "alone.gpsz", *batches("--json", "--keep", "gear"))
     assert done.json["bytes_out"] < alone.json["bytes_out"]
-    assert off(package.open("new.gpsz"), late) <= 0.4
+    assert rmse_of(package.open("new.gpsz"), late) <= 0.4
 
 
-def test_a_map_too_coarse_for_the_bound_is_left_aside(gpszip, log):
+def test_a_map_too_coarse_for_the_bound_is_not_used(gpszip, log):
     assert gpszip("compress", log, "-o", "map.gpsz", "--rmse", "20m", "--effort", "1").code == 0
     done = gpszip("compress", log, "-o", "on.gpsz", "--map", "map.gpsz", *batches())
     assert done.code == 0, done.err
-    assert "the map's lattice is too coarse for the bound" in done.err
-    assert off(package.open("on.gpsz"), log) <= 0.4
+    assert "the map's grid is too coarse for the bound" in done.err
+    assert rmse_of(package.open("on.gpsz"), log) <= 0.4
 
 
 @pytest.mark.parametrize("choice", [("--no-times",), ("--layer", "bz2")])
-def test_what_does_not_go_with_a_map_is_refused(gpszip, log, choice):
+def test_options_that_contradict_a_map_are_refused(gpszip, log, choice):
     assert gpszip("compress", log, "-o", "map.gpsz", "--rmse", "0.4m", "--effort", "1").code == 0
     done = gpszip("compress", log, "-o", "on.gpsz", "--map", "map.gpsz", *batches(*choice))
     assert done.code == 2
     assert "don't go with a map" in done.err
 
 
-def test_a_log_elsewhere_on_the_earth_than_the_map(gpszip, log, tmp_path):
+def test_a_log_far_from_the_map(gpszip, log, tmp_path):
     assert gpszip("compress", log, "-o", "map.gpsz", "--rmse", "0.4m", "--effort", "1").code == 0
     rows = "".join(f"{t},{48 + t / 1e5},{11 + t / 1e5}\n" for t in range(900))
     (tmp_path / "earth.csv").write_text("t,lat,lon\n" + rows)
@@ -242,29 +216,32 @@ def test_a_log_elsewhere_on_the_earth_than_the_map(gpszip, log, tmp_path):
 
 
 def test_a_size_with_columns_kept(gpszip, log):
+    early, _ = halves(log)
     how = ("--effort", "1", "--memory", "420MiB", "--keep", "gear")
-    done = gpszip("compress", log, "-o", "a.gpsz", *how, "--bytes", "5kB")
+    done = gpszip("compress", early, "-o", "a.gpsz", *how, "--bytes", "1kB")
     assert done.code == 6
     kept = int(done.err.split("alone take ")[1].split(";")[0].replace(",", ""))
-    done = gpszip("compress", log, "-o", "a.gpsz", *how, "--bytes", kept + 500, "--json")
+    done = gpszip("compress", early, "-o", "a.gpsz", *how, "--bytes", kept + 500, "--json")
     assert done.code == 0, done.err
     assert (
         kept + 440 < done.json["bytes_out"] == (log.parent / "a.gpsz").stat().st_size <= kept + 500
     )
 
 
-def test_spikes_are_dropped_and_counted(gpszip, log):
+def test_outliers_are_dropped_and_counted(gpszip, log):
     rows = pq.read_table(log / "9.parquet")
-    places = rows["x"].to_numpy().copy()
-    places[[100, 700]] += 5000
-    pq.write_table(rows.set_column(2, "x", pa.array(places)), log / "9.parquet")
+    xs = rows["x"].to_numpy().copy()
+    xs[[100, 700]] += 5000
+    pq.write_table(rows.set_column(2, "x", pa.array(xs)), log / "9.parquet")
     done = gpszip("compress", log, "-o", "a.gpsz", *batches("--clean", "--json"))
     assert done.code == 0, done.err
-    assert sum(one["count"] for one in done.json["repairs"] if one["what"] == "spikes dropped") == 2
+    assert (
+        sum(one["count"] for one in done.json["repairs"] if one["what"] == "outliers dropped") == 2
+    )
     assert done.json["points"] == N - 2
 
 
-def test_segments_of_the_thesis_are_refused_with_a_way_out(gpszip, log):
+def test_segment_means_of_large_logs_are_refused(gpszip, log):
     done = gpszip("compress", log, "-o", "a.gpsz", "--k", "20", "--m", "5", "--memory", "420MiB")
     assert done.code == 2
     assert "allow more with --memory" in done.err
@@ -283,25 +260,25 @@ sys.exit(main(["compress", "-", "-o", "a.gpsz", "--memory", "420MiB"]))
 
 @pytest.mark.skipif(not hasattr(signal, "SIGHUP"), reason="signals of POSIX")
 @pytest.mark.parametrize("number", ["SIGINT", "SIGTERM", "SIGHUP"])
-def test_a_run_that_is_told_to_end_leaves_nothing_behind(tmp_path, number):
-    """Standard input stays open, so that the run waits for more of it with a temporary file at hand."""
-    room = tmp_path / "room"
-    room.mkdir()
+def test_a_run_that_gets_a_signal_leaves_no_temporary_file(tmp_path, number):
+    """Standard input stays open, so that the run waits for more of it with a temporary file."""
+    folder = tmp_path / "temporary"
+    folder.mkdir()
     run = subprocess.Popen(
         [sys.executable, "-c", COMPRESS_STDIN],
         cwd=tmp_path,
-        env={**os.environ, "TMPDIR": str(room)},
+        env={**os.environ, "TMPDIR": str(folder)},
         stdin=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
     with run:
         run.stdin.write(b"t,x,y\n" + b"0,0,0\n" * 1000)
         run.stdin.flush()
-        while not list(room.glob("gpszip-*/*")):
+        while not list(folder.glob("gpszip-*/*")):
             assert run.poll() is None
             time.sleep(0.02)
         run.send_signal(getattr(signal, number))
         assert run.wait(60) == 130
         assert b"interrupted; nothing was written" in run.stderr.read()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["room"]
-    assert not list(room.iterdir())
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["temporary"]
+    assert not list(folder.iterdir())

@@ -1,4 +1,4 @@
-"""What answers at once: help, version, info and the first mistakes need no compiler."""
+"""Help, version, info and usage errors answer without the compiler and other heavy imports."""
 
 import subprocess
 import sys
@@ -20,7 +20,7 @@ HEAVY = ("numba", "scipy", "pyarrow", "matplotlib", "rich")
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )
-def test_light_answers_import_nothing_heavy(archive, arguments, code):
+def test_fast_answers_import_nothing_heavy(archive, arguments, code):
     script = (
         "import sys\nfrom gpszip.cli.main import main\n"
         f"code = main({arguments!r})\n"
@@ -37,7 +37,10 @@ def test_light_answers_import_nothing_heavy(archive, arguments, code):
 
 
 def test_formats_needs_no_compiler(archive):
-    script = "import sys\nfrom gpszip.cli.main import main\nmain(['formats'])\nassert 'numba' not in sys.modules"
+    script = (
+        "import sys\nfrom gpszip.cli.main import main\n"
+        "main(['formats'])\nassert 'numba' not in sys.modules"
+    )
     done = subprocess.run(
         [sys.executable, "-c", script],
         capture_output=True,

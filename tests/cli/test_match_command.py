@@ -43,7 +43,7 @@ def drive(tmp_path):
     return path
 
 
-def test_lines_tell_when_where_and_how_sure(shell, drive, streets, tmp_path):
+def test_lines_have_times_roads_and_confidence(shell, drive, streets, tmp_path):
     done = shell("match", drive, "--network", streets, "-o", "routes.geojson")
     assert done.returncode == 0, done.stderr
     assert b"matched 100 % of 140 points in 2 tracks on 2 routes of 1.3" in done.stderr
@@ -70,14 +70,12 @@ def test_lines_tell_when_where_and_how_sure(shell, drive, streets, tmp_path):
     assert {(200.0, 0.0), (200.0, 300.0)} <= {tuple(one) for one in line.tolist()}
 
 
-def test_rows_tell_the_place_of_every_point(gpszip, drive, streets, tmp_path):
+def test_rows_have_the_position_of_every_point_on_its_road(gpszip, drive, streets, tmp_path):
     assert gpszip("match", drive, "--network", streets, "-o", "routes.csv").code == 0
     with open(tmp_path / "routes.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    assert list(rows[0]) == [
-        "track_id", "t", "x", "y", "road_x", "road_y", "distance", "piece", "road", "forward", "offset", "along", "confidence",
-        "reason", "against",
-    ]  # fmt: skip
+    names = "track_id t x y road_x road_y distance piece road forward offset along confidence"
+    assert list(rows[0]) == [*names.split(), "reason", "against"]
     assert len(rows) == 140
     assert rows[70]["track_id"] == "bus, red"
     off = [
@@ -90,39 +88,26 @@ def test_rows_tell_the_place_of_every_point(gpszip, drive, streets, tmp_path):
 
 def test_json_has_the_numbers(gpszip, drive, streets):
     done = gpszip(
-        "match",
-        drive,
-        "--network",
-        streets,
-        "-o",
-        "routes.geojson",
-        "--json",
-        "--sigma",
-        "5m",
-        "--beta",
-        "7m",
+        f"match {drive} --network {streets} -o routes.geojson --json --sigma 5m --beta 7m"
     )
     assert done.code == 0
-    keys = (
-        "points",
-        "tracks",
-        "pieces",
-        "matched",
-        "sigma",
-        "beta",
-        "breaks",
-        "unmatched",
-        "one_way",
-    )
-    assert {key: done.json[key] for key in keys} == {
-        "points": 140, "tracks": 2, "pieces": 2, "matched": 1.0, "sigma": 5.0, "beta": 7.0, "breaks": {},
-        "unmatched": {}, "one_way": [],
-    }  # fmt: skip
+    expected = {
+        "points": 140,
+        "tracks": 2,
+        "pieces": 2,
+        "matched": 1.0,
+        "sigma": 5.0,
+        "beta": 7.0,
+        "breaks": {},
+        "unmatched": {},
+        "one_way": [],
+    }
+    assert {key: done.json[key] for key in expected} == expected
 
 
 @pytest.fixture
 def headed(drive, tmp_path):
-    """The drive with a column that says where the vehicles face."""
+    """The drive with a column of headings."""
     rows = [
         line.split(",") for line in drive.read_text().replace("bus, red", "red").splitlines()[1:]
     ]
@@ -135,7 +120,7 @@ def headed(drive, tmp_path):
     return path
 
 
-def test_headings_are_used_and_told(gpszip, headed, streets):
+def test_headings_are_used_and_their_spread_printed(gpszip, headed, streets):
     run = ("match", headed, "--network", streets, "-o", "routes.geojson", "--force")
     assert "heading " in gpszip(*run).err
     assert 1 < gpszip(*run, "--json").json["heading"] < 20
@@ -149,15 +134,12 @@ def test_headings_are_used_and_told(gpszip, headed, streets):
     )
 
 
-def test_headings_that_tell_nothing_are_named(gpszip, headed, streets):
+def test_headings_that_are_ignored_are_named(gpszip, headed, streets):
     run = ("match", headed, "--network", streets, "-o", "routes.geojson", "--columns", "heading=y")
     assert "no position" in gpszip(*run).err
     headed.write_text(headed.read_text().replace(",90\n", ",0\n"))
     done = gpszip(*run[:-2])
-    assert (
-        "headings of 2 tracks left out, as they don't show that they follow the roads travelled"
-        in done.err
-    )
+    assert "headings of 2 tracks ignored, as they don't follow the roads travelled" in done.err
 
 
 def test_standard_output_carries_the_routes(shell, drive, streets):
@@ -227,7 +209,7 @@ def test_a_network_elsewhere_is_refused(gpszip, drive, tmp_path):
     assert not (tmp_path / "routes.geojson").exists()
 
 
-def test_an_output_is_not_replaced_unasked(gpszip, drive, streets, tmp_path):
+def test_an_output_is_replaced_only_with_force(gpszip, drive, streets, tmp_path):
     (tmp_path / "routes.geojson").write_text("mine")
     assert gpszip("match", drive, "--network", streets, "-o", "routes.geojson").code == 1
     assert (tmp_path / "routes.geojson").read_text() == "mine"
@@ -260,7 +242,7 @@ def test_degrees_come_back_as_degrees(gpszip, tmp_path):
     )
 
 
-def test_travel_against_a_road_is_named_everywhere(gpszip, tmp_path):
+def test_roads_travelled_the_wrong_way_are_named_in_all_outputs(gpszip, tmp_path):
     line = {"type": "LineString", "coordinates": [[11.0, 48.0], [11.01, 48.0]]}
     feature = {
         "type": "Feature",

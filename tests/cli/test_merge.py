@@ -24,7 +24,7 @@ def two(tmp_path):
     return "am.gpsz", "pm.gpsz"
 
 
-def test_archives_become_one_and_one_line_tells_of_it(gpszip, two, tmp_path):
+def test_archives_are_merged_and_one_line_describes_it(gpszip, two, tmp_path):
     run = gpszip("merge", *two, "-o", "city.gpsz")
     assert run.code == 0, run.err
     assert run.out == ""
@@ -46,7 +46,7 @@ def test_facts_as_json(gpszip, two):
     assert facts["bytes_out"] < facts["bytes_in"]
 
 
-def test_promises_add_up(gpszip, tmp_path, log):
+def test_error_bounds_add_up(gpszip, tmp_path, log):
     other = tmp_path / "other.csv"
     other.write_text(log.read_text())
     for name in ("walk", "other"):
@@ -76,7 +76,7 @@ def test_tracks_of_one_name_are_refused_by_name(gpszip, tmp_path):
     assert open_archive(tmp_path / "city.gpsz").ids == ("bus",)
 
 
-def test_archives_of_one_file_name_are_told_apart_by_their_folders(gpszip, tmp_path):
+def test_archives_of_one_file_name_are_named_by_their_paths(gpszip, tmp_path):
     for folder in ("am", "pm"):
         (tmp_path / folder).mkdir()
         save(tmp_path / folder / "bus.gpsz", ["0"])

@@ -1,4 +1,4 @@
-"""A new user's mistakes: each ends with one line that says what, where, and how to mend it."""
+"""Mistakes of a new user: each ends with one line that says what, where and how to fix it."""
 
 import json
 import os
@@ -10,7 +10,7 @@ import pytest
 
 
 def mistake(run, code, *words):
-    """Check that a run failed with this code and one line that holds these words, and no traceback."""
+    """Check that a run failed with this code and one line that has these words."""
     assert run.code == code, run.err
     assert run.out == ""
     lines = run.err.strip().splitlines()
@@ -33,19 +33,23 @@ LOGS = {
     "text in a column": ("t,x,y\n0,zero,0\n1,one,1\n", "x"),
     "time goes back": ("t,x,y\n5,0,0\n1,1,1\n", "row 3: time goes back 4 s", "--sort", "--split"),
     "latitude of 480": ("t,lat,lon\n0,480,11\n1,481,12\n", "lat"),
-    "numbers beyond all places": (
+    "numbers too large for positions": (
         "t,x,y\n0,1e300,0\n1,1,1\n",
         "track '0': sample 0",
         "1e+300",
         "too far",
     ),
-    "times beyond all days": ("t,x,y\n0,1,0\n1e200,1,1\n", "track '0': sample 1", "a time of"),
+    "numbers too large for times": (
+        "t,x,y\n0,1,0\n1e200,1,1\n",
+        "track '0': sample 1",
+        "a time of",
+    ),
     "prose": ("Dear diary, today I went for a walk.\n", "needed: t"),
 }
 
 
 @pytest.mark.parametrize("name", LOGS)
-def test_logs_that_are_none(gpszip, tmp_path, name):
+def test_files_that_are_no_logs(gpszip, tmp_path, name):
     text, *words = LOGS[name]
     (tmp_path / "log.csv").write_text(text)
     done = gpszip("compress", "log.csv", "-o", "log.gpsz", "--rmse", "5m")
@@ -157,7 +161,7 @@ def test_output_that_is_no_file(gpszip, log, archive):
     assert Path("/dev/null").is_char_device()
 
 
-def test_link_stays_one(gpszip, archive):
+def test_a_link_stays_a_link(gpszip, archive):
     Path("to.csv").symlink_to("real.csv")
     assert gpszip("decompress", archive, "-o", "to.csv").code == 0
     assert Path("to.csv").is_symlink()
@@ -186,7 +190,7 @@ def test_full_disk(archive, command):
 
 
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs pipes that break")
-def test_reader_that_leaves_early(archive):
+def test_a_reader_that_closes_the_pipe(archive):
     script = "from gpszip.cli.main import run; run()"
     command = [
         sys.executable,
@@ -267,7 +271,7 @@ def test_traceback_only_when_asked_for(gpszip):
 
 
 @pytest.mark.skipif(not hasattr(os, "openpty"), reason="needs a terminal")
-def test_an_archive_is_not_poured_on_a_terminal(log):
+def test_an_archive_is_not_written_to_a_terminal(log):
     master, slave = os.openpty()
     script = "from gpszip.cli.main import run; run()"
     done = subprocess.run(

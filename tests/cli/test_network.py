@@ -22,11 +22,11 @@ def roads(tmp_path):
     return path
 
 
-def test_prepares_a_network_and_says_what_it_mended(gpszip, roads, tmp_path):
+def test_a_network_is_prepared_and_repairs_are_printed(gpszip, roads, tmp_path):
     run = gpszip("network", roads, "-o", "ready.gpsz", "--metres")
     assert (run.code, run.out) == (0, "")
     assert "1 road without a length dropped" in run.err
-    assert "1 road united with another one of the same shape" in run.err
+    assert "1 road merged with another one of the same shape" in run.err
     assert "ready.gpsz: 2 roads between 3 nodes, 70 m" in run.err
     assert read_network(tmp_path / "ready.gpsz").lengths.tolist() == [40, 30]
 
@@ -64,7 +64,7 @@ def test_the_map_of_an_archive_is_a_network(gpszip, log, tmp_path):
     assert np.isfinite(network.speeds).all()
 
 
-def test_directions_can_be_decided(gpszip, roads, tmp_path):
+def test_the_direction_of_lines_can_be_chosen(gpszip, roads, tmp_path):
     for option, both in (("--directed", [True, False]), ("--undirected", [True, True])):
         assert gpszip("network", roads, "-o", "ready.gpsz", "--metres", option, "--force").code == 0
         assert read_network(tmp_path / "ready.gpsz").backward.tolist() == both

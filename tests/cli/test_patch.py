@@ -23,11 +23,11 @@ def roads(tmp_path):
 
 
 @pytest.fixture
-def torn(tmp_path):
-    """East, then north at 5 m/s, without the corner and with a column of its own."""
+def log_with_gap(tmp_path):
+    """East, then north at 5 m/s, without the corner; with a column of the user."""
     times = np.r_[0:40, 80:110]
     x, y = np.minimum(5.0 * times, 300.0), np.maximum(5.0 * times - 300.0, 0.0)
-    path = tmp_path / "torn.csv"
+    path = tmp_path / "log_with_gap.csv"
     path.write_text(
         "t,x,y,fuel\n"
         + "".join(f"{t},{a:.1f},{b:.1f},{t % 7}\n" for t, a, b in zip(times, x, y, strict=True))
@@ -39,13 +39,13 @@ def rows_of(text):
     return list(csv.DictReader(io.StringIO(text)))
 
 
-def test_fills_the_corner_and_keeps_every_row(gpszip, torn, roads, tmp_path):
-    run = gpszip("patch", torn, "--network", roads, "-o", "out.csv", "--gap", "20s")
+def test_fills_the_corner_and_keeps_every_row(gpszip, log_with_gap, roads, tmp_path):
+    run = gpszip("patch", log_with_gap, "--network", roads, "-o", "out.csv", "--gap", "20s")
     assert (run.code, run.out) == (0, "")
     assert "40 points added in 1 of 1 gaps" in run.err
     text = (tmp_path / "out.csv").read_text()
     own = [line.removesuffix(",log,1") for line in text.splitlines()[1:] if line.endswith(",log,1")]
-    assert own == torn.read_text().splitlines()[1:]
+    assert own == log_with_gap.read_text().splitlines()[1:]
     added = [row for row in rows_of(text) if row["source"] == "patched"]
     assert [float(row["t"]) for row in added] == list(range(40, 80))
     assert max(min(300 - float(row["x"]), float(row["y"])) for row in added) < 0.1
@@ -53,9 +53,9 @@ def test_fills_the_corner_and_keeps_every_row(gpszip, torn, roads, tmp_path):
     assert [row["fuel"] for row in added] == [""] * 40
 
 
-def test_rows_that_are_no_samples_are_kept_and_said_to_be(gpszip, torn, roads, tmp_path):
-    torn.write_text(torn.read_text() + "200,,,1\n,5,5,2\n109,9,9,3\n")
-    run = gpszip("patch", torn, "--network", roads, "-o", "out.csv", "--gap", "20s")
+def test_rows_that_are_no_samples_are_kept_and_counted(gpszip, log_with_gap, roads, tmp_path):
+    log_with_gap.write_text(log_with_gap.read_text() + "200,,,1\n,5,5,2\n109,9,9,3\n")
+    run = gpszip("patch", log_with_gap, "--network", roads, "-o", "out.csv", "--gap", "20s")
     assert "dropped" not in run.err
     for what in (
         "1 row without a position",
@@ -68,21 +68,23 @@ def test_rows_that_are_no_samples_are_kept_and_said_to_be(gpszip, torn, roads, t
         ",5,5,2,log,1",
         "109,9,9,3,log,1",
     ]
-    run = gpszip("patch", torn, "--network", roads, "-o", "out.geojson", "--gap", "20s", "--json")
+    run = gpszip(
+        "patch", log_with_gap, "--network", roads, "-o", "out.geojson", "--gap", "20s", "--json"
+    )
     assert [one["what"] for one in run.json["repairs"] if one["drops"]] != []
 
 
-def test_standard_output_and_json(gpszip, torn, roads):
-    run = gpszip("patch", torn, "--network", roads, "-o", "-", "--gap", "20s", "--json")
+def test_standard_output_and_json(gpszip, log_with_gap, roads):
+    run = gpszip("patch", log_with_gap, "--network", roads, "-o", "-", "--gap", "20s", "--json")
     assert run.code == 0
     assert len(rows_of(run.out)) == 110
     facts = json.loads(run.err)
     assert (facts["gaps"], facts["filled"], facts["added"], facts["open"]) == (1, 1, 40, [])
 
 
-def test_gaps_left_open_are_named(gpszip, torn, roads, tmp_path):
+def test_gaps_left_open_are_named(gpszip, log_with_gap, roads, tmp_path):
     far = tmp_path / "far.csv"
-    rows = torn.read_text().splitlines(keepends=True)
+    rows = log_with_gap.read_text().splitlines(keepends=True)
     far.write_text("".join(rows[:41]) + "".join(rows[41:]).replace(",300.0,", ",99300.0,"))
     run = gpszip("patch", far, "--network", roads, "-o", "out.csv", "--gap", "20s")
     assert run.code == 0
@@ -90,31 +92,31 @@ def test_gaps_left_open_are_named(gpszip, torn, roads, tmp_path):
     assert all(row["source"] == "log" for row in rows_of((tmp_path / "out.csv").read_text()))
 
 
-def test_a_log_without_gaps_is_said_to_have_none(gpszip, torn, roads):
-    run = gpszip("patch", torn, "--network", roads, "-o", "out.csv", "--gap", "1h")
+def test_a_log_without_gaps_gets_no_points(gpszip, log_with_gap, roads):
+    run = gpszip("patch", log_with_gap, "--network", roads, "-o", "out.csv", "--gap", "1h")
     assert "no gaps longer than 60 min, no points added" in run.err
-    short = "".join(torn.read_text().splitlines(keepends=True)[:30])
-    torn.write_text(short)
+    short = "".join(log_with_gap.read_text().splitlines(keepends=True)[:30])
+    log_with_gap.write_text(short)
     assert (
         "no gaps, no points added"
-        in gpszip("patch", torn, "--network", roads, "-o", "short.csv").err
+        in gpszip("patch", log_with_gap, "--network", roads, "-o", "short.csv").err
     )
 
 
-def test_other_formats_come_out_as_tracks(gpszip, torn, roads, tmp_path):
-    run = gpszip("patch", torn, "--network", roads, "-o", "out.parquet", "--gap", "20s")
+def test_other_formats_come_out_as_tracks(gpszip, log_with_gap, roads, tmp_path):
+    run = gpszip("patch", log_with_gap, "--network", roads, "-o", "out.parquet", "--gap", "20s")
     assert run.code == 0
     assert gpszip("patch", "out.parquet", "--network", roads, "-o", "again.csv").code == 0
     assert len(rows_of((tmp_path / "again.csv").read_text())) == 110
 
 
-def test_mistakes(gpszip, torn, roads, tmp_path):
-    assert gpszip("patch", torn, "-o", "out.csv").code == 2
+def test_mistakes(gpszip, log_with_gap, roads, tmp_path):
+    assert gpszip("patch", log_with_gap, "-o", "out.csv").code == 2
     elsewhere = tmp_path / "elsewhere.geojson"
     elsewhere.write_text(roads.read_text().replace("300", "90300").replace("[0, ", "[90000, "))
-    run = gpszip("patch", torn, "--network", elsewhere, "-o", "out.csv")
+    run = gpszip("patch", log_with_gap, "--network", elsewhere, "-o", "out.csv")
     assert run.code == 1
     assert "lies elsewhere than the log" in run.err
     assert not (tmp_path / "out.csv").exists()
     (tmp_path / "out.csv").write_text("mine")
-    assert "add --force" in gpszip("patch", torn, "--network", roads, "-o", "out.csv").err
+    assert "add --force" in gpszip("patch", log_with_gap, "--network", roads, "-o", "out.csv").err

@@ -1,4 +1,4 @@
-"""decompress, map, info, verify and recover on archives made by hand."""
+"""decompress, map, info, verify and recover, on small archives."""
 
 import csv
 import io
@@ -40,7 +40,7 @@ def test_decompress_to_standard_output_is_data_only(gpszip, archive):
     ]
 
 
-def test_decompress_at_times_claims_nothing_in_gaps(gpszip, archive):
+def test_decompress_at_times_gives_no_positions_in_gaps(gpszip, archive):
     done = gpszip("decompress", archive, "-o", "-", "--at", "15,50,95", "--track", "a")
     assert [(row["track_id"], float(row["t"])) for row in rows(done.out)] == [
         ("a/0", 15),
@@ -59,7 +59,7 @@ def test_decompress_only_one_track(gpszip, archive):
     assert {row["track_id"] for row in rows(done.out)} == {"a/0", "a/1"}
 
 
-def test_decompress_of_a_track_is_of_no_other_whose_name_looks_like_a_piece(gpszip, tmp_path):
+def test_decompress_of_a_track_ignores_tracks_named_like_its_pieces(gpszip, tmp_path):
     walk = GridWalk(np.array([0, 1], np.int32), np.array([0, 10]), np.array([False]))
     new_archive(
         QuantisationGrid((0, 0), 0, 128, 128),
@@ -82,7 +82,7 @@ def test_decompress_writes_pieces_as_segments_of_one_track(gpszip, earthly):
     ]
 
 
-def test_decompress_tells_of_names_that_gpx_cannot_hold(gpszip, tmp_path):
+def test_decompress_warns_of_names_that_gpx_cannot_hold(gpszip, tmp_path):
     walk = GridWalk(np.array([0, 1], np.int32), np.array([0, 10]), np.array([False]))
     grid = QuantisationGrid((0, 0), 0, 128, 128, Plane(((480_000_000, 110_000_000),)))
     new_archive(grid, ["bell \a"], GridWalks(np.array([[0, 0], [9, 0]]), (walk,))).save(
@@ -91,8 +91,8 @@ def test_decompress_tells_of_names_that_gpx_cannot_hold(gpszip, tmp_path):
     done = gpszip("decompress", "x.gpsz", "-o", "-", "--format", "gpx")
     assert (done.code, "<name>bell \ufffd</name>" in done.out) == (0, True)
     assert done.err.splitlines() == [
-        "gpszip: gpx can't hold control characters: they are U+FFFD in the names of tracks, in 1 of them, "
-        "the first 'bell \\x07'; write GeoJSON or Parquet to have them"
+        "gpszip: gpx can't hold control characters: they are U+FFFD in the names of tracks, "
+        "in 1 of them, the first 'bell \\x07'; write GeoJSON or Parquet to have them"
     ]
 
 
@@ -118,7 +118,7 @@ def test_decompress_writes_other_formats(gpszip, earthly, suffix, tmp_path):
         (["--every", "1s", "--track", "zz"], 2, "no track 'zz'"),
     ],
 )
-def test_decompress_says_how_to_mend_mistakes(gpszip, archive, arguments, code, message):
+def test_decompress_explains_mistakes(gpszip, archive, arguments, code, message):
     done = gpszip("decompress", archive, "-o", "out.csv", *arguments)
     assert done.code == code
     assert message in done.err
@@ -133,7 +133,7 @@ def test_decompress_without_times(gpszip, timeless):
     assert "has no times, so that it can't be sampled in time" in done.err
 
 
-def test_map_of_a_place_on_earth(gpszip, earthly):
+def test_map_on_the_earth(gpszip, earthly):
     done = gpszip("map", earthly, "-o", "-", "--raw")
     features = json.loads(done.out)["features"]
     assert len(features) == 3
@@ -141,7 +141,7 @@ def test_map_of_a_place_on_earth(gpszip, earthly):
     assert (round(lat, 3), round(lon, 3)) == (48.0, 11.0)
 
 
-def test_map_of_busy_ways_only(gpszip, archive):
+def test_map_of_edges_with_many_traversals(gpszip, archive):
     done = gpszip("map", archive, "-o", "map.geojson", "--min-traversals", "2", "--json")
     assert done.json == {"output": "map.geojson", "edges": 1}
     assert len(json.loads(Path("map.geojson").read_text())["features"]) == 1
@@ -164,9 +164,9 @@ def test_info_for_people(gpszip, archive):
     done = gpszip("info", archive, "--detail")
     assert done.code == 0
     assert "2 (a, b c)" in done.out
-    assert "nodes 3, ways 3" in done.out
-    assert "parts 5, gaps 1" in done.out
-    assert "waypoints   7, between" in done.out
+    assert "nodes 3, edges 3" in done.out
+    assert "segments 5, gaps 1" in done.out
+    assert "waypoints   7; shortest paths" in done.out
     assert "0 s to 100 s" in done.out
 
 
@@ -181,11 +181,11 @@ def test_info_for_programs(gpszip, earthly):
     assert facts["bounds"]["lat"][1] == pytest.approx(48.00045, abs=1e-5)
 
 
-def test_info_knows_what_is_not_kept(gpszip, timeless):
+def test_info_says_what_is_not_kept(gpszip, timeless):
     assert "times are not kept" in gpszip("info", timeless, "--detail").out
 
 
-def test_verify_whole(gpszip, archive):
+def test_verify_of_an_intact_archive(gpszip, archive):
     done = gpszip("verify", archive, "--json")
     assert done.code == 0
     assert done.json["whole"] is True
@@ -206,7 +206,7 @@ def test_corrupt_archives_end_with_4(gpszip, archive, command):
 
 
 @pytest.mark.parametrize("data", [b"", b"t,x,y\n0,1,2\n", b"\xa7Z"])
-def test_what_is_no_archive(gpszip, tmp_path, data):
+def test_files_that_are_no_archives(gpszip, tmp_path, data):
     (tmp_path / "odd.gpsz").write_bytes(data)
     done = gpszip("info", "odd.gpsz", "--json")
     assert done.code == 4
@@ -231,7 +231,7 @@ def test_archive_from_standard_input(shell, archive):
     assert json.loads(done.stdout)["tracks"] == 2
 
 
-def test_recover_of_a_whole_archive_loses_nothing(gpszip, archive):
+def test_recover_of_an_intact_archive_loses_nothing(gpszip, archive):
     done = gpszip("recover", archive, "-o", "saved.gpsz")
     assert done.code == 0
     assert "lost: nothing" in done.err
@@ -244,7 +244,7 @@ def test_no_such_archive(gpszip):
     assert done.err == "gpszip: nowhere.gpsz: no such file\n"
 
 
-def test_output_has_the_usual_mode(gpszip, archive):
+def test_output_has_the_default_mode(gpszip, archive):
     gpszip("decompress", archive, "-o", "knots.csv")
     mask = os.umask(0)
     os.umask(mask)

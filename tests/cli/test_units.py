@@ -51,13 +51,13 @@ def test_sizes(text, count):
 
 
 @pytest.mark.parametrize("text", ["", "m", "five", "5 5", "5mm5", "--5", "5,5m", "0x10"])
-def test_what_is_no_quantity_says_what_would_be(text):
+def test_texts_that_are_no_quantity_get_an_example(text):
     with pytest.raises(ValueError, match=r"write a number and a unit, such as 5m or 2km"):
         LENGTH.parse(text)
 
 
 @pytest.mark.parametrize("text", ["0", "-5m", "1e400", "0km"])
-def test_zero_negative_and_endless_are_refused(text):
+def test_zero_negative_and_infinite_values_are_refused(text):
     with pytest.raises(ValueError, match="greater than 0 and finite"):
         LENGTH.parse(text)
 
@@ -85,7 +85,7 @@ def test_click_gets_its_own_error():
 
 
 @given(st.floats(1e-3, 1e9))
-def test_every_unit_is_worth_what_it_says(value):
+def test_every_unit_has_its_value(value):
     for kind in (LENGTH, DURATION, SIZE):
         for unit, worth in kind.units.items():
             assert kind.parse(f"{value!r}{unit}") == pytest.approx(value * worth)

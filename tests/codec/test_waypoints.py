@@ -142,7 +142,7 @@ def test_breadth_bounds_the_search_for_each_path():
 
 def test_a_route_on_wrong_edges_is_refused():
     graph = build_road_graph([[0, 0], [1, 0], [2, 0]], [[0, 1], [1, 2]])
-    with pytest.raises(ValueError, match="hop 1 of the route"):
+    with pytest.raises(ValueError, match="segment 1 of the route"):
         find_waypoints(graph, Route(np.array([0, 1, 2], np.int32), np.array([0, 0], np.int32)))
 
 

@@ -1,4 +1,4 @@
-"""The commands that are run under faults, their inputs, and how to tell an old output from a new one."""
+"""Commands that are run under faults, their inputs, and whether their outputs are old or new."""
 
 from __future__ import annotations
 
@@ -16,7 +16,11 @@ __all__ = ["COMMANDS", "prepare"]
 
 @dataclass(frozen=True)
 class Command:
-    """A command line, run in a folder that holds ``inputs`` and its outputs of an earlier run, which differ from those of this one."""
+    """A command line, its inputs and its outputs.
+
+    It runs in a folder with the inputs and with the outputs of an earlier run, which differ from
+    those of this run.
+    """
 
     arguments: list[str]
     inputs: tuple[str, ...]
@@ -24,7 +28,7 @@ class Command:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """All files that may be there afterwards."""
+        """All files that may exist afterwards."""
         return (
             *self.inputs,
             *self.outputs,
@@ -33,7 +37,7 @@ class Command:
         )
 
     def state(self, folder: Path) -> str:
-        """``old`` or ``new``, as all outputs are; ``mixed`` where some are old and some new; else ``torn``."""
+        """``old`` or ``new`` if all outputs are, ``mixed`` if some are, ``torn`` otherwise."""
         states = {_state(folder, name) for name in self.outputs}
         return (
             states.pop() if len(states) == 1 else ("mixed" if states == {"old", "new"} else "torn")
@@ -60,7 +64,7 @@ def _features(path: Path) -> list[bytes] | None:
 
     try:
         return pyogrio.raw.read(path)[2].tolist()
-    except Exception:  # whatever it is, it is no whole file
+    except Exception:  # any error: the file is incomplete
         return None
 
 
@@ -142,7 +146,7 @@ COMMANDS = {
 
 
 def prepare(folder: Path, name: str) -> None:
-    """Fill a folder with the inputs of a command, and with its outputs as they were before and as they will be."""
+    """Fill a folder with the inputs of a command, and with its old and new outputs."""
     command = COMMANDS[name]
     folder.mkdir()
     for one in command.inputs:
@@ -158,7 +162,7 @@ def prepare(folder: Path, name: str) -> None:
         (folder / one).replace(folder / f"new-{one}")
         shutil.copy(folder / f"old-{one}", folder / one)
     if command.state(folder) != "old":
-        raise SystemExit(f"{name}: the new output is no other than the old one")
+        raise SystemExit(f"{name}: the new output is the old one")
 
 
 def _run(folder: Path, arguments: list[str]) -> None:
@@ -180,11 +184,9 @@ def _laps(begin: float) -> str:
     """A log of 120 points on a square that is driven twice."""
     corners = np.array([[0, 0], [40, 0], [40, 30], [0, 30], [0, 0]], float)
     along = np.r_[0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))]
-    way = np.linspace(0, 2 * along[-1], 120) % along[-1]
-    rows = [
-        f"a,{begin + t},{np.interp(s, along, corners[:, 0]):.3f},{np.interp(s, along, corners[:, 1]):.3f}"
-        for t, s in enumerate(way)
-    ]
+    distances = np.linspace(0, 2 * along[-1], 120) % along[-1]
+    xs, ys = (np.interp(distances, along, axis) for axis in corners.T)
+    rows = [f"a,{begin + t},{x:.3f},{y:.3f}" for t, (x, y) in enumerate(zip(xs, ys, strict=True))]
     return "\n".join(["track_id,t,x,y", *rows]) + "\n"
 
 

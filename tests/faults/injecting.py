@@ -1,10 +1,10 @@
-"""Run commands while the system fails at one call, once for every call, and print what became of each as a line of JSON.
+"""Run commands while one system call fails, once for every call, and print outcomes as JSON.
 
     PYTHONPATH=tests python -m faults.injecting [--all | --times=N --signal=NUMBER] [COMMAND...]
 
-A process that has everything loaded forks one child for each fault; strace is attached to the child and lets its n-th call of a
-kind fail. When no n-th call is left, the next kind follows. Each child starts in a new copy of a folder that holds the inputs,
-and an output of an earlier run.
+A process that has everything loaded forks one child for each fault. strace is attached to the child
+and lets its n-th call of a kind fail. When there is no n-th call, the next kind follows. Each child
+starts in a new copy of a folder with the inputs and with the output of an earlier run.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from pathlib import Path
 
 from faults.commands import COMMANDS, prepare
 from gpszip.cli.main import run
-from gpszip.pipeline import compress_large as large
+from gpszip.pipeline import memory as budget
 
 __all__ = ["BRIEF", "FAULTS", "Outcome", "sweep"]
 
-#: Errors of each call. What is interrupted is made again (but closing a file, which nobody can), all others are told.
+#: Errors of each call. Interrupted calls are repeated (except close), all others are reported.
 FAULTS = {
     "openat": ("EIO", "EMFILE", "EINTR"),
     "mkdir": ("ENOSPC",),
@@ -50,25 +50,31 @@ FAULTS = {
     "rmdir": ("EIO",),
 }
 
-#: Those that are tried where time is short.
+#: Those that are tried by default.
 BRIEF = {call: FAULTS[call][:1] for call in ("mkdir", "write", "fsync", "rename", "unlinkat")}
 
-#: Seconds after which a child hangs, and option of prctl by which a process lets others trace it.
-_PATIENCE, _PR_SET_PTRACER = 60.0, 0x59616D61
+#: Seconds after which a child counts as hanging.
+_TIMEOUT = 60.0
+
+#: Option of prctl by which a process allows others to trace it.
+_PR_SET_PTRACER = 0x59616D61
+
+#: Exit codes of a child that failed outside of the command, got a signal before it, or hangs.
+_CHILD_FAILED, _NOT_STARTED, _HANGS = 99, 97, 98
 
 
 @dataclass
 class Outcome:
-    """What became of a command under a fault."""
+    """The outcome of a command under a fault."""
 
     command: str
     fault: str
     number: int
     code: int
-    told: str
+    message: str
     output: str
     left: list[str] = field(default_factory=list)
-    struck: str = ""
+    injected: str = ""
 
 
 def sweep(name: str, faults: dict[str, tuple[str, ...]], template: Path):
@@ -77,19 +83,19 @@ def sweep(name: str, faults: dict[str, tuple[str, ...]], template: Path):
         for error in errors:
             for number in range(1, 1000):
                 outcome = _attempt(name, template, call, f"error={error}", number)
-                if not outcome.struck:
+                if not outcome.injected:
                     break
                 yield outcome
 
 
-def ended(name: str, template: Path, number: int, times: int, seed: int):
+def interrupt(name: str, template: Path, number: int, times: int, seed: int):
     """Yield the outcome of a command that gets a signal at random moments."""
     chance = random.Random(seed)
     start = time.monotonic()
     _attempt(name, template)
-    whole = time.monotonic() - start
+    duration = time.monotonic() - start
     for _ in range(times):
-        yield _attempt(name, template, number=number, at=chance.uniform(0, 1.1 * whole))
+        yield _attempt(name, template, number=number, at=chance.uniform(0, 1.1 * duration))
 
 
 def _attempt(
@@ -100,46 +106,46 @@ def _attempt(
     number: int = 0,
     at: float | None = None,
 ) -> Outcome:
+    """Run a command in a child, with a failing call or a signal after ``at`` seconds."""
     command = COMMANDS[name]
-    with _folder() as room:
-        shutil.copytree(template, room / "there")
-        (room / "tmp").mkdir()
-        child, gate = _child(room, command.arguments)
+    with _folder() as folder:
+        # Start.
+        shutil.copytree(template, folder / "work")
+        (folder / "tmp").mkdir()
+        child, gate = _child(folder, command.arguments)
         tracer = None
         if call:
-            tracer = _strace(child, room, call, error, number)
+            tracer = _strace(child, folder, call, error, number)
         gate.send(b"!")
         gate.close()
+
+        # Wait.
         if at is not None:
             time.sleep(at)
             os.kill(child, number)
         code = _wait(child)
-        struck = ""
+        injected = ""
         if tracer is not None:
-            tracer.wait(_PATIENCE)
-            struck = next(
-                (
-                    line
-                    for line in (room / "calls").read_text(errors="replace").splitlines()
-                    if "INJECTED" in line
-                ),
-                "",
-            )
-        told = (room / "told").read_text(errors="replace")
-        there, tmp = room / "there", room / "tmp"
+            tracer.wait(_TIMEOUT)
+            calls = (folder / "calls").read_text(errors="replace").splitlines()
+            injected = next((line for line in calls if "INJECTED" in line), "")
+
+        # What is left, and what was said.
+        message = (folder / "message").read_text(errors="replace")
+        work, tmp = folder / "work", folder / "tmp"
         left = sorted(f"tmp/{path.name}" for path in tmp.iterdir())
         left += sorted(
-            f"there/{path.name}" for path in there.iterdir() if path.name not in command.files
+            f"work/{path.name}" for path in work.iterdir() if path.name not in command.files
         )
         return Outcome(
             name,
             f"{call}:{error}" if call else f"signal {number}",
             number,
             code,
-            told,
-            command.state(there),
+            message,
+            command.state(work),
             left,
-            struck,
+            injected,
         )
 
 
@@ -153,7 +159,7 @@ def _folder():
         shutil.rmtree(folder)
 
 
-def _child(room: Path, arguments: list[str]) -> tuple[int, socket.socket]:
+def _child(folder: Path, arguments: list[str]) -> tuple[int, socket.socket]:
     """Fork a child that waits for a byte, then runs the command."""
     ours, its = socket.socketpair()
     child = os.fork()
@@ -161,19 +167,19 @@ def _child(room: Path, arguments: list[str]) -> tuple[int, socket.socket]:
         its.close()
         ours.recv(1)
         return child, ours
-    code = 99
+    code = _CHILD_FAILED
     try:
+        # Wait until the parent has attached a tracer.
         ours.close()
         ctypes.CDLL(None).prctl(_PR_SET_PTRACER, ctypes.c_long(-1), 0, 0, 0)
-        os.chdir(room / "there")
-        os.environ["TMPDIR"] = str(room / "tmp")
+        os.chdir(folder / "work")
+        os.environ["TMPDIR"] = str(folder / "tmp")
         tempfile.tempdir = None
-        told = os.open(room / "told", os.O_WRONLY | os.O_CREAT)
-        os.dup2(told, 2)
-        os.dup2(told, 1)
-        signal.signal(
-            signal.SIGINT, signal.default_int_handler
-        )  # who runs this may have it ignore them
+        message = os.open(folder / "message", os.O_WRONLY | os.O_CREAT)
+        os.dup2(message, 2)
+        os.dup2(message, 1)
+        # The parent may ignore these signals.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
         its.send(b"!")
         its.recv(1)
@@ -183,20 +189,20 @@ def _child(room: Path, arguments: list[str]) -> tuple[int, socket.socket]:
         code = end.code
         atexit._run_exitfuncs()
     except KeyboardInterrupt:
-        code = 97  # before it began
+        code = _NOT_STARTED
     finally:
         os._exit(code)
 
 
-def _strace(child: int, room: Path, call: str, error: str, number: int) -> subprocess.Popen:
-    (room / "calls").touch()
+def _strace(child: int, folder: Path, call: str, error: str, number: int) -> subprocess.Popen:
+    (folder / "calls").touch()
     inject = f"inject={call}:{error}:when={number}"
     command = [
         "strace",
         "-f",
         "-y",
         "-o",
-        str(room / "calls"),
+        str(folder / "calls"),
         "-e",
         f"trace={call}",
         "-e",
@@ -205,7 +211,7 @@ def _strace(child: int, room: Path, call: str, error: str, number: int) -> subpr
         str(child),
     ]
     tracer = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-    until = time.monotonic() + _PATIENCE
+    until = time.monotonic() + _TIMEOUT
     while "TracerPid:\t0" in Path(f"/proc/{child}/status").read_text():
         if tracer.poll() is not None or time.monotonic() > until:
             os.kill(child, signal.SIGKILL)
@@ -215,7 +221,7 @@ def _strace(child: int, room: Path, call: str, error: str, number: int) -> subpr
 
 
 def _wait(child: int) -> int:
-    until = time.monotonic() + _PATIENCE
+    until = time.monotonic() + _TIMEOUT
     while time.monotonic() < until:
         done, status = os.waitpid(child, os.WNOHANG)
         if done:
@@ -223,13 +229,12 @@ def _wait(child: int) -> int:
         time.sleep(0.001)
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
-    return 98  # it hangs
+    return _HANGS
 
 
 def _run() -> None:
-    large.fits = lambda *_, **__: (
-        False
-    )  # with --memory, even small logs are worked on as those that are larger than it
+    # With --memory, even small logs are encoded in batches.
+    budget._BYTES_IN_MEMORY = 1 << 40
     words = sys.argv[1:]
     faults = FAULTS if "--all" in words else BRIEF
     given = dict(word[2:].split("=") for word in words if "=" in word)
@@ -240,7 +245,7 @@ def _run() -> None:
             template = folder / name
             prepare(template, name)
             found = (
-                ended(name, template, number, times, seed=len(name))
+                interrupt(name, template, number, times, seed=len(name))
                 if times
                 else sweep(name, faults, template)
             )

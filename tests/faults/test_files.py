@@ -1,4 +1,4 @@
-"""Outputs that can't be written, and what is left of them."""
+"""Outputs that can't be written, and the files that are left."""
 
 import errno
 import io
@@ -43,8 +43,8 @@ def archive(tmp_path):
 
 
 @pytest.fixture
-def told(capfd):
-    """Run a command, and return its exit code with what it says."""
+def run(capfd):
+    """Run a command, and return its exit code and its message."""
 
     def call(*words):
         capfd.readouterr()
@@ -78,7 +78,7 @@ def test_a_full_disk_keeps_the_old_log(small_disk, name):
     path.write_text("old")
     track = patrol(20_000, seed=1)
     if name.endswith(("gpx", "geojson")):
-        track = two_earthly(20_000)
+        track = patrol_on_earth(20_000)
     with pytest.raises(
         OutputError, match=rf"{name}: can't be written: .*[Nn]o space left on device"
     ):
@@ -87,7 +87,7 @@ def test_a_full_disk_keeps_the_old_log(small_disk, name):
     assert [one.name for one in small_disk.iterdir()] == [name]
 
 
-def two_earthly(count):
+def patrol_on_earth(count):
     from gpszip import Track
     from gpszip.model import Plane
 
@@ -96,14 +96,14 @@ def two_earthly(count):
 
 
 @pytest.mark.parametrize(
-    "name", ["map.gpkg", "map.geojson", "map.graphml", "map.csv", "whole.gpsz"]
+    "name", ["map.gpkg", "map.geojson", "map.graphml", "map.csv", "intact.gpsz"]
 )
-def test_a_full_disk_keeps_the_old_map(small_disk, archive, told, name):
+def test_a_full_disk_keeps_the_old_map(small_disk, archive, run, name):
     path = small_disk / name
     path.write_text("old")
     (small_disk / "ballast").write_bytes(bytes((64 << 10) - 4096))
     command = "recover" if name.endswith("gpsz") else "map"
-    code, words = told(command, archive, "-o", path, "--force")
+    code, words = run(command, archive, "-o", path, "--force")
     assert code == 1
     assert "No space left on device" in words
     assert len(words.splitlines()) == 1
@@ -111,9 +111,9 @@ def test_a_full_disk_keeps_the_old_map(small_disk, archive, told, name):
     assert sorted(one.name for one in small_disk.iterdir()) == sorted(["ballast", name])
 
 
-def test_a_read_only_disk(small_disk, archive, told):
+def test_a_read_only_disk(small_disk, archive, run):
     subprocess.run(["mount", "-o", "remount,ro", str(small_disk)], check=True)
-    code, words = told("recover", archive, "-o", small_disk / "out.gpsz")
+    code, words = run("recover", archive, "-o", small_disk / "out.gpsz")
     assert (code, len(words.splitlines())) == (1, 1)
     assert "Read-only file system" in words
     with pytest.raises(OutputError, match="Read-only file system; name a file on another disk"):
@@ -123,25 +123,23 @@ def test_a_read_only_disk(small_disk, archive, told):
 @pytest.mark.skipif(
     not ROOT or shutil.which("chattr") is None, reason="needs files that nobody may change"
 )
-def test_a_file_that_nobody_may_change(tmp_path, archive, told):
+def test_a_file_that_nobody_may_change(tmp_path, archive, run):
     path = tmp_path / "out.csv"
     path.write_text("old")
     if subprocess.run(["chattr", "+i", str(path)], capture_output=True, check=False).returncode:
         pytest.skip("this file system has no such files")
     try:
-        code, words = told("decompress", archive, "-o", path, "--force")
+        code, words = run("decompress", archive, "-o", path, "--force")
     finally:
         subprocess.run(["chattr", "-i", str(path)], check=True)
     assert (code, len(words.splitlines())) == (1, 1)
-    assert (
-        "out.csv: can't be written: Operation not permitted; check the owner, the mode and the attributes"
-        in words
-    )
+    reason = "Operation not permitted; check the owner, the mode and the attributes"
+    assert f"out.csv: can't be written: {reason}" in words
     assert path.read_text() == "old"
     assert sorted(one.name for one in tmp_path.iterdir()) == ["in", "out.csv"]
 
 
-def test_what_is_no_file_is_not_replaced(tmp_path, archive, told):
+def test_pipes_folders_and_devices_are_not_replaced(tmp_path, archive, run):
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "folder").mkdir()
     (tmp_path / "dangling").symlink_to(tmp_path / "nowhere" / "out.csv")
@@ -156,23 +154,23 @@ def test_what_is_no_file_is_not_replaced(tmp_path, archive, told):
             ["recover"],
             ["map", "--format", "geojson"],
         ):
-            code, words = told(command[0], archive, *command[1:], "-o", tmp_path / name, "--force")
+            code, words = run(command[0], archive, *command[1:], "-o", tmp_path / name, "--force")
             assert (code, len(words.splitlines())) == (1, 1)
             assert says in words
     assert (tmp_path / "pipe").is_fifo()
 
 
-def test_a_link_stays_a_link_and_a_mode_stays_a_mode(tmp_path, archive, told):
+def test_a_link_stays_a_link_and_a_mode_stays_a_mode(tmp_path, archive, run):
     (tmp_path / "real.csv").write_text("old")
     (tmp_path / "real.csv").chmod(0o600)
     (tmp_path / "link.csv").symlink_to("real.csv")
-    assert told("decompress", archive, "-o", tmp_path / "link.csv", "--force")[0] == 0
+    assert run("decompress", archive, "-o", tmp_path / "link.csv", "--force")[0] == 0
     assert (tmp_path / "link.csv").is_symlink()
     assert (tmp_path / "real.csv").read_text().startswith("track_id")
     assert (tmp_path / "real.csv").stat().st_mode & 0o777 == 0o600
 
 
-def test_a_folder_may_vanish_meanwhile(tmp_path):
+def test_the_folder_may_be_removed_while_writing(tmp_path):
     folder = tmp_path / "gone"
     folder.mkdir()
     with (
@@ -187,7 +185,7 @@ def test_a_folder_may_vanish_meanwhile(tmp_path):
     assert not folder.exists()
 
 
-def test_another_file_of_that_name_may_come_meanwhile(tmp_path):
+def test_another_process_may_write_the_file_first(tmp_path):
     path = tmp_path / "out.gpsz"
     with (
         pytest.raises(OutputError, match="exists already"),
@@ -199,7 +197,7 @@ def test_another_file_of_that_name_may_come_meanwhile(tmp_path):
     assert [one.name for one in tmp_path.iterdir()] == ["out.gpsz"]
 
 
-def test_an_error_of_another_file_is_not_told_as_one_of_the_output(tmp_path):
+def test_an_error_of_another_file_is_not_reported_as_one_of_the_output(tmp_path):
     with (
         pytest.raises(FileNotFoundError, match="elsewhere"),
         atomic_write(tmp_path / "out") as part,
@@ -208,7 +206,7 @@ def test_an_error_of_another_file_is_not_told_as_one_of_the_output(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_of_two_files_none_is_written_before_both_can_be(tmp_path):
+def test_two_files_are_written_only_if_both_can_be(tmp_path):
     archive = two_walks()
     (tmp_path / "map.gpsz").write_text("old")
     with pytest.raises(OutputError, match="b: is a folder"):
@@ -223,7 +221,7 @@ def test_of_two_files_none_is_written_before_both_can_be(tmp_path):
     )
 
 
-def test_of_two_files_the_one_that_is_written_is_told(tmp_path):
+def test_the_error_names_the_one_of_two_files_that_is_written(tmp_path):
     with (
         pytest.raises(OutputError, match=r"two: can't be written: .*; .*one is written"),
         atomic_write_all([tmp_path / "one", tmp_path / "two"]) as parts,
@@ -236,7 +234,7 @@ def test_of_two_files_the_one_that_is_written_is_told(tmp_path):
 
 
 def _left(folder, age):
-    """What a killed process leaves."""
+    """Make the temporary folder that a killed process leaves."""
     left = folder / f"{OUTPUT_PREFIX}abcdefgh.part"
     left.mkdir()
     (left / "half").write_text("half")
@@ -249,7 +247,7 @@ def _left(folder, age):
 @pytest.mark.skipif(
     sys.platform == "win32", reason="nobody can tell there whether a folder is in use"
 )
-def test_what_a_killed_process_left_goes_with_the_next_run(tmp_path):
+def test_temporary_files_of_a_killed_process_are_removed_by_the_next(tmp_path):
     old = _left(tmp_path, 3 * 3600)
     mine = tmp_path / ".gpszip-mine"
     mine.mkdir()
@@ -262,7 +260,7 @@ def test_what_a_killed_process_left_goes_with_the_next_run(tmp_path):
 @pytest.mark.skipif(
     sys.platform == "win32", reason="nobody can tell there whether a folder is in use"
 )
-def test_what_may_be_in_use_stays(tmp_path):
+def test_temporary_files_that_may_be_in_use_stay(tmp_path):
     young = _left(tmp_path, 60)
     two_walks().save(tmp_path / "out.gpsz")
     assert young.exists()
@@ -277,12 +275,13 @@ def test_what_may_be_in_use_stays(tmp_path):
 @pytest.mark.skipif(
     not ROOT or shutil.which("chattr") is None, reason="needs folders that can't be removed"
 )
-def test_a_temporary_folder_that_stays_is_named(tmp_path):
+def test_a_temporary_folder_that_cannot_be_removed_is_named(tmp_path):
     kept = []
     with (
         pytest.raises(
             OutputError,
-            match=r"this temporary folder can't be removed \(Operation not permitted\); delete it; .*out is written",
+            match=r"this temporary folder can't be removed \(Operation not permitted\); delete it; "
+            ".*out is written",
         ),
         atomic_write(tmp_path / "out") as part,
     ):
@@ -297,7 +296,7 @@ def test_a_temporary_folder_that_stays_is_named(tmp_path):
     assert (tmp_path / "out").read_text() == "new"
 
 
-class _Short(io.RawIOBase):
+class _ShortWrites(io.RawIOBase):
     """A raw stream that takes a few bytes at a time, as a pipe does."""
 
     def __init__(self):
@@ -312,8 +311,8 @@ class _Short(io.RawIOBase):
 
 
 @pytest.mark.parametrize("format", ["csv", "parquet"])
-def test_short_writes_are_gone_on_with(format):
-    whole, short = io.BytesIO(), _Short()
+def test_short_writes_are_continued(format):
+    whole, short = io.BytesIO(), _ShortWrites()
     track = patrol(500, seed=2)
     write_tracks([track], whole, format)
     write_tracks([track], short, format)
@@ -323,7 +322,7 @@ def test_short_writes_are_gone_on_with(format):
 def test_short_writes_of_archives():
     from gpszip.io.storage.sink import open_sink
 
-    contents, short = single_group_contents(FLAT, ("0",), b"walks of one track"), _Short()
+    contents, short = single_group_contents(FLAT, ("0",), b"walks of one track"), _ShortWrites()
     with open_sink(short) as stream:
         write(contents, stream)
     assert bytes(short.data) == to_bytes(contents)
@@ -342,7 +341,7 @@ def test_numbers_of_a_temporary_file_that_is_too_short(tmp_path):
         read_numbers(tmp_path / "none", np.float64, 0, 1)
 
 
-def test_causes_are_told_with_a_remedy():
+def test_errors_of_the_system_get_a_remedy():
     assert explain_os_error(OSError(errno.EIO, "Input/output error")).startswith(
         "Input/output error; check the disk"
     )
@@ -350,7 +349,7 @@ def test_causes_are_told_with_a_remedy():
     assert explain_os_error(OSError()) == "OSError"
 
 
-def test_a_stream_that_fails_is_an_input_that_fails(tmp_path):
+def test_a_stream_that_fails_is_an_input_error(tmp_path):
     from gpszip.io.large.store import store_logs
     from gpszip.io.logs.read import read_logs
 
@@ -369,15 +368,15 @@ def test_a_stream_that_fails_is_an_input_that_fails(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="file names are text there")
-def test_names_that_are_no_text(tmp_path, told):
+def test_file_names_that_are_not_utf8(tmp_path, run):
     name = os.fsdecode(b"caf\xe9.csv")
     (tmp_path / name).write_text("t,x,y\n" + "".join(f"{t},{t},0\n" for t in range(50)))
-    code, words = told(
+    code, words = run(
         "coreset", tmp_path / name, "-o", tmp_path / os.fsdecode(b"out\xff.parquet"), "--size", "3"
     )
     assert code == 0, words
     assert (tmp_path / os.fsdecode(b"out\xff.parquet")).exists()
-    code, words = told(
+    code, words = run(
         "coreset",
         tmp_path / os.fsdecode(b"no\xff.csv"),
         "-o",
@@ -392,7 +391,7 @@ def test_names_that_are_no_text(tmp_path, told):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_signals_wait_until_a_block_is_through(number):
+def test_signals_are_deferred_to_the_end_of_a_block(number):
     before = signal.signal(number, signal.default_int_handler)
     steps = []
     try:
@@ -405,7 +404,7 @@ def test_signals_wait_until_a_block_is_through(number):
     assert steps == ["through"]
 
 
-def test_what_is_written_is_told_to_who_listens(tmp_path):
+def test_written_files_are_collected(tmp_path):
     two_walks().save(tmp_path / "before.gpsz")
     with collect_outputs() as written:
         two_walks().save(tmp_path / "a.gpsz")

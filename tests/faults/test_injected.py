@@ -1,7 +1,7 @@
-"""Commands while the system fails: the old file or the new one is there, whole, and the rest is told.
+"""Commands under faults: outputs are the old or the new file, and the message says the rest.
 
-Where time is short, a few calls of each command fail, and 20 runs are killed. ``GPSZIP_FAULTS=all`` tries every call, every error,
-and 200 kills of each command (``make faults``).
+By default, a few calls of some commands fail, and 20 runs are killed. ``GPSZIP_FAULTS=all`` tries
+every call, every error, and 200 kills of each command (``make faults``).
 """
 
 import json
@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from faults.judging import wrong
+from faults.judging import find_complaints
 
 ALL = os.environ.get("GPSZIP_FAULTS") == "all"
 BRIEF = ["recover", "csv", "parquet", "gpkg", "coreset", "map"]
@@ -24,7 +24,7 @@ linux = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="system 
 
 
 def _outcomes(*words):
-    """Outcomes by command, of runs in processes of their own."""
+    """Run commands in other processes, and return their outcomes by command."""
     paths = [str(Path(__file__).parents[1]), *sys.path]
     done = subprocess.run(
         [sys.executable, "-m", "faults.injecting", *words],
@@ -50,69 +50,80 @@ def test_every_call_may_fail():
     found = _outcomes("--all" if ALL else "--brief", *names)
     assert not [
         (outcome, complaints)
-        for some in found.values()
-        for outcome in some
-        if (complaints := wrong(outcome))
+        for outcomes in found.values()
+        for outcome in outcomes
+        if (complaints := find_complaints(outcome))
     ]
-    for name, some in found.items():
-        struck = {outcome["fault"].partition(":")[0] for outcome in some}
-        assert {"mkdir", "write", "fsync", "rename"} <= struck, name
-        assert {outcome["output"] for outcome in some} >= {"old"}, name
-        assert any(outcome["code"] == 1 for outcome in some), name
+    for name, outcomes in found.items():
+        injected = {outcome["fault"].partition(":")[0] for outcome in outcomes}
+        assert {"mkdir", "write", "fsync", "rename"} <= injected, name
+        assert {outcome["output"] for outcome in outcomes} >= {"old"}, name
+        assert any(outcome["code"] == 1 for outcome in outcomes), name
 
 
 @linux
-def test_any_moment_may_be_the_last():
+def test_a_process_may_be_killed_at_any_time():
     found = _outcomes("--times=200") if ALL else _outcomes("--times=10", "csv", "coreset")
     assert not [
         (outcome, complaints)
-        for some in found.values()
-        for outcome in some
-        if (complaints := wrong(outcome))
+        for outcomes in found.values()
+        for outcome in outcomes
+        if (complaints := find_complaints(outcome))
     ]
-    assert sum(outcome["code"] == -9 for some in found.values() for outcome in some) >= (
+    assert sum(outcome["code"] == -9 for outcomes in found.values() for outcome in outcomes) >= (
         1000 if ALL else 5
     )
 
 
 @linux
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_whoever_is_told_to_end_leaves_nothing(number):
+def test_a_process_that_gets_a_signal_leaves_no_temporary_file(number):
     found = _outcomes(
         f"--times={200 if ALL else 10}", f"--signal={int(number)}", *(() if ALL else ("parquet",))
     )
     assert not [
         (outcome, complaints)
-        for some in found.values()
-        for outcome in some
-        if (complaints := wrong(outcome))
+        for outcomes in found.values()
+        for outcome in outcomes
+        if (complaints := find_complaints(outcome))
     ]
-    assert any(outcome["code"] == 130 for some in found.values() for outcome in some)
+    assert any(outcome["code"] == 130 for outcomes in found.values() for outcome in outcomes)
 
 
-def test_torn_files_and_untold_errors_are_noticed():
-    """Who judges is judged, too."""
+def test_the_judge_finds_corrupt_files_and_errors_without_a_message():
+    """The judge complains about every kind of wrong outcome."""
     good = {
-        "fault": "write:error=EIO", "code": 1, "told": "gpszip: out: can't be written\n", "output": "old", "left": [], "struck": "write(6)",
-    }  # fmt: skip
-    assert wrong(good) == []
+        "fault": "write:error=EIO",
+        "code": 1,
+        "message": "gpszip: out: can't be written\n",
+        "output": "old",
+        "left": [],
+        "injected": "write(6)",
+    }
+    assert find_complaints(good) == []
     for change in (
         {"output": "torn"},
         {"code": 0},
-        {"code": 1, "told": ""},
+        {"code": 1, "message": ""},
         {"code": -6},
-        {"told": "gpszip: a fault of GPSZip's own: ValueError"},
+        {"message": "gpszip: a fault of GPSZip's own: ValueError"},
         {"left": ["tmp/gpszip-x.part"]},
         {"fault": "write:error=EINTR"},
         {"output": "mixed"},
     ):
-        assert wrong({**good, **change}), change
-    assert wrong(
-        {**good, "fault": "signal 9", "code": -9, "told": "", "left": ["there/out.csv.tmp"]}
+        assert find_complaints({**good, **change}), change
+    assert find_complaints(
+        {**good, "fault": "signal 9", "code": -9, "message": "", "left": ["work/out.csv.tmp"]}
     )
     assert (
-        wrong(
-            {**good, "fault": "signal 9", "code": -9, "told": "", "left": ["there/.gpszip-x.part"]}
+        find_complaints(
+            {
+                **good,
+                "fault": "signal 9",
+                "code": -9,
+                "message": "",
+                "left": ["work/.gpszip-x.part"],
+            }
         )
         == []
     )

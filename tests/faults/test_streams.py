@@ -1,4 +1,4 @@
-"""Standard streams that are closed or full, few descriptors, and the same numbers whatever compiles them."""
+"""Closed and full standard streams, few file descriptors, and decoding without a compiler."""
 
 import os
 import random
@@ -24,7 +24,7 @@ def archive(tmp_path):
 
 
 def _shell(words, redirection, folder):
-    """Run a command with its streams redirected; return its exit code and what it says."""
+    """Run a command with its streams redirected; return its exit code and its message."""
     line = f'exec "$@" {redirection}'
     done = subprocess.run(
         ["sh", "-c", line, "sh", *RUN, *words],
@@ -68,7 +68,7 @@ def test_all_streams_may_be_closed(archive):
 
 
 @pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="file names are text there")
-def test_json_holds_names_that_are_no_text(tmp_path):
+def test_json_holds_file_names_that_are_not_utf8(tmp_path):
     import json
 
     name = os.fsdecode(b"caf\xe9.gpsz")
@@ -90,15 +90,15 @@ def test_more_logs_than_descriptors(tmp_path):
     limits = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (128, limits[1]))
     try:
-        reading = read_logs(sorted(tmp_path.iterdir()))
+        read_result = read_logs(sorted(tmp_path.iterdir()))
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, limits)
-    assert len(reading.tracks) == 300
+    assert len(read_result.tracks) == 300
 
 
 @pytest.fixture(scope="module")
 def compressed(tmp_path_factory):
-    """An archive, written by compiled code, and what it decodes to there."""
+    """An archive that compiled code wrote, and what compiled code decodes it to."""
     folder, chance = tmp_path_factory.mktemp("log"), random.Random(5)
     corners = [(0, 0), (40, 0), (40, 30), (0, 30)] * 3
     sides = [(t, i) for i in range(len(corners) - 1) for t in range(25)]
@@ -148,7 +148,7 @@ def test_archives_decode_to_the_same_numbers_on_any_processor(compressed):
     [{"NUMBA_DISABLE_JIT": "1"}, {"NUMBA_CPU_NAME": "generic"}],
     ids=["not compiled", "any processor"],
 )
-def test_archives_are_the_same_whatever_compiles(compressed, how):
+def test_archives_are_the_same_with_any_compiler(compressed, how):
     folder, _ = compressed
     _output(folder, [*COMPRESS, "again.gpsz", "--force"], how)
     assert (folder / "again.gpsz").read_bytes() == (folder / "log.gpsz").read_bytes()

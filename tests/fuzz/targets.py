@@ -1,9 +1,10 @@
-"""What is fuzzed: every reader and the container, each with valid files to begin with."""
+"""The targets of fuzzing: every reader and the container, each with valid files to begin with."""
 
 from __future__ import annotations
 
 import contextlib
 import io
+import math
 import struct
 import tempfile
 import zlib
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from fuzz import mutations
+from fuzz.mutations import Mutation
 from gpszip.errors import GPSZipError
 
 __all__ = ["TARGETS", "Target", "run"]
@@ -21,34 +23,33 @@ __all__ = ["TARGETS", "Target", "run"]
 
 @dataclass(frozen=True)
 class Target:
-    """Something that takes bytes, and must answer them or raise a GPSZipError.
+    """A reader, which must read any bytes or raise a GPSZipError.
 
     Parameters
     ----------
     take : callable
         Reads a file given as bytes.
     seeds : callable
-        Valid files.
+        Returns valid files.
     kinds : sequence of str
-        Changes that make sense for them.
-    seal : callable, optional
-        Makes checksums right again after a change.
+        Kinds of changes that make sense for them.
+    apply : callable
+        Applies changes to a file; that of a format with checksums corrects them.
     """
 
     take: Callable[[bytes], object]
     seeds: Callable[[], Sequence[bytes]]
     kinds: Sequence[str] = mutations.TEXT
-    seal: Callable[[bytes, Sequence[mutations.Mutation]], bytes] | None = None
+    apply: Callable[[bytes, Sequence[Mutation]], bytes] = mutations.apply
 
-    def made(self, number: int, changes: Sequence[mutations.Mutation]) -> bytes:
-        """A seed after changes."""
+    def mutate(self, number: int, changes: Sequence[Mutation]) -> bytes:
+        """Return a valid file after changes."""
         seeds = self.seeds()
-        seed = seeds[number % len(seeds)]
-        return mutations.applied(seed, changes) if self.seal is None else self.seal(seed, changes)
+        return self.apply(seeds[number % len(seeds)], changes)
 
 
 def run(name: str, data: bytes) -> bool:
-    """Let a target take data; whether it accepted them. Only errors that GPSZip raises on purpose are caught."""
+    """Return whether a target accepts data; only errors raised on purpose are caught."""
     try:
         TARGETS[name].take(data)
     except GPSZipError:
@@ -66,7 +67,7 @@ def _log(format: str | None, **options: object) -> Callable[[bytes], object]:
 
 
 def _stored(**options: Any) -> Callable[[bytes], object]:
-    """A log read in pieces, as one larger than memory is."""
+    """Read a log in batches, as one larger than memory."""
 
     def take(data: bytes) -> object:
         from gpszip.io.large.store import store_logs
@@ -95,8 +96,8 @@ def _network(suffix: str) -> Callable[[bytes], object]:
 def _coreset(data: bytes) -> object:
     from gpszip.io.coresets import read_coreset
 
-    small = read_coreset(io.BytesIO(data))
-    return small.rmse, small.eps(3), small.reduced(len(small.tracks))
+    coreset = read_coreset(io.BytesIO(data))
+    return coreset.rmse, coreset.eps(3), coreset.reduced(len(coreset.tracks))
 
 
 def _times(data: bytes) -> object:
@@ -108,7 +109,7 @@ def _times(data: bytes) -> object:
         return parse_times(str(path))
 
 
-def _words_of_times(data: bytes) -> object:
+def _times_in_text(data: bytes) -> object:
     from gpszip.cli.times import parse_times
 
     return parse_times(data.decode("utf-8", "surrogateescape"))
@@ -122,28 +123,30 @@ def _archive(data: bytes) -> object:
     verify_bytes(data)
     with contextlib.suppress(GPSZipError):
         recover_bytes(data)
-    found = open_archive(data)
-    if not found.timed:
-        return found.shapes(), found.road_map
-    found.decompress()
-    found.sample(at=[0.0, 10.0])
-    if found.kept_columns is not None:
-        found.samples()
-    return found.road_map, found.error_bound, found.sampling
+    archive = open_archive(data)
+    if not archive.timed:
+        return archive.shapes(), archive.road_map
+    archive.decompress()
+    archive.sample(at=[0.0, 10.0])
+    if archive.kept_columns is not None:
+        archive.samples()
+    return archive.road_map, archive.error_bound, archive.sampling
 
 
 CSV = (
     "t,x,y\n" + "".join(f"{t},{3 * t},{t % 7}.5\n" for t in range(12)),
     "id;timestamp;Lat;Lon;speed\n"
     + "".join(f"bus;2024-05-04T08:00:{t:02d}Z;48.{t:03d};11.5;{t}\n" for t in range(12)),
-    'name,time,longitude,latitude,note\n"a ""b""",1714809600000,11.5,48.1,"x,\ny"\n"a ""b""",1714809601000,11.6,48.1,z\n',
+    'name,time,longitude,latitude,note\n"a ""b""",1714809600000,11.5,48.1,"x,\ny"\n'
+    '"a ""b""",1714809601000,11.6,48.1,z\n',
     "1714809600 48.1 11.5\n1714809601 48.2 11.5\n1714809602 48.3 11.5\n",
     "date\ttime\tN\tE\n04.05.2024\t08:00:00\t48,1\t11,5\n04.05.2024\t08:00:10\t48,2\t11,5\n",
 )
 
 GPX = (
     """<?xml version="1.0" encoding="UTF-8"?>
-<gpx version="1.1" creator="me" xmlns="http://www.topografix.com/GPX/1/1" xmlns:e="http://www.garmin.com/xmlschemas/TrackPointExtension/v1">
+<gpx version="1.1" creator="me" xmlns="http://www.topografix.com/GPX/1/1"
+ xmlns:e="http://www.garmin.com/xmlschemas/TrackPointExtension/v1">
 <wpt lat="48" lon="11"><name>w</name></wpt>
 <trk><name>walk</name><trkseg>
 <trkpt lat="48.1" lon="11.5"><ele>500</ele><time>2024-05-04T08:00:00Z</time>
@@ -164,31 +167,40 @@ GEOJSON = (
  "geometry": {"type": "Point", "coordinates": [11.6, 48.1]}}
 ]}""",
     """{"type": "FeatureCollection", "features": [
-{"type": "Feature", "properties": {"coordTimes": ["2024-05-04T08:00:00Z", "2024-05-04T08:00:10Z", "2024-05-04T08:00:20Z"]},
- "geometry": {"type": "LineString", "coordinates": [[11.5, 48.1, 500], [11.6, 48.1, 501], [11.7, 48.1, 502]]}}]}""",
+{"type": "Feature", "properties": {"coordTimes":
+ ["2024-05-04T08:00:00Z", "2024-05-04T08:00:10Z", "2024-05-04T08:00:20Z"]},
+ "geometry": {"type": "LineString", "coordinates":
+ [[11.5, 48.1, 500], [11.6, 48.1, 501], [11.7, 48.1, 502]]}}]}""",
     """{"type": "Feature", "properties": {"times": [[0, 10], [20, 30]]},
- "geometry": {"type": "MultiLineString", "coordinates": [[[11.5, 48.1], [11.6, 48.1]], [[11.7, 48.1], [11.8, 48.1]]]}}""",
+ "geometry": {"type": "MultiLineString", "coordinates":
+ [[[11.5, 48.1], [11.6, 48.1]], [[11.7, 48.1], [11.8, 48.1]]]}}""",
 )
 
 ROADS_GEOJSON = (
     """{"type": "FeatureCollection", "features": [
-{"type": "Feature", "properties": {"highway": "primary", "oneway": "yes", "maxspeed": "50", "name": "High Street"},
- "geometry": {"type": "LineString", "coordinates": [[11.5, 48.1], [11.51, 48.1], [11.52, 48.11]]}},
+{"type": "Feature", "properties":
+ {"highway": "primary", "oneway": "yes", "maxspeed": "50", "name": "High Street"},
+ "geometry": {"type": "LineString", "coordinates":
+ [[11.5, 48.1], [11.51, 48.1], [11.52, 48.11]]}},
 {"type": "Feature", "properties": {"highway": "footway", "oneway": "no"},
- "geometry": {"type": "MultiLineString", "coordinates": [[[11.51, 48.1], [11.51, 48.12]], [[11.5, 48.1], [11.5, 48.12]]]}}]}""",
+ "geometry": {"type": "MultiLineString", "coordinates":
+ [[[11.51, 48.1], [11.51, 48.12]], [[11.5, 48.1], [11.5, 48.12]]]}}]}""",
 )
 
 ROADS_GRAPHML = (
     """<?xml version="1.0" encoding="UTF-8"?>
 <graphml xmlns="http://graphml.graphdrawing.org/xmlns">
-<key id="d0" for="node" attr.name="x" attr.type="double"/><key id="d1" for="node" attr.name="y" attr.type="double"/>
-<key id="d2" for="edge" attr.name="oneway" attr.type="string"/><key id="d3" for="edge" attr.name="geometry" attr.type="string"/>
+<key id="d0" for="node" attr.name="x" attr.type="double"/>
+<key id="d1" for="node" attr.name="y" attr.type="double"/>
+<key id="d2" for="edge" attr.name="oneway" attr.type="string"/>
+<key id="d3" for="edge" attr.name="geometry" attr.type="string"/>
 <key id="d4" for="edge" attr.name="maxspeed" attr.type="string"/><graph edgedefault="directed">
 <node id="1"><data key="d0">11.5</data><data key="d1">48.1</data></node>
 <node id="2"><data key="d0">11.6</data><data key="d1">48.1</data></node>
 <node id="3"><data key="d0">11.6</data><data key="d1">48.2</data></node>
 <edge source="1" target="2"><data key="d2">True</data><data key="d4">['30', '50']</data></edge>
-<edge source="2" target="3"><data key="d3">LINESTRING (11.6 48.1, 11.61 48.15, 11.6 48.2)</data></edge>
+<edge source="2" target="3">
+<data key="d3">LINESTRING (11.6 48.1, 11.61 48.15, 11.6 48.2)</data></edge>
 </graph></graphml>
 """,
 )
@@ -196,8 +208,10 @@ ROADS_GRAPHML = (
 ROADS_OSM = (
     """<?xml version="1.0" encoding="UTF-8"?>
 <osm version="0.6">
-<node id="1" lat="48.1" lon="11.5"/><node id="2" lat="48.11" lon="11.5"/><node id="3" lat="48.12" lon="11.51"/>
-<way id="7"><nd ref="1"/><nd ref="2"/><nd ref="3"/><tag k="highway" v="residential"/><tag k="oneway" v="yes"/>
+<node id="1" lat="48.1" lon="11.5"/><node id="2" lat="48.11" lon="11.5"/>
+<node id="3" lat="48.12" lon="11.51"/>
+<way id="7"><nd ref="1"/><nd ref="2"/><nd ref="3"/>
+<tag k="highway" v="residential"/><tag k="oneway" v="yes"/>
 <tag k="maxspeed" v="30 mph"/></way>
 <way id="8"><nd ref="3"/><nd ref="1"/><tag k="highway" v="service"/></way>
 </osm>
@@ -261,53 +275,54 @@ def _coresets() -> Sequence[bytes]:
 
 @cache
 def _prepared() -> Sequence[bytes]:
+    """A prepared network in degrees, and one in metres."""
     from gpszip.pipeline.match import prepare_network
 
-    found = []
-    in_metres = '{"gpszip": 1, "metres": 1, ' + ROADS_GEOJSON[0][1:].replace(
-        "[11.", "[1170."
-    ).replace(" 48.", " 4810.")
+    in_degrees = ROADS_GEOJSON[0]
+    in_metres = in_degrees.replace("[11.", "[1170.").replace(" 48.", " 4810.")
+    in_metres = '{"gpszip": 1, "metres": 1, ' + in_metres[1:]
+    files = []
     with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
-        for text in (ROADS_GEOJSON[0], in_metres):
+        for text in (in_degrees, in_metres):
             path, out = Path(folder) / "roads.geojson", io.BytesIO()
             path.write_text(text)
             prepare_network((str(path),)).write(out)
-            found.append(out.getvalue())
-    return found
+            files.append(out.getvalue())
+    return files
 
 
-def _sealed_roads(seed: bytes, changes: Sequence[mutations.Mutation]) -> bytes:
-    """A prepared network with changes whose checksums are right: that of the front and that of its only block."""
-    at = 48 + int.from_bytes(seed[40:48], "little")
-    front, body = seed[: at + 64], seed[at + 68 :]
+def _apply_to_prepared(seed: bytes, changes: Sequence[Mutation]) -> bytes:
+    """Change a prepared network, and correct the checksums of its front and its only block."""
+    # Half of the changes are to the front, half to the block.
+    index = 48 + int.from_bytes(seed[40:48], "little")
+    front, body = seed[: index + 64], seed[index + 68 :]
     for change in changes:
-        if change.at < 0.5:
-            front = mutations.applied(
-                front, [mutations.Mutation(change.kind, 2 * change.at, change.to)]
-            )
+        if change.position < 0.5:
+            within = Mutation(change.kind, 2 * change.position, change.amount)
+            front = mutations.apply(front, [within])
         else:
-            body = mutations.applied(
-                body, [mutations.Mutation(change.kind, 2 * change.at - 1, change.to)]
-            )
-    if len(front) == at + 64:
-        front = front[: at + 24] + struct.pack("<I", zlib.crc32(body)) + front[at + 28 :]
+            within = Mutation(change.kind, 2 * change.position - 1, change.amount)
+            body = mutations.apply(body, [within])
+
+    if len(front) == index + 64:
+        front = front[: index + 24] + struct.pack("<I", zlib.crc32(body)) + front[index + 28 :]
     return front + struct.pack("<I", zlib.crc32(front)) + body
 
 
 @cache
 def _pbfs() -> Sequence[bytes]:
-    """The roads of OSM's XML in its own binary format; none without osmium."""
+    """The roads of OSM XML in OSM's binary format; as XML without osmium."""
     try:
         import osmium
     except ImportError:
         return [ROADS_OSM[0].encode()]
     with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
-        there, made = Path(folder) / "roads.osm", Path(folder) / "roads.osm.pbf"
-        there.write_text(ROADS_OSM[0])
-        with osmium.SimpleWriter(str(made)) as writer:
-            for thing in osmium.FileProcessor(str(there)):
-                writer.add(thing)
-        return [made.read_bytes()]
+        xml, pbf = Path(folder) / "roads.osm", Path(folder) / "roads.osm.pbf"
+        xml.write_text(ROADS_OSM[0])
+        with osmium.SimpleWriter(str(pbf)) as writer:
+            for item in osmium.FileProcessor(str(xml)):
+                writer.add(item)
+        return [pbf.read_bytes()]
 
 
 @cache
@@ -324,16 +339,19 @@ def _archives() -> Sequence[bytes]:
         [[abs(i % 20 - 10) * 3.0, i / 9] for i in t],
         attributes={"speed": t, "note": ["x", "yy", ""] * 20},
     )
-    found = [two_walks().to_bytes(), two_walks(plane).to_bytes(), two_walks(timed=False).to_bytes()]
-    found += [
-        compress(track, max_error=0.5).to_bytes(),
-        compress(track, max_error=0.5, keep=("speed", "note"), layer="bz2").to_bytes(),
+    archives = [
+        two_walks(),
+        two_walks(plane),
+        two_walks(timed=False),
+        compress(track, max_error=0.5),
+        compress(track, max_error=0.5, keep=("speed", "note"), layer="bz2"),
     ]
-    return [*found, _sectioned(found[0])]
+    files = [archive.to_bytes() for archive in archives]
+    return [*files, _with_sections(files[0])]
 
 
-def _sectioned(small: bytes) -> bytes:
-    """The same archive in the form of large ones."""
+def _with_sections(small: bytes) -> bytes:
+    """Write an archive in the form of large ones."""
     from dataclasses import replace
 
     from gpszip.container.contents import Section
@@ -344,83 +362,97 @@ def _sectioned(small: bytes) -> bytes:
     return to_bytes(replace(contents, extras=(Section(200, bytes(70_000)),)))
 
 
-def _retabled(seed: bytes, changes: Sequence[mutations.Mutation]) -> bytes:
-    """Parquet with changes of its table: of values, types, columns, rows and metadata."""
+def _apply_to_table(seed: bytes, changes: Sequence[Mutation]) -> bytes:
+    """Change the table in a Parquet file: values, types, columns, rows and metadata."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     table = pq.read_table(io.BytesIO(seed))
     for change in changes:
-        # some tables Arrow doesn't make
+        # Some tables can't be made.
         with contextlib.suppress(pa.ArrowException, OverflowError, TypeError, ValueError):
-            table = _changed_table(table, change)
+            table = _change_table(table, change)
     return _parquet(pq, table, "none")
 
 
-def _changed_table(table: Any, change: mutations.Mutation) -> Any:
+def _change_table(table: Any, change: Mutation) -> Any:
+    """Make one of nine changes to a column or to the table."""
     import pyarrow as pa
 
-    column, how = divmod(int(change.at * table.num_columns * 9), 9)
+    column, how = divmod(int(change.position * table.num_columns * 9), 9)
     name, values = table.column_names[column], table.column(column).to_pylist()
-    row = int(change.to * len(values))
-    odd = (None, float("nan"), float("inf"), -1.0, 1e300, 0.0, 2.0**53, -(2.0**63), 1e-300)[
-        int(change.to * 1000) % 9
-    ]
-    kinds = (
-        pa.string(),
-        pa.int8(),
-        pa.float32(),
-        pa.bool_(),
-        pa.binary(),
-        pa.list_(pa.float64()),
-        pa.timestamp("ns"),
-        pa.date32(),
-        pa.null(),
-    )
+    row = int(change.amount * len(values))
+    odd_values = (None, math.nan, math.inf, -1.0, 1e300, 0.0, 2.0**53, -(2.0**63), 1e-300)
+    odd_value = odd_values[int(change.amount * 1000) % len(odd_values)]
+
+    # 0 to 3: other values
     if how < 4 and values:
-        values[row] = odd
+        values[row] = odd_value
         if how == 0:
-            values = [odd] * len(values)
+            values = [odd_value] * len(values)
         return table.set_column(column, name, pa.array(values, from_pandas=False))
+
+    # 4: another type
     if how == 4:
-        kind = kinds[int(change.to * len(kinds))]
+        kinds = (
+            pa.string(),
+            pa.int8(),
+            pa.float32(),
+            pa.bool_(),
+            pa.binary(),
+            pa.list_(pa.float64()),
+            pa.timestamp("ns"),
+            pa.date32(),
+            pa.null(),
+        )
+        kind = kinds[int(change.amount * len(kinds))]
         cells = [[1.0]] * len(values) if pa.types.is_list(kind) else [None] * len(values)
         return table.set_column(column, name, pa.array(cells, kind))
+
+    # 5 and 6: no column, or one of another name
     if how == 5:
         return table.remove_column(column) if table.num_columns > 1 else table
     if how == 6:
         names = [*table.column_names]
-        names[column] = (names[-1], "", "lat", "t", "\0", "x" * 10_000, "time")[int(change.to * 7)]
+        new_names = (names[-1], "", "lat", "t", "\0", "x" * 10_000, "time")
+        names[column] = new_names[int(change.amount * len(new_names))]
         return table.rename_columns(names)
+
+    # 7: other rows
+    if how == 7 and change.amount < 0.7:
+        return table.slice(row, int(change.amount * 9))
     if how == 7:
-        return (
-            table.slice(row, int(change.to * 9))
-            if change.to < 0.7
-            else pa.concat_tables([table, table.slice(row)])
-        )
-    key = next(iter(table.schema.metadata or {b"gpszip.coreset": b""}))
-    was = (table.schema.metadata or {}).get(key, b"{}")
-    return table.replace_schema_metadata(
-        {key: mutations.applied(was, [mutations.Mutation("number for word", change.to, change.at)])}
-    )
+        return pa.concat_tables([table, table.slice(row)])
+
+    # 8: other metadata
+    metadata = table.schema.metadata or {b"gpszip.coreset": b"{}"}
+    key = next(iter(metadata))
+    mutation = Mutation("number for word", change.amount, change.position)
+    return table.replace_schema_metadata({key: mutations.apply(metadata[key], [mutation])})
 
 
-def _sealed(seed: bytes, changes: Sequence[mutations.Mutation]) -> bytes:
-    """An archive with changes whose checksums are right: the whole one's, or that of each section and the end's of these."""
+def _apply_to_archive(seed: bytes, changes: Sequence[Mutation]) -> bytes:
+    """Change an archive, and correct its checksums."""
     from oracle import archives
 
+    # A small archive has one checksum.
     if len(seed) < 65_536:
-        changed = mutations.applied(seed[:-4], changes)
+        changed = mutations.apply(seed[:-4], changes)
         return changed + struct.pack("<I", zlib.crc32(changed))
+
+    # A large one has a checksum for each section, and one at the end for these.
     from gpszip.container.verify import verify_bytes
 
-    parts = [seed[one.offset : one.offset + one.size] for one in verify_bytes(seed).sections]
+    sections = [
+        seed[section.offset : section.offset + section.size]
+        for section in verify_bytes(seed).sections
+    ]
     for change in changes:
-        i = min(int(change.at * len(parts)), len(parts) - 1)
-        within = mutations.Mutation(change.kind, change.at * len(parts) % 1, change.to)
-        body = mutations.applied(parts[i][4:-4], [within])
-        parts[i] = b"\xa7SEC" + body + struct.pack("<I", zlib.crc32(body))
-    return archives.large([part for part in parts if len(part) > 8], third=seed[2])
+        i = min(int(change.position * len(sections)), len(sections) - 1)
+        within = Mutation(change.kind, change.position * len(sections) % 1, change.amount)
+        body = mutations.apply(sections[i][4:-4], [within])
+        sections[i] = b"\xa7SEC" + body + struct.pack("<I", zlib.crc32(body))
+    return archives.large([section for section in sections if len(section) > 8], third=seed[2])
 
 
 TARGETS = {
@@ -431,7 +463,7 @@ TARGETS = {
     "gpx": Target(_log("gpx", keep=("ele",), split=True), _texts(GPX)),
     "geojson": Target(_log("geojson", sort=True), _texts(GEOJSON)),
     "parquet": Target(_log("parquet"), _parquets, mutations.BINARY),
-    "parquet, table": Target(_log("parquet"), _parquets, mutations.BINARY, _retabled),
+    "parquet, table": Target(_log("parquet"), _parquets, mutations.BINARY, _apply_to_table),
     "csv, stored": Target(_stored(format="csv", clean=True, sort=True), _texts(CSV)),
     "parquet, stored": Target(_stored(format="parquet"), _parquets, mutations.BINARY),
     "any log": Target(
@@ -442,11 +474,13 @@ TARGETS = {
     "roads osm": Target(_network(".osm"), _texts(ROADS_OSM)),
     "roads pbf": Target(_network(".osm.pbf"), _pbfs, mutations.BINARY),
     "roads prepared": Target(_network(".gpsz"), _prepared, mutations.BINARY),
-    "roads prepared, sealed": Target(_network(".gpsz"), _prepared, mutations.BINARY, _sealed_roads),
+    "roads prepared, sealed": Target(
+        _network(".gpsz"), _prepared, mutations.BINARY, _apply_to_prepared
+    ),
     "coreset": Target(_coreset, _coresets, mutations.BINARY),
-    "coreset, table": Target(_coreset, _coresets, mutations.BINARY, _retabled),
+    "coreset, table": Target(_coreset, _coresets, mutations.BINARY, _apply_to_table),
     "times": Target(_times, _texts(TIMES)),
-    "words of times": Target(_words_of_times, _texts(("10,20.5,2024-05-04T08:00:00Z",))),
+    "times in text": Target(_times_in_text, _texts(("10,20.5,2024-05-04T08:00:00Z",))),
     "archive": Target(_archive, _archives, mutations.BINARY),
-    "archive, sealed": Target(_archive, _archives, mutations.BINARY, _sealed),
+    "archive, sealed": Target(_archive, _archives, mutations.BINARY, _apply_to_archive),
 }

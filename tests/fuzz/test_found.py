@@ -1,4 +1,4 @@
-"""What fuzzing has found: files that were read wrongly, or refused as if it were a fault of the program."""
+"""Files that fuzzing found: they were read wrongly, or refused as if the program had a fault."""
 
 import contextlib
 import io
@@ -64,7 +64,7 @@ def test_graphml_of_unknown_encodings(encoding):
         read_network(io.BytesIO(data))
 
 
-def test_osm_with_a_place_that_is_none(tmp_path):
+def test_osm_with_a_blank_latitude(tmp_path):
     pytest.importorskip("osmium")
     path = tmp_path / "roads.osm"
     path.write_text(ROADS_OSM[0].replace('lat="48.1"', 'lat=" "'))
@@ -73,35 +73,33 @@ def test_osm_with_a_place_that_is_none(tmp_path):
 
 
 def _resealed(data, change):
-    """A prepared network of one block, whose body is changed."""
-    at = 48 + int.from_bytes(data[40:48], "little")
-    body = bytearray(data[at + 68 :])
+    """Change the body of a prepared network of one block, and correct its checksums."""
+    index = 48 + int.from_bytes(data[40:48], "little")
+    body = bytearray(data[index + 68 :])
     change(body)
-    front = data[: at + 24] + struct.pack("<I", zlib.crc32(body)) + data[at + 28 : at + 64]
+    front = data[: index + 24] + struct.pack("<I", zlib.crc32(body)) + data[index + 28 : index + 64]
     return front + struct.pack("<I", zlib.crc32(front)) + bytes(body)
 
 
 @pytest.mark.parametrize("seed", [0, 1], ids=["degrees", "metres"])
-def test_prepared_roads_that_lie_nowhere(tmp_path, seed):
+def test_prepared_roads_without_a_valid_position(tmp_path, seed):
     data, path = TARGETS["roads prepared"].seeds()[seed], tmp_path / "roads.gpsz"
-    nowhere = (
-        np.array([2**31 - 1] * 2, "<i4").tobytes() if seed == 0 else np.array([np.nan]).tobytes()
-    )
+    no_position = np.array([2**31 - 1] * 2, "<i4") if seed == 0 else np.array([np.nan])
 
     def change(body):
-        body[: len(nowhere)] = nowhere
+        body[: no_position.nbytes] = no_position.tobytes()
 
     path.write_bytes(_resealed(data, lambda body: None))
     assert len(read_network(path))
     path.write_bytes(_resealed(data, change))
-    with pytest.raises(CorruptArchiveError, match="lies nowhere"):
+    with pytest.raises(CorruptArchiveError, match="no valid position or speed"):
         read_network(path)
 
 
 def test_a_prepared_network_of_nothing(tmp_path):
     data, path = TARGETS["roads prepared"].seeds()[0], tmp_path / "roads.gpsz"
-    at = 48 + int.from_bytes(data[40:48], "little")
-    front = data[:32] + bytes(8) + data[40:at]
+    index = 48 + int.from_bytes(data[40:48], "little")
+    front = data[:32] + bytes(8) + data[40:index]
     path.write_bytes(front + struct.pack("<I", zlib.crc32(front)))
     with pytest.raises(InputError, match="holds no road"):
         read_network(path)
@@ -124,8 +122,8 @@ def test_times_longer_than_any_name():
 
 def test_text_of_broken_utf_16_is_read_or_refused():
     good = ('t,x,y\n"0",0,0\n' + "".join(f"{i},{i},{i}\n" for i in range(1, 30))).encode("utf-16")
-    for at in range(8, 120, 2):
+    for i in range(8, 120, 2):
         with contextlib.suppress(InputError):
-            read_logs(io.BytesIO(good[:at] + b"\x00\xd8" + good[at + 2 :]), format="csv")
+            read_logs(io.BytesIO(good[:i] + b"\x00\xd8" + good[i + 2 :]), format="csv")
     with pytest.raises(InputError, match="damaged text: not all of it is UTF-16"):
         read_logs(io.BytesIO(good[:100] + b"\x00\xd8" + good[102:]), format="csv")

@@ -1,6 +1,7 @@
-"""A process that takes inputs one after the other within a bound on memory: each line ``NUMBER SEED``, each answer a line of JSON.
+"""A process that takes the inputs of one target, within a bound on memory.
 
-The process may be killed at any input, by itself or by who waits for it; the input can be made again from target and seed.
+Each line that it reads is a seed; each line that it writes is an answer in JSON. An input can be
+made again from target and seed, so the process may be killed at any input.
 """
 
 from __future__ import annotations
@@ -18,52 +19,62 @@ import warnings
 from fuzz import mutations
 from fuzz.targets import TARGETS, run
 
-__all__ = ["ROOM", "answer", "input_of", "serve"]
+__all__ = ["MAX_EXTRA_BYTES", "answer", "make_input", "serve"]
 
-#: Bytes of address space that an input may take beside what is there before.
-ROOM = 1 << 30
-
-
-def input_of(name: str, seed: int) -> bytes:
-    """The input of this number: the same in every process."""
-    chance = random.Random(seed)
-    target = TARGETS[name]
-    return target.made(chance.randrange(1 << 16), mutations.drawn(chance, target.kinds))
+#: Bytes of address space that an input may take, beyond those of the process before it.
+MAX_EXTRA_BYTES = 1 << 30
 
 
-def serve(name: str) -> None:
-    """Answer lines from standard input until it ends."""
+def make_input(target: str, seed: int) -> bytes:
+    """Return the input of a seed, which is the same in every process."""
+    rng = random.Random(seed)
+    number = rng.randrange(1 << 16)
+    return TARGETS[target].mutate(number, mutations.draw(rng, TARGETS[target].kinds))
+
+
+def serve(target: str) -> None:
+    """Answer the lines of standard input until it ends."""
+    # Libraries that print write to standard error, not among the answers.
     warnings.simplefilter("ignore")
     answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # libraries that print don't disturb the answers
-    for seed in TARGETS[name].seeds():
-        run(name, seed)
-    _bound()
+    os.dup2(2, 1)
+
+    # Import and compile all that valid files need, before memory is bounded.
+    for seed in TARGETS[target].seeds():
+        run(target, seed)
+    _bound_memory()
     print("ready", file=answers, flush=True)
+
     for line in sys.stdin:
-        seed = int(line)
-        data = input_of(name, seed)
-        print(json.dumps(answer(name, data)), file=answers, flush=True)
+        data = make_input(target, int(line))
+        print(json.dumps(answer(target, data)), file=answers, flush=True)
 
 
-def _bound() -> None:
+def _bound_memory() -> None:
     with open("/proc/self/statm", encoding="ascii") as file:
-        there = int(file.read().split()[0]) * os.sysconf("SC_PAGE_SIZE")
-    resource.setrlimit(resource.RLIMIT_AS, (there + ROOM, resource.RLIM_INFINITY))
+        pages = int(file.read().split()[0])
+    size = pages * os.sysconf("SC_PAGE_SIZE")
+    resource.setrlimit(resource.RLIMIT_AS, (size + MAX_EXTRA_BYTES, resource.RLIM_INFINITY))
 
 
-def answer(name: str, data: bytes) -> dict:
-    """What became of an input; a leak is all that is neither an answer nor an error raised on purpose."""
+def answer(target: str, data: bytes) -> dict:
+    """Run a target on an input.
+
+    Returns
+    -------
+    dict
+        ``accepted`` says whether it was read; ``leak`` is the traceback of an exception that is not
+        raised on purpose, and ``data`` the input then.
+    """
     start = time.process_time()
     try:
-        accepted, leak = run(name, data), ""
-    except BaseException:  # whatever it is, it is what is looked for
+        accepted, leak = run(target, data), ""
+    except BaseException:  # any exception is what fuzzing looks for
         accepted, leak = False, traceback.format_exc(limit=-12)
-    seconds = time.process_time() - start
     return {
         "accepted": accepted,
         "leak": leak,
-        "seconds": seconds,
+        "seconds": time.process_time() - start,
         "data": base64.b64encode(data).decode() if leak else "",
     }
 

@@ -14,26 +14,26 @@ def test_lines_are_cut_at_180_degrees_and_nowhere_else(steps):
     east, lat = (np.array(column, dtype=np.float64) for column in zip(*steps, strict=True))
     lon = (east + 180.0 + 180.0) % 360.0 - 180.0  # about the antimeridian
     times = np.arange(len(steps), dtype=np.float64)
-    when, north, there = insert_crossings(times, lat, lon, 1e-6)
+    new_times, new_lat, new_lon = insert_crossings(times, lat, lon, 1e-6)
 
-    # the points that were there are there, and the line between them is the same
-    assert (np.diff(when) > 0).all()
-    assert np.isin(times, when).all()
-    assert np.allclose(np.interp(times, when, north), lat)
-    middle = np.interp(times[:-1] + 0.37, when, np.degrees(np.unwrap(np.radians(there))))
+    # the given points remain, and the line between them is the same
+    assert (np.diff(new_times) > 0).all()
+    assert np.isin(times, new_times).all()
+    assert np.allclose(np.interp(times, new_times, new_lat), lat)
+    middle = np.interp(times[:-1] + 0.37, new_times, np.degrees(np.unwrap(np.radians(new_lon))))
     straight = np.interp(
         times[:-1] + 0.37, times, np.degrees(np.unwrap(np.radians(lon), period=2 * np.pi))
     )
     assert np.allclose((middle - straight + 180) % 360 - 180, 0, atol=1e-4)
 
-    # it leaves at 180 degrees on the one side and goes on at 180 degrees on the other
-    for at in np.flatnonzero(find_crossings(there)):
-        assert abs(there[at]) == 180.0
-        assert there[at + 1] == -there[at]
-        assert north[at + 1] == north[at]
+    # it ends at 180 degrees on one side and continues at 180 degrees on the other
+    for step in np.flatnonzero(find_crossings(new_lon)):
+        assert abs(new_lon[step]) == 180.0
+        assert new_lon[step + 1] == -new_lon[step]
+        assert new_lat[step + 1] == new_lat[step]
 
 
-def test_a_point_on_the_antimeridian_is_on_the_side_of_its_neighbours():
+def test_points_on_the_antimeridian_get_the_sign_of_their_neighbours():
     assert align_antimeridian_signs(np.array([-180.0, -180.0, 179.0, -180.0])).tolist() == [
         180.0,
         180.0,
@@ -41,15 +41,12 @@ def test_a_point_on_the_antimeridian_is_on_the_side_of_its_neighbours():
         180.0,
     ]
     assert align_antimeridian_signs(np.array([180.0, -180.0])).tolist() == [180.0, 180.0]
-    assert (
-        len(
-            insert_crossings(np.arange(3.0), np.zeros(3), np.array([180.0, -180.0, 179.0]), 1e-6)[0]
-        )
-        == 3
-    )
+    lon = np.array([180.0, -180.0, 179.0])
+    times, _, _ = insert_crossings(np.arange(3.0), np.zeros(3), lon, 1e-6)
+    assert len(times) == 3
 
 
-def test_of_many_lines_only_those_that_cross_are_cut():
+def test_only_lines_that_cross_are_cut():
     positions = np.array(
         [
             [-300.0, 0.0],
@@ -68,18 +65,15 @@ def test_of_many_lines_only_those_that_cross_are_cut():
     assert (np.sign(lines.points[:, 0]) == [1, 1, 1, 1, -1, -1, -1, 1, 1, -1, -1]).all()
 
 
-def test_lines_far_from_the_antimeridian_are_as_they_were():
-    points, offsets = (
-        np.array([[179.0, 0.0], [178.0, 0.0], [-179.0, 0.0], [-178.0, 0.0]]),
-        np.array([0, 2, 4]),
-    )
-    found = cut_at_antimeridian(points, offsets, decimals=8)
-    assert found.points.tolist() == points.tolist()
-    assert found.offsets.tolist() == [0, 2, 4]
-    assert not len(found.cuts)
+def test_lines_far_from_the_antimeridian_are_unchanged():
+    points = np.array([[179.0, 0.0], [178.0, 0.0], [-179.0, 0.0], [-178.0, 0.0]])
+    lines = cut_at_antimeridian(points, np.array([0, 2, 4]), decimals=8)
+    assert lines.points.tolist() == points.tolist()
+    assert lines.offsets.tolist() == [0, 2, 4]
+    assert not len(lines.cuts)
 
 
-def test_a_step_that_starts_on_the_antimeridian_gets_one_point_more():
+def test_a_step_that_starts_on_the_antimeridian_gets_one_more_point():
     times, lat, lon = insert_crossings(
         np.arange(3.0), np.array([1.0, 2.0, 3.0]), np.array([179.0, 180.0, -179.0]), 0.0
     )

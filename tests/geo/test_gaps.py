@@ -20,7 +20,7 @@ def test_a_single_sample_and_regular_sampling_have_no_gap():
     assert estimate_gap([track(np.arange(1000) * 60.0)]) == np.inf
 
 
-def test_a_robot_with_jitter_and_a_short_dropout_has_no_gap_but_a_lunch_break_is_one():
+def test_a_short_dropout_of_a_robot_is_no_gap_but_a_lunch_break_is():
     rng = np.random.default_rng(1)
     steps = 1 / 13 + rng.uniform(-0.002, 0.002, 5000)
     steps[100] = 3.0
@@ -32,7 +32,7 @@ def test_a_robot_with_jitter_and_a_short_dropout_has_no_gap_but_a_lunch_break_is
     assert np.flatnonzero(find_long_intervals(log.times, gap)).tolist() == [2000]
 
 
-def test_a_taxi_reporting_each_minute_or_so_breaks_for_its_pauses_only():
+def test_a_taxi_that_reports_about_each_minute_has_gaps_at_its_pauses_only():
     rng = np.random.default_rng(2)
     steps = rng.choice(
         [15, 54, 60, 61, 68, 170], 4000, p=[0.06, 0.2, 0.5, 0.14, 0.08, 0.02]
@@ -45,7 +45,7 @@ def test_a_taxi_reporting_each_minute_or_so_breaks_for_its_pauses_only():
     ]
 
 
-def test_a_phone_that_logs_in_short_bursts_breaks_between_them():
+def test_a_phone_that_logs_in_short_bursts_has_gaps_between_them():
     steps = np.tile([2.0, 2.0, 3.0, 2.0, 5000.0], 200)
     log = from_steps(steps)
     gap = estimate_gap([log])
@@ -53,14 +53,14 @@ def test_a_phone_that_logs_in_short_bursts_breaks_between_them():
     assert find_long_intervals(log.times, gap).sum() == 200
 
 
-def test_the_slow_vehicle_of_a_mixed_fleet_stays_whole():
+def test_a_slow_vehicle_in_a_mixed_fleet_has_no_gaps():
     fast = from_steps(np.ones(20000))
     slow = from_steps(np.full(100, 60.0))
     assert estimate_gap([fast, slow]) == np.inf
 
 
 @pytest.mark.parametrize("shift", [0.0, 1e9, -1e9, 1.7e9 + 0.123])
-def test_gaps_do_not_hang_on_the_zero_of_time(shift):
+def test_gaps_do_not_depend_on_the_origin_of_times(shift):
     rng = np.random.default_rng(4)
     steps = np.round(
         rng.choice([1.0, 1.0, 1.0, 30.0, 30.001, 90.0], 3000, p=[0.6, 0.2, 0.16, 0.02, 0.01, 0.01]),
@@ -79,7 +79,7 @@ def test_an_infinite_gap_is_never_exceeded():
     assert find_long_intervals([1.0], 5.0).shape == (0,)
 
 
-def test_a_step_from_plane_to_plane_is_silent_however_short_it_took():
+def test_a_change_of_plane_is_a_gap_however_short():
     plane = Plane(((476_200_000, -1_223_500_000), (400_000_000, -740_000_000)))
     track = Track(
         "a",

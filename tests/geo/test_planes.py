@@ -18,7 +18,7 @@ GEOD = Geod(ellps="WGS84")
 
 
 def degrees_around(lat, lon, n, metres, seed=0):
-    """Samples within some metres of a place, whether it is a pole or on the antimeridian."""
+    """Draw samples around a position, which may be a pole or on the antimeridian."""
     rng = np.random.default_rng(seed)
     to_lon, to_lat, _ = GEOD.fwd(
         np.full(n, lon), np.full(n, lat), rng.uniform(0, 360, n), rng.uniform(0, metres, n)
@@ -34,43 +34,38 @@ def separation(lat, lon, other_lat, other_lon):
     ("lat", "lon"),
     [(0, 0), (48.2, 16.4), (-17.8, 180), (65, -179.99), (90, 0), (89.9, 120), (-90, 0), (-75, -60)],
 )
-def test_one_plane_holds_a_city_anywhere_on_earth(lat, lon):
+def test_one_plane_covers_a_city_anywhere_on_earth(lat, lon):
     lats, lons = degrees_around(lat, lon, 500, 30_000)
     plane = choose_plane(lats, lons)
     assert len(plane.centers) == 1
     positions = to_plane(lats, lons, plane)
     back = to_geographic(positions, plane)
     assert separation(lats, lons, *back).max() < 1e-4
-    flat = np.linalg.norm(positions[1:] - positions[:-1], axis=1)
-    round_ = separation(lats[1:], lons[1:], lats[:-1], lons[:-1])
-    assert np.allclose(flat, round_, rtol=2e-5, atol=1e-3)
+    on_plane = np.linalg.norm(positions[1:] - positions[:-1], axis=1)
+    on_earth = separation(lats[1:], lons[1:], lats[:-1], lons[:-1])
+    assert np.allclose(on_plane, on_earth, rtol=2e-5, atol=1e-3)
 
 
-def test_lengths_within_reach_are_true_to_two_permille():
+def test_lengths_within_the_radius_are_true_to_two_permille():
     lats, lons = degrees_around(45, 7, 200, PLANE_RADIUS - 1000)
     plane = Plane(((450000000, 70000000),))
-    near = to_plane(lats + 1e-4, lons, plane) - to_plane(lats, lons, plane)
-    assert np.allclose(
-        np.linalg.norm(near, axis=1), separation(lats, lons, lats + 1e-4, lons), rtol=2.1e-3
-    )
+    on_plane = to_plane(lats + 1e-4, lons, plane) - to_plane(lats, lons, plane)
+    on_earth = separation(lats, lons, lats + 1e-4, lons)
+    assert np.allclose(np.linalg.norm(on_plane, axis=1), on_earth, rtol=2.1e-3)
 
 
-def test_a_stray_sample_does_not_move_the_centre():
+def test_a_single_distant_sample_does_not_move_the_centre():
     lats, lons = degrees_around(40, 116, 101, 5_000)
-    alone = choose_plane(lats, lons).centers
-    with_stray = choose_plane(np.append(lats, -30.0), np.append(lons, 20.0)).centers
-    assert len(alone) == 1
-    assert len(with_stray) == 2
-    assert (
-        separation(
-            alone[0][0] / 1e7, alone[0][1] / 1e7, with_stray[0][0] / 1e7, with_stray[0][1] / 1e7
-        )
-        < 200
-    )
-    assert with_stray[1] == (-300000000, 200000000)
+    without = choose_plane(lats, lons).centers
+    with_distant = choose_plane(np.append(lats, -30.0), np.append(lons, 20.0)).centers
+    assert len(without) == 1
+    assert len(with_distant) == 2
+    before, after = np.array([without[0], with_distant[0]]) / 1e7
+    assert separation(*before, *after) < 200
+    assert with_distant[1] == (-300000000, 200000000)
 
 
-def test_far_apart_places_lie_on_planes_that_are_never_near():
+def test_distant_regions_lie_on_planes_far_from_each_other():
     lats, lons = np.concatenate(
         [
             degrees_around(52, 13, 50, 1000),
@@ -81,32 +76,27 @@ def test_far_apart_places_lie_on_planes_that_are_never_near():
     )
     plane = choose_plane(lats, lons)
     positions = to_plane(lats, lons, plane)
-    index = plane_indices(positions, plane)
-    assert index.tolist() == [0] * 50 + [1] * 40 + [0] * 9
+    assert plane_indices(positions, plane).tolist() == [0] * 50 + [1] * 40 + [0] * 9
     assert np.flatnonzero(plane_changes(positions, plane)).tolist() == [49, 89]
     assert np.linalg.norm(positions[0] - positions[60]) > 3e7
     assert separation(lats, lons, *to_geographic(positions, plane)).max() < 1e-4
 
 
-def test_two_halves_far_apart_need_no_plane_between_them():
+def test_two_distant_halves_have_no_plane_between_them():
     plane = choose_plane([50.0, 50.0, 40.0, 40.0], [0.0, 0.0, -74.0, -74.0])
     assert plane.centers == ((500000000, 0), (400000000, -740000000))
 
 
 @given(st.lists(st.tuples(st.floats(-90, 90), st.floats(-180, 180)), min_size=1, max_size=30))
-def test_every_sample_comes_back(places):
-    lats, lons = np.array(places).T
+def test_every_sample_survives_a_round_trip(points):
+    lats, lons = np.array(points).T
     plane = choose_plane(lats, lons)
     positions = to_plane(lats, lons, plane)
-    assert (
-        np.linalg.norm(
-            positions - plane_indices(positions, plane)[:, None] * [Plane.SPREAD, 0], axis=1
-        ).max()
-        < 1.01 * PLANE_RADIUS
-    )
+    from_centers = positions - plane_indices(positions, plane)[:, None] * [Plane.SPREAD, 0]
+    assert np.linalg.norm(from_centers, axis=1).max() < 1.01 * PLANE_RADIUS
     assert separation(lats, lons, *to_geographic(positions, plane)).max() < 1e-3
 
 
-def test_a_log_in_metres_never_changes_its_plane():
+def test_a_log_in_metres_has_no_changes_of_plane():
     assert not plane_changes([[0.0, 0.0], [1e9, 0.0]], None).any()
     assert len(plane_changes([[0.0, 0.0]], None)) == 0

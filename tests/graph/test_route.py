@@ -12,26 +12,26 @@ GRAPH = build_road_graph(
 )
 
 
-def test_nodes_alone_take_the_shortest_of_parallel_edges_then_the_first():
+def test_route_by_nodes_takes_the_shortest_parallel_edge_then_the_first():
     assert build_route(GRAPH, [0, 1, 0, 1, 2]).edges.tolist() == [2, 2, 2, 1]
 
 
-def test_a_node_twice_in_a_row_is_a_stay_and_a_gap_a_jump():
+def test_repeated_node_is_a_stop_unless_it_is_a_gap():
     route = build_route(GRAPH, [2, 2, 3, 3], [False, True, True])
     assert route.edges.tolist() == [STOP, GAP, GAP]
     assert route.gaps.tolist() == [False, True, True]
 
 
-def test_a_walk_of_one_node_has_no_edges():
+def test_walk_of_one_node_has_no_edges():
     assert len(build_route(GRAPH, [1]).edges) == 0
 
 
-def test_a_hop_without_an_edge_is_refused():
+def test_nodes_without_an_edge_are_refused():
     with pytest.raises(ValueError, match="from node 2 to node 0"):
         build_route(GRAPH, [0, 1, 2, 0])
 
 
-def test_parallel_arcs_follow_each_other():
+def test_parallel_arcs_are_consecutive():
     first, count = find_arcs(GRAPH, [1, 0, 2, 0, 3], [0, 1, 2, 2, 3])
     assert count.tolist() == [3, 2, 1, 0, 0]
     assert [GRAPH.edges[f : f + c].tolist() for f, c in zip(first, count, strict=True)] == [
@@ -43,7 +43,7 @@ def test_parallel_arcs_follow_each_other():
     ]
 
 
-def test_arcs_along_a_route_name_source_target_and_edge():
+def test_arcs_of_a_route_have_its_sources_targets_and_edges():
     route = Route(
         np.array([0, 1, 0, 0, 1, 2, 2, 3], np.int32), np.array([0, 4, STOP, 2, 1, 3, GAP], np.int32)
     )
@@ -66,6 +66,6 @@ def test_arcs_along_a_route_name_source_target_and_edge():
         ([0, 1], [STOP]),
     ],
 )
-def test_a_hop_over_an_edge_that_does_not_lead_there_is_refused(nodes, edges):
-    with pytest.raises(ValueError, match="hop 0 of the route"):
+def test_edge_that_leads_elsewhere_is_refused(nodes, edges):
+    with pytest.raises(ValueError, match="segment 0 of the route"):
         find_route_arcs(GRAPH, Route(np.array(nodes, np.int32), np.array(edges, np.int32)))

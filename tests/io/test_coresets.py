@@ -1,4 +1,4 @@
-"""Coresets as files: what was saved comes back, what is damaged or something else is refused."""
+"""Coresets as files: they are read as written; damaged and other files are refused."""
 
 import io
 
@@ -38,7 +38,7 @@ def test_the_plane_is_kept(tmp_path):
 
 @pytest.mark.parametrize("dimension", [1, 3])
 @pytest.mark.parametrize("max_bytes", [10_000, 60_000, 400_000])
-def test_max_bytes_is_held_by_the_file(dimension, max_bytes):
+def test_the_file_is_not_larger_than_max_bytes(dimension, max_bytes):
     n = 20_000
     small = coreset(
         Track("0", np.arange(n), np.random.default_rng(1).normal(0, 1, (n, dimension))),

@@ -50,7 +50,9 @@ def test_slots_count_weights_in_sixteenths():
 def test_the_bound_holds_at_all_samples(bound):
     track = patrol(3000, seed=8)
     archive = gpszip.compress(track, coreset=60, effort=1, **bound)
-    off = np.linalg.norm(archive.position(track.id, track.times) - track.positions, axis=1)
+    off = np.linalg.norm(
+        archive.position(track.id, track.times, metres=True) - track.positions, axis=1
+    )
     assert np.sqrt((off**2).mean()) <= bound.get("rmse", np.inf)
     assert off.max() <= bound.get("max_error", np.inf)
     assert len(archive.to_bytes()) < 1.3 * len(gpszip.compress(track, effort=1, **bound).to_bytes())

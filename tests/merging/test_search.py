@@ -62,8 +62,8 @@ def farthest(before, after, names=None):
                 np.linspace(low, high, 2000), np.concatenate([walk.times[first:end], new.times])
             )
             when = when[(when >= low) & (when <= high)]
-            there = before.position(name, when, geographic=before.grid.plane is not None)
-            here = after.position(new.id, when, geographic=after.grid.plane is not None)
+            there = before.position(name, when)
+            here = after.position(new.id, when)
             assert not np.isnan(here).any()
             if before.grid.plane is not None:
                 plane = before.grid.plane
@@ -74,7 +74,7 @@ def farthest(before, after, names=None):
 
 def rmse(archive, tracks):
     squares = [
-        ((archive.position(track.id, track.times) - track.positions) ** 2).sum(axis=1)
+        ((archive.position(track.id, track.times, metres=True) - track.positions) ** 2).sum(axis=1)
         for track in tracks
     ]
     return math.sqrt(np.concatenate(squares).mean())
@@ -112,7 +112,8 @@ def test_a_promised_maximum_is_added_to(logs):
     assert made.error_bound.maximum
     assert made.error_bound.metres <= 24.1
     worst = max(
-        np.linalg.norm(made.position(t.id, t.times) - t.positions, axis=1).max() for t in logs[:4]
+        np.linalg.norm(made.position(t.id, t.times, metres=True) - t.positions, axis=1).max()
+        for t in logs[:4]
     )
     assert worst <= made.error_bound.metres
     assert max(farthest(archive, made) for archive in fleets) <= 12.0
@@ -218,7 +219,7 @@ def test_archives_on_different_planes_share_one_or_lie_side_by_side(logs, lat, l
     assert len(made.grid.plane.centers) == (2 if lat < 0 else 1)
     for archive, moved in zip(parts, report.deviations, strict=True):
         assert farthest(archive, made) <= moved.maximum * 1.003 + 0.1
-    found = made.position(far.id, far.times, geographic=True)
+    found = made.position(far.id, far.times)
     away = to_plane(*found.T, far.plane) - far.positions
     assert math.sqrt((away**2).sum(axis=1).mean()) <= made.error_bound.metres <= 1.05 * 10.1
 
@@ -327,7 +328,7 @@ def test_archives_that_promise_nothing_may_move_by_a_step_of_their_lattice():
     made, report = merge([hand_made(("a",)), hand_made(("b",))])
     assert report.limit == 1.0
     assert made.error_bound is None
-    assert "promised nothing" in " ".join(report.notes)
+    assert "states no error bound" in " ".join(report.notes)
     assert len(made.road_map.nodes) == 2
 
 

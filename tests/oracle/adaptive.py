@@ -5,7 +5,7 @@ from __future__ import annotations
 from decimal import Decimal, localcontext
 from functools import cache
 
-# Constants of docs/format.md, "Numbers that adapt".
+# Constants of docs/format.md, "Adaptive models".
 PROBABILITY_BITS = 24
 CERTAIN = 1 << PROBABILITY_BITS
 BIT_INCREMENT = 20

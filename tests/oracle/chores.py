@@ -1,4 +1,4 @@
-"""Small pieces of work that other processes can import."""
+"""Small functions that other processes can import and run."""
 
 import os
 import signal
@@ -7,59 +7,59 @@ import time
 from gpszip.errors import BoundError, CorruptArchiveError, MissingExtraError
 
 
-def halved(x):
+def halve(x):
     return x / 2
 
 
-def scaled(factors, i):
+def scale(factors, i):
     return factors[i % len(factors)] * i
 
 
-def process_of(_):
+def process_id(_):
     time.sleep(0.05)
     return os.getpid()
 
 
-def identity_of(value, _):
+def process_and_address(value, _):
     return os.getpid(), id(value)
 
 
-def die(x):
+def kill_process_at_three(x):
     if x == 3:
         os.kill(os.getpid(), signal.SIGKILL)
     return x
 
 
-def fail(x):
+def raise_error(number):
     raise {
         0: BoundError("too tight"),
         1: CorruptArchiveError("torn", 17),
         2: MissingExtraError("dask", "a cluster"),
-    }[x]
+    }[number]
 
 
-def nap(x):
+def sleep_30_seconds(x):
     time.sleep(30)
     return x
 
 
-def joined(a, b):
+def join_in_brackets(a, b):
     return f"({a} {b})"
 
 
-class Traveller:
-    """Notes each process to which it comes."""
+class UnpicklingRecord:
+    """Lists the processes that unpickled it."""
 
-    def __init__(self, stations):
-        self.stations = stations
+    def __init__(self, processes):
+        self.processes = processes
 
     def __setstate__(self, state):
-        self.stations = [*state["stations"], os.getpid()]
+        self.processes = [*state["processes"], os.getpid()]
 
 
-def departed(_):
-    return Traveller([])
+def empty_record(_):
+    return UnpicklingRecord([])
 
 
-def met(a, b):
-    return Traveller([*a.stations, *b.stations])
+def join_records(a, b):
+    return UnpicklingRecord([*a.processes, *b.processes])

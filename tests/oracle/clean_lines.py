@@ -1,37 +1,37 @@
-"""Plain twins of the kernels of the clean map."""
+"""Plain twins of the kernels of map simplification."""
 
 import heapq
 
 import numpy as np
 
 
-def blurred(values, near, passes):
+def blurred(values, neighbours, passes):
     for _ in range(passes):
         padded = np.append(values, 0.0)
         weights = np.array([2, 1] * 4)
-        values = (4 * values + (padded[near] * weights).sum(axis=1)) / 16
+        values = (4 * values + (padded[neighbours] * weights).sum(axis=1)) / 16
     return values
 
 
-def route_cost(places, near, price, start, end, far, wide):
-    """Cost of the cheapest route within the ellipse and beside the straight line; infinite where there is none."""
+def path_cost(positions, neighbours, price, start, end, max_detour, max_offset):
+    """Cost of the cheapest path within the corridor; infinite if there is none."""
 
-    def away(a, b):
-        return float(np.linalg.norm(places[a] - places[b]))
+    def distance(a, b):
+        return float(np.linalg.norm(positions[a] - positions[b]))
 
-    line = places[[start, end]]
+    line = positions[[start, end]]
     cost, heap = {start: 0.0}, [(0.0, start)]
     while heap:
-        reached, place = heapq.heappop(heap)
-        if place == end:
+        reached, vertex = heapq.heappop(heap)
+        if vertex == end:
             return reached
-        if reached > cost[place]:
+        if reached > cost[vertex]:
             continue
-        for other in near[place][near[place] >= 0].tolist():
-            total = reached + away(place, other) * (price[place] + price[other]) / 2
+        for other in neighbours[vertex][neighbours[vertex] >= 0].tolist():
+            total = reached + distance(vertex, other) * (price[vertex] + price[other]) / 2
             allowed = (
-                away(other, start) + away(other, end) <= far
-                and distance_to_line(places[other], line) <= wide
+                distance(other, start) + distance(other, end) <= max_detour
+                and distance_to_line(positions[other], line) <= max_offset
             )
             if allowed and total < cost.get(other, np.inf):
                 cost[other] = total
@@ -44,6 +44,7 @@ def distance_to_line(point, line):
     best = np.inf
     for start, end in zip(line[:-1], line[1:], strict=True):
         along = end - start
-        share = np.clip(np.dot(point - start, along) / max(np.dot(along, along), 1e-300), 0, 1)
-        best = min(best, float(np.linalg.norm(start + share * along - point)))
+        square = max(np.dot(along, along), 1e-300)
+        fraction = np.clip(np.dot(point - start, along) / square, 0, 1)
+        best = min(best, float(np.linalg.norm(start + fraction * along - point)))
     return best

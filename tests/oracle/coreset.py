@@ -1,4 +1,4 @@
-"""Plain twins of the coreset: costs in exact fractions, moments by sums, the best k-segment by dynamic programming."""
+"""Reference coreset: costs in exact fractions, moments by sums, the best k-segment by search."""
 
 from __future__ import annotations
 
@@ -8,31 +8,34 @@ import numpy as np
 
 
 def exact_cost(times, positions, weights, pieces):
-    """Fitting cost of pieces as a fraction: each sample against the line of the piece that its time falls in."""
+    """Fitting cost of a piecewise linear function, as an exact fraction."""
     exact = [Fraction(float(t)) for t in times]
     breaks = [Fraction(float(x)) for x in pieces.breaks]
     total = Fraction(0)
     for i, t in enumerate(exact):
         j = sum(1 for x in breaks if x <= t)
-        begin, end = Fraction(float(pieces.begins[j])), Fraction(float(pieces.ends[j]))
+        start_time = Fraction(float(pieces.start_times[j]))
+        end_time = Fraction(float(pieces.end_times[j]))
         for axis in range(positions.shape[1]):
-            a, b = Fraction(float(pieces.starts[j, axis])), Fraction(float(pieces.stops[j, axis]))
-            there = a + (b - a) * (t - begin) / (end - begin) if end > begin else a
-            total += (
-                Fraction(float(weights[i])) * (there - Fraction(float(positions[i, axis]))) ** 2
-            )
+            start = Fraction(float(pieces.starts[j, axis]))
+            end = Fraction(float(pieces.ends[j, axis]))
+            value = start
+            if end_time > start_time:
+                value += (end - start) * (t - start_time) / (end_time - start_time)
+            residual = value - Fraction(float(positions[i, axis]))
+            total += Fraction(float(weights[i])) * residual**2
     return total
 
 
-def plain_cost(times, positions, weights, pieces):
+def float_cost(times, positions, weights, pieces):
     """The same in floats, for many samples."""
     j = np.searchsorted(pieces.breaks, times, side="right")
-    there = pieces.starts[j] + pieces.speeds[j] * (times - pieces.begins[j])[:, None]
-    return float((weights * ((there - positions) ** 2).sum(axis=1)).sum())
+    values = pieces.starts[j] + pieces.velocities[j] * (times - pieces.start_times[j])[:, None]
+    return float((weights * ((values - positions) ** 2).sum(axis=1)).sum())
 
 
 def free_cost(times, positions, weights):
-    """Cost of samples against their own best line, by least squares."""
+    """Cost of samples against their best line, by least squares."""
     if len(times) < 2:
         return 0.0
     root = np.sqrt(weights)[:, None]
@@ -60,7 +63,7 @@ def best_cost(times, positions, weights, k):
 
 
 def moments(times, positions, weights):
-    """The 2 d + 4 moments of each sample about the block's mean, and of its size; their weighted sums are the block's."""
+    """2 d + 4 features of each sample, centred and scaled; their weighted sums are the moments."""
     x = (times - times.mean()) / max(np.ptp(times), 1e-300)
     r = (positions - positions.mean(axis=0)) / max(np.ptp(positions, axis=0).max(), 1e-300)
     return np.column_stack([np.ones(len(x)), x, x * x, (r * r).sum(axis=1), r, x[:, None] * r])

@@ -1,4 +1,4 @@
-"""Plain twins of canonical shortest paths and of path compression, and random maps and walks to try them on."""
+"""Plain twins of canonical paths and of compression to waypoints; random maps and walks."""
 
 from __future__ import annotations
 
@@ -13,16 +13,19 @@ from gpszip.graph.route import GAP, STOP, Route
 
 def out_arcs(graph: RoadGraph, node: int) -> list[tuple[int, int, int]]:
     """(weight, edge, target) of each arc that leaves a node."""
-    span = range(int(graph.offsets[node]), int(graph.offsets[node + 1]))
+    arcs = range(int(graph.offsets[node]), int(graph.offsets[node + 1]))
     return [
-        (int(graph.weights[arc]), int(graph.edges[arc]), int(graph.targets[arc])) for arc in span
+        (int(graph.weights[arc]), int(graph.edges[arc]), int(graph.targets[arc])) for arc in arcs
     ]
 
 
 def canonical_paths(
     graph: RoadGraph, source: int
 ) -> dict[int, tuple[int, tuple[int, ...], tuple[int, ...]]]:
-    """For each node reached: length, nodes and edges of the canonical path, by carrying whole paths through the queue."""
+    """For each node reached: length, nodes and edges of its canonical path.
+
+    The queue holds complete paths.
+    """
     best: dict[int, tuple[int, tuple[int, ...], tuple[int, ...]]] = {}
     rank = graph.ranks.tolist()
     queue = [(0, (rank[source],), (), (source,))]
@@ -43,16 +46,16 @@ def all_simple_paths(
 ) -> list[tuple[int, tuple[int, ...], tuple[int, ...], tuple[int, ...]]]:
     """(length, ranks, edges, nodes) of every path that visits no node twice."""
     rank = graph.ranks.tolist()
-    found, stack = [], [(0, (rank[source],), (), (source,))]
+    paths, stack = [], [(0, (rank[source],), (), (source,))]
     while stack:
         length, ranks, edges, nodes = stack.pop()
-        found.append((length, ranks, edges, nodes))
+        paths.append((length, ranks, edges, nodes))
         stack += [
             (length + weight, (*ranks, rank[target]), (*edges, edge), (*nodes, target))
             for weight, edge, target in out_arcs(graph, nodes[-1])
             if target not in nodes
         ]
-    return found
+    return paths
 
 
 def fewest_waypoints(graph: RoadGraph, route: Route) -> int:
@@ -74,7 +77,7 @@ def fewest_waypoints(graph: RoadGraph, route: Route) -> int:
 
 
 def random_walk(graph: RoadGraph, choices: list[int]) -> Route:
-    """A walk that stays, jumps or takes an arc as the numbers say; numbers may be any."""
+    """A walk of stops, gaps and arcs that any numbers choose."""
     nodes, edges = [choices[0] % len(graph)], []
     for choice in choices[1:]:
         arcs = out_arcs(graph, nodes[-1])
@@ -93,9 +96,9 @@ def random_walk(graph: RoadGraph, choices: list[int]) -> Route:
 
 
 @st.composite
-def random_maps(draw: st.DrawFn, most: int = 8) -> RoadGraph:
-    """Maps with ties, parallel edges, self-loops, nodes on top of each other, one-way edges and lonely parts."""
-    size = draw(st.integers(1, most))
+def random_maps(draw: st.DrawFn, max_nodes: int = 8) -> RoadGraph:
+    """Maps with ties, parallel and one-way edges, self-loops, coinciding and isolated nodes."""
+    size = draw(st.integers(1, max_nodes))
     nodes = draw(
         st.lists(st.tuples(st.integers(0, 3), st.integers(0, 2)), min_size=size, max_size=size)
     )
@@ -111,9 +114,10 @@ def random_maps(draw: st.DrawFn, most: int = 8) -> RoadGraph:
 
 
 @st.composite
-def maps_with_walks(draw: st.DrawFn, most: int = 8, hops: int = 30) -> tuple[RoadGraph, Route]:
+def maps_with_walks(
+    draw: st.DrawFn, max_nodes: int = 8, max_segments: int = 30
+) -> tuple[RoadGraph, Route]:
     """A random map and a walk on it."""
-    graph = draw(random_maps(most))
-    return graph, random_walk(
-        graph, draw(st.lists(st.integers(0, 4000), min_size=1, max_size=hops))
-    )
+    graph = draw(random_maps(max_nodes))
+    choices = draw(st.lists(st.integers(0, 4000), min_size=1, max_size=max_segments))
+    return graph, random_walk(graph, choices)

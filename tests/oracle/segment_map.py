@@ -11,10 +11,10 @@ from gpszip.model import SegmentMean, Track
 
 
 def fitted_positions(mean: SegmentMean, track: Track) -> np.ndarray:
-    """f(t_i) of a segment mean at each sample; a part of one sample is at the start of its segment."""
+    """f(t_i) of a segment mean at each sample; a segment of one sample is at its start."""
     rows = []
-    for part, label in enumerate(mean.labels):
-        times = track.times[mean.boundaries[part] : mean.boundaries[part + 1]]
+    for i, label in enumerate(mean.labels):
+        times = track.times[mean.boundaries[i] : mean.boundaries[i + 1]]
         for time in times:
             u = (time - times[0]) / (times[-1] - times[0]) if len(times) > 1 else 0.0
             rows.append((1 - u) * mean.starts[label] + u * mean.ends[label])
@@ -22,32 +22,32 @@ def fitted_positions(mean: SegmentMean, track: Track) -> np.ndarray:
 
 
 def segment_map(mean: SegmentMean) -> tuple[list[tuple[int, int]], dict[tuple[int, int], int]]:
-    """Algorithm 5: directed edges in the order in which they are added, and how often each is passed."""
+    """Algorithm 5: directed edges in the order in which they are added, and their traversals."""
     labels = mean.labels.tolist()
     edges = [(label, mean.m + label) for label in range(mean.m)]
-    passed = Counter((label, mean.m + label) for label in labels)
-    for one, other in itertools.pairwise(labels):
-        edge = (mean.m + one, other)
+    traversals = Counter((label, mean.m + label) for label in labels)
+    for label, following in itertools.pairwise(labels):
+        edge = (mean.m + label, following)
         if edge not in edges:
             edges.append(edge)
-        passed[edge] += 1
-    return edges, dict(passed)
+        traversals[edge] += 1
+    return edges, dict(traversals)
 
 
 def directed_counts(walks: list) -> Counter:
     """How often each pair of different nodes is travelled, pair by pair."""
     counts: Counter = Counter()
     for walk in walks:
-        for one, other, gap in zip(
-            walk.nodes[:-1].tolist(), walk.nodes[1:].tolist(), walk.gaps.tolist(), strict=True
+        for (start, end), gap in zip(
+            itertools.pairwise(walk.nodes.tolist()), walk.gaps.tolist(), strict=True
         ):
-            if one != other and not gap:
-                counts[one, other] += 1
+            if start != end and not gap:
+                counts[start, end] += 1
     return counts
 
 
 def random_mean(rng: np.random.Generator, *, dimension: int = 2) -> tuple[SegmentMean, Track]:
-    """A track with uneven times and a segment mean of it with parts of any length, single samples and empty clusters too."""
+    """A track with uneven times and a segment mean with single samples and empty clusters."""
     n = int(rng.integers(1, 60))
     k = int(rng.integers(1, n + 1))
     m = int(rng.integers(1, k + 2))

@@ -1,4 +1,4 @@
-"""Plain twins of the (k,m)-segment mean: residuals, loops, least squares by numpy, no moments."""
+"""Reference (k,m)-segment mean: residuals, loops, least squares by numpy, no moments."""
 
 from __future__ import annotations
 
@@ -7,114 +7,110 @@ from itertools import combinations
 import numpy as np
 
 
-def weights_of(track):
+def sample_weights(track):
     return np.ones(len(track)) if track.weights is None else track.weights
 
 
-def own_time(track, a, b):
-    """Time of samples a to b - 1, from 0 at the first to 1 at the last."""
+def normalised_time(track, a, b):
+    """Times of samples a to b - 1, scaled to run from 0 to 1."""
     t = track.times[a:b] - track.times[a]
     return t / t[-1] if t[-1] > 0 else t
 
 
-def part_cost(track, a, b, start, end):
+def interval_cost(track, a, b, start, end):
     if a == b:
         return 0.0
-    away = start + own_time(track, a, b)[:, None] * (end - start) - track.positions[a:b]
-    return float(weights_of(track)[a:b] @ (away**2).sum(axis=1))
+    on_segment = start + normalised_time(track, a, b)[:, None] * (end - start)
+    residuals = on_segment - track.positions[a:b]
+    return float(sample_weights(track)[a:b] @ (residuals**2).sum(axis=1))
 
 
 def cost(track, boundaries, labels, starts, ends):
-    parts = zip(boundaries[:-1], boundaries[1:], labels, strict=True)
-    return sum(part_cost(track, a, b, starts[label], ends[label]) for a, b, label in parts)
+    intervals = zip(boundaries[:-1], boundaries[1:], labels, strict=True)
+    return sum(interval_cost(track, a, b, starts[label], ends[label]) for a, b, label in intervals)
 
 
-def pooled_line(track, parts):
-    """Start and end of the best segment of several parts (a, b), by least squares over all their samples."""
-    u = np.concatenate([own_time(track, a, b) for a, b in parts])
-    p = np.concatenate([track.positions[a:b] for a, b in parts])
-    root = np.sqrt(np.concatenate([weights_of(track)[a:b] for a, b in parts]))[:, None]
+def pooled_line(track, intervals):
+    """Start and end of the best segment of several intervals (a, b), by pooled least squares."""
+    u = np.concatenate([normalised_time(track, a, b) for a, b in intervals])
+    p = np.concatenate([track.positions[a:b] for a, b in intervals])
+    root = np.sqrt(np.concatenate([sample_weights(track)[a:b] for a, b in intervals]))[:, None]
     solved = np.linalg.lstsq(root * np.column_stack([1 - u, u]), root * p, rcond=None)[0]
     return (solved[0], solved[1]) if u.any() else (solved[0], solved[0])
 
 
-def pooled_cost(track, parts):
-    line = pooled_line(track, parts)
-    return sum(part_cost(track, a, b, *line) for a, b in parts)
+def pooled_cost(track, intervals):
+    line = pooled_line(track, intervals)
+    return sum(interval_cost(track, a, b, *line) for a, b in intervals)
 
 
-def least_label(track, a, b, starts, ends):
-    costs = [part_cost(track, a, b, *segment) for segment in zip(starts, ends, strict=True)]
+def best_label(track, a, b, starts, ends):
+    costs = [interval_cost(track, a, b, *segment) for segment in zip(starts, ends, strict=True)]
     return min(costs), int(np.argmin(costs))
 
 
 def best_cut(track, a, b, starts, ends, min_samples=1):
-    """Cost, cut and labels of the best two parts of [a, b)."""
+    """Cost, cut and labels of the best two intervals of [a, b)."""
     best = (np.inf, -1, -1, -1)
     for c in range(a + min_samples, b - min_samples + 1):
-        left, right = least_label(track, a, c, starts, ends), least_label(track, c, b, starts, ends)
+        left, right = best_label(track, a, c, starts, ends), best_label(track, c, b, starts, ends)
         if left[0] + right[0] < best[0]:
             best = (left[0] + right[0], c, left[1], right[1])
     return best
 
 
-def shifted(track, boundaries, labels, starts, ends, which):
-    """Cut anew at the boundaries named, one after the other, where that lowers the cost."""
+def shift_boundaries(track, boundaries, labels, starts, ends, indices):
+    """Shift the boundaries with these indices in turn, where that lowers the cost."""
     boundaries, labels = list(boundaries), list(labels)
-    for j in which:
+    for j in indices:
         a, c, b = boundaries[j - 1 : j + 2]
-        now = part_cost(track, a, c, starts[labels[j - 1]], ends[labels[j - 1]])
-        now += part_cost(track, c, b, starts[labels[j]], ends[labels[j]])
-        best, at, left, right = best_cut(track, a, b, starts, ends)
-        if best < now:
-            boundaries[j], labels[j - 1], labels[j] = at, left, right
+        current = interval_cost(track, a, c, starts[labels[j - 1]], ends[labels[j - 1]])
+        current += interval_cost(track, c, b, starts[labels[j]], ends[labels[j]])
+        best, cut, left, right = best_cut(track, a, b, starts, ends)
+        if best < current:
+            boundaries[j], labels[j - 1], labels[j] = cut, left, right
     return boundaries, labels
 
 
 def best_partition(track, starts, ends, k, min_samples=1):
-    """Least cost of k parts over all partitions, by trying each."""
+    """Least cost of k intervals, by trying all partitions."""
     n, best = len(track), np.inf
     for inner in combinations(range(1, n), k - 1):
         cuts = [0, *inner, n]
         if min(np.diff(cuts)) >= min_samples:
-            best = min(
-                best,
-                sum(
-                    least_label(track, a, b, starts, ends)[0]
-                    for a, b in zip(cuts[:-1], cuts[1:], strict=True)
-                ),
-            )
+            intervals = zip(cuts[:-1], cuts[1:], strict=True)
+            best = min(best, sum(best_label(track, a, b, starts, ends)[0] for a, b in intervals))
     return best
 
 
 def penalised_cost(track, starts, ends, penalty, min_samples=1, stride=1):
-    """Least cost + penalty * parts, by dynamic programming without pruning."""
+    """Least cost + penalty * intervals, by dynamic programming without pruning."""
     cuts = [*range(0, len(track), stride), len(track)]
-    total = {0: 0.0}
+    best = {0: 0.0}
     for b in cuts[1:]:
         options = [
-            total[a] + least_label(track, a, b, starts, ends)[0] + penalty
+            best[a] + best_label(track, a, b, starts, ends)[0] + penalty
             for a in cuts
             if b - a >= min_samples
         ]
-        total[b] = min(options, default=np.inf)
-    return total[len(track)]
+        best[b] = min(options, default=np.inf)
+    return best[len(track)]
 
 
 def synchronised_split(track, i, j):
-    """Largest distance from the chord i to j at a sample's own time, and its sample."""
+    """Largest synchronised distance from the chord i to j, and its sample."""
     share = (track.times[i : j + 1] - track.times[i]) / (track.times[j] - track.times[i])
     chord = track.positions[i] + share[:, None] * (track.positions[j] - track.positions[i])
-    away = np.sqrt(((chord - track.positions[i : j + 1]) ** 2).sum(axis=1))[1:-1]
-    return float(away.max()), i + 1 + int(away.argmax())
+    distances = np.sqrt(((chord - track.positions[i : j + 1]) ** 2).sum(axis=1))[1:-1]
+    return float(distances.max()), i + 1 + int(distances.argmax())
 
 
 def douglas_peucker(track, k):
-    """Boundaries of k parts, always splitting the chord with the largest distance."""
+    """Boundaries of k intervals: split the chord with the largest distance."""
     knots = [0, len(track) - 1]
     while len(knots) - 1 < k:
         chords = [
-            (*synchronised_split(track, i, j),)
+            synchronised_split(track, i, j)
             for i, j in zip(knots[:-1], knots[1:], strict=True)
             if j - i > 1
         ]
@@ -123,7 +119,7 @@ def douglas_peucker(track, k):
 
 
 def bottom_up(track, k, block):
-    """Boundaries of k parts, always joining the neighbours whose common line costs least more."""
+    """Boundaries of k intervals: merge the neighbours with the least increase of cost."""
     cuts = [*range(0, len(track), block), len(track)]
     while len(cuts) - 1 > k:
         increase = [
@@ -137,16 +133,16 @@ def bottom_up(track, k, block):
 
 
 def ward(track, boundaries, m):
-    """Groups of parts, as a set of frozen sets, always joining the two whose common line costs least more."""
-    parts = list(zip(boundaries[:-1], boundaries[1:], strict=True))
-    groups = [frozenset([j]) for j in range(len(parts))]
+    """Set of groups of intervals: merge the two groups with the least increase of cost."""
+    intervals = list(zip(boundaries[:-1], boundaries[1:], strict=True))
+    groups = [frozenset([j]) for j in range(len(intervals))]
     while len(groups) > m:
-        price = {
-            (g, h): pooled_cost(track, [parts[j] for j in g | h])
-            - pooled_cost(track, [parts[j] for j in g])
-            - pooled_cost(track, [parts[j] for j in h])
+        increase = {
+            (g, h): pooled_cost(track, [intervals[j] for j in g | h])
+            - pooled_cost(track, [intervals[j] for j in g])
+            - pooled_cost(track, [intervals[j] for j in h])
             for g, h in combinations(groups, 2)
         }
-        g, h = min(price, key=price.__getitem__)
+        g, h = min(increase, key=increase.__getitem__)
         groups = [group for group in groups if group not in {g, h}] + [g | h]
     return set(groups)

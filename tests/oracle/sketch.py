@@ -1,4 +1,4 @@
-"""Plain twins of the 1-segment coreset: sums over residuals."""
+"""Reference 1-segment coreset: sums over residuals."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ def residuals(times, positions, start, end, t0, t1):
 
 
 def fitting_matrix(times, positions, weights, start, end, t0, t1):
-    away = residuals(times, positions, start, end, t0, t1)
-    return (weights[:, None] * away).T @ away
+    r = residuals(times, positions, start, end, t0, t1)
+    return (weights[:, None] * r).T @ r
 
 
 def best_line(times, positions, weights):

@@ -29,7 +29,7 @@ def stretch(track, first, last, name=None):
 
 
 def rmse(archive, track):
-    off = archive.position(track.id, track.times) - track.positions
+    off = archive.position(track.id, track.times, metres=True) - track.positions
     return float(np.sqrt((off**2).sum(axis=1).mean()))
 
 

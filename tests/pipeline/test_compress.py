@@ -11,6 +11,8 @@ from gpszip.archive import open_archive
 from gpszip.errors import BoundError, InputError, OptionError
 from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.model import Options, Plane, Progress, Track
+from gpszip.model.log import MemoryLog
+from gpszip.model.read_result import ReadResult
 from gpszip.pipeline.append import append
 from gpszip.pipeline.compress import compress
 from gpszip.pipeline.merge import merge
@@ -102,7 +104,7 @@ def test_every_sample_is_covered_within_the_bound(log, bound):
     assert report.max_error == pytest.approx(worst, rel=1e-6, abs=1e-9)
     assert (report.points, report.tracks) == (sum(map(len, tracks)), len(tracks))
     assert report.bytes_out == len(archive.to_bytes())
-    assert (report.parts, report.nodes) == (
+    assert (report.segments, report.nodes) == (
         sum(len(w.gaps) for w in archive.walks),
         len(archive.road_map.nodes),
     )
@@ -156,7 +158,7 @@ def test_no_travel_is_claimed_in_gaps():
 def test_degrees_come_back_across_the_antimeridian():
     track, lat, lon = antimeridian()
     archive, _ = compressed([track], max_error=5.0, effort=1)
-    found = archive.position("ship", track.times, geographic=True)
+    found = archive.position("ship", track.times)
     assert np.abs(found[:, 0] - lat).max() < 1e-4
     assert np.abs((found[:, 1] - lon + 180) % 360 - 180).max() < 1e-4
 
@@ -170,7 +172,7 @@ def test_a_track_over_two_planes_claims_nothing_between_them():
     track = Track("flight", np.arange(50.0), to_plane(lat, lon, plane), plane=plane)
     archive, _ = compressed([track], max_error=5.0, gap=math.inf, effort=1)
     assert measure([track], archive.decompress())[2] == 0
-    found = archive.position("flight", track.times, geographic=True)
+    found = archive.position("flight", track.times)
     np.testing.assert_allclose(found, np.stack([lat, lon], axis=1), atol=2e-4)
 
 
@@ -266,7 +268,8 @@ def test_any_log_fits_a_size(log):
 def test_a_ratio_counts_from_the_log_or_else_from_its_numbers():
     track = wander(60)
     assert compressed([track], ratio=20.0, effort=1)[1].bound == f"size <= {60 * 3 * 8 // 20} bytes"
-    archive, report = compress(track, Options(ratio=20.0, effort=1), bytes_in=2000)
+    log = MemoryLog((track,), ReadResult((track,), points=60, bytes=2000, geographic=False))
+    archive, report = compress(log, Options(ratio=20.0, effort=1))
     assert report.bound == "size <= 100 bytes"
     assert len(archive.to_bytes()) <= 100
 
@@ -319,8 +322,8 @@ def test_gaps_between_the_thesis_s_parts_claim_no_travel():
     assert measure([track], archive.decompress())[2] == 0
 
 
-def test_a_bound_that_k_parts_can_t_hold_is_refused():
-    with pytest.raises(BoundError, match="parts"):
+def test_a_bound_that_k_segments_can_t_hold_is_refused():
+    with pytest.raises(BoundError, match="more segments"):
         compress(wander(300), Options(k=3, m=1, rmse=0.01))
 
 

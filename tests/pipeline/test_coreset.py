@@ -55,7 +55,7 @@ def test_it_is_as_good_as_of_a_log_in_memory(log, tracks, size):
     made, whole = sketching.sketch_log(log, size=size), build_coreset(tracks, size=size)
     assert len(made) <= size
     assert made.samples == whole.samples == 7290
-    assert set(made.tracks) == set(whole.tracks)
+    assert set(made.ids) == set(whole.ids)
     assert made.error <= 1.1 * whole.error + 1e-9
 
 

@@ -129,7 +129,7 @@ def test_shapes_are_merged_appended_and_refused_as_what_goes_on():
     ride = [track for track in read_logs(mixed_log(), format="gpx").tracks if track.timed]
     timed, _ = compress(ride, Options(max_error=10.0, effort=1))
     both, _ = append(timed, shapes)
-    assert (both.tracks, both.untimed) == (("ride", "plan"), ("plan",))
+    assert (both.ids, both.untimed) == (("ride", "plan"), ("plan",))
     with pytest.raises(Exception, match="one of both has no times"):
         append(both, shapes)
 
@@ -145,7 +145,7 @@ def test_both_bounds_are_held_and_promised_together(rmse, maximum):
     )
     assert (report.rmse <= rmse, report.max_error <= maximum) == (True, True)
     error_bound = saved(archive).error_bound
-    assert (error_bound.metres, error_bound.most) == (rmse, maximum)
+    assert (error_bound.metres, error_bound.max_error) == (rmse, maximum)
     assert report.bound == f"RMSE <= {rmse:g} m, maximum <= {maximum:g} m"
 
 
@@ -155,6 +155,6 @@ def test_without_a_bound_both_are_chosen():
     places[100] += 60
     archive, report = compress(Track("a", times, places))
     error_bound = archive.error_bound
-    assert error_bound.most == pytest.approx(4 * error_bound.metres, rel=0.01)
-    assert report.max_error <= error_bound.most
+    assert error_bound.max_error == pytest.approx(4 * error_bound.metres, rel=0.01)
+    assert report.max_error <= error_bound.max_error
     assert any("were estimated" in note and "maximum" in note for note in report.notes)

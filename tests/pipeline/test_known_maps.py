@@ -40,7 +40,9 @@ def later(fleet, city):
 
 def errors(archive, tracks):
     off = [
-        np.linalg.norm(archive.position(track.id, track.times) - track.positions, axis=1)
+        np.linalg.norm(
+            archive.position(track.id, track.times, metres=True) - track.positions, axis=1
+        )
         for track in tracks
     ]
     return np.concatenate(off)
@@ -89,13 +91,13 @@ def test_neither_names_nor_kept_columns_change_what_a_map_is_called(fleet, city)
     assert gpszip.compress(fleet[:16], rmse=2 * BOUND, effort=1).hash != city.hash
 
 
-def test_stretches_off_the_map_are_told(fleet, city):
+def test_paths_off_the_map_are_reported(fleet, city):
     away = Track("away", fleet[16].times, fleet[16].positions + 20_000.0)
     archive, report = compress([away], Options(rmse=BOUND, effort=1), map=city)
     (way,) = archive.off_map_lines
     # ten minutes at 9 m/s
     assert np.linalg.norm(np.diff(way, axis=0), axis=1).sum() == pytest.approx(5400, rel=0.1)
-    assert any("1 stretches lie off the map" in note for note in report.notes)
+    assert any("1 path lies off the map" in note for note in report.notes)
     # a log that the map was made of hardly leaves it
     known = gpszip.compress(fleet[0], rmse=BOUND, map=city, effort=1)
     assert sum(len(way) for way in known.off_map_lines) < 0.3 * len(known.walks[0].nodes)
@@ -131,7 +133,7 @@ def test_degrees_come_on_the_plane_of_the_map():
     assert here != there
     city = gpszip.compress(one, rmse=2.0)
     archive = gpszip.open(gpszip.compress(two, rmse=2.0, map=city).to_bytes(), map=city)
-    found = archive.position("b", two.times, geographic=True)
+    found = archive.position("b", two.times)
     off = to_plane(found[:, 0], found[:, 1], there) - two.positions
     assert np.sqrt((off**2).sum(axis=1).mean()) <= 2.01
     far = Track("c", t[:100], one.positions, plane=choose_plane([0.0], [0.0]))

@@ -1,6 +1,7 @@
 """Logs larger than memory: the same promises, whoever works and however the log is spread over files."""
 
 import io
+import os
 import pickle
 import subprocess
 import sys
@@ -13,24 +14,28 @@ import pyarrow.parquet as pq
 import pytest
 
 import gpszip
+from batches import compress_in_batches, force_batches
 from gpszip import BoundError, OptionError
 from gpszip.cli.main import main
 from gpszip.model import Options, Track
 from gpszip.model.error_bound import WRITING_SHARE_IN_METRES
-from gpszip.pipeline import compress_large as large
-from gpszip.pipeline import encode_batches as laying
+from gpszip.model.log import MemoryLog
+from gpszip.pipeline import encode_batches, learn
+from gpszip.pipeline import memory as budget
+from gpszip.pipeline.job import prepare
+from gpszip.pipeline.open_log import open_log
 from gpszip.run import Processes, Serial, Threads
 from gpszip.testing import city
 from gpszip.testing.patrol import patrol
 
 MEMORY = 420 << 20
+TESTS = Path(__file__).parents[1]
 
 
 @pytest.fixture(autouse=True)
 def small_batches(monkeypatch):
     """Batches so small that little logs have several."""
-    monkeypatch.setattr(large, "_BATCH", 4000)
-    monkeypatch.setattr(large, "_EXCERPT", 6000)
+    force_batches(monkeypatch, batch=4000, subsample=6000)
 
 
 @pytest.fixture
@@ -49,7 +54,7 @@ def folder(tmp_path):
 def off(archive, tracks):
     return np.concatenate(
         [
-            np.linalg.norm(archive.position(one.id, one.times) - one.positions, axis=1)
+            np.linalg.norm(archive.position(one.id, one.times, metres=True) - one.positions, axis=1)
             for one in tracks
         ]
     )
@@ -57,7 +62,7 @@ def off(archive, tracks):
 
 @pytest.mark.parametrize("bound", [{"rmse": 0.25}, {"max_error": 0.9}, {}])
 def test_the_bound_holds_at_every_sample(folder, bound):
-    archive, report, reading = large.compress_large(
+    archive, report, reading = compress_in_batches(
         folder[0], Options(effort=1, **bound), memory=MEMORY
     )
     errors = off(archive, folder[1])
@@ -66,7 +71,7 @@ def test_the_bound_holds_at_every_sample(folder, bound):
     assert report.max_error == pytest.approx(errors.max(), rel=1e-6)
     assert report.rmse <= bound.get("rmse", np.inf)
     assert report.max_error <= bound.get("max_error", np.inf)
-    assert sorted(archive.tracks) == ["one", "two"]
+    assert sorted(archive.ids) == ["one", "two"]
     whole = gpszip.compress(folder[1], effort=1, **(bound or {"rmse": report.rmse}))
     assert len(archive.to_bytes()) < 1.6 * len(whole.to_bytes())
 
@@ -76,7 +81,7 @@ def test_the_same_bytes_whoever_works(folder):
     with Processes(2) as processes:
         for executor in (Serial(), Threads(1), Threads(3), processes):
             made.append(
-                large.compress_large(
+                compress_in_batches(
                     folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=executor
                 )[0].to_bytes()
             )
@@ -101,7 +106,7 @@ def test_batches_are_worked_on_by_other_processes(folder):
 
     elsewhere = Elsewhere()
     here, there = (
-        large.compress_large(folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=x)[0]
+        compress_in_batches(folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=x)[0]
         for x in (Serial(), elsewhere)
     )
     assert here.to_bytes() == there.to_bytes()
@@ -111,18 +116,11 @@ def test_batches_are_worked_on_by_other_processes(folder):
 
 
 def test_no_more_threads_work_than_there_is_memory_for(folder, monkeypatch):
-    seen = []
-    monkeypatch.setattr(large, "_within_bound", lambda job, _: seen.append(job.executor) or 1 / 0)
-    monkeypatch.setattr(large, "_LAID", 4000)
-    with pytest.raises(ZeroDivisionError):
-        large.compress_large(
-            folder[0], Options(rmse=0.3, effort=1), memory=MEMORY, executor=Threads(9)
-        )
-    assert (
-        seen[0].workers * 5000 * 4000
-        <= MEMORY - large._PROGRAM
-        < (seen[0].workers + 1) * 5000 * 4000
-    )
+    monkeypatch.setattr(budget, "_BYTES_ENCODING", 4000)
+    with open_log(folder[0], memory=MEMORY) as log:
+        job = prepare(log, Options(rmse=0.3), memory=MEMORY, executor=Threads(9))
+    workers, available = job.executor.workers, MEMORY - budget.PROGRAM
+    assert workers * 5000 * 4000 <= available < (workers + 1) * 5000 * 4000
 
 
 def test_degrees_and_gaps(tmp_path):
@@ -133,7 +131,7 @@ def test_degrees_and_gaps(tmp_path):
             for t, (lat, lon) in zip(times, degrees, strict=True)
         ]
     (tmp_path / "town.csv").write_text("\n".join(rows) + "\n")
-    archive, report, _ = large.compress_large(
+    archive, report, _ = compress_in_batches(
         str(tmp_path / "town.csv"), Options(rmse=12.0, effort=1), memory=MEMORY
     )
     assert report.gap < 40_000
@@ -142,8 +140,8 @@ def test_degrees_and_gaps(tmp_path):
 
 
 def test_a_batch_that_learning_does_not_master_keeps_the_knots_that_it_needs(folder, monkeypatch):
-    monkeypatch.setattr("gpszip.mapping.on_known_map.learn_on", lambda *_, **__: None)
-    archive, report, _ = large.compress_large(
+    monkeypatch.setattr(encode_batches, "learn_on", lambda *_, **__: None)
+    archive, report, _ = compress_in_batches(
         folder[0], Options(max_error=1.0, effort=1), memory=MEMORY
     )
     assert off(archive, folder[1]).max() <= 1.0
@@ -161,10 +159,8 @@ def test_a_batch_may_take_more_error_where_others_take_less(folder, monkeypatch)
             else learn_on(known, grid, tracks, gaps, rmse=rmse if hard else 0.8 * rmse, **others)
         )
 
-    monkeypatch.setattr("gpszip.mapping.on_known_map.learn_on", only_for_more)
-    archive, report, _ = large.compress_large(
-        folder[0], Options(rmse=0.31, effort=1), memory=MEMORY
-    )
+    monkeypatch.setattr(encode_batches, "learn_on", only_for_more)
+    archive, report, _ = compress_in_batches(folder[0], Options(rmse=0.31, effort=1), memory=MEMORY)
     assert report.rmse <= 0.31
     assert np.sqrt((off(archive, folder[1]) ** 2).mean()) <= 0.31
 
@@ -173,11 +169,11 @@ def test_what_needs_the_whole_log_is_refused(folder):
     with pytest.raises(
         OptionError, match=r"larger than the memory.*give --rmse instead of k and m"
     ):
-        large.compress_large(folder[0], Options(k=3), memory=MEMORY)
+        compress_in_batches(folder[0], Options(k=3), memory=MEMORY)
 
 
 def test_a_size_is_kept_and_made_use_of(folder):
-    archive, report, reading = large.compress_large(
+    archive, report, reading = compress_in_batches(
         folder[0], Options(effort=1, ratio=500.0), memory=MEMORY
     )
     size = int(reading.bytes / 500)
@@ -189,22 +185,26 @@ def test_a_size_that_nothing_has_names_what_would_do(folder):
     with pytest.raises(
         BoundError, match="20 bytes are too few for this log: the smallest archive takes"
     ):
-        large.compress_large(folder[0], Options(size=20, effort=1), memory=MEMORY)
+        compress_in_batches(folder[0], Options(size=20, effort=1), memory=MEMORY)
 
 
 def test_too_little_memory_is_refused(folder):
     with pytest.raises(OptionError, match="give at least 400 MiB"):
-        large.compress_large(folder[0], Options(rmse=1.0), memory=1 << 20)
+        compress_in_batches(folder[0], Options(rmse=1.0), memory=1 << 20)
 
 
-def test_small_logs_fit(folder):
-    assert large.fits(str(folder[0]), 1 << 30)
-    assert not large.fits(str(folder[0]), 300 << 20)
+def test_small_logs_are_read_into_memory(folder, monkeypatch):
+    monkeypatch.setattr(budget, "_BYTES_IN_MEMORY", 700)
+    with open_log(folder[0], memory=1 << 30) as log:
+        assert isinstance(log, MemoryLog)
+    with open_log(folder[0], memory=400 << 20) as log:
+        assert isinstance(log, MemoryLog)
+    monkeypatch.setattr(budget, "_BYTES_IN_MEMORY", 70_000)
+    with open_log(folder[0], memory=1 << 30) as log:
+        assert not isinstance(log, MemoryLog)
 
 
 def test_the_command_line_compresses_in_batches(folder, capfd, monkeypatch):
-    monkeypatch.setattr(large, "_PROGRAM", 410 << 20)
-    monkeypatch.setattr(large, "check_memory", lambda _: None)
     (folder[0] / "bad.parquet").write_bytes(b"PAR1 none")
     target = folder[0].parent / "out.gpsz"
     command = [
@@ -217,7 +217,7 @@ def test_the_command_line_compresses_in_batches(folder, capfd, monkeypatch):
         "--effort",
         "1",
         "--memory",
-        "415MiB",
+        "420MiB",
     ]
     assert main(command) == 1
     assert "bad.parquet: can't be read" in capfd.readouterr().err
@@ -237,14 +237,14 @@ def test_memory_is_kept(tmp_path):
         import sys
         import numpy as np, pyarrow as pa, pyarrow.parquet as pq
         from gpszip.model import Options, Track
-        from gpszip.pipeline import compress_large as large
+        from batches import compress_in_batches
         n = 200_000; noise = np.random.default_rng(1).normal(0, 0.5, (2, n))
         with pq.ParquetWriter(sys.argv[1], pa.schema([("t", pa.float64()), ("x", pa.float64()), ("y", pa.float64())])) as file:
             for a in range(0, n, 50_000):
                 t = np.arange(a, a + 50_000) / 10
                 x, y = np.stack([50 * np.cos(t / 50), 30 * np.sin(t / 50)]) + noise[:, a : a + 50_000]
                 file.write_table(pa.table({"t": t, "x": x, "y": y}))
-        archive, report, _ = large.compress_large(sys.argv[1], Options(rmse=1.0, effort=1), memory=410 << 20)
+        archive, report, _ = compress_in_batches(sys.argv[1], Options(rmse=1.0, effort=1), memory=410 << 20)
         assert report.points == n
         # what getrusage tells begins with the size of the process that started this one
         status = dict(line.split(":", 1) for line in open("/proc/self/status"))
@@ -257,18 +257,23 @@ def test_memory_is_kept(tmp_path):
             capture_output=True,
             text=True,
             check=True,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(TESTS), *sys.path])},
         )
     assert float(done.stdout) < 1.2 * 410
 
 
-def test_a_dense_excerpt_is_thinned_and_a_sparse_one_is_not():
-    dense = [patrol(4000, seed=5)]
-    gaps = [np.zeros(3999, bool)]
-    few, _ = large._thinned(dense, gaps, Options(rmse=0.3))
-    assert len(few[0]) <= 8 * 100 + 2
-    assert few[0].weights.sum() == pytest.approx(4000)
-    assert large._thinned(dense, gaps, Options(rmse=0.01))[0] is dense
-    assert large._thinned(dense, gaps, Options(max_error=0.02))[0] is dense
+def test_a_dense_subsample_is_thinned_and_a_sparse_one_is_not():
+    dense = MemoryLog((patrol(4000, seed=5),))
+
+    def thin_out(**bound):
+        options = Options(**bound)
+        return learn._thin_out(prepare(dense, options), options)[0]
+
+    (few,) = thin_out(rmse=0.3)
+    assert len(few) <= 8 * 100 + 2
+    assert few.weights.sum() == pytest.approx(4000)
+    assert thin_out(rmse=0.01)[0] is dense.tracks[0]
+    assert thin_out(max_error=0.02)[0] is dense.tracks[0]
 
 
 def test_standard_input_larger_than_memory_is_split_where_time_goes_back(
@@ -277,8 +282,6 @@ def test_standard_input_larger_than_memory_is_split_where_time_goes_back(
     times = np.tile(np.arange(6000.0), 2)
     rows = "".join(f"{t:g},{50 * np.cos(t / 50):.3f},{30 * np.sin(t / 50):.3f}\n" for t in times)
     monkeypatch.setattr("sys.stdin", io.TextIOWrapper(io.BytesIO(("t,x,y\n" + rows).encode())))
-    monkeypatch.setattr(large, "_PROGRAM", 410 << 20)
-    monkeypatch.setattr(large, "check_memory", lambda _: None)
     target = tmp_path / "out.gpsz"
     command = [
         "compress",
@@ -290,7 +293,7 @@ def test_standard_input_larger_than_memory_is_split_where_time_goes_back(
         "--effort",
         "1",
         "--memory",
-        "413MiB",
+        "420MiB",
     ]
     assert main(command) == 1
     assert "--split starts a new track" in capfd.readouterr().err
@@ -302,7 +305,8 @@ def test_standard_input_larger_than_memory_is_split_where_time_goes_back(
 @pytest.fixture
 def rounds(tmp_path, monkeypatch):
     """A robot that goes round and round at a pace of its own, in twelve batches."""
-    monkeypatch.setattr(large, "_BATCH", 2500)
+    force_batches(monkeypatch, batch=2500, subsample=6000)
+    monkeypatch.setattr(budget, "_MIN_BATCH", 2500)
     times, rng = np.arange(30_000.0), np.random.default_rng(2)
     phase = np.cumsum(np.repeat(rng.uniform(0.01, 0.03, 600), 50))
     x, y = np.stack([50 * np.cos(phase), 30 * np.sin(phase)]) + rng.normal(0, 0.5, (2, len(times)))
@@ -312,9 +316,9 @@ def rounds(tmp_path, monkeypatch):
 
 def test_times_get_as_coarse_as_the_error_left_allows(rounds, monkeypatch):
     options = Options(rmse=1.0 / (1 - WRITING_SHARE_IN_METRES), effort=1)
-    archive, report, _ = large.compress_large(rounds, options, memory=MEMORY)
-    monkeypatch.setattr(large, "coarsened", lambda log, ground, batches, executor: ground)
-    fine, before, _ = large.compress_large(rounds, options, memory=MEMORY)
+    archive, report, _ = compress_in_batches(rounds, options, memory=MEMORY)
+    monkeypatch.setattr(learn, "with_best_time_step", lambda log, base, batches, executor: base)
+    fine, before, _ = compress_in_batches(rounds, options, memory=MEMORY)
     assert 0.98 < report.rmse <= 1.0
     assert archive.grid.time > fine.grid.time
     assert report.bytes_out < before.bytes_out
@@ -322,7 +326,7 @@ def test_times_get_as_coarse_as_the_error_left_allows(rounds, monkeypatch):
 
 def test_twelve_batches_give_the_same_bytes_whoever_works(rounds):
     made = [
-        large.compress_large(rounds, Options(rmse=1.0, effort=1), memory=MEMORY, executor=one)[0]
+        compress_in_batches(rounds, Options(rmse=1.0, effort=1), memory=MEMORY, executor=one)[0]
         for one in (Serial(), Threads(3))
     ]
     assert made[0].to_bytes() == made[1].to_bytes()
@@ -330,37 +334,38 @@ def test_twelve_batches_give_the_same_bytes_whoever_works(rounds):
 
 def test_what_a_batch_adds_to_the_map_is_known_to_later_ones(rounds, monkeypatch):
     """The excerpt ends before the robot leaves its round for another one."""
-    monkeypatch.setattr(large, "coarsened", lambda log, ground, batches, executor: ground)
+    monkeypatch.setattr(learn, "with_best_time_step", lambda log, base, batches, executor: base)
     rows = pq.read_table(rounds).slice(0, 22_000)
     x = rows["x"].to_numpy() + np.where(np.arange(22_000) >= 5000, 300.0, 0.0)
     pq.write_table(rows.set_column(1, "x", pa.array(x)), rounds)
-    monkeypatch.setattr(large, "_excerpt", lambda log, _: [log.read(log.tracks[0], 0, 4000)])
+    monkeypatch.setattr(
+        "gpszip.pipeline.job._subsample", lambda log, _: (log.read(log.tracks[0], 0, 4000),)
+    )
     nodes = []
     for wave in (2, 100):
-        monkeypatch.setattr(laying, "_WAVE", wave)
+        monkeypatch.setattr(encode_batches, "_WAVE", wave)
         nodes.append(
-            large.compress_large(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)[1].nodes
+            compress_in_batches(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)[1].nodes
         )
     assert nodes[0] < nodes[1]
-    monkeypatch.setattr(laying, "_MOST_KNOTS", 0)
-    monkeypatch.setattr(laying, "_WAVE", 2)
+    monkeypatch.setattr(encode_batches, "_MAX_PRIOR_KNOTS", 0)
+    monkeypatch.setattr(encode_batches, "_WAVE", 2)
     assert (
-        large.compress_large(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)[1].nodes
-        == nodes[1]
+        compress_in_batches(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)[1].nodes == nodes[1]
     )
 
 
 def test_times_too_coarse_for_some_batch_are_taken_back(rounds, monkeypatch):
     """Where the bound can't be held on coarser times, it is on those that were learnt."""
-    laid, lay = [], large.lay
+    time_steps, encode = [], learn.encode_batches
 
-    def on_fine_times_only(log, ground, batches, executor, tell):
-        laid.append(ground.grid.time)
-        if len(laid) == 1:
+    def on_fine_times_only(log, base, batches, executor, report):
+        time_steps.append(base.grid.time)
+        if len(time_steps) == 1:
             raise BoundError("too coarse")
-        return lay(log, ground, batches, executor, tell)
+        return encode(log, base, batches, executor, report)
 
-    monkeypatch.setattr(large, "lay", on_fine_times_only)
-    _, report, _ = large.compress_large(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)
-    assert laid[1] < laid[0]
+    monkeypatch.setattr(learn, "encode_batches", on_fine_times_only)
+    _, report, _ = compress_in_batches(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)
+    assert time_steps[1] < time_steps[0]
     assert report.rmse <= 1.0

@@ -9,7 +9,7 @@ from oracle.paths import all_simple_paths, canonical_paths, random_maps
 
 @given(random_maps())
 @settings(max_examples=200, deadline=None)
-def test_trees_hold_the_canonical_path_to_each_node(graph):
+def test_trees_contain_the_canonical_path_to_each_node(graph):
     for source in range(len(graph)):
         tree, plain = build_tree(graph, source), canonical_paths(graph, source)
         assert tree.nodes.tolist() == sorted(plain)
@@ -20,9 +20,9 @@ def test_trees_hold_the_canonical_path_to_each_node(graph):
             assert (tuple(route.nodes.tolist()), tuple(route.edges.tolist())) == (nodes, edges)
 
 
-@given(random_maps(most=6))
+@given(random_maps(max_nodes=6))
 @settings(max_examples=100, deadline=None)
-def test_canonical_is_the_first_of_the_shortest_in_lexicographic_order(graph):
+def test_canonical_path_is_the_lexicographically_first_of_the_shortest(graph):
     tree = build_tree(graph, 0)
     for node in range(len(graph)):
         candidates = [path for path in all_simple_paths(graph, 0) if path[3][-1] == node]
@@ -34,35 +34,34 @@ def test_canonical_is_the_first_of_the_shortest_in_lexicographic_order(graph):
 
 @given(random_maps())
 @settings(max_examples=200, deadline=None)
-def test_every_part_of_a_canonical_path_is_canonical(graph):
+def test_subpaths_of_canonical_paths_are_canonical(graph):
     trees = [build_tree(graph, source) for source in range(len(graph))]
     for tree in trees:
         for target in tree.nodes:
             path = tree.route(target)
             for first in range(len(path.nodes)):
-                part = trees[path.nodes[first]].route(target)
-                assert part.nodes.tolist() == path.nodes[first:].tolist()
-                assert part.edges.tolist() == path.edges[first:].tolist()
+                subpath = trees[path.nodes[first]].route(target)
+                assert subpath.nodes.tolist() == path.nodes[first:].tolist()
+                assert subpath.edges.tolist() == path.edges[first:].tolist()
 
 
 @given(random_maps())
 @settings(max_examples=100, deadline=None)
-def test_a_radius_cuts_the_tree_and_nothing_else(graph):
+def test_radius_only_bounds_the_tree(graph):
     for radius in (0.0, 1.0, 2.5):
-        whole, cut = build_tree(graph, 0), build_tree(graph, 0, radius=radius)
-        near = whole.distances <= radius
-        assert cut.nodes.tolist() == whole.nodes[near].tolist()
-        assert cut.parents.tolist() == whole.parents[near].tolist()
-        everyone = np.arange(len(graph))
-        expected = [
-            distance if distance <= radius else np.inf for distance in map(whole.distance, everyone)
-        ]
-        assert find_distances(graph, 0, everyone, radius=radius).tolist() == expected
+        full, bounded = build_tree(graph, 0), build_tree(graph, 0, radius=radius)
+        is_near = full.distances <= radius
+        assert bounded.nodes.tolist() == full.nodes[is_near].tolist()
+        assert bounded.parents.tolist() == full.parents[is_near].tolist()
+        nodes = np.arange(len(graph))
+        expected = [d if d <= radius else np.inf for d in map(full.distance, nodes)]
+        assert find_distances(graph, 0, nodes, radius=radius).tolist() == expected
 
 
 @given(random_maps(), st.integers(1, 6))
 @settings(max_examples=200, deadline=None)
-def test_a_breadth_takes_the_nearest_nodes_and_those_as_far_as_the_last(graph, breadth):
-    whole, cut = build_tree(graph, 0), build_tree(graph, 0, search=new_search_on(graph, breadth))
-    last = np.sort(whole.distances)[min(breadth, len(whole.distances)) - 1]
-    assert cut.nodes.tolist() == whole.nodes[whole.distances <= last].tolist()
+def test_breadth_keeps_the_nearest_nodes_and_ties_with_the_last(graph, breadth):
+    full = build_tree(graph, 0)
+    bounded = build_tree(graph, 0, search=new_search_on(graph, breadth))
+    last = np.sort(full.distances)[min(breadth, len(full.distances)) - 1]
+    assert bounded.nodes.tolist() == full.nodes[full.distances <= last].tolist()

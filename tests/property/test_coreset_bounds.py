@@ -1,4 +1,4 @@
-"""The bounds of a coreset's prices hold for any track, any size and any pieces, in exact arithmetic."""
+"""The bounds of Coreset.cost hold for any track, size and function, in exact arithmetic."""
 
 import numpy as np
 from hypothesis import assume, given
@@ -24,28 +24,30 @@ def cases(draw):
         stream.push(track.times, track.positions, track.weights)
         small = stream.coreset()
     edges = small.edges.ravel()
-    instants = st.one_of(
+    times = st.one_of(
         st.sampled_from(track.times.tolist()),
         st.sampled_from(edges.tolist()),
         st.floats(float(track.times[0]) - 1, float(track.times[-1]) + 1),
     )
-    knots = np.sort(draw(st.lists(instants, min_size=2, max_size=10)))
-    begins, ends = (
-        (knots[:-1], knots[1:])
-        if draw(st.booleans())
-        else (knots[::2][: len(knots) // 2], knots[1::2])
+    knots = np.sort(draw(st.lists(times, min_size=2, max_size=10)))
+    if draw(st.booleans()):
+        start_times, end_times = knots[:-1], knots[1:]
+    else:
+        start_times, end_times = knots[::2][: len(knots) // 2], knots[1::2]
+    coordinates = st.lists(st.floats(-100, 100), min_size=track.dimension, max_size=track.dimension)
+    starts, ends = (
+        np.array([draw(coordinates) for _ in start_times]) + track.positions[0] for _ in range(2)
     )
-    near = st.lists(st.floats(-100, 100), min_size=track.dimension, max_size=track.dimension)
-    starts, stops = (np.array([draw(near) for _ in begins]) + track.positions[0] for _ in range(2))
-    assume((np.abs(stops - starts) < 1e99 * (ends - begins)[:, None])[ends > begins].all())
-    return track, small, PiecewiseLinear(begins, ends, starts, stops)
+    max_lengths = 1e99 * (end_times - start_times)[:, None]
+    assume((np.abs(ends - starts) < max_lengths)[end_times > start_times].all())
+    return track, small, PiecewiseLinear(start_times, end_times, starts, ends)
 
 
 @given(cases())
 def test_the_cost_lies_within_the_bounds(case):
     track, small, f = case
     weights = np.ones(len(track)) if track.weights is None else track.weights
-    truth = exact_cost(track.times, track.positions, weights, f)
-    price = small.cost(f)
-    assert price.lower <= truth <= price.upper
-    assert price.lower <= price.estimate * (1 + 1e-9)
+    expected = exact_cost(track.times, track.positions, weights, f)
+    cost = small.cost(f)
+    assert cost.lower <= expected <= cost.upper
+    assert cost.lower <= cost.estimate * (1 + 1e-9)

@@ -42,7 +42,7 @@ def problems(draw):
     st.sampled_from(["bottom-up", "douglas-peucker"]),
     st.sampled_from(["odd-even", "linear", "naive", "exact"]),
 )
-def test_the_segment_mean_descends_to_what_it_says(problem, initial, expectation):
+def test_tau_descends_to_the_reference_cost(problem, initial, expectation):
     track, k, m = problem
     mean = segment_mean(track, k, m, initial=initial, expectation=expectation)
     assert (mean.k, mean.m) == (k, m)
@@ -70,6 +70,6 @@ def test_no_single_step_raises_tau(problem, seed):
     scale = sums.w.sum() * (1 + np.square(np.abs(sums.p).max() + np.abs(points).max()))
     for step in (estep.naive, estep.linear, estep.odd_even, estep.exact, maximize):
         assert total_cost(sums, step(sums, state)) <= total_cost(sums, state) + 1e-13 * scale
-    one, other = estep.naive(sums, state), estep.linear(sums, state)
-    assert one.boundaries.tolist() == other.boundaries.tolist()
-    assert one.labels.tolist() == other.labels.tolist()
+    naive, linear = estep.naive(sums, state), estep.linear(sums, state)
+    assert naive.boundaries.tolist() == linear.boundaries.tolist()
+    assert naive.labels.tolist() == linear.labels.tolist()

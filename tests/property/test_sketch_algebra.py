@@ -1,4 +1,4 @@
-"""For any blocks: merging is the sketch of the whole, and deleting undoes inserting."""
+"""For any blocks: merging equals the sketch of all samples, and deleting undoes inserting."""
 
 from __future__ import annotations
 
@@ -37,20 +37,22 @@ def lines(track, seed):
 
 @settings(max_examples=100, deadline=None)
 @given(tracks(), st.integers(0, 12), st.integers(0, 99))
-def test_merged_blocks_price_every_line_like_the_whole(track, where, seed):
-    where = min(where, len(track))
-    whole, merged = (
-        build_sketch(track),
-        merge_sketches(build_sketch(track, 0, where), build_sketch(track, where)),
-    )
+def test_merged_blocks_have_the_costs_of_one_block(track, cut, seed):
+    cut = min(cut, len(track))
+    expected = build_sketch(track)
+    merged = merge_sketches(build_sketch(track, 0, cut), build_sketch(track, cut))
     starts, ends = lines(track, seed)
     np.testing.assert_allclose(
         line_costs(merged, starts, ends, 0.0, 50.0),
-        line_costs(whole, starts, ends, 0.0, 50.0),
+        line_costs(expected, starts, ends, 0.0, 50.0),
         rtol=1e-8,
         atol=1e-4,
     )
-    assert (merged.first, merged.last, merged.count) == (whole.first, whole.last, whole.count)
+    assert (merged.first, merged.last, merged.count) == (
+        expected.first,
+        expected.last,
+        expected.count,
+    )
 
 
 @settings(max_examples=100, deadline=None)
@@ -59,7 +61,7 @@ def test_merged_blocks_price_every_line_like_the_whole(track, where, seed):
 )
 def test_deleting_undoes_inserting(track, time, position, weight):
     block, position = build_sketch(track), position[: track.dimension]
-    back = delete_sample(
+    restored = delete_sample(
         insert_sample(block, time, position, weight),
         time,
         position,
@@ -69,21 +71,21 @@ def test_deleting_undoes_inserting(track, time, position, weight):
     )
     starts, ends = lines(track, 1)
     np.testing.assert_allclose(
-        line_costs(back, starts, ends, 0.0, 50.0),
+        line_costs(restored, starts, ends, 0.0, 50.0),
         line_costs(block, starts, ends, 0.0, 50.0),
         rtol=1e-6,
         atol=1e-2,
     )
-    assert (back.first, back.last, back.count) == (block.first, block.last, block.count)
+    assert (restored.first, restored.last, restored.count) == (block.first, block.last, block.count)
 
 
 @settings(max_examples=100, deadline=None)
 @given(tracks(), st.integers(0, 99))
-def test_the_matrix_is_symmetric_with_the_cost_on_its_diagonal_and_the_free_line_below(track, seed):
+def test_the_fitting_matrix_is_symmetric_and_its_trace_is_the_cost(track, seed):
     (start, *_), (end, *_) = lines(track, seed)
     block = build_sketch(track)
     matrix = fitting_matrix(block, start, end, 0.0, 10.0)
     np.testing.assert_allclose(matrix, matrix.T)
-    price = line_cost(block, start, end, 0.0, 10.0)
-    np.testing.assert_allclose(np.trace(matrix), price, rtol=1e-9, atol=1e-6)
-    assert free_cost(block) <= price * (1 + 1e-9) + 1e-6
+    cost = line_cost(block, start, end, 0.0, 10.0)
+    np.testing.assert_allclose(np.trace(matrix), cost, rtol=1e-9, atol=1e-6)
+    assert free_cost(block) <= cost * (1 + 1e-9) + 1e-6

@@ -24,7 +24,7 @@ def test_greedy_waypoints_are_as_few_as_any(case):
     assert len(find_waypoints(graph, route)) == fewest_waypoints(graph, route)
 
 
-@given(maps_with_walks(hops=60))
+@given(maps_with_walks(max_segments=60))
 @settings(max_examples=120, deadline=None)
 def test_bisection_never_beats_greedy(case):
     graph, route = case

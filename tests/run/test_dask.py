@@ -6,10 +6,10 @@ import time
 import numpy as np
 import pytest
 
+from batches import compress_in_batches, force_batches
 from gpszip.errors import BoundError, OptionError, WorkerError
 from gpszip.io.large.store import store_logs
 from gpszip.model import Options, Track
-from gpszip.pipeline import compress_large as large
 from gpszip.pipeline import coreset as sketching
 from gpszip.pipeline.compress import compress
 from gpszip.pipeline.merge import merge
@@ -18,7 +18,16 @@ from gpszip.run import Dask, Processes, Serial, Threads, resolve_executor
 from gpszip.run.dask import connect
 from gpszip.run.executor import reduce_tree, share_value
 from gpszip.testing import patrol
-from oracle.chores import departed, die, fail, halved, identity_of, joined, met, scaled
+from oracle.chores import (
+    empty_record,
+    halve,
+    join_in_brackets,
+    join_records,
+    kill_process_at_three,
+    process_and_address,
+    raise_error,
+    scale,
+)
 
 distributed = pytest.importorskip("distributed")
 
@@ -26,9 +35,10 @@ pytestmark = pytest.mark.filterwarnings("default")
 
 
 class Cluster(distributed.LocalCluster):
-    """A local cluster that bears to be told of the end of a worker that died before its beginning was told.
+    """A local cluster that ignores the removal of workers that it never saw.
 
-    ``LocalCluster`` keeps the ``KeyError`` of that until it is closed, and then raises it instead of closing.
+    A worker may die before its start is reported. ``LocalCluster`` then keeps a ``KeyError`` and
+    raises it when it is closed, instead of closing.
     """
 
     def _update_worker_status(self, op, msg):
@@ -51,50 +61,58 @@ def client():
         yield client
 
 
+@pytest.fixture(scope="module")
+def two_processes():
+    # shared by several tests, as each process loads all kernels
+    with Processes(2) as executor:
+        yield executor
+
+
 def test_results_come_in_order_from_the_workers(client):
     executor = Dask(client)
-    assert list(executor.map(halved, iter(range(40)))) == [x / 2 for x in range(40)]
+    assert list(executor.map(halve, iter(range(40)))) == [x / 2 for x in range(40)]
     with executor.share([1, 2, 3]) as shared:
-        assert list(shared.map(scaled, range(9))) == [0, 2, 6, 3, 8, 15, 6, 14, 24]
-        assert {process for process, _ in shared.map(identity_of, range(12))} <= set(
+        assert list(shared.map(scale, range(9))) == [0, 2, 6, 3, 8, 15, 6, 14, 24]
+        assert {process for process, _ in shared.map(process_and_address, range(12))} <= set(
             client.run(os.getpid).values()
         )
 
 
-def test_errors_come_back_as_ours(client):
+def test_errors_of_items_keep_their_class(client):
     with pytest.raises(BoundError, match="too tight"):
-        list(Dask(client).map(fail, [0]))
+        list(Dask(client).map(raise_error, [0]))
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5, 6, 7, 8, 23])
-def test_values_are_united_in_the_same_tree_everywhere(client, count):
+def test_reduce_tree_has_the_same_shape_on_every_executor(client, count):
     words = "abcdefghijklmnopqrstuvw"[:count]
-    here = reduce_tree(None, joined, words, str.upper)
-    assert here.replace("(", "").replace(")", "").split() == list(words.upper())
+    serial = reduce_tree(None, join_in_brackets, words, str.upper)
+    assert serial.replace("(", "").replace(")", "").split() == list(words.upper())
     assert (
-        reduce_tree(Dask(client), joined, iter(words), str.upper)
-        == reduce_tree(Threads(2), joined, words, str.upper)
-        == here
+        reduce_tree(Dask(client), join_in_brackets, iter(words), str.upper)
+        == reduce_tree(Threads(2), join_in_brackets, words, str.upper)
+        == serial
     )
 
 
-def test_what_is_half_united_stays_with_the_workers(client):
-    whole = reduce_tree(Dask(client), met, range(8), departed)
-    assert whole.stations.count(os.getpid()) == 1  # only the last value came here, once
+def test_partial_results_stay_at_the_workers(client):
+    record = reduce_tree(Dask(client), join_records, range(8), empty_record)
+    # only the root of the tree is sent to the client, once
+    assert record.processes.count(os.getpid()) == 1
 
 
-def test_a_client_is_taken_for_its_cluster(client):
+def test_a_client_is_resolved_to_its_cluster(client):
     assert isinstance(resolve_executor(client), Dask)
     assert isinstance(resolve_executor(None), Threads)
     with pytest.raises(OptionError, match="no executor"):
         resolve_executor(3)
 
 
-def test_a_worker_killed_midway_does_not_change_the_result(client):
+def test_a_killed_worker_does_not_change_the_result(client):
     executor = Dask(client)
     with executor.share(np.arange(100_000)) as shared:
-        first = next(iter(client.run(os.getpid).values()))
-        killer = threading.Timer(0.3, os.kill, (first, signal.SIGKILL))
+        victim = next(iter(client.run(os.getpid).values()))
+        killer = threading.Timer(0.3, os.kill, (victim, signal.SIGKILL))
         killer.start()
 
         def slow(values, item):
@@ -104,46 +122,44 @@ def test_a_worker_killed_midway_does_not_change_the_result(client):
         assert list(shared.map(slow, range(60))) == [2 * x for x in range(60)]
         killer.join()
     client.wait_for_workers(3, timeout=30)
-    assert first not in client.run(os.getpid).values()
+    assert victim not in client.run(os.getpid).values()
 
 
-def test_work_that_kills_every_worker_is_told(client):
+def test_an_item_that_kills_every_worker_raises_a_worker_error(client):
     with pytest.raises(WorkerError, match="too little memory"):
-        list(Dask(client).map(die, [3]))
+        list(Dask(client).map(kill_process_at_three, [3]))
     client.wait_for_workers(3, timeout=30)
 
 
-def test_an_archive_is_the_same_on_every_engine(client):
-    track = patrol(1500, seed=5)
+def test_archives_and_segment_means_are_the_same_on_every_executor(client, two_processes):
+    track = patrol(900, seed=5)
     options = Options(rmse=0.3, effort=3)
     expected = compress(track, options, executor=Serial())[0].to_bytes()
-    with Processes(2) as processes:
-        for executor in (Threads(1), Threads(2), Threads(3), processes, client):
-            assert compress(track, options, executor=executor)[0].to_bytes() == expected
-        parameters = [
-            segment_mean(track, m=4, executor=executor)
-            for executor in (None, Threads(3), processes, client)
-        ]
-    assert len({mean.cost for mean in parameters}) == 1
-    assert len({mean.boundaries.tobytes() for mean in parameters}) == 1
+    for executor in (Threads(1), Threads(3), two_processes, client):
+        assert compress(track, options, executor=executor)[0].to_bytes() == expected
+    means = [
+        segment_mean(track, m=4, executor=executor)
+        for executor in (None, Threads(3), two_processes, client)
+    ]
+    assert len({mean.cost for mean in means}) == 1
+    assert len({mean.boundaries.tobytes() for mean in means}) == 1
 
 
-def test_a_log_larger_than_memory_is_the_same_on_a_cluster(client, tmp_path, monkeypatch):
-    monkeypatch.setattr(large, "_BATCH", 2000)
-    monkeypatch.setattr(large, "_EXCERPT", 3000)
+def test_archives_of_large_logs_are_the_same_on_a_cluster(client, tmp_path, monkeypatch):
+    force_batches(monkeypatch, batch=2000, subsample=3000)
     track = patrol(12_000, seed=5)
     log = tmp_path / "log.csv"
     log.write_text(
         "t,x,y\n"
         + "\n".join(f"{t},{x},{y}" for t, (x, y) in zip(track.times, track.positions, strict=True))
     )
-    made = [
-        large.compress_large(
+    archives = [
+        compress_in_batches(
             str(log), Options(rmse=0.3, effort=1), memory=420 << 20, executor=executor
         )[0].to_bytes()
         for executor in (Serial(), Dask(client))
     ]
-    assert made[0] == made[1]
+    assert archives[0] == archives[1]
 
 
 def test_coresets_are_the_same_on_a_cluster(client, tmp_path, monkeypatch):
@@ -156,24 +172,23 @@ def test_coresets_are_the_same_on_a_cluster(client, tmp_path, monkeypatch):
     )
     with store_logs(str(log), rows=2000) as stored:
         for options in ({"size": 40}, {"k": 5, "eps": 0.6}):
-            here, there = (
+            serial, on_cluster = (
                 sketching.sketch_log(stored, executor=executor, **options)
                 for executor in (Serial(), Dask(client))
             )
-            assert here.rows.tobytes() == there.rows.tobytes()
+            assert serial.rows.tobytes() == on_cluster.rows.tobytes()
 
 
-def test_merged_archives_are_the_same_on_every_engine(client):
-    track = patrol(1200, seed=5)
+def test_merged_archives_are_the_same_on_every_executor(client, two_processes):
+    track = patrol(900, seed=5)
     thirds = [Track(str(i), track.times[i::3], track.positions[i::3]) for i in range(3)]
-    archives = [compress(one, Options(rmse=0.3, effort=1))[0] for one in thirds]
+    archives = [compress(third, Options(rmse=0.3, effort=1))[0] for third in thirds]
     expected = merge(archives, executor=Serial())[0].to_bytes()
-    with Processes(2) as processes:
-        for executor in (Threads(3), processes, client):
-            assert merge(archives, executor=executor)[0].to_bytes() == expected
+    for executor in (Threads(3), two_processes, client):
+        assert merge(archives, executor=executor)[0].to_bytes() == expected
 
 
-def test_executors_that_only_map_are_enough():
+def test_an_executor_with_map_alone_suffices():
     class Backwards:
         def map(self, function, items):
             items = list(items)
@@ -189,7 +204,7 @@ def test_executors_that_only_map_are_enough():
     assert archives[0].to_bytes() == archives[1].to_bytes()
 
 
-def test_a_scheduler_that_does_not_answer_is_named(monkeypatch):
-    monkeypatch.setattr("gpszip.run.dask._PATIENCE", 1)
+def test_an_unreachable_scheduler_raises_a_worker_error(monkeypatch):
+    monkeypatch.setattr("gpszip.run.dask._CONNECT_TIMEOUT", 1)
     with pytest.raises(WorkerError, match="no scheduler answers"):
         connect("tcp://127.0.0.1:9")

@@ -20,24 +20,24 @@ def test_results_come_in_the_order_of_the_items(executor):
     assert list(executor.map(abs, [])) == []
 
 
-def test_threads_work_side_by_side():
+def test_threads_run_concurrently():
     meeting = threading.Barrier(3, timeout=10)
     assert sorted(Threads(3).map(lambda _: meeting.wait(), range(3))) == [0, 1, 2]
 
 
-def test_a_long_stream_is_not_held_at_once():
-    taken = []
+def test_a_long_stream_is_drawn_lazily():
+    drawn = []
 
     def stream():
         for x in range(1000):
-            taken.append(x)
+            drawn.append(x)
             yield x
 
     results = Threads(2).map(abs, stream())
     next(results)
-    assert len(taken) <= 5
+    assert len(drawn) <= 5
     results.close()
-    assert len(taken) <= 5
+    assert len(drawn) <= 5
 
 
 @pytest.mark.parametrize("executor", [Serial(), Threads(2)], ids=str)
@@ -48,25 +48,25 @@ def test_an_error_is_raised_in_its_turn(executor):
         next(results)
 
 
-def test_an_interruption_ends_the_work_under_way():
-    begun, ended = [threading.Event(), threading.Event()], []
+def test_an_interruption_reaches_the_running_threads():
+    started, interrupted = [threading.Event(), threading.Event()], []
 
     def work(item):
         try:
-            begun[item].set()
+            started[item].set()
             for _ in range(3000):
                 time.sleep(0.01)
         except KeyboardInterrupt:
-            ended.append(item)
+            interrupted.append(item)
             raise
 
     def interrupt():
-        for one in begun:
-            one.wait(60)
-        time.sleep(0.3)  # until both threads and the one that waits for them are where they stay
+        for event in started:
+            event.wait(60)
+        time.sleep(0.3)  # both threads sleep by now, and the main thread waits for their results
         signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
 
-    # what runs in the background of a shell is born deaf to interruptions
+    # a shell's background processes ignore SIGINT from the start
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         threading.Thread(target=interrupt).start()
@@ -74,9 +74,9 @@ def test_an_interruption_ends_the_work_under_way():
             list(Threads(2).map(work, range(2)))
     finally:
         signal.signal(signal.SIGINT, before)
-    assert sorted(ended) == [0, 1]
+    assert sorted(interrupted) == [0, 1]
 
 
-def test_no_threads_at_all_is_refused():
+def test_zero_threads_are_refused():
     with pytest.raises(OptionError, match="1 or more"):
         Threads(0)

@@ -15,59 +15,66 @@ from gpszip.errors import (
     WorkerError,
 )
 from gpszip.run import Processes
-from oracle.chores import die, fail, halved, identity_of, process_of, scaled
+from oracle.chores import (
+    halve,
+    kill_process_at_three,
+    process_and_address,
+    process_id,
+    raise_error,
+    scale,
+)
 
 
 @pytest.fixture(scope="module")
-def two():
+def two_processes():
     with Processes(2) as executor:
         yield executor
 
 
-def test_results_come_in_order_from_other_processes(two):
-    assert list(two.map(halved, iter(range(40)))) == [x / 2 for x in range(40)]
-    others = set(two.map(process_of, range(12)))
+def test_results_come_in_order_from_other_processes(two_processes):
+    assert list(two_processes.map(halve, iter(range(40)))) == [x / 2 for x in range(40)]
+    others = set(two_processes.map(process_id, range(12)))
     assert len(others) == 2
     assert os.getpid() not in others
 
 
-def test_a_shared_value_is_read_once_by_each_process(two):
+def test_a_shared_value_is_read_once_by_each_process(two_processes):
     value = list(range(1000))
-    with two.share(value) as shared:
-        assert list(shared.map(scaled, range(50))) == [x * x for x in range(50)]
-        seen = set(shared.map(identity_of, range(30)))
-    assert len({process for process, _ in seen}) == len(seen) <= 2
+    with two_processes.share(value) as shared:
+        assert list(shared.map(scale, range(50))) == [x * x for x in range(50)]
+        loads = set(shared.map(process_and_address, range(30)))
+    assert len({process for process, _ in loads}) == len(loads) <= 2
 
 
-def test_nothing_stays_behind_a_shared_value(two, tmp_path, monkeypatch):
+def test_the_file_of_a_shared_value_is_removed(two_processes, tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", None)
-    with two.share("x") as shared:
+    with two_processes.share("x") as shared:
         assert len(list(tmp_path.iterdir())) == 1
-        assert list(shared.map(identity_of, [1])) != []
+        assert list(shared.map(process_and_address, [1])) != []
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
-    ("which", "kind"), [(0, BoundError), (1, CorruptArchiveError), (2, MissingExtraError)]
+    ("number", "error_class"), [(0, BoundError), (1, CorruptArchiveError), (2, MissingExtraError)]
 )
-def test_errors_come_back_as_what_they_were(two, which, kind):
-    with pytest.raises(kind) as caught:
-        list(two.map(fail, [which]))
-    with pytest.raises(kind) as here:
-        fail(which)
-    assert str(caught.value) == str(here.value)
-    assert vars(caught.value) == vars(here.value)
+def test_errors_keep_their_class_message_and_fields(two_processes, number, error_class):
+    with pytest.raises(error_class) as from_process:
+        list(two_processes.map(raise_error, [number]))
+    with pytest.raises(error_class) as original:
+        raise_error(number)
+    assert str(from_process.value) == str(original.value)
+    assert vars(from_process.value) == vars(original.value)
 
 
-def test_a_process_that_is_killed_is_told_and_the_next_call_starts_afresh():
+def test_a_killed_process_raises_a_worker_error_and_the_next_call_starts_a_new_one():
     with Processes(2) as executor:
         with pytest.raises(WorkerError, match="fewer workers"):
-            list(executor.map(die, range(8)))
-        assert list(executor.map(halved, [4])) == [2.0]
+            list(executor.map(kill_process_at_three, range(8)))
+        assert list(executor.map(halve, [4])) == [2.0]
 
 
-def test_no_processes_at_all_are_refused():
+def test_zero_processes_are_refused():
     with pytest.raises(OptionError, match="1 or more"):
         Processes(0)
 
@@ -78,14 +85,14 @@ def test_ctrl_c_ends_the_processes_at_once(tmp_path):
         textwrap.dedent("""
             import multiprocessing, signal, sys
             from gpszip.run import Processes
-            from oracle.chores import nap, process_of
+            from oracle.chores import sleep_30_seconds, process_id
             if __name__ == "__main__":
-                # what runs in the background of a shell is born deaf to interruptions
+                # a shell's background processes ignore SIGINT from the start
                 signal.signal(signal.SIGINT, signal.default_int_handler)
                 with Processes(2) as executor:
-                    print(*sorted(set(executor.map(process_of, range(8)))), flush=True)
+                    print(*sorted(set(executor.map(process_id, range(8)))), flush=True)
                     try:
-                        list(executor.map(nap, range(4)))
+                        list(executor.map(sleep_30_seconds, range(4)))
                     except KeyboardInterrupt:
                         print(len(multiprocessing.active_children()), flush=True)
         """)

@@ -11,7 +11,7 @@ from gpszip.segmentation.state import track_sums
 from oracle import segmentation as oracle
 
 
-def random_parts(seed, n=60, k=9, d=2, *, weighted=False):
+def random_partition(seed, n=60, k=9, d=2, *, weighted=False):
     rng = np.random.default_rng(seed)
     weights = rng.uniform(0.5, 2.0, n) if weighted else None
     track = Track(
@@ -23,11 +23,11 @@ def random_parts(seed, n=60, k=9, d=2, *, weighted=False):
     return track, np.array([0, *np.sort(rng.choice(np.arange(1, n), k - 1, replace=False)), n])
 
 
-def laps(k, seed=0, length=6, places=5, noise=0.1):
-    """A track of k parts, each along one of a few lanes, and the lane of each."""
+def laps(k, seed=0, length=6, lanes_count=5, noise=0.1):
+    """A track of k intervals, each along one of a few lanes, with boundaries and lanes."""
     rng = np.random.default_rng(seed)
-    lanes = rng.uniform(0, 1000, (places, 2, 2))
-    lane = rng.integers(0, places, k)
+    lanes = rng.uniform(0, 1000, (lanes_count, 2, 2))
+    lane = rng.integers(0, lanes_count, k)
     u = np.linspace(0, 1, length)[:, None]
     positions = np.concatenate([lanes[j, 0] * (1 - u) + lanes[j, 1] * u for j in lane])
     positions = positions + rng.normal(0, noise, positions.shape)
@@ -43,8 +43,8 @@ def same_groups(a, b):
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_ward_equals_its_twin(seed):
-    track, boundaries = random_parts(seed, d=1 + seed % 3, weighted=seed % 2 == 1)
+def test_ward_equals_the_reference(seed):
+    track, boundaries = random_partition(seed, d=1 + seed % 3, weighted=seed % 2 == 1)
     for m in (2, 4, 7):
         labels = ward(track_sums(track), boundaries, m)
         groups = {frozenset(np.flatnonzero(labels == label).tolist()) for label in range(m)}
@@ -52,8 +52,8 @@ def test_ward_equals_its_twin(seed):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_ward_equals_its_twin_on_single_samples(seed):
-    track, _ = random_parts(seed, n=12, weighted=True)
+def test_ward_equals_the_reference_on_single_samples(seed):
+    track, _ = random_partition(seed, n=12, weighted=True)
     for m in (2, 5, 9):
         labels = ward(track_sums(track), np.arange(13), m)
         assert {
@@ -62,25 +62,25 @@ def test_ward_equals_its_twin_on_single_samples(seed):
 
 
 def test_pooled_lines_are_least_squares_over_all_samples():
-    track, boundaries = random_parts(3, weighted=True)
+    track, boundaries = random_partition(3, weighted=True)
     labels = np.array([0, 1, 2, 0, 1, 2, 0, 1, 1], dtype=np.int32)
     sums = track_sums(track)
     _, starts, slopes = pooled_lines(sums, boundaries, labels, 3)
     parts = list(zip(boundaries[:-1], boundaries[1:], strict=True))
     for label in range(3):
         start, end = oracle.pooled_line(track, [parts[j] for j in np.flatnonzero(labels == label)])
-        mine = sums.first_position + sums.position_tick * np.array(
+        fitted = sums.first_position + sums.position_tick * np.array(
             [starts[label], starts[label] + slopes[label]]
         )
-        np.testing.assert_allclose(mine, [start, end], atol=1e-5)
+        np.testing.assert_allclose(fitted, [start, end], atol=1e-5)
 
 
-def test_excess_is_the_cost_above_the_own_line():
-    track, boundaries = random_parts(4)
+def test_excess_costs_are_costs_above_the_best_line():
+    track, boundaries = random_partition(4)
     sums = track_sums(track)
     lines = best_lines(sums, boundaries)
     line = np.array([[3.0, -2.0]]), np.array([[5.0, 9.0]])
-    above = (
+    excess = (
         excess_costs(
             lines,
             (line[0] - sums.first_position) / sums.position_tick,
@@ -89,43 +89,44 @@ def test_excess_is_the_cost_above_the_own_line():
         * sums.position_tick**2
     )
     for j, (a, b) in enumerate(zip(boundaries[:-1], boundaries[1:], strict=True)):
-        expected = oracle.part_cost(
+        expected = oracle.interval_cost(
             track, a, b, line[0][0], line[0][0] + line[1][0]
         ) - oracle.pooled_cost(track, [(a, b)])
         if b - a > 1:
-            assert above[j] == pytest.approx(expected, rel=1e-4, abs=1e-4)
+            assert excess[j] == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
 
-@pytest.mark.parametrize("places", [1, 2, 5])
-def test_both_find_lanes_that_are_far_apart(places):
-    track, boundaries, lane = laps(60, places=places)
+@pytest.mark.parametrize("lanes_count", [1, 2, 5])
+def test_both_methods_find_lanes_that_are_far_apart(lanes_count):
+    track, boundaries, lane = laps(60, lanes_count=lanes_count)
     sums, m = track_sums(track), len(set(lane))
     assert same_groups(ward(sums, boundaries, m), lane)
-    found = [k_means(sums, boundaries, m, np.random.default_rng(seed)) for seed in range(8)]
-    assert any(same_groups(labels, lane) for labels in found)
+    clusterings = [k_means(sums, boundaries, m, np.random.default_rng(seed)) for seed in range(8)]
+    assert any(same_groups(labels, lane) for labels in clusterings)
 
 
-def test_a_lane_travelled_backward_is_another_segment():
-    there, back = np.linspace(0, 10, 6), np.linspace(10, 0, 6)
-    track = Track("lane", np.arange(24), np.concatenate([there, back, there, back])[:, None])
+def test_a_lane_in_the_opposite_direction_is_another_segment():
+    forward, backward = np.linspace(0, 10, 6), np.linspace(10, 0, 6)
+    x = np.concatenate([forward, backward, forward, backward])
+    track = Track("lane", np.arange(24), x[:, None])
     assert ward(track_sums(track), np.arange(0, 25, 6), 2).tolist() == [0, 1, 0, 1]
 
 
 @pytest.mark.parametrize("m", [5, 40, 70])
-def test_near_groups_first_gives_the_same_lanes(m, monkeypatch):
-    track, boundaries, lane = laps(300, places=m)
-    monkeypatch.setattr(clustering, "_ALL_PAIRS", 80)
+def test_merging_mutual_neighbours_first_gives_the_same_lanes(m, monkeypatch):
+    track, boundaries, lane = laps(300, lanes_count=m)
+    monkeypatch.setattr(clustering, "_MAX_ALL_PAIRS", 80)
     labels = ward(track_sums(track), boundaries, len(set(lane)))
     assert same_groups(labels, lane)
 
 
 @pytest.mark.parametrize("method", ["ward", "k_means"])
-@pytest.mark.parametrize("kind", ["random", "still", "points"])
-def test_exactly_m_labels_in_the_order_of_their_parts(method, kind):
-    track, boundaries = random_parts(5)
-    if kind == "still":
+@pytest.mark.parametrize("problem", ["random", "still", "points"])
+def test_exactly_m_labels_in_the_order_of_their_intervals(method, problem):
+    track, boundaries = random_partition(5)
+    if problem == "still":
         track = Track("still", track.times, np.zeros((len(track), 2)))
-    if kind == "points":
+    if problem == "points":
         boundaries = np.arange(len(track) + 1)
     k, sums = len(boundaries) - 1, track_sums(track)
     for m in (1, 2, k - 1, k):
@@ -140,8 +141,8 @@ def test_exactly_m_labels_in_the_order_of_their_parts(method, kind):
         assert set(labels) == set(range(m))
 
 
-def test_k_means_repeats_with_its_generator():
-    track, boundaries = random_parts(6, n=200, k=40)
+def test_k_means_is_the_same_for_the_same_generator():
+    track, boundaries = random_partition(6, n=200, k=40)
     first, second = (
         k_means(track_sums(track), boundaries, 7, np.random.default_rng(3)) for _ in range(2)
     )

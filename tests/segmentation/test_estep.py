@@ -1,4 +1,4 @@
-"""Expectation, maximisation and whole partitions, against plain twins and each other."""
+"""Expectation and maximisation steps and exact partitions, against references and each other."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from oracle import segmentation as oracle
 
 
 def random_problem(seed, n=None, k=None, m=None, d=None):
-    """A track, its sums and a random state, often with one-sample parts and unused labels."""
+    """A track, its sums and a random state, often with one-sample intervals and unused labels."""
     rng = np.random.default_rng(seed)
     n, d = n or int(rng.integers(2, 40)), d or int(rng.integers(1, 4))
     k = k or int(rng.integers(1, n + 1))
@@ -44,7 +44,7 @@ def cost_of(track, sums, state):
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_the_cost_is_the_sum_over_residuals(seed):
+def test_the_cost_is_the_sum_of_squared_residuals(seed):
     track, sums, state = random_problem(seed)
     assert total_cost(sums, state) * sums.position_tick**2 == pytest.approx(
         cost_of(track, sums, state), rel=1e-8, abs=1e-8
@@ -52,30 +52,28 @@ def test_the_cost_is_the_sum_over_residuals(seed):
 
 
 def test_naive_and_linear_are_identical_on_hundreds_of_problems():
-    moved = 0
+    changed = 0
     for seed in range(400):
         _, sums, state = random_problem(seed)
-        one, other = estep.naive(sums, state), estep.linear(sums, state)
-        assert one.boundaries.tolist() == other.boundaries.tolist(), seed
-        assert one.labels.tolist() == other.labels.tolist(), seed
-        moved += one.boundaries.tolist() != state.boundaries.tolist()
-    assert moved > 200
+        naive, linear = estep.naive(sums, state), estep.linear(sums, state)
+        assert naive.boundaries.tolist() == linear.boundaries.tolist(), seed
+        assert naive.labels.tolist() == linear.labels.tolist(), seed
+        changed += naive.boundaries.tolist() != state.boundaries.tolist()
+    assert changed > 200
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_every_form_equals_its_twin(seed):
+def test_every_form_equals_the_reference(seed):
     track, sums, state = random_problem(seed, d=2)
     k = len(state.labels)
     segments = in_metres(sums, state)
-    walked = oracle.shifted(track, state.boundaries, state.labels, *segments, range(1, k))
-    even = oracle.shifted(track, state.boundaries, state.labels, *segments, range(2, k, 2))
-    both = oracle.shifted(track, *even, *segments, range(1, k, 2))
-    for form, (boundaries, labels) in ((estep.linear, walked), (estep.odd_even, both)):
-        found = form(sums, state)
+    in_turn = oracle.shift_boundaries(track, state.boundaries, state.labels, *segments, range(1, k))
+    even = oracle.shift_boundaries(track, state.boundaries, state.labels, *segments, range(2, k, 2))
+    both = oracle.shift_boundaries(track, *even, *segments, range(1, k, 2))
+    for form, (boundaries, labels) in ((estep.linear, in_turn), (estep.odd_even, both)):
+        # labels may differ where a single sample costs the same
         expected = oracle.cost(track, boundaries, labels, *segments)
-        assert cost_of(track, sums, found) == pytest.approx(
-            expected, rel=1e-9
-        )  # labels may differ where one sample costs the same
+        assert cost_of(track, sums, form(sums, state)) == pytest.approx(expected, rel=1e-9)
 
 
 def test_no_form_raises_the_cost():
@@ -93,8 +91,8 @@ def test_no_form_raises_the_cost():
             assert np.diff(after.boundaries).min() >= 1
 
 
-@pytest.mark.parametrize("shortest", [2, 4])
-def test_boundaries_keep_the_shortest_length(min_samples):
+@pytest.mark.parametrize("min_samples", [2, 4])
+def test_no_interval_becomes_shorter_than_min_samples(min_samples):
     for seed in range(30):
         _, sums, state = random_problem(seed, n=40, k=8)
         state = replace(state, boundaries=np.arange(0, 41, 5))
@@ -108,12 +106,12 @@ def test_threads_change_nothing(monkeypatch):
     monkeypatch.setattr(estep, "_BATCH", 3)
     for seed in range(20):
         _, sums, state = random_problem(seed, n=120, k=41 + seed % 2, m=6)
-        alone, together = (
+        serial, threaded = (
             estep.odd_even(sums, state),
             estep.odd_even(sums, state, executor=Threads(2)),
         )
-        assert alone.boundaries.tolist() == together.boundaries.tolist()
-        assert alone.labels.tolist() == together.labels.tolist()
+        assert serial.boundaries.tolist() == threaded.boundaries.tolist()
+        assert serial.labels.tolist() == threaded.labels.tolist()
 
 
 def test_maximize_is_pooled_least_squares_and_never_raises_the_cost():
@@ -131,11 +129,11 @@ def test_maximize_is_pooled_least_squares_and_never_raises_the_cost():
         ), seed
 
 
-def test_an_unused_segment_takes_the_line_of_the_worst_part():
+def test_an_unused_segment_gets_the_line_of_the_worst_interval():
     _, sums, state = random_problem(3, n=30, k=5, m=3)
     state = replace(state, labels=np.array([0, 0, 2, 0, 2], dtype=np.int32))
     after = maximize(sums, state)
-    own = maximize(
+    free = maximize(
         sums,
         EMState(
             state.boundaries,
@@ -144,11 +142,11 @@ def test_an_unused_segment_takes_the_line_of_the_worst_part():
             np.zeros((5, sums.p.shape[1])),
         ),
     )
-    gain = interval_costs(sums, after) - interval_costs(sums, own)
+    gain = interval_costs(sums, after) - interval_costs(sums, free)
     worst = int(gain.argmax())
     assert gain[worst] > 0
     np.testing.assert_allclose(
-        [after.starts[1], after.ends[1]], [own.starts[worst], own.ends[worst]]
+        [after.starts[1], after.ends[1]], [free.starts[worst], free.ends[worst]]
     )
 
 
@@ -157,23 +155,23 @@ def test_the_two_segment_mean_tries_every_cut_and_both_ends(seed):
     track, sums, state = random_problem(seed, d=2)
     segments = in_metres(sums, state)
     for min_samples in (0, 1):
-        found = two_segment_mean(track, *segments, min_samples=min_samples)
+        mean = two_segment_mean(track, *segments, min_samples=min_samples)
         expected = oracle.best_cut(track, 0, len(track), *segments, min_samples=min_samples)
-        assert found.cost == pytest.approx(expected[0], rel=1e-9)
+        assert mean.cost == pytest.approx(expected[0], rel=1e-9)
     if len(track) > 4:
-        one = two_segment_mean(track, [track.positions[0]], [track.positions[-1]])
-        assert one.boundary in range(len(track) + 1)
+        mean = two_segment_mean(track, [track.positions[0]], [track.positions[-1]])
+        assert mean.boundary in range(len(track) + 1)
 
 
-def test_a_straight_track_needs_only_one_of_two_segments():
+def test_a_straight_track_uses_one_of_two_segments():
     track = Track("straight", np.arange(5), np.arange(5)[:, None])
-    found = two_segment_mean(track, [[9.0], [0.0]], [[9.0], [4.0]])
-    assert found.cost == pytest.approx(0, abs=1e-12)
-    assert found.boundary in {0, 5}
+    mean = two_segment_mean(track, [[9.0], [0.0]], [[9.0], [4.0]])
+    assert mean.cost == pytest.approx(0, abs=1e-12)
+    assert mean.boundary in {0, 5}
 
 
 @pytest.mark.parametrize("seed", range(30))
-@pytest.mark.parametrize(("shortest", "stride"), [(1, 1), (3, 1), (1, 3), (4, 2)])
+@pytest.mark.parametrize(("min_samples", "stride"), [(1, 1), (3, 1), (1, 3), (4, 2)])
 def test_pruning_the_penalised_partition_loses_nothing(seed, min_samples, stride):
     track, sums, state = random_problem(seed, n=25, m=3)
     segments, tick = in_metres(sums, state), sums.position_tick**2
@@ -181,8 +179,8 @@ def test_pruning_the_penalised_partition_loses_nothing(seed, min_samples, stride
         boundaries, labels = penalised_partition(
             sums, state.starts, state.ends, penalty / tick, min_samples=min_samples, stride=stride
         )
-        found = oracle.cost(track, boundaries, labels, *segments) + penalty * len(labels)
-        assert found == pytest.approx(
+        cost = oracle.cost(track, boundaries, labels, *segments) + penalty * len(labels)
+        assert cost == pytest.approx(
             oracle.penalised_cost(track, *segments, penalty, min_samples, stride),
             rel=1e-8,
             abs=1e-8,
@@ -191,7 +189,7 @@ def test_pruning_the_penalised_partition_loses_nothing(seed, min_samples, stride
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_the_exact_partition_is_the_best_of_all(seed):
+def test_the_exact_partition_is_optimal(seed):
     track, sums, state = random_problem(seed, n=11, m=3)
     segments = in_metres(sums, state)
     for k in (1, 2, 4, 11):
@@ -202,41 +200,21 @@ def test_the_exact_partition_is_the_best_of_all(seed):
         )
 
 
-def test_a_long_track_is_cut_into_exactly_k_parts_too(monkeypatch):
+def test_a_long_track_is_cut_into_exactly_k_intervals(monkeypatch):
     for seed in range(10):
         _, sums, state = random_problem(seed, n=60, k=12, m=4)
-        best = replace(
-            state,
-            **dict(
-                zip(
-                    ("boundaries", "labels"),
-                    exact_partition(sums, state.starts, state.ends, 12),
-                    strict=True,
-                )
-            ),
-        )
-        monkeypatch.setattr(partitions, "_TABLE", 0)
-        near = replace(
-            state,
-            **dict(
-                zip(
-                    ("boundaries", "labels"),
-                    exact_partition(sums, state.starts, state.ends, 12),
-                    strict=True,
-                )
-            ),
-        )
-        monkeypatch.undo()
-        assert len(near.labels) == 12
-        assert (
-            total_cost(sums, best) * (1 - 1e-9)
-            <= total_cost(sums, near)
-            <= 1.2 * total_cost(sums, best)
-        )
-        assert total_cost(sums, best) <= total_cost(sums, estep.odd_even(sums, state)) * (1 + 1e-9)
+        boundaries, labels = exact_partition(sums, state.starts, state.ends, 12)
+        optimum = total_cost(sums, replace(state, boundaries=boundaries, labels=labels))
+        with monkeypatch.context() as patch:
+            patch.setattr(partitions, "_MAX_TABLE_SAMPLES", 0)
+            boundaries, labels = exact_partition(sums, state.starts, state.ends, 12)
+        penalised = total_cost(sums, replace(state, boundaries=boundaries, labels=labels))
+        assert len(labels) == 12
+        assert optimum * (1 - 1e-9) <= penalised <= 1.2 * optimum
+        assert optimum <= total_cost(sums, estep.odd_even(sums, state)) * (1 + 1e-9)
 
 
-def test_parts_shorter_than_asked_are_left_where_nothing_better_is_allowed():
+def test_intervals_below_min_samples_stay_if_no_allowed_cut_is_better():
     for seed in range(60):
         _, sums, state = random_problem(seed, n=24, k=3, m=3)
         state = maximize(

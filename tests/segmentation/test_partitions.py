@@ -1,4 +1,4 @@
-"""Initial partitions: Douglas-Peucker and bottom-up, against their plain twins."""
+"""Initial partitions: Douglas-Peucker and bottom-up, against references."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import pytest
 from gpszip.model import Track
 from gpszip.segmentation.bottom_up import bottom_up, relax_boundaries
 from gpszip.segmentation.douglas_peucker import douglas_peucker
-from gpszip.segmentation.kernels.bottom_up import bottom_up as merged
+from gpszip.segmentation.kernels.bottom_up import bottom_up as merge_blocks
 from gpszip.segmentation.state import track_sums
 from oracle import segmentation as oracle
 
@@ -32,7 +32,7 @@ def free_cost(track, boundaries):
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_douglas_peucker_equals_its_twin(seed):
+def test_douglas_peucker_equals_the_reference(seed):
     track = random_track(seed, d=1 + seed % 3)
     sums = track_sums(track)
     for k in (1, 2, 3, 7, 23):
@@ -40,21 +40,17 @@ def test_douglas_peucker_equals_its_twin(seed):
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_bottom_up_equals_its_twin(seed):
+def test_bottom_up_equals_the_reference(seed):
     track = random_track(seed, 39, d=1 + seed % 3, weighted=seed % 2 == 1)
-    for k in (
-        1,
-        3,
-        9,
-        13,
-    ):  # of blocks of three samples: to join single samples costs nothing, and any two may go first
-        found = merged(track_sums(track), np.arange(0, 39, 3), k).tolist()
-        assert found == oracle.bottom_up(track, k, 3)
+    # blocks of three samples: merging single samples costs nothing, in any order
+    for k in (1, 3, 9, 13):
+        boundaries = merge_blocks(track_sums(track), np.arange(0, 39, 3), k).tolist()
+        assert boundaries == oracle.bottom_up(track, k, 3)
 
 
 @pytest.mark.parametrize("partition", [bottom_up, douglas_peucker])
 @pytest.mark.parametrize("n", [1, 2, 3, 40])
-def test_exactly_k_parts_for_every_k(partition, n):
+def test_exactly_k_intervals_for_every_k(partition, n):
     for track in (
         random_track(0, n),
         Track("straight", np.arange(n), np.arange(n)[:, None]),
@@ -68,15 +64,15 @@ def test_exactly_k_parts_for_every_k(partition, n):
             assert (np.diff(boundaries) >= 1).all()
 
 
-@pytest.mark.parametrize("shortest", [2, 5])
-def test_bottom_up_keeps_the_shortest_length(min_samples):
+@pytest.mark.parametrize("min_samples", [2, 5])
+def test_bottom_up_keeps_min_samples(min_samples):
     sums = track_sums(random_track(1, 60))
     for k in (1, 4, 60 // min_samples):
         assert np.diff(bottom_up(sums, k, min_samples=min_samples)).min() >= min_samples
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_relaxation_lowers_the_cost_until_no_single_boundary_can(seed):
+def test_relaxation_ends_at_a_local_optimum(seed):
     track = random_track(seed, 30)
     sums = track_sums(track)
     start = np.linspace(0, 30, 6).astype(np.int64)
@@ -84,8 +80,8 @@ def test_relaxation_lowers_the_cost_until_no_single_boundary_can(seed):
     assert free_cost(track, end) < free_cost(track, start)
     for j in range(1, 5):
         for c in range(end[j - 1] + 1, end[j + 1]):
-            moved = [*end[:j], c, *end[j + 1 :]]
-            assert free_cost(track, moved) >= free_cost(track, end) - 1e-9
+            changed = [*end[:j], c, *end[j + 1 :]]
+            assert free_cost(track, changed) >= free_cost(track, end) - 1e-9
 
 
 def test_bottom_up_finds_the_bends_of_a_long_track():

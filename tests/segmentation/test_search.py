@@ -40,7 +40,7 @@ def solved(monkeypatch):
 @pytest.mark.parametrize("low", [1, 2, 5])
 @pytest.mark.parametrize("width", [*range(12), 40, 101])
 @pytest.mark.parametrize("bend", [0.1, 0.5, 0.9])
-def test_the_elbow_of_a_bent_curve_is_found_and_the_search_ends(low, width, bend):
+def test_the_elbow_of_a_bent_curve_is_found_in_few_evaluations(low, width, bend):
     high = low + width
     knee = low + round(bend * width)
     curve = {
@@ -55,29 +55,29 @@ def test_the_elbow_of_a_bent_curve_is_found_and_the_search_ends(low, width, bend
         calls.extend(numbers)
         return [curve[x] for x in numbers]
 
-    below = {x: -curve[x] - (curve[low] - curve[high]) * (x - low) / max(width, 1) for x in curve}
-    found = find_elbow(low, high, costs_of)
-    assert below[found] == pytest.approx(max(below.values()))
+    depth = {x: -curve[x] - (curve[low] - curve[high]) * (x - low) / max(width, 1) for x in curve}
+    elbow = find_elbow(low, high, costs_of)
+    assert depth[elbow] == pytest.approx(max(depth.values()))
     assert len(calls) <= 2 + 2 * np.log(max(width, 2)) / np.log(1.5) + 3
 
 
 def test_the_elbow_returns_the_best_evaluated_when_noise_makes_two_peaks():
     costs = {1: 10, 2: 9, 3: 2, 4: 8, 5: 7, 6: 6, 7: 4, 8: 2.5, 9: 2, 10: 1}
-    seen = []
+    evaluated = []
 
     def costs_of(numbers):
-        seen.extend(numbers)
+        evaluated.extend(numbers)
         return [costs[x] for x in numbers]
 
-    found = find_elbow(1, 10, costs_of)
-    assert found == min(seen, key=lambda x: costs[x] + x)
+    elbow = find_elbow(1, 10, costs_of)
+    assert elbow == min(evaluated, key=lambda x: costs[x] + x)
 
 
-def test_a_flat_curve_gives_its_low_end():
+def test_a_flat_curve_gives_its_lower_end():
     assert find_elbow(3, 50, lambda numbers: [1.0] * len(numbers)) == 3
 
 
-def test_the_square_walked_round_has_four_segments(solved):
+def test_laps_of_a_square_have_four_segments(solved):
     found = find_parameters(rounds(), (30, 60), (1, 30))
     assert found.m == 4
     assert (found.k, found.m) == (found.mean.k, found.mean.m)
@@ -90,38 +90,38 @@ def test_the_square_walked_round_has_four_segments(solved):
     )
 
 
-def test_workers_change_nothing():
+def test_the_result_is_the_same_for_any_number_of_workers():
     track = rounds(4)
-    alone, together = (
+    serial, threaded = (
         find_parameters(track, (2, 30), (1, 6)),
         find_parameters(track, (2, 30), (1, 6), executor=Threads(3)),
     )
-    assert alone.evaluated == together.evaluated
-    assert alone.mean.costs == together.mean.costs
+    assert serial.evaluated == threaded.evaluated
+    assert serial.mean.costs == threaded.mean.costs
 
 
-def test_a_memo_solves_nothing_twice_nor_after_a_restart(solved, tmp_path):
+def test_a_memo_in_a_folder_saves_solving_again(solved, tmp_path):
     track = rounds(4)
     first = find_parameters(track, (2, 20), (1, 5), memo=Memo(tmp_path))
     runs = len(solved)
-    again = find_parameters(track, (2, 20), (1, 5), memo=Memo(tmp_path))
+    second = find_parameters(track, (2, 20), (1, 5), memo=Memo(tmp_path))
     assert len(solved) == runs
-    assert again.evaluated == first.evaluated
-    assert again.mean.boundaries.tolist() == first.mean.boundaries.tolist()
-    assert again.mean.starts.tobytes() == first.mean.starts.tobytes()
+    assert second.evaluated == first.evaluated
+    assert second.mean.boundaries.tolist() == first.mean.boundaries.tolist()
+    assert second.mean.starts.tobytes() == first.mean.starts.tobytes()
     find_parameters(track, (2, 20), (1, 5), memo=Memo(tmp_path), expectation="linear")
     assert len(solved) > runs
 
 
-def test_the_digest_knows_data_and_options():
+def test_the_key_depends_on_data_and_options():
     track = rounds(1)
-    moved = Track("rounds", track.times, track.positions + 1e-9)
+    changed = Track("rounds", track.times, track.positions + 1e-9)
     weighted = Track("rounds", track.times, track.positions, weights=np.ones(len(track)))
     names = {
         memo_key(track, {}),
-        memo_key(moved, {}),
+        memo_key(changed, {}),
         memo_key(weighted, {}),
-        memo_key(track, {"shortest": 2}),
+        memo_key(track, {"min_samples": 2}),
     }
     assert len(names) == 4
     assert memo_key(track, {"a": 1, "b": 2}) == memo_key(
@@ -129,22 +129,22 @@ def test_the_digest_knows_data_and_options():
     )
 
 
-def test_a_torn_flipped_or_swapped_memo_is_refused(tmp_path):
+def test_a_damaged_or_misnamed_memo_is_refused(tmp_path):
     track = rounds(1)
     memo, mean = Memo(tmp_path), segment_mean(track, 4, 2)
     memo.put("key", mean)
     (path,) = tmp_path.iterdir()
-    whole = path.read_bytes()
+    intact = path.read_bytes()
     for content in (
         b"",
         b"no memo",
-        whole[: len(whole) // 2],
-        whole[:300] + bytes([whole[300] ^ 255]) + whole[301:],
+        intact[: len(intact) // 2],
+        intact[:300] + bytes([intact[300] ^ 255]) + intact[301:],
     ):
         path.write_bytes(content)
         with pytest.raises(InputError, match="delete it"):
             Memo(tmp_path).get("key", 4, 2)
-    path.write_bytes(whole)
+    path.write_bytes(intact)
     path.rename(tmp_path / "key-k5-m2.npz")
     with pytest.raises(InputError, match="another segment mean"):
         Memo(tmp_path).get("key", 5, 2)
@@ -171,7 +171,7 @@ def test_ranges_that_do_not_fit_are_refused(k_range, m_range):
 
 
 @pytest.mark.parametrize("m", [None, 4, 0.5])
-def test_an_rmse_bound_is_met_with_few_parts(m):
+def test_an_rmse_bound_is_met_with_few_intervals(m):
     track = rounds(5)
     mean = segment_mean_within(track, rmse=0.5, m=m)
     assert rmse(mean, track) <= 0.5
@@ -186,11 +186,11 @@ def test_a_maximum_bound_is_met():
     assert mean.k <= 30
 
 
-def test_a_bound_that_one_part_meets_gives_one_part():
+def test_a_loose_bound_gives_one_interval():
     assert segment_mean_within(rounds(2), rmse=1e4).k == 1
 
 
-def test_a_bound_that_cannot_be_met_is_an_error():
+def test_an_unreachable_bound_is_an_error():
     with pytest.raises(BoundError, match="allow more segments or a larger error"):
         segment_mean_within(rounds(1), rmse=0.01, m=2)
 
@@ -199,6 +199,6 @@ def test_a_bound_that_cannot_be_met_is_an_error():
     "options",
     [{}, {"rmse": 0.0}, {"max_error": -1.0}, {"rmse": 1.0, "m": 0}, {"rmse": 1.0, "m": 1.5}],
 )
-def test_senseless_bounds_are_refused(options):
+def test_bounds_out_of_range_are_refused(options):
     with pytest.raises(OptionError):
         segment_mean_within(rounds(1), **options)

@@ -1,4 +1,4 @@
-"""The coreset's promises: exact at edges, bounds that hold anywhere, a lower bound on the best k-segment, the eps of k and eps."""
+"""Guarantees of the coreset: exact at edges, bounds anywhere, least cost of k segments, eps."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from gpszip import OptionError, SegmentMean, Track, coreset
 from gpszip.sketches.coreset import Coreset
 from gpszip.sketches.pieces import PiecewiseLinear, from_segment_mean, polyline
 from gpszip.testing.patrol import patrol
-from oracle.coreset import best_cost, exact_cost, free_cost, greedy_cuts, plain_cost
+from oracle.coreset import best_cost, exact_cost, float_cost, free_cost, greedy_cuts
 
 WALK = patrol(3000, seed=4)
 
@@ -24,31 +24,31 @@ def bends(n=240, seed=3):
     )
 
 
-def test_pieces_that_break_at_block_edges_cost_exactly_what_the_samples_cost():
+def test_the_cost_is_exact_for_breaks_at_block_edges():
     small = coreset(WALK, size=40)
     rng = np.random.default_rng(1)
     edges = small.edges[::5]
-    places = rng.normal(0, 9, (len(edges), 2))
+    positions = rng.normal(0, 9, (len(edges), 2))
     f = PiecewiseLinear(
         edges[:, 0],
         np.append(small.edges[4::5], small.edges[-1:], axis=0)[: len(edges), 1],
-        places,
-        places + 3,
+        positions,
+        positions + 3,
     )
-    price = small.cost(f)
-    truth = plain_cost(WALK.times, WALK.positions, ones(WALK), f)
-    assert price.estimate == pytest.approx(truth, rel=1e-12)
-    assert price.upper - price.lower < 1e-8 * truth
-    assert price.lower <= truth <= price.upper
+    cost = small.cost(f)
+    expected = float_cost(WALK.times, WALK.positions, ones(WALK), f)
+    assert cost.estimate == pytest.approx(expected, rel=1e-12)
+    assert cost.upper - cost.lower < 1e-8 * expected
+    assert cost.lower <= expected <= cost.upper
 
 
-def test_a_segment_mean_is_priced_by_its_own_cost():
+def test_the_bounds_hold_for_a_segment_mean():
     from gpszip.segmentation.em import segment_mean
 
     mean = segment_mean(WALK, 12, 6)
-    price = coreset(WALK, size=300).cost(mean, times=WALK.times)
-    assert price.lower <= mean.cost <= price.upper
-    assert price.estimate == pytest.approx(mean.cost, rel=0.01)
+    cost = coreset(WALK, size=300).cost(mean, times=WALK.times)
+    assert cost.lower <= mean.cost <= cost.upper
+    assert cost.estimate == pytest.approx(mean.cost, rel=0.01)
 
 
 def test_a_segment_mean_at_block_edges_needs_no_times():
@@ -61,9 +61,9 @@ def test_a_segment_mean_at_block_edges_needs_no_times():
         small.cost(shifted)
 
 
-@pytest.mark.parametrize("spikes", [1, 5, 50])
+@pytest.mark.parametrize("outliers", [1, 5, 50])
 @pytest.mark.parametrize("even", [True, False])
-def test_spikes_at_block_ends_stay_within_the_bounds(spikes, even):
+def test_the_bounds_hold_for_outliers_at_block_ends(outliers, even):
     track = bends(900) if even else WALK
     small = coreset(track, size=30)
     for block in (0, 7, 29):
@@ -72,32 +72,32 @@ def test_spikes_at_block_ends_stay_within_the_bounds(spikes, even):
             np.concatenate(
                 [
                     [track.times[0]],
-                    np.linspace(b - 0.15 * (b - a), b, spikes + 1),
+                    np.linspace(b - 0.15 * (b - a), b, outliers + 1),
                     [track.times[-1]],
                 ]
             )
         )
         low = np.interp(knots, track.times, track.positions[:, 0])
-        places = np.stack([low, np.where(np.arange(len(knots)) % 2, 5.0, -5.0)], axis=1)
-        f = polyline(knots, places)
-        truth = exact_cost(track.times, track.positions, ones(track), f)
-        price = small.cost(f)
-        assert price.lower <= truth <= price.upper
-        assert price.upper - price.lower < 0.8 * truth
+        positions = np.stack([low, np.where(np.arange(len(knots)) % 2, 5.0, -5.0)], axis=1)
+        f = polyline(knots, positions)
+        expected = exact_cost(track.times, track.positions, ones(track), f)
+        cost = small.cost(f)
+        assert cost.lower <= expected <= cost.upper
+        assert cost.upper - cost.lower < 0.8 * expected
 
 
-def test_even_times_leave_only_the_residual_in_doubt():
+def test_the_cost_is_exact_for_even_times_on_a_line():
     track = Track("straight", np.arange(100.0), np.stack([np.arange(100.0)] * 2, axis=1))
     f = polyline([0, 33.3, 71.9, 99], [[0, 5], [40, 0], [60, 90], [99, 99]])
-    price = coreset(track, size=1).cost(f)
-    truth = plain_cost(track.times, track.positions, ones(track), f)
-    assert price.lower == pytest.approx(truth, rel=1e-9)
-    assert price.upper == pytest.approx(truth, rel=1e-9)
+    cost = coreset(track, size=1).cost(f)
+    expected = float_cost(track.times, track.positions, ones(track), f)
+    assert cost.lower == pytest.approx(expected, rel=1e-9)
+    assert cost.upper == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("k", [1, 2, 3, 4, 6])
 @pytest.mark.parametrize("size", [3, 12, 30])
-def test_no_k_segment_costs_less_than_the_lower_bound(k, size):
+def test_least_cost_is_a_lower_bound(k, size):
     for track in (
         bends(48),
         Track("noise", np.arange(48.0), np.random.default_rng(k).normal(0, 1, (48, 1))),
@@ -107,7 +107,7 @@ def test_no_k_segment_costs_less_than_the_lower_bound(k, size):
         ) * (1 + 1e-9)
 
 
-def test_the_lower_bound_is_worth_something():
+def test_least_cost_is_a_fifth_of_the_optimum_or_more():
     track = bends(60)
     assert coreset(track, size=24).least_cost(3) > 0.2 * best_cost(
         track.times, track.positions, ones(track), 3
@@ -126,43 +126,45 @@ def test_the_estimate_of_any_k_segment_is_within_eps(k, eps):
             + rng.choice([0.0, 0.5, 0.25], k - 1)
         )
         knots = np.concatenate([[0], knots, [1499]])
-        near = np.stack([np.interp(knots, track.times, axis) for axis in track.positions.T], axis=1)
-        f = polyline(knots, near + rng.normal(0, rng.choice([0, 0.5, 20]), near.shape))
-        truth = plain_cost(track.times, track.positions, ones(track), f)
-        assert abs(small.cost(f).estimate - truth) <= eps * truth
+        on_track = np.stack(
+            [np.interp(knots, track.times, axis) for axis in track.positions.T], axis=1
+        )
+        f = polyline(knots, on_track + rng.normal(0, rng.choice([0, 0.5, 20]), on_track.shape))
+        expected = float_cost(track.times, track.positions, ones(track), f)
+        assert abs(small.cost(f).estimate - expected) <= eps * expected
 
 
 @pytest.mark.parametrize("k", [1, 2, 4, 20, 100, 400])
 @pytest.mark.parametrize("eps", [0.03, 0.5, 0.99])
-def test_eps_promises_what_k_and_eps_asked_for(k, eps):
+def test_eps_of_the_coreset_is_at_most_the_given_eps(k, eps):
     for track in (bends(1500), WALK):
         small = coreset(track, k=k, eps=eps)
         assert small.eps(k) <= eps
         assert len(small) <= (len(track) + 1) // 2
 
 
-def test_too_few_blocks_promise_nothing():
+def test_eps_is_infinite_for_too_few_blocks():
     assert coreset(bends(1500), size=4).eps(40) == np.inf
 
 
-def test_blocks_become_finer_until_they_keep_eps_by_themselves():
+def test_blocks_become_finer_until_they_keep_eps():
     from gpszip.sketches.partition import blocks_under_cost, max_block_cost
 
     track = bends(1500)
     first = blocks_under_cost(track, max_block_cost(track, 2, 0.99))
-    alone = Coreset((track.id,), np.zeros(len(first), np.int64), first)
-    assert alone.eps(2) > 0.99, "the case is none any more"
+    first_coreset = Coreset((track.id,), np.zeros(len(first), np.int64), first)
+    assert first_coreset.eps(2) > 0.99, "the first blocks are fine enough; choose another track"
     assert len(first) < len(coreset(track, k=2, eps=0.99)) < 1.5 * len(first)
 
 
 @pytest.mark.parametrize("line", [np.arange(300.0), np.abs(np.arange(300.0) - 150), np.zeros(300)])
-def test_tracks_that_k_parts_fit_exactly_are_priced_exactly(line):
+def test_tracks_that_k_segments_fit_exactly_keep_eps(line):
     small = coreset(Track("exact", np.arange(300.0), line[:, None]), k=5, eps=0.1)
     assert small.eps(5) <= 0.1
     assert small.samples == 300
 
 
-def test_uneven_times_are_told():
+def test_uneven_times_are_reported():
     even, odd = bends(100), Track("odd", np.arange(100.0) ** 1.1, bends(100).positions)
     assert not coreset(even, size=9).uneven.any()
     assert coreset(odd, size=9).uneven.all()
@@ -170,7 +172,7 @@ def test_uneven_times_are_told():
     assert not coreset(epoch, size=9).uneven.any()
 
 
-def test_free_costs_are_those_of_the_samples():
+def test_free_costs_equal_the_reference():
     small = coreset(WALK, size=9)
     cuts = np.concatenate([[0], np.cumsum(small.counts)])
     for cost, a, b in zip(small.free_costs, cuts[:-1], cuts[1:], strict=True):
@@ -181,7 +183,7 @@ def test_free_costs_are_those_of_the_samples():
     assert small.rmse == pytest.approx(np.sqrt(small.free_costs.sum() / len(WALK)))
 
 
-def test_the_partition_is_the_greedy_one():
+def test_the_balanced_partition_equals_the_greedy_reference():
     from gpszip.sketches.partition import _balanced_cuts
     from gpszip.sketches.prefix import track_sums
 
@@ -192,7 +194,7 @@ def test_the_partition_is_the_greedy_one():
         )
 
 
-def test_several_tracks_share_the_size():
+def test_the_size_is_shared_by_all_tracks():
     other = Track("other", np.arange(5.0), np.zeros((5, 2)))
     small = coreset([bends(), other], size=12)
     assert len(small) <= 12
@@ -205,10 +207,10 @@ def test_several_tracks_share_the_size():
         small.cost(polyline([0, 4], [[1, 0], [1, 0]]))
 
 
-def test_far_from_zero_nothing_is_lost():
+def test_free_costs_do_not_depend_on_the_origin():
     track = bends()
-    far = Track("bends", track.times + 1.7e9, track.positions + np.array([5e6, 4e5]))
-    assert coreset(far, size=20).free_costs == pytest.approx(
+    shifted_track = Track("bends", track.times + 1.7e9, track.positions + np.array([5e6, 4e5]))
+    assert coreset(shifted_track, size=20).free_costs == pytest.approx(
         coreset(track, size=20).free_costs, rel=1e-5
     )
 
@@ -235,12 +237,12 @@ def test_weights_count_like_repeated_samples():
         ({"max_bytes": 10}, "too few"),
     ],
 )
-def test_sizes_that_make_no_sense_are_refused(options, message):
+def test_size_options_out_of_range_are_refused(options, message):
     with pytest.raises(OptionError, match=message):
         coreset(bends(), **options)
 
 
-def test_functions_that_are_none_are_refused():
+def test_invalid_functions_and_tracks_are_refused():
     small = coreset(bends(), size=5)
     with pytest.raises(OptionError, match="1 coordinates, the coreset 2"):
         small.cost(polyline([0, 1], [[0], [1]]))

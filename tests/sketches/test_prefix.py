@@ -59,7 +59,7 @@ def test_moments_stay_exact_when_the_prefix_sums_wrap_around():
     assert_moments(sums, [0, 5, 9, 2000, 2100, 3000], 1e-12)
 
 
-def test_parts_too_long_for_integers_are_added_up_from_blocks():
+def test_intervals_too_long_for_integers_are_summed_from_blocks():
     track = decimal_track(2, 2000, dt=1e5)
     sums = track_sums(track)
     assert len(track) * float(sums.t[-1]) ** 2 > 2**63
@@ -75,7 +75,7 @@ def test_weighted_moments():
     )
 
 
-def test_shifting_by_a_billion_seconds_and_ten_thousand_kilometres_changes_no_bit():
+def test_the_origin_of_times_and_positions_changes_no_bit():
     near = decimal_track(4, 1000)
     far = Track("t", near.times + 1e9, near.positions + 1e7)
     cuts = np.arange(0, 1001, 50)
@@ -97,13 +97,13 @@ def test_the_time_tick_fits_the_rate(interval, tick):
 
 
 @pytest.mark.parametrize(("extent", "tick"), [(1e6, 1e-3), (1e4, 1e-4), (1.0, 1e-8), (0.0, 1e-3)])
-def test_the_place_tick_fits_the_extent(extent, tick):
+def test_the_position_tick_fits_the_extent(extent, tick):
     assert track_sums(Track("t", [0.0, 1.0], [[0.0], [extent]])).position_tick == pytest.approx(
         tick
     )
 
 
-def test_ticks_get_coarser_where_they_could_not_be_counted():
+def test_ticks_are_coarser_for_large_extents():
     sums = track_sums(Track("t", [0.0, 1e-6, 1e13], [[0.0], [1e14], [2e14]]))
     assert sums.t[-1] < 2**52
     assert sums.p.max() < 2**52

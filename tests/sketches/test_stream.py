@@ -1,4 +1,4 @@
-"""Streams make what offline makes, whatever the chunks; coresets merge; weighted samples have the moments."""
+"""Streamed and merged coresets, and weighted samples with the moments of blocks."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from oracle.coreset import exact_cost, moments
 N = 20_000
 
 
-def log(kind):
+def random_log(kind):
     rng = np.random.default_rng(5)
     t = np.arange(float(N))
     if kind == "patrol":
@@ -38,36 +38,36 @@ def log(kind):
     return Track("0", t, rng.normal(0, 1, (N, 2)))
 
 
-def streamed(track, size, chunk=1 << 20):
+def stream_of(track, size, chunk=1 << 20):
     stream = CoresetStream(size, id=track.id)
     for a in range(0, len(track), chunk):
-        part = slice(a, a + chunk)
+        rows = slice(a, a + chunk)
         stream.push(
-            track.times[part],
-            track.positions[part],
-            None if track.weights is None else track.weights[part],
+            track.times[rows],
+            track.positions[rows],
+            None if track.weights is None else track.weights[rows],
         )
     return stream
 
 
 @pytest.mark.parametrize("kind", ["patrol", "parked", "circle", "uneven", "weights", "noise"])
 @pytest.mark.parametrize("size", [30, 300])
-def test_a_stream_costs_at_most_a_tenth_more_than_offline(kind, size):
-    track = log(kind)
-    small = streamed(track, size, 1777).coreset()
+def test_a_streamed_coreset_costs_at_most_a_tenth_more(kind, size):
+    track = random_log(kind)
+    small = stream_of(track, size, 1777).coreset()
     assert len(small) <= size
     assert small.samples == len(track)
     assert small.error <= 1.1 * coreset(track, size=size).error
 
 
 @pytest.mark.parametrize("chunk", [1, 2, 3, 64, 999, 5000])
-def test_chunks_make_no_difference(chunk):
+def test_the_result_does_not_depend_on_the_chunks(chunk):
     track = patrol(3001, seed=2)
-    whole, cut = streamed(track, 11).coreset(), streamed(track, 11, chunk).coreset()
-    assert np.array_equal(whole.rows, cut.rows)
+    at_once, in_chunks = stream_of(track, 11).coreset(), stream_of(track, 11, chunk).coreset()
+    assert np.array_equal(at_once.rows, in_chunks.rows)
 
 
-def test_memory_is_bounded_and_the_stream_goes_on_after_a_look():
+def test_memory_is_bounded_and_coresets_can_be_taken_in_between():
     track = patrol(8000)
     stream = CoresetStream(5)
     for a in range(0, 8000, 100):
@@ -75,12 +75,12 @@ def test_memory_is_bounded_and_the_stream_goes_on_after_a_look():
         assert stream.blocks <= 16 * 5
         if a % 1000 == 0:
             assert len(stream.coreset()) <= 5
-    assert np.array_equal(stream.coreset().rows, streamed(track, 5).coreset().rows)
+    assert np.array_equal(stream.coreset().rows, stream_of(track, 5).coreset().rows)
 
 
-def test_a_stream_prices_like_any_coreset():
+def test_the_bounds_hold_for_a_streamed_coreset():
     track = patrol(4000)
-    small = streamed(track, 50).coreset()
+    small = stream_of(track, 50).coreset()
     knots = np.linspace(track.times[0], track.times[-1], 30)
     f = polyline(
         knots, np.stack([np.interp(knots, track.times, axis) for axis in track.positions.T], axis=1)
@@ -92,10 +92,10 @@ def test_a_stream_prices_like_any_coreset():
     )
 
 
-def test_bad_samples_are_refused_and_leave_the_stream_as_it_was():
+def test_invalid_samples_are_refused_and_not_added():
     stream = CoresetStream(4)
     stream.push([0, 1], [[0.0], [1.0]])
-    for times, places, weights in (
+    for times, positions, weights in (
         ([2, 2], [[0.0], [1.0]], None),
         ([1], [[0.0]], None),
         ([5], [[np.nan]], None),
@@ -103,20 +103,18 @@ def test_bad_samples_are_refused_and_leave_the_stream_as_it_was():
         ([5], [[1.0, 2.0]], None),
     ):
         with pytest.raises(TrackError):
-            stream.push(times, places, weights)
+            stream.push(times, positions, weights)
     stream.push([], np.empty((0, 1)))
     assert stream.coreset().samples == stream.samples == 2
     with pytest.raises(OptionError):
         CoresetStream(0)
 
 
-def test_halves_merge_to_the_whole():
+def test_coresets_of_two_slices_merge_to_one_track():
     track = patrol(6000)
-    a, b = (
-        Track("0", track.times[:2500], track.positions[:2500]),
-        Track("0", track.times[2500:], track.positions[2500:]),
-    )
-    both = merge_coresets([streamed(b, 40).coreset(), streamed(a, 40).coreset()], size=40)
+    a = Track("0", track.times[:2500], track.positions[:2500])
+    b = Track("0", track.times[2500:], track.positions[2500:])
+    both = merge_coresets([stream_of(b, 40).coreset(), stream_of(a, 40).coreset()], size=40)
     assert both.samples == 6000
     assert len(both) <= 40
     assert (np.diff(both.edges.ravel()) > 0).all()
@@ -129,33 +127,33 @@ def test_halves_merge_to_the_whole():
     )
 
 
-def test_overlapping_tracks_merge_side_by_side_but_one_track_can_not_overlap_itself():
-    one, two = (
+def test_different_tracks_may_overlap_in_time_but_slices_of_one_may_not():
+    a, b = (
         coreset(Track(name, range(50), [[abs(t - 25)] for t in range(50)]), size=8) for name in "ab"
     )
-    assert merge_coresets([one, two], size=4).tracks == ("a", "b")
-    assert merge_coresets([one, two]).track("b").error == two.error
+    assert merge_coresets([a, b], size=4).tracks == ("a", "b")
+    assert merge_coresets([a, b]).track("b").error == b.error
     with pytest.raises(OptionError, match="overlap at time"):
-        merge_coresets([one, one])
+        merge_coresets([a, a])
     with pytest.raises(OptionError, match="as many blocks"):
-        merge_coresets([one, two], size=1)
+        merge_coresets([a, b], size=1)
 
 
-def test_merging_in_any_order_gives_the_same_blocks():
-    parts = [
+def test_merging_is_associative():
+    coresets = [
         coreset(
             Track(name, range(50), np.random.default_rng(ord(name)).normal(0, 1, (50, 1))), size=8
         )
         for name in "abc"
     ]
-    left = merge_coresets([merge_coresets(parts[:2]), parts[2]])
-    right = merge_coresets([parts[0], merge_coresets(parts[1:])])
+    left = merge_coresets([merge_coresets(coresets[:2]), coresets[2]])
+    right = merge_coresets([coresets[0], merge_coresets(coresets[1:])])
     assert np.array_equal(left.rows, right.rows)
 
 
 @pytest.mark.parametrize("dimension", [1, 2, 3])
 @pytest.mark.parametrize("weighted", [False, True])
-def test_few_points_have_the_moments_of_all(dimension, weighted):
+def test_weighted_samples_keep_the_moments(dimension, weighted):
     rng = np.random.default_rng(dimension)
     n = 4000
     times = 1.7e9 + np.cumsum(rng.exponential(1, n))
@@ -181,7 +179,7 @@ def test_few_points_have_the_moments_of_all(dimension, weighted):
         assert (np.abs((new[a:b] - weights[a:b]) @ columns) <= 1e-12 * scale).all()
 
 
-def test_points_of_a_place_where_nothing_moves():
+def test_weighted_samples_of_a_stationary_track():
     track = Track("0", range(500), np.full((500, 2), 7.0))
     (few,) = weighted_samples(coreset(track, size=1), track)
     assert len(few) <= 8

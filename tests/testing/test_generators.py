@@ -4,7 +4,7 @@ import pytest
 from gpszip.testing import city, drives, patrol
 
 
-def test_patrol_is_the_robot_it_stands_for():
+def test_patrol_has_the_size_and_rate_of_the_thesis():
     track = patrol()
     steps = np.diff(track.times)
     assert len(track) == 72_273
@@ -28,7 +28,7 @@ def test_patrol_pauses():
     assert 0.05 < still.mean() < 0.6
 
 
-def test_patrol_noise_has_the_size_asked_for():
+def test_patrol_has_the_requested_noise():
     quiet, loud = patrol(20_000, noise=0.0), patrol(20_000, noise=0.05)
     error = loud.positions - quiet.positions
     assert error.std() == pytest.approx(0.05, rel=0.15)
@@ -40,14 +40,14 @@ def test_patrol_builds_any_number_of_corridors(corridors):
     assert len(patrol(500, corridors=corridors, seed=corridors)) == 500
 
 
-def test_seed_decides():
-    first, again, other = patrol(500, seed=7), patrol(500, seed=7), patrol(500, seed=8)
-    assert np.array_equal(first.positions, again.positions)
+def test_seeds_select_patrols():
+    first, repeated, other = patrol(500, seed=7), patrol(500, seed=7), patrol(500, seed=8)
+    assert np.array_equal(first.positions, repeated.positions)
     assert not np.array_equal(first.positions, other.positions)
 
 
 @pytest.mark.parametrize("period", [1.0, 15.0, 60.0])
-def test_city_is_the_drives_on_the_earth(period):
+def test_city_has_the_drives_in_degrees(period):
     town = city(vehicles=2, period=period, seed=5)
     plane = drives(vehicles=2, period=period, seed=5)
     assert list(town) == list(plane) == ["bus-0", "bus-1"]
@@ -57,7 +57,7 @@ def test_city_is_the_drives_on_the_earth(period):
         assert np.allclose(north, plane[name][1][:, 1], atol=1e-6)
 
 
-def test_drives_keep_to_the_streets():
+def test_drives_stay_on_streets():
     for _, positions in drives(blocks=4, vehicles=5, noise=0.0).values():
         off = np.abs(positions / 120.0 - np.round(positions / 120.0)).min(axis=1)
         assert off.max() < 1e-9

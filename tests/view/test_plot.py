@@ -24,26 +24,29 @@ def drawn(road_map):
     return axes
 
 
-def ways(axes):
-    return next(one for one in axes.collections if isinstance(one, LineCollection))
+def edge_lines(axes):
+    """The collections of edges on some axes."""
+    return [item for item in axes.collections if isinstance(item, LineCollection)]
 
 
-def test_map_draws_each_way_but_stops():
-    assert len(ways(drawn(SQUARE)).get_segments()) == 4
+def test_map_draws_each_edge_but_stops():
+    (edges,) = edge_lines(drawn(SQUARE))
+    assert len(edges.get_segments()) == 4
 
 
-def test_ways_are_as_wide_as_they_were_travelled_often():
-    collection = ways(drawn(SQUARE))
-    busiest = int(np.argmax(collection.get_linewidths()))
-    assert np.array_equal(collection.get_segments()[busiest], SQUARE.nodes[[0, 1]])
-    assert sorted(collection.get_linewidths())[-1] > 3 * sorted(collection.get_linewidths())[0]
+def test_busy_edges_are_wide():
+    (edges,) = edge_lines(drawn(SQUARE))
+    widths = edges.get_linewidths()
+    busiest = int(np.argmax(widths))
+    assert np.array_equal(edges.get_segments()[busiest], SQUARE.nodes[[0, 1]])
+    assert max(widths) > 3 * min(widths)
 
 
-def test_a_metre_is_as_long_across_as_up():
+def test_both_axes_have_the_same_scale():
     assert drawn(SQUARE).get_aspect() == 1
 
 
-def test_scale_bar_is_as_long_as_it_says():
+def test_scale_bar_has_the_length_of_its_label():
     axes = drawn(SQUARE)
     bar = axes.lines[0].get_xdata()
     left, right = axes.get_xlim()
@@ -51,14 +54,14 @@ def test_scale_bar_is_as_long_as_it_says():
     assert (bar[1] - bar[0]) * (right - left) == pytest.approx(5.0)
 
 
-def test_map_without_ways():
+def test_map_without_edges():
     lonely = RoadMap(
         np.zeros((1, 2)), np.zeros((0, 2), np.int32), np.zeros(0, np.int64), np.zeros(0, np.int64)
     )
-    assert not [one for one in drawn(lonely).collections if isinstance(one, LineCollection)]
+    assert not edge_lines(drawn(lonely))
 
 
-def test_of_several_planes_the_fullest_is_drawn():
+def test_the_plane_with_most_nodes_is_drawn():
     far = RoadMap(
         nodes=np.vstack([[[5.0, 5.0]], SQUARE.nodes + np.array([Plane.SPREAD, 0])]),
         edges=np.vstack([[[0, 1]], SQUARE.edges + 1]).astype(np.int32),
@@ -67,7 +70,8 @@ def test_of_several_planes_the_fullest_is_drawn():
         plane=Plane(((0, 0), (100_000_000, 100_000_000))),
     )
     axes = drawn(far)
-    assert len(ways(axes).get_segments()) == 4
+    (edges,) = edge_lines(axes)
+    assert len(edges.get_segments()) == 4
     assert axes.get_xlim()[1] - axes.get_xlim()[0] < 100
 
 
@@ -80,7 +84,7 @@ def test_files_are_pictures(tmp_path, suffix):
         assert (tmp_path / f"{name}.{suffix}").read_bytes().startswith(start)
 
 
-def test_three_dimensions_are_seen_from_above(tmp_path):
+def test_three_dimensional_maps_are_drawn_from_above(tmp_path):
     road_map = RoadMap(
         np.column_stack([SQUARE.nodes, [0, 1, 2, 3]]), SQUARE.edges, SQUARE.forward, SQUARE.backward
     )
@@ -89,7 +93,7 @@ def test_three_dimensions_are_seen_from_above(tmp_path):
     assert (tmp_path / "flight.png").stat().st_size > 5000
 
 
-def test_without_matplotlib_the_extra_is_named(tmp_path, monkeypatch):
+def test_missing_matplotlib_names_the_extra(tmp_path, monkeypatch):
     real = builtins.__import__
 
     def missing(name, *args, **kwargs):

@@ -7,7 +7,7 @@ from oracle.segment_map import directed_counts
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_counts_are_those_of_a_plain_tally(seed):
+def test_counts_match_a_plain_tally(seed):
     rng = np.random.default_rng(seed)
     nodes = rng.normal(0, 9, (int(rng.integers(1, 9)), 2))
     walks = []
@@ -27,9 +27,9 @@ def test_counts_are_those_of_a_plain_tally(seed):
         assert (forward, backward) == (plain[u, v], plain[v, u])
 
 
-def test_no_walks_and_walks_of_one_knot_make_no_edges():
-    alone = Walk("w", np.array([0], np.int32), None, np.zeros(0, np.bool_))
-    for nodes, walks in (([[0.0, 0.0]], [alone]), ([[0.0, 0.0]], []), (np.zeros((0, 2)), [])):
+def test_walks_of_one_knot_and_no_walks_make_no_edges():
+    single_knot = Walk("w", np.array([0], np.int32), None, np.zeros(0, np.bool_))
+    for nodes, walks in (([[0.0, 0.0]], [single_knot]), ([[0.0, 0.0]], []), (np.zeros((0, 2)), [])):
         road_map = build_road_map(nodes, walks)
         assert road_map.edges.shape == (0, 2)
         assert len(road_map.nodes) == len(nodes)

@@ -17,8 +17,8 @@ from gpszip.walks.quantised import (
 
 
 @st.composite
-def lattices(draw, timed=True):
-    """Lattices as an archive holds them: nodes in first-visit order, cells from 0 up."""
+def grid_walks_of_archives(draw, timed=True):
+    """Grid walks as an archive holds them: nodes in first-visit order, time steps from 0 up."""
     dimension = draw(st.integers(1, 4))
     count, walks = 0, []
     for _ in range(draw(st.integers(1, 4))):
@@ -44,7 +44,7 @@ def lattices(draw, timed=True):
 
 @st.composite
 def timed_walks(draw):
-    """Walks in seconds whose knots lie anywhere, also nearer than any quantum."""
+    """Walks in seconds with knots at any time, also closer than any time step."""
     count = draw(st.integers(1, 6))
     nodes = np.array(
         draw(
@@ -78,19 +78,19 @@ def in_metres(grid_walks, grid):
     )
 
 
-def assert_same(one, two):
-    np.testing.assert_array_equal(one.nodes, two.nodes)
-    assert one.timed == two.timed
-    for a, b in zip(one.walks, two.walks, strict=True):
+def assert_same(first, second):
+    np.testing.assert_array_equal(first.nodes, second.nodes)
+    assert first.timed == second.timed
+    for a, b in zip(first.walks, second.walks, strict=True):
         np.testing.assert_array_equal(a.nodes, b.nodes)
         np.testing.assert_array_equal(a.time_steps, b.time_steps)
         np.testing.assert_array_equal(a.gaps, b.gaps)
 
 
-@given(lattices(), st.integers(60, 160), st.sampled_from([0, 1_400_000_000_123]))
-def test_what_lies_on_the_lattice_comes_back_as_it_was(grid_walks, time, epoch):
+@given(grid_walks_of_archives(), st.integers(60, 160), st.sampled_from([0, 1_400_000_000_123]))
+def test_grid_walks_survive_a_round_trip(grid_walks, time, epoch):
     largest = max(int(walk.time_steps.max()) for walk in grid_walks.walks)
-    if largest * step_size(time) > 1e9:  # float64 seconds are too coarse to name such cells
+    if largest * step_size(time) > 1e9:  # float64 seconds are too coarse for such steps
         time = 60
         grid_walks = GridWalks(
             grid_walks.nodes,
@@ -103,8 +103,8 @@ def test_what_lies_on_the_lattice_comes_back_as_it_was(grid_walks, time, epoch):
     assert_same(quantise_walks(*in_metres(grid_walks, grid), grid), grid_walks)
 
 
-@given(lattices(timed=False))
-def test_walks_without_times_come_back_as_they_were(grid_walks):
+@given(grid_walks_of_archives(timed=False))
+def test_grid_walks_without_times_survive_a_round_trip(grid_walks):
     grid = QuantisationGrid((0,) * grid_walks.nodes.shape[1], 0, 128, 128)
     nodes, walks = in_metres(grid_walks, grid)
     assert all(walk.times is None for walk in walks)
@@ -112,8 +112,8 @@ def test_walks_without_times_come_back_as_they_were(grid_walks):
 
 
 @given(timed_walks(), st.integers(90, 150))
-def test_every_knot_stays_inside_its_piece_and_near_its_place(given, time):
-    nodes, walks = given
+def test_knots_stay_in_their_piece_and_near_their_position(log, time):
+    nodes, walks = log
     grid = choose_grid(nodes, walks, space=120, time=time)
     grid_walks = quantise_walks(nodes, walks, grid)
     assert (grid_walks.nodes >= 0).all()
@@ -134,28 +134,28 @@ def test_every_knot_stays_inside_its_piece_and_near_its_place(given, time):
 
 
 def copies_of(walk, grid):
-    """How often each knot is written: a lone knot between two cells twice."""
+    """How often each knot is written: twice for a single knot between two time steps."""
     first, last = mark_piece_ends(walk.gaps)
-    at = (walk.times - grid.epoch / 1000) / step_size(grid.time)
-    off = np.abs(at - np.rint(at)) * step_size(grid.time) > 5e-4
+    exact = (walk.times - grid.epoch / 1000) / step_size(grid.time)
+    off = np.abs(exact - np.rint(exact)) * step_size(grid.time) > 5e-4
     return 1 + (first & last & off)
 
 
 def pieces_of(walk):
-    cuts = np.flatnonzero(walk.gaps) + 1
-    return [(part[0], part[-1]) for part in np.split(walk.times, cuts)]
+    starts = np.flatnonzero(walk.gaps) + 1
+    return [(piece[0], piece[-1]) for piece in np.split(walk.times, starts)]
 
 
 @pytest.mark.parametrize("times", [[0.0, 0.4, 5.3], [1.4e9, 1.4e9 + 0.7, 1.4e9 + 1000.1]])
-def test_inner_knots_go_to_the_nearest_cell_and_ends_outwards(times):
+def test_inner_knots_round_to_the_nearest_step_and_ends_outwards(times):
     walk = Walk("a", np.array([0, 1, 0], np.int32), np.array(times), np.zeros(2, bool))
     grid = QuantisationGrid((0,), int(times[0]) * 1000 - 500, 128, 128)
-    cells = quantise_walks(np.array([[0.0], [1.0]]), [walk], grid).walks[0].time_steps
-    at = np.array(times) - (int(times[0]) - 0.5)
-    assert cells.tolist() == [np.floor(at[0]), np.rint(at[1]), np.ceil(at[2])]
+    time_steps = quantise_walks(np.array([[0.0], [1.0]]), [walk], grid).walks[0].time_steps
+    exact = np.array(times) - (int(times[0]) - 0.5)
+    assert time_steps.tolist() == [np.floor(exact[0]), np.rint(exact[1]), np.ceil(exact[2])]
 
 
-def test_a_gap_that_no_cell_can_tell_is_dropped_and_others_stay():
+def test_a_gap_shorter_than_a_time_step_is_dropped():
     walk = Walk(
         "a",
         np.zeros(4, np.int32),
@@ -171,7 +171,7 @@ def test_a_gap_that_no_cell_can_tell_is_dropped_and_others_stay():
     assert coarse.time_steps.tolist() == [0, 11, 12, 20]
 
 
-def test_a_lone_knot_between_cells_becomes_a_stop_around_it():
+def test_a_single_knot_between_time_steps_becomes_a_stop():
     walk = Walk("a", np.array([0, 1], np.int32), np.array([0.0, 10.5]), np.array([True]))
     out = quantise_walks(
         np.array([[0.0], [1.0]]), [walk], QuantisationGrid((0,), 0, 128, 128)
@@ -184,7 +184,7 @@ def test_a_lone_knot_between_cells_becomes_a_stop_around_it():
 
 
 @pytest.mark.parametrize("off", [-4e-4, 4e-4])
-def test_a_lone_knot_close_to_a_cell_is_on_it(off):
+def test_a_single_knot_close_to_a_time_step_is_on_it(off):
     walk = Walk("a", np.array([0, 1], np.int32), np.array([0.0, 10 + off]), np.array([True]))
     out = quantise_walks(
         np.array([[0.0], [1.0]]), [walk], QuantisationGrid((0,), 0, 128, 128)
@@ -196,7 +196,7 @@ def test_a_lone_knot_close_to_a_cell_is_on_it(off):
     )
 
 
-def test_the_frame_starts_at_the_lowest_corner_and_the_first_knot():
+def test_the_grid_starts_at_the_lowest_corner_and_the_first_knot():
     walks = [
         Walk(str(t), np.array([0], np.int32), np.array([t]), np.zeros(0, bool))
         for t in (5.0004, 2.0009)
@@ -206,7 +206,7 @@ def test_the_frame_starts_at_the_lowest_corner_and_the_first_knot():
     assert grid == QuantisationGrid((250, -2001), 2000, 3, 4, plane)
 
 
-def test_the_road_map_counts_both_directions_and_no_gaps():
+def test_road_map_counts_both_directions_and_no_gaps():
     walk = GridWalk(
         np.array([0, 1, 0, 0, 2], np.int32), np.arange(5), np.array([False, False, False, True])
     )

@@ -13,63 +13,67 @@ from gpszip.walks.shapes import (
 from oracle.walks import walk
 
 
-def at_shares(line, shares):
-    """Places at shares of a line's length, by walking along it step by step."""
+def positions_at_fractions(line, fractions):
+    """Positions at fractions of a line's length, by walking along it step by step."""
     steps = [float(np.linalg.norm(b - a)) for a, b in zip(line, line[1:], strict=False)]
-    found = []
-    for share in shares:
-        left, place = share * sum(steps), line[-1]
+    positions = []
+    for fraction in fractions:
+        remaining, position = fraction * sum(steps), line[-1]
         for a, b, step in zip(line, line[1:], steps, strict=False):
-            if left <= step:
-                place = a + (b - a) * (left / step if step else 0.0)
+            if remaining <= step:
+                position = a + (b - a) * (remaining / step if step else 0.0)
                 break
-            left -= step
-        found.append(place)
-    return np.array(found)
+            remaining -= step
+        positions.append(position)
+    return np.array(positions)
 
 
 @settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 12), st.integers(2, 12))
-def test_errors_of_shapes_are_those_of_many_points_at_equal_shares(seed, n, k):
+def test_shape_errors_match_many_points_at_equal_fractions(seed, n, k):
     rng = np.random.default_rng(seed)
-    ours, theirs = rng.normal(0, 50, (n, 2)), rng.normal(0, 50, (k, 2))
-    mean, most = shape_error(ours, theirs)
-    middles = (np.arange(4000) + 0.5) / 4000
-    apart = np.linalg.norm(at_shares(ours, middles) - at_shares(theirs, middles), axis=1)
-    assert mean == pytest.approx((apart**2).mean(), rel=2e-2, abs=1e-6)
-    assert most >= apart.max() - 1e-9
-    assert most == pytest.approx(apart.max(), rel=2e-2, abs=1.0)
+    samples, knots = rng.normal(0, 50, (n, 2)), rng.normal(0, 50, (k, 2))
+    mean_square, largest = shape_error(samples, knots)
+
+    fractions = (np.arange(2000) + 0.5) / 2000
+    distance = np.linalg.norm(
+        positions_at_fractions(samples, fractions) - positions_at_fractions(knots, fractions),
+        axis=1,
+    )
+    assert mean_square == pytest.approx((distance**2).mean(), rel=2e-2, abs=1e-6)
+    assert largest >= distance.max() - 1e-9
+    assert largest == pytest.approx(distance.max(), rel=2e-2, abs=1.0)
 
 
-def test_a_shape_is_no_distance_from_itself_however_it_is_sampled():
+def test_sampling_does_not_change_a_shape():
     line = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 30.0]])
     dense = np.array([[0.0, 0.0], [4.0, 0.0], [10.0, 0.0], [10.0, 1.0], [10.0, 29.0], [10.0, 30.0]])
     assert shape_error(line, dense) == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
-def test_shapes_without_length_are_compared_as_places():
+def test_shapes_without_length_are_compared_as_positions():
     assert shape_error(np.array([[3.0, 4.0]]), np.array([[0.0, 0.0]])) == (25.0, 5.0)
     assert shape_error(np.array([[3.0, 4.0]]), np.array([[0.0, 0.0], [0.0, 0.0]])) == (25.0, 5.0)
     assert shape_error(np.array([[0.0, 0.0]]), np.array([[0.0, 0.0], [6.0, 0.0]])) == (12.0, 6.0)
 
 
-def test_shapes_are_paced_like_the_tracks_that_have_times():
+def test_shapes_get_the_mean_speed_of_tracks_with_times():
     drive = Track("a", [100.0, 110.0, 111.0, 500.0], [[0.0], [50.0], [55.0], [90.0]])
     shape = Track("b", [0.0, 30.0], [[0.0], [30.0]], timed=False)
-    one, other = with_synthetic_times(
+    same, timed = with_synthetic_times(
         [drive, shape], [np.array([False, False, True]), np.zeros(1, bool)]
     )
-    assert one is drive
-    assert other.timed
-    assert other.times == pytest.approx([100.0, 106.0])  # 55 m in 11 s
+    assert same is drive
+    assert timed.timed
+    assert timed.times == pytest.approx([100.0, 106.0])  # 55 m in 11 s
 
 
-def test_a_walk_gets_the_shares_of_its_way_as_times():
+def test_walk_gets_times_by_fractions_of_its_length():
     nodes = np.array([[0.0, 0.0], [30.0, 40.0], [30.0, 90.0]])
-    found = assign_times_by_distance(
+    timed = assign_times_by_distance(
         Walk("a", np.array([0, 1, 1, 2], np.int32), None, np.zeros(3, bool)), nodes, 10.0, 20.0
     )
-    assert found.times == pytest.approx([10.0, 15.0, 15.0, 20.0])
+    assert timed.times == pytest.approx([10.0, 15.0, 15.0, 20.0])
 
 
 def test_shapes_lose_times_and_stops():

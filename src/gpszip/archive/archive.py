@@ -4,26 +4,40 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from gpszip.archive.pieces import clip_to_span, measure_shape, pieces_by_track
+from gpszip.archive.facts import count_facts, file_facts
+from gpszip.archive.pieces import (
+    build_pieces,
+    cut_at_gaps,
+    pieces_by_track,
+    plain_names,
+    span_of_piece,
+)
+from gpszip.archive.track_view import TrackView
 from gpszip.container.attributes import KeptColumns, read_attributes, read_column_names
+from gpszip.container.catalog import group_heads, stored_size
 from gpszip.container.contents import Contents, MapReference
 from gpszip.container.layout import SectionKind
 from gpszip.container.map_record import map_hash
 from gpszip.container.writer import archive_size, save, to_bytes
-from gpszip.errors import CorruptArchiveError, MapError, OptionError
+from gpszip.errors import CorruptArchiveError, MapError, OptionError, UnknownTrackError
 from gpszip.model.clean_map import CleanMap
 from gpszip.model.error_bound import ErrorBound
 from gpszip.model.grid import QuantisationGrid, refined_grid, step_size
-from gpszip.model.grid_walks import GridWalks, ends_of_walks, refined
+from gpszip.model.grid_walks import GridWalk, GridWalks, ends_of_walks, refined
+from gpszip.model.merge_report import MergeReport
+from gpszip.model.projection import map_coordinates
+from gpszip.model.report import Report
 from gpszip.model.road_map import RoadMap
+from gpszip.model.text import axes_text, count_text
+from gpszip.model.timestamps import Times, format_span, to_seconds, wrong_unit
 from gpszip.model.track import Track
 from gpszip.model.walk import Walk
 
@@ -34,16 +48,27 @@ if TYPE_CHECKING:
 
 __all__ = ["Archive"]
 
-#: A node this many times the error kept from where a track ends is not drawn as its end.
+#: A node this many times the error bound from where a track ends is not drawn as its end.
 _TRIM_FACTOR = 2.0
 
+#: Seconds outside of a piece at which it still answers: as in :mod:`gpszip.walks.error`, which is
+#: not imported before the first position.
+_TIME_SLACK = 1e-3
 
-@dataclass(frozen=True, eq=False)
+#: Ids that an error lists of an archive with more tracks.
+_MAX_LISTED_IDS = 5
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Archive:
-    """What was learned from tracks: a road map and one walk on it for each track.
+    """A road map that was learned from tracks, and one walk on it for each track.
 
-    Everything is decoded when it is first asked for, and from then on kept. Get one from :func:`gpszip.compress` or
-    :func:`gpszip.open`.
+    Get one from :func:`gpszip.compress` or :func:`gpszip.open`. Whatever is asked is decoded when
+    it is first asked for, and kept from then on. A large archive comes in groups of tracks;
+    questions about one track decode its group alone.
+
+    ``archive["walk-3"]`` is one track, ``len(archive)`` is their number, iterating yields their
+    ids, and ``"walk-3" in archive`` says whether there is such a track.
 
     Parameters
     ----------
@@ -51,28 +76,67 @@ class Archive:
         What the file holds.
     map : Archive, optional
         The map on which the walks lie, where the file does not hold it.
+    report : Report or MergeReport, optional
+        What was done and measured when the archive was made; None for one that was opened.
 
     Examples
     --------
     >>> from gpszip.archive import new_archive
     >>> from gpszip.model import GridWalk
     >>> walk = GridWalk(np.array([0, 1], np.int32), np.array([0, 10]), np.array([False]))
-    >>> archive = new_archive(QuantisationGrid((0, 0), 0, 128, 128), ["walk-3"], GridWalks(np.array([[0, 0], [5, 0]]), (walk,)))
-    >>> archive.tracks, archive.position("walk-3", 4.0).tolist()
+    >>> grid = QuantisationGrid((0, 0), 0, 128, 128)
+    >>> archive = new_archive(grid, ["walk-3"], GridWalks(np.array([[0, 0], [5, 0]]), (walk,)))
+    >>> archive.ids, archive.position("walk-3", 4.0).tolist()
     (('walk-3',), [2.0, 0.0])
     """
 
     contents: Contents
     map: Archive | None = None
-    _decoded_groups: dict[int, GridWalks] = field(default_factory=dict, repr=False)
-    _priors: dict[int, Prior] = field(default_factory=dict, repr=False)
+    report: Report | MergeReport | None = None
+    _decoded_groups: dict[int, GridWalks] = field(default_factory=dict)
+    _priors: dict[int, Prior] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        return f"<Archive of {len(self.ids)} tracks>"
+        # Nothing is decoded here, nor read from the file.
+        facts = [count_text(self.contents.tracks, "track")]
+        if self.error_bound is not None:
+            facts.append(str(self.error_bound))
+        if self.contents.grid is None and self.map is None:
+            facts.append("on a map kept elsewhere")
+        else:
+            facts.append(axes_text(self.grid.dimension, self.grid.plane))
+        return f"Archive({', '.join(facts)})"
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.ids)
+
+    def __contains__(self, track: object) -> bool:
+        return track in self._number_by_id
+
+    def __getitem__(self, track: str) -> TrackView:
+        """One track.
+
+        Raises
+        ------
+        UnknownTrackError
+            If there is no such track; it is a KeyError, too.
+        """
+        self._track_number(track)
+        return TrackView(self, track)
+
+    # What there is.
+
+    @property
+    def ids(self) -> tuple[str, ...]:
+        """Names of the tracks."""
+        return self._known_map.ids[:1] if self.contents.ids is None else self.contents.ids
 
     @property
     def grid(self) -> QuantisationGrid:
-        """The lattice on which nodes and times are kept.
+        """The grid on which nodes and times are kept, and the plane of a log in degrees.
 
         Raises
         ------
@@ -84,59 +148,121 @@ class Archive:
         return refined_grid(self._known_map.grid, self._reference.refinements)
 
     @property
-    def ids(self) -> tuple[str, ...]:
-        """Names of the tracks."""
-        return self._known_map.ids[:1] if self.contents.ids is None else self.contents.ids
-
-    @property
-    def tracks(self) -> tuple[str, ...]:
-        """Names of the tracks, the same as ``ids``."""
-        return self.ids
-
-    @property
     def timed(self) -> bool:
-        """Whether the times of the knots are kept, of any track at all."""
+        """Whether any track has times."""
         from gpszip.codec.payload_head import has_times
 
         return has_times(self.contents.groups[0].payload)
 
     @cached_property
     def untimed(self) -> tuple[str, ...]:
-        """Names of the tracks that have no times: their shapes alone are kept."""
+        """Names of the tracks without times, of which only the shape is kept."""
         return tuple(walk.id for walk in self.walks if walk.times is None)
 
     @cached_property
+    def time_range(self) -> tuple[float, float] | None:
+        """First and last time of all tracks in seconds, to about a step of the grid.
+
+        None for an archive without times.
+        """
+        # The groups of a large archive have their time ranges in the index.
+        if not self.timed:
+            return None
+        ranges = [self._time_step_range(number) for number in range(len(self.contents.groups))]
+        known = [steps for steps in ranges if steps is not None]
+        if not known:
+            return None
+
+        # From time steps to seconds.
+        first, last = min(steps[0] for steps in known), max(steps[1] for steps in known)
+        step, epoch = step_size(self.grid.time), self.grid.epoch / 1000
+        return epoch + first * step, epoch + last * step
+
+    @property
+    def error_bound(self) -> ErrorBound | None:
+        """The error that no track exceeds: the bound asked for, or else the error measured."""
+        return self.contents.error_bound
+
+    @property
+    def sampling(self) -> float | None:
+        """About the seconds between two samples of the log; None where that is not kept."""
+        return None if self.contents.sampling is None else step_size(self.contents.sampling)
+
+    def info(self, *, decode: bool = False) -> dict[str, Any]:
+        """What the archive is, as plain values.
+
+        Parameters
+        ----------
+        decode : bool, default False
+            Decode the walks, too, for the counts of nodes, edges, segments (``parts``) and
+            waypoints, and for the span of time.
+        """
+        facts = file_facts(self)
+        return {**facts, **count_facts(self)} if decode else facts
+
+    # The map and the walks.
+
+    @cached_property
     def grid_walks(self) -> GridWalks:
-        """Map and walks as integers on the lattice of ``frame``."""
+        """Map and walks as integers on ``grid``."""
         from gpszip.walks.quantised import merge_grid_walks
 
+        # Nodes at the same position in several groups become one.
         groups = [self._decode_group(number) for number in range(len(self.contents.groups))]
         return groups[0] if len(groups) == 1 else merge_grid_walks(groups)
 
     @cached_property
     def road_map(self) -> RoadMap:
-        """Nodes and ways that the tracks share, in metres."""
+        """Nodes and edges that the tracks share, in metres."""
         from gpszip.walks.quantised import dequantise_road_map
 
         return dequantise_road_map(self.grid_walks, self.grid)
 
     @cached_property
     def walks(self) -> tuple[Walk, ...]:
-        """One walk over the nodes of ``road_map`` for each track, in the order of ``tracks``."""
+        """One walk over the nodes of ``road_map`` for each track, in the order of ``ids``."""
         from gpszip.walks.quantised import dequantise_walks
 
         return dequantise_walks(self.grid_walks, self.grid, self.ids)
 
+    def walk(self, track: str) -> Walk:
+        """Walk of one track over the nodes of ``road_map``.
+
+        Raises
+        ------
+        UnknownTrackError
+            If there is no such track.
+        """
+        return self.walks[self._track_number(track)]
+
+    def waypoints(self, track: str) -> Waypoints:
+        """Fewest nodes from which shortest paths give a track's walk back (thesis, Algorithm 6).
+
+        This is what the thesis would store of the walk, for comparison; the archive codes it in
+        fewer bits. :func:`gpszip.codec.waypoints.expand_waypoints` gives the walk back.
+
+        Raises
+        ------
+        UnknownTrackError
+            If there is no such track.
+        """
+        from gpszip.codec.waypoints import find_waypoints
+        from gpszip.graph.route import build_route
+
+        walk = self.walk(track)
+        return find_waypoints(self._graph, build_route(self._graph, walk.nodes, walk.gaps))
+
     def clean_map(self, min_traversals: int = 1) -> CleanMap:
-        """One way for each street, between junctions, with how often and how fast it was travelled.
+        """One edge for each street between junctions, with how often and how fast it was travelled.
 
         Parameters
         ----------
         min_traversals : int, default 1
-            Leave out ways that were travelled less often, both directions together.
+            Leave out edges that were travelled less often, both directions together.
         """
         from gpszip.simplification.simplify import clean_map
 
+        # The size of a node's step is the scale of the errors that cleaning removes.
         road_map, walks = self._trimmed
         return clean_map(
             road_map,
@@ -148,171 +274,194 @@ class Archive:
 
     @property
     def trimmed_map(self) -> RoadMap:
-        """The road map as far as tracks have gone: a part that leads on beyond the end of its track ends there, at a node of its own."""
+        """The road map as far as tracks went.
+
+        An edge that leads on beyond the end of its track is cut there, at a node of its own.
+        """
         return self._trimmed[0]
 
-    @cached_property
-    def _trimmed(self) -> tuple[RoadMap, tuple[Walk, ...]]:
-        from gpszip.walks.counting import build_road_map
-        from gpszip.walks.cut_ends import trim_walks
+    @property
+    def off_map_lines(self) -> list[NDArray[np.float64]]:
+        """Lines off the map kept elsewhere, in metres: float64 arrays of shape (n, d)."""
+        if self._prior is None:
+            return []
 
-        error = step_size(self.grid.space) if self.error_bound is None else self.error_bound.metres
-        nodes, walks = trim_walks(self.road_map.nodes, self.walks, _TRIM_FACTOR * error)
-        return build_road_map(nodes, walks, plane=self.grid.plane), walks
+        # Nodes that the map doesn't have: those whose first copy is among the archive's.
+        known, nodes = self._prior.walks.nodes, self.grid_walks.nodes
+        _, first, number = np.unique(
+            np.concatenate([known, nodes]), axis=0, return_index=True, return_inverse=True
+        )
+        is_new = first[number.reshape(-1)[len(known) :]] >= len(known)
+        return [
+            line
+            for walk in self.walks
+            for line in _off_map_lines(walk, is_new, self.road_map.nodes)
+        ]
 
-    def walk(self, track: str) -> Walk:
-        """Walk of one track over the nodes of ``road_map``.
+    # Where tracks were.
 
-        Raises
-        ------
-        OptionError
-            If there is no such track.
-        """
-        return self.walks[self._track_number(track)]
-
-    def waypoints(self, track: str) -> Waypoints:
-        """Fewest nodes of ``road_map`` from which shortest paths give a track's walk back (thesis, Algorithm 6).
-
-        This is what the thesis would store of the walk, for comparison; the archive codes it in fewer bits. :func:`expand`
-        of :mod:`gpszip.codec.waypoints` gives the walk back.
-
-        Raises
-        ------
-        OptionError
-            If there is no such track.
-        """
-        from gpszip.codec.waypoints import find_waypoints
-        from gpszip.graph.route import build_route
-
-        walk = self.walk(track)
-        return find_waypoints(self._graph, build_route(self._graph, walk.nodes, walk.gaps))
-
-    def position(
-        self, track: str, when: ArrayLike, *, geographic: bool = False
-    ) -> NDArray[np.float64]:
-        """Where a track was at given instants.
+    def position(self, track: str, when: Times, *, metres: bool = False) -> NDArray[np.float64]:
+        """Where a track was at given times.
 
         Parameters
         ----------
         track : str
             Name of the track.
-        when : array_like, any shape
-            Seconds in the log's own zero, in any order.
-        geographic : bool, default False
-            Answer in degrees, latitude first, instead of metres on the plane.
+        when : array_like of any shape
+            ``datetime``, ``numpy.datetime64``, ISO 8601 text, or seconds as the log counts them:
+            mostly since 1970. Dates without a time zone are in UTC. In any order.
+        metres : bool, default False
+            Answer in metres on the plane (:attr:`grid`) also for a log in degrees.
 
         Returns
         -------
         float64 array, shape (..., d)
-            One position for each instant; NaN where no travel is claimed: before, after and in gaps.
+            Latitude and longitude for a log in degrees, x, y[, z] for any other. NaN where no
+            travel is claimed: before the track, after it, and in gaps.
 
         Raises
         ------
+        UnknownTrackError
+            If there is no such track.
         OptionError
-            If there is no such track, the archive keeps no times, or degrees are asked of a log in x and y.
+            If the track has no times, or ``when`` looks like another unit or another zero than the
+            log's: milliseconds, or seconds from the start of a log that counts from 1970.
         """
-        from gpszip.walks.error import positions_at
+        # Metres on the plane, one row for each time.
+        times = to_seconds(when, name="when")
+        positions = self._positions(track, times.reshape(-1))
 
+        # If all of them are NaN, the times may be in a wrong unit.
+        if times.size and np.isnan(positions[:, 0]).all():
+            self._check_unit(times)
+        if not metres:
+            positions = map_coordinates(positions, self.grid.plane)
+        return positions.reshape(*times.shape, self.grid.dimension)
+
+    def decompress(self, track: str | None = None) -> list[Track]:
+        """Tracks of the knots, between which every track is linear in time.
+
+        A track with gaps comes back as its pieces between them, named ``id/0``, ``id/1`` and so on,
+        or ``id//0`` and so on where a name is taken; any other keeps its id. Each piece begins at
+        its first sample and ends at its last. A track without times comes back as a shape: its
+        ``times`` are distances along it in metres, and its ``timed`` is False.
+
+        Parameters
+        ----------
+        track : str, optional
+            Only this track.
+        """
+        # One track needs its group alone.
         plane = self.grid.plane
-        if geographic and plane is None:
-            raise OptionError(
-                "this archive's log came in x and y, on no known place of the earth; ask without geographic"
-            )
-        walk, nodes = self._decode_walk(track)
-        instants = np.asarray(when, dtype=np.float64)
-        found = positions_at(walk, nodes, instants.reshape(-1))
-        if geographic and plane is not None:
-            from gpszip.geo.planes import to_geographic
+        if track is not None:
+            walk, positions = self._knots(track)
+            return build_pieces(walk, positions, self._named_pieces(walk), plane)
 
-            claimed = ~np.isnan(found[:, 0])
-            found[claimed] = np.stack(to_geographic(found[claimed], plane), axis=1)
-        return found.reshape(*instants.shape, self.grid.dimension)
+        nodes = self.road_map.nodes
+        return [
+            piece
+            for walk in self.walks
+            for piece in build_pieces(walk, nodes, self._pieces[walk.id], plane)
+        ]
+
+    @property
+    def pieces(self) -> Mapping[str, str]:
+        """Name of the track that each piece belongs to, by the piece names of ``decompress``."""
+        return {name: track for track, pieces in self._pieces.items() for name, _ in pieces}
 
     def shapes(self) -> list[tuple[str, NDArray[np.float64]]]:
-        """Ways without times, the only ones that an archive without times has.
+        """Lines of all pieces, without times.
 
         Returns
         -------
         list of (str, float64 array of shape (n, d))
-            Name and positions in metres of the knots of each piece, named as by :meth:`decompress`.
+            Name of each piece, as for :meth:`decompress`, and positions of its knots in metres.
         """
         return [(piece.id, piece.positions) for piece in self.decompress()]
 
-    @property
-    def pieces(self) -> Mapping[str, str]:
-        """Name of the track to which each piece belongs, by the names that :meth:`decompress` gives to pieces."""
-        return {name: track for track, pieces in self._pieces.items() for name, _ in pieces}
-
-    def decompress(self) -> list[Track]:
-        """Tracks of the knots, between which every track is linear in time.
-
-        A track with gaps comes back as its pieces between them, named ``id/0``, ``id/1`` and so on, or ``id//0`` and so on where a
-        name is taken; any other keeps its id. Each piece begins at its first sample and ends at its last. A track without times
-        comes back as a shape: its ``times`` are distances along it in metres, and its ``timed`` is False.
-        """
-        return [piece for walk in self.walks for piece in self._decompress_walk(walk)]
-
     def sample(
-        self, every: float | None = None, *, at: ArrayLike | None = None, track: str | None = None
+        self, every: float | None = None, *, at: Times | None = None, track: str | None = None
     ) -> list[Track]:
         """Tracks sampled anew.
 
         Parameters
         ----------
         every : float, optional
-            Seconds: at each whole multiple of it.
+            Seconds; samples lie at its multiples.
         at : array_like, shape (n,), optional
-            At these instants, seconds in the log's own zero. Give one of ``every`` and ``at``.
+            Samples lie at these times, given as for :meth:`position`. Give one of ``every`` and
+            ``at``.
         track : str, optional
             Only this track.
 
         Returns
         -------
         list of Track
-            Named as by :meth:`decompress`; pieces that none of the instants meets are left out, and so are tracks without times
-            among others that have some.
+            Named as by :meth:`decompress`. Pieces without a sample are left out, and so are tracks
+            without times among others that have some.
 
         Raises
         ------
+        UnknownTrackError
+            If there is no such track.
         OptionError
-            If none or both of ``every`` and ``at`` are given, a value is no time, or the track that is asked for, or every one, has
-            no times.
+            If none or both of ``every`` and ``at`` are given, a value is no time, the times look
+            like another unit than the log's, or no track that is asked for has times.
         """
-        instants = _check_times(every, at)
-        out: list[Track] = []
-        timed = [walk for walk in self.walks if walk.times is not None] or self.walks
-        for walk in timed if track is None else (self.walk(track),):
-            out += self._sample_walk(walk, every, instants)
-        return out
+        times = _check_times(every, at)
 
-    @property
+        # One track, or the groups that may have travel at these times.
+        if track is not None:
+            walk, positions = self._knots(track)
+            sampled = self._sample_walk(walk, positions, every, times)
+        elif not self.timed:
+            raise _no_times(self.ids[0] if self.ids else "")
+        else:
+            sampled = []
+            for number in self._groups_at(None if every is not None else times):
+                walks, nodes = self._walks_of_group(number)
+                for walk in walks:
+                    if walk.times is not None:
+                        sampled += self._sample_walk(walk, nodes, every, times)
+        if not sampled and len(times):
+            self._check_unit(times)
+        return sampled
+
+    # What was kept of the samples.
+
+    @cached_property
     def kept_columns(self) -> tuple[str, ...] | None:
-        """Names of the log's further columns that are kept; None if not even the times of the samples are."""
-        body = self._attribute_section
+        """Names of the log's further columns that are kept; None if not even the times are."""
+        body = self._attribute_section()
         return None if body is None else read_column_names(body, len(self.ids))
 
     def sample_times(self, track: str) -> NDArray[np.float64]:
-        """Instants of a track's samples in seconds, exactly as they were read.
+        """Times of a track's samples in seconds, exactly as they were read.
 
         Raises
         ------
+        UnknownTrackError
+            If there is no such track.
         OptionError
-            If there is no such track, or the archive was written without them.
+            If the archive was written without them.
         """
         return self._kept_samples.times[self._kept_samples.rows(self._track_number(track))]
 
     def attributes(self, track: str) -> Mapping[str, NDArray[np.generic]]:
-        """Further columns of a track, exactly as they were read, one value for each of :meth:`sample_times`.
+        """Further columns of a track, exactly as they were read, in the order of its samples.
 
         Returns
         -------
         mapping of str to array, shape (n,)
-            Integers, floats (NaN where the log had none) or texts, by the names of the columns.
+            Integers, floats (NaN where the log had none) or texts, by the names of the columns; one
+            value for each of :meth:`sample_times`.
 
         Raises
         ------
+        UnknownTrackError
+            If there is no such track.
         OptionError
-            If there is no such track, or the archive was written without them.
+            If the archive was written without them.
         """
         rows = self._kept_samples.rows(self._track_number(track))
         return {name: values[rows] for name, values in self._kept_samples.columns.items()}
@@ -328,93 +477,32 @@ class Archive:
         Returns
         -------
         list of Track
-            Positions are within the archive's bound; times and attributes are exact. Each track is whole and has its own name.
+            Positions are within the archive's error bound; times and attributes are exact. Tracks
+            are not cut at gaps.
 
         Raises
         ------
+        UnknownTrackError
+            If there is no such track.
         OptionError
-            If there is no such track, or the archive was written without the times of samples.
+            If the archive was written without the times of samples.
         """
         return [self._track_at_samples(name) for name in (self.ids if track is None else (track,))]
 
-    @property
-    def error_bound(self) -> ErrorBound | None:
-        """The error that the walks keep: the bound that was asked for, or what was reached where none was."""
-        return self.contents.error_bound
-
-    @property
-    def sampling(self) -> float | None:
-        """About the seconds between two samples of the log; None where that is not kept."""
-        return None if self.contents.sampling is None else step_size(self.contents.sampling)
-
-    @cached_property
-    def hash(self) -> bytes:
-        """Four bytes by which other archives name this one as their map."""
-        return map_hash(self.contents)
-
-    def prior(self, refinements: int = 0) -> Prior:
-        """The archive's walks as others go on from them, on quanta halved so many times."""
-        from gpszip.codec.prior import Prior
-
-        if refinements not in self._priors:
-            self._priors[refinements] = Prior(refined(self.grid_walks, refinements))
-        return self._priors[refinements]
-
-    @property
-    def off_map_lines(self) -> list[NDArray[np.float64]]:
-        """Stretches that lie off the map kept elsewhere: float64 arrays of shape (n, d), in metres."""
-        if self._prior is None:
-            return []
-        known, own = self._prior.walks.nodes, self.grid_walks.nodes
-        _, first, number = np.unique(
-            np.concatenate([known, own]), axis=0, return_index=True, return_inverse=True
-        )
-        fresh = first[number.reshape(-1)[len(known) :]] >= len(known)
-        return [
-            line for walk in self.walks for line in _off_map_lines(walk, fresh, self.road_map.nodes)
-        ]
-
-    def info(self, *, decode: bool = False) -> dict[str, Any]:
-        """What the archive is, as plain values.
-
-        Parameters
-        ----------
-        decode : bool, default False
-            Decode the walks, too, for the counts of nodes, edges, parts and waypoints and for the span of time.
-        """
-        grid = self.grid
-        facts: dict[str, Any] = {
-            "tracks": len(self.ids),
-            "bytes": self.size,
-            "groups": len(self.contents.groups),
-            "dimension": grid.dimension,
-            "geographic": grid.plane is not None,
-            "node_quantum_m": step_size(grid.space),
-            "time_quantum_s": step_size(grid.time),
-            "layer": self.contents.layer,
-            "kept": None if self.kept_columns is None else list(self.kept_columns),
-            "map": None if self.contents.map is None else self.contents.map.hash.hex(),
-            "promise_m": None if self.error_bound is None else self.error_bound.metres,
-            "promise_max_m": None if self.error_bound is None else self.error_bound.max_error,
-            "promise": None
-            if self.error_bound is None
-            else ("max_error" if self.error_bound.maximum else "rmse"),
-            "sampling_s": self.sampling,
-            "timed": self.timed,
-        }
-        return {**facts, **self._counts()} if decode else facts
+    # The file.
 
     @property
     def size(self) -> int:
         """Number of bytes of the file."""
-        return archive_size(self.contents)
+        stored = stored_size(self.contents)
+        return archive_size(self.contents) if stored is None else stored
 
     def to_bytes(self) -> bytes:
         """Bytes of the file."""
         return to_bytes(self.contents)
 
     def save(self, path: str | os.PathLike[str], *, force: bool = False) -> int:
-        """Write the archive to a file that is there whole or not at all.
+        """Write the archive to a file, completely or not at all.
 
         Parameters
         ----------
@@ -435,28 +523,26 @@ class Archive:
         """
         return save(self.contents, path, force=force)
 
-    def _decode_group(self, number: int) -> GridWalks:
-        if number not in self._decoded_groups:
-            from gpszip.codec.walks import decode, number_by_visit
+    # The map for others.
 
-            group, prior = self.contents.groups[number], self._prior
-            found = decode(
-                group.payload,
-                self.grid.dimension,
-                group.tracks,
-                prior,
-                self.grid if self.contents.ends else None,
-            )
-            self._decoded_groups[number] = found if prior is None else number_by_visit(found)
-        return self._decoded_groups[number]
+    @cached_property
+    def hash(self) -> bytes:
+        """Four bytes by which other archives name this one as their map."""
+        return map_hash(self.contents)
+
+    def prior(self, refinements: int = 0) -> Prior:
+        """The archive's walks as the prior of others, on its grid refined ``refinements`` times."""
+        from gpszip.codec.prior import Prior
+
+        if refinements not in self._priors:
+            self._priors[refinements] = Prior(refined(self.grid_walks, refinements))
+        return self._priors[refinements]
 
     @property
     def _prior(self) -> Prior | None:
-        return (
-            None
-            if self.contents.map is None
-            else self._known_map.prior(self._reference.refinements)
-        )
+        if self.contents.map is None:
+            return None
+        return self._known_map.prior(self._reference.refinements)
 
     @property
     def _reference(self) -> MapReference:
@@ -468,163 +554,240 @@ class Archive:
     def _known_map(self) -> Archive:
         if self.map is None:
             raise MapError(
-                f"the archive lies on the map {self._reference.hash.hex()}, kept elsewhere; give it with --map, or map="
+                f"the archive lies on the map {self._reference.hash.hex()}, kept elsewhere",
+                remedy="give it with --map, or map=",
             )
         return self.map
 
-    def _track_number(self, track: str) -> int:
-        try:
-            return self._number_by_id[track]
-        except KeyError:
-            some = ", ".join(map(repr, self.ids[:5])) + (", ..." if len(self.ids) > 5 else "")
-            raise OptionError(
-                f"there is no track {track!r} in the archive; it has {some}"
-            ) from None
+    @cached_property
+    def _trimmed(self) -> tuple[RoadMap, tuple[Walk, ...]]:
+        from gpszip.walks.counting import build_road_map
+        from gpszip.walks.cut_ends import trim_walks
+
+        # Without an error bound, the step of the grid is the best guess of the error.
+        error = step_size(self.grid.space) if self.error_bound is None else self.error_bound.metres
+        nodes, walks = trim_walks(self.road_map.nodes, self.walks, _TRIM_FACTOR * error)
+        return build_road_map(nodes, walks, plane=self.grid.plane), walks
 
     @cached_property
     def _graph(self) -> RoadGraph:
-        """The road map on the lattice, where lengths are exact wherever the log lies."""
+        """The road map on the grid, where lengths are exact wherever the log lies."""
         from gpszip.graph.road_graph import build_road_graph
 
         return build_road_graph(self.grid_walks.nodes, self.road_map.edges)
+
+    # Tracks and the groups that hold them.
 
     @cached_property
     def _number_by_id(self) -> dict[str, int]:
         return {name: number for number, name in enumerate(self.ids)}
 
-    def _decode_walk(self, track: str) -> tuple[Walk, NDArray[np.float64]]:
-        """Walk of one track, and the nodes that it goes by, decoding no more than its group."""
+    def _track_number(self, track: str) -> int:
+        try:
+            return self._number_by_id[track]
+        except (KeyError, TypeError):
+            listed = ", ".join(map(repr, self.ids[:_MAX_LISTED_IDS]))
+            more = ", ..." if len(self.ids) > _MAX_LISTED_IDS else ""
+            raise UnknownTrackError(
+                f"there is no track {track!r} in the archive; it has {listed}{more}"
+            ) from None
+
+    def _decode_group(self, number: int) -> GridWalks:
+        if number not in self._decoded_groups:
+            from gpszip.codec.walks import decode, number_by_visit
+
+            # Versions without piece ends don't need the grid to be decoded.
+            group, prior = self.contents.groups[number], self._prior
+            walks = decode(
+                group.payload,
+                self.grid.dimension,
+                group.tracks,
+                prior,
+                self.grid if self.contents.ends else None,
+            )
+            # On a map kept elsewhere, the nodes that no walk visits are dropped.
+            self._decoded_groups[number] = walks if prior is None else number_by_visit(walks)
+        return self._decoded_groups[number]
+
+    def _walks_of_group(self, number: int) -> tuple[tuple[Walk, ...], NDArray[np.float64]]:
+        """Walks of one group, and the positions in metres of the nodes that they name."""
         from gpszip.walks.quantised import dequantise_walks, node_positions
 
-        number = self._track_number(track)
-        which = next(
-            i
-            for i, group in enumerate(self.contents.groups)
-            if number < group.first_track + group.tracks
-        )
-        group = self._decode_group(which)
-        at = number - self.contents.groups[which].first_track
-        untimed = frozenset({0}) if at in group.untimed else frozenset[int]()
-        own = GridWalks(
-            group.nodes, (group.walks[at],), group.timed, ends_of_walks(group, at, at + 1), untimed
-        )
-        return dequantise_walks(own, self.grid, [track])[0], node_positions(own, self.grid)
+        group, head = self._decode_group(number), group_heads(self.contents)[number]
+        ids = self.ids[head.first_track : head.first_track + head.tracks]
+        return dequantise_walks(group, self.grid, ids), node_positions(group, self.grid)
 
-    def _decompress_walk(self, walk: Walk) -> list[Track]:
-        nodes, plane = self.road_map.nodes, self.grid.plane
-        out: list[Track] = []
-        for number, (name, knots) in enumerate(self._pieces[walk.id]):
-            positions = nodes[walk.nodes[knots]]
-            if walk.times is None:
-                out.append(Track(name, *measure_shape(positions), plane=plane, timed=False))
-                continue
-            times = walk.times[knots]
-            first, last = (
-                (times[0], times[-1]) if walk.spans is None else walk.spans[number].tolist()
+    def _knots(self, track: str) -> tuple[Walk, NDArray[np.float64]]:
+        """Walk of one track over its own knots, and their positions in metres.
+
+        No more than the group of the track is decoded.
+        """
+        from gpszip.walks.quantised import dequantise_walks, node_positions
+
+        # The group, and the track's number in it.
+        number = self._track_number(track)
+        heads = group_heads(self.contents)
+        which = next(i for i, head in enumerate(heads) if number < head.first_track + head.tracks)
+        group = self._decode_group(which)
+        number -= heads[which].first_track
+
+        # The track alone, each knot a node.
+        walk = group.walks[number]
+        alone = GridWalks(
+            group.nodes[walk.nodes],
+            (GridWalk(np.arange(len(walk.nodes), dtype=np.int32), walk.time_steps, walk.gaps),),
+            group.timed,
+            ends_of_walks(group, number, number + 1),
+            frozenset({0}) if number in group.untimed else frozenset(),
+        )
+        return dequantise_walks(alone, self.grid, [track])[0], node_positions(alone, self.grid)
+
+    def _groups_at(self, times: NDArray[np.float64] | None) -> list[int]:
+        """Groups that may have travel at one of these times; all where there are none."""
+        heads = group_heads(self.contents)
+        if times is None or not len(times) or len(heads) == 1:
+            return list(range(len(heads)))
+
+        # A step more on either side than the time range says leaves no doubt about rounding.
+        step, epoch = step_size(self.grid.time), self.grid.epoch / 1000
+        steps = (times - epoch) / step
+        slack = 1 + _TIME_SLACK / step
+        return [
+            number
+            for number, head in enumerate(heads)
+            if head.time_range is None
+            or np.any((steps >= head.time_range[0] - slack) & (steps <= head.time_range[1] + slack))
+        ]
+
+    def _time_step_range(self, number: int) -> tuple[int, int] | None:
+        """First and last time step of a group; None if none of its tracks has times."""
+        head = group_heads(self.contents)[number]
+        if head.time_range is not None:
+            return head.time_range
+
+        # A single group has no time range: its knots say it.
+        group = self._decode_group(number)
+        timed = [
+            walk.time_steps
+            for i, walk in enumerate(group.walks)
+            if i not in group.untimed and len(walk.time_steps)
+        ]
+        if not timed:
+            return None
+        return min(int(steps[0]) for steps in timed), max(int(steps[-1]) for steps in timed)
+
+    # Positions and pieces.
+
+    def _positions(self, track: str, times: NDArray[np.float64]) -> NDArray[np.float64]:
+        from gpszip.walks.error import positions_at
+
+        walk, positions = self._knots(track)
+        return positions_at(walk, positions, times)
+
+    def _check_unit(self, times: NDArray[np.float64]) -> None:
+        """Refuse times that the archive doesn't have because they are in another unit."""
+        span = self.time_range
+        mistake = None if span is None else wrong_unit(times, *span)
+        if span is not None and mistake is not None:
+            raise OptionError(
+                f"no track has such times: the archive has {format_span(*span)}", remedy=mistake
             )
-            out.append(Track(name, *clip_to_span(times, positions, first, last), plane=plane))
-        return out
 
     def _sample_walk(
-        self, walk: Walk, every: float | None, instants: NDArray[np.float64]
+        self,
+        walk: Walk,
+        nodes: NDArray[np.float64],
+        every: float | None,
+        times: NDArray[np.float64],
     ) -> list[Track]:
         from gpszip.walks.error import TIME_SLACK, positions_at
 
-        nodes, times = self.road_map.nodes, _require_times(walk)
-        out: list[Track] = []
-        for number, (name, knots) in enumerate(self._pieces[walk.id]):
-            ends = times[knots][[0, -1]] if walk.spans is None else walk.spans[number]
-            first, last = float(ends[0]) - TIME_SLACK, float(ends[1]) + TIME_SLACK
-            grid = (
-                np.arange(math.ceil(first / every), math.floor(last / every) + 1) * every
-                if every is not None
-                else instants
-            )
-            when = np.asarray(grid[(grid >= first) & (grid <= last)], dtype=np.float64)
-            found = positions_at(walk, nodes, when)
-            # rounding may put an instant just beyond the slack
-            claimed = ~np.isnan(found[:, 0])
-            if claimed.any():
-                out.append(Track(name, when[claimed], found[claimed], plane=self.grid.plane))
-        return out
+        if walk.times is None:
+            raise _no_times(walk.id)
+        sampled: list[Track] = []
+        for number, (name, knots) in enumerate(self._named_pieces(walk)):
+            # The times within the piece.
+            begin, end = span_of_piece(walk, number, knots)
+            first, last = begin - TIME_SLACK, end + TIME_SLACK
+            if every is not None:
+                multiples = np.arange(math.ceil(first / every), math.floor(last / every) + 1)
+                times = np.asarray(multiples * every, dtype=np.float64)
+            inside = times[(times >= first) & (times <= last)]
+
+            # Rounding may put a time just beyond the slack.
+            positions = positions_at(walk, nodes, inside)
+            known = ~np.isnan(positions[:, 0])
+            if known.any():
+                track = Track(name, inside[known], positions[known], plane=self.grid.plane)
+                sampled.append(track)
+        return sampled
 
     @cached_property
     def _pieces(self) -> dict[str, list[tuple[str, slice]]]:
         return pieces_by_track(self.walks)
 
-    @property
+    def _named_pieces(self, walk: Walk) -> list[tuple[str, slice]]:
+        """Pieces of one walk, for whose names the other walks are decoded only where they must."""
+        knots = cut_at_gaps(walk)
+        names = plain_names(walk.id, len(knots), self._number_by_id)
+        if names is None:
+            names = [name for name, _ in self._pieces[walk.id]]
+        return list(zip(names, knots, strict=True))
+
+    # Kept columns.
+
     def _attribute_section(self) -> bytes | None:
         bodies = [
-            bytes(extra.body)
-            for extra in self.contents.extras
-            if extra.kind == SectionKind.ATTRIBUTES
+            extra.body for extra in self.contents.extras if extra.kind == SectionKind.ATTRIBUTES
         ]
         if len(bodies) > 1:
             raise CorruptArchiveError("there are two sections of kept columns")
-        return bodies[0] if bodies else None
+        return bytes(bodies[0]) if bodies else None
 
     @cached_property
     def _kept_samples(self) -> KeptColumns:
-        body = self._attribute_section
+        body = self._attribute_section()
         if body is None:
             raise OptionError(
-                "the archive keeps neither columns nor the times of samples; compress the log with keep or keep_times"
+                "the archive keeps neither columns nor the times of samples",
+                remedy="compress the log with keep or keep_times",
             )
         return read_attributes(body, len(self.ids))
 
     def _track_at_samples(self, name: str) -> Track:
         times = self.sample_times(name)
-        positions = self.position(name, times)
+        positions = self._positions(name, times)
         if not len(times) or np.isnan(positions).any():
             raise CorruptArchiveError(f"kept times of track {name!r} lie where it claims no travel")
         return Track(
             name, times, positions, attributes=self.attributes(name), plane=self.grid.plane
         )
 
-    def _counts(self) -> dict[str, Any]:
-        timed = [
-            walk.times if walk.spans is None else walk.spans.ravel()
-            for walk in self.walks
-            if walk.times is not None
-        ]
-        return {
-            "nodes": len(self.road_map.nodes),
-            "edges": len(self.road_map.edges),
-            "parts": sum(len(walk.gaps) for walk in self.walks),
-            "waypoints": sum(len(self.waypoints(name)) for name in self.ids),
-            "gaps": sum(int(walk.gaps.sum()) for walk in self.walks),
-            "untimed": list(self.untimed),
-            "t_start": min((float(times[0]) for times in timed), default=None),
-            "t_end": max((float(times[-1]) for times in timed), default=None),
-        }
-
 
 def _off_map_lines(
-    walk: Walk, fresh: NDArray[np.bool_], places: NDArray[np.float64]
+    walk: Walk, is_new: NDArray[np.bool_], nodes: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
-    """The lines along which a walk leaves the known nodes, each from the last one known to the next."""
-    off = (fresh[walk.nodes[:-1]] | fresh[walk.nodes[1:]]) & ~walk.gaps
-    edges = np.diff(np.concatenate([[0], off.astype(np.int8), [0]]))
-    return [
-        places[walk.nodes[a : b + 1]]
-        for a, b in zip(np.flatnonzero(edges > 0), np.flatnonzero(edges < 0), strict=True)
-    ]
+    """Lines along which a walk leaves the known nodes, each from the last known to the next."""
+    off = (is_new[walk.nodes[:-1]] | is_new[walk.nodes[1:]]) & ~walk.gaps
+    changes = np.diff(np.concatenate([[0], off.astype(np.int8), [0]]))
+    starts, ends = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0)
+    return [nodes[walk.nodes[start : end + 1]] for start, end in zip(starts, ends, strict=True)]
 
 
-def _require_times(walk: Walk) -> NDArray[np.float64]:
-    if walk.times is None:
-        raise OptionError(
-            f"track {walk.id!r} has no times, so that it can't be sampled in time; decompress() has its shape"
-        )
-    return walk.times
+def _no_times(track: str) -> OptionError:
+    return OptionError(
+        f"track {track!r} has no times, so that it can't be sampled in time",
+        remedy="decompress() has its shape",
+    )
 
 
-def _check_times(every: float | None, at: ArrayLike | None) -> NDArray[np.float64]:
+def _check_times(every: float | None, at: Times | None) -> NDArray[np.float64]:
+    """Times to sample at, sorted, each once; none where samples lie at multiples."""
     if (every is None) == (at is None):
         raise OptionError("give either every or at")
     if every is not None and not (every > 0 and math.isfinite(every)):
         raise OptionError(f"every is {every:g}; it must be a positive number of seconds")
-    instants = np.unique(np.asarray([] if at is None else at, dtype=np.float64).reshape(-1))
-    if not np.isfinite(instants).all():
+    times = np.unique(to_seconds([] if at is None else at, name="at").reshape(-1))
+    if not np.isfinite(times).all():
         raise OptionError("at holds values that are no times")
-    return instants
+    return times

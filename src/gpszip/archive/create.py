@@ -1,4 +1,4 @@
-"""From a map and walks on a lattice to an archive."""
+"""From a map and walks on a quantisation grid to an archive."""
 
 from __future__ import annotations
 
@@ -22,10 +22,11 @@ if TYPE_CHECKING:
 
 __all__ = ["new_archive", "with_error_bound", "with_sampling", "with_sections"]
 
-#: Smaller archives are not told how their log was sampled: a byte is a byte.
+#: Archives smaller than this don't keep how their log was sampled: the byte for it is more than
+#: half a percent of them.
 _MIN_BYTES_WITH_SAMPLING = 256
 
-#: Groups of walks take at least this many bytes, so that cutting an archive in groups costs next to nothing.
+#: Bytes that a group of walks takes at least, so that cutting an archive into groups costs little.
 _GROUP_BYTES = 1 << 16
 
 
@@ -46,44 +47,54 @@ def new_archive(
 
     Parameters
     ----------
-    grid : Frame
-        The lattice; on a map kept elsewhere, that map's own, its quanta halved ``halvings`` times.
+    grid : QuantisationGrid
+        The grid of the walks; on a map kept elsewhere, the grid of that map, refined
+        ``refinements`` times.
     ids : sequence of str
         Name of each walk.
-    grid_walks : LatticeWalks
-        Nodes in the order in which the walks first visit them, after those of the map kept elsewhere.
-    layer : str, optional
+    grid_walks : GridWalks
+        Nodes in the order in which the walks first visit them, after those of the map kept
+        elsewhere.
+    layer : {None, "bz2"}
         ``"bz2"`` packs the walks once more.
     extras : sequence of Section
-        What is kept besides.
+        Further sections of the file.
     known_map : Archive, optional
         The map on which the walks lie, if it is not to be in the archive.
     refinements : int, default 0
-        How often that map's quanta are halved.
+        How often the steps of that map's grid are halved.
     executor : Executor, optional
-        Where walks, and runs of them, are coded.
+        Codes walks, and groups of walks.
     spans : sequence of float64 array, shape (n, 2), optional
-        For each walk the times of the first and last sample of each run without a gap, in seconds; between them alone travel is
-        claimed. From knot to knot where left out.
+        For each walk the times of the first and last sample of each gap-free piece, in seconds.
+        Travel is claimed between them alone; from the first knot to the last where left out.
     step : float, default 0
-        Seconds between two samples, of the track that has the most; ends may be rounded by less than that.
+        Seconds between two samples, of the track that has the most. Ends may be rounded by less
+        than that.
 
     Returns
     -------
     Archive
-        One that has decoded nothing yet: what it answers comes from the bytes.
+        One that has decoded nothing yet: its answers come from the bytes.
     """
     from gpszip.codec.ends import find_piece_ends
     from gpszip.codec.modes import encode_smallest
 
+    # The grid and the prior are those of the known map, where there is one.
     prior = None if known_map is None else known_map.prior(refinements)
-    own = grid if known_map is None else refined_grid(known_map.grid, refinements)
+    walks_grid = grid if known_map is None else refined_grid(known_map.grid, refinements)
     if spans is not None and grid_walks.timed:
-        grid_walks = replace(grid_walks, ends=find_piece_ends(spans, grid_walks, own, step))
-    payload = encode_smallest(grid_walks, prior, executor, grid=own)
+        ends = find_piece_ends(spans, grid_walks, walks_grid, step)
+        grid_walks = replace(grid_walks, ends=ends)
+
+    # One group, or several if it is large.
+    payload = encode_smallest(grid_walks, prior, executor, grid=walks_grid)
     groups = [Group(0, len(ids), payload)]
     if len(payload) >= 2 * _GROUP_BYTES and len(ids) > 1:
-        groups = _encode_groups(grid_walks, own, len(payload) // _GROUP_BYTES, prior, executor)
+        count = len(payload) // _GROUP_BYTES
+        groups = _encode_groups(grid_walks, walks_grid, count, prior, executor)
+
+    # A single track named like the first of the known map needs no name.
     reference = None if known_map is None else MapReference(known_map.hash, refinements)
     contents = Contents(
         grid if known_map is None else None,
@@ -106,12 +117,12 @@ def with_sections(archive: Archive, extras: Sequence[Section]) -> Archive:
 
 
 def with_error_bound(archive: Archive, error_bound: ErrorBound | None) -> Archive:
-    """Return the archive with what its walks have been found to keep."""
+    """Return the archive with the error bound that its walks hold."""
     return replace(archive, contents=replace(archive.contents, error_bound=error_bound))
 
 
 def with_sampling(archive: Archive, seconds: float | None) -> Archive:
-    """Return the archive with the time between two samples of its log, where a byte for that is less than half a percent."""
+    """Return the archive with the time between two samples of its log, unless it is very small."""
     if seconds is None or archive.size < _MIN_BYTES_WITH_SAMPLING:
         return archive
     return replace(archive, contents=replace(archive.contents, sampling=step_index(seconds)))
@@ -124,35 +135,35 @@ def _encode_groups(
     prior: Prior | None,
     executor: Executor | None,
 ) -> list[Group]:
-    """Cut the walks in at most so many runs of about as many knots each."""
-    ends = np.cumsum([len(walk.nodes) for walk in grid_walks.walks])
-    cuts = np.unique(np.searchsorted(ends, ends[-1] * np.arange(1, count) / count, side="right"))
-    bounds = [0, *(int(cut) for cut in cuts if 0 < cut < len(ends)), len(ends)]
+    """Cut the walks into at most ``count`` groups of about equally many knots, and code each."""
+    knots = np.cumsum([len(walk.nodes) for walk in grid_walks.walks])
+    quotas = knots[-1] * np.arange(1, count) / count
+    cuts = np.unique(np.searchsorted(knots, quotas, side="right"))
+    bounds = [0, *(int(cut) for cut in cuts if 0 < cut < len(knots)), len(knots)]
     with share_value(executor, (grid_walks, grid, prior)) as shared:
         return list(shared.map(_encode_group, pairwise(bounds)))
 
 
 def _encode_group(
-    shared: tuple[GridWalks, QuantisationGrid, Prior | None], run: tuple[int, int]
+    shared: tuple[GridWalks, QuantisationGrid, Prior | None], bounds: tuple[int, int]
 ) -> Group:
-    """Code one run of walks by itself."""
+    """Code the walks from one number up to another by themselves."""
     from gpszip.codec.modes import encode_smallest
     from gpszip.codec.walks import number_by_visit
 
-    (grid_walks, grid, prior), (first, after) = shared, run
+    (grid_walks, grid, prior), (first, after) = shared, bounds
     walks = grid_walks.walks[first:after]
-    span = (
+    time_range = (
         min(int(walk.time_steps[0]) for walk in walks),
         max(int(walk.time_steps[-1]) for walk in walks),
     )
-    part = GridWalks(
-        grid_walks.nodes, walks, grid_walks.timed, ends_of_walks(grid_walks, first, after)
+
+    # The group has its own nodes, ends and numbers of walks without times.
+    ends = ends_of_walks(grid_walks, first, after)
+    untimed = frozenset(number - first for number in grid_walks.untimed if first <= number < after)
+    group_walks = number_by_visit(
+        GridWalks(grid_walks.nodes, walks, grid_walks.timed, ends, untimed),
+        0 if prior is None else prior.nodes,
     )
-    part = replace(
-        part,
-        untimed=frozenset(
-            number - first for number in grid_walks.untimed if first <= number < after
-        ),
-    )
-    own = number_by_visit(part, 0 if prior is None else prior.nodes)
-    return Group(first, after - first, encode_smallest(own, prior, grid=grid), span)
+    payload = encode_smallest(group_walks, prior, grid=grid)
+    return Group(first, after - first, payload, time_range)

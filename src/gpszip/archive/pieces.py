@@ -1,46 +1,133 @@
-"""The pieces in which tracks with gaps come back: their names, and their knots from start to end."""
+"""The gap-free pieces of tracks: their names, and their knots from start to end."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Sequence
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.model.grid import Plane
+from gpszip.model.track import Track
 from gpszip.model.walk import Walk
 
-__all__ = ["clip_to_span", "measure_shape", "pieces_by_track"]
+__all__ = [
+    "build_pieces",
+    "clip_to_span",
+    "cut_at_gaps",
+    "measure_shape",
+    "pieces_by_track",
+    "plain_names",
+    "span_of_piece",
+]
 
 
 def pieces_by_track(walks: Sequence[Walk]) -> dict[str, list[tuple[str, slice]]]:
     """Name and knots of the pieces between gaps, for each track.
 
-    A track without gaps keeps its name, any other has pieces ``id/0``, ``id/1``, ...; with more slashes where one of these names is taken.
+    A track without gaps keeps its name, any other has pieces ``id/0``, ``id/1``, ...; with more
+    slashes where one of these names is taken.
 
     Examples
     --------
-    >>> torn, whole = np.array([False, True, False]), np.zeros(3, bool)
+    >>> with_gap, without = np.array([False, True, False]), np.zeros(3, bool)
     >>> nodes, times = np.arange(4, dtype=np.int32), np.arange(4.0)
-    >>> found = pieces_by_track([Walk("a", nodes, times, torn), Walk("a/1", nodes, times, whole)])
-    >>> [name for pieces in found.values() for name, _ in pieces]
+    >>> walks = [Walk("a", nodes, times, with_gap), Walk("a/1", nodes, times, without)]
+    >>> [name for pieces in pieces_by_track(walks).values() for name, _ in pieces]
     ['a//0', 'a//1', 'a/1']
     """
-    ends = [[0, *(np.flatnonzero(walk.gaps) + 1).tolist(), len(walk.nodes)] for walk in walks]
-    taken = {walk.id for walk, cuts in zip(walks, ends, strict=True) if len(cuts) == 2}
-    found = {}
-    for walk, cuts in zip(walks, ends, strict=True):
+    # Tracks without gaps have the first choice: they keep their names.
+    taken = {walk.id for walk in walks if not walk.gaps.any()}
+    pieces = {}
+    for walk in walks:
+        knots = cut_at_gaps(walk)
         names, slashes = [walk.id], "/"
-        if len(cuts) > 2:
+        if len(knots) > 1:
+            # Another slash, until none of the names is taken.
             while not taken.isdisjoint(
-                names := [f"{walk.id}{slashes}{i}" for i in range(len(cuts) - 1)]
+                names := [f"{walk.id}{slashes}{number}" for number in range(len(knots))]
             ):
                 slashes += "/"
             taken.update(names)
-        found[walk.id] = [
-            (name, slice(a, b)) for name, (a, b) in zip(names, pairwise(cuts), strict=True)
-        ]
-    return found
+        pieces[walk.id] = list(zip(names, knots, strict=True))
+    return pieces
+
+
+def plain_names(id: str, count: int, ids: Container[str]) -> list[str] | None:
+    """Names of the pieces of one track, without a look at any other walk.
+
+    Returns
+    -------
+    list of str or None
+        None where another track may have taken one of them, see :func:`pieces_by_track`.
+
+    Examples
+    --------
+    >>> plain_names("a", 2, {"a", "b"}), plain_names("a", 2, {"a", "a/1"})
+    (['a/0', 'a/1'], None)
+    """
+    if count == 1:
+        return [id]
+    names = [f"{id}/{number}" for number in range(count)]
+    # Pieces of "a" may be called "a//0", as those of a track "a/" would be.
+    if id.endswith("/") or any(name in ids for name in names):
+        return None
+    return names
+
+
+def cut_at_gaps(walk: Walk) -> list[slice]:
+    """Knots of each piece of a walk.
+
+    Examples
+    --------
+    >>> walk = Walk("a", np.arange(3, dtype=np.int32), None, np.array([False, True]))
+    >>> cut_at_gaps(walk)
+    [slice(0, 2, None), slice(2, 3, None)]
+    """
+    bounds = [0, *(np.flatnonzero(walk.gaps) + 1).tolist(), len(walk.nodes)]
+    return [slice(first, after) for first, after in pairwise(bounds)]
+
+
+def span_of_piece(walk: Walk, number: int, knots: slice) -> tuple[float, float]:
+    """Seconds at which travel begins and ends in a piece of a walk with times."""
+    assert walk.times is not None
+    ends = walk.times[knots][[0, -1]] if walk.spans is None else walk.spans[number]
+    return float(ends[0]), float(ends[1])
+
+
+def build_pieces(
+    walk: Walk,
+    nodes: NDArray[np.float64],
+    pieces: Sequence[tuple[str, slice]],
+    plane: Plane | None,
+) -> list[Track]:
+    """Tracks of the knots of each piece, from its first sample to its last one.
+
+    Parameters
+    ----------
+    walk : Walk
+        With or without times.
+    nodes : float64 array, shape (V, d)
+        Positions of its nodes in metres.
+    pieces : sequence of (str, slice)
+        Name and knots of each piece.
+    plane : Plane or None
+        Where the nodes lie on the earth.
+    """
+    tracks = []
+    for number, (name, knots) in enumerate(pieces):
+        positions = nodes[walk.nodes[knots]]
+        if walk.times is None:
+            # A shape, with the distance along it in place of times.
+            tracks.append(Track(name, *measure_shape(positions), plane=plane, timed=False))
+            continue
+
+        # The first and the last knot lie outside of the samples by up to a time step.
+        first, last = span_of_piece(walk, number, knots)
+        times, positions = clip_to_span(walk.times[knots], positions, first, last)
+        tracks.append(Track(name, times, positions, plane=plane))
+    return tracks
 
 
 def clip_to_span(
@@ -64,28 +151,31 @@ def clip_to_span(
 
     Examples
     --------
-    >>> times, positions = clip_to_span(np.array([0.0, 10.0]), np.array([[0.0], [20.0]]), 1.0, 6.0)
+    >>> knots = np.array([0.0, 10.0]), np.array([[0.0], [20.0]])
+    >>> times, positions = clip_to_span(*knots, 1.0, 6.0)
     >>> times.tolist(), positions.tolist()
     ([1.0, 6.0], [[2.0], [12.0]])
     """
+    # Exact knots are given back as they are.
     if first <= times[0] and last >= times[-1]:
         return times, positions
     inside = times[(times > first) & (times < last)]
-    when = np.unique(np.concatenate([[first], inside, [last]]))
-    return when, np.stack([np.interp(when, times, axis) for axis in positions.T], axis=1)
+    clipped = np.unique(np.concatenate([[first], inside, [last]]))
+    return clipped, np.stack([np.interp(clipped, times, axis) for axis in positions.T], axis=1)
 
 
 def measure_shape(
     positions: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Distance along a shape at each of its positions, in metres; positions that repeat the one before are left out.
+    """Distance along a shape at each of its positions, in metres; repeated positions are dropped.
 
     Examples
     --------
-    >>> along, positions = measure_shape(np.array([[0.0, 0.0], [3.0, 4.0], [3.0, 4.0], [3.0, 5.0]]))
+    >>> shape = np.array([[0.0, 0.0], [3.0, 4.0], [3.0, 4.0], [3.0, 5.0]])
+    >>> along, positions = measure_shape(shape)
     >>> along.tolist(), len(positions)
     ([0.0, 5.0, 6.0], 3)
     """
     along = np.append(0.0, np.cumsum(np.sqrt((np.diff(positions, axis=0) ** 2).sum(axis=1))))
-    fresh = np.append(True, np.diff(along) > 0)
-    return along[fresh], positions[fresh]
+    moved = np.append(True, np.diff(along) > 0)
+    return along[moved], positions[moved]

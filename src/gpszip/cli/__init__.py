@@ -1,4 +1,5 @@
-"""The command line: one file for each command, each a thin face of pipeline and archive.
+"""The command line: one module for each command.
 
-What a command needs is imported when it runs, so that help and ``info`` answer without the compiler.
+A command calls the pipeline or an archive. It imports what it needs when it runs, so that help and
+``info`` answer without the compiler.
 """

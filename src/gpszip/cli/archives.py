@@ -1,4 +1,4 @@
-"""Archives that commands take: from a file or from standard input."""
+"""Open the archives that commands read, from a file or from standard input."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ __all__ = [
     "read_archive_bytes",
 ]
 
-#: Bits of an archive's third byte that tell the version of its format.
+#: Bits of an archive's third byte that hold the version of its format.
 _VERSION_MASK = 7
 
 
 def read_archive_bytes(name: str) -> bytes:
-    """All bytes of the archive with this name; ``-`` is standard input.
+    """Read all bytes of an archive; ``-`` is standard input.
 
     Raises
     ------
@@ -45,23 +45,24 @@ def read_archive_bytes(name: str) -> bytes:
 
 @contextmanager
 def open_archive_file(name: str, map_name: str | None = None) -> Iterator[Archive]:
-    """Open the archive with this name; ``-`` is standard input.
+    """Open an archive; ``-`` is standard input.
 
     Parameters
     ----------
     name : str
-        The archive.
+        Name of the file.
     map_name : str, optional
-        The map that it lies on, if on one that is kept elsewhere.
+        Name of the archive that holds its map, if it has none of its own.
 
     Raises
     ------
     InputError
         If there is no such file or it can't be read.
     CorruptArchiveError
-        If it is no whole archive, also when that shows only in its use; the message begins with the name.
+        If it is damaged or incomplete, even if that shows only when it is used. The message begins
+        with the name.
     MapError
-        If its map is another one; if there is none, once it is needed.
+        If ``map_name`` is not its map; without a map, once it is needed.
     """
     data = read_archive_bytes(name)
     with explain_corruption(name, data):
@@ -69,15 +70,15 @@ def open_archive_file(name: str, map_name: str | None = None) -> Iterator[Archiv
 
 
 def open_archive_bytes(name: str, data: bytes, map_name: str | None) -> Archive:
-    """Open an archive from the bytes of the file with this name, see :func:`open_archive_file`."""
+    """Open an archive from the bytes of its file, see :func:`open_archive_file`."""
     from gpszip.archive import open_archive
 
-    there = None if map_name is None else open_map_file(map_name)
-    return open_archive(data, there, beside=None if name == "-" else name)
+    archive_of_map = None if map_name is None else open_map_file(map_name)
+    return open_archive(data, archive_of_map, beside=None if name == "-" else name)
 
 
 def open_map_file(name: str) -> Archive:
-    """Open the archive with this name as a map for others."""
+    """Open an archive whose map other archives use."""
     from gpszip.archive import open_archive
 
     data = read_archive_bytes(name)
@@ -87,20 +88,20 @@ def open_map_file(name: str) -> Archive:
 
 @contextmanager
 def explain_corruption(name: str, data: bytes) -> Iterator[None]:
-    """Say in the message of a CorruptArchiveError which archive is corrupt, and what to do."""
+    """Add to a CorruptArchiveError which archive is corrupt, and what to do."""
     from gpszip.container.layout import MAGIC, SMALL_LIMIT, VERSION
     from gpszip.errors import CorruptArchiveError
 
     try:
         yield
     except CorruptArchiveError as error:
-        cure = "fetch or make it again"
+        remedy = "fetch or make it again"
         if not data.startswith(MAGIC):
-            cure = "name a file that gpszip compress has written"
+            remedy = "name a file that gpszip compress has written"
         elif data[2:3] and data[2] & _VERSION_MASK > VERSION:
-            cure = "pip install --upgrade gpszip brings the newest"
+            remedy = "pip install --upgrade gpszip brings the newest"
         elif len(data) >= SMALL_LIMIT:
-            cure += ", or save what is whole with gpszip recover"
-        raise CorruptArchiveError(
-            f"{'standard input' if name == '-' else name}: {error}; {cure}"
-        ) from error
+            # Larger archives have a checksum for each group of walks.
+            remedy += ", or save its intact parts with gpszip recover"
+        where = "standard input" if name == "-" else name
+        raise CorruptArchiveError(f"{where}: {error}; {remedy}") from error

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from gpszip.cli.engine import engine_options, open_executor
+from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import Settings, common_options, force, output_option, time_options
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
-    from gpszip.model import Options
+    from gpszip.model import Listener, Options, Report
+    from gpszip.model.log import Log
+    from gpszip.run.executor import Executor
 
 __all__ = ["command"]
 
@@ -31,7 +34,11 @@ _BOUND_OPTIONS = {
 }
 
 
-@click.command("compress", short_help="Learn the map of logs and store them as walks on it.")
+@click.command(
+    "compress",
+    cls=CommandWithFormats,
+    short_help="Learn the map of logs and store them as walks on it.",
+)
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True)
 @output_option("walks.gpsz")
 @click.option(
@@ -48,40 +55,42 @@ _BOUND_OPTIONS = {
     "size",
     type=SIZE,
     metavar="SIZE",
-    help="Largest archive, such as 900 or 4KiB, with the smallest RMSE it allows.",
+    help="Largest archive, such as 900 or 4KiB, with the smallest RMSE that fits.",
 )
 @click.option(
     "--ratio",
     type=click.FloatRange(min=0, min_open=True),
     metavar="X",
-    help="The same as a share of the logs: 1 in X.",
+    help="The same as a ratio: 1 byte for X bytes of the logs.",
 )
 @click.option(
     "--gap",
     type=_GAP,
     metavar="DURATION",
-    help="Silences longer than this claim no travel, or none. Estimated where left out.",
+    help="Intervals without points longer than this are gaps, or none. By default estimated.",
 )
 @click.option(
     "--map",
     "map_name",
     metavar="CITY.gpsz",
-    help="Walks on this map, which is not stored again; decompress needs it, too.",
+    help="Store walks on the map of this archive, not a map; decompress needs it, too.",
 )
 @click.option(
     "--update-map",
     metavar="FILE",
-    help="With --map: write the map with what these logs add, for those to come.",
+    help="With --map: write the map, extended by these logs, for later ones.",
 )
 @click.option(
-    "--append", is_flag=True, help="Add the logs to the archive that -o names; its map grows."
+    "--append",
+    is_flag=True,
+    help="Append the logs to the archive that -o names, and extend its map.",
 )
 @click.option(
     "--effort",
     type=click.IntRange(1, 9),
     default=5,
     show_default=True,
-    help="From 1, quick, to 9, small.",
+    help="From 1, fast, to 9, small archives.",
 )
 @click.option(
     "--coreset",
@@ -93,22 +102,22 @@ _BOUND_OPTIONS = {
     "--memory",
     type=SIZE,
     metavar="SIZE",
-    help="Memory to work in, such as 1GiB; larger logs are compressed in batches.",
+    help="Memory to use, such as 1GiB; larger logs are compressed in batches.",
 )
 @click.option(
     "--k",
     type=click.IntRange(1),
-    help="Number of parts of the thesis's (k,m)-segment mean, used instead of the connected map where k or m is given.",
+    help="Number of segments of the thesis's (k,m)-segment mean, instead of the connected map.",
 )
 @click.option(
     "--m",
     type=click.IntRange(1),
-    help="Number of segments that the k parts share; searched where left out.",
+    help="Number of distinct segments that the k segments share; by default searched.",
 )
 @click.option(
     "--times/--no-times",
     default=True,
-    help="Keep the times, or the shape only; a table may then lack a column of times.",
+    help="Keep the times, or the shapes only; a table then needs no column of times.",
 )
 @click.option(
     "--layer", type=click.Choice(["bz2"]), help="Pack the archive once more, as the thesis did."
@@ -116,10 +125,10 @@ _BOUND_OPTIONS = {
 @click.option(
     "--clean",
     is_flag=True,
-    help="Drop spikes, single points that no vehicle could have reached, and positions at 0,0 far from all others.",
+    help="Drop outliers, which no vehicle could reach, and positions at 0,0 far from others.",
 )
 @click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
-@click.option("--split", is_flag=True, help="Begin a new track where time goes back.")
+@click.option("--split", is_flag=True, help="Start a new track where time goes back.")
 @click.option(
     "--skip-bad",
     is_flag=True,
@@ -128,7 +137,7 @@ _BOUND_OPTIONS = {
 @click.option(
     "--columns",
     metavar="ROLES",
-    help="Which column is what: t=when,x=east,y=north, or names in order for a log without a header.",
+    help="Which column is what: t=when,x=east,y=north; or names in order, without a header.",
 )
 @time_options
 @click.option(
@@ -140,7 +149,7 @@ _BOUND_OPTIONS = {
 @click.option(
     "--format",
     metavar="FORMAT",
-    help="Format of the logs, csv, gpx, geojson or parquet; found from the content where left out.",
+    help="Format of the logs: LOG_FORMATS; by default found from the content.",
 )
 @engine_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
@@ -156,100 +165,113 @@ def command(
     quiet: bool,
     **choices: Any,
 ) -> Outcome:
-    """Read every LOG (CSV, GPX, GeoJSON or Parquet; - is standard input), learn the ways that they repeat, and write one archive.
+    """Read every LOG, learn the map that they repeat, and write one archive.
 
-    Without --rmse, --max-error, --bytes or --ratio, an RMSE that suits the log and a maximum of four times that are estimated, and
-    printed. Exit code 3 says that points or logs were lost, which are named first.
+    Formats of LOG: LOG_FORMATS; - is standard input. Without --rmse, --max-error,
+    --bytes or --ratio, an RMSE that suits the log and a maximum of four times that are estimated
+    and printed. Exit code 3 says that points or logs were lost; the first lines name them.
     """
     from gpszip.cli.output import check_output
+    from gpszip.cli.progress import progress_bar
+    from gpszip.cli.summary import print_summary
 
+    # everything that can be refused before the logs are read
     options = _compress_options(choices)
-    before = _archive_to_extend(target, choices)
-    there = _open_map(choices)
-    check_output(target, force=force or before is not None, binary=True)
+    extended = _archive_to_extend(target, choices)
+    known_map = _open_map(choices)
+    overwrite = force or extended is not None
+    check_output(target, force=overwrite, binary=True)
     if choices["update_map"]:
         check_output(choices["update_map"], force=force, binary=True)
-    sources: Sequence[Any] = logs
-    if choices["memory"] is not None:
-        sources = _spool_streams(logs)
-        if not _fits_memory(sources, choices):
-            return _compress_in_batches(
-                settings, sources, target, options, choices, before, there, force=force, quiet=quiet
-            )
-    from gpszip.cli.progress import progress_bar
-    from gpszip.cli.summary import print_summary
-    from gpszip.io.logs.read import read_logs
-    from gpszip.pipeline.append import append
-    from gpszip.pipeline.compress import compress
 
+    # the archive, and the map with what the logs add to it
     with (
         progress_bar(quiet=quiet or settings.json) as listener,
         open_executor(*_executor_choices(choices)) as executor,
+        _open_log(logs, choices, extended or known_map, listener) as log,
     ):
-        read_result = read_logs(sources, **_read_options(choices))
-        where: dict[str, Any] = {"executor": executor, "progress": listener}
-        if before is not None:
-            archive, report = append(before, read_result.tracks, options, **where)
+        work = _Work(_memory(choices), executor, listener)
+        if extended is not None:
+            archive, report = work.append(extended, log, options)
         else:
-            archive, report = compress(
-                read_result.tracks, options, bytes_in=read_result.bytes, map=there, **where
-            )
-        updated_map = (
-            append(there, read_result.tracks, _map_options(options), **where)[0]
-            if there is not None and choices["update_map"]
-            else None
-        )
-    _write(target, archive, choices["update_map"], updated_map, force=force or before is not None)
+            archive, report = work.compress(log, options, known_map)
+        updated_map = None
+        if known_map is not None and choices["update_map"]:
+            updated_map = work.append(known_map, log, _map_options(options))[0]
+        read_result = log.read_result
+
+    # whole files, then the summary
+    _write(target, archive, choices["update_map"], updated_map, force=overwrite)
+    assert read_result is not None
     if settings.json or not quiet:
         print_summary(target, read_result, report, as_json=settings.json)
     return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
 
 
-def _spool_streams(logs: tuple[str, ...]) -> Sequence[Any]:
-    """The logs, those that are no files as temporary ones until the command ends."""
-    from gpszip.io.storage.source import spooled
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """Where and within which memory logs are compressed."""
 
-    found: Sequence[Any] = click.get_current_context().with_resource(spooled(logs))
-    return found
+    memory: int | None
+    executor: Executor | None
+    listener: Listener | None
 
+    def compress(self, log: Log, options: Options, map: Archive | None) -> tuple[Archive, Report]:
+        """Compress a log, on a map kept elsewhere if there is one."""
+        from gpszip.pipeline.compress import compress
 
-def _fits_memory(logs: Sequence[Any], choices: dict[str, Any]) -> bool:
-    """Whether the logs are small enough for the memory given."""
-    from gpszip.pipeline.compress_large import fits
-
-    return fits(logs, int(choices["memory"]), format=choices["format"], columns=choices["columns"])
-
-
-def _compress_in_batches(
-    settings: Settings, logs: Sequence[Any], target: str, options: Options, choices: dict[str, Any], before: Archive | None,
-    there: Archive | None, *, force: bool, quiet: bool,
-) -> Outcome:  # fmt: skip
-    """Compress logs larger than memory."""
-    from gpszip.cli.progress import progress_bar
-    from gpszip.cli.summary import print_summary
-    from gpszip.pipeline.append_large import append_large
-    from gpszip.pipeline.compress_large import compress_large
-
-    names = ("format", "columns", "time_unit", "dates", "clean", "sort", "split", "skip_bad")
-    with (
-        progress_bar(quiet=quiet or settings.json) as listener,
-        open_executor(*_executor_choices(choices)) as executor,
-    ):
-        how: dict[str, Any] = {name: choices[name] for name in names}
-        how |= {"memory": int(choices["memory"]), "executor": executor, "progress": listener}
-        if before is not None:
-            archive, report, read_result = append_large(before, logs, options, **how)
-        else:
-            archive, report, read_result = compress_large(logs, options, map=there, **how)
-        updated_map = (
-            append_large(there, logs, _map_options(options), **how)[0]
-            if there is not None and choices["update_map"]
-            else None
+        return compress(
+            log,
+            options,
+            memory=self.memory,
+            map=map,
+            executor=self.executor,
+            progress=self.listener,
         )
-    _write(target, archive, choices["update_map"], updated_map, force=force or before is not None)
-    if settings.json or not quiet:
-        print_summary(target, read_result, report, as_json=settings.json)
-    return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
+
+    def append(self, archive: Archive, log: Log, options: Options) -> tuple[Archive, Report]:
+        """Append a log to an archive."""
+        from gpszip.pipeline.append import append
+
+        return append(
+            archive,
+            log,
+            options,
+            memory=self.memory,
+            executor=self.executor,
+            progress=self.listener,
+        )
+
+
+def _open_log(
+    logs: tuple[str, ...],
+    choices: dict[str, Any],
+    map: Archive | None,
+    listener: Listener | None,
+) -> AbstractContextManager[Log]:
+    """Read the logs into memory, or sort them on disk where they don't fit."""
+    from gpszip.pipeline.open_log import open_log
+
+    return open_log(
+        logs,
+        memory=_memory(choices),
+        plane=None if map is None else map.grid.plane,
+        progress=listener,
+        format=choices["format"],
+        columns=choices["columns"],
+        time_unit=choices["time_unit"],
+        dates=choices["dates"],
+        clean=choices["clean"],
+        sort=choices["sort"],
+        split=choices["split"],
+        skip_bad=choices["skip_bad"],
+        keep=_kept_columns(choices),
+        times=choices["times"],
+    )
+
+
+def _memory(choices: dict[str, Any]) -> int | None:
+    return None if choices["memory"] is None else int(choices["memory"])
 
 
 def _write(
@@ -324,11 +346,3 @@ def _compress_options(choices: dict[str, Any]) -> Options:
 def _kept_columns(choices: dict[str, Any]) -> tuple[str, ...]:
     names = (name.strip() for name in (choices["keep"] or "").split(","))
     return tuple(dict.fromkeys(name for name in names if name))
-
-
-def _read_options(choices: dict[str, Any]) -> dict[str, Any]:
-    names = ("format", "columns", "time_unit", "dates", "clean", "sort", "split", "skip_bad")
-    return {name: choices[name] for name in names} | {
-        "keep": _kept_columns(choices),
-        "times": choices["times"],
-    }

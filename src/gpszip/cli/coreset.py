@@ -1,4 +1,4 @@
-"""gpszip coreset: logs in, a small file out that prices any piecewise linear function of time."""
+"""gpszip coreset: write the coreset of logs, which gives the cost of any k-segment."""
 
 from __future__ import annotations
 
@@ -19,10 +19,13 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
-#: Decimals of metres of the points that are written, and rows of the logs that are in memory at once.
-_DECIMALS, _ROWS = 6, 1 << 20
+#: Decimals of metres of the points that are written.
+_DECIMALS = 6
 
-#: From this relative error on, a promise would be none.
+#: Rows of the logs in memory at once: about 100 MB.
+_ROWS_IN_MEMORY = 1 << 20
+
+#: Relative error from which a bound says nothing.
 _MAX_USEFUL_EPS = 10
 
 
@@ -33,12 +36,12 @@ _MAX_USEFUL_EPS = 10
 @click.option(
     "--eps",
     type=click.FloatRange(0, 1, min_open=True, max_open=True),
-    help="Relative error of every price; with --k.",
+    help="Relative error of every cost; with --k.",
 )
 @click.option(
     "--k",
     type=click.IntRange(1),
-    help="Parts of the functions that are to be priced; with --size, what to say the error of.",
+    help="Segments of the functions whose costs are asked for; with --size, for the summary.",
 )
 @click.option("--max-bytes", type=SIZE, metavar="SIZE", help="Largest file, such as 100kB.")
 @click.option(
@@ -47,7 +50,7 @@ _MAX_USEFUL_EPS = 10
     help="Write weighted points of the log instead, at most 2 d + 4 for each block.",
 )
 @click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
-@click.option("--split", is_flag=True, help="Begin a new track where time goes back.")
+@click.option("--split", is_flag=True, help="Start a new track where time goes back.")
 @click.option(
     "--skip-bad",
     is_flag=True,
@@ -60,7 +63,7 @@ _MAX_USEFUL_EPS = 10
 )
 @time_options
 @click.option(
-    "--format", metavar="FORMAT", help="Format of the logs; found from the content where left out."
+    "--format", metavar="FORMAT", help="Format of the logs; by default found from the content."
 )
 @engine_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
@@ -77,16 +80,23 @@ def command(
     k: int | None,
     max_bytes: float | None,
     points: bool,
+    sort: bool,
+    split: bool,
+    skip_bad: bool,
+    columns: str | None,
+    time_unit: str | None,
+    dates: str | None,
+    format: str | None,
     workers: int | None,
     engine: str | None,
     scheduler: str | None,
     quiet: bool,
     force: bool,
-    **choices: Any,
 ) -> Outcome:
-    """Read every LOG, of any size, and write its coreset as Parquet: blocks whose moments price every line exactly.
+    """Read every LOG, of any size, and write its coreset as Parquet.
 
-    Give one of --size, --max-bytes, or --k with --eps. LOG - is standard input.
+    Its blocks have moments, which give the cost of any line exactly. Give one of --size,
+    --max-bytes, or --k with --eps. LOG - is standard input.
     """
     from gpszip.cli.output import check_output, print_json, print_status
     from gpszip.cli.summary import (
@@ -97,33 +107,48 @@ def command(
         print_losses,
         repairs_as_dict,
     )
-    from gpszip.errors import OptionError
     from gpszip.io.coresets import write_coreset
     from gpszip.io.large.store import store_logs
+    from gpszip.io.logs.formats import is_bundle
     from gpszip.io.storage.source import spooled
     from gpszip.pipeline.coreset import sketch_log
 
-    if (size is not None) + (max_bytes is not None) + (eps is not None) != 1 or (
-        eps is not None and k is None
-    ):
-        raise OptionError(
-            "how large is the coreset to be? give --size, or --max-bytes, or --k and --eps together"
-        )
+    _check_size_options(size, max_bytes, eps, k)
     check_output(target, force=force, binary=not points or target.endswith(".parquet"))
-    limit = None if max_bytes is None else int(max_bytes)
+
+    # Read and sketch.
+    point_count = None
     with (
-        spooled(logs) as sources,
+        spooled(logs, unzip=is_bundle) as sources,
         open_executor(workers, engine, scheduler) as executor,
-        store_logs(sources, rows=_ROWS, **choices) as log,
+        store_logs(
+            sources,
+            rows=_ROWS_IN_MEMORY,
+            format=format,
+            columns=columns,
+            time_unit=time_unit,
+            dates=dates,
+            sort=sort,
+            split=split,
+            skip_bad=skip_bad,
+        ) as log,
     ):
-        made = sketch_log(
-            log, k=k if eps else None, eps=eps, size=size, max_bytes=limit, executor=executor
+        coreset = sketch_log(
+            log,
+            k=k if eps else None,
+            eps=eps,
+            size=size,
+            max_bytes=None if max_bytes is None else int(max_bytes),
+            executor=executor,
         )
-        written = _write(made, log, target, executor) if points else None
+        if points:
+            point_count = _write_points(coreset, log, target, executor)
         read_result = log.read_result
+
+    # Write.
     if not points:
-        write_coreset(made, target, force=True)
-    facts = _facts(made, k, eps, written)
+        write_coreset(coreset, target, force=True)
+    facts = _facts(coreset, k, eps, point_count)
     if settings.json:
         print_json(
             {
@@ -137,14 +162,26 @@ def command(
     elif not quiet:
         print_losses(read_result)
         print_left_out(read_result)
-        print_status(
-            f"{output_label(target)}: {'; '.join([_describe(facts), *describe_repairs(read_result.repairs)])}"
-        )
+        lines = [_describe(facts), *describe_repairs(read_result.repairs)]
+        print_status(f"{output_label(target)}: {'; '.join(lines)}")
     return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
 
 
-def _write(made: Coreset, log: StoredLog, target: str, executor: Executor) -> int:
-    """Write weighted points and return their number."""
+def _check_size_options(
+    size: int | None, max_bytes: float | None, eps: float | None, k: int | None
+) -> None:
+    """Require one way to say how large the coreset is."""
+    from gpszip.errors import OptionError
+
+    given = (size is not None) + (max_bytes is not None) + (eps is not None)
+    if given != 1 or (eps is not None and k is None):
+        raise OptionError(
+            "how large is the coreset to be? give --size, or --max-bytes, or --k and --eps together"
+        )
+
+
+def _write_points(coreset: Coreset, log: StoredLog, target: str, executor: Executor) -> int:
+    """Write weighted points of a log, and return their number."""
     from dataclasses import replace
 
     import numpy as np
@@ -152,61 +189,65 @@ def _write(made: Coreset, log: StoredLog, target: str, executor: Executor) -> in
     from gpszip.io.logs.write import write_tracks
     from gpszip.pipeline.coreset import thin_log
 
-    thinned = thin_log(log, made, executor=executor)
-    few = [replace(track, attributes={"weight": np.asarray(track.weights)}) for track in thinned]
-    write_tracks(few, target, decimals=_DECIMALS)
-    return sum(map(len, few))
+    thinned = thin_log(log, coreset, executor=executor)
+    tracks = [replace(track, attributes={"weight": np.asarray(track.weights)}) for track in thinned]
+    write_tracks(tracks, target, decimals=_DECIMALS)
+    return sum(map(len, tracks))
 
 
-def _facts(made: Coreset, k: int | None, asked: float | None, points: int | None) -> dict[str, Any]:
-    facts: dict[str, Any] = {
-        "samples": made.samples,
-        "tracks": len(made.tracks),
-        "blocks": len(made),
+def _facts(
+    coreset: Coreset, k: int | None, asked_eps: float | None, points: int | None
+) -> dict[str, Any]:
+    """Return the results for JSON: lengths in metres, costs in square metres."""
+    # Bounds are those of functions with k segments.
+    eps = None if k is None else coreset.eps(k)
+    least_cost = None if k is None else coreset.least_cost(k)
+
+    return {
+        "samples": coreset.samples,
+        "tracks": len(coreset.tracks),
+        "blocks": len(coreset),
         "points": points,
-    }
-    facts |= {
-        "rmse": made.rmse,
-        "largest": float(made.free_costs.max()),
+        "rmse": coreset.rmse,
+        "largest": float(coreset.free_costs.max()),
         "k": k,
-        "eps_asked": asked,
+        "eps_asked": asked_eps,
+        "eps": eps,
+        "least_cost": least_cost,
+        "uneven_blocks": int(coreset.uneven.sum()),
     }
-    facts |= (
-        {"eps": None, "least_cost": None}
-        if k is None
-        else {"eps": made.eps(k), "least_cost": made.least_cost(k)}
-    )
-    return facts | {"uneven_blocks": int(made.uneven.sum())}
 
 
 def _describe(facts: dict[str, Any]) -> str:
+    """Describe the results in one line."""
     from gpszip.cli.units import format_length
 
     text = f"{facts['samples']:,} samples in {facts['blocks']:,} blocks"
-    text += "" if facts["points"] is None else f", {facts['points']:,} weighted points"
-    text += (
-        f", RMSE of the blocks {format_length(facts['rmse'])}, lines on whole blocks priced exactly"
-    )
+    if facts["points"] is not None:
+        text += f", {facts['points']:,} weighted points"
+    text += f", RMSE of the blocks {format_length(facts['rmse'])}"
+    text += ", cost of lines over full blocks exact"
     return text if facts["k"] is None else f"{text}; {_describe_bound(facts)}"
 
 
 def _describe_bound(facts: dict[str, Any]) -> str:
-    """What holds for every function of k parts, and where it doesn't."""
+    """Describe what holds for every function of k segments, and for which it doesn't."""
     text = f"any {facts['k']}-segment costs {facts['least_cost']:.4g} m^2 or more"
     if facts["eps"] >= _MAX_USEFUL_EPS:
-        return f"{text}; too few blocks to promise its price beforehand"
-    text += f" and is priced within {_format_percent(facts['eps'])}"
-    text += (
-        "" if facts["eps_asked"] is None else f" ({_format_percent(facts['eps_asked'])} asked for)"
-    )
+        return f"{text}; too few blocks for a bound on the error of its cost"
+    text += f", known within {_format_percent(facts['eps'])}"
+    if facts["eps_asked"] is not None:
+        text += f" ({_format_percent(facts['eps_asked'])} asked for)"
+
+    # Within a block of uneven times, a break is covered by bounds of its own.
     if facts["uneven_blocks"] and facts["k"] > 1:
-        uneven = f"{facts['uneven_blocks']:,} of {facts['blocks']:,}"
-        text += f"; where it breaks in a block of uneven times ({uneven}), the bounds of its price tell instead"
+        blocks = f"{facts['uneven_blocks']:,} of {facts['blocks']:,}"
+        text += f"; for a break in a block of uneven times ({blocks}), see the bounds of its cost"
     return text
 
 
 def _format_percent(share: float) -> str:
-    """Three digits, rounded up: a promise is not to become larger by being told."""
+    """Format a share with three digits, rounded up: as a bound, it must not become smaller."""
     if share <= 0:
         return "0 %"
     unit = 10.0 ** (math.floor(math.log10(share)) - 2)

@@ -1,12 +1,13 @@
-"""gpszip decompress: from an archive back to a log."""
+"""gpszip decompress: write the tracks of an archive as a log."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import click
 
+from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import (
     Settings,
     archive_argument,
@@ -20,12 +21,15 @@ from gpszip.cli.units import DURATION
 
 if TYPE_CHECKING:
     from gpszip.archive import Archive
+    from gpszip.io.logs.log_format import LogFormat
     from gpszip.model import Track
 
 __all__ = ["command"]
 
 
-@click.command("decompress", short_help="Write the tracks of an archive as a log.")
+@click.command(
+    "decompress", cls=CommandWithFormats, short_help="Write the tracks of an archive as a log."
+)
 @archive_argument
 @map_option
 @output_option("walks.csv")
@@ -33,24 +37,24 @@ __all__ = ["command"]
     "--every",
     type=DURATION,
     metavar="DURATION",
-    help="Positions at each multiple of this, such as 1s, instead of knots.",
+    help="Write positions at each multiple of this, such as 1s, instead of knots.",
 )
 @click.option(
     "--at",
     metavar="TIMES",
-    help="Positions at these times: 10,20.5,30, or a file with one time in each line.",
+    help="Write positions at these times: 10,20.5,30, or a file with one time a line.",
 )
 @click.option(
     "--samples",
     is_flag=True,
-    help="Positions at the log's own times with the columns that --keep has kept.",
+    help="Write positions at the log's own times, with the columns that --keep kept.",
 )
 @click.option("--track", metavar="ID", help="Only this track.")
 @click.option(
     "--format",
     "kind",
     metavar="FORMAT",
-    help="Instead of the output's suffix: csv, gpx, geojson or parquet.",
+    help="Format instead of the one of the output's suffix: WRITTEN_LOG_FORMATS.",
 )
 @force
 @common_options
@@ -67,7 +71,10 @@ def command(
     map_name: str | None,
     force: bool,
 ) -> Outcome:
-    """Write the tracks of ARCHIVE as CSV, GPX, GeoJSON or Parquet: the knots, between which each track is linear in time."""
+    """Write the tracks of ARCHIVE in one of the formats WRITTEN_LOG_FORMATS.
+
+    The points are knots, between which each track is linear in time.
+    """
     from gpszip.cli.archives import open_archive_file
     from gpszip.cli.output import check_output, print_json, print_status
     from gpszip.cli.times import parse_times
@@ -77,55 +84,61 @@ def command(
     from gpszip.io.logs.write import write_tracks
     from gpszip.model.error_bound import writing_error
 
-    given = [
-        name
-        for name, wanted in (
-            ("--every", every is not None),
-            ("--at", at is not None),
-            ("--samples", samples),
-        )
-        if wanted
-    ]
-    if len(given) > 1:
-        raise OptionError(f"{given[0]} and {given[1]} were both given; give one")
+    # Refuse what can be refused before the archive is read.
+    at_times = _find_times_option(every, at, samples)
     times = None if at is None else parse_times(at)
-    form = format_for_writing(target, kind).name
-    check_output(target, force=force, binary=form == "parquet")
+    log_format = format_for_writing(target, kind)
+    check_output(target, force=force, binary=log_format.is_binary)
+
+    # Read.
+    untimed: Sequence[str] = ()
     with open_archive_file(archive, map_name) as source:
-        tracks = (
-            _read_samples(source, track) if samples else _read_tracks(source, every, times, track)
-        )
-        pieces, flat = (None if samples else source.pieces), source.grid.plane is None
-        error = writing_error(source.error_bound, geographic=not flat)
-        shapes = (
-            source.untimed if track is None and (every is not None or times is not None) else ()
-        )
+        if samples:
+            tracks, pieces = _read_samples(source, track), None
+        else:
+            tracks, pieces = _read_tracks(source, every, times, track), source.pieces
+        error = writing_error(source.error_bound, geographic=source.grid.plane is not None)
+        if track is None and (every is not None or times is not None):
+            untimed = source.untimed
     if not tracks:
         raise OptionError(_explain_empty(archive, track))
+
+    # Write.
     points = write_tracks(
         tracks,
         target,
         kind,
         decimals=metre_decimals(error),
         pieces=pieces,
-        max_deviation=None if given else error,
+        max_deviation=None if at_times else error,
     )
-    if shapes:
-        left = (
-            f"{len(shapes):,} track{'s' * (len(shapes) > 1)} without times, such as {shapes[0]!r}"
-        )
+
+    # Say what was written, and what could not be.
+    if untimed:
+        noun = "track" if len(untimed) == 1 else "tracks"
         print_status(
-            f"gpszip: left out {left}; decompress without --at or --every for their shapes"
+            f"gpszip: left out {len(untimed):,} {noun} without times, such as {untimed[0]!r}; "
+            "decompress without --at or --every for their shapes"
         )
-    for warning in _format_warnings(tracks, pieces or {}, form):
+    for warning in _format_warnings(log_format, tracks, pieces or {}):
         print_status(f"gpszip: {warning}")
     if settings.json:
         print_json({"output": target, "pieces": len(tracks), "points": points}, err=target == "-")
     elif target != "-":
-        print_status(
-            f"{target}: {points:,} {'positions' if given else 'knots'}, pieces {len(tracks):,}"
-        )
+        noun = "positions" if at_times else "knots"
+        print_status(f"{target}: {points:,} {noun}, pieces {len(tracks):,}")
     return Outcome.DONE
+
+
+def _find_times_option(every: float | None, at: str | None, samples: bool) -> str | None:
+    """Return the option that asks for positions at certain times; None for knots."""
+    from gpszip.errors import OptionError
+
+    wanted = {"--every": every is not None, "--at": at is not None, "--samples": samples}
+    given = [name for name, is_given in wanted.items() if is_given]
+    if len(given) > 1:
+        raise OptionError(f"{given[0]} and {given[1]} were both given; give one")
+    return given[0] if given else None
 
 
 def _read_samples(archive: Archive, track: str | None) -> list[Track]:
@@ -133,50 +146,39 @@ def _read_samples(archive: Archive, track: str | None) -> list[Track]:
 
     if archive.kept_columns is None:
         raise OptionError(
-            "--samples: the archive keeps no times of points; compress the log with --keep-times or --keep"
+            "--samples: the archive keeps no times of points; "
+            "compress the log with --keep-times or --keep"
         )
     return archive.samples(track)
 
 
-def _format_warnings(tracks: list[Track], pieces: Mapping[str, str], form: str) -> list[str]:
-    """What a format can't hold as it is, in words."""
-    from gpszip.io.logs.gpx.write import HEIGHT_NAMES, has_unwritable_letters
-
-    if form != "gpx":
-        return []
-    heights = [name for name in HEIGHT_NAMES if name in tracks[0].attributes]
-    lacking = [name for name in tracks[0].attributes if name not in heights[:1]]
-    words = (
-        [f"gpx has no room for {', '.join(lacking)}; write CSV, GeoJSON or Parquet to have them"]
-        if lacking
-        else []
-    )
-    if changed := [
-        name
-        for name in dict.fromkeys(pieces.get(track.id, track.id) for track in tracks)
-        if has_unwritable_letters(name)
-    ]:
-        words.append(
-            f"gpx can't hold control characters: they are U+FFFD in the names of tracks, in {len(changed):,} of them, "
-            f"the first {changed[0]!r}; write GeoJSON or Parquet to have them"
-        )
-    return words
-
-
 def _read_tracks(
-    archive: Archive, every: float | None, times: Any, track: str | None
+    archive: Archive, every: float | None, times: list[float] | None, track: str | None
 ) -> list[Track]:
-    if every is None and times is None:
-        pieces, owners = archive.decompress(), archive.pieces
-        return (
-            pieces
-            if track is None
-            else [piece for piece in pieces if track in (piece.id, owners[piece.id])]
-        )
-    return archive.sample(every, at=times, track=track)
+    """Return knots of all pieces, or positions at the times asked for."""
+    if every is not None or times is not None:
+        return archive.sample(every, at=times, track=track)
+    pieces = archive.decompress()
+    if track is None:
+        return pieces
+    owners = archive.pieces
+    return [piece for piece in pieces if track in (piece.id, owners[piece.id])]
+
+
+def _format_warnings(
+    log_format: LogFormat, tracks: list[Track], pieces: Mapping[str, str]
+) -> list[str]:
+    """Describe what a format can't hold of the tracks."""
+    if log_format.describe_losses is None:
+        return []
+    names = dict.fromkeys(pieces.get(track.id, track.id) for track in tracks)
+    return log_format.describe_losses(list(names), list(tracks[0].attributes))
 
 
 def _explain_empty(archive: str, track: str | None) -> str:
     if track is None:
-        return f"{archive}: no travel is claimed at any of these times; gpszip info --detail shows the time range"
+        return (
+            f"{archive}: no travel is known at any of these times; "
+            "gpszip info --detail shows the time range"
+        )
     return f"{archive}: nothing of a track {track!r}; gpszip info lists the tracks"

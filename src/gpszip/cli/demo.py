@@ -1,4 +1,4 @@
-"""gpszip demo: a generated robot patrol, compressed, decompressed and drawn."""
+"""gpszip demo: generate the log of a robot patrol, compress, decompress and draw it."""
 
 from __future__ import annotations
 
@@ -17,9 +17,11 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
+#: Files that the demo writes; the pictures need the extra ``plot``.
 _FILES = ("patrol.csv", "patrol.gpsz", "knots.csv", "map.geojson", "map.png", "comparison.png")
 
-_RMSE = 0.24  # metres: the thesis's ground robot
+#: RMSE in metres, that of the thesis's ground robot.
+_RMSE = 0.24
 
 
 @click.command("demo", short_help="Compress a generated robot patrol and draw its map.")
@@ -31,7 +33,7 @@ _RMSE = 0.24  # metres: the thesis's ground robot
     type=click.IntRange(0),
     default=1,
     show_default=True,
-    help="Another seed is another building.",
+    help="Seed of the building and the patrol.",
 )
 @click.option(
     "--points",
@@ -55,6 +57,7 @@ def command(settings: Settings, out: str, seed: int, points: int, force: bool) -
     from gpszip.model import Options
     from gpszip.pipeline.compress import compress
 
+    # Generate, compress, decompress, draw.
     folder = _prepare_folder(Path(out), force=force)
     print_status(f"generating {points:,} points of a robot on its rounds")
     _write_log(folder / "patrol.csv", points, seed)
@@ -64,6 +67,8 @@ def command(settings: Settings, out: str, seed: int, points: int, force: bool) -
     archive.save(folder / "patrol.gpsz", force=True)
     _write_decompressed(archive, folder)
     missing = _draw(folder, read_result, archive, report)
+
+    # Say what was written.
     written = sorted(path.name for path in folder.iterdir() if path.name in _FILES)
     if settings.json:
         print_json({"folder": out, "written": written, **summary_as_dict(read_result, report)})
@@ -77,12 +82,14 @@ def command(settings: Settings, out: str, seed: int, points: int, force: bool) -
 
 
 def _prepare_folder(folder: Path, *, force: bool) -> Path:
+    """Make the folder, and remove the files of an earlier demo."""
     from gpszip.errors import OutputError
 
-    there = [name for name in _FILES if (folder / name).exists()]
-    if there and not force:
+    existing = [name for name in _FILES if (folder / name).exists()]
+    if existing and not force:
         raise OutputError(
-            f"{folder / there[0]}: exists already; add --force to replace it, or name another folder with --out"
+            f"{folder / existing[0]}: exists already; "
+            "add --force to replace it, or name another folder with --out"
         )
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -90,7 +97,7 @@ def _prepare_folder(folder: Path, *, force: bool) -> Path:
         raise OutputError(
             f"{folder}: can't be made ({error.strerror}); name another folder with --out"
         ) from error
-    for name in there:
+    for name in existing:
         (folder / name).unlink()
     return folder
 
@@ -103,7 +110,7 @@ def _write_log(path: Path, points: int, seed: int) -> None:
 
 
 def _write_decompressed(archive: Archive, folder: Path) -> None:
-    """Decompress, and write the map that was learned."""
+    """Write the knots and the map that was learned."""
     from gpszip.io.logs.track_rows import metre_decimals
     from gpszip.io.logs.write import write_tracks
     from gpszip.io.maps.write import write_map
@@ -125,7 +132,10 @@ def _draw(folder: Path, read_result: ReadResult, archive: Archive, report: Repor
     from gpszip.errors import MissingExtraError
     from gpszip.view.plot import draw_comparison, draw_map
 
-    title = f"{report.points:,} points ({format_bytes(read_result.bytes)}) as {report.bytes_out:,} bytes, RMSE {format_length(report.rmse)}"
+    title = (
+        f"{report.points:,} points ({format_bytes(read_result.bytes)}) as "
+        f"{report.bytes_out:,} bytes, RMSE {format_length(report.rmse)}"
+    )
     try:
         draw_map(archive, folder / "map.png")
         draw_comparison(read_result.tracks, archive, folder / "comparison.png", title=title)
@@ -138,9 +148,11 @@ def _report_lines(read_result: ReadResult, report: Report) -> list[str]:
     from gpszip.cli.units import format_bytes, format_length
 
     ratio = read_result.bytes / report.bytes_out
+    rmse, asked, maximum = map(format_length, (report.rmse, _RMSE, report.max_error))
     return [
         f"log      {report.points:,} points, {format_bytes(read_result.bytes)} as CSV",
         f"archive  {report.bytes_out:,} bytes, 1:{ratio:,.0f}, in {report.seconds:.1f} s",
-        f"map      nodes {report.nodes:,}, ways {report.edges:,}; the walk on it has {report.segments:,} parts",
-        f"error    RMSE {format_length(report.rmse)} (asked for: {format_length(_RMSE)}), maximum {format_length(report.max_error)}",
+        f"map      nodes {report.nodes:,}, edges {report.edges:,}; "
+        f"the walk on it has {report.segments:,} segments",
+        f"error    RMSE {rmse} (asked for: {asked}), maximum {maximum}",
     ]

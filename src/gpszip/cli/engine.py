@@ -1,4 +1,4 @@
-"""Where a command's work runs, and the options that say so."""
+"""Options that say where a command runs its work, and the executor for them."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ __all__ = ["engine_options", "open_executor"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+#: The options in the order of help texts.
 _OPTIONS = (
     click.option(
         "--workers",
@@ -31,7 +32,7 @@ _OPTIONS = (
     click.option(
         "--scheduler",
         metavar="ADDRESS",
-        help="Run on a Dask cluster that is there, such as tcp://10.0.0.1:8786.",
+        help="Run on a Dask cluster, such as tcp://10.0.0.1:8786.",
     ),
 )
 
@@ -47,7 +48,22 @@ def engine_options(command: F) -> F:
 def open_executor(
     workers: int | None, engine: str | None, scheduler: str | None
 ) -> Iterator[Executor]:
-    """Give the executor that was asked for, and end it afterwards."""
+    """Open the executor that the options name, and close it at the end.
+
+    Parameters
+    ----------
+    workers : int, optional
+        Number of threads or processes; one for each core if left out.
+    engine : str, optional
+        ``threads`` or ``processes``.
+    scheduler : str, optional
+        Address of a Dask cluster, which has its own workers.
+
+    Raises
+    ------
+    OptionError
+        If a scheduler is given together with workers or an engine.
+    """
     from gpszip.errors import OptionError
     from gpszip.run import Dask, Processes, Threads
 
@@ -63,7 +79,7 @@ def open_executor(
     elif engine == "processes":
         from gpszip.pipeline.warm import warm
 
-        warm()  # else each process compiles for itself
+        warm()  # otherwise each process would compile the kernels
         with Processes(workers) as executor:
             yield executor
     else:

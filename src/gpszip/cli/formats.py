@@ -1,4 +1,4 @@
-"""gpszip formats: say what can be read and written."""
+"""gpszip formats: list what can be read and written."""
 
 from __future__ import annotations
 
@@ -10,35 +10,44 @@ from gpszip.cli.outcome import Outcome
 __all__ = ["command"]
 
 
-@click.command("formats", short_help="Say what can be read and written.")
+@click.command("formats", short_help="List what can be read and written.")
 @common_options
 @click.pass_obj
 def command(settings: Settings) -> Outcome:
     """List the formats of logs, maps and road networks.
 
-    What a log or a network is shows in its content, whatever its name; logs may be packed with gzip, or lie in a zip archive.
+    The content of a file decides on its format, whatever its name. Logs may be packed with gzip,
+    or be in a zip archive.
     """
     from gpszip.cli.output import print_json
-    from gpszip.io.logs.formats import FORMATS
-    from gpszip.io.maps.write import MAP_FORMATS
-    from gpszip.io.networks.read import NETWORK_FORMATS
+    from gpszip.io.logs.formats import log_formats
+    from gpszip.io.maps.write import map_suffixes
+    from gpszip.io.networks.formats import network_formats
 
+    networks = [
+        suffix for network_format in network_formats() for suffix in network_format.suffixes
+    ]
     if settings.json:
         logs = [
             {
-                "name": one.name,
-                "suffixes": one.suffixes,
-                "about": one.description,
-                "write": one.write is not None,
+                "name": log_format.name,
+                "suffixes": log_format.suffixes,
+                "about": log_format.description,
+                "write": log_format.write is not None,
+                "extra": log_format.extra,
             }
-            for one in FORMATS
+            for log_format in log_formats()
         ]
-        print_json({"logs": logs, "maps": list(MAP_FORMATS), "networks": list(NETWORK_FORMATS)})
+        print_json({"logs": logs, "maps": map_suffixes(), "networks": networks})
         return Outcome.DONE
+
     click.echo("logs")
-    for one in FORMATS:
-        does = "read" if one.write is None else "read, write"
-        click.echo(f"  {one.name:<9}{' '.join(one.suffixes):<22}{does:<13}{one.description}")
-    click.echo(f"maps\n  write    {' '.join(MAP_FORMATS)}")
-    click.echo(f"networks\n  read     {' '.join(NETWORK_FORMATS)}")
+    for log_format in log_formats():
+        suffixes = " ".join(log_format.suffixes)
+        does = "read" if log_format.write is None else "read, write"
+        needs = f"; needs gpszip[{log_format.extra}]" if log_format.extra else ""
+        about = log_format.description + needs
+        click.echo(f"  {log_format.name:<9}{suffixes:<22}{does:<13}{about}")
+    click.echo(f"maps\n  write    {' '.join(map_suffixes())}")
+    click.echo(f"networks\n  read     {' '.join(networks)}")
     return Outcome.DONE

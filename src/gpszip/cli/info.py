@@ -1,4 +1,4 @@
-"""gpszip info: say what an archive holds."""
+"""gpszip info: describe the contents of an archive."""
 
 from __future__ import annotations
 
@@ -15,76 +15,91 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
+#: Names of error bounds.
 _BOUND_NAMES = {"rmse": "RMSE", "max_error": "largest error"}
 
-_EPOCH_SECONDS = (1e8, 1e11)  # what lies between is seconds since 1970, as for a log's time column
+#: Seconds between these are dates since 1970 (1973 to 5138), as in a log's time column.
+_EPOCH_SECONDS = (1e8, 1e11)
+
+#: Tracks that are named.
+_MAX_NAMED = 5
 
 
-@click.command("info", short_help="Say what an archive holds.")
+@click.command("info", short_help="Describe the contents of an archive.")
 @archive_argument
 @map_option
 @click.option(
     "--detail",
     is_flag=True,
-    help="Decode the walks, too: nodes, ways, parts, gaps, waypoints, bounds, time range.",
+    help="Decode the walks, too: nodes, edges, segments, gaps, waypoints, bounds, time range.",
 )
 @common_options
 @click.pass_obj
 def command(settings: Settings, archive: str, map_name: str | None, detail: bool) -> Outcome:
-    """Say what ARCHIVE holds: tracks, sizes, plane, and how finely places and times are kept."""
+    """Describe ARCHIVE: tracks, sizes, plane, resolution of positions and times."""
     from gpszip.cli.archives import explain_corruption, open_archive_bytes, read_archive_bytes
     from gpszip.cli.output import print_json
 
+    # Read.
     data = read_archive_bytes(archive)
     with explain_corruption(archive, data):
         facts = _facts(data, open_archive_bytes(archive, data, map_name), detail=detail)
     if settings.json:
         print_json({"archive": archive, **facts})
         return Outcome.DONE
+
+    # For a person: labels and texts in two columns.
     rows = _summary_rows(facts)
     width = max(len(label) for label, _ in rows)
     for label, text in rows:
         click.echo(f"{label:<{width}}  {text}")
     if not detail:
-        click.echo("nodes, ways, bounds and times: gpszip info --detail")
+        click.echo("nodes, edges, bounds and times: gpszip info --detail")
     return Outcome.DONE
 
 
 def _facts(data: bytes, archive: Archive, *, detail: bool) -> dict[str, Any]:
+    """Return the contents for JSON: lengths in metres, times in seconds."""
     from gpszip.container.verify import verify_bytes
 
+    # The file.
     verdict = verify_bytes(data)
     facts = archive.info(decode=detail)
     facts["bytes"] = len(data)
-    facts |= {"version": verdict.version, "form": verdict.form, "ids": list(archive.ids)}
-    facts |= {"sections": [{"kind": one.kind, "bytes": one.size} for one in verdict.sections]}
+    facts["version"] = verdict.version
+    facts["form"] = verdict.form
+    facts["ids"] = list(archive.ids)
+    facts["sections"] = [
+        {"kind": section.kind, "bytes": section.size} for section in verdict.sections
+    ]
+
+    # The grid, which counts milliseconds, millimetres and 1e-7 degrees.
     grid = archive.grid
+    centers = grid.plane.centers if grid.plane else ()
     facts["epoch"] = grid.epoch / 1000
     facts["origin"] = [value / 1000 for value in grid.origin]
-    facts["planes"] = (
-        [[lat / 1e7, lon / 1e7] for lat, lon in grid.plane.centers] if grid.plane else []
-    )
-    return facts | {"bounds": _bounds(archive)} if detail else facts
+    facts["planes"] = [[lat / 1e7, lon / 1e7] for lat, lon in centers]
+    if detail:
+        facts["bounds"] = _bounds(archive)
+    return facts
 
 
 def _bounds(archive: Archive) -> dict[str, list[float]]:
-    """Smallest and largest coordinates of the map, in degrees where it lies on the earth."""
+    """Return the smallest and largest coordinates of the map: degrees if it is on the earth."""
     import numpy as np
 
     nodes, plane = archive.road_map.nodes, archive.grid.plane
     if not len(nodes):
         return {}
-    if plane is None:
-        names = (
-            ("x", "y", "z")[: nodes.shape[1]]
-            if nodes.shape[1] <= 3
-            else tuple(f"x{axis}" for axis in range(nodes.shape[1]))
-        )
-        columns = list(nodes.T)
-    else:
+    dimension = nodes.shape[1]
+    if plane is not None:
         from gpszip.geo.planes import to_geographic
 
-        names, columns = ("lat", "lon"), list(to_geographic(nodes, plane))
+        names, columns = ["lat", "lon"], list(to_geographic(nodes, plane))
+    elif dimension <= 3:
+        names, columns = list("xyz"[:dimension]), list(nodes.T)
+    else:
+        names, columns = [f"x{axis}" for axis in range(dimension)], list(nodes.T)
     return {
         name: [float(np.min(column)), float(np.max(column))]
         for name, column in zip(names, columns, strict=True)
@@ -92,95 +107,96 @@ def _bounds(archive: Archive) -> dict[str, list[float]]:
 
 
 def _summary_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
-    """Label and text of each line for a person."""
-    from gpszip.cli.units import format_length
-
+    """Return label and text of each line for a person."""
+    # The file.
     layer = f", packed with {facts['layer']}" if facts["layer"] else ""
     rows = [
         ("format", f"version {facts['version']}, {facts['form']}{layer}"),
         ("size", f"{facts['bytes']:,} bytes, groups {facts['groups']:,}"),
         ("tracks", f"{facts['tracks']:,}{_list_ids(facts['ids'])}"),
     ]
+
+    # Its walks, positions and times.
     if "nodes" in facts:
         rows += _detail_rows(facts)
-    rows.append(
-        ("positions", f"{_describe_axes(facts)}, to {format_length(facts['node_quantum_m'])}")
-    )
-    rows += [
-        (f"plane {i}", f"about latitude {lat:.5f}, longitude {lon:.5f}")
-        for i, (lat, lon) in enumerate(facts["planes"])
-    ]
-    if facts["timed"]:
-        rows.append(
-            (
-                "times",
-                f"to {facts['time_quantum_s']:.3g} s, from epoch {_format_time(facts['epoch'])}",
-            )
-        )
-    else:
-        rows.append(("times", "none: the shapes of the tracks alone"))
-    if facts.get("untimed") and facts["timed"]:
-        rows.append(("no times", f"tracks {len(facts['untimed']):,}{_list_ids(facts['untimed'])}"))
+    rows += _resolution_rows(facts)
+
+    # What else is known.
     if facts["map"]:
         rows.append(("map", f"kept elsewhere, {facts['map']}"))
     if facts["promise"]:
-        beside = (
-            ""
-            if facts["promise_max_m"] is None
-            else f", largest error at most {format_length(facts['promise_max_m'])}"
-        )
-        rows.append(
-            (
-                "promise",
-                f"{_BOUND_NAMES[facts['promise']]} at most {format_length(facts['promise_m'])}{beside}",
-            )
-        )
+        rows.append(("error bound", _describe_error_bound(facts)))
     if facts["sampling_s"]:
         rows.append(("sampling", f"about every {facts['sampling_s']:.2g} s"))
     return [*rows, *_kept_rows(facts["kept"])]
 
 
-def _kept_rows(kept: list[str] | None) -> list[tuple[str, str]]:
-    if kept is None:
-        return [("not kept", "further columns, and the exact instants of the samples")]
-    return [("kept", ", ".join(["instants of the samples", *kept])), ("not kept", "other columns")]
-
-
 def _detail_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
-    rows = [
-        ("map", f"nodes {facts['nodes']:,}, ways {facts['edges']:,}"),
-        ("walks", f"parts {facts['parts']:,}, gaps {facts['gaps']:,}"),
-        ("waypoints", f"{facts['waypoints']:,}, between which shortest paths give the walks back"),
-        (
-            "bounds",
-            "; ".join(
-                f"{name} {low:.7g} to {high:.7g}" for name, (low, high) in facts["bounds"].items()
-            ),
-        ),
-    ]
+    """Return the lines about decoded walks."""
+    bounds = "; ".join(
+        f"{name} {low:.7g} to {high:.7g}" for name, (low, high) in facts["bounds"].items()
+    )
     if facts["t_start"] is None:
-        return [*rows, ("time range", "times are not kept")]
+        time_range = "times are not kept"
+    else:
+        time_range = f"{_format_time(facts['t_start'])} to {_format_time(facts['t_end'])}"
+
+    # JSON calls segments "parts".
     return [
-        *rows,
-        ("time range", f"{_format_time(facts['t_start'])} to {_format_time(facts['t_end'])}"),
+        ("map", f"nodes {facts['nodes']:,}, edges {facts['edges']:,}"),
+        ("walks", f"segments {facts['parts']:,}, gaps {facts['gaps']:,}"),
+        ("waypoints", f"{facts['waypoints']:,}; shortest paths between them give the walks"),
+        ("bounds", bounds),
+        ("time range", time_range),
     ]
+
+
+def _resolution_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return the lines about the resolution of positions and times."""
+    from gpszip.cli.units import format_length
+
+    rows = [("positions", f"{_describe_axes(facts)}, to {format_length(facts['node_quantum_m'])}")]
+    for number, (lat, lon) in enumerate(facts["planes"]):
+        rows.append((f"plane {number}", f"about latitude {lat:.5f}, longitude {lon:.5f}"))
+    if not facts["timed"]:
+        return [*rows, ("times", "none: the shapes of the tracks alone")]
+
+    epoch = _format_time(facts["epoch"])
+    rows.append(("times", f"to {facts['time_quantum_s']:.3g} s, from epoch {epoch}"))
+    if facts.get("untimed"):
+        rows.append(("no times", f"tracks {len(facts['untimed']):,}{_list_ids(facts['untimed'])}"))
+    return rows
+
+
+def _describe_error_bound(facts: dict[str, Any]) -> str:
+    from gpszip.cli.units import format_length
+
+    text = f"{_BOUND_NAMES[facts['promise']]} at most {format_length(facts['promise_m'])}"
+    if facts["promise_max_m"] is not None:
+        text += f", largest error at most {format_length(facts['promise_max_m'])}"
+    return text
+
+
+def _kept_rows(kept: list[str] | None) -> list[tuple[str, str]]:
+    """Return the lines about what is kept of the samples, and what is not."""
+    if kept is None:
+        return [("not kept", "further columns, and the exact times of the samples")]
+    return [("kept", ", ".join(["times of the samples", *kept])), ("not kept", "other columns")]
 
 
 def _list_ids(ids: list[str]) -> str:
-    shown = ", ".join(ids[:5])
-    return f" ({shown}{', ...' if len(ids) > 5 else ''})" if ids else ""
+    shown = ", ".join(ids[:_MAX_NAMED])
+    return f" ({shown}{', ...' if len(ids) > _MAX_NAMED else ''})" if ids else ""
 
 
 def _describe_axes(facts: dict[str, Any]) -> str:
-    return (
-        "latitude and longitude"
-        if facts["geographic"]
-        else f"{facts['dimension']} coordinates on a plane of the log's own"
-    )
+    if facts["geographic"]:
+        return "latitude and longitude"
+    return f"{facts['dimension']} coordinates on the log's own plane"
 
 
 def _format_time(seconds: float) -> str:
-    """Seconds in the log's own zero, and the date where that is 1970."""
+    """Format seconds from the log's zero, with the date if that is 1970."""
     plain = f"{seconds:.3f}".rstrip("0").rstrip(".")
     if not _EPOCH_SECONDS[0] <= seconds < _EPOCH_SECONDS[1]:
         return f"{plain} s"

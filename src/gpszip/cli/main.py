@@ -1,4 +1,7 @@
-"""The entry point, and the only place that turns an outcome into an exit code."""
+"""The entry point of the command line.
+
+It turns the outcome of a command, or its error, into an exit code and a message.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ import sys
 import traceback
 import warnings
 from collections.abc import Sequence
+from enum import IntEnum
 
 import click
 
@@ -22,6 +26,7 @@ from gpszip.files.written import collect_outputs
 
 __all__ = ["cli", "main", "run"]
 
+#: Help of ``gpszip`` itself.
 _HELP = """Learn the map that position logs repeat, and store the logs as walks on it.
 
 \b
@@ -30,6 +35,7 @@ gpszip decompress walks.gpsz -o walks.csv
 gpszip map walks.gpsz -o map.geojson
 """
 
+#: Commands in the order of the help; each is a module of this package.
 _COMMANDS = (
     "compress",
     "decompress",
@@ -47,18 +53,39 @@ _COMMANDS = (
     "formats",
 )
 
-_DONE, _FAILED, _USAGE, _LEFT_OUT, _CORRUPT, _MAP, _BOUND, _INTERRUPTED = 0, 1, 2, 3, 4, 5, 6, 130
 
-_EXIT_CODES: dict[type[GPSZipError], int] = {
-    OptionError: _USAGE,
-    CorruptArchiveError: _CORRUPT,
-    MapError: _MAP,
-    BoundError: _BOUND,
+class _ExitCode(IntEnum):
+    """Exit codes, which docs/cli.md documents."""
+
+    DONE = 0
+    FAILED = 1
+    USAGE = 2
+    LEFT_OUT = 3
+    CORRUPT = 4
+    MAP = 5
+    BOUND = 6
+    INTERRUPTED = 130  # 128 and the number of SIGINT, as shells have it
+
+
+#: Exit codes of errors; other errors of GPSZip are failures.
+_ERROR_CODES: dict[type[GPSZipError], _ExitCode] = {
+    OptionError: _ExitCode.USAGE,
+    CorruptArchiveError: _ExitCode.CORRUPT,
+    MapError: _ExitCode.MAP,
+    BoundError: _ExitCode.BOUND,
 }
+
+#: What to do about errors of the system.
+_OS_ERROR_HINTS: tuple[tuple[type[OSError], str], ...] = (
+    (FileNotFoundError, "no such file; check the path"),
+    (IsADirectoryError, "is a folder; name a file"),
+    (NotADirectoryError, "a file stands where a folder should be; check the path"),
+    (PermissionError, "no permission; check the owner and mode"),
+)
 
 
 class _LazyGroup(click.Group):
-    """Commands that are imported when they are named."""
+    """Commands whose modules are imported when they are called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         return list(_COMMANDS)
@@ -82,8 +109,8 @@ def _version(context: click.Context, _: click.Parameter, wanted: bool) -> None:
     cls=_LazyGroup,
     help=_HELP,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
-    epilog="Exit codes: 0 done, 1 failed, 2 usage, 3 done but inputs or many points were left out, 4 corrupt archive, "
-    "5 map missing or wrong, 6 bound not met, 130 interrupted.",
+    epilog="Exit codes: 0 done, 1 failed, 2 usage, 3 done but inputs or many points were left "
+    "out, 4 corrupt archive, 5 map missing or wrong, 6 bound not met, 130 interrupted.",
 )
 @click.option(
     "--version",
@@ -99,19 +126,22 @@ def cli() -> None:
 
 
 def run() -> None:
-    """Run the command line and leave the interpreter with its exit code."""
+    """Run the command line, and end the process with its exit code."""
+    # Warnings of libraries are for programmers.
     open_standard_streams()
     if not sys.warnoptions and "--debug" not in sys.argv:
-        warnings.simplefilter("ignore")  # what libraries say to programmers is no news for users
+        warnings.simplefilter("ignore")
+
+    # An output that can't be flushed is an error of a command that was done otherwise.
     settings = Settings.from_arguments(sys.argv[1:])
     try:
         code = main(sys.argv[1:])
-        broken = flush_stdout()
-        if broken is not None and code in (_DONE, _LEFT_OUT):
-            code = _report_error(broken, settings)
+        flush_error = flush_stdout()
+        if flush_error is not None and code in (_ExitCode.DONE, _ExitCode.LEFT_OUT):
+            code = _report_error(flush_error, settings)
         ignore_signals()
     except KeyboardInterrupt:
-        code = _INTERRUPTED  # while the outcome was told
+        code = _ExitCode.INTERRUPTED  # while the outcome was reported
     sys.exit(code)
 
 
@@ -121,7 +151,7 @@ def main(arguments: list[str]) -> int:
     Parameters
     ----------
     arguments : list of str
-        What the user typed after ``gpszip``.
+        The words after ``gpszip``.
 
     Returns
     -------
@@ -139,75 +169,84 @@ def main(arguments: list[str]) -> int:
             if settings.debug:
                 traceback.print_exc()
             return _report_error(error, settings, written)
-    return _LEFT_OUT if outcome is Outcome.LEFT_OUT else _DONE
+    return _ExitCode.LEFT_OUT if outcome is Outcome.LEFT_OUT else _ExitCode.DONE
 
 
 def _report_error(error: BaseException, settings: Settings, written: Sequence[str] = ()) -> int:
-    """Say what is wrong in one line and choose the exit code."""
+    """Print an error in one line, and return the exit code."""
     code, text = _explain(error)
-    if code == _INTERRUPTED:
+    if code == _ExitCode.INTERRUPTED:
         text = f"interrupted; {'; '.join(written) or 'nothing was written'}"
     if settings.json and text:
-        print_json(
-            {"error": {"kind": type(error).__name__, "message": text, "exit_code": code}}, err=True
-        )
+        report = {"kind": type(error).__name__, "message": text, "exit_code": int(code)}
+        print_json({"error": report}, err=True)
     elif text:
         print_status(f"gpszip: {text}")
     return code
 
 
 def _explain(error: BaseException) -> tuple[int, str]:
-    """Exit code and message of an error; no message where it has been shown."""
-    code, text = (
-        _FAILED,
-        f"a fault of GPSZip's own: {type(error).__name__}: {error}; please report it with what --debug shows",
-    )
-    if isinstance(error, BrokenPipeError):
-        text = ""  # whoever reads the output has had enough
-    elif isinstance(error, SystemExit):
-        code, text = (error.code if isinstance(error.code, int) else _FAILED), ""
-    elif isinstance(error, click.exceptions.NoArgsIsHelpError):
-        error.show()
-        code, text = _USAGE, ""
-    elif isinstance(error, click.ClickException):
-        code, text = _USAGE, _explain_usage(error)
-    elif _is_interrupt(error):
-        code, text = _INTERRUPTED, "interrupted"
-    elif isinstance(error, GPSZipError):
-        code, text = (
-            next((code for kind, code in _EXIT_CODES.items() if isinstance(error, kind)), _FAILED),
-            str(error),
-        )
-    elif isinstance(error, OSError):
-        text = _explain_os_error(error)
-    elif isinstance(error, MemoryError):
-        text = "not enough memory; compress fewer tracks at once"
-    notes = getattr(error, "__notes__", ()) if text else ()
+    """Return the exit code and the message of an error; no message if it was shown already."""
+    silent_code = _find_silent_code(error)
+    if silent_code is not None:
+        return silent_code, ""
+    code, text = _explain_in_words(error)
+    notes = getattr(error, "__notes__", ())
     return code, " ".join("; ".join([text, *notes]).split())
 
 
+def _find_silent_code(error: BaseException) -> int | None:
+    """Return the exit code of an error that needs no message; None for other errors."""
+    if isinstance(error, BrokenPipeError):  # the program that reads the output has ended
+        return _ExitCode.FAILED
+    if isinstance(error, SystemExit):
+        return error.code if isinstance(error.code, int) else _ExitCode.FAILED
+    if isinstance(error, click.exceptions.NoArgsIsHelpError):
+        error.show()
+        return _ExitCode.USAGE
+    return None
+
+
+def _explain_in_words(error: BaseException) -> tuple[int, str]:
+    # Errors of the user, of files and of the machine.
+    if isinstance(error, click.ClickException):
+        return _ExitCode.USAGE, _explain_usage(error)
+    if _is_interrupt(error):
+        return _ExitCode.INTERRUPTED, "interrupted"
+    if isinstance(error, GPSZipError):
+        codes = (code for kind, code in _ERROR_CODES.items() if isinstance(error, kind))
+        return next(codes, _ExitCode.FAILED), str(error)
+    if isinstance(error, OSError):
+        return _ExitCode.FAILED, _explain_os_error(error)
+    if isinstance(error, MemoryError):
+        return _ExitCode.FAILED, "not enough memory; compress fewer tracks at once"
+
+    # Errors of the program.
+    return _ExitCode.FAILED, (
+        f"a fault of GPSZip's own: {type(error).__name__}: {error}; "
+        "please report it with what --debug shows"
+    )
+
+
 def _is_interrupt(error: BaseException | None) -> bool:
-    """Whether somebody stopped the run; compiled code tells that by a SystemError, whose cause it is."""
+    """Whether the user stopped the run.
+
+    Compiled code raises a SystemError whose cause is the interrupt.
+    """
     while isinstance(error, SystemError):
         error = error.__cause__
     return isinstance(error, click.Abort | KeyboardInterrupt)
 
 
 def _explain_usage(error: click.ClickException) -> str:
-    where = getattr(error, "ctx", None)
-    return f"{error.format_message().rstrip('.')}; see {where.command_path if where else 'gpszip'} --help"
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context else "gpszip"
+    return f"{error.format_message().rstrip('.')}; see {command} --help"
 
 
 def _explain_os_error(error: OSError) -> str:
     if error.filename is None:
         return f"standard output: can't be written: {explain_os_error(error)}"
-    hints: list[tuple[type[OSError], str]] = [
-        (FileNotFoundError, "no such file; check the path"),
-        (IsADirectoryError, "is a folder; name a file"),
-        (NotADirectoryError, "a file stands where a folder should be; check the path"),
-        (PermissionError, "no permission; check the owner and mode"),
-    ]
-    reason = next(
-        (hint for kind, hint in hints if isinstance(error, kind)), error.strerror or str(error)
-    )
+    hints = (hint for kind, hint in _OS_ERROR_HINTS if isinstance(error, kind))
+    reason = next(hints, error.strerror or str(error))
     return f"{os.fsdecode(error.filename)}: {reason}"

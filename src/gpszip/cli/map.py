@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import (
     Settings,
     archive_argument,
@@ -22,7 +23,9 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.command("map", short_help="Write the map that an archive has learned.")
+@click.command(
+    "map", cls=CommandWithFormats, short_help="Write the map that an archive has learned."
+)
 @archive_argument
 @map_option
 @output_option("map.geojson")
@@ -31,7 +34,7 @@ __all__ = ["command"]
     type=click.IntRange(1),
     default=1,
     metavar="N",
-    help="Leave out ways that were travelled less often.",
+    help="Leave out edges with fewer traversals.",
 )
 @click.option(
     "--raw", is_flag=True, help="Write nodes and edges as they were learned, without cleaning."
@@ -40,7 +43,7 @@ __all__ = ["command"]
     "--format",
     "kind",
     metavar="FORMAT",
-    help="Instead of the output's suffix: geojson, graphml, gpkg or csv.",
+    help="Format instead of the one of the output's suffix: MAP_FORMATS.",
 )
 @force
 @common_options
@@ -55,23 +58,28 @@ def command(
     map_name: str | None,
     force: bool,
 ) -> Outcome:
-    """Write the road map of ARCHIVE as GeoJSON, GraphML, GeoPackage or CSV: one way for each street, with its travels."""
+    """Write the map of ARCHIVE in one of the formats MAP_FORMATS.
+
+    The map is cleaned: there is one edge for each street, with its number of traversals.
+    """
     from gpszip.cli.archives import open_archive_file
     from gpszip.cli.output import check_output, print_json, print_status
-    from gpszip.io.maps.write import write_map
+    from gpszip.io.maps.write import find_map_format, write_map
 
-    check_output(target, force=force, binary=kind == "gpkg")
+    # Read the map.
+    map_format = find_map_format(target, kind)
+    check_output(target, force=force, binary=map_format.is_binary)
     with open_archive_file(archive, map_name) as source:
         learned: RoadMap | CleanMap = (
             source.trimmed_map if raw else source.clean_map(min_traversals)
         )
+
+    # Write it.
     write_map(learned, target, min_traversals, format=kind)
-    ways = int((learned.forward + learned.backward >= min_traversals).sum())
+    edges = int((learned.forward + learned.backward >= min_traversals).sum())
     if settings.json:
-        print_json({"output": target, "edges": ways}, err=target == "-")
+        print_json({"output": target, "edges": edges}, err=target == "-")
     elif target != "-":
-        print_status(
-            f"{target}: ways {ways:,}"
-            + ("" if ways else f"; none was travelled {min_traversals:,} times, ask for fewer")
-        )
+        hint = "" if edges else f"; none was travelled {min_traversals:,} times, ask for fewer"
+        print_status(f"{target}: edges {edges:,}{hint}")
     return Outcome.DONE

@@ -1,4 +1,4 @@
-"""gpszip match: the roads that a log took."""
+"""gpszip match: find the roads that a log took."""
 
 from __future__ import annotations
 
@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import Settings, common_options, force, output_option, time_options
 from gpszip.cli.outcome import Outcome
-from gpszip.cli.units import DURATION, LENGTH, Quantity
+from gpszip.cli.units import DURATION, LENGTH, Quantity, format_count
 
 if TYPE_CHECKING:
     from gpszip.io.networks.read import NetworkReadResult
@@ -19,57 +20,59 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
-#: So many roads that points travel against are named; JSON names them all.
+#: Roads that a message names of those travelled against their direction; JSON names them all.
 _MAX_NAMED = 3
 
+#: Angles in degrees; infinite for "none".
 _ANGLE = Quantity("angle", {"deg": 1.0, "rad": math.degrees(1.0)}, words={"none": math.inf})
+#: Durations in seconds; infinite for "none".
 _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 
 
-@click.command("match", short_help="Find the roads that a log took.")
+@click.command("match", cls=CommandWithFormats, short_help="Find the roads that a log took.")
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True)
 @click.option(
     "--network",
     metavar="FILE",
     multiple=True,
     required=True,
-    help="Roads, prepared ones, or an archive, for its map.",
+    help="Roads: NETWORK_FORMATS. Of an archive, the map is the network.",
 )
 @output_option("routes.geojson")
 @click.option(
     "--sigma",
     type=LENGTH,
     metavar="LENGTH",
-    help="Scale of the distance to the roads. Estimated from the log where left out.",
+    help="Scale of the distance to the roads. By default estimated from the log.",
 )
 @click.option(
     "--beta",
     type=LENGTH,
     metavar="LENGTH",
-    help="Scale of the way's difference from the straight line. Estimated, too.",
+    help="Scale of a path's excess over the straight line. By default estimated.",
 )
 @click.option(
     "--gap",
     type=_GAP,
     metavar="DURATION",
-    help="Silences longer than this break a route, or none. Estimated where left out.",
+    help="Gaps longer than this break a route, or none. By default estimated.",
 )
 @click.option(
     "--heading",
     type=_ANGLE,
     metavar="ANGLE",
-    help="Spread of the log's headings about the roads, or none to leave them out. Estimated, too.",
+    help="Spread of headings about the roads, or none to ignore them. By default estimated.",
 )
 @click.option(
     "--ignore-oneway",
     is_flag=True,
-    help="All roads lead both ways, as for those who walk or cycle.",
+    help="Travel all roads both ways, as on foot.",
 )
 @click.option(
     "--format",
     "kind",
     metavar="FORMAT",
-    help="Instead of the output's suffix: geojson, or csv with a row for each point.",
+    help="Format instead of the one of the output's suffix: ROUTE_FORMATS.",
 )
 @click.option(
     "--skip-bad",
@@ -90,35 +93,63 @@ def command(
     logs: tuple[str, ...],
     network: tuple[str, ...],
     target: str,
-    **choices: Any,
+    sigma: float | None,
+    beta: float | None,
+    gap: float | None,
+    heading: float | None,
+    ignore_oneway: bool,
+    kind: str | None,
+    skip_bad: bool,
+    columns: str | None,
+    time_unit: str | None,
+    dates: str | None,
+    quiet: bool,
+    force: bool,
 ) -> Outcome:
-    """Find the way that every LOG took over the roads of a network, and write it as GeoJSON lines or CSV rows.
+    """Find the roads that every LOG took, and write its routes.
 
-    A route breaks, and goes on behind, where no road is near, no way joins two points, the points go against a one-way road, or the
-    log is silent for long.
+    GeoJSON has a line for each piece of a route, CSV a row for each point. A route breaks, and
+    goes on later, where no road is near, no path joins two points, points go against a one-way
+    road, or the log has a long gap.
     """
     from gpszip.cli.output import check_output
     from gpszip.io.maps.routes import route_format
 
-    kind = route_format(target, choices["kind"])
-    check_output(target, force=choices["force"])
+    kind = route_format(target, kind)
+    check_output(target, force=force)
     from gpszip.cli.progress import progress_bar
     from gpszip.io.logs.read import read_logs
     from gpszip.io.maps.routes import write_routes
     from gpszip.pipeline.match import match, read_network
 
+    # Read and match.
     start = time.perf_counter()
-    with progress_bar(quiet=choices["quiet"] or settings.json) as listener:
-        how = {name: choices[name] for name in ("skip_bad", "columns", "time_unit", "dates")}
-        read_result = read_logs(logs, **how, heading=choices["heading"] != math.inf)
+    with progress_bar(quiet=quiet or settings.json) as listener:
+        read_result = read_logs(
+            logs,
+            columns=columns,
+            time_unit=time_unit,
+            dates=dates,
+            heading=heading != math.inf,
+            skip_bad=skip_bad,
+        )
         roads = read_network(list(network), near=read_result.tracks)
-        options = {
-            name: choices[name] for name in ("sigma", "beta", "gap", "heading", "ignore_oneway")
-        }
-        matching = match(read_result.tracks, roads.network, **options, progress=listener)
+        matching = match(
+            read_result.tracks,
+            roads.network,
+            sigma=sigma,
+            beta=beta,
+            gap=gap,
+            heading=heading,
+            ignore_oneway=ignore_oneway,
+            progress=listener,
+        )
+
+    # Write.
     write_routes(matching, read_result.tracks, roads.network, target, kind)
-    if settings.json or not choices["quiet"]:
-        _print_result(target, read_result, roads, matching, time.perf_counter() - start, settings)
+    seconds = time.perf_counter() - start
+    if settings.json or not quiet:
+        _print_result(target, read_result, roads, matching, seconds, settings)
     return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
 
 
@@ -141,73 +172,75 @@ def _print_result(
     )
     from gpszip.cli.units import format_length
 
+    # For programs.
     repairs = [*read_result.repairs, *roads.repairs]
+    facts = _facts(matching, roads.network)
     if settings.json:
-        facts = _facts(matching, roads.network) | {"seconds": round(seconds, 3)}
         print_json(
             {
                 "output": target,
                 **facts,
+                "seconds": round(seconds, 3),
                 **losses_as_dict(read_result),
                 **repairs_as_dict(repairs, read_result.left_out),
             },
             err=target == STDOUT,
         )
         return
+
+    # For a person: what was lost, then one line.
     print_losses(read_result)
     print_left_out(read_result)
-    facts = _facts(matching, roads.network)
-    breaks = ", ".join(f"{reason} {count:,}" for reason, count in matching.breaks.items()) or "none"
     scales = [f"{name} {format_length(facts[name])}" for name in ("error", "sigma", "beta")]
     if facts["heading"] is not None:
         scales.append(f"heading {facts['heading']:.3g} deg")
-    words = [
-        f"matched {_format_percentage(matching.matched, matching.points)} of {_format_count(matching.points, 'point')} in "
-        f"{_format_count(len(matching), 'track')} on {_describe_routes(matching)}, {', '.join(scales)}, {seconds:.1f} s",
-        *([f"unmatched: {_describe_unmatched(facts)}"] if facts["unmatched"] else []),
-        f"breaks: {breaks}",
-        *([_describe_ignored_headings(facts["unheeded"])] if facts["unheeded"] else []),
-        *describe_repairs(repairs),
+    breaks = ", ".join(f"{reason} {count:,}" for reason, count in matching.breaks.items())
+    lines = [
+        f"matched {_format_percentage(matching.matched, matching.points)} of "
+        f"{format_count(matching.points, 'point')} in {format_count(len(matching), 'track')} on "
+        f"{_describe_routes(matching)}, {', '.join(scales)}, {seconds:.1f} s"
     ]
-    print_status(f"{output_label(target)}: {'; '.join(words)}")
+    if facts["unmatched"]:
+        lines.append(f"unmatched: {_describe_unmatched(facts)}")
+    lines.append(f"breaks: {breaks or 'none'}")
+    if facts["unheeded"]:
+        lines.append(_describe_ignored_headings(facts["unheeded"]))
+    lines += describe_repairs(repairs)
+    print_status(f"{output_label(target)}: {'; '.join(lines)}")
 
 
-def _format_percentage(part: int, whole: int) -> str:
-    """A share in words, which says 100 % of the whole only, and 0 % of nothing only."""
-    if part == whole:
+def _format_percentage(count: int, total: int) -> str:
+    """Format a share: 100 % is all of the total only, and 0 % nothing of it only."""
+    if count == total:
         return "100 %"
-    tenths = 1000 * part // whole  # rounded down
-    return "less than 0.1 %" if part and not tenths else f"{tenths / 10:.1f} %" if tenths else "0 %"
-
-
-def _format_count(number: int, word: str) -> str:
-    return f"{number:,} {word}" + ("" if number == 1 else "s")
+    tenths = 1000 * count // total  # rounded down
+    if tenths:
+        return f"{tenths / 10:.1f} %"
+    return "less than 0.1 %" if count else "0 %"
 
 
 def _describe_routes(matching: Matching) -> str:
-    """How many routes were found, and how many places at which points stand still."""
+    """Describe how many routes were found, and how many stops: pieces without a length."""
     from gpszip.cli.units import format_length
 
     lengths = [piece.length for match in matching for piece in match.pieces]
     routes = [length for length in lengths if length]
-    words = (
-        [f"{_format_count(len(routes), 'route')} of {format_length(sum(routes))}"]
-        if routes
-        else []
-        if lengths
-        else ["no route"]
-    )
+    if not lengths:
+        return "no route"
+    words = []
+    if routes:
+        words.append(f"{format_count(len(routes), 'route')} of {format_length(sum(routes))}")
     if len(lengths) > len(routes):
-        words.append(f"{_format_count(len(lengths) - len(routes), 'place')} of standing still")
+        words.append(format_count(len(lengths) - len(routes), "stop"))
     return " and ".join(words)
 
 
 def _describe_unmatched(facts: dict[str, Any]) -> str:
-    """Numbers of points by reason, with the first roads that they travel against."""
+    """Describe how many points are on no road, by reason; name roads travelled the wrong way."""
     roads = facts["one_way"]
-    named = ", ".join(roads[:_MAX_NAMED]) + (
-        f" and {len(roads) - _MAX_NAMED:,} more" if len(roads) > _MAX_NAMED else ""
-    )
+    named = ", ".join(roads[:_MAX_NAMED])
+    if len(roads) > _MAX_NAMED:
+        named += f" and {len(roads) - _MAX_NAMED:,} more"
     words = [
         f"{count:,} {reason}" + (f" ({named})" if reason == "one-way" else "")
         for reason, count in facts["unmatched"].items()
@@ -216,14 +249,17 @@ def _describe_unmatched(facts: dict[str, Any]) -> str:
 
 
 def _describe_ignored_headings(tracks: list[str]) -> str:
-    several = f"{len(tracks):,} tracks" if len(tracks) > 1 else f"track {tracks[0]!r}"
-    return (
-        f"headings of {several} left out, as they don't show that they follow the roads travelled"
-    )
+    which = f"{len(tracks):,} tracks" if len(tracks) > 1 else f"track {tracks[0]!r}"
+    return f"headings of {which} ignored, as they don't follow the roads travelled"
 
 
 def _facts(matching: Matching, network: Network) -> dict[str, Any]:
+    """Return the results for JSON: lengths in metres, angles in degrees."""
+    # JSON has no infinite number: a heading that is not used is null.
     pieces = [piece for match in matching for piece in match.pieces]
+    heading = matching.scales.heading if math.isfinite(matching.scales.heading) else None
+
+    # "unheeded" are the tracks whose headings were ignored.
     return {
         "points": matching.points,
         "tracks": len(matching),
@@ -233,7 +269,7 @@ def _facts(matching: Matching, network: Network) -> dict[str, Any]:
         "error": matching.scales.error,
         "sigma": matching.scales.sigma,
         "beta": matching.scales.beta,
-        "heading": matching.scales.heading if math.isfinite(matching.scales.heading) else None,
+        "heading": heading,
         "unheeded": list(matching.headings_ignored),
         "breaks": matching.breaks,
         "unmatched": matching.unmatched,

@@ -1,4 +1,4 @@
-"""gpszip merge: several archives in, one archive out."""
+"""gpszip merge: merge several archives to one."""
 
 from __future__ import annotations
 
@@ -19,27 +19,28 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.command("merge", short_help="Unite archives on one map.")
+@click.command("merge", short_help="Merge archives on one map.")
 @click.argument("archives", metavar="ARCHIVE...", nargs=-1, required=True)
 @output_option("city.gpsz")
 @click.option(
     "--deviation",
     type=LENGTH,
     metavar="LENGTH",
-    help="How far tracks may be moved in the root mean square, such as 5m.",
+    help="Largest root mean square by which tracks may be moved, such as 5m.",
 )
 @click.option(
     "--max-deviation",
     type=LENGTH,
     metavar="LENGTH",
-    help="How far tracks may be moved at any instant, such as 10m.",
+    help="Largest distance by which tracks may be moved at any time, such as 10m.",
 )
 @click.option(
     "--same-id",
     type=click.Choice(["refuse", "prefix", "join"]),
     default="refuse",
     show_default=True,
-    help="Where a track's name is in several archives: refuse, name all tracks ARCHIVE:TRACK, or join them as one agent's.",
+    help="If archives share a track's name: refuse, name all tracks ARCHIVE:TRACK, or join "
+    "the tracks as one agent's.",
 )
 @click.option(
     "--skip-bad",
@@ -59,11 +60,18 @@ def command(
     force: bool,
     quiet: bool,
     skip_bad: bool,
-    **choices: Any,
+    deviation: float | None,
+    max_deviation: float | None,
+    same_id: str,
+    workers: int | None,
+    engine: str | None,
+    scheduler: str | None,
 ) -> Outcome:
-    """Unite every ARCHIVE on one map, without the logs: places and ways that are the same become one, all tracks are kept.
+    """Merge every ARCHIVE on one map, without the logs.
 
-    Without --deviation or --max-deviation, tracks may be moved by the least that any archive promised before any merge.
+    Nodes and edges that are the same become one; all tracks are kept. Without --deviation or
+    --max-deviation, tracks may be moved by the smallest error bound of the archives before any
+    merge.
     """
     from gpszip.cli.output import check_output, print_json, print_status, write_archive
     from gpszip.cli.progress import progress_bar
@@ -71,45 +79,46 @@ def command(
     from gpszip.errors import OptionError
     from gpszip.model.merge_options import MergeOptions
 
-    if choices["deviation"] is not None and choices["max_deviation"] is not None:
+    # Refuse what can be refused before archives are read.
+    if deviation is not None and max_deviation is not None:
         raise OptionError("--deviation and --max-deviation were both given; give one")
-    where = choices.pop("workers"), choices.pop("engine"), choices.pop("scheduler")
-    options = MergeOptions(**choices)
+    options = MergeOptions(deviation=deviation, max_deviation=max_deviation, same_id=same_id)
     check_output(target, force=force, binary=True)
+    _check_duplicates(archives)
     from gpszip.pipeline.merge import merge
 
-    _check_duplicates(archives)
-    parts, bad = (
-        _read_valid(archives) if skip_bad else ({name: _read_whole(name) for name in archives}, {})
-    )
-    with progress_bar(quiet=quiet or settings.json) as listener, open_executor(*where) as executor:
-        made, report = merge(
-            [*parts.values()],
+    # Read and merge.
+    bad: dict[str, str] = {}
+    if skip_bad:
+        readable, bad = _read_valid(archives)
+    else:
+        readable = {name: _read_decoded(name) for name in archives}
+    with (
+        progress_bar(quiet=quiet or settings.json) as listener,
+        open_executor(workers, engine, scheduler) as executor,
+    ):
+        merged, report = merge(
+            [*readable.values()],
             options,
-            names=_short_names(tuple(parts)),
+            names=_short_names(tuple(readable)),
             executor=executor,
             progress=listener,
         )
-    write_archive(target, made, force=force)
+
+    # Write.
+    write_archive(target, merged, force=force)
     if settings.json:
-        print_json(
-            {"output": target, **_facts(tuple(parts), made, report), "left_out": bad},
-            err=target == "-",
-        )
+        facts = _facts(tuple(readable), merged, report)
+        print_json({"output": target, **facts, "left_out": bad}, err=target == "-")
     elif not quiet:
-        print_status(
-            "; ".join(
-                [
-                    f"{output_label(target)}: {_describe(made, report)}",
-                    *(f"left out {reason}" for reason in bad.values()),
-                ]
-            )
-        )
+        left_out = [f"left out {reason}" for reason in bad.values()]
+        lines = [f"{output_label(target)}: {_describe(merged, report)}", *left_out]
+        print_status("; ".join(lines))
     return Outcome.LEFT_OUT if bad else Outcome.DONE
 
 
 def _check_duplicates(archives: tuple[str, ...]) -> None:
-    """Refuse an archive that is named twice: its tracks would be there twice."""
+    """Refuse an archive that is named twice: its tracks would be in the result twice."""
     from gpszip.errors import OptionError
 
     for name in archives:
@@ -118,29 +127,31 @@ def _check_duplicates(archives: tuple[str, ...]) -> None:
 
 
 def _read_valid(archives: tuple[str, ...]) -> tuple[dict[str, Archive], dict[str, str]]:
-    """Archives that can be read, and why the others can't be."""
+    """Return the archives that can be read, and why the others can't be."""
     from gpszip.errors import CorruptArchiveError, InputError
 
-    whole: dict[str, Archive] = {}
+    readable: dict[str, Archive] = {}
     bad: dict[str, str] = {}
     for name in archives:
         try:
-            whole[name] = _read_whole(name)
+            readable[name] = _read_decoded(name)
         except (CorruptArchiveError, InputError) as error:
             bad[name] = str(error)
-    if bad and len(whole) < 2:
+    if bad and len(readable) < 2:
+        count = "only one" if readable else "none"
         raise InputError(
-            f"{'only one' if whole else 'none'} of the archives can be read, a merge takes two: {'; '.join(bad.values())}"
+            f"{count} of the archives can be read, a merge takes two: {'; '.join(bad.values())}"
         )
-    return whole, bad
+    return readable, bad
 
 
-def _read_whole(name: str) -> Archive:
-    """The archive of this name, all decoded, so that a corrupt one is known by its name."""
+def _read_decoded(name: str) -> Archive:
+    """Read and decode an archive, so that an error names the archive that is corrupt."""
     from gpszip.cli.archives import open_archive_file
 
     with open_archive_file(name) as archive:
         if archive.contents.map is None and archive.ids:
+            # Properties are decoded when they are used.
             _ = archive.walks, archive.road_map
             if archive.kept_columns is not None:
                 archive.sample_times(archive.ids[0])
@@ -148,15 +159,15 @@ def _read_whole(name: str) -> Archive:
 
 
 def _short_names(archives: tuple[str, ...]) -> list[str]:
-    """Short names of the archives; their paths where these are not enough to tell them apart."""
+    """Return short names of the archives, or their paths if short names are not distinct."""
     from gpszip.io.storage.display_name import printable_name
 
     short = [printable_name(Path(name).stem or name) for name in archives]
     return short if len(set(short)) == len(short) else [printable_name(name) for name in archives]
 
 
-def _describe(made: Archive, report: MergeReport) -> str:
-    """One line: what went in and came out, how far tracks were moved, and what is promised."""
+def _describe(merged: Archive, report: MergeReport) -> str:
+    """Describe what was merged, how far tracks were moved, and the error bound, in one line."""
     from gpszip.cli.units import format_bytes, format_length
 
     moved = report.deviation
@@ -164,37 +175,38 @@ def _describe(made: Archive, report: MergeReport) -> str:
         f"{report.archives:,} archives with {report.tracks:,} tracks",
         f"{format_bytes(report.bytes_in)} -> {format_bytes(report.bytes_out)}",
         f"nodes {report.nodes_in:,} -> {report.nodes:,}",
-        f"ways {report.edges_in:,} -> {report.edges:,}",
-        f"tracks were moved by {format_length(moved.rms)} in the root mean square, {format_length(moved.maximum)} at most",
+        f"edges {report.edges_in:,} -> {report.edges:,}",
+        f"tracks were moved by {format_length(moved.rms)} in the root mean square, "
+        f"{format_length(moved.maximum)} at most",
         f"{report.seconds:.1f} s",
     ]
-    error_bound = made.error_bound
-    remarks = (
-        []
-        if error_bound is None
-        else [
-            f"promised: {'maximum' if error_bound.maximum else 'RMSE'} {format_length(error_bound.metres)}"
-        ]
-    )
+    remarks = []
+    error_bound = merged.error_bound
+    if error_bound is not None:
+        kind = "maximum" if error_bound.maximum else "RMSE"
+        remarks.append(f"error bound: {kind} {format_length(error_bound.metres)}")
     return "; ".join([", ".join(facts), *remarks, *report.notes])
 
 
-def _facts(archives: tuple[str, ...], made: Archive, report: MergeReport) -> dict[str, Any]:
-    """The same as values for programs; lengths in metres, times in seconds, sizes in bytes."""
+def _facts(archives: tuple[str, ...], merged: Archive, report: MergeReport) -> dict[str, Any]:
+    """Return the same for JSON: lengths in metres, times in seconds, sizes in bytes."""
+    # JSON calls the error bound "promise".
     names = ("tracks", "parts", "nodes", "edges", "nodes_in", "edges_in", "bytes_in", "bytes_out")
-    error_bound = made.error_bound
+    error_bound = merged.error_bound
+    bound_kind = None
+    if error_bound is not None:
+        bound_kind = "max_error" if error_bound.maximum else "rmse"
+
     return {
         **{name: getattr(report, name) for name in names},
         "archives": [
-            {"name": name, "moved_rms": one.rms, "moved_max": one.maximum}
-            for name, one in zip(archives, report.deviations, strict=True)
+            {"name": name, "moved_rms": deviation.rms, "moved_max": deviation.maximum}
+            for name, deviation in zip(archives, report.deviations, strict=True)
         ],
         "allowed": report.limit,
         "allowed_kind": "max" if report.limits_maximum else "rms",
         "promise": None if error_bound is None else error_bound.metres,
-        "promise_kind": None
-        if error_bound is None
-        else ("max_error" if error_bound.maximum else "rmse"),
+        "promise_kind": bound_kind,
         "seconds": round(report.seconds, 3),
         "notes": list(report.notes),
     }

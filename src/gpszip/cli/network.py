@@ -1,4 +1,4 @@
-"""gpszip network: roads of any format in, one prepared file out, of which only the part near a log is read."""
+"""gpszip network: join roads of any format to one prepared file."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import Settings, common_options, force, output_option
 
 if TYPE_CHECKING:
@@ -16,18 +17,20 @@ if TYPE_CHECKING:
 __all__ = ["command"]
 
 
-@click.command("network", short_help="Prepare a road network for match and patch.")
+@click.command(
+    "network", cls=CommandWithFormats, short_help="Prepare a road network for match and patch."
+)
 @click.argument("sources", metavar="IN...", nargs=-1, required=True)
 @output_option("roads.gpsz")
 @click.option(
     "--metres",
     is_flag=True,
-    help="Coordinates are x and y in metres, as in a building; told from the file where left out.",
+    help="Coordinates are x and y in metres, as in a building; by default found from the file.",
 )
 @click.option(
     "--directed/--undirected",
     default=None,
-    help="Lines that say nothing of their direction lead along it only, or both ways; told from them.",
+    help="Lines without a one-way rule lead one way, or both; by default found from the lines.",
 )
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
 @force
@@ -43,17 +46,20 @@ def command(
     metres: bool,
     directed: bool | None,
 ) -> None:
-    """Join roads to one network, and write it so that match and patch load only what is near a log.
+    """Join roads to one network, of which match and patch read only the roads near a log.
 
-    IN is OpenStreetMap PBF or XML, GeoJSON, GeoPackage, FlatGeobuf, Shapefile, GraphML, or an archive, for its map.
+    Formats of IN: NETWORK_FORMATS. Of an archive, the map is the network.
     """
     from gpszip.cli.output import check_output
     from gpszip.io.storage.sink import open_sink
     from gpszip.pipeline.match import prepare_network
 
+    # Read and join.
     check_output(target, force=force, binary=True)
     start = time.perf_counter()
     prepared = prepare_network(sources, metric=True if metres else None, directed=directed)
+
+    # Write.
     with open_sink(sys.stdout.buffer if target == "-" else target) as stream:
         size = prepared.write(stream)
     if settings.json or not quiet:
@@ -67,18 +73,24 @@ def _print_result(
     from gpszip.cli.summary import describe_repairs, repairs_as_dict
     from gpszip.cli.units import format_bytes, format_length
 
-    facts = prepared.statistics
+    # For programs.
+    statistics = prepared.statistics
     if settings.json:
-        account = repairs_as_dict(prepared.roads.repairs)
+        repairs = repairs_as_dict(prepared.roads.repairs)
         print_json(
-            {"output": target, "bytes": size, "seconds": seconds, **facts, **account},
+            {"output": target, "bytes": size, "seconds": seconds, **statistics, **repairs},
             err=target == STDOUT,
         )
         return
-    for words in describe_repairs(prepared.roads.repairs):
-        print_status(words)
-    print_status(
-        f"{target}: {facts['roads']:,} roads between {facts['nodes']:,} nodes, {format_length(facts['length'])}, "
-        f"{facts['one_way']:,} one-way, {facts['with_speed']:,} with a speed, {facts['components']:,} connected parts; "
-        f"{format_bytes(size)} in {seconds:.1f} s"
-    )
+
+    # For a person.
+    for line in describe_repairs(prepared.roads.repairs):
+        print_status(line)
+    facts = [
+        f"{statistics['roads']:,} roads between {statistics['nodes']:,} nodes",
+        format_length(statistics["length"]),
+        f"{statistics['one_way']:,} one-way",
+        f"{statistics['with_speed']:,} with a speed",
+        f"{statistics['components']:,} connected components",
+    ]
+    print_status(f"{target}: {', '.join(facts)}; {format_bytes(size)} in {seconds:.1f} s")

@@ -1,4 +1,4 @@
-"""What every command has in common: its settings, --json, --debug, -o and --force."""
+"""Options that several commands share, and the settings of a run."""
 
 from __future__ import annotations
 
@@ -18,9 +18,12 @@ __all__ = [
     "time_options",
 ]
 
-# The choices of gpszip.io.values.timestamps and gpszip.io.values.dates, whose import takes longer than --help may.
+#: Choices of --time-unit, those of gpszip.io.values.timestamps, whose import takes longer than
+#: --help may.
 _TIME_UNITS = ("s", "ms", "us", "ns", "days", "excel", "matlab")
-_ORDERS = ("dmy", "mdy", "ymd")
+
+#: Choices of --dates, those of gpszip.io.values.dates.
+_DATE_ORDERS = ("dmy", "mdy", "ymd")
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -32,9 +35,9 @@ class Settings:
     Parameters
     ----------
     json : bool
-        Results and errors as JSON instead of text.
+        Write results and errors as JSON instead of text.
     debug : bool
-        Errors with their traceback.
+        Show the traceback of an error.
     """
 
     json: bool = False
@@ -42,13 +45,13 @@ class Settings:
 
     @classmethod
     def from_arguments(cls, arguments: list[str]) -> Settings:
-        """Look for the two flags without parsing, since errors of parsing follow them, too."""
+        """Find the two flags without parsing: messages about parsing obey them, too."""
         flags = arguments[: arguments.index("--")] if "--" in arguments else arguments
         return cls(json="--json" in flags, debug="--debug" in flags)
 
 
 def common_options(command: F) -> F:
-    """Give a command --json and --debug, which :class:`Settings` carries."""
+    """Add the options --json and --debug, which are in :class:`Settings`."""
     command = click.option(
         "--debug", is_flag=True, expose_value=False, help="Show the traceback of an error."
     )(command)
@@ -58,26 +61,32 @@ def common_options(command: F) -> F:
 
 
 def force(command: F) -> F:
-    """Give a command --force."""
+    """Add the option --force."""
     return click.option("--force", is_flag=True, help="Replace the output if it exists.")(command)
 
 
 def map_option(command: F) -> F:
-    """Give a command that reads an archive --map, for archives that lie on a map kept elsewhere."""
-    text = "Map that ARCHIVE lies on; looked for in its folder where left out."
+    """Add the option --map, for archives whose map is another archive."""
+    text = "Map of ARCHIVE, if it has none of its own; by default searched in its folder."
     return click.option("--map", "map_name", metavar="CITY.gpsz", help=text)(command)
 
 
 def time_options(command: F) -> F:
-    """Give a command that reads logs --time-unit and --dates, which say how times are to be read."""
-    orders = "Order of day, month and year in dates such as 03/04/2024; found from the whole column where left out."
-    units = "Unit of times that are numbers; found from their size where left out. excel: days since 1899-12-30."
-    command = click.option("--dates", type=click.Choice(_ORDERS), help=orders)(command)
+    """Add the options --time-unit and --dates, which say how times in a log are read."""
+    orders = (
+        "Order of day, month and year in dates such as 03/04/2024; "
+        "by default found from all dates of the column."
+    )
+    units = (
+        "Unit of times that are numbers; by default found from their size. "
+        "excel: days since 1899-12-30."
+    )
+    command = click.option("--dates", type=click.Choice(_DATE_ORDERS), help=orders)(command)
     return click.option("--time-unit", type=click.Choice(_TIME_UNITS), help=units)(command)
 
 
 def output_option(example: str) -> Callable[[F], F]:
-    """Give a command -o, which it needs, with a file name as example."""
+    """Add the required option -o, with a file name as example."""
 
     def decorate(command: F) -> F:
         text = f"File to write, such as {example}; - is standard output."

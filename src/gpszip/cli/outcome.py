@@ -1,4 +1,4 @@
-"""How a command ends that did not fail."""
+"""How a command that did not fail has ended."""
 
 from __future__ import annotations
 
@@ -11,5 +11,5 @@ class Outcome(Enum):
     """How a command ended."""
 
     DONE = "done"
-    #: Done, but some inputs, or many points of a track, could not be used and were named.
+    #: Done, but some inputs or many points of a track could not be used; a message names them.
     LEFT_OUT = "left out"

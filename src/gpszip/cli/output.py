@@ -1,4 +1,4 @@
-"""Where results go: a file or standard output for data, standard error for words."""
+"""Write results: data to a file or standard output, messages to standard error."""
 
 from __future__ import annotations
 
@@ -27,41 +27,62 @@ __all__ = [
     "write_archive_and_map",
 ]
 
+#: What -o says for standard output.
 STDOUT = "-"
 
 
 def check_output(target: str, *, force: bool, binary: bool = False) -> None:
-    """Refuse, before any work is done, an output that can't or must not be written.
+    """Refuse an output that can't or must not be written, before any work is done.
+
+    Parameters
+    ----------
+    target : str
+        The output; ``-`` is standard output.
+    force : bool
+        Replace an existing file.
+    binary : bool
+        Whether the output is no text.
 
     Raises
     ------
     OutputError
-        If the file exists and ``force`` is not given, its folder can't be written to, or binary data would go to a terminal.
+        If the file exists and ``force`` is not given, its folder can't be written to, or binary
+        data would go to a terminal.
     """
+    # Standard output.
     if target == STDOUT:
         if binary and sys.stdout.isatty():
             raise OutputError(
-                "standard output: an archive is no text for a terminal; name a file with -o or redirect with > FILE"
+                "standard output: an archive is no text for a terminal; "
+                "name a file with -o or redirect with > FILE"
             )
         return
+
+    # An existing file, or what is no file.
     path = Path(target)
     if path.is_dir():
-        raise OutputError(
-            f"{target}: is a folder; name a file in it, such as -o {path / ('out.gpsz' if binary else 'out.csv')}"
-        )
+        example = path / ("out.gpsz" if binary else "out.csv")
+        raise OutputError(f"{target}: is a folder; name a file in it, such as -o {example}")
     if path.exists() and not path.is_file():
         raise OutputError(
-            f"{target}: is no regular file and can't be replaced; name a file, or - for standard output"
+            f"{target}: is no regular file and can't be replaced; "
+            "name a file, or - for standard output"
         )
     if path.exists() and not force:
         raise OutputError(
             f"{target}: exists already; add --force to replace it, or name another file with -o"
         )
+
+    # The folder; of a link, that of the file to which it leads.
     _check_folder(Path(os.path.realpath(path)).parent)
 
 
 def _check_folder(folder: Path) -> None:
-    """Create a folder in it and remove that again: the only test that all file systems and users answer truly."""
+    """Refuse a folder in which no file can be written.
+
+    To make a folder in it and remove it again is the one test that holds on all file systems and
+    for all users.
+    """
     if not folder.is_dir():
         reason = (
             "is a file, not a folder; name another one with -o"
@@ -69,6 +90,8 @@ def _check_folder(folder: Path) -> None:
             else "no such folder; make it first or name another one"
         )
         raise OutputError(f"{folder}: {reason}")
+
+    # Try it.
     try:
         with temporary_folder(folder, OUTPUT_PREFIX):
             pass
@@ -79,7 +102,7 @@ def _check_folder(folder: Path) -> None:
 
 
 def write_archive(target: str, archive: Archive, *, force: bool) -> None:
-    """Save an archive to a file or put it on standard output."""
+    """Write an archive to a file or to standard output."""
     from gpszip.container.writer import write
     from gpszip.io.storage.sink import open_sink
 
@@ -93,7 +116,10 @@ def write_archive(target: str, archive: Archive, *, force: bool) -> None:
 def write_archive_and_map(
     target: str, archive: Archive, map_target: str, updated_map: Archive
 ) -> None:
-    """Write an archive and a renewed map so that neither takes its place before both are on disk; both may replace files."""
+    """Write an archive and its updated map.
+
+    Neither appears before both are on disk. Both may replace files.
+    """
     from gpszip.container.writer import write
     from gpszip.files.atomic_write import atomic_write_all
     from gpszip.files.os_errors import as_output_error
@@ -102,25 +128,25 @@ def write_archive_and_map(
         write_archive(target, archive, force=True)
         write_archive(map_target, updated_map, force=True)
         return
-    with atomic_write_all([target, map_target]) as parts:
-        for name, part, one in zip(
-            (target, map_target), parts, (archive, updated_map), strict=True
-        ):
-            with as_output_error(name), part.open("wb") as file:
-                write(one.contents, file)
+    names = (target, map_target)
+    with atomic_write_all([target, map_target]) as temporary_paths:
+        for name, path, written in zip(names, temporary_paths, (archive, updated_map), strict=True):
+            with as_output_error(name), path.open("wb") as file:
+                write(written.contents, file)
 
 
 def print_status(text: str) -> None:
-    """One line for the person, who reads standard error; standard output carries data only."""
-    # where nobody listens, the exit code still tells
+    """Print a line for a person on standard error; standard output is for data only."""
+    # If standard error is closed, the exit code still says how the command ended.
     with contextlib.suppress(OSError):
         click.echo(text, err=True)
 
 
 def print_json(value: Any, *, err: bool = False) -> None:
-    """One line of strict JSON: numbers that it has no word for become null.
+    """Print a line of strict JSON, in which NaN and infinite numbers are null.
 
-    It is UTF-8 whatever the locale. Bytes of file names that are no UTF-8 are escaped as lone surrogates, as in Python.
+    It is UTF-8 whatever the locale. Bytes of file names that are not UTF-8 are escaped as lone
+    surrogates, as in Python.
     """
     line = json.dumps(_to_strict_json(value), ensure_ascii=False).encode(
         "utf-8", "backslashreplace"

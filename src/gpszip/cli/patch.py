@@ -1,4 +1,4 @@
-"""gpszip patch: gaps of a log filled over roads."""
+"""gpszip patch: fill the gaps of a log over roads."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from gpszip.cli.format_lists import CommandWithFormats
 from gpszip.cli.options import Settings, common_options, force, output_option, time_options
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION
@@ -21,33 +22,40 @@ if TYPE_CHECKING:
 
 __all__ = ["command"]
 
-#: So many gaps that were left open are named; JSON names them all.
+#: Gaps left open that messages name; JSON names them all.
 _MAX_NAMED = 20
 
+#: Outputs that get the text of a CSV log row by row; ``-`` is standard output.
+_TEXT_SUFFIXES = (".csv", ".tsv", ".txt", "-")
 
-@click.command("patch", short_help="Fill the gaps of a log over the roads of a network.")
+
+@click.command(
+    "patch",
+    cls=CommandWithFormats,
+    short_help="Fill the gaps of a log over the roads of a network.",
+)
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True)
 @click.option(
     "--network",
     metavar="FILE",
     multiple=True,
     required=True,
-    help="Roads, prepared ones, or an archive, for its map.",
+    help="Roads: NETWORK_FORMATS. Of an archive, the map is the network.",
 )
 @output_option("patched.csv")
 @click.option(
     "--gap",
     type=DURATION,
     metavar="DURATION",
-    help="Silences longer than this are gaps. Estimated where left out.",
+    help="Intervals without points longer than this are gaps. By default estimated.",
 )
 @click.option(
     "--ignore-oneway",
     is_flag=True,
-    help="All roads lead both ways, as for those who walk or cycle.",
+    help="Travel all roads both ways, as on foot.",
 )
 @click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
-@click.option("--split", is_flag=True, help="Begin a new track where time goes back.")
+@click.option("--split", is_flag=True, help="Start a new track where time goes back.")
 @click.option(
     "--skip-bad",
     is_flag=True,
@@ -56,7 +64,7 @@ _MAX_NAMED = 20
 @click.option(
     "--columns",
     metavar="ROLES",
-    help="Which column is what: t=when,x=east,y=north, or names in order for a log without a header.",
+    help="Which column is what: t=when,x=east,y=north; or names in order, without a header.",
 )
 @time_options
 @click.option("--quiet", is_flag=True, help="Print nothing but errors.")
@@ -69,39 +77,53 @@ def command(
     logs: tuple[str, ...],
     network: tuple[str, ...],
     target: str,
-    **choices: Any,
+    gap: float | None,
+    ignore_oneway: bool,
+    sort: bool,
+    split: bool,
+    skip_bad: bool,
+    columns: str | None,
+    time_unit: str | None,
+    dates: str | None,
+    quiet: bool,
+    force: bool,
 ) -> Outcome:
-    """Fill the gaps of every LOG with the likeliest way over a network's roads, at the log's own rhythm.
+    """Fill the gaps of every LOG with the likeliest path over roads, at the log's own sampling.
 
-    A CSV log comes back row by row as it was, with rows added and the columns source (log or patched) and confidence appended. A gap that
-    can't be filled plausibly is left open and named.
+    A CSV log comes back row by row as it was, with rows added, and with the columns source (log or
+    patched) and confidence appended. A gap that can't be filled plausibly is left open and named.
     """
     from gpszip.cli.output import check_output
 
-    check_output(target, force=choices["force"])
+    check_output(target, force=force)
     from gpszip.io.logs.csv_patching import read_for_patching
     from gpszip.pipeline.match import patch, read_network
 
+    # Read.
     start = time.perf_counter()
-    names = ("columns", "time_unit", "dates", "sort", "split", "skip_bad")
     read_result, text = read_for_patching(
-        list(logs), heading=True, **{name: choices[name] for name in names}
+        list(logs),
+        heading=True,
+        columns=columns,
+        time_unit=time_unit,
+        dates=dates,
+        sort=sort,
+        split=split,
+        skip_bad=skip_bad,
     )
     roads = read_network(list(network), near=read_result.tracks)
-    patching = patch(
-        read_result.tracks,
-        roads.network,
-        gap=choices["gap"],
-        ignore_oneway=choices["ignore_oneway"],
-    )
-    again = text if target.lower().endswith((".csv", ".tsv", ".txt", "-")) else None
-    _write(patching, again, target)
-    if again is not None:
-        read_result = replace(
-            read_result, repairs=tuple(map(_as_kept, read_result.repairs)), losses=()
-        )
-    if settings.json or not choices["quiet"]:
-        _print_result(target, read_result, roads, patching, time.perf_counter() - start, settings)
+
+    # Fill the gaps, and write; of a CSV log, all rows are written again.
+    patching = patch(read_result.tracks, roads.network, gap=gap, ignore_oneway=ignore_oneway)
+    patched_text = text if target.lower().endswith(_TEXT_SUFFIXES) else None
+    _write(patching, patched_text, target)
+    if patched_text is not None:
+        repairs = tuple(map(_as_kept, read_result.repairs))
+        read_result = replace(read_result, repairs=repairs, losses=())
+
+    seconds = time.perf_counter() - start
+    if settings.json or not quiet:
+        _print_result(target, read_result, roads, patching, seconds, settings)
     return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT
 
 
@@ -117,12 +139,11 @@ def _write(patching: Patching, text: PatchableCsv | None, target: str) -> None:
 
 
 def _as_kept(repair: Repair) -> Repair:
-    """Say what becomes of rows that reading drops where all rows are written again."""
+    """Return the repair of rows that reading drops, but that are written again."""
     if not repair.what.endswith(" dropped"):
         return repair
-    return replace(
-        repair, what=repair.what.removesuffix("dropped") + "kept, but not used", drops=False
-    )
+    what = repair.what.removesuffix("dropped") + "kept, but not used"
+    return replace(repair, what=what, drops=False)
 
 
 def _print_result(
@@ -144,47 +165,50 @@ def _print_result(
     )
     from gpszip.cli.units import format_duration
 
+    # For programs.
     repairs = [*read_result.repairs, *roads.repairs]
+    facts = _facts(patching)
     if settings.json:
-        facts = _facts(patching) | {"seconds": round(seconds, 3)}
         print_json(
             {
                 "output": target,
                 **facts,
+                "seconds": round(seconds, 3),
                 **losses_as_dict(read_result),
                 **repairs_as_dict(repairs, read_result.left_out),
             },
             err=target == STDOUT,
         )
         return
+
+    # For a person: what was lost, the open gaps, then one line.
     print_losses(read_result)
     print_left_out(read_result)
-    open_ = _open_gaps(patching)
-    for one in open_[:_MAX_NAMED]:
-        print_status(
-            f"left open: track {one['track']!r} at {one['from']:.15g}, {format_duration(one['seconds'])}: {one['reason']}"
-        )
-    if len(open_) > _MAX_NAMED:
-        print_status(f"left open: {len(open_) - _MAX_NAMED:,} gaps more; --json names them all")
-    print_status(
-        f"{output_label(target)}: {'; '.join([f'{_describe_patching(patching)}, {seconds:.1f} s', *describe_repairs(repairs)])}"
-    )
+    open_gaps = facts["open"]
+    for gap in open_gaps[:_MAX_NAMED]:
+        where = f"track {gap['track']!r} at {gap['from']:.15g}, {format_duration(gap['seconds'])}"
+        print_status(f"left open: {where}: {gap['reason']}")
+    if len(open_gaps) > _MAX_NAMED:
+        more = len(open_gaps) - _MAX_NAMED
+        print_status(f"left open: {more:,} gaps more; --json names them all")
+    lines = [f"{_describe_patching(patching)}, {seconds:.1f} s", *describe_repairs(repairs)]
+    print_status(f"{output_label(target)}: {'; '.join(lines)}")
 
 
 def _describe_patching(patching: Patching) -> str:
-    """What became of the gaps, in words."""
+    """Describe how many gaps were filled."""
     from gpszip.cli.units import format_duration
 
+    gap = format_duration(patching.gap)
     if not patching.patches:
-        longer = (
-            f" longer than {format_duration(patching.gap)}" if math.isfinite(patching.gap) else ""
-        )
+        longer = f" longer than {gap}" if math.isfinite(patching.gap) else ""
         return f"no gaps{longer}, no points added"
-    filled = f"{patching.filled:,} of {len(patching.patches):,} gaps over {format_duration(patching.gap)}"
-    return f"{patching.added:,} points added in {filled}"
+    gaps = f"{patching.filled:,} of {len(patching.patches):,} gaps over {gap}"
+    return f"{patching.added:,} points added in {gaps}"
 
 
 def _facts(patching: Patching) -> dict[str, Any]:
+    """Return the results for JSON: times in seconds."""
     return {
         "points": sum(map(len, patching.tracks)),
         "tracks": len(patching.tracks),
@@ -197,10 +221,11 @@ def _facts(patching: Patching) -> dict[str, Any]:
 
 
 def _open_gaps(patching: Patching) -> list[dict[str, Any]]:
-    answer = []
+    """Return the gaps left open, with the time and length of each and the reason."""
+    gaps = []
     for patch in patching.open:
         track = patching.tracks[patch.track]
-        answer.append(
+        gaps.append(
             {
                 "track": track.id,
                 "from": float(track.times[patch.after]),
@@ -208,4 +233,4 @@ def _open_gaps(patching: Patching) -> list[dict[str, Any]]:
                 "reason": patch.reason,
             }
         )
-    return answer
+    return gaps

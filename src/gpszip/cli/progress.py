@@ -1,4 +1,4 @@
-"""A progress bar on standard error, for people only."""
+"""A progress bar on standard error, if that is a terminal."""
 
 from __future__ import annotations
 
@@ -15,12 +15,17 @@ __all__ = ["progress_bar"]
 
 @contextmanager
 def progress_bar(*, quiet: bool) -> Iterator[Listener | None]:
-    """Listen to the events of a long computation and show them, while standard error is a terminal.
+    """Show the progress of a long computation.
+
+    Parameters
+    ----------
+    quiet : bool
+        Show nothing.
 
     Yields
     ------
     callable or None
-        Takes each :class:`~gpszip.model.Progress`; None where nobody watches.
+        Listener for each :class:`~gpszip.model.Progress`; None if nothing is shown.
     """
     if quiet or not sys.stderr.isatty():
         yield None
@@ -38,7 +43,8 @@ def progress_bar(*, quiet: bool) -> Iterator[Listener | None]:
         def show(event: Progress) -> None:
             bar.update(task, description=event.stage, completed=event.done, total=1.0)
 
-        with on_compile(
-            lambda: bar.update(task, description="compile, once for this installation", total=None)
-        ):
+        def show_compiling() -> None:
+            bar.update(task, description="compile, once for this installation", total=None)
+
+        with on_compile(show_compiling):
             yield show

@@ -1,4 +1,4 @@
-"""gpszip recover: save what is whole in a torn archive."""
+"""gpszip recover: save the intact parts of a damaged archive."""
 
 from __future__ import annotations
 
@@ -10,34 +10,36 @@ from gpszip.cli.outcome import Outcome
 __all__ = ["command"]
 
 
-@click.command("recover", short_help="Save what is whole in a torn archive.")
+@click.command("recover", short_help="Save the intact parts of a damaged archive.")
 @archive_argument
 @output_option("saved.gpsz")
 @force
 @common_options
 @click.pass_obj
 def command(settings: Settings, archive: str, target: str, force: bool) -> Outcome:
-    """Save every whole part of a torn ARCHIVE as a new one, and name what is lost (exit code 3).
+    """Save the intact parts of a damaged ARCHIVE as a new one, and name what is lost (exit code 3).
 
-    An archive of one group of walks (under 128 KiB) has one checksum and is whole or lost.
+    An archive of one group of walks (under 128 KiB) has one checksum: it is intact or lost.
     """
     from gpszip.archive import Archive
     from gpszip.cli.archives import explain_corruption, read_archive_bytes
     from gpszip.cli.output import check_output, print_json, print_status, write_archive
     from gpszip.container.recover import recover_bytes
 
+    # Recover.
     check_output(target, force=force, binary=True)
     data = read_archive_bytes(archive)
     with explain_corruption(archive, data):
         recovered = recover_bytes(data)
     write_archive(target, Archive(recovered.contents), force=force)
+
+    # Say what was saved and what was lost.
     tracks = recovered.contents.tracks
     if settings.json:
         print_json(
             {"output": target, "tracks": tracks, "lost": list(recovered.lost)}, err=target == "-"
         )
     else:
-        print_status(
-            f"{target}: saved tracks {tracks:,}; lost: {'; '.join(recovered.lost) or 'nothing'}"
-        )
+        lost = "; ".join(recovered.lost) or "nothing"
+        print_status(f"{target}: saved tracks {tracks:,}; lost: {lost}")
     return Outcome.LEFT_OUT if recovered.lost else Outcome.DONE

@@ -1,4 +1,4 @@
-"""Being told to end, by whatever signal, is being interrupted: temporary files go, and nothing is written."""
+"""Treat every signal that ends a process as an interrupt: temporary files are removed."""
 
 from __future__ import annotations
 
@@ -12,21 +12,25 @@ __all__ = ["ignore_signals", "interrupt_on_signals"]
 
 @contextmanager
 def interrupt_on_signals() -> Iterator[None]:
-    """Let the signals to terminate and to hang up do what Ctrl-C does, where nobody else has a use for them."""
+    """Raise KeyboardInterrupt at SIGTERM and SIGHUP, as Ctrl-C does.
+
+    Signals that the caller handles or ignores stay as they are. Python sets signals in the main
+    thread only.
+    """
     names = ("SIGTERM", "SIGHUP") if threading.current_thread() is threading.main_thread() else ()
     numbers = [getattr(signal, name) for name in names if hasattr(signal, name)]
-    ours = [number for number in numbers if signal.getsignal(number) is signal.SIG_DFL]
-    for number in ours:
+    unhandled = [number for number in numbers if signal.getsignal(number) is signal.SIG_DFL]
+    for number in unhandled:
         signal.signal(number, signal.default_int_handler)
     try:
         yield
     finally:
-        for number in ours:
+        for number in unhandled:
             signal.signal(number, signal.SIG_DFL)
 
 
 def ignore_signals() -> None:
-    """Let no signal disturb the interpreter on its last steps: all is done, and told."""
+    """Ignore signals while the interpreter shuts down: everything is done and reported."""
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.SIG_IGN)

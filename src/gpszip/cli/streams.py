@@ -1,4 +1,4 @@
-"""The standard streams: those that are closed, and those that break."""
+"""Standard streams that are closed, or break."""
 
 from __future__ import annotations
 
@@ -9,32 +9,38 @@ __all__ = ["flush_stdout", "open_standard_streams"]
 
 
 def open_standard_streams() -> None:
-    """Put something in the place of standard streams that are closed, so that no file is opened under their numbers.
+    """Replace standard streams that are closed.
 
-    Whoever reads or writes standard input or output is told that it is closed; what goes to standard error is lost.
+    Otherwise the next files that are opened would get their numbers. To read or write a replaced
+    standard input or output is an error; text for a closed standard error is lost.
     """
     for number in range(3):
         try:
             os.fstat(number)
         except OSError:
-            # open the wrong way round: every use is an error, as it is of a closed one
+            # Opened for the wrong direction: every use is an error, as of a closed stream.
             os.open(os.devnull, os.O_WRONLY if number == 0 else os.O_RDONLY)
     if sys.stdin is None:
         sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115
     if sys.stdout is None:
         sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
-    # names of files need not be text
+
+    # Names of files need not be valid text.
     if hasattr(sys.stdout, "reconfigure"):
         sys.stdout.reconfigure(errors="backslashreplace")
 
 
 def flush_stdout() -> OSError | None:
-    """Write what standard output still holds; return what is wrong with it, which the end of the interpreter won't say again."""
+    """Write what standard output still buffers, and return the error if that fails.
+
+    After an error, standard output is the null device, so that the interpreter doesn't report the
+    error once more when it shuts down.
+    """
     try:
         sys.stdout.flush()
     except OSError as error:
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, sys.stdout.fileno())
-        os.close(nowhere)
+        null_device = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null_device, sys.stdout.fileno())
+        os.close(null_device)
         return error
     return None

@@ -1,4 +1,4 @@
-"""Instants that a user asks for: a list, or a file with one in each line."""
+"""Parse the times that a user asks for: a list, or a file with one time a line."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ __all__ = ["parse_times"]
 
 
 def parse_times(text: str) -> list[float]:
-    """Instants in seconds in the log's own zero.
+    """Return times in seconds, counted from the zero of the log.
 
     Parameters
     ----------
     text : str
-        Numbers or ISO 8601 dates with commas between them, or the name of a file with one in each line, of which the first
-        column counts and a first line without a time is a header.
+        Numbers or ISO 8601 dates, separated by commas; or the name of a file with one time in the
+        first column of each line. A first line without a time is a header.
 
     Raises
     ------
     InputError
-        If the file can't be read or a line holds no time.
+        If the file can't be read or a line has no time.
     OptionError
-        If the text is neither.
+        If the text is neither a list of times nor a file.
 
     Examples
     --------
@@ -34,18 +34,20 @@ def parse_times(text: str) -> list[float]:
     """
     words = [word.strip() for word in text.split(",")]
     times = [_parse_time(word) for word in words]
-    found = [time for time in times if time is not None]
-    if len(found) == len(words):
-        return found
+    valid_times = [time for time in times if time is not None]
+    if len(valid_times) == len(words):
+        return valid_times
     if os.path.isfile(text):  # noqa: PTH113  # unlike pathlib's, it never raises
         return _read_times(Path(text))
-    bad = words[times.index(None)]
+    invalid = words[times.index(None)]
     raise OptionError(
-        f"--at: {bad!r} is no time and {text!r} no file; write seconds such as 10,20.5 or dates such as 2024-05-01T10:00:00Z"
+        f"--at: {invalid!r} is no time and {text!r} no file; "
+        "write seconds such as 10,20.5 or dates such as 2024-05-01T10:00:00Z"
     )
 
 
 def _read_times(path: Path) -> list[float]:
+    # Read the lines.
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -55,12 +57,15 @@ def _read_times(path: Path) -> list[float]:
         for number, line in enumerate(lines, 1)
         if line.strip()
     ]
+
+    # Drop the header, and refuse any other line without a time.
     if rows and rows[0][1] is None:
         rows = rows[1:]
     for number, time in rows:
         if time is None:
             raise InputError(
-                f"{path}: line {number}: {lines[number - 1]!r} is no time; write one number of seconds or date in each line"
+                f"{path}: line {number}: {lines[number - 1]!r} is no time; "
+                "write one number of seconds or date in each line"
             )
     if not rows:
         raise InputError(
@@ -75,7 +80,7 @@ def _parse_time(word: str) -> float | None:
     except ValueError:
         pass
     try:
-        moment = datetime.fromisoformat(word)
+        time = datetime.fromisoformat(word)
     except ValueError:
         return None
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+    return (time if time.tzinfo else time.replace(tzinfo=UTC)).timestamp()

@@ -1,4 +1,4 @@
-"""Lengths, times and sizes as people write them: 5m, 2km, 30s, 10min, 64MiB."""
+"""Parse and format lengths, durations and sizes: 5m, 2km, 30s, 10min, 64MiB."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ __all__ = [
     "SIZE",
     "Quantity",
     "format_bytes",
+    "format_count",
     "format_duration",
     "format_length",
 ]
 
+#: A number and a unit.
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s]*)\s*")
 
 
@@ -26,18 +28,20 @@ class Quantity(click.ParamType):  # type: ignore[type-arg, unused-ignore]
     Parameters
     ----------
     name : str
-        What is measured, as error messages and help say it.
+        Name of the quantity in messages and help texts.
     units : dict of str to float
-        What each unit is worth; the first one is meant where none is given.
+        Value of each unit in the first one, which a number without a unit has.
     hints : dict of str to str, optional
-        What to say about a unit that people use by mistake.
+        Messages for units that people use by mistake.
     words : dict of str to float, optional
-        Words that stand for a value.
+        Values of words.
 
     Examples
     --------
-    >>> LENGTH.parse("2km"), DURATION.parse("1.5 min"), SIZE.parse("64MiB"), LENGTH.parse("7")
-    (2000.0, 90.0, 67108864.0, 7.0)
+    >>> LENGTH.parse("2km"), DURATION.parse("1.5 min"), SIZE.parse("64MiB")
+    (2000.0, 90.0, 67108864.0)
+    >>> LENGTH.parse("7")
+    7.0
     """
 
     def __init__(
@@ -53,31 +57,36 @@ class Quantity(click.ParamType):  # type: ignore[type-arg, unused-ignore]
         self.words = words or {}
 
     def parse(self, text: str) -> float:
-        """Value in the first unit.
+        """Return the value in the first unit.
 
         Raises
         ------
         ValueError
-            If the text is no positive number with a known unit; the message says what would be.
+            If the text is no positive number with a known unit. The message gives an example.
         """
         if text in self.words:
             return self.words[text]
-        found = _NUMBER.fullmatch(text)
-        if found is None:
+
+        # Number and unit.
+        match = _NUMBER.fullmatch(text)
+        if match is None:
             raise ValueError(
                 f"{text!r} is no {self.name}; write a number and a unit, such as {self._example()}"
             )
-        number, unit = found.groups()
+        number, unit = match.groups()
         if unit in self.hints:
             raise ValueError(f"{text!r}: {self.hints[unit]}")
         if unit and unit not in self.units:
             raise ValueError(
                 f"{text!r}: {unit!r} is no unit of {self.name}; use {', '.join(self.units)}"
             )
+
+        # Value.
         value = float(number) * (self.units[unit] if unit else 1.0)
         if not 0 < value < float("inf"):
             raise ValueError(
-                f"{text!r}: a {self.name} must be greater than 0 and finite, such as {self._example()}"
+                f"{text!r}: a {self.name} must be greater than 0 and finite, "
+                f"such as {self._example()}"
             )
         return value
 
@@ -88,7 +97,7 @@ class Quantity(click.ParamType):  # type: ignore[type-arg, unused-ignore]
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """Parse what the user wrote, for click."""
+        """Convert an option's text, for click."""
         if isinstance(value, float | int):
             return float(value)
         try:
@@ -97,14 +106,17 @@ class Quantity(click.ParamType):  # type: ignore[type-arg, unused-ignore]
             self.fail(str(error), param, ctx)
 
 
+#: Lengths in metres.
 LENGTH = Quantity(
     "length", {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "ft": 0.3048, "mi": 1609.344, "km": 1e3}
 )
+#: Durations in seconds.
 DURATION = Quantity(
     "duration",
     {"s": 1.0, "ms": 1e-3, "h": 3600.0, "d": 86400.0, "min": 60.0},
     hints={"m": "'m' is metres; write min for minutes", "sec": "write s for seconds"},
 )
+#: Sizes in bytes.
 SIZE = Quantity(
     "size",
     {"B": 1.0, "kB": 1e3, "MB": 1e6, "GB": 1e9, "KiB": 1024.0, "GiB": 1024.0**3, "MiB": 1024.0**2},
@@ -119,7 +131,7 @@ SIZE = Quantity(
 
 
 def format_length(metres: float) -> str:
-    """Metres for a person, with three digits.
+    """Format metres with three digits.
 
     Examples
     --------
@@ -130,12 +142,14 @@ def format_length(metres: float) -> str:
 
 
 def format_duration(seconds: float) -> str:
-    """Seconds for a person.
+    """Format seconds with three digits.
 
     Examples
     --------
-    >>> format_duration(2.5), format_duration(600), format_duration(90_000), format_duration(float("inf"))
-    ('2.5 s', '10 min', '25 h', 'none')
+    >>> format_duration(2.5), format_duration(600), format_duration(90_000)
+    ('2.5 s', '10 min', '25 h')
+    >>> format_duration(float("inf"))
+    'none'
     """
     if seconds == float("inf"):
         return "none"
@@ -146,7 +160,7 @@ def format_duration(seconds: float) -> str:
 
 
 def format_bytes(count: float) -> str:
-    """Bytes for a person; exact while small, as every byte of an archive counts.
+    """Format bytes: exactly below 100 kB, since every byte of a small archive counts.
 
     Examples
     --------
@@ -157,3 +171,14 @@ def format_bytes(count: float) -> str:
         return f"{count:,.0f} B"
     unit = "GB" if count >= 1e9 else "MB" if count >= 1e6 else "kB"
     return f"{count / SIZE.units[unit]:.3g} {unit}"
+
+
+def format_count(number: int, noun: str) -> str:
+    """Format a number of things.
+
+    Examples
+    --------
+    >>> format_count(1, "track"), format_count(2000, "point")
+    ('1 track', '2,000 points')
+    """
+    return f"{number:,} {noun}" + ("" if number == 1 else "s")

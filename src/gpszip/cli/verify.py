@@ -1,4 +1,4 @@
-"""gpszip verify: check that every byte of an archive is as it was written."""
+"""gpszip verify: check every byte of an archive."""
 
 from __future__ import annotations
 
@@ -20,10 +20,14 @@ def command(settings: Settings, archive: str, map_name: str | None) -> Outcome:
     from gpszip.cli.archives import explain_corruption, open_archive_bytes, read_archive_bytes
     from gpszip.cli.output import print_json
 
+    # Check and decode.
     data = read_archive_bytes(archive)
     with explain_corruption(archive, data):
         source = open_archive_bytes(archive, data, map_name)
-        knots, tracks = sum(len(walk.nodes) for walk in source.grid_walks.walks), len(source.ids)
+        knots = sum(len(walk.nodes) for walk in source.grid_walks.walks)
+        tracks = len(source.ids)
+
+    # Say what was found.
     if settings.json:
         print_json(
             {
@@ -35,5 +39,5 @@ def command(settings: Settings, archive: str, map_name: str | None) -> Outcome:
             }
         )
     else:
-        click.echo(f"{archive}: whole; {len(data):,} bytes, tracks {tracks:,}, knots {knots:,}")
+        click.echo(f"{archive}: intact; {len(data):,} bytes, tracks {tracks:,}, knots {knots:,}")
     return Outcome.DONE

@@ -1,4 +1,4 @@
-"""gpszip warm: compile everything now, so that the first log needn't wait."""
+"""gpszip warm: compile all kernels now, so that the first log needn't wait."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ from gpszip.cli.outcome import Outcome
 __all__ = ["command"]
 
 
-@click.command("warm", short_help="Compile everything now, so that the first log needn't wait.")
+@click.command("warm", short_help="Compile all kernels now, so that the first log needn't wait.")
 @common_options
 @click.pass_obj
 def command(settings: Settings) -> Outcome:
-    """Compile all kernels into the cache, once for each installation; a minute or two of up to five cores."""
+    """Compile all kernels into the cache, once for each installation.
+
+    This takes a minute or two on up to five cores.
+    """
     from gpszip.cli.output import print_json, print_status
     from gpszip.cli.progress import progress_bar
     from gpszip.pipeline.warm import warm

@@ -16,6 +16,7 @@ from gpszip.errors import CorruptArchiveError
 from gpszip.graph.road_graph import RoadGraph
 from gpszip.graph.route import GAP, STOP, Route, find_arcs, find_route_arcs
 from gpszip.graph.trees import kernel_arcs, new_search_on
+from gpszip.model.text import count_text
 
 __all__ = [
     "Connection",
@@ -56,6 +57,9 @@ class Waypoints:
     nodes: NDArray[np.int32]
     connections: NDArray[np.uint8]
     parallel_indices: NDArray[np.int32]
+
+    def __repr__(self) -> str:
+        return f"Waypoints({count_text(len(self), 'node')})"
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -105,7 +109,7 @@ def find_waypoints(graph: RoadGraph, route: Route, *, breadth: int | None = None
 def find_waypoints_by_bisection(
     graph: RoadGraph, route: Route, *, breadth: int | None = None
 ) -> Waypoints:
-    """Compress a walk by recursive halving, as Traj_compress does (algorithm 6).
+    """Compress a walk by recursive bisection, as Traj_compress does (algorithm 6).
 
     Two misprints are corrected. As printed, the halves are matched and not compressed, which leaves
     all below the first level as it was. And they share no node, which forces the edge between them

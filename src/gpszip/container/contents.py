@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import BinaryIO
 
@@ -26,6 +26,7 @@ __all__ = [
     "MapReference",
     "Section",
     "SpooledBytes",
+    "StoredBytes",
     "find_contradiction",
     "single_group_contents",
 ]
@@ -115,6 +116,36 @@ class SpooledBytes:
             yield self.file.read(min(_CHUNK, self.size - first))
 
 
+@dataclass(frozen=True, eq=False)
+class StoredBytes:
+    """Bytes in the file of an archive, which are read, and checked, when they are asked for.
+
+    Parameters
+    ----------
+    read : callable
+        Reads them.
+    size : int
+        Bytes that they take in the file, with marker, kind, length and checksum.
+    """
+
+    read: Callable[[], bytes]
+    size: int
+
+    def __len__(self) -> int:
+        return len(self.read())
+
+    def __bytes__(self) -> bytes:
+        return self.read()
+
+    def __reduce__(self) -> tuple[type[bytes], tuple[bytes]]:
+        # another process or machine may not have the file
+        return bytes, (self.read(),)
+
+    def chunks(self) -> Iterator[bytes]:
+        """Yield them all at once."""
+        yield self.read()
+
+
 @dataclass(frozen=True)
 class Section:
     """Further bytes of some kind: kept attributes, or what a later version adds.
@@ -123,12 +154,12 @@ class Section:
     ----------
     kind : int
         A :class:`gpszip.container.layout.SectionKind`, or a number below 256 that has no name yet.
-    body : bytes or SpooledBytes
+    body : bytes, SpooledBytes or StoredBytes
         Opaque to the container.
     """
 
     kind: int
-    body: bytes | SpooledBytes
+    body: bytes | SpooledBytes | StoredBytes
 
 
 @dataclass(frozen=True)
@@ -158,7 +189,7 @@ class Contents:
     ids : tuple of str or None
         Ids of the tracks in the order in which the walks are coded; None for one track with the id
         of the first track of a map kept elsewhere.
-    groups : tuple of Group
+    groups : sequence of Group
         At least one; together they hold each track once, in order.
     map : MapReference, optional
         The map, where it is kept elsewhere.
@@ -177,7 +208,7 @@ class Contents:
 
     grid: QuantisationGrid | None
     ids: tuple[str, ...] | None
-    groups: tuple[Group, ...]
+    groups: Sequence[Group]
     map: MapReference | None = None
     extras: tuple[Section, ...] = ()
     layer: str | None = None
@@ -262,7 +293,7 @@ def _check_plane(plane: Plane) -> str | None:
     return None
 
 
-def _check_groups(groups: tuple[Group, ...], tracks: int) -> str | None:
+def _check_groups(groups: Sequence[Group], tracks: int) -> str | None:
     """Say what is wrong with the groups of so many tracks."""
     if not groups:
         return "no walks"

@@ -6,11 +6,12 @@ Any contradiction is a CorruptArchiveError with the offset of the byte.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import BinaryIO, NamedTuple, TypeVar, cast
 
 from gpszip.container.contents import (
     DEFAULT_ID,
@@ -53,6 +54,7 @@ __all__ = [
     "from_bytes",
     "layer_limit",
     "load",
+    "open_file",
     "read_file",
     "read_fully",
     "read_opening",
@@ -162,17 +164,28 @@ def load(path: str | os.PathLike[str]) -> Contents:
 
 def read_file(path: str | os.PathLike[str]) -> bytes:
     """All bytes of a regular file, or an InputError in one line."""
+    with open_file(path) as file:
+        return file.read()
+
+
+@contextmanager
+def open_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+    """Open a regular file without a buffer, to read it; any failure is an InputError in one line.
+
+    A read may give fewer bytes than were asked for.
+    """
     source = Path(path)
     try:
         if source.is_dir():
-            raise InputError(f"{source}: is a folder, not an archive")
+            raise InputError("is a folder, not an archive", path=source)
         if source.exists() and not source.is_file():
-            raise InputError(f"{source}: is no regular file")
-        return source.read_bytes()
+            raise InputError("is no regular file", path=source)
+        with source.open("rb", buffering=0) as file:
+            yield cast(BinaryIO, file)
     except FileNotFoundError:
-        raise InputError(f"{source}: no such file") from None
+        raise InputError("no such file", path=source) from None
     except OSError as error:
-        raise InputError(f"{source}: can't be read: {error.strerror or error}") from None
+        raise InputError(f"can't be read: {error.strerror or error}", path=source) from None
 
 
 def read_sections(data: bytes, head: Head) -> list[StoredSection]:

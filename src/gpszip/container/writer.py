@@ -13,6 +13,7 @@ from gpszip.container.contents import (
     Group,
     Section,
     SpooledBytes,
+    StoredBytes,
     find_contradiction,
 )
 from gpszip.container.error_bound_record import encode_error_bound
@@ -54,7 +55,7 @@ from gpszip.files.atomic_write import atomic_write
 __all__ = ["archive_size", "save", "to_bytes", "write"]
 
 #: Bytes of an archive, or what yields them.
-_Block: TypeAlias = bytes | SpooledBytes
+_Block: TypeAlias = bytes | SpooledBytes | StoredBytes
 
 #: Sections that a large archive may have beside walks and further ones.
 _OTHER_SECTIONS = 4
@@ -174,7 +175,7 @@ def _total(blocks: Sequence[_Block]) -> int:
 
 def _chunks(block: _Block) -> Iterator[bytes]:
     """Bytes of a block, as much at a time as memory holds."""
-    return block.chunks() if isinstance(block, SpooledBytes) else iter((block,))
+    return iter((block,)) if isinstance(block, bytes) else block.chunks()
 
 
 def _compress(contents: Contents) -> list[bytes]:

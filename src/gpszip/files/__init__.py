@@ -1,1 +1,1 @@
-"""Files that are there whole or not at all, whatever fails; temporary folders; errors of disks in plain words."""
+"""Atomic file output, temporary folders, deferred signals and readable disk errors."""

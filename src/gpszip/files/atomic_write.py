@@ -1,4 +1,4 @@
-"""Files that take the place of others once they are whole and on disk."""
+"""Output files that appear at once: complete and on disk, or not at all."""
 
 from __future__ import annotations
 
@@ -19,63 +19,74 @@ __all__ = ["atomic_write", "atomic_write_all"]
 
 @contextmanager
 def atomic_write(path: str | os.PathLike[str], *, force: bool = True) -> Iterator[Path]:
-    """Give a temporary file in the same folder, with the same name; once filled without an error it takes the place of the file.
+    """Yield a temporary path; when the block ends without an error, move the file to ``path``.
+
+    The temporary file has the name of the target and lies in a temporary folder beside it.
 
     Parameters
     ----------
     path : path
-        The file to write. A link stays one: what it points to is replaced.
+        The file to write. If it is a symbolic link, the link stays and its target is replaced.
     force : bool, default True
-        Whether a file of that name is replaced. It hands on its mode.
+        Whether to replace an existing file. The new file takes over its mode.
 
     Raises
     ------
     OutputError
-        If it exists and ``force`` is not given, can't be written, or something else than a file has its name.
+        If the file exists and ``force`` is false, if it can't be written, or if the path is a
+        folder or another kind of special file.
     """
-    with atomic_write_all([path], force=force) as (whole,):
-        yield whole
+    with atomic_write_all([path], force=force) as (temporary,):
+        yield temporary
 
 
 @contextmanager
 def atomic_write_all(
     paths: Sequence[str | os.PathLike[str]], *, force: bool = True
 ) -> Iterator[list[Path]]:
-    """Do the same for several files, none of which takes its place before all are on disk.
+    """Write several files; move none of them to its target before all are on disk.
 
     Parameters
     ----------
     paths : sequence of path
-        The files, in the order in which they take their places.
+        The files, in the order in which they are moved to their targets.
     force : bool, default True
-        Whether files of that name are replaced.
+        Whether to replace existing files.
 
     Raises
     ------
     OutputError
-        As of :func:`atomic_write`; it names the files that have taken their places already.
+        As :func:`atomic_write`. The message names the files that were already moved.
     """
     targets = [_resolve_target(path, force) for path in paths]
     written: list[str] = []
     with _report_written(written), contextlib.ExitStack() as stack:
-        rooms = [stack.enter_context(_temporary_folder_beside(target)) for target in targets]
-        parts = [room / target.name for room, target in zip(rooms, targets, strict=True)]
+        # each temporary file has the same file system and the same name as its target
+        folders = [stack.enter_context(_temporary_folder_beside(target)) for target in targets]
+        temporaries = [
+            folder / target.name for folder, target in zip(folders, targets, strict=True)
+        ]
+
+        # let the caller fill them
         try:
-            yield parts
+            yield temporaries
         except OSError as error:
+            # of several files, the error can't be attributed to one
             if len(targets) > 1 or _names_other_file(error, targets[0]):
                 raise
             with as_output_error(targets[0]):
                 raise
 
-        # all on disk, and only then in place
-        for part, target in zip(parts, targets, strict=True):
+        # first flush all of them to disk
+        for temporary, target in zip(temporaries, targets, strict=True):
             with as_output_error(target):
-                _sync_file(part, target)
+                _sync_file(temporary, target)
+
+        # then move them to their targets; Ctrl-C waits until all are moved
         with defer_signals():
-            for part, target in zip(parts, targets, strict=True):
+            for temporary, target in zip(temporaries, targets, strict=True):
                 with as_output_error(target):
-                    _publish(part, target, force=force)
+                    _publish(temporary, target, force=force)
                 written.append(str(target))
                 report_output(f"{target} is written")
             stack.close()
@@ -83,7 +94,7 @@ def atomic_write_all(
 
 @contextmanager
 def _report_written(written: list[str]) -> Iterator[None]:
-    """Tell of any error after files were written that they are."""
+    """Add the files that are already written to the message of an OutputError."""
     try:
         yield
     except OutputError as error:
@@ -93,13 +104,16 @@ def _report_written(written: list[str]) -> Iterator[None]:
 
 
 def _resolve_target(path: str | os.PathLike[str], force: bool) -> Path:
-    """The file behind a name, which may be replaced."""
+    """Follow symbolic links; raise OutputError if the target may not be replaced."""
     named = Path(path)
+
     # unlike pathlib's, the functions of os.path never raise
     if os.path.isdir(named):  # noqa: PTH112
         raise OutputError(f"{named}: is a folder; name a file in it")
     if not force and os.path.lexists(named):
         raise _exists_error(named)
+
+    # devices and pipes can't be replaced by a file
     target = Path(os.path.realpath(named))
     if os.path.lexists(target) and not os.path.isfile(target):  # noqa: PTH113
         raise OutputError(
@@ -114,21 +128,23 @@ def _exists_error(target: Path) -> OutputError:
 
 @contextmanager
 def _temporary_folder_beside(target: Path) -> Iterator[Path]:
+    """Make a temporary folder beside the target: a move within a file system is atomic."""
     with contextlib.ExitStack() as stack:
         with as_output_error(target):
-            room = stack.enter_context(temporary_folder(target.parent, OUTPUT_PREFIX))
-        yield room
+            folder = stack.enter_context(temporary_folder(target.parent, OUTPUT_PREFIX))
+        yield folder
 
 
-def _sync_file(part: Path, target: Path) -> None:
-    """Put what was written on disk, with the mode of the file that it replaces."""
-    with part.open("rb+") as stream:
+def _sync_file(temporary: Path, target: Path) -> None:
+    """Flush a file to disk and give it the mode of the file that it replaces."""
+    with temporary.open("rb+") as stream:
         os.fsync(stream.fileno())
     if target.exists():
-        part.chmod(target.stat().st_mode & 0o777)
+        temporary.chmod(target.stat().st_mode & 0o777)
 
 
 def _sync_folder(folder: Path) -> None:
+    """Flush a folder's list of names to disk, where the system can."""
     # some systems don't open folders; the file itself is on disk by now
     with contextlib.suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
@@ -138,26 +154,30 @@ def _sync_folder(folder: Path) -> None:
             os.close(handle)
 
 
-def _publish(part: Path, target: Path, *, force: bool) -> None:
-    """Let what is on disk take its name."""
-    if force or not _try_hardlink(part, target):
-        part.replace(target)
+def _publish(temporary: Path, target: Path, *, force: bool) -> None:
+    """Give a finished file the name of its target."""
+    if force or not _try_hardlink(temporary, target):
+        temporary.replace(target)
     _sync_folder(target.parent)
 
 
-def _try_hardlink(part: Path, target: Path) -> bool:
-    """Give a file a second name: unlike a rename, it never takes the place of a file that another process made meanwhile."""
+def _try_hardlink(temporary: Path, target: Path) -> bool:
+    """Link a file to its target name; return False if the file system has no hard links.
+
+    Unlike a rename, a link never replaces a file that another process created meanwhile.
+    """
     try:
-        target.hardlink_to(part)
+        target.hardlink_to(temporary)
     except OSError:
         if os.path.lexists(target):
             raise _exists_error(target) from None
-        return False  # the file system has no links
+        return False
     return True
 
 
 def _names_other_file(error: OSError, target: Path) -> bool:
-    """Whether an error names a file that is neither the target nor on its way to become it."""
+    """Whether an error names a file outside the target's folder."""
     if not isinstance(error.filename, (str, bytes)):
         return False
-    return target.parent not in (one := Path(os.fsdecode(error.filename)), *one.parents)
+    named = Path(os.fsdecode(error.filename))
+    return target.parent not in (named, *named.parents)

@@ -10,7 +10,7 @@ from types import FrameType
 
 __all__ = ["defer_signals"]
 
-#: Those of Ctrl-C, to terminate and to hang up.
+#: The signals of Ctrl-C, ``kill`` and a closed terminal, as far as the system has them.
 _SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
 )
@@ -18,22 +18,26 @@ _SIGNALS = tuple(
 
 @contextmanager
 def defer_signals() -> Iterator[None]:
-    """Put off what signals do until the block is through; in other threads than the main one, they do nothing anyway."""
+    """Delay the handling of signals until the block ends.
+
+    Python handles signals in the main thread only; in other threads this does nothing.
+    """
+    # handlers that Python would call; others are the system's and stay
     handlers = {}
     if threading.current_thread() is threading.main_thread():
-        found = {number: signal.getsignal(number) for number in _SIGNALS}
-        handlers = {number: handler for number, handler in found.items() if callable(handler)}
-    came: list[tuple[int, FrameType | None]] = []
+        current = {number: signal.getsignal(number) for number in _SIGNALS}
+        handlers = {number: handler for number, handler in current.items() if callable(handler)}
 
-    # note them
+    # record signals during the block
+    received: list[tuple[int, FrameType | None]] = []
     try:
         for number in handlers:
-            signal.signal(number, lambda *signalled: came.append(signalled))
+            signal.signal(number, lambda *arguments: received.append(arguments))
         yield
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
 
-    # and do what the first one wanted
-    for number, frame in came[:1]:
-        handlers[signal.Signals(number)](number, frame)
+    # handle the first one now
+    for number, stack in received[:1]:
+        handlers[signal.Signals(number)](number, stack)

@@ -1,4 +1,4 @@
-"""What is wrong with a disk, in plain words, and what to do about it."""
+"""Errors of the operating system, with a remedy in plain words."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from gpszip.errors import OutputError
 
 __all__ = ["as_output_error", "copy_notes", "explain_os_error"]
 
-#: What to do about a system's error.
+#: Remedy by error number. Numbers without an entry are reported without a remedy.
 _REMEDIES = {
-    errno.ENOSPC: "free some room or name a file on another disk",
-    errno.EDQUOT: "free some room or name a file on another disk",
+    errno.ENOSPC: "free some space or name a file on another disk",
+    errno.EDQUOT: "free some space or name a file on another disk",
     errno.EFBIG: "name a file on a disk that takes larger ones",
     errno.EROFS: "name a file on another disk",
     errno.EACCES: "check the owner and the mode of file and folder",
@@ -27,17 +27,17 @@ _REMEDIES = {
 
 
 def explain_os_error(error: OSError) -> str:
-    """Say what the system complains of, and what to do about it.
+    """Return the system's message with a remedy, in one line.
 
     Parameters
     ----------
     error : OSError
-        Of any call.
+        From any call.
 
     Examples
     --------
     >>> explain_os_error(OSError(errno.ENOSPC, "No space left on device"))
-    'No space left on device; free some room or name a file on another disk'
+    'No space left on device; free some space or name a file on another disk'
     """
     # Arrow's errors have several lines and no number
     text = error.strerror or (str(error).splitlines() or [type(error).__name__])[0]
@@ -47,12 +47,12 @@ def explain_os_error(error: OSError) -> str:
 
 @contextmanager
 def as_output_error(target: str | os.PathLike[str]) -> Iterator[None]:
-    """Name the file that can't be written.
+    """Re-raise OSError as OutputError that names the target.
 
     Parameters
     ----------
     target : path
-        The file.
+        The file that can't be written.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def as_output_error(target: str | os.PathLike[str]) -> Iterator[None]:
 
 
 def copy_notes(error: OutputError, before: BaseException) -> OutputError:
-    """Return an error with the notes of the one that led to it, such as of temporary folders that are left."""
+    """Copy the notes of an earlier error, such as on temporary folders that remain."""
     for note in getattr(before, "__notes__", ()):
         error.add_note(note)
     return error

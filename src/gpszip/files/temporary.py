@@ -1,4 +1,4 @@
-"""Temporary folders, which go with all that is in them."""
+"""Temporary folders that are removed with their content, even after a killed process."""
 
 from __future__ import annotations
 
@@ -17,52 +17,59 @@ from gpszip.files.interrupts import defer_signals
 
 try:
     import fcntl
-except ImportError:  # Windows has none: nobody can tell there whether a folder is still in use
+except ImportError:  # on Windows nothing shows whether a folder is still in use
     fcntl = None  # type: ignore[assignment]
 
 __all__ = ["OUTPUT_PREFIX", "SCRATCH_PREFIX", "temporary_folder"]
 
-#: Names of temporary folders begin like this: beside an output, and in TMPDIR.
-OUTPUT_PREFIX, SCRATCH_PREFIX = ".gpszip-", "gpszip-"
+#: Prefix of temporary folders beside an output file; hidden, as the user's folder is listed.
+OUTPUT_PREFIX = ".gpszip-"
 
-#: Their names end like this.
+#: Prefix of temporary folders in TMPDIR.
+SCRATCH_PREFIX = "gpszip-"
+
+#: Suffix of all temporary folders.
 _SUFFIX = ".part"
 
-#: Seconds after which a folder that no process has locked is taken for one that a killed process left.
+#: Seconds without a write after which an unlocked folder counts as left by a killed process.
 _STALE_AFTER = 3600.0
 
 
 @contextmanager
 def temporary_folder(parent: Path, prefix: str) -> Iterator[Path]:
-    """Make a folder for temporary files; it goes at the end with all that is in it, and so do those that killed processes left.
+    """Create a temporary folder and remove it when the block ends.
+
+    Stale folders of killed processes in the same parent are removed, too.
 
     Parameters
     ----------
     parent : Path
-        The folder to make it in.
+        The folder to create it in.
     prefix : str
-        What its name begins with.
+        First characters of its name.
 
     Raises
     ------
     OSError
-        If it can't be made.
+        If it can't be created.
     OutputError
-        If it can't be removed. If something else went wrong before, that error bears a note.
+        If it can't be removed. If the block raised an error, that error gets a note instead.
     """
     _remove_stale(parent, prefix)
-    room = None
+    folder = None
     try:
+        # a signal between creation and registration would leave the folder behind
         with defer_signals():
-            room = _TemporaryFolder(
+            folder = _TemporaryFolder(
                 Path(tempfile.mkdtemp(prefix=prefix, suffix=_SUFFIX, dir=parent))
             )
-        yield room.path
+        yield folder.path
     except BaseException as error:
-        if room is not None and (complaint := room.remove()):
+        if folder is not None and (complaint := folder.remove()):
             error.add_note(complaint)
         raise
-    if complaint := room.remove():
+
+    if complaint := folder.remove():
         raise OutputError(complaint)
 
 
@@ -72,32 +79,35 @@ class _TemporaryFolder:
     Parameters
     ----------
     path : Path
-        The folder, which is there.
+        The folder; it exists.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lock = _lock_folder(path)
-        # if a signal stops its removal, it goes when the interpreter ends
+        # if a signal interrupts the removal, the interpreter removes it at exit
         self._finalizer = weakref.finalize(self, shutil.rmtree, path, ignore_errors=True)
 
     def remove(self) -> str:
-        """Remove the folder; return what is left of it to be removed by somebody else, in words."""
+        """Remove the folder; return "" or a message that says what the user must delete."""
         with defer_signals():
             self._finalizer.detach()
             try:
                 shutil.rmtree(self.path)
             except FileNotFoundError:
-                return ""  # somebody else has removed it, maybe with the folder that it was in
+                return ""  # another process removed it, perhaps together with its parent
             except OSError as error:
-                return f"{self.path}: this temporary folder can't be removed ({error.strerror}); delete it"
+                return (
+                    f"{self.path}: this temporary folder can't be removed ({error.strerror}); "
+                    "delete it"
+                )
             finally:
                 _unlock_folder(self._lock)
         return ""
 
 
 def _lock_folder(folder: Path) -> int | None:
-    """Lock a folder that nobody else has locked and return the handle that holds the lock; None where that can't be."""
+    """Lock a folder; return the handle of the lock, or None if it is locked or can't be."""
     if fcntl is None:
         return None
     handle = None
@@ -111,21 +121,21 @@ def _lock_folder(folder: Path) -> int | None:
 
 
 def _unlock_folder(handle: int | None) -> None:
-    # nothing was written through it, so that nothing is lost if closing it fails
+    """Close the handle of a lock; errors don't matter, as nothing was written through it."""
     if handle is not None:
         with contextlib.suppress(OSError):
             os.close(handle)
 
 
 def _remove_stale(parent: Path, prefix: str) -> None:
-    """Remove the temporary folders of this user that no process has locked and nobody has written to for an hour."""
+    """Remove unlocked temporary folders of this user without a write for an hour."""
     with contextlib.suppress(OSError), os.scandir(parent) as entries:
-        names = [
-            entry.path
+        folders = [
+            Path(entry.path)
             for entry in entries
             if entry.name.startswith(prefix) and entry.name.endswith(_SUFFIX)
         ]
-        for folder in map(Path, names):
+        for folder in folders:
             if (lock := _lock_folder(folder)) is None:
                 continue
             try:
@@ -136,11 +146,11 @@ def _remove_stale(parent: Path, prefix: str) -> None:
 
 
 def _is_stale(folder: Path) -> bool:
-    """Whether a folder is this user's and all in it is old."""
+    """Whether a folder belongs to this user and neither it nor its content is recent."""
     with contextlib.suppress(OSError):
-        found = [folder.lstat(), *(path.lstat() for path in folder.iterdir())]
+        stats = [folder.lstat(), *(path.lstat() for path in folder.iterdir())]
         return (
-            found[0].st_uid == os.geteuid()
-            and max(one.st_mtime for one in found) < time.time() - _STALE_AFTER
+            stats[0].st_uid == os.geteuid()
+            and max(stat.st_mtime for stat in stats) < time.time() - _STALE_AFTER
         )
     return False

@@ -1,4 +1,4 @@
-"""What a run has written so far, for what is said if it ends early."""
+"""Record of the outputs that a run has written, for messages if it ends early."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ _written: ContextVar[list[str] | None] = ContextVar("written", default=None)
 
 @contextmanager
 def collect_outputs() -> Iterator[list[str]]:
-    """Give a list that takes what is written, in words, for as long as the block lasts."""
+    """Yield a list to which :func:`report_output` appends while the block runs."""
     written: list[str] = []
-    before = _written.set(written)
+    token = _written.set(written)
     try:
         yield written
     finally:
-        _written.reset(before)
+        _written.reset(token)
 
 
-def report_output(what: str) -> None:
-    """Tell whoever listens, see :func:`collect_outputs`, what is written."""
-    listener = _written.get()
-    if listener is not None:
-        listener.append(what)
+def report_output(message: str) -> None:
+    """Append a message such as "walks.gpz is written" to the list of :func:`collect_outputs`."""
+    written = _written.get()
+    if written is not None:
+        written.append(message)

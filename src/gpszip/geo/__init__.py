@@ -1,1 +1,1 @@
-"""Metric planes, gaps, outliers and the antimeridian."""
+"""Positions on the earth: metric planes, gaps, outliers, sampling and the antimeridian."""

@@ -1,7 +1,8 @@
-"""Lines that cross the antimeridian, where longitudes jump between 180 and -180 degrees.
+"""Lines that cross the antimeridian, where longitude jumps between 180 and -180 degrees.
 
-Whoever draws or interpolates such a line in degrees goes round the world instead. A line is therefore brought to the
-antimeridian on one side and goes on from it on the other, so that it can be cut between the two (RFC 7946, 3.1.9).
+Programs that draw or interpolate such a line in degrees go the long way round the world. This
+module adds two points at each crossing, one at 180 and one at -180 degrees, so that the line can
+be cut between them (RFC 7946, 3.1.9).
 """
 
 from __future__ import annotations
@@ -13,24 +14,24 @@ __all__ = ["align_antimeridian_signs", "find_crossings", "insert_crossings", "wr
 
 Floats = NDArray[np.float64]
 
-#: A leg in time this many ticks long has room for two more points; shorter ones are left as they are.
+#: Ticks; shortest step that has space for two more points with whole ticks between all four.
 _MIN_STEP_TICKS = 4
 
 
 def wrap_degrees(degrees: Floats) -> Floats:
-    """Bring differences of longitudes into [-180, 180).
+    """Wrap differences of longitudes to [-180, 180).
 
     Examples
     --------
     >>> wrap_degrees(np.array([359.0, -190.0, 12.0])).tolist()
     [-1.0, 170.0, 12.0]
     """
-    between: Floats = (degrees + 180.0) % 360.0 - 180.0
-    return between
+    wrapped: Floats = (degrees + 180.0) % 360.0 - 180.0
+    return wrapped
 
 
 def find_crossings(lon: Floats) -> NDArray[np.bool_]:
-    """Find the steps that lead across the antimeridian.
+    """Find the steps that cross the antimeridian.
 
     Parameters
     ----------
@@ -46,12 +47,14 @@ def find_crossings(lon: Floats) -> NDArray[np.bool_]:
     >>> find_crossings(np.array([179.0, -179.0, -178.0])).tolist()
     [True, False]
     """
-    far: NDArray[np.bool_] = np.abs(np.diff(lon)) > 180.0
-    return far
+    crosses: NDArray[np.bool_] = np.abs(np.diff(lon)) > 180.0
+    return crosses
 
 
 def align_antimeridian_signs(lon: Floats) -> Floats:
-    """Give points that lie on the antimeridian the sign of their neighbours, as 180 and -180 are the same place.
+    """Give points on the antimeridian the sign of their neighbours.
+
+    180 and -180 degrees are the same meridian; the wrong sign looks like a crossing.
 
     Parameters
     ----------
@@ -61,37 +64,40 @@ def align_antimeridian_signs(lon: Floats) -> Floats:
     Returns
     -------
     float64 array, shape (n,)
-        The side of the last point before that lies off the antimeridian, or else of the first one behind.
+        Each point on the antimeridian has the sign of the last point before it that is not on
+        it, or else of the first one after it. If all points are on it, they are at 180 degrees.
 
     Examples
     --------
     >>> align_antimeridian_signs(np.array([-180.0, 179.0, -180.0, 180.0, -179.0])).tolist()
     [180.0, 179.0, 180.0, 180.0, -179.0]
     """
-    on = np.abs(lon) == 180.0
-    if not on.any() or on.all():
-        return lon if not on.any() else np.full_like(lon, 180.0)
+    is_on = np.abs(lon) == 180.0
+    if not is_on.any():
+        return lon
+    if is_on.all():
+        return np.full_like(lon, 180.0)
 
-    # index of the last point off the antimeridian, at the start that of the first one
-    last = np.maximum.accumulate(np.where(on, -1, np.arange(len(lon))))
-    last[last < 0] = np.argmin(on)
-    return np.where(on, np.copysign(180.0, lon[last]), lon)
+    # index of the last point off the antimeridian; before the first one, of the first one
+    last_off = np.maximum.accumulate(np.where(is_on, -1, np.arange(len(lon))))
+    last_off[last_off < 0] = np.argmin(is_on)
+    return np.where(is_on, np.copysign(180.0, lon[last_off]), lon)
 
 
 def insert_crossings(
     times: Floats, lat: Floats, lon: Floats, tick: float
 ) -> tuple[Floats, Floats, Floats]:
-    """Add two points at each crossing of the antimeridian: at 180 degrees on the one side and on the other.
+    """Insert two points at each crossing of the antimeridian, at 180 and at -180 degrees.
 
     Parameters
     ----------
     times : float64 array, shape (n,)
-        Increasing; any number that tells where on the line a point is will do.
+        Increasing. For a line without times, any number that increases along it.
     lat, lon : float64 array, shape (n,)
-        Degrees, linear in ``times`` on the shorter way from one point to the next.
+        Degrees, linear in ``times`` along the shorter arc from each point to the next.
     tick : float
-        The two points lie this much apart in time, as times have to increase. Steps of less than four ticks are left as
-        they are.
+        Time between the two points, as times must increase; other times are rounded to multiples
+        of it. Steps of less than four ticks are left unchanged. May be 0.
 
     Returns
     -------
@@ -99,34 +105,40 @@ def insert_crossings(
 
     Examples
     --------
-    >>> insert_crossings(np.array([0.0, 4.0]), np.array([1.0, 2.0]), np.array([179.0, -179.0]), 0.5)
-    (array([0. , 2. , 2.5, 4. ]), array([1. , 1.5, 1.5, 2. ]), array([ 179.,  180., -180., -179.]))
+    >>> lat, lon = np.array([1.0, 2.0]), np.array([179.0, -179.0])
+    >>> times, lat, lon = insert_crossings(np.array([0.0, 4.0]), lat, lon, 0.5)
+    >>> times.tolist(), lat.tolist(), lon.tolist()
+    ([0.0, 2.0, 2.5, 4.0], [1.0, 1.5, 1.5, 2.0], [179.0, 180.0, -180.0, -179.0])
     """
+    # steps that cross, and are long enough
     lon = align_antimeridian_signs(lon)
-    across = np.flatnonzero(find_crossings(lon) & (np.diff(times) >= _MIN_STEP_TICKS * tick))
-    if not len(across):
+    steps = np.flatnonzero(find_crossings(lon) & (np.diff(times) >= _MIN_STEP_TICKS * tick))
+    if not len(steps):
         return times, lat, lon
 
-    # where the line meets the antimeridian, as a share of the step
-    side = np.copysign(180.0, lon[across])
-    step = wrap_degrees(lon[across + 1] - lon[across])
-    share = np.clip((side - lon[across]) / np.where(step == 0, 1.0, step), 0.0, 1.0)
+    # share of each step at which the line meets the antimeridian
+    side = np.copysign(180.0, lon[steps])
+    difference = wrap_degrees(lon[steps + 1] - lon[steps])
+    share = np.clip((side - lon[steps]) / np.where(difference == 0, 1.0, difference), 0.0, 1.0)
 
-    # when, on whole ticks, with room for both points within the step
-    start, end = times[across], times[across + 1]
-    when = start + share * (end - start)
+    # its time, in whole ticks, with space for both points within the step
+    start, end = times[steps], times[steps + 1]
+    crossing_times = start + share * (end - start)
     if tick:
-        when = np.clip(np.rint(when / tick) * tick, start + tick, end - 2 * tick)
+        crossing_times = np.clip(
+            np.rint(crossing_times / tick) * tick, start + tick, end - 2 * tick
+        )
 
-    # a step that starts on the antimeridian needs no more than the point on the other side
-    wanted = np.stack([share > 0, np.ones(len(share), np.bool_)], axis=1).ravel()
+    # a step that starts on the antimeridian needs the second point only
+    is_needed = np.stack([share > 0, np.ones(len(share), np.bool_)], axis=1).ravel()
 
-    where = np.repeat(across + 1, 2)[wanted]
-    there = np.repeat(lat[across] + share * (lat[across + 1] - lat[across]), 2)[wanted]
-    instants = np.stack([when, when + tick], axis=1).ravel()[wanted]
-    sides = np.stack([side, -side], axis=1).ravel()[wanted]
+    # columns of the new points, two for each step
+    rows = np.repeat(steps + 1, 2)[is_needed]
+    new_times = np.stack([crossing_times, crossing_times + tick], axis=1).ravel()[is_needed]
+    new_lat = np.repeat(lat[steps] + share * (lat[steps + 1] - lat[steps]), 2)[is_needed]
+    new_lon = np.stack([side, -side], axis=1).ravel()[is_needed]
     return (
-        np.insert(times, where, instants),
-        np.insert(lat, where, there),
-        np.insert(lon, where, sides),
+        np.insert(times, rows, new_times),
+        np.insert(lat, rows, new_lat),
+        np.insert(lon, rows, new_lon),
     )

@@ -1,4 +1,4 @@
-"""Coordinates of any system that has a name to longitude and latitude."""
+"""Conversion from any named coordinate reference system (CRS) to longitude and latitude."""
 
 from __future__ import annotations
 
@@ -14,21 +14,24 @@ if TYPE_CHECKING:
 
 __all__ = ["is_geographic", "is_local", "to_degrees"]
 
+#: Characters of an unknown CRS in a message; well-known text takes many lines.
+_MAX_CRS_CHARACTERS = 60
+
 
 def is_geographic(crs: str, where: str) -> bool:
-    """Whether a coordinate system is in degrees.
+    """Whether a coordinate reference system is in degrees.
 
     Parameters
     ----------
     crs : str
         A name such as ``EPSG:32633``, or well-known text.
     where : str
-        Name of the data for messages.
+        Name of the data, for messages.
 
     Raises
     ------
     InputError
-        If nobody knows it.
+        If the system is unknown.
 
     Examples
     --------
@@ -39,7 +42,7 @@ def is_geographic(crs: str, where: str) -> bool:
 
 
 def is_local(crs: str, where: str) -> bool:
-    """Whether a coordinate system lies nowhere on the earth, as that of a building.
+    """Whether a coordinate reference system is tied to no position on earth, as in a building.
 
     Parameters
     ----------
@@ -49,7 +52,7 @@ def is_local(crs: str, where: str) -> bool:
     Raises
     ------
     InputError
-        If nobody knows it.
+        If the system is unknown.
 
     Examples
     --------
@@ -59,7 +62,48 @@ def is_local(crs: str, where: str) -> bool:
     return bool(_parse_crs(crs, where).is_engineering)
 
 
+def to_degrees(points: NDArray[np.float64], crs: str, where: str) -> NDArray[np.float64]:
+    """Convert coordinates to longitude and latitude on WGS84.
+
+    Parameters
+    ----------
+    points : float64 array, shape (n, 2)
+        Coordinates in the system's own units, east first.
+    crs : str
+        The system.
+    where : str
+        Name of the data, for messages.
+
+    Returns
+    -------
+    float64 array, shape (n, 2)
+        Degrees, longitude first; infinite where the system has no such position.
+
+    Raises
+    ------
+    InputError
+        If the system is unknown.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> to_degrees(np.array([[500000.0, 0.0]]), "EPSG:32633", "roads").round(6).tolist()
+    [[15.0, 0.0]]
+    """
+    parsed = _parse_crs(crs, where)
+    from pyproj import Transformer
+    from pyproj.exceptions import ProjError
+
+    try:
+        transformer = Transformer.from_crs(parsed, "EPSG:4326", always_xy=True)
+        lon, lat = transformer.transform(points[:, 0], points[:, 1])
+    except ProjError as error:
+        raise _unknown_crs_error(crs, where) from error
+    return np.stack((lon, lat), axis=1)
+
+
 def _parse_crs(crs: str, where: str) -> CRS:
+    """Parse a name or well-known text; raise InputError if it is unknown."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
@@ -70,48 +114,7 @@ def _parse_crs(crs: str, where: str) -> CRS:
 
 
 def _unknown_crs_error(crs: str, where: str) -> InputError:
-    short = " ".join(crs.split())[:60]
+    shortened = " ".join(crs.split())[:_MAX_CRS_CHARACTERS]
     return InputError(
-        f"{where}: unknown coordinate system {short!r}; convert it to WGS84 (EPSG:4326) first"
+        f"{where}: unknown coordinate system {shortened!r}; convert it to WGS84 (EPSG:4326) first"
     )
-
-
-def to_degrees(points: NDArray[np.float64], crs: str, where: str) -> NDArray[np.float64]:
-    """Longitude and latitude on WGS84.
-
-    Parameters
-    ----------
-    points : float64 array, shape (n, 2)
-        In the system's own units, east first.
-    crs : str
-        The system.
-    where : str
-        Name of the data for messages.
-
-    Returns
-    -------
-    float64 array, shape (n, 2)
-        Degrees, longitude first; infinite where the system holds no such place.
-
-    Raises
-    ------
-    InputError
-        If nobody knows the system.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> to_degrees(np.array([[500000.0, 0.0]]), "EPSG:32633", "roads").round(6).tolist()
-    [[15.0, 0.0]]
-    """
-    known = _parse_crs(crs, where)
-    from pyproj import Transformer
-    from pyproj.exceptions import ProjError
-
-    try:
-        lon, lat = Transformer.from_crs(known, "EPSG:4326", always_xy=True).transform(
-            points[:, 0], points[:, 1]
-        )
-    except ProjError as error:
-        raise _unknown_crs_error(crs, where) from error
-    return np.stack((lon, lat), axis=1)

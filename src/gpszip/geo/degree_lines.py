@@ -1,4 +1,4 @@
-"""Many lines on a plane as lines in degrees, which are cut where they cross the antimeridian."""
+"""Lines in degrees for map exports, cut where they cross the antimeridian."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["DegreeLines", "cut_at_antimeridian", "lines_in_degrees"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Decimals of the shares of a step between two points.
+#: Decimals of the position along a line, in units of a step between two points.
 _SHARE_DECIMALS = 9
 
 
@@ -29,9 +29,9 @@ class DegreeLines:
     points : float64 array, shape (n, 2)
         Longitude and latitude.
     offsets : int64 array, shape (L + 1,)
-        Line i runs through ``points[offsets[i]:offsets[i + 1]]``.
+        Line i has the points ``points[offsets[i]:offsets[i + 1]]``.
     cuts : int64 array, shape (c,)
-        Sorted indices into ``points`` at which a line begins anew, on the other side of the antimeridian.
+        Sorted indices of points at which a line continues on the other side of the antimeridian.
     """
 
     points: Floats
@@ -42,20 +42,20 @@ class DegreeLines:
 def lines_in_degrees(
     positions: Floats, offsets: Ints, plane: Plane, max_deviation: float, *, decimals: int
 ) -> DegreeLines:
-    """Lay lines on a plane in degrees, with as many more points as they need to stay where they are.
+    """Convert lines on a plane to degrees, with extra points where they would deviate.
 
     Parameters
     ----------
     positions : float64 array, shape (n, 2)
         Metres.
     offsets : int64 array, shape (L + 1,)
-        Line i runs through ``positions[offsets[i]:offsets[i + 1]]``, which are one point or more.
+        Line i has the points ``positions[offsets[i]:offsets[i + 1]]``, at least one.
     plane : Plane
-        Where they lie on the earth.
+        The planes of the positions.
     max_deviation : float
         Metres by which the lines may deviate.
     decimals : int
-        To which degrees are rounded.
+        Decimals to which degrees are rounded.
 
     Returns
     -------
@@ -64,14 +64,16 @@ def lines_in_degrees(
     Examples
     --------
     >>> plane = Plane(((0, 1800000000),))
-    >>> lines = lines_in_degrees(np.array([[-111.32, 0.0], [111.32, 0.0]]), np.array([0, 2]), plane, 0.1, decimals=5)
+    >>> positions = np.array([[-111.32, 0.0], [111.32, 0.0]])
+    >>> lines = lines_in_degrees(positions, np.array([0, 2]), plane, 0.1, decimals=5)
     >>> lines.points.tolist(), lines.cuts.tolist()
     ([[179.999, 0.0], [180.0, 0.0], [-180.0, 0.0], [-179.999, 0.0]], [2])
     """
+    # the step from the end of a line to the start of the next one belongs to none
     skipped = np.zeros(max(len(positions) - 1, 0), np.bool_)
     skipped[offsets[1:-1] - 1] = True
 
-    # points are numbered, and those between two of them have numbers with a fraction
+    # the point numbers serve as times; points in between get fractions
     numbers = np.arange(len(positions), dtype=np.float64)
     numbers, lat, lon = densify_for_degrees(
         numbers,
@@ -95,9 +97,9 @@ def cut_at_antimeridian(points: Floats, offsets: Ints, *, decimals: int) -> Degr
     points : float64 array, shape (n, 2)
         Longitude and latitude.
     offsets : int64 array, shape (L + 1,)
-        Line i runs through ``points[offsets[i]:offsets[i + 1]]``.
+        Line i has the points ``points[offsets[i]:offsets[i + 1]]``.
     decimals : int
-        To which degrees are rounded.
+        Decimals to which degrees are rounded.
 
     Returns
     -------
@@ -105,34 +107,41 @@ def cut_at_antimeridian(points: Floats, offsets: Ints, *, decimals: int) -> Degr
 
     Examples
     --------
-    >>> cut_at_antimeridian(np.array([[179.0, 1.0], [-179.0, 2.0]]), np.array([0, 2]), decimals=8).points.tolist()
+    >>> points = np.array([[179.0, 1.0], [-179.0, 2.0]])
+    >>> cut_at_antimeridian(points, np.array([0, 2]), decimals=8).points.tolist()
     [[179.0, 1.0], [180.0, 1.5], [-180.0, 1.5], [-179.0, 2.0]]
     """
-    special = np.abs(points[:, 0]) == 180.0
-    special[1:] |= find_crossings(points[:, 0])
-    if not special.any():
+    # points on the antimeridian or behind a crossing; mostly there are none
+    is_special = np.abs(points[:, 0]) == 180.0
+    is_special[1:] |= find_crossings(points[:, 0])
+    if not is_special.any():
         return DegreeLines(points, offsets, np.empty(0, np.int64))
 
-    # only few lines are near the antimeridian: each is cut by itself
-    near = np.unique(np.searchsorted(offsets, np.flatnonzero(special), side="right") - 1)
-    pieces, cuts, lengths, done, added = [], [np.empty(0, np.int64)], np.diff(offsets), 0, 0
-    for line in near.tolist():
-        first, after = offsets[line], offsets[line + 1]
-        whole, own = _cut_line(points[first:after], decimals)
-        pieces += [points[done:first], whole]
-        cuts.append(own + first + added)
-        lengths[line], done = len(whole), after
-        added += len(whole) - (after - first)
-    pieces.append(points[done:])
+    # cut each line that has such points; copy the points in between unchanged
+    affected = np.unique(np.searchsorted(offsets, np.flatnonzero(is_special), side="right") - 1)
+    blocks, cuts = [], [np.empty(0, np.int64)]
+    lengths = np.diff(offsets)
+    copied = inserted = 0
+    for line in affected.tolist():
+        start, end = offsets[line], offsets[line + 1]
+        new_points, new_cuts = _cut_line(points[start:end], decimals)
+        blocks += [points[copied:start], new_points]
+        cuts.append(new_cuts + start + inserted)
+        lengths[line], copied = len(new_points), end
+        inserted += len(new_points) - (end - start)
+    blocks.append(points[copied:])
+
     return DegreeLines(
-        np.concatenate(pieces), np.append(0, np.cumsum(lengths)), np.concatenate(cuts)
+        np.concatenate(blocks), np.append(0, np.cumsum(lengths)), np.concatenate(cuts)
     )
 
 
 def _cut_line(line: Floats, decimals: int) -> tuple[Floats, Ints]:
-    """A line with points at its crossings, and where it begins anew."""
+    """Return a line with points at its crossings, and where it continues on the other side."""
     lon = align_antimeridian_signs(line[:, 0])
-    _, lat, lon = insert_crossings(np.arange(len(line), dtype=np.float64), line[:, 1], lon, 0.0)
-    return np.stack([lon, np.round(lat, decimals) + 0.0], axis=1), np.flatnonzero(
-        find_crossings(lon)
-    ) + 1
+    numbers = np.arange(len(line), dtype=np.float64)
+    _, lat, lon = insert_crossings(numbers, line[:, 1], lon, 0.0)
+
+    # adding 0 turns -0.0 into 0.0
+    points = np.stack([lon, np.round(lat, decimals) + 0.0], axis=1)
+    return points, np.flatnonzero(find_crossings(lon)) + 1

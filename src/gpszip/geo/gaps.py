@@ -1,4 +1,4 @@
-"""Gaps: intervals so long that nothing is known of the way between their ends."""
+"""Gaps: intervals between samples that are so long that the path in between is unknown."""
 
 from __future__ import annotations
 
@@ -12,23 +12,24 @@ from gpszip.model import Track
 
 __all__ = ["estimate_gap", "find_gaps", "find_long_intervals"]
 
-#: No shorter interval is a gap: a robot or a car can be followed through it.
+#: Seconds; no shorter interval is a gap, as a robot or a car can be followed through it.
 _MIN_GAP = 10.0
 
-#: A track needs this many intervals for its own rhythm to count.
+#: A track needs this many intervals for its own median to count.
 _MIN_INTERVALS = 20
 
 
 def estimate_gap(tracks: Sequence[Track]) -> float:
-    """Length of interval above which a log has a gap, from the log's own sampling.
+    """Estimate the length of a gap from the log's own sampling.
 
     With the median and the 95th percentile of all intervals it is
 
         ``max(10 s, 30 * median, min(5 * percentile, 60 * median))``
 
-    so that thirty missed samples are a gap where the log is regular, and more of them where its rhythm varies; the cap
-    keeps a log of short bursts, whose 95th percentile is a pause itself, from having none. No gap is shorter than ten usual
-    intervals of any track, so that the slow vehicles of a mixed fleet stay whole.
+    In a regular log, thirty missed samples are a gap; in an irregular log it takes more of them.
+    The cap of 60 medians is for logs of short bursts, whose 95th percentile is a pause itself. No
+    gap is shorter than ten median intervals of any track, so that the tracks of slow vehicles in
+    a mixed fleet are not broken up.
 
     Parameters
     ----------
@@ -38,7 +39,8 @@ def estimate_gap(tracks: Sequence[Track]) -> float:
     Returns
     -------
     float
-        Seconds, whole milliseconds; infinite if no interval of the log is longer, or there is none.
+        Seconds, whole milliseconds; infinite if no interval of the log is longer, or there is no
+        interval.
 
     Examples
     --------
@@ -47,20 +49,34 @@ def estimate_gap(tracks: Sequence[Track]) -> float:
     >>> estimate_gap([regular]), estimate_gap([regular, pause])
     (inf, 30.0)
     """
-    steps = [_milliseconds(track.times) for track in tracks if len(track) > 1]
-    if not steps:
+    intervals = [_milliseconds(track.times) for track in tracks if len(track) > 1]
+    if not intervals:
         return float("inf")
-    pooled = np.concatenate(steps)
-    median, high = np.quantile(pooled, [0.5, 0.95])
-    usual = max((float(np.median(own)) for own in steps if len(own) >= _MIN_INTERVALS), default=0.0)
-    gap = round(max(1000 * _MIN_GAP, 30 * median, 10 * usual, min(5 * high, 60 * median)))
+
+    # statistics of all intervals, and of the slowest track
+    pooled = np.concatenate(intervals)
+    median, percentile = np.quantile(pooled, [0.5, 0.95])
+    slowest_median = max(
+        (float(np.median(track)) for track in intervals if len(track) >= _MIN_INTERVALS),
+        default=0.0,
+    )
+
+    gap = round(
+        max(
+            1000 * _MIN_GAP,
+            30 * median,
+            10 * slowest_median,
+            min(5 * percentile, 60 * median),
+        )
+    )
     return gap / 1000 if pooled.max() > gap else float("inf")
 
 
 def find_long_intervals(times: ArrayLike, gap: float) -> NDArray[np.bool_]:
-    """Intervals longer than a gap.
+    """Find intervals longer than a gap.
 
-    Times count in whole milliseconds, so that the answer doesn't hang on where a log's zero is.
+    Intervals are compared in whole milliseconds, so that the result doesn't depend on the origin
+    of the times.
 
     Parameters
     ----------
@@ -78,14 +94,13 @@ def find_long_intervals(times: ArrayLike, gap: float) -> NDArray[np.bool_]:
     >>> find_long_intervals([0.0, 1.0, 31.0, 61.5], 30.0).tolist()
     [False, False, True]
     """
-    longer: NDArray[np.bool_] = _milliseconds(np.asarray(times, dtype=np.float64)) > np.rint(
-        gap * 1000
-    )
-    return longer
+    milliseconds = _milliseconds(np.asarray(times, dtype=np.float64))
+    is_longer: NDArray[np.bool_] = milliseconds > np.rint(gap * 1000)
+    return is_longer
 
 
 def find_gaps(track: Track, gap: float) -> NDArray[np.bool_]:
-    """Steps of a track during which no travel is claimed: gaps, and steps from one plane to another.
+    """Find the steps of a track without a known path: long intervals and changes of plane.
 
     Parameters
     ----------
@@ -103,20 +118,20 @@ def find_gaps(track: Track, gap: float) -> NDArray[np.bool_]:
     >>> find_gaps(Track("a", [0, 1, 90], [[0.0], [5.0], [7.0]]), 30.0).tolist()
     [False, True]
     """
-    silent: NDArray[np.bool_] = find_long_intervals(track.times, gap) | plane_changes(
+    gaps: NDArray[np.bool_] = find_long_intervals(track.times, gap) | plane_changes(
         track.positions, track.plane
     )
-    return silent
+    return gaps
 
 
-def piece_time_ranges(times: NDArray[np.float64], silent: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Times of the first and the last sample of each run between gaps.
+def piece_time_ranges(times: NDArray[np.float64], gaps: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the times of the first and the last sample of each gap-free piece.
 
     Parameters
     ----------
     times : float64 array, shape (n,)
         Seconds.
-    silent : bool array, shape (n - 1,)
+    gaps : bool array, shape (n - 1,)
         Steps that are gaps.
 
     Returns
@@ -128,9 +143,10 @@ def piece_time_ranges(times: NDArray[np.float64], silent: NDArray[np.bool_]) -> 
     >>> piece_time_ranges(np.array([0.0, 1.0, 90.0]), np.array([False, True])).tolist()
     [[0.0, 1.0], [90.0, 90.0]]
     """
-    return np.stack([times[np.append(True, silent)], times[np.append(silent, True)]], axis=1)
+    return np.stack([times[np.append(True, gaps)], times[np.append(gaps, True)]], axis=1)
 
 
 def _milliseconds(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the intervals between times in whole milliseconds."""
     rounded: NDArray[np.float64] = np.rint(np.diff(times) * 1000)
     return rounded

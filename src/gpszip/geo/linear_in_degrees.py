@@ -1,13 +1,15 @@
-"""Lines that stay where they are when they are read as linear in degrees.
+"""Lines that stay in position when programs interpolate them linearly in degrees.
 
-A line that is straight on a metric plane is bent in latitude and longitude, and what moves on it evenly in metres does not
-move evenly in degrees. At latitude 48 a leg of 220 km to the east is 1 km off. More points on the line make both as small as
-they have to be: the error shrinks with the square of the distance between points.
+A straight line on a metric plane is curved in latitude and longitude, and constant speed in
+metres is not constant in degrees. At latitude 48 degrees the midpoint of a segment of 220 km to
+the east is 1 km off. Extra points on the line reduce the error as needed: it shrinks with the
+square of the distance between points.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,23 +23,42 @@ __all__ = ["densify_for_degrees"]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-#: Metres; above any radius of curvature of WGS84, so that distances come out too long rather than too short.
+#: Metres; above all radii of curvature of WGS84, so that distances are never underestimated.
 _MAX_EARTH_RADIUS = 6_400_000.0
 
-#: Share by which a plane may stretch distances at most, as far from its centre as any position lies.
+#: Metres; below all radii of curvature of WGS84, so that curvature is never underestimated.
+_MIN_EARTH_RADIUS = 6e6
+
+#: Upper bound on the scale factor of a plane, at the largest distance of positions from its centre.
 _MAX_SCALE_FACTOR = 1.01
 
-#: Degrees of latitude above which legs are always measured: meridians meet, and no estimate holds.
+#: Degrees; beyond this latitude all segments are measured, as the estimate diverges at the poles.
 _POLAR_LATITUDE = 85.0
 
-#: A leg is measured at these shares of it, and at its ends.
+#: Shares of a segment at which its deviation is measured.
 _PROBE_SHARES = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 
-#: A leg is cut into at most so many at once, as the error may be unevenly spread.
+#: A segment is split into at most this many at a time, as the error may be unevenly distributed.
 _MAX_SPLITS = 64
 
-#: Leg and shares of it where it starts and ends, in columns.
-_Subsegments = tuple[Ints, Floats, Floats]
+#: Factor on a measured deviation, which may be larger between the probes.
+_DEVIATION_MARGIN = 1.05
+
+
+class _Subsegments(NamedTuple):
+    """Intervals of segments.
+
+    Parameters
+    ----------
+    segments : int64 array, shape (s,)
+        Segment i leads from position i to position i + 1.
+    start, end : float64 array, shape (s,)
+        Shares of the segment, in [0, 1].
+    """
+
+    segments: Ints
+    start: Floats
+    end: Floats
 
 
 def densify_for_degrees(
@@ -50,94 +71,118 @@ def densify_for_degrees(
     time_decimals: int,
     skipped: NDArray[np.bool_] | None = None,
 ) -> tuple[Floats, Floats, Floats]:
-    """Add points to a line until latitude and longitude, rounded and read as linear in time, stay near it.
+    """Add points to a line until its degrees, rounded and linear in time, deviate by little.
 
     Parameters
     ----------
     times : float64 array, shape (n,)
         Increasing. For a line without times, any number that increases along it.
     positions : float64 array, shape (n, 2)
-        Metres on the plane; the line is straight and even between two of them.
+        Metres on the plane; between two positions the line is straight and the speed constant.
     plane : Plane
-        Where they lie on the earth.
+        The planes of the positions.
     max_deviation : float
-        Metres by which the line in degrees may deviate. Rounding, of times, too, takes a part of it.
+        Metres by which the line in degrees may deviate, rounding of degrees and times included.
     decimals : int
-        To which degrees are rounded.
+        Decimals to which degrees are rounded.
     time_decimals : int
         Decimals to which times are rounded.
     skipped : bool array, shape (n - 1,), optional
-        Steps that are no part of the line, and are left alone.
+        Segments that don't belong to the line and get no points.
 
     Returns
     -------
     times, lat, lon : float64 array, shape (m,), m >= n
-        Rounded, with all of the points that were given.
+        Rounded; the given points are among them.
 
     Examples
     --------
     >>> plane = Plane(((480000000, 115000000),))
-    >>> line = np.array([[-100_000.0, 0.0], [100_000.0, 0.0]])
-    >>> times, lat, lon = densify_for_degrees(np.array([0.0, 1e4]), line, plane, 100.0, decimals=8, time_decimals=6)
+    >>> times, line = np.array([0.0, 1e4]), np.array([[-100_000.0, 0.0], [100_000.0, 0.0]])
+    >>> times, _, _ = densify_for_degrees(times, line, plane, 100.0, decimals=8, time_decimals=6)
     >>> times.tolist()
     [0.0, 2500.0, 5000.0, 7500.0, 10000.0]
     """
+    # what the rounding of times leaves of the tolerance, but no less than a quarter of it
     lat, lon = to_geographic(positions, plane)
-    room = np.maximum(
+    tolerance = np.maximum(
         max_deviation - _time_rounding_errors(times, positions, time_decimals), max_deviation / 4
     )
-    legs = _may_deviate(positions, lat, room - _rounding_error(decimals)) & ~plane_changes(
-        positions, plane
-    )
-    if skipped is not None:
-        legs &= ~skipped
-    line = _LineOnPlane(times, positions, plane, room, decimals, time_decimals)
-    number, share = line.find_cuts(np.flatnonzero(legs))
 
-    # put the new points behind the starts of their legs
-    order = np.lexsort((share, number))
-    number, share = number[order], share[order]
-    more_lat, more_lon = line.to_degrees(number, share)
+    # segments that need to be measured
+    is_candidate = _may_deviate(positions, lat, tolerance - _rounding_error(decimals))
+    is_candidate &= ~plane_changes(positions, plane)
+    if skipped is not None:
+        is_candidate &= ~skipped
+
+    # segment and share of each new point, in the order of the line
+    line = _LineOnPlane(times, positions, plane, tolerance, decimals, time_decimals)
+    segments, shares = line.find_cuts(np.flatnonzero(is_candidate))
+    order = np.lexsort((shares, segments))
+    segments, shares = segments[order], shares[order]
+
+    # insert the new points behind the starts of their segments
+    new_lat, new_lon = line.to_degrees(segments, shares)
     columns = (
-        (np.round(times, time_decimals), np.round(line.times_at(number, share), time_decimals)),
-        (np.round(lat, decimals), np.round(more_lat, decimals)),
-        (np.round(lon, decimals), np.round(more_lon, decimals)),
+        (np.round(times, time_decimals), np.round(line.times_at(segments, shares), time_decimals)),
+        (np.round(lat, decimals), np.round(new_lat, decimals)),
+        (np.round(lon, decimals), np.round(new_lon, decimals)),
     )
-    when, north, east = (np.insert(old, number + 1, new) + 0.0 for old, new in columns)
-    return when, north, east
+    # adding 0 turns -0.0 into 0.0
+    all_times, all_lat, all_lon = (
+        np.insert(given, segments + 1, new) + 0.0 for given, new in columns
+    )
+    return all_times, all_lat, all_lon
 
 
 def _rounding_error(decimals: int) -> float:
-    """Metres by which rounding moves a place at most."""
+    """Return the most metres by which rounding of latitude and longitude moves a position."""
     return float(_MAX_EARTH_RADIUS * np.radians(0.5 * 10.0**-decimals) * np.sqrt(2))
 
 
 def _time_rounding_errors(times: Floats, positions: Floats, time_decimals: int) -> Floats:
-    """Metres by which rounded times move what is on each leg at most."""
-    moved = np.abs(np.round(times, time_decimals) - times)
+    """Return the most metres by which rounding of times moves the points of each segment."""
+    time_shifts = np.abs(np.round(times, time_decimals) - times)
     lengths = np.sqrt((np.diff(positions, axis=0) ** 2).sum(axis=1))
-    shifts: Floats = lengths / np.diff(times) * np.maximum(moved[:-1], moved[1:])
-    return shifts
+    errors: Floats = lengths / np.diff(times) * np.maximum(time_shifts[:-1], time_shifts[1:])
+    return errors
 
 
 def _may_deviate(positions: Floats, lat: Floats, max_deviation: Floats) -> NDArray[np.bool_]:
-    """Legs that may be off by more than so many metres each: cheap, and true of all legs that are."""
+    """Find the segments that may deviate by more than their tolerance: cheap, and no misses.
+
+    A segment of length L to the east deviates by L^2 tan(lat) / 8 R in the middle, and by up to
+    1.2 times that because of its uneven speed. The curvature of lines on the plane adds far less
+    than 0.3 times L^2 / 8 R.
+    """
     steps = np.diff(positions, axis=0)
     squares = np.einsum("ij,ij->i", steps, steps)
-    highest = np.maximum(np.abs(lat[:-1]), np.abs(lat[1:])) + np.degrees(np.sqrt(squares) / 6e6)
 
-    # A leg to the east bends by L^2 tan(lat) / 8 R, and is uneven by up to 1.2 times that; planes bend lines by far less.
+    # highest latitude on the segment
+    highest = np.maximum(np.abs(lat[:-1]), np.abs(lat[1:])) + np.degrees(
+        np.sqrt(squares) / _MIN_EARTH_RADIUS
+    )
+
+    # deviation in the middle
     bend = 1.2 * np.tan(np.radians(np.minimum(highest, _POLAR_LATITUDE))) + 0.3
-    sagitta = squares * bend / (8 * 6e6)
-    found: NDArray[np.bool_] = (squares > 0) & (
+    sagitta = squares * bend / (8 * _MIN_EARTH_RADIUS)
+    may_deviate: NDArray[np.bool_] = (squares > 0) & (
         (sagitta > max_deviation) | (highest > _POLAR_LATITUDE)
     )
-    return found
+    return may_deviate
 
 
 @dataclass(frozen=True, eq=False)
 class _LineOnPlane:
-    """A line on a plane, to be written in degrees, each leg of it within so many metres."""
+    """A line on a plane that is converted to degrees.
+
+    Parameters
+    ----------
+    times, positions, plane, decimals, time_decimals
+        As for :func:`densify_for_degrees`.
+    max_deviation : float64 array, shape (n - 1,)
+        Metres by which each segment may deviate.
+    """
 
     times: Floats
     positions: Floats
@@ -146,79 +191,94 @@ class _LineOnPlane:
     decimals: int
     time_decimals: int
 
-    def find_cuts(self, legs: Ints) -> tuple[Ints, Floats]:
-        """Leg and share of the leg of each point to be added."""
-        pieces: _Subsegments = (legs, np.zeros(len(legs)), np.ones(len(legs)))
-        numbers, shares = [np.empty(0, np.int64)], [np.empty(0)]
-        while len(pieces[0]):
-            new, at, pieces = self._split(pieces)
-            numbers.append(new)
-            shares.append(at)
-        return np.concatenate(numbers), np.concatenate(shares)
+    def find_cuts(self, segments: Ints) -> tuple[Ints, Floats]:
+        """Return segment and share of each point to add."""
+        subsegments = _Subsegments(segments, np.zeros(len(segments)), np.ones(len(segments)))
+        cut_segments, cut_shares = [np.empty(0, np.int64)], [np.empty(0)]
+        while len(subsegments.segments):
+            new_segments, new_shares, subsegments = self._split(subsegments)
+            cut_segments.append(new_segments)
+            cut_shares.append(new_shares)
+        return np.concatenate(cut_segments), np.concatenate(cut_shares)
 
-    def times_at(self, legs: Ints, shares: Floats) -> Floats:
-        start = self.times[legs]
-        found: Floats = start + shares * (self.times[legs + 1] - start)
-        return found
+    def times_at(self, segments: Ints, shares: Floats) -> Floats:
+        """Return the times at shares of segments."""
+        start = self.times[segments]
+        times: Floats = start + shares * (self.times[segments + 1] - start)
+        return times
 
-    def to_degrees(self, legs: Ints, shares: Floats) -> tuple[Floats, Floats]:
-        start = self.positions[legs]
+    def to_degrees(self, segments: Ints, shares: Floats) -> tuple[Floats, Floats]:
+        """Return latitude and longitude at shares of segments."""
+        start = self.positions[segments]
         return to_geographic(
-            start + shares[:, None] * (self.positions[legs + 1] - start), self.plane
+            start + shares[:, None] * (self.positions[segments + 1] - start), self.plane
         )
 
-    def _split(self, pieces: _Subsegments) -> tuple[Ints, Floats, _Subsegments]:
-        """Cut the pieces that are off; the points where they are cut, and what is to be measured again."""
-        legs, start, end = pieces
-        off = self._measure_deviation(pieces)
-        wide = off > self.max_deviation[legs]
-        legs, start, end, off = legs[wide], start[wide], end[wide], off[wide]
+    def _split(self, subsegments: _Subsegments) -> tuple[Ints, Floats, _Subsegments]:
+        """Split the subsegments that deviate too much.
 
-        # the error shrinks with the square of the number of parts; half a tick would be no time
-        room = np.floor((end - start) * np.diff(self.times)[legs] * 10.0**self.time_decimals / 2)
-        max_deviation = self.max_deviation[legs]
+        Returns segment and share of each cut, and the new subsegments, to be measured in turn.
+        """
+        # those that deviate too much
+        deviation = self._measure_deviation(subsegments)
+        is_wide = deviation > self.max_deviation[subsegments.segments]
+        segments = subsegments.segments[is_wide]
+        start, end = subsegments.start[is_wide], subsegments.end[is_wide]
+        deviation = deviation[is_wide]
+
+        # number of new subsegments: the error shrinks with the square of it
+        max_deviation = self.max_deviation[segments]
         allowed = np.maximum(max_deviation - _rounding_error(self.decimals), max_deviation / 3)
-        parts = np.clip(np.ceil(np.sqrt(1.05 * off / allowed)), 2, _MAX_SPLITS)
-        parts = np.minimum(parts, room).astype(np.int64)
-        legs, start, end, parts = (column[parts > 1] for column in (legs, start, end, parts))
+        counts = np.clip(np.ceil(np.sqrt(_DEVIATION_MARGIN * deviation / allowed)), 2, _MAX_SPLITS)
 
-        # shares at which each piece is cut, moved to where the rounded time is
-        first = np.cumsum(parts) - parts
-        nth = np.arange(parts.sum()) - np.repeat(first, parts)
-        legs = np.repeat(legs, parts)
-        starts = np.repeat(start, parts) + nth * np.repeat((end - start) / parts, parts)
-        inner = nth > 0
-        starts[inner] = self._round_to_time(legs[inner], starts[inner])
+        # each lasts two units of the rounded times or more; otherwise times would not increase
+        durations = (end - start) * np.diff(self.times)[segments]
+        longest = np.floor(durations * 10.0**self.time_decimals / 2)
+        counts = np.minimum(counts, longest).astype(np.int64)
+        is_split = counts > 1
+        segments, counts = segments[is_split], counts[is_split]
+        start, end = start[is_split], end[is_split]
+
+        # shares at which they start, equally spaced, moved to rounded times
+        first = np.cumsum(counts) - counts
+        number = np.arange(counts.sum()) - np.repeat(first, counts)
+        segments = np.repeat(segments, counts)
+        starts = np.repeat(start, counts) + number * np.repeat((end - start) / counts, counts)
+        is_cut = number > 0
+        starts[is_cut] = self._round_to_time(segments[is_cut], starts[is_cut])
+
+        # each ends where the next one starts
         ends = np.append(starts[1:], 0.0)
-        ends[first + parts - 1] = end
-        return legs[inner], starts[inner], (legs, starts, ends)
+        ends[first + counts - 1] = end
+        return segments[is_cut], starts[is_cut], _Subsegments(segments, starts, ends)
 
-    def _round_to_time(self, legs: Ints, shares: Floats) -> Floats:
-        start = self.times[legs]
-        moved: Floats = (np.round(self.times_at(legs, shares), self.time_decimals) - start) / (
-            self.times[legs + 1] - start
-        )
-        return moved
+    def _round_to_time(self, segments: Ints, shares: Floats) -> Floats:
+        """Return the shares at which the rounded times of points lie."""
+        start = self.times[segments]
+        rounded = np.round(self.times_at(segments, shares), self.time_decimals)
+        rounded_shares: Floats = (rounded - start) / (self.times[segments + 1] - start)
+        return rounded_shares
 
-    def _measure_deviation(self, pieces: _Subsegments) -> Floats:
-        """Metres between the line and what is read from the rounded ends of pieces, at most."""
-        legs, start, end = pieces
+    def _measure_deviation(self, subsegments: _Subsegments) -> Floats:
+        """Return the largest distance in metres between the line and its chord in degrees."""
+        # true latitude and longitude at the probes; shape (probes, subsegments)
+        segments, start, end = subsegments
         shares = start + _PROBE_SHARES[:, None] * (end - start)
         lat, lon = (
             axis.reshape(shares.shape)
-            for axis in self.to_degrees(np.tile(legs, len(_PROBE_SHARES)), shares.ravel())
+            for axis in self.to_degrees(np.tile(segments, len(_PROBE_SHARES)), shares.ravel())
         )
 
-        # the chord, on the shorter way round the earth
-        first, last = np.round(lat[0], self.decimals), np.round(lat[-1], self.decimals)
-        west, east = np.round(lon[0], self.decimals), np.round(lon[-1], self.decimals)
-        north = first + _PROBE_SHARES[:, None] * (last - first) - lat
-        across = wrap_degrees(
-            west + _PROBE_SHARES[:, None] * wrap_degrees(east - west) - lon
-        ) * np.cos(np.radians(lat))
-        off: Floats = (
+        # the chord between the rounded ends, along the shorter arc round the earth
+        first_lat, last_lat = np.round(lat[0], self.decimals), np.round(lat[-1], self.decimals)
+        first_lon, last_lon = np.round(lon[0], self.decimals), np.round(lon[-1], self.decimals)
+        north = first_lat + _PROBE_SHARES[:, None] * (last_lat - first_lat) - lat
+        chord_lon = first_lon + _PROBE_SHARES[:, None] * wrap_degrees(last_lon - first_lon)
+        east = wrap_degrees(chord_lon - lon) * np.cos(np.radians(lat))
+
+        distances: Floats = (
             _MAX_SCALE_FACTOR
             * _MAX_EARTH_RADIUS
-            * np.radians(np.hypot(north, across)).max(axis=0, initial=0.0)
+            * np.radians(np.hypot(north, east)).max(axis=0, initial=0.0)
         )
-        return off
+        return distances

@@ -1,4 +1,4 @@
-"""Spikes: samples that leap far away and back again."""
+"""Outliers: samples that jump far away and back again."""
 
 from __future__ import annotations
 
@@ -13,20 +13,30 @@ __all__ = [
     "min_adjacent_speeds",
 ]
 
-#: The longest run of samples that counts as one spike.
+#: Samples; the longest run that counts as one outlier.
 _MAX_OUTLIER_RUN = 4
 
-#: A leap is this many times faster than the track's high calm speed, which is this quantile of those that aren't 0.
-SPEED_FACTOR, SPEED_QUANTILE = 5.0, 0.95
+#: A jump is faster than this factor times the quantile below.
+SPEED_FACTOR = 5.0
+
+#: Quantile of the nonzero minimum adjacent speeds of a track.
+SPEED_QUANTILE = 0.95
+
+#: Steps shorter than this share of the median interval count as that long: two samples at almost
+#: the same time are noise, not speed.
+_MIN_INTERVAL_SHARE = 0.5
 
 
 def find_outliers(times: ArrayLike, positions: ArrayLike) -> NDArray[np.bool_]:
-    """Find single samples, or runs of up to four, that leap out and back at a speed this track doesn't have.
+    """Find samples, or runs of up to four, that jump away and back at an implausible speed.
 
-    A sample's calm speed is the least of the speeds into it, out of it and past it, so that spikes hardly touch its
-    distribution; leaping is faster than five times the 95th percentile of it. A run of samples is a spike if the track
-    leaps to its first one and from its last one, and the step that passes over it is no leap. A leap without a way
-    back stays: it may be a flight. So do the ends of the track, where out and back can't be told apart.
+    The minimum adjacent speed of a sample is the least of the speeds to it, from it, and from
+    its predecessor to its successor. Outliers hardly affect the distribution of these minima. A
+    jump is faster than five times their 95th percentile, zeros left out.
+
+    A run of samples is an outlier if the track jumps to its first sample and from its last one,
+    and the step that skips the run is no jump. A jump without a return stays: it may be a flight.
+    The ends of a track stay, too, as they have no step on one side.
 
     Parameters
     ----------
@@ -38,60 +48,89 @@ def find_outliers(times: ArrayLike, positions: ArrayLike) -> NDArray[np.bool_]:
     Returns
     -------
     bool array, shape (n,)
-        Samples that belong to spikes.
+        Samples that are outliers.
 
     Examples
     --------
-    >>> find_outliers(range(7), [[x, 0.0] for x in (0, 1, 2, 900, 4, 5, 6)]).nonzero()[0].tolist()
+    >>> positions = [[x, 0.0] for x in (0, 1, 2, 900, 4, 5, 6)]
+    >>> find_outliers(range(7), positions).nonzero()[0].tolist()
     [3]
     """
     times, positions = np.asarray(times, dtype=np.float64), np.asarray(positions, dtype=np.float64)
     if len(times) < 3:
         return np.zeros(len(times), dtype=np.bool_)
-    min_interval = 0.5 * float(
-        np.median(np.diff(times))
-    )  # two fixes in the same instant are noise, not speed
-    calm = min_adjacent_speeds(times, positions, min_interval)
-    moving = calm[calm > 0]
-    return mark_outliers(
-        times,
-        positions,
-        min_interval,
-        SPEED_FACTOR * float(np.quantile(moving, SPEED_QUANTILE)) if len(moving) else float("inf"),
-    )
+
+    # the track's own speeds; without movement there is nothing to compare with
+    min_interval = _MIN_INTERVAL_SHARE * float(np.median(np.diff(times)))
+    speeds = min_adjacent_speeds(times, positions, min_interval)
+    moving = speeds[speeds > 0]
+    limit = float("inf")
+    if len(moving):
+        limit = SPEED_FACTOR * float(np.quantile(moving, SPEED_QUANTILE))
+    return mark_outliers(times, positions, min_interval, limit)
 
 
 def min_adjacent_speeds(
     times: NDArray[np.float64], positions: NDArray[np.float64], min_interval: float
 ) -> NDArray[np.float64]:
-    """Calm speed of each sample but the first and the last, in m/s; shorter steps than ``shortest`` seconds count as such."""
+    """Return the minimum adjacent speed of each sample but the first and the last.
+
+    Parameters
+    ----------
+    times : float64 array, shape (n,)
+        Seconds, increasing.
+    positions : float64 array, shape (n, d)
+        Metres.
+    min_interval : float
+        Seconds; shorter steps count as this long.
+
+    Returns
+    -------
+    float64 array, shape (n - 2,)
+        Metres per second.
+    """
     speeds = _speeds(times, positions, 1, min_interval)
-    calm: NDArray[np.float64] = np.minimum(
+    minima: NDArray[np.float64] = np.minimum(
         np.minimum(speeds[:-1], speeds[1:]), _speeds(times, positions, 2, min_interval)
     )
-    return calm
+    return minima
 
 
 def mark_outliers(
     times: NDArray[np.float64], positions: NDArray[np.float64], min_interval: float, limit: float
 ) -> NDArray[np.bool_]:
-    """Samples that belong to spikes, if speeds above ``limit`` are leaps."""
-    spikes = np.zeros(len(times), dtype=np.bool_)
-    fast = _speeds(times, positions, 1, min_interval) > limit
+    """Mark samples that are outliers, given the speed above which a step is a jump.
+
+    Parameters
+    ----------
+    times, positions, min_interval
+        As for :func:`min_adjacent_speeds`.
+    limit : float
+        Metres per second.
+
+    Returns
+    -------
+    bool array, shape (n,)
+    """
+    is_outlier = np.zeros(len(times), dtype=np.bool_)
+    is_jump = _speeds(times, positions, 1, min_interval) > limit
+
+    # shorter runs first; a longer run may not start or end beside an outlier
     for run in range(1, min(_MAX_OUTLIER_RUN, len(times) - 2) + 1):
-        passes = _speeds(times, positions, run + 1, min_interval) <= limit
-        starts = np.flatnonzero(fast[: len(passes)] & fast[run:] & passes) + 1
-        starts = starts[~spikes[starts - 1] & ~spikes[(starts + run)]]
+        is_plausible = _speeds(times, positions, run + 1, min_interval) <= limit
+        starts = np.flatnonzero(is_jump[: len(is_plausible)] & is_jump[run:] & is_plausible) + 1
+        starts = starts[~is_outlier[starts - 1] & ~is_outlier[(starts + run)]]
         for offset in range(run):
-            spikes[starts + offset] = True
-    return spikes
+            is_outlier[starts + offset] = True
+    return is_outlier
 
 
 def _speeds(
     times: NDArray[np.float64], positions: NDArray[np.float64], step: int, min_interval: float
 ) -> NDArray[np.float64]:
-    away = positions[step:] - positions[:-step]
-    speeds: NDArray[np.float64] = np.sqrt((away * away).sum(axis=1)) / np.maximum(
+    """Return the speeds from each sample to the one ``step`` samples later."""
+    difference = positions[step:] - positions[:-step]
+    speeds: NDArray[np.float64] = np.sqrt((difference * difference).sum(axis=1)) / np.maximum(
         times[step:] - times[:-step], min_interval
     )
     return speeds

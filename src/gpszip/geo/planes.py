@@ -1,23 +1,25 @@
-"""Metric planes for positions in degrees: transverse Mercator on WGS84, as many as the data needs.
+"""Projection of latitude and longitude to metric planes: transverse Mercator on WGS84.
 
-One plane carries everything within :data:`PLANE_RADIUS` of its centre, where lengths are true to 0.2 %. Data that is wider lies on
-several planes side by side in x, see :class:`gpszip.model.Plane`.
+A plane holds positions within :data:`PLANE_RADIUS` of its centre, where lengths are true to 0.2 %.
+Data that extends farther lies on several planes side by side in x, see
+:class:`gpszip.model.Plane`.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import OptionError
 from gpszip.model import Plane, Track
-
-if TYPE_CHECKING:
-    from pyproj import Transformer
+from gpszip.model.projection import (
+    UNITS_PER_DEGREE,
+    plane_indices,
+    projection,
+    to_geographic,
+)
 
 __all__ = [
     "PLANE_RADIUS",
@@ -29,21 +31,29 @@ __all__ = [
     "to_plane",
 ]
 
-#: Distance in metres from a plane's centre within which positions lie on it.
+#: Metres from a plane's centre within which positions lie on it.
 PLANE_RADIUS = 400_000.0
 
+#: Metres; mean radius of the earth.
 _EARTH_RADIUS = 6_371_000.0
-_UNITS_PER_DEGREE = 1e7  # a centre's units in one degree
+
+#: Centres are rounded to this fraction of a degree: they take fewer bytes in an archive, and a
+#: centre that is a kilometre off serves as well.
+_CENTERS_PER_DEGREE = 100
+
+#: A median direction shorter than this belongs to samples all over the globe, without a middle.
+_MIN_MEDIAN_LENGTH = 0.5
 
 Floats = NDArray[np.float64]
 
 
 def choose_plane(lat: ArrayLike, lon: ArrayLike) -> Plane:
-    """Find planes on which all of the samples lie.
+    """Choose planes that cover all samples.
 
-    Plane 0 is centred on the median of the samples, taken as directions from the earth's centre: one stray sample doesn't
-    move it, and neither the poles nor the antimeridian are special. The first sample that is out of reach of every
-    centre opens a plane of its own, and so on.
+    Plane 0 is centred on the median of the samples, as unit vectors from the earth's centre: a
+    single distant sample doesn't move it, and poles and antimeridian need no special case. The
+    first sample outside the radius of all planes becomes the centre of the next one, until all
+    samples are covered.
 
     Parameters
     ----------
@@ -63,34 +73,40 @@ def choose_plane(lat: ArrayLike, lon: ArrayLike) -> Plane:
     """
     lat, lon = np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64)
     directions = _unit_vectors(lat, lon)
-    centers = _median_center(directions)
-    rest = np.flatnonzero(~_in_radius(directions, centers[0])) if centers else np.arange(len(lat))
-    if centers and len(rest) == len(
-        lat
-    ):  # the middle of far-off clusters is nowhere near any of them
-        centers = []
-    while len(rest):
-        centers.append(_round_center(lat[rest[0]], lon[rest[0]]))
-        rest = rest[1:][~_in_radius(directions[rest[1:]], centers[-1])]
+    uncovered = np.arange(len(lat))
+    centers = []
+
+    # plane 0; the median of distant clusters may be near none of them and is dropped then
+    median = _median_center(directions)
+    if median is not None:
+        outside = np.flatnonzero(~_in_radius(directions, median))
+        if len(outside) < len(lat):
+            centers, uncovered = [median], outside
+
+    # further planes
+    while len(uncovered):
+        centers.append(_round_center(lat[uncovered[0]], lon[uncovered[0]]))
+        uncovered = uncovered[1:][~_in_radius(directions[uncovered[1:]], centers[-1])]
     return Plane(tuple(centers))
 
 
 def to_plane(lat: ArrayLike, lon: ArrayLike, plane: Plane) -> Floats:
-    """Project degrees to metres.
+    """Project latitude and longitude to metres.
 
-    A sample lies on the first plane within reach, or on the nearest one.
+    A sample lies on the first plane within whose radius it is, or else on the nearest one.
 
     Parameters
     ----------
     lat, lon : array_like, shape (n,)
         Degrees.
     plane : Plane
-        Of :func:`choose_plane`.
+        The planes, see :func:`choose_plane`.
 
     Returns
     -------
     float64 array, shape (n, 2)
-        Metres to the east and north of the centre; on plane i moved by ``i * Plane.SPREAD`` in x.
+        Metres to the east and north of the centre; on plane i shifted by ``i * Plane.SPREAD`` in
+        x.
 
     Examples
     --------
@@ -101,69 +117,37 @@ def to_plane(lat: ArrayLike, lon: ArrayLike, plane: Plane) -> Floats:
     lat, lon = np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64)
     positions = np.empty((len(lat), 2))
     if len(plane.centers) == 1:
-        positions[:, 0], positions[:, 1] = _projection(plane.centers[0]).transform(lon, lat)
+        positions[:, 0], positions[:, 1] = projection(plane.centers[0]).transform(lon, lat)
         return positions
-    index = _assign_planes(_unit_vectors(lat, lon), plane)
-    for i in np.unique(index).tolist():
-        here = index == i
-        x, y = _projection(plane.centers[i]).transform(lon[here], lat[here])
-        positions[here, 0], positions[here, 1] = x + i * Plane.SPREAD, y
+
+    # several planes, side by side in x
+    assigned = _assign_planes(_unit_vectors(lat, lon), plane)
+    for i in np.unique(assigned).tolist():
+        is_on = assigned == i
+        x, y = projection(plane.centers[i]).transform(lon[is_on], lat[is_on])
+        positions[is_on, 0], positions[is_on, 1] = x + i * Plane.SPREAD, y
     return positions
 
 
-def to_geographic(positions: ArrayLike, plane: Plane) -> tuple[Floats, Floats]:
-    """Latitude and longitude of positions on the planes.
-
-    Parameters
-    ----------
-    positions : array_like, shape (n, 2)
-        Metres.
-    plane : Plane
-        The planes on which they lie.
-
-    Returns
-    -------
-    lat, lon : float64 array, shape (n,)
-        Degrees; lon in [-180, 180].
-
-    Examples
-    --------
-    >>> plane = choose_plane([60.0], [25.0])
-    >>> lat, lon = to_geographic([[0.0, 0.0]], plane)
-    >>> lat.round(9).tolist(), lon.round(9).tolist()
-    ([60.0], [25.0])
-    """
-    positions = np.asarray(positions, dtype=np.float64)
-    index = plane_indices(positions, plane)
-    lat, lon = np.empty(len(positions)), np.empty(len(positions))
-    for i in np.unique(index).tolist():
-        here = index == i
-        x = positions[here, 0] - i * Plane.SPREAD
-        lon[here], lat[here] = _projection(plane.centers[i]).transform(
-            x, positions[here, 1], direction="INVERSE"
-        )
-    return lat, lon
-
-
 def reproject_track(track: Track, plane: Plane) -> Track:
-    """Lay a track in degrees on other planes than its own.
+    """Reproject a track to other planes.
 
     Parameters
     ----------
     track : Track
-        With a plane.
+        A track; one without planes is returned unchanged.
     plane : Plane
-        The planes of a map, say.
+        The new planes, such as those of a map.
 
     Returns
     -------
     Track
-        The same instants and attributes.
+        The same times and attributes.
 
     Raises
     ------
     OptionError
-        If any sample lies out of reach of all the planes.
+        If a sample lies outside the radius of all planes.
 
     Examples
     --------
@@ -175,41 +159,20 @@ def reproject_track(track: Track, plane: Plane) -> Track:
     """
     if track.plane is None or track.plane == plane:
         return track
+
+    # all samples must be covered
     lat, lon = to_geographic(track.positions, track.plane)
     directions = _unit_vectors(lat, lon)
     if not np.any([_in_radius(directions, center) for center in plane.centers], axis=0).all():
         raise OptionError(
-            f"track {track.id!r} lies more than {PLANE_RADIUS / 1000:.0f} km from the map; give a map of the same place"
+            f"track {track.id!r} lies more than {PLANE_RADIUS / 1000:.0f} km from the map; "
+            "give a map of the same place"
         )
     return replace(track, positions=to_plane(lat, lon, plane), plane=plane)
 
 
-def plane_indices(positions: ArrayLike, plane: Plane) -> NDArray[np.int64]:
-    """Which of the planes each position lies on.
-
-    Parameters
-    ----------
-    positions : array_like, shape (n, 2)
-        Metres.
-    plane : Plane
-        The planes.
-
-    Returns
-    -------
-    int64 array, shape (n,)
-        In [0, number of planes).
-
-    Examples
-    --------
-    >>> plane_indices([[5.0, 0.0], [Plane.SPREAD - 7.0, 0.0]], Plane(((0, 0), (0, 900000000)))).tolist()
-    [0, 1]
-    """
-    x = np.asarray(positions, dtype=np.float64)[:, 0]
-    return np.clip(np.rint(x / Plane.SPREAD), 0, len(plane.centers) - 1).astype(np.int64)
-
-
 def plane_changes(positions: ArrayLike, plane: Plane | None) -> NDArray[np.bool_]:
-    """Steps from one plane to another: no way on the planes leads along them, so they are gaps.
+    """Find steps from one plane to another: the path is unknown there, so they are gaps.
 
     Parameters
     ----------
@@ -224,7 +187,8 @@ def plane_changes(positions: ArrayLike, plane: Plane | None) -> NDArray[np.bool_
 
     Examples
     --------
-    >>> plane_changes([[5.0, 0.0], [6.0, 0.0], [Plane.SPREAD, 0.0]], Plane(((0, 0), (0, 900000000)))).tolist()
+    >>> planes = Plane(((0, 0), (0, 900000000)))
+    >>> plane_changes([[5.0, 0.0], [6.0, 0.0], [Plane.SPREAD, 0.0]], planes).tolist()
     [False, True]
     """
     if plane is None or len(plane.centers) == 1:
@@ -233,57 +197,56 @@ def plane_changes(positions: ArrayLike, plane: Plane | None) -> NDArray[np.bool_
     return changed
 
 
-@lru_cache(maxsize=256)
-def _projection(center: tuple[int, int]) -> Transformer:
-    from pyproj import Transformer
-
-    lat, lon = center[0] / _UNITS_PER_DEGREE, center[1] / _UNITS_PER_DEGREE
-    return Transformer.from_pipeline(
-        f"+proj=pipeline +step +proj=unitconvert +xy_in=deg +xy_out=rad +step +proj=tmerc +lat_0={lat:.7f} +lon_0={lon:.7f} +ellps=WGS84"
-    )
-
-
 def _unit_vectors(lat: Floats, lon: Floats) -> Floats:
-    north, east = np.radians(lat), np.radians(lon)
-    flat = np.cos(north)
-    return np.stack([flat * np.cos(east), flat * np.sin(east), np.sin(north)], axis=1)
+    """Return directions from the earth's centre, taken as a sphere; shape (n, 3)."""
+    lat, lon = np.radians(lat), np.radians(lon)
+    equatorial = np.cos(lat)
+    return np.stack([equatorial * np.cos(lon), equatorial * np.sin(lon), np.sin(lat)], axis=1)
 
 
 def _round_center(lat: float, lon: float) -> tuple[int, int]:
-    # hundredths of a degree take fewer bytes in an archive, and a plane a kilometre off is as good
-    return round(float(lat) * 100) * int(_UNITS_PER_DEGREE // 100), round(float(lon) * 100) * int(
-        _UNITS_PER_DEGREE // 100
+    """Round a position to hundredths of a degree; return a centre in its integer units."""
+    unit = int(UNITS_PER_DEGREE // _CENTERS_PER_DEGREE)
+    return (
+        round(float(lat) * _CENTERS_PER_DEGREE) * unit,
+        round(float(lon) * _CENTERS_PER_DEGREE) * unit,
     )
 
 
-def _median_center(directions: Floats) -> list[tuple[int, int]]:
+def _median_center(directions: Floats) -> tuple[int, int] | None:
+    """Return the centre at the componentwise median of directions; None if it is near zero."""
     x, y, z = np.median(directions, axis=0)
-    if np.hypot(np.hypot(x, y), z) < 0.5:  # all over the globe: there is no middle
-        return []
-    return [_round_center(np.degrees(np.arctan2(z, np.hypot(x, y))), np.degrees(np.arctan2(y, x)))]
+    equatorial = np.hypot(x, y)
+    if np.hypot(equatorial, z) < _MIN_MEDIAN_LENGTH:
+        return None
+    return _round_center(np.degrees(np.arctan2(z, equatorial)), np.degrees(np.arctan2(y, x)))
 
 
 def _cosines(directions: Floats, center: tuple[int, int]) -> Floats:
+    """Return the cosines of the angles between directions and a centre."""
     axis = _unit_vectors(
-        np.array([center[0] / _UNITS_PER_DEGREE]), np.array([center[1] / _UNITS_PER_DEGREE])
+        np.array([center[0] / UNITS_PER_DEGREE]), np.array([center[1] / UNITS_PER_DEGREE])
     )[0]
     cosines: Floats = directions @ axis
     return cosines
 
 
 def _in_radius(directions: Floats, center: tuple[int, int]) -> NDArray[np.bool_]:
-    near: NDArray[np.bool_] = _cosines(directions, center) >= np.cos(PLANE_RADIUS / _EARTH_RADIUS)
-    return near
+    """Whether each direction lies within the radius of a centre."""
+    min_cosine = np.cos(PLANE_RADIUS / _EARTH_RADIUS)
+    is_inside: NDArray[np.bool_] = _cosines(directions, center) >= min_cosine
+    return is_inside
 
 
 def _assign_planes(directions: Floats, plane: Plane) -> NDArray[np.int64]:
-    index = np.full(len(directions), -1, dtype=np.int64)
+    """Return the first plane within whose radius each direction is, or else the nearest one."""
+    assigned = np.full(len(directions), -1, dtype=np.int64)
     for i, center in enumerate(plane.centers):
-        open_ = np.flatnonzero(index < 0)
-        index[open_[_in_radius(directions[open_], center)]] = i
-    lost = np.flatnonzero(index < 0)
-    if len(lost):
-        index[lost] = np.argmax(
-            np.stack([_cosines(directions[lost], center) for center in plane.centers]), axis=0
-        )
-    return index
+        unassigned = np.flatnonzero(assigned < 0)
+        assigned[unassigned[_in_radius(directions[unassigned], center)]] = i
+
+    outside = np.flatnonzero(assigned < 0)
+    if len(outside):
+        cosines = np.stack([_cosines(directions[outside], center) for center in plane.centers])
+        assigned[outside] = np.argmax(cosines, axis=0)
+    return assigned

@@ -1,4 +1,4 @@
-"""How far apart in time the samples of a log are."""
+"""The sampling interval of a log."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ from gpszip.model import Track
 
 __all__ = ["sampling_interval"]
 
-#: This share of the way was travelled in steps that took no longer.
+#: Share of the distance that was travelled in steps no longer than the sampling interval.
 _DISTANCE_SHARE = 0.75
 
 
 def sampling_interval(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]) -> float | None:
-    """Seconds between two samples in which three quarters of the way were travelled, or less.
+    """Return the third quartile of the intervals between samples, weighted by distance.
 
-    Metres count rather than samples: a parked receiver may log seldom or often, and of a mixed fleet the rarer samples matter.
+    Steps are weighted by metres, not counted: a parked receiver may log rarely or often without
+    effect, and in a mixed fleet the vehicles that log rarely determine the interval.
 
     Parameters
     ----------
@@ -30,7 +31,7 @@ def sampling_interval(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]
     Returns
     -------
     float or None
-        Seconds; None where nobody moved.
+        Seconds; None if there is no movement.
 
     Examples
     --------
@@ -38,14 +39,17 @@ def sampling_interval(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]
     >>> sampling_interval([track], [np.zeros(4, bool)])
     1.0
     """
-    steps = [np.diff(track.times)[~gap] for track, gap in zip(tracks, gaps, strict=True)]
-    metres = [
-        np.linalg.norm(np.diff(track.positions, axis=0), axis=1)[~gap]
-        for track, gap in zip(tracks, gaps, strict=True)
-    ]
-    seconds, way = np.concatenate([np.zeros(0), *steps]), np.concatenate([np.zeros(0), *metres])
-    order = np.argsort(seconds, kind="stable")
-    run = np.cumsum(way[order])
-    if not len(run) or not run[-1] > 0:
+    # seconds and metres of all steps that are no gaps
+    seconds, metres = [np.zeros(0)], [np.zeros(0)]
+    for track, track_gaps in zip(tracks, gaps, strict=True):
+        seconds.append(np.diff(track.times)[~track_gaps])
+        metres.append(np.linalg.norm(np.diff(track.positions, axis=0), axis=1)[~track_gaps])
+    intervals, distances = np.concatenate(seconds), np.concatenate(metres)
+
+    # weighted quantile
+    order = np.argsort(intervals, kind="stable")
+    cumulative = np.cumsum(distances[order])
+    if not len(cumulative) or not cumulative[-1] > 0:
         return None
-    return float(seconds[order][np.searchsorted(run, _DISTANCE_SHARE * run[-1])])
+    quantile_step = np.searchsorted(cumulative, _DISTANCE_SHARE * cumulative[-1])
+    return float(intervals[order][quantile_step])

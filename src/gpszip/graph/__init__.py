@@ -1,1 +1,1 @@
-"""Road graphs on arrays, with canonical shortest paths."""
+"""The road map as a graph: canonical shortest paths, trees and routes."""

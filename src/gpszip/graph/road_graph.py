@@ -1,4 +1,4 @@
-"""A road map as a graph on arrays, with integer weights so that equally long ways are told apart exactly."""
+"""A road map as a graph on arrays. Weights are integers, so that ties between paths are exact."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ UNITS_PER_METRE = 1024 * 1000
 
 @dataclass(frozen=True, eq=False)
 class RoadGraph:
-    """Edges sorted by the node that they leave, each as one arc per direction in which it may be travelled.
+    """Arcs sorted by source node: one for each edge and direction in which it may be travelled.
 
     Parameters
     ----------
@@ -24,13 +24,13 @@ class RoadGraph:
     offsets : int64 array, shape (V + 1,)
         The arcs of node v are ``offsets[v]`` to ``offsets[v + 1] - 1``.
     targets : int32 array, shape (A,)
-        Node at which each arc arrives; those of one node are sorted by it, parallel ones by their edge.
+        Target node of each arc. The arcs of a node are sorted by target, parallel arcs by edge.
     weights : int64 array, shape (A,)
-        Positive lengths in 1 / UNITS metres.
+        Positive lengths in 1 / UNITS_PER_METRE metres.
     edges : int32 array, shape (A,)
         Edge of each arc.
     ranks : int32 array, shape (V,)
-        Place of each node in the lexicographic order of the coordinates, by which ties are broken.
+        Rank of each node in the lexicographic order of coordinates, which breaks ties.
     """
 
     ends: NDArray[np.int32]
@@ -53,24 +53,24 @@ def build_road_graph(
 ) -> RoadGraph:
     """Build the graph of a road map (thesis, definitions 4.1.8 and 4.1.9).
 
-    Parallel edges, self-loops, edges of length zero and disconnected parts are all allowed.
+    Parallel edges, self-loops, edges of length zero and disconnected components are allowed.
 
     Parameters
     ----------
     nodes : array_like, shape (V, d)
-        Positions in metres. An archive gives its lattice coordinates instead, whose differences are exact wherever
-        the log lies; only ratios of lengths matter to paths.
+        Positions in metres. Archives pass integer grid coordinates instead, whose differences are
+        exact wherever the log is; only ratios of lengths matter to paths.
     edges : array_like of int, shape (E, 2)
-        The nodes that each edge joins.
+        End nodes of each edge.
     lengths : array_like, shape (E,), optional
         Lengths in metres, or any other positive cost; by default the distance between the ends.
     oneway : array_like of bool, shape (E,), optional
-        Edges that may be travelled from their first node to their second only; by default none.
+        Whether each edge may be travelled from its first node to its second only; by default none.
 
     Raises
     ------
     ValueError
-        If an edge names a node that is not there.
+        If an edge names a node that doesn't exist.
 
     Examples
     --------
@@ -80,47 +80,54 @@ def build_road_graph(
     >>> (graph.weights / UNITS_PER_METRE).tolist()
     [5.0, 5.0, 4.0, 4.0]
     """
+    # Check the input.
     positions = np.asarray(nodes, dtype=np.float64)
     ends = np.asarray(edges, dtype=np.int32).reshape(-1, 2)
     if ends.size and (ends.min() < 0 or ends.max() >= len(positions)):
         raise ValueError(
-            f"an edge names node {int(ends.max())}, but there are {len(positions)} nodes, counted from 0"
+            f"an edge names node {int(ends.max())}, but there are {len(positions)} nodes, "
+            "counted from 0"
         )
-    weights = _weights(positions, ends, lengths)
-    sources, targets, names = _arcs(ends, oneway)
-    order = np.lexsort((names, targets, sources))
+
+    # Sort the arcs by source, target and edge.
+    weights = _edge_weights(positions, ends, lengths)
+    sources, targets, edge = _list_arcs(ends, oneway)
+    order = np.lexsort((edge, targets, sources))
     offsets = np.searchsorted(sources[order], np.arange(len(positions) + 1))
-    names = names[order]
+    edge = edge[order]
     return RoadGraph(
-        ends, offsets.astype(np.int64), targets[order], weights[names], names, _ranks(positions)
+        ends, offsets.astype(np.int64), targets[order], weights[edge], edge, _rank_nodes(positions)
     )
 
 
-def _weights(
+def _edge_weights(
     positions: NDArray[np.float64], ends: NDArray[np.int32], lengths: ArrayLike | None
 ) -> NDArray[np.int64]:
+    """Integer weight of each edge: at least 1, and so small that no path overflows."""
     if lengths is None:
         lengths = np.sqrt(np.square(positions[ends[:, 0]] - positions[ends[:, 1]]).sum(axis=1))
-    # At least 1, for canonical paths must be simple; capped, so that no path's length overflows.
+
+    # At least 1, because canonical paths must be simple. Capped, because sums must fit in 62 bits.
     cap = float((1 << 61) // (len(positions) + 1))
-    return np.clip(
-        np.rint(np.asarray(lengths, dtype=np.float64) * UNITS_PER_METRE), 1.0, cap
-    ).astype(np.int64)
+    units = np.rint(np.asarray(lengths, dtype=np.float64) * UNITS_PER_METRE)
+    return np.clip(units, 1.0, cap).astype(np.int64)
 
 
-def _arcs(
+def _list_arcs(
     ends: NDArray[np.int32], oneway: ArrayLike | None
 ) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
-    names = np.arange(len(ends), dtype=np.int32)
-    back = ends[:, 0] != ends[:, 1]  # a self-loop is one arc
+    """Source, target and edge of each arc; first all arcs along their edges, then those against."""
+    edge = np.arange(len(ends), dtype=np.int32)
+    has_reverse = ends[:, 0] != ends[:, 1]  # a self-loop is one arc
     if oneway is not None:
-        back &= ~np.asarray(oneway, dtype=np.bool_)
-    sources = np.concatenate((ends[:, 0], ends[back, 1]))
-    targets = np.concatenate((ends[:, 1], ends[back, 0]))
-    return sources, targets, np.concatenate((names, names[back]))
+        has_reverse &= ~np.asarray(oneway, dtype=np.bool_)
+    sources = np.concatenate((ends[:, 0], ends[has_reverse, 1]))
+    targets = np.concatenate((ends[:, 1], ends[has_reverse, 0]))
+    return sources, targets, np.concatenate((edge, edge[has_reverse]))
 
 
-def _ranks(positions: NDArray[np.float64]) -> NDArray[np.int32]:
+def _rank_nodes(positions: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Rank of each node in the lexicographic order of coordinates; equal nodes by index."""
     ranks = np.empty(len(positions), dtype=np.int32)
     ranks[np.lexsort(positions.T[::-1])] = np.arange(len(positions), dtype=np.int32)
     return ranks

@@ -1,4 +1,4 @@
-"""A route: the nodes that a walk visits and the edge by which it goes from each to the next."""
+"""A route: the nodes that a walk visits, and the edge from each of them to the next."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from gpszip.graph.road_graph import RoadGraph
 
 __all__ = ["GAP", "STOP", "Route", "build_route", "find_arcs", "find_route_arcs"]
 
-#: In the place of an edge: the walk stays at the node.
+#: Instead of an edge: the walk stays at the node.
 STOP = -1
 
-#: In the place of an edge: no travel is claimed, the next node is elsewhere (a gap).
+#: Instead of an edge: a gap, in which the walk claims no travel; the next node may be any.
 GAP = -2
 
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A walk on a road graph, told apart even where parallel edges or self-loops exist.
+    """A walk on a road graph, unambiguous also on parallel edges and self-loops.
 
     Parameters
     ----------
     nodes : int32 array, shape (k + 1,)
-        Nodes in the order of the visit.
+        Visited nodes in order.
     edges : int32 array, shape (k,)
-        Index of the edge to the next node, or STAY or JUMP.
+        Index of the edge to the next node, or STOP or GAP.
     """
 
     nodes: NDArray[np.int32]
@@ -35,7 +35,7 @@ class Route:
 
     @property
     def gaps(self) -> NDArray[np.bool_]:
-        """Hops during which no travel is claimed, shape (k,)."""
+        """Whether each segment is a gap, shape (k,)."""
         gaps: NDArray[np.bool_] = self.edges == GAP
         return gaps
 
@@ -43,7 +43,9 @@ class Route:
 def find_arcs(
     graph: RoadGraph, sources: ArrayLike, targets: ArrayLike
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First of the arcs from each source to its target, and how many there are; parallel arcs follow each other.
+    """First of the arcs from each source to its target, and their number.
+
+    Parallel arcs are consecutive.
 
     Parameters
     ----------
@@ -55,7 +57,7 @@ def find_arcs(
     Returns
     -------
     first, count : int64 array, shape (k,)
-        Places in ``graph.targets``; a count of 0 where no arc joins the pair.
+        Index in ``graph.targets``, and number of arcs; 0 where no arc joins the pair.
 
     Examples
     --------
@@ -68,52 +70,56 @@ def find_arcs(
     keys = _arc_keys(graph)
     wanted = _pair_keys(graph, sources, targets)
     first = np.searchsorted(keys, wanted, side="left")
-    return first.astype(np.int64), (np.searchsorted(keys, wanted, side="right") - first).astype(
-        np.int64
-    )
+    count = np.searchsorted(keys, wanted, side="right") - first
+    return first.astype(np.int64), count.astype(np.int64)
 
 
 def find_route_arcs(graph: RoadGraph, route: Route) -> NDArray[np.int64]:
-    """Arc of each hop of a route, shape (k,); -1 where it stays or jumps.
+    """Arc of each segment of a route, shape (k,); -1 at stops and gaps.
 
     Raises
     ------
     ValueError
-        If an edge doesn't lead from its node to the next, or a stay moves to another node.
+        If an edge doesn't lead from its node to the next, or a stop moves to another node.
     """
+    # Look up the arc of each edge in the direction of travel.
     arcs = np.full(len(route.edges), -1, dtype=np.int64)
     travelled = np.flatnonzero(route.edges >= 0)
     edges, sources = route.edges[travelled], route.nodes[travelled]
-    forth, back = _arcs_by_direction(graph)
-    arcs[travelled] = np.where(sources == graph.ends[edges, 0], forth[edges], back[edges])
+    forward, backward = _arcs_by_direction(graph)
+    arcs[travelled] = np.where(sources == graph.ends[edges, 0], forward[edges], backward[edges])
+
+    # Check that the arcs join the nodes of the route.
     wrong = (route.edges == STOP) & (route.nodes[1:] != route.nodes[:-1])
-    found = arcs[travelled]
+    travelled_arcs = arcs[travelled]
     wrong[travelled] = (
-        (found < 0)
+        (travelled_arcs < 0)
         | ~(graph.ends[edges] == sources[:, None]).any(axis=1)
-        | (graph.targets[found] != route.nodes[travelled + 1])
+        | (graph.targets[travelled_arcs] != route.nodes[travelled + 1])
     )
     if wrong.any():
-        hop = int(wrong.argmax())
+        first = int(wrong.argmax())
         raise ValueError(
-            f"hop {hop} of the route: edge {route.edges[hop]} doesn't lead from node {route.nodes[hop]} to {route.nodes[hop + 1]}"
+            f"segment {first} of the route: edge {route.edges[first]} doesn't lead "
+            f"from node {route.nodes[first]} to {route.nodes[first + 1]}"
         )
     return arcs
 
 
 def _arcs_by_direction(graph: RoadGraph) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Arc along each edge and arc against it, shape (E,); -1 where there is none."""
     arcs = np.arange(len(graph.edges), dtype=np.int64)
-    forward = _arc_sources(graph) == graph.ends[graph.edges, 0]
-    forth, back = np.full((2, len(graph.ends)), -1, dtype=np.int64)
-    forth[graph.edges[forward]] = arcs[forward]
-    back[graph.edges[~forward]] = arcs[~forward]
-    return forth, back
+    is_forward = _arc_sources(graph) == graph.ends[graph.edges, 0]
+    forward, backward = np.full((2, len(graph.ends)), -1, dtype=np.int64)
+    forward[graph.edges[is_forward]] = arcs[is_forward]
+    backward[graph.edges[~is_forward]] = arcs[~is_forward]
+    return forward, backward
 
 
 def build_route(graph: RoadGraph, nodes: ArrayLike, gaps: ArrayLike | None = None) -> Route:
-    """Route of a walk that is given by its nodes alone, by the shortest of the edges between each two.
+    """Route of a walk that is given by its nodes alone, over the shortest of parallel edges.
 
-    The same node twice in a row is a stay, not a way around a self-loop.
+    The same node twice in succession is a stop, not a traversal of a self-loop.
 
     Parameters
     ----------
@@ -122,7 +128,7 @@ def build_route(graph: RoadGraph, nodes: ArrayLike, gaps: ArrayLike | None = Non
     nodes : array_like of int, shape (k + 1,)
         Nodes of the walk.
     gaps : array_like of bool, shape (k,), optional
-        Hops during which no travel is claimed; by default none.
+        Whether each segment is a gap; by default none is.
 
     Raises
     ------
@@ -140,18 +146,21 @@ def build_route(graph: RoadGraph, nodes: ArrayLike, gaps: ArrayLike | None = Non
     edges = np.full(max(len(visited) - 1, 0), STOP, dtype=np.int32)
     if gaps is not None:
         edges[np.asarray(gaps, dtype=np.bool_)] = GAP
-    hops = np.flatnonzero((edges != GAP) & (visited[1:] != visited[:-1]))
-    edges[hops] = _find_lightest_edges(graph, visited[hops], visited[hops + 1])
+    moves = np.flatnonzero((edges != GAP) & (visited[1:] != visited[:-1]))
+    edges[moves] = _find_lightest_edges(graph, visited[moves], visited[moves + 1])
     return Route(visited, edges)
 
 
 def _find_lightest_edges(
     graph: RoadGraph, sources: NDArray[np.int32], targets: NDArray[np.int32]
 ) -> NDArray[np.int32]:
+    """Lightest edge of each pair of nodes; the first one among equals."""
     _, count = find_arcs(graph, sources, targets)
     if not count.all():
-        hop = int((count == 0).argmax())
-        raise ValueError(f"no edge leads from node {sources[hop]} to node {targets[hop]}")
+        first = int((count == 0).argmax())
+        raise ValueError(f"no edge leads from node {sources[first]} to node {targets[first]}")
+
+    # The first arc of each pair in the order of weights.
     keys = _arc_keys(graph)
     order = np.lexsort((graph.edges, graph.weights, keys))
     lightest: NDArray[np.int32] = graph.edges[
@@ -161,15 +170,17 @@ def _find_lightest_edges(
 
 
 def _arc_keys(graph: RoadGraph) -> NDArray[np.int64]:
+    """One number for the pair of nodes of each arc; increasing."""
     return _pair_keys(graph, _arc_sources(graph), graph.targets)
 
 
 def _arc_sources(graph: RoadGraph) -> NDArray[np.int64]:
+    """Source node of each arc."""
     return np.repeat(np.arange(len(graph), dtype=np.int64), np.diff(graph.offsets))
 
 
 def _pair_keys(graph: RoadGraph, sources: ArrayLike, targets: ArrayLike) -> NDArray[np.int64]:
-    pairs: NDArray[np.int64] = np.asarray(sources, dtype=np.int64) * len(graph) + np.asarray(
-        targets, dtype=np.int64
-    )
-    return pairs
+    """One number for each pair of nodes, sorted like the pairs."""
+    first, second = np.asarray(sources, dtype=np.int64), np.asarray(targets, dtype=np.int64)
+    keys: NDArray[np.int64] = first * len(graph) + second
+    return keys

@@ -1,4 +1,4 @@
-"""Trees of shortest paths from one node, bounded by a radius, and a store of the trees used last."""
+"""Trees of shortest paths from a node, and a cache of the latest trees."""
 
 from __future__ import annotations
 
@@ -24,7 +24,11 @@ __all__ = [
     "new_search_on",
 ]
 
-_FARTHEST = 1 << 62
+#: Radius of unbounded trees in units of weight; no path is as long.
+_UNBOUNDED = 1 << 62
+
+#: Default size of a cache of trees in bytes: 64 MiB.
+_CACHE_BYTES = 1 << 26
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +41,8 @@ class ShortestPathTree:
         Nodes reached, by increasing index.
     distances : float64 array, shape (r,)
         Metres from the source.
-    parents, edges : int32 array, shape (r,)
-        Last node and last edge on the way to each; -1 at the source.
+    parents, edges : int32 arrays, shape (r,)
+        Node before the last and last edge on the path to each node; -1 at the source.
     """
 
     nodes: NDArray[np.int32]
@@ -48,43 +52,51 @@ class ShortestPathTree:
 
     def distance(self, node: int) -> float:
         """Metres from the source to ``node``; infinite if it was not reached."""
-        place = self._place(node)
-        return float(self.distances[place]) if place >= 0 else float("inf")
+        i = self._index(node)
+        return float(self.distances[i]) if i >= 0 else float("inf")
 
     def route(self, node: int) -> Route | None:
         """The canonical path from the source to ``node``, or None if it was not reached."""
-        place = self._place(node)
-        if place < 0:
+        i = self._index(node)
+        if i < 0:
             return None
+
+        # Collect nodes and edges from the target back to the source.
         nodes, edges = [node], []
-        while self.parents[place] >= 0:
-            edges.append(self.edges[place])
-            nodes.append(self.parents[place])
-            place = self._place(nodes[-1])
+        while self.parents[i] >= 0:
+            edges.append(self.edges[i])
+            nodes.append(self.parents[i])
+            i = self._index(nodes[-1])
         return Route(np.array(nodes[::-1], np.int32), np.array(edges[::-1], np.int32))
 
-    def _place(self, node: int) -> int:
-        place = int(np.searchsorted(self.nodes, node))
-        return place if place < len(self.nodes) and self.nodes[place] == node else -1
+    def _index(self, node: int) -> int:
+        """Index of a node in the arrays; -1 if it was not reached."""
+        i = int(np.searchsorted(self.nodes, node))
+        return i if i < len(self.nodes) and self.nodes[i] == node else -1
 
 
 def kernel_arcs(graph: RoadGraph) -> Arcs:
-    """The graph as the kernels take it."""
+    """The graph in the form that kernels take."""
     from gpszip.graph.kernels.shortest_paths import Arcs
 
     return Arcs(graph.offsets, graph.targets, graph.weights, graph.edges, graph.ranks)
 
 
 def new_search_on(graph: RoadGraph, breadth: int | None = None) -> DijkstraSearch:
-    """Work arrays for searches on this graph, one after another; not to be shared between threads.
+    """Allocate work arrays for consecutive searches on a graph. Threads must not share them.
 
-    Each search settles the nearest ``breadth`` nodes, and all that are as far as the last of them; by default all there are.
+    Parameters
+    ----------
+    graph : RoadGraph
+        The graph.
+    breadth : int, optional
+        Number of nodes that each search settles; nodes as far as the last of them are settled too.
+        By default all nodes.
     """
     from gpszip.graph.kernels.shortest_paths import new_search
 
-    return new_search(
-        len(graph), len(graph.targets), max(len(graph), 1) if breadth is None else breadth
-    )
+    breadth = max(len(graph), 1) if breadth is None else breadth
+    return new_search(len(graph), len(graph.targets), breadth)
 
 
 def build_tree(
@@ -103,9 +115,9 @@ def build_tree(
     source : int
         Node from which the paths start.
     radius : float, optional
-        Length in metres up to which paths are followed; by default all are.
-    search : Search, optional
-        Work arrays to use again, see :func:`new_search_on`.
+        Largest length of paths in metres; by default unbounded.
+    search : DijkstraSearch, optional
+        Work arrays to reuse, see :func:`new_search_on`.
 
     Examples
     --------
@@ -114,18 +126,19 @@ def build_tree(
     >>> tree.distance(2), tree.route(2).nodes.tolist()
     (7.0, [0, 1, 2])
     """
-    from gpszip.graph.kernels.shortest_paths import settle_within
+    from gpszip.graph.kernels.shortest_paths import SETTLED, settle_within
 
     search = new_search_on(graph) if search is None else search
-    settle_within(kernel_arcs(graph), search, source, _units(radius))
-    reached = np.sort(search.order[: search.state[2]])
+    settle_within(kernel_arcs(graph), search, source, _to_units(radius))
+
+    # Copy the entries of the settled nodes.
+    reached = np.sort(search.order[: search.state[SETTLED]])
+    distances = search.distance[reached] / UNITS_PER_METRE
     parents = search.parent[reached]
-    edges = (
-        np.where(parents < 0, -1, graph.edges[search.arc[reached]]) if len(graph.edges) else parents
-    )
-    return ShortestPathTree(
-        reached, search.distance[reached] / UNITS_PER_METRE, parents, edges.astype(np.int32)
-    )
+    edges = parents
+    if len(graph.edges):
+        edges = np.where(parents < 0, -1, graph.edges[search.arc[reached]])
+    return ShortestPathTree(reached, distances, parents, edges.astype(np.int32))
 
 
 def find_distances(
@@ -136,7 +149,9 @@ def find_distances(
     radius: float | None = None,
     search: DijkstraSearch | None = None,
 ) -> NDArray[np.float64]:
-    """Lengths of the shortest paths from one node to several, stopping as soon as the last is found.
+    """Lengths of the shortest paths from one node to several.
+
+    The search stops as soon as it has reached all targets.
 
     Parameters
     ----------
@@ -148,13 +163,13 @@ def find_distances(
         Nodes at which they end.
     radius : float, optional
         Length in metres beyond which a target counts as not reached; by default unbounded.
-    search : Search, optional
-        Work arrays to use again, see :func:`new_search_on`.
+    search : DijkstraSearch, optional
+        Work arrays to reuse, see :func:`new_search_on`.
 
     Returns
     -------
     float64 array, shape (c,)
-        Metres; infinite where there is no path within the radius.
+        Metres; infinite if there is no path within the radius.
 
     Examples
     --------
@@ -166,13 +181,13 @@ def find_distances(
 
     search = new_search_on(graph) if search is None else search
     units = settle_targets(
-        kernel_arcs(graph), search, source, np.asarray(targets, dtype=np.int32), _units(radius)
+        kernel_arcs(graph), search, source, np.asarray(targets, dtype=np.int32), _to_units(radius)
     )
     return np.where(units < 0, np.inf, units / UNITS_PER_METRE)
 
 
 class TreeCache:
-    """The trees asked for last, so that paths from the same node are searched once.
+    """A cache of the most recently used trees.
 
     Parameters
     ----------
@@ -181,40 +196,46 @@ class TreeCache:
     radius : float, optional
         Radius of all trees in metres; by default unbounded.
     size : int
-        Bytes that the stored trees may take together, at least that of the last one; 64 MiB by default.
+        Largest total size of the cached trees in bytes, by default 64 MiB. The latest tree is
+        always kept.
 
     Examples
     --------
     >>> from gpszip.graph.road_graph import build_road_graph
-    >>> store = TreeCache(build_road_graph([[0, 0], [4, 0]], [[0, 1]]))
-    >>> store.tree(0).distance(1), store.tree(0) is store.tree(0)
+    >>> cache = TreeCache(build_road_graph([[0, 0], [4, 0]], [[0, 1]]))
+    >>> cache.tree(0).distance(1), cache.tree(0) is cache.tree(0)
     (4.0, True)
     """
 
     def __init__(
-        self, graph: RoadGraph, *, radius: float | None = None, size: int = 1 << 26
+        self, graph: RoadGraph, *, radius: float | None = None, size: int = _CACHE_BYTES
     ) -> None:
         self._graph = graph
         self._radius = radius
-        self._room = size
+        self._free_bytes = size
         self._search = new_search_on(graph)
         self._trees: OrderedDict[int, ShortestPathTree] = OrderedDict()
 
     def tree(self, source: int) -> ShortestPathTree:
-        """The tree of ``source``, from the store where it is known."""
+        """The tree of ``source``, from the cache if it is there."""
         if source in self._trees:
             self._trees.move_to_end(source)
             return self._trees[source]
+
+        # Build the tree, then evict the least recently used ones.
         tree = build_tree(self._graph, source, radius=self._radius, search=self._search)
         self._trees[source] = tree
-        self._room -= _tree_bytes(tree)
-        while self._room < 0 and len(self._trees) > 1:
-            self._room += _tree_bytes(self._trees.popitem(last=False)[1])
+        self._free_bytes -= _tree_bytes(tree)
+        while self._free_bytes < 0 and len(self._trees) > 1:
+            self._free_bytes += _tree_bytes(self._trees.popitem(last=False)[1])
         return tree
 
 
-def _units(radius: float | None) -> int:
-    return _FARTHEST if radius is None else int(min(radius * UNITS_PER_METRE, float(_FARTHEST)))
+def _to_units(radius: float | None) -> int:
+    """A radius in metres as integer weight."""
+    if radius is None:
+        return _UNBOUNDED
+    return int(min(radius * UNITS_PER_METRE, float(_UNBOUNDED)))
 
 
 def _tree_bytes(tree: ShortestPathTree) -> int:

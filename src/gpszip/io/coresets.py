@@ -1,10 +1,16 @@
-"""Coresets as Parquet files, for other tools to read as well.
+"""Read and write coresets as Parquet files, which other tools can read, too.
 
-One row for each block, in the order of the coreset. Columns: ``track``, a text; then float64: ``first``, ``last`` (times of the
-first and last sample, s), ``weight``, ``count``, ``mean_time`` (since ``first``, s), ``spread`` (s^2), ``scatter`` (m^2), ``reach``
-(m), ``jitter`` (s, may be infinite), ``depth``; then for each axis ``start_0`` (first sample, m), ``mean_0`` (from there, m) and
-``drift_0`` (m s), ``start_1`` and so on grouped by name. The schema's metadata has the key ``gpszip.coreset``: JSON with
-``version`` (1), ``tracks`` (names in order) and ``plane`` (null, or the centres of the planes in 1e-7 degrees).
+There is one row for each block, in the order of the coreset. The columns are
+
+- ``track``, a text;
+- float64: ``first``, ``last`` (times of the first and last sample, s), ``weight``, ``count``,
+  ``mean_time`` (since ``first``, s), ``spread`` (s^2), ``scatter`` (m^2), ``reach`` (m), ``jitter``
+  (s, may be infinite), ``depth``;
+- float64, for each axis: ``start_0`` (first sample, m), ``mean_0`` (from there, m) and ``drift_0``
+  (m s), then ``start_1`` and so on, grouped by name.
+
+The schema's metadata have the key ``gpszip.coreset``: JSON with ``version`` (1), ``tracks`` (names
+in order) and ``plane`` (null, or the centres of the planes in 1e-7 degrees).
 """
 
 from __future__ import annotations
@@ -16,6 +22,7 @@ from typing import Any, BinaryIO
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OutputError
 from gpszip.io.storage.sink import open_sink
@@ -24,8 +31,13 @@ from gpszip.sketches.coreset import Coreset
 
 __all__ = ["read_coreset", "write_coreset"]
 
+#: Key of the coreset's data in the metadata of the schema.
 _METADATA_KEY = b"gpszip.coreset"
+
+#: Version of the format.
 _VERSION = 1
+
+#: Columns of numbers before those of the axes.
 _COLUMN_NAMES = (
     "first",
     "last",
@@ -39,16 +51,25 @@ _COLUMN_NAMES = (
     "depth",
 )
 
+#: Columns of each axis.
+_AXIS_COLUMN_NAMES = ("start", "mean", "drift")
+
+#: Index of each column of numbers.
+_COLUMN = {name: i for i, name in enumerate(_COLUMN_NAMES)}
+
+Floats = NDArray[np.float64]
+Longs = NDArray[np.int64]
+
 
 def write_coreset(coreset: Coreset, sink: str | Path | BinaryIO, *, force: bool = False) -> None:
-    """Save a coreset; the file appears whole or not at all.
+    """Write a coreset to a file, which appears once it is complete.
 
     Parameters
     ----------
     coreset : Coreset
-        What to save.
+        The coreset.
     sink : path or binary stream
-        Where to; ``-`` is standard output.
+        Where to write; ``-`` is standard output.
     force : bool, default False
         Replace an existing file.
 
@@ -66,22 +87,24 @@ def write_coreset(coreset: Coreset, sink: str | Path | BinaryIO, *, force: bool 
     >>> len(read_coreset(file))
     2
     """
-    if isinstance(sink, (str, Path)) and str(sink) != "-" and Path(sink).exists() and not force:
+    is_path = isinstance(sink, (str, Path)) and str(sink) != "-"
+    if is_path and Path(str(sink)).exists() and not force:
         raise OutputError(f"{sink}: exists already; replace it with force, or name another file")
+
+    # Metadata.
     plane = None if coreset.plane is None else [list(center) for center in coreset.plane.centers]
-    head = json.dumps(
+    metadata = json.dumps(
         {"version": _VERSION, "tracks": list(coreset.tracks), "plane": plane}, ensure_ascii=False
     )
+
+    # Columns.
     names = pa.DictionaryArray.from_arrays(
         pa.array(coreset.owners.astype(np.int32)), pa.array(coreset.tracks, pa.string())
     )
-    columns = [
-        names.cast(pa.string()),
-        *(pa.array(np.ascontiguousarray(column)) for column in coreset.rows.T),
-    ]
-    table = pa.table(
-        columns, names=["track", *_column_names(coreset.dimension)]
-    ).replace_schema_metadata({_METADATA_KEY: head.encode()})
+    columns = [names.cast(pa.string())]
+    columns += [pa.array(np.ascontiguousarray(column)) for column in coreset.rows.T]
+    table = pa.table(columns, names=["track", *_column_names(coreset.dimension)])
+    table = table.replace_schema_metadata({_METADATA_KEY: metadata.encode()})
     with open_sink(sink) as file:
         pq.write_table(
             table, file, compression="zstd", use_dictionary=["track"], write_statistics=False
@@ -89,7 +112,7 @@ def write_coreset(coreset: Coreset, sink: str | Path | BinaryIO, *, force: bool 
 
 
 def read_coreset(source: str | Path | BinaryIO) -> Coreset:
-    """Load a coreset.
+    """Read a coreset.
 
     Parameters
     ----------
@@ -99,16 +122,17 @@ def read_coreset(source: str | Path | BinaryIO) -> Coreset:
     Raises
     ------
     InputError
-        If there is no such file, it is damaged, or holds something else.
+        If there is no such file, it is damaged, or it holds something else.
     """
-    where = str(source) if isinstance(source, (str, Path)) else "stream"
+    is_path = isinstance(source, (str, Path))
+    where = str(source) if is_path else "stream"
+
     try:
-        # Arrow opens no file whose name is not UTF-8
-        table = pq.read_table(
-            pa.py_buffer(Path(source).read_bytes()) if isinstance(source, (str, Path)) else source
-        )
-        head = json.loads((table.schema.metadata or {})[_METADATA_KEY])
-        return _build_coreset(table, head, where)
+        # The bytes are read here: Arrow opens no file whose name isn't UTF-8.
+        data: Any = pa.py_buffer(Path(str(source)).read_bytes()) if is_path else source
+        table = pq.read_table(data)
+        metadata = json.loads((table.schema.metadata or {})[_METADATA_KEY])
+        return _build_coreset(table, metadata, where)
     except KeyError:
         raise InputError(
             f"{where}: is no coreset; make one with: gpszip coreset LOG -o {Path(where).name}"
@@ -120,73 +144,86 @@ def read_coreset(source: str | Path | BinaryIO) -> Coreset:
 
 
 def _column_names(dimension: int) -> list[str]:
-    return [
-        *_COLUMN_NAMES,
-        *(f"{what}_{axis}" for what in ("start", "mean", "drift") for axis in range(dimension)),
-    ]
+    """Return the names of all columns of numbers."""
+    axis_names = [f"{name}_{axis}" for name in _AXIS_COLUMN_NAMES for axis in range(dimension)]
+    return [*_COLUMN_NAMES, *axis_names]
 
 
-def _build_coreset(table: Any, head: dict[str, Any], where: str) -> Coreset:
-    if head.get("version") != _VERSION:
+def _build_coreset(table: Any, metadata: dict[str, Any], where: str) -> Coreset:
+    if metadata.get("version") != _VERSION:
         raise InputError(
-            f"{where}: coreset of version {head.get('version')}; this GPSZip reads version {_VERSION}; install a newer one"
+            f"{where}: coreset of version {metadata.get('version')}; "
+            f"this GPSZip reads version {_VERSION}; install a newer one"
         )
-    dimension, rest = divmod(table.num_columns - 1 - len(_COLUMN_NAMES), 3)
+
+    # Columns.
+    axis_columns = table.num_columns - 1 - len(_COLUMN_NAMES)
+    dimension, rest = divmod(axis_columns, len(_AXIS_COLUMN_NAMES))
+    is_coreset = not rest and dimension >= 1
     if (
-        rest
-        or dimension < 1
+        not is_coreset
         or table.column_names != ["track", *_column_names(dimension)]
         or table.num_rows == 0
     ):
         raise InputError(f"{where}: its columns are not those of a coreset")
-    rows = np.column_stack(
-        [table.column(name).to_numpy() for name in _column_names(dimension)]
-    ).astype(np.float64)
-    tracks = tuple(str(name) for name in head["tracks"])
-    number = {name: i for i, name in enumerate(tracks)}
-    owners = np.array(
-        [number.get(name, -1) for name in table.column("track").to_pylist()], np.int64
-    )
-    _check_rows(rows, owners, len(tracks), where)
-    plane = (
-        None
-        if head["plane"] is None
-        else Plane(tuple((int(lat), int(lon)) for lat, lon in head["plane"]))
-    )
+    columns = [table.column(name).to_numpy() for name in _column_names(dimension)]
+    rows = np.column_stack(columns).astype(np.float64)
+
+    # Tracks.
+    tracks = tuple(str(name) for name in metadata["tracks"])
+    index = {name: i for i, name in enumerate(tracks)}
+    owners = np.array([index.get(name, -1) for name in table.column("track").to_pylist()], np.int64)
+    if not (_are_grouped(owners, len(tracks)) and _is_valid(rows) and _is_in_order(rows, owners)):
+        raise InputError(f"{where}: its blocks are damaged; make the coreset anew")
+
+    centers = metadata["plane"]
+    plane = None if centers is None else Plane(tuple((int(lat), int(lon)) for lat, lon in centers))
     return Coreset(tracks, owners, rows, plane)
 
 
-def _check_rows(rows: Any, owners: Any, tracks: int, where: str) -> None:
-    jitter = _COLUMN_NAMES.index("jitter")
-    finite = (
-        np.isfinite(np.delete(rows, jitter, axis=1)).all()
-        and not (np.isnan(rows[:, jitter]) | (rows[:, jitter] < 0)).any()
-    )
-    positive = (
-        finite
-        and (rows[:, 2] > 0).all()
-        and (rows[:, 3] >= 1).all()
-        and (rows[:, 5:8] >= 0).all()
-        and (rows[:, 1] >= rows[:, 0]).all()
-    )
-    positive = positive and (rows[:, 9] >= 0).all() and _costs_are_finite(rows)
-    same = owners[1:] == owners[:-1]
-    whole = (
-        (owners >= 0).all() and (np.diff(owners) >= 0).all() and len(np.unique(owners)) == tracks
-    )
-    if not (positive and whole and (rows[1:, 0] > rows[:-1, 1])[same].all()):
-        raise InputError(f"{where}: its blocks are damaged; make the coreset anew")
+def _are_grouped(owners: Longs, track_count: int) -> bool:
+    """Whether every block has a track, every track has blocks, and they are in its order."""
+    is_sorted = (owners >= 0).all() and (np.diff(owners) >= 0).all()
+    return bool(is_sorted and len(np.unique(owners)) == track_count)
 
 
-def _costs_are_finite(rows: Any) -> bool:
+def _is_in_order(rows: Floats, owners: Longs) -> bool:
+    """Whether each block starts after the one before it of the same track."""
+    starts_later = rows[1:, _COLUMN["first"]] > rows[:-1, _COLUMN["last"]]
+    return bool(starts_later[owners[1:] == owners[:-1]].all())
+
+
+def _is_valid(rows: Floats) -> bool:
+    """Whether all numbers are in their ranges, and costs are finite."""
+    # All but the jitter are finite.
+    jitter = rows[:, _COLUMN["jitter"]]
+    if (np.isnan(jitter) | (jitter < 0)).any():
+        return False
+    if not np.isfinite(np.delete(rows, _COLUMN["jitter"], axis=1)).all():
+        return False
+
+    is_in_range = (
+        (rows[:, _COLUMN["weight"]] > 0).all()
+        and (rows[:, _COLUMN["count"]] >= 1).all()
+        and (rows[:, _COLUMN["spread"]] >= 0).all()
+        and (rows[:, _COLUMN["scatter"]] >= 0).all()
+        and (rows[:, _COLUMN["reach"]] >= 0).all()
+        and (rows[:, _COLUMN["depth"]] >= 0).all()
+        and (rows[:, _COLUMN["last"]] >= rows[:, _COLUMN["first"]]).all()
+    )
+    return bool(is_in_range) and _costs_are_finite(rows)
+
+
+def _costs_are_finite(rows: Floats) -> bool:
     """Whether costs can be computed without an overflow."""
     with np.errstate(over="ignore", invalid="ignore"):
-        squares = (rows[:, 10:] ** 2).sum(axis=1)
+        weight = rows[:, _COLUMN["weight"]]
+        squares = (rows[:, len(_COLUMN_NAMES) :] ** 2).sum(axis=1)
         terms = np.stack(
             [
-                rows[:, 2] * rows[:, 7] ** 2,
-                rows[:, 2] * squares,
-                rows[:, 4] ** 2 * rows[:, 2],
+                weight * rows[:, _COLUMN["reach"]] ** 2,
+                weight * squares,
+                rows[:, _COLUMN["mean_time"]] ** 2 * weight,
                 squares,
             ]
         )

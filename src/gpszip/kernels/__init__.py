@@ -1,1 +1,1 @@
-"""Compilation, and the compiled helpers that several packages share."""
+"""Settings of the compiler, and the compiled helpers that several packages share."""

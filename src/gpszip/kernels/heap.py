@@ -1,4 +1,8 @@
-"""A binary heap on two arrays of numbers: the smallest key first."""
+"""A binary heap on two arrays, for Dijkstra's search and greedy merging: the smallest key first.
+
+Entry i is ``(keys[i], items[i])``. The children of entry i are 2 i + 1 and 2 i + 2, and no child
+has a smaller key than its parent. The caller owns the arrays and keeps the size.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,8 @@ __all__ = ["pop", "push"]
 
 @jit
 def push(keys: NDArray[Any], items: NDArray[Any], size: int, key: float, item: int) -> int:
-    """Add an item; return the new size."""
+    """Add an item; return the new size. The arrays must have space for it."""
+    # Move parents with larger keys down until the new entry fits.
     i = size
     while i > 0:
         parent = (i - 1) // 2
@@ -21,14 +26,17 @@ def push(keys: NDArray[Any], items: NDArray[Any], size: int, key: float, item: i
             break
         keys[i], items[i] = keys[parent], items[parent]
         i = parent
+
     keys[i], items[i] = key, item
     return size + 1
 
 
 @jit
 def pop(keys: NDArray[Any], items: NDArray[Any], size: int) -> tuple[int, int]:
-    """Take the item with the smallest key; return it and the new size."""
+    """Remove the item with the smallest key; return it and the new size."""
     first = items[0]
+
+    # The last entry fills the root; move it down below all children with smaller keys.
     size -= 1
     key, item = keys[size], items[size]
     i = 0
@@ -40,5 +48,6 @@ def pop(keys: NDArray[Any], items: NDArray[Any], size: int) -> tuple[int, int]:
             break
         keys[i], items[i] = keys[child], items[child]
         i = child
+
     keys[i], items[i] = key, item
     return first, size

@@ -1,4 +1,4 @@
-"""The compiler's settings, in one place."""
+"""The compiler's settings, in one module: every kernel of the project is decorated here."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 def jit(function: F) -> F:
     """Compile a kernel: cached on disk, without the interpreter's lock, with IEEE division.
 
-    Threads, not the compiler, spread work over cores: parallel loops and the disk cache don't go together.
+    Threads, not the compiler, spread work over cores: numba's parallel loops and its disk cache
+    exclude each other.
     """
     compiled: F = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     _stamp_cache(compiled, function.__module__)
@@ -25,17 +26,19 @@ def jit(function: F) -> F:
 
 
 def inlined(function: F) -> F:
-    """Compile a small kernel into those that call it.
+    """Compile a small kernel into the kernels that call it.
 
-    A call that takes tuples of arrays counts references to each, which costs more than a few numbers' work.
+    A call that takes tuples of arrays counts references to each array, which costs more than a few
+    arithmetic operations.
     """
     compiled: F = numba.njit(inline="always", nogil=True, error_model="numpy")(function)
     return compiled
 
 
 def _stamp_cache(compiled: Any, module: str) -> None:
-    """Have the cache forget a kernel when one that it calls has changed, too."""
-    # the compiler has no public way to say so; without it, only its own file counts
+    """Make the cache drop a kernel also when a kernel that it calls has changed."""
+    # Numba has no public interface for this. Without the private one, only the kernel's own file
+    # counts.
     file = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
     if file is not None and hasattr(file, "_source_stamp"):
         file._source_stamp = (file._source_stamp, source_stamp(module))

@@ -1,4 +1,7 @@
-"""A table of pairs of numbers by open addressing, for maps that grow while they are read."""
+"""A hash table of integer keys on one array, for maps that grow while they are decoded.
+
+Callers combine a pair of numbers, such as the two nodes of an edge, to one key.
+"""
 
 from __future__ import annotations
 
@@ -12,9 +15,14 @@ __all__ = ["find_pair_slot"]
 
 @jit
 def find_pair_slot(keys: NDArray[np.int64], key: int) -> int:
-    """Where in ``keys`` (a power of two of them, -1 where free) a key is, or would be entered."""
+    """Index in ``keys`` that holds a key, or that a new key is to be written to.
+
+    The table uses open addressing with linear probing. Its size is a power of two, and free slots
+    hold -1. The hash takes the bits from 20 upwards of the key times 0x9E3779B97F4A7C1, the leading
+    digits of the golden ratio's inverse (Knuth, The Art of Computer Programming, section 6.4).
+    """
     mask = len(keys) - 1
-    at = ((key * 0x9E3779B97F4A7C1) >> 20) & mask
-    while keys[at] != -1 and keys[at] != key:
-        at = (at + 1) & mask
-    return at
+    slot = ((key * 0x9E3779B97F4A7C1) >> 20) & mask
+    while keys[slot] != -1 and keys[slot] != key:
+        slot = (slot + 1) & mask
+    return slot

@@ -1,7 +1,7 @@
 """Digests of the sources that a kernel was compiled from.
 
-Numba's cache looks at a kernel's own file only. A compiled kernel holds the code of the kernels
-that it calls, so after an upgrade the cache could serve one that still contains old code.
+Numba's cache checks a kernel's own file only. But a compiled kernel contains the code of the
+kernels that it calls, so after an upgrade the cache could return a kernel with old code in it.
 """
 
 from __future__ import annotations
@@ -13,12 +13,13 @@ from importlib import resources
 
 __all__ = ["source_stamp"]
 
+#: An import of names from a module of the project, at the start of a line.
 _IMPORT = re.compile(r"^from (gpszip(?:\.\w+)+) import", re.MULTILINE)
 
 
 @cache
 def source_stamp(module: str) -> str:
-    """Digest of the sources of a module and of all project modules that it imports.
+    """Digest of the sources of a module and of all project modules that it imports, in any depth.
 
     Parameters
     ----------
@@ -36,24 +37,24 @@ def source_stamp(module: str) -> str:
     False
     """
     digest = hashlib.sha256()
-    for name in sorted(_modules(module, frozenset())):
-        digest.update(_source(name).encode())
+    for name in sorted(_collect_modules(module, frozenset())):
+        digest.update(_read_source(name).encode())
     return digest.hexdigest()
 
 
-def _modules(module: str, seen: frozenset[str]) -> frozenset[str]:
-    """Add a module and those that it imports, directly or not, to the ones seen."""
+def _collect_modules(module: str, seen: frozenset[str]) -> frozenset[str]:
+    """Modules seen so far, with one module and all that it imports, directly or indirectly."""
     if module in seen:
         return seen
     seen |= {module}
-    for name in _IMPORT.findall(_source(module)):
-        seen = _modules(name, seen)
+    for name in _IMPORT.findall(_read_source(module)):
+        seen = _collect_modules(name, seen)
     return seen
 
 
 @cache
-def _source(module: str) -> str:
-    """Text of a module of the package; empty where the source is not installed."""
+def _read_source(module: str) -> str:
+    """Source text of a module; empty if the source is not installed."""
     package, _, name = module.rpartition(".")
     try:
         return resources.files(package).joinpath(f"{name}.py").read_text("utf-8")

@@ -1,12 +1,15 @@
-"""Moments of any part of a track in constant time, exact however far its clock and its plane lie from zero.
+"""Moments of any segment of a track in constant time, exact wherever its clock and plane start.
 
-Times and positions become whole ticks counted from the first sample. Prefix sums of ticks and of their products are
-kept in 64-bit integers that wrap around. A part's moments are re-centred on its own first sample while they are still
-integers; what comes out fits in 63 bits, so the wrapping cancels and not a bit is lost. Where it would not fit, and
-for weighted tracks, moments are added up from blocks of samples, each in floats about its own first sample.
+Times and positions become whole ticks, counted from the first sample. Prefix sums of ticks and of
+their products are kept in 64-bit integers that wrap around. The moments of a segment are re-centred
+on its own first sample while they are still integers. The result fits in 63 bits, so the wrapping
+cancels and no bit is lost. Where it would not fit, and for weighted tracks, moments are added up
+from blocks of samples, each in floats about the block's first sample.
 
-Rows of moments are ``[W, X1, X2, Q, M_1..M_d, N_1..N_d]``: with x the time and r the position since the part's first
-sample, ``W = sum w``, ``X1 = sum w x``, ``X2 = sum w x^2``, ``Q = sum w |r|^2``, ``M = sum w r``, ``N = sum w x r``.
+Rows of moments are ``[W, X1, X2, Q, M_1..M_d, N_1..N_d]``. With x the time, r the position (both
+since the segment's first sample) and w the weight of each sample:
+
+    W = sum w,  X1 = sum w x,  X2 = sum w x^2,  Q = sum w |r|^2,  M = sum w r,  N = sum w x r
 """
 
 from __future__ import annotations
@@ -30,17 +33,30 @@ __all__ = [
     "tick_moments",
 ]
 
-#: Samples in a block.
+#: Samples in a block of moments.
 BLOCK_SIZE = 256
 
-#: Largest value that re-centred integers may reach; a quarter of what 64 bits hold.
+#: Largest value that re-centred integers may reach; a quarter of what signed 64-bit integers hold.
 _MAX_EXACT = float(1 << 61)
 
-#: Ticks that a float still counts one by one.
+#: Most ticks from the first sample; floats count integers one by one up to 2^53.
 _MAX_TICKS = float(1 << 51)
 
-#: Places where a tick begins lie off every decimal grid, so that noise in a last digit can't move a sample.
+#: Offset of the tick boundaries, in ticks. It keeps them off every decimal grid, so that noise in
+#: the last digit of a coordinate doesn't move a sample to another tick.
 _TICK_OFFSET = 0.5037
+
+#: Coarsest tick of times, in seconds.
+_COARSEST_TIME_TICK = 1e-3
+
+#: Coarsest tick of positions, in metres.
+_COARSEST_POSITION_TICK = 1e-3
+
+#: A time tick is at least this many orders of magnitude below the shortest interval of the track.
+_TIME_DIGITS = 2.5
+
+#: A position tick is at least this many orders of magnitude below the extent of the track.
+_POSITION_DIGITS = 7.3
 
 
 class PrefixSums(NamedTuple):
@@ -51,15 +67,15 @@ class PrefixSums(NamedTuple):
     t : float64 array, shape (n,)
         Whole time ticks since the first sample.
     p : float64 array, shape (n, d)
-        Whole place ticks from the first sample.
+        Whole position ticks from the first sample.
     w : float64 array, shape (n,)
         Weights.
     prefix : int64 array, shape (n + 1, 2 d + 3)
-        Wrapping sums of t, t^2, |p|^2, p and t p; no rows for a weighted track.
+        Wrapping prefix sums of t, t^2, |p|^2, p and t p; no rows for a weighted track.
     blocks : float64 array, shape (ceil(n / 256), 2 d + 4)
-        Moments of each block of samples about its first.
+        Moments of each block of samples about its first sample.
     extent : float
-        No two samples are farther apart, in place ticks.
+        Diagonal of the bounding box in position ticks: an upper bound on distances.
     time_tick, position_tick : float
         Sizes of the ticks in seconds and metres.
     first_time : float
@@ -85,12 +101,27 @@ def build_prefix_sums(
     positions: NDArray[np.float64],
     weights: NDArray[np.float64] | None = None,
 ) -> PrefixSums:
-    """Count a track in ticks and sum them up; ticks are decimal and fit the track's own resolution."""
+    """Convert a track to ticks and compute its prefix sums.
+
+    Ticks are powers of ten that suit the track's own resolution: 1 ms and 1 mm, or finer.
+
+    Parameters
+    ----------
+    times : float64 array, shape (n,)
+        Increasing times in seconds; at least one.
+    positions : float64 array, shape (n, d)
+        Positions in metres.
+    weights : float64 array, shape (n,), optional
+        Weight of each sample; by default 1. Weighted tracks use blocks of samples only.
+    """
+    # Count from the first sample.
     seconds, metres = times - times[0], positions - positions[0]
     time_tick = _time_tick(seconds)
     position_tick = _position_tick(metres)
     t, p = _ticks(seconds, time_tick), _ticks(metres, position_tick)
     w = np.ones(len(t)) if weights is None else np.asarray(weights, dtype=np.float64)
+
+    # Sum up.
     extent = float(np.sqrt(np.square(np.ptp(p, axis=0)).sum()))
     prefix = _prefix(t, p) if weights is None else np.empty((0, 2 * p.shape[1] + 3), dtype=np.int64)
     return PrefixSums(
@@ -108,21 +139,21 @@ def build_prefix_sums(
 
 
 def _time_tick(seconds: NDArray[np.float64]) -> float:
-    """1 ms, or finer where samples follow each other fast."""
+    """1 ms, or finer if samples follow each other fast; coarser if the track is very long."""
     if len(seconds) < 2:
-        return 1e-3
+        return _COARSEST_TIME_TICK
     shortest = float(np.diff(seconds).min())
-    return max(min(1e-3, _decimal(shortest, 2.5)), _decimal(float(seconds[-1]) / _MAX_TICKS, -1.0))
+    fine = min(_COARSEST_TIME_TICK, _decimal(shortest, _TIME_DIGITS))
+    return max(fine, _decimal(float(seconds[-1]) / _MAX_TICKS, -1.0))
 
 
 def _position_tick(metres: NDArray[np.float64]) -> float:
-    """1 mm, or finer where the track is small."""
+    """1 mm, or finer if the track is small; coarser if it is very large."""
     extent = float(np.abs(metres).max())
-    return (
-        1e-3
-        if extent == 0
-        else max(min(1e-3, _decimal(extent, 7.3)), _decimal(extent / _MAX_TICKS, -1.0))
-    )
+    if extent == 0:
+        return _COARSEST_POSITION_TICK
+    fine = min(_COARSEST_POSITION_TICK, _decimal(extent, _POSITION_DIGITS))
+    return max(fine, _decimal(extent / _MAX_TICKS, -1.0))
 
 
 def _decimal(size: float, digits: float) -> float:
@@ -131,19 +162,22 @@ def _decimal(size: float, digits: float) -> float:
 
 
 def _ticks(values: NDArray[np.float64], tick: float) -> NDArray[np.float64]:
+    """Whole ticks nearest to each value, nearly."""
     counted: NDArray[np.float64] = np.floor(values / tick + _TICK_OFFSET)
     return counted
 
 
 def _prefix(t: NDArray[np.float64], p: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Prefix sums of t, t^2, |p|^2, p and t p, shape (n + 1, 2 d + 3); they wrap around."""
     n, d = p.shape
-    time, place = t.astype(np.int64), p.astype(np.int64)
+    ticks, positions = t.astype(np.int64), p.astype(np.int64)
+
     prefix = np.zeros((n + 1, 2 * d + 3), dtype=np.int64)
-    prefix[1:, 0] = time
-    prefix[1:, 1] = time * time
-    prefix[1:, 2] = (place * place).sum(axis=1)
-    prefix[1:, 3 : 3 + d] = place
-    prefix[1:, 3 + d :] = place * time[:, None]
+    prefix[1:, 0] = ticks
+    prefix[1:, 1] = ticks * ticks
+    prefix[1:, 2] = (positions * positions).sum(axis=1)
+    prefix[1:, 3 : 3 + d] = positions
+    prefix[1:, 3 + d :] = positions * ticks[:, None]
     np.cumsum(prefix, axis=0, out=prefix)
     return prefix
 
@@ -152,6 +186,7 @@ def _prefix(t: NDArray[np.float64], p: NDArray[np.float64]) -> NDArray[np.int64]
 def _blocks(
     t: NDArray[np.float64], p: NDArray[np.float64], w: NDArray[np.float64]
 ) -> NDArray[np.float64]:
+    """Moments of each block of samples about its first sample, shape (ceil(n / 256), 2 d + 4)."""
     n, d = p.shape
     rows = np.zeros(((n + BLOCK_SIZE - 1) // BLOCK_SIZE, 2 * d + 4))
     for i in range(n):
@@ -185,12 +220,22 @@ def add_moments(
     first: int,
     origin: int,
 ) -> None:
-    """Add the moments ``later`` about sample ``first``, x time ticks after the origin, to those about ``origin``."""
+    """Add the moments ``later``, taken about sample ``first``, to a row about sample ``origin``.
+
+    With x the time and r the position of sample ``first`` since the origin, and primed moments
+    those of ``later``, the shifted sums are
+
+        X1' + x W',  X2' + 2 x X1' + x^2 W',  Q' + 2 r.M' + |r|^2 W',
+        M' + r W',   N' + x M' + r (X1' + x W')
+    """
+    # Moments of time alone.
     d = p.shape[1]
     row[0] += later[0]
     row[1] += later[1] + x * later[0]
     row[2] += later[2] + 2.0 * x * later[1] + x * x * later[0]
     row[3] += later[3]
+
+    # Moments with the position.
     for c in range(d):
         r = p[first, c] - p[origin, c]
         row[3] += 2.0 * r * later[4 + c] + r * r * later[0]
@@ -200,12 +245,23 @@ def add_moments(
 
 @jit
 def _from_prefix(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> None:
+    """Moments of samples a to b - 1 about sample a, from differences of the prefix sums.
+
+    Everything is integer arithmetic modulo 2^64 until the result is written. With t0 and p0 the
+    ticks of sample a, and T1, P1, TP sums of t, p and t p over the segment:
+
+        X1 = T1 - t0 W,  X2 = sum t^2 - 2 t0 T1 + t0^2 W,  Q = sum |p|^2 + |p0|^2 W - 2 p0.P1,
+        M = P1 - p0 W,   N = TP - t0 P1 - p0 X1
+    """
+    # Moments of time alone.
     prefix, p, d = sums.prefix, sums.p, sums.p.shape[1]
     w = np.int64(b - a)
     t0 = np.int64(sums.t[a])
     t1 = prefix[b, 0] - prefix[a, 0]
     x1 = t1 - t0 * w
     x2 = prefix[b, 1] - prefix[a, 1] - 2 * t0 * t1 + t0 * t0 * w
+
+    # Moments with the position.
     q = prefix[b, 2] - prefix[a, 2]
     for c in range(d):
         p0 = np.int64(p[a, c])
@@ -214,11 +270,13 @@ def _from_prefix(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> 
         q += p0 * p0 * w - 2 * p0 * p1
         out[4 + c] = p1 - p0 * w
         out[4 + d + c] = tp - t0 * p1 - p0 * x1
+
     out[0], out[1], out[2], out[3] = w, x1, x2, q
 
 
 @jit
 def _from_blocks(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> None:
+    """Moments of samples a to b - 1 about sample a, from full blocks and single samples."""
     out[:] = 0.0
     i = a
     while i < b:
@@ -233,6 +291,7 @@ def _from_blocks(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> 
 @jit
 def tick_moments(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> None:
     """Write the moments of samples a to b - 1 about sample a, with x in time ticks."""
+    # All re-centred sums are at most (b - a) reach^2.
     reach = max(sums.t[b - 1] - sums.t[a], sums.extent)
     if len(sums.prefix) > 0 and (b - a) * reach * reach < _MAX_EXACT:
         _from_prefix(sums, a, b, out)
@@ -242,7 +301,10 @@ def tick_moments(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> 
 
 @jit
 def normalised_moments(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> None:
-    """Write the moments of samples a to b - 1 about sample a, with x running from 0 at sample a to 1 at sample b - 1."""
+    """Write the moments of samples a to b - 1 about sample a, in normalised time.
+
+    x runs from 0 at sample a to 1 at sample b - 1.
+    """
     tick_moments(sums, a, b, out)
     d = sums.p.shape[1]
     length = sums.t[b - 1] - sums.t[a]
@@ -255,7 +317,10 @@ def normalised_moments(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64
 
 @jit
 def segment_moments(sums: PrefixSums, boundaries: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the moments of every part in its own normalised time, shape (k, 2 d + 4)."""
+    """Moments of every segment in its own normalised time, shape (k, 2 d + 4).
+
+    Segment j consists of the samples ``boundaries[j]`` to ``boundaries[j + 1] - 1``.
+    """
     rows = np.empty((len(boundaries) - 1, 2 * sums.p.shape[1] + 4))
     for j in range(len(rows)):
         normalised_moments(sums, boundaries[j], boundaries[j + 1], rows[j])
@@ -264,9 +329,15 @@ def segment_moments(sums: PrefixSums, boundaries: NDArray[np.int64]) -> NDArray[
 
 @jit
 def best_line_cost(row: NDArray[np.float64]) -> float:
-    """Return the cost of the samples against their own best line (theory of least squares, centred)."""
+    """Cost of the samples against their own best line, by centred least squares.
+
+    With m the mean time, Stt = X2 - m X1, Spp = Q - |M|^2 / W and Stp = N - m M, the least sum of
+    squares is Spp - |Stp|^2 / Stt.
+    """
     if row[0] <= 0:
         return 0.0
+
+    # Centre the moments on the weighted mean.
     d = (len(row) - 4) // 2
     mean = row[1] / row[0]
     stt = row[2] - mean * row[1]
@@ -276,6 +347,8 @@ def best_line_cost(row: NDArray[np.float64]) -> float:
         spp -= row[4 + c] * row[4 + c] / row[0]
         s = row[4 + d + c] - mean * row[4 + c]
         stp += s * s
+
+    # Samples at a single time have no slope; rounding may leave a variance just above zero.
     if stt > 1e-14 * row[2]:
         spp -= stp / stt
     cost: float = max(spp, 0.0)

@@ -213,7 +213,10 @@ def _select_slots(grid_arrays: TimeGridArrays, here: slice) -> TimeGridArrays:
     of = grid_arrays._asdict()
     return TimeGridArrays(
         **of
-        | {name: of[name][here] for name in ("sums", "ticks", "centers", "positions", "ends", "time_steps")}
+        | {
+            name: of[name][here]
+            for name in ("sums", "ticks", "centers", "positions", "ends", "time_steps")
+        }
     )
 
 

@@ -118,6 +118,13 @@ class LivePosition(NamedTuple):
     next: tuple[NextRoad, ...]
     finalised: tuple[FinalisedPosition, ...]
 
+    def __repr__(self) -> str:
+        road = "off the map" if self.off_map else f"road {self.edge}, {self.offset:.1f} m"
+        return (
+            f"LivePosition({self.time:.10g} s, {road}, confidence {self.confidence:.2f}, "
+            f"{len(self.next)} next, {len(self.finalised)} finalised)"
+        )
+
 
 class LiveMatcher:
     """Follows one agent over a network, with the model of :func:`gpszip.match`; work and memory don't grow with the log.

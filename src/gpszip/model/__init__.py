@@ -1,6 +1,7 @@
-"""Frozen values that every room of the house shares: arrays with names and units."""
+"""Frozen values that all packages share: arrays with names and units."""
 
 from gpszip.model.clean_map import CleanMap
+from gpszip.model.directed_edges import DirectedEdges
 from gpszip.model.grid import Plane, QuantisationGrid
 from gpszip.model.grid_walks import GridWalk, GridWalks
 from gpszip.model.network import Network
@@ -16,6 +17,7 @@ from gpszip.model.walk import Walk
 
 __all__ = [
     "CleanMap",
+    "DirectedEdges",
     "GridWalk",
     "GridWalks",
     "LeftOut",

@@ -1,4 +1,4 @@
-"""The error that an archive promises to keep."""
+"""The error bound that an archive states: how far it may be from the log."""
 
 from __future__ import annotations
 
@@ -22,41 +22,59 @@ __all__ = [
     "writing_error",
 ]
 
-#: What a promise may have as digits, and as exponents of ten. Archives of version 2 could have an exponent of 7, too.
-DIGITS, EXPONENTS = range(1, 1000), range(-8, 7)
+#: Digits that a bound may have, in ten bits.
+DIGITS = range(1, 1000)
+
+#: Exponents of ten that a bound may have, from 10 nm to 999 000 km.
+EXPONENTS = range(-8, 7)
+
+#: Archives of version 2 could have this exponent, too.
 LAST_OF_VERSION_2 = 7
 
-#: By how much the exponent of the maximum may be above that of the root mean square where both are promised.
+#: By how much the exponent of the maximum may be above that of the root mean square where an
+#: archive states both. Two bits hold the difference.
 MAXIMUM_EXPONENTS_ABOVE = range(4)
 
-#: Steps by which merges may have made a promise larger, and the digits that it has then; a factor 2 has so many steps.
-GROWTH_STEPS, GROWN_DIGITS, _DOUBLE = range(1, 63), range(1, 100), 16
+#: Steps by which merges may have extended a bound.
+GROWTH_STEPS = range(1, 63)
 
-#: Share of the error promised by which tracks may move when they are written to a file in degrees, where lines are straight in
-#: another sense, and numbers are rounded; and in metres, where only the rounding counts, and another decimal costs next to nothing.
+#: Digits that an extended bound may have; it shares its bytes with the steps.
+GROWN_DIGITS = range(1, 100)
+
+#: Steps that extend a bound by a factor of 2.
+_STEPS_PER_DOUBLING = 16
+
+#: Share of the error bound by which tracks may move when they are written to a file in degrees,
+#: where straight lines are straight in another sense, and numbers are rounded.
 WRITING_SHARE = 1 / 1000
+
+#: The same for a file in metres, where only the rounding counts, and another decimal costs little.
 WRITING_SHARE_IN_METRES = 1 / 20_000
 
-#: Metres by which tracks may move when they are written: at most, and where nothing is promised.
-_MOST_WRITING_ERROR, _WRITING_ERROR = 1.0, 0.01
+#: Metres by which tracks may move at most when they are written.
+_MAX_WRITING_ERROR = 1.0
+
+#: Metres by which tracks may move when they are written from an archive without an error bound.
+_DEFAULT_WRITING_ERROR = 0.01
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ErrorBound:
-    """No more error than this: ``digits * 10 ** exponent * 2 ** (grown / 16)`` metres.
+    """No more error than ``digits * 10 ** exponent * 2 ** (growth / 16)`` metres.
 
     Parameters
     ----------
     digits : int
-        1 to 999; 1 to 99 of a promise that has grown.
+        1 to 999; 1 to 99 for a bound that merges have extended.
     exponent : int
         -8 to 6.
     maximum : bool
-        Whether every sample is that near, rather than all of them in the root mean square.
+        Whether the bound holds for every sample, rather than for the root mean square of all.
     growth : int, default 0
-        Steps by which merges have made it larger, up to 62.
+        Steps by which merges have extended it, up to 62.
     max_digits, max_exponent : int, default 0
-        The largest distance of any sample, where that is promised beside the root mean square; no digits where it is not.
+        The largest distance of any sample, where it is bounded beside the root mean square; no
+        digits where it is not.
     """
 
     digits: int
@@ -66,26 +84,42 @@ class ErrorBound:
     max_digits: int = 0
     max_exponent: int = 0
 
+    def __str__(self) -> str:
+        """Say the bound in words.
+
+        Examples
+        --------
+        >>> print(rounded_bounds(3.0, 12.0))
+        RMSE <= 3 m, maximum <= 12 m
+        """
+        kind = "maximum" if self.maximum else "RMSE"
+        beside = "" if self.max_error is None else f", maximum <= {self.max_error:g} m"
+        return f"{kind} <= {self.metres:.6g} m{beside}"
+
+    def __repr__(self) -> str:
+        merged = f", {self.before:g} m before merges" if self.growth else ""
+        return f"ErrorBound({self}{merged})"
+
     @property
     def max_error(self) -> float | None:
-        """The largest distance of any sample in metres, where that is promised beside the root mean square."""
+        """Largest distance of any sample in metres, where bounded beside the root mean square."""
         return (
             float(self.max_digits * Fraction(10) ** self.max_exponent) if self.max_digits else None
         )
 
     @property
     def metres(self) -> float:
-        """The error in metres."""
-        return self.before * math.pow(2.0, self.growth / _DOUBLE)
+        """The bound in metres."""
+        return self.before * math.pow(2.0, self.growth / _STEPS_PER_DOUBLING)
 
     @property
     def before(self) -> float:
-        """What was promised before any merge, in metres."""
+        """The bound before any merge, in metres."""
         return float(self.digits * Fraction(10) ** self.exponent)
 
 
 def rounded_bound(metres: float, *, maximum: bool) -> ErrorBound | None:
-    """Round a measured error up to three digits; None where it is beyond all that can be promised.
+    """Round a measured error up to three digits; None where it is too large for any bound.
 
     Examples
     --------
@@ -94,7 +128,7 @@ def rounded_bound(metres: float, *, maximum: bool) -> ErrorBound | None:
     """
     if not 0 <= metres < math.inf:
         return None
-    # what 0.4 is written as is meant, not the float64 next to it
+    # The decimal number that is written counts, not the float64 next to it.
     exact = Fraction(repr(float(metres)))
     for exponent in EXPONENTS:
         digits = math.ceil(exact / Fraction(10) ** exponent)
@@ -104,7 +138,7 @@ def rounded_bound(metres: float, *, maximum: bool) -> ErrorBound | None:
 
 
 def rounded_bounds(rmse: float, maximum: float) -> ErrorBound | None:
-    """Promise a root mean square error and a maximum in metres, each rounded up to three digits.
+    """Bound a root mean square error and a maximum in metres, each rounded up to three digits.
 
     Examples
     --------
@@ -115,16 +149,30 @@ def rounded_bounds(rmse: float, maximum: float) -> ErrorBound | None:
     first, second = rounded_bound(rmse, maximum=False), rounded_bound(maximum, maximum=False)
     if first is None or second is None:
         return first or rounded_bound(maximum, maximum=True)
-    if second.metres <= first.metres:  # the maximum says it all
+    if second.metres <= first.metres:  # the maximum bounds the root mean square, too
         return replace(second, maximum=True)
-    over = second.exponent - first.exponent
-    if over not in MAXIMUM_EXPONENTS_ABOVE:
+    exponents_above = second.exponent - first.exponent
+    if exponents_above not in MAXIMUM_EXPONENTS_ABOVE:
         return first
     return replace(first, max_digits=second.digits, max_exponent=second.exponent)
 
 
 def extended_bound(before: float, metres: float, *, maximum: bool) -> ErrorBound | None:
-    """Promise an error of ``metres`` where merges have added to ``before``; None where that is beyond all that can be promised.
+    """Bound an error that merges have made larger.
+
+    Parameters
+    ----------
+    before : float
+        Bound in metres before any merge.
+    metres : float
+        Error that is to be bounded now.
+    maximum : bool
+        Whether both are of every sample, rather than of the root mean square.
+
+    Returns
+    -------
+    ErrorBound or None
+        The smallest one that holds; None where the error is too large for any bound.
 
     Examples
     --------
@@ -134,34 +182,38 @@ def extended_bound(before: float, metres: float, *, maximum: bool) -> ErrorBound
     """
     if not 0 < before < metres < math.inf:
         return rounded_bound(metres, maximum=maximum)
-    # what has grown beyond all steps counts as if it had been more from the start
-    least = max(before, metres * 2.0 ** (-GROWTH_STEPS[-1] / _DOUBLE))
+
+    # A bound that outgrows all steps counts as if it had been larger from the start.
+    least = max(before, metres * 2.0 ** (-GROWTH_STEPS[-1] / _STEPS_PER_DOUBLING))
     exponent = max(math.ceil(math.log10(least / (GROWN_DIGITS.stop - 0.5))), EXPONENTS.start)
     digits = max(round(least / 10.0**exponent), 1)
-    for number in range(digits, GROWN_DIGITS.stop if exponent in EXPONENTS else 0):
-        for grown in GROWTH_STEPS:
-            error_bound = ErrorBound(number, exponent, maximum, grown)
+
+    # Take the first digits and steps that reach the error.
+    for more_digits in range(digits, GROWN_DIGITS.stop if exponent in EXPONENTS else 0):
+        for growth in GROWTH_STEPS:
+            error_bound = ErrorBound(more_digits, exponent, maximum, growth)
             if error_bound.metres >= metres:
                 return error_bound
     return rounded_bound(metres, maximum=maximum)
 
 
 def writing_error(error_bound: ErrorBound | None, *, geographic: bool) -> float:
-    """Metres by which tracks may move when they are written to a file, so little that the promise means the file, too.
+    """Metres by which tracks may move when they are written to a file that keeps the error bound.
 
     Parameters
     ----------
-    error_bound : Promise or None
+    error_bound : ErrorBound or None
         Of the archive.
     geographic : bool
         Whether they are written in degrees.
 
     Examples
     --------
-    >>> writing_error(ErrorBound(1, 1, maximum=True), geographic=True), writing_error(None, geographic=True)
+    >>> ten = ErrorBound(1, 1, maximum=True)
+    >>> writing_error(ten, geographic=True), writing_error(None, geographic=True)
     (0.01, 0.01)
     """
     if error_bound is None:
-        return _WRITING_ERROR
+        return _DEFAULT_WRITING_ERROR
     share = WRITING_SHARE if geographic else WRITING_SHARE_IN_METRES
-    return min(error_bound.before * share, _MOST_WRITING_ERROR)
+    return min(error_bound.before * share, _MAX_WRITING_ERROR)

@@ -1,4 +1,4 @@
-"""Where and on what lattice positions and times are given."""
+"""The quantisation grid of an archive: the positions and times it can hold, and its plane."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ __all__ = [
     "step_size",
 ]
 
-#: Quanta come in eighths of an octave; literal so that every machine has the same eight numbers.
+#: Powers of two in eighths of an octave, the sizes of grid steps. They are literal so that every
+#: machine has the same eight numbers.
 _EIGHTHS = (
     1.0,
     1.0905077326652577,
@@ -26,16 +27,21 @@ _EIGHTHS = (
     1.8340080864093424,
 )
 
-#: Number of quanta that an archive can name (one byte).
+#: Number of step sizes that an archive can name (one byte).
 STEP_SIZES = 256
 
-
-#: How often an archive on a map kept elsewhere may halve the map's quanta.
+#: How often an archive on a map kept elsewhere may halve the steps of the map's grid.
 MAX_REFINEMENTS = 3
+
+#: Centres of planes that a repr shows; data over the whole globe has thousands.
+_MAX_SHOWN_CENTERS = 2
+
+#: Rounding that the comparison of two step sizes forgives, as a share.
+_RELATIVE_TOLERANCE = 1e-12
 
 
 def step_size(index: int) -> float:
-    """Size of the quantum with this index: ``2 ** (index / 8 - 16)`` metres or seconds.
+    """Size of the grid step with this index: ``2 ** (index / 8 - 16)`` metres or seconds.
 
     Examples
     --------
@@ -46,7 +52,7 @@ def step_size(index: int) -> float:
 
 
 def step_index(size: float) -> int:
-    """Index of the largest quantum that is not above ``size``, between 0 and 255.
+    """Index of the largest grid step that is not above ``size``, between 0 and 255.
 
     Examples
     --------
@@ -54,17 +60,19 @@ def step_index(size: float) -> int:
     (128, 135, 0)
     """
     index = 0
-    while index + 1 < STEP_SIZES and step_size(index + 1) <= size * (1 + 1e-12):
+    limit = size * (1 + _RELATIVE_TOLERANCE)
+    while index + 1 < STEP_SIZES and step_size(index + 1) <= limit:
         index += 1
     return index
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plane:
-    """One or more transverse Mercator planes on WGS84, laid side by side.
+    """One or more transverse Mercator planes on WGS84, side by side.
 
-    Data wider than one plane can carry lies on several: positions on plane i are moved by ``i * SPREAD`` metres in x,
-    so that one coordinate system holds them all and places on different planes are never near.
+    Data wider than one plane can carry lies on several: positions on plane i are moved by
+    ``i * SPREAD`` metres in x, so that one coordinate system holds them all, and positions on
+    different planes are never near each other.
 
     Parameters
     ----------
@@ -77,24 +85,29 @@ class Plane:
     #: Distance in x between neighbouring planes in metres.
     SPREAD = float(1 << 25)
 
+    def __repr__(self) -> str:
+        if len(self.centers) <= _MAX_SHOWN_CENTERS:
+            return f"Plane(centers={self.centers!r})"
+        return f"Plane({len(self.centers):,} centers, the first {self.centers[0]})"
+
 
 @dataclass(frozen=True)
 class QuantisationGrid:
-    """The lattice on which an archive keeps its nodes and times.
+    """The grid on which an archive keeps its nodes and times.
 
-    A node with integer coordinates c lies at ``origin / 1000 + c * quantum(space)`` metres,
-    cell g is the instant ``epoch / 1000 + g * quantum(time)`` seconds.
+    A node with integer coordinates c lies at ``origin / 1000 + c * step_size(space)`` metres. Time
+    step g is ``epoch / 1000 + g * step_size(time)`` seconds.
 
     Parameters
     ----------
     origin : tuple of int
-        One number of millimetres for each of the d axes.
+        Millimetres, one number for each of the d axes.
     epoch : int
-        Milliseconds in the log's own zero.
+        Milliseconds, counted from the log's zero.
     space, time : int
-        Indices of the quanta, see :func:`step_size`.
+        Indices of the step sizes, see :func:`step_size`.
     plane : Plane, optional
-        The planes of a log that came in degrees.
+        The planes of a log in degrees.
     """
 
     origin: tuple[int, ...]
@@ -110,5 +123,5 @@ class QuantisationGrid:
 
 
 def refined_grid(grid: QuantisationGrid, times: int) -> QuantisationGrid:
-    """Return the lattice with both quanta halved so many times."""
+    """Return the grid with the steps of space and time halved ``times`` times."""
     return replace(grid, space=grid.space - 8 * times, time=grid.time - 8 * times)

@@ -1,4 +1,4 @@
-"""Map and walks as integers on an archive's lattice: what is coded, bit for bit."""
+"""Walks as integers on an archive's quantisation grid: what the coder codes, bit for bit."""
 
 from __future__ import annotations
 
@@ -8,61 +8,71 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.model.text import count_text
+
 __all__ = ["GridWalk", "GridWalks", "PieceEnds", "concatenated_ends", "ends_of_walks", "refined"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class GridWalk:
     """One track as a walk over nodes.
 
     Parameters
     ----------
     nodes : int32 array, shape (k + 1,)
-        Node at each knot, k >= 0. The same node twice in a row is a stop.
+        Node at each knot, k >= 0. The same node twice running is a stop.
     time_steps : int64 array, shape (k + 1,)
-        Time cell of each knot, increasing; strictly, save in an archive without times, where all are 0.
+        Time step of each knot, strictly increasing; all 0 in an archive without times.
     gaps : bool array, shape (k,)
-        Parts during which no travel is claimed.
+        Whether each segment is a gap, in which no travel is claimed.
     """
 
     nodes: NDArray[np.int32]
     time_steps: NDArray[np.int64]
     gaps: NDArray[np.bool_]
 
+    def __repr__(self) -> str:
+        knots, gaps = len(self.nodes), int(self.gaps.sum())
+        return f"GridWalk({count_text(knots, 'knot')}, {count_text(gaps, 'gap')})"
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class PieceEnds:
-    """When travel begins and ends in each piece, finer than the cells of the knots.
+    """When travel begins and ends in each piece, finer than the time steps of the knots.
 
     Parameters
     ----------
     tick : int
-        Index into :data:`gpszip.codec.ends.TICKS`; 0 where travel is claimed from knot to knot.
+        Index into :data:`gpszip.codec.ends.TICKS`; 0 where pieces begin and end at their knots.
     first, last : int64 arrays, shape (P,)
-        Ticks since the epoch at which the claim of each of the P pieces begins and ends, one walk after the other.
+        Ticks since the epoch at which travel begins and ends in each of the P pieces, walk after
+        walk.
     """
 
     tick: int
     first: NDArray[np.int64]
     last: NDArray[np.int64]
 
+    def __repr__(self) -> str:
+        return f"PieceEnds(tick {self.tick}, {count_text(len(self.first), 'piece')})"
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class GridWalks:
     """All walks of an archive with the nodes that they share.
 
     Parameters
     ----------
     nodes : int64 array, shape (V, d)
-        Coordinates in quanta, in the order in which the walks first visit them.
-    walks : tuple of LatticeWalk
+        Coordinates in grid steps, in the order in which the walks first visit them.
+    walks : tuple of GridWalk
         One for each track.
     timed : bool
         Whether times are kept.
-    ends : Ends, optional
+    ends : PieceEnds, optional
         Where pieces begin and end; None where only their knots are known.
     untimed : frozenset of int
-        Numbers of the walks whose log has no times, among others that have some.
+        Numbers of the walks whose log has no times, in an archive where others have some.
     """
 
     nodes: NDArray[np.int64]
@@ -71,30 +81,33 @@ class GridWalks:
     ends: PieceEnds | None = None
     untimed: frozenset[int] = frozenset()
 
+    def __repr__(self) -> str:
+        return f"GridWalks({len(self.walks):,} on {count_text(len(self.nodes), 'node')})"
+
 
 def ends_of_walks(walks: GridWalks, first: int, after: int) -> PieceEnds | None:
     """Ends of the pieces of walks ``first`` to ``after - 1``."""
     if walks.ends is None or walks.ends.tick == 0:
         return walks.ends
-    bounds = np.cumsum([0] + [1 + int(walk.gaps.sum()) for walk in walks.walks])
-    own = slice(bounds[first], bounds[after])
-    return PieceEnds(walks.ends.tick, walks.ends.first[own], walks.ends.last[own])
+    first_pieces = np.cumsum([0] + [1 + int(walk.gaps.sum()) for walk in walks.walks])
+    pieces = slice(first_pieces[first], first_pieces[after])
+    return PieceEnds(walks.ends.tick, walks.ends.first[pieces], walks.ends.last[pieces])
 
 
 def concatenated_ends(groups: Sequence[GridWalks]) -> PieceEnds | None:
-    """Ends of all pieces of several groups, one after the other; None unless all have ends on the same tick."""
+    """Ends of all pieces of several groups; None unless all groups have ends on the same tick."""
     ends = [group.ends for group in groups if group.ends is not None]
-    if len(ends) < len(groups) or len({one.tick for one in ends}) > 1:
+    if len(ends) < len(groups) or len({group_ends.tick for group_ends in ends}) > 1:
         return None
     return PieceEnds(
         ends[0].tick,
-        np.concatenate([one.first for one in ends]),
-        np.concatenate([one.last for one in ends]),
+        np.concatenate([group_ends.first for group_ends in ends]),
+        np.concatenate([group_ends.last for group_ends in ends]),
     )
 
 
 def refined(walks: GridWalks, times: int) -> GridWalks:
-    """Return the same walks on the lattice with both quanta halved so many times.
+    """Return the same walks on the grid whose steps are halved ``times`` times.
 
     Examples
     --------

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.model.network import Network
+from gpszip.model.text import count_text
 
 __all__ = ["Break", "Match", "Matching", "Piece", "Route", "Scales"]
 
@@ -69,6 +70,9 @@ class Route:
     begin: NDArray[np.float64]
     end: NDArray[np.float64]
 
+    def __repr__(self) -> str:
+        return f"Route({count_text(len(self), 'leg')}, {self.length:,.0f} m)"
+
     def __len__(self) -> int:
         return len(self.edges)
 
@@ -107,6 +111,12 @@ class Piece:
     line: NDArray[np.float64]
     confidence: float
     reason: str
+
+    def __repr__(self) -> str:
+        return (
+            f"Piece(samples {self.first} to {self.last}, {self.length:,.0f} m, "
+            f"confidence {self.confidence:.2f}, ends: {self.reason})"
+        )
 
     @property
     def length(self) -> float:
@@ -182,6 +192,12 @@ class Match:
     confidence: NDArray[np.float64]
     scales: Scales
 
+    def __repr__(self) -> str:
+        return (
+            f"Match({self.track!r}, {count_text(len(self), 'sample')}, {self.share:.1%} on roads, "
+            f"{count_text(len(self.pieces), 'piece')}, {count_text(len(self.breaks), 'break')})"
+        )
+
     def __len__(self) -> int:
         return len(self.piece)
 
@@ -234,6 +250,10 @@ class Matching:
     matches: tuple[Match, ...]
     scales: Scales
     headings_ignored: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        tracks, samples = count_text(len(self), "track"), count_text(self.points, "sample")
+        return f"Matching({tracks}, {samples}, {self.share:.1%} on roads)"
 
     def __len__(self) -> int:
         return len(self.matches)

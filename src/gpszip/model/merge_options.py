@@ -1,4 +1,4 @@
-"""How archives are to be merged."""
+"""How archives are merged."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ __all__ = ["MergeOptions"]
 
 @dataclass(frozen=True)
 class MergeOptions:
-    """How archives are to be merged.
+    """How archives are merged.
 
     Parameters
     ----------
     deviation : float, optional
-        Metres by which each archive's curves may be moved in the root mean square.
+        Metres by which the curves of each archive may move in the root mean square.
     max_deviation : float, optional
-        Metres by which they may be moved at any instant. Without either, what the other archives promise.
-    same_id : str
-        What becomes of tracks of one name in several archives: ``"refuse"``; ``"prefix"``, all tracks are named
-        ``archive:track``; or ``"join"``, they are one agent's, at different times.
+        Metres by which they may move at any time. Without either, the smallest error bound of the
+        archives.
+    same_id : {"refuse", "prefix", "join"}
+        What becomes of tracks of the same name in several archives. ``"prefix"`` names all tracks
+        ``archive:track``; ``"join"`` takes them for one agent at different times.
 
     Raises
     ------

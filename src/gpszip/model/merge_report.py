@@ -16,14 +16,14 @@ class Deviation:
     rms : float
         Root mean square, over the time travelled or over the knots, whichever is more.
     maximum : float
-        Largest at any instant.
+        Largest at any time.
     """
 
     rms: float
     maximum: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MergeReport:
     """What a merge did.
 
@@ -32,17 +32,17 @@ class MergeReport:
     archives, tracks : int
         Archives that went in, and tracks that came out.
     parts, nodes, edges : int
-        Straight parts of all walks, and the map that they share.
+        Straight segments of all walks, and the map that they share.
     nodes_in, edges_in : int
         Nodes and edges of all maps that went in.
     bytes_in, bytes_out : int
-        Sizes of all archives that went in, and of the one that came out.
+        Sizes of all archives that went in, and of the merged one.
     limit : float
         Deviation that was allowed, in metres.
     limits_maximum : bool
         Whether it held for the largest deviation, rather than for the root mean square.
     deviations : tuple of Deviation
-        What each archive's curves were moved by, measured on the bytes that came out.
+        How far the curves of each archive were moved, measured on the bytes that came out.
     seconds : float
         Time that it took.
     notes : tuple of str
@@ -64,9 +64,16 @@ class MergeReport:
     seconds: float
     notes: tuple[str, ...] = ()
 
+    def __repr__(self) -> str:
+        return (
+            f"MergeReport({self.archives} archives, {self.tracks:,} tracks, "
+            f"{self.bytes_in:,} to {self.bytes_out:,} bytes, moved by {self.deviation.rms:.3g} m)"
+        )
+
     @property
     def deviation(self) -> Deviation:
-        """The most that any archive's curves were moved by."""
+        """The largest of the deviations of all archives."""
         return Deviation(
-            max(one.rms for one in self.deviations), max(one.maximum for one in self.deviations)
+            max(moved.rms for moved in self.deviations),
+            max(moved.maximum for moved in self.deviations),
         )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.model.grid import Plane
+from gpszip.model.text import axes_text, count_text
 
 __all__ = ["Network"]
 
@@ -60,6 +61,15 @@ class Network:
     ids: Sequence[str] | None = None
     plane: Plane | None = None
     names: Sequence[str] | None = None
+
+    def __repr__(self) -> str:
+        facts = (
+            count_text(len(self.nodes), "node"),
+            count_text(len(self), "road"),
+            f"{float(self.lengths.sum()) / 1000:,.1f} km",
+            axes_text(self.dimension, self.plane),
+        )
+        return f"Network({', '.join(facts)})"
 
     def __len__(self) -> int:
         return len(self.starts)

@@ -13,7 +13,7 @@ __all__ = ["Options"]
 
 @dataclass(frozen=True)
 class Options:
-    """How a log is to be compressed. The defaults suit a first look.
+    """How a log is compressed. The defaults suit a first look.
 
     Parameters
     ----------
@@ -22,27 +22,29 @@ class Options:
     max_error : float, optional
         Largest synchronised distance in metres. May be given together with ``rmse``.
     size : int, optional
-        Largest number of bytes of the archive; the smallest RMSE that they allow is found.
+        Largest number of bytes of the archive; the smallest RMSE that it allows is found.
     ratio : float, optional
-        How many times smaller than the log the archive is to be, at least. A size or a ratio excludes all other bounds. Without any
-        bound, an RMSE is estimated from the log, and a maximum of four times that.
+        Minimum compression ratio against the log. A size or a ratio excludes all other bounds.
+        Without any bound, an RMSE is estimated from the log, and a maximum of four times that.
     gap : float, optional
-        Silences longer than this, in seconds, are gaps; ``math.inf`` for none. Estimated from the log by default.
+        Intervals longer than this, in seconds, are gaps; ``math.inf`` for none. Estimated from the
+        log by default.
     k, m : int, optional
-        Parts and segments of the thesis's model (Algorithm 1), which is used where either is given. The other is searched:
-        m as in Algorithm 3, k as the smallest that holds the bound.
+        Parts and segments of the thesis's model (Algorithm 1), which is used where either is given.
+        The other is searched: m as in Algorithm 3, k as the smallest that holds the bound.
     times : bool
         Keep the time of every knot.
     keep : tuple of str
         Attributes of the tracks to keep exactly, with the times of the samples.
     keep_times : bool
         Keep the times of the samples exactly, also without attributes.
-    layer : str, optional
+    layer : {None, "bz2"}
         ``"bz2"`` packs the archive once more, as the thesis did.
     effort : int
         From 1, quick, to 9, small.
     coreset : int, optional
-        Learn from the weighted points of a coreset of so many blocks instead of all samples. The bound is measured at all.
+        Learn from the weighted points of a coreset of this many blocks instead of all samples. The
+        bound is measured at all samples.
 
     Raises
     ------
@@ -86,34 +88,36 @@ class Options:
         return replace(self, rmse=rmse, max_error=max_error)
 
     def aim(self, *, geographic: bool) -> Options:
-        """Return the options with a bound so much smaller that files written from the archive hold the one that was asked for.
+        """Return the options with a smaller bound, so that files written from the archive hold it.
 
-        Numbers are rounded there, and straight lines are straight in degrees: see :func:`gpszip.model.error_bound.writing_error`.
+        A file rounds numbers, and its lines are straight in degrees: see
+        :func:`gpszip.model.error_bound.writing_error`.
         """
         return self.tightened(1 - (WRITING_SHARE if geographic else WRITING_SHARE_IN_METRES))
 
     @property
     def bounded(self) -> bool:
-        """Whether the error is bounded by the user."""
+        """Whether the user bounds the error."""
         return self.rmse is not None or self.max_error is not None
 
     @property
     def sized(self) -> bool:
-        """Whether the size is bounded by the user."""
+        """Whether the user bounds the size."""
         return self.size is not None or self.ratio is not None
 
     @property
     def thesis(self) -> bool:
-        """Whether the thesis's model of independent segments is asked for."""
+        """Whether the thesis's model of independent segments is used."""
         return self.k is not None or self.m is not None
 
     def __post_init__(self) -> None:
         _check_bounds(self)
+        _check_thesis(self)
         if self.gap is not None and not self.gap > 0:
             raise OptionError(
-                f"gap is {self.gap:g}; it must be a positive number of seconds, or infinite for no gaps"
+                f"gap is {self.gap:g}; "
+                "it must be a positive number of seconds, or infinite for no gaps"
             )
-        _check_thesis(self)
         if not self.times and (self.keep or self.keep_times):
             raise OptionError("columns can't be kept without times; leave out either")
         if self.layer not in {None, "bz2"}:
@@ -125,6 +129,7 @@ class Options:
 
 
 def _check_bounds(options: Options) -> None:
+    # Only an RMSE and a maximum go together.
     bounds = {
         "rmse": options.rmse,
         "max_error": options.max_error,
@@ -134,12 +139,16 @@ def _check_bounds(options: Options) -> None:
     given = [name for name, value in bounds.items() if value is not None]
     if len(given) > 1 and given != ["rmse", "max_error"]:
         raise OptionError(f"{given[0]} and {given[-1]} were both given; give one")
+
+    # Ranges.
     kinds = {"size": "number of bytes", "ratio": "number"}
     for name, value in bounds.items():
         if value is not None and not 0 < value < math.inf:
             raise OptionError(
                 f"{name} is {value:g}; it must be a positive {kinds.get(name, 'number of metres')}"
             )
+
+    # The thesis's model can't aim at a size.
     if options.sized and options.thesis:
         raise OptionError(f"{given[0]} can't be given with k or m; give rmse or max_error")
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.model.text import count_text
 from gpszip.model.track import Track
 
 __all__ = ["Patch", "Patching"]
@@ -48,6 +49,11 @@ class Patch:
     length: float = math.nan
     reason: str = ""
 
+    def __repr__(self) -> str:
+        samples = count_text(len(self.times), "sample")
+        result = f"left open: {self.reason}" if self.reason else f"{samples}, {self.length:,.0f} m"
+        return f"Patch(gap of {self.seconds:g} s in track {self.track}, {result})"
+
 
 @dataclass(frozen=True, eq=False)
 class Patching:
@@ -66,6 +72,10 @@ class Patching:
     tracks: tuple[Track, ...]
     patches: tuple[Patch, ...]
     gap: float
+
+    def __repr__(self) -> str:
+        gaps, samples = count_text(len(self.patches), "gap"), count_text(self.added, "sample")
+        return f"Patching({gaps}, {self.filled:,} filled with {samples})"
 
     @property
     def added(self) -> int:

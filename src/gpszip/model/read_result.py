@@ -1,9 +1,16 @@
-"""What was read from logs: the tracks, and an account of everything that is not in them."""
+"""The result of reading logs: the tracks, and a record of every point and file that is not in them.
+
+:func:`gpszip.io.logs.read.read_logs` returns a :class:`ReadResult`. Its repairs, losses and files
+left out tell a user what changed between the logs and the tracks.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import overload
 
+from gpszip.model.text import count_text
 from gpszip.model.track import Track
 
 __all__ = ["LeftOut", "Loss", "ReadResult", "Repair"]
@@ -11,20 +18,21 @@ __all__ = ["LeftOut", "Loss", "ReadResult", "Repair"]
 
 @dataclass(frozen=True)
 class Repair:
-    """Something that was mended while reading.
+    """One kind of change that a reader made to a log.
 
     Parameters
     ----------
     what : str
-        What was wrong and what was done, such as ``rows without a position dropped``.
+        The problem and what was done about it, such as ``rows without a position dropped``.
     count : int
-        How many points (or tracks) it concerned.
+        Number of points (or tracks) concerned.
     where : str
-        Name of the log, with the first row concerned where that is known.
+        Name of the log, with the first row concerned if that is known.
     drops : bool
-        Whether the ``count`` points are in no track for it.
+        Whether the ``count`` points were dropped, so that no track has them.
     value : str
-        The first value concerned, with its column, such as ``lat 'undefined'``; empty where none is to be shown.
+        The first value concerned, with its column, such as ``lat 'undefined'``; empty if there is
+        no value to show.
     """
 
     what: str
@@ -36,14 +44,14 @@ class Repair:
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A whole log, or a part of one, that was not read.
+    """A log, or an item in one, that was not read.
 
     Parameters
     ----------
     name : str
-        Name of what was left out.
+        Name of the log, with the item in it.
     reason : str
-        Why.
+        Why it was left out.
     """
 
     name: str
@@ -52,22 +60,23 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Loss:
-    """A track that lost so many of its points that it must be told first.
+    """A track that lost many of its points. Commands report losses before all other results.
 
-    Rows that say the same once more are no loss.
+    Rows that repeat an earlier row don't count as lost.
 
     Parameters
     ----------
     track : str
-        Name of the track; empty for rows of which it is not known whose they are.
+        Name of the track; empty for rows that can't be assigned to a track.
     where : str
         Name of the log.
     lost : int
-        How many of its points can't be used.
+        Number of its points that can't be used.
     points : int
-        How many the log holds.
+        Number of its points in the log.
     shared : int
-        The most points at different positions that have one time in common; 0 where there are none such.
+        The largest number of points at different positions that share one timestamp; 0 if no two
+        do.
     """
 
     track: str
@@ -77,7 +86,7 @@ class Loss:
     shared: int = 0
 
     def __str__(self) -> str:
-        """Tell the loss in words.
+        """Describe the loss in words.
 
         Examples
         --------
@@ -90,29 +99,31 @@ class Loss:
 
 
 @dataclass(frozen=True, eq=False)
-class ReadResult:
-    """Tracks on one common plane with an account of how they came about.
+class ReadResult(Sequence[Track]):
+    """Tracks on one common plane, and a record of how they were made from the logs.
 
-    Every point that was read is either in a track or counted by a repair that drops: ``points == kept + lost``.
+    Every point read is either in a track or counted by a repair that drops points:
+    ``points == kept + lost``.
 
     Parameters
     ----------
     tracks : tuple of Track
         In the order in which the logs first name them.
     points : int
-        Number of points (rows) found in the logs that were read.
+        Number of points (rows) in the logs that were read.
     bytes : int
-        Size of these logs as they are stored: of a gzip file, the packed size.
+        Size of these logs as stored; for a gzip file, the compressed size.
     geographic : bool
-        Whether the logs came with latitude and longitude.
+        Whether the logs hold latitude and longitude.
     repairs : tuple of Repair
-        What was mended.
+        Changes that the readers made.
     left_out : tuple of LeftOut
-        What was not read.
+        Logs, and items in logs, that were not read.
     dropped_columns : tuple of str
-        Columns of the logs that are not kept.
+        Columns of the logs that no attribute keeps.
     losses : tuple of Loss
-        Tracks that lost more than a tenth of their points, or all, or have several points at one time.
+        Tracks that lost more than a tenth of their points, or that have several points at one
+        timestamp.
     """
 
     tracks: tuple[Track, ...]
@@ -123,6 +134,21 @@ class ReadResult:
     left_out: tuple[LeftOut, ...] = ()
     dropped_columns: tuple[str, ...] = ()
     losses: tuple[Loss, ...] = ()
+
+    def __repr__(self) -> str:
+        tracks, points = count_text(len(self.tracks), "track"), count_text(self.points, "point")
+        return f"ReadResult({tracks}, {points}, {self.lost:,} lost)"
+
+    def __len__(self) -> int:
+        return len(self.tracks)
+
+    @overload
+    def __getitem__(self, number: int) -> Track: ...
+    @overload
+    def __getitem__(self, number: slice) -> tuple[Track, ...]: ...
+    def __getitem__(self, number: int | slice) -> Track | tuple[Track, ...]:
+        """Return a track, or some, in the order in which the logs first name them."""
+        return self.tracks[number]
 
     @property
     def complete(self) -> bool:
@@ -136,5 +162,5 @@ class ReadResult:
 
     @property
     def lost(self) -> int:
-        """Number of points that repairs dropped."""
+        """Number of points that were dropped."""
         return sum(repair.count for repair in self.repairs if repair.drops)

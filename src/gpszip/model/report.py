@@ -1,4 +1,4 @@
-"""What a compression did, and how far it is."""
+"""What a compression did, and the progress of a long computation."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ __all__ = ["Listener", "Progress", "Report"]
 
 @dataclass(frozen=True)
 class Progress:
-    """One step of a long computation, handed to whoever listens.
+    """One step of a long computation, passed to the ``progress`` function of the caller.
 
     Parameters
     ----------
     stage : str
-        What is being done, as a word for a person, such as ``"learn"``.
+        Name of the stage for a person, such as ``"learn"``.
     done : float
         Share of the stage that is done, from 0 to 1.
     """
@@ -25,11 +25,11 @@ class Progress:
     done: float
 
 
-#: Whoever wants to see :class:`Progress`: any function of one event.
+#: What ``progress=`` takes: any function of one :class:`Progress`.
 Listener: TypeAlias = Callable[[Progress], None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Report:
     """What a compression did.
 
@@ -38,17 +38,20 @@ class Report:
     points, tracks : int
         Samples and tracks that went in.
     segments, nodes, edges : int
-        Straight parts of all walks, and the road map that they share.
+        Straight segments of all walks, and the road map that they share.
     bytes_out : int
         Size of the archive.
     rmse, max_error : float
-        Root mean square and largest synchronised distance in metres, of every sample to what the archive's bytes decode to.
+        Root mean square and largest synchronised distance in metres, between every sample and what
+        the archive's bytes decode to.
     seconds : float
         Time that it took.
     gap : float
-        Silences longer than this, in seconds, are gaps, during which no travel is claimed; infinite where there are none.
+        Intervals longer than this, in seconds, are gaps, in which no travel is claimed; infinite
+        where there are none.
     bound : str
-        The bound that was held, such as ``"RMSE <= 5 m"`` or ``"size <= 900 bytes"``; empty where there was none.
+        The bound that was held, such as ``"RMSE <= 5 m"`` or ``"size <= 900 bytes"``; empty where
+        there was none.
     notes : tuple of str
         What the user should know, one sentence each.
     """
@@ -65,3 +68,9 @@ class Report:
     gap: float
     bound: str
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return (
+            f"Report({self.points:,} points to {self.bytes_out:,} bytes, RMSE {self.rmse:.3g} m, "
+            f"maximum {self.max_error:.3g} m, {self.seconds:.3g} s)"
+        )

@@ -7,15 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.model.text import count_text
+
 __all__ = ["SegmentMean"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SegmentMean:
     """k consecutive parts of a track, each travelled along one of m directed segments.
 
-    Part j holds the samples ``boundaries[j]`` to ``boundaries[j + 1] - 1``. It runs at constant speed from the start of
-    its segment, at its first sample's time, to the end, at its last sample's time.
+    Part j holds the samples ``boundaries[j]`` to ``boundaries[j + 1] - 1``. It runs at constant
+    speed from the start of its segment, at its first sample's time, to the end, at its last
+    sample's time. (Parts and segments are the thesis's words.)
 
     Parameters
     ----------
@@ -37,6 +40,10 @@ class SegmentMean:
     ends: NDArray[np.float64]
     cost: float
     costs: tuple[float, ...] = ()
+
+    def __repr__(self) -> str:
+        samples = count_text(int(self.boundaries[-1]), "sample")
+        return f"SegmentMean(k={self.k}, m={self.m}, {samples}, cost {self.cost:.6g} m^2)"
 
     @property
     def k(self) -> int:

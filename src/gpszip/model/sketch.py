@@ -1,4 +1,4 @@
-"""A sketch: the moments of a block of samples, the thesis's 1-segment coreset (definition 6.2.8)."""
+"""A sketch: the moments of a block of samples (thesis, definition 6.2.8, 1-segment coreset)."""
 
 from __future__ import annotations
 
@@ -7,16 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.model.text import count_text
+
 __all__ = ["Sketch"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Sketch:
-    """Everything that the fitting cost of a block against any line depends on, about the block's own mean.
+    """The moments from which the fitting cost of a block against any line follows.
 
-    The thesis keeps (C, E, F) = (A'A, P'A, P'P) about zero, which loses all digits at epoch seconds. These are the same
-    moments about the mean. The fitting cost needs 2 d + 4 numbers; the cross moments of the positions are kept besides,
-    because the fitting matrix D (definition 6.2.1) needs them.
+    The thesis keeps (C, E, F) = (A'A, P'A, P'P) about zero, which loses all digits at epoch
+    seconds. These are the same moments about the mean of the block. The fitting cost needs 2 d + 4
+    numbers; the cross moments of the positions are kept as well, because the fitting matrix D
+    (definition 6.2.1) needs them.
 
     Parameters
     ----------
@@ -47,6 +50,10 @@ class Sketch:
     first: float
     last: float
     count: int
+
+    def __repr__(self) -> str:
+        samples = count_text(self.count, "sample")
+        return f"Sketch({samples}, weight {self.weight:g}, {self.first:.10g} to {self.last:.10g} s)"
 
     @property
     def dimension(self) -> int:

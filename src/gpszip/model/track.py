@@ -2,28 +2,35 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gpszip.errors import TrackError
+from gpszip.errors import OptionError, TrackError
 from gpszip.model.grid import Plane
+from gpszip.model.projection import map_coordinates
+from gpszip.model.text import axes_text, count_text
+from gpszip.model.timestamps import Times, format_span, to_seconds, wrong_unit
 
-__all__ = ["Track"]
+__all__ = ["Track", "time_bounds"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Track:
     """Times and positions of one agent, the thesis's signal P.
+
+    Positions are kept in metres on a plane. ``coordinates`` gives them as the log has them: in
+    latitude and longitude for a log in degrees.
 
     Parameters
     ----------
     id : str
         Name of the track, kept verbatim.
     times : array_like, shape (n,)
-        Seconds in the log's own zero, finite and strictly increasing.
+        Seconds, finite and strictly increasing, counted from whatever zero the log uses.
     positions : array_like, shape (n, d)
         Metres on a plane, finite, d >= 1.
     weights : array_like, shape (n,), optional
@@ -31,20 +38,24 @@ class Track:
     attributes : mapping of str to array, shape (n,), optional
         Further columns of the log, such as ``alt`` or ``speed``.
     plane : Plane, optional
-        Where the positions lie on the earth. Left out for a log that came with x and y.
+        The plane of a log in degrees. Left out for a log in x, y.
     timed : bool, default True
-        Whether the log has times. A track without times is a shape: its ``times`` hold the distance along it in metres.
+        Whether the log has times. A track without times is a shape: its ``times`` hold the distance
+        along it in metres.
 
     Raises
     ------
     TrackError
-        If there is no sample, a shape does not fit, a number is not finite, or time stands still or goes back.
+        If there is no sample, a shape does not fit, a number is not finite, or time stands still or
+        goes back.
 
     Examples
     --------
     >>> track = Track("walk", [0, 1, 2], [[0, 0], [1, 0], [2, 0]])
-    >>> len(track), track.dimension
-    (3, 2)
+    >>> track
+    Track('walk', 3 samples, 0 s to 2 s, x, y)
+    >>> track[1:].times.tolist()
+    [1.0, 2.0]
     """
 
     id: str
@@ -56,22 +67,103 @@ class Track:
     timed: bool = True
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "times", _frozen(self.times))
-        object.__setattr__(self, "positions", _frozen(self.positions))
+        object.__setattr__(self, "times", _read_only(self.times))
+        object.__setattr__(self, "positions", _read_only(self.positions))
         if self.weights is not None:
-            object.__setattr__(self, "weights", _frozen(self.weights))
+            object.__setattr__(self, "weights", _read_only(self.weights))
         _check(self)
+
+    def __repr__(self) -> str:
+        first, last = float(self.times[0]), float(self.times[-1])
+        span = format_span(first, last) if self.timed else f"{last - first:.10g} m without times"
+        samples = count_text(len(self), "sample")
+        return f"Track({self.id!r}, {samples}, {span}, {axes_text(self.dimension, self.plane)})"
 
     def __len__(self) -> int:
         return len(self.times)
+
+    def __getitem__(self, span: slice) -> Track:
+        """Samples in a time range, ``track[begin:end]``: from ``begin`` on, and before ``end``.
+
+        Parameters
+        ----------
+        span : slice of times
+            Seconds, ``datetime``, ``numpy.datetime64`` or ISO 8601 text; no step.
+
+        Returns
+        -------
+        Track
+            The same id, with the attributes and weights of these samples.
+
+        Raises
+        ------
+        OptionError
+            If there is no sample in the range, or the track has no times.
+        """
+        begin, end = time_bounds(span)
+        if not self.timed:
+            raise OptionError("has no times, so no time range", location=f"track {self.id!r}")
+
+        # Name the likely mistake where nothing is found.
+        first, last = np.searchsorted(self.times, [begin, end]).tolist()
+        if first >= last:
+            bounds = np.array([begin, end])
+            raise OptionError(
+                f"no sample in this time range; the track has {format_span(*self.times[[0, -1]])}",
+                location=f"track {self.id!r}",
+                remedy=wrong_unit(bounds, *self.times[[0, -1]].tolist()),
+            )
+        rows = slice(first, last)
+        return replace(
+            self,
+            times=self.times[rows],
+            positions=self.positions[rows],
+            weights=None if self.weights is None else self.weights[rows],
+            attributes={name: values[rows] for name, values in self.attributes.items()},
+        )
 
     @property
     def dimension(self) -> int:
         """Number of coordinates d."""
         return int(self.positions.shape[1])
 
+    @property
+    def coordinates(self) -> NDArray[np.float64]:
+        """Positions in the coordinates of the log, shape (n, d).
 
-def _frozen(values: ArrayLike) -> NDArray[np.float64]:
+        Latitude and longitude in degrees for a log in degrees (with a ``plane``), x, y[, z] for any
+        other. Degrees are computed at each call.
+        """
+        return map_coordinates(self.positions, self.plane)
+
+
+def time_bounds(span: slice) -> tuple[float, float]:
+    """Both ends of a slice of times in seconds; infinite where left out.
+
+    Examples
+    --------
+    >>> time_bounds(slice("1970-01-02", None))
+    (86400.0, inf)
+    """
+    if not isinstance(span, slice):
+        raise TypeError(f"a track is sliced by time, track[begin:end], not by {span!r}")
+    if span.step is not None:
+        raise OptionError("a time range has no step; give [begin:end]")
+    begin, end = (
+        default if bound is None else _single_time(bound)
+        for bound, default in ((span.start, -math.inf), (span.stop, math.inf))
+    )
+    return begin, end
+
+
+def _single_time(bound: Times) -> float:
+    seconds = to_seconds(bound, name="the time range")
+    if seconds.size != 1 or np.isnan(seconds).any():
+        raise OptionError(f"the time range ends at {bound!r}, which is not one time")
+    return float(seconds.reshape(-1)[0])
+
+
+def _read_only(values: ArrayLike) -> NDArray[np.float64]:
     array: NDArray[np.float64] = np.array(values, dtype=np.float64, order="C")
     array.flags.writeable = False
     return array
@@ -80,6 +172,8 @@ def _frozen(values: ArrayLike) -> NDArray[np.float64]:
 def _check(track: Track) -> None:
     name = f"track {track.id!r}"
     times, positions = track.times, track.positions
+
+    # Shapes.
     if (
         times.ndim != 1
         or positions.ndim != 2
@@ -87,22 +181,30 @@ def _check(track: Track) -> None:
         or positions.shape[1] < 1
     ):
         raise TrackError(
-            f"{name}: times have shape {times.shape} and positions {positions.shape}; expected (n,) and (n, d)"
+            f"times have shape {times.shape} and positions {positions.shape}; "
+            "expected (n,) and (n, d)",
+            location=name,
         )
     if len(times) == 0:
-        raise TrackError(f"{name}: no samples")
+        raise TrackError("no samples", location=name)
+
+    # Numbers.
     broken = ~(np.isfinite(times) & np.isfinite(positions).all(axis=1))
     if broken.any():
         raise TrackError(
-            f"{name}: sample {int(broken.argmax())} is not finite; drop or repair such samples first"
+            f"sample {int(broken.argmax())} is not finite",
+            location=name,
+            remedy="drop or repair such samples first",
         )
-    still = np.diff(times) <= 0
-    if still.any():
-        where = int(still.argmax()) + 1
+    late = np.diff(times) <= 0
+    if late.any():
+        sample = int(late.argmax()) + 1
         raise TrackError(
-            f"{name}: sample {where}: time {times[where]:g} does not follow {times[where - 1]:g}; sort or split the track"
+            f"time {times[sample]:g} does not follow {times[sample - 1]:g}",
+            location=f"{name}: sample {sample}",
+            remedy="sort or split the track",
         )
     if track.weights is not None and (
         track.weights.shape != times.shape or not (track.weights > 0).all()
     ):
-        raise TrackError(f"{name}: weights must be {len(times)} positive numbers")
+        raise TrackError(f"weights must be {len(times)} positive numbers", location=name)

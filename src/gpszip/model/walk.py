@@ -7,10 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.model.text import count_text
+from gpszip.model.timestamps import format_span
+
 __all__ = ["Walk"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Walk:
     """The nodes that one track visits, the thesis's path Q, with the time at each.
 
@@ -19,14 +22,20 @@ class Walk:
     id : str
         Name of the track.
     nodes : int32 array, shape (k + 1,)
-        Nodes of the road map. The same node twice in a row is a stop.
+        Nodes of the road map. The same node twice running is a stop.
     times : float64 array, shape (k + 1,), or None
-        Seconds at each node in the log's own zero, strictly increasing; None in an archive without times.
+        Seconds at each node, strictly increasing, counted from the log's zero; None for a track
+        without times.
     gaps : bool array, shape (k,)
-        Parts during which no travel is claimed.
+        Whether each segment is a gap, in which no travel is claimed.
     spans : float64 array, shape (pieces, 2), optional
-        Seconds at which travel begins and ends in each piece between gaps, at or after its first knot and at or before its last;
-        None where that is at the knots.
+        Seconds at which travel begins and ends in each piece between gaps: not before the first
+        knot of the piece and not after the last. None where pieces begin and end at their knots.
+
+    Examples
+    --------
+    >>> Walk("bus", np.array([0, 1, 0], np.int32), np.array([0.0, 5.0, 9.0]), np.zeros(2, bool))
+    Walk('bus', 3 knots, 0 s to 9 s)
     """
 
     id: str
@@ -34,3 +43,13 @@ class Walk:
     times: NDArray[np.float64] | None
     gaps: NDArray[np.bool_]
     spans: NDArray[np.float64] | None = None
+
+    def __repr__(self) -> str:
+        facts = [repr(self.id), count_text(len(self.nodes), "knot")]
+        if self.gaps.any():
+            facts.append(count_text(int(self.gaps.sum()), "gap"))
+        if self.times is None:
+            facts.append("no times")
+        elif len(self.times):
+            facts.append(format_span(float(self.times[0]), float(self.times[-1])))
+        return f"Walk({', '.join(facts)})"

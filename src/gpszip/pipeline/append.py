@@ -1,62 +1,77 @@
-"""Further logs for an archive that is there already: its map grows, its walks stay as they are."""
+"""Appending a log to an archive: its map grows, its walks stay as they are."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.archive import Archive, new_archive, with_error_bound, with_sampling
+from gpszip.archive import (
+    Archive,
+    new_archive,
+    open_archive,
+    with_error_bound,
+    with_sampling,
+    with_sections,
+)
 from gpszip.codec.walks import number_by_visit
-from gpszip.container.attributes import KeptColumns, encode_attributes
-from gpszip.container.contents import Section
-from gpszip.container.layout import SectionKind
 from gpszip.errors import BoundError, OptionError
 from gpszip.mapping.search import suggest_time_step
-from gpszip.model import GridWalk, GridWalks, Listener, Options, Report, Track
+from gpszip.model import GridWalk, GridWalks, Listener, Options, Plane, Report, Track
 from gpszip.model.error_bound import ErrorBound
 from gpszip.model.grid import step_size
 from gpszip.model.grid_walks import refined
-from gpszip.pipeline.compress import compress, gaps_of, holds, kept, measure, sampling_of
-from gpszip.pipeline.continue_tracks import claimed, end_of, ready_to_continue
-from gpszip.pipeline.validate import checked, laid_on
+from gpszip.model.log import Log, LogTrack, MemoryLog
+from gpszip.model.read_result import ReadResult
+from gpszip.pipeline.bounds import holds, requested_bound
+from gpszip.pipeline.compress import off_map_notes, report_on, within_bound
+from gpszip.pipeline.continue_tracks import piece_time_ranges_of, ready_to_continue, track_end
+from gpszip.pipeline.job import Job, on_tracks, prepare
+from gpszip.pipeline.kept_columns import extended_sections
+from gpszip.pipeline.measure import measure
+from gpszip.pipeline.validate import as_log, on_plane_of
 from gpszip.run.executor import Executor
-from gpszip.walks.error import TIME_SLACK
+from gpszip.walks.error import TIME_SLACK, ErrorSummary
 from gpszip.walks.quantised import knot_times, merge_grid_walks, node_positions
 from gpszip.walks.shapes import with_synthetic_times
 
-if TYPE_CHECKING:
-    from gpszip.walks.error import ErrorSummary
+__all__ = ["append"]
 
-__all__ = ["SHARES", "append", "completed", "grown", "last_knot", "overlapping"]
+#: Shares of the bound that are tried: where a track is continued, the end of the older walk stays
+#: as it is, with whatever error it has.
+_SHARES = (1.0, 0.97, 0.9, 0.75)
 
-#: Shares of the bound that are tried: where a walk goes on, the end of the older one stays as it is.
-SHARES = (1.0, 0.97, 0.9, 0.75)
+#: Samples among which the first one after the end of a walk is looked for.
+_SAMPLES_NEAR_START = 10_000
 
 
 def append(
     archive: Archive,
-    tracks: Sequence[Track] | Track,
+    tracks: Sequence[Track] | Track | Log,
     options: Options | None = None,
     *,
+    memory: int | None = None,
     executor: Executor | None = None,
     progress: Listener | None = None,
 ) -> tuple[Archive, Report]:
     """Add tracks to an archive as walks on its map, which grows where they leave it.
 
-    The walks that are there stay what they are, knot by knot. A track whose name is in the archive goes on there.
+    The walks of the archive keep all their knots. A track whose id is in the archive continues
+    the walk there.
 
     Parameters
     ----------
     archive : Archive
         With times and a map of its own; it is not modified.
-    tracks : sequence of Track, or one Track
-        Those of a name that is in the archive begin where that one ends, or later.
+    tracks : sequence of Track, Track or Log
+        Those whose id is in the archive begin where that walk ends, or later.
     options : Options, optional
-        How. Without a bound, the new walks keep what the archive promises.
+        Without a bound, the new walks hold the bound that the archive states.
+    memory : int, optional
+        Bytes that the process may take; needed for a log on disk.
     executor : Executor, optional
         Spreads the work.
     progress : callable, optional
@@ -67,228 +82,330 @@ def append(
     Archive
         The old walks and the new ones.
     Report
-        What was done for the new tracks.
+        On the new tracks; nodes, edges and bytes are those of the archive.
 
     Raises
     ------
     OptionError
         If tracks and archive don't go together.
     BoundError
-        If the bound can't be held on the archive's lattice.
+        If the bound can't be held on the archive's grid.
 
     Examples
     --------
     >>> from gpszip.pipeline.compress import compress
-    >>> there = Track("a", range(9), [[float(t)] for t in range(9)])
+    >>> first = Track("a", range(9), [[float(t)] for t in range(9)])
     >>> back = Track("a", range(10, 19), [[18.0 - t] for t in range(10, 19)])
-    >>> archive, _ = append(compress(there, Options(max_error=0.1))[0], back)
-    >>> archive.tracks, len(archive.road_map.nodes), bool(abs(archive.position("a", 14.0)[0] - 4) <= 0.1)
-    (('a',), 2, True)
+    >>> archive, _ = append(compress(first, Options(max_error=0.1))[0], back)
+    >>> archive.ids, len(archive.road_map.nodes)
+    (('a',), 2)
     """
-    options = completed(options or Options(), archive)
-    whole = laid_on(archive, checked(tracks), options)
-    kept(whole, options)
-    gap, silent = gaps_of(whole, options.gap)
-    sampling = sampling_of(whole, silent)
-    check_goes_on(archive, whole)
-    starts = {track.id: float(track.times[0]) for track in whole if track.timed}
-    suited = suggest_time_step(with_synthetic_times(whole, silent), silent, archive.grid.space)
-    archive = ready_to_continue(archive, starts, suited)
-    led = tuple(
-        _led_on(archive, track, gap) if track.id in archive.ids else track for track in whole
+    start = time.perf_counter()
+
+    # what the archive states and keeps goes on
+    options = _completed(options or Options(), archive)
+    log = on_plane_of(archive, as_log(tracks), options)
+    _check_times(archive, log)
+    extras = extended_sections(archive, log, options)
+    job = prepare(
+        log,
+        replace(options, keep=(), keep_times=False),
+        memory=memory,
+        executor=executor,
+        progress=progress,
     )
-    for share in SHARES:
-        aim = replace(options.tightened(share), gap=gap, keep=(), keep_times=False)
-        on_map, report = compress(led, aim, map=archive, executor=executor, progress=progress)
+
+    # an archive on whose map walks can continue
+    sample = with_synthetic_times(job.sample, job.gaps)
+    time_step = suggest_time_step(sample, job.gaps, archive.grid.space)
+    archive = ready_to_continue(archive, _starts(archive, log), time_step)
+    continued = _continued_job(archive, job)
+
+    # new walks on the map, tighter and tighter until the whole holds the bound
+    for share in _SHARES:
+        target = replace(continued, options=job.options.tightened(share))
+        try:
+            on_map, _ = within_bound(target)
+        except BoundError:
+            break
         if on_map.map is None:
             break
-        extras = _united_extras(archive, whole if options.keep_times else (), on_map.ids)
-        both = grown(archive, on_map, gap, sampling, extras)
-        found = measure(whole, both)
-        if holds(found, options.aim(geographic=archive.grid.plane is not None)):
-            return both, _report(report, both, found)
+        on_map = with_error_bound(on_map, requested_bound(job.options))
+        extended = _extend(archive, on_map, job)
+        errors = _measure(job, extended)
+        if holds(errors, job.aim):
+            extended = with_sections(extended, extras)
+            seconds = time.perf_counter() - start
+            return extended, _report(job, archive, on_map, extended, errors, seconds)
     raise BoundError(
-        "the archive's lattice is too coarse for this bound; allow a larger error, or compress all logs together"
+        "the archive's grid is too coarse for this bound; "
+        "allow a larger error, or compress all logs together"
     )
 
 
-def check_goes_on(archive: Archive, tracks: Sequence[Track]) -> None:
-    """Refuse tracks that would go on with, or as, one that has no times."""
-    for track in tracks:
-        if track.id in archive.ids and (not track.timed or track.id in archive.untimed):
-            raise OptionError(
-                f"track {track.id!r} is in the archive, and one of both has no times; give it another name"
-            )
-
-
-def _led_on(archive: Archive, track: Track, gap: float) -> Track:
-    """A track that begins where the archive's walk of that name ends, unless there is a gap between them."""
-    end, there = last_knot(archive, track.id)
-    if track.times[0] - end > gap:
-        return track
-    after = int(np.searchsorted(track.times, end, side="right"))
-    if track.times[0] < end_of(archive, track.id) - TIME_SLACK or after == len(track):
-        raise overlapping(track.id)
-    times, positions = (
-        np.append(end, track.times[after:]),
-        np.concatenate([there, track.positions[after:]]),
-    )
-    return Track(track.id, times, positions, plane=track.plane)
-
-
-def last_knot(archive: Archive, name: str) -> tuple[float, NDArray[np.float64]]:
-    """Time and place, shape (1, d), of the last knot of a track."""
-    grid_walks, grid = archive.grid_walks, archive.grid
-    walk = grid_walks.walks[archive.ids.index(name)]
-    return float(knot_times(walk.time_steps[-1:], grid)[0]), node_positions(grid_walks, grid)[
-        walk.nodes[-1:]
-    ]
-
-
-def overlapping(name: str) -> OptionError:
-    """Error of a track that begins before the one in the archive ends."""
-    return OptionError(
-        f"track {name!r} overlaps in time with the one in the archive; give it another name, or append in order of time"
-    )
-
-
-def _report(report: Report, grown: Archive, found: ErrorSummary) -> Report:
-    """What was done for the new tracks, and how large the archive has become."""
-    road_map = grown.road_map
-    return replace(
-        report, points=found.points, rmse=found.rmse, max_error=found.max_error, bytes_out=len(grown.to_bytes()),
-        nodes=len(road_map.nodes), edges=len(road_map.edges),
-    )  # fmt: skip
-
-
-def grown(
-    archive: Archive,
-    on_map: Archive,
-    gap: float,
-    sampling: float | None,
-    extras: tuple[Section, ...],
-) -> Archive:
-    """Unite an archive with walks on it; between a walk and what it goes on with, at most ``gap`` seconds are no gap.
-
-    ``extras`` are the further sections of the whole; ``sampling`` is about the seconds between samples of what was added.
-    """
-    refinements = on_map.contents.map.refinements if on_map.contents.map is not None else 0
-    grid_walks = merge_grid_walks([refined(archive.grid_walks, refinements), on_map.grid_walks])
-    most = gap / step_size(on_map.grid.time)
-    walks = dict(zip(archive.ids, grid_walks.walks[: len(archive.ids)], strict=True))
-    for name, walk in zip(on_map.ids, grid_walks.walks[len(archive.ids) :], strict=True):
-        walks[name] = _gone_on(name, walks[name], walk, most) if name in walks else walk
-    shapes = {*archive.untimed, *on_map.untimed}
-    untimed = frozenset(number for number, name in enumerate(walks) if name in shapes)
-    united = new_archive(
-        on_map.grid,
-        tuple(walks),
-        number_by_visit(GridWalks(grid_walks.nodes, tuple(walks.values()), untimed=untimed)),
-        layer=archive.contents.layer,
-        extras=extras,
-        spans=_spans_of_both(archive, on_map, tuple(walks)),
-    )
-    told = None if archive.sampling is None or sampling is None else max(archive.sampling, sampling)
-    return with_sampling(
-        with_error_bound(united, _weaker(archive.error_bound, on_map.error_bound)), told
-    )
-
-
-def _spans_of_both(
-    archive: Archive, on_map: Archive, names: Sequence[str]
-) -> list[NDArray[np.float64]]:
-    """Seconds at which the pieces of each track begin and end, in the archive and on its map."""
-    both: dict[str, list[NDArray[np.float64]]] = {name: [] for name in names}
-    for one in (archive, on_map):
-        for name, spans in zip(one.ids, claimed(one), strict=True):
-            both[name].append(spans)
-    return [np.concatenate(both[name]) for name in names]
-
-
-def completed(options: Options, archive: Archive) -> Options:
-    """Options with the bound that the archive promises and the columns that it keeps, where they say nothing."""
+def _completed(options: Options, archive: Archive) -> Options:
+    """Add the bound that the archive states and the columns that it keeps."""
     if options.sized:
         raise OptionError("a size can't be asked of what is appended; give rmse or max_error")
-    if not options.bounded and archive.error_bound is not None:
-        bound = archive.error_bound.metres
-        options = (
-            replace(options, max_error=bound)
-            if archive.error_bound.maximum
-            else replace(options, rmse=bound)
-        )
-        options = (
-            options
-            if archive.error_bound.max_error is None
-            else replace(options, max_error=archive.error_bound.max_error)
-        )
-    if archive.kept_columns is None and (options.keep or options.keep_times):
+
+    # the bound
+    bound = archive.error_bound
+    if not options.bounded and bound is not None:
+        if bound.maximum:
+            options = replace(options, max_error=bound.metres)
+        else:
+            options = replace(options, rmse=bound.metres, max_error=bound.max_error)
+
+    # the columns
+    if archive.kept_columns is not None:
+        return replace(options, keep=archive.kept_columns, keep_times=True)
+    if options.keep or options.keep_times:
         raise OptionError(
             "the archive keeps no columns, so that none can be appended; leave out keep"
         )
-    return (
-        options
-        if archive.kept_columns is None
-        else replace(options, keep=archive.kept_columns, keep_times=True)
+    return options
+
+
+def _check_times(archive: Archive, log: Log) -> None:
+    """Refuse to continue a track without times, or one by a track without times."""
+    for track in log.tracks:
+        if track.id in archive.ids and (not track.timed or track.id in archive.untimed):
+            raise OptionError(
+                f"track {track.id!r} is in the archive, and one of both has no times; "
+                "give it another name"
+            )
+
+
+def _starts(archive: Archive, log: Log) -> dict[str, float]:
+    """Time of the first new sample of each track that the archive has."""
+    return {
+        track.id: float(log.read(track, 0, 1).times[0])
+        for track in log.tracks
+        if track.timed and track.id in archive.ids
+    }
+
+
+def _continued_job(archive: Archive, job: Job) -> Job:
+    """The job with tracks that begin where the walks of their ids end in the archive."""
+    if isinstance(job.log, MemoryLog):
+        known = set(archive.ids)
+        tracks = tuple(
+            _continue_track(archive, track, job.gap) if track.id in known else track
+            for track in job.log.tracks
+        )
+        return replace(on_tracks(job, tracks), map=archive)
+    return replace(job, log=_ContinuedLog(archive, job.log, job.gap), map=archive)
+
+
+def _continue_track(archive: Archive, track: Track, gap: float) -> Track:
+    """Begin a track at the last knot of the archive's walk, unless a gap lies between them."""
+    lead = _lead_of(archive, track, gap)
+    if lead is None:
+        return track
+    after, (end, position) = lead
+    times = np.append(end, track.times[after:])
+    positions = np.concatenate([position, track.positions[after:]])
+    return Track(track.id, times, positions, plane=track.plane)
+
+
+def _lead_of(
+    archive: Archive, first_samples: Track, gap: float
+) -> tuple[int, tuple[float, NDArray[np.float64]]] | None:
+    """Number of the first sample after the archive's walk, and the walk's last knot.
+
+    None where a gap lies between them.
+    """
+    times = first_samples.times
+    end, position = _last_knot(archive, first_samples.id)
+    if times[0] - end > gap:
+        return None
+    after = int(np.searchsorted(times, end, side="right"))
+    if times[0] < track_end(archive, first_samples.id) - TIME_SLACK or after == len(times):
+        raise _overlap_error(first_samples.id)
+    return after, (end, position)
+
+
+class _ContinuedLog:
+    """A log on disk whose tracks begin at the last knots of an archive's walks."""
+
+    def __init__(self, archive: Archive, log: Log, gap: float) -> None:
+        self._log = log
+        self._leads: dict[str, tuple[Track, int]] = {}
+        self._sources = {track.id: track for track in log.tracks}
+        known = set(archive.ids)
+        self.tracks = [
+            self._continued(archive, track, gap) if track.id in known else track
+            for track in log.tracks
+        ]
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates d."""
+        return self._log.dimension
+
+    @property
+    def plane(self) -> Plane | None:
+        """Where the positions lie on the earth."""
+        return self._log.plane
+
+    @property
+    def read_result(self) -> ReadResult | None:
+        """What was read, repaired and dropped."""
+        return self._log.read_result
+
+    def read(self, track: LogTrack, first: int = 0, last: int | None = None) -> Track:
+        """Read samples of a track, of which the first may be the last knot in the archive."""
+        source = self._sources[track.id]
+        last = len(track) if last is None else last
+        if track.id not in self._leads:
+            return self._log.read(source, first, last)
+
+        # the knot stands where the last sample before it was
+        knot, skipped = self._leads[track.id]
+        begin, end = max(first, 1) + skipped, last + skipped
+        samples = self._log.read(source, begin, end) if last > 1 else None
+        if first > 0 and samples is not None:
+            return samples
+        fragments = [knot] if samples is None else [knot, samples]
+        times = np.concatenate([fragment.times for fragment in fragments])
+        positions = np.concatenate([fragment.positions for fragment in fragments])
+        return Track(track.id, times, positions, plane=self._log.plane)
+
+    def _continued(self, archive: Archive, track: LogTrack, gap: float) -> LogTrack:
+        near = self._log.read(track, 0, min(_SAMPLES_NEAR_START, len(track)))
+        lead = _lead_of(archive, near, gap)
+        if lead is None:
+            return track
+        after, (end, position) = lead
+        knot = Track(track.id, np.array([end]), position, plane=self._log.plane)
+        self._leads[track.id] = knot, after - 1
+        return _ShorterTrack(track.id, len(track) - after + 1)
+
+
+class _ShorterTrack:
+    """A track without the samples that the archive has already."""
+
+    timed = True
+
+    def __init__(self, name: str, count: int) -> None:
+        self.id = name
+        self._count = count
+
+    def __len__(self) -> int:
+        return self._count
+
+
+def _last_knot(archive: Archive, name: str) -> tuple[float, NDArray[np.float64]]:
+    """Time and position, shape (1, d), of the last knot of a track."""
+    walk = archive.grid_walks.walks[archive.ids.index(name)]
+    positions = node_positions(archive.grid_walks, archive.grid)
+    return float(knot_times(walk.time_steps[-1:], archive.grid)[0]), positions[walk.nodes[-1:]]
+
+
+def _overlap_error(name: str) -> OptionError:
+    return OptionError(
+        f"track {name!r} overlaps in time with the one in the archive; "
+        "give it another name, or append in order of time"
     )
 
 
-def _gone_on(name: str, before: GridWalk, after: GridWalk, most: float) -> GridWalk:
-    """One walk that goes on with another, from the same cell or a later one."""
+def _extend(archive: Archive, on_map: Archive, job: Job) -> Archive:
+    """Join an archive with walks on its map."""
+    # all walks on the finer of the two grids
+    reference = on_map.contents.map
+    refinements = 0 if reference is None else reference.refinements
+    merged = merge_grid_walks([refined(archive.grid_walks, refinements), on_map.grid_walks])
+    old, new = merged.walks[: len(archive.ids)], merged.walks[len(archive.ids) :]
+
+    # walks of one id become one
+    max_steps = job.gap / step_size(on_map.grid.time)
+    walks = dict(zip(archive.ids, old, strict=True))
+    for name, walk in zip(on_map.ids, new, strict=True):
+        known = walks.get(name)
+        walks[name] = walk if known is None else _continue_walk(name, known, walk, max_steps)
+
+    shapes = {*archive.untimed, *on_map.untimed}
+    untimed = frozenset(number for number, name in enumerate(walks) if name in shapes)
+    extended = new_archive(
+        on_map.grid,
+        tuple(walks),
+        number_by_visit(GridWalks(merged.nodes, tuple(walks.values()), untimed=untimed)),
+        layer=archive.contents.layer,
+        spans=_time_ranges(archive, on_map, tuple(walks)),
+    )
+
+    # what is stated of both
+    bound = _weaker_bound(archive.error_bound, on_map.error_bound)
+    sampling = None
+    if archive.sampling is not None and job.sampling is not None:
+        sampling = max(archive.sampling, job.sampling)
+    return with_sampling(with_error_bound(extended, bound), sampling)
+
+
+def _continue_walk(name: str, before: GridWalk, after: GridWalk, max_steps: float) -> GridWalk:
+    """Continue a walk by another one that begins at its last time step or later.
+
+    Between them lies a gap where they are more than ``max_steps`` time steps apart.
+    """
     last = int(before.time_steps[-1])
     if after.time_steps[0] < last:
-        raise overlapping(name)
-    same = int(after.time_steps[0] == last)
-    silent = [] if same else [bool(after.time_steps[0] - last > most)]
+        raise _overlap_error(name)
+    shared = int(after.time_steps[0] == last)
+    between = [] if shared else [bool(after.time_steps[0] - last > max_steps)]
     return GridWalk(
-        np.concatenate([before.nodes, after.nodes[same:]]),
-        np.concatenate([before.time_steps, after.time_steps[same:]]),
-        np.concatenate([before.gaps, np.array(silent, bool), after.gaps]),
+        np.concatenate([before.nodes, after.nodes[shared:]]),
+        np.concatenate([before.time_steps, after.time_steps[shared:]]),
+        np.concatenate([before.gaps, np.array(between, bool), after.gaps]),
     )
 
 
-def _weaker(one: ErrorBound | None, other: ErrorBound | None) -> ErrorBound | None:
-    """What both keep; a maximum bounds the root mean square, too."""
+def _time_ranges(
+    archive: Archive, on_map: Archive, names: Sequence[str]
+) -> list[NDArray[np.float64]]:
+    """Times at which the pieces of each track begin and end, in both archives."""
+    ranges: dict[str, list[NDArray[np.float64]]] = {name: [] for name in names}
+    for each in (archive, on_map):
+        for name, pieces in zip(each.ids, piece_time_ranges_of(each), strict=True):
+            ranges[name].append(pieces)
+    return [np.concatenate(ranges[name]) for name in names]
+
+
+def _weaker_bound(one: ErrorBound | None, other: ErrorBound | None) -> ErrorBound | None:
+    """The bound that both hold; a maximum bounds the RMSE, too."""
     if one is None or other is None:
         return None
     larger = one if one.metres >= other.metres else other
-    most = (
-        None
-        if one.max_error is None or other.max_error is None
-        else max(one, other, key=lambda error_bound: error_bound.max_error or 0.0)
-    )
-    both = (0, 0) if most is None else (most.max_digits, most.max_exponent)
+    largest = None
+    if one.max_error is not None and other.max_error is not None:
+        largest = max(one, other, key=lambda bound: bound.max_error or 0.0)
     return replace(
-        larger, maximum=one.maximum and other.maximum, max_digits=both[0], max_exponent=both[1]
+        larger,
+        maximum=one.maximum and other.maximum,
+        max_digits=0 if largest is None else largest.max_digits,
+        max_exponent=0 if largest is None else largest.max_exponent,
     )
 
 
-def _united_extras(
-    archive: Archive, tracks: Sequence[Track], added: Sequence[str]
-) -> tuple[Section, ...]:
-    """Sections of an archive, its kept columns with those of further tracks."""
-    ids = tuple(dict.fromkeys([*archive.ids, *added]))
-    others = tuple(
-        section for section in archive.contents.extras if section.kind != SectionKind.ATTRIBUTES
-    )
-    if archive.kept_columns is None:
-        return others
-    number = {name: i for i, name in enumerate(ids)}
-    rows = [
-        (number[name], archive.sample_times(name), archive.attributes(name)) for name in archive.ids
-    ]
-    rows += [(number[track.id], track.times, track.attributes) for track in tracks]
-    # a stable sort keeps what was there before what goes on
-    rows.sort(key=lambda row: row[0])
-    counts = np.bincount(
-        [owner for owner, _, _ in rows], [len(times) for _, times, _ in rows], len(ids)
-    ).astype(int)
-    columns = {
-        name: np.concatenate([values[name] for _, _, values in rows])
-        for name in archive.kept_columns
-    }
-    body = encode_attributes(
-        KeptColumns(
-            tuple(counts.tolist()), np.concatenate([times for _, times, _ in rows]), columns
-        )
-    )
-    return (*others, Section(SectionKind.ATTRIBUTES, body))
+def _measure(job: Job, extended: Archive) -> ErrorSummary:
+    """Read the archive back, and compare the new tracks with it."""
+    decoded = open_archive(extended.to_bytes(), extended.map)
+
+    def report(done: float) -> None:
+        job.report("measure", done)
+
+    return measure(job.log, decoded, job.batches, job.executor, report)
+
+
+def _report(
+    job: Job,
+    archive: Archive,
+    on_map: Archive,
+    extended: Archive,
+    errors: ErrorSummary,
+    seconds: float,
+) -> Report:
+    """Say what was done for the new tracks, and how large the archive has become."""
+    notes = job.notes + off_map_notes(on_map, archive)
+    report = report_on(job, extended, errors, notes, seconds)
+    segments = sum(len(walk.gaps) for walk in on_map.grid_walks.walks)
+    return replace(report, tracks=len(job.log.tracks), segments=segments)

@@ -1,69 +1,229 @@
-"""Further columns of a log larger than memory as a section of its archive, which is written piece by piece."""
+"""Columns of a log that an archive keeps exactly, beside its walks."""
 
 from __future__ import annotations
 
 import tempfile
 import weakref
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from typing import BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.archive import Archive
 from gpszip.container.attributes import write_attributes
-from gpszip.container.columns import Column
+from gpszip.container.columns import Column, Values, as_column
 from gpszip.container.contents import Section, SpooledBytes
 from gpszip.container.layout import SectionKind
+from gpszip.errors import OptionError
+from gpszip.io.large.columns import StoredColumn
 from gpszip.io.large.store import StoredLog
 from gpszip.io.storage.temporary import disk_errors_as_output_errors
-from gpszip.model import Options
+from gpszip.model import Options, Track
+from gpszip.model.log import Log, MemoryLog
 from gpszip.pipeline.validate import check_names
 
-__all__ = ["Times", "kept_of", "section_of"]
+__all__ = ["extended_sections", "kept_sections"]
 
-#: Sections up to so many bytes stay in memory.
-_SMALL = 1 << 24
+#: Bytes up to which a section stays in memory; a larger one goes to a temporary file.
+_MAX_IN_MEMORY = 1 << 24
 
 
 @dataclass(frozen=True, eq=False)
-class Times:
-    """Instants of all samples as a column."""
+class _Times:
+    """Timestamps of all samples of a log on disk, as a column."""
 
     log: StoredLog
     kind: str = "f"
     texts: tuple[str, ...] = ()
 
     def chunks(self, first: int = 0, count: int | None = None) -> Iterator[NDArray[np.float64]]:
-        """Yield so many instants from a sample on."""
+        """Yield ``count`` timestamps from a sample on, in pieces."""
         return self.log.times(first, count)
 
 
-def kept_of(log: StoredLog, options: Options) -> tuple[Section, ...]:
-    """Sections of what is to be kept of a log besides the walks.
+@dataclass(frozen=True, eq=False)
+class _Chained:
+    """A column made of fragments that are read one after the other."""
+
+    kind: str
+    texts: tuple[str, ...]
+    fragments: tuple[Callable[[], Iterable[Values]], ...]
+
+    def chunks(self) -> Iterator[Values]:
+        """Yield the values from the first on, in pieces."""
+        for fragment in self.fragments:
+            yield from fragment()
+
+
+def kept_sections(log: Log, options: Options) -> tuple[Section, ...]:
+    """Encode the columns that are to be kept; nothing where none are.
 
     Raises
     ------
     OptionError
-        If a column can't be kept.
+        If the log lacks a column, a column can't be kept, or a track has no times.
     """
     if not (options.keep or options.keep_times):
         return ()
     check_names(options.keep, geographic=log.plane is not None)
-    columns = {column.name: column for column in log.columns}
-    return (section_of([track.count for track in log.tracks], Times(log), columns),)
+    if isinstance(log, MemoryLog):
+        _check_tracks(log.tracks, options.keep)
+
+    columns = _columns(log, options.keep)
+    times = columns.pop("t")
+    return (_section([len(track) for track in log.tracks], times, columns),)
 
 
-def section_of(counts: Sequence[int], times: Column, columns: Mapping[str, Column]) -> Section:
-    """Write columns of any length to a section, which stays in a temporary file if it is large."""
+def extended_sections(archive: Archive, log: Log, options: Options) -> tuple[Section, ...]:
+    """Sections of an archive, its kept columns extended by those of a log.
+
+    Parameters
+    ----------
+    archive : Archive
+        The archive that grows.
+    log : Log
+        What is appended.
+    options : Options
+        Whose ``keep`` names the columns of the archive.
+    """
+    others = tuple(
+        section for section in archive.contents.extras if section.kind != SectionKind.ATTRIBUTES
+    )
+    if not options.keep_times:
+        return others
+    if isinstance(log, MemoryLog):
+        _check_tracks(log.tracks, options.keep)
+
+    # tracks of the archive keep their order; new ones follow
+    ids = tuple(dict.fromkeys([*archive.ids, *(track.id for track in log.tracks)]))
+    number = {track.id: i for i, track in enumerate(log.tracks)}
+    old: dict[str, dict[str, Values]] = {
+        "t": {name: archive.sample_times(name) for name in archive.ids}
+    }
+    for column in options.keep:
+        old[column] = {name: archive.attributes(name)[column] for name in archive.ids}
+
+    # each column is that of the archive and that of the log, track by track
+    columns = {
+        name: _chained(name, ids, old[name], number, values, log)
+        for name, values in _columns(log, options.keep).items()
+    }
+    counts = [
+        len(old["t"].get(name, ())) + (len(log.tracks[number[name]]) if name in number else 0)
+        for name in ids
+    ]
+    times = columns.pop("t")
+    return (*others, _section(counts, times, columns))
+
+
+def _columns(log: Log, names: Sequence[str]) -> dict[str, Column]:
+    """Times, as column ``t``, and the named columns of a log."""
+    if isinstance(log, MemoryLog):
+        arrays = {
+            name: np.concatenate([track.attributes[name] for track in log.tracks]) for name in names
+        }
+        times = np.concatenate([track.times for track in log.tracks])
+        return {name: as_column(name, values) for name, values in {"t": times, **arrays}.items()}
+    assert isinstance(log, StoredLog)
+    stored = {column.name: column for column in log.columns}
+    return {"t": _Times(log), **{name: stored[name] for name in names}}
+
+
+def _chained(
+    name: str,
+    ids: Sequence[str],
+    old: Mapping[str, Values],
+    number: Mapping[str, int],
+    column: Column,
+    log: Log,
+) -> _Chained:
+    """A column of an archive followed, in each track, by that of a log."""
+    before = as_column(name, np.concatenate(list(old.values())))
+    if (before.kind == "U") != (column.kind == "U"):
+        raise OptionError(
+            f"column {name!r} holds texts here and numbers there; "
+            "numbers or texts can be kept, but not both"
+        )
+
+    # texts are stored as numbers into one common list
+    texts = tuple(sorted({*before.texts, *column.texts}))
+    code = {text: i for i, text in enumerate(texts)}
+    old_codes, new_codes = (
+        np.array([code[text] for text in each.texts], np.int64) if texts else None
+        for each in (before, column)
+    )
+    old_values = np.concatenate([np.zeros(0, np.int64), *before.chunks()])
+    old_values = old_values if old_codes is None else old_codes[old_values]
+
+    # the fragments of each track: what was there, then what is added
+    read_new = _reader(log, column, new_codes)
+    starts = np.cumsum([0, *(len(track) for track in log.tracks)]).tolist()
+    first = 0
+    fragments: list[Callable[[], Iterable[Values]]] = []
+    for track in ids:
+        if track in old:
+            after = first + len(old[track])
+            fragments.append(partial(_slice, old_values, first, after))
+            first = after
+        if track in number:
+            begin, end = starts[number[track]], starts[number[track] + 1]
+            fragments.append(partial(read_new, begin, end))
+    return _Chained(max(before.kind, column.kind, key="ifU".index), texts, tuple(fragments))
+
+
+def _slice(values: Values, first: int, after: int) -> Iterable[Values]:
+    return (values[first:after],)
+
+
+def _reader(
+    log: Log, column: Column, codes: NDArray[np.int64] | None
+) -> Callable[[int, int], Iterable[Values]]:
+    """Return a function that reads rows of a column, texts as numbers into the common list."""
+    if isinstance(log, MemoryLog):
+        values = np.concatenate([np.zeros(0, np.int64), *column.chunks()])
+        return partial(_slice, values if codes is None else codes[values])
+    assert isinstance(column, StoredColumn | _Times)
+    return partial(_stored_rows, column, codes)
+
+
+def _stored_rows(
+    column: StoredColumn | _Times, codes: NDArray[np.int64] | None, first: int, after: int
+) -> Iterator[Values]:
+    for values in column.chunks(first, after - first):
+        yield values if codes is None else codes[values]
+
+
+def _section(counts: Sequence[int], times: Column, columns: Mapping[str, Column]) -> Section:
+    """Encode columns of any length; a large section stays in a temporary file."""
     with disk_errors_as_output_errors(), ExitStack() as stack:
         file = cast(
-            BinaryIO, stack.enter_context(tempfile.SpooledTemporaryFile(_SMALL, prefix="gpszip-"))
+            BinaryIO,
+            stack.enter_context(tempfile.SpooledTemporaryFile(_MAX_IN_MEMORY, prefix="gpszip-")),
         )
         write_attributes(counts, times, columns, file)
         body = SpooledBytes(file, file.tell())
-        if len(body) <= _SMALL:
+        if len(body) <= _MAX_IN_MEMORY:
             return Section(SectionKind.ATTRIBUTES, bytes(body))
         weakref.finalize(body, stack.pop_all().close)
         return Section(SectionKind.ATTRIBUTES, body)
+
+
+def _check_tracks(tracks: Sequence[Track], names: Sequence[str]) -> None:
+    """Refuse tracks that lack times or one of the columns."""
+    untimed = next((track for track in tracks if not track.timed), None)
+    if untimed is not None:
+        raise OptionError(
+            f"track {untimed.id!r} has no times, by which columns are kept; "
+            "leave out --keep and --keep-times (keep)"
+        )
+    for name in names:
+        lacking = next((track for track in tracks if name not in track.attributes), None)
+        if lacking is not None:
+            present = ", ".join(lacking.attributes) or "none; name it when reading: keep"
+            raise OptionError(
+                f"track {lacking.id!r} has no column {name!r} to keep; it has {present}"
+            )

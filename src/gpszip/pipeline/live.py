@@ -15,27 +15,29 @@ from gpszip.model.match import Scales
 
 __all__ = ["Matcher"]
 
-#: An archive's nodes lie on a lattice about as fine as its error; errors of samples in a row are alike, as at one sample a second.
-_ALIKE = 5.0
+#: Samples in a row that share an error, at one sample a second.
+_CORRELATED_SAMPLES = 5.0
 
-#: Nobody is so many times as fast as is usual on the fastest road of a map.
-_FASTER = 3.0
+#: Multiple of the fastest road's speed that nobody exceeds.
+_MAX_SPEED_FACTOR = 3.0
 
 
 class Matcher(LiveMatcher):
-    """Follows one agent over roads or over the map of an archive, one sample at a time.
+    """Follows one agent over roads or over the map of an archive, sample by sample.
 
     Parameters
     ----------
     map : Network, Archive or path
-        The roads: those of a network, or the clean map of an archive or of an archive's file.
+        The roads: a network, or the clean map of an archive.
     scales : Scales, optional
-        What is known of the log, best from an earlier one: ``gpszip.match(earlier, map).scales``. By default those of vehicles
-        with a receiver for a network in degrees, and for an archive what its own error and speeds tell.
+        Error and speeds of the log, best from an earlier one:
+        ``gpszip.match(earlier, map).scales``. By default those of vehicles with a receiver for a
+        network in degrees; for an archive, what its error and speeds suggest.
     lag : int, default 100
-        Samples are settled as soon as no later one can change them, at the latest after so many that lie apart.
+        Samples are finalised as soon as no later one can change them, at the latest after so
+        many samples at different positions.
     gap : float, default 120.0
-        Silences longer than this, in seconds, break the way.
+        Gaps longer than this, in seconds, break the route.
 
     Raises
     ------
@@ -62,20 +64,25 @@ class Matcher(LiveMatcher):
     ) -> None:
         if not isinstance(map, Network):
             archive = map if isinstance(map, Archive) else open_archive(map)
-            map, scales = _roads(archive, scales)
+            map, scales = _roads_and_scales(archive, scales)
         super().__init__(map, scales, lag=lag, gap=gap)
 
 
-def _roads(archive: Archive, scales: Scales | None) -> tuple[Network, Scales]:
-    """An archive's map as a network, and the scales that it suggests."""
+def _roads_and_scales(archive: Archive, scales: Scales | None) -> tuple[Network, Scales]:
+    """An archive's clean map as a network, and the scales that the archive suggests."""
     from gpszip.pipeline.match import read_network
 
     network = read_network(archive, plane=archive.grid.plane).network
+    if scales is not None:
+        return network, scales
+
+    # the grid's step is about the error that the archive keeps
     error = step_size(archive.grid.space)
     speeds = network.speeds[np.isfinite(network.speeds)]
-    usual, fastest = (
-        (float(np.median(speeds)), _FASTER * float(speeds.max()))
-        if len(speeds)
-        else (0.0, math.inf)
+    if len(speeds):
+        median_speed, max_speed = float(np.median(speeds)), float(speeds.max())
+    else:
+        median_speed, max_speed = 0.0, math.inf
+    return network, Scales(
+        error, _CORRELATED_SAMPLES * error, error, median_speed, _MAX_SPEED_FACTOR * max_speed
     )
-    return network, scales or Scales(error, _ALIKE * error, error, usual, fastest)

@@ -1,9 +1,10 @@
-"""Roads known from elsewhere: reading them, and matching and patching logs on them."""
+"""Reading road networks, and matching and patching logs on them."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from gpszip.archive import Archive, open_archive
 from gpszip.errors import CorruptArchiveError, MapError
@@ -17,55 +18,37 @@ if TYPE_CHECKING:
 
 __all__ = ["match", "patch", "prepare_network", "read_network"]
 
+#: A road network, an archive whose clean map serves as one, or a file of either.
+_Roads: TypeAlias = Network | Archive | str | os.PathLike[str]
+
 
 def read_network(
     source: Any, *, plane: Plane | None = None, near: Sequence[Track] | Track | None = None
 ) -> NetworkReadResult:
-    """Read roads for a log: what :func:`gpszip.io.networks.read.read_network` takes, and archives, whose clean map is the network."""
+    """Read roads for a log.
+
+    Takes what :func:`gpszip.io.networks.read.read_network` takes, and archives: the clean map of
+    an archive is its network.
+    """
     from gpszip.io.networks.read import read_network_result
 
-    return read_network_result(_roads_of_archives(source), plane=plane, near=near)
+    return read_network_result(_with_clean_maps(source), plane=plane, near=near)
 
 
 def prepare_network(
     sources: Any, *, metric: bool | None = None, directed: bool | None = None
 ) -> PreparedNetwork:
-    """Read and join roads, to be written once and loaded in parts for many logs."""
+    """Read and join roads once; the part near a log is loaded for each log."""
     from gpszip.io.networks.prepared import PreparedNetwork
     from gpszip.io.networks.read import read_road_graph
 
-    return PreparedNetwork(
-        read_road_graph(_roads_of_archives(sources), metric=metric, directed=directed)
-    )
-
-
-def _roads_of_archives(source: Any) -> list[Any]:
-    """Sources of roads, with archives replaced by the ways of their maps."""
-    from gpszip.io.networks.read import is_archive
-
-    sources = list(source) if isinstance(source, (list, tuple)) else [source]
-    return [
-        _roads_of(one, str(one)) if isinstance(one, Archive) or is_archive(one) else one
-        for one in sources
-    ]
-
-
-def _roads_of(source: Any, name: str) -> Any:
-    from gpszip.io.networks.from_archive import clean_map_lines
-
-    if isinstance(source, Archive):
-        return clean_map_lines(source.clean_map(), "the archive")
-    try:
-        return clean_map_lines(open_archive(source).clean_map(), name)
-    except CorruptArchiveError as error:
-        raise CorruptArchiveError(f"{name}: {error}; fetch or make it again") from error
-    except MapError as error:
-        raise MapError(f"{name}: {error}") from error
+    roads = read_road_graph(_with_clean_maps(sources), metric=metric, directed=directed)
+    return PreparedNetwork(roads)
 
 
 def match(
     tracks: Sequence[Track] | Track,
-    network: Any,
+    network: _Roads,
     *,
     sigma: float | None = None,
     beta: float | None = None,
@@ -74,28 +57,66 @@ def match(
     ignore_oneway: bool = False,
     progress: Listener | None = None,
 ) -> Matching:
-    """Find the roads that tracks took; ``network`` is a :class:`~gpszip.model.Network` or what :func:`read_network` takes."""
-    from gpszip.matching import match as matching
+    """Find the roads that tracks took; see :func:`gpszip.match`."""
+    from gpszip.matching.match import match as match_on_network
 
-    def tell(done: float) -> None:
+    def report(done: float) -> None:
         if progress is not None:
             progress(Progress("match", done))
 
-    roads = network if isinstance(network, Network) else read_network(network, near=tracks).network
-    return matching.match(
-        tracks, roads, sigma=sigma, beta=beta, gap=gap, heading=heading, ignore_oneway=ignore_oneway, progress=tell
-    )  # fmt: skip
+    return match_on_network(
+        tracks,
+        _network_for(tracks, network),
+        sigma=sigma,
+        beta=beta,
+        gap=gap,
+        heading=heading,
+        ignore_oneway=ignore_oneway,
+        progress=report,
+    )
 
 
 def patch(
     tracks: Sequence[Track] | Track,
-    network: Any,
+    network: _Roads,
     *,
     gap: float | None = None,
     ignore_oneway: bool = False,
 ) -> Patching:
-    """Fill gaps with the likeliest way over roads; ``network`` is a :class:`~gpszip.model.Network` or what :func:`read_network` takes."""
-    from gpszip.matching import patch as patching
+    """Fill gaps with the most likely paths over roads; see :func:`gpszip.patch`."""
+    from gpszip.matching.patch import patch as patch_on_network
 
-    roads = network if isinstance(network, Network) else read_network(network, near=tracks).network
-    return patching.patch(tracks, roads, gap=gap, ignore_oneway=ignore_oneway)
+    roads = _network_for(tracks, network)
+    return patch_on_network(tracks, roads, gap=gap, ignore_oneway=ignore_oneway)
+
+
+def _network_for(tracks: Sequence[Track] | Track, network: _Roads) -> Network:
+    """The network, read near the tracks where it is a file."""
+    if isinstance(network, Network):
+        return network
+    return read_network(network, near=tracks).network
+
+
+def _with_clean_maps(source: Any) -> list[Any]:
+    """Sources of roads, with archives replaced by the lines of their clean maps."""
+    from gpszip.io.networks.read import is_archive
+
+    sources = list(source) if isinstance(source, list | tuple) else [source]
+    return [
+        _clean_map_lines(each) if isinstance(each, Archive) or is_archive(each) else each
+        for each in sources
+    ]
+
+
+def _clean_map_lines(source: Archive | Any) -> Any:
+    """Lines of the clean map of an archive, or of its file."""
+    from gpszip.io.networks.from_archive import clean_map_lines
+
+    if isinstance(source, Archive):
+        return clean_map_lines(source.clean_map(), "the archive")
+    try:
+        return clean_map_lines(open_archive(source).clean_map(), str(source))
+    except CorruptArchiveError as error:
+        raise CorruptArchiveError(f"{source}: {error}; fetch or make it again") from error
+    except MapError as error:
+        raise MapError(f"{source}: {error}") from error

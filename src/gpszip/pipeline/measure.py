@@ -1,4 +1,4 @@
-"""What the archive of a log larger than memory decodes to, compared with every sample."""
+"""The error of an archive, measured at every sample of its log."""
 
 from __future__ import annotations
 
@@ -8,66 +8,84 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.archive import Archive, open_archive
-from gpszip.io.large.store import StoredLog
+from gpszip.archive import Archive
 from gpszip.model import Track, Walk
-from gpszip.pipeline.slices import Stretch
+from gpszip.model.log import Log, MemoryLog
+from gpszip.pipeline.slices import Slice
 from gpszip.run.executor import Executor, share_value
 from gpszip.walks.error import ErrorSummary, measure_errors
 
-__all__ = ["measured"]
+__all__ = ["measure"]
 
 
-def measured(
-    log: StoredLog,
+def measure(
+    log: Log,
     archive: Archive,
-    batches: Sequence[Sequence[Stretch]],
+    batches: Sequence[Sequence[Slice]],
     executor: Executor,
-    tell: Callable[[float], None],
+    report: Callable[[float], None],
 ) -> ErrorSummary:
-    """Decode the archive's bytes and compare them with every sample, batch by batch.
+    """Compare the walks of an archive with every sample.
 
     Parameters
     ----------
-    log : StoredLog
-        The log, of which all tracks are in the archive.
+    log : Log
+        All its tracks are in the archive.
     archive : Archive
-        With times.
-    batches : sequence of sequences of Stretch
-        All of the log.
+        Read back from its bytes.
+    batches : sequence of sequences of Slice
+        All samples of the log.
     executor : Executor
-        Where batches are measured.
-    tell : callable
-        Told which share is done.
+        Where batches of a log on disk are measured.
+    report : callable
+        Called with the share that is done.
     """
-    read_back = open_archive(archive.to_bytes(), archive.map)
-    walks = [read_back.walk(track.id) for track in log.tracks]
-    points, squares, worst, uncovered = 0, 0.0, 0.0, 0
-    with share_value(executor, read_back.road_map.nodes) as shared:
-        work = (
-            [_with_walk(log, walks[stretch.track], stretch) for stretch in batch]
-            for batch in batches
-        )
-        for number, found in enumerate(shared.map(_measure_batch, work), 1):
-            points, uncovered, worst = (
-                points + found.points,
-                uncovered + found.uncovered,
-                max(worst, found.max_error),
-            )
-            squares += found.rmse**2 * (found.points - found.uncovered)
-            tell(number / len(batches))
-    return ErrorSummary(math.sqrt(squares / max(points - uncovered, 1)), worst, points, uncovered)
+    report(0.0)
+    nodes = archive.road_map.nodes
+    walks = [archive.walk(track.id) for track in log.tracks]
+    if isinstance(log, MemoryLog):
+        errors = measure_errors(log.tracks, walks, nodes)
+        report(1.0)
+        return errors
+
+    # batch by batch, each with the knots about its samples
+    summaries = []
+    with share_value(executor, nodes) as shared:
+        work = ([_with_walk(log, walks[each.track], each) for each in batch] for batch in batches)
+        for summary in shared.map(_measure_batch, work):
+            summaries.append(summary)
+            report(len(summaries) / len(batches))
+    return _combined(summaries)
 
 
-def _with_walk(log: StoredLog, walk: Walk, stretch: Stretch) -> tuple[Track, Walk]:
-    """Samples of a stretch, and the knots of its track's walk about them."""
-    track = log.read(log.tracks[stretch.track], stretch.begin, stretch.end)
+def _combined(summaries: Sequence[ErrorSummary]) -> ErrorSummary:
+    """The errors of all batches together."""
+    points = sum(each.points for each in summaries)
+    uncovered = sum(each.uncovered for each in summaries)
+    squares = 0.0
+    for each in summaries:
+        squares += each.rmse**2 * (each.points - each.uncovered)
+    return ErrorSummary(
+        rmse=math.sqrt(squares / max(points - uncovered, 1)),
+        max_error=max((each.max_error for each in summaries), default=0.0),
+        points=points,
+        uncovered=uncovered,
+    )
+
+
+def _with_walk(log: Log, walk: Walk, which: Slice) -> tuple[Track, Walk]:
+    """Samples of a slice, and the knots of its track's walk about them."""
+    track = log.read(log.tracks[which.track], which.begin, which.end)
     assert walk.times is not None
+
+    # two knots more on either side: samples may lie beyond the next one by rounding
     first = max(int(np.searchsorted(walk.times, track.times[0])) - 2, 0)
     after = int(np.searchsorted(walk.times, track.times[-1])) + 2
     gaps = walk.gaps[first : after - 1]
-    pieces = int(walk.gaps[:first].sum())
-    spans = None if walk.spans is None else walk.spans[pieces : pieces + int(gaps.sum()) + 1]
+
+    # time ranges of the pieces that these knots belong to
+    piece = int(walk.gaps[:first].sum())
+    spans = None if walk.spans is None else walk.spans[piece : piece + int(gaps.sum()) + 1]
     return track, Walk(walk.id, walk.nodes[first:after], walk.times[first:after], gaps, spans)
 
 

@@ -1,4 +1,7 @@
-"""The smallest error whose archive takes at most so many bytes: a secant search on the logarithms of both."""
+"""The smallest error whose archive takes at most a given size.
+
+A secant search on the logarithms of error and size: sizes fall about as a power of the error.
+"""
 
 from __future__ import annotations
 
@@ -11,28 +14,55 @@ __all__ = ["Try", "smallest_error"]
 
 T = TypeVar("T")
 
-#: Sizes are aimed at this share of what is allowed, and good enough from that share on.
-_AIM, _GOOD = 0.99, 0.98
+#: Share of the size that is aimed at.
+_AIM = 0.99
 
-#: Size falls about as this power of the error.
+#: Share of the size from which on a try is good enough.
+_GOOD = 0.98
+
+#: Power of the error with which size falls, before two tries tell.
 _POWER = -1.1
 
-#: Effort of the drafts, how many there are at most, how near to the size the last one should come, and how much more they take.
-_DRAFT_EFFORT, _DRAFTS, _DRAFT_NEAR, _DRAFT_EXCESS = 2, 4, 0.1, 0.03
+#: Steepest power that two tries are believed to show.
+_STEEPEST = -2.5
 
-#: Tries at the effort asked for, and how many more where none has fitted yet.
-_TRIES, _MORE_TRIES = 3, 6
+#: Flattest power that two tries are believed to show.
+_FLATTEST = -0.2
 
-#: Largest factor by which one try changes the error, and the least by which it should.
-_LEAP, _STEP = math.log(16.0), math.log(1.003)
+#: Effort of the first tries, which find the neighbourhood.
+_COARSE_EFFORT = 2
 
-#: Metres; nothing finer is tried.
+#: First tries at most.
+_COARSE_TRIES = 4
+
+#: Relative distance to the size at which the first tries end.
+_COARSE_NEAR = 0.1
+
+#: Relative size by which an archive of little effort is larger than one of more.
+_COARSE_EXCESS = 0.03
+
+#: Tries at the effort asked for.
+_TRIES = 3
+
+#: Further tries where none has fitted yet.
+_MORE_TRIES = 6
+
+#: Largest change of the error from one try to the next: a factor of 16.
+_MAX_STEP = math.log(16.0)
+
+#: Least change that is worth a try.
+_MIN_STEP = math.log(1.003)
+
+#: Metres below which no error is tried.
 _FINEST = 1e-3
+
+#: Shares of an interval within which the next try lies, so that the interval shrinks.
+_INSIDE = (0.1, 0.9)
 
 
 @dataclass(frozen=True, eq=False)
 class Try(Generic[T]):
-    """What came of one target.
+    """What one target led to.
 
     Parameters
     ----------
@@ -57,54 +87,59 @@ def smallest_error(
     coarsest: float,
     effort: int,
 ) -> tuple[Try[T] | None, int]:
-    """Find the smallest error that so many bytes allow.
+    """Find the smallest error that a size allows.
 
-    A few drafts at low effort find the neighbourhood, at most three tries at the effort asked for come as near to the
-    size as they can.
+    A few tries at low effort find the neighbourhood; at most three at the effort asked for come
+    as near to the size as they can.
 
     Parameters
     ----------
     attempt : callable
-        Takes a target of RMSE in metres and an effort; returns None where nothing could be made.
+        Takes a target RMSE in metres and an effort; returns None where nothing can be made.
     size : int
         Bytes that must not be exceeded.
-    first, coarsest : float
-        RMSE in metres to begin with, and above which nothing gets any smaller.
+    first : float
+        RMSE in metres to begin with.
+    coarsest : float
+        RMSE in metres above which nothing gets any smaller.
     effort : int
         From 1 to 9.
 
     Returns
     -------
     Try or None
-        The one of the smallest error among those that fit; None if even the coarsest takes more.
+        The one of the smallest error among those that fit; None if even the coarsest is larger.
     int
         Bytes of the smallest that was made.
 
     Examples
     --------
-    >>> found, _ = smallest_error(lambda rmse, _: Try(20 + int(300 / rmse), rmse, None), 900, first=5.0, coarsest=1e3, effort=5)
-    >>> found.size, round(found.error, 2)
+    >>> def attempt(rmse, effort):
+    ...     return Try(20 + int(300 / rmse), rmse, None)
+    >>> best, _ = smallest_error(attempt, 900, first=5.0, coarsest=1e3, effort=5)
+    >>> best.size, round(best.error, 2)
     (894, 0.34)
     """
-    search = _Search(attempt, math.log(size), math.log(_FINEST), math.log(max(coarsest, _FINEST)))
-    place = min(max(math.log(first), search.finest), search.coarsest)
-    if effort <= _DRAFT_EFFORT:
-        return _settled(search, place, effort, _DRAFTS + _TRIES)
-    return _settled(search, _drafted(search, place), effort, _TRIES)
+    finest, widest = math.log(_FINEST), math.log(max(coarsest, _FINEST))
+    search = _Search(attempt, math.log(size), finest, widest)
+    error = min(max(math.log(first), search.finest), search.coarsest)
+    if effort <= _COARSE_EFFORT:
+        return _search_at(search, error, effort, _COARSE_TRIES + _TRIES)
+    return _search_at(search, _find_neighbourhood(search, error), effort, _TRIES)
 
 
 @dataclass(frozen=True, eq=False)
 class _Point(Generic[T]):
-    """Logarithms of the target and of the size that it led to."""
+    """Logarithms of a target and of the size that it led to."""
 
-    place: float
+    error: float
     size: float
-    found: Try[T] | None
+    result: Try[T] | None
 
 
 @dataclass(eq=False)
 class _Search(Generic[T]):
-    """All tries so far; every number is a logarithm."""
+    """All tries so far. Errors and sizes are logarithms."""
 
     attempt: Callable[[float, int], Try[T] | None]
     limit: float
@@ -112,75 +147,85 @@ class _Search(Generic[T]):
     coarsest: float
 
     def __post_init__(self) -> None:
-        self.made: list[_Point[T]] = []
+        self.points: list[_Point[T]] = []
 
-    def at(self, place: float, effort: int) -> _Point[T]:
-        found = self.attempt(math.exp(place), effort)
-        self.made.append(_Point(place, math.inf if found is None else math.log(found.size), found))
-        return self.made[-1]
+    def try_at(self, error: float, effort: int) -> _Point[T]:
+        """Make a try, and remember it."""
+        result = self.attempt(math.exp(error), effort)
+        size = math.inf if result is None else math.log(result.size)
+        self.points.append(_Point(error, size, result))
+        return self.points[-1]
 
-    def following(self, tries: list[_Point[T]], aim: float) -> float:
-        """Return the place where the size should be ``aim``."""
-        over = max(
-            (one for one in tries if one.size > self.limit), key=lambda one: one.place, default=None
-        )
-        under = min(
-            (one for one in tries if one.size <= self.limit),
-            key=lambda one: one.place,
-            default=None,
-        )
-        if over is not None and under is not None and over.place < under.place:
-            share = (
-                (over.size - aim) / (over.size - under.size) if math.isfinite(over.size) else 0.5
-            )
-            return over.place + min(max(share, 0.1), 0.9) * (under.place - over.place)
+    def next_error(self, tries: list[_Point[T]], aim: float) -> float:
+        """Return the error at which the size should be ``aim``."""
+        # the try nearest to the limit on either side
+        too_large = [point for point in tries if point.size > self.limit]
+        fitting = [point for point in tries if point.size <= self.limit]
+        over = max(too_large, key=lambda point: point.error, default=None)
+        under = min(fitting, key=lambda point: point.error, default=None)
+
+        # between the two
+        if over is not None and under is not None and over.error < under.error:
+            share = 0.5
+            if math.isfinite(over.size):
+                share = (over.size - aim) / (over.size - under.size)
+            share = min(max(share, _INSIDE[0]), _INSIDE[1])
+            return over.error + share * (under.error - over.error)
+
+        # beyond the last try, by the power law
         last = tries[-1]
-        leap = (aim - last.size) / _power(tries) if math.isfinite(last.size) else _LEAP
-        return min(max(last.place + min(max(leap, -_LEAP), _LEAP), self.finest), self.coarsest)
+        step = (aim - last.size) / _power(tries) if math.isfinite(last.size) else _MAX_STEP
+        step = min(max(step, -_MAX_STEP), _MAX_STEP)
+        return min(max(last.error + step, self.finest), self.coarsest)
 
 
 def _power(tries: list[_Point[T]]) -> float:
-    """Power of the error with which size falls, from the last two tries where these tell."""
-    if (
-        len(tries) < 2
-        or not math.isfinite(tries[-2].size)
-        or abs(tries[-1].place - tries[-2].place) < _STEP
-    ):
+    """Power of the error with which size falls, from the last two tries where these show it."""
+    if len(tries) < 2 or not math.isfinite(tries[-2].size):
         return _POWER
-    found = (tries[-1].size - tries[-2].size) / (tries[-1].place - tries[-2].place)
-    return min(max(found, -2.5), -0.2)
+    before, last = tries[-2:]
+    if abs(last.error - before.error) < _MIN_STEP:
+        return _POWER
+    power = (last.size - before.size) / (last.error - before.error)
+    return min(max(power, _STEEPEST), _FLATTEST)
 
 
-def _drafted(search: _Search[T], place: float) -> float:
-    """Return about where the size will be met."""
+def _find_neighbourhood(search: _Search[T], error: float) -> float:
+    """Return about the error at which the size is met, by tries of little effort."""
+    aim = search.limit + math.log(_AIM) + _COARSE_EXCESS
     tries: list[_Point[T]] = []
-    for _ in range(_DRAFTS):
-        tries.append(search.at(place, _DRAFT_EFFORT))
-        place = search.following(tries, search.limit + math.log(_AIM) + _DRAFT_EXCESS)
-        if abs(tries[-1].size - search.limit) < _DRAFT_NEAR or abs(place - tries[-1].place) < _STEP:
+    for _ in range(_COARSE_TRIES):
+        tries.append(search.try_at(error, _COARSE_EFFORT))
+        error = search.next_error(tries, aim)
+        is_near = abs(tries[-1].size - search.limit) < _COARSE_NEAR
+        if is_near or abs(error - tries[-1].error) < _MIN_STEP:
             break
-    return place
+    return error
 
 
-def _settled(
-    search: _Search[T], place: float, effort: int, count: int
+def _search_at(
+    search: _Search[T], error: float, effort: int, count: int
 ) -> tuple[Try[T] | None, int]:
-    """Tries at the effort asked for; all that fit compete."""
+    """Try at the effort asked for; the best of all tries that fit wins."""
+    good = search.limit + math.log(_GOOD)
     tries: list[_Point[T]] = []
     for number in range(count + _MORE_TRIES):
-        tries.append(search.at(place, effort))
+        tries.append(search.try_at(error, effort))
         fitting = [
-            one.found for one in search.made if one.found is not None and one.size <= search.limit
+            point.result
+            for point in search.points
+            if point.result is not None and point.size <= search.limit
         ]
-        if (fitting and number + 1 >= count) or search.limit + math.log(_GOOD) <= tries[
-            -1
-        ].size <= search.limit:
+        if (fitting and number + 1 >= count) or good <= tries[-1].size <= search.limit:
             break
-        following = search.following(tries, search.limit + math.log(_AIM))
+
+        # the last try is the coarsest, which fits if anything does
+        next_error = search.next_error(tries, search.limit + math.log(_AIM))
         if number + 2 == count + _MORE_TRIES:
-            following = search.coarsest
-        if abs(following - place) < _STEP:
+            next_error = search.coarsest
+        if abs(next_error - error) < _MIN_STEP:
             break
-        place = following
-    smallest = min((one.found.size for one in search.made if one.found is not None), default=0)
-    return min(fitting, key=lambda one: one.error, default=None), smallest
+        error = next_error
+
+    sizes = [point.result.size for point in search.points if point.result is not None]
+    return min(fitting, key=lambda result: result.error, default=None), min(sizes, default=0)

@@ -1,4 +1,8 @@
-"""Tracks too long for memory, cut in stretches that overlap: where to cut, and how their walks become one again."""
+"""Slices of tracks too long for memory: where to cut, and how to join their walks again.
+
+Neighbouring slices overlap. Where their walks share a knot in the overlap, they are joined there;
+elsewhere a straight segment leads from one walk to the other.
+"""
 
 from __future__ import annotations
 
@@ -14,18 +18,34 @@ from gpszip.model.grid import step_size
 from gpszip.walks.error import synchronised_errors
 from gpszip.walks.quantised import knot_times
 
-__all__ = ["Stretch", "cut_stretches", "gather", "seam"]
+__all__ = ["Slice", "batch_slices", "join_at_cut", "slice_tracks"]
 
-#: Share of a stretch that overlaps its neighbour on either side, and the fewest samples that do.
-_OVERLAP, _LEAST_OVERLAP = 0.01, 100
+#: Share of a slice that overlaps each neighbour.
+_OVERLAP = 0.01
 
-#: Knots on either side of a cut between which the best way from one walk to the other is looked for.
-_KNOTS = 12
+#: Samples that overlap, at least: enough for the walks to meet.
+_MIN_OVERLAP = 100
+
+#: Knots on either side of a cut from which a joining segment may start or end.
+_KNOTS_NEAR_CUT = 12
+
+#: Square metres that a sample without a position counts when joining segments are compared.
+_NO_POSITION = 1e12
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """Samples ``first`` to ``last - 1`` of track ``track``; the walk counts from ``begin`` to ``end``, overlaps lie around."""
+class Slice:
+    """Samples ``first`` to ``last - 1`` of a track, with overlaps.
+
+    Parameters
+    ----------
+    track : int
+        Number of the track.
+    first, last : int
+        Samples that are encoded.
+    begin, end : int
+        Samples for which the walk of this slice counts; the rest overlaps its neighbours.
+    """
 
     track: int
     first: int
@@ -38,119 +58,146 @@ class Stretch:
         """Number of samples, with overlaps."""
         return self.last - self.first
 
-
-def cut_stretches(counts: Sequence[int], length: int) -> list[Stretch]:
-    """Cut tracks in stretches of about even length, none above ``length`` samples but for the overlaps.
-
-    Examples
-    --------
-    >>> [(one.first, one.begin, one.end, one.last) for one in cut_stretches([700, 3], 400)]
-    [(0, 0, 350, 450), (250, 350, 700, 700), (0, 0, 3, 3)]
-    """
-    out = []
-    for track, count in enumerate(counts):
-        parts = -(-count // length)
-        cuts = [count * i // parts for i in range(parts + 1)]
-        overlap = max(int(_OVERLAP * length), _LEAST_OVERLAP)
-        for begin, end in pairwise(cuts):
-            out.append(
-                Stretch(track, max(begin - overlap, 0), begin, end, min(end + overlap, count))
-            )
-    return out
+    @property
+    def name(self) -> str:
+        """Name that no other slice of the log has."""
+        return f"{self.track}/{self.begin}"
 
 
-def gather(stretches: Sequence[Stretch], length: int) -> list[list[Stretch]]:
-    """Batches of consecutive stretches, each of about ``length`` samples; they don't depend on who works on them.
-
-    Examples
-    --------
-    >>> [len(batch) for batch in gather(cut_stretches([100, 100, 250, 80], 400), 200)]
-    [2, 1, 1]
-    """
-    batches: list[list[Stretch]] = []
-    held = length
-    for stretch in stretches:
-        if held + stretch.samples > length:
-            batches.append([])
-            held = 0
-        batches[-1].append(stretch)
-        held += stretch.samples
-    return batches
-
-
-def seam(
-    before: GridWalk,
-    after: GridWalk,
-    overlap: Track,
-    when: float,
-    grid: QuantisationGrid,
-    places: NDArray[np.float64],
-) -> tuple[GridWalk, bool]:
-    """Make one walk of two that overlap, and say whether they met.
-
-    A knot that both have in the overlap is the seam; of several, the one nearest to the cut. Where there is none, a straight
-    part leads from a knot of the first walk to a later one of the second, the pair whose parts lie nearest to the samples.
+def slice_tracks(counts: Sequence[int], length: int) -> list[Slice]:
+    """Cut tracks into slices of even length.
 
     Parameters
     ----------
-    before, after : LatticeWalk
+    counts : sequence of int
+        Number of samples of each track.
+    length : int
+        Samples of a slice at most, without overlaps.
+
+    Examples
+    --------
+    >>> [(each.first, each.begin, each.end, each.last) for each in slice_tracks([700, 3], 400)]
+    [(0, 0, 350, 450), (250, 350, 700, 700), (0, 0, 3, 3)]
+    """
+    overlap = max(int(_OVERLAP * length), _MIN_OVERLAP)
+    slices = []
+    for track, count in enumerate(counts):
+        number = -(-count // length)
+        cuts = [count * i // number for i in range(number + 1)]
+        for begin, end in pairwise(cuts):
+            first, last = max(begin - overlap, 0), min(end + overlap, count)
+            slices.append(Slice(track, first, begin, end, last))
+    return slices
+
+
+def batch_slices(slices: Sequence[Slice], length: int) -> list[list[Slice]]:
+    """Gather consecutive slices into batches of about ``length`` samples.
+
+    Batches depend on the log alone, so that results don't depend on the number of workers.
+
+    Examples
+    --------
+    >>> [len(batch) for batch in batch_slices(slice_tracks([100, 100, 250, 80], 400), 200)]
+    [2, 1, 1]
+    """
+    batches: list[list[Slice]] = []
+    samples = length
+    for each in slices:
+        if samples + each.samples > length:
+            batches.append([])
+            samples = 0
+        batches[-1].append(each)
+        samples += each.samples
+    return batches
+
+
+def join_at_cut(
+    before: GridWalk,
+    after: GridWalk,
+    overlap: Track,
+    cut_time: float,
+    grid: QuantisationGrid,
+    positions: NDArray[np.float64],
+) -> tuple[GridWalk, bool]:
+    """Join the walks of two overlapping slices, and say whether they shared a knot.
+
+    Of several shared knots, the one nearest to the cut is taken. Without any, a straight segment
+    leads from a knot of the first walk to a later one of the second: the pair with the least
+    squared error over the overlap.
+
+    Parameters
+    ----------
+    before, after : GridWalk
         Walks over the same nodes; both cover ``overlap``.
     overlap : Track
-        The samples that both stretches have.
-    when : float
+        Samples that both slices have.
+    cut_time : float
         Time of the cut in seconds.
-    grid : Frame
-        The lattice.
-    places : float64 array, shape (V, d)
+    grid : QuantisationGrid
+        On which the walks lie.
+    positions : float64 array, shape (V, d)
         Positions of the nodes in metres.
     """
-    cut = (when - grid.epoch / 1000) / step_size(grid.time)
+    cut = (cut_time - grid.epoch / 1000) / step_size(grid.time)
     low, high = int(after.time_steps[0]), int(before.time_steps[-1])
-    shared, ours, theirs = np.intersect1d(before.time_steps, after.time_steps, return_indices=True)
-    met = before.nodes[ours] == after.nodes[theirs]
-    if met.any():
-        best = np.flatnonzero(met)[np.abs(shared[met] - cut).argmin()]
-        return _joined(
-            before, int(ours[best]), after, int(theirs[best]) + 1, int(theirs[best])
-        ), True
-    starts = _near(before.time_steps, cut, low - 1, high)
-    ends = _near(after.time_steps, cut, low, high + 1)
-    tries = [(i, j) for i in starts for j in ends if before.time_steps[i] < after.time_steps[j]]
-    if not tries:
-        tries = (
-            [(int(np.searchsorted(before.time_steps, low)) - 1, 0)]
-            if before.time_steps[0] < low
-            else [(len(before.time_steps) - 1, len(after.time_steps) - 1)]
-        )
+
+    # a knot that both walks have
+    common, in_before, in_after = np.intersect1d(
+        before.time_steps, after.time_steps, return_indices=True
+    )
+    same_node = before.nodes[in_before] == after.nodes[in_after]
+    if same_node.any():
+        best = np.flatnonzero(same_node)[np.abs(common[same_node] - cut).argmin()]
+        i, j = int(in_before[best]), int(in_after[best])
+        return _join(before, i, after, j + 1, j), True
+
+    # else the pair of knots whose segment lies nearest to the samples
+    starts = _nearest_knots(before.time_steps, cut, low - 1, high)
+    ends = _nearest_knots(after.time_steps, cut, low, high + 1)
+    pairs = [
+        (i, j) for i in starts for j in ends if before.time_steps[i] < after.time_steps[j]
+    ] or [_outermost_pair(before, after)]
     i, j = min(
-        tries,
-        key=lambda pair: _misfit(
-            _joined(before, pair[0], after, pair[1], None), overlap, grid, places
+        pairs,
+        key=lambda pair: _squared_error(
+            _join(before, pair[0], after, pair[1], None), overlap, grid, positions
         ),
     )
-    return _joined(before, i, after, j, None), False
+    return _join(before, i, after, j, None), False
 
 
-def _near(cells: NDArray[np.int64], cut: float, low: int, high: int) -> list[int]:
-    inside = np.flatnonzero((cells >= low) & (cells <= high))
-    return sorted(inside[np.argsort(np.abs(cells[inside] - cut), kind="stable")[:_KNOTS]].tolist())
+def _outermost_pair(before: GridWalk, after: GridWalk) -> tuple[int, int]:
+    """Last knot before the second walk starts, and the first of that; else both last knots."""
+    if before.time_steps[0] < after.time_steps[0]:
+        return int(np.searchsorted(before.time_steps, after.time_steps[0])) - 1, 0
+    return len(before.time_steps) - 1, len(after.time_steps) - 1
 
 
-def _joined(before: GridWalk, i: int, after: GridWalk, j: int, same: int | None) -> GridWalk:
-    """Knots up to i of one walk, those from j of the other; a straight part between, or none where they are the same knot."""
-    between = after.gaps[same : same + 1] if same is not None else np.zeros(1, np.bool_)
-    gaps = np.concatenate([before.gaps[:i], between, after.gaps[j:]])
+def _nearest_knots(time_steps: NDArray[np.int64], cut: float, low: int, high: int) -> list[int]:
+    """Indices of the knots nearest to the cut between two times, in order."""
+    inside = np.flatnonzero((time_steps >= low) & (time_steps <= high))
+    by_distance = np.argsort(np.abs(time_steps[inside] - cut), kind="stable")
+    return sorted(inside[by_distance[:_KNOTS_NEAR_CUT]].tolist())
+
+
+def _join(before: GridWalk, i: int, after: GridWalk, j: int, shared: int | None) -> GridWalk:
+    """Knots up to ``i`` of one walk and from ``j`` of the other.
+
+    A straight segment leads from one to the other; none is needed where knot ``shared`` of the
+    second walk is knot ``i`` of the first.
+    """
+    between = np.zeros(1, np.bool_) if shared is None else after.gaps[shared : shared + 1]
     return GridWalk(
         np.concatenate([before.nodes[: i + 1], after.nodes[j:]]),
         np.concatenate([before.time_steps[: i + 1], after.time_steps[j:]]),
-        gaps,
+        np.concatenate([before.gaps[:i], between, after.gaps[j:]]),
     )
 
 
-def _misfit(
-    walk: GridWalk, overlap: Track, grid: QuantisationGrid, places: NDArray[np.float64]
+def _squared_error(
+    walk: GridWalk, overlap: Track, grid: QuantisationGrid, positions: NDArray[np.float64]
 ) -> float:
-    errors = synchronised_errors(
-        overlap, Walk(overlap.id, walk.nodes, knot_times(walk.time_steps, grid), walk.gaps), places
-    )
-    return float(np.where(np.isnan(errors), 1e12, errors**2).sum())
+    """Squared error of a walk over the samples of the overlap, in square metres."""
+    decoded = Walk(overlap.id, walk.nodes, knot_times(walk.time_steps, grid), walk.gaps)
+    errors = synchronised_errors(overlap, decoded, positions)
+    return float(np.where(np.isnan(errors), _NO_POSITION, errors**2).sum())

@@ -1,7 +1,8 @@
-"""How coarse the times of knots may be for a whole log, once the map of an excerpt stands.
+"""The time step for a whole log, once the map of a subsample is learned.
 
-On an excerpt, nodes cost much and walks little; in all of a large log it is the other way round. The nodes stay where they were
-learnt. Of the error that is left to walks on them, a coarser lattice of times makes use, which costs each of their knots less.
+In a subsample, nodes cost much and walks little; in all of a large log it is the other way round.
+The nodes stay where they are. A coarser time grid uses up the error that is left to the walks,
+and each of their knots costs less.
 """
 
 from __future__ import annotations
@@ -18,89 +19,116 @@ from gpszip.codec.walks import encode_with_statistics, number_by_visit
 from gpszip.errors import BoundError
 from gpszip.model import GridWalk, GridWalks, Track
 from gpszip.model.grid import STEP_SIZES
-from gpszip.pipeline.encode_batches import Ground, Samples, lay_batch, read_stretch
-from gpszip.pipeline.slices import Stretch
+from gpszip.model.log import Log
+from gpszip.pipeline.encode_batches import BaseMap, encode_batch, read_slice
+from gpszip.pipeline.slices import Slice
 from gpszip.run.executor import Executor, share_value
 from gpszip.walks.quantised import dequantise_walks, node_positions, quantise_walks
 
-__all__ = ["coarsened"]
+__all__ = ["with_best_time_step"]
 
-#: Steps of quanta by which times get coarser at once (eight of them double it), and the most of them.
-_STEP, _MOST = 2, 12
+#: Step sizes by which the time step grows at once; eight of them double it.
+_STRIDE = 2
 
-#: One of so many batches is tried, but no more than so many in all; logs of fewer batches aren't worth it.
-_ONE_OF, _TRIED, _FEWEST = 16, 6, 6
+#: Step sizes by which it grows at most: a factor of 2.8.
+_MAX_GROWTH = 12
+
+#: One of so many batches is tried.
+_ONE_OF = 16
+
+#: Batches that are tried at most.
+_MAX_TRIED = 6
+
+#: Logs of fewer batches keep their time step: trying takes longer than it gains.
+_MIN_BATCHES = 6
 
 
-def coarsened(
-    log: Samples, ground: Ground, batches: Sequence[Sequence[Stretch]], executor: Executor
-) -> Ground:
-    """Return the ground with the lattice of times on which some batches of the log take least.
+def with_best_time_step(
+    log: Log, base: BaseMap, batches: Sequence[Sequence[Slice]], executor: Executor
+) -> BaseMap:
+    """Return the base map with the time step on which some batches of the log take least.
 
     Parameters
     ----------
-    log : Samples
-        The log.
-    ground : Ground
-        As it was learnt.
-    batches : sequence of sequences of Stretch
-        All of the log; a few, evenly spread, are laid on each lattice until it doesn't pay any more.
+    log : Log
+        With times.
+    base : BaseMap
+        As it was learned.
+    batches : sequence of sequences of Slice
+        All samples of the log. A few batches, evenly spread, are encoded on coarser and coarser
+        time grids until that doesn't pay any more.
     executor : Executor
-        Where they are laid; the result does not depend on it.
+        Where they are encoded; the result does not depend on it.
     """
-    if len(batches) < _FEWEST:
-        return ground
-    count = min(max(len(batches) // _ONE_OF, 1), _TRIED)
+    if len(batches) < _MIN_BATCHES:
+        return base
+
+    # some batches, evenly spread
+    count = min(max(len(batches) // _ONE_OF, 1), _MAX_TRIED)
     some = [batches[(2 * number + 1) * len(batches) // (2 * count)] for number in range(count)]
-    best, least = ground, _cost(log, ground, some, len(batches) / count, executor)
-    for steps in range(_STEP, min(_MOST, STEP_SIZES - 1 - ground.grid.time) + 1, _STEP):
-        other = _on_coarser_times(ground, steps)
-        cost = _cost(log, other, some, len(batches) / count, executor)
-        if cost >= least:
+    repeats = len(batches) / count
+
+    # coarser time grids, while they pay
+    best, least = base, _bytes_of_log(log, base, some, repeats, executor)
+    limit = min(_MAX_GROWTH, STEP_SIZES - 1 - base.grid.time)
+    for growth in range(_STRIDE, limit + 1, _STRIDE):
+        coarser = _with_coarser_times(base, growth)
+        size = _bytes_of_log(log, coarser, some, repeats, executor)
+        if size >= least:
             break
-        best, least = other, cost
+        best, least = coarser, size
     return best
 
 
-def _on_coarser_times(ground: Ground, steps: int) -> Ground:
-    grid, known = replace(ground.grid, time=ground.grid.time + steps), ground.known.walks
-    walks = dequantise_walks(
-        known, ground.grid, [str(number) for number in range(len(known.walks))]
-    )
-    prior = Prior(number_by_visit(quantise_walks(node_positions(known, ground.grid), walks, grid)))
-    prior.model(0)  # learnt once, before several batches ask for it
-    return replace(ground, grid=grid, known=prior)
+def _with_coarser_times(base: BaseMap, growth: int) -> BaseMap:
+    """The base map with a time step that is so many step sizes larger."""
+    grid = replace(base.grid, time=base.grid.time + growth)
+    known = base.prior.walks
+    names = [str(number) for number in range(len(known.walks))]
+    walks = dequantise_walks(known, base.grid, names)
+
+    # the coder's model is primed once, before several batches ask for it
+    nodes = node_positions(known, base.grid)
+    prior = Prior(number_by_visit(quantise_walks(nodes, walks, grid)))
+    prior.model(0)
+    return replace(base, grid=grid, prior=prior)
 
 
-def _cost(
-    log: Samples,
-    ground: Ground,
-    batches: Sequence[Sequence[Stretch]],
-    times: float,
+def _bytes_of_log(
+    log: Log,
+    base: BaseMap,
+    batches: Sequence[Sequence[Slice]],
+    repeats: float,
     executor: Executor,
 ) -> float:
-    """Bytes of so many times these batches, for which known places are said but once; infinite if one can't hold the bound."""
-    nodes, walks = [ground.known.walks.nodes], list[GridWalk]()
-    with share_value(executor, ground) as shared:
-        for found in shared.map(
-            _tried, ([read_stretch(log, stretch) for stretch in own] for own in batches)
-        ):
-            if found is None:
+    """Estimate the bytes of ``repeats`` times these batches; infinite if one misses the bound.
+
+    The positions of known nodes count once, however many batches there are.
+    """
+    # walks of the batches behind the known ones
+    nodes, walks = [base.prior.walks.nodes], list[GridWalk]()
+    with share_value(executor, base) as shared:
+        work = ([read_slice(log, each) for each in batch] for batch in batches)
+        for encoded in shared.map(_encode_or_none, work):
+            if encoded is None:
                 return math.inf
-            own = sum(map(len, nodes)) + np.arange(len(found.nodes))
-            number = np.append(np.arange(ground.known.nodes), own).astype(np.int32)
-            nodes.append(found.nodes)
+            added = sum(map(len, nodes)) + np.arange(len(encoded.nodes))
+            number = np.append(np.arange(base.prior.nodes), added).astype(np.int32)
+            nodes.append(encoded.nodes)
             walks += [
-                GridWalk(number[walk.nodes], walk.time_steps, walk.gaps) for walk in found.walks
+                GridWalk(number[walk.nodes], walk.time_steps, walk.gaps) for walk in encoded.walks
             ]
-    whole = number_by_visit(GridWalks(np.concatenate(nodes), tuple(walks)))
-    data, ledger = encode_with_statistics(whole)
-    once = float(ledger[POSITION_BITS, 0]) / 8 * (1 - sum(map(len, nodes[1:])) / len(whole.nodes))
-    return (len(data) - once) * times + once
+
+    # bytes of all, of which those of known positions count once
+    together = number_by_visit(GridWalks(np.concatenate(nodes), tuple(walks)))
+    data, statistics = encode_with_statistics(together)
+    known_share = 1 - sum(map(len, nodes[1:])) / len(together.nodes)
+    once = float(statistics[POSITION_BITS, 0]) / 8 * known_share
+    return (len(data) - once) * repeats + once
 
 
-def _tried(ground: Ground, tracks: Sequence[Track]) -> GridWalks | None:
+def _encode_or_none(base: BaseMap, tracks: Sequence[Track]) -> GridWalks | None:
     try:
-        return lay_batch(ground, tracks)
+        return encode_batch(base, tracks)
     except BoundError:
         return None

@@ -1,4 +1,4 @@
-"""What tracks, names and maps must be before any work starts."""
+"""Checks of tracks, maps and column names before any work starts."""
 
 from __future__ import annotations
 
@@ -9,65 +9,91 @@ import numpy as np
 from gpszip.archive import Archive
 from gpszip.errors import InputError, OptionError
 from gpszip.model import Options, Plane, Track
+from gpszip.model.log import Log, MemoryLog
 
-__all__ = ["check_map", "check_names", "checked", "laid_on"]
+__all__ = ["as_log", "check_map", "check_names", "check_tracks", "on_plane_of"]
 
-#: Metres and seconds from zero that positions and times may have; a float64 still tells their tenths.
-_FARTHEST = 1e14
+#: Metres and seconds from zero that positions and times may have; float64 still tells their tenths.
+_MAX_MAGNITUDE = 1e14
 
 
-def checked(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
-    """Tracks that go together: at least one, on one plane, each with a name of its own."""
-    whole = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
-    if not whole:
+def as_log(tracks: Sequence[Track] | Track | Log) -> Log:
+    """Return tracks in memory as a checked log; other logs as they are.
+
+    Raises
+    ------
+    InputError
+        If there are no tracks, or a number is too far from zero.
+    OptionError
+        If tracks differ in plane or coordinates, or two have one id.
+    """
+    if isinstance(tracks, MemoryLog):
+        return MemoryLog(check_tracks(tracks.tracks), tracks.read_result)
+    if isinstance(tracks, Track | Sequence):
+        return MemoryLog(check_tracks(tracks))
+    return tracks
+
+
+def check_tracks(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
+    """Return tracks that go together: at least one, on one plane, each with an id of its own."""
+    checked = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
+    if not checked:
         raise InputError("no tracks: there is nothing to compress")
-    first, seen = whole[0], set[str]()
-    for track in whole:
+    first, ids = checked[0], set[str]()
+    for track in checked:
         if track.dimension != first.dimension:
             raise OptionError(
-                f"track {track.id!r} has {track.dimension} coordinates, {first.id!r} {first.dimension}; compress them apart"
+                f"track {track.id!r} has {track.dimension} coordinates, "
+                f"{first.id!r} {first.dimension}; compress them apart"
             )
         if track.plane != first.plane:
             raise OptionError(
                 f"tracks {first.id!r} and {track.id!r} lie on different planes; read them together"
             )
         _check_range(track)
-        if track.id in seen:
+        if track.id in ids:
             raise OptionError(f"two tracks are called {track.id!r}; give each its own id")
-        seen.add(track.id)
-    return whole
+        ids.add(track.id)
+    return checked
 
 
 def _check_range(track: Track) -> None:
-    """Refuse numbers that no lattice reaches."""
-    for what, values in (
-        ("position", np.abs(track.positions).max(axis=1)),
-        ("time", np.abs(track.times)),
-    ):
-        far = values > _FARTHEST
+    """Refuse numbers that no grid reaches."""
+    magnitudes = {
+        "position": np.abs(track.positions).max(axis=1),
+        "time": np.abs(track.times),
+    }
+    for name, values in magnitudes.items():
+        far = values > _MAX_MAGNITUDE
         if far.any():
-            where = f"track {track.id!r}: sample {int(far.argmax())}"
+            sample = int(far.argmax())
             raise InputError(
-                f"{where}: a {what} of {values[far.argmax()]:.3g} is too far from zero; drop such samples, or name other columns"
+                f"track {track.id!r}: sample {sample}: a {name} of {values[sample]:.3g} is too "
+                "far from zero; drop such samples, or name other columns"
             )
 
 
-def laid_on(map: Archive, tracks: Sequence[Track], options: Options) -> tuple[Track, ...]:
-    """Tracks on the plane of a map, which they and the options must fit."""
+def on_plane_of(map: Archive, log: Log, options: Options) -> Log:
+    """Return a log on the plane of a map, which it and the options must fit.
+
+    A log on disk was put on that plane when it was read.
+    """
     from gpszip.geo.planes import reproject_track
 
-    check_map(map, tracks[0].dimension, tracks[0].plane, options)
+    check_map(map, log.dimension, log.plane, options)
     plane = map.grid.plane
-    return (
-        tuple(tracks) if plane is None else tuple(reproject_track(track, plane) for track in tracks)
-    )
+    if plane is None or not isinstance(log, MemoryLog):
+        return log
+    tracks = tuple(reproject_track(track, plane) for track in log.tracks)
+    return MemoryLog(tracks, log.read_result)
 
 
 def check_map(map: Archive, dimension: int, plane: Plane | None, options: Options) -> None:
-    """Refuse a map that doesn't fit tracks of so many coordinates, or that options don't go with."""
+    """Refuse a map that doesn't fit the coordinates of a log, or the options."""
     if options.thesis or options.layer or not options.times:
         raise OptionError(
-            "k, m, layer and leaving out times don't go with a map that is there already; leave them out"
+            "k, m, layer and leaving out times don't go with a map that is there already; "
+            "leave them out"
         )
     if map.contents.map is not None:
         raise OptionError("the map lies on another map itself; give one that holds its own walks")
@@ -75,23 +101,22 @@ def check_map(map: Archive, dimension: int, plane: Plane | None, options: Option
         raise OptionError("the map was written without times; compress its log with them")
     grid = map.grid
     if grid.dimension != dimension or (grid.plane is None) != (plane is None):
-        theirs, ours = _axes(grid.dimension, grid.plane), _axes(dimension, plane)
-        raise OptionError(f"the map has {theirs}, the log {ours}; give a map of the same place")
+        of_map, of_log = _axes(grid.dimension, grid.plane), _axes(dimension, plane)
+        raise OptionError(f"the map has {of_map}, the log {of_log}; give a map of the same place")
 
 
 def _axes(dimension: int, plane: Plane | None) -> str:
-    return (
-        f"{dimension} coordinates on a plane of its own"
-        if plane is None
-        else "latitude and longitude"
-    )
+    if plane is None:
+        return f"{dimension} coordinates on a plane of its own"
+    return "latitude and longitude"
 
 
 def check_names(names: Sequence[str], *, geographic: bool) -> None:
-    """Refuse to keep columns that are called as what decompressed tracks have anyway."""
-    own = {"track_id", "t"} | ({"lat", "lon"} if geographic else {"x", "y", "z"})
-    wrong = next((name for name in names if name in own), None)
+    """Refuse columns with the names that decompressed tracks have anyway."""
+    taken = {"track_id", "t"} | ({"lat", "lon"} if geographic else {"x", "y", "z"})
+    wrong = next((name for name in names if name in taken), None)
     if wrong is not None:
         raise OptionError(
-            f"column {wrong!r} can't be kept besides: each position has one of that name; rename the column"
+            f"column {wrong!r} can't be kept besides: each position has one of that name; "
+            "rename the column"
         )

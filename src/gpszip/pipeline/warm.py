@@ -1,4 +1,4 @@
-"""Compile everything into the cache, in processes side by side."""
+"""Compiling all kernels into the cache, in processes side by side."""
 
 from __future__ import annotations
 
@@ -14,30 +14,31 @@ __all__ = ["warm"]
 
 
 def warm(progress: Listener | None = None) -> None:
-    """Compile everything now, into the cache, so that the first log needn't wait.
+    """Compile all kernels now, so that the first log needn't wait.
 
-    The longest part takes about half of the time of all together; more than three processes hardly help.
+    The longest task takes about half of the time of all together, so that more than three
+    processes hardly help.
 
     Parameters
     ----------
     progress : callable, optional
-        Told of the share of the parts that is done.
+        Called with :class:`~gpszip.model.report.Progress` events.
     """
     from gpszip.run import Processes
 
-    parts = (_code_walks, _compress, _follow_roads, _sketch, _segment_mean)
-    with Processes(min(os.cpu_count() or 1, len(parts))) as processes:
-        for done, _ in enumerate(processes.map(_call, parts), 1):
+    tasks = (_code_walks, _compress, _follow_roads, _sketch, _segment_mean)
+    with Processes(min(os.cpu_count() or 1, len(tasks))) as processes:
+        for done, _ in enumerate(processes.map(_call, tasks), 1):
             if progress is not None:
-                progress(Progress("compile", done / len(parts)))
+                progress(Progress("compile", done / len(tasks)))
 
 
-def _call(part: Callable[[], None]) -> None:
-    part()
+def _call(task: Callable[[], None]) -> None:
+    task()
 
 
 def _loops() -> list[Track]:
-    """Somebody twice on the same round; the second one falls silent before the end."""
+    """One loop travelled twice; the second track has a gap before its end."""
     turn = np.linspace(0, 4 * math.pi, 120)
     loop = np.stack((40 * np.cos(turn), 30 * np.sin(turn)), axis=1)
     return [
@@ -65,33 +66,40 @@ def _compress() -> None:
 
     for options in (Options(rmse=1.0), Options(max_error=2.0)):
         archive, _ = compress(_loops(), options)
-        found = open_archive(archive.to_bytes())
-        found.decompress()
-        found.clean_map()
-        compress(_loops(), options, map=found)
-    merge([found, archive], MergeOptions(same_id="prefix"), names=["a", "b"])
+        decoded = open_archive(archive.to_bytes())
+        decoded.decompress()
+        decoded.clean_map()
+        compress(_loops(), options, map=decoded)
+    merge([decoded, archive], MergeOptions(same_id="prefix"), names=["a", "b"])
 
 
 def _follow_roads() -> None:
     from gpszip.matching.live import LiveMatcher
     from gpszip.pipeline.match import match, patch
 
+    # a rectangle of two-way roads around the loop
     corners = np.array([[-40.0, -30.0], [40.0, -30.0], [40.0, 30.0], [-40.0, 30.0]])
-    starts, ends, both = (
-        np.arange(4, dtype=np.int32),
-        np.roll(np.arange(4, dtype=np.int32), -1),
-        np.ones(4, bool),
-    )
+    starts = np.arange(4, dtype=np.int32)
+    ends = np.roll(starts, -1)
     sides = np.stack((corners[starts], corners[ends]), axis=1).reshape(-1, 2)
     roads = Network(
-        corners, starts, ends, np.arange(0, 9, 2), sides, both, both, np.full(4, np.nan)
+        nodes=corners,
+        starts=starts,
+        ends=ends,
+        offsets=np.arange(0, 9, 2),
+        points=sides,
+        forward=np.ones(4, bool),
+        backward=np.ones(4, bool),
+        speeds=np.full(4, np.nan),
     )
     patch(_loops(), roads, gap=60.0)
+
+    # live, with samples at one position and at others
     track = _loops()[0]
     matcher = LiveMatcher(roads, match(track, roads).scales, lag=1)
-    for when, place in zip(track.times.tolist(), track.positions, strict=True):
-        for still in (0.0, 1e-6):
-            matcher.push(when + still, place)
+    for time, position in zip(track.times.tolist(), track.positions, strict=True):
+        for delay in (0.0, 1e-6):
+            matcher.push(time + delay, position)
 
 
 def _sketch() -> None:
@@ -101,11 +109,12 @@ def _sketch() -> None:
     from gpszip.sketches.stream import CoresetStream
 
     track = _loops()[0]
-    small = build_coreset(track, size=10)
-    small.cost(polyline(track.times[:2], track.positions[:2]))
+    coreset = build_coreset(track, size=10)
+    coreset.cost(polyline(track.times[:2], track.positions[:2]))
+    coreset.least_cost(2)
+    weighted_samples(coreset, track)
     build_coreset(track, k=2, eps=0.5)
-    small.least_cost(2)
-    weighted_samples(small, track)
+
     stream = CoresetStream(10)
     stream.push(track.times, track.positions)
     stream.coreset()

@@ -1,4 +1,4 @@
-"""Executors: where work runs."""
+"""Executors: run work in this thread, in threads, in processes or on a Dask cluster."""
 
 from gpszip.run.choosing import resolve_executor
 from gpszip.run.dask import Dask

@@ -1,4 +1,4 @@
-"""What the user gave as an executor, made one."""
+"""Conversion of the user's ``executor`` argument to an executor."""
 
 from __future__ import annotations
 
@@ -13,12 +13,14 @@ __all__ = ["resolve_executor"]
 
 
 def resolve_executor(given: Any) -> Executor:
-    """Return an executor: the one given, that of a ready ``distributed.Client``, or a thread for each core.
+    """Return an executor for an argument: an executor, a ``distributed.Client`` or None.
+
+    None stands for a thread for each core.
 
     Raises
     ------
     OptionError
-        If it is nothing that work can run on.
+        If it is none of these.
 
     Examples
     --------
@@ -29,6 +31,8 @@ def resolve_executor(given: Any) -> Executor:
         return Threads()
     if hasattr(given, "scatter") and hasattr(given, "submit"):
         return Dask(given)
+
+    # concurrent.futures' executors have submit, and a map that holds all items at once
     if not hasattr(given, "map") or hasattr(given, "submit"):
         raise OptionError(
             f"{given!r} is no executor; give one of gpszip.run or a distributed.Client"

@@ -1,4 +1,4 @@
-"""The one seam through which work is spread over threads, processes or machines."""
+"""The interface of executors: how packages spread work over threads, processes or machines."""
 
 from __future__ import annotations
 
@@ -26,10 +26,12 @@ V_co = TypeVar("V_co", covariant=True)
 
 
 class Executor(Protocol):
-    """Anything that maps a function over items and yields the results in the items' order.
+    """Maps a function over items and yields the results in the order of the items.
 
-    The order is part of the contract: it is what makes results the same for any number of workers. Functions lie at the top of
-    a module and items are frozen values, since both may travel to other processes.
+    The order is part of the contract: it makes results the same for any number of workers.
+    Functions are defined at the top of a module and items are frozen values, since both may be
+    sent to other processes. An executor may also have a method ``reduce``, see
+    :func:`reduce_tree`.
     """
 
     def map(self, function: Callable[[T], R], items: Iterable[T], /) -> Iterator[R]:
@@ -37,16 +39,16 @@ class Executor(Protocol):
         ...
 
     def share(self, value: V, /) -> SharedValue[V]:
-        """Bring a large value to the workers, once, for many items."""
+        """Send a large value to the workers once, for many items."""
         ...
 
     def local(self) -> Executor:
-        """Return an executor for work on arrays in this process's memory: threads, or this one."""
+        """Return an executor that runs in this process, for work on arrays in its memory."""
         ...
 
 
 class SharedValue(Protocol[V_co]):
-    """A value at the workers; leaving its ``with`` block takes it away from them."""
+    """A value held by the workers until its ``with`` block ends."""
 
     def map(self, function: Callable[[V_co, T], R], items: Iterable[T], /) -> Iterator[R]:
         """Yield ``function(value, item)`` for each item, in the order of the items."""
@@ -63,20 +65,20 @@ class SharedValue(Protocol[V_co]):
         trace: TracebackType | None,
         /,
     ) -> None:
-        """Take the value away from the workers."""
+        """Release the value."""
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class LocalValue(Generic[V]):
-    """A value in the memory that workers share with the caller.
+    """A shared value for workers that see the caller's memory.
 
     Parameters
     ----------
     executor : Executor
-        Runs the work.
+        Runs the items.
     value : object
-        What is shared.
+        The value.
 
     Examples
     --------
@@ -102,12 +104,12 @@ class LocalValue(Generic[V]):
         trace: TracebackType | None,
         /,
     ) -> None:
-        """Nothing was brought anywhere."""
+        """Do nothing: the value was not copied."""
 
 
 @dataclass(frozen=True)
 class Serial:
-    """Runs everything in the calling thread.
+    """Runs items one by one in the calling thread.
 
     Examples
     --------
@@ -120,7 +122,7 @@ class Serial:
         return map(function, items)
 
     def share(self, value: V, /) -> SharedValue[V]:
-        """Return the value where it is."""
+        """Return the value in place."""
         return LocalValue(self, value)
 
     def local(self) -> Executor:
@@ -129,7 +131,9 @@ class Serial:
 
 
 def share_value(executor: Executor | None, value: V) -> SharedValue[V]:
-    """Share a value with an executor's workers; without an executor, or with one that only maps, it stays where it is.
+    """Share a value with an executor's workers.
+
+    Without an executor, or with one that has only ``map``, the value stays in place.
 
     Examples
     --------
@@ -137,61 +141,68 @@ def share_value(executor: Executor | None, value: V) -> SharedValue[V]:
     ...     list(ten.map(pow, [1, 2]))
     [10, 100]
     """
-    own = Serial() if executor is None else executor
-    return own.share(value) if hasattr(own, "share") else LocalValue(own, value)
+    if executor is None:
+        executor = Serial()
+    return executor.share(value) if hasattr(executor, "share") else LocalValue(executor, value)
 
 
 def local_executor(executor: Executor | None) -> Executor:
-    """Return where work on arrays in this process's memory runs."""
-    own = Serial() if executor is None else executor
-    return own.local() if hasattr(own, "local") else own
+    """Return the executor for work on arrays in this process's memory."""
+    if executor is None:
+        executor = Serial()
+    return executor.local() if hasattr(executor, "local") else executor
 
 
 def reduce_tree(
     executor: Executor | None,
-    unite: Callable[[R, R], R],
+    combine: Callable[[R, R], R],
     items: Iterable[T],
     leaf: Callable[[T], R],
 ) -> R:
-    """Unite what becomes of items two by two, as a tree whose shape depends on nothing but their number.
+    """Map items to values and combine the values pairwise, in a balanced binary tree.
 
-    Only as many items and partial results are held as workers are busy with. Where the executor has workers with memories of
-    their own and can unite there, partial results stay with them.
+    The shape of the tree depends on the number of items alone, so that results are the same for
+    any number of workers. Items are drawn lazily, level by level. An executor whose workers have
+    memories of their own may have a method ``reduce(combine, items, leaf)``, which keeps partial
+    results at the workers.
 
     Parameters
     ----------
     executor : Executor, optional
-        Where values are made and united.
-    unite : callable
-        Makes one value of two.
+        Runs ``leaf`` and ``combine``; default: the calling thread.
+    combine : callable
+        Returns one value for two neighbouring ones.
     items : iterable
-        At least one.
+        At least one item.
     leaf : callable
-        Makes a value of an item.
+        Returns the value of an item.
 
     Examples
     --------
     >>> reduce_tree(None, "({} {})".format, "abcde", str.upper)
     '(((A B) (C D)) E)'
     """
-    own = Serial() if executor is None else executor
-    if hasattr(own, "unite"):
-        whole: R = own.unite(unite, items, leaf)
-        return whole
-    level = own.map(leaf, items)
+    if executor is None:
+        executor = Serial()
+    if hasattr(executor, "reduce"):
+        root: R = executor.reduce(combine, items, leaf)
+        return root
+
+    # each level of the tree is a lazy map over the pairs of the level below
+    level = executor.map(leaf, items)
     while True:
         first = next(level)
         second = next(level, None)
         if second is None:
             return first
-        level = own.map(partial(_reduce_pair, unite), _pairs(chain([first, second], level)))
+        level = executor.map(partial(_combine_pair, combine), _pairs(chain([first, second], level)))
 
 
 def _pairs(values: Iterator[T]) -> Iterator[tuple[T, ...]]:
-    """Neighbours; the last value may be alone."""
+    """Yield neighbouring values as pairs; with an odd number of values, the last one alone."""
     while pair := tuple(islice(values, 2)):
         yield pair
 
 
-def _reduce_pair(unite: Callable[[T, T], T], pair: tuple[T, ...]) -> T:
-    return unite(*pair) if len(pair) > 1 else pair[0]
+def _combine_pair(combine: Callable[[T, T], T], pair: tuple[T, ...]) -> T:
+    return combine(*pair) if len(pair) > 1 else pair[0]

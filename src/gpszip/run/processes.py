@@ -1,4 +1,4 @@
-"""Work in further processes of this machine."""
+"""The executor that runs items in further processes of this machine."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from gpszip.errors import OptionError, WorkerError
 from gpszip.files.os_errors import as_output_error
 from gpszip.files.temporary import SCRATCH_PREFIX, temporary_folder
 from gpszip.run.executor import Executor, SharedValue
-from gpszip.run.in_order import results_in_order
+from gpszip.run.in_order import PENDING_PER_WORKER, results_in_order
 from gpszip.run.threads import Threads
 
 __all__ = ["Processes"]
@@ -31,23 +31,24 @@ V = TypeVar("V")
 
 
 class Processes:
-    """Runs items in up to ``workers`` processes, which start at the first item and end with the ``with`` block.
+    """Runs items in up to ``workers`` processes.
 
-    At most twice as many items as workers are in work or waiting to be fetched. Functions must lie at the top of a module, and
-    a script that uses processes must have its ``if __name__ == "__main__":``. Run ``gpszip warm`` once before: else each
-    process compiles for itself.
+    The processes start at the first item and end with the ``with`` block. At most twice as many
+    items as workers are in flight. Functions must be defined at the top of a module, and a script
+    that uses processes needs ``if __name__ == "__main__":``. Run ``gpszip warm`` once before:
+    otherwise each process compiles all kernels for itself.
 
     Parameters
     ----------
     workers : int, default the number of cores
-        Processes, at least 1.
+        Number of processes, at least 1.
 
     Raises
     ------
     OptionError
-        If there is no worker.
+        If ``workers`` is less than 1.
     WorkerError
-        From ``map``, if a process is killed or ends by itself.
+        From ``map``, if a process is killed or exits.
 
     Examples
     --------
@@ -76,13 +77,15 @@ class Processes:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """End the processes, at once where an error leads out."""
+        """End the processes; at once if an error ends the block."""
         self.close(at_once=error is not None)
 
     def close(self, *, at_once: bool = False) -> None:
-        """End the processes, after what they work on, or at once."""
+        """End the processes after the items that they are running, or at once."""
         if self._pool is None:
             return
+
+        # the pool itself can't interrupt a running item
         if at_once:
             for process in self._context.started:
                 process.terminate()
@@ -91,15 +94,20 @@ class Processes:
         self._context.started.clear()
 
     def map(self, function: Callable[[T], R], items: Iterable[T], /) -> Iterator[R]:
-        """Yield ``function(item)`` for each item, in the order of the items; an item's error is raised in its turn."""
+        """Yield ``function(item)`` for each item, in order; raise an item's error in its turn."""
+        # start the processes at the first call
         if self._pool is None:
             self._pool = ProcessPoolExecutor(
                 self.workers, mp_context=self._context, initializer=_ignore_interrupts
             )
         pool = self._pool
+
+        # a broken or interrupted pool is ended; the next call starts a new one
         try:
             yield from results_in_order(
-                lambda item: pool.submit(function, item), items, 2 * self.workers
+                lambda item: pool.submit(function, item),
+                items,
+                PENDING_PER_WORKER * self.workers,
             )
         except BrokenProcessPool as error:
             self.close(at_once=True)
@@ -115,22 +123,23 @@ class Processes:
         return _PickledValue(self, value)
 
     def local(self) -> Executor:
-        """Return as many threads of this process."""
+        """Return an executor with as many threads of this process."""
         return Threads(self.workers)
 
 
 class _PickledValue(Generic[V]):
-    """A value in a file of its own."""
+    """A value in a temporary file; each process loads it once."""
 
     def __init__(self, executor: Processes, value: V) -> None:
         self._executor = executor
         with ExitStack() as stack, as_output_error(tempfile.gettempdir()):
-            self._path = (
-                stack.enter_context(temporary_folder(Path(tempfile.gettempdir()), SCRATCH_PREFIX))
-                / "shared"
-            )
+            # write the value
+            folder = temporary_folder(Path(tempfile.gettempdir()), SCRATCH_PREFIX)
+            self._path = stack.enter_context(folder) / "shared"
             with self._path.open("wb") as file:
                 pickle.dump(value, file, protocol=pickle.HIGHEST_PROTOCOL)
+
+            # keep the folder until the with block ends
             self._cleanup = stack.pop_all()
 
     def map(self, function: Callable[[V, T], R], items: Iterable[T], /) -> Iterator[R]:
@@ -152,7 +161,7 @@ class _PickledValue(Generic[V]):
 
 
 class _TrackedContext(SpawnContext):
-    """Starts fresh processes and knows them."""
+    """Starts fresh interpreters and lists their processes, so that they can be terminated."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -165,15 +174,17 @@ class _TrackedContext(SpawnContext):
 
 
 def _ignore_interrupts() -> None:
-    """Leave the answer to Ctrl-C to the process that started this one."""
+    """Ignore Ctrl-C: the parent process handles it and terminates this one."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 @lru_cache(maxsize=2)
 def _load_shared(path: str) -> Any:
+    """Load a shared value; the last two stay in memory."""
     with Path(path).open("rb") as file:
         return pickle.load(file)
 
 
 def _call_with_shared(function: Callable[[Any, T], R], path: str, item: T) -> R:
+    """Return ``function(value, item)`` with the shared value of a file."""
     return function(_load_shared(path), item)

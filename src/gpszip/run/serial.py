@@ -1,4 +1,4 @@
-"""Work in this thread, item by item."""
+"""The executor that runs items one by one in the calling thread."""
 
 from __future__ import annotations
 

@@ -1,18 +1,21 @@
-"""Work in threads of this process; compiled kernels release the interpreter's lock."""
+"""The executor that runs items in threads of this process.
+
+Compiled kernels release the interpreter's lock, so that threads use several cores.
+"""
 
 from __future__ import annotations
 
 import ctypes
 import os
 import threading
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from typing import TypeVar
 
 from gpszip.errors import OptionError
 from gpszip.run.executor import Executor, LocalValue, SharedValue
+from gpszip.run.in_order import PENDING_PER_WORKER, results_in_order
 
 __all__ = ["Threads"]
 
@@ -25,18 +28,18 @@ V = TypeVar("V")
 class Threads:
     """Runs items in up to ``workers`` threads.
 
-    At most twice as many items as workers are in work or waiting to be fetched, so that a long stream of items is never
+    At most twice as many items as workers are in flight, so that a long stream of items is never
     held at once.
 
     Parameters
     ----------
     workers : int, default the number of cores
-        Threads, at least 1.
+        Number of threads, at least 1.
 
     Raises
     ------
     OptionError
-        If there is no worker.
+        If ``workers`` is less than 1.
 
     Examples
     --------
@@ -51,24 +54,24 @@ class Threads:
             raise OptionError(f"{self.workers} threads can't do any work; choose 1 or more")
 
     def map(self, function: Callable[[T], R], items: Iterable[T], /) -> Iterator[R]:
-        """Yield ``function(item)`` for each item, in the order of the items; an item's error is raised in its turn."""
-        pool, busy = ThreadPoolExecutor(self.workers), _BusyThreads()
-        waiting: deque[Future[R]] = deque()
+        """Yield ``function(item)`` for each item, in order; raise an item's error in its turn."""
+        pool = ThreadPoolExecutor(self.workers)
+        busy = _BusyThreads()
         try:
-            for item in items:
-                waiting.append(pool.submit(busy.run, function, item))
-                if len(waiting) >= 2 * self.workers:
-                    yield waiting.popleft().result()
-            while waiting:
-                yield waiting.popleft().result()
+            yield from results_in_order(
+                lambda item: pool.submit(busy.run, function, item),
+                items,
+                PENDING_PER_WORKER * self.workers,
+            )
         except KeyboardInterrupt:
+            # otherwise the shutdown would wait until the threads have finished their items
             busy.interrupt()
             raise
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
     def share(self, value: V, /) -> SharedValue[V]:
-        """Return the value where it is: threads see the same memory."""
+        """Return the value in place: threads see the same memory."""
         return LocalValue(self, value)
 
     def local(self) -> Executor:
@@ -77,14 +80,17 @@ class Threads:
 
 
 class _BusyThreads:
-    """The threads that work on an item, so that an interruption of the one that waits for them reaches them, too."""
+    """The threads that are running an item, so that Ctrl-C can interrupt them.
+
+    Python raises KeyboardInterrupt in the main thread only.
+    """
 
     def __init__(self) -> None:
         self._threads: set[int] = set()
         self._lock = threading.Lock()
 
     def run(self, function: Callable[[T], R], item: T) -> R:
-        """Work on an item."""
+        """Return ``function(item)``; the calling thread counts as busy meanwhile."""
         thread = threading.get_ident()
         with self._lock:
             self._threads.add(thread)
@@ -95,7 +101,7 @@ class _BusyThreads:
                 self._threads.discard(thread)
 
     def interrupt(self) -> None:
-        """Have each thread that works on an item end it as soon as it is out of compiled code."""
+        """Raise KeyboardInterrupt in each busy thread as soon as it leaves compiled code."""
         with self._lock:
             for thread in self._threads:
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(

@@ -1,4 +1,7 @@
-"""Initial clustering of k parts to m segments under the pooled fitting cost (thesis, algorithm 1, line 2)."""
+"""Initial assignment of k intervals to m segments under the pooled fitting cost.
+
+Source: the thesis, algorithm 1, line 2.
+"""
 
 from __future__ import annotations
 
@@ -14,66 +17,80 @@ from gpszip.segmentation.lines import FittedLines, best_lines, excess_costs, poo
 
 __all__ = ["k_means", "ward"]
 
-#: Groups up to which all pairs are weighed.
+#: Groups up to which the costs of merging all pairs are compared.
 _MAX_ALL_PAIRS = 2000
 
-#: Near groups that are weighed where there are more.
+#: Nearest groups that are compared where there are more groups.
 _NEIGHBOURS = 12
 
 
 def ward(sums: PrefixSums, boundaries: NDArray[np.int64], m: int) -> NDArray[np.int32]:
-    """Label k parts with exactly m labels by joining, again and again, the two groups whose common line costs least more.
+    """Label k intervals with exactly m labels by Ward's agglomeration.
 
-    Above 2000 groups only near ones are weighed against each other. Deterministic; the best start found in experiments.
+    Merges the two groups of intervals whose common line increases the cost least, until m groups
+    are left. Above 2000 groups only nearby ones are compared. Deterministic; the best initial
+    labels found in experiments.
 
     Returns
     -------
     int32 array, shape (k,)
-        Labels in the order of their first parts.
+        Labels in the order of their first intervals.
     """
-    pairs, costs = _build_dendrogram(best_lines(sums, boundaries))
+    # the k - m cheapest merges; groups are the connected components
+    merges, costs = _build_dendrogram(best_lines(sums, boundaries))
     k = len(boundaries) - 1
-    cheapest = pairs[np.argsort(costs, kind="stable")[: k - m]]
+    cheapest = merges[np.argsort(costs, kind="stable")[: k - m]]
     links = coo_array((np.ones(len(cheapest)), (cheapest[:, 0], cheapest[:, 1])), shape=(k, k))
     return _renumber_labels(connected_components(links, directed=False)[1])
 
 
 def _build_dendrogram(lines: FittedLines) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """All joins down to one group, as pairs of parts, and what each costs.
+    """Return all merges down to one group, as pairs of intervals, and their costs.
 
-    Groups that are each other's nearest join sooner or later in any case, so all such pairs can be joined at once; the
-    costs tell which joins come first.
+    Mutual nearest neighbours are merged sooner or later in any case, so all such pairs can be
+    merged at once; the costs tell which merges come first.
     """
     normal, starts, slopes = lines
-    left, pairs, costs = np.arange(len(normal)), [], []
-    while len(left) > _MAX_ALL_PAIRS:
-        nearest, gaps = _mutual_neighbours((normal[left], starts[left], slopes[left]))
-        pairs.append(left[nearest])
-        costs.append(gaps)
-        kernel.merge_pairs(normal, starts, slopes, pairs[-1])
-        left = np.setdiff1d(left, pairs[-1][:, 1], assume_unique=True)
-    last, gaps = kernel.ward(normal[left], starts[left], slopes[left])
-    return np.concatenate([*pairs, left[last]]), np.concatenate(
-        [*costs, np.maximum.accumulate(gaps)]
-    )
+
+    # many groups: merge all mutual neighbours at once
+    groups, merges, costs = np.arange(len(normal)), [], []
+    while len(groups) > _MAX_ALL_PAIRS:
+        lines_of_groups = FittedLines(normal[groups], starts[groups], slopes[groups])
+        neighbours, merge_costs = _mutual_neighbours(lines_of_groups)
+        pairs = groups[neighbours]
+        merges.append(pairs)
+        costs.append(merge_costs)
+        kernel.merge_pairs(normal, starts, slopes, pairs)
+        groups = np.setdiff1d(groups, pairs[:, 1], assume_unique=True)
+
+    # the remaining ones, all pairs compared; rounding may have made a cost fall, which it can't
+    last_merges, last_costs = kernel.ward(normal[groups], starts[groups], slopes[groups])
+    merges.append(groups[last_merges])
+    costs.append(np.maximum.accumulate(last_costs))
+    return np.concatenate(merges), np.concatenate(costs)
 
 
 def _mutual_neighbours(lines: FittedLines) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Disjoint pairs (i, j), i < j, of mutual nearest neighbours among those with near end points; and their costs."""
-    _, starts, slopes = lines
-    ends = np.hstack([starts, starts + slopes])
-    near = np.asarray(KDTree(ends).query(ends, min(_NEIGHBOURS, len(ends)))[1], dtype=np.int64)
-    groups = np.arange(len(ends))
-    cost = np.where(near == groups[:, None], np.inf, kernel.merge_costs(*lines, near))
-    best = cost.argmin(axis=1)
-    nearest, gap = near[groups, best], cost[groups, best]
-    cheapest = int(gap.argmin())
-    nearest[nearest[cheapest]], gap[nearest[cheapest]] = (
-        cheapest,
-        gap[cheapest],
-    )  # at least one pair is mutual, even where rounding or the tree made none
+    """Return disjoint pairs (i, j), i < j, of mutual nearest neighbours, and the merge costs.
+
+    Neighbours are searched among the groups with the nearest end points.
+    """
+    # nearest neighbour of each group under the cost of merging
+    end_points = np.hstack([lines.starts, lines.starts + lines.slopes])
+    _, candidates = KDTree(end_points).query(end_points, min(_NEIGHBOURS, len(end_points)))
+    candidates = np.asarray(candidates, dtype=np.int64)
+    groups = np.arange(len(end_points))
+    costs = np.where(candidates == groups[:, None], np.inf, kernel.merge_costs(*lines, candidates))
+    best = costs.argmin(axis=1)
+    nearest, nearest_cost = candidates[groups, best], costs[groups, best]
+
+    # make at least one pair mutual, even if rounding or the tree left none
+    cheapest = int(nearest_cost.argmin())
+    partner = nearest[cheapest]
+    nearest[partner], nearest_cost[partner] = cheapest, nearest_cost[cheapest]
+
     mutual = np.flatnonzero((nearest[nearest] == groups) & (groups < nearest))
-    return np.column_stack([mutual, nearest[mutual]]), gap[mutual]
+    return np.column_stack([mutual, nearest[mutual]]), nearest_cost[mutual]
 
 
 def k_means(
@@ -84,32 +101,38 @@ def k_means(
     *,
     rounds: int = 50,
 ) -> NDArray[np.int32]:
-    """Label k parts with exactly m labels: k-means++ seeds, then Lloyd's rounds, under the pooled fitting cost."""
+    """Label k intervals with exactly m labels by k-means under the pooled fitting cost.
+
+    Seeds are drawn as by k-means++; Lloyd's rounds follow until no label changes.
+    """
     lines = best_lines(sums, boundaries)
-    centers = _draw_seeds(lines, m, rng)
-    labels = _assign_labels(lines, lines[1][centers], lines[2][centers])
+    seeds = _draw_seeds(lines, m, rng)
+    labels = _assign_labels(lines, lines.starts[seeds], lines.slopes[seeds])
+
     for _ in range(rounds):
         _, starts, slopes = pooled_lines(sums, boundaries, labels, m)
-        again = _assign_labels(lines, starts, slopes)
-        if np.array_equal(again, labels):
+        new_labels = _assign_labels(lines, starts, slopes)
+        if np.array_equal(new_labels, labels):
             break
-        labels = again
+        labels = new_labels
     return _renumber_labels(labels)
 
 
 def _draw_seeds(lines: FittedLines, m: int, rng: np.random.Generator) -> list[int]:
-    """Parts drawn one by one with odds in proportion to what they cost against the nearest drawn before."""
+    """Draw m intervals with odds in proportion to their cost against the nearest earlier seed."""
     _, starts, slopes = lines
     seeds = [int(rng.integers(len(starts)))]
-    cost = np.full(len(starts), np.inf)
+    costs = np.full(len(starts), np.inf)
     for _ in range(m - 1):
-        cost = np.minimum(cost, excess_costs(lines, starts[seeds[-1:]], slopes[seeds[-1:]])[:, 0])
-        cost[seeds] = 0.0
-        odds = (
-            cost
-            if cost.sum() > 0
-            else np.isin(np.arange(len(cost)), seeds, invert=True).astype(float)
-        )
+        last = seeds[-1:]
+        costs = np.minimum(costs, excess_costs(lines, starts[last], slopes[last])[:, 0])
+        costs[seeds] = 0.0
+
+        # if all lines are alike, each interval that is no seed has the same odds
+        if costs.sum() > 0:
+            odds = costs
+        else:
+            odds = np.isin(np.arange(len(costs)), seeds, invert=True).astype(float)
         seeds.append(int(rng.choice(len(odds), p=odds / odds.sum())))
     return seeds
 
@@ -117,21 +140,25 @@ def _draw_seeds(lines: FittedLines, m: int, rng: np.random.Generator) -> list[in
 def _assign_labels(
     lines: FittedLines, starts: NDArray[np.float64], slopes: NDArray[np.float64]
 ) -> NDArray[np.int32]:
-    """Nearest line of each part; a line without a part takes the worst part of a label that has others."""
-    cost = excess_costs(lines, starts, slopes)
-    labels: NDArray[np.int32] = cost.argmin(axis=1).astype(np.int32)
-    least = cost[np.arange(len(cost)), labels]
-    count = np.bincount(labels, minlength=len(starts))
-    for empty in np.flatnonzero(count == 0):
-        worst = int(np.where(count[labels] > 1, least, -1.0).argmax())
-        count[labels[worst]] -= 1
-        labels[worst], least[worst] = empty, 0.0
-        count[empty] = 1
+    """Assign each interval to its nearest line.
+
+    A line without an interval gets the interval with the highest cost whose label has others.
+    """
+    costs = excess_costs(lines, starts, slopes)
+    labels: NDArray[np.int32] = costs.argmin(axis=1).astype(np.int32)
+    lowest = costs[np.arange(len(costs)), labels]
+
+    counts = np.bincount(labels, minlength=len(starts))
+    for empty in np.flatnonzero(counts == 0):
+        worst = int(np.where(counts[labels] > 1, lowest, -1.0).argmax())
+        counts[labels[worst]] -= 1
+        labels[worst], lowest[worst] = empty, 0.0
+        counts[empty] = 1
     return labels
 
 
 def _renumber_labels(labels: NDArray[np.integer]) -> NDArray[np.int32]:
-    """Labels 0, 1, ... in the order of their first parts."""
+    """Number labels 0, 1, ... in the order of their first intervals."""
     _, firsts, inverse = np.unique(labels, return_index=True, return_inverse=True)
     rank = np.empty(len(firsts), dtype=np.int32)
     rank[np.argsort(firsts)] = np.arange(len(firsts), dtype=np.int32)

@@ -1,4 +1,4 @@
-"""Initial partition by Douglas-Peucker with the synchronised distance (thesis, algorithm 1, line 1)."""
+"""Initial partition by Douglas-Peucker with the synchronised distance (thesis, algorithm 1)."""
 
 from __future__ import annotations
 
@@ -12,19 +12,21 @@ __all__ = ["douglas_peucker"]
 
 
 def douglas_peucker(sums: PrefixSums, k: int) -> NDArray[np.int64]:
-    """Cut a track into exactly k parts, best first: always at the sample farthest from its chord at its own time.
+    """Cut a track into exactly k intervals, always at the sample farthest from its chord.
+
+    The distance of a sample is taken to the position on the chord at the sample's own time.
 
     Parameters
     ----------
-    sums : Sums
+    sums : PrefixSums
         The track in ticks.
     k : int
-        Number of parts, at most n.
+        Number of intervals, at most n.
 
     Returns
     -------
     int64 array, shape (k + 1,)
-        Boundaries of the parts. Time n log k on typical logs.
+        Boundaries of the intervals. Time n log k on typical logs.
     """
     boundaries: NDArray[np.int64] = kernel.douglas_peucker(sums.t, sums.p, k)
     return boundaries

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Literal, get_args
+from typing import Literal, TypedDict, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,17 +20,34 @@ from gpszip.segmentation.douglas_peucker import douglas_peucker
 from gpszip.segmentation.mstep import fit_segments, maximize
 from gpszip.segmentation.state import EMState, to_segment_mean, total_cost, track_sums
 
-__all__ = ["Clustering", "ExpectationStep", "InitialPartition", "segment_mean"]
+__all__ = [
+    "Clustering",
+    "ExpectationStep",
+    "InitialPartition",
+    "SegmentMeanOptions",
+    "segment_mean",
+]
 
 InitialPartition = Literal["bottom-up", "douglas-peucker"]
 Clustering = Literal["ward", "k-means++"]
 ExpectationStep = Literal["odd-even", "linear", "naive", "exact"]
 
-#: A round of expectation and maximisation.
+#: One expectation step and one maximisation step.
 _Iteration = Callable[[EMState], EMState]
 
-#: Share of tau below which a round's gain is rounding.
+#: Share of tau below which the gain of an iteration is rounding.
 _ROUNDING = 1e-12
+
+
+class SegmentMeanOptions(TypedDict, total=False):
+    """Options of :func:`segment_mean` that other functions pass through."""
+
+    initial: InitialPartition
+    clustering: Clustering
+    expectation: ExpectationStep
+    iterations: int
+    min_samples: int
+    rng: np.random.Generator | None
 
 
 def segment_mean(
@@ -46,40 +63,43 @@ def segment_mean(
     rng: np.random.Generator | None = None,
     executor: Executor | None = None,
 ) -> SegmentMean:
-    """Approximate a track by k parts, each travelled along one of m directed segments.
+    """Approximate a track by k intervals, each assigned to one of m directed segments.
 
-    The thesis's Algorithm 1. It starts from a partition and a clustering, and alternates between the expectation step
-    (better parts and labels for given segments) and the maximisation step (best segments for given parts) until
-    neither lowers the fitting cost tau, which therefore never rises. With m = k each part has its own segment and the
-    boundaries are shifted between free lines instead.
+    Algorithm 1 of the thesis. It starts from an initial partition and an initial clustering. It
+    alternates between the expectation step (better intervals and labels for given segments) and
+    the maximisation step (best segments for given intervals) until neither lowers the fitting
+    cost tau, which therefore never rises. With m = k each interval has its own segment, and the
+    boundaries are shifted between best lines instead.
 
     Parameters
     ----------
     track : Track
         n samples in d dimensions, weighted or not.
     k, m : int
-        Numbers of parts and of segments, 1 <= m <= k <= n.
+        Numbers of intervals and of segments, 1 <= m <= k <= n.
     initial : {'bottom-up', 'douglas-peucker'}, default 'bottom-up'
-        How the first partition is made.
+        Method of the initial partition.
     clustering : {'ward', 'k-means++'}, default 'ward'
-        How the first labels are found.
+        Method of the initial labels.
     expectation : {'odd-even', 'linear', 'naive', 'exact'}, default 'odd-even'
-        Form of the expectation step: sections 6.3.3, 6.3.2, 6.3.1, or the best partition of the whole track, which is
-        slower and ends with a lower cost.
+        Form of the expectation step: of sections 6.3.3, 6.3.2 or 6.3.1, or the best partition of
+        the entire track, which is slower and reaches a lower cost.
     iterations : int, default 100
-        Rounds at most.
+        Most iterations.
     min_samples : int, default 1
-        Samples below which no boundary is shifted.
+        Fewest samples of an interval.
     rng : numpy.random.Generator, optional
-        Source of chance; needed by 'k-means++'.
+        Random numbers; needed by 'k-means++'.
     executor : Executor, optional
-        Runs batches of parts of the 'odd-even' and 'exact' steps; the result is the same for any number of workers.
+        Runs batches of boundaries of the 'odd-even' and 'exact' steps. The result is the same for
+        any number of workers.
 
     Returns
     -------
     SegmentMean
-        Boundaries, labels, segments in metres, and the cost after every round in square metres. Times and positions
-        are counted in ticks of 1 ms and 1 mm, or finer where the track is fast or small.
+        Boundaries, labels, segments in metres, and the cost after each iteration in square
+        metres. Times and positions are rounded to ticks of 1 ms and 1 mm, or finer if the track
+        is fast or small.
 
     Raises
     ------
@@ -89,8 +109,8 @@ def segment_mean(
     Examples
     --------
     >>> import numpy as np
-    >>> there, back = np.linspace(0, 10, 6), np.linspace(10, 0, 6)
-    >>> x = np.concatenate([there, back, there, back])
+    >>> forward, backward = np.linspace(0, 10, 6), np.linspace(10, 0, 6)
+    >>> x = np.concatenate([forward, backward, forward, backward])
     >>> mean = segment_mean(Track("lane", np.arange(24.0), x[:, None]), k=4, m=2)
     >>> mean.boundaries.tolist(), mean.labels.tolist(), round(mean.cost, 9)
     ([0, 6, 12, 18, 24], [0, 1, 0, 1], 0.0)
@@ -98,35 +118,40 @@ def segment_mean(
     _check_sizes(track, k, m, min_samples)
     _check_choices(initial, clustering, expectation, rng)
     sums = track_sums(track)
-    boundaries = (
-        bottom_up(sums, k, min_samples=min_samples)
-        if initial == "bottom-up"
-        else douglas_peucker(sums, k)
-    )
+
+    # initial partition, labels and segments
+    if initial == "bottom-up":
+        boundaries = bottom_up(sums, k, min_samples=min_samples)
+    else:
+        boundaries = douglas_peucker(sums, k)
     state = _initial_state(sums, boundaries, m, rng if clustering == "k-means++" else None)
-    step = (
-        partial(_free_line_iteration, sums, min_samples)
-        if m == k
-        else _build_iteration(sums, expectation, min_samples, executor)
-    )
+
+    # expectation and maximisation until tau stops falling
+    if m == k:
+        step: _Iteration = partial(_free_line_iteration, sums, min_samples)
+    else:
+        step = _build_iteration(sums, expectation, min_samples, executor)
     return _iterate(sums, state, step, iterations)
 
 
 def _check_sizes(track: Track, k: int, m: int, min_samples: int) -> None:
+    """Raise OptionError if k or m doesn't fit the track."""
     if not 1 <= m <= k:
         raise OptionError(
-            f"k = {k} parts can't have m = {m} different segments; choose 1 <= m <= k"
+            f"k = {k} intervals can't have m = {m} different segments; choose 1 <= m <= k"
         )
     if min_samples < 1 or k * min_samples > len(track):
-        parts = len(track) // max(min_samples, 1)
+        max_k = len(track) // max(min_samples, 1)
         raise OptionError(
-            f"track {track.id!r} has {len(track)} samples, too few for k = {k} parts of {min_samples} or more; choose k <= {parts}"
+            f"track {track.id!r} has {len(track)} samples, too few for k = {k} intervals of "
+            f"{min_samples} or more; choose k <= {max_k}"
         )
 
 
 def _check_choices(
     initial: str, clustering: str, expectation: str, rng: np.random.Generator | None
 ) -> None:
+    """Raise OptionError if a choice is unknown or its random numbers are missing."""
     chosen = {
         "initial": (initial, InitialPartition),
         "clustering": (clustering, Clustering),
@@ -146,6 +171,7 @@ def _check_choices(
 def _initial_state(
     sums: PrefixSums, boundaries: NDArray[np.int64], m: int, rng: np.random.Generator | None
 ) -> EMState:
+    """Label the intervals and fit the segments."""
     labels = _initial_labels(sums, boundaries, m, rng)
     return EMState(boundaries, labels, *fit_segments(sums, boundaries, labels, m))
 
@@ -153,15 +179,19 @@ def _initial_state(
 def _initial_labels(
     sums: PrefixSums, boundaries: NDArray[np.int64], m: int, rng: np.random.Generator | None
 ) -> NDArray[np.int32]:
+    """Return the initial labels: by k-means if there are random numbers, else by Ward's method."""
     k = len(boundaries) - 1
-    if m in {1, k}:
-        return np.arange(k, dtype=np.int32) if m == k else np.zeros(k, dtype=np.int32)
+    if m == k:
+        return np.arange(k, dtype=np.int32)
+    if m == 1:
+        return np.zeros(k, dtype=np.int32)
     return ward(sums, boundaries, m) if rng is None else k_means(sums, boundaries, m, rng)
 
 
 def _build_iteration(
     sums: PrefixSums, expectation: str, min_samples: int, executor: Executor | None
 ) -> _Iteration:
+    """Return an iteration with the chosen form of the expectation step."""
     executor = None if executor is None else local_executor(executor)
     steps: dict[str, _Iteration] = {
         "odd-even": partial(estep.odd_even, sums, min_samples=min_samples, executor=executor),
@@ -174,7 +204,7 @@ def _build_iteration(
 
 
 def _free_line_iteration(sums: PrefixSums, min_samples: int, state: EMState) -> EMState:
-    """Expectation and maximisation at once, where every part has a segment of its own."""
+    """Shift boundaries between best lines and refit them: an iteration for m = k."""
     boundaries = relax_boundaries(sums, state.boundaries, min_samples=min_samples, sweeps=1)
     return EMState(
         boundaries, state.labels, *fit_segments(sums, boundaries, state.labels, len(state.starts))
@@ -182,6 +212,7 @@ def _free_line_iteration(sums: PrefixSums, min_samples: int, state: EMState) -> 
 
 
 def _iterate(sums: PrefixSums, state: EMState, step: _Iteration, iterations: int) -> SegmentMean:
+    """Repeat an iteration until tau stops falling."""
     costs = [total_cost(sums, state)]
     for _ in range(iterations):
         candidate = step(state)

@@ -1,8 +1,9 @@
 """The expectation step: better boundaries and labels for given segments (thesis, section 6.3).
 
-All forms keep the number of parts and never raise tau. They cut a window of two parts anew with Algorithm 2, whose
-printed form lacks the empty right part; here both ends are candidates, no part becomes shorter than asked, and the
-present state is the candidate to beat, without which descent would be lost.
+All forms keep the number of intervals and never raise tau. They cut windows of two neighbouring
+intervals again with Algorithm 2. As printed, it lacks the empty right interval; here both ends
+are candidates, no interval becomes shorter than ``min_samples``, and the current state is a
+candidate, too, without which tau could rise.
 """
 
 from __future__ import annotations
@@ -15,30 +16,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.sums import PrefixSums
-from gpszip.run.executor import Executor
+from gpszip.run.executor import Executor, Serial
 from gpszip.segmentation.kernels.shift import shift_boundaries
 from gpszip.segmentation.partition import exact_partition
 from gpszip.segmentation.state import EMState, total_cost
 
 __all__ = ["exact", "linear", "naive", "odd_even"]
 
-#: Boundaries that are shifted as one piece of work; does not depend on the number of workers.
+#: Boundaries that a worker shifts at a time. The result doesn't depend on it.
 _BATCH = 64
 
 
 def naive(sums: PrefixSums, state: EMState, *, min_samples: int = 1) -> EMState:
-    """Walk over the boundaries, summing each candidate up anew (section 6.3.1); time n^2 m / k."""
+    """Shift the boundaries in turn, with new sums for each candidate (6.3.1); time n^2 m / k."""
     return _shift_one_by_one(sums, state, min_samples, naive=True)
 
 
 def linear(sums: PrefixSums, state: EMState, *, min_samples: int = 1) -> EMState:
-    """Walk over the boundaries with the incremental 2-segment mean (section 6.3.2); the same result in time n m."""
+    """Shift the boundaries in turn with the incremental 2-segment mean (6.3.2); time n m.
+
+    The result is that of :func:`naive`.
+    """
     return _shift_one_by_one(sums, state, min_samples, naive=False)
 
 
 def _shift_one_by_one(
     sums: PrefixSums, state: EMState, min_samples: int, *, naive: bool
 ) -> EMState:
+    """Shift all boundaries from left to right."""
     boundaries, labels = state.boundaries.copy(), state.labels.copy()
     shift_boundaries(
         sums, boundaries, labels, state.starts, state.ends, 1, len(labels), 1, min_samples, naive
@@ -49,31 +54,30 @@ def _shift_one_by_one(
 def odd_even(
     sums: PrefixSums, state: EMState, *, min_samples: int = 1, executor: Executor | None = None
 ) -> EMState:
-    """Shift all even boundaries, then all odd ones (section 6.3.3); those of one kind don't touch each other."""
-    return _shift_every_second(
-        sums, _shift_every_second(sums, state, 2, min_samples, executor), 1, min_samples, executor
-    )
+    """Shift all even boundaries, then all odd ones (6.3.3).
+
+    The windows of even boundaries don't overlap, nor do those of odd ones, so that they can be
+    shifted in parallel.
+    """
+    even = _shift_every_second(sums, state, 2, min_samples, executor)
+    return _shift_every_second(sums, even, 1, min_samples, executor)
 
 
 def _shift_every_second(
     sums: PrefixSums, state: EMState, first: int, min_samples: int, executor: Executor | None
 ) -> EMState:
+    """Shift every second boundary from ``first``, in batches."""
     boundaries, labels = state.boundaries.copy(), state.labels.copy()
-    work = partial(_shift_batch, sums, state, min_samples)
-    for low, part_boundaries, part_labels in (executor or _BuiltinMap()).map(
-        work, _batches(first, len(labels), executor)
-    ):
-        boundaries[low : low + len(part_boundaries)] = part_boundaries
-        labels[low - 1 : low - 1 + len(part_labels)] = part_labels
+    batches = _batches(first, len(labels), executor)
+    shifted = (executor or Serial()).map(partial(_shift_batch, sums, state, min_samples), batches)
+    for low, new_boundaries, new_labels in shifted:
+        boundaries[low : low + len(new_boundaries)] = new_boundaries
+        labels[low - 1 : low - 1 + len(new_labels)] = new_labels
     return replace(state, boundaries=boundaries, labels=labels)
 
 
-class _BuiltinMap:
-    map = staticmethod(map)
-
-
 def _batches(first: int, k: int, executor: Executor | None) -> Iterator[tuple[int, int]]:
-    """Ranges of boundaries that begin with one to be shifted."""
+    """Return ranges of boundaries that start with one to be shifted; one range if serial."""
     step = 2 * _BATCH if executor else k + k % 2 + 2
     return ((low, min(low + step, k)) for low in range(first, k, step))
 
@@ -81,13 +85,15 @@ def _batches(first: int, k: int, executor: Executor | None) -> Iterator[tuple[in
 def _shift_batch(
     sums: PrefixSums, state: EMState, min_samples: int, batch: tuple[int, int]
 ) -> tuple[int, NDArray[np.int64], NDArray[np.int32]]:
-    """Boundaries from ``low`` on and labels from ``low - 1`` on, every second boundary shifted."""
+    """Shift every second boundary of the range (low, high).
+
+    Returns low, the boundaries from ``low`` on and the labels from ``low - 1`` on.
+    """
+    # the boundaries to be shifted, and their neighbours on both sides
     low, high = batch
     last = low + (high - 1 - low) // 2 * 2
-    boundaries, labels = (
-        state.boundaries[low - 1 : last + 2].copy(),
-        state.labels[low - 1 : last + 1].copy(),
-    )
+    boundaries = state.boundaries[low - 1 : last + 2].copy()
+    labels = state.labels[low - 1 : last + 1].copy()
     shift_boundaries(
         sums, boundaries, labels, state.starts, state.ends, 1, len(labels), 2, min_samples, False
     )
@@ -97,19 +103,17 @@ def _shift_batch(
 def exact(
     sums: PrefixSums, state: EMState, *, min_samples: int = 1, executor: Executor | None = None
 ) -> EMState:
-    """Partition the whole track anew with k parts; at least as good as the odd/even shifts."""
+    """Partition the entire track again into k intervals; at least as good as :func:`odd_even`."""
     shifted = odd_even(sums, state, min_samples=min_samples, executor=executor)
+
+    # first guess of the penalty: one more interval gains a share of the cost of an interval
     k = len(state.labels)
-    penalty = total_cost(sums, state) / (
-        4 * k
-    )  # what a part more gains is some share of what a part costs
+    penalty = total_cost(sums, state) / (4 * k)
     boundaries, labels = exact_partition(
         sums, state.starts, state.ends, k, min_samples=min_samples, penalty=penalty
     )
-    whole = odd_even(
-        sums,
-        replace(state, boundaries=boundaries, labels=labels),
-        min_samples=min_samples,
-        executor=executor,
-    )
-    return min(shifted, whole, key=partial(total_cost, sums))
+
+    # on long tracks the partition is at some samples only: shift its boundaries, too
+    partitioned = replace(state, boundaries=boundaries, labels=labels)
+    partitioned = odd_even(sums, partitioned, min_samples=min_samples, executor=executor)
+    return min(shifted, partitioned, key=partial(total_cost, sums))

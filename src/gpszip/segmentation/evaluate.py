@@ -11,19 +11,23 @@ __all__ = ["distances", "positions_at", "rmse"]
 
 
 def positions_at(mean: SegmentMean, track: Track) -> NDArray[np.float64]:
-    """Positions f(t) in metres at the track's sample times, shape (n, d).
+    """Return the positions f(t) at the track's sample times, in metres, shape (n, d).
 
     Examples
     --------
     >>> import numpy as np
-    >>> mean = SegmentMean(np.array([0, 3]), np.array([0]), np.array([[0.0]]), np.array([[4.0]]), 0.0)
+    >>> starts, ends = np.array([[0.0]]), np.array([[4.0]])
+    >>> mean = SegmentMean(np.array([0, 3]), np.array([0]), starts, ends, 0.0)
     >>> positions_at(mean, Track("walk", [0, 1, 2], [[0], [0], [4]])).ravel().tolist()
     [0.0, 2.0, 4.0]
     """
+    # time within the interval, from 0 to 1
     lengths = np.diff(mean.boundaries)
     first, last = track.times[mean.boundaries[:-1]], track.times[mean.boundaries[1:] - 1]
-    span = np.where(last > first, last - first, 1.0)
-    u = (track.times - np.repeat(first, lengths)) / np.repeat(span, lengths)
+    duration = np.where(last > first, last - first, 1.0)
+    u = (track.times - np.repeat(first, lengths)) / np.repeat(duration, lengths)
+
+    # position on the interval's segment
     labels = np.repeat(mean.labels, lengths)
     positions: NDArray[np.float64] = (
         mean.starts[labels] + u[:, None] * (mean.ends - mean.starts)[labels]
@@ -32,13 +36,13 @@ def positions_at(mean: SegmentMean, track: Track) -> NDArray[np.float64]:
 
 
 def distances(mean: SegmentMean, track: Track) -> NDArray[np.float64]:
-    """Synchronised distance of each sample in metres, shape (n,)."""
-    away: NDArray[np.float64] = np.sqrt(
+    """Return the synchronised distance of each sample in metres, shape (n,)."""
+    errors: NDArray[np.float64] = np.sqrt(
         np.square(positions_at(mean, track) - track.positions).sum(axis=1)
     )
-    return away
+    return errors
 
 
 def rmse(mean: SegmentMean, track: Track) -> float:
-    """Root of the weighted mean squared synchronised distance in metres."""
+    """Return the root of the weighted mean squared synchronised distance in metres."""
     return float(np.sqrt(np.average(np.square(distances(mean, track)), weights=track.weights)))

@@ -1,4 +1,7 @@
-"""A memory of solved (k, m), in this process and, on request, in a folder (thesis, section 6.4, 'Memoizer')."""
+"""A memo of solved segment means, in memory and optionally in a folder.
+
+Source: the thesis, section 6.4, 'Memoizer'.
+"""
 
 from __future__ import annotations
 
@@ -18,17 +21,23 @@ from gpszip.model import SegmentMean, Track
 
 __all__ = ["Memo", "memo_key"]
 
+#: Arrays of a file, by the names of the fields of SegmentMean.
 _FIELDS = ("boundaries", "labels", "starts", "ends", "cost", "costs")
+
+#: Bytes of a key; twice as many hexadecimal digits.
+_KEY_BYTES = 16
 
 
 def memo_key(track: Track, options: Mapping[str, object]) -> str:
-    """Name of a track and the options that it is solved with: the same data and options, the same 32 hex digits."""
-    known = hashlib.blake2b(
-        json.dumps(dict(options), sort_keys=True, default=str).encode(), digest_size=16
-    )
+    """Return a hash of a track's samples and the options with which it is solved.
+
+    The track's name does not count.
+    """
+    text = json.dumps(dict(options), sort_keys=True, default=str)
+    digest = hashlib.blake2b(text.encode(), digest_size=_KEY_BYTES)
     for array in (track.times, track.positions, track.weights):
-        known.update(b"-" if array is None else str(array.shape).encode() + array.tobytes())
-    return known.hexdigest()
+        digest.update(b"-" if array is None else str(array.shape).encode() + array.tobytes())
+    return digest.hexdigest()
 
 
 class Memo:
@@ -37,7 +46,8 @@ class Memo:
     Parameters
     ----------
     folder : path, optional
-        Where solutions persist, one ``.npz`` file each; made if it doesn't exist. Several processes may share it.
+        Where solutions persist, each in a file ``.npz``; created if missing. Several processes
+        may share it.
     """
 
     def __init__(self, folder: str | os.PathLike[str] | None = None) -> None:
@@ -45,12 +55,12 @@ class Memo:
         self._folder = None if folder is None else Path(folder)
 
     def get(self, key: str, k: int, m: int) -> SegmentMean | None:
-        """Return what was solved under this key of :func:`memo_key`, or None.
+        """Return the solution under a key of :func:`memo_key`, or None.
 
         Raises
         ------
         InputError
-            If the folder's file for it can't be read whole.
+            If its file is damaged.
         """
         if (key, k, m) not in self._solved and self._folder is not None:
             path = self._path(self._folder, key, k, m)
@@ -59,7 +69,7 @@ class Memo:
         return self._solved.get((key, k, m))
 
     def put(self, key: str, mean: SegmentMean) -> None:
-        """Remember a solution, on disk too if there is a folder."""
+        """Store a solution, on disk too if there is a folder."""
         self._solved[key, mean.k, mean.m] = mean
         if self._folder is not None:
             self._folder.mkdir(parents=True, exist_ok=True)
@@ -71,7 +81,7 @@ class Memo:
 
 
 def _write(path: Path, mean: SegmentMean) -> None:
-    """Write beside the target and rename, so that no reader ever sees half a file."""
+    """Write a temporary file and rename it, so that no reader ever sees half a file."""
     handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
     try:
         with os.fdopen(handle, "wb") as file:
@@ -86,6 +96,7 @@ def _write(path: Path, mean: SegmentMean) -> None:
 
 
 def _read(path: Path, k: int, m: int) -> SegmentMean:
+    """Read a solution; raise InputError if the file is damaged or misnamed."""
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             values = [file[field] for field in _FIELDS]
@@ -93,10 +104,11 @@ def _read(path: Path, k: int, m: int) -> SegmentMean:
         mean = SegmentMean(boundaries, labels, starts, ends, float(cost), tuple(costs.tolist()))
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(
-            f"{path}: not a whole memo of a segment mean ({error}); delete it to solve anew"
+            f"{path}: damaged memo of a segment mean ({error}); delete it to solve it again"
         ) from error
+
     if (len(boundaries), len(labels), len(starts), starts.shape) != (k + 1, k, m, ends.shape):
         raise InputError(
-            f"{path}: holds another segment mean than its name says; delete it to solve anew"
+            f"{path}: holds another segment mean than its name says; delete it to solve it again"
         )
     return mean

@@ -1,6 +1,11 @@
-"""Partition of a whole track against given segments (remark 6.3.1, with pruning that makes it affordable)."""
+"""Optimal partition of a track against given segments.
+
+Source: the thesis, remark 6.3.1, with pruning that makes it affordable.
+"""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,17 +16,35 @@ from gpszip.segmentation.kernels.shift import best_cuts
 
 __all__ = ["Partition", "exact_partition", "penalised_partition"]
 
-#: ``(boundaries, labels)`` of a partition.
-Partition = tuple[NDArray[np.int64], NDArray[np.int32]]
-
-#: Samples up to which the full table of all parts is affordable.
+#: Samples up to which the full table of all intervals is affordable: 1200^2 entries.
 _MAX_TABLE_SAMPLES = 1200
 
-#: Cuts that a longer track is offered at least, and per part, before its boundaries are shifted on its samples.
-_MIN_CUTS, _CUTS_PER_INTERVAL = 4000, 12
+#: Fewest samples of a longer track at which intervals may start.
+_MIN_CUTS = 4000
 
-#: Runs of the penalised partition in search of a penalty that gives k parts, and how many parts it may lack in the end.
-_MAX_RUNS, _MAX_MISSING = 10, 0.01
+#: Samples at which intervals may start, for each of the k intervals.
+_CUTS_PER_INTERVAL = 12
+
+#: Runs of the penalised partition in search of a penalty that gives k intervals.
+_MAX_RUNS = 10
+
+#: Share of the k intervals that may be missing at the end of the search.
+_MAX_MISSING = 0.01
+
+
+class Partition(NamedTuple):
+    """A partition of a track.
+
+    Parameters
+    ----------
+    boundaries : int64 array, shape (k + 1,)
+        First sample of each interval, and the number of samples.
+    labels : int32 array, shape (k,)
+        Segment of each interval.
+    """
+
+    boundaries: NDArray[np.int64]
+    labels: NDArray[np.int32]
 
 
 def penalised_partition(
@@ -33,30 +56,38 @@ def penalised_partition(
     min_samples: int = 1,
     stride: int = 1,
 ) -> Partition:
-    """Partition with the least cost + penalty * parts, exactly, in nearly linear time; all in ticks.
+    """Find the partition with the least cost + penalty * intervals, in nearly linear time.
 
     Parameters
     ----------
-    sums : Sums
+    sums : PrefixSums
         The track in ticks.
     starts, ends : float64 array, shape (m, d)
-        The segments in place ticks.
+        The segments in position ticks.
     penalty : float
-        Cost of a part in squared place ticks.
+        Cost of an interval in squared position ticks.
     min_samples : int, default 1
-        Samples in a part at least.
+        Fewest samples of an interval.
     stride : int, default 1
-        Parts begin at every ``stride``-th sample only, which takes about stride^2 times less work.
+        Intervals start at every ``stride``-th sample only, which takes about stride^2 times less
+        work.
+
+    Returns
+    -------
+    Partition
     """
+    # best start and segment of the interval that ends at each cut
     n = len(sums.t)
     cuts = np.append(np.arange(0, n, stride, dtype=np.int64), n)
     origin, label = kernels.optimal_penalised_partition(
         sums, cuts, starts, ends, float(penalty), min_samples
     )
+
+    # trace back from the end
     chosen = [len(cuts) - 1]
     while chosen[-1] > 0:
         chosen.append(int(origin[chosen[-1]]))
-    return cuts[chosen[::-1]], label[chosen[-2::-1]].astype(np.int32)
+    return Partition(cuts[chosen[::-1]], label[chosen[-2::-1]].astype(np.int32))
 
 
 def exact_partition(
@@ -68,37 +99,39 @@ def exact_partition(
     min_samples: int = 1,
     penalty: float | None = None,
 ) -> Partition:
-    """Partition into exactly k parts: the best one on a short track, else a penalised one with parts split to k.
+    """Partition a track into exactly k intervals.
 
-    A penalty reaches only the partitions on the lower convex hull of cost over k. Between two of them the one with
-    fewer parts is taken, and its parts are split where that gains most. Above 1200 samples parts begin at some 4000
-    samples, or 12 for each part.
+    Up to 1200 samples the partition is optimal. Longer tracks get a penalised partition, whose
+    penalty is found by bisection. Penalties reach only the partitions on the lower convex hull of
+    cost over k; of two neighbours on it, the one with fewer intervals is chosen, and intervals
+    are split where that gains most. Its intervals start at about 4000 equally spaced samples, or
+    12 k if that is more.
 
     Parameters
     ----------
-    sums : Sums
+    sums : PrefixSums
         The track in ticks.
     starts, ends : float64 array, shape (m, d)
-        The segments in place ticks.
+        The segments in position ticks.
     k : int
-        Number of parts.
+        Number of intervals.
     min_samples : int, default 1
-        Samples in a part at least.
+        Fewest samples of an interval.
     penalty : float, optional
-        Where the search for the penalty begins, in squared place ticks.
+        First guess of the penalty in squared position ticks. Default: the squared extent of the
+        track over k.
+
+    Returns
+    -------
+    Partition
     """
     if len(sums.t) <= _MAX_TABLE_SAMPLES:
         _, boundaries, labels = kernels.optimal_k_partition(sums, starts, ends, k, min_samples)
-        return boundaries, labels
+        return Partition(boundaries, labels)
+
     guess = penalty or float(np.square(np.ptp(sums.p, axis=0)).sum()) / k + 1.0
-    return _split_intervals(
-        sums,
-        starts,
-        ends,
-        _bisect_penalty(sums, starts, ends, k, min_samples, guess),
-        k,
-        min_samples,
-    )
+    partition = _bisect_penalty(sums, starts, ends, k, min_samples, guess)
+    return _split_intervals(sums, starts, ends, partition, k, min_samples)
 
 
 def _bisect_penalty(
@@ -109,19 +142,26 @@ def _bisect_penalty(
     min_samples: int,
     penalty: float,
 ) -> Partition:
-    """Partition of k parts or somewhat fewer, by bisection of the penalty."""
+    """Return a penalised partition with k intervals or up to 1 % fewer; after ten runs, any fewer.
+
+    A higher penalty gives fewer intervals.
+    """
     stride = max(1, len(sums.t) // max(_MIN_CUTS, _CUTS_PER_INTERVAL * k))
     low, high, runs = 0.0, np.inf, 0
     best: Partition | None = None
     while runs < _MAX_RUNS or best is None:
-        found = penalised_partition(
+        partition = penalised_partition(
             sums, starts, ends, penalty, min_samples=min_samples, stride=stride
         )
-        parts = len(found[1])
-        if k * (1 - _MAX_MISSING) <= parts <= k:
-            return found
-        if parts < k:
-            high, best = penalty, found if best is None or parts > len(best[1]) else best
+        intervals = len(partition.labels)
+        if k * (1 - _MAX_MISSING) <= intervals <= k:
+            return partition
+
+        # keep the one with the most intervals below k
+        if intervals < k:
+            high = penalty
+            if best is None or intervals > len(best.labels):
+                best = partition
         else:
             low = penalty
         penalty = _next_penalty(low, high)
@@ -130,6 +170,7 @@ def _bisect_penalty(
 
 
 def _next_penalty(low: float, high: float) -> float:
+    """Return a penalty between two bounds; beyond one of them while the other is unknown."""
     if high == np.inf:
         return 4.0 * low
     return float(np.sqrt(low * high)) if low > 0 else high / 4.0
@@ -143,15 +184,17 @@ def _split_intervals(
     k: int,
     min_samples: int,
 ) -> Partition:
+    """Split intervals where that lowers the cost most, until there are k."""
     boundaries, labels = partition
     while len(labels) < k:
-        gains, at, left, right = best_cuts(sums, boundaries, labels, starts, ends, min_samples)
+        # the best intervals to split, at most as many as are missing
+        gains, cuts, left, right = best_cuts(sums, boundaries, labels, starts, ends, min_samples)
         best = np.argsort(-gains, kind="stable")[: k - len(labels)]
         best = np.sort(best[np.isfinite(gains[best])])
+
+        # split them all
         labels = labels.copy()
         labels[best] = left[best]
-        boundaries, labels = (
-            np.insert(boundaries, best + 1, at[best]),
-            np.insert(labels, best + 1, right[best]),
-        )
-    return boundaries, labels
+        boundaries = np.insert(boundaries, best + 1, cuts[best])
+        labels = np.insert(labels, best + 1, right[best])
+    return Partition(boundaries, labels)

@@ -1,8 +1,9 @@
-"""The search for k and m: the elbow of the cost, by nested trinary search (thesis, algorithms 3 and 4).
+"""The search for k and m: the elbow of the cost, by nested trinary search.
 
-Mended against the printed form: the search stops when at most one number is left between the bounds and tries it, where
-the thesis's loop never ends; the best point evaluated is returned, not the upper bound; k is at least m; and
-Algorithm 4 uses its own m where it names an m_n that it isn't given.
+Source: the thesis, algorithms 3 and 4, with corrections to the printed form. The search stops
+when at most one number is left between the bounds, and tries it; the printed loop never ends. It
+returns the best point evaluated, not the upper bound. k is at least m. Algorithm 4 uses its own m
+where it refers to an undefined m_n.
 """
 
 from __future__ import annotations
@@ -10,32 +11,32 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import Unpack
 
 import numpy as np
 
 from gpszip.errors import OptionError
 from gpszip.model import SegmentMean, Track
 from gpszip.run.executor import Executor, SharedValue, share_value
-from gpszip.segmentation.em import segment_mean
+from gpszip.segmentation.em import SegmentMeanOptions, segment_mean
 from gpszip.segmentation.memo import Memo, memo_key
 
 __all__ = ["FoundParameters", "find_elbow", "find_parameters"]
 
 #: The track, and the options of all segment means.
-_TrackAndOptions = tuple[Track, dict[str, Any]]
+_TrackAndOptions = tuple[Track, SegmentMeanOptions]
 
 
 @dataclass(frozen=True, eq=False)
 class FoundParameters:
-    """What the search found.
+    """The result of the search for k and m.
 
     Parameters
     ----------
     mean : SegmentMean
         The segment mean at the elbow.
     evaluated : tuple of (int, int, float)
-        Every (k, m) that was tried and its fitting cost in square metres, sorted.
+        Every (k, m) that was tried with its fitting cost in square metres, sorted.
     """
 
     mean: SegmentMean
@@ -43,7 +44,7 @@ class FoundParameters:
 
     @property
     def k(self) -> int:
-        """Number of parts."""
+        """Number of intervals."""
         return self.mean.k
 
     @property
@@ -59,12 +60,13 @@ def find_parameters(
     *,
     memo: Memo | None = None,
     executor: Executor | None = None,
-    **options: Any,
+    **options: Unpack[SegmentMeanOptions],
 ) -> FoundParameters:
     """Find the k and m at the elbow of the fitting cost.
 
-    For every m tried, k is where the cost over k lies farthest below the line through its extremes; m is where the
-    costs at those k lie farthest below theirs. About log^2 runs of :func:`segment_mean`.
+    For each m that is tried, the outer search takes the cost at the elbow over k. An elbow is the
+    point farthest below the line through the extremes. About log^2 runs of
+    :func:`gpszip.segmentation.em.segment_mean`.
 
     Parameters
     ----------
@@ -73,11 +75,11 @@ def find_parameters(
     k_range, m_range : (int, int)
         Least and greatest k and m, both included. Only pairs with m <= k are tried.
     memo : Memo, optional
-        Remembers solutions between calls, and between runs if it has a folder.
+        Keeps solutions between calls, and between processes if it has a folder.
     executor : Executor, optional
-        Runs independent (k, m) side by side; the result is the same for any number of workers.
+        Solves independent (k, m) in parallel; the result is the same for any number of workers.
     **options
-        Passed on to :func:`gpszip.segmentation.em.segment_mean`.
+        Passed to :func:`gpszip.segmentation.em.segment_mean`.
 
     Raises
     ------
@@ -85,39 +87,47 @@ def find_parameters(
         If a range is empty or doesn't fit the track.
     """
     _check_ranges(track, k_range, m_range)
-    (least_k, greatest_k), memo = k_range, memo or Memo()
+    least_k, greatest_k = k_range
+    memo = memo or Memo()
     key = memo_key(track, options)
     tried: dict[tuple[int, int], SegmentMean] = {}
 
-    def costs_of(pairs: list[tuple[int, int]]) -> list[float]:
+    # inner search: the elbow over k for one m
+    def costs_of_pairs(pairs: list[tuple[int, int]]) -> list[float]:
         _solve_pairs(shared, pairs, tried, key, memo)
         return [tried[pair].cost for pair in pairs]
 
-    def best_k(m: int) -> tuple[float, int]:
-        k = find_elbow(max(least_k, m), greatest_k, lambda ks: costs_of([(k, m) for k in ks]))
-        return tried[k, m].cost, k
+    def best_k(m: int) -> int:
+        return find_elbow(
+            max(least_k, m), greatest_k, lambda ks: costs_of_pairs([(k, m) for k in ks])
+        )
 
-    found = {}
+    # outer search: the elbow over m of the costs at those k
+    best_ks: dict[int, int] = {}
 
     def best_costs(ms: list[int]) -> list[float]:
-        found.update({m: best_k(m) for m in ms})
-        return [found[m][0] for m in ms]
+        best_ks.update({m: best_k(m) for m in ms})
+        return [tried[best_ks[m], m].cost for m in ms]
 
     with share_value(executor, (track, options)) as shared:
         m = find_elbow(*m_range, best_costs)
+
     evaluated = tuple(sorted((k, m, mean.cost) for (k, m), mean in tried.items()))
-    return FoundParameters(tried[found[m][1], m], evaluated)
+    return FoundParameters(tried[best_ks[m], m], evaluated)
 
 
 def _check_ranges(track: Track, k_range: tuple[int, int], m_range: tuple[int, int]) -> None:
+    """Raise OptionError if a range is empty, or they don't fit each other or the track."""
     for name, (least, greatest) in (("k_range", k_range), ("m_range", m_range)):
         if not 1 <= least <= greatest:
             raise OptionError(
-                f"{name} = ({least}, {greatest}) holds no number; give the least, at least 1, then the greatest"
+                f"{name} = ({least}, {greatest}) holds no number; "
+                "give the least, at least 1, then the greatest"
             )
     if m_range[1] > k_range[1]:
         raise OptionError(
-            f"m may reach {m_range[1]}, but k only {k_range[1]}; k is never below m: widen k_range or narrow m_range"
+            f"m may reach {m_range[1]}, but k only {k_range[1]}; k is never below m: "
+            "widen k_range or narrow m_range"
         )
     if k_range[1] > len(track):
         raise OptionError(
@@ -132,63 +142,76 @@ def _solve_pairs(
     key: str,
     memo: Memo,
 ) -> None:
-    """Solve the pairs that neither this search nor the memo knows, side by side."""
+    """Add the solutions of pairs to ``tried``; solve those that are not in the memo in parallel."""
+    # known solutions
     for pair in pairs:
         known = tried.get(pair) or memo.get(key, *pair)
         if known is not None:
             tried[pair] = known
+
+    # missing ones
     missing = [pair for pair in dict.fromkeys(pairs) if pair not in tried]
     for pair, mean in zip(missing, shared.map(_mean_of_pair, missing), strict=True):
         tried[pair] = mean
         memo.put(key, mean)
 
 
-def _mean_of_pair(given: _TrackAndOptions, pair: tuple[int, int]) -> SegmentMean:
-    track, options = given
+def _mean_of_pair(track_and_options: _TrackAndOptions, pair: tuple[int, int]) -> SegmentMean:
+    """Return the segment mean with k intervals and m segments."""
+    track, options = track_and_options
     return segment_mean(track, *pair, **options)
 
 
 def find_elbow(low: int, high: int, costs_of: Callable[[list[int]], list[float]]) -> int:
-    """Number between low and high whose cost lies farthest below the line through the extremes, by trinary search.
+    """Find the number whose cost is farthest below the line through the extremes.
+
+    Trinary search: two numbers divide the range into thirds, and the outer third beside the
+    lesser one is dropped.
 
     Parameters
     ----------
     low, high : int
         The extremes, both included.
     costs_of : callable
-        Returns the costs of a list of numbers; called with those that can be evaluated side by side.
+        Returns the costs of a list of numbers, which can be evaluated in parallel.
 
     Returns
     -------
     int
-        The best number evaluated: the true elbow if the distance from the line has a single peak.
+        The best number evaluated. It is the true elbow if the distance from the line has a single
+        peak.
 
     Examples
     --------
     >>> find_elbow(1, 20, lambda numbers: [1000 / x + x for x in numbers])
     5
     """
+    # the line through the extremes, and the depths below it by number
     extremes = dict(zip((low, high), costs_of([low, high]), strict=True))
-    below = partial(_depth_below_chord, low, extremes[low], high, extremes[high])
-    seen = {x: below(x, cost) for x, cost in extremes.items()}
+    depth = partial(_depth_below_chord, low, extremes[low], high, extremes[high])
+    depths = {x: depth(x, cost) for x, cost in extremes.items()}
+
+    # drop a third of the range at a time
     lower, upper = low, high
     while upper - lower > 2:
         third = (upper - lower) // 3
         a, b = lower + third, upper - third
-        seen.update({x: below(x, cost) for x, cost in zip((a, b), costs_of([a, b]), strict=True)})
-        if seen[a] > seen[b]:
+        depths.update({x: depth(x, cost) for x, cost in zip((a, b), costs_of([a, b]), strict=True)})
+        if depths[a] > depths[b]:
             upper = b
         else:
             lower = a
-    rest = [x for x in range(lower, upper + 1) if x not in seen]
-    seen.update({x: below(x, cost) for x, cost in zip(rest, costs_of(rest), strict=True)})
-    return max(sorted(seen), key=seen.__getitem__)
+
+    # evaluate what is left; of equal numbers take the least
+    rest = [x for x in range(lower, upper + 1) if x not in depths]
+    depths.update({x: depth(x, cost) for x, cost in zip(rest, costs_of(rest), strict=True)})
+    return max(sorted(depths), key=depths.__getitem__)
 
 
 def _depth_below_chord(
     low: int, cost_low: float, high: int, cost_high: float, x: int, cost: float
 ) -> float:
-    """How far (x, cost) lies below the line through the extremes once both axes run from 0 to 1."""
+    """Return the distance of (x, cost) below the chord, with both axes scaled to [0, 1]."""
     if high == low or cost_low == cost_high:
         return 0.0
     right, up = (x - low) / (high - low), (cost - cost_high) / (cost_low - cost_high)

@@ -1,4 +1,4 @@
-"""What the expectation-maximisation turns over: boundaries, labels and segments, counted in a track's own ticks."""
+"""The state of the expectation-maximisation: boundaries, labels and segments, in ticks."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ class EMState:
     Parameters
     ----------
     boundaries : int64 array, shape (k + 1,)
-        First sample of each part, and the number of samples.
+        First sample of each interval, and the number of samples.
     labels : int32 array, shape (k,)
-        Segment of each part.
+        Segment of each interval.
     starts, ends : float64 array, shape (m, d)
-        End points of the segments in place ticks from the first sample.
+        End points of the segments, in position ticks from the first sample.
     """
 
     boundaries: NDArray[np.int64]
@@ -42,12 +42,12 @@ class EMState:
 
 
 def track_sums(track: Track) -> PrefixSums:
-    """Count a track in ticks and sum them up."""
+    """Return the prefix sums of a track in ticks."""
     return build_prefix_sums(track.times, track.positions, track.weights)
 
 
 def to_ticks(sums: PrefixSums, metres: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Place ticks from the first sample of positions in metres."""
+    """Convert positions in metres to position ticks from the first sample."""
     ticks: NDArray[np.float64] = (
         np.asarray(metres, dtype=np.float64) - sums.first_position
     ) / sums.position_tick
@@ -55,35 +55,43 @@ def to_ticks(sums: PrefixSums, metres: NDArray[np.float64]) -> NDArray[np.float6
 
 
 def to_metres(sums: PrefixSums, ticks: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Positions in metres of place ticks from the first sample."""
+    """Convert position ticks from the first sample to positions in metres."""
     metres: NDArray[np.float64] = sums.first_position + ticks * sums.position_tick
     return metres
 
 
 def interval_costs(sums: PrefixSums, state: EMState) -> NDArray[np.float64]:
-    """Fitting cost of each part in squared place ticks (theory: Q - 2 (a M + v N) + W a^2 + 2 U1 a v + U2 v^2)."""
+    """Return the fitting cost of each interval in squared position ticks.
+
+    ``Q - 2 (a M + v N) + W a^2 + 2 U1 a v + U2 v^2`` with the moments in normalised time, and the
+    segment ``a + u v`` from the interval's first sample.
+    """
     rows = segment_moments(sums, state.boundaries)
     d = sums.p.shape[1]
     a = state.starts[state.labels] - sums.p[state.boundaries[:-1]]
     v = (state.ends - state.starts)[state.labels]
-    fitted = rows[:, 0] * _dot(a, a) + 2 * rows[:, 1] * _dot(a, v) + rows[:, 2] * _dot(v, v)
-    crossed = _dot(rows[:, 4 : 4 + d], a) + _dot(rows[:, 4 + d :], v)
-    costs: NDArray[np.float64] = np.maximum(rows[:, 3] - 2 * crossed + fitted, 0.0)
+
+    quadratic = rows[:, 0] * _dot(a, a) + 2 * rows[:, 1] * _dot(a, v) + rows[:, 2] * _dot(v, v)
+    linear = _dot(rows[:, 4 : 4 + d], a) + _dot(rows[:, 4 + d :], v)
+    costs: NDArray[np.float64] = np.maximum(rows[:, 3] - 2 * linear + quadratic, 0.0)
     return costs
 
 
 def _dot(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the dot products of the rows of two arrays."""
     product: NDArray[np.float64] = (a * b).sum(axis=1)
     return product
 
 
 def total_cost(sums: PrefixSums, state: EMState) -> float:
-    """Fitting cost tau in squared place ticks."""
+    """Return the fitting cost tau in squared position ticks."""
     return float(interval_costs(sums, state).sum())
 
 
 def to_segment_mean(sums: PrefixSums, state: EMState, costs: list[float]) -> SegmentMean:
-    """Put a state and the costs on the way to it, both in ticks, into metres."""
-    in_metres = tuple(cost * sums.position_tick**2 for cost in costs)
+    """Convert a state and the costs after each iteration from ticks to metres."""
+    costs_in_metres = tuple(cost * sums.position_tick**2 for cost in costs)
     starts, ends = to_metres(sums, state.starts), to_metres(sums, state.ends)
-    return SegmentMean(state.boundaries, state.labels, starts, ends, in_metres[-1], in_metres)
+    return SegmentMean(
+        state.boundaries, state.labels, starts, ends, costs_in_metres[-1], costs_in_metres
+    )

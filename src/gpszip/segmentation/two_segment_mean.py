@@ -1,4 +1,4 @@
-"""The (2,m)-segment mean: the best cut of a track against given segments (thesis, algorithm 2)."""
+"""The (2,m)-segment mean: the best cut of a track against given segments (algorithm 2)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gpszip.model import Track
-from gpszip.segmentation.kernels.shift import best_cut
+from gpszip.segmentation.kernels.shift import NO_CUT, best_cut
 from gpszip.segmentation.state import to_ticks, track_sums
 
 __all__ = ["TwoSegmentMean", "two_segment_mean"]
@@ -16,16 +16,16 @@ __all__ = ["TwoSegmentMean", "two_segment_mean"]
 
 @dataclass(frozen=True)
 class TwoSegmentMean:
-    """A track cut in two, each side travelled along one of m segments.
+    """A track cut into two intervals, each assigned to one of m segments.
 
     Parameters
     ----------
     cost : float
         Fitting cost in square metres.
     boundary : int
-        First sample of the right part, from 0 (left part empty) to n (right part empty).
+        First sample of the right interval, from 0 (left one empty) to n (right one empty).
     left, right : int
-        Segments of the two parts; 0 for an empty part.
+        Segments of the two intervals; 0 for an empty one.
     """
 
     cost: float
@@ -39,7 +39,8 @@ def two_segment_mean(
 ) -> TwoSegmentMean:
     """Cut a track where two of m given segments fit best, in time n m.
 
-    As printed, Algorithm 2 tries an empty left part, but no empty right one; here both ends are candidates.
+    As printed, Algorithm 2 tries an empty left interval, but no empty right one; here both are
+    candidates.
 
     Parameters
     ----------
@@ -48,7 +49,7 @@ def two_segment_mean(
     starts, ends : array_like, shape (m, d)
         End points of the segments in metres.
     min_samples : int, default 0
-        Samples in each part at least.
+        Fewest samples of each interval.
 
     Examples
     --------
@@ -56,15 +57,18 @@ def two_segment_mean(
     >>> two_segment_mean(track, [[0, 0], [2, 1]], [[2, 0], [2, 2]])
     TwoSegmentMean(cost=0.0, boundary=3, left=0, right=1)
     """
+    # the problem in ticks
     sums = track_sums(track)
     n, d = sums.p.shape
-    heads, tails = (
+    tick_starts, tick_ends = (
         to_ticks(sums, np.asarray(points, dtype=np.float64).reshape(-1, d))
         for points in (starts, ends)
     )
+
+    # one window: the entire track
     table = np.empty((n + 1, 2 * d + 4))
     cost, boundary, left, right = best_cut(
-        sums, 0, n, min_samples, heads, tails, -1, 0, 0, table, False
+        sums, 0, n, min_samples, tick_starts, tick_ends, NO_CUT, 0, 0, table, False
     )
     return TwoSegmentMean(
         max(float(cost), 0.0) * sums.position_tick**2, int(boundary), int(left), int(right)

@@ -1,8 +1,12 @@
-"""Edges drawn together into bundles: each follows the way that the others share, instead of cutting its corners.
+"""Edge bundling: nearly parallel edges of the road map move together, onto the same course.
 
-Rare, noisy samples make one street into a thicket of nearly parallel edges. Here they attract each other: nodes move to
-where edges are dense, every edge takes the cheapest way between its ends over dense ground, and the ways taken are the
-ground of the next round.
+Sparse, noisy samples turn one street into a thicket of nearly parallel edges that cut its corners.
+Bundling lets these edges attract each other. Each round has two steps:
+
+1. Nodes move to where the density of edges is high.
+2. Every edge takes the cheapest path between its ends over dense cells.
+
+The paths make up the density of the next round.
 """
 
 from __future__ import annotations
@@ -24,36 +28,50 @@ from gpszip.simplification.corridors import corridor_bounds
 
 __all__ = ["Bundles", "bundle_edges", "weigh_by_spacing"]
 
-#: Rounds of attraction; after the second hardly an edge moves.
+#: Rounds of attraction; after the second one hardly any edge moves.
 _ROUNDS = 2
 
-#: Each round looks more closely, by this factor.
+#: Factor by which the smoothing scale shrinks from round to round.
 _SCALE_DECAY = 0.7
 
-#: A node goes no farther than this many scales. A way between two samples stays in the ellipse about them whose axis is so many times
-#: their distance; samples err by so many scales.
-_REACH, _DETOUR, _MARGIN = 2.5, 1.35, 3.0
+#: Largest distance that a node moves, in scales.
+_REACH = 2.5
 
-#: Price of a metre: 1 / (floor + density) to this power. The floor is what untravelled ground counts for in single edges.
-_FLOOR, _POWER = 0.3, 0.8
+#: Longest path between two samples, as a multiple of their distance.
+_DETOUR = 1.35
 
-#: Sides of a cell in one scale.
+#: Error of samples, in scales.
+_MARGIN = 3.0
+
+#: Traversals added to the density of every cell, so that cells without travel have a finite price.
+_FLOOR = 0.3
+
+#: The price of a metre is (floor + density) to the power of minus this.
+_POWER = 0.8
+
+#: Added to the density before its logarithm is taken, in traversals.
+_MIN_HEIGHT = 1e-3
+
+#: Cells in one scale, along each axis.
 _CELLS_PER_SCALE = 2.0
 
-#: More cells than this, and they are made larger.
+#: Largest number of cells; above it cells become larger.
 _MAX_CELLS = 4_000_000
+
+#: Factor by which cells become larger.
+_CELL_GROWTH = 1.5
 
 
 @dataclass(frozen=True, eq=False)
 class Bundles:
-    """Where the edges went.
+    """The density of bundled edges.
 
     Parameters
     ----------
     grid : CellGrid
-        The ground.
+        Cells along the edges.
     density : float64 array, shape (c,)
-        Travels of each cell in sides of a cell.
+        Traversals of each cell, in sides of a cell.
     """
 
     grid: CellGrid
@@ -63,68 +81,87 @@ class Bundles:
 def bundle_edges(
     nodes: NDArray[np.float64],
     edges: NDArray[np.int32],
-    travels: NDArray[np.float64],
+    counts: NDArray[np.float64],
     spacing: NDArray[np.float64],
     scale: float,
 ) -> Bundles:
-    """Draw the edges together.
+    """Bundle the edges of a road map.
 
     Parameters
     ----------
     nodes : float64 array, shape (V, 2)
-        Metres.
+        Positions in metres.
     edges : int32 array, shape (E, 2)
-        At least one.
-    travels : float64 array, shape (E,)
-        How often each was travelled.
+        Nodes of each edge; at least one edge.
+    counts : float64 array, shape (E,)
+        Traversals of each edge.
     spacing : float64 array, shape (E,)
-        Metres of each that may have been travelled unseen. Those with long chords, which cut more corners, count less at first.
+        Unobserved length of each edge in metres. Edges with a large one cut more corners, and so
+        have less weight in the first round.
     scale : float
-        Deviation in metres of the bell by which edges attract each other.
+        Standard deviation in metres of the Gaussian by which edges attract each other.
     """
     from gpszip.simplification.kernels.density import find_peaks
     from gpszip.simplification.kernels.routes import cheapest_paths
 
+    # The density of straight edges.
     starts, ends = nodes[edges[:, 0]], nodes[edges[:, 1]]
     length = np.linalg.norm(ends - starts, axis=1)
     grid = _build_grid(starts, ends, length, scale)
-    density = line_density(grid, starts, ends, travels * weigh_by_spacing(spacing, travels))
-    home = np.maximum(find_cells(grid, nodes), 0)
+    density = line_density(grid, starts, ends, counts * weigh_by_spacing(spacing, counts))
+
+    start_cell = np.maximum(find_cells(grid, nodes), 0)
     used = np.unique(edges)
-    at = home.copy()
-    for turn in range(_ROUNDS):
-        height = smooth_density(grid, density, scale * _SCALE_DECAY**turn)
-        at[used] = find_peaks(
+    cell = start_cell.copy()
+    for round_number in range(_ROUNDS):
+        # Move nodes to peaks of the density near them.
+        height = smooth_density(grid, density, scale * _SCALE_DECAY**round_number)
+        cell[used] = find_peaks(
             nodes[used],
-            home[used],
+            start_cell[used],
             grid.centers,
             grid.neighbours,
-            np.log(height + 1e-3),
+            np.log(height + _MIN_HEIGHT),
             _REACH * scale,
             scale,
         )
+
+        # Find the cheapest path of each edge.
         price = (_FLOOR + height) ** -_POWER
-        first, last = at[edges[:, 0]], at[edges[:, 1]]
-        apart = np.linalg.norm(grid.centers[last] - grid.centers[first], axis=1)
+        first, last = cell[edges[:, 0]], cell[edges[:, 1]]
+        distance = np.linalg.norm(grid.centers[last] - grid.centers[first], axis=1)
         offsets, cells = cheapest_paths(
             grid.centers,
             grid.neighbours,
             price,
             first,
             last,
-            *corridor_bounds(apart, spacing, _DETOUR, _MARGIN * scale),
+            *corridor_bounds(distance, spacing, _DETOUR, _MARGIN * scale),
         )
+
+        # Count the traversals of each cell.
         density = np.bincount(
-            cells, weights=np.repeat(travels, np.diff(offsets)), minlength=len(grid)
+            cells, weights=np.repeat(counts, np.diff(offsets)), minlength=len(grid)
         ).astype(np.float64)
     return Bundles(grid, density)
 
 
 def weigh_by_spacing(
-    spacing: NDArray[np.float64], travels: NDArray[np.float64]
+    spacing: NDArray[np.float64], counts: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Weight of edges by their chords in metres: half for a typical one, less for longer ones, which cut corners."""
-    typical = float(np.average(spacing, weights=travels))
+    """Weight of edges by their unobserved length: 1/2 for a typical edge, less for longer ones.
+
+    With s the unobserved length and m its mean over all traversals, the weight is
+    ``1 / (1 + (s / m)^2)``. Edges with a long unobserved length cut corners.
+
+    Parameters
+    ----------
+    spacing : float64 array, shape (E,)
+        Unobserved length of each edge in metres.
+    counts : float64 array, shape (E,)
+        Traversals of each edge.
+    """
+    typical = float(np.average(spacing, weights=counts))
     weight: NDArray[np.float64] = 1 / (1 + (spacing / typical) ** 2)
     return weight
 
@@ -135,12 +172,16 @@ def _build_grid(
     length: NDArray[np.float64],
     scale: float,
 ) -> CellGrid:
+    """The grid about all edges, with as small cells as memory allows."""
     size, margin = scale / _CELLS_PER_SCALE, math.ceil(_REACH * _CELLS_PER_SCALE)
-    # Lines overlap, so that this is a bound.
+
+    # Bound the number of cells before any is built. Edges overlap, so 8 times as many may pass.
     while (length.sum() / size + len(length)) * (2 * margin + 1) > 8 * _MAX_CELLS:
-        size *= 1.5
+        size *= _CELL_GROWTH
+
+    # Then count them.
     grid = build_cell_grid(starts, ends, size, margin)
     while len(grid) > _MAX_CELLS:
-        size *= 1.5
+        size *= _CELL_GROWTH
         grid = build_cell_grid(starts, ends, size, margin)
     return grid

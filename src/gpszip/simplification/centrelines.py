@@ -1,4 +1,4 @@
-"""Lines moved from the grid on which they were found to the middle of what was travelled along them."""
+"""Centrelines: the skeleton's vertices move from grid cells to the middle of the travel there."""
 
 from __future__ import annotations
 
@@ -12,68 +12,85 @@ from gpszip.simplification.traversals import EdgePaths
 
 __all__ = ["move_to_centrelines"]
 
+#: Weight of the nodes at dead ends, against 1 for an edge: there, the nodes alone count.
+_DEAD_END_WEIGHT = 1e6
+
+#: Least sum of weights at a vertex that moves.
+_MIN_WEIGHT = 1e-3
+
 
 def move_to_centrelines(
     road_map: RoadMap,
-    travelled: NDArray[np.float64],
+    counts: NDArray[np.float64],
     spacing: NDArray[np.float64],
-    lines: Skeleton,
-    routes: EdgePaths,
+    skeleton: Skeleton,
+    paths: EdgePaths,
     scale: float,
 ) -> Skeleton:
-    """Move each vertex to the mean of the nearest points on the edges that pass it, and dead ends to the nodes where walks ended.
+    """Move each vertex to the weighted mean of the nearest points on the edges that pass it.
+
+    An edge has less weight if its unobserved length is large or if it is far from the vertex; both
+    mean that it cuts a corner. Dead ends move to the nodes at which walks end.
 
     Parameters
     ----------
     road_map : RoadMap
-        Whose edges were matched with the lines.
-    travelled : float64 array, shape (E,)
-        How often each edge was. Those with long chords count less, and so do distant ones, which cut a corner there.
+        The map whose edges were matched to the skeleton.
+    counts : float64 array, shape (E,)
+        Traversals of each edge.
     spacing : float64 array, shape (E,)
-        Metres of each edge that may have been travelled unseen.
-    lines : LineGraph
-        The lines.
-    routes : Routes
-        What the edges take of them.
+        Unobserved length of each edge in metres.
+    skeleton : Skeleton
+        The vertices to move.
+    paths : EdgePaths
+        Path of each edge on the skeleton.
     scale : float
-        Metres within which edges count.
+        Standard deviation in metres of the Gaussian that weighs edges by distance.
     """
-    nodes, edge = road_map.nodes[:, :2], routes.owner
+    nodes, edge = road_map.nodes[:, :2], paths.owner
     starts = nodes[road_map.edges[:, 0]]
-    along = nodes[road_map.edges[:, 1]] - starts
-    weight = travelled * weigh_by_spacing(spacing, travelled)
-    sums, total = np.zeros_like(lines.positions), np.zeros(len(lines.positions))
-    for vertex in lines.links[routes.links].T:
-        nearest = _nearest_points(lines.positions[vertex], starts[edge], along[edge])
-        away = ((nearest - lines.positions[vertex]) ** 2).sum(axis=1)
-        _accumulate(sums, total, vertex, nearest, weight[edge] * np.exp(-away / (2 * scale**2)))
+    directions = nodes[road_map.edges[:, 1]] - starts
+    weight = counts * weigh_by_spacing(spacing, counts)
+    sums, total = np.zeros_like(skeleton.positions), np.zeros(len(skeleton.positions))
+
+    # Add up the nearest points on the edges, for both ends of each link.
+    for vertex in skeleton.links[paths.links].T:
+        nearest = _nearest_points(skeleton.positions[vertex], starts[edge], directions[edge])
+        square = ((nearest - skeleton.positions[vertex]) ** 2).sum(axis=1)
+        _accumulate(sums, total, vertex, nearest, weight[edge] * np.exp(-square / (2 * scale**2)))
+
+    # At dead ends, add the nodes.
     visits = np.bincount(
-        road_map.edges.ravel(), weights=np.repeat(travelled, 2), minlength=len(nodes)
+        road_map.edges.ravel(), weights=np.repeat(counts, 2), minlength=len(nodes)
     ).astype(np.float64)
-    last = np.flatnonzero((routes.at >= 0) & (lines.degrees[routes.at] == 1))
-    _accumulate(sums, total, routes.at[last], nodes[last], 1e6 * visits[last])
-    known = total > 1e-3
-    return Skeleton(
-        np.where(known[:, None], sums / np.where(known, total, 1)[:, None], lines.positions),
-        lines.links,
-    )
+    last = np.flatnonzero((paths.vertices >= 0) & (skeleton.degrees[paths.vertices] == 1))
+    _accumulate(sums, total, paths.vertices[last], nodes[last], _DEAD_END_WEIGHT * visits[last])
+
+    # Vertices without travel stay.
+    known = total > _MIN_WEIGHT
+    means = sums / np.where(known, total, 1)[:, None]
+    return Skeleton(np.where(known[:, None], means, skeleton.positions), skeleton.links)
 
 
 def _nearest_points(
-    points: NDArray[np.float64], starts: NDArray[np.float64], along: NDArray[np.float64]
+    points: NDArray[np.float64], starts: NDArray[np.float64], directions: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    share = ((points - starts) * along).sum(axis=1) / np.maximum((along * along).sum(axis=1), 1e-12)
-    found: NDArray[np.float64] = starts + np.clip(share, 0, 1)[:, None] * along
-    return found
+    """Point nearest to each point on the segment from a start along a direction."""
+    square = np.maximum((directions * directions).sum(axis=1), 1e-12)
+    fraction = ((points - starts) * directions).sum(axis=1) / square
+    nearest: NDArray[np.float64] = starts + np.clip(fraction, 0, 1)[:, None] * directions
+    return nearest
 
 
 def _accumulate(
     sums: NDArray[np.float64],
     total: NDArray[np.float64],
-    where: NDArray[np.int32],
+    vertices: NDArray[np.int32],
     points: NDArray[np.float64],
     weights: NDArray[np.float64],
 ) -> None:
+    """Add weighted points and weights to the sums of their vertices, in place."""
     for axis in range(2):
-        sums[:, axis] += np.bincount(where, weights=weights * points[:, axis], minlength=len(sums))
-    total += np.bincount(where, weights=weights, minlength=len(sums))
+        weighted = weights * points[:, axis]
+        sums[:, axis] += np.bincount(vertices, weights=weighted, minlength=len(sums))
+    total += np.bincount(vertices, weights=weights, minlength=len(sums))

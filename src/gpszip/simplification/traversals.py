@@ -1,9 +1,15 @@
-"""What walks tell of the ways that they took: how often, how fast, when, and how far beside the middle."""
+"""Traversals of the clean map's edges: how often, how fast, when, and how far off the centreline.
+
+Walks traverse edges of the road map. :func:`match_edges` finds the path of each of these edges on
+the skeleton; the other functions transfer counts, speeds, widths and heights along these paths to
+the chains of the skeleton, which become the edges of the clean map.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,27 +33,37 @@ __all__ = [
     "match_edges",
 ]
 
-#: Times below this, in seconds, don't count from 1970: nobody logged positions before 1980.
+#: Start of 1980 in seconds since 1970. Smaller times don't count from 1970: no log is as old.
 _EARLIEST = 315_532_800.0
 
+#: Seconds in a day.
 _DAY = 86_400.0
 
-#: A way between two samples may be this much longer than the straight line; samples and lines err by so many scales.
-_DETOUR, _MARGIN = 1.5, 6.0
+#: Longest path between two samples, as a multiple of their distance.
+_DETOUR = 1.5
+
+#: Error of samples and of the skeleton, in scales.
+_MARGIN = 6.0
+
+#: Largest distance between a node and the skeleton vertex that it is matched to, in scales.
+_MAX_NODE_DISTANCE = 4
+
+#: Quantiles of speeds.
+_QUARTILES = (0.25, 0.5, 0.75)
 
 
 @dataclass(frozen=True, eq=False)
 class Traversals:
-    """Moves of all walks from a node to another, without stops and gaps.
+    """Traversals of road map edges by all walks, without stops and gaps.
 
     Parameters
     ----------
-    edges : int32 array, shape (h,)
-        Edge of the road map that each took.
-    seconds : float64 array, shape (h,)
-        How long; NaN where no times are kept.
-    times : float64 array, shape (h,)
-        When, in the middle of the move, in the log's own zero.
+    edges : int32 array, shape (t,)
+        Edge of the road map of each traversal.
+    seconds : float64 array, shape (t,)
+        Duration; NaN for walks without times.
+    times : float64 array, shape (t,)
+        Middle of the traversal in seconds, in the log's own zero.
     """
 
     edges: NDArray[np.int32]
@@ -57,149 +73,193 @@ class Traversals:
 
 @dataclass(frozen=True, eq=False)
 class EdgePaths:
-    """Ways of the road map's edges over a line graph.
+    """Paths of the road map's edges on a skeleton.
 
     Parameters
     ----------
-    at : int32 array, shape (V,)
-        Vertex of each node of the road map; -1 where none is near.
+    vertices : int32 array, shape (V,)
+        Vertex of each node of the road map; -1 if none is near.
     offsets : int64 array, shape (E + 1,)
-        Edge e takes the steps ``offsets[e]:offsets[e + 1]``; none where it is not matched.
+        Edge e takes the links ``links[offsets[e]:offsets[e + 1]]``; none if it is not matched.
     links : int32 array, shape (s,)
-        Pairs of the line graph.
+        Numbers of the skeleton's links.
     is_forward : bool array, shape (s,)
-        Whether the pair is taken from its first to its second vertex when the edge is.
+        Whether the path passes each link from its first vertex to its second.
     """
 
-    at: NDArray[np.int32]
+    vertices: NDArray[np.int32]
     offsets: NDArray[np.int64]
     links: NDArray[np.int32]
     is_forward: NDArray[np.bool_]
 
     @property
     def owner(self) -> NDArray[np.int64]:
-        """Edge of each step."""
+        """Edge of each entry of ``links``."""
         return np.repeat(np.arange(len(self.offsets) - 1), np.diff(self.offsets))
 
 
 def list_traversals(road_map: RoadMap, walks: Sequence[Walk]) -> Traversals:
-    """List the moves of all walks, in their order."""
+    """List the traversals of all walks, in their order."""
+    # Nodes and times of each travelled segment.
     ends, times = [np.zeros((0, 2), np.int64)], [np.zeros((0, 2))]
     for walk in walks:
-        moved = find_travelled_segments(walk)
+        travelled = find_travelled_segments(walk)
         clock = np.full(len(walk.nodes), np.nan) if walk.times is None else walk.times
-        ends.append(np.stack((walk.nodes[:-1], walk.nodes[1:]), axis=1)[moved].astype(np.int64))
-        times.append(np.stack((clock[:-1], clock[1:]), axis=1)[moved])
+        pairs = np.stack((walk.nodes[:-1], walk.nodes[1:]), axis=1)
+        ends.append(pairs[travelled].astype(np.int64))
+        times.append(np.stack((clock[:-1], clock[1:]), axis=1)[travelled])
+
+    # The edges of a road map are sorted, so a binary search finds those of the pairs.
     pairs, clocks = np.sort(np.concatenate(ends), axis=1), np.concatenate(times)
-    size = len(road_map.nodes)
-    keys = road_map.edges[:, 0].astype(np.int64) * size + road_map.edges[:, 1]
-    found = np.searchsorted(keys, pairs[:, 0] * size + pairs[:, 1]).astype(np.int32)
-    return Traversals(found, clocks[:, 1] - clocks[:, 0], clocks.mean(axis=1))
+    count = len(road_map.nodes)
+    edge = np.searchsorted(_pair_keys(road_map.edges, count), pairs[:, 0] * count + pairs[:, 1])
+    return Traversals(edge.astype(np.int32), clocks[:, 1] - clocks[:, 0], clocks.mean(axis=1))
 
 
 def match_edges(
-    road_map: RoadMap, lines: Skeleton, spacing: NDArray[np.float64], scale: float
+    road_map: RoadMap, skeleton: Skeleton, spacing: NDArray[np.float64], scale: float
 ) -> EdgePaths:
-    """Find the shortest way over the lines for each edge of the road map.
+    """Find the shortest path on the skeleton for each edge of the road map.
 
     Parameters
     ----------
     road_map : RoadMap
-        Of whose nodes the first two axes count.
-    lines : LineGraph
-        Where the edges shall go.
+        The map, of which the first two axes count.
+    skeleton : Skeleton
+        The lines to match edges to.
     spacing : float64 array, shape (E,)
-        Metres of each edge that may have been travelled unseen.
+        Unobserved length of each edge in metres.
     scale : float
-        Metres; nodes farther than 4 of them from the lines are not matched.
+        Metres. Nodes more than 4 scales off the skeleton are not matched.
     """
     from gpszip.simplification.kernels.routes import cheapest_paths
 
-    if lines.positions.shape[1] < 2 or not len(lines.links):
-        return _identity_paths(road_map, lines)
-    away, nearest = cKDTree(lines.positions).query(
-        road_map.nodes[:, :2], distance_upper_bound=4 * scale
+    if skeleton.positions.shape[1] < 2 or not len(skeleton.links):
+        return _identity_paths(road_map, skeleton)
+
+    # Match the nodes to their nearest vertices.
+    distance, nearest = cKDTree(skeleton.positions).query(
+        road_map.nodes[:, :2], distance_upper_bound=_MAX_NODE_DISTANCE * scale
     )
-    at = np.where(np.isfinite(away), nearest, -1).astype(np.int32)
-    start, end = at[road_map.edges[:, 0]], at[road_map.edges[:, 1]]
+    vertices = np.where(np.isfinite(distance), nearest, -1).astype(np.int32)
+    start, end = vertices[road_map.edges[:, 0]], vertices[road_map.edges[:, 1]]
     matched = np.flatnonzero((start >= 0) & (end >= 0))
-    price = np.ones(len(lines.positions))
+
+    # Find the shortest paths between them.
+    price = np.ones(len(skeleton.positions))
     first, last = start[matched], end[matched]
-    apart = np.linalg.norm(lines.positions[last] - lines.positions[first], axis=1)
-    bounds = corridor_bounds(apart, spacing[matched], _DETOUR, _MARGIN * scale)
-    offsets, nodes = cheapest_paths(
-        lines.positions, _neighbour_table(lines), price, first, last, *bounds
+    distance = np.linalg.norm(skeleton.positions[last] - skeleton.positions[first], axis=1)
+    bounds = corridor_bounds(distance, spacing[matched], _DETOUR, _MARGIN * scale)
+    offsets, visited = cheapest_paths(
+        skeleton.positions, _neighbour_table(skeleton), price, first, last, *bounds
     )
-    stops = np.zeros(len(road_map.edges), np.int64)
-    stops[matched] = np.maximum(np.diff(offsets) - 1, 0)
-    hop = np.stack((nodes[:-1], nodes[1:]), axis=1).astype(np.int64)
-    hop = np.delete(
-        hop, offsets[1:-1][(offsets[1:-1] > 0) & (offsets[1:-1] < len(nodes))] - 1, axis=0
-    )
-    keys = lines.links[:, 0].astype(np.int64) * len(lines.positions) + lines.links[:, 1]
-    steps = np.searchsorted(keys, hop.min(axis=1) * len(lines.positions) + hop.max(axis=1)).astype(
-        np.int32
-    )
-    return EdgePaths(at, np.append(0, np.cumsum(stops)), steps, hop[:, 0] < hop[:, 1])
+
+    # Turn visited vertices into links; the pair across the end of a path and the next is none.
+    counts = np.zeros(len(road_map.edges), np.int64)
+    counts[matched] = np.maximum(np.diff(offsets) - 1, 0)
+    pairs = np.stack((visited[:-1], visited[1:]), axis=1).astype(np.int64)
+    inner = offsets[1:-1]
+    pairs = np.delete(pairs, inner[(inner > 0) & (inner < len(visited))] - 1, axis=0)
+    size = len(skeleton.positions)
+    keys = pairs.min(axis=1) * size + pairs.max(axis=1)
+    links = np.searchsorted(_pair_keys(skeleton.links, size), keys).astype(np.int32)
+    return EdgePaths(vertices, np.append(0, np.cumsum(counts)), links, pairs[:, 0] < pairs[:, 1])
 
 
 def count_chain_traversals(
-    road_map: RoadMap, lines: Skeleton, strings: Chains, routes: EdgePaths
+    road_map: RoadMap, skeleton: Skeleton, chains: Chains, paths: EdgePaths
 ) -> NDArray[np.int64]:
-    """Traversals of each string, along it and against it, shape (2, w): as often as half of it was travelled, at least."""
-    edge = routes.owner
-    ahead, back = road_map.forward[edge], road_map.backward[edge]
-    taken = np.zeros((2, len(lines.links)), np.int64)
-    np.add.at(taken[0], routes.links, np.where(routes.is_forward, ahead, back))
-    np.add.at(taken[1], routes.links, np.where(routes.is_forward, back, ahead))
-    ordered = np.where(strings.is_forward, taken[:, strings.links], taken[::-1, strings.links])
-    middle = (strings.offsets[:-1] + strings.offsets[1:]) // 2
-    owner = strings.owner
-    found = [one[np.lexsort((one, owner))][middle] for one in ordered]
-    return np.array(found, dtype=np.int64).reshape(2, len(strings))
+    """Traversals of each chain along it and against it, shape (2, c).
+
+    The count of a chain is the (upper) median over its links.
+    """
+    # Count the traversals of each link along it and against it.
+    edge = paths.owner
+    forward, backward = road_map.forward[edge], road_map.backward[edge]
+    counts = np.zeros((2, len(skeleton.links)), np.int64)
+    np.add.at(counts[0], paths.links, np.where(paths.is_forward, forward, backward))
+    np.add.at(counts[1], paths.links, np.where(paths.is_forward, backward, forward))
+
+    # Turn them into the direction of the chain, and take the median of each.
+    in_chains = np.where(chains.is_forward, counts[:, chains.links], counts[::-1, chains.links])
+    middle = (chains.offsets[:-1] + chains.offsets[1:]) // 2
+    owner = chains.owner
+    medians = [row[np.lexsort((row, owner))][middle] for row in in_chains]
+    return np.array(medians, dtype=np.int64).reshape(2, len(chains))
 
 
 def chain_speeds(
-    road_map: RoadMap, hops: Traversals, lines: Skeleton, strings: Chains, routes: EdgePaths
+    road_map: RoadMap,
+    traversals: Traversals,
+    skeleton: Skeleton,
+    chains: Chains,
+    paths: EdgePaths,
 ) -> NDArray[np.float64]:
-    """Lower quartile, median and upper quartile in m/s of the speed on each string, over metres travelled; shape (w, 3)."""
-    string, speed, metres, _ = _chain_observations(road_map, hops, lines, strings, routes)
-    return grouped_quantiles(string, speed, metres, len(strings), (0.25, 0.5, 0.75))
+    """Quartiles of the speed on each chain in m/s, shape (c, 3), weighted by metres travelled.
+
+    They are lower quartile, median and upper quartile; NaN without any duration.
+    """
+    observed = _chain_observations(road_map, traversals, skeleton, chains, paths)
+    return grouped_quantiles(
+        observed.chains, observed.speeds, observed.metres, len(chains), _QUARTILES
+    )
 
 
 def chain_speeds_by_daytime(
     road_map: RoadMap,
-    hops: Traversals,
-    lines: Skeleton,
-    strings: Chains,
-    routes: EdgePaths,
-    parts: int,
+    traversals: Traversals,
+    skeleton: Skeleton,
+    chains: Chains,
+    paths: EdgePaths,
+    intervals: int,
 ) -> NDArray[np.float64]:
-    """Median speed in m/s on each string in equal parts of the day, shape (w, parts); no parts where times are not since 1970."""
-    if not len(hops.times) or not hops.times.min() > _EARLIEST:
-        return np.zeros((len(strings), 0))
-    string, speed, metres, times = _chain_observations(road_map, hops, lines, strings, routes)
-    part = (times % _DAY / _DAY * parts).astype(np.int64)
-    return grouped_quantiles(
-        string * parts + part, speed, metres, len(strings) * parts, (0.5,)
-    ).reshape(-1, parts)
+    """Median speed on each chain in m/s in equal intervals of the day (UTC).
+
+    Returns
+    -------
+    float64 array, shape (c, intervals)
+        NaN without travel; shape (c, 0) if times don't count from 1970.
+    """
+    if not len(traversals.times) or not traversals.times.min() > _EARLIEST:
+        return np.zeros((len(chains), 0))
+
+    observed = _chain_observations(road_map, traversals, skeleton, chains, paths)
+    interval = (observed.times % _DAY / _DAY * intervals).astype(np.int64)
+    medians = grouped_quantiles(
+        observed.chains * intervals + interval,
+        observed.speeds,
+        observed.metres,
+        len(chains) * intervals,
+        (0.5,),
+    )
+    return medians.reshape(-1, intervals)
 
 
 def chain_widths(
-    road_map: RoadMap, hops: Traversals, lines: Skeleton, strings: Chains, routes: EdgePaths
+    road_map: RoadMap,
+    traversals: Traversals,
+    skeleton: Skeleton,
+    chains: Chains,
+    paths: EdgePaths,
 ) -> NDArray[np.float64]:
-    """Root mean square distance between each string and the knots on it, in metres, shape (w,); NaN where there is none."""
-    visits = np.bincount(road_map.edges[hops.edges].ravel(), minlength=len(road_map.nodes))
-    known = np.flatnonzero((routes.at >= 0) & (lines.degrees[routes.at] > 0) & (visits > 0))
-    if not len(strings):
+    """Root mean square distance in metres between each chain and the knots on it, shape (c,).
+
+    NaN for chains without knots.
+    """
+    if not len(chains):
         return np.zeros(0)
-    # The nearest pair at the vertex nearest to the node.
-    home = _link_at_vertex(lines, strings)[routes.at[known]]
-    away = _distance_from_line(road_map.nodes[known, :2], lines, home)
-    owner = np.empty(len(lines.links), np.int64)
-    owner[strings.links] = strings.owner
-    weight = np.bincount(owner[home], weights=visits[known], minlength=len(strings))
-    total = np.bincount(owner[home], weights=visits[known] * away**2, minlength=len(strings))
+    visits = np.bincount(road_map.edges[traversals.edges].ravel(), minlength=len(road_map.nodes))
+    is_known = (paths.vertices >= 0) & (skeleton.degrees[paths.vertices] > 0) & (visits > 0)
+    known = np.flatnonzero(is_known)
+
+    # Measure the distance of each node from a link at its vertex.
+    link = _link_at_vertex(skeleton, chains)[paths.vertices[known]]
+    distance = _distance_from_line(road_map.nodes[known, :2], skeleton, link)
+
+    # Average over the visits of each chain.
+    owner = _chain_of_link(skeleton, chains)
+    weight = np.bincount(owner[link], weights=visits[known], minlength=len(chains))
+    total = np.bincount(owner[link], weights=visits[known] * distance**2, minlength=len(chains))
     with np.errstate(invalid="ignore", divide="ignore"):
         root: NDArray[np.float64] = np.sqrt(total / weight)
     return root
@@ -210,130 +270,190 @@ def grouped_quantiles(
     values: NDArray[np.float64],
     weights: NDArray[np.float64],
     count: int,
-    shares: ArrayLike,
+    fractions: ArrayLike,
 ) -> NDArray[np.float64]:
-    """Weighted quantiles of values in groups numbered below ``count``; shape (count, q), NaN for empty groups.
+    """Weighted quantiles of values in groups.
+
+    Parameters
+    ----------
+    group : int64 array, shape (n,)
+        Group of each value, below ``count``.
+    values, weights : float64 arrays, shape (n,)
+        The values and their weights.
+    count : int
+        Number of groups.
+    fractions : array_like, shape (q,)
+        Quantiles in [0, 1].
+
+    Returns
+    -------
+    float64 array, shape (count, q)
+        NaN for empty groups.
 
     Examples
     --------
-    >>> grouped_quantiles(np.array([0, 0, 0, 2]), np.array([3.0, 1, 2, 9]), np.ones(4), 3, [0.5]).ravel().tolist()
+    >>> group, values = np.array([0, 0, 0, 2]), np.array([3.0, 1, 2, 9])
+    >>> grouped_quantiles(group, values, np.ones(4), 3, [0.5]).ravel().tolist()
     [2.0, nan, 9.0]
     """
-    wanted = np.atleast_1d(np.asarray(shares, dtype=np.float64))
+    # Sort by group and value.
+    wanted = np.atleast_1d(np.asarray(fractions, dtype=np.float64))
     order = np.lexsort((values, group))
     group, values, weights = group[order], values[order], weights[order]
-    first, last = (
-        np.searchsorted(group, np.arange(count)),
-        np.searchsorted(group, np.arange(count), side="right"),
-    )
-    heap = np.append(0.0, np.cumsum(weights))
-    aim = heap[first, None] + wanted * (heap[last] - heap[first])[:, None]
-    place = np.clip(
-        np.searchsorted(heap, aim, side="left") - 1,
+    first = np.searchsorted(group, np.arange(count))
+    last = np.searchsorted(group, np.arange(count), side="right")
+
+    # Find where the cumulative weight reaches each fraction of the group's weight.
+    cumulative = np.append(0.0, np.cumsum(weights))
+    target = cumulative[first, None] + wanted * (cumulative[last] - cumulative[first])[:, None]
+    index = np.clip(
+        np.searchsorted(cumulative, target, side="left") - 1,
         first[:, None],
         np.maximum(last - 1, first)[:, None],
     )
-    return np.where((last > first)[:, None], np.append(values, np.nan)[place], np.nan)
+    return np.where((last > first)[:, None], np.append(values, np.nan)[index], np.nan)
 
 
-def add_heights(road_map: RoadMap, lines: Skeleton, routes: EdgePaths) -> NDArray[np.float64]:
-    """Vertices with all axes of the road map: heights and more run evenly between the nodes of the edges matched; shape (n, d)."""
-    if road_map.nodes.shape[1] <= lines.positions.shape[1]:
-        return lines.positions
-    edge, (low, high) = routes.owner, road_map.edges[routes.owner].T
-    metres = lines.lengths[routes.links]
-    run = np.cumsum(metres)
-    before = np.append(0.0, run)[routes.offsets[edge]]
-    share = (run - 0.5 * metres - before) / np.maximum(
-        np.append(0.0, run)[routes.offsets[edge + 1]] - before, 1e-12
-    )
-    travels = (road_map.forward + road_map.backward)[edge]
-    nearest = cKDTree(road_map.nodes[:, :2]).query(lines.positions)[1]
+def add_heights(road_map: RoadMap, skeleton: Skeleton, paths: EdgePaths) -> NDArray[np.float64]:
+    """Vertices with all axes of the road map, shape (n, d).
+
+    The third axis and more are interpolated between the nodes of the matched edges, weighted by
+    traversals. Vertices without an edge take them from the nearest node.
+    """
+    if road_map.nodes.shape[1] <= skeleton.positions.shape[1]:
+        return skeleton.positions
+
+    # Fraction of its edge at the middle of each link.
+    edge, (low, high) = paths.owner, road_map.edges[paths.owner].T
+    metres = skeleton.lengths[paths.links]
+    cumulative = np.cumsum(metres)
+    start = np.append(0.0, cumulative)[paths.offsets[edge]]
+    length = np.append(0.0, cumulative)[paths.offsets[edge + 1]] - start
+    fraction = (cumulative - 0.5 * metres - start) / np.maximum(length, 1e-12)
+
+    # Average over the links at each vertex.
+    counts = (road_map.forward + road_map.backward)[edge]
+    nearest = cKDTree(road_map.nodes[:, :2]).query(skeleton.positions)[1]
     heights = []
     for axis in road_map.nodes[:, 2:].T:
-        level = travels * ((1 - share) * axis[low] + share * axis[high])
-        total, weight = np.zeros(len(lines.positions)), np.zeros(len(lines.positions))
-        for end in lines.links[routes.links].T:
-            total += np.bincount(end, weights=level, minlength=len(total))
-            weight += np.bincount(end, weights=travels, minlength=len(total))
+        level = counts * ((1 - fraction) * axis[low] + fraction * axis[high])
+        total, weight = np.zeros(len(skeleton.positions)), np.zeros(len(skeleton.positions))
+        for vertex in skeleton.links[paths.links].T:
+            total += np.bincount(vertex, weights=level, minlength=len(total))
+            weight += np.bincount(vertex, weights=counts, minlength=len(total))
         heights.append(np.where(weight > 0, total / np.maximum(weight, 1), axis[nearest]))
-    return np.column_stack([lines.positions, *heights])
+    return np.column_stack([skeleton.positions, *heights])
 
 
-def _identity_paths(road_map: RoadMap, lines: Skeleton) -> EdgePaths:
-    """Edges as their own routes, on lines that are some of them."""
-    size = len(road_map.nodes)
-    keys = road_map.edges[:, 0].astype(np.int64) * size + road_map.edges[:, 1]
-    kept = np.isin(keys, lines.links[:, 0].astype(np.int64) * size + lines.links[:, 1])
-    steps = np.arange(int(kept.sum()), dtype=np.int32)
-    return EdgePaths(
-        np.arange(size, dtype=np.int32),
-        np.append(0, np.cumsum(kept)),
-        steps,
-        np.ones(len(steps), np.bool_),
-    )
+class _ChainObservations(NamedTuple):
+    """Travel on a chain within one traversal of an edge, with a duration."""
+
+    chains: NDArray[np.int64]
+    speeds: NDArray[np.float64]  # m/s
+    metres: NDArray[np.float64]
+    times: NDArray[np.float64]  # seconds in the log's own zero
 
 
 def _chain_observations(
-    road_map: RoadMap, hops: Traversals, lines: Skeleton, strings: Chains, routes: EdgePaths
-) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """String, speed, metres and time of each stretch that a walk made of a string within one move."""
-    owner = np.empty(len(lines.links), np.int64)
-    owner[strings.links] = strings.owner
-    metres = lines.lengths[routes.links]
-    edges, strung = len(routes.offsets) - 1, max(len(strings), 1)
-    keys, place = np.unique(routes.owner * strung + owner[routes.links], return_inverse=True)
-    share = np.bincount(place, weights=metres, minlength=len(keys))
-    edge, string = np.divmod(keys, strung)
-    # Ends of routes are drawn in a little; nobody went less far than straight.
+    road_map: RoadMap,
+    traversals: Traversals,
+    skeleton: Skeleton,
+    chains: Chains,
+    paths: EdgePaths,
+) -> _ChainObservations:
+    """Split the traversals of edges by the chains that their paths take."""
+    # Metres of each edge on each chain, sorted by edge.
+    owner = _chain_of_link(skeleton, chains)
+    link_lengths = skeleton.lengths[paths.links]
+    edges, chain_count = len(paths.offsets) - 1, max(len(chains), 1)
+    keys, index = np.unique(paths.owner * chain_count + owner[paths.links], return_inverse=True)
+    metres = np.bincount(index, weights=link_lengths, minlength=len(keys))
+    edge, chain = np.divmod(keys, chain_count)
+
+    # Length of each edge. Its ends may have moved inwards, but travel is no shorter than straight.
     straight = np.linalg.norm(
         road_map.nodes[road_map.edges[:, 1]] - road_map.nodes[road_map.edges[:, 0]], axis=1
     )
-    whole = np.maximum(np.bincount(edge, weights=share, minlength=edges), straight)
+    length = np.maximum(np.bincount(edge, weights=metres, minlength=edges), straight)
+
+    # Repeat each traversal for the chains of its edge.
     first, number = np.searchsorted(edge, np.arange(edges)), np.bincount(edge, minlength=edges)
-    timed = np.flatnonzero(hops.seconds > 0)
-    repeats = number[hops.edges[timed]]
-    hop = np.repeat(timed, repeats)
-    entry = (
-        np.arange(len(hop))
-        - np.repeat(np.cumsum(repeats) - repeats, repeats)
-        + first[hops.edges[hop]]
+    timed = np.flatnonzero(traversals.seconds > 0)
+    repeats = number[traversals.edges[timed]]
+    traversal = np.repeat(timed, repeats)
+    position = np.arange(len(traversal)) - np.repeat(np.cumsum(repeats) - repeats, repeats)
+    entry = position + first[traversals.edges[traversal]]
+
+    return _ChainObservations(
+        chain[entry],
+        length[traversals.edges[traversal]] / traversals.seconds[traversal],
+        metres[entry],
+        traversals.times[traversal],
     )
-    return string[entry], whole[hops.edges[hop]] / hops.seconds[hop], share[entry], hops.times[hop]
 
 
-def _neighbour_table(lines: Skeleton) -> NDArray[np.int32]:
-    """Neighbours of each vertex, ending with -1, shape (n, most)."""
-    start = np.concatenate([lines.links[:, 0], lines.links[:, 1]])
-    end = np.concatenate([lines.links[:, 1], lines.links[:, 0]])
+def _identity_paths(road_map: RoadMap, skeleton: Skeleton) -> EdgePaths:
+    """Paths of edges on a skeleton that consists of some of these edges."""
+    size = len(road_map.nodes)
+    kept = np.isin(_pair_keys(road_map.edges, size), _pair_keys(skeleton.links, size))
+    links = np.arange(int(kept.sum()), dtype=np.int32)
+    return EdgePaths(
+        np.arange(size, dtype=np.int32),
+        np.append(0, np.cumsum(kept)),
+        links,
+        np.ones(len(links), np.bool_),
+    )
+
+
+def _pair_keys(pairs: NDArray[np.int32], count: int) -> NDArray[np.int64]:
+    """One number for each pair of numbers below ``count``, sorted like the pairs."""
+    keys: NDArray[np.int64] = pairs[:, 0].astype(np.int64) * count + pairs[:, 1]
+    return keys
+
+
+def _neighbour_table(skeleton: Skeleton) -> NDArray[np.int32]:
+    """Neighbours of each vertex, filled up with -1, shape (n, largest degree)."""
+    # List each link in both directions, sorted.
+    start = np.concatenate([skeleton.links[:, 0], skeleton.links[:, 1]])
+    end = np.concatenate([skeleton.links[:, 1], skeleton.links[:, 0]])
     order = np.lexsort((end, start))
     start, end = start[order], end[order]
+
     column = np.arange(len(start)) - np.searchsorted(start, start)
-    near = np.full((len(lines.positions), int(column.max(initial=0)) + 1), -1, np.int32)
-    near[start, column] = end
-    return near
+    shape = (len(skeleton.positions), int(column.max(initial=0)) + 1)
+    table = np.full(shape, -1, np.int32)
+    table[start, column] = end
+    return table
 
 
-def _link_at_vertex(lines: Skeleton, strings: Chains) -> NDArray[np.int64]:
-    """One pair at each vertex; at junctions one of the longest string."""
-    length = strings.lengths(lines)
-    order = strings.links[np.argsort(length[strings.owner], kind="stable")]
-    pair = np.zeros(len(lines.positions), np.int64)
+def _chain_of_link(skeleton: Skeleton, chains: Chains) -> NDArray[np.int64]:
+    """Chain of each link of the skeleton."""
+    owner = np.empty(len(skeleton.links), np.int64)
+    owner[chains.links] = chains.owner
+    return owner
+
+
+def _link_at_vertex(skeleton: Skeleton, chains: Chains) -> NDArray[np.int64]:
+    """A link at each vertex; at junctions, one of the longest chain."""
+    # Later assignments overwrite earlier ones, so the longest chain comes last.
+    length = chains.lengths(skeleton)
+    order = chains.links[np.argsort(length[chains.owner], kind="stable")]
+    link = np.zeros(len(skeleton.positions), np.int64)
     for side in range(2):
-        pair[lines.links[order, side]] = order
-    return pair
+        link[skeleton.links[order, side]] = order
+    return link
 
 
 def _distance_from_line(
-    points: NDArray[np.float64], lines: Skeleton, pairs: NDArray[np.int64]
+    points: NDArray[np.float64], skeleton: Skeleton, links: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Distance of each point from the endless line through a pair."""
-    start, end = lines.positions[lines.links[pairs, 0]], lines.positions[lines.links[pairs, 1]]
-    along, offset = end - start, points - start
+    """Distance of each point from the infinite line through a link."""
     if points.shape[1] < 2:
         return np.zeros(len(points))
+    start = skeleton.positions[skeleton.links[links, 0]]
+    end = skeleton.positions[skeleton.links[links, 1]]
+    along, offset = end - start, points - start
     length = np.maximum(np.linalg.norm(along, axis=1), 1e-12)
-    away: NDArray[np.float64] = (
-        np.abs(along[:, 0] * offset[:, 1] - along[:, 1] * offset[:, 0]) / length
-    )
-    return away
+    cross = along[:, 0] * offset[:, 1] - along[:, 1] * offset[:, 0]
+    distance: NDArray[np.float64] = np.abs(cross) / length
+    return distance

@@ -1,1 +1,1 @@
-"""The 1-segment coreset: moments of a block of samples that price any line (thesis, section 6.2)."""
+"""Coresets: moments of blocks of samples that bound the cost of any k-segment (thesis, 6.2)."""

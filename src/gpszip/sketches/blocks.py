@@ -1,4 +1,7 @@
-"""Blocks of some of a log's samples, and of two such batches together: the leaves and the branches of a tree of coresets."""
+"""Leaves and inner nodes of a tree of coresets over the batches of a log.
+
+Batches become many small blocks; two neighbouring nodes become one with a bounded number of them.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +19,13 @@ from gpszip.sketches.stream import merge_coresets
 __all__ = ["build_fine_blocks", "merge_fine_blocks"]
 
 
-def build_fine_blocks(most: int, tracks: Sequence[Track]) -> Coreset:
-    """Make a block of every two samples, and merge neighbours that cost least as one while there are more than ``most``.
+def build_fine_blocks(max_blocks: int, tracks: Sequence[Track]) -> Coreset:
+    """Make a block of every two samples; merge the cheapest neighbours while there are too many.
 
     Parameters
     ----------
-    most : int
-        Largest number of blocks, but for one of each track.
+    max_blocks : int
+        Largest number of blocks; each track has one at least.
     tracks : sequence of Track
         Samples of one or more tracks, on one plane.
 
@@ -32,37 +35,40 @@ def build_fine_blocks(most: int, tracks: Sequence[Track]) -> Coreset:
     >>> len(build_fine_blocks(8, [track])), build_fine_blocks(8, [track]).samples
     (8, 100)
     """
-    rows = [_absorb_track(most, track) for track in tracks]
-    owners = np.repeat(np.arange(len(rows)), [len(own) for own in rows])
-    return _reduce_to(
-        most,
-        Coreset(tuple(track.id for track in tracks), owners, np.concatenate(rows), tracks[0].plane),
-    )
+    rows = [_absorb_track(max_blocks, track) for track in tracks]
+    owners = np.repeat(np.arange(len(rows)), [len(track_rows) for track_rows in rows])
+    names = tuple(track.id for track in tracks)
+    blocks = Coreset(names, owners, np.concatenate(rows), tracks[0].plane)
+    return _reduce_to(max_blocks, blocks)
 
 
-def merge_fine_blocks(most: int, one: Coreset, other: Coreset) -> Coreset:
-    """Blocks of both, of which neighbours are merged while there are more than ``most``."""
-    return _reduce_to(most, merge_coresets([one, other]))
+def merge_fine_blocks(max_blocks: int, first: Coreset, second: Coreset) -> Coreset:
+    """Merge two coresets; merge the cheapest neighbours while there are too many blocks."""
+    return _reduce_to(max_blocks, merge_coresets([first, second]))
 
 
-def _absorb_track(most: int, track: Track) -> NDArray[np.float64]:
+def _absorb_track(max_blocks: int, track: Track) -> NDArray[np.float64]:
+    """Return the rows of a track's blocks: up to ``2 * max_blocks``, and one more."""
     weights = np.ones(len(track)) if track.weights is None else track.weights
-    whole = len(track) // kernel.LEAF_SAMPLES * kernel.LEAF_SAMPLES
-    room = np.empty(
-        (min(2 * most, whole // kernel.LEAF_SAMPLES), kernel.FIXED_COLUMNS + 3 * track.dimension)
-    )
+
+    # full leaves
+    leaves = len(track) // kernel.LEAF_SAMPLES
+    end = leaves * kernel.LEAF_SAMPLES
+    rows = np.empty((min(2 * max_blocks, leaves), kernel.FIXED_COLUMNS + 3 * track.dimension))
     count = kernel.absorb_samples(
-        room, 0, most, track.times[:whole], track.positions[:whole], weights[:whole]
+        rows, 0, max_blocks, track.times[:end], track.positions[:end], weights[:end]
     )
-    rest = kernel.block_rows(
-        track.times, track.positions, weights, np.arange(whole, len(track) + 1)
-    )
-    return np.concatenate([room[:count], rest])
+
+    # the samples that don't fill a leaf, each a block of its own
+    rest = kernel.block_rows(track.times, track.positions, weights, np.arange(end, len(track) + 1))
+    return np.concatenate([rows[:count], rest])
 
 
-def _reduce_to(most: int, blocks: Coreset) -> Coreset:
-    if len(blocks) <= max(most, len(blocks.tracks)):
+def _reduce_to(max_blocks: int, blocks: Coreset) -> Coreset:
+    """Merge the cheapest neighbours while there are too many blocks."""
+    size = max(max_blocks, len(blocks.tracks))
+    if len(blocks) <= size:
         return blocks
     rows, owners = blocks.rows.copy(), blocks.owners.copy()
-    count = kernel.reduce_blocks(rows, owners, len(rows), max(most, len(blocks.tracks)))
+    count = kernel.reduce_blocks(rows, owners, len(rows), size)
     return replace(blocks, rows=rows[:count], owners=owners[:count])

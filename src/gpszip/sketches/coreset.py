@@ -1,4 +1,4 @@
-"""The (k, eps)-coreset: blocks of a log, each an exact sketch, that price any k-segment within bounds that never fail."""
+"""The (k, eps)-coreset: blocks of a log with exact moments that bound the cost of any k-segment."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gpszip.errors import OptionError
 from gpszip.model import Plane, SegmentMean
+from gpszip.model.text import count_text
 from gpszip.sketches.kernels import blocks as kernel
 from gpszip.sketches.kernels.block_chain import penalised_block_partition
 from gpszip.sketches.kernels.block_costs import block_costs
@@ -19,28 +20,34 @@ from gpszip.sketches.pieces import PiecewiseLinear, from_segment_mean
 
 __all__ = ["OVERSAMPLING", "Coreset", "Cost", "eps_of_blocks"]
 
-#: Free costs of blocks are known up to this share of weight times squared reach, for each merge behind them.
+#: Rounding of a free cost as a share of weight times squared extent, for each merge of a block.
 _ROUNDING = 64 * 1.2e-16
 
-#: When blocks become fewer, they are chosen among so many times more.
+#: Factor on the number of blocks among whose edges those of fewer blocks are chosen.
 OVERSAMPLING = 8
 
-#: Halvings of the interval in which the price of a part is searched.
+#: Most steps of the searches for a penalty and for a limit; each halves the logarithm.
 _BISECTION_STEPS = 40
 
-#: Share of the time step by which times may be off even steps and still count as even: the rounding of epoch seconds.
+#: Share of the time step by which even times may be off: the rounding of epoch seconds.
 _EVEN_TOLERANCE = 1e-5
+
+#: Square metres, and weight, in place of zero where a logarithm or a quotient needs more.
+_TINY = 1e-300
+
+#: Names of tracks that a message lists.
+_MAX_NAMES = 3
 
 
 class Cost(NamedTuple):
-    """What a k-segment costs, in square metres.
+    """Fitting cost of a k-segment in square metres: an estimate, and strict bounds.
 
     Parameters
     ----------
     estimate : float
-        The best guess.
+        Best guess.
     lower, upper : float
-        The fitting cost of the samples themselves lies between these.
+        Bounds on the fitting cost of the samples themselves.
     """
 
     estimate: float
@@ -50,29 +57,32 @@ class Cost(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Coreset:
-    """Blocks of consecutive samples of one or more tracks, each with its 2 d + 4 moments and its edges.
+    """Blocks of consecutive samples of tracks, each with its 2 d + 4 moments and its edges.
 
-    It stands for the samples wherever only fitting costs count. With e(B) the cost of block B against its own best line,
-    OPT_k the least cost of any k-segment, and EST(f) the sum over blocks of |f - g_B|^2 + e(B) (theory of coresets):
+    It replaces the samples wherever only fitting costs matter. Let tau(f) be the fitting cost of a
+    function f, e(B) the cost of block B against its own best line g_B, OPT_k the least cost of
+    any k-segment, and EST(f) the sum over blocks of ``|f - g_B|^2 + e(B)``. Then
 
-    - G1, :meth:`cost`: exact for every f that breaks at block edges only, (k,m)-segment or not.
-    - G2, :meth:`least_cost`: OPT_k is at least OPT of 2 k - 1 parts at block edges less the k - 1 largest e(B).
-    - G3, :meth:`cost`: |tau(f) - EST(f)| <= 2 sum over the blocks in which f breaks of \
-|f - l|_B sqrt(e(B)), for any lines l; :meth:`cost` returns the interval, so that it is rigorous for each f.
-    - With (k - 1) times the largest e(B) at most eps^2 / (4 (1 + eps)) of OPT_k, EST is within eps tau(f) of tau(f) for
-      every k-segment f, :meth:`eps`; where samples come at even times, EST itself is what :meth:`cost` estimates.
-    - G4: a (k,m)-segment is a k-segment: all but G2 holds for it as well.
+    - G1, :meth:`cost`: the cost is exact for every f that breaks at block edges only.
+    - G2, :meth:`least_cost`: OPT_k is at least the least cost of 2 k - 1 intervals at block
+      edges, less the k - 1 largest e(B).
+    - G3, :meth:`cost`: ``|tau(f) - EST(f)| <= 2 sum |f - l|_B sqrt(e(B))`` over the blocks B in
+      which f breaks, for any lines l. :meth:`cost` returns this interval.
+    - :meth:`eps`: if (k - 1) times the largest e(B) is at most ``eps^2 / (4 (1 + eps))`` of OPT_k,
+      EST(f) is within eps tau(f) of tau(f) for every k-segment f. Where samples come at even
+      times, EST(f) is what :meth:`cost` estimates.
+    - G4: a (k,m)-segment is a k-segment, so that all but G2 holds for it as well.
 
     Parameters
     ----------
     tracks : tuple of str
         Names of the tracks, in the order of their blocks.
     owners : int64 array, shape (B,)
-        Track of each block; blocks of a track are together and in order of time.
+        Track of each block. Blocks of a track are consecutive and in order of time.
     rows : float64 array, shape (B, 10 + 3 d)
         Moments, with the columns of :mod:`gpszip.sketches.kernels.blocks`.
     plane : Plane, optional
-        Where the positions lie on the earth.
+        The planes of the positions.
     """
 
     tracks: tuple[str, ...]
@@ -81,10 +91,14 @@ class Coreset:
     plane: Plane | None = None
 
     def __post_init__(self) -> None:
-        for name, kind in (("owners", np.int64), ("rows", np.float64)):
-            values = np.ascontiguousarray(getattr(self, name), dtype=kind)
+        for name, dtype in (("owners", np.int64), ("rows", np.float64)):
+            values = np.ascontiguousarray(getattr(self, name), dtype=dtype)
             values.flags.writeable = False
             object.__setattr__(self, name, values)
+
+    def __repr__(self) -> str:
+        blocks, tracks = count_text(len(self), "block"), count_text(len(self.tracks), "track")
+        return f"Coreset({blocks} of {count_text(self.samples, 'sample')}, {tracks})"
 
     def __len__(self) -> int:
         """Number of blocks."""
@@ -102,7 +116,7 @@ class Coreset:
 
     @property
     def samples(self) -> int:
-        """Number of samples that the coreset stands for."""
+        """Number of samples in all blocks."""
         return int(self.counts.sum())
 
     @property
@@ -117,21 +131,21 @@ class Coreset:
 
     @property
     def error(self) -> float:
-        """Sum of the free costs in square metres: what the blocks as a B-segment cost."""
+        """Sum of the free costs in square metres: the cost of the best lines of all blocks."""
         return math.fsum(self.free_costs)
 
     @property
     def rmse(self) -> float:
         """Root mean square distance of the samples from their blocks' best lines in metres."""
-        return math.sqrt(self.error / max(float(self.rows[:, kernel.WEIGHT].sum()), 1e-300))
+        return math.sqrt(self.error / max(float(self.rows[:, kernel.WEIGHT].sum()), _TINY))
 
     def track(self, name: str | None = None) -> Coreset:
-        """Return the blocks of one track; the name may be left out where there is one only.
+        """Return the blocks of one track; the name is optional if there is only one.
 
         Raises
         ------
         OptionError
-            If there is no such track, or several and none is named.
+            If there is no such track, or several tracks and no name is given.
         """
         if name is None and len(self.tracks) == 1:
             return self
@@ -140,18 +154,19 @@ class Coreset:
                 f"the coreset holds {_list_names(self.tracks)}; name one of these tracks"
                 + (f", not {name!r}" if name else "")
             )
-        mine = self.owners == self.tracks.index(name)
-        return replace(
-            self, tracks=(name,), owners=np.zeros(int(mine.sum()), np.int64), rows=self.rows[mine]
-        )
+        rows = self.rows[self.owners == self.tracks.index(name)]
+        return replace(self, tracks=(name,), owners=np.zeros(len(rows), np.int64), rows=rows)
 
     @property
     def uneven(self) -> NDArray[np.bool_]:
-        """Whether a block's times (or weights) are uneven, so that :meth:`eps` tells nothing of breaks in it, shape (B,)."""
-        span = self.rows[:, kernel.LAST] - self.rows[:, kernel.FIRST]
+        """Whether the times or weights of each block are uneven, shape (B,).
+
+        :meth:`eps` says nothing about functions that break in such a block.
+        """
+        durations = self.rows[:, kernel.LAST] - self.rows[:, kernel.FIRST]
         steps = np.maximum(self.rows[:, kernel.COUNT] - 1, 1)
         return (self.rows[:, kernel.COUNT] > 2) & (
-            self.rows[:, kernel.JITTER] > _EVEN_TOLERANCE * span / steps
+            self.rows[:, kernel.JITTER] > _EVEN_TOLERANCE * durations / steps
         )
 
     def cost(
@@ -161,71 +176,84 @@ class Coreset:
         times: ArrayLike | None = None,
         track: str | None = None,
     ) -> Cost:
-        """Price a k-segment or (k,m)-segment: its fitting cost (thesis, definition 4.1.3), estimated, and bounds that hold.
+        """Estimate and bound the fitting cost of a k-segment (thesis, definition 4.1.3).
 
         Parameters
         ----------
-        f : Pieces or SegmentMean
-            Any piecewise linear function of time: see :func:`~gpszip.sketches.pieces.polyline` for a polyline.
+        f : PiecewiseLinear or SegmentMean
+            A piecewise linear function of time; :func:`~gpszip.sketches.pieces.polyline` makes
+            one of knots.
         times : array_like, shape (n,), optional
-            Times of the samples, for a segment mean whose parts begin or end within blocks.
+            Times of the samples, for a segment mean whose intervals start inside blocks.
         track : str, optional
-            Which track; may be left out where there is one only.
+            Name of the track; optional if there is only one.
 
         Returns
         -------
         Cost
-            In square metres. All three are the same, up to rounding, where f breaks at block edges only (G1).
+            In square metres. All three agree, up to rounding, if f breaks at block edges only (G1).
 
         Raises
         ------
         OptionError
-            If f has another dimension, or its parts can't be told without the times.
+            If f has another dimension, or the times are needed and missing.
 
         Examples
         --------
         >>> from gpszip import Track, coreset
         >>> small = coreset(Track("lane", range(100), [[t % 50] for t in range(100)]), size=4)
         >>> from gpszip.sketches.pieces import polyline
-        >>> price = small.cost(polyline([0, 99], [[24.5], [24.5]]))
-        >>> round(price.lower), round(price.upper)
+        >>> cost = small.cost(polyline([0, 99], [[24.5], [24.5]]))
+        >>> round(cost.lower), round(cost.upper)
         (20825, 20825)
         """
-        own = self.track(track)
-        pieces = f if isinstance(f, PiecewiseLinear) else own._pieces_of_mean(f, times)
+        blocks = self.track(track)
+        pieces = f if isinstance(f, PiecewiseLinear) else blocks._pieces_of_mean(f, times)
         if pieces.starts.shape[1] != self.dimension:
             raise OptionError(
-                f"the function has {pieces.starts.shape[1]} coordinates, the coreset {self.dimension}"
+                f"the function has {pieces.starts.shape[1]} coordinates, "
+                f"the coreset {self.dimension}"
             )
-        table = block_costs(own.rows, pieces.begins, pieces.breaks, pieces.starts, pieces.speeds)
+
+        # sums over the blocks, rounded outward
+        table = block_costs(
+            blocks.rows, pieces.start_times, pieces.breaks, pieces.starts, pieces.velocities
+        )
         estimate, lower, upper = (math.fsum(column) for column in table.T)
         return Cost(estimate, max(math.nextafter(lower, 0.0), 0.0), math.nextafter(upper, math.inf))
 
     def _pieces_of_mean(self, mean: SegmentMean, times: ArrayLike | None) -> PiecewiseLinear:
+        """Convert a segment mean; without times its boundaries must be block edges."""
         if times is not None:
             return from_segment_mean(mean, times)
-        before = np.concatenate([[0], np.cumsum(self.counts)])
-        at = np.searchsorted(before, mean.boundaries)
-        if (before[np.minimum(at, len(before) - 1)] != mean.boundaries).any() or mean.boundaries[
-            -1
-        ] != before[-1]:
+
+        # block at which each interval starts
+        cuts = np.concatenate([[0], np.cumsum(self.counts)])
+        blocks = np.searchsorted(cuts, mean.boundaries)
+        nearest = cuts[np.minimum(blocks, len(cuts) - 1)]
+        if (nearest != mean.boundaries).any() or mean.boundaries[-1] != cuts[-1]:
             raise OptionError(
-                "parts of the segment mean begin within blocks; give the times of the samples"
+                "intervals of the segment mean start inside blocks; give the times of the samples"
             )
-        first, last = self.edges[at[:-1], 0], self.edges[at[1:] - 1, 1]
-        return PiecewiseLinear(first, last, mean.starts[mean.labels], mean.ends[mean.labels])
+
+        start_times, end_times = self.edges[blocks[:-1], 0], self.edges[blocks[1:] - 1, 1]
+        return PiecewiseLinear(
+            start_times, end_times, mean.starts[mean.labels], mean.ends[mean.labels]
+        )
 
     def least_cost(self, k: int) -> float:
-        """Lower bound in square metres on the cost of every k-segment of each track, all tracks together (G2).
+        """Return a lower bound on the cost of every k-segment, in square metres (G2).
 
-        No k-segment is cheaper: at most k - 1 blocks of a track have a break, on the others each line costs at least the
-        block's own. The bound is the better one of the sum of these costs but the k - 1 largest, and, by duality with a
-        price for each part, of the best partition into 2 k - 1 parts at block edges less the k - 1 largest costs.
+        It is the sum over the tracks, each approximated by a k-segment of its own. At most k - 1
+        blocks of a track have a break inside; on the others, any line costs at least as much as
+        the block's best line. Two bounds follow, and the better one is taken: the sum of all free
+        costs but the k - 1 largest; and the least cost of 2 k - 1 intervals at block edges (by
+        duality, with a penalty for each interval), less the k - 1 largest free costs.
 
         Parameters
         ----------
         k : int
-            Parts of each track.
+            Number of segments of each track.
 
         Examples
         --------
@@ -235,110 +263,121 @@ class Coreset:
         (0.0, True)
         """
         if k < 1:
-            raise OptionError(f"k is {k}; a track has at least 1 part")
+            raise OptionError(f"k is {k}; a track has at least 1 segment")
         return math.fsum(_least_cost(rows, k) for rows in self._by_track())
 
     def eps(self, k: int) -> float:
-        """Relative error that the estimate keeps for every k-segment, from the blocks alone; infinite where nothing is known.
+        """Return the largest relative error of the estimate for any k-segment.
 
-        The least eps with sum of the k - 1 largest e(B) <= eps^2 / (4 (1 + eps)) times :meth:`least_cost`.
+        It is the least eps for which the sum of the k - 1 largest e(B) is at most
+        ``eps^2 / (4 (1 + eps))`` times :meth:`least_cost`; infinite if there is none.
         """
-        return _eps(
-            math.fsum(_sum_of_costliest(rows, k) for rows in self._by_track()), self.least_cost(k)
-        )
+        costliest = math.fsum(_sum_of_costliest(rows, k) for rows in self._by_track())
+        return _eps(costliest, self.least_cost(k))
 
     def reduced(self, size: int) -> Coreset:
-        """Return the same with at most ``size`` blocks, never across tracks, of about the least cost at these edges.
+        """Merge blocks until at most ``size`` are left, at nearly the least cost.
 
-        Neighbours that cost least as one are merged until ``8 * size`` blocks are left. From there, either that goes on, or
-        their edges are partitioned anew, balanced; what costs less in all is returned.
+        The cheapest neighbours are merged until ``8 * size`` blocks are left. From there, two
+        methods are tried: merging goes on, or the blocks get a balanced partition. The result with
+        the lower total cost is returned. Blocks of different tracks are never merged.
 
         Raises
         ------
         OptionError
-            If there are more tracks than blocks allowed.
+            If ``size`` is less than the number of tracks.
         """
         if size < len(self.tracks):
             raise OptionError(f"{len(self.tracks)} tracks need as many blocks, but size is {size}")
         if len(self) <= size:
             return self
-        fine, coarse = self._merge_greedily(OVERSAMPLING * size), self._merge_greedily(size)
-        best = fine._balanced_partition(size)
-        return best if best.error < coarse.error else coarse
+        greedy = self._merge_greedily(size)
+        balanced = self._merge_greedily(OVERSAMPLING * size)._balanced_partition(size)
+        return balanced if balanced.error < greedy.error else greedy
 
     def _merge_greedily(self, size: int) -> Coreset:
+        """Merge the cheapest neighbours until at most ``size`` blocks are left."""
         rows, owners = self.rows.copy(), self.owners.copy()
         count = kernel.reduce_blocks(rows, owners, len(rows), size)
         return replace(self, rows=rows[:count], owners=owners[:count])
 
     def _balanced_partition(self, size: int) -> Coreset:
-        """The balanced partition at block edges for the least limit at which there are at most ``size`` blocks."""
-        parts = list(self._by_track())
-        low, high, best = 0.0, max(self.error, 1e-300), None
+        """Merge blocks under the lowest limit on free costs that leaves at most ``size`` blocks."""
+        rows_of_tracks = list(self._by_track())
+
+        # bisect the logarithm of the limit; a higher limit gives fewer blocks
+        low, high, best = 0.0, max(self.error, _TINY), None
         for _ in range(_BISECTION_STEPS):
             limit = math.sqrt(low * high) if low > 0 else high / 2**6
-            cuts = [kernel.balanced_blocks(rows, limit) for rows in parts]
-            number = sum(map(len, cuts)) - len(cuts)
-            low, high = (limit, high) if number > size else (low, limit)
-            best = best if number > size else cuts
-            if (
-                number == size
-                or (best is not None and low > 0.999 * high)
-                or high < 1e-18 * self.error
-            ):
+            cuts = [kernel.balanced_blocks(rows, limit) for rows in rows_of_tracks]
+            blocks = sum(map(len, cuts)) - len(cuts)
+            if blocks > size:
+                low = limit
+            else:
+                high, best = limit, cuts
+            is_close = best is not None and low > 0.999 * high
+            if blocks == size or is_close or high < 1e-18 * self.error:
                 break
-            high = high if best is not None or low < 0.98 * high else 2**6 * high
+
+            # the first upper end may be too low: raise it if nothing was found below it
+            if best is None and low >= 0.98 * high:
+                high = 2**6 * high
         if best is None:
             return self._merge_greedily(size)
-        joined = [
-            kernel.merge_between_cuts(rows, own) for rows, own in zip(parts, best, strict=True)
+
+        merged = [
+            kernel.merge_between_cuts(rows, cuts)
+            for rows, cuts in zip(rows_of_tracks, best, strict=True)
         ]
-        return replace(
-            self,
-            rows=np.concatenate(joined),
-            owners=np.repeat(self.owners[self._track_starts()], [len(own) for own in joined]),
-        )
+        owners = np.repeat(self.owners[self._track_starts()], [len(rows) for rows in merged])
+        return replace(self, rows=np.concatenate(merged), owners=owners)
 
     def _track_starts(self) -> NDArray[np.intp]:
+        """Return the first block of each track."""
         return np.flatnonzero(np.diff(self.owners, prepend=-1))
 
     def _by_track(self) -> Iterator[NDArray[np.float64]]:
+        """Yield the rows of each track."""
         yield from np.split(self.rows, self._track_starts()[1:])
 
 
 def eps_of_blocks(rows: NDArray[np.float64], k: int) -> float:
-    """Relative error that the blocks of one track keep for every k-segment, as :meth:`Coreset.eps` tells it.
+    """Return the largest relative error for any k-segment of one track, see :meth:`Coreset.eps`.
 
     Parameters
     ----------
     rows : float64 array, shape (B, 10 + 3 d)
         Blocks of a track.
     k : int
-        Parts, 1 or more.
+        Number of segments, 1 or more.
     """
     return _eps(_sum_of_costliest(rows, k), _least_cost(rows, k))
 
 
-def _eps(worst: float, least: float) -> float:
-    """The least eps with ``worst <= eps^2 / (4 (1 + eps)) least``."""
-    if worst == 0:
+def _eps(costliest: float, least: float) -> float:
+    """Return the least eps with ``costliest <= eps^2 / (4 (1 + eps)) least``.
+
+    The solution of the quadratic equation ``eps^2 - 4 share eps - 4 share = 0``.
+    """
+    if costliest == 0:
         return 0.0
-    share = worst / least if least > 0 else math.inf
+    share = costliest / least if least > 0 else math.inf
     return 2 * share + 2 * math.sqrt(share * share + share) if math.isfinite(share) else math.inf
 
 
 def _sum_of_costliest(rows: NDArray[np.float64], k: int) -> float:
-    """What the k - 1 most expensive blocks of a track cost together."""
+    """Return an upper bound on the free costs of the k - 1 most expensive blocks together."""
     return _sum_of_largest(_cost_upper_bounds(rows), k - 1)
 
 
 def _cost_upper_bounds(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Free costs, rounded up; 0 where two samples or fewer lie on their line by themselves."""
+    """Return free costs, rounded up; 0 for blocks of up to two samples, which lie on a line."""
     costs = np.array([kernel.free_cost(row) for row in rows])
     return np.where(rows[:, kernel.COUNT] > 2, costs + _rounding_errors(rows), 0.0)
 
 
 def _rounding_errors(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return bounds on the rounding errors of the free costs."""
     return np.asarray(
         _ROUNDING
         * (rows[:, kernel.DEPTH] + 1)
@@ -348,46 +387,59 @@ def _rounding_errors(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _sum_of_largest(values: NDArray[np.float64], count: int) -> float:
+    """Return the sum of the largest values."""
     return math.fsum(np.sort(values)[::-1][:count])
 
 
 def _least_cost(rows: NDArray[np.float64], k: int) -> float:
+    """Return a lower bound on the cost of every k-segment of one track."""
+    # the blocks without a break
     costs = np.array([kernel.free_cost(row) for row in rows])
-    doubt = math.fsum(_rounding_errors(rows))
-    unbroken = math.fsum(costs) - _sum_of_largest(costs, k - 1) - doubt
+    rounding = math.fsum(_rounding_errors(rows))
+    unbroken = math.fsum(costs) - _sum_of_largest(costs, k - 1) - rounding
     if 2 * k - 1 >= len(rows):
         return max(unbroken, 0.0)
-    whole = rows[0].copy()
+
+    # the entire track as one block bounds the penalty, and the rounding of merged blocks
+    merged = rows[0].copy()
     for row in rows[1:]:
-        kernel.append_block(whole, row)
-    dual = _dual_bound(rows, 2 * k - 1, kernel.free_cost(whole))
+        kernel.append_block(merged, row)
     rounding = (
         _ROUNDING
-        * (len(rows) + whole[kernel.DEPTH] + 1)
-        * whole[kernel.WEIGHT]
-        * whole[kernel.REACH] ** 2
-    )
-    return max(
-        unbroken, float(dual - _sum_of_largest(_cost_upper_bounds(rows), k - 1) - rounding), 0.0
+        * (len(rows) + merged[kernel.DEPTH] + 1)
+        * merged[kernel.WEIGHT]
+        * merged[kernel.REACH] ** 2
     )
 
+    # 2 k - 1 intervals at block edges
+    dual = _dual_bound(rows, 2 * k - 1, kernel.free_cost(merged))
+    at_edges = float(dual - _sum_of_largest(_cost_upper_bounds(rows), k - 1) - rounding)
+    return max(unbroken, at_edges, 0.0)
 
-def _dual_bound(rows: NDArray[np.float64], parts: int, most: float) -> float:
-    """Largest known lower bound on the cost of so many parts: min (cost + price * number) - price * parts, for any price."""
-    low, high, best = 0.0, max(most, 1e-300), 0.0
+
+def _dual_bound(rows: NDArray[np.float64], intervals: int, max_cost: float) -> float:
+    """Return a lower bound on the least cost of a number of intervals at block edges.
+
+    For any penalty, ``min (cost + penalty * number) - penalty * intervals`` is one. The best
+    penalty, or nearly so, is found by bisection of its logarithm: a higher one gives fewer
+    intervals.
+    """
+    low, high, best = 0.0, max(max_cost, _TINY), 0.0
     for _ in range(_BISECTION_STEPS):
-        price = math.sqrt(low * high) if low > 0 else high / 2**10
-        value, cuts = penalised_block_partition(rows, price)
+        penalty = math.sqrt(low * high) if low > 0 else high / 2**10
+        value, cuts = penalised_block_partition(rows, penalty)
         number = len(cuts) - 1
-        best = max(best, value - price * parts)
-        if number == parts or high < 1e-12 * most:
+        best = max(best, value - penalty * intervals)
+        if number == intervals or high < 1e-12 * max_cost:
             break
-        low, high = (price, high) if number > parts else (low, price)
+        low, high = (penalty, high) if number > intervals else (low, penalty)
         if low > 0.999 * high:
             break
     return best
 
 
 def _list_names(names: tuple[str, ...]) -> str:
-    shown = ", ".join(repr(name) for name in names[:3])
-    return shown + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    """Return the first names, for a message."""
+    shown = ", ".join(repr(name) for name in names[:_MAX_NAMES])
+    hidden = len(names) - _MAX_NAMES
+    return shown + (f" and {hidden} more" if hidden > 0 else "")

@@ -1,6 +1,6 @@
-"""Moments of any stretch of a track in constant time, exact at epoch seconds and UTM metres.
+"""Moments of any interval of a track in constant time, exact at epoch seconds and UTM metres.
 
-The set-up on tracks of the sums in :mod:`gpszip.kernels.sums`, where the method is told.
+:mod:`gpszip.kernels.sums` describes the method; this module applies it to tracks.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
 from gpszip.kernels import sums as kernel
-from gpszip.kernels.sums import PrefixSums as PartSums
+from gpszip.kernels.sums import PrefixSums
 from gpszip.model import Track
 
-__all__ = ["PartSums", "interval_moments", "track_sums"]
+__all__ = ["interval_moments", "track_sums"]
 
 
-def track_sums(track: Track) -> PartSums:
-    """Count a track in ticks of 1 ms and 1 mm, or finer where it is fast or small, and sum it up.
+def track_sums(track: Track) -> PrefixSums:
+    """Return the prefix sums of a track in ticks of 1 ms and 1 mm, finer if it is fast or small.
 
     Examples
     --------
@@ -28,20 +28,23 @@ def track_sums(track: Track) -> PartSums:
     return kernel.build_prefix_sums(track.times, track.positions, track.weights)
 
 
-def interval_moments(sums: PartSums, boundaries: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Moments of consecutive parts, each in its own time from 0 to 1 and about its own first sample.
+def interval_moments(sums: PrefixSums, boundaries: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Return the moments of consecutive intervals, each in its own time u from 0 to 1.
+
+    Positions r are relative to the first sample of the interval.
 
     Parameters
     ----------
-    sums : PartSums
+    sums : PrefixSums
         A track, from :func:`track_sums`.
     boundaries : int64 array, shape (k + 1,)
-        Increasing sample numbers; part j holds samples ``boundaries[j]`` to ``boundaries[j + 1] - 1``.
+        Increasing indices; interval j has samples ``boundaries[j]`` to ``boundaries[j + 1] - 1``.
 
     Returns
     -------
     float64 array, shape (k, 2 d + 4)
-        ``W, U1, U2, Q, M_1..M_d, N_1..N_d``: sums of w, w u, w u^2, w |r|^2, w r and w u r, with r in place ticks.
+        ``W, U1, U2, Q, M_1..M_d, N_1..N_d``: sums of w, w u, w u^2, w |r|^2, w r and w u r, with
+        r in position ticks.
 
     Raises
     ------

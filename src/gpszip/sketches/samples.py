@@ -1,4 +1,4 @@
-"""A coreset as a weighted subsequence of the samples (thesis, definition 4.1.6), for those who need points."""
+"""A coreset as a weighted subsequence of the samples (thesis, definition 4.1.6)."""
 
 from __future__ import annotations
 
@@ -15,22 +15,23 @@ __all__ = ["weighted_samples"]
 
 
 def weighted_samples(coreset: Coreset, tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
-    """Keep at most 2 d + 4 samples of each block, with weights, that have the block's moments (Carathéodory).
+    """Select at most 2 d + 4 weighted samples of each block that have the block's moments.
 
-    The cost of every line on every block is the same as on all samples; of a function that breaks within a block it is not,
-    and has no bound: :meth:`Coreset.cost` has.
+    By Carathéodory's theorem. On every block, every line costs the same as on all samples. The
+    cost of a function that breaks inside a block differs, without a bound; for bounds use
+    :meth:`Coreset.cost`.
 
     Parameters
     ----------
     coreset : Coreset
-        Of these tracks.
+        A coreset of the tracks.
     tracks : Track or sequence of Track
         The samples.
 
     Returns
     -------
     tuple of Track
-        Samples of each track as they were, with positive weights.
+        Unchanged samples of each track, with positive weights.
 
     Raises
     ------
@@ -45,20 +46,22 @@ def weighted_samples(coreset: Coreset, tracks: Sequence[Track] | Track) -> tuple
     >>> len(few) <= 2 * 6, round(float(few.weights.sum()), 9)
     (True, 100.0)
     """
-    whole = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
-    return tuple(_select_track_samples(coreset, track) for track in whole)
+    if isinstance(tracks, Track):
+        tracks = (tracks,)
+    return tuple(_select_track_samples(coreset, track) for track in tracks)
 
 
 def _select_track_samples(coreset: Coreset, track: Track) -> Track:
-    own = coreset.track(track.id)
-    cuts = np.concatenate([[0], np.cumsum(own.counts)])
-    times = (
-        track.times[np.concatenate([cuts[:-1], cuts[1:] - 1])]
-        if cuts[-1] == len(track)
-        else np.empty(0)
-    )
-    if not np.array_equal(times, own.edges.T.ravel()):
+    """Select the samples of one track."""
+    # the blocks must have the track's samples: compare the times of their first and last ones
+    blocks = coreset.track(track.id)
+    cuts = np.concatenate([[0], np.cumsum(blocks.counts)])
+    edge_times = np.empty(0)
+    if cuts[-1] == len(track):
+        edge_times = track.times[np.concatenate([cuts[:-1], cuts[1:] - 1])]
+    if not np.array_equal(edge_times, blocks.edges.T.ravel()):
         raise OptionError(f"the coreset is not of this track {track.id!r}: samples or times differ")
+
     weights = np.ones(len(track)) if track.weights is None else track.weights
-    kept, heavy = select_block_samples(track.times, track.positions, weights, cuts)
-    return Track(track.id, track.times[kept], track.positions[kept], heavy, plane=track.plane)
+    kept, new_weights = select_block_samples(track.times, track.positions, weights, cuts)
+    return Track(track.id, track.times[kept], track.positions[kept], new_weights, plane=track.plane)

@@ -1,6 +1,8 @@
-"""The 1-segment coreset: insert, delete, merge, and the cost against any line (thesis, section 6.2).
+"""The 1-segment coreset: insert, delete, merge, and the cost of any line (thesis, section 6.2).
 
-A sketch prices every line exactly. Merging sketches loses nothing but the places where a breakpoint may fall.
+A sketch holds the moments of a block of samples, which give the fitting cost of every line
+exactly. Merged sketches are exact, too; only fewer block edges remain at which a function may
+break.
 """
 
 from __future__ import annotations
@@ -27,15 +29,15 @@ __all__ = [
     "merge_sketches",
 ]
 
-#: Share of the weight times the squared duration below which the times have no spread to fit a slope to.
+#: A spread of times below this share of weight times squared duration is rounding.
 _SINGULAR = 1e-24
 
-#: Share of a block's weight that repeated deletions may lose.
+#: Share of a block's weight that repeated deletions may lose by rounding.
 _ROUNDING = 1e-6
 
 
 def empty_sketch(dimension: int) -> Sketch:
-    """Sketch of no samples.
+    """Return the sketch of no samples.
 
     Examples
     --------
@@ -47,7 +49,7 @@ def empty_sketch(dimension: int) -> Sketch:
 
 
 def build_sketch(track: Track, first: int = 0, last: int | None = None) -> Sketch:
-    """Sketch of the samples ``first`` to ``last - 1`` of a track; of all where left out.
+    """Return the sketch of samples ``first`` to ``last - 1`` of a track; by default of all.
 
     Examples
     --------
@@ -59,13 +61,16 @@ def build_sketch(track: Track, first: int = 0, last: int | None = None) -> Sketc
     if len(times) == 0:
         return empty_sketch(track.dimension)
     weights = np.ones(len(times)) if track.weights is None else track.weights[first:last]
+
+    # means relative to the first sample, then moments about the means
     t, p = times - times[0], positions - positions[0]
-    time, place = np.average(t, weights=weights), np.average(p, axis=0, weights=weights)
-    x, r = t - time, p - place
+    mean_time = np.average(t, weights=weights)
+    mean_position = np.average(p, axis=0, weights=weights)
+    x, r = t - mean_time, p - mean_position
     return Sketch(
         float(weights.sum()),
-        float(times[0] + time),
-        positions[0] + place,
+        float(times[0] + mean_time),
+        positions[0] + mean_position,
         float(weights @ (x * x)),
         (weights * x) @ r,
         (weights[:, None] * r).T @ r,
@@ -75,16 +80,17 @@ def build_sketch(track: Track, first: int = 0, last: int | None = None) -> Sketc
     )
 
 
-def _point(time: float, position: ArrayLike, weight: float) -> Sketch:
-    place = np.array(position, dtype=np.float64)
-    zero = np.zeros(len(place))
+def _sample_sketch(time: float, position: ArrayLike, weight: float) -> Sketch:
+    """Return the sketch of one sample."""
+    mean_position = np.array(position, dtype=np.float64)
+    d = len(mean_position)
     return Sketch(
         float(weight),
         float(time),
-        place,
+        mean_position,
         0.0,
-        zero,
-        np.zeros((len(place), len(place))),
+        np.zeros(d),
+        np.zeros((d, d)),
         float(time),
         float(time),
         1,
@@ -92,7 +98,7 @@ def _point(time: float, position: ArrayLike, weight: float) -> Sketch:
 
 
 def insert_sample(block: Sketch, time: float, position: ArrayLike, weight: float = 1.0) -> Sketch:
-    """Add one sample, in any order of time (thesis, 1_SEG_CORESET_INSERT).
+    """Add a sample, in any order of time (thesis, 1_SEG_CORESET_INSERT).
 
     Examples
     --------
@@ -100,7 +106,7 @@ def insert_sample(block: Sketch, time: float, position: ArrayLike, weight: float
     >>> block.time, block.place.tolist(), block.drift.tolist()
     (1.0, [3.0], [4.0])
     """
-    return merge_sketches(block, _point(time, position, weight))
+    return merge_sketches(block, _sample_sketch(time, position, weight))
 
 
 def delete_sample(
@@ -112,35 +118,42 @@ def delete_sample(
     first: float | None = None,
     last: float | None = None,
 ) -> Sketch:
-    """Take one sample out again (thesis, 1_SEG_CORESET_DELETE).
+    """Remove a sample (thesis, 1_SEG_CORESET_DELETE).
 
     Parameters
     ----------
     block : Sketch
-        A block that holds the sample.
+        A block that contains the sample.
     time, position, weight
         The sample, as it was inserted.
     first, last : float, optional
-        Times of the first and last sample left, in seconds, where it was the first or last that went; the moments
-        can't tell them.
+        Times in seconds of the first and the last remaining sample, if the first or the last one
+        is removed; the moments don't contain them.
 
     Raises
     ------
     OptionError
-        If the block holds less weight than is to be taken out.
+        If the block has less weight than the sample.
     """
-    left = block.weight - weight
-    if block.count < 1 or left < -_ROUNDING * block.weight or (block.count > 1 and left <= 0):
+    remaining = block.weight - weight
+    if (
+        block.count < 1
+        or remaining < -_ROUNDING * block.weight
+        or (block.count > 1 and remaining <= 0)
+    ):
         raise OptionError(
-            f"a sample of weight {weight:g} can't be taken out of a block of weight {block.weight:g}"
+            f"a sample of weight {weight:g} can't be removed from a block "
+            f"of weight {block.weight:g}"
         )
     if block.count == 1:
         return empty_sketch(block.dimension)
-    share = weight / left
+
+    # Chan's update backward
+    share = weight / remaining
     dt, dp = time - block.time, np.asarray(position, dtype=np.float64) - block.place
-    h = weight * block.weight / left
+    h = weight * block.weight / remaining
     return Sketch(
-        left,
+        remaining,
         block.time - share * dt,
         block.place - share * dp,
         max(block.spread - h * dt * dt, 0.0),
@@ -153,16 +166,19 @@ def delete_sample(
 
 
 def merge_sketches(a: Sketch, b: Sketch) -> Sketch:
-    """Sketch of two blocks together, exact and in any order (Chan's update).
+    """Return the sketch of two blocks together, in any order (Chan's update); exact.
 
     Examples
     --------
     >>> track = Track("walk", [0, 1, 2, 3], [[0], [1], [3], [3]])
-    >>> merge_sketches(build_sketch(track, 0, 2), build_sketch(track, 2, 4)).spread == build_sketch(track).spread
+    >>> merged = merge_sketches(build_sketch(track, 0, 2), build_sketch(track, 2, 4))
+    >>> merged.spread == build_sketch(track).spread
     True
     """
     if a.count == 0 or b.count == 0:
         return b if a.count == 0 else a
+
+    # differences of the means, weighted by h = W_a W_b / (W_a + W_b)
     weight = a.weight + b.weight
     h, share = a.weight * b.weight / weight, b.weight / weight
     dt, dp = b.time - a.time, b.place - a.place
@@ -182,7 +198,9 @@ def merge_sketches(a: Sketch, b: Sketch) -> Sketch:
 def fitting_matrix(
     block: Sketch, start: ArrayLike, end: ArrayLike, t0: float, t1: float
 ) -> NDArray[np.float64]:
-    """Fitting matrix D of the block against a line, shape (d, d), in m^2 (definition 6.2.1); its trace is the cost.
+    """Return the fitting matrix D of a block against a line (definition 6.2.1).
+
+    Its shape is (d, d), its unit m^2, and its trace the fitting cost.
 
     Parameters
     ----------
@@ -191,14 +209,14 @@ def fitting_matrix(
     start, end : array_like, shape (d,)
         Positions of the line at ``t0`` and ``t1``, in metres.
     t0, t1 : float
-        Seconds. Where both are the same, the line stays at ``start``.
+        Seconds. If both are equal, the line stays at ``start``.
     """
     starts, ends = np.array(start, dtype=np.float64)[None], np.array(end, dtype=np.float64)[None]
-    (away,), (speed,) = _lines_about_mean(block, starts, ends, t0, t1)
-    cross = np.outer(speed, block.drift)
+    (offset,), (velocity,) = _lines_about_mean(block, starts, ends, t0, t1)
+    cross = np.outer(velocity, block.drift)
     matrix: NDArray[np.float64] = (
-        block.weight * np.outer(away, away)
-        + block.spread * np.outer(speed, speed)
+        block.weight * np.outer(offset, offset)
+        + block.spread * np.outer(velocity, velocity)
         - cross
         - cross.T
         + block.scatter
@@ -207,7 +225,9 @@ def fitting_matrix(
 
 
 def line_cost(block: Sketch, start: ArrayLike, end: ArrayLike, t0: float, t1: float) -> float:
-    """Fitting cost in m^2 of the block against the line from ``start`` at ``t0`` to ``end`` at ``t1``, exactly.
+    """Return the exact fitting cost in m^2 of a block against a line.
+
+    The line runs from ``start`` at time ``t0`` to ``end`` at time ``t1``.
 
     Examples
     --------
@@ -221,7 +241,9 @@ def line_cost(block: Sketch, start: ArrayLike, end: ArrayLike, t0: float, t1: fl
 def line_costs(
     block: Sketch, starts: ArrayLike, ends: ArrayLike, t0: float, t1: float
 ) -> NDArray[np.float64]:
-    """Fitting costs in m^2 of the block against m lines, shape (m,), as one matrix product (equations 6.13 and 6.14).
+    """Return the fitting costs in m^2 of a block against m lines, shape (m,).
+
+    One matrix product (equations 6.13 and 6.14).
 
     Parameters
     ----------
@@ -230,29 +252,37 @@ def line_costs(
     starts, ends : array_like, shape (m, d)
         Positions of the lines at ``t0`` and ``t1``, in metres.
     t0, t1 : float
-        Seconds. Where both are the same, the lines stay at their starts.
+        Seconds. If both are equal, the lines stay at their starts.
     """
-    away, speed = _lines_about_mean(
-        block, np.asarray(starts, dtype=np.float64), np.asarray(ends, dtype=np.float64), t0, t1
-    )
+    starts, ends = np.asarray(starts, dtype=np.float64), np.asarray(ends, dtype=np.float64)
+    offsets, velocities = _lines_about_mean(block, starts, ends, t0, t1)
+
+    # p_hat: moments of the block; s_hat: a column for each line
     p_hat = np.concatenate([[block.weight, block.spread], block.drift, [np.trace(block.scatter)]])
     s_hat = np.vstack(
-        [(away * away).sum(axis=1), (speed * speed).sum(axis=1), -2 * speed.T, np.ones(len(away))]
+        [
+            (offsets * offsets).sum(axis=1),
+            (velocities * velocities).sum(axis=1),
+            -2 * velocities.T,
+            np.ones(len(offsets)),
+        ]
     )
-    product: NDArray[np.float64] = np.maximum(p_hat @ s_hat, 0.0)
-    return product
+    costs: NDArray[np.float64] = np.maximum(p_hat @ s_hat, 0.0)
+    return costs
 
 
 def _lines_about_mean(
     block: Sketch, starts: NDArray[np.float64], ends: NDArray[np.float64], t0: float, t1: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """How far the lines pass from the block's mean at its mean time, and their speeds, both of shape (m, d)."""
-    speed = (ends - starts) / (t1 - t0) if t1 != t0 else np.zeros_like(starts)
-    return starts + (block.time - t0) * speed - block.place, speed
+    """Return offsets of lines from the mean position at the mean time, and velocities; (m, d)."""
+    velocities = (ends - starts) / (t1 - t0) if t1 != t0 else np.zeros_like(starts)
+    return starts + (block.time - t0) * velocities - block.place, velocities
 
 
 def best_line(block: Sketch) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Positions in metres of the block's best line at its first and last times; a point where time has no spread.
+    """Return the positions in metres of the best line at the first and the last time of a block.
+
+    Both are the mean position if times have no spread.
 
     Raises
     ------
@@ -267,20 +297,20 @@ def best_line(block: Sketch) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
     if block.count == 0:
         raise OptionError("an empty block has no best line; insert a sample first")
-    speed = _best_velocity(block)
-    return block.place + (block.first - block.time) * speed, block.place + (
-        block.last - block.time
-    ) * speed
+    velocity = _best_velocity(block)
+    start = block.place + (block.first - block.time) * velocity
+    end = block.place + (block.last - block.time) * velocity
+    return start, end
 
 
 def free_cost(block: Sketch) -> float:
-    """Fitting cost in m^2 of the block against its own best line; never falls when samples are added."""
+    """Return the fitting cost in m^2 against the best line; it never falls as samples are added."""
     return float(max(np.trace(block.scatter) - _best_velocity(block) @ block.drift, 0.0))
 
 
 def _best_velocity(block: Sketch) -> NDArray[np.float64]:
-    flat = (
-        block.count < 2
-        or block.spread <= _SINGULAR * block.weight * (block.last - block.first) ** 2
-    )
-    return np.zeros(block.dimension) if flat else block.drift / block.spread
+    """Return the velocity of the best line; 0 if times have no spread."""
+    duration = block.last - block.first
+    if block.count < 2 or block.spread <= _SINGULAR * block.weight * duration**2:
+        return np.zeros(block.dimension)
+    return block.drift / block.spread

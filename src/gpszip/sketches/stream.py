@@ -1,9 +1,10 @@
-"""A coreset of samples that come in one by one, in bounded memory, and of coresets made elsewhere."""
+"""Coresets of a stream of samples, in bounded memory, and of other coresets merged."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,14 +17,25 @@ from gpszip.sketches.kernels import blocks as kernel
 __all__ = ["CoresetStream", "merge_coresets"]
 
 
-class CoresetStream:
-    """One pass over a track, in chunks of any size, in bounded memory.
+class _Chunk(NamedTuple):
+    """Samples as arrays."""
 
-    Every 2 samples become a block. Whenever there are ``16 * size`` blocks, the neighbours that cost least as one are
-    merged until ``8 * size`` are left, which takes O(log size) amortised for each block; at last, ``size`` are made of
-    these. So at most ``16 * size`` blocks, 1 sample and the chunk at hand are in memory. As blocks are sketches, merging
-    loses only where breaks may fall: no error adds up over the merges. What comes out depends on the samples, not on how
-    they were cut into chunks.
+    times: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    weights: NDArray[np.float64]
+
+
+class CoresetStream:
+    """Builds the coreset of a track in one pass over chunks of any size, in bounded memory.
+
+    Every two samples become a block. Whenever there are ``16 * size`` blocks, the cheapest
+    neighbours are merged until ``8 * size`` are left, in amortised time O(log size) for each
+    block. At the end, ``size`` blocks are made of these. So the memory holds at most
+    ``16 * size`` blocks, one sample and the current chunk.
+
+    Blocks hold exact moments, so that no error adds up over the merges; only the times at which
+    a function can break without an error become fewer. The result depends on the samples, not on
+    the chunks.
 
     Parameters
     ----------
@@ -32,7 +44,7 @@ class CoresetStream:
     id : str
         Name of the track.
     plane : Plane, optional
-        Where the positions lie on the earth.
+        The planes of the positions.
 
     Examples
     --------
@@ -52,18 +64,18 @@ class CoresetStream:
         self.samples = 0
         self._count = 0
         self._rows: NDArray[np.float64] | None = None
-        self._pending: tuple[NDArray[np.float64], ...] = ()
+        self._pending: _Chunk | None = None
         self._last = -np.inf
 
     @property
     def blocks(self) -> int:
-        """Number of blocks in memory at this moment."""
+        """Number of blocks in memory."""
         return self._count
 
     def push(
         self, times: ArrayLike, positions: ArrayLike, weights: ArrayLike | None = None
     ) -> None:
-        """Take in the next samples.
+        """Add the next samples.
 
         Parameters
         ----------
@@ -72,141 +84,160 @@ class CoresetStream:
         positions : array_like, shape (n, d)
             Metres.
         weights : array_like, shape (n,), optional
-            Positive; 1 where left out.
+            Positive; default 1.
 
         Raises
         ------
         TrackError
-            If time stands still or goes back, or a number is not finite; nothing of the chunk is taken in then.
+            If times don't increase, or a number is not finite. The chunk is not added then.
         """
         chunk = self._validate(times, positions, weights)
-        if len(chunk[0]) == 0:
+        if len(chunk.times) == 0:
             return
+
+        # the first chunk fixes the dimension
         if self._rows is None:
-            self._rows = np.empty(
-                (2 * OVERSAMPLING * self.size, kernel.FIXED_COLUMNS + 3 * chunk[1].shape[1])
-            )
-        self._last = float(chunk[0][-1])
-        self.samples += len(chunk[0])
-        if self._pending:
-            chunk = tuple(np.concatenate(both) for both in zip(self._pending, chunk, strict=True))
-        whole = len(chunk[0]) // kernel.LEAF_SAMPLES * kernel.LEAF_SAMPLES
-        if whole:
+            width = kernel.FIXED_COLUMNS + 3 * chunk.positions.shape[1]
+            self._rows = np.empty((2 * OVERSAMPLING * self.size, width))
+        self._last = float(chunk.times[-1])
+        self.samples += len(chunk.times)
+
+        # samples that did not fill a leaf come first
+        if self._pending is not None:
+            pairs = zip(self._pending, chunk, strict=True)
+            chunk = _Chunk(*(np.concatenate(pair) for pair in pairs))
+
+        # add full leaves; keep the rest for the next chunk
+        end = len(chunk.times) // kernel.LEAF_SAMPLES * kernel.LEAF_SAMPLES
+        if end:
             self._count = kernel.absorb_samples(
                 self._rows,
                 self._count,
                 OVERSAMPLING * self.size,
-                *(values[:whole] for values in chunk),
+                *(values[:end] for values in chunk),
             )
-        self._pending = tuple(values[whole:].copy() for values in chunk)
+        self._pending = _Chunk(*(values[end:].copy() for values in chunk))
 
     def coreset(self) -> Coreset:
-        """Return the coreset of all samples so far; the stream can go on.
+        """Return the coreset of all samples so far; more samples may follow.
 
         Raises
         ------
         InputError
-            If there was no sample.
+            If there is no sample.
         """
-        if self._rows is None:
+        if self._rows is None or self._pending is None:
             raise InputError("no samples came in: there is nothing to make a coreset of")
+
+        # samples that don't fill a leaf become one more block
         rows = self._rows[: self._count]
-        if len(self._pending[0]):
-            times, places, weights = self._pending
-            rows = np.concatenate(
-                [rows, kernel.block_rows(times, places, weights, np.array([0, len(times)]))]
-            )
-        return Coreset((self.id,), np.zeros(len(rows), np.int64), rows.copy(), self.plane).reduced(
-            self.size
-        )
+        if len(self._pending.times):
+            cuts = np.array([0, len(self._pending.times)])
+            rows = np.concatenate([rows, kernel.block_rows(*self._pending, cuts)])
+        owners = np.zeros(len(rows), np.int64)
+        return Coreset((self.id,), owners, rows.copy(), self.plane).reduced(self.size)
 
     def _validate(
         self, times: ArrayLike, positions: ArrayLike, weights: ArrayLike | None
-    ) -> tuple[NDArray[np.float64], ...]:
-        when, where = (
-            np.ascontiguousarray(times, dtype=np.float64),
-            np.ascontiguousarray(positions, dtype=np.float64),
-        )
-        heavy = (
-            np.ones(len(when))
-            if weights is None
-            else np.ascontiguousarray(weights, dtype=np.float64)
-        )
+    ) -> _Chunk:
+        """Return the arguments as arrays; raise TrackError if they can't be added."""
         name = f"track {self.id!r}"
-        dimension = (
-            where.shape[-1]
-            if self._rows is None
-            else (self._rows.shape[1] - kernel.FIXED_COLUMNS) // 3
-        )
-        if when.ndim != 1 or where.shape != (len(when), dimension) or heavy.shape != when.shape:
-            raise TrackError(
-                f"{name}: times have shape {when.shape} and positions {where.shape}; expected (n,) and (n, {dimension})"
-            )
-        if not (
-            np.isfinite(when).all()
-            and np.isfinite(where).all()
-            and np.isfinite(heavy).all()
-            and (heavy > 0).all()
+        times = np.ascontiguousarray(times, dtype=np.float64)
+        positions = np.ascontiguousarray(positions, dtype=np.float64)
+        if weights is None:
+            weights = np.ones(len(times))
+        weights = np.ascontiguousarray(weights, dtype=np.float64)
+
+        # shapes
+        if self._rows is None:
+            dimension = positions.shape[-1]
+        else:
+            dimension = (self._rows.shape[1] - kernel.FIXED_COLUMNS) // 3
+        if (
+            times.ndim != 1
+            or positions.shape != (len(times), dimension)
+            or weights.shape != times.shape
         ):
             raise TrackError(
-                f"{name}: a sample is not finite, or its weight is not positive; drop or repair such samples first"
+                f"{name}: times have shape {times.shape} and positions {positions.shape}; "
+                f"expected (n,) and (n, {dimension})"
             )
-        back = np.diff(when, prepend=self._last) <= 0
-        if back.any():
-            at = int(back.argmax())
+
+        # values
+        is_finite = all(np.isfinite(values).all() for values in (times, positions, weights))
+        if not is_finite or (weights <= 0).any():
             raise TrackError(
-                f"{name}: sample {self.samples + at}: time {when[at]:g} does not follow the one before; sort or split the track"
+                f"{name}: a sample is not finite, or its weight is not positive; "
+                "drop or repair such samples first"
             )
-        return when, where, heavy
+
+        # order, from the last sample of the previous chunk on
+        goes_back = np.diff(times, prepend=self._last) <= 0
+        if goes_back.any():
+            row = int(goes_back.argmax())
+            raise TrackError(
+                f"{name}: sample {self.samples + row}: time {times[row]:g} does not follow the "
+                "one before; sort or split the track"
+            )
+        return _Chunk(times, positions, weights)
 
 
-def merge_coresets(parts: Sequence[Coreset], *, size: int | None = None) -> Coreset:
-    """Unite coresets of different tracks, or of stretches of the same tracks that follow each other.
+def merge_coresets(coresets: Sequence[Coreset], *, size: int | None = None) -> Coreset:
+    """Merge coresets of different tracks, or of consecutive slices of the same tracks.
 
     Parameters
     ----------
-    parts : sequence of Coreset
-        On one plane.
+    coresets : sequence of Coreset
+        On the same planes.
     size : int, optional
-        Largest number of blocks of the result; all are kept where left out.
+        Largest number of blocks of the result. Default: all blocks are kept.
 
     Returns
     -------
     Coreset
-        Tracks in the order in which the parts first name them; stretches of one track in order of time.
+        Tracks in the order of their first coresets; slices of a track in order of time.
 
     Raises
     ------
     OptionError
-        If the planes differ, or stretches of one track overlap in time.
+        If the planes differ, or slices of a track overlap in time.
 
     Examples
     --------
-    >>> one, two = CoresetStream(2, id="a"), CoresetStream(2, id="b")
-    >>> one.push([0, 1], [[0.0], [1.0]])
-    >>> two.push([0, 1], [[5.0], [6.0]])
-    >>> merge_coresets([one.coreset(), two.coreset()]).tracks
+    >>> first, second = CoresetStream(2, id="a"), CoresetStream(2, id="b")
+    >>> first.push([0, 1], [[0.0], [1.0]])
+    >>> second.push([0, 1], [[5.0], [6.0]])
+    >>> merge_coresets([first.coreset(), second.coreset()]).tracks
     ('a', 'b')
     """
-    if not parts:
+    if not coresets:
         raise InputError("no coresets: there is nothing to merge")
-    first = parts[0]
-    for part in parts:
-        if part.dimension != first.dimension or part.plane != first.plane:
+    first = coresets[0]
+    for coreset in coresets:
+        if coreset.dimension != first.dimension or coreset.plane != first.plane:
             raise OptionError("the coresets lie on different planes; read their logs together")
-    names = tuple(dict.fromkeys(name for part in parts for name in part.tracks))
-    number = {name: i for i, name in enumerate(names)}
+
+    # common numbers for the tracks
+    names = tuple(dict.fromkeys(name for coreset in coresets for name in coreset.tracks))
+    numbers = {name: i for i, name in enumerate(names)}
     owners = np.concatenate(
-        [np.array([number[name] for name in part.tracks], np.int64)[part.owners] for part in parts]
+        [
+            np.array([numbers[name] for name in coreset.tracks], np.int64)[coreset.owners]
+            for coreset in coresets
+        ]
     )
-    rows = np.concatenate([part.rows for part in parts])
+    rows = np.concatenate([coreset.rows for coreset in coresets])
+
+    # blocks by track and time
     order = np.lexsort((rows[:, kernel.FIRST], owners))
     owners, rows = owners[order], rows[order]
-    over = (owners[1:] == owners[:-1]) & (rows[1:, kernel.FIRST] <= rows[:-1, kernel.LAST])
-    if over.any():
-        at = int(over.argmax())
+    overlaps = (owners[1:] == owners[:-1]) & (rows[1:, kernel.FIRST] <= rows[:-1, kernel.LAST])
+    if overlaps.any():
+        row = int(overlaps.argmax())
         raise OptionError(
-            f"track {names[owners[at]]!r}: two stretches overlap at time {rows[at + 1, kernel.FIRST]:g}; give each its own name"
+            f"track {names[owners[row]]!r}: two slices overlap at time "
+            f"{rows[row + 1, kernel.FIRST]:g}; give each its own name"
         )
-    whole = replace(first, tracks=names, owners=owners, rows=rows)
-    return whole if size is None else whole.reduced(size)
+
+    merged = replace(first, tracks=names, owners=owners, rows=rows)
+    return merged if size is None else merged.reduced(size)

@@ -1,4 +1,4 @@
-"""Generators of logs and strategies for property tests, for our own tests and for those who build on GPSZip."""
+"""Synthetic logs and hypothesis strategies, for tests of GPSZip and of software that uses it."""
 
 from gpszip.testing.city import city, drives
 from gpszip.testing.patrol import patrol

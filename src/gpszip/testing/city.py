@@ -1,4 +1,4 @@
-"""A synthetic town: vehicles on a grid of streets, in degrees."""
+"""A synthetic town: vehicles on a square grid of streets."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 __all__ = ["city", "drives"]
 
+#: Metres in a degree of longitude at the equator.
 _METRES_PER_DEGREE = 111_320.0
 
 
@@ -22,12 +23,14 @@ def city(
     speed: float = 9.0,
     center: tuple[float, float] = (37.98, 23.73),
 ) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Generate vehicles that drive the shortest way between random crossings, as a fleet's log would show them.
+    """Generate the log of a fleet in degrees.
+
+    Its vehicles drive along shortest paths between random crossings.
 
     Parameters
     ----------
     blocks : int
-        Blocks along each side of the town.
+        Number of blocks along each side of the town.
     vehicles : int
         Number of tracks, named ``bus-0``, ``bus-1``, ...
     period : float
@@ -35,20 +38,20 @@ def city(
     duration : float
         Seconds that each vehicle drives.
     seed : int
-        Another seed is another set of drives.
+        Seed of the random generator; selects the drives.
     noise : float
         Standard deviation of a position in metres.
     block : float
         Metres between two crossings.
     speed : float
-        Metres a second.
+        Metres per second.
     center : (float, float)
-        Latitude and longitude of the town's middle in degrees.
+        Latitude and longitude of the town's center in degrees.
 
     Returns
     -------
     dict of str to (float64 array of shape (n,), float64 array of shape (n, 2))
-        Times in seconds, and latitude and longitude in degrees, for each vehicle.
+        Times in seconds, and latitudes and longitudes in degrees, of each vehicle.
 
     Examples
     --------
@@ -81,12 +84,14 @@ def drives(
     block: float = 120.0,
     speed: float = 9.0,
 ) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Generate the drives of :func:`city` in metres about the town's middle.
+    """Generate the drives of :func:`city` in metres from the town's center.
+
+    The parameters are those of :func:`city`.
 
     Returns
     -------
     dict of str to (float64 array of shape (n,), float64 array of shape (n, 2))
-        Times in seconds and positions in metres for each vehicle.
+        Times in seconds and positions in metres of each vehicle.
 
     Examples
     --------
@@ -97,21 +102,28 @@ def drives(
     times = np.arange(0.0, duration, period)
     town = {}
     for vehicle in range(vehicles):
+        # The course, with the distance along it at each corner.
         corners = block * (_plan_drive(blocks, duration * speed / block, rng) - blocks / 2)
         along = np.r_[0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))]
-        at = np.column_stack([np.interp(times * speed, along, corners[:, axis]) for axis in (0, 1)])
-        town[f"bus-{vehicle}"] = (times, at + rng.normal(0, noise, at.shape))
+
+        # Positions at constant speed, with noise.
+        exact = [np.interp(times * speed, along, corners[:, axis]) for axis in (0, 1)]
+        positions = np.column_stack(exact)
+        town[f"bus-{vehicle}"] = (times, positions + rng.normal(0, noise, positions.shape))
     return town
 
 
 def _plan_drive(blocks: int, length: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Crossings of a drive at least so many blocks long: along one street, then along the other, to one place after another."""
-    here = rng.integers(0, blocks + 1, 2)
-    corners = [here]
+    """Crossings of a drive from one random destination to the next, in blocks.
+
+    Each leg follows one street and then another. The drive is at least ``length`` blocks long.
+    """
+    position = rng.integers(0, blocks + 1, 2)
+    corners = [position]
     driven = 0.0
     while driven < length:
-        there = rng.integers(0, blocks + 1, 2)
-        driven += float(np.abs(there - here).sum())
-        corners += [np.array([there[0], here[1]]), there]
-        here = there
+        destination = rng.integers(0, blocks + 1, 2)
+        driven += float(np.abs(destination - position).sum())
+        corners += [np.array([destination[0], position[1]]), destination]
+        position = destination
     return np.array(corners, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""A synthetic robot on its rounds, like the thesis's ground robot (section 8.2)."""
+"""A synthetic patrol, similar to the log of the thesis's ground robot (section 8.2)."""
 
 from __future__ import annotations
 
@@ -9,11 +9,32 @@ from gpszip.model import Track
 
 __all__ = ["patrol"]
 
-_RATE = 12.95  # samples a second
-_STEP = 0.05  # metres between the vertices of the driven line
-_SPEED = 0.25  # metres a second
-_CELL = (9.0, 7.0)  # metres between the corridors' crossings
-_DRIFT_TIME = 1.0  # seconds after which the position error has forgotten itself
+#: Samples per second.
+_RATE = 12.95
+
+#: Metres between the vertices of the driven line.
+_STEP = 0.05
+
+#: Mean speed in metres per second.
+_SPEED = 0.25
+
+#: Mean distances between crossings along both axes, in metres.
+_CELL = (9.0, 7.0)
+
+#: Time constant of the position error, in seconds.
+_DRIFT_TIME = 1.0
+
+#: Crossings per corridor when the building begins to grow; fewer than 1 make loops.
+_CROSSINGS_PER_CORRIDOR = 0.8
+
+#: Standard deviation of crossings about the grid, in metres.
+_CROSSING_NOISE = 0.7
+
+#: Mean time between two pauses, in seconds.
+_PAUSE_INTERVAL = 120
+
+#: Steps to the four neighbours of a cell.
+_DIRECTIONS = ((1, 0), (-1, 0), (0, 1), (0, -1))
 
 
 def patrol(
@@ -26,28 +47,32 @@ def patrol(
     noise: float = 0.05,
     id: str = "0",
 ) -> Track:
-    """Generate a robot's rounds through the corridors of one building.
+    """Generate the rounds of a robot through the corridors of a building.
 
-    The robot prefers some corridors, rounds corners, changes its speed, and pauses now and then. The defaults make 93 minutes.
+    The robot prefers some corridors, rounds corners, varies its speed and pauses sometimes. The
+    default is a track of 93 minutes.
 
     Parameters
     ----------
     points : int
         Number of samples, at about 13 a second.
     seed : int
-        Another seed is another building and another tour.
+        Seed of the random generator; selects the building and the tour.
     corridors : int
-        Number of corridors between two crossings.
-    jitter, sway, noise : float
-        Standard deviations: of the sample times about their beat in seconds, of the driven line about the corridor's middle
-        in metres, of the position's drifting error in metres.
+        Number of corridors, each between two crossings.
+    jitter : float
+        Standard deviation of sample times from regular ones, in seconds.
+    sway : float
+        Standard deviation of the driven line from the corridor's center, in metres.
+    noise : float
+        Standard deviation of the position error, which drifts, in metres.
     id : str
         Name of the track.
 
     Returns
     -------
     Track
-        Seconds from 0, positions of shape (points, 2) in metres on a plane of its own.
+        Times from 0 in seconds, positions of shape (points, 2) in metres.
 
     Examples
     --------
@@ -55,61 +80,78 @@ def patrol(
     >>> len(track), track.dimension, round(track.times[-1])
     (1000, 2, 77)
     """
+    # The building, the sample times and the metres driven at each.
     rng = np.random.default_rng(seed)
-    crossings, ways = _building(corridors, rng)
-    times = _times(points, jitter, rng)
-    driven = _odometer(times, rng)
-    line = _add_sway(_round_corners(_tour(crossings, ways, driven[-1], rng)), sway, rng)
+    crossings, neighbours = _build_corridors(corridors, rng)
+    times = _sample_times(points, jitter, rng)
+    driven = _drive_odometer(times, rng)
+
+    # The driven line, and the positions on it.
+    tour = _plan_tour(crossings, neighbours, driven[-1], rng)
+    line = _add_sway(_round_corners(tour), sway, rng)
     along = np.arange(len(line)) * _STEP
     positions = np.column_stack([np.interp(driven, along, line[:, axis]) for axis in (0, 1)])
     return Track(id, times, positions + _drift(len(times), noise, rng))
 
 
-def _building(
+def _build_corridors(
     corridors: int, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], list[list[int]]]:
-    """Crossings grown from one cell of a grid until there are enough corridors, and the neighbours of each."""
+    """Positions of the crossings, and the neighbours of each.
+
+    The building grows from one cell of a grid by random corridors until there are enough.
+    """
     cells: list[tuple[int, int]] = [(0, 0)]
-    ways: set[tuple[int, int]] = set()
-    room = 0.8 * corridors  # fewer crossings than corridors make loops
-    while len(ways) < corridors:
-        at = int(rng.integers(len(cells)))
-        dx, dy = ((1, 0), (-1, 0), (0, 1), (0, -1))[int(rng.integers(4))]
-        cell = (cells[at][0] + dx, cells[at][1] + dy)
-        room += 0.01  # a shape without further loops has to grow
+    edges: set[tuple[int, int]] = set()
+    capacity = _CROSSINGS_PER_CORRIDOR * corridors
+    while len(edges) < corridors:
+        # Draw a corridor from a crossing to one of its four neighbours.
+        start = int(rng.integers(len(cells)))
+        dx, dy = _DIRECTIONS[int(rng.integers(4))]
+        cell = (cells[start][0] + dx, cells[start][1] + dy)
+
+        # New crossings need capacity, which increases slowly: a shape without further loops must
+        # be able to grow.
+        capacity += 0.01
         if cell not in cells:
-            if len(cells) > room:
+            if len(cells) > capacity:
                 continue
             cells.append(cell)
-        ways.add((min(at, cells.index(cell)), max(at, cells.index(cell))))
+        edges.add((min(start, cells.index(cell)), max(start, cells.index(cell))))
+
+    # List the neighbours.
     neighbours: list[list[int]] = [[] for _ in cells]
-    for u, v in sorted(ways):
+    for u, v in sorted(edges):
         neighbours[u].append(v)
         neighbours[v].append(u)
-    return np.array(cells) * _CELL + rng.normal(0, 0.7, (len(cells), 2)), neighbours
+    positions = np.array(cells) * _CELL + rng.normal(0, _CROSSING_NOISE, (len(cells), 2))
+    return positions, neighbours
 
 
-def _tour(
+def _plan_tour(
     crossings: NDArray[np.float64],
     neighbours: list[list[int]],
     length: float,
     rng: np.random.Generator,
 ) -> NDArray[np.float64]:
-    """Corners of a walk at least so long, which turns back in dead ends only and prefers some corridors."""
-    taste = rng.random((len(crossings), len(crossings))) ** 4 + 0.02
+    """Corners of a random walk at least ``length`` metres long.
+
+    It turns back in dead ends only, and prefers some corridors.
+    """
+    preference = rng.random((len(crossings), len(crossings))) ** 4 + 0.02
     route, before, walked = [0], -1, 0.0
     while walked < length + 2 * _CELL[0]:
-        here = route[-1]
-        options = [v for v in neighbours[here] if v != before] or neighbours[here]
-        weights = taste[here, options]
-        before = here
+        crossing = route[-1]
+        options = [v for v in neighbours[crossing] if v != before] or neighbours[crossing]
+        weights = preference[crossing, options]
+        before = crossing
         route.append(options[int(rng.choice(len(options), p=weights / weights.sum()))])
-        walked += float(np.linalg.norm(crossings[route[-1]] - crossings[here]))
+        walked += float(np.linalg.norm(crossings[route[-1]] - crossings[crossing]))
     return crossings[route]
 
 
 def _round_corners(corners: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The line through the corners at equal steps, its corners rounded over some 40 cm."""
+    """The line through the corners at equal steps, with corners rounded over about 40 cm."""
     along = np.r_[0, np.cumsum(np.linalg.norm(np.diff(corners, axis=0), axis=1))]
     steps = np.arange(0, along[-1], _STEP)
     return np.column_stack(
@@ -120,45 +162,51 @@ def _round_corners(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 def _add_sway(
     line: NDArray[np.float64], sway: float, rng: np.random.Generator
 ) -> NDArray[np.float64]:
-    """The line moved sideways by a smooth random amount."""
-    aside = _smooth(rng.standard_normal(len(line)), 30)
-    aside *= sway / max(float(aside.std()), 1e-12)
+    """Move a line sideways by a smooth random offset."""
+    # Offsets with the given standard deviation.
+    offset = _smooth(rng.standard_normal(len(line)), 30)
+    offset *= sway / max(float(offset.std()), 1e-12)
+
+    # Move along the normals.
     tangent = np.gradient(line, axis=0)
     normal = np.column_stack([-tangent[:, 1], tangent[:, 0]])
-    moved: NDArray[np.float64] = (
-        line + normal * (aside / (np.linalg.norm(normal, axis=1) + 1e-12))[:, None]
-    )
+    length = np.linalg.norm(normal, axis=1) + 1e-12
+    moved: NDArray[np.float64] = line + normal * (offset / length)[:, None]
     return moved
 
 
-def _times(points: int, jitter: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    beats = np.arange(points) / _RATE
-    times: NDArray[np.float64] = beats + np.clip(
-        rng.normal(0, jitter, points), -0.4 / _RATE, 0.4 / _RATE
-    )
+def _sample_times(points: int, jitter: float, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Increasing times with jitter, which is clipped so that they stay in order."""
+    regular = np.arange(points) / _RATE
+    deviation = np.clip(rng.normal(0, jitter, points), -0.4 / _RATE, 0.4 / _RATE)
+    times: NDArray[np.float64] = regular + deviation
     times -= times[0]
     return times
 
 
-def _odometer(times: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
-    """Metres driven at each time: a speed that wanders by a quarter, and a pause every two minutes or so."""
-    wander = _smooth(rng.standard_normal(len(times)), 100)
-    speed = np.clip(_SPEED * (1 + 0.25 * wander / max(float(wander.std()), 1e-12)), 0.05, 0.6)
-    for start in rng.integers(0, len(times), int(times[-1] / 120)):
+def _drive_odometer(times: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    """Metres driven until each time. The speed varies by a quarter, with a pause in 2 minutes."""
+    # A smooth random speed.
+    variation = _smooth(rng.standard_normal(len(times)), 100)
+    variation = 0.25 * variation / max(float(variation.std()), 1e-12)
+    speed = np.clip(_SPEED * (1 + variation), 0.05, 0.6)
+
+    # Pauses of 5 to 60 seconds.
+    for start in rng.integers(0, len(times), int(times[-1] / _PAUSE_INTERVAL)):
         speed[start : start + int(rng.integers(5, 60) * _RATE)] = 0
     driven: NDArray[np.float64] = np.r_[0, np.cumsum(speed[1:] * np.diff(times))]
     return driven
 
 
 def _drift(points: int, noise: float, rng: np.random.Generator) -> NDArray[np.float64]:
-    """An error that forgets itself within a second: an autoregressive process, summed as a truncated filter."""
+    """Position errors of a first-order autoregressive process, by a truncated filter."""
     memory = np.exp(-np.arange(int(8 * _DRIFT_TIME * _RATE)) / (_DRIFT_TIME * _RATE))
     shocks = rng.normal(0, noise / np.sqrt((memory**2).sum()), (points + len(memory) - 1, 2))
     return np.column_stack([np.convolve(shocks[:, axis], memory, mode="valid") for axis in (0, 1)])
 
 
 def _smooth(values: NDArray[np.float64], sigma: float) -> NDArray[np.float64]:
-    """Gaussian smoothing over sigma samples, the ends continued."""
+    """Gaussian smoothing over sigma samples; the end values are repeated beyond the ends."""
     reach = int(4 * sigma)
     window = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
     return np.convolve(np.pad(values, reach, mode="edge"), window / window.sum(), mode="valid")

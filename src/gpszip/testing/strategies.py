@@ -1,6 +1,7 @@
-"""Hypothesis strategies for tracks, in our own tests and for those who build on GPSZip.
+"""Hypothesis strategies for tracks, for tests of GPSZip and of software that uses it.
 
-They make what real logs hold: uneven times, stand-stills, the same way driven again, jumps, epoch seconds and UTM metres.
+Tracks have what real logs have: uneven times, stops, repeated paths, jumps, times in seconds since
+1970, and positions in UTM metres.
 """
 
 from __future__ import annotations
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
 
 __all__ = ["geographic_logs", "track_lists", "tracks"]
 
+#: Metres in a degree of longitude at the equator.
+_METRES_PER_DEGREE = 111_320.0
+
 
 def tracks(
     *, dimension: int | None = None, min_points: int = 1, max_points: int = 60, far: bool = True
@@ -27,11 +31,12 @@ def tracks(
     Parameters
     ----------
     dimension : int, optional
-        Number of coordinates; left out, 1 to 3.
+        Number of coordinates; by default 1 to 3.
     min_points, max_points : int
         Bounds on the number of samples.
     far : bool
-        Whether times may lie at epoch seconds (1e9) and positions at UTM metres (1e7) instead of near 0.
+        Whether tracks may have times since 1970 (1e9 seconds) and UTM positions (1e7 metres)
+        instead of small numbers.
 
     Returns
     -------
@@ -50,7 +55,7 @@ def tracks(
         axes = dimension or draw(st.integers(1, 3))
         times = draw(_times(st, count))
         positions = draw(_positions(st, count, axes))
-        shift = draw(st.booleans()) if far else False
+        shift = draw(st.booleans()) if far else False  # both to large numbers
         return Track(draw(_names(st)), times + shift * 1.7e9, positions + shift * 5e6)
 
     strategy: SearchStrategy[Track] = draw_track()
@@ -60,14 +65,14 @@ def tracks(
 def track_lists(
     *, dimension: int = 2, max_tracks: int = 4, max_points: int = 40, far: bool = True
 ) -> SearchStrategy[list[Track]]:
-    """Draw one to ``max_tracks`` tracks of one plane with different names.
+    """Draw 1 to ``max_tracks`` tracks on one plane, with different names.
 
     Parameters
     ----------
     dimension : int
         Number of coordinates.
     max_tracks, max_points : int
-        Bounds on the number of tracks, and of samples in each.
+        Bounds on the numbers of tracks and of samples in each.
     far : bool
         As for :func:`tracks`.
 
@@ -80,11 +85,11 @@ def track_lists(
     MissingExtraError
         If hypothesis is not installed.
     """
-    one = tracks(dimension=dimension, max_points=max_points, far=far)
-    several: SearchStrategy[list[Track]] = _strategies().lists(
-        one, min_size=1, max_size=max_tracks, unique_by=lambda track: track.id
+    single = tracks(dimension=dimension, max_points=max_points, far=far)
+    strategy: SearchStrategy[list[Track]] = _strategies().lists(
+        single, min_size=1, max_size=max_tracks, unique_by=lambda track: track.id
     )
-    return several
+    return strategy
 
 
 def geographic_logs(
@@ -113,18 +118,23 @@ def geographic_logs(
     def draw_log(draw: DrawFn) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         count = draw(st.integers(1, max_points))
         times = draw(_times(st, count))
+
+        # Positions in metres about a point on the equator, near a pole or on the antimeridian.
         lat = draw(st.sampled_from([0.0, 48.1, -33.9, 78.2]))
         lon = draw(st.sampled_from([0.0, 11.6, 179.9995, -180.0, 151.2]))
         metres = draw(_positions(st, count, 2))
-        north = np.clip(lat + metres[:, 1] / 111_320.0, -89.0, 89.0)
-        east = lon + metres[:, 0] / (111_320.0 * np.cos(np.radians(lat)))
-        return times, np.column_stack([north, (east + 180.0) % 360.0 - 180.0])
+
+        # The same in degrees.
+        lats = np.clip(lat + metres[:, 1] / _METRES_PER_DEGREE, -89.0, 89.0)
+        lons = lon + metres[:, 0] / (_METRES_PER_DEGREE * np.cos(np.radians(lat)))
+        return times, np.column_stack([lats, (lons + 180.0) % 360.0 - 180.0])
 
     strategy: SearchStrategy[tuple[NDArray[np.float64], NDArray[np.float64]]] = draw_log()
     return strategy
 
 
 def _strategies() -> Any:
+    """The module of hypothesis's strategies."""
     try:
         import hypothesis.strategies
     except ImportError as error:
@@ -133,17 +143,14 @@ def _strategies() -> Any:
 
 
 def _names(st: Any) -> Any:
-    return st.sampled_from(
-        ["0", "000", "walk 3", "1234567890123456789", "Ümläut", "a/0"]
-    ) | st.text(
-        st.characters(exclude_categories=("C", "Z"), exclude_characters='/,"'),
-        min_size=1,
-        max_size=8,
-    )
+    """Names of tracks: awkward ones, and any letters."""
+    awkward = st.sampled_from(["0", "000", "walk 3", "1234567890123456789", "Ümläut", "a/0"])
+    letters = st.characters(exclude_categories=("C", "Z"), exclude_characters='/,"')
+    return awkward | st.text(letters, min_size=1, max_size=8)
 
 
 def _times(st: Any, count: int) -> Any:
-    """Increasing milliseconds as seconds: even, uneven, or with holes of hours."""
+    """Increasing times in seconds, in whole milliseconds: even, uneven, or with gaps of hours."""
     steps = st.one_of(
         st.integers(1, 60_000).map(lambda step: [step] * (count - 1)),
         st.lists(
@@ -156,7 +163,7 @@ def _times(st: Any, count: int) -> Any:
 
 
 def _positions(st: Any, count: int, axes: int) -> Any:
-    """A way in runs: each goes on at a speed, stands, drives back over what was driven, or jumps."""
+    """Positions in runs: at constant velocity, stops, returns over the last positions, jumps."""
     run = st.tuples(
         st.sampled_from(["go", "stand", "back", "jump"]),
         st.integers(1, 12),
@@ -166,19 +173,24 @@ def _positions(st: Any, count: int, axes: int) -> Any:
 
 
 def _drive(runs: list[tuple[str, int, list[int]]], count: int, axes: int) -> NDArray[np.float64]:
-    """Play the runs, over and over, until there are enough positions; centimetres become metres."""
-    way = [np.zeros(axes)]
-    while len(way) < count:
+    """Positions in metres of runs, which are repeated until there are enough.
+
+    A run is its kind, its number of positions, and its velocity in centimetres per position.
+    """
+    positions = [np.zeros(axes)]
+    while len(positions) < count:
         for kind, length, velocity in runs:
-            here, step = way[-1], np.array(velocity) / 100.0
+            last, step = positions[-1], np.array(velocity) / 100.0
             if kind == "go":
-                way += [here + step * (i + 1) for i in range(length)]
+                positions += [last + step * (i + 1) for i in range(length)]
             elif kind == "stand":
-                way += [here] * length
+                positions += [last] * length
             elif kind == "back":
-                way += way[-2 : -length - 2 : -1]
+                positions += positions[-2 : -length - 2 : -1]
             else:
-                way.append(here + step * 1000.0)
-        if len(way) == 1:
-            way.append(way[0])
-    return np.array(way[:count])
+                positions.append(last + step * 1000.0)
+
+        # Runs back from the first position add nothing.
+        if len(positions) == 1:
+            positions.append(positions[0])
+    return np.array(positions[:count])

@@ -1,1 +1,1 @@
-"""Pictures of maps and archives."""
+"""Pictures of maps and logs, with matplotlib."""

@@ -1,4 +1,4 @@
-"""Pictures of the map, and of the log that it was learned from. Needs the extra ``plot``."""
+"""Pictures of a map, and of the log that it was learned from. Needs the extra ``plot``."""
 
 from __future__ import annotations
 
@@ -22,28 +22,67 @@ if TYPE_CHECKING:
 
 __all__ = ["draw_comparison", "draw_map"]
 
-# Blue and orange of Okabe and Ito, told apart with any kind of colour vision and in grey.
+# Blue and orange of Okabe and Ito (2008), distinct with any kind of colour vision and in grey.
+
+#: Color of the map's edges.
 _EDGE_COLOR = "#0072B2"
+
+#: Color of the log's samples.
 _LOG_COLOR = "#E69F00"
+
+#: Color of text, node outlines and the scale bar.
 _INK_COLOR = "#222222"
-_THINNEST, _ONCE, _WIDEST = 0.5, 1.1, 6.0  # points
+
+#: Smallest line width of an edge, in points.
+_MIN_WIDTH = 0.5
+
+#: Line width of an edge with one traversal, in points.
+_WIDTH_OF_ONE = 1.1
+
+#: Largest line width of an edge, in points.
+_MAX_WIDTH = 6.0
+
+#: Largest number of samples that are drawn; more make files slow to open.
 _MAX_DOTS = 200_000
+
+#: Resolution of raster pictures, in dots per inch.
 _DPI = 150
+
+#: Longer side of the map area, in inches.
+_LONG_SIDE = 9.0
+
+#: Smallest ratio of the sides of the map area, so that the title fits.
+_MIN_ASPECT = 0.35
+
+#: Inches for the margins at left and right.
+_MARGIN_WIDTH = 0.6
+
+#: Inches for the title and the legend.
+_MARGIN_HEIGHT = 1.2
+
+#: Half the side of the enlarged square, relative to the extent of the picture.
+_SQUARE_REACH = 0.09
+
+#: Margin about the map, relative to its extent.
+_MAP_MARGIN = 0.03
+
+#: Least extent in metres, in place of zero.
+_MIN_EXTENT = 1e-9
 
 
 def draw_map(
     source: Archive | RoadMap, target: Axes | str | Path, *, title: str | None = None
 ) -> None:
-    """Draw a road map, each way as wide as it was travelled often.
+    """Draw a road map. Line widths show how often edges were travelled.
 
     Parameters
     ----------
     source : Archive or RoadMap
-        What to draw. Of a map on several planes, the one with the most nodes.
+        The map. If it has several planes, the one with the most nodes is drawn.
     target : matplotlib Axes, or path
-        Where to draw: axes, or a file whose suffix names the format, such as ``map.png``.
+        Axes, or a file whose suffix selects the format, such as ``map.png``.
     title : str, optional
-        Instead of the numbers of nodes and ways.
+        Title; by default the numbers of nodes and edges.
 
     Raises
     ------
@@ -57,6 +96,8 @@ def draw_map(
         _draw_edges(target, road_map)
         _finish_axes(target, title or _title(road_map), road_map.nodes)
         return
+
+    # Draw on the axes of a new figure.
     figure = _figure(*_figure_size(road_map.nodes))
     axes = figure.add_subplot()
     draw_map(road_map, axes, title=title)
@@ -71,36 +112,43 @@ def draw_comparison(
     *,
     title: str | None = None,
 ) -> None:
-    """Draw the samples of tracks under the map that they became: all of it, and its busiest place from near.
+    """Draw the samples of tracks under the map that was learned from them.
+
+    The picture shows the full map, and its busiest square enlarged.
 
     Parameters
     ----------
     tracks : iterable of Track
-        The tracks that were compressed, on the map's plane.
+        The compressed tracks, on the map's plane.
     source : Archive or RoadMap
-        The archive that they became, or its map.
+        The archive of these tracks, or its map.
     path : str or Path
-        File to write; its suffix names the format.
+        File to write; its suffix selects the format.
     title : str, optional
-        Line above the picture.
+        Title; by default the numbers of nodes and edges.
 
     Raises
     ------
     MissingExtraError
         If matplotlib is not installed.
+    OutputError
+        If the file can't be written.
     """
+    # The full map stands beside a square.
     road_map = _main_plane(_road_map(source))
     samples = _subsample([track.positions[:, :2] for track in tracks])
     extent = np.vstack([samples, road_map.nodes[:, :2]])
     center, reach = _find_busiest_square(road_map, extent)
     width, height = _figure_size(extent)
     figure = _figure(width + height, height)
-    whole, near = figure.subplots(1, 2, width_ratios=(width, height))
-    for axes, dot in ((whole, 1.5), (near, 5.0)):
+    overview, detail = figure.subplots(1, 2, width_ratios=(width, height))
+
+    # Draw samples and edges in both.
+    for axes, dot_size in ((overview, 1.5), (detail, 5.0)):
         axes.scatter(
             samples[:, 0],
             samples[:, 1],
-            s=dot,
+            s=dot_size,
             color=_LOG_COLOR,
             alpha=0.5,
             linewidths=0,
@@ -108,20 +156,23 @@ def draw_comparison(
             zorder=1,
         )
         _draw_edges(axes, road_map)
-    _finish_axes(whole, title or _title(road_map), extent)
-    _mark_square(whole, center, reach)
+
+    # Add titles, scale bars and the legend.
+    _finish_axes(overview, title or _title(road_map), extent)
+    _mark_square(overview, center, reach)
     window = np.array([center - reach, center + reach])
-    _finish_axes(near, "the marked square, from near", window, tight=True)
-    _legend(whole, [_dot_legend(), *_width_legend(road_map)])
+    _finish_axes(detail, "the marked square, enlarged", window, tight=True)
+    _legend(overview, [_dot_legend(), *_width_legend(road_map)])
     _save(figure, path)
 
 
 def _save(figure: Figure, path: str | Path) -> None:
-    with atomic_write(path) as part:
-        figure.savefig(part, dpi=_DPI)
+    with atomic_write(path) as temporary:
+        figure.savefig(temporary, dpi=_DPI)
 
 
 def _figure(width: float, height: float) -> Figure:
+    """An empty figure of a size in inches, without pyplot's global state."""
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
@@ -134,16 +185,20 @@ def _road_map(source: Archive | RoadMap) -> RoadMap:
 
 
 def _main_plane(road_map: RoadMap) -> RoadMap:
-    """The nodes of the plane that has the most of them, and the ways between these."""
+    """The nodes of the plane with the most nodes, and the edges between them."""
     if road_map.plane is None or len(road_map.plane.centers) < 2 or not len(road_map.nodes):
         return road_map
+
+    # Planes are side by side, ``Plane.SPREAD`` metres apart.
     planes = np.round(road_map.nodes[:, 0] / Plane.SPREAD).astype(np.int64)
-    here = planes == np.bincount(planes - planes.min()).argmax() + planes.min()
-    kept = here[road_map.edges].all(axis=1)
-    names = np.cumsum(here) - 1
+    is_main = planes == np.bincount(planes - planes.min()).argmax() + planes.min()
+
+    # Keep the edges between its nodes.
+    kept = is_main[road_map.edges].all(axis=1)
+    number = np.cumsum(is_main) - 1
     return RoadMap(
-        road_map.nodes[here],
-        names[road_map.edges[kept]].astype(np.int32),
+        road_map.nodes[is_main],
+        number[road_map.edges[kept]].astype(np.int32),
         road_map.forward[kept],
         road_map.backward[kept],
         road_map.plane,
@@ -151,45 +206,54 @@ def _main_plane(road_map: RoadMap) -> RoadMap:
 
 
 def _subsample(positions: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Every k-th sample, so that there are at most ``_MAX_DOTS``."""
     samples = np.vstack(positions)
     return samples[:: math.ceil(len(samples) / _MAX_DOTS)]
 
 
 def _figure_size(positions: NDArray[np.float64]) -> tuple[float, float]:
-    """Inches: ten for the longer side of the picture, with room for its words."""
-    across = np.ptp(positions[:, :2], axis=0) if len(positions) else np.ones(2)
-    width, height = np.maximum(across, max(float(across.max()), 1e-9) * 0.35)
-    scale = 9.0 / max(width, height)
-    return float(width * scale) + 0.6, float(height * scale) + 1.2
+    """Width and height in inches of a picture of the positions, with space for its text."""
+    extent = np.ptp(positions[:, :2], axis=0) if len(positions) else np.ones(2)
+    largest = max(float(extent.max()), _MIN_EXTENT)
+    width, height = np.maximum(extent, largest * _MIN_ASPECT)
+    scale = _LONG_SIDE / max(width, height)
+    return float(width * scale) + _MARGIN_WIDTH, float(height * scale) + _MARGIN_HEIGHT
 
 
 def _traversals(road_map: RoadMap) -> NDArray[np.int64]:
     return road_map.forward + road_map.backward
 
 
-def _line_width(travels: NDArray[np.int64] | int, most: int) -> Any:
-    """As the square root: a way travelled a hundred times must not hide its neighbours."""
-    return np.maximum(np.sqrt(travels) * min(_ONCE, _WIDEST / math.sqrt(max(most, 1))), _THINNEST)
+def _line_width(counts: NDArray[np.int64] | int, largest: int) -> Any:
+    """Line width of edges in points: the square root of traversals, within bounds.
+
+    In proportion to traversals, an edge travelled a hundred times would hide its neighbours.
+    """
+    factor = min(_WIDTH_OF_ONE, _MAX_WIDTH / math.sqrt(max(largest, 1)))
+    return np.maximum(np.sqrt(counts) * factor, _MIN_WIDTH)
 
 
 def _draw_edges(axes: Axes, road_map: RoadMap) -> None:
+    """Draw the edges, the busiest on top, and the nodes."""
     from matplotlib.collections import LineCollection
 
-    ways = road_map.edges[:, 0] != road_map.edges[:, 1]
-    lines = road_map.nodes[road_map.edges[ways]][:, :, :2]
-    travels = _traversals(road_map)[ways]
-    order = np.argsort(travels, kind="stable")
+    # Edges other than stops.
+    is_line = road_map.edges[:, 0] != road_map.edges[:, 1]
+    lines = road_map.nodes[road_map.edges[is_line]][:, :, :2]
+    counts = _traversals(road_map)[is_line]
+    order = np.argsort(counts, kind="stable")
     if len(order):
-        widths = _line_width(travels[order], int(travels.max()))
         axes.add_collection(
             LineCollection(
                 list(lines[order]),
-                linewidths=widths,
+                linewidths=_line_width(counts[order], int(counts.max())),
                 colors=_EDGE_COLOR,
                 capstyle="round",
                 zorder=2,
             )
         )
+
+    # Nodes.
     axes.scatter(
         road_map.nodes[:, 0],
         road_map.nodes[:, 1],
@@ -202,46 +266,55 @@ def _draw_edges(axes: Axes, road_map: RoadMap) -> None:
 
 
 def _title(road_map: RoadMap) -> str:
-    return f"{len(road_map.nodes):,} nodes, {len(road_map.edges):,} ways"
+    return f"{len(road_map.nodes):,} nodes, {len(road_map.edges):,} edges"
 
 
 def _finish_axes(
     axes: Axes, title: str, extent: NDArray[np.float64], *, tight: bool = False
 ) -> None:
-    """Equal scales, no axes, a bar that says how long ten (or two, or five) metres are."""
-    low, high = (
-        (extent[:, :2].min(axis=0), extent[:, :2].max(axis=0))
-        if len(extent)
-        else (np.zeros(2), np.ones(2))
-    )
-    margin = 0.0 if tight else 0.03 * max(float((high - low).max()), 1e-9)
+    """Set equal scales and the title, hide the ticks, and add a scale bar.
+
+    Parameters
+    ----------
+    axes : Axes
+        The axes.
+    title : str
+        Title.
+    extent : float64 array, shape (n, d)
+        Positions that the axes must show.
+    tight : bool, default False
+        Whether the axes get a border instead of a margin.
+    """
+    # Limits.
+    low, high = np.zeros(2), np.ones(2)
+    if len(extent):
+        low, high = extent[:, :2].min(axis=0), extent[:, :2].max(axis=0)
+    margin = 0.0 if tight else _MAP_MARGIN * max(float((high - low).max()), _MIN_EXTENT)
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
     axes.set_aspect("equal")
+
+    # Border and text.
     axes.set_xticks([])
     axes.set_yticks([])
     for side in axes.spines.values():
         side.set_visible(tight)
         side.set_color(_INK_COLOR)
     axes.set_title(title, loc="left", fontsize=11, color=_INK_COLOR)
-    _scale_bar(axes, float(max(high[0] - low[0], 1e-9)))
+    _scale_bar(axes, float(max(high[0] - low[0], _MIN_EXTENT)))
 
 
 def _scale_bar(axes: Axes, width: float) -> None:
+    """Draw a scale bar of a round length, at most a fifth of the width in metres."""
+    # Length in axes coordinates, 0 to 1.
     length = _round_length(width / 5)
+    low, high = axes.get_xlim()
+    fraction = length / (high - low)
+
+    # The bar, at the lower right.
     x, y = 0.97, 0.03
-    label = (
-        f"{length / 1000:g} km"
-        if length >= 1000
-        else f"{length:g} m"
-        if length >= 1
-        else f"{length * 100:g} cm"
-    )
-    left, right = axes.get_xlim()
-    share = length / (right - left)
-    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 2.0}
     axes.plot(
-        [x - share, x],
+        [x - fraction, x],
         [y, y],
         transform=axes.transAxes,
         color=_INK_COLOR,
@@ -249,22 +322,37 @@ def _scale_bar(axes: Axes, width: float) -> None:
         solid_capstyle="butt",
         zorder=5,
     )
+
+    # Its label above it.
     axes.text(
-        x - share / 2,
+        x - fraction / 2,
         y + 0.012,
-        label,
+        _format_length(length),
         transform=axes.transAxes,
         ha="center",
         va="bottom",
         fontsize=9,
         color=_INK_COLOR,
-        bbox=box,
+        bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 2.0},
         zorder=4,
     )
 
 
+def _format_length(length: float) -> str:
+    """A length in metres with a unit that suits it.
+
+    Examples
+    --------
+    >>> _format_length(2000.0), _format_length(5.0), _format_length(0.2)
+    ('2 km', '5 m', '20 cm')
+    """
+    if length >= 1000:
+        return f"{length / 1000:g} km"
+    return f"{length:g} m" if length >= 1 else f"{length * 100:g} cm"
+
+
 def _round_length(length: float) -> float:
-    """The largest 1, 2 or 5 times a power of ten that is not longer.
+    """Largest length of 1, 2 or 5 times a power of ten that is not above a given length.
 
     Examples
     --------
@@ -278,16 +366,16 @@ def _round_length(length: float) -> float:
 def _find_busiest_square(
     road_map: RoadMap, extent: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], float]:
-    """The node where most travels end or pass, and half the side of a square about it."""
-    reach = max(float(np.ptp(extent, axis=0).max()), 1e-9) * 0.09
+    """Center and half the side of a square about the node with the most traversals."""
+    reach = max(float(np.ptp(extent, axis=0).max()), _MIN_EXTENT) * _SQUARE_REACH
     if not len(road_map.edges):
         return extent.mean(axis=0), reach
-    travels = np.bincount(
+    counts = np.bincount(
         road_map.edges.ravel(),
         weights=np.repeat(_traversals(road_map), 2),
         minlength=len(road_map.nodes),
     )
-    return road_map.nodes[int(travels.argmax()), :2], reach
+    return road_map.nodes[int(counts.argmax()), :2], reach
 
 
 def _mark_square(axes: Axes, center: NDArray[np.float64], reach: float) -> None:
@@ -305,12 +393,13 @@ def _mark_square(axes: Axes, center: NDArray[np.float64], reach: float) -> None:
     )
 
 
-def _legend(axes: Axes, samples: list[Any]) -> None:
+def _legend(axes: Axes, handles: list[Any]) -> None:
+    """Add a legend below the axes, in one row."""
     axes.legend(
-        handles=samples,
+        handles=handles,
         loc="upper left",
         bbox_to_anchor=(0, 0),
-        ncols=len(samples),
+        ncols=len(handles),
         frameon=False,
         fontsize=9,
     )
@@ -325,18 +414,18 @@ def _dot_legend() -> Any:
 
 
 def _width_legend(road_map: RoadMap) -> list[Any]:
-    """Lines that say how wide a way is that was travelled once, and most often, and between."""
+    """Legend of line widths: of one traversal, of the most, and of a quarter of it."""
     from matplotlib.lines import Line2D
 
-    most = int(_traversals(road_map).max()) if len(road_map.edges) else 1
-    counts = sorted({1, max(round(most / 4), 1), most})
+    largest = int(_traversals(road_map).max()) if len(road_map.edges) else 1
+    counts = sorted({1, max(round(largest / 4), 1), largest})
     return [
         Line2D(
             [],
             [],
             color=_EDGE_COLOR,
-            linewidth=float(_line_width(n, most)),
-            label=f"way travelled {n:,} x",
+            linewidth=float(_line_width(n, largest)),
+            label=f"edge travelled {n:,} x",
         )
         for n in counts
     ]

@@ -1,1 +1,1 @@
-"""What all packages ask of walks: positions, errors, edge counts and integer grids."""
+"""Properties of walks that many packages need: positions, errors, edge counts and integer grids."""

@@ -1,4 +1,4 @@
-"""Roads from walks: which edges were travelled, how often, and in which direction."""
+"""The road map of walks: which edges were travelled, how often, and in which direction."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ __all__ = ["build_road_map", "build_road_map_from_counts", "find_travelled_segme
 def build_road_map(
     nodes: ArrayLike, walks: Sequence[Walk | GridWalk], *, plane: Plane | None = None
 ) -> RoadMap:
-    """Make a road map of what the walks travelled.
+    """Build the road map of the edges that walks travel.
 
     Parameters
     ----------
     nodes : array_like, shape (V, d)
-        Positions in metres, of all nodes that the walks name.
-    walks : sequence of Walk or LatticeWalk
-        Their stops and gaps are no travel and don't count.
+        Positions in metres of all nodes.
+    walks : sequence of Walk or GridWalk
+        Walks on these nodes. Stops and gaps don't count as travel.
     plane : Plane, optional
         Where the nodes lie on the earth.
 
     Returns
     -------
     RoadMap
-        All nodes, and each pair of nodes between which someone travelled.
+        All nodes, and an edge for each pair of nodes with travel between them.
 
     Examples
     --------
@@ -38,8 +38,7 @@ def build_road_map(
     >>> road_map.edges.tolist(), road_map.forward.tolist(), road_map.backward.tolist()
     ([[0, 1]], [1], [1])
     """
-    hops = [_travelled_pairs(walk) for walk in walks]
-    pairs = np.concatenate(hops) if hops else np.zeros((0, 2), np.int32)
+    pairs = np.concatenate([np.zeros((0, 2), np.int32), *map(_travelled_pairs, walks)])
     return build_road_map_from_counts(nodes, pairs, np.ones(len(pairs), np.int64), plane=plane)
 
 
@@ -50,31 +49,49 @@ def build_road_map_from_counts(
     *,
     plane: Plane | None = None,
 ) -> RoadMap:
-    """Make a road map of directed pairs of different nodes, shape (p, 2), each travelled as often as its count says.
+    """Build a road map from counted pairs of nodes.
+
+    Parameters
+    ----------
+    nodes : array_like, shape (V, d)
+        Positions in metres.
+    pairs : int32 array, shape (p, 2)
+        Directed pairs of different nodes; a pair may occur several times.
+    counts : int64 array, shape (p,)
+        Traversals of each pair.
+    plane : Plane, optional
+        Where the nodes lie on the earth.
 
     Examples
     --------
-    >>> road_map = build_road_map_from_counts([[0, 0], [5, 0]], np.array([[0, 1], [1, 0]]), np.array([3, 4]))
+    >>> pairs, counts = np.array([[0, 1], [1, 0]]), np.array([3, 4])
+    >>> road_map = build_road_map_from_counts([[0, 0], [5, 0]], pairs, counts)
     >>> road_map.forward.tolist(), road_map.backward.tolist()
     ([3], [4])
     """
+    # One edge for both directions of a pair.
     positions = np.asarray(nodes, dtype=np.float64)
     low, high = pairs.min(axis=1).astype(np.int64), pairs.max(axis=1).astype(np.int64)
-    keys, places = np.unique(low * len(positions) + high, return_inverse=True)
+    keys, edge = np.unique(low * len(positions) + high, return_inverse=True)
     edges = np.stack(np.divmod(keys, max(len(positions), 1)), axis=1).astype(np.int32)
-    backwards = pairs[:, 0] > pairs[:, 1]
-    # Not bincount, which adds weights as floating point numbers.
+
+    # Add up the counts, not by bincount, which adds them as floats.
+    is_backward = pairs[:, 0] > pairs[:, 1]
     directed = np.zeros((2, len(keys)), dtype=np.int64)
-    np.add.at(directed, (backwards.astype(np.intp), places), counts)
+    np.add.at(directed, (is_backward.astype(np.intp), edge), counts)
     return RoadMap(positions, edges, directed[0], directed[1], plane)
 
 
 def find_travelled_segments(walk: Walk | GridWalk) -> NDArray[np.bool_]:
-    """Which parts of a walk lead to another node: no gap, no stop, and not all before its start or after its end.
+    """Which segments of a walk are travel to another node, shape (k,).
+
+    Gaps and stops are no travel, nor are segments entirely before the start or after the end of
+    their piece.
 
     Examples
     --------
-    >>> walk = Walk("0", np.array([0, 1, 2]), np.array([0.0, 5.0, 9.0]), np.zeros(2, bool), np.array([[0.0, 5.0]]))
+    >>> nodes, times, gaps = np.array([0, 1, 2]), np.array([0.0, 5.0, 9.0]), np.zeros(2, bool)
+    >>> walk = Walk("0", nodes, times, gaps, spans=np.array([[0.0, 5.0]]))
     >>> find_travelled_segments(walk).tolist()
     [True, False]
     """
@@ -82,13 +99,14 @@ def find_travelled_segments(walk: Walk | GridWalk) -> NDArray[np.bool_]:
     if isinstance(walk, GridWalk) or walk.spans is None or walk.times is None:
         return moved
 
-    # only the first and the last part of a piece may lie outside of the time in which travel is claimed
+    # Only the first and the last segment of a piece can lie outside of its time span.
     piece = np.append(0, np.cumsum(walk.gaps))[:-1]
     begins, ends = walk.spans[piece].T if len(piece) else (np.zeros(0), np.zeros(0))
     return np.asarray(moved & (walk.times[1:] > begins) & (walk.times[:-1] < ends))
 
 
 def _travelled_pairs(walk: Walk | GridWalk) -> NDArray[np.int32]:
-    hops = np.stack((walk.nodes[:-1], walk.nodes[1:]), axis=1)
-    travelled: NDArray[np.int32] = hops[find_travelled_segments(walk)]
+    """Nodes at both ends of each travelled segment, shape (t, 2)."""
+    pairs = np.stack((walk.nodes[:-1], walk.nodes[1:]), axis=1)
+    travelled: NDArray[np.int32] = pairs[find_travelled_segments(walk)]
     return travelled

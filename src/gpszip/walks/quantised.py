@@ -1,8 +1,8 @@
-"""Between an archive's lattice of integers and a road map with walks in metres and seconds.
+"""Conversion between walks in metres and seconds and the integer grid walks of an archive.
 
-The way out, :func:`node_positions`, :func:`dequantise_road_map` and :func:`dequantise_walks`, is exact. The way in, :func:`quantise_walks`,
-rounds nodes to the nearest lattice point and knots to the nearest cell; only the ends of a piece are rounded away from
-it, so that every instant that a piece covered is still covered.
+:func:`node_positions`, :func:`dequantise_road_map` and :func:`dequantise_walks` read a quantisation
+grid exactly. :func:`quantise_walks` rounds nodes to the nearest grid point and knots to the nearest
+time step. Only the ends of a piece are rounded outwards, so that it covers all times as before.
 """
 
 from __future__ import annotations
@@ -31,11 +31,15 @@ __all__ = [
     "quantise_walks",
 ]
 
-#: Times this near to a cell, in seconds, are on it: float64 seconds since 1970 are no finer.
+#: Times this near to a time step, in seconds, are on it: float64 seconds since 1970 are no finer.
 _TIME_TOLERANCE = 1e-6
 
-#: A piece of a single knot may lie this far from its sample, in seconds; farther, and it takes two knots around it.
+#: Largest rounding error in seconds of a piece with a single knot. Beyond it, the piece gets two
+#: knots around its sample.
 _SINGLE_KNOT_TOLERANCE = 5e-4
+
+#: Largest tolerance of the ends of pieces, in time steps, for steps near the resolution of floats.
+_MAX_END_TOLERANCE = 0.25
 
 
 def node_positions(grid_walks: GridWalks, grid: QuantisationGrid) -> NDArray[np.float64]:
@@ -45,19 +49,20 @@ def node_positions(grid_walks: GridWalks, grid: QuantisationGrid) -> NDArray[np.
     )
 
 
-def knot_times(cells: NDArray[np.int64], grid: QuantisationGrid) -> NDArray[np.float64]:
-    """Seconds in the log's own zero at each cell.
+def knot_times(time_steps: NDArray[np.int64], grid: QuantisationGrid) -> NDArray[np.float64]:
+    """Seconds in the log's own zero at each time step.
 
     Examples
     --------
-    >>> knot_times(np.array([0, 3]), QuantisationGrid(origin=(0, 0), epoch=1500, space=128, time=136))
+    >>> grid = QuantisationGrid(origin=(0, 0), epoch=1500, space=128, time=136)
+    >>> knot_times(np.array([0, 3]), grid)
     array([1.5, 7.5])
     """
-    return grid.epoch / 1000 + cells.astype(np.float64) * step_size(grid.time)
+    return grid.epoch / 1000 + time_steps.astype(np.float64) * step_size(grid.time)
 
 
 def dequantise_road_map(grid_walks: GridWalks, grid: QuantisationGrid) -> RoadMap:
-    """Nodes in metres, and the ways between them with how often each was travelled (thesis, Algorithm 5)."""
+    """Road map with nodes in metres and the counts of traversals (thesis, Algorithm 5)."""
     walks = dequantise_walks(grid_walks, grid, [""] * len(grid_walks.walks))
     return build_road_map(node_positions(grid_walks, grid), walks, plane=grid.plane)
 
@@ -65,23 +70,32 @@ def dequantise_road_map(grid_walks: GridWalks, grid: QuantisationGrid) -> RoadMa
 def dequantise_walks(
     grid_walks: GridWalks, grid: QuantisationGrid, ids: Sequence[str]
 ) -> tuple[Walk, ...]:
-    """One walk for each track, with the times of its knots in seconds, or None where the lattice keeps no times."""
-    claimed = piece_time_ranges(grid_walks, grid) if grid_walks.timed else None
-    spans = claimed if claimed is not None else [None] * len(grid_walks.walks)
-    timed = [
-        grid_walks.timed and number not in grid_walks.untimed
-        for number in range(len(grid_walks.walks))
-    ]
-    return tuple(
-        Walk(
-            name,
-            walk.nodes,
-            knot_times(walk.time_steps, grid) if has_times else None,
-            walk.gaps,
-            own if has_times else None,
-        )
-        for name, walk, own, has_times in zip(ids, grid_walks.walks, spans, timed, strict=True)
-    )
+    """Walks in metres and seconds.
+
+    Parameters
+    ----------
+    grid_walks : GridWalks
+        The walks on the grid.
+    grid : QuantisationGrid
+        The grid.
+    ids : sequence of str
+        Name of the track of each walk.
+
+    Returns
+    -------
+    tuple of Walk
+        Walks of untimed tracks have None for times and spans.
+    """
+    # Time spans of the pieces, where the archive keeps them.
+    spans = piece_time_ranges(grid_walks, grid) if grid_walks.timed else None
+
+    walks = []
+    for number, (name, walk) in enumerate(zip(ids, grid_walks.walks, strict=True)):
+        timed = grid_walks.timed and number not in grid_walks.untimed
+        times = knot_times(walk.time_steps, grid) if timed else None
+        span = spans[number] if timed and spans is not None else None
+        walks.append(Walk(name, walk.nodes, times, walk.gaps, span))
+    return tuple(walks)
 
 
 def choose_grid(
@@ -92,16 +106,16 @@ def choose_grid(
     time: int,
     plane: Plane | None = None,
 ) -> QuantisationGrid:
-    """Return the lattice with these quanta whose zero is the lowest corner of the nodes and the first knot.
+    """Grid with given steps, whose origin is the lowest corner of the nodes and the first knot.
 
     Parameters
     ----------
     nodes : float64 array, shape (V, d)
-        Metres.
+        Positions in metres.
     walks : sequence of Walk
-        At least one; those without times start at 0.
+        At least one walk; walks without times start at 0.
     space, time : int
-        Indices of the quanta, see :func:`gpszip.model.grid.step_size`.
+        Indices of the steps in space and time, see :func:`gpszip.model.grid.step_size`.
     plane : Plane, optional
         Where the nodes lie on the earth.
 
@@ -113,71 +127,78 @@ def choose_grid(
     """
     origin = tuple(int(c) for c in np.floor(nodes.min(axis=0) * 1000 + _TIME_TOLERANCE))
     first = min((float(walk.times[0]) for walk in walks if walk.times is not None), default=0.0)
-    return QuantisationGrid(
-        origin, int(np.floor(first * 1000 + _TIME_TOLERANCE)), space, time, plane
-    )
+    epoch = int(np.floor(first * 1000 + _TIME_TOLERANCE))
+    return QuantisationGrid(origin, epoch, space, time, plane)
 
 
 def quantise_walks(
     nodes: NDArray[np.float64], walks: Sequence[Walk], grid: QuantisationGrid
 ) -> GridWalks:
-    """Round nodes and knots to a lattice.
+    """Round nodes and knots to a quantisation grid.
 
-    Every instant between the first and the last knot of a piece still is after rounding. Where two pieces come to lie so
-    near that no cell is free between them, the gap between them is dropped: the lattice is too coarse to tell of it.
-    Nodes that no walk visits are dropped. A piece of one knot between two cells becomes a stop around it.
+    - Rounded pieces cover all times that they covered before.
+    - If no time step is free between two pieces, the gap between them is dropped: the grid is too
+      coarse to represent it.
+    - A piece of one knot between two time steps becomes a stop around it.
+    - Nodes that no walk visits are dropped.
 
     Parameters
     ----------
     nodes : float64 array, shape (V, d)
-        Metres.
+        Positions in metres.
     walks : sequence of Walk
         All with times, or all without.
-    grid : Frame
-        The lattice.
+    grid : QuantisationGrid
+        The grid.
 
     Returns
     -------
-    LatticeWalks
+    GridWalks
         Nodes in the order in which the walks first visit them.
 
     Examples
     --------
     >>> walk = Walk("a", np.array([1, 0], np.int32), np.array([0.4, 2.2]), np.array([False]))
-    >>> grid_walks = quantise_walks(np.array([[0.0], [3.3]]), [walk], QuantisationGrid((0,), 0, 128, 128))
-    >>> grid_walks.nodes.tolist(), grid_walks.walks[0].nodes.tolist(), grid_walks.walks[0].time_steps.tolist()
-    ([[3], [0]], [0, 1], [0, 3])
+    >>> grid = QuantisationGrid((0,), 0, 128, 128)
+    >>> grid_walks = quantise_walks(np.array([[0.0], [3.3]]), [walk], grid)
+    >>> grid_walks.nodes.tolist()
+    [[3], [0]]
+    >>> grid_walks.walks[0].nodes.tolist(), grid_walks.walks[0].time_steps.tolist()
+    ([0, 1], [0, 3])
     """
     timed = all(walk.times is not None for walk in walks)
     corner = np.asarray(grid.origin, dtype=np.float64) / 1000
     coordinates = np.rint((nodes - corner) / step_size(grid.space)).astype(np.int64)
-    return number_by_visit(
-        GridWalks(coordinates, tuple(_quantise_walk(walk, grid) for walk in walks), timed)
-    )
+    rounded = tuple(_quantise_walk(walk, grid) for walk in walks)
+    return number_by_visit(GridWalks(coordinates, rounded, timed))
 
 
 def merge_grid_walks(groups: Sequence[GridWalks]) -> GridWalks:
-    """Put the walks of several lattices with one frame on one map, on which equal places are one node.
+    """Merge groups of walks on the same quantisation grid; equal nodes become one.
 
     Examples
     --------
-    >>> there = GridWalk(np.array([0, 1], np.int32), np.array([0, 1]), np.array([False]))
-    >>> one, two = (GridWalks(np.array(nodes), (there,)) for nodes in ([[0], [5]], [[5], [9]]))
-    >>> joined = merge_grid_walks([one, two])
-    >>> joined.nodes.tolist(), joined.walks[1].nodes.tolist()
+    >>> walk = GridWalk(np.array([0, 1], np.int32), np.array([0, 1]), np.array([False]))
+    >>> first, second = (GridWalks(np.array(n), (walk,)) for n in ([[0], [5]], [[5], [9]]))
+    >>> merged = merge_grid_walks([first, second])
+    >>> merged.nodes.tolist(), merged.walks[1].nodes.tolist()
     ([[0], [5], [9]], [1, 2])
     """
-    places, number = np.unique(
+    # Number the distinct nodes.
+    coordinates, number = np.unique(
         np.concatenate([group.nodes for group in groups]), axis=0, return_inverse=True
     )
-    names = np.split(
-        number.reshape(-1).astype(np.int32), np.cumsum([len(group.nodes) for group in groups])[:-1]
-    )
+    bounds = np.cumsum([len(group.nodes) for group in groups])[:-1]
+    numbers = np.split(number.reshape(-1).astype(np.int32), bounds)
+
+    # Renumber the nodes of all walks.
     walks = tuple(
-        GridWalk(own[walk.nodes], walk.time_steps, walk.gaps)
-        for group, own in zip(groups, names, strict=True)
+        GridWalk(group_numbers[walk.nodes], walk.time_steps, walk.gaps)
+        for group, group_numbers in zip(groups, numbers, strict=True)
         for walk in group.walks
     )
+
+    # Shift the numbers of untimed walks.
     first = np.cumsum([0] + [len(group.walks) for group in groups]).tolist()
     untimed = frozenset(
         start + number
@@ -185,12 +206,21 @@ def merge_grid_walks(groups: Sequence[GridWalks]) -> GridWalks:
         for number in group.untimed
     )
     return number_by_visit(
-        GridWalks(places, walks, groups[0].timed, concatenated_ends(groups), untimed)
+        GridWalks(coordinates, walks, groups[0].timed, concatenated_ends(groups), untimed)
     )
 
 
 def mark_piece_ends(gaps: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Whether each knot is the first, and whether it is the last, of a piece between gaps; two bool arrays of shape (k + 1,).
+    """Whether each knot is the first of a piece, and whether it is the last.
+
+    Parameters
+    ----------
+    gaps : bool array, shape (k,)
+        Whether each segment is a gap.
+
+    Returns
+    -------
+    first, last : bool arrays, shape (k + 1,)
 
     Examples
     --------
@@ -202,36 +232,53 @@ def mark_piece_ends(gaps: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray
 
 
 def _quantise_walk(walk: Walk, grid: QuantisationGrid) -> GridWalk:
+    """Round the knots of a walk to time steps; its nodes are not changed."""
     if walk.times is None:
         return GridWalk(walk.nodes, np.zeros(len(walk.nodes), np.int64), walk.gaps)
+
+    # Times in time steps.
     step = step_size(grid.time)
-    at = (walk.times - grid.epoch / 1000) / step
-    nodes, at, gaps = _double_single_knots(walk.nodes, at, walk.gaps, _SINGLE_KNOT_TOLERANCE / step)
-    first, last = mark_piece_ends(gaps)
-    near = min(_TIME_TOLERANCE / step, 0.25)
-    floor = np.where(first & last, np.rint(at), np.floor(at + near))
-    cells = _make_increasing(
-        np.where(first, floor, np.where(last, np.ceil(at - near), np.rint(at))).astype(np.int64)
+    exact = (walk.times - grid.epoch / 1000) / step
+    nodes, exact, gaps = _double_single_knots(
+        walk.nodes, exact, walk.gaps, _SINGLE_KNOT_TOLERANCE / step
     )
-    # A piece that could not start in time is joined to the one before it, which leaves no instant out.
-    late = cells[1:] > floor[1:]
-    return GridWalk(nodes, cells, gaps & ~late)
+
+    # Round the start of a piece down, its end up, and inner knots to the nearest step.
+    first, last = mark_piece_ends(gaps)
+    tolerance = min(_TIME_TOLERANCE / step, _MAX_END_TOLERANCE)
+    starts = np.where(first & last, np.rint(exact), np.floor(exact + tolerance))
+    rounded = np.where(first, starts, np.where(last, np.ceil(exact - tolerance), np.rint(exact)))
+    time_steps = _make_increasing(rounded.astype(np.int64))
+
+    # A piece that can't start in time is joined to the one before it, which covers all its times.
+    is_late = time_steps[1:] > starts[1:]
+    return GridWalk(nodes, time_steps, gaps & ~is_late)
 
 
 def _double_single_knots(
-    nodes: NDArray[np.int32], at: NDArray[np.float64], gaps: NDArray[np.bool_], slack: float
+    nodes: NDArray[np.int32], exact: NDArray[np.float64], gaps: NDArray[np.bool_], tolerance: float
 ) -> tuple[NDArray[np.int32], NDArray[np.float64], NDArray[np.bool_]]:
-    """Double the knots that are whole pieces and lie farther than ``slack`` cells from a cell."""
+    """Double the knots that are pieces by themselves and not on a time step.
+
+    Parameters
+    ----------
+    nodes, exact, gaps : arrays, shape (k + 1,), (k + 1,) and (k,)
+        The walk, with times in time steps.
+    tolerance : float
+        Distance in time steps up to which a knot is on a time step.
+    """
     first, last = mark_piece_ends(gaps)
-    double = first & last & (np.abs(at - np.rint(at)) > slack)
-    copies = 1 + double
-    after = np.repeat(np.append(gaps, True), copies)
-    after[(np.cumsum(copies) - copies)[double]] = False
-    return np.repeat(nodes, copies), np.repeat(at, copies), after[:-1]
+    is_doubled = first & last & (np.abs(exact - np.rint(exact)) > tolerance)
+    copies = 1 + is_doubled
+
+    # There is no gap between the two copies.
+    gap_after = np.repeat(np.append(gaps, True), copies)
+    gap_after[(np.cumsum(copies) - copies)[is_doubled]] = False
+    return np.repeat(nodes, copies), np.repeat(exact, copies), gap_after[:-1]
 
 
-def _make_increasing(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Move cells up, as little as can be, until each is above the one before."""
-    ramp = np.arange(len(cells))
-    raised: NDArray[np.int64] = np.maximum.accumulate(cells - ramp) + ramp
+def _make_increasing(time_steps: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Increase time steps as little as possible until each is above the one before."""
+    ramp = np.arange(len(time_steps))
+    raised: NDArray[np.int64] = np.maximum.accumulate(time_steps - ramp) + ramp
     return raised

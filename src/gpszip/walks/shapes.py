@@ -1,4 +1,4 @@
-"""Shapes: tracks without times, compared with what stands for them at equal shares of the way."""
+"""Shapes, which are tracks without times: errors and times by fractions of their length."""
 
 from __future__ import annotations
 
@@ -16,45 +16,44 @@ __all__ = ["assign_times_by_distance", "drop_time_steps", "shape_error", "with_s
 def with_synthetic_times(
     tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]
 ) -> tuple[Track, ...]:
-    """Give shapes times as if they had been travelled at the typical speed of the tracks that have times.
+    """Give shapes times, at the mean speed of the tracks that have times.
 
     Parameters
     ----------
     tracks : sequence of Track
-        With and without times.
+        Tracks with and without times.
     gaps : sequence of bool array, shape (n - 1,)
-        For each track, the steps that are gaps.
+        For each track, whether each step between samples is a gap.
 
     Returns
     -------
     tuple of Track
-        All with times; of shapes alone, a metre takes a second.
+        All with times. If there are only shapes, a metre takes a second.
 
     Examples
     --------
     >>> shape = Track("a", [0.0, 6.0], [[0.0], [6.0]], timed=False)
     >>> drive = Track("b", [10.0, 11.0], [[0.0], [3.0]])
-    >>> [track.times.tolist() for track in with_synthetic_times([shape, drive], [np.zeros(1, bool)] * 2)]
+    >>> timed = with_synthetic_times([shape, drive], [np.zeros(1, bool)] * 2)
+    >>> [track.times.tolist() for track in timed]
     [[10.0, 12.0], [10.0, 11.0]]
     """
     if all(track.timed for track in tracks):
         return tuple(tracks)
 
-    # way and time of all moving steps
-    start, way, time = 0.0, 0.0, 0.0
+    # Add up distance and duration of all moving steps.
+    start, distance, duration = 0.0, 0.0, 0.0
     for track, gap in zip(tracks, gaps, strict=True):
         if not track.timed:
             continue
-        start = min(start, float(track.times[0])) if time else float(track.times[0])
+        start = min(start, float(track.times[0])) if duration else float(track.times[0])
         length = np.sqrt((np.diff(track.positions, axis=0) ** 2).sum(axis=1))
         moved = ~gap & (length > 0)
-        way, time = (
-            way + float(length[moved].sum()),
-            time + float(np.diff(track.times)[moved].sum()),
-        )
+        distance += float(length[moved].sum())
+        duration += float(np.diff(track.times)[moved].sum())
 
-    # distance over speed
-    speed = way / time if way > 0 and time > 0 else 1.0
+    # The "times" of a shape are distances from its start.
+    speed = distance / duration if distance > 0 and duration > 0 else 1.0
     return tuple(
         track if track.timed else replace(track, times=start + track.times / speed, timed=True)
         for track in tracks
@@ -62,11 +61,12 @@ def with_synthetic_times(
 
 
 def shape_error(samples: NDArray[np.float64], knots: NDArray[np.float64]) -> tuple[float, float]:
-    """Compare two lines at equal shares of their ways.
+    """Compare two lines at equal fractions of their length.
 
-    With s from 0 to 1 the share of each line's own length, and D(s) the difference of the two places, D is linear between the shares
-    at which either line has a vertex. So the mean of |D|^2 over an interval with ends a and b is (a.a + a.b + b.b) / 3, and the
-    largest |D| is at a vertex.
+    With s from 0 to 1 the fraction of each line's own length, and D(s) the difference of the two
+    positions, D is linear between the fractions at which either line has a vertex. So the mean of
+    |D|^2 over an interval with ends a and b is (a.a + a.b + b.b) / 3, and the largest |D| is at a
+    vertex.
 
     Parameters
     ----------
@@ -83,23 +83,27 @@ def shape_error(samples: NDArray[np.float64], knots: NDArray[np.float64]) -> tup
     >>> shape_error(np.array([[0.0, 0.0], [9.0, 0.0]]), np.array([[0.0, 3.0], [9.0, 3.0]]))
     (9.0, 3.0)
     """
-    ours, theirs = _distance_fractions(samples), _distance_fractions(knots)
-    shares = np.unique(np.concatenate([ours, theirs]))
-    apart = _interpolate_at(shares, ours, samples) - _interpolate_at(shares, theirs, knots)
-    square = (apart**2).sum(axis=1)
-    if len(shares) == 1:
-        return float(square[0]), float(np.sqrt(square[0]))
-    mixed = (apart[1:] * apart[:-1]).sum(axis=1)
-    mean = float(
-        (np.diff(shares) * (square[1:] + square[:-1] + mixed)).sum() / 3 / (shares[-1] - shares[0])
+    # Difference of the positions at the vertices of both lines.
+    sample_fractions, knot_fractions = _distance_fractions(samples), _distance_fractions(knots)
+    fractions = np.unique(np.concatenate([sample_fractions, knot_fractions]))
+    difference = _interpolate_at(fractions, sample_fractions, samples) - _interpolate_at(
+        fractions, knot_fractions, knots
     )
-    return mean, float(np.sqrt(square.max()))
+    square = (difference**2).sum(axis=1)
+    if len(fractions) == 1:
+        return float(square[0]), float(np.sqrt(square[0]))
+
+    # Integrate |D|^2 from vertex to vertex.
+    mixed = (difference[1:] * difference[:-1]).sum(axis=1)
+    integral = (np.diff(fractions) * (square[1:] + square[:-1] + mixed)).sum() / 3
+    mean_square = float(integral / (fractions[-1] - fractions[0]))
+    return mean_square, float(np.sqrt(square.max()))
 
 
 def assign_times_by_distance(
     walk: Walk, nodes: NDArray[np.float64], first: float, last: float
 ) -> Walk:
-    """Give a walk without times the share of its way as time, from ``first`` to ``last``.
+    """Give a walk times from ``first`` to ``last`` seconds, in proportion to its length.
 
     Examples
     --------
@@ -107,34 +111,29 @@ def assign_times_by_distance(
     >>> assign_times_by_distance(walk, np.array([[0.0], [5.0]]), 2.0, 4.0).times.tolist()
     [2.0, 4.0]
     """
-    return replace(
-        walk, times=first + _distance_fractions(nodes[walk.nodes]) * (last - first), spans=None
-    )
+    fractions = _distance_fractions(nodes[walk.nodes])
+    return replace(walk, times=first + fractions * (last - first), spans=None)
 
 
 def drop_time_steps(walks: GridWalks, untimed: frozenset[int], *, others: bool) -> GridWalks:
-    """Take the times away from walks that stand for shapes.
+    """Remove the times from the walks of shapes.
 
     Parameters
     ----------
-    walks : LatticeWalks
-        With times.
+    walks : GridWalks
+        Walks with times.
     untimed : frozenset of int
-        Numbers of the walks that stand for shapes.
+        Numbers of the walks of shapes.
     others : bool
-        Whether the archive has times all the same: of other walks, or of a map kept elsewhere. The knots of shapes are then one cell
-        apart, which takes next to no bits.
+        Whether the archive has times nevertheless: those of other walks, or of a separate map. The
+        knots of shapes are then one time step apart, which takes next to no bits.
     """
     if not untimed:
         return walks
-    start = min(
-        (
-            int(walk.time_steps[0])
-            for number, walk in enumerate(walks.walks)
-            if number not in untimed
-        ),
-        default=0,
-    )
+
+    # Shapes start with the first walk that has times.
+    starts = [int(w.time_steps[0]) for number, w in enumerate(walks.walks) if number not in untimed]
+    start = min(starts, default=0)
     stripped = tuple(
         _drop_stops(walk, start, others=others) if number in untimed else walk
         for number, walk in enumerate(walks.walks)
@@ -143,22 +142,27 @@ def drop_time_steps(walks: GridWalks, untimed: frozenset[int], *, others: bool) 
 
 
 def _drop_stops(walk: GridWalk, start: int, *, others: bool) -> GridWalk:
-    """The walk without stops, which mean nothing where there are no times."""
+    """Drop stops, which mean nothing without times, and set time steps that are cheap to encode."""
     keep = np.append(True, walk.gaps | (walk.nodes[1:] != walk.nodes[:-1]))
     nodes, gaps = walk.nodes[keep], walk.gaps[keep[1:]]
-    cells = start + np.arange(len(nodes)) if others else np.zeros(len(nodes), np.int64)
-    return GridWalk(nodes, cells.astype(np.int64), gaps)
+    time_steps = start + np.arange(len(nodes)) if others else np.zeros(len(nodes), np.int64)
+    return GridWalk(nodes, time_steps.astype(np.int64), gaps)
 
 
 def _distance_fractions(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Share of the way at each vertex; a line without length is at its start."""
+    """Fraction of the length at each vertex; evenly spaced if the line has no length."""
     along = np.append(0.0, np.cumsum(np.sqrt((np.diff(vertices, axis=0) ** 2).sum(axis=1))))
-    return (
-        along / along[-1] if along[-1] > 0 else np.linspace(0.0, 1.0, len(along)) * (len(along) > 1)
-    )
+    if along[-1] > 0:
+        fractions: NDArray[np.float64] = along / along[-1]
+        return fractions
+    return np.linspace(0.0, 1.0, len(along)) * (len(along) > 1)
 
 
 def _interpolate_at(
-    shares: NDArray[np.float64], own: NDArray[np.float64], vertices: NDArray[np.float64]
+    fractions: NDArray[np.float64],
+    vertex_fractions: NDArray[np.float64],
+    vertices: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    return np.stack([np.interp(shares, own, axis) for axis in vertices.T], axis=1)
+    """Positions of a line at fractions of its length."""
+    axes = [np.interp(fractions, vertex_fractions, axis) for axis in vertices.T]
+    return np.stack(axes, axis=1)

@@ -1,4 +1,4 @@
-"""Logs of any size: whatever the order of rows and files, the samples are those that reading at once finds; bad files are named."""
+"""Logs larger than memory: the samples are those of read_logs for any order of rows and files."""
 
 import gzip
 from pathlib import Path
@@ -12,12 +12,11 @@ from hypothesis import strategies as st
 
 import gpszip
 from gpszip import InputError
-from gpszip.io.large import outliers as despiking
-from gpszip.io.large import store as streaming
+from gpszip.io.large import outliers, store
 from gpszip.io.large.store import count_rows, store_logs
 from gpszip.io.logs.read import read_logs
 
-TINY = 1000  # rows in memory, the least there is
+TINY = 1000  # rows in memory, the fewest that are possible
 
 
 def fleet(seed=0, vehicles=5, n=2300):
@@ -49,23 +48,24 @@ def part(rows, which):
     return {name: values[which] for name, values in rows.items()}
 
 
-def same_as_at_once(sources, **options):
-    reading = read_logs(sources, **options)
+def check_same_as_read_logs(sources, **options):
+    expected = read_logs(sources, **options)
+    expected_tracks = {track.id: track for track in expected.tracks}
     with store_logs(sources, rows=TINY, **options) as log:
-        assert {track.id for track in log.tracks} == {track.id for track in reading.tracks}
-        assert log.read_result.points == reading.points
+        assert {track.id for track in log.tracks} == expected_tracks.keys()
+        assert log.read_result.points == expected.points
         for track in log.tracks:
-            whole = next(one for one in reading.tracks if one.id == track.id)
-            found = log.read(track)
-            assert np.array_equal(found.times, whole.times)
-            assert np.abs(found.positions - whole.positions).max() < 1e-6
-            assert np.array_equal(log.read(track, 3, 9).times, whole.times[3:9])
+            expected_track = expected_tracks[track.id]
+            stored = log.read(track)
+            assert np.array_equal(stored.times, expected_track.times)
+            assert np.abs(stored.positions - expected_track.positions).max() < 1e-6
+            assert np.array_equal(log.read(track, 3, 9).times, expected_track.times[3:9])
         return log.sample_count
 
 
 @pytest.mark.parametrize("pack", [False, True])
 def test_csv_with_interleaved_tracks(tmp_path, pack):
-    assert same_as_at_once(csv(fleet(), tmp_path / "fleet.csv", pack)) == 5 * 2300
+    assert check_same_as_read_logs(csv(fleet(), tmp_path / "fleet.csv", pack)) == 5 * 2300
 
 
 def test_a_folder_of_parquet_in_any_order(tmp_path):
@@ -87,9 +87,9 @@ def test_a_folder_of_parquet_in_any_order(tmp_path):
                 log.read(track).times,
                 next(one.times for one in reading.tracks if one.id == track.id),
             )
-        room = log._path.parent
-        assert [file.name for file in room.iterdir()] == ["samples"]
-    assert not room.exists()
+        folder = log._path.parent
+        assert [file.name for file in folder.iterdir()] == ["samples"]
+    assert not folder.exists()
 
 
 def test_files_of_a_folder_without_names_are_one_track(tmp_path):
@@ -98,7 +98,7 @@ def test_files_of_a_folder_without_names_are_one_track(tmp_path):
             pa.table({"t": np.arange(start, start + 20.0), "x": np.zeros(20), "y": np.zeros(20)}),
             tmp_path / f"{name}.parquet",
         )
-    assert same_as_at_once(tmp_path) == 40
+    assert check_same_as_read_logs(tmp_path) == 40
 
 
 def test_keys_of_partitions_are_columns(tmp_path):
@@ -119,12 +119,14 @@ def test_rows_that_cannot_be_used_are_counted(tmp_path):
     rows["x"][[7, 9000]] = "nowhere"
     path = Path(csv(rows, tmp_path / "fleet.csv"))
     path.write_text(path.read_text() + "bus 1,5\n")
-    same_as_at_once(str(path))
+    check_same_as_read_logs(str(path))
     with store_logs(str(path), rows=TINY) as log:
-        told = {repair.what: repair.count for repair in log.read_result.repairs}
-    assert told == {
-        "rows without a time dropped": 2, "rows without a position dropped": 2, "rows with too many or too few cells dropped": 1,
-    }  # fmt: skip
+        counts = {repair.what: repair.count for repair in log.read_result.repairs}
+    assert counts == {
+        "rows without a time dropped": 2,
+        "rows without a position dropped": 2,
+        "rows with too many or too few cells dropped": 1,
+    }
 
 
 def test_degrees_get_the_same_plane(tmp_path):
@@ -135,13 +137,13 @@ def test_degrees_get_the_same_plane(tmp_path):
         "lat": 48 + rng.normal(0, 0.02, n),
         "lon": 11 + rng.normal(0, 0.02, n),
     }
-    assert same_as_at_once(csv(rows, tmp_path / "log.csv")) == n
+    assert check_same_as_read_logs(csv(rows, tmp_path / "log.csv")) == n
 
 
-def test_milliseconds_are_told_once_for_all_batches(tmp_path):
+def test_the_unit_of_time_is_found_once_for_all_batches(tmp_path):
     n = 3000
     rows = {"t": 1_700_000_000_000 + 500 * np.arange(n), "x": np.zeros(n), "y": np.arange(n)}
-    assert same_as_at_once(csv(rows, tmp_path / "log.csv")) == n
+    assert check_same_as_read_logs(csv(rows, tmp_path / "log.csv")) == n
 
 
 def test_sorting_merges_runs(tmp_path):
@@ -150,7 +152,7 @@ def test_sorting_merges_runs(tmp_path):
     path = csv(shuffled, tmp_path / "log.csv")
     with pytest.raises(InputError, match=r"time goes back in track 'bus [01]'; --sort"):
         store_logs(path, rows=TINY)
-    assert same_as_at_once(path, sort=True) == 2 * 2300
+    assert check_same_as_read_logs(path, sort=True) == 2 * 2300
 
 
 def test_repeated_times_are_dropped(tmp_path):
@@ -207,7 +209,7 @@ def test_a_bad_file_is_named_and_refused_or_left_out(tmp_path, what):
         assert log.read_result.points == 5 + log.read_result.lost
 
 
-def test_a_file_that_is_damaged_in_the_middle_leaves_nothing_behind(tmp_path):
+def test_a_file_damaged_in_the_middle_is_left_out_completely(tmp_path):
     data = tmp_path / "good.parquet"
     table = pa.table(
         {
@@ -238,13 +240,13 @@ def test_nothing_to_read(tmp_path):
         store_logs(folder, rows=TINY, skip_bad=True)
 
 
-def test_temporary_files_go_also_when_reading_fails(tmp_path, monkeypatch):
-    room = tmp_path / "room"
-    room.mkdir()
-    monkeypatch.setenv("TMPDIR", str(room))
+def test_temporary_files_are_removed_when_reading_fails(tmp_path, monkeypatch):
+    folder = tmp_path / "temporary"
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
     with pytest.raises(InputError):
         store_logs(two_files(tmp_path, BAD["time goes back"]), rows=TINY)
-    assert list(room.iterdir()) == []
+    assert list(folder.iterdir()) == []
 
 
 def test_rows_are_counted_without_reading_them(tmp_path):
@@ -267,7 +269,7 @@ def test_other_formats_are_read_file_by_file(tmp_path):
         assert [one.count for one in log.tracks] == [9]
 
 
-def kept_at_once(sources, keep, **options):
+def read_kept_columns(sources, keep, **options):
     """Columns of each track, read at once and in batches."""
     whole = {
         track.id: track.attributes for track in read_logs(sources, keep=keep, **options).tracks
@@ -291,7 +293,7 @@ def kept_at_once(sources, keep, **options):
     return whole, batches
 
 
-def same_columns(whole, batches):
+def check_same_columns(whole, batches):
     assert whole.keys() == batches.keys()
     for name, columns in whole.items():
         for column, values in columns.items():
@@ -300,7 +302,7 @@ def same_columns(whole, batches):
             assert np.array_equal(found, values, equal_nan=values.dtype.kind == "f")
 
 
-def test_further_columns_of_interleaved_tracks_in_files_of_any_order(tmp_path):
+def test_kept_columns_of_interleaved_tracks_in_files_of_any_order(tmp_path):
     rows = fleet()
     n = len(rows["t"])
     rng = np.random.default_rng(2)
@@ -311,12 +313,12 @@ def test_further_columns_of_interleaved_tracks_in_files_of_any_order(tmp_path):
     }
     for number, cut in enumerate((slice(n // 2, n), slice(0, n // 2))):
         pq.write_table(pa.table(part(rows, cut)), tmp_path / f"{number}.parquet")
-    whole, batches = kept_at_once(str(tmp_path), ("note", "gear", "fuel"))
-    same_columns(whole, batches)
+    whole, batches = read_kept_columns(str(tmp_path), ("note", "gear", "fuel"))
+    check_same_columns(whole, batches)
 
 
-def test_a_column_of_several_kinds_is_what_it_is_when_read_at_once(tmp_path):
-    """Whole numbers in one file, holes in the next, texts in the last; an earlier file comes later in time."""
+def test_a_column_of_several_kinds_gets_the_kind_that_read_logs_gives(tmp_path):
+    """Integers in one file, missing values in the next, texts in the last; files not in order."""
     for number, values in enumerate(([1, 2, 3], [4, None, 6], ["7", "eight", ""])):
         times = [float(3 * number + i) for i in range(3)]
         table = {
@@ -327,28 +329,28 @@ def test_a_column_of_several_kinds_is_what_it_is_when_read_at_once(tmp_path):
             "b": values if number < 2 else [1, 2, 3],
         }
         pq.write_table(pa.table(table), tmp_path / f"{9 - number}.parquet")
-    whole, batches = kept_at_once(str(tmp_path), ("a", "b"), sort=True)
-    same_columns(whole, batches)
+    whole, batches = read_kept_columns(str(tmp_path), ("a", "b"), sort=True)
+    check_same_columns(whole, batches)
 
 
 @pytest.mark.parametrize(
     "late", ["7", "7.25", "seven", "", "true", "2024-05-01", "2024-05-01 10:00:00"]
 )
 @pytest.mark.parametrize("cell", ["3", "3.5", "", "False", "2024-05-01", "2024-05-01T10:00:00Z"])
-def test_text_decides_on_a_column_as_a_whole(tmp_path, late, cell):
+def test_all_cells_of_a_column_decide_on_its_kind(tmp_path, late, cell):
     (tmp_path / "log.csv").write_text(
         "t,x,y,c\n"
         + "".join(f"{i},{i},0,{late if i == 79 else cell}\n" for i in range(80))
         + "1,2\n"
     )
-    whole, batches = kept_at_once(str(tmp_path / "log.csv"), ("c",))
-    same_columns(whole, batches)
+    whole, batches = read_kept_columns(str(tmp_path / "log.csv"), ("c",))
+    check_same_columns(whole, batches)
     values = whole["0"]["c"]
     if values.dtype.kind == "U":
         assert values.tolist() == [cell] * 79 + [late]
 
 
-def test_too_many_different_texts_and_a_missing_column_are_named(tmp_path, monkeypatch):
+def test_too_many_distinct_texts_and_a_missing_column_are_named(tmp_path, monkeypatch):
     path = csv(
         {
             "t": range(3000),
@@ -358,44 +360,46 @@ def test_too_many_different_texts_and_a_missing_column_are_named(tmp_path, monke
         },
         tmp_path / "log.csv",
     )
-    monkeypatch.setattr(streaming, "_TEXT_BYTES", 5)
-    with pytest.raises(InputError, match="'c' holds more different texts than there is memory for"):
+    monkeypatch.setattr(store, "_TEXT_BYTES_PER_ROW", 5)
+    with pytest.raises(InputError, match="'c' holds more distinct texts than there is memory for"):
         store_logs(path, rows=TINY, keep=("c",))
     with pytest.raises(InputError, match="no column 'd'"):
         store_logs(path, rows=TINY, keep=("d",))
 
 
-def test_what_a_file_left_out_held_does_not_change_a_column(tmp_path):
+def test_a_file_left_out_does_not_change_the_kind_of_a_column(tmp_path):
     good, bad = (
         {"t": [0.0, 1.0], "track_id": ["a", "a"], "x": [0, 1], "y": [0, 1], "c": values}
         for values in ([1, 2], ["x", "y"])
     )
     pq.write_table(pa.table(good), tmp_path / "a.parquet")
     pq.write_table(pa.table(bad | {"t": [1.0, 0.0]}), tmp_path / "b.parquet")
-    whole, batches = kept_at_once(str(tmp_path), ("c",), skip_bad=True)
-    same_columns(whole, batches)
+    whole, batches = read_kept_columns(str(tmp_path), ("c",), skip_bad=True)
+    check_same_columns(whole, batches)
     assert whole["a"]["c"].dtype.kind == "i"
 
 
-def spiky(n=7000, seed=4):
-    """A calm walk with single and double spikes, some of them at the borders of pieces of 1,000."""
+def walk_with_outliers(n=7000, seed=4):
+    """A slow walk with single and double outliers, some at the borders of blocks of 1,000."""
     rng = np.random.default_rng(seed)
     times = np.cumsum(rng.choice([0.5, 1.0, 1.5], n))
-    places = np.cumsum(rng.normal(0, 1, (n, 2)), axis=0)
-    leaps = np.unique(np.concatenate([rng.integers(5, n - 9, 40), [998, 999, 1999, 2001, 3000]]))
-    places[leaps] += 900
-    places[leaps[::3] + 1] += 900
-    return times, places
+    positions = np.cumsum(rng.normal(0, 1, (n, 2)), axis=0)
+    outliers = np.unique(np.concatenate([rng.integers(5, n - 9, 40), [998, 999, 1999, 2001, 3000]]))
+    positions[outliers] += 900
+    positions[outliers[::3] + 1] += 900
+    return times, positions
 
 
 @pytest.mark.parametrize("degrees", [False, True])
-def test_spikes_of_long_tracks_are_those_found_at_once(tmp_path, degrees):
-    times, places = spiky()
-    names, places = (("lat", "lon"), 48 + places / 1e5) if degrees else (("x", "y"), places)
+def test_outliers_of_long_tracks_are_those_that_read_logs_drops(tmp_path, degrees):
+    times, positions = walk_with_outliers()
+    names, positions = (
+        (("lat", "lon"), 48 + positions / 1e5) if degrees else (("x", "y"), positions)
+    )
     rows = {
         "t": times,
-        names[0]: places[:, 0],
-        names[1]: places[:, 1],
+        names[0]: positions[:, 0],
+        names[1]: positions[:, 1],
         "row": np.arange(len(times)),
     }
     path = csv(rows, tmp_path / "log.csv")
@@ -413,7 +417,7 @@ def test_spikes_of_long_tracks_are_those_found_at_once(tmp_path, degrees):
     ]
 
 
-def test_spikes_far_away_do_not_count_for_the_plane(tmp_path):
+def test_outliers_do_not_count_for_the_plane(tmp_path):
     lat, lon = np.full(3000, 48.0) + np.arange(3000) / 1e6, np.full(3000, 11.0)
     lat[1500], lon[1500] = 0.0, 0.0
     path = csv({"t": np.arange(3000), "lat": lat, "lon": lon}, tmp_path / "log.csv")
@@ -424,7 +428,7 @@ def test_spikes_far_away_do_not_count_for_the_plane(tmp_path):
         assert len(log.plane.centers) == 2
 
 
-def test_a_track_that_stands_still_has_no_spikes(tmp_path):
+def test_a_track_that_stands_still_has_no_outliers(tmp_path):
     path = csv(
         {"t": np.arange(2500), "x": np.zeros(2500), "y": np.zeros(2500)}, tmp_path / "log.csv"
     )
@@ -433,9 +437,9 @@ def test_a_track_that_stands_still_has_no_spikes(tmp_path):
 
 
 @given(st.lists(st.floats(0, 1e300), min_size=1, max_size=60), st.floats(0, 1))
-def test_quantiles_by_passes_are_those_of_numpy(numbers, share):
+def test_quantiles_of_blocks_are_those_of_numpy(numbers, share):
     pieces = [np.array(numbers[a : a + 7]) for a in range(0, len(numbers), 7)]
-    assert despiking._quantile(lambda: iter(pieces), share) == pytest.approx(
+    assert outliers._quantile(lambda: iter(pieces), share) == pytest.approx(
         float(np.quantile(numbers, share)), rel=1e-12
     )
 
@@ -448,18 +452,18 @@ def test_a_file_without_rows_says_so(tmp_path):
         store_logs(str(tmp_path), rows=TINY)
 
 
-def test_the_order_of_day_and_month_is_told_by_the_whole_file(tmp_path, monkeypatch):
+def test_all_dates_of_a_file_decide_on_the_order_of_day_and_month(tmp_path, monkeypatch):
     monkeypatch.setattr("gpszip.io.logs.csv.BLOCK", 4096)
     days = [f"{day:02d}/01/2024" for day in range(1, 32)]
     dates = [f"{day} {second // 60:02d}:{second % 60:02d}" for day in days for second in range(100)]
     path = csv({"t": dates, "x": np.arange(3100.0), "y": np.zeros(3100)}, tmp_path / "log.csv")
-    assert same_as_at_once(path) == 3100
+    assert check_same_as_read_logs(path) == 3100
     path = csv(
         {"t": dates[:1200], "x": np.arange(1200.0), "y": np.zeros(1200)}, tmp_path / "short.csv"
     )
     with pytest.raises(InputError, match="say which: --dates dmy or --dates mdy"):
         store_logs(path, rows=TINY)
-    assert same_as_at_once(path, dates="dmy") == 1200
+    assert check_same_as_read_logs(path, dates="dmy") == 1200
     late = csv(
         {"t": [*dates[:2400], "01/31/2024"], "x": np.arange(2401.0), "y": np.zeros(2401)},
         tmp_path / "late.csv",
@@ -469,7 +473,8 @@ def test_the_order_of_day_and_month_is_told_by_the_whole_file(tmp_path, monkeypa
 
 
 def test_geojson_leaves_out_the_same_as_in_memory(tmp_path):
-    line = '{"type":"Feature","properties":{"times":[0,1]},"geometry":{"type":"LineString","coordinates":[[8,50],[8,51]]}}'
+    geometry = '{"type":"LineString","coordinates":[[8,50],[8,51]]}'
+    line = f'{{"type":"Feature","properties":{{"times":[0,1]}},"geometry":{geometry}}}'
     polygon = '{"type":"Feature","properties":{},"geometry":{"type":"Polygon","coordinates":[]}}'
     path = tmp_path / "log.json"
     path.write_text("\n".join([line, polygon, '{"a": 7}']))

@@ -21,7 +21,7 @@ def test_repeated_rows_are_dropped_and_counted_apart_from_contradictions():
     assert reading.points == reading.kept + reading.lost == 8
 
 
-def test_interleaved_vehicles_are_told_apart_by_their_ids():
+def test_interleaved_vehicles_are_separated_by_their_ids():
     reading = read(["b,5,0,0", "a,1,1,0", "b,6,2,0", "a,2,3,0"], "vehicle,t,x,y")
     assert [
         (track.id, track.times.tolist(), track.positions[:, 0].tolist()) for track in reading.tracks
@@ -85,14 +85,14 @@ def test_longitudes_may_run_to_360():
     assert np.linalg.norm(np.diff(reading.tracks[0].positions, axis=0)) < 250
 
 
-def test_clean_drops_spikes_counts_them_and_needs_no_plane_for_them():
+def test_clean_drops_outliers_counts_them_and_needs_no_plane_for_them():
     rows = [f"{i},{50 + i * 1e-5:.5f},8" for i in range(300)]
     rows[120] = "120,1,0"
     plain, clean = read(rows, "t,lat,lon"), read(rows, "t,lat,lon", clean=True)
     assert len(plain.tracks[0].plane.centers) == 2
     assert len(clean.tracks[0].plane.centers) == 1
     assert 120.0 not in clean.tracks[0].times.tolist()
-    assert [(repair.what, repair.count) for repair in clean.repairs] == [("spikes dropped", 1)]
+    assert [(repair.what, repair.count) for repair in clean.repairs] == [("outliers dropped", 1)]
     assert clean.points == clean.kept + clean.lost == 300
 
 

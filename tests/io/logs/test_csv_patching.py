@@ -23,22 +23,25 @@ def written(log, *patches):
 
 
 def patch_of(log, track, after, times, positions=None, confidence=0.5):
+    """Fill a gap with samples, by default at the position before it."""
     times = np.array(times, float)
-    own = log.reading.tracks[track].positions
-    places = (
-        np.repeat(own[[after]], len(times), axis=0)
-        if positions is None
-        else np.array(positions, float)
-    )
-    return Patch(track, after, 60.0, times, places, np.full(len(times), confidence), 10.0)
+    if positions is None:
+        before = log.read_result.tracks[track].positions[[after]]
+        positions = np.repeat(before, len(times), axis=0)
+    positions = np.array(positions, float)
+    return Patch(track, after, 60.0, times, positions, np.full(len(times), confidence), 10.0)
 
 
 def test_rows_stay_as_they_were_and_rows_are_added():
-    text = 'name,"the time",x,y,note\n"a",0,1.50,2,"he said ""hi"""\n a ,1,2,2,\n"a",60,007.0,2,"two\nlines"\n'
+    text = (
+        'name,"the time",x,y,note\n"a",0,1.50,2,"he said ""hi"""\n a ,1,2,2,\n'
+        '"a",60,007.0,2,"two\nlines"\n'
+    )
     log = text_log(text.replace(" a ", "a"), columns="t=the time,x=x,y=y")
-    found = written(log, patch_of(log, 0, 1, [30, 45], [[3.14159, 2], [5, 2.5]]))
-    assert found == (
-        'name,"the time",x,y,note,source,confidence\n"a",0,1.50,2,"he said ""hi""",log,1\na,1,2,2,,log,1\n'
+    patched = written(log, patch_of(log, 0, 1, [30, 45], [[3.14159, 2], [5, 2.5]]))
+    assert patched == (
+        'name,"the time",x,y,note,source,confidence\n'
+        '"a",0,1.50,2,"he said ""hi""",log,1\na,1,2,2,,log,1\n'
         'a,30,3.14,2.00,,patched,0.500\na,45,5.00,2.50,,patched,0.500\n"a",60,007.0,2,"two\nlines",log,1\n'
     )
 
@@ -103,12 +106,12 @@ def test_tracks_one_after_the_other_stay_apart():
 )
 def test_times_are_written_as_the_log_writes_them(one, other, step, expected):
     log = text_log(f"t,x,y\n{one},0,0\n{other},1,0\n")
-    start = log.reading.tracks[0].times[0]
+    start = log.read_result.tracks[0].times[0]
     line = written(log, patch_of(log, 0, 0, [start + step])).splitlines()[2]
     assert line.split(",")[0] == expected
     again = text_log(written(log, patch_of(log, 0, 0, [start + step])))
-    end = log.reading.tracks[0].times[-1] - start
-    np.testing.assert_allclose(again.reading.tracks[0].times - start, [0, step, end], atol=1e-6)
+    end = log.read_result.tracks[0].times[-1] - start
+    np.testing.assert_allclose(again.read_result.tracks[0].times - start, [0, step, end], atol=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -121,20 +124,20 @@ def test_times_are_written_as_the_log_writes_them(one, other, step, expected):
         ("time", ["03/04/2024 08:00", "03/04/2024 08:01", "03/04/2024 08:02"], {"dates": "dmy"}),
     ],
 )
-def test_times_that_are_written_read_as_they_were_meant(header, rows, options):
+def test_written_times_are_read_as_the_same_times(header, rows, options):
     log = text_log(f"{header},x,y\n" + "".join(f"{row},0,0\n" for row in rows), **options)
-    start = log.reading.tracks[0].times[0]
+    start = log.read_result.tracks[0].times[0]
     again = text_log(written(log, patch_of(log, 0, 0, start + np.array([15.0, 30.0]))), **options)
     np.testing.assert_allclose(
-        again.reading.tracks[0].times - start, [0, 15, 30, 60, 120], atol=2e-3
+        again.read_result.tracks[0].times - start, [0, 15, 30, 60, 120], atol=2e-3
     )
 
 
-def test_dates_that_nobody_writes_become_iso():
+def test_a_date_and_a_time_of_day_become_iso():
     log = text_log("date,time,x,y\n2024-05-06,07:08:09,0,0\n2024-05-06,07:09:09,1,0\n")
-    start = log.reading.tracks[0].times[0]
+    start = log.read_result.tracks[0].times[0]
     again = text_log(written(log, patch_of(log, 0, 0, [start + 30])))
-    np.testing.assert_allclose(again.reading.tracks[0].times - start, [0, 30, 60])
+    np.testing.assert_allclose(again.read_result.tracks[0].times - start, [0, 30, 60])
 
 
 def test_degrees_and_decimal_commas():
@@ -145,7 +148,7 @@ def test_degrees_and_decimal_commas():
     )
 
 
-def test_columns_that_are_there_already_are_left_alone():
+def test_existing_columns_of_the_new_names_are_kept():
     log = text_log("t,x,y,source\n0,0,0,gps\n60,1,0,gps\n")
     assert written(log).splitlines()[:2] == [
         "t,x,y,source,patch_source,confidence",
@@ -156,7 +159,7 @@ def test_columns_that_are_there_already_are_left_alone():
 def test_bad_rows_and_comments_stay():
     text = "# made by hand\nt,x,y\n0,0,0\nrubbish\n1,,0\n\n60,1,0\n"
     log = text_log(text)
-    assert [len(track) for track in log.reading.tracks] == [2]
+    assert [len(track) for track in log.read_result.tracks] == [2]
     assert [line.removesuffix(",log,1") for line in written(log).splitlines()] == [
         "# made by hand",
         "t,x,y,source,confidence",
@@ -193,14 +196,14 @@ def test_sorted_logs_are_filled_in_their_own_order():
     assert len(written(log, patch_of(log, 0, 0, [30])).splitlines()) == 4
 
 
-def test_what_is_wrong_is_said_as_always():
+def test_errors_are_those_of_reading_the_log():
     with pytest.raises(InputError, match=r"columns found: a, b;"):
         text_log("a,b\n0,0\n")
     with pytest.raises(InputError, match="time goes back"):
         text_log("t,x,y\n60,1,0\n0,0,0\n")
 
 
-def test_only_a_lone_text_is_written_again(tmp_path):
+def test_only_a_single_csv_log_is_kept_as_text(tmp_path):
     one, other = tmp_path / "one.csv", tmp_path / "other.csv"
     for path in (one, other):
         path.write_text("t,x,y\n0,0,0\n60,1,0\n")

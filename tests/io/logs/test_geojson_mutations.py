@@ -1,4 +1,4 @@
-"""Whatever happens to a GeoJSON file, reading it gives a log that is whole, or an InputError in one line."""
+"""A damaged GeoJSON file gives a consistent log, or an InputError in one line."""
 
 import json
 

@@ -26,8 +26,8 @@ def refusal(text):
     return message
 
 
-# Entities and external references. That the refusal comes when nothing but the start of the declaration is there shows
-# that nothing is declared, expanded or fetched before.
+# Entities and external references. The refusal comes after the start of the declaration alone: this
+# shows that nothing is declared, expanded or fetched before.
 
 LAUGHS = "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 10))
 
@@ -49,7 +49,8 @@ LAUGHS = "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 10))
 def test_a_document_type_is_refused_before_anything_is_declared(declaration, encoding, tmp_path):
     secret = tmp_path / "secret"
     secret.write_text("48.1")
-    text = f"<?xml version='1.0'?>\n{declaration.replace('{path}', secret.as_uri())}<gpx><trk><name>{'&a9;' * 1000}</name></trk></gpx>"
+    head = "<?xml version='1.0'?>\n" + declaration.replace("{path}", secret.as_uri())
+    text = f"{head}<gpx><trk><name>{'&a9;' * 1000}</name></trk></gpx>"
     message = refusal(text.encode(encoding))
     assert (
         message
@@ -107,9 +108,10 @@ def test_long_texts_around_points_are_passed_over():
     assert len(parse(OPEN + long + POINT + CLOSE).lat) == 1
 
 
-def test_many_empty_tracks_and_segments_count_for_nothing():
+def test_many_empty_tracks_and_segments_are_passed_over():
     parsed = parse(
-        f"<gpx>{'<trk><trkseg/></trk>' * 30_000}<trk>{'<trkseg/>' * 30_000}<trkseg>{POINT}</trkseg></trk></gpx>"
+        f"<gpx>{'<trk><trkseg/></trk>' * 30_000}"
+        f"<trk>{'<trkseg/>' * 30_000}<trkseg>{POINT}</trkseg></trk></gpx>"
     )
     assert (parsed.names, parsed.parents.tolist(), parsed.starts.tolist()) == ((None,), [0], [0])
 
@@ -117,10 +119,11 @@ def test_many_empty_tracks_and_segments_count_for_nothing():
 # Pieces
 
 
-def test_points_across_many_pieces_are_as_in_one():
+def test_points_in_many_chunks_are_those_of_one_chunk():
     count = 20_000  # of several pieces
     text = OPEN + "".join(
-        f'<trkpt lon="{i}" lat="-{i}">{f"<ele>{i}</ele>" if i % 3 else ""}<time>{i}</time></trkpt>\n'
+        f'<trkpt lon="{i}" lat="-{i}">'
+        f"{f'<ele>{i}</ele>' if i % 3 else ''}<time>{i}</time></trkpt>\n"
         for i in range(count)
     )
     parsed = parse((text + CLOSE).encode("utf-16"), ("time", "ele"))
@@ -154,11 +157,11 @@ def test_gzip_is_unpacked_and_damaged_gzip_refused():
             "\n\n" + OPEN + POINT + POINT[:10],
             "line 6: damaged GPX: the file ends within <trkseg>, after 1 point;",
         ),
-        (f"<g:gpx><g:trk>{POINT}", "with </g:trk></g:gpx> after the last whole point"),
+        (f"<g:gpx><g:trk>{POINT}", "with </g:trk></g:gpx> after the last complete point"),
         ("<?xml version='1.0'?>", "the file ends within its first element"),
         (
             f"{OPEN}<name>Tom & Jerry</name>",
-            "line 3: damaged GPX: not well-formed (invalid token), after 0 points; write & as &amp;",
+            "line 3: damaged GPX: not well-formed (invalid token), after 0 points; write & as &am",
         ),
         (f"{OPEN}{POINT}<name>\x07</name>", "line 4: damaged GPX: not well-formed (invalid token)"),
         (

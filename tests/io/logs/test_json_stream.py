@@ -47,15 +47,13 @@ def parts(data, piece=1 << 20):
     ascii=st.booleans(),
     encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-32"]),
 )
-def test_however_a_text_is_cut_its_values_are_those_of_json(
-    features, others, piece, ascii, encoding
-):
+def test_values_are_those_of_json_wherever_chunks_end(features, others, piece, ascii, encoding):
     text = json.dumps({**others, "features": features, "last": 12.5e-7}, ensure_ascii=ascii)
     data = text.encode("utf-16-le" if encoding == "utf-16-be" else encoding, "replace")
-    whole = json.loads(data.decode("utf-16-le" if encoding == "utf-16-be" else encoding))
-    read = parts(data, max(piece, 4))  # the first four bytes tell the encoding
-    assert [part.value for part in read[:-1]] == whole["features"]
-    assert read[-1] == Document({**whole, "features": []})
+    expected = json.loads(data.decode("utf-16-le" if encoding == "utf-16-be" else encoding))
+    read = parts(data, max(piece, 4))  # the first four bytes show the encoding
+    assert [part.value for part in read[:-1]] == expected["features"]
+    assert read[-1] == Document({**expected, "features": []})
 
 
 @pytest.mark.parametrize("between", ["\n", "\r\n\r\n", " ", "", "\n\x1e"])
@@ -72,7 +70,7 @@ def test_objects_and_lists_may_follow_each_other(between):
 
 
 @pytest.mark.parametrize("number", ["-12", "1.5e-10", "7E+5", "0.25", "-0", "9" * 40])
-def test_a_number_that_is_cut_anywhere_is_read_whole(number):
+def test_a_number_in_two_chunks_is_one_number(number):
     for cut in range(4, 30):
         assert parts('{"number":' + number + "}", cut) == [Document({"number": json.loads(number)})]
 
@@ -90,7 +88,7 @@ def test_a_number_that_is_cut_anywhere_is_read_whole(number):
         ('{"a": 1, "a": 2}', {"a": 2}),
     ],
 )
-def test_what_other_readers_stumble_over(text, value):
+def test_unusual_json_is_read(text, value):
     assert parts(f"[[{text}, 1]]") == [Element([value, 1])]
 
 
@@ -155,7 +153,7 @@ def test_memory_is_bounded_by_a_feature_and_not_by_the_file():
     assert peak < 6 << 20
 
 
-def test_the_encoding_is_told_with_or_without_a_mark():
+def test_the_encoding_is_found_with_or_without_a_mark():
     for mark in (b"", codecs.BOM_UTF16_BE):
         assert parts(mark + '{"ä": 1}'.encode("utf-16-be")) == [Document({"ä": 1})]
     assert sys.get_int_max_str_digits() == 4300

@@ -13,8 +13,8 @@ def text_of(rows, header="t,x,y"):
     return "\n".join([header, *rows, ""])
 
 
-def both_ways(text, path, **options):
-    """Read a log at once, and by way of a file of sorted rows, and check that they tell the same."""
+def read_in_both_forms(text, path, **options):
+    """Read a log in memory and on disk, and check that both report the same."""
     path.write_text(text)
     reading = read_logs(path, **options)
     with store_logs(path, rows=1000, **options) as log:
@@ -38,27 +38,31 @@ def path(tmp_path):
 
 def test_a_few_lost_points_are_no_loss(path):
     rows = [f"{number},{number},0" for number in range(100)]
-    reading = both_ways(
+    reading = read_in_both_forms(
         text_of([*rows, "50.5,,1", "99,7,7", "99,8,8", *rows[-1:]]).replace("\n99,8,8", ""), path
     )
     assert (reading.lost, reading.losses, reading.complete) == (3, (), True)
 
 
 def test_repeated_rows_are_no_loss(path):
-    reading = both_ways(text_of([f"{number // 3},{number // 3},0" for number in range(90)]), path)
+    reading = read_in_both_forms(
+        text_of([f"{number // 3},{number // 3},0" for number in range(90)]), path
+    )
     assert (reading.lost, reading.losses) == (60, ())
 
 
 def test_five_points_a_second_with_whole_seconds(path):
-    reading = both_ways(text_of([f"{number // 5},{number},0" for number in range(5000)]), path)
+    reading = read_in_both_forms(
+        text_of([f"{number // 5},{number},0" for number in range(5000)]), path
+    )
     assert reading.losses == (Loss("0", str(path), 4000, 5000, 5),)
     assert not reading.complete
 
 
-def test_several_points_at_one_time_are_told_however_many_there_are(path):
+def test_three_points_at_one_time_are_a_loss_in_any_log(path):
     rows = [f"{number},{number},0" for number in range(100)]
-    assert both_ways(text_of([*rows[:50], "49,7,7", *rows[50:]]), path).complete
-    reading = both_ways(text_of([*rows[:50], "49,7,7", "49,8,8", *rows[50:]]), path)
+    assert read_in_both_forms(text_of([*rows[:50], "49,7,7", *rows[50:]]), path).complete
+    reading = read_in_both_forms(text_of([*rows[:50], "49,7,7", "49,8,8", *rows[50:]]), path)
     assert [(loss.lost, loss.points, loss.shared) for loss in reading.losses] == [(2, 102, 3)]
 
 
@@ -68,15 +72,15 @@ def test_tracks_that_lose_many_points_and_tracks_that_vanish(path):
         row.replace(",5,5,", ",5,,").replace(",7,7,", ",,7,") if row[0] == "b" else row
         for row in rows
     ]
-    reading = both_ways(
+    reading = read_in_both_forms(
         text_of([row[:4] + ",0" if row[0] == "c" else row for row in rows], "id,t,x,y"), path
     )
     assert set(reading.losses) == {Loss("b", str(path), 2, 10), Loss("c", str(path), 10, 10)}
     assert [track.id for track in reading.tracks] == ["a", "b"]
 
 
-def test_rows_of_which_nobody_knows_whose_they_are(path):
-    reading = both_ways(
+def test_rows_that_belong_to_no_track_are_a_loss_of_the_log(path):
+    reading = read_in_both_forms(
         text_of([f"{number},{number},0" + ",9" * (number % 5 == 1) for number in range(20)]), path
     )
     assert reading.losses == (Loss("", str(path), 4, 20),)
@@ -87,7 +91,7 @@ def test_a_clock_that_stands_still_is_refused(path, read):
     path.write_text(text_of([f"1367654400,{number},0" for number in range(184)]))
     with pytest.raises(
         InputError,
-        match=r"log.csv: all 184 points.* have the same time, 2013-05-04T08:00:00Z; .*--columns t=COLUMN",
+        match=r"log.csv: all 184 points.* have the same time, 2013-05-04T08:00:00Z; .*t=COLUMN",
     ):
         read(path)
 
@@ -103,7 +107,7 @@ def test_a_track_whose_clock_stands_still_is_refused_or_left_out(path):
         read_logs(path)
     with pytest.raises(InputError, match="all 30 points of track 'b' have the same time, 5 s"):
         store_logs(path, rows=1000)
-    reading = both_ways(text_of(rows, "id,t,x,y"), path, skip_bad=True)
+    reading = read_in_both_forms(text_of(rows, "id,t,x,y"), path, skip_bad=True)
     assert {track.id: len(track) for track in reading.tracks} == {"a": 10, "c": 1}
     assert (reading.losses, len(reading.left_out), reading.complete) == ((), 1, False)
 
@@ -123,7 +127,7 @@ def test_points_at_one_time_in_different_batches(path, monkeypatch):
     monkeypatch.setattr("gpszip.io.logs.csv.BLOCK", 512)
     rng = np.random.default_rng(5)
     rows = [f"v{rng.integers(3)},{number // 7},{rng.integers(2)},0" for number in range(4000)]
-    assert len(both_ways(text_of(rows, "id,t,x,y"), path).losses) == 3
+    assert len(read_in_both_forms(text_of(rows, "id,t,x,y"), path).losses) == 3
 
 
 @pytest.mark.parametrize(
@@ -134,7 +138,7 @@ def test_times_of_day_that_go_back_are_refused_however_they_are_to_be_ordered(pa
     path.write_text(text_of(["23:59:58,0,0", "23:59:59,1,0", "00:00:00,2,0", "00:00:01,3,0"]))
     with pytest.raises(
         InputError,
-        match="the time of day goes back, perhaps at midnight, and there is no date; add a column named date",
+        match="the time of day goes back, perhaps at midnight, and there is no date; add a column",
     ):
         read(path, sort=sort)
     assert [len(track) for track in read_logs(path, split=True).tracks] == [2, 2]

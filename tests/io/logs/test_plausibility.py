@@ -44,7 +44,7 @@ def told(reading):
     return [repair.what for repair in reading.repairs]
 
 
-def test_days_of_a_spreadsheet_are_read_as_such_and_told(tmp_path):
+def test_days_of_a_spreadsheet_are_read_as_such_and_reported(tmp_path):
     seconds, places = drive()
     days = [f"{day:.8f}" for day in (EIGHT + seconds) / 86400 + EXCEL]
     reading = read(text := csv(days, places))
@@ -128,7 +128,7 @@ def test_a_log_of_a_thousandth_of_a_second_is_refused():
 @pytest.mark.parametrize(
     "what", ["jitter at 1 kHz", "satellite", "aircraft", "several in one", "simulated", "dates"]
 )
-def test_fast_logs_without_another_reading_are_right(what):
+def test_fast_logs_are_accepted_if_no_other_unit_is_likely(what):
     rng = np.random.default_rng(4)
     seconds, places = drive(600)
     header = "t,lat,lon"
@@ -184,17 +184,18 @@ def test_three_points_in_degrees_are_refused_too():
         read("\n".join(["t,X,Y", *rows, ""]))
 
 
-def test_swapped_degrees_are_seen():
+def test_swapped_degrees_are_recognised():
     seconds, places = drive()
     with pytest.raises(InputError, match="--columns lon=y,lat=x"):
         read(csv(seconds, places + np.array([-80, 90]), "t,x,y", 6))
 
 
-def test_what_may_be_degrees_is_told():
+def test_what_may_be_degrees_is_reported():
     seconds, places = drive(speed=80.0)
     reading = read(csv(seconds, places[:, ::-1], "t,x,y"))
     assert told(reading) == [
-        "positions read as metres, but they look like degrees; if they are, name them: --columns lon=x,lat=y"
+        "positions read as metres, but they look like degrees; if they are, name them: "
+        "--columns lon=x,lat=y"
     ]
     assert reading.lost == 0
     glacier = np.stack([3 + 1.23e-5 * np.arange(60) * 600, np.full(60, 40.0)], axis=1)

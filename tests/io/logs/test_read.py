@@ -51,7 +51,7 @@ def test_a_pipe_is_read_like_a_file(tmp_path):
         os.waitpid(child, 0)
 
 
-def test_a_vehicle_goes_on_in_the_next_file_whatever_their_order(tmp_path):
+def test_files_in_any_order_continue_a_vehicle(tmp_path):
     put(
         tmp_path,
         a=["id,t,x,y", "v,2,2,0", "v,3,3,0"],
@@ -62,7 +62,7 @@ def test_a_vehicle_goes_on_in_the_next_file_whatever_their_order(tmp_path):
     assert reading.points == reading.kept + reading.lost == 5
 
 
-def test_a_vehicle_at_two_places_at_once_is_renamed_and_counted(tmp_path):
+def test_a_vehicle_at_two_positions_at_once_is_renamed_and_counted(tmp_path):
     put(tmp_path, a=["id,t,x,y", "v,0,0,0", "v,3,3,0"], b=["id,t,x,y", "v,1,9,0", "w,1,1,0"])
     reading = read_logs(str(tmp_path / "*.csv"))
     assert ids(reading) == [("v", [0, 3]), ("v-2", [1]), ("w", [1])]
@@ -84,7 +84,7 @@ def test_logs_without_names_that_share_their_file_name(tmp_path):
         (".", "is a folder; name the files in it"),
     ],
 )
-def test_what_is_not_there(tmp_path, monkeypatch, name, says):
+def test_missing_logs_are_named(tmp_path, monkeypatch, name, says):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError) as caught:
         read_logs(name)
@@ -119,7 +119,7 @@ def test_nothing_readable_is_an_error_even_when_bad_logs_may_be_left_out(tmp_pat
         read_logs([])
 
 
-def test_metres_and_degrees_do_not_mix(tmp_path):
+def test_metres_and_degrees_are_not_read_together(tmp_path):
     put(tmp_path, a=["t,x,y", "0,0,0"], b=["t,lat,lon", "0,1,1"], c=["t,x,y,z", "0,1,1,1"])
     with pytest.raises(InputError, match=r"holds lat,lon, but .*a\.csv x,y"):
         read_logs([tmp_path / "a.csv", tmp_path / "b.csv"])

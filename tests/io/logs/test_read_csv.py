@@ -37,7 +37,7 @@ def only(text, **options):
         "t,x,y\n0,1,2\n1.5,3,4\n".encode("utf-16"),
     ],
 )
-def test_the_same_log_in_many_dresses(text):
+def test_one_log_in_many_dialects(text):
     track = only(text)
     assert track.id == "0"
     assert track.times.tolist() == [0.0, 1.5]
@@ -119,7 +119,7 @@ def test_text_is_kept_as_text():
         (["1969-12-31T23:59:59.5Z", "1970-01-01T00:00:00Z"], [-0.5, 0.0]),
     ],
 )
-def test_times_in_many_dresses(cells, expected):
+def test_times_in_many_notations(cells, expected):
     track = only("time,x,y\n" + "".join(f"{cell},0,0\n" for cell in cells))
     assert track.times.tolist() == expected
 
@@ -192,7 +192,7 @@ def test_a_type_that_changes_far_down_the_file():
     assert reading.lost == 1
 
 
-def test_gzip_is_told_by_content_and_members_may_be_several(tmp_path):
+def test_gzip_is_recognised_by_content_and_may_have_several_members(tmp_path):
     path = tmp_path / "log.csv"
     path.write_bytes(gzip.compress(b"t,x,y\n0,0,0\n") + gzip.compress(b"1,1,1\n"))
     reading = read_logs(path)
@@ -200,7 +200,7 @@ def test_gzip_is_told_by_content_and_members_may_be_several(tmp_path):
     assert reading.bytes == path.stat().st_size
 
 
-def test_torn_gzip_says_so(tmp_path):
+def test_gzip_that_is_cut_off_is_named(tmp_path):
     path = tmp_path / "log.csv.gz"
     noise = np.random.default_rng(0).normal(size=(50_000, 2))
     path.write_bytes(
@@ -254,14 +254,14 @@ def test_mistakes_are_named_in_one_line(text, says):
         ({"keep": ["speed"]}, "no column 'speed'"),
     ],
 )
-def test_columns_that_are_not_there(options, says):
+def test_missing_columns_are_named(options, says):
     with pytest.raises(InputError) as caught:
         read("t,x,y\n0,0,0\n", **options)
     assert says in str(caught.value)
 
 
 @pytest.mark.parametrize("columns", ["t=when,x", {"colour": "a"}])
-def test_columns_that_make_no_sense(columns):
+def test_impossible_columns_are_refused(columns):
     with pytest.raises(OptionError, match="--columns"):
         read("t,x,y\n0,0,0\n", columns=columns)
 

@@ -48,7 +48,7 @@ def ids(reading):
         ),
     ],
 )
-def test_the_places_where_lines_keep_their_times(feature):
+def test_times_are_read_from_all_properties_that_hold_them(feature):
     for data in (collection(feature), feature):
         reading = read(data)
         assert ids(reading) == [("0", [1700000000.5, 1700000001.0])]
@@ -285,7 +285,7 @@ def test_a_line_without_times_is_a_shape(times):
     assert not log.repairs
 
 
-def test_shapes_are_tracks_of_their_own():
+def test_each_shape_is_a_separate_track():
     several = line([[[8, 50], [8, 51]], [], [[8, 60], [8, 61]]], "MultiLineString", id="plan")
     log = raw(
         collection(
@@ -327,7 +327,7 @@ def test_lines_of_a_collection_of_geometries_share_the_feature():
         assert [left.name for left in log.left_out] == ["log: 1 Point"]
 
 
-def test_what_is_not_there_is_counted():
+def test_geometries_without_a_line_are_counted():
     nothing = [line(None), line([], coordTimes=[]), line([[], []], "MultiLineString")]
     shapes = [
         line([[8, 50]]),
@@ -358,7 +358,8 @@ def test_what_is_not_there_is_counted():
         "\x1e{0}\n\x1e{1}\n",
         "[{0}, {1}]",
         '{{"features": [{0}]}}\n{{"type": "FeatureCollection", "name": "b", "features": [{1}]}}',
-        '{{"features": [{0}, {1}], "type": "FeatureCollection", "bbox": [1, 2, 3, 4], "foreign": {{"features": []}}}}',
+        '{{"features": [{0}, {1}], "type": "FeatureCollection", "bbox": [1, 2, 3, 4], '
+        '"foreign": {{"features": []}}}}',
     ],
 )
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
@@ -442,7 +443,7 @@ def test_other_coordinate_systems_are_refused_wherever_they_are_named(crs, says)
         assert says in str(caught.value)
 
 
-def test_metres_and_degrees_do_not_mix():
+def test_metres_and_degrees_are_not_read_together():
     metres = json.dumps(collection(two(times=[0, 1]), gpszip={"coordinates": "metres"}))
     with pytest.raises(InputError, match="holds features in metres and others in degrees"):
         raw(metres + json.dumps(collection(two(times=[0, 1]))))
@@ -505,13 +506,13 @@ def test_what_is_no_name_is_passed_over(odd):
     assert list(tracks(raw(collection(feature)))) == ["Ida"]
 
 
-def test_halves_of_letters_are_written_out():
+def test_half_surrogate_pairs_are_written_out():
     text = json.dumps(collection(two(id="half", times=[0, 1]), two(60, id="other", times=[0, 1])))
     log = raw(text.replace("half", r"\ud800").replace("other", r"\ud801"))
     assert log.ids == (r"\ud800", r"\ud801")
 
 
-def test_points_that_are_nowhere_are_dropped_counted_and_named():
+def test_points_without_a_position_are_dropped_counted_and_named():
     features = [line([8, 50 + i / 1000], "Point", vehicle="v", time=i) for i in range(4)]
     features[1]["geometry"]["coordinates"] = [None, 50]
     features[3]["geometry"] = {"type": "Point"}
@@ -560,20 +561,21 @@ def test_properties_of_points_may_be_anything():
     assert log.ids == ('{"a": 0}', '{"a": 1}')
 
 
-def test_many_points_are_read_in_parts_of_which_columns_may_change():
-    count = 40_000
+def test_columns_may_change_between_batches_of_points(monkeypatch):
+    monkeypatch.setattr("gpszip.io.logs.geojson.points._BATCH_POINTS", 1000)
+    count = 3500
     features = [
         line([8, 50 + i / count], "Point", time=i, **({"late": i} if i > count - 5 else {}))
         for i in range(count)
     ]
-    features[20_000]["properties"]["time"] = 20_000.5
+    features[2000]["properties"]["time"] = 2000.5
     log = raw("\n".join(map(json.dumps, features)), keep=("late",))
-    assert log.times[[0, 19_999, 20_000, -1]].tolist() == [0, 19_999, 20_000.5, count - 1]
+    assert log.times[[0, 1999, 2000, -1]].tolist() == [0, 1999, 2000.5, count - 1]
     assert np.isnan(log.attributes["late"]).sum() == count - 4
     assert log.coordinates[:, 0].tolist() == [50 + i / count for i in range(count)]
 
 
-def test_points_of_which_each_has_other_properties_are_refused():
+def test_points_with_different_properties_each_are_refused():
     features = [line([8, 50], "Point", time=i, **{f"p{i}": 1}) for i in range(8000)]
     with pytest.raises(InputError, match="its points have 8,001 different properties"):
         raw(collection(*features))

@@ -76,7 +76,7 @@ def test_what_is_not_kept_is_named_and_what_is_not_there_refused():
     assert read(some, keep=["hdop"]).dropped_columns == ("ele", "speed")
     with pytest.raises(InputError, match="no 'vdop' to keep; its points have: ele, hdop, speed"):
         read(some, keep=["vdop"])
-    with pytest.raises(InputError, match="its points have: place and time only"):
+    with pytest.raises(InputError, match="its points have: position and time only"):
         read(track([C]), keep=["time"])
 
 
@@ -101,7 +101,10 @@ def test_empty_tracks_do_not_shift_the_names():
 
 
 def test_waypoints_are_named_as_left_out():
-    extra = '<wpt lat="1" lon="2"><name>w</name><time>2020-01-01T00:00:00Z</time></wpt><wpt lat="1" lon="2"/>'
+    extra = (
+        '<wpt lat="1" lon="2"><name>w</name><time>2020-01-01T00:00:00Z</time></wpt>'
+        '<wpt lat="1" lon="2"/>'
+    )
     reading = read(extra, track([A]))
     assert [left.name for left in reading.left_out] == ["stream: 2 waypoints"]
     with pytest.raises(InputError, match="no track points, only 2 waypoints; GPSZip reads tracks"):
@@ -123,7 +126,7 @@ def test_times_that_go_back_name_the_point():
     ("text", "says"),
     [
         (HEAD + track([A, B])[:-60], "damaged GPX"),
-        ('<!DOCTYPE x [<!ENTITY a "b">]>' + HEAD, "XML, but not GPX"),
+        ('<!DOCTYPE x [<!ENTITY a "b">]>' + HEAD, "XML, but of no format that is read"),
         (HEAD.replace("<gpx", "<!DOCTYPE gpx><gpx") + "</gpx>", "line 2: has a document type"),
         (HEAD + "</gpx>", "no track points"),
     ],
@@ -145,7 +148,8 @@ def test_the_content_counts_not_the_name(tmp_path):
     "more",
     [
         "<course>271.5</course>",
-        "<extensions><gpxtpx:TrackPointExtension><gpxtpx:course> 271.5 </gpxtpx:course></gpxtpx:TrackPointExtension></extensions>",
+        "<extensions><gpxtpx:TrackPointExtension><gpxtpx:course> 271.5 </gpxtpx:course>"
+        "</gpxtpx:TrackPointExtension></extensions>",
     ],
     ids=["1.0", "extension"],
 )
@@ -281,7 +285,7 @@ def test_routes_and_tracks_without_times_are_shapes_beside_tracks_with_times():
     assert not log.left_out
 
 
-def test_each_segment_of_a_shape_is_a_shape_of_its_own():
+def test_each_segment_of_a_shape_is_a_separate_shape():
     log = raw(track([P, Q], [], [Q], name="a"), track([P], name="a-2"))
     assert (log.ids, log.codes.tolist(), log.untimed) == (
         ("a", "a-2", "a-2-2"),
@@ -291,7 +295,7 @@ def test_each_segment_of_a_shape_is_a_shape_of_its_own():
     assert raw(track([P], [Q])).ids == ("walk", "walk-2")
 
 
-def test_a_nameless_track_alone_has_no_name():
+def test_a_single_nameless_track_has_no_name():
     for segments in ([A], [P, Q]):
         log = raw(track(segments))
         assert (log.ids, log.codes) == ((), None)
@@ -308,7 +312,7 @@ def test_blank_times_are_no_times():
     ).untimed == {0}
 
 
-def test_the_times_of_a_route_are_told_as_not_read():
+def test_times_of_a_route_are_reported_as_not_read():
     timed = ROUTE.replace("/></rte>", "><time>2024-05-04T08:00:00Z</time></rtept></rte>")
     log = raw(track([A]), timed)
     assert log.untimed == {1}
@@ -377,7 +381,10 @@ def test_elements_of_extensions_are_columns_under_any_prefix(prefix):
 
 
 def test_the_first_of_several_values_counts_and_links_are_none():
-    more = "<link><text>x</text></link><hr> </hr><hr>1</hr><extensions><hr>2</hr><HR>3</HR><text>t</text></extensions>"
+    more = (
+        "<link><text>x</text></link><hr> </hr><hr>1</hr>"
+        "<extensions><hr>2</hr><HR>3</HR><text>t</text></extensions>"
+    )
     log = raw(track([A.replace("</trkpt>", more + "</trkpt>"), C]), keep=("hr", "text"))
     np.testing.assert_array_equal(log.attributes["hr"], [1, np.nan])
     assert log.attributes["text"].tolist() == ["t", ""]
@@ -402,9 +409,11 @@ def test_a_kept_column_is_numbers_only_where_all_of_it_is():
     "head",
     [
         "<gpx>",
-        '\n <?xml version="1.0"?><?xml-stylesheet type="text/xsl" href="d.xsl"?><!-- <kml> --><gpx>',
+        '\n <?xml version="1.0"?><?xml-stylesheet type="text/xsl" href="d.xsl"?>'
+        "<!-- <kml> --><gpx>",
         '<gpx version="1.0" xmlns="http://www.topografix.com/GPX/1/0">',
-        '<gpx xmlns="http://example.org/not-gpx" xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xsi:schemaLocation="a b">',
+        '<gpx xmlns="http://example.org/not-gpx" '
+        'xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xsi:schemaLocation="a b">',
         "<GPX>",
     ],
 )
@@ -425,7 +434,7 @@ def test_any_namespace_and_what_stands_before_the_root_are_fine(head):
     [
         (
             "<kml><Placemark/></kml>",
-            "XML, but not GPX: its root element is 'kml'; it is KML; turn it into GPX",
+            "XML, but of no format that is read: its root element is 'kml'; it is KML; turn it",
         ),
         ("<t:TrainingCenterDatabase xmlns:t='x'/>", "TCX"),
         ('<?xml version="1.0"?>\n<osm version="0.6"></osm>', "OpenStreetMap's"),

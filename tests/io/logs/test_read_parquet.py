@@ -40,7 +40,7 @@ def test_times_of_many_types(tmp_path, times):
     assert track.positions.tolist() == [[1, 3], [2, 4]]
 
 
-def test_whole_nanoseconds_keep_their_milliseconds(tmp_path):
+def test_integer_nanoseconds_keep_their_milliseconds(tmp_path):
     ticks = 1211033530077000000 + 1000000 * np.arange(100)
     track = read_logs(
         put(tmp_path / "a.parquet", t=pa.array(ticks), x=np.zeros(100), y=np.zeros(100))
@@ -70,14 +70,14 @@ def test_missing_values_are_dropped_and_counted(tmp_path):
     assert (reading.points, reading.kept, reading.lost) == (4, 2, 2)
 
 
-def test_missing_timestamps_are_no_instants(tmp_path):
+def test_missing_timestamps_are_no_times(tmp_path):
     reading = read_logs(
         put(tmp_path / "a.parquet", t=pa.array([1, None], pa.timestamp("s")), x=[0, 1], y=[0, 1])
     )
     assert reading.tracks[0].times.tolist() == [1]
 
 
-def test_a_folder_of_parts_is_one_log_with_the_keys_of_its_partitions(tmp_path):
+def test_a_folder_of_files_is_one_log_with_the_keys_of_its_partitions(tmp_path):
     for vehicle in ("8", "7"):
         (tmp_path / "log" / f"vehicle={vehicle}").mkdir(parents=True)
         put(

@@ -9,7 +9,7 @@ import pytest
 
 from gpszip.errors import OptionError, OutputError
 from gpszip.geo.planes import choose_plane, to_plane
-from gpszip.io.logs.formats import FORMATS
+from gpszip.io.logs.formats import LOG_FORMATS
 from gpszip.io.logs.gpx.write import has_unwritable_letters
 from gpszip.io.logs.read import read_logs
 from gpszip.io.logs.track_rows import metre_decimals
@@ -40,7 +40,7 @@ def again(tracks, format_):
     return read_logs(io.BytesIO(stream.getvalue()))
 
 
-@pytest.mark.parametrize("format_", [known.name for known in FORMATS])
+@pytest.mark.parametrize("format_", [known.name for known in LOG_FORMATS])
 def test_tracks_on_earth_come_back_from_every_format(format_):
     track = on_earth()
     (back,) = again([track], format_).tracks
@@ -65,6 +65,13 @@ def test_metres_come_back_exactly(format_, d):
         assert one.positions.tolist() == other.positions.tolist()
 
 
+@pytest.mark.parametrize("format_", ["csv", "parquet", "geojson"])
+def test_tracks_of_one_row_keep_their_names(format_):
+    """Elsewhere, a column with a value of its own in each row doesn't name tracks."""
+    tracks = [Track(name, [time], [[0, 0]]) for time, name in enumerate(["", "0", "a", "b"])]
+    assert [track.id for track in again(tracks, format_).tracks] == ["", "0", "a", "b"]
+
+
 def test_gpx_escapes_names_and_holds_heights():
     track = on_earth('<a> & "b"', n=3)
     track = Track(
@@ -81,7 +88,7 @@ def test_gpx_escapes_names_and_holds_heights():
     assert np.array_equal(back.attributes["ele"], [1.5, np.nan, 3.0], equal_nan=True)
 
 
-def test_csv_is_plain_text_with_the_columns_that_were_promised():
+def test_csv_is_plain_text_with_the_documented_columns():
     stream = io.BytesIO()
     write_tracks(
         [
@@ -140,12 +147,14 @@ def test_geojson_holds_heights_and_other_columns():
     ].tolist() == [500.5, 501.0]
 
 
-def test_millions_of_rows_are_written_in_pieces():
-    tracks = [Track(str(i), np.arange(300_000.0), np.zeros((300_000, 2))) for i in range(5)]
+def test_many_rows_are_written_in_batches(monkeypatch):
+    monkeypatch.setattr("gpszip.io.logs.track_table._BATCH_ROWS", 1000)
+    tracks = [Track(str(i), np.arange(300.0), np.zeros((300, 2))) for i in range(11)]
     stream = io.BytesIO()
     write_tracks(tracks, stream, "parquet")
     back = read_logs(io.BytesIO(stream.getvalue()))
     assert [(t.id, len(t)) for t in back.tracks] == [(t.id, len(t)) for t in tracks]
+    assert pq.ParquetFile(io.BytesIO(stream.getvalue())).num_row_groups == 3
 
 
 @pytest.mark.parametrize("format_", ["csv", "geojson", "parquet", "gpx"])
@@ -155,7 +164,7 @@ def test_no_tracks_make_a_valid_empty_file(format_):
     assert stream.getvalue()
 
 
-def test_files_appear_whole_or_not_at_all(tmp_path):
+def test_files_appear_complete_or_not_at_all(tmp_path):
     path = tmp_path / "out.csv"
     write_tracks([in_metres()], path)
     whole = path.read_bytes()
@@ -214,7 +223,7 @@ def gpx_tracks(text):
 
 
 def ride_with_gaps(plane=DATE_LINE):
-    """Three pieces of one track, of which the second is a lone sample, and another track; all east of the antimeridian."""
+    """Three pieces of one track, the second a single sample, and another track, near 180 E."""
     lines = [
         [[100.0, 0.0], [200.0, 0.0]],
         [[300.0, 0.0]],
@@ -254,7 +263,7 @@ def test_geojson_has_a_line_for_each_piece_between_gaps_with_its_times():
     assert feature["properties"] == {"track_id": "my ride", "times": [[0, 1], [2000, 2001, 2002]]}
 
 
-def test_geojson_has_lone_positions_as_points_in_the_order_of_travel():
+def test_geojson_has_single_positions_as_points_in_the_order_of_travel():
     tracks, pieces = ride_with_gaps()
     text = written(tracks, "geojson", pieces=pieces)
     kinds = [
@@ -282,7 +291,7 @@ def test_tables_name_the_pieces_between_gaps():
     ] * 2
 
 
-def test_tracks_of_one_name_stay_tracks_of_their_own():
+def test_tracks_of_one_name_stay_separate_tracks():
     twins = [on_earth("walk", 3), on_earth("walk", 4, start=1.8e9)]
     assert [len(parts) for _, parts in gpx_tracks(written(twins, "gpx"))] == [1, 1]
     assert len(json.loads(written(twins, "geojson"))["features"]) == 2
@@ -406,7 +415,7 @@ def test_control_characters_are_kept_where_the_format_can_hold_them():
 
 
 @pytest.mark.parametrize("format_", ["csv", "geojson", "gpx", "parquet"])
-def test_half_a_letter_is_refused(format_):
+def test_half_a_surrogate_pair_is_refused(format_):
     with pytest.raises(OutputError, match="half a letter"):
         written([on_earth("caf\udcc3", 2)], format_)
 

@@ -8,7 +8,10 @@ from gpszip.io.logs.raw import Request
 from gpszip.io.storage.source import Source
 
 DECLARED = '<?xml version="1.0" encoding="{}"?>\n'
-LOG = '<gpx><trk><name>{}</name><trkseg><trkpt lat="1" lon="2"><time>2024-05-04T08:00:00Z</time></trkpt></trkseg></trk></gpx>'
+LOG = (
+    '<gpx><trk><name>{}</name><trkseg><trkpt lat="1" lon="2">'
+    "<time>2024-05-04T08:00:00Z</time></trkpt></trkseg></trk></gpx>"
+)
 
 
 def log_of(data):
@@ -47,7 +50,7 @@ def test_declared_and_wrongly_declared_encodings_are_read(declared, written, nam
 
 
 @pytest.mark.parametrize("declared", ["UTF-8", "us-ascii", "utf-16"])
-def test_bytes_that_do_not_fit_the_encoding_are_told(declared):
+def test_bytes_that_do_not_fit_the_encoding_are_reported(declared):
     data = (DECLARED.format(declared) + LOG.format("Größe 5 €")).encode("cp1252")
     log = log_of(data)
     assert log.ids == ("Größe 5 €",)
@@ -76,7 +79,7 @@ def test_white_space_and_marks_before_the_declaration_keep_the_numbers_of_lines(
     cuts=st.lists(st.integers(0, 200)),
     encoding=st.sampled_from(["utf-8-sig", "utf-16", "utf-32"]),
 )
-def test_pieces_are_one_text_wherever_they_are_cut(text, cuts, encoding):
+def test_chunks_are_one_text_wherever_they_are_cut(text, cuts, encoding):
     data = f"<{text}".encode(encoding)
     utf8 = Utf8Transcoder(data)
     bounds = [0, *sorted(cuts), max(len(data), *cuts, 0)]

@@ -1,5 +1,6 @@
 import csv
 import json
+import re
 from dataclasses import replace
 from itertools import pairwise
 from xml.etree import ElementTree as ET
@@ -13,7 +14,7 @@ from scipy.sparse.csgraph import connected_components
 
 from gpszip.errors import OutputError
 from gpszip.geo.planes import to_plane
-from gpszip.io.maps.write import MAP_FORMATS, write_map
+from gpszip.io.maps.write import map_suffixes, write_map
 from gpszip.io.networks.read import read_network
 from gpszip.io.networks.wkb import parse_wkb_lines
 from gpszip.model import CleanMap, Plane, RoadMap
@@ -46,7 +47,7 @@ def test_geojson_has_a_line_for_each_edge_with_its_traversals(tmp_path):
     assert "gpszip" not in data
 
 
-def test_geojson_of_metres_says_so(tmp_path):
+def test_geojson_in_metres_has_a_member_that_says_so(tmp_path):
     write_map(square(d=3), tmp_path / "map.geojson")
     data = json.loads((tmp_path / "map.geojson").read_text())
     assert data["gpszip"] == {"coordinates": "metres"}
@@ -60,7 +61,7 @@ def test_rarely_travelled_edges_can_be_left_out(tmp_path):
 
 
 @pytest.mark.parametrize(("d", "plane"), [(2, None), (3, None), (2, BERLIN)])
-def test_geopackage_opens_as_any_other(tmp_path, d, plane):
+def test_geopackage_is_read_by_gdal(tmp_path, d, plane):
     write_map(square(d, plane), tmp_path / "map.gpkg")
     meta, _, geometry, columns = pyogrio.raw.read(tmp_path / "map.gpkg", layer="edges")
     values = dict(zip(meta["fields"].tolist(), columns, strict=True))
@@ -71,19 +72,21 @@ def test_geopackage_opens_as_any_other(tmp_path, d, plane):
     assert (meta["crs"] == "EPSG:4326") == (plane is not None)
 
 
-def test_graphml_is_a_graph(tmp_path):
+def test_graphml_is_a_directed_graph(tmp_path):
     write_map(square(), tmp_path / "map.graphml", min_traversals=2)
     space = {"g": "http://graphml.graphdrawing.org/xmlns"}
     root = ET.parse(tmp_path / "map.graphml").getroot()  # our own file
     assert [node.get("id") for node in root.findall(".//g:node", space)] == ["0", "1", "2"]
     edges = root.findall(".//g:edge", space)
-    assert [(edge.get("source"), edge.get("target")) for edge in edges] == [("0", "1"), ("1", "2")]
-    assert [data.text for data in edges[1]] == ["2", "2", "400.0"]
+    assert [
+        (edge.get("source"), edge.get("target"), *(data.text for data in edge)) for edge in edges
+    ] == [("0", "1", "3", "300.0"), ("1", "2", "2", "400.0"), ("2", "1", "2", "400.0")]
+    assert root.find("g:graph", space).get("edgedefault") == "directed"
     keys = {key.get("id") for key in root.findall("g:key", space)}
     assert {data.get("key") for data in root.findall(".//g:data", space)} == keys
 
 
-def test_csv_holds_the_places_of_both_ends(tmp_path):
+def test_csv_has_the_positions_of_both_ends(tmp_path):
     write_map(square(), tmp_path / "map.csv")
     with (tmp_path / "map.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -93,7 +96,7 @@ def test_csv_holds_the_places_of_both_ends(tmp_path):
     }
 
 
-@pytest.mark.parametrize("suffix", MAP_FORMATS)
+@pytest.mark.parametrize("suffix", map_suffixes())
 def test_a_map_without_edges_is_a_valid_file(tmp_path, suffix):
     still = RoadMap(
         np.zeros((1, 2)),
@@ -151,7 +154,7 @@ def test_geopackage_cuts_edges_at_the_antimeridian(tmp_path):
 
 
 def way(nodes, plane):
-    """A clean map of a single way."""
+    """A clean map with one edge."""
     line, one = np.array(nodes, dtype=np.float64), np.ones(1, np.int64)
     ends, none = np.array([[0, 1]], np.int32), np.zeros((1, 0))
     return CleanMap(
@@ -169,7 +172,7 @@ def way(nodes, plane):
     )
 
 
-def test_well_known_text_of_a_way_is_cut_at_the_antimeridian(tmp_path):
+def test_well_known_text_is_cut_at_the_antimeridian(tmp_path):
     write_map(way([[-100, 0], [-50, 0], [50, 0]], DATE_LINE), tmp_path / "map.csv")
     with (tmp_path / "map.csv").open(newline="") as file:
         (row,) = csv.DictReader(file)
@@ -177,8 +180,34 @@ def test_well_known_text_of_a_way_is_cut_at_the_antimeridian(tmp_path):
     assert "180.0 -17.0), (-180.0 -17.0, -179.9995" in row["line"]
 
 
+def test_lines_of_graphml_lead_from_source_to_target(tmp_path):
+    write_map(way([[-100, 0], [-50, 7], [50, 0]], DATE_LINE), tmp_path / "cut.graphml")
+    write_map(way([[0, 0], [30, 40], [60, 0]], None), tmp_path / "map.graphml")
+    assert graphml_lines(tmp_path / "map.graphml") == [
+        ("0", "1", "LINESTRING (0.0 0.0, 30.0 40.0, 60.0 0.0)"),
+        ("1", "0", "LINESTRING (60.0 0.0, 30.0 40.0, 0.0 0.0)"),
+    ]
+    there, back = (numbers(line) for *_, line in graphml_lines(tmp_path / "cut.graphml"))
+    assert len(there) > 3
+    assert there == back[::-1]
+
+
+def graphml_lines(path):
+    space = {"g": "http://graphml.graphdrawing.org/xmlns"}
+    edges = ET.parse(path).getroot().findall(".//g:edge", space)
+    return [
+        (edge.get("source"), edge.get("target"), edge.find("g:data[@key='line']", space).text)
+        for edge in edges
+    ]
+
+
+def numbers(line):
+    """Positions of a line in well-known text, whatever its parts are."""
+    return re.findall(r"-?[\d.]+ -?[\d.]+", line)
+
+
 @pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".graphml"])
-def test_a_map_that_was_cut_is_whole_again_as_a_network(tmp_path, suffix):
+def test_lines_cut_at_the_antimeridian_are_joined_in_a_network(tmp_path, suffix):
     around = square(plane=DATE_LINE)
     write_map(replace(around, nodes=around.nodes - [150, 0]), tmp_path / f"map{suffix}")
     network = read_network(tmp_path / f"map{suffix}")
@@ -190,7 +219,7 @@ def test_a_map_that_was_cut_is_whole_again_as_a_network(tmp_path, suffix):
     assert np.ptp(network.points[:, 0]) == pytest.approx(300, abs=0.1)
 
 
-def test_long_edges_stay_where_they_are(tmp_path):
+def test_long_edges_get_vertices_in_degrees(tmp_path):
     nodes = np.array([[-150_000.0, 0.0], [150_000.0, 0.0]])
     write_map(
         RoadMap(nodes, np.array([[0, 1]], np.int32), np.ones(1, int), np.zeros(1, int), BERLIN),

@@ -10,7 +10,7 @@ from gpszip.model import Network, Track
 
 
 def street(names):
-    """Three roads in a row, the last of which leads back only."""
+    """Three consecutive roads; the last one may be travelled backward only."""
     nodes = np.array([[0, 0], [100, 0], [200, 0], [300, 0]], float)
     starts, ends = np.arange(3, dtype=np.int32), np.arange(1, 4, dtype=np.int32)
     points = np.stack((nodes[:-1], nodes[1:]), axis=1).reshape(-1, 2)
@@ -35,7 +35,7 @@ def written(tracks, network, kind):
     return stream.getvalue().decode()
 
 
-def test_routes_bear_the_names_of_their_streets():
+def test_routes_have_street_names():
     drive = Track("car", np.arange(0, 21.0), np.stack((10.0 * np.arange(21), np.zeros(21)), axis=1))
     (route,) = json.loads(written([drive], street(["Main St", "Main St", ""]), "geojson"))[
         "features"
@@ -53,7 +53,7 @@ def test_routes_bear_the_names_of_their_streets():
     assert "name" not in next(csv.DictReader(io.StringIO(written([drive], street(None), "csv"))))
 
 
-def test_a_route_tells_the_road_against_which_its_track_goes_on():
+def test_a_route_names_the_road_travelled_the_wrong_way_after_it():
     drive = Track("car", np.arange(0, 31.0), np.stack((10.0 * np.arange(31), np.zeros(31)), axis=1))
     found = json.loads(written([drive], street(["", "", "Back Ln"]), "geojson"))
     (route,) = found["features"]
@@ -63,7 +63,7 @@ def test_a_route_tells_the_road_against_which_its_track_goes_on():
     assert rest["points"] + route["properties"]["points"] == 31
 
 
-def test_what_has_no_times_is_written_without():
+def test_routes_of_untimed_tracks_have_no_times():
     shape = Track("plan", [0, 60, 150], [[0, 0], [60, 0], [150, 0]], timed=False)
     drive = Track("car", np.arange(0, 21.0), np.stack((10.0 * np.arange(21), np.zeros(21)), axis=1))
     plan, car = json.loads(written([shape, drive], street(None), "geojson"))["features"]

@@ -14,9 +14,16 @@ def test_routes_are_cut_at_the_antimeridian():
     line = np.array([[-150.0, 0.0], [150.0, 0.0]])
     both = np.ones(1, np.bool_)
     road = Network(
-        nodes=line, starts=np.array([0], np.int32), ends=np.array([1], np.int32), offsets=np.array([0, 2]), points=line,
-        forward=both, backward=both, speeds=np.full(1, np.nan), plane=DATE_LINE,
-    )  # fmt: skip
+        nodes=line,
+        starts=np.array([0], np.int32),
+        ends=np.array([1], np.int32),
+        offsets=np.array([0, 2]),
+        points=line,
+        forward=both,
+        backward=both,
+        speeds=np.full(1, np.nan),
+        plane=DATE_LINE,
+    )
     east = np.arange(-140.0, 141.0, 20.0)
     bus = Track(
         "bus",

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from gpszip.errors import InputError
 from gpszip.io.networks.joining import build_road_graph
 from gpszip.io.networks.lines import RoadLines
-from oracle.roads import joined
+from oracle import roads as oracle
 
 
 def lines_of(
@@ -53,10 +53,10 @@ def counted(roads):
     return {repair.what: repair.count for repair in roads.repairs}
 
 
-places = st.tuples(st.integers(0, 4), st.integers(0, 4))
+positions = st.tuples(st.integers(0, 4), st.integers(0, 4))
 shapes = st.lists(
     st.tuples(
-        st.lists(places, min_size=1, max_size=6),
+        st.lists(positions, min_size=1, max_size=6),
         st.sampled_from([(True, True), (True, False), (False, True)]),
     ),
     min_size=1,
@@ -65,11 +65,13 @@ shapes = st.lists(
 
 
 @given(shapes)
-def test_joins_as_the_plain_twin_does(case):
-    lines = [(line, *ways) for line, ways in case]
-    expected = joined(lines, 1.0)
+def test_the_graph_is_that_of_the_oracle(case):
+    lines = [(line, *directions) for line, directions in case]
+    expected = oracle.build_road_graph(lines, 1.0)
     given_lines = lines_of(
-        [line for line, _ in case], [ways[0] for _, ways in case], [ways[1] for _, ways in case]
+        [line for line, _ in case],
+        [directions[0] for _, directions in case],
+        [directions[1] for _, directions in case],
     )
     if not expected:
         with pytest.raises(InputError, match="no road"):
@@ -91,7 +93,7 @@ def test_ends_of_roads_are_their_nodes():
     assert len(roads) == 4
     assert len(roads.nodes) == 5
     assert roads.ids.to_pylist() == ["0", "0", "1", "2"]
-    assert counted(roads) == {"roads cut where others meet them": 1}
+    assert counted(roads) == {"roads split where others meet them": 1}
 
 
 def test_crossing_without_a_shared_vertex_is_a_bridge():
@@ -115,11 +117,11 @@ def test_overlapping_extracts_are_one_network():
         )
     )
     assert as_shapes(roads, 1.0).keys() == {((0, 0), (3, 1)), ((3, 1), (7, 1)), ((7, 1), (9, 0))}
-    assert counted(roads)["roads united with another one of the same shape"] == 2
+    assert counted(roads)["roads merged with another one of the same shape"] == 2
     assert roads.speeds.max() == 8
 
 
-def test_lines_for_each_direction_tell_what_is_one_way():
+def test_lines_without_a_twin_are_one_way_if_most_have_one():
     streets = [[(i, 0), (i, 1)] for i in range(0, 60, 2)]
     twins = [street[::-1] for street in streets[:20]]
     roads = build_road_graph(lines_of(streets + twins, directed=None))
@@ -129,7 +131,7 @@ def test_lines_for_each_direction_tell_what_is_one_way():
     assert next(count for what, count in counted(roads).items() if "one-way" in what) == 10
 
 
-def test_a_few_doubled_lines_make_no_street_one_way():
+def test_a_few_twins_make_no_road_one_way():
     streets = [[(i, 0), (i, 1)] for i in range(0, 60, 2)]
     roads = build_road_graph(
         lines_of(streets + [street[::-1] for street in streets[:5]], directed=None)
@@ -149,12 +151,12 @@ def test_roads_without_a_length_and_without_numbers_are_dropped_and_counted():
     }
 
 
-def test_metres_that_are_said_to_be_degrees():
+def test_metres_stated_as_degrees_are_refused():
     with pytest.raises(InputError, match="no degrees"):
         build_road_graph(lines_of([[(500000, 4000000), (500010, 4000000)]], geographic=True))
 
 
-def test_far_apart_roads_keep_their_places():
+def test_roads_far_apart_keep_their_positions():
     roads = build_road_graph(lines_of([[(0, 0), (1, 0)], [(4e8, 4e8), (4e8 + 1, 4e8)]]))
     assert len(roads.nodes) == 4
 
@@ -167,9 +169,11 @@ def test_street_names_stay_with_their_roads():
         [(9, 0), (9, 9)],
     ]
     roads = build_road_graph(lines_of(shapes, names=[None, "Side St", "Main St", None]))
-    named = {tuple(map(tuple, roads.coordinates[a:b].astype(int).tolist())): name for a, b, name in zip(
-        roads.offsets[:-1].tolist(), roads.offsets[1:].tolist(), roads.names.to_pylist(), strict=True
-    )}  # fmt: skip
+    shapes = np.split(roads.coordinates.astype(int), roads.offsets[1:-1])
+    named = {
+        tuple(map(tuple, shape.tolist())): name
+        for shape, name in zip(shapes, roads.names.to_pylist(), strict=True)
+    }
     assert named == {
         ((0, 0), (5, 0)): "Main St",
         ((5, 0), (9, 0)): "Main St",

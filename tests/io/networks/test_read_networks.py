@@ -67,7 +67,7 @@ def test_without_a_log_a_network_has_a_plane_of_its_own(roads):
     assert network.lengths.sum() == pytest.approx(74.6 * 2 + 111.2, rel=0.01)
 
 
-def test_properties_tell_directions_speeds_and_names():
+def test_properties_give_directions_speeds_and_ids():
     properties = [
         {"osm_id": "7", "oneway": "yes", "maxspeed": "50", "highway": "primary"},
         {"osm_id": "8", "oneway": "-1", "highway": "residential"},
@@ -108,7 +108,7 @@ def test_projected_files_are_transformed(tmp_path, suffix):
     )
 
 
-def test_shapefile_without_a_system_counts_as_degrees_and_says_so(tmp_path):
+def test_shapefile_without_a_coordinate_system_is_read_as_degrees(tmp_path):
     path = tmp_path / "roads.shp"
     lines = np.array([shapely.to_wkb(shapely.LineString(line)) for line in STREETS], object)
     with pytest.warns(UserWarning, match="crs"):
@@ -126,7 +126,7 @@ def test_indoor_networks_are_in_x_and_y():
     np.testing.assert_allclose(network.lengths, [40, 30])
 
 
-def test_degrees_and_metres_are_told_apart():
+def test_a_network_in_other_units_than_the_log_is_refused():
     robot = Track("robot", [0, 60], [[0, 0], [40, 30]])
     with pytest.raises(InputError, match="in degrees, but the log in x and y"):
         read_network(io.BytesIO(geojson(STREETS).encode()), near=robot)
@@ -135,7 +135,7 @@ def test_degrees_and_metres_are_told_apart():
         read_network(io.BytesIO(metric.encode()), near=log_at())
 
 
-def test_a_network_of_another_place(roads):
+def test_a_network_far_from_the_log_is_refused(roads):
     with pytest.raises(InputError, match="lies elsewhere than the log"):
         read_network(roads, near=log_at(50.0, 12.0))
     swapped = geojson([[vertex[::-1] for vertex in line] for line in STREETS])
@@ -146,11 +146,11 @@ def test_a_network_of_another_place(roads):
         read_network(io.BytesIO(line.encode()), near=log_at(50.001, 10.0))
 
 
-def test_a_vertex_that_is_no_number_does_not_make_metres_of_degrees():
+def test_degrees_with_one_invalid_vertex_stay_degrees():
     broken = geojson([*STREETS, [[float("nan"), 50.0], STREETS[0][0]]])
-    reading = read_network_result(io.BytesIO(broken.encode()), near=log_at())
-    assert len(reading.network) == len(read_network(io.BytesIO(geojson(STREETS).encode())))
-    assert [repair.count for repair in reading.repairs if "no position" in repair.what] == [1]
+    read = read_network_result(io.BytesIO(broken.encode()), near=log_at())
+    assert len(read.network) == len(read_network(io.BytesIO(geojson(STREETS).encode())))
+    assert [repair.count for repair in read.repairs if "no position" in repair.what] == [1]
 
 
 def test_roads_far_from_the_log_are_left_out():
@@ -159,7 +159,7 @@ def test_roads_far_from_the_log_are_left_out():
     assert list(network.ids) == ["3", "4", "5"]
 
 
-def test_long_silences_make_more_ground_near():
+def test_long_gaps_make_the_nearby_area_larger():
     plane = Plane(((480_000_000, 110_000_000),))
     log = Track("car", [0, 9000], [[-30000.0, 0.0], [30000.0, 0.0]], plane=plane)
     network = read_network(
@@ -173,7 +173,7 @@ def test_long_silences_make_more_ground_near():
     assert list(network.ids) == ["0", "1", "2", "3"]
 
 
-def test_a_straight_road_through_near_ground_counts():
+def test_a_long_straight_road_through_the_nearby_area_is_kept():
     plane = Plane(((480_000_000, 110_000_000),))
     log = Track("car", [0, 1], [[0.0, 0.0], [1.0, 0.0]], plane=plane)
     assert (
@@ -194,7 +194,7 @@ def test_each_road_goes_to_the_planes_of_the_tracks_near_it():
     assert len(np.unique(network.nodes, axis=0)) == 8
 
 
-def test_footways_are_for_those_who_walk():
+def test_footways_are_left_out_for_motor_vehicles():
     properties = [{"highway": "residential"}, {"highway": "footway"}, {"highway": "primary"}]
     source = geojson(STREETS, properties).encode()
     walker, car = log_at(), log_at()
@@ -214,18 +214,26 @@ def test_several_sources_are_one_network(tmp_path, roads):
 GRAPH = """<?xml version='1.0' encoding='utf-8'?>
 <graphml xmlns="http://graphml.graphdrawing.org/xmlns">
 <key id="d10" for="edge" attr.name="name" attr.type="string"/>
-<key id="d9" for="edge" attr.name="maxspeed" attr.type="string"/><key id="d8" for="edge" attr.name="highway" attr.type="string"/>
-<key id="d7" for="edge" attr.name="geometry" attr.type="string"/><key id="d6" for="edge" attr.name="oneway" attr.type="string"/>
-<key id="d5" for="edge" attr.name="osmid" attr.type="string"/><key id="d2" for="node" attr.name="x" attr.type="string"/>
-<key id="d1" for="node" attr.name="y" attr.type="string"/><key id="d0" for="graph" attr.name="crs" attr.type="string"/>
+<key id="d9" for="edge" attr.name="maxspeed" attr.type="string"/>
+<key id="d8" for="edge" attr.name="highway" attr.type="string"/>
+<key id="d7" for="edge" attr.name="geometry" attr.type="string"/>
+<key id="d6" for="edge" attr.name="oneway" attr.type="string"/>
+<key id="d5" for="edge" attr.name="osmid" attr.type="string"/>
+<key id="d2" for="node" attr.name="x" attr.type="string"/>
+<key id="d1" for="node" attr.name="y" attr.type="string"/>
+<key id="d0" for="graph" attr.name="crs" attr.type="string"/>
 <graph edgedefault="{kind}"><data key="d0">{crs}</data>
 <node id="1"><data key="d1">{y0}</data><data key="d2">{x0}</data></node>
 <node id="2"><data key="d1">{y1}</data><data key="d2">{x1}</data></node>
 <node id="3"><data key="d1">{y1}</data><data key="d2">{x0}</data></node>
-<edge source="1" target="2" id="0"><data key="d5">[5, 6]</data><data key="d6">False</data><data key="d9">['36', '50']</data></edge>
-<edge source="2" target="1" id="0"><data key="d5">[5, 6]</data><data key="d6">False</data><data key="d9">['36', '50']</data></edge>
-<edge source="2" target="3" id="0"><data key="d6">True</data><data key="d7">LINESTRING ({x1} {y1}, {x2} {y2}, {x0} {y1})</data>
-<data key="d8">tertiary</data><data key="d10">['Oak St', 'Elm St']</data></edge></graph></graphml>"""
+<edge source="1" target="2" id="0">
+<data key="d5">[5, 6]</data><data key="d6">False</data><data key="d9">['36', '50']</data></edge>
+<edge source="2" target="1" id="0">
+<data key="d5">[5, 6]</data><data key="d6">False</data><data key="d9">['36', '50']</data></edge>
+<edge source="2" target="3" id="0"><data key="d6">True</data>
+<data key="d7">LINESTRING ({x1} {y1}, {x2} {y2}, {x0} {y1})</data>
+<data key="d8">tertiary</data><data key="d10">['Oak St', 'Elm St']</data></edge>
+</graph></graphml>"""
 
 
 def graph(kind="directed", crs="epsg:4326", scale=1.0):
@@ -255,7 +263,7 @@ def test_undirected_graphml_goes_both_ways():
 def test_damaged_graphml():
     with pytest.raises(InputError, match="damaged XML"):
         read_network(io.BytesIO(graph()[: len(graph()) // 2]))
-    with pytest.raises(InputError, match="has no place"):
+    with pytest.raises(InputError, match="has no position"):
         read_network(io.BytesIO(graph().replace(b'attr.name="y"', b'attr.name="why"')))
     with pytest.raises(InputError, match="leads to a node"):
         read_network(io.BytesIO(graph().replace(b'target="3"', b'target="4"')))
@@ -269,13 +277,14 @@ def test_damaged_graphml():
         (b"<kml></kml>", "is XML, but neither"),
         (b'{"type": "FeatureCollection", "features": []}', "no features"),
         (
-            b'{"type": "Feature", "properties": {}, "geometry": {"type": "Point", "coordinates": [1, 2]}}',
+            b'{"type": "Feature", "properties": {}, '
+            b'"geometry": {"type": "Point", "coordinates": [1, 2]}}',
             "no line",
         ),
         (b'{"broken', "can't be read"),
     ],
 )
-def test_what_is_no_network(content, message):
+def test_files_that_are_no_networks_are_refused(content, message):
     with pytest.raises(InputError, match=message) as caught:
         read_network(io.BytesIO(content))
     assert isinstance(caught.value, UnknownFormatError) == (
@@ -398,7 +407,7 @@ def test_prepared_networks_of_version_1_are_read(tmp_path):
     )
 
 
-def test_blocks_that_contradict_themselves_are_named(tmp_path):
+def test_a_block_that_contradicts_itself_is_refused(tmp_path):
     data = bytearray(base64.b64decode(VERSION_1))
     at = data.index(bytes([2, 0, 0, 0] * 3)) + 4  # numbers of vertices, behind the last node
     for value in (1, 3, 255):
@@ -414,7 +423,7 @@ def test_blocks_that_contradict_themselves_are_named(tmp_path):
             read_network(path)
 
 
-def test_only_blocks_that_are_wanted_are_read(prepared):
+def test_only_chosen_blocks_are_read(prepared):
     path, roads = prepared
     first = read_prepared_file(path, "city", lambda boxes, degrees: np.arange(len(boxes)) == 0)
     assert len(first) == 2048 < len(roads)
@@ -424,13 +433,13 @@ def test_only_blocks_that_are_wanted_are_read(prepared):
     )
 
 
-def test_a_prepared_network_elsewhere(prepared):
+def test_a_prepared_network_far_from_the_log_is_refused(prepared):
     with pytest.raises(InputError, match="near the log"):
         read_network(prepared[0], near=log_at(10.0, 10.0))
 
 
 @pytest.mark.parametrize("at", [9, 30, 60, 200, 5000, -20])
-def test_any_damage_is_noticed(prepared, tmp_path, at):
+def test_any_damage_is_detected(prepared, tmp_path, at):
     data = bytearray(prepared[0].read_bytes())
     data[at] ^= 16
     path = tmp_path / "damaged.gpsz"
@@ -442,8 +451,8 @@ def test_any_damage_is_noticed(prepared, tmp_path, at):
         read_network(path)
 
 
-def test_prepared_metres(tmp_path):
-    path = tmp_path / "house.gpsz"
+def test_a_prepared_network_in_metres(tmp_path):
+    path = tmp_path / "building.gpsz"
     with path.open("wb") as file:
         write_prepared_file(
             read_road_graph(io.BytesIO(geojson([[[0.1234, 0], [40, 0]]]).encode()), metric=True),
@@ -455,7 +464,7 @@ def test_prepared_metres(tmp_path):
         read_network(path, near=log_at())
 
 
-def test_the_layer_of_lines_is_found(tmp_path):
+def test_the_layer_of_lines_is_read(tmp_path):
     path = tmp_path / "atlas.gpkg"
     points = np.array([shapely.to_wkb(shapely.Point(11.0, 48.0))], object)
     pyogrio.raw.write(path, points, [], [], layer="places", crs="EPSG:4326", geometry_type="Point")
@@ -466,7 +475,7 @@ def test_the_layer_of_lines_is_found(tmp_path):
     assert len(read_network(path, near=log_at())) == 3
 
 
-def test_damaged_files_are_named(tmp_path):
+def test_a_damaged_file_is_named(tmp_path):
     path = tmp_path / "roads.gpkg"
     path.write_bytes(b"SQLite format 3\0" + bytes(200))
     with pytest.raises(InputError, match=r"roads\.gpkg: can't be read as lines"):

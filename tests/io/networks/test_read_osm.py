@@ -71,8 +71,8 @@ def test_a_file_without_roads(tmp_path):
         read_network(path)
 
 
-def test_a_torn_file(extract, tmp_path):
-    path = tmp_path / f"torn{''.join(extract.suffixes)}"
+def test_an_incomplete_file_is_refused(extract, tmp_path):
+    path = tmp_path / f"log_with_gap{''.join(extract.suffixes)}"
     path.write_bytes(extract.read_bytes()[:-100])
     with pytest.raises(InputError, match=r"can't be read|damaged"):
         read_network(path)

@@ -55,11 +55,11 @@ def test_limits(text, kmh):
 
 
 @pytest.mark.parametrize("text", [None, "", "signals", "variable", "0", "99999"])
-def test_limits_that_say_nothing(text):
+def test_texts_without_a_limit(text):
     assert math.isnan(parse_speed_limit(text))
 
 
-def test_limits_count_for_more_than_classes_unless_they_are_absurd():
+def test_limits_decide_on_speeds_unless_far_above_the_class():
     assert expected_speed(parse_speed_limit("30"), road_class_speed("primary")) < road_class_speed(
         "primary"
     )

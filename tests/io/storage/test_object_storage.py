@@ -38,7 +38,7 @@ def endpoint():
             body,
         )
         storage.put_object(Bucket="logs", Key=f"day/{number}.parquet", Body=body.getvalue())
-    storage.put_object(Bucket="logs", Key="day/torn.parquet", Body=b"PAR1 and no more")
+    storage.put_object(Bucket="logs", Key="day/damaged.parquet", Body=b"PAR1 and no more")
     yield url
     server.stop()
 
@@ -62,20 +62,20 @@ def compress(endpoint, tmp_path, monkeypatch, capfd):
 
 @pytest.mark.parametrize("memory", [[], ["--memory", "500MiB"]])
 def test_objects_are_compressed(compress, memory):
-    code, said, target = compress("s3://logs/day/[0-9].parquet", *memory)
-    assert code == 0, said
+    code, stderr, target = compress("s3://logs/day/[0-9].parquet", *memory)
+    assert code == 0, stderr
     assert gpszip.open(target).ids == ("0", "1", "2")
 
 
 @pytest.mark.parametrize("memory", [[], ["--memory", "500MiB"]])
-def test_a_torn_object_is_refused_or_left_out_by_name(compress, memory):
-    code, said, target = compress("s3://logs/day/*.parquet", *memory)
+def test_damaged_object_is_refused_or_left_out_by_name(compress, memory):
+    code, stderr, target = compress("s3://logs/day/*.parquet", *memory)
     assert code == 1
-    assert "s3://logs/day/torn.parquet" in said
+    assert "s3://logs/day/damaged.parquet" in stderr
     assert not target.exists()
-    code, said, target = compress("s3://logs/day/*.parquet", "--skip-bad", *memory)
+    code, stderr, target = compress("s3://logs/day/*.parquet", "--skip-bad", *memory)
     assert code == 3
-    assert "s3://logs/day/torn.parquet" in said
+    assert "s3://logs/day/damaged.parquet" in stderr
     assert len(gpszip.open(target).ids) == 3
 
 
@@ -87,16 +87,16 @@ def test_a_torn_object_is_refused_or_left_out_by_name(compress, memory):
         ("s3://logs/night/*.parquet", "no file matches this pattern"),
     ],
 )
-def test_what_is_not_there_is_named(compress, name, words):
-    code, said, _ = compress(name)
+def test_missing_objects_are_named(compress, name, words):
+    code, stderr, _ = compress(name)
     assert code == 1
-    assert f"{name}: {words}" in said
+    assert f"{name}: {words}" in stderr
 
 
-def test_missing_credentials_are_told(compress, monkeypatch, tmp_path):
+def test_missing_credentials_are_reported(compress, monkeypatch, tmp_path):
     monkeypatch.delenv("AWS_ACCESS_KEY_ID")
     monkeypatch.delenv("AWS_SECRET_ACCESS_KEY")
     monkeypatch.setenv("HOME", str(tmp_path))
-    code, said, _ = compress("s3://logs/day/0.parquet")
+    code, stderr, _ = compress("s3://logs/day/0.parquet")
     assert code == 1
-    assert "access denied; check AWS_ACCESS_KEY_ID" in said
+    assert "access denied; check AWS_ACCESS_KEY_ID" in stderr

@@ -15,7 +15,7 @@ def folder(tmp_path):
     return tmp_path
 
 
-def test_a_url_is_read_like_a_file(folder):
+def test_url_is_read_like_a_file(folder):
     local, remote = (
         read_logs([name]) for name in (str(folder / "a.csv"), f"file://{folder}/a.csv")
     )
@@ -33,28 +33,28 @@ def test_a_url_is_read_like_a_file(folder):
         ("**/*.csv", ["a.csv", "b.csv", "deep/c.csv"]),
     ],
 )
-def test_a_pattern_stands_for_what_it_matches_in_order(folder, pattern, names):
+def test_pattern_matches_files_in_order(folder, pattern, names):
     assert [source.name for source in expand(f"file://{folder}/{pattern}")] == [
         f"file://{folder}/{name}" for name in names
     ]
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "message"),
     [
         ("none.csv", "no such file"),
         ("*.gpx", "no file matches"),
         ("deep", "no folder with Parquet files"),
     ],
 )
-def test_what_is_not_there_is_named(folder, name, told):
+def test_missing_objects_are_named(folder, name, message):
     (error,) = fetch_objects(f"file://{folder}/{name}")
     assert isinstance(error, InputError)
     assert f"file://{folder}/{name}" in str(error)
-    assert told in str(error)
+    assert message in str(error)
 
 
-def test_a_scheme_that_nobody_knows_is_named():
+def test_unknown_scheme_is_named():
     (error,) = fetch_objects("gopher://host/log.csv")
     assert isinstance(error, InputError)
     assert "gopher" in str(error)

@@ -18,11 +18,11 @@ LOG = f"t,x,y\n{ROWS}".encode()
 BOMB = gzip.compress(b"t,x,y\n" + b"0,0,0\n" + b"\n" * (70 << 20), 6)
 
 
-def lengths(reading):
-    return [len(track) for track in reading.tracks]
+def lengths(result):
+    return [len(track) for track in result.tracks]
 
 
-def test_a_gzip_file_may_have_several_members():
+def test_gzip_file_with_several_members():
     packed = gzip.compress(LOG[:100]) + gzip.compress(LOG[100:])
     assert lengths(read_logs(io.BytesIO(packed))) == [200]
 
@@ -30,46 +30,45 @@ def test_a_gzip_file_may_have_several_members():
 @pytest.mark.parametrize(
     "damaged",
     [
-        pytest.param(gzip.compress(LOG)[:-9], id="cut"),
+        pytest.param(gzip.compress(LOG)[:-9], id="truncated"),
         pytest.param(
-            gzip.compress(LOG)[:-8] + b"1234" + gzip.compress(LOG)[-4:], id="another checksum"
+            gzip.compress(LOG)[:-8] + b"1234" + gzip.compress(LOG)[-4:], id="wrong checksum"
         ),
-        pytest.param(gzip.compress(LOG) + b"and more", id="something behind it"),
+        pytest.param(gzip.compress(LOG) + b"and more", id="trailing bytes"),
     ],
 )
-def test_a_damaged_gzip_file_is_named(damaged):
+def test_damaged_gzip_file_is_named(damaged):
     with pytest.raises(InputError, match=r"stream: damaged gzip file \(.*\); fetch it again"):
         read_logs(io.BytesIO(damaged))
 
 
-def test_a_gzip_file_that_expands_without_end_is_refused_where_it_begins_to(tmp_path):
+def test_gzip_bomb_is_refused_early(tmp_path):
     path = tmp_path / "log.csv.gz"
     path.write_bytes(BOMB)
-    says = "expands more than 300 times; if that is meant, unpack it yourself: zcat FILE"
-    with pytest.raises(InputError, match=says):
+    message = "expands more than 300 times; if that is meant, unpack it yourself: zcat FILE"
+    with pytest.raises(InputError, match=message):
         read_logs(path)
-    with pytest.raises(InputError, match=says):
+    with pytest.raises(InputError, match=message):
         store_logs(path, rows=1000)
-    came = 0
-    with pytest.raises(InputError, match=says), Source("log", data=BOMB).open() as stream:
-        while piece := stream.read(1 << 20):
-            came += len(piece)
-    assert came < CHECKED_BYTES
+    unpacked = 0
+    with pytest.raises(InputError, match=message), Source("log", data=BOMB).open() as stream:
+        while chunk := stream.read(1 << 20):
+            unpacked += len(chunk)
+    assert unpacked < CHECKED_BYTES
 
 
-def test_what_expands_much_only_for_a_while_is_read():
+def test_short_expansion_is_allowed():
     meter = ExpansionMeter("log", "unpack it")
     meter.count(CHECKED_BYTES - 1, 1)
-    meter.count(
-        CHECKED_BYTES, 2 * CHECKED_BYTES // MAX_EXPANSION + 1
-    )  # as a whole, less than the limit
-    meter.count(CHECKED_BYTES // 2, 2 * CHECKED_BYTES // MAX_EXPANSION + 1)
+    read = 2 * CHECKED_BYTES // MAX_EXPANSION + 1
+    meter.count(CHECKED_BYTES, read)  # below the limit together with the bytes before
+    meter.count(CHECKED_BYTES // 2, read)
     with pytest.raises(InputError, match="log: expands more than"):
-        meter.count(CHECKED_BYTES, 2 * CHECKED_BYTES // MAX_EXPANSION + 1)
+        meter.count(CHECKED_BYTES, read)
     assert meter.refused
 
 
-def test_many_sources_hold_no_file_open(tmp_path):
+def test_sources_keep_no_file_open(tmp_path):
     resource = pytest.importorskip("resource")
     for i in range(120):
         (tmp_path / f"{i}.csv.gz").write_bytes(gzip.compress(f"t,x,y\n{ROWS}".encode(), 1))
@@ -79,27 +78,27 @@ def test_many_sources_hold_no_file_open(tmp_path):
     try:
         sources = list(expand(str(tmp_path / "*.gz")))
         heads = {source.head()[:6] for source in sources}
-        reading = read_logs(sources)
+        result = read_logs(sources)
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, limits)
     assert heads == {b"t,x,y\n"}
-    assert lengths(reading) == [200] * 120
+    assert lengths(result) == [200] * 120
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names are bytes on Linux only")
-def test_a_name_that_is_no_utf8_is_shown_escaped(tmp_path):
+def test_name_that_is_no_utf8_is_shown_escaped(tmp_path):
     path = os.fsdecode(os.fsencode(tmp_path) + b"/w\xff\n.csv")
     with open(path, "wb") as file:
         file.write(LOG)
     (tmp_path / "other.csv").write_bytes(LOG)
-    reading = read_logs([path, str(tmp_path / "other.csv")])
-    assert [track.id for track in reading.tracks] == [r"w\xff\n", "other"]
+    result = read_logs([path, str(tmp_path / "other.csv")])
+    assert [track.id for track in result.tracks] == [r"w\xff\n", "other"]
     with pytest.raises(InputError, match=r"none\\xff\.csv: no such file"):
         read_logs(os.fsdecode(os.fsencode(tmp_path) + b"/none\xff.csv"))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names are bytes on Linux only")
-def test_a_parquet_file_whose_name_is_no_utf8_is_read(tmp_path):
+def test_parquet_file_with_a_name_that_is_no_utf8_is_read(tmp_path):
     path = os.fsdecode(os.fsencode(tmp_path) + b"/\xff.parquet")
     pq.write_table(
         pa.table({"t": [0, 1], "x": [0.0, 1.0], "y": [0.0, 2.0]}), tmp_path / "plain.parquet"
@@ -109,7 +108,7 @@ def test_a_parquet_file_whose_name_is_no_utf8_is_read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "says"),
+    ("name", "message"),
     [
         ("a\0b", r"^a\\x00b: can't be read: embedded null byte"),
         ("~nobody-of-this-name/a.csv", "can't be read: Could not determine home directory"),
@@ -119,31 +118,31 @@ def test_a_parquet_file_whose_name_is_no_utf8_is_read(tmp_path):
         ("empty.csv", "empty file; name one that holds a log"),
     ],
 )
-def test_what_is_no_file_is_named(tmp_path, monkeypatch, name, says):
+def test_names_that_are_no_files_are_reported(tmp_path, monkeypatch, name, message):
     import socket
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "log.csv").write_bytes(LOG)
     (tmp_path / "empty.csv").touch()
-    with socket.socket(socket.AF_UNIX) as listening:
-        listening.bind("socket")
-        with pytest.raises(InputError, match=says):
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind("socket")
+        with pytest.raises(InputError, match=message):
             read_logs(name)
 
 
-def test_a_file_that_vanishes_after_it_was_listed_is_named(tmp_path):
+def test_file_removed_after_listing_is_named(tmp_path):
     for name in ("a", "b"):
         (tmp_path / f"{name}.csv").write_bytes(LOG)
     sources = list(expand(str(tmp_path / "*.csv")))
     (tmp_path / "a.csv").unlink()
     with pytest.raises(InputError, match=r"a\.csv: no such file"):
         read_logs(sources)
-    assert [left.reason for left in read_logs(sources, skip_bad=True).left_out] == ["no such file"]
+    assert [log.reason for log in read_logs(sources, skip_bad=True).left_out] == ["no such file"]
     with pytest.raises(InputError, match=r"a\.csv: no such file"):
         _ = sources[0].size
 
 
-def test_a_file_that_shrinks_while_it_is_read_ends_early(tmp_path):
+def test_file_that_shrinks_while_read_ends_early(tmp_path):
     path = tmp_path / "log.csv"
     path.write_bytes(b"0" * (1 << 20))
     with Source("log.csv", path=path).open() as stream:
@@ -152,7 +151,7 @@ def test_a_file_that_shrinks_while_it_is_read_ends_early(tmp_path):
         assert stream.read(10) == b""
 
 
-def test_spooled_streams_and_pipes_can_be_read_again(tmp_path):
+def test_spooled_streams_and_pipes_can_be_read_twice(tmp_path):
     path = tmp_path / "pipe"
     os.mkfifo(path)
     child = os.fork()

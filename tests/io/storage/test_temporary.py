@@ -5,16 +5,16 @@ from gpszip.io.large.store import store_logs
 from gpszip.io.storage.temporary import disk_errors_as_output_errors, scratch_folder
 
 
-def test_the_folder_goes_with_all_that_is_in_it(tmp_path, monkeypatch):
+def test_folder_is_removed_with_its_content(tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     with scratch_folder() as folder:
-        (folder / "a").write_text("much")
+        (folder / "a").write_text("content")
         assert folder.parent == tmp_path
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize("name", ["missing", "file"])
-def test_no_other_disk_is_filled_than_the_one_named(tmp_path, monkeypatch, name):
+def test_no_other_folder_than_tmpdir_is_used(tmp_path, monkeypatch, name):
     (tmp_path / "file").touch()
     monkeypatch.setenv("TMPDIR", str(tmp_path / name))
     with (
@@ -24,25 +24,25 @@ def test_no_other_disk_is_filled_than_the_one_named(tmp_path, monkeypatch, name)
         pass
 
 
-def test_a_full_disk_is_named(tmp_path, monkeypatch):
-    """Files may grow to 40,000 bytes only, as if there were no room for more."""
+def test_full_disk_is_named(tmp_path, monkeypatch):
+    """A limit of 40,000 bytes per file imitates a full disk."""
     resource = pytest.importorskip("resource")
     (tmp_path / "log.csv").write_text("t,x,y\n" + "".join(f"{i},{i},0\n" for i in range(5000)))
-    (tmp_path / "room").mkdir()
-    monkeypatch.setenv("TMPDIR", str(tmp_path / "room"))
+    (tmp_path / "scratch").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "scratch"))
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (40_000, limits[1]))
     try:
         with pytest.raises(
             OutputError,
-            match=r"room: temporary files can't be written: .* let TMPDIR name a folder with more room",
+            match=r"scratch: temporary files can't be written: .* let TMPDIR name a folder",
         ):
             store_logs(str(tmp_path / "log.csv"), rows=3000)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
-    assert not list((tmp_path / "room").iterdir())
+    assert not list((tmp_path / "scratch").iterdir())
 
 
-def test_other_errors_pass():
+def test_other_errors_pass_through():
     with pytest.raises(KeyError), disk_errors_as_output_errors():
         raise KeyError

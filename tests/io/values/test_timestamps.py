@@ -70,7 +70,7 @@ def times_read(text, **options):
         ("30/05/2024 12:00:00 PM", 26 * 86400 + 14400),
     ],
 )
-def test_dates_as_people_write_them(cell, after):
+def test_common_dates_are_read(cell, after):
     assert times_of(cell) == [pytest.approx(EIGHT + after, abs=2.4e-7)]
 
 
@@ -99,7 +99,7 @@ def test_dates_as_people_write_them(cell, after):
         "Sunny 4 May 2024",
     ],
 )
-def test_what_is_no_time_is_one_bad_row_or_an_error(cell):
+def test_invalid_dates_are_nan_or_an_error(cell):
     good, bad = times_of("2024-05-04T08:00:00Z", cell)
     assert good == EIGHT
     assert np.isnan(bad)
@@ -120,14 +120,13 @@ FORMS = [
     "%d.%m.%Y %H:%M:%S %z",
     "%d %B %Y %I:%M:%S %p%z",
 ]
-moments = st.datetimes(datetime(1000, 1, 3), datetime(9999, 12, 29), timezones=st.builds(
-    timezone, st.integers(-23 * 60, 23 * 60).map(lambda minutes: timedelta(minutes=minutes))
-))  # fmt: skip
+ZONES = st.integers(-23 * 60, 23 * 60).map(lambda minutes: timezone(timedelta(minutes=minutes)))
+MOMENTS = st.datetimes(datetime(1000, 1, 3), datetime(9999, 12, 29), timezones=ZONES)
 
 
 @settings(max_examples=50)
-@given(st.lists(st.tuples(moments, st.sampled_from(FORMS)), min_size=1, max_size=20))
-def test_every_date_of_every_form_is_the_calendar_s(written):
+@given(st.lists(st.tuples(MOMENTS, st.sampled_from(FORMS)), min_size=1, max_size=20))
+def test_all_dates_match_the_calendar(written):
     cells = [moment.strftime(form) for moment, form in written]
     exact = [
         (moment.replace(microsecond=0) - datetime(1970, 1, 1, tzinfo=UTC)) // timedelta(seconds=1)
@@ -144,7 +143,7 @@ def test_every_date_of_every_form_is_the_calendar_s(written):
         max_size=10,
     )
 )
-def test_any_text_is_a_time_or_none(cells):
+def test_any_text_is_a_time_or_nan(cells):
     try:
         times = times_of(*cells)
     except InputError:
@@ -164,19 +163,20 @@ def test_any_text_is_a_time_or_none(cells):
         (["3/4/24", "45/45/2024", "31/1/24"], [(3, 4), None, (31, 1)]),
     ],
 )
-def test_the_whole_column_tells_the_order_of_day_and_month(cells, day_and_month):
+def test_all_cells_decide_the_order_of_day_and_month(cells, day_and_month):
     expected = [
-        np.nan if one is None else datetime(2024, one[1], one[0], tzinfo=UTC).timestamp()
-        for one in day_and_month
+        np.nan if date is None else datetime(2024, date[1], date[0], tzinfo=UTC).timestamp()
+        for date in day_and_month
     ]
     np.testing.assert_equal(times_of(*cells), expected)
 
 
-def test_an_order_that_nothing_tells_is_refused_with_all_readings():
+def test_ambiguous_orders_are_refused_with_all_readings():
     with pytest.raises(InputError) as caught:
         times_of("03/04/2024 08:00", "04/04/2024 08:00")
     assert str(caught.value) == (
-        "log.csv: column 't': '03/04/2024 08:00' can be 3 Apr 2024 or 4 Mar 2024; say which: --dates dmy or --dates mdy"
+        "log.csv: column 't': '03/04/2024 08:00' can be 3 Apr 2024 or 4 Mar 2024; "
+        "say which: --dates dmy or --dates mdy"
     )
     with pytest.raises(
         InputError,
@@ -185,12 +185,12 @@ def test_an_order_that_nothing_tells_is_refused_with_all_readings():
         times_of("07/06/08")
     with pytest.raises(
         InputError,
-        match=r"'31/01/2024' and '01/31/2024' are in different orders|'01/31/2024' and '31/01/2024'",
+        match=r"'(31/01|01/31)/2024' and '(31/01|01/31)/2024' are in different orders",
     ):
         times_of("31/01/2024", "01/31/2024")
 
 
-def test_the_user_or_the_column_s_name_settles_the_order():
+def test_the_user_or_the_column_name_decides_the_order():
     text = "03/04/2024 08:00,1,0\n04/04/2024 08:00,2,0\n"
     april, march = (
         datetime(2024, month, day, 8, tzinfo=UTC).timestamp() for day, month in ((3, 4), (4, 3))
@@ -207,13 +207,10 @@ def test_years_from_1_to_9999():
     assert times_of("0001-01-01T00:00:00Z", "9999-12-31T24:00:00Z") == [-62135596800, 253402300800]
 
 
-def test_years_of_two_digits():
-    assert [
-        datetime.fromtimestamp(time, UTC).year
-        for time in times_of("1.1.68", "1.1.69", "1-Jan-99", "1-Jan-00")
-    ] == [
-        *(2068, 1969, 1999, 2000),
-    ]
+def test_two_digit_years():
+    times = times_of("1.1.68", "1.1.69", "1-Jan-99", "1-Jan-00")
+    years = [datetime.fromtimestamp(time, UTC).year for time in times]
+    assert years == [2068, 1969, 1999, 2000]
 
 
 @pytest.mark.parametrize(
@@ -231,14 +228,14 @@ def test_years_of_two_digits():
         ("date_ddmmyy,time", "040524,080000.00", "040524,080030.50"),
     ],
 )
-def test_a_date_and_a_time_of_day(header, first, second):
+def test_date_and_time_of_day_in_two_columns(header, first, second):
     header = header.replace("date_ddmmyy", "Date (ddmmyy)")
     times = times_read(f"{header},x,y\n{first},0,0\n{second},1,1\n")
     day = 26 * 86400 if "5/30" in first else 0
     assert times == [EIGHT + day, EIGHT + day + 30.5]
 
 
-def test_what_two_columns_leave_open_is_refused():
+def test_ambiguous_pairs_of_columns_are_refused():
     with pytest.raises(
         InputError, match="'04-05-24 08:00:00' can be 4 May 2024 or 5 Apr 2024 or 24 May 2004"
     ):
@@ -259,7 +256,7 @@ def test_what_two_columns_leave_open_is_refused():
     ]
 
 
-def test_arrow_s_own_times_beside_a_date():
+def test_arrow_times_with_a_date_column():
     stream = io.BytesIO()
     clock = pa.array([28_800_000_000, 28_801_500_000], pa.time64("us"))
     table = pa.table(
@@ -287,7 +284,7 @@ def test_arrow_s_own_times_beside_a_date():
         pa.array([20240504080000, 20240504080001]),
     ],
 )
-def test_types_of_parquet(column, tmp_path):
+def test_parquet_types(column, tmp_path):
     pq.write_table(
         pa.table({"time": column, "x": [0.0, 1.0], "y": [0.0, 0.0]}), tmp_path / "log.parquet"
     )
@@ -299,7 +296,7 @@ def test_types_of_parquet(column, tmp_path):
 @pytest.mark.parametrize(
     "column", [pa.array([True, False]), pa.array([[1], [2]]), pa.array([b"\xff\xfe", b"\xff"])]
 )
-def test_types_that_are_no_times(column):
+def test_other_parquet_types_are_no_times(column):
     pq.write_table(
         pa.table({"time": column, "x": [0.0, 1.0], "y": [0.0, 0.0]}), stream := io.BytesIO()
     )
@@ -330,51 +327,48 @@ def test_numbers_in_any_unit(cells, unit, expected):
 
 
 def test_durations_are_times():
-    assert (
-        times_to_seconds(
-            pa.chunked_array([pa.array([1500, None], pa.duration("ms"))]), None, "a"
-        ).tolist()[0]
-        == 1.5
-    )
+    column = pa.chunked_array([pa.array([1500, None], pa.duration("ms"))])
+    np.testing.assert_equal(times_to_seconds(column, None, "a"), [1.5, np.nan])
 
 
-def test_a_column_is_what_most_of_its_cells_are():
+def test_most_cells_decide_between_numbers_and_dates():
     np.testing.assert_equal(
         times_of("2024-05-04T08:00:00Z", "0", "2024-05-04T08:00:01Z"), [EIGHT, np.nan, EIGHT + 1]
     )
     np.testing.assert_equal(times_of("1", "2", "2024-05-04"), [1, 2, np.nan])
 
 
-def test_a_time_of_day_alone_counts_from_midnight_and_is_told():
-    reading = read("time,x,y\n08:00:00,0,0\n08:00:05.5,1,1\n")
-    assert reading.tracks[0].times.tolist() == [28800, 28805.5]
-    assert [(one.what, one.count, one.drops) for one in reading.repairs] == [
+def test_times_of_day_without_date_count_from_midnight():
+    result = read("time,x,y\n08:00:00,0,0\n08:00:05.5,1,1\n")
+    assert result.tracks[0].times.tolist() == [28800, 28805.5]
+    assert [(repair.what, repair.count, repair.drops) for repair in result.repairs] == [
         ("times of day without a date read as seconds from midnight", 2, False)
     ]
 
 
-def positions_at(times):
+def log_at(times):
+    """A CSV log with a position at each time."""
     lines = [f"{time},{48 + i / 1e4:.4f},{11 + i / 1e4:.4f}" for i, time in enumerate(times)]
     return io.BytesIO("\n".join(["utc,lat,lon", *lines]).encode())
 
 
 @pytest.mark.parametrize("first", [28_860, 36_000])
-def test_numbers_that_step_like_a_clock_are_no_seconds(first):
+def test_numbers_that_step_like_a_clock_are_refused(first):
     clock = [f"{t // 3600:02d}{t // 60 % 60:02d}{t % 60:02d}" for t in range(first, first + 90)]
     with pytest.raises(
         InputError,
-        match=f"{clock[0]} and the numbers after it step like hours, minutes and seconds.*--time-unit s",
+        match=f"{clock[0]} and the numbers after it step like hours, minutes .*--time-unit s",
     ):
-        read_logs(positions_at(clock))
-    assert len(read_logs(positions_at(clock), time_unit="s").tracks[0]) == 90
+        read_logs(log_at(clock))
+    assert len(read_logs(log_at(clock), time_unit="s").tracks[0]) == 90
 
 
-def test_numbers_with_zeros_before_them_may_be_a_clock_within_one_minute():
+def test_padded_numbers_within_a_minute_are_refused():
     with pytest.raises(InputError, match="write 08:01:00"):
-        read_logs(positions_at([f"0801{second:02d}" for second in range(30)]))
+        read_logs(log_at([f"0801{second:02d}" for second in range(30)]))
 
 
 @pytest.mark.parametrize("step", [1, 20, 50, 100, 600])
-def test_seconds_at_even_steps_are_seconds(step):
+def test_regular_seconds_are_seconds(step):
     times = [step * i for i in range(60)]
-    assert read_logs(positions_at(times)).tracks[0].times.tolist() == times
+    assert read_logs(log_at(times)).tracks[0].times.tolist() == times

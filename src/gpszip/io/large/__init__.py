@@ -1,1 +1,1 @@
-"""Logs larger than memory: read in batches, sorted on disk, read again in slices."""
+"""Read logs larger than memory: sort them into temporary files, from which slices are read."""

@@ -1,10 +1,14 @@
-"""Spikes of tracks that don't fit in memory: the same that are found at once, by passes over a file."""
+"""Drop outliers from tracks that don't fit in memory.
+
+The result is that of :func:`gpszip.geo.outliers.find_outliers`, found by passes over a file.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,17 +22,18 @@ from gpszip.geo.outliers import (
 )
 from gpszip.geo.planes import to_plane
 from gpszip.io.large.plane_sample import PlaneSample
-from gpszip.io.large.sort import read_rows
+from gpszip.io.large.runs import read_rows
 from gpszip.io.storage.temporary import disk_errors_as_output_errors, write_numbers
 from gpszip.model import Plane
 from gpszip.model.read_result import Repair
 
 __all__ = ["FilteredTracks"]
 
-#: Samples around a piece that decide on what is in it.
+#: Samples on both sides of a block that take part in the decision about its samples. A run of
+#: outliers has at most four samples, and a decision looks one sample past its ends.
 _MARGIN = 40
 
-#: Bits of a number by which it is looked for at a time.
+#: Bits of a number that are found in one pass of the radix selection: 65,536 counters.
 _DIGIT_BITS = 16
 
 Floats = NDArray[np.float64]
@@ -36,21 +41,44 @@ _Tracks = Iterator[tuple[str, Iterator[Floats]]]
 _Blocks = Callable[[], Iterator[Floats]]
 
 
+class _FileRange(NamedTuple):
+    """Rows of a track in the file, and which of them are outliers.
+
+    Parameters
+    ----------
+    name : str
+        Name of the track.
+    first : int
+        Index of its first row.
+    row_count : int
+        Number of its rows.
+    outliers : int array
+        Indices of outliers among its rows, ascending.
+    """
+
+    name: str
+    first: int
+    row_count: int
+    outliers: NDArray[np.int64]
+
+
 class FilteredTracks:
-    """Tracks without their spikes, whose rows are written to a file once and read from there.
+    """Tracks without their outliers, written to a file once and read from there.
 
     Parameters
     ----------
     tracks : iterator
-        Each track with its rows in blocks: time, coordinates, further columns.
+        Each track with its rows in blocks: time, coordinates, kept columns.
     path : Path
-        The file, which is made.
-    width, dimension : int
-        Numbers in a row, and of coordinates.
-    rows : int
-        How many may be in memory at once.
+        The file to write.
+    width : int
+        Numbers in a row.
+    dimension : int
+        Number of coordinates.
+    max_rows : int
+        Rows in memory at once.
     plane : Plane, optional
-        On which speeds are measured, of coordinates in degrees.
+        Plane on which speeds are measured, for coordinates in degrees.
     """
 
     def __init__(
@@ -59,135 +87,154 @@ class FilteredTracks:
         path: Path,
         width: int,
         dimension: int,
-        rows: int,
+        max_rows: int,
         plane: Plane | None,
     ) -> None:
-        self.path, self.width, self.dimension, self.rows, self.plane = (
-            path,
-            width,
-            dimension,
-            rows,
-            plane,
-        )
+        self.path = path
+        self.width = width
+        self.dimension = dimension
+        self.max_rows = max_rows
+        self.plane = plane
         self.repairs: list[Repair] = []
         self.plane_sample = PlaneSample()
-        self._tracks: list[tuple[str, int, int]] = []
-        self._outliers: list[NDArray[np.int64]] = []
-        first = 0
-        with disk_errors_as_output_errors(), path.open("wb") as file:
-            for name, blocks in tracks:
-                count = 0
-                for block in blocks:
-                    write_numbers(block, file)
-                    count += len(block)
-                file.flush()
-                self._tracks.append((name, first, count))
-                self._outliers.append(self._find_outliers(first, count))
-                if len(self._outliers[-1]):
-                    self.repairs.append(
-                        Repair("spikes dropped", len(self._outliers[-1]), f"track {name!r}")
-                    )
-                first += count
+        self._tracks: list[_FileRange] = []
+        self._write(tracks)
+
+        # Outliers don't count for the plane that the log gets.
         if plane is not None:
             for _, blocks in self.tracks():
                 for block in blocks:
                     self.plane_sample.add(block[:, 1:3])
 
     def tracks(self) -> _Tracks:
-        """Yield each track with what is left of its rows."""
-        for (name, first, count), outliers in zip(self._tracks, self._outliers, strict=True):
-            yield name, self._remaining_rows(first, count, outliers)
+        """Yield each track with the rows that are no outliers."""
+        for track in self._tracks:
+            yield track.name, self._remaining_rows(track)
 
-    def _remaining_rows(
-        self, first: int, count: int, outliers: NDArray[np.int64]
-    ) -> Iterator[Floats]:
-        for a in range(0, count, self.rows):
-            b = min(a + self.rows, count)
-            here = outliers[(outliers >= a) & (outliers < b)]
-            yield np.delete(read_rows(self.path, first + a, b - a, self.width), here - a, axis=0)
+    def _write(self, tracks: _Tracks) -> None:
+        """Write all rows, and find the outliers of each track once it is written."""
+        first = 0
+        with disk_errors_as_output_errors(), self.path.open("wb") as file:
+            for name, blocks in tracks:
+                count = 0
+                for block in blocks:
+                    write_numbers(block, file)
+                    count += len(block)
 
-    def _read_samples(self, first: int, a: int, b: int) -> tuple[Floats, Floats]:
-        rows = read_rows(self.path, first + a, b - a, self.width)
+                # Samples are read from the file, so it has to hold all of them.
+                file.flush()
+                outliers = self._find_outliers(first, count)
+                self._tracks.append(_FileRange(name, first, count, outliers))
+                if len(outliers):
+                    repair = Repair("outliers dropped", len(outliers), f"track {name!r}")
+                    self.repairs.append(repair)
+                first += count
+
+    def _remaining_rows(self, track: _FileRange) -> Iterator[Floats]:
+        for start in range(0, track.row_count, self.max_rows):
+            stop = min(start + self.max_rows, track.row_count)
+            outliers = _within(track.outliers, start, stop)
+            rows = read_rows(self.path, track.first + start, stop - start, self.width)
+            yield np.delete(rows, outliers - start, axis=0)
+
+    def _read_samples(self, first: int, start: int, stop: int) -> tuple[Floats, Floats]:
+        """Return times and positions in metres of rows ``start`` to ``stop - 1`` of a track."""
+        rows = read_rows(self.path, first + start, stop - start, self.width)
         positions = rows[:, 1 : 1 + self.dimension]
-        return rows[:, 0], positions if self.plane is None else to_plane(
-            positions[:, 0], positions[:, 1], self.plane
-        )
+        if self.plane is not None:
+            positions = to_plane(positions[:, 0], positions[:, 1], self.plane)
+        return rows[:, 0], positions
 
     def _find_outliers(self, first: int, count: int) -> NDArray[np.int64]:
-        """Rows of a track that are spikes."""
-        if count <= self.rows:
+        """Return the indices of a track's outliers.
+
+        1. The shortest interval that counts is half the median interval.
+        2. Write the calm speeds: the least speed at each sample (``min_adjacent_speeds``).
+        3. The speed limit is a multiple of a quantile of the calm speeds that are not 0.
+        4. Mark the outliers block by block, each with a margin of its neighbours.
+        """
+        if count <= self.max_rows:
             return np.flatnonzero(find_outliers(*self._read_samples(first, 0, count)))
-        shortest = 0.5 * _quantile(
-            lambda: (np.diff(times) for times, _ in self._overlapping_blocks(first, count, 1)), 0.5
-        )
-        calm = self.path.with_name("calm-speeds")
-        with calm.open("wb") as file:
+
+        # 1. Shortest interval.
+        def intervals() -> Iterator[Floats]:
+            return (np.diff(times) for times, _ in self._overlapping_blocks(first, count, 1))
+
+        min_interval = 0.5 * _quantile(intervals, 0.5)
+
+        # 2. Calm speeds.
+        speeds_path = self.path.with_name("calm-speeds")
+        with speeds_path.open("wb") as file:
             for times, positions in self._overlapping_blocks(first, count, 2):
-                speeds = min_adjacent_speeds(times, positions, shortest)
+                speeds = min_adjacent_speeds(times, positions, min_interval)
                 write_numbers(speeds[speeds > 0], file)
-        size = calm.stat().st_size // 8
+        size = speeds_path.stat().st_size // 8
 
-        def speeds_again() -> Iterator[Floats]:
-            return (
-                read_rows(calm, a, min(self.rows, size - a), 1)[:, 0]
-                for a in range(0, size, self.rows)
-            )
+        # 3. Speed limit.
+        def calm_speeds() -> Iterator[Floats]:
+            for row in range(0, size, self.max_rows):
+                yield read_rows(speeds_path, row, min(self.max_rows, size - row), 1)[:, 0]
 
-        limit = SPEED_FACTOR * _quantile(speeds_again, SPEED_QUANTILE)
-        calm.unlink()
-        found = []
-        for a in range(0, count, self.rows):
-            low, b = max(a - _MARGIN, 0), min(a + self.rows, count)
-            outliers = (
-                np.flatnonzero(
-                    mark_outliers(
-                        *self._read_samples(first, low, min(b + _MARGIN, count)), shortest, limit
-                    )
-                )
-                + low
-            )
-            found.append(outliers[(outliers >= a) & (outliers < b)])
-        return np.concatenate(found)
+        limit = SPEED_FACTOR * _quantile(calm_speeds, SPEED_QUANTILE)
+        speeds_path.unlink()
+
+        # 4. Outliers of each block.
+        outliers = []
+        for start in range(0, count, self.max_rows):
+            stop = min(start + self.max_rows, count)
+            before = max(start - _MARGIN, 0)
+            samples = self._read_samples(first, before, min(stop + _MARGIN, count))
+            marked = np.flatnonzero(mark_outliers(*samples, min_interval, limit)) + before
+            outliers.append(_within(marked, start, stop))
+        return np.concatenate(outliers)
 
     def _overlapping_blocks(
         self, first: int, count: int, shared: int
     ) -> Iterator[tuple[Floats, Floats]]:
-        """Yield a track in pieces of which each has so many samples of the next."""
-        for a in range(0, count - shared, self.rows):
-            yield self._read_samples(first, a, min(a + self.rows + shared, count))
+        """Yield a track in blocks that share this number of samples with the next one."""
+        for start in range(0, count - shared, self.max_rows):
+            yield self._read_samples(first, start, min(start + self.max_rows + shared, count))
+
+
+def _within(indices: NDArray[np.int64], start: int, stop: int) -> NDArray[np.int64]:
+    return indices[(indices >= start) & (indices < stop)]
 
 
 def _quantile(blocks: _Blocks, share: float) -> float:
-    """Quantile of numbers that are not negative, as NumPy finds it; infinite if there are none."""
+    """Quantile of numbers that are not negative; infinite if there are none.
+
+    The rounding is that of :func:`numpy.quantile`: linear interpolation from the nearer neighbour.
+    """
     count = sum(map(len, blocks()))
     if not count:
         return math.inf
-    place = share * (count - 1)
-    below, above = (_find_by_rank(blocks, rank) for rank in (math.floor(place), math.ceil(place)))
-    part = place - math.floor(place)
-    return float(
-        above - (above - below) * (1 - part) if part >= 0.5 else below + (above - below) * part
-    )
+    rank = share * (count - 1)
+    below, above = (_find_by_rank(blocks, r) for r in (math.floor(rank), math.ceil(rank)))
+    fraction = rank - math.floor(rank)
+    if fraction >= 0.5:
+        return float(above - (above - below) * (1 - fraction))
+    return float(below + (above - below) * fraction)
 
 
 def _find_by_rank(blocks: _Blocks, rank: int) -> float:
-    """Find the number that so many are smaller than; as bits, numbers that are not negative have the order of whole numbers."""
-    known = 0
+    """Find the number that has ``rank`` smaller ones, by radix selection from the highest digit.
+
+    The bits of numbers that are not negative, read as integers, have the order of the numbers.
+    """
+    prefix = 0  # the digits found so far
     for shift in range(64 - _DIGIT_BITS, -1, -_DIGIT_BITS):
+        # Count the next digit of all numbers that start with the digits found.
         counts = np.zeros(1 << _DIGIT_BITS, np.int64)
         for numbers in blocks():
             bits = np.ascontiguousarray(numbers).view(np.uint64)
-            same = (
-                bits[bits >> np.uint64(shift + _DIGIT_BITS) == known]
-                if shift + _DIGIT_BITS < 64
-                else bits
-            )
-            counts += np.bincount(
-                (same >> np.uint64(shift) & np.uint64((1 << _DIGIT_BITS) - 1)).astype(np.int64),
-                minlength=1 << _DIGIT_BITS,
-            )
-        reached = np.cumsum(counts)
-        digit = int(np.searchsorted(reached, rank, side="right"))
-        rank -= int(reached[digit - 1]) if digit else 0
-        known = known << _DIGIT_BITS | digit
-    return float(np.array([known], np.uint64).view(np.float64)[0])
+            if shift + _DIGIT_BITS < 64:
+                bits = bits[bits >> np.uint64(shift + _DIGIT_BITS) == prefix]
+            digits = bits >> np.uint64(shift) & np.uint64((1 << _DIGIT_BITS) - 1)
+            counts += np.bincount(digits.astype(np.int64), minlength=1 << _DIGIT_BITS)
+
+        # The rank falls on one digit.
+        cumulated = np.cumsum(counts)
+        digit = int(np.searchsorted(cumulated, rank, side="right"))
+        rank -= int(cumulated[digit - 1]) if digit else 0
+        prefix = prefix << _DIGIT_BITS | digit
+    return float(np.array([prefix], np.uint64).view(np.float64)[0])

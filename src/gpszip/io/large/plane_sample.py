@@ -1,4 +1,4 @@
-"""The plane of a log larger than memory, chosen from a share of its positions."""
+"""Choose the plane of a log larger than memory from a sample of its positions."""
 
 from __future__ import annotations
 
@@ -10,35 +10,54 @@ from gpszip.model import Plane
 
 __all__ = ["PlaneSample"]
 
-#: Samples from which the plane is chosen, and cells of so many degrees of which each has one besides.
-_MAX_SAMPLE, _CELL_DEGREES = 1 << 20, 0.5
+#: Positions in the regular sample; above it, every second one is dropped. They take 16 MiB.
+_MAX_SAMPLE = 1 << 20
+
+#: Width of a cell in degrees; one position of each cell is kept besides the regular sample.
+_CELL_DEGREES = 0.5
+
+#: Cells in the direction of longitude are numbered below this: 720 cells go around the globe.
+_CELL_STRIDE = 10_000
 
 Floats = NDArray[np.float64]
 
 
 class PlaneSample:
-    """A share of all positions, and one of each place where there are any, from which the planes are chosen."""
+    """A sample of positions from which the plane is chosen.
+
+    It holds every k-th position, and one position of each cell of half a degree, so that a short
+    trip to a far country counts, too.
+    """
 
     def __init__(self) -> None:
-        self._kept: list[Floats] = []
-        self._stride, self._seen, self._count = 1, 0, 0
+        self._sample: list[Floats] = []
+        self._sample_size = 0
+        self._stride = 1  # k
+        self._seen = 0
         self._cells: dict[tuple[int, int], Floats] = {}
 
     def add(self, degrees: Floats) -> None:
-        """Take in positions, shape (n, 2)."""
-        own = degrees[-self._seen % self._stride :: self._stride]
+        """Add latitudes and longitudes in degrees, shape (n, 2)."""
+        # Take every k-th position, counted over all batches.
+        regular = degrees[-self._seen % self._stride :: self._stride]
         self._seen += len(degrees)
-        self._kept.append(own.copy())
-        self._count += len(own)
+        self._sample.append(regular.copy())
+        self._sample_size += len(regular)
+
+        # Take the first position of each cell.
         cells = np.floor(degrees / _CELL_DEGREES).astype(np.int64)
-        _, first = np.unique(cells[:, 0] * 10_000 + cells[:, 1], return_index=True)
+        _, first = np.unique(cells[:, 0] * _CELL_STRIDE + cells[:, 1], return_index=True)
         for i in first.tolist():
             self._cells.setdefault((int(cells[i, 0]), int(cells[i, 1])), degrees[i].copy())
-        if self._count > _MAX_SAMPLE:
-            self._kept = [np.concatenate(self._kept)[::2]]
-            self._count, self._stride = len(self._kept[0]), 2 * self._stride
+
+        # Halve a sample that is too large.
+        if self._sample_size > _MAX_SAMPLE:
+            self._sample = [np.concatenate(self._sample)[::2]]
+            self._sample_size = len(self._sample[0])
+            self._stride = 2 * self._stride
 
     def plane(self) -> Plane:
-        """Choose the plane for all that was taken in."""
-        degrees = np.concatenate([*self._kept, *(place[None] for place in self._cells.values())])
+        """Choose the plane for all positions."""
+        cells = (position[None] for position in self._cells.values())
+        degrees = np.concatenate([*self._sample, *cells])
         return choose_plane(degrees[:, 0], degrees[:, 1])

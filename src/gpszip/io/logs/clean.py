@@ -1,4 +1,9 @@
-"""From raw columns to pieces of tracks: rows that can't be used are dropped, order in time is seen to, and all is counted."""
+"""From the raw columns of a log to its tracks, each with strictly increasing times.
+
+:func:`clean_log` drops rows without a time or a position, positions off the globe and rows with
+repeated timestamps; it sorts or splits tracks whose time goes back. It counts every row that it
+drops. The functions for messages serve logs larger than memory, too.
+"""
 
 from __future__ import annotations
 
@@ -39,12 +44,12 @@ _MAX_SHOWN_LETTERS = 40
 
 @dataclass(frozen=True, eq=False)
 class LogTrack:
-    """A track, or the part of one that a log holds; times strictly increase.
+    """A track as one log has it, before it is projected; times strictly increase.
 
     Parameters
     ----------
     id : str or None
-        Name of the track; None where the log names none.
+        Name of the track; None if the log names none.
     times : float64 array, shape (n,)
         Seconds.
     coordinates : float64 array, shape (n, d)
@@ -68,23 +73,24 @@ class LogTrack:
     timed: bool = True
 
     def take(self, rows: NDArray[np.bool_] | slice) -> LogTrack:
-        """Keep some of the samples."""
-        kept = {name: values[rows] for name, values in self.attributes.items()}
+        """Return the track with some of its samples."""
+        attributes = {name: values[rows] for name, values in self.attributes.items()}
         return replace(
-            self, times=self.times[rows], coordinates=self.coordinates[rows], attributes=kept
+            self, times=self.times[rows], coordinates=self.coordinates[rows], attributes=attributes
         )
 
 
 @dataclass(frozen=True, eq=False)
 class CleanedLog:
-    """The tracks of a log, and what became of its other rows.
+    """The tracks of a log, and a record of its other rows.
 
     Parameters
     ----------
-    tracks : list of Piece
+    tracks : list of LogTrack
         In the order in which the log first names them.
     repairs : list of Repair
-        What was dropped or changed. The points of the pieces and those that these repairs drop are the rows of the log.
+        What was dropped or changed. Each row of the log is in a track or counted by a repair that
+        drops rows.
     losses : list of Loss
         Tracks that lost many points.
     left_out : list of LeftOut
@@ -105,52 +111,69 @@ def clean_log(
     skip_bad: bool = False,
     clean: bool = False,
 ) -> CleanedLog:
-    """Cut a log into its tracks and make their times increase.
+    """Cut a log into tracks whose times strictly increase.
 
     Parameters
     ----------
     raw : RawLog
-        As a reader found it.
+        The log as its reader returns it.
     sort : bool
-        Put the points of each track in the order of their times.
+        Sort the points of each track by time.
     split : bool
         Start a new track, ``ID-2`` and so on, where time goes back.
     skip_bad : bool
-        Leave out tracks that can't be used, and positions off the globe even where they are many, instead of raising.
+        Leave out tracks that can't be used, and any number of positions off the globe, instead of
+        raising.
     clean : bool
         Drop positions at 0,0 that were hardly measured.
 
     Returns
     -------
-    Mended
+    CleanedLog
 
     Raises
     ------
     InputError
-        If no row can be used, or only one of several, positions are not on the globe, all points of a track share one time, or
-        time goes back and neither ``sort`` nor ``split`` is set.
+        If at most one of several rows can be used, positions are not on the globe, all points of a
+        track share one time, or time goes back and neither ``sort`` nor ``split`` is set.
+    OptionError
+        If both ``sort`` and ``split`` are set.
     """
     if sort and split:
         raise OptionError("--sort and --split exclude each other")
+
+    # Drop rows without a usable time or position.
     repairs: list[Repair] = []
     raw = _number_shape_points(raw)
     rows = _drop_unreadable(raw, repairs)
     if raw.geographic:
         rows = _drop_off_globe(raw, rows, repairs, skip_bad=skip_bad)
         rows = _handle_zero_positions(raw, rows, repairs, clean=clean)
+
+    # Bring the points of each track together, in the order of time.
     rows, starts = _order_by_time(raw, rows, sort, split, repairs)
     rows, starts, left_out = _drop_stopped_tracks(raw, rows, starts, skip_bad, repairs)
-    doubles = find_repeated_times(raw.times[rows], raw.coordinates[rows], starts)
-    named = {one.name for one in left_out}
+
+    # Keep one row for each timestamp. Tracks that are left out are no losses as well.
+    repeated = find_repeated_times(raw.times[rows], raw.coordinates[rows], starts)
+    names_left_out = {item.name for item in left_out}
     losses = [
         loss
-        for loss in find_large_losses(raw, rows, doubles)
-        if f"{raw.name}: track {loss.track!r}" not in named
+        for loss in find_large_losses(raw, rows, repeated)
+        if _track_label(raw, loss.track) not in names_left_out
     ]
-    rows, starts = _drop_repeated_times(raw, rows, starts, doubles, repairs)
+    rows, starts = _drop_repeated_times(raw, rows, starts, repeated, repairs)
+
     if len(rows) < 2 and len(raw.times) > MAX_TINY_LOG_POINTS:
         raise nearly_lost_error(raw.name, len(raw.times), raw.row_noun, repairs)
     return CleanedLog(_split_into_tracks(raw, rows, starts), repairs, losses, left_out)
+
+
+def _track_label(raw: RawLog, track: str) -> str:
+    return f"{raw.name}: track {track!r}"
+
+
+# Rows without a usable time or position
 
 
 def _number_shape_points(raw: RawLog) -> RawLog:
@@ -158,65 +181,83 @@ def _number_shape_points(raw: RawLog) -> RawLog:
     if not raw.untimed:
         return raw
     codes = np.zeros(len(raw.times), np.int64) if raw.codes is None else raw.codes
-    shapes = np.isin(codes, list(raw.untimed))
-    return replace(raw, times=np.where(shapes, np.arange(len(codes), dtype=np.float64), raw.times))
+    in_shape = np.isin(codes, list(raw.untimed))
+    order = np.arange(len(codes), dtype=np.float64)
+    return replace(raw, times=np.where(in_shape, order, raw.times))
 
 
 def _drop_unreadable(raw: RawLog, repairs: list[Repair]) -> NDArray[np.intp]:
-    timed: NDArray[np.bool_] = np.isfinite(raw.times)
-    placed: NDArray[np.bool_] = np.asarray(np.isfinite(raw.coordinates).all(axis=1))
-    _require_any(raw, timed, "time")
-    _require_any(raw, placed, "position")
-    _require_any(raw, timed & placed, "time and position")
-    no_time, no_place = first_unreadable_cells(raw)
+    """Return the rows with a time and a position."""
+    has_time: NDArray[np.bool_] = np.isfinite(raw.times)
+    has_position: NDArray[np.bool_] = np.asarray(np.isfinite(raw.coordinates).all(axis=1))
+    _require_any(raw, has_time, "time")
+    _require_any(raw, has_position, "position")
+    _require_any(raw, has_time & has_position, "time and position")
+
+    time_cell, position_cell = first_unreadable_cells(raw)
+    noun = raw.row_noun
     _add_repair(
-        raw, f"{raw.row_noun}s without a time dropped", np.flatnonzero(~timed), repairs, no_time
+        raw, f"{noun}s without a time dropped", np.flatnonzero(~has_time), repairs, time_cell
     )
     _add_repair(
         raw,
-        f"{raw.row_noun}s without a position dropped",
-        np.flatnonzero(timed & ~placed),
+        f"{noun}s without a position dropped",
+        np.flatnonzero(has_time & ~has_position),
         repairs,
-        no_place,
+        position_cell,
     )
-    return np.flatnonzero(timed & placed)
+    return np.flatnonzero(has_time & has_position)
 
 
 def first_unreadable_cells(raw: RawLog) -> tuple[UnreadableCell | None, UnreadableCell | None]:
-    """Return the first cell for which a row has no time, and the first for which one with a time has no position.
+    """Find the first cells that cost rows their time and their position.
 
     Parameters
     ----------
     raw : RawLog
-        Its ``unread`` cells of times come before those of coordinates.
+        In its ``unreadable``, cells of times come before cells of coordinates.
+
+    Returns
+    -------
+    UnreadableCell or None
+        First cell of a row without a time.
+    UnreadableCell or None
+        First cell of a row with a time, but without a position.
     """
-    no_time = next((cell for cell in raw.unreadable if not np.isfinite(raw.times[cell.row])), None)
-    no_place = (cell for cell in raw.unreadable if np.isfinite(raw.times[cell.row]))
-    return no_time, min(no_place, key=lambda cell: cell.row, default=None)
+    time_cell = next(
+        (cell for cell in raw.unreadable if not np.isfinite(raw.times[cell.row])), None
+    )
+    position_cells = (cell for cell in raw.unreadable if np.isfinite(raw.times[cell.row]))
+    return time_cell, min(position_cells, key=lambda cell: cell.row, default=None)
 
 
 def _require_any(raw: RawLog, good: NDArray[np.bool_], what: str) -> None:
-    if not good.any():
-        remedy = (
-            "say which columns hold them with --columns t=COLUMN,..."
-            if raw.row_noun == "row"
-            else "mend the file, or leave it out"
-        )
-        raise InputError(
-            f"{raw.name}: no {raw.row_noun} has a {what} that can be read{first_cell_hint(raw.unreadable)}; {remedy}"
-        )
+    """Raise if no row has a time or a position."""
+    if good.any():
+        return
+    if raw.row_noun == "row":
+        remedy = "say which columns hold them with --columns t=COLUMN,..."
+    else:
+        remedy = "correct the file, or leave it out"
+    raise InputError(
+        f"{raw.name}: no {raw.row_noun} has a {what} that can be read"
+        f"{first_cell_hint(raw.unreadable)}; {remedy}"
+    )
 
 
-def first_cell_hint(unread: tuple[UnreadableCell, ...]) -> str:
-    """Return what the first cell says that can't be read, for an error; nothing where there is none."""
-    return f"; the first says {format_cell(unread[0])}" if unread else ""
+def first_cell_hint(unreadable: tuple[UnreadableCell, ...]) -> str:
+    """Return the addition to an error that shows the first cell; empty if there is no cell."""
+    return f"; the first says {format_cell(unreadable[0])}" if unreadable else ""
 
 
 def format_cell(cell: UnreadableCell) -> str:
-    """Return a cell that can't be read as messages show it: ``lat 'undefined'``, or ``no lat``."""
+    """Return a cell as messages show it: ``lat 'undefined'``, or ``no lat``."""
     if cell.value == f"no {cell.column}":
         return cell.value
-    return f"{cell.column} {cell.value if len(cell.value) <= _MAX_SHOWN_LETTERS else cell.value[:_MAX_SHOWN_LETTERS] + '...'!r}"
+    value = cell.value
+    if len(value) > _MAX_SHOWN_LETTERS:
+        value = value[:_MAX_SHOWN_LETTERS] + "..."
+    return f"{cell.column} {value!r}"
 
 
 def _add_repair(
@@ -226,24 +267,25 @@ def _add_repair(
     repairs: list[Repair],
     cell: UnreadableCell | None = None,
 ) -> None:
-    """Count rows, and name the first one; or that of the first cell that can't be read, if there is one."""
-    if len(rows):
-        first = int(rows.min()) if cell is None else cell.row
-        value = "" if cell is None else format_cell(cell)
-        repairs.append(
-            Repair(what, len(rows), f"{raw.name}: {raw.row_noun} {raw.first + first}", value=value)
-        )
+    """Record rows that are dropped, with the number of the first, or of the row of a cell."""
+    if not len(rows):
+        return
+    first = int(rows.min()) if cell is None else cell.row
+    value = "" if cell is None else format_cell(cell)
+    where = f"{raw.name}: {raw.row_noun} {raw.first + first}"
+    repairs.append(Repair(what, len(rows), where, value=value))
 
 
 def _drop_off_globe(
     raw: RawLog, rows: NDArray[np.intp], repairs: list[Repair], *, skip_bad: bool
 ) -> NDArray[np.intp]:
-    """Drop positions off the globe, unless they are so many that the columns can't be degrees."""
+    """Drop positions off the globe; raise if they are so many that the columns are no degrees."""
     check = GlobeCheck()
     off = check.find(raw.coordinates[rows], rows + raw.first, f"{raw.name}: {raw.row_noun}")
     if not off.any():
         return rows
     check.check(skip_bad=skip_bad)
+
     _add_repair(raw, f"{raw.row_noun}s off the globe dropped", rows[off], repairs)
     repairs[-1] = replace(repairs[-1], value=format_off_globe(raw.coordinates[rows[off.argmax()]]))
     kept: NDArray[np.intp] = rows[~off]
@@ -253,49 +295,60 @@ def _drop_off_globe(
 def _handle_zero_positions(
     raw: RawLog, rows: NDArray[np.intp], repairs: list[Repair], *, clean: bool
 ) -> NDArray[np.intp]:
-    """Tell of positions at 0,0 among others far from there, or drop them."""
+    """Drop positions at 0,0 if all others are far from there, or only report them."""
     zero = find_zero_positions(raw.coordinates[rows])
     if not zero.any():
         return rows
-    what = (
-        f"{raw.row_noun}s at 0,0 dropped"
-        if clean
-        else f"{raw.row_noun}s at 0,0 kept, though hardly measured; --clean drops them"
-    )
+    if clean:
+        what = f"{raw.row_noun}s at 0,0 dropped"
+    else:
+        what = f"{raw.row_noun}s at 0,0 kept, though hardly measured; --clean drops them"
     where = f"{raw.name}: {raw.row_noun} {raw.first + int(rows[zero.argmax()])}"
     repairs.insert(0, Repair(what, int(zero.sum()), where, drops=clean))
     kept: NDArray[np.intp] = rows[~zero] if clean else rows
     return kept
 
 
+# Order in time
+
+
 def _order_by_time(
     raw: RawLog, rows: NDArray[np.intp], sort: bool, split: bool, repairs: list[Repair]
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Rows grouped by track with increasing times, and where a new piece starts."""
+    """Order rows by track and time.
+
+    Returns
+    -------
+    int array, shape (n,)
+        The rows.
+    bool array, shape (n,)
+        Whether a track starts at the row.
+    """
+    # Group rows by track.
     if raw.codes is not None and (np.diff(raw.codes[rows]) < 0).any():
         rows = rows[np.argsort(raw.codes[rows], kind="stable")]
     starts = _find_track_starts(raw, rows)
-    back = _find_time_reversals(raw, rows, starts)
-    if not back.any():
+    goes_back = _find_time_reversals(raw, rows, starts)
+    if not goes_back.any():
         return rows, starts
-    where = f"{raw.name}: {raw.row_noun} {raw.first + int(rows[int(back.argmax())])}"
+
+    # Sort them by time, start new tracks, or refuse.
+    first = int(goes_back.argmax())
+    reversals = int(goes_back.sum())
+    where = f"{raw.name}: {raw.row_noun} {raw.first + int(rows[first])}"
     if raw.time_of_day and not split:
         raise InputError(f"{where}: {TIME_OF_DAY_GOES_BACK}")
     if sort:
-        repairs.append(
-            Repair("points put in the order of time", int(back.sum()), where, drops=False)
-        )
+        repairs.append(Repair("points put in the order of time", reversals, where, drops=False))
         by_track = raw.codes[rows] if raw.codes is not None else np.zeros(len(rows), dtype=np.int8)
         return rows[np.lexsort((raw.times[rows], by_track))], starts
     if split:
-        repairs.append(
-            Repair("tracks started where time goes back", int(back.sum()), where, drops=False)
-        )
-        return rows, starts | back
-    at = int(back.argmax())
-    step = raw.times[rows[at - 1]] - raw.times[rows[at]]
+        repairs.append(Repair("tracks started where time goes back", reversals, where, drops=False))
+        return rows, starts | goes_back
+    step = raw.times[rows[first - 1]] - raw.times[rows[first]]
     raise InputError(
-        f"{where}: time goes back {step:.6g} s; --sort orders the points, --split starts a new track"
+        f"{where}: time goes back {step:.6g} s; "
+        "--sort orders the points, --split starts a new track"
     )
 
 
@@ -310,9 +363,12 @@ def _find_track_starts(raw: RawLog, rows: NDArray[np.intp]) -> NDArray[np.bool_]
 def _find_time_reversals(
     raw: RawLog, rows: NDArray[np.intp], starts: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
-    back = np.zeros(len(rows), dtype=np.bool_)
-    back[1:] = np.diff(raw.times[rows]) < 0
-    return back & ~starts
+    goes_back = np.zeros(len(rows), dtype=np.bool_)
+    goes_back[1:] = np.diff(raw.times[rows]) < 0
+    return goes_back & ~starts
+
+
+# Repeated timestamps
 
 
 def _drop_stopped_tracks(
@@ -323,68 +379,74 @@ def _drop_stopped_tracks(
     repairs: list[Repair],
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_], list[LeftOut]]:
     """Refuse tracks whose points all have the same time, or leave them out."""
-    # Which tracks are they?
-    doubles = find_repeated_times(raw.times[rows], raw.coordinates[rows], starts)
-    stopped = find_stopped_tracks(raw, rows, doubles)
+    # Find these tracks.
+    repeated = find_repeated_times(raw.times[rows], raw.coordinates[rows], starts)
+    stopped = find_stopped_tracks(raw, rows, repeated)
     if not stopped:
         return rows, starts, []
     codes = np.zeros(len(rows), np.int64) if raw.codes is None else raw.codes[rows]
     names = raw.ids or ("",)
 
-    # Say so of each.
+    # Describe each of them.
     errors = {}
     for code in stopped:
-        own = rows[codes == code]
-        errors[code] = stopped_clock_error(
-            raw.name, names[code], len(own), float(raw.times[own[0]])
-        )
-        repairs.append(Repair(f"points of track {names[code]!r} left out", len(own), raw.name))
-    left = ~np.isin(codes, stopped)
-    if not skip_bad or not left.any():
+        track_rows = rows[codes == code]
+        count, time = len(track_rows), float(raw.times[track_rows[0]])
+        errors[code] = stopped_clock_error(raw.name, names[code], count, time)
+        repairs.append(Repair(f"points of track {names[code]!r} left out", count, raw.name))
+
+    # Raise, unless other tracks remain and bad ones may be left out.
+    remains = ~np.isin(codes, stopped)
+    if not skip_bad or not remains.any():
         raise errors[stopped[0]]
-    reasons = {code: str(error).removeprefix(f"{raw.name}: ") for code, error in errors.items()}
-    return (
-        rows[left],
-        starts[left],
-        [LeftOut(f"{raw.name}: track {names[code]!r}", reason) for code, reason in reasons.items()],
-    )
+    left_out = [
+        LeftOut(_track_label(raw, names[code]), str(error).removeprefix(f"{raw.name}: "))
+        for code, error in errors.items()
+    ]
+    return rows[remains], starts[remains], left_out
 
 
 def _drop_repeated_times(
     raw: RawLog,
     rows: NDArray[np.intp],
     starts: NDArray[np.bool_],
-    doubles: RepeatedTimes,
+    repeated: RepeatedTimes,
     repairs: list[Repair],
 ) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Keep the first of several rows of the same time."""
-    _add_repair(raw, f"repeated {raw.row_noun}s dropped", rows[doubles.same_position], repairs)
+    """Keep the first of several rows with the same time."""
+    noun = raw.row_noun
+    _add_repair(raw, f"repeated {noun}s dropped", rows[repeated.same_position], repairs)
     _add_repair(
         raw,
-        f"{raw.row_noun}s at another position, but the same time dropped",
-        rows[doubles.other_position],
+        f"{noun}s at another position, but the same time dropped",
+        rows[repeated.other_position],
         repairs,
     )
-    return rows[doubles.first], starts[doubles.first]
+    return rows[repeated.first], starts[repeated.first]
 
 
 def _split_into_tracks(
     raw: RawLog, rows: NDArray[np.intp], starts: NDArray[np.bool_]
 ) -> list[LogTrack]:
-    bounds = [*np.flatnonzero(starts).tolist(), len(rows)]
-    times, coordinates = raw.times[rows], raw.coordinates[rows]
+    """Cut ordered rows where a track starts, and name the tracks."""
     attributes = {name: values[rows] for name, values in raw.attributes.items()}
-    whole = LogTrack(None, times, coordinates, attributes, raw.name, raw.ids_are_titles)
-    pieces: list[LogTrack] = []
-    seen: set[str] = set()
-    for first, last in pairwise(bounds):
-        piece = whole.take(slice(first, last))
+    all_rows = LogTrack(
+        None, raw.times[rows], raw.coordinates[rows], attributes, raw.name, raw.ids_are_titles
+    )
+
+    tracks: list[LogTrack] = []
+    used_names: set[str] = set()
+    for first, last in pairwise([*np.flatnonzero(starts).tolist(), len(rows)]):
+        track = all_rows.take(slice(first, last))
         code = 0 if raw.codes is None else int(raw.codes[rows[first]])
-        piece = replace(piece, timed=code not in raw.untimed)
+        track = replace(track, timed=code not in raw.untimed)
+
+        # A track that was split goes on under a name that no track of the log has.
         if raw.codes is not None:
-            name = raw.ids[int(raw.codes[rows[first]])]
-            name = unused_name(name, seen.union(raw.ids)) if name in seen else name
-            seen.add(name)
-            piece = replace(piece, id=name)
-        pieces.append(piece)
-    return pieces
+            name = raw.ids[code]
+            if name in used_names:
+                name = unused_name(name, used_names.union(raw.ids))
+            used_names.add(name)
+            track = replace(track, id=name)
+        tracks.append(track)
+    return tracks

@@ -1,14 +1,19 @@
-"""Logs as comma, semicolon, tab or space separated text."""
+"""Logs as text with columns: separated by commas, semicolons, tabs, bars or spaces.
+
+:func:`detect_dialect` finds the encoding, the delimiter and the header from the first bytes of a
+file. :func:`read_csv` then reads all columns at once; :mod:`gpszip.io.logs.csv_batches` reads
+them in batches. Arrow parses the cells.
+"""
 
 from __future__ import annotations
 
 import codecs
 import csv
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import pyarrow as pa
 import pyarrow.csv as pc
@@ -28,46 +33,90 @@ from gpszip.model.read_result import Repair
 __all__ = [
     "ATTRIBUTE_TYPES",
     "BLOCK",
+    "ArrowOptions",
     "Dialect",
+    "SkippedRows",
+    "arrow_options",
     "confirm_encoding",
     "detect_dialect",
     "explain_table_error",
+    "find_csv_roles",
     "guess_column_types",
+    "malformed_rows_repair",
     "read_csv",
     "sniff_csv",
     "write_csv",
 ]
 
-#: An empty cell alone is no value. Words such as n/a are read as text, so that a row that is dropped for one can name it.
+#: Texts of cells without a value. Words such as n/a are read as text, so that a message about a
+#: dropped row can show them.
 NULL_TEXTS = [""]
 
-#: What a column to keep is read as, the first that all of its cells are; else its texts are kept letter by letter.
+#: Types of attributes, the first that fits all cells of a column; text keeps them letter by letter.
 ATTRIBUTE_TYPES = (pa.null(), pa.int64(), pa.float64(), pa.string())
 
-#: Bytes that are read at a time: no row may be longer.
+#: Bytes that Arrow reads at a time; no row may be longer.
 BLOCK = 1 << 22
 
-#: Rows from which the dialect is told, and lines among which the header is looked for.
+#: Rows that the dialect is found from, and lines among which the header is looked for.
 _SAMPLE_ROWS = 50
 
-#: A line as long as all that is looked at, in bytes.
+#: Bytes of a first line that is too long for a header: all that a format is found from.
 _MAX_LINE_BYTES = 1 << 18
+
+#: Bytes at the end of a head that may be a cut-off character of UTF-8.
+_MAX_CUT_BYTES = 8
+
+#: Bytes that are decoded at a time to check an encoding.
+_CHUNK_BYTES = 1 << 20
+
+#: Control characters that text may hold: tab, line feed, form feed, carriage return, end of file.
+_TEXT_CONTROLS = (9, 10, 12, 13, 26)
+
+#: Text has at most one other control character in this number of bytes.
+_BYTES_PER_CONTROL = 20
+
+#: Letters of a header and of an error that messages show.
+_MAX_SHOWN_LETTERS = 60
+_MAX_REASON_LETTERS = 120
+
+#: Names by which ``--columns`` passes over a column.
+_UNNAMED = ("", "-", "_")
 
 _LINE_END = re.compile(r"\r\n|\r|\n")
 _SEP = re.compile(r"\"?sep=(.)\"?\s*", re.IGNORECASE)
+_UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a file writes its table."""
+    """How a file writes its table.
+
+    Parameters
+    ----------
+    encoding : str
+        Name of Python's codec.
+    delimiter : str
+        Character between cells.
+    header_lines : int
+        Number of lines up to and including the header.
+    names : tuple of str
+        Names of the columns.
+    sample_rows : tuple of tuple of str
+        Cells of the first rows.
+    named_by_user : bool
+        Whether the user named the columns.
+    trailing_cells : int
+        Empty cells at the end of each row for which the header has no name.
+    """
 
     encoding: str
     delimiter: str
-    header_lines: int  # lines up to and including the header
+    header_lines: int
     names: tuple[str, ...]
-    sample_rows: tuple[tuple[str, ...], ...]  # a sample of the data
-    named_by_user: bool = False  # whether a user named the columns
-    trailing_cells: int = 0  # empty cells at the end of each row for which the header has no name
+    sample_rows: tuple[tuple[str, ...], ...]
+    named_by_user: bool = False
+    trailing_cells: int = 0
 
     @property
     def width(self) -> int:
@@ -75,14 +124,34 @@ class Dialect:
         return len(self.names) + self.trailing_cells
 
     def cells(self, column: int) -> list[str]:
-        """Return what the sample holds in a column."""
+        """Return the cells of a column in the first rows that are not blank."""
         return [
             row[column] for row in self.sample_rows if len(row) > column and row[column].strip()
         ]
 
     def hint_cells(self, column: int) -> list[str]:
-        """Return the same, unless a user has said what the columns are: then what they hold is no hint."""
+        """Return the cells that hint at what a column holds; none if the user named the columns."""
         return [] if self.named_by_user else self.cells(column)
+
+
+class ArrowOptions(NamedTuple):
+    """Options for Arrow's reader of CSV, in the order of its arguments."""
+
+    read: Any
+    parse: Any
+    convert: Any
+
+
+class SkippedRows:
+    """Lets Arrow skip rows with a wrong number of cells, and counts them."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __call__(self, _row: Any) -> str:
+        """Count a row, and tell Arrow to skip it."""
+        self.count += 1
+        return "skip"
 
 
 def sniff_csv(head: bytes) -> bool:
@@ -93,14 +162,17 @@ def sniff_csv(head: bytes) -> bool:
     >>> sniff_csv(b"t,x,y\n"), sniff_csv(bytes(range(256)))
     (True, False)
     """
-    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
+    if head.startswith(_UTF16_MARKS):
         return True
-    odd = sum(head.count(byte) for byte in range(32) if byte not in (9, 10, 13, 12, 26))
-    return b"\0" not in head and odd * 20 <= len(head)
+    controls = sum(head.count(byte) for byte in range(32) if byte not in _TEXT_CONTROLS)
+    return b"\0" not in head and controls * _BYTES_PER_CONTROL <= len(head)
+
+
+# Reading
 
 
 def read_csv(source: Source, request: Request) -> RawLog:
-    """Read a log from text with a header line, or with columns named by the request.
+    """Read a log from text with a header, or with columns that the request names.
 
     Parameters
     ----------
@@ -112,7 +184,7 @@ def read_csv(source: Source, request: Request) -> RawLog:
     Returns
     -------
     RawLog
-        Rows with too many or too few cells are not in it, but counted.
+        Rows with a wrong number of cells are not in it, but counted.
 
     Raises
     ------
@@ -121,30 +193,18 @@ def read_csv(source: Source, request: Request) -> RawLog:
     UnknownFormatError
         If the file is no text.
     """
+    # Find the columns and read them.
     dialect = detect_dialect(source.head(), request, source.name)
-    by_role = request.columns if isinstance(request.columns, Mapping) else None
-    roles = find_roles(
-        dialect.names,
-        by_role,
-        request.keep,
-        source.name,
-        heading=request.heading,
-        cells=dialect.hint_cells,
-        times=request.times,
-    )
-    table, bad = _read_table(source, dialect, roles)
+    roles = find_csv_roles(dialect, request, source.name)
+    table, malformed = _read_table(source, dialect, roles)
     if table.num_rows == 0:
-        raise InputError(
-            f"{source.name}: a header, but no rows"
-            if not bad
-            else f"{source.name}: no row has {dialect.width} cells"
-        )
-    check_quotes(
-        source, dialect.encoding, dialect.delimiter, dialect.header_lines + table.num_rows + bad
-    )
-    repairs = (
-        (Repair("rows with too many or too few cells dropped", bad, source.name),) if bad else ()
-    )
+        problem = f"no row has {dialect.width} cells" if malformed else "a header, but no rows"
+        raise InputError(f"{source.name}: {problem}")
+
+    # A quote that is never closed would have swallowed rows.
+    records = dialect.header_lines + table.num_rows + malformed
+    check_quotes(source, dialect.encoding, dialect.delimiter, records)
+
     return build_raw_log(
         table.columns,
         dialect.names,
@@ -152,277 +212,196 @@ def read_csv(source: Source, request: Request) -> RawLog:
         request,
         source.name,
         first=dialect.header_lines + 1,
-        repairs=repairs,
+        repairs=malformed_rows_repair(malformed, source.name),
     )
 
 
-def write_csv(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
-    """Write tracks as ``track_id,t,x,y[,z]`` or ``track_id,t,lat,lon``, and their attributes.
-
-    Tracks without times have empty cells for ``t``; where no track has times, there is no such column.
+def find_csv_roles(dialect: Dialect, request: Request, where: str) -> Roles:
+    """Find out which column of a file holds what.
 
     Parameters
     ----------
-    tracks : iterable of TrackRows
-        All in x and y, or all on the earth.
-    sink : binary file
-        Where to.
+    dialect : Dialect
+        How the file writes its table.
+    request : Request
+        Columns that the user names, and columns to keep.
+    where : str
+        Name of the log.
     """
-    head = True
-    for table in track_tables(tracks):
-        if head:
-            sink.write((",".join(_quote(name) for name in table.column_names) + "\n").encode())
-        head = False
-        plain = not any(_quote(name) != name for name in table.column(0).unique().to_pylist())
-        texts = any(pa.types.is_string(kind) for kind in table.schema.types[1:])
-        style = "none" if plain and not texts else "needed"
-        pc.write_csv(table, sink, pc.WriteOptions(include_header=False, quoting_style=style))
-
-
-def _quote(text: str) -> str:
-    risky = (
-        not text or text != text.strip() or any(mark in text for mark in ',"\n\r') or text[0] == "#"
+    return find_roles(
+        dialect.names,
+        request.columns if isinstance(request.columns, Mapping) else None,
+        request.keep,
+        where,
+        heading=request.heading,
+        cells=dialect.hint_cells,
+        times=request.times,
     )
-    return '"' + text.replace('"', '""') + '"' if risky else text
 
 
-def detect_dialect(head: bytes, request: Request, where: str) -> Dialect:
-    """Tell from its first bytes how a file writes its table.
+def malformed_rows_repair(count: int, where: str) -> tuple[Repair, ...]:
+    """Return the record of rows with a wrong number of cells; empty if there are none."""
+    if not count:
+        return ()
+    return (Repair("rows with too many or too few cells dropped", count, where),)
 
-    Raises
-    ------
-    InputError
-        If it is empty, or has no header and no columns are named.
-    UnknownFormatError
-        If it is no text.
+
+def _read_table(source: Source, dialect: Dialect, roles: Roles) -> tuple[Any, int]:
+    """Read the columns that are used.
+
+    Attributes that are neither numbers nor text for Arrow, such as dates, are read again as texts,
+    since those are kept letter by letter.
+
+    Returns
+    -------
+    pyarrow.Table
+        The columns, named by their indices.
+    int
+        Number of rows with a wrong number of cells.
     """
-    if not head.strip():
-        raise InputError(f"{where}: empty file; a log needs a header and at least one row")
-    if not sniff_csv(head):
-        raise UnknownFormatError(
-            f"{where}: neither text nor a format that is known; 'gpszip formats' lists what can be read"
-        )
-    encoding = _detect_encoding(head)
-    text = head.decode(encoding, errors="ignore").lstrip("\ufeff")
-    named = request.columns if isinstance(request.columns, tuple) else None
-
-    # What comes before the table.
-    lines = _LINE_END.split(text)
-    delimiter, start = _declared_delimiter(lines)
-    start = next(
-        (
-            i
-            for i in range(start, len(lines))
-            if lines[i].strip() and not lines[i].lstrip().startswith("#")
-        ),
-        len(lines),
-    )
-    if (
-        start == len(lines) - 1
-        and len(lines[start]) * 2 > len(text)
-        and len(head) >= _MAX_LINE_BYTES
-    ):
-        raise InputError(
-            f"{where}: its first line is longer than {_MAX_LINE_BYTES // 1024} KiB, so it has no header of a log"
-        )
-    if named is None:
-        start = _find_header(lines, start, delimiter, request, where)
-    titles = lines[start] if start < len(lines) else ""
-
-    # The names of its columns.
-    commented = (
-        lines[start - 1].lstrip(" #\t") if start and lines[start - 1].startswith("#") else None
-    )
-    delimiter = delimiter or _detect_delimiter(titles)
-    first = _split_cells(titles, delimiter)
-    if not any(looks_like_number(cell) or looks_like_time(cell) for cell in first):
-        names, start = first, start + 1
-    elif commented is not None and len(_split_cells(commented, delimiter)) == len(
-        first
-    ):  # the header is a comment: '# t x y'
-        names = _split_cells(commented, delimiter)
-    elif named is not None:
-        names = tuple(f"column {i + 1}" for i in range(len(first)))
-    else:
-        raise InputError(
-            f"{where}: no header; its first row is {titles[:60]!r}; name the columns in their order: --columns t,x,y"
-        )
-
-    # Its first rows.
-    rows = _split_rows(lines[start:], delimiter)
-    names, spare = _fit_names(names, rows, where)
-    return Dialect(
-        encoding,
-        delimiter,
-        start,
-        _rename_columns(names, named, where),
-        rows,
-        named is not None,
-        spare,
-    )
-
-
-def _declared_delimiter(lines: Sequence[str]) -> tuple[str, int]:
-    """The delimiter that a first line ``sep=;`` says, as Excel has it, and how many lines that takes."""
-    said = _SEP.fullmatch(lines[0]) if lines else None
-    return (said[1], 1) if said else ("", 0)
-
-
-def _find_header(
-    lines: Sequence[str], start: int, delimiter: str, request: Request, where: str
-) -> int:
-    """The line that names a time and a position, if what seems to be the header doesn't: other lines may come before it."""
-    by_role = request.columns if isinstance(request.columns, Mapping) else None
-    for i in range(start, min(start + _SAMPLE_ROWS, len(lines))):
-        names = _split_cells(lines[i], delimiter or _detect_delimiter(lines[i]))
-        if any(looks_like_number(cell) or looks_like_time(cell) for cell in names):
-            continue
-        with suppress(InputError):
-            find_roles(names, by_role, (), where)
-            return i
-    return start
-
-
-def _split_rows(lines: Sequence[str], delimiter: str) -> tuple[tuple[str, ...], ...]:
-    """Cells of the first rows; the last line may be cut off."""
-    full = lines[:-1] if len(lines) > 1 and lines[-1] else lines
-    _allow_cell_size(max(map(len, full), default=0))
-    try:
-        rows = [
-            row
-            for row, _ in zip(
-                csv.reader(full, delimiter=delimiter), range(_SAMPLE_ROWS), strict=False
-            )
-        ]
-    except csv.Error:
-        rows = []
-    return tuple(tuple(row) for row in rows if row)
-
-
-def _fit_names(
-    names: tuple[str, ...], rows: Sequence[Sequence[str]], where: str
-) -> tuple[tuple[str, ...], int]:
-    """Names of the columns where header and rows differ by an empty cell at the end, and how many cells rows have more.
-
-    Raises
-    ------
-    InputError
-        If they differ in another way, so that nobody can tell which column is what.
-    """
-    widths = {len(row) for row in rows}
-    if not names or len(widths) != 1 or widths == {len(names)}:
-        return names, 0
-    (width,) = widths
-    if width == len(names) - 1 and not names[-1].strip():
-        return names[:-1], 0
-    if width == len(names) + 1 and all(not row[-1].strip() for row in rows):
-        return names, 1
-    raise InputError(
-        f"{where}: its header has {len(names)} cells, but its rows have {width}; give them as many, "
-        "or leave out the header and name the columns in their order: --columns t,x,y"
-    )
-
-
-def _detect_encoding(head: bytes) -> str:
-    if head[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return "utf-16"
-    try:
-        head[: len(head) - 4 if len(head) > 8 else None].decode(
-            "utf-8"
-        )  # a letter may be cut at the end
-    except UnicodeDecodeError as error:
-        if error.start < len(head) - 8:
-            return "latin-1"
-    return "utf-8"
-
-
-def _detect_delimiter(line: str) -> str:
-    best = max(",;\t|", key=line.count)
-    if line.count(best):
-        return best
-    return " " if " " in line.strip() else ","
-
-
-def _split_cells(line: str, delimiter: str) -> tuple[str, ...]:
-    _allow_cell_size(len(line))
-    return tuple(next(csv.reader([line], delimiter=delimiter), ()))
-
-
-def _allow_cell_size(size: int) -> None:
-    """Let Python's reader take cells of this size: by default it refuses any above 128 KiB."""
-    csv.field_size_limit(max(csv.field_size_limit(), size + 1))
-
-
-def _rename_columns(
-    names: Sequence[str], named: tuple[str, ...] | None, where: str
-) -> tuple[str, ...]:
-    if named is None:
-        return tuple(names)
-    if len(named) > len(names):
-        raise InputError(f"{where}: has {len(names)} columns, but --columns names {len(named)}")
-    given = [
-        name if name not in ("", "-", "_") else f"column {i + 1}" for i, name in enumerate(named)
-    ]
-    return (*given, *(f"column {i + 1}" for i in range(len(named), len(names))))
-
-
-def _read_table(
-    source: Source, dialect: Dialect, roles: Roles, kept: Mapping[str, Any] | None = None
-) -> tuple[Any, int]:
-    text = dict.fromkeys(
-        map(str, (*roles.axes, *roles.time, *roles.hemispheres)), pa.string()
-    ) | dict(kept or {})
-    table, bad = _parse_typed(source, dialect, roles, text)
-    if kept is None and (
-        others := {
-            str(i): pa.string()
-            for i in roles.keep.values()
-            if table.column(str(i)).type not in ATTRIBUTE_TYPES
-        }
-    ):
-        return _read_table(source, dialect, roles, others)
-    return table, bad
+    text_columns = (*roles.axes, *roles.time, *roles.hemispheres)
+    types = dict.fromkeys(map(str, text_columns), pa.string())
+    table, malformed = _parse_typed(source, dialect, roles, types)
+    other_types = {
+        str(column): pa.string()
+        for column in roles.keep.values()
+        if table.column(str(column)).type not in ATTRIBUTE_TYPES
+    }
+    if other_types:
+        return _parse_typed(source, dialect, roles, types | other_types)
+    return table, malformed
 
 
 def _parse_typed(
-    source: Source, dialect: Dialect, roles: Roles, text: Mapping[str, Any]
+    source: Source, dialect: Dialect, roles: Roles, types: Mapping[str, Any]
 ) -> tuple[Any, int]:
-    try:
-        return _parse_with_types(
-            source, dialect, roles, {**text, **guess_column_types(dialect, roles)}, None
-        ), 0
-    except (pa.ArrowInvalid, UnicodeDecodeError):
-        pass  # some row or cell is not like the others: read texts, and let each speak for itself
-    skipped: list[None] = []
+    """Read times and coordinates as the numbers that the first rows suggest, or else as texts."""
+    # By the types of the first rows: this is fast, but fails if any cell or row is different.
+    with suppress(pa.ArrowInvalid, UnicodeDecodeError):
+        typed = {**types, **guess_column_types(dialect, roles)}
+        return _parse(source, dialect, roles, typed, None), 0
 
-    def skip(_row: Any) -> str:
-        skipped.append(None)
-        return "skip"
-
+    # As texts, each of which is interpreted for itself.
+    skipped = SkippedRows()
+    confirmed = replace(dialect, encoding=confirm_encoding(source, dialect))
     try:
-        return _parse_with_types(
-            source, replace(dialect, encoding=confirm_encoding(source, dialect)), roles, text, skip
-        ), len(skipped)
+        return _parse(source, confirmed, roles, types, skipped), skipped.count
     except (pa.ArrowInvalid, UnicodeDecodeError) as error:
         raise InputError(f"{source.name}: {explain_table_error(error)}") from None
 
 
+def _parse(
+    source: Source,
+    dialect: Dialect,
+    roles: Roles,
+    types: Mapping[str, Any],
+    skipped: SkippedRows | None,
+) -> Any:
+    if roles.id is not None:
+        types = {**types, str(roles.id): pa.dictionary(pa.int32(), pa.string())}
+    options = arrow_options(dialect, list(map(str, roles.used)), types, skipped)
+    with source.open() as stream:
+        try:
+            return pc.read_csv(stream, *options)
+        except OSError as error:
+            raise InputError(
+                f"{source.name}: damaged gzip file ({error}); "
+                "fetch it again, or unpack what is left of it with zcat"
+            ) from None
+
+
+def arrow_options(
+    dialect: Dialect,
+    columns: Sequence[str],
+    types: Mapping[str, Any],
+    skipped: SkippedRows | None,
+    *,
+    use_threads: bool = True,
+) -> ArrowOptions:
+    """Return the options by which Arrow reads a file.
+
+    Parameters
+    ----------
+    dialect : Dialect
+        How the file writes its table.
+    columns : sequence of str
+        Columns to read; a column is named by its index.
+    types : mapping of str to pyarrow.DataType
+        Types of columns; Arrow finds those that are left out.
+    skipped : SkippedRows, optional
+        Counts rows with a wrong number of cells. Without it, such a row raises
+        ``pyarrow.ArrowInvalid``.
+    use_threads : bool
+        Whether Arrow parses blocks in several threads.
+    """
+    return ArrowOptions(
+        pc.ReadOptions(
+            column_names=[str(i) for i in range(dialect.width)],
+            skip_rows=dialect.header_lines,
+            encoding=dialect.encoding,
+            block_size=BLOCK,
+            use_threads=use_threads,
+        ),
+        pc.ParseOptions(
+            delimiter=dialect.delimiter, newlines_in_values=True, invalid_row_handler=skipped
+        ),
+        pc.ConvertOptions(
+            include_columns=list(columns), column_types=dict(types), null_values=NULL_TEXTS
+        ),
+    )
+
+
+def guess_column_types(dialect: Dialect, roles: Roles) -> dict[str, Any]:
+    """Guess the types of coordinates and times from the first rows.
+
+    Parameters
+    ----------
+    dialect : Dialect
+        How the file writes its table, with its first rows.
+    roles : Roles
+        Which column holds what.
+
+    Returns
+    -------
+    dict of str to pyarrow.DataType
+        Types of the columns that hold numbers, by the index of the column.
+    """
+    # Coordinates are plain numbers if they have no decimal comma and no hemisphere.
+    has_comma = any("," in cell for axis in roles.axes for cell in dialect.cells(axis))
+    types = {}
+    if not has_comma and not roles.hemispheres:
+        types = {str(axis): pa.float64() for axis in roles.axes}
+
+    # Times are, unless they have a leading zero: 080100 may be a time of day.
+    if len(roles.time) != 1:
+        return types
+    column = str(roles.time[0])
+    cells = [cell.strip() for cell in dialect.cells(roles.time[0])]
+    if any(re.match(r"0\d", cell) for cell in cells):
+        return types
+    if cells and all(cell.isdigit() for cell in cells):
+        types[column] = pa.int64()
+    elif cells and all(looks_like_number(cell) for cell in cells):
+        types[column] = pa.float64()
+    return types
+
+
 def explain_table_error(error: Exception) -> str:
-    """Say why text can't be read as a table."""
+    """Say why Arrow can't read text as a table."""
     if "straddling" in str(error):
         return (
             f"a row is longer than {BLOCK >> 20} MiB; if a quote before it is not closed, close it"
         )
-    return f"can't be read as a table: {str(error).splitlines()[0][:120]}"
+    return f"can't be read as a table: {str(error).splitlines()[0][:_MAX_REASON_LETTERS]}"
 
 
 def confirm_encoding(source: Source, dialect: Dialect) -> str:
-    """Look through all of the log: the first letter that is not UTF-8 may come late."""
+    """Return the encoding of the full log: the first letter that isn't UTF-8 may come late."""
     decoder = codecs.getincrementaldecoder(dialect.encoding)()
     with source.open() as stream:
         try:
-            while block := read_chunk(stream, 1 << 20):
-                decoder.decode(block)
+            while chunk := read_chunk(stream, _CHUNK_BYTES):
+                decoder.decode(chunk)
             decoder.decode(b"", final=True)
         except UnicodeDecodeError:
             if dialect.encoding == "utf-16":
@@ -433,57 +412,291 @@ def confirm_encoding(source: Source, dialect: Dialect) -> str:
     return dialect.encoding
 
 
-def guess_column_types(dialect: Dialect, roles: Roles) -> dict[str, Any]:
-    """Types that a sample of the rows tells for the columns of numbers, by the columns' indices as texts."""
-    plain = (
-        not any("," in cell for axis in roles.axes for cell in dialect.cells(axis))
-        and not roles.hemispheres
+# The dialect
+
+
+class _Header(NamedTuple):
+    """The header of a table.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Names of the columns.
+    delimiter : str
+        Character between cells.
+    first_row : int
+        Index of the line of the first row.
+    """
+
+    names: tuple[str, ...]
+    delimiter: str
+    first_row: int
+
+
+def detect_dialect(head: bytes, request: Request, where: str) -> Dialect:
+    """Find out from its first bytes how a file writes its table.
+
+    1. Detect the encoding.
+    2. Pass over blank lines, comments and other text before the table.
+    3. Read the header and the first rows.
+
+    Raises
+    ------
+    InputError
+        If the file is empty, or has no header and the request names no columns.
+    UnknownFormatError
+        If it is no text.
+    """
+    # 1. The encoding
+    if not head.strip():
+        raise InputError(f"{where}: empty file; a log needs a header and at least one row")
+    if not sniff_csv(head):
+        raise UnknownFormatError(
+            f"{where}: neither text nor a format that is known; "
+            "'gpszip formats' lists what can be read"
+        )
+    encoding = _detect_encoding(head)
+    text = head.decode(encoding, errors="ignore").lstrip("\ufeff")
+
+    # 2. What comes before the table
+    names_by_user = request.columns if isinstance(request.columns, tuple) else None
+    lines = _LINE_END.split(text)
+    delimiter, start = _declared_delimiter(lines)
+    start = _skip_comments(lines, start)
+    is_last_line = start == len(lines) - 1
+    if is_last_line and len(lines[start]) * 2 > len(text) and len(head) >= _MAX_LINE_BYTES:
+        raise InputError(
+            f"{where}: its first line is longer than {_MAX_LINE_BYTES // 1024} KiB, "
+            "so it has no header of a log"
+        )
+    if names_by_user is None:
+        start = _find_header(lines, start, delimiter, request, where)
+
+    # 3. The header and the first rows
+    header = _read_header(lines, start, delimiter, where, is_required=names_by_user is None)
+    rows = _split_rows(lines[header.first_row :], header.delimiter)
+    names, trailing_cells = _fit_names(header.names, rows, where)
+    return Dialect(
+        encoding=encoding,
+        delimiter=header.delimiter,
+        header_lines=header.first_row,
+        names=_rename_columns(names, names_by_user, where),
+        sample_rows=rows,
+        named_by_user=names_by_user is not None,
+        trailing_cells=trailing_cells,
     )
-    fast = {str(axis): pa.float64() for axis in roles.axes} if plain else {}
-    if len(roles.time) == 1:
-        cells = [cell.strip() for cell in dialect.cells(roles.time[0])]
-        padded = any(
-            re.match(r"0\d", cell) for cell in cells
-        )  # 080100 may be a time of day: only its text tells
-        if padded:
-            return fast
-        if cells and all(cell.isdigit() for cell in cells):
-            fast[str(roles.time[0])] = pa.int64()
-        elif cells and all(looks_like_number(cell) for cell in cells):
-            fast[str(roles.time[0])] = pa.float64()
-    return fast
 
 
-def _parse_with_types(
-    source: Source,
-    dialect: Dialect,
-    roles: Roles,
-    types: Mapping[str, Any],
-    skip: Callable[[Any], str] | None,
-) -> Any:
-    if roles.id is not None:
-        types = {**types, str(roles.id): pa.dictionary(pa.int32(), pa.string())}
-    names = [str(i) for i in range(dialect.width)]
-    with source.open() as stream:
-        try:
-            return pc.read_csv(
-                stream,
-                pc.ReadOptions(
-                    column_names=names,
-                    skip_rows=dialect.header_lines,
-                    encoding=dialect.encoding,
-                    block_size=BLOCK,
-                ),
-                pc.ParseOptions(
-                    delimiter=dialect.delimiter, newlines_in_values=True, invalid_row_handler=skip
-                ),
-                pc.ConvertOptions(
-                    include_columns=[str(i) for i in roles.used],
-                    column_types=types,
-                    null_values=NULL_TEXTS,
-                ),
-            )
-        except OSError as error:
-            raise InputError(
-                f"{source.name}: damaged gzip file ({error}); fetch it again, or unpack what is left of it with zcat"
-            ) from None
+def _detect_encoding(head: bytes) -> str:
+    if head.startswith(_UTF16_MARKS):
+        return "utf-16"
+    try:
+        # The last character may be cut.
+        head[: len(head) - 4 if len(head) > _MAX_CUT_BYTES else None].decode("utf-8")
+    except UnicodeDecodeError as error:
+        if error.start < len(head) - _MAX_CUT_BYTES:
+            return "latin-1"
+    return "utf-8"
+
+
+def _declared_delimiter(lines: Sequence[str]) -> tuple[str, int]:
+    """Return the delimiter that a first line ``sep=;`` declares, as Excel writes it.
+
+    Returns
+    -------
+    str
+        The delimiter; empty if none is declared.
+    int
+        Number of lines that the declaration takes.
+    """
+    declared = _SEP.fullmatch(lines[0]) if lines else None
+    return (declared[1], 1) if declared else ("", 0)
+
+
+def _skip_comments(lines: Sequence[str], start: int) -> int:
+    """Return the index of the first line that is neither blank nor a comment."""
+    for i in range(start, len(lines)):
+        line = lines[i].lstrip()
+        if line and not line.startswith("#"):
+            return i
+    return len(lines)
+
+
+def _find_header(
+    lines: Sequence[str], start: int, delimiter: str, request: Request, where: str
+) -> int:
+    """Find the line that names a time and a position: other text may come before it.
+
+    Returns
+    -------
+    int
+        Index of the line; ``start`` if no line names them.
+    """
+    by_role = request.columns if isinstance(request.columns, Mapping) else None
+    for i in range(start, min(start + _SAMPLE_ROWS, len(lines))):
+        names = _split_cells(lines[i], delimiter or _detect_delimiter(lines[i]))
+        if _holds_values(names):
+            continue
+        with suppress(InputError):
+            find_roles(names, by_role, (), where)
+            return i
+    return start
+
+
+def _read_header(
+    lines: Sequence[str], start: int, delimiter: str, where: str, *, is_required: bool
+) -> _Header:
+    """Read the names of the columns, from a line or from the comment before it.
+
+    Parameters
+    ----------
+    lines : sequence of str
+        The lines of the file.
+    start : int
+        Index of the line with the header, or with the first row if there is none.
+    delimiter : str
+        The delimiter that the file declares; empty if it declares none.
+    where : str
+        Name of the log.
+    is_required : bool
+        Whether a missing header is an error; else columns are numbered.
+    """
+    line = lines[start] if start < len(lines) else ""
+    delimiter = delimiter or _detect_delimiter(line)
+    cells = _split_cells(line, delimiter)
+    if not _holds_values(cells):
+        return _Header(cells, delimiter, start + 1)
+
+    # The header may be a comment: '# t x y'.
+    if start and lines[start - 1].startswith("#"):
+        comment = _split_cells(lines[start - 1].lstrip(" #\t"), delimiter)
+        if len(comment) == len(cells):
+            return _Header(comment, delimiter, start)
+
+    if is_required:
+        raise InputError(
+            f"{where}: no header; its first row is {line[:_MAX_SHOWN_LETTERS]!r}; "
+            "name the columns in their order: --columns t,x,y"
+        )
+    return _Header(tuple(f"column {i + 1}" for i in range(len(cells))), delimiter, start)
+
+
+def _holds_values(cells: Sequence[str]) -> bool:
+    """Whether any cell is a number or a time, so that the line is no header."""
+    return any(looks_like_number(cell) or looks_like_time(cell) for cell in cells)
+
+
+def _detect_delimiter(line: str) -> str:
+    best = max(",;\t|", key=line.count)
+    if line.count(best):
+        return best
+    return " " if " " in line.strip() else ","
+
+
+def _split_rows(lines: Sequence[str], delimiter: str) -> tuple[tuple[str, ...], ...]:
+    """Return the cells of the first rows; the last line is passed over, as it may be cut off."""
+    complete = lines[:-1] if len(lines) > 1 and lines[-1] else lines
+    _allow_cell_size(max(map(len, complete), default=0))
+    reader = csv.reader(complete, delimiter=delimiter)
+    try:
+        rows = [row for row, _ in zip(reader, range(_SAMPLE_ROWS), strict=False)]
+    except csv.Error:
+        rows = []
+    return tuple(tuple(row) for row in rows if row)
+
+
+def _split_cells(line: str, delimiter: str) -> tuple[str, ...]:
+    _allow_cell_size(len(line))
+    return tuple(next(csv.reader([line], delimiter=delimiter), ()))
+
+
+def _allow_cell_size(size: int) -> None:
+    """Let Python's reader take cells of this size; by default it refuses more than 128 KiB."""
+    csv.field_size_limit(max(csv.field_size_limit(), size + 1))
+
+
+def _fit_names(
+    names: tuple[str, ...], rows: Sequence[Sequence[str]], where: str
+) -> tuple[tuple[str, ...], int]:
+    """Make up for an empty cell at the end of the header or of all rows.
+
+    Returns
+    -------
+    tuple of str
+        Names of the columns.
+    int
+        Number of empty cells at the end of each row that have no name.
+
+    Raises
+    ------
+    InputError
+        If header and rows differ in another way, so that columns can't be named.
+    """
+    widths = {len(row) for row in rows}
+    if not names or len(widths) != 1 or widths == {len(names)}:
+        return names, 0
+    (width,) = widths
+    if width == len(names) - 1 and not names[-1].strip():
+        return names[:-1], 0
+    if width == len(names) + 1 and all(not row[-1].strip() for row in rows):
+        return names, 1
+    raise InputError(
+        f"{where}: its header has {len(names)} cells, but its rows have {width}; give them as "
+        "many, or leave out the header and name the columns in their order: --columns t,x,y"
+    )
+
+
+def _rename_columns(
+    names: Sequence[str], names_by_user: tuple[str, ...] | None, where: str
+) -> tuple[str, ...]:
+    """Return the names that the user gives; other columns are numbered."""
+    if names_by_user is None:
+        return tuple(names)
+    if len(names_by_user) > len(names):
+        raise InputError(
+            f"{where}: has {len(names)} columns, but --columns names {len(names_by_user)}"
+        )
+    unnamed = len(names) - len(names_by_user)
+    return tuple(
+        name if name not in _UNNAMED else f"column {number}"
+        for number, name in enumerate((*names_by_user, *[""] * unnamed), 1)
+    )
+
+
+# Writing
+
+
+def write_csv(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
+    """Write tracks as ``track_id,t,x,y[,z]`` or ``track_id,t,lat,lon``, and their attributes.
+
+    Tracks without times have empty cells for ``t``; if no track has times, there is no such
+    column.
+
+    Parameters
+    ----------
+    tracks : iterable of TrackRows
+        All in x and y, or all on the globe.
+    sink : binary file
+        The file to write to.
+    """
+    is_first = True
+    for table in track_tables(tracks):
+        if is_first:
+            header = ",".join(_quote(name) for name in table.column_names)
+            sink.write((header + "\n").encode())
+        is_first = False
+
+        # Arrow quotes all texts or none: quote them only if one needs it.
+        names = table.column(0).unique().to_pylist()
+        has_texts = any(pa.types.is_string(kind) for kind in table.schema.types[1:])
+        needs_quotes = has_texts or any(_quote(name) != name for name in names)
+        style = "needed" if needs_quotes else "none"
+        pc.write_csv(table, sink, pc.WriteOptions(include_header=False, quoting_style=style))
+
+
+def _quote(text: str) -> str:
+    """Quote a text that would be read as something else."""
+    has_mark = any(mark in text for mark in ',"\n\r')
+    if text and text == text.strip() and not has_mark and text[0] != "#":
+        return text
+    return '"' + text.replace('"', '""') + '"'

@@ -1,111 +1,128 @@
-"""The formats that logs come in and go out as; a further format is one file and one line here."""
+"""The table of log formats, and the choice of a format for a file.
+
+To read a file, all formats are asked in order whether they recognise its first bytes. Only if
+none does is the file refused, with advice for kinds of files that people often try. Formats of
+other packages come first, as they know special files, and CSV comes last, as nearly any text may
+be CSV.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from typing import BinaryIO
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING
 
 from gpszip.errors import InputError, OptionError, OutputError, UnknownFormatError
-from gpszip.io.logs.csv import read_csv, sniff_csv, write_csv
-from gpszip.io.logs.geojson.read import read_geojson, sniff_geojson
-from gpszip.io.logs.geojson.write import write_geojson
-from gpszip.io.logs.gpx.read import read_gpx, sniff_gpx
-from gpszip.io.logs.gpx.write import write_gpx
 from gpszip.io.logs.gpx.xml_text import root_element
-from gpszip.io.logs.parquet import read_parquet, sniff_parquet, write_parquet
-from gpszip.io.logs.raw import RawLog, Request
-from gpszip.io.logs.track_rows import TrackRows
-from gpszip.io.storage.source import Source
+from gpszip.io.logs.log_format import LogFormat, deferred
+from gpszip.io.logs.plugin_guard import guard_plugin
+from gpszip.io.plugins import load_plugins
 
-__all__ = ["FORMATS", "Format", "format_for_reading", "format_for_writing", "format_named"]
+if TYPE_CHECKING:
+    from gpszip.io.storage.source import Source
 
+__all__ = [
+    "CSV",
+    "LOG_FORMATS",
+    "format_for_reading",
+    "format_for_writing",
+    "format_named",
+    "is_bundle",
+    "log_formats",
+]
 
-@dataclass(frozen=True)
-class Format:
-    """One format of logs.
+#: Group of entry points by which other packages add formats.
+_PLUGIN_GROUP = "gpszip.formats"
 
-    Parameters
-    ----------
-    name : str
-        As ``format=`` names it.
-    suffixes : tuple of str
-        Of files, lower case; any may be followed by ``.gz`` when read, and lie in a zip archive.
-    description : str
-        One line on what is read.
-    sniff : callable
-        Whether a file may be of this format, from its first bytes.
-    read : callable
-        Reads one log.
-    write : callable or None
-        Writes tracks to a binary file, metres with a number of decimals; None for a format that is only read.
-    """
-
-    name: str
-    suffixes: tuple[str, ...]
-    description: str
-    sniff: Callable[[bytes], bool]
-    read: Callable[[Source, Request], RawLog]
-    write: Callable[[Iterable[TrackRows], BinaryIO], None] | None
-
-
-#: In the order in which they are asked whether they know a file; text comes last, as it is least sure.
-FORMATS: tuple[Format, ...] = (
-    Format(
-        "parquet",
-        (".parquet", ".pq"),
-        "columns as in CSV; a folder of files, too",
-        sniff_parquet,
-        read_parquet,
-        write_parquet,
-    ),
-    Format(
-        "gpx",
-        (".gpx",),
-        "tracks and routes; extensions with --keep",
-        sniff_gpx,
-        read_gpx,
-        write_gpx,
-    ),
-    Format(
-        "geojson",
-        (".geojson", ".json"),
-        "LineStrings with coordTimes or times, or as shapes; Points with a time; one on each line, too",
-        sniff_geojson,
-        read_geojson,
-        write_geojson,
-    ),
-    Format(
-        "csv",
-        (".csv", ".tsv", ".txt", ".tab"),
-        "a header with t and x,y[,z] or lat,lon, in any order; track_id",
-        sniff_csv,
-        read_csv,
-        write_csv,
-    ),
+PARQUET = LogFormat(
+    name="parquet",
+    suffixes=(".parquet", ".pq"),
+    description="columns as in CSV; a folder of files, too",
+    sniff=deferred("gpszip.io.logs.parquet", "sniff_parquet"),
+    read=deferred("gpszip.io.logs.parquet", "read_parquet"),
+    read_batches=deferred("gpszip.io.logs.parquet", "read_parquet_batches"),
+    write=deferred("gpszip.io.logs.parquet", "write_parquet"),
+    is_binary=True,
 )
 
-#: What else people bring, by its first bytes.
-_REFUSED_MAGIC = (
-    (b"PK\x03\x04", "a zip archive inside another file; unpack the outer one first"),
-    (b"BZh", "packed with bzip2; unpack it first: bzip2 -d"),
-    (b"\xfd7zXZ", "packed with xz; unpack it first: xz -d"),
-    (b"\x28\xb5\x2f\xfd", "packed with zstd; unpack it first: zstd -d"),
-    (b"SQLite format 3", "a database; export the log from it as CSV"),
+GPX = LogFormat(
+    name="gpx",
+    suffixes=(".gpx",),
+    description="tracks and routes; extensions with --keep",
+    sniff=deferred("gpszip.io.logs.gpx.read", "sniff_gpx"),
+    read=deferred("gpszip.io.logs.gpx.read", "read_gpx"),
+    write=deferred("gpszip.io.logs.gpx.write", "write_gpx"),
+    describe_losses=deferred("gpszip.io.logs.gpx.write", "describe_gpx_losses"),
+    time_decimals=3,
 )
 
-#: XML that people bring, by the root element in lower case, with the remedy.
-_REFUSED_XML = {
+GEOJSON = LogFormat(
+    name="geojson",
+    suffixes=(".geojson", ".json"),
+    description=(
+        "LineStrings with coordTimes or times, or as shapes; Points with a time; "
+        "one on each line, too"
+    ),
+    sniff=deferred("gpszip.io.logs.geojson.read", "sniff_geojson"),
+    read=deferred("gpszip.io.logs.geojson.read", "read_geojson"),
+    write=deferred("gpszip.io.logs.geojson.write", "write_geojson"),
+)
+
+CSV = LogFormat(
+    name="csv",
+    suffixes=(".csv", ".tsv", ".txt", ".tab"),
+    description="a header with t and x,y[,z] or lat,lon, in any order; track_id",
+    sniff=deferred("gpszip.io.logs.csv", "sniff_csv"),
+    read=deferred("gpszip.io.logs.csv", "read_csv"),
+    read_batches=deferred("gpszip.io.logs.csv_batches", "read_csv_batches"),
+    write=deferred("gpszip.io.logs.csv", "write_csv"),
+    is_fallback=True,
+)
+
+#: The formats of GPSZip, in the order in which they are asked.
+LOG_FORMATS: tuple[LogFormat, ...] = (PARQUET, GPX, GEOJSON, CSV)
+
+#: Advice for files that no format reads, by their first bytes.
+_OTHER_FILES = (
+    (b"PK\x03\x04", "is a zip archive inside another file; unpack the outer one first"),
+    (b"BZh", "is packed with bzip2; unpack it first: bzip2 -d"),
+    (b"\xfd7zXZ", "is packed with xz; unpack it first: xz -d"),
+    (b"\x28\xb5\x2f\xfd", "is packed with zstd; unpack it first: zstd -d"),
+    (b"SQLite format 3", "is a database; export the log from it as CSV"),
+)
+
+#: Advice for XML that no format reads, by the name of its root element in lower case.
+_OTHER_XML = {
     "kml": "it is KML; turn it into GPX: gpsbabel -i kml -f FILE -o gpx -F FILE.gpx",
-    "trainingcenterdatabase": "it is TCX; turn it into GPX: gpsbabel -i gtrnctr -f FILE -o gpx -F FILE.gpx",
+    "trainingcenterdatabase": (
+        "it is TCX; turn it into GPX: gpsbabel -i gtrnctr -f FILE -o gpx -F FILE.gpx"
+    ),
     "osm": "it is OpenStreetMap's, which has roads, not logs; 'gpszip network' reads it",
     "graphml": "it is GraphML, which has roads, not logs; 'gpszip network' reads it",
     "html": "it is a web page, perhaps of an error or a login; fetch the file again",
 }
 
 
-def format_named(name: str) -> Format:
-    """Return the format of this name.
+def log_formats() -> tuple[LogFormat, ...]:
+    """Return all formats in the order in which they are asked: of other packages, then built in.
+
+    Raises
+    ------
+    InputError
+        If a format of another package can't be loaded.
+
+    Examples
+    --------
+    >>> [log_format.name for log_format in log_formats()][-4:]
+    ['parquet', 'gpx', 'geojson', 'csv']
+    """
+    plugins = load_plugins(_PLUGIN_GROUP, LogFormat)
+    return (*map(guard_plugin, plugins), *LOG_FORMATS)
+
+
+def format_named(name: str) -> LogFormat:
+    """Return the format with this name or suffix.
+
+    Built-in formats are found even if a format of another package can't be loaded.
 
     Raises
     ------
@@ -117,68 +134,112 @@ def format_named(name: str) -> Format:
     >>> format_named("csv").suffixes[0]
     '.csv'
     """
-    for known in FORMATS:
-        if known.name == name.lower() or f".{name.lower().lstrip('.')}" in known.suffixes:
-            return known
-    raise OptionError(f"no format {name!r}; there are {', '.join(known.name for known in FORMATS)}")
+    name_or_suffix = name.lower()
+    suffix = f".{name_or_suffix.lstrip('.')}"
+    for format_ in _built_in_first():
+        if format_.name == name_or_suffix or suffix in format_.suffixes:
+            return format_
+    known = ", ".join(format_.name for format_ in log_formats())
+    raise OptionError(f"no format {name!r}; there are {known}")
 
 
-def format_for_reading(source: Source) -> Format:
-    """Find out what a log is: by its content, whatever its name says.
+def _built_in_first() -> Iterator[LogFormat]:
+    """Yield the built-in formats, then all formats; plugins are loaded only when needed."""
+    yield from LOG_FORMATS
+    yield from log_formats()
+
+
+def format_for_reading(source: Source) -> LogFormat:
+    """Find the format of a file by its content, whatever its name.
+
+    1. Ask all formats in order, except those that accept nearly any text.
+    2. Refuse the file if it is of a kind that is known to hold no log, or none that is read.
+    3. Ask the formats that accept nearly any text.
 
     Raises
     ------
     InputError
-        If it is empty.
+        If the file is empty, or a format of another package can't be loaded or fails.
     UnknownFormatError
-        If no format knows it.
+        If no format recognises it.
     """
     head = source.head()
     if not head.strip():
         raise InputError(f"{source.name}: empty file; name one that holds a log")
-    for magic, what in _REFUSED_MAGIC:
-        if head.startswith(magic):
-            raise UnknownFormatError(f"{source.name}: is {what}")
-    if source.name.lower().endswith(".gpsz"):
-        raise UnknownFormatError(
-            f"{source.name}: is an archive, not a log; 'gpszip decompress' turns it into one"
-        )
-    root = root_element(head)
-    if root is not None and root.lower() != "gpx":
-        raise UnknownFormatError(f"{source.name}: is XML, but not GPX: {_explain_xml(root)}")
-    for known in FORMATS:
-        if known.sniff(head):
-            if _is_unnamed_text(known, source):
+
+    # 1. Formats that know their files.
+    formats = log_formats()
+    for format_ in formats:
+        if not format_.is_fallback and format_.sniff(head):
+            return format_
+
+    # 2. Files of other kinds.
+    if reason := _explain_other_kind(source.name, head):
+        raise UnknownFormatError(f"{source.name}: {reason}")
+
+    # 3. Text. A text in a zip archive is a log only if it is named as one: it may be a page or a
+    #    licence that comes with the logs.
+    for format_ in formats:
+        if format_.is_fallback and format_.sniff(head):
+            name = source.name.lower().removesuffix(".gz")
+            if source.archive and not name.endswith(format_.suffixes):
                 raise UnknownFormatError(
-                    f"{source.name}: is text, but not named as a table; if it is a log, name it .csv"
+                    f"{source.name}: is text, but not named as a table; "
+                    f"if it is a log, name it {format_.suffixes[0]}"
                 )
-            return known
+            return format_
     raise UnknownFormatError(
-        f"{source.name}: neither text nor a format that is known; 'gpszip formats' lists what can be read"
+        f"{source.name}: neither text nor a format that is known; "
+        "'gpszip formats' lists what can be read"
     )
 
 
-def _is_unnamed_text(known: Format, source: Source) -> bool:
-    """Whether a member of a zip archive is text, but not named as a table: a page or a licence that came with the logs."""
-    name = source.name.lower().removesuffix(".gz")
-    return bool(source.archive) and known.name == "csv" and not name.endswith(known.suffixes)
+def is_bundle(archive: Source) -> bool:
+    """Whether a zip archive holds logs, rather than being one: no format recognises it as it is.
+
+    Parameters
+    ----------
+    archive : Source
+        The archive, for :func:`gpszip.io.storage.source.expand` to decide whether to unpack it.
+    """
+    head = archive.head()
+    return not any(format_.sniff(head) for format_ in log_formats() if not format_.is_fallback)
 
 
-def _explain_xml(root: str) -> str:
-    """Say what an XML file is, and what to do with it."""
+def _explain_other_kind(name: str, head: bytes) -> str:
+    """Say what a file is that no format recognises, and what to do; empty if it may be text."""
+    for start, reason in _OTHER_FILES:
+        if head.startswith(start):
+            return reason
+    if name.lower().endswith(".gpsz"):
+        return "is an archive, not a log; 'gpszip decompress' turns it into one"
+
+    root = root_element(head)
+    if root is None:
+        return ""
     if not root:
-        return "no element comes within its first 256 KiB; if it is GPX, say so with --format gpx"
-    what = _REFUSED_XML.get(root.lower(), "convert it to GPX or CSV first")
-    return f"its root element is {root[:40]!r}; {what}"
+        return (
+            "is XML, but no element comes within its first 256 KiB; "
+            "if it is GPX, say so with --format gpx"
+        )
+    advice = _OTHER_XML.get(root.lower(), "convert it to GPX or CSV first")
+    return f"is XML, but of no format that is read: its root element is {root[:40]!r}; {advice}"
 
 
-def format_for_writing(name: str, format: str | None = None) -> Format:
-    """Find the format to write, by name or by the file's suffix; CSV for a stream.
+def format_for_writing(name: str, format: str | None = None) -> LogFormat:
+    """Find the format to write: by its name, else by the file's suffix; CSV for a stream.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file; ``-`` for a stream.
+    format : str, optional
+        Name of the format.
 
     Raises
     ------
     OutputError
-        If the suffix says nothing, or the format is only read.
+        If no format has the suffix, or the format is only read.
 
     Examples
     --------
@@ -186,17 +247,26 @@ def format_for_writing(name: str, format: str | None = None) -> Format:
     ('gpx', 'csv')
     """
     if format is not None:
-        found = format_named(format)
-    else:
-        found = next(
-            (known for known in FORMATS if name.lower().endswith(known.suffixes)),
-            FORMATS[-1] if name == "-" else None,
-        )  # type: ignore[assignment]
-    if found is None or found.write is None:
-        writable = ", ".join(
-            suffix for known in FORMATS if known.write is not None for suffix in known.suffixes[:1]
-        )
-        raise OutputError(
-            f"{name}: can't tell the format from this name; end it with one of {writable}"
-        )
-    return found
+        chosen = format_named(format)
+        if chosen.write is None:
+            raise OutputError(
+                f"{name}: {chosen.name} is only read; write {_list_suffixes(_can_write)}"
+            )
+        return chosen
+    if name == "-":
+        return CSV
+    for format_ in _built_in_first():
+        if name.lower().endswith(format_.suffixes) and format_.write is not None:
+            return format_
+    raise OutputError(
+        f"{name}: can't tell the format from this name; "
+        f"end it with one of {_list_suffixes(_can_write)}"
+    )
+
+
+def _can_write(format_: LogFormat) -> bool:
+    return format_.write is not None
+
+
+def _list_suffixes(is_listed: Callable[[LogFormat], bool]) -> str:
+    return ", ".join(format_.suffixes[0] for format_ in log_formats() if is_listed(format_))

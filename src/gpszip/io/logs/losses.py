@@ -1,4 +1,8 @@
-"""Losses that must be told first, and tracks whose points all share one time."""
+"""Losses of points that users have to know first, and tracks whose clock stood still.
+
+Several points of a track may have one timestamp, but only the first of them is kept. A few such
+points are noise; many of them mean that the times are wrong or too coarse.
+"""
 
 from __future__ import annotations
 
@@ -25,36 +29,39 @@ __all__ = [
     "stopped_clock_error",
 ]
 
-#: A track that loses more than this share of its points must be told of first.
+#: Share of a track's points above which a loss is large.
 _LARGE_LOSS_SHARE = 0.1
 
-#: So many points at different positions with one time in common must be told of first: a clock stood still.
+#: Points at different positions with one timestamp from which on a loss is large: the clock stood
+#: still.
 _MIN_SIMULTANEOUS_POINTS = 3
 
-#: Fewer positions than these at one time are no sign of a clock that stands still.
+#: Positions at one timestamp from which on a track's clock is taken to have stood still throughout.
 MIN_STOPPED_POSITIONS = 3
 
-#: A log of more points than these is refused if only one of them can be used.
+#: Points of the largest log that is read even if only one of them can be used.
 MAX_TINY_LOG_POINTS = 2
 
-#: Seconds from 1970 between which times are dates in messages.
+#: Seconds since 1970 that messages show as dates.
 _DATE_RANGE = (1e8, 2.5e11)
 
-
-#: What is wrong with times of day that go back.
-TIME_OF_DAY_GOES_BACK = "the time of day goes back, perhaps at midnight, and there is no date; add a column named date, or start a new track there: --split"
+#: Error for times of day that go back.
+TIME_OF_DAY_GOES_BACK = (
+    "the time of day goes back, perhaps at midnight, and there is no date; "
+    "add a column named date, or start a new track there: --split"
+)
 
 
 @dataclass(frozen=True)
 class RepeatedTimes:
-    """Rows, grouped by track and in the order of time, at a time that a row of the track before has already.
+    """Rows, ordered by track and time, whose timestamp an earlier row of the same track has.
 
     Parameters
     ----------
     same_position : bool array, shape (n,)
-        Those at the same position as the first row of this time.
+        Rows at the same position as the first row with this timestamp.
     other_position : bool array, shape (n,)
-        Those at another position.
+        Rows at another position.
     """
 
     same_position: NDArray[np.bool_]
@@ -62,33 +69,35 @@ class RepeatedTimes:
 
     @property
     def first(self) -> NDArray[np.bool_]:
-        """The rows that are none."""
+        """Rows that are the first of their track with their timestamp."""
         return ~(self.same_position | self.other_position)
 
 
 def find_repeated_times(
-    times: NDArray[np.float64], places: NDArray[np.float64], starts: NDArray[np.bool_]
+    times: NDArray[np.float64], coordinates: NDArray[np.float64], starts: NDArray[np.bool_]
 ) -> RepeatedTimes:
-    """Find rows at a time that a row before has already.
+    """Find rows whose timestamp an earlier row of the same track has.
 
     Parameters
     ----------
     times : float64 array, shape (n,)
         Not decreasing within a track.
-    places : float64 array, shape (n, d)
-        Coordinates.
+    coordinates : float64 array, shape (n, d)
+        Positions.
     starts : bool array, shape (n,)
-        Where a track starts.
+        Whether a track starts at the row.
     """
     first = starts.copy()
     first[:1] = True
     first[1:] |= times[1:] != times[:-1]
-    kept = np.maximum.accumulate(np.where(first, np.arange(len(times)), 0))
-    same = np.asarray((places == places[kept]).all(axis=1))
+
+    # Index of the first row with the same timestamp, for each row.
+    first_row = np.maximum.accumulate(np.where(first, np.arange(len(times)), 0))
+    same = np.asarray((coordinates == coordinates[first_row]).all(axis=1))
     return RepeatedTimes(~first & same, ~first & ~same)
 
 
-def find_large_losses(raw: RawLog, rows: NDArray[np.intp], doubles: RepeatedTimes) -> list[Loss]:
+def find_large_losses(raw: RawLog, rows: NDArray[np.intp], repeated: RepeatedTimes) -> list[Loss]:
     """Find the tracks of a log that lose many points.
 
     Parameters
@@ -96,70 +105,82 @@ def find_large_losses(raw: RawLog, rows: NDArray[np.intp], doubles: RepeatedTime
     raw : RawLog
         The log.
     rows : int array, shape (n,)
-        Rows that can be used, grouped by track and in the order of time.
-    doubles : Doubles
-        Which of these rows are at a time that is there already.
+        Rows that can be used, ordered by track and time.
+    repeated : RepeatedTimes
+        Which of these rows repeat a timestamp.
     """
-    # Count the rows of each track: all, those that can be used, and those elsewhere at a time that is taken.
+    # Count each track's points, and those that can't be used or repeat a time at another position.
     codes = np.zeros(len(raw.times), np.int64) if raw.codes is None else raw.codes
-    tracks = max(len(raw.ids), 1)
-    own = codes[rows]
-    points = np.bincount(codes, minlength=tracks)
-    elsewhere = np.bincount(own[doubles.other_position], minlength=tracks)
-    lost = points - np.bincount(own, minlength=tracks) + elsewhere
+    track_count = max(len(raw.ids), 1)
+    track = codes[rows]
+    points = np.bincount(codes, minlength=track_count)
+    moved = np.bincount(track[repeated.other_position], minlength=track_count)
+    lost = points - np.bincount(track, minlength=track_count) + moved
 
-    # The most of a track's points that share one time.
-    number = np.cumsum(doubles.first) - 1
-    together = np.bincount(number[doubles.other_position], minlength=int(doubles.first.sum()))
-    shared = np.zeros(tracks, np.int64)
-    np.maximum.at(shared, own[doubles.first], np.where(together > 0, together + 1, 0))
+    # Find the largest number of each track's points that share one timestamp.
+    timestamp = np.cumsum(repeated.first) - 1
+    timestamp_count = int(repeated.first.sum())
+    sharing = np.bincount(timestamp[repeated.other_position], minlength=timestamp_count)
+    shared = np.zeros(track_count, np.int64)
+    np.maximum.at(shared, track[repeated.first], np.where(sharing > 0, sharing + 1, 0))
 
+    # Report the large losses.
     names = raw.ids or ("",)
-    many = np.flatnonzero(
-        (lost > 0) & ((lost > _LARGE_LOSS_SHARE * points) | (shared >= _MIN_SIMULTANEOUS_POINTS))
-    ).tolist()
-    return [Loss(names[i], raw.name, int(lost[i]), int(points[i]), int(shared[i])) for i in many]
+    is_large = (lost > _LARGE_LOSS_SHARE * points) | (shared >= _MIN_SIMULTANEOUS_POINTS)
+    return [
+        Loss(names[code], raw.name, int(lost[code]), int(points[code]), int(shared[code]))
+        for code in np.flatnonzero((lost > 0) & is_large).tolist()
+    ]
 
 
 def loss_if_large(track: str, where: str, lost: int, points: int, shared: int = 0) -> list[Loss]:
-    """Return the loss of one track, if it is large enough to be told first."""
-    return (
-        [Loss(track, where, lost, points, shared)]
-        if lost and (lost > _LARGE_LOSS_SHARE * points or shared >= _MIN_SIMULTANEOUS_POINTS)
-        else []
-    )
+    """Return the loss of one track if it is large; else an empty list."""
+    is_large = lost > _LARGE_LOSS_SHARE * points or shared >= _MIN_SIMULTANEOUS_POINTS
+    return [Loss(track, where, lost, points, shared)] if lost and is_large else []
 
 
-def find_stopped_tracks(raw: RawLog, rows: NDArray[np.intp], doubles: RepeatedTimes) -> list[int]:
-    """Codes of the tracks of which only one time is left for several positions; parameters as of :func:`find_large_losses`."""
-    own = np.zeros(len(rows), np.int64) if raw.codes is None else raw.codes[rows]
-    tracks = max(len(raw.ids), 1)
-    times = np.bincount(own[doubles.first], minlength=tracks)
-    places = 1 + np.bincount(own[doubles.other_position], minlength=tracks)
-    return np.flatnonzero((times == 1) & (places >= MIN_STOPPED_POSITIONS)).tolist()
+def find_stopped_tracks(raw: RawLog, rows: NDArray[np.intp], repeated: RepeatedTimes) -> list[int]:
+    """Find the tracks that have several positions, but a single timestamp.
+
+    Parameters
+    ----------
+    raw, rows, repeated
+        As for :func:`find_large_losses`.
+
+    Returns
+    -------
+    list of int
+        Codes of the tracks.
+    """
+    track = np.zeros(len(rows), np.int64) if raw.codes is None else raw.codes[rows]
+    track_count = max(len(raw.ids), 1)
+    timestamps = np.bincount(track[repeated.first], minlength=track_count)
+    positions = 1 + np.bincount(track[repeated.other_position], minlength=track_count)
+    return np.flatnonzero((timestamps == 1) & (positions >= MIN_STOPPED_POSITIONS)).tolist()
 
 
 def stopped_clock_error(where: str, track: str, points: int, time: float) -> InputError:
     """Return the error for a track whose points all have the same time."""
-    when = (
-        f"{np.datetime64(round(time), 's')}Z"
-        if _DATE_RANGE[0] <= time <= _DATE_RANGE[1]
-        else f"{time:.15g} s"
-    )
+    if _DATE_RANGE[0] <= time <= _DATE_RANGE[1]:
+        shown_time = f"{np.datetime64(round(time), 's')}Z"
+    else:
+        shown_time = f"{time:.15g} s"
     whose = f" of track {track!r}" if track else ""
     return InputError(
-        f"{where}: all {points:,} points{whose} have the same time, {when}; name the right column with --columns t=COLUMN, "
+        f"{where}: all {points:,} points{whose} have the same time, {shown_time}; "
+        "name the right column with --columns t=COLUMN, "
         "or take the times out to read the points as a shape"
     )
 
 
-def nearly_lost_error(where: str, points: int, word: str, repairs: Sequence[Repair]) -> InputError:
-    """Return the error for a log of which one point is left of many."""
+def nearly_lost_error(where: str, points: int, noun: str, repairs: Sequence[Repair]) -> InputError:
+    """Return the error for a log of which only one point of many can be used."""
     causes = ", ".join(
-        f"{one.count:,} {one.what}" + (f" ({one.value})" if one.value else "")
-        for one in repairs
-        if one.drops
+        f"{repair.count:,} {repair.what}" + (f" ({repair.value})" if repair.value else "")
+        for repair in repairs
+        if repair.drops
     )
     return InputError(
-        f"{where}: only 1 of {points:,} {word}s can be used: {causes}; name the right columns with --columns"
+        f"{where}: only 1 of {points:,} {noun}s can be used: {causes}; "
+        "name the right columns with --columns"
     )

@@ -1,23 +1,36 @@
-"""Logs as Parquet: files, of which folders may be keys of partitions."""
+"""Logs as Parquet: files, also in folders that are keys of partitions (``vehicle=7``)."""
 
 from __future__ import annotations
 
+import json
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import pyarrow as pa
 
 from gpszip.errors import InputError
+from gpszip.io.logs.log_format import CoordinateKind, LogBatches
 from gpszip.io.logs.raw import RawLog, Request
+from gpszip.io.logs.table_batches import TableBatch, interpret_batches
 from gpszip.io.logs.track_rows import TrackRows
 from gpszip.io.logs.track_table import track_tables
 from gpszip.io.storage.source import Source
-from gpszip.io.tables.roles import find_roles
+from gpszip.io.tables.roles import Roles, find_roles
 from gpszip.io.tables.table import build_raw_log
 
-__all__ = ["parquet_dataset", "read_parquet", "sniff_parquet", "write_parquet"]
+__all__ = ["read_parquet", "read_parquet_batches", "sniff_parquet", "write_parquet"]
+
+#: Rows of a batch.
+_BATCH_ROWS = 1 << 17
+
+#: Letters of an error message of Arrow that are shown.
+_MAX_REASON_LETTERS = 120
+
+#: Names by which ``--columns`` passes over a column.
+_UNNAMED = ("", "-", "_")
 
 
 def sniff_parquet(head: bytes) -> bool:
@@ -25,8 +38,40 @@ def sniff_parquet(head: bytes) -> bool:
     return head[:4] == b"PAR1"
 
 
+# Reading
+
+
 def read_parquet(source: Source, request: Request) -> RawLog:
-    """Read a log from a Parquet file; folders that are keys of partitions (``vehicle=7``) are columns.
+    """Read a log from a Parquet file; folders that are keys of partitions are columns.
+
+    Parameters
+    ----------
+    source : Source
+        The file or stream.
+    request : Request
+        Columns, unit of time and attributes.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, has no row, or no column for time or position.
+    """
+    try:
+        dataset = _open_dataset(source)
+        names = _column_names(dataset.schema, request, source.name)
+        roles = _find_roles(names, request, source.name)
+        table = dataset.to_table(columns=_columns_used(dataset.schema, roles))
+        table.validate(full=True)  # finds texts that aren't UTF-8, for instance
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
+        reason = str(error).splitlines()[0]
+        raise InputError(f"{source.name}: damaged Parquet file: {reason}") from None
+    if table.num_rows == 0:
+        raise InputError(f"{source.name}: columns, but no rows")
+    return build_raw_log(table.columns, names, roles, request, source.name)
+
+
+def read_parquet_batches(source: Source, request: Request) -> LogBatches | None:
+    """Open a Parquet file to be read in batches.
 
     Parameters
     ----------
@@ -37,91 +82,90 @@ def read_parquet(source: Source, request: Request) -> RawLog:
 
     Returns
     -------
-    RawLog
+    LogBatches or None
+        None for a stream or a gzip file: the footer of Parquet has to be reached by seeking.
 
     Raises
     ------
     InputError
-        If it is damaged, has no row, or no column for time or position.
+        If there is no column for time or position.
     """
-    try:
-        dataset = parquet_dataset(source)
-        names = [str(name) for name in dataset.schema.names]
-        titles = _titles(names, request, source.name)
-        roles = find_roles(
-            titles,
-            request.columns if isinstance(request.columns, Mapping) else None,
-            request.keep,
-            source.name,
-            heading=request.heading,
-            times=request.times,
-        )
-        table = dataset.to_table(columns=[names[i] for i in roles.used])
-        table.validate(full=True)  # texts that are no UTF-8, for instance
-    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        raise InputError(
-            f"{source.name}: damaged Parquet file: {str(error).splitlines()[0]}"
-        ) from None
-    if table.num_rows == 0:
-        raise InputError(f"{source.name}: columns, but no rows")
-    return build_raw_log(table.columns, titles, roles, request, source.name)
+    path = source.path
+    if path is None or source.is_gzip:
+        return None
+    schema = _open_dataset(source).schema
+    names = _column_names(schema, request, source.name)
+    roles = _find_roles(names, request, source.name)
+    return LogBatches(
+        interpret_batches(_ParquetReader(source, names, roles), request),
+        CoordinateKind(roles.geographic, len(roles.axes), _geoparquet_crs(schema)),
+        count_rows=lambda: _count_rows(path),
+    )
 
 
-def write_parquet(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
-    """Write tracks with the columns that :func:`gpszip.io.logs.csv.write_csv` has.
+@dataclass(frozen=True)
+class _ParquetReader:
+    """Reads batches of cells, see :class:`gpszip.io.logs.table_batches.TableReader`."""
 
-    Parameters
-    ----------
-    tracks : iterable of TrackRows
-        All in x and y, or all on the earth.
-    sink : binary file
-        Where to.
-    """
-    import pyarrow.parquet as pq
+    source: Source
+    column_names: tuple[str, ...]
+    roles: Roles
+    first_row_number: int = 1
 
-    tables = track_tables(tracks)
-    first = next(tables)
-    with pq.ParquetWriter(sink, first.schema) as writer:
-        writer.write_table(first)
-        for table in tables:
-            writer.write_table(table)
+    @property
+    def name(self) -> str:
+        return self.source.name
+
+    def read(self) -> Iterator[TableBatch]:
+        """Yield all rows."""
+        dataset = _open_dataset(self.source)
+        for batch in dataset.to_batches(
+            columns=_columns_used(dataset.schema, self.roles),
+            batch_size=_BATCH_ROWS,
+            batch_readahead=1,
+            fragment_readahead=1,
+            use_threads=False,
+        ):
+            batch.validate(full=True)  # finds texts that aren't UTF-8, for instance
+            yield TableBatch(pa.Table.from_batches([batch]))
+
+    def read_as_text(self) -> Iterator[Any]:
+        """Yield all rows as tables, with the types that the file has."""
+        return (batch.table for batch in self.read())
+
+    def uses_decimal_comma(self) -> None:
+        """Leave decimal marks of texts to be found in the first rows."""
+
+    def explain_error(self, error: Exception) -> str:
+        return f"damaged: {str(error).splitlines()[0][:_MAX_REASON_LETTERS]}"
 
 
-def parquet_dataset(source: Source) -> Any:
+def _open_dataset(source: Source) -> Any:
     """Open a Parquet file as a dataset, with the keys of its partition as columns."""
     import pyarrow.dataset as ds
     import pyarrow.parquet as pq
 
-    if source.path is not None and not _is_unicode(source.path):
+    path = source.path
+    if path is not None and not _is_unicode(path):
         raise InputError(
             f"{source.name}: the name is no UTF-8, as names of Parquet files have to be; rename it"
         )
-    packed = (
-        pq.read_table(pa.BufferReader(source.read()))
-        if source.path is None or source.is_gzip
-        else None
+
+    # A stream or a gzip file is read into memory.
+    if path is None or source.is_gzip:
+        table = pq.read_table(pa.BufferReader(source.read()))
+        _check_names(table.schema, source.name)
+        return ds.dataset(table)
+
+    _check_names(pq.read_schema(str(path)), source.name)
+    if source.folder is None:
+        return ds.dataset(str(path), format="parquet")
+    return ds.dataset(
+        [str(path)],
+        format="parquet",
+        partitioning=ds.partitioning(flavor="hive"),
+        partition_base_dir=str(source.folder),
     )
-    _check_names(pq.read_schema(str(source.path)) if packed is None else packed.schema, source.name)
-    if packed is not None:
-        return ds.dataset(packed)
-    if source.folder is not None:
-        hive = ds.partitioning(flavor="hive")
-        return ds.dataset(
-            [str(source.path)],
-            format="parquet",
-            partitioning=hive,
-            partition_base_dir=str(source.folder),
-        )
-    return ds.dataset(str(source.path), format="parquet")
-
-
-def _check_names(schema: Any, where: str) -> None:
-    """Refuse columns of one name: Arrow can't tell them apart."""
-    name, times = Counter(schema.names).most_common(1)[0] if schema.names else ("", 0)
-    if times > 1:
-        raise InputError(
-            f"{where}: {times} columns are named {name!r}; give them different names where the file is written"
-        )
 
 
 def _is_unicode(path: Path) -> bool:
@@ -132,15 +176,79 @@ def _is_unicode(path: Path) -> bool:
     return True
 
 
-def _titles(names: list[str], request: Request, where: str) -> list[str]:
+def _check_names(schema: Any, where: str) -> None:
+    """Refuse columns of one name: Arrow can't tell them apart."""
+    name, times = Counter(schema.names).most_common(1)[0] if schema.names else ("", 0)
+    if times > 1:
+        raise InputError(
+            f"{where}: {times} columns are named {name!r}; "
+            "give them different names where the file is written"
+        )
+
+
+def _column_names(schema: Any, request: Request, where: str) -> tuple[str, ...]:
+    """Return the names of a table's columns, replaced by those that the user gives in order."""
+    names = tuple(str(name) for name in schema.names)
     if not isinstance(request.columns, tuple):
         return names
     if len(request.columns) > len(names):
         raise InputError(
             f"{where}: has {len(names)} columns, but --columns names {len(request.columns)}"
         )
-    given = [
-        title if title not in ("", "-", "_") else names[i]
-        for i, title in enumerate(request.columns)
-    ]
-    return [*given, *names[len(given) :]]
+    renamed = tuple(
+        old if new in _UNNAMED else new for new, old in zip(request.columns, names, strict=False)
+    )
+    return renamed + names[len(renamed) :]
+
+
+def _find_roles(names: tuple[str, ...], request: Request, where: str) -> Roles:
+    return find_roles(
+        names,
+        request.columns if isinstance(request.columns, Mapping) else None,
+        request.keep,
+        where,
+        heading=request.heading,
+        times=request.times,
+    )
+
+
+def _columns_used(schema: Any, roles: Roles) -> list[str]:
+    return [str(schema.names[i]) for i in roles.used]
+
+
+def _geoparquet_crs(schema: Any) -> str:
+    """Return the coordinate systems that GeoParquet names, as JSON; empty if it names none."""
+    try:
+        columns = json.loads((schema.metadata or {})[b"geo"])["columns"].values()
+        return json.dumps([column.get("crs") for column in columns], sort_keys=True)
+    except (KeyError, ValueError, AttributeError, TypeError):
+        return ""
+
+
+def _count_rows(path: Path) -> int:
+    import pyarrow.parquet as pq
+
+    return int(pq.ParquetFile(str(path)).metadata.num_rows)
+
+
+# Writing
+
+
+def write_parquet(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
+    """Write tracks with the columns that :func:`gpszip.io.logs.csv.write_csv` has.
+
+    Parameters
+    ----------
+    tracks : iterable of TrackRows
+        All in x and y, or all on the globe.
+    sink : binary file
+        The file to write to.
+    """
+    import pyarrow.parquet as pq
+
+    tables = track_tables(tracks)
+    first = next(tables)
+    with pq.ParquetWriter(sink, first.schema) as writer:
+        writer.write_table(first)
+        for table in tables:
+            writer.write_table(table)

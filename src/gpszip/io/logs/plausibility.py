@@ -1,4 +1,9 @@
-"""Whether the times and places of a log can be what they are read as: the speeds that they mean tell."""
+"""Checks of times and positions by the speeds that they imply.
+
+Numbers without a stated unit are read as what they most likely are. If the speeds that follow are
+impossible, while another reading gives speeds of vehicles, the log is refused with the option that
+states the unit or the columns. What a user states is never doubted.
+"""
 
 from __future__ import annotations
 
@@ -14,77 +19,90 @@ from gpszip.model.read_result import Repair
 
 __all__ = ["check_plausible", "note_spreadsheet_days"]
 
-#: Metres of a degree of latitude.
-_DEGREE = 111_195.0
+#: Metres in a degree of latitude.
+_METRES_PER_DEGREE = 111_195.0
 
-#: Steps of a window over which speeds are measured: the noise of single positions is no travel.
-_WINDOW = 16
+#: Steps in a window over which speeds are measured: the noise of single positions is no travel.
+_WINDOW_STEPS = 16
 
 #: Metres by which a window moves at least if its speed is to count.
-_MOVED = 1.0
+_MIN_DISPLACEMENT = 1.0
 
-#: Fastest speed that is no reason for doubt, in m/s: that of an aircraft.
-_FASTEST = 350.0
+#: Highest speed of a vehicle, in m/s: that of an aircraft.
+_MAX_SPEED = 350.0
 
-#: Slowest speed, in m/s, that makes another reading of the times likely.
-_SLOWEST = 0.01
+#: Lowest speed, in m/s, that makes another unit of time likely.
+_MIN_LIKELY_SPEED = 0.01
 
-#: A log of more than two points does not end before this many seconds.
-_SHORTEST = 1e-3
+#: Seconds below which the duration of a log of more than two points is in doubt.
+_MIN_DURATION = 1e-3
 
-#: Speeds tell of a wrong unit only where points follow each other within this many seconds: whoever has longer steps
-#: and is fast may be a satellite, or several vehicles in one.
-_DENSE = 0.1
+#: Seconds between points up to which high speeds show a wrong unit. With longer steps, a fast
+#: agent may be a satellite, or several vehicles in one track.
+_MAX_DENSE_STEP = 0.1
 
-#: Steps as short as this, in seconds, no receiver makes.
-_TOO_DENSE = 5e-4
+#: Seconds between points that no receiver goes below.
+_MIN_RECEIVER_STEP = 5e-4
 
-#: Days from 1899-12-30 to the years 1990 and 2031. Between them, modified Julian days are of times before receivers.
-_SPREADSHEET = (32_874.0, 47_848.0)
+#: Days from 1899-12-30 to the years 1990 and 2031. Modified Julian days in this range are of times
+#: before receivers.
+_SPREADSHEET_DAYS = (32_874.0, 47_848.0)
 
-#: Seconds from 1970 to the years 1980 and 2100, and of a log that counts from its own start (three years).
-_RECEIVERS, _ELAPSED = (315_532_800.0, 4_102_444_800.0), 1e8
+#: Seconds from 1970 to the years 1980 and 2100.
+_RECEIVER_TIMES = (315_532_800.0, 4_102_444_800.0)
 
-#: x and y in degrees are farther from the origin than so many times the extent of the log ...
-_OFFSET = 20.0
-#: ... or are spread over more than so many, 100 km; ...
-_WIDE = 1.0
-#: ... this extent is at least so many degrees, 100 m; ...
-_EXTENT = 1e-3
-#: ... most numbers of one axis have more than three decimals; ...
-_DECIMALS = 3
-#: ... and, read as metres, points move at less than this speed in m/s, but as degrees at one between these.
-_CRAWL, _TRAVEL = 0.01, (0.3, 350.0)
+#: Seconds, about three years, below which times may count from the start of a log.
+_MAX_ELAPSED = 1e8
 
-#: There is no doubt where they crawl, in m/s, at less than this, which is travel of up to 120 km/h, ...
-_CERTAIN_CRAWL = 3e-4
-#: ... spread over so many degrees, 500 m, ...
+# Columns x and y look like degrees if all of the following holds.
+
+#: They are farther from the origin than this multiple of the extent of the log, ...
+_MIN_OFFSET_EXTENTS = 20.0
+#: ... or spread over at least this number of degrees (about 100 km); ...
+_MIN_WIDE_EXTENT = 1.0
+#: ... the extent is at least this number of degrees (about 100 m); ...
+_MIN_EXTENT = 1e-3
+#: ... most numbers of one axis have more decimals than this; ...
+_MAX_METRE_DECIMALS = 3
+#: ... read as metres, points move slower than this, in m/s, ...
+_MAX_CRAWL_SPEED = 0.01
+#: ... and read as degrees, between these speeds, in m/s.
+_TRAVEL_SPEEDS = (0.3, 350.0)
+
+# They are certainly degrees if, moreover, all of the following holds.
+
+#: Read as metres, points move slower than this, in m/s (as degrees, that is up to 120 km/h); ...
+_CERTAIN_CRAWL_SPEED = 3e-4
+#: ... they spread over at least this number of degrees (about 500 m); ...
 _CERTAIN_EXTENT = 5e-3
-#: ... go straight on for this share of their way in most windows, as noise does not, ...
-_STRAIGHT = 0.5
-#: ... and are seen every so many seconds at least: glaciers and landslides are not.
-_WATCHED = 120.0
+#: ... displacement is at least this share of the path length in most windows, unlike noise; ...
+_MIN_STRAIGHTNESS = 0.5
+#: ... and points follow each other within this number of seconds, unlike glaciers and landslides.
+_MAX_WATCHED_STEP = 120.0
 
-#: What messages call units whose names say little.
-_SPOKEN = {"excel": "days from 1899-12-30, as spreadsheets count them", "matlab": "MATLAB's days"}
+#: Descriptions of units whose names are not enough.
+_UNIT_DESCRIPTIONS = {
+    "excel": "days from 1899-12-30, as spreadsheets count them",
+    "matlab": "MATLAB's days",
+}
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class _Motion:
-    """How far and how long the points of a log move, window by window.
+    """Durations and lengths of windows of points.
 
     Parameters
     ----------
     duration : float64 array, shape (w,)
-        Seconds from the first point of a window to its last.
+        Seconds from the first point of a window to the last.
     displacement : float64 array, shape (w,)
-        Metres between these two.
+        Metres between these two points.
     path_length : float64 array, shape (w,)
         Metres along all points between them.
     median_step : float
-        Median of the seconds between points that follow each other.
+        Median of the seconds between successive points.
     """
 
     duration: Floats
@@ -92,39 +110,37 @@ class _Motion:
     path_length: Floats
     median_step: float
 
-    def median_speed(self, least: float = 0.0) -> float:
-        """Median speed in m/s of the windows that move by more metres than the least; 0 where none does."""
-        moving = (self.duration > 0) & (self.displacement > least)
-        return (
-            float(np.median(self.displacement[moving] / self.duration[moving]))
-            if moving.any()
-            else 0.0
-        )
+    def median_speed(self, min_displacement: float = 0.0) -> float:
+        """Median speed in m/s of windows that move by more metres than the minimum; 0 if none."""
+        moving = (self.duration > 0) & (self.displacement > min_displacement)
+        if not moving.any():
+            return 0.0
+        return float(np.median(self.displacement[moving] / self.duration[moving]))
 
 
 def check_plausible(raw: RawLog, request: Request) -> RawLog:
-    """Check that a log's speeds are possible, and read days of a spreadsheet as such where no doubt is left.
+    """Check that the speeds in a log are possible.
 
-    Nothing is doubted that the user says: a unit of times, or which columns are x and y.
+    Times that are certainly days of a spreadsheet, though read as seconds, are converted.
 
     Parameters
     ----------
     raw : RawLog
-        A log, or the first part of it.
+        A log, or the first rows of one.
     request : Request
-        What the user says of times and columns.
+        What the user states about times and columns, which is not doubted.
 
     Returns
     -------
     RawLog
-        The same, or with other times; what was changed or is to be doubted is among its repairs.
+        The same log, or one with other times. A repair records what was changed or is in doubt.
 
     Raises
     ------
     InputError
-        If times or places are certainly something else than what they are read as.
+        If times or positions are certainly read in a wrong way.
     """
-    # Points that can be used, track by track.
+    # Take the points that can be used, track by track.
     good = np.isfinite(raw.times) & np.isfinite(raw.coordinates).all(axis=1)
     rows = np.flatnonzero(good)
     if len(rows) < 3:
@@ -132,82 +148,87 @@ def check_plausible(raw: RawLog, request: Request) -> RawLog:
     if raw.codes is not None:
         rows = rows[np.argsort(raw.codes[rows], kind="stable")]
     track = np.zeros(len(rows), np.int64) if raw.codes is None else raw.codes[rows].astype(np.int64)
-    times, places = raw.times[rows], raw.coordinates[rows]
+    times, coordinates = raw.times[rows], raw.coordinates[rows]
 
-    # Places, then times.
+    # Check positions: are metres degrees?
     if not raw.geographic:
-        doubt = _degrees_as_metres(raw, request, times, places, track)
+        doubt = _degrees_as_metres(raw, request, times, coordinates, track)
         return raw if doubt is None else replace(raw, repairs=(*raw.repairs, doubt))
-    if (
-        raw.guessed_unit is None or np.abs(places[:, 0]).max() > 90
-    ):  # positions off the globe are seen to elsewhere
+
+    # Check the unit of times. Positions off the globe are handled by clean_log.
+    if raw.guessed_unit is None or np.abs(coordinates[:, 0]).max() > 90:
         return raw
-    if _are_spreadsheet_days(raw.guessed_unit, times, places, track):
-        return note_spreadsheet_days(
-            replace(
-                raw,
-                times=numbers_to_seconds(raw.times, "excel"),
-                guessed_unit=GuessedUnit("excel", from_name=False),
-            )
+    if _are_spreadsheet_days(raw.guessed_unit, times, coordinates, track):
+        converted = replace(
+            raw,
+            times=numbers_to_seconds(raw.times, "excel"),
+            guessed_unit=GuessedUnit("excel", from_name=False),
         )
-    _check_unit(raw, raw.guessed_unit, times, places, track)
+        return note_spreadsheet_days(converted)
+    _check_unit(raw, raw.guessed_unit, times, coordinates, track)
     return raw
 
 
 def note_spreadsheet_days(raw: RawLog) -> RawLog:
-    """Tell that times were read as days of a spreadsheet.
+    """Record that times were read as days of a spreadsheet.
 
     Raises
     ------
     InputError
-        If some are not in the years in which there is no doubt.
+        If some are outside the years in which there is no doubt.
     """
-    low, high = numbers_to_seconds(np.array(_SPREADSHEET), "excel")
-    off = ((raw.times < low) | (raw.times >= high)) & np.isfinite(raw.coordinates).all(axis=1)
-    if off.any():
-        row = int(off.argmax())
+    first, last = numbers_to_seconds(np.array(_SPREADSHEET_DAYS), "excel")
+    outside = (raw.times < first) | (raw.times >= last)
+    outside &= np.isfinite(raw.coordinates).all(axis=1)
+    if outside.any():
+        row = raw.first + int(outside.argmax())
         raise InputError(
-            f"{raw.name}: {raw.row_noun} {raw.first + row}: its time is no day of a spreadsheet as those before it; say the unit: --time-unit s"
+            f"{raw.name}: {raw.row_noun} {row}: its time is no day of a spreadsheet "
+            "as those before it; say the unit: --time-unit s"
         )
+    what = "times read as days from 1899-12-30, as spreadsheets count them"
     count = int(np.isfinite(raw.times).sum())
-    told = Repair(
-        "times read as days from 1899-12-30, as spreadsheets count them",
-        count,
-        raw.name,
-        drops=False,
-    )
-    return replace(raw, repairs=(*raw.repairs, told))
+    return replace(raw, repairs=(*raw.repairs, Repair(what, count, raw.name, drops=False)))
+
+
+# Units of time
 
 
 def _are_spreadsheet_days(
-    guess: GuessedUnit, times: Floats, places: Floats, track: NDArray[np.int64]
+    guess: GuessedUnit, times: Floats, coordinates: Floats, track: NDArray[np.int64]
 ) -> bool:
-    """Whether numbers are days since 1899-12-30 beyond doubt: of these years, and impossible as seconds."""
-    low, high = _SPREADSHEET
+    """Whether times are certainly days since 1899-12-30: of these years, impossible as seconds."""
+    first, last = _SPREADSHEET_DAYS
     if (
         guess != GuessedUnit("s", from_name=False)
-        or times.min() < low
-        or times.max() >= high
+        or times.min() < first
+        or times.max() >= last
         or not (times % 1).any()
     ):
         return False
-    as_seconds = _measure_motion(times, places, track)
-    as_days = _measure_motion(numbers_to_seconds(times, "excel"), places, track)
-    impossible = as_seconds.median_step < _TOO_DENSE or (
-        as_seconds.median_step < _DENSE and as_seconds.median_speed(_MOVED) > _FASTEST
+
+    as_seconds = _measure_motion(times, coordinates, track)
+    as_days = _measure_motion(numbers_to_seconds(times, "excel"), coordinates, track)
+    is_too_fast = as_seconds.median_speed(_MIN_DISPLACEMENT) > _MAX_SPEED
+    is_impossible = as_seconds.median_step < _MIN_RECEIVER_STEP or (
+        as_seconds.median_step < _MAX_DENSE_STEP and is_too_fast
     )
-    return impossible and as_days.median_speed(_MOVED) <= _FASTEST
+    return is_impossible and as_days.median_speed(_MIN_DISPLACEMENT) <= _MAX_SPEED
 
 
 def _check_unit(
-    raw: RawLog, guess: GuessedUnit, times: Floats, places: Floats, track: NDArray[np.int64]
+    raw: RawLog, guess: GuessedUnit, times: Floats, coordinates: Floats, track: NDArray[np.int64]
 ) -> None:
-    """Refuse times in a unit that makes the log end at once, or everybody faster than an aircraft where another unit doesn't."""
+    """Refuse a unit that makes the log too short, or its points faster than aircraft.
+
+    High speeds alone are no reason: another unit has to be likely, too.
+    """
     # Is there a reason for doubt?
-    motion, span = _measure_motion(times, places, track), float(np.ptp(times))
-    short = 0 < span < _SHORTEST
-    fast = motion.median_step < _DENSE and motion.median_speed(_MOVED) > _FASTEST
-    if not short and not fast:
+    motion, duration = _measure_motion(times, coordinates, track), float(np.ptp(times))
+    speed = motion.median_speed(_MIN_DISPLACEMENT)
+    is_short = 0 < duration < _MIN_DURATION
+    is_fast = motion.median_step < _MAX_DENSE_STEP and speed > _MAX_SPEED
+    if not is_short and not is_fast:
         return
 
     # Is another unit more likely?
@@ -215,118 +236,150 @@ def _check_unit(
     others = [
         unit
         for unit in TIME_UNITS
-        if unit != guess.unit and _is_likely(numbers_to_seconds(values, unit), places, track)
+        if unit != guess.unit and _is_likely(numbers_to_seconds(values, unit), coordinates, track)
     ]
-    if not others and not short:
+    if not others and not is_short:
         return
-    found = (
-        f"its times last {span:.2g} s"
-        if short
-        else f"its points move at {motion.median_speed(_MOVED):.2g} m/s"
+
+    # Name both units.
+    problem = (
+        f"its times last {duration:.2g} s" if is_short else f"its points move at {speed:.2g} m/s"
     )
-    remedy = (
-        f"if they are {_SPOKEN.get(others[0], others[0])}, say so: --time-unit {others[0]}"
-        if others
-        else "say the unit with --time-unit"
-    )
+    remedy = "say the unit with --time-unit"
+    if others:
+        unit = others[0]
+        remedy = f"if they are {_UNIT_DESCRIPTIONS.get(unit, unit)}, say so: --time-unit {unit}"
     raise InputError(
-        f"{raw.name}: read as {guess.unit}, {found}; {remedy}; if that is right: --time-unit {guess.unit}"
+        f"{raw.name}: read as {guess.unit}, {problem}; {remedy}; "
+        f"if that is right: --time-unit {guess.unit}"
     )
 
 
-def _is_likely(times: Floats, places: Floats, track: NDArray[np.int64]) -> bool:
-    """Whether times are of the age of receivers, or count from the start of a log, and speeds are those of vehicles."""
+def _is_likely(times: Floats, coordinates: Floats, track: NDArray[np.int64]) -> bool:
+    """Whether times are of the age of receivers or of the log, and speeds those of vehicles."""
     middle = float(np.median(times))
-    dated = _RECEIVERS[0] <= middle <= _RECEIVERS[1] or abs(middle) < _ELAPSED
-    return (
-        dated and _SLOWEST <= _measure_motion(times, places, track).median_speed(_MOVED) <= _FASTEST
-    )
+    first, last = _RECEIVER_TIMES
+    if not (first <= middle <= last or abs(middle) < _MAX_ELAPSED):
+        return False
+    speed = _measure_motion(times, coordinates, track).median_speed(_MIN_DISPLACEMENT)
+    return _MIN_LIKELY_SPEED <= speed <= _MAX_SPEED
+
+
+# Degrees that were read as metres
 
 
 def _degrees_as_metres(
-    raw: RawLog, request: Request, times: Floats, places: Floats, track: NDArray[np.int64]
+    raw: RawLog, request: Request, times: Floats, coordinates: Floats, track: NDArray[np.int64]
 ) -> Repair | None:
-    """Doubt x and y that look like longitude and latitude; refuse them where speeds leave no doubt."""
-    # What the user names x and y is x and y.
-    given = set(request.columns or ())
-    if len(raw.axes) < 2 or {"x", "y"} <= given:
+    """Doubt x and y that look like longitude and latitude.
+
+    Returns
+    -------
+    Repair or None
+        The warning; None if they look like metres, or the user names them x and y.
+
+    Raises
+    ------
+    InputError
+        If the speeds show that they are certainly degrees.
+    """
+    stated = set(request.columns or ())
+    if len(raw.axes) < 2 or {"x", "y"} <= stated:
         return None
 
-    # The numbers are those of degrees, and lie either far from the origin or far apart.
-    x, y = places[:, 0], places[:, 1]
-    swapped = np.abs(y).max() > 90
-    lon, lat, names = (y, x, (raw.axes[1], raw.axes[0])) if swapped else (x, y, raw.axes[:2])
+    # Are the numbers possible as degrees, and either far from the origin or far apart?
+    x, y = coordinates[:, 0], coordinates[:, 1]
+    is_swapped = np.abs(y).max() > 90
+    lon, lat = (y, x) if is_swapped else (x, y)
     extent = max(float(np.ptp(x)), float(np.ptp(y)))
-    far = max(abs(float(np.median(x))), abs(float(np.median(y)))) >= _OFFSET * extent
-    wide = extent >= _WIDE
-    long = any(np.mean(np.abs(axis - np.round(axis, _DECIMALS)) > 1e-9) > 0.5 for axis in (x, y))
+    offset = max(abs(float(np.median(x))), abs(float(np.median(y))))
+    is_far = offset >= _MIN_OFFSET_EXTENTS * extent
+    is_wide = extent >= _MIN_WIDE_EXTENT
     if (
         np.abs(lat).max() > 90
         or np.abs(lon).max() > 180
-        or extent < _EXTENT
-        or not long
-        or not (far or wide)
+        or extent < _MIN_EXTENT
+        or not (_has_many_decimals(x) or _has_many_decimals(y))
+        or not (is_far or is_wide)
     ):
         return None
 
-    # The speeds are those of a snail, or those of travel.
-    crawl = _measure_motion(times, np.stack([x, y], axis=1), track, geographic=False).median_speed()
-    degrees = _measure_motion(times, np.stack([lat, lon], axis=1), track)
-    moving = degrees.displacement > 0
-    if not (crawl < _CRAWL and _TRAVEL[0] <= degrees.median_speed() <= _TRAVEL[1]):
+    # Are the speeds in metres those of a snail, and the speeds in degrees those of travel?
+    as_metres = _measure_motion(times, np.stack([x, y], axis=1), track, geographic=False)
+    as_degrees = _measure_motion(times, np.stack([lat, lon], axis=1), track)
+    crawl, speed = as_metres.median_speed(), as_degrees.median_speed()
+    if not (crawl < _MAX_CRAWL_SPEED and _TRAVEL_SPEEDS[0] <= speed <= _TRAVEL_SPEEDS[1]):
         return None
-    straight = (
-        float(np.median(degrees.displacement[moving] / degrees.path_length[moving])) >= _STRAIGHT
-    )
-    if not far and not straight:
+    moving = as_degrees.displacement > 0
+    straightness = as_degrees.displacement[moving] / as_degrees.path_length[moving]
+    is_straight = float(np.median(straightness)) >= _MIN_STRAIGHTNESS
+    if not is_far and not is_straight:
         return None
 
     # Refuse them or warn.
-    remedy = f"--columns lon={names[0]},lat={names[1]}"
-    certain = (
-        crawl < _CERTAIN_CRAWL and extent >= _CERTAIN_EXTENT and degrees.median_step <= _WATCHED
+    first, second = raw.axes[:2]
+    lon_name, lat_name = (second, first) if is_swapped else (first, second)
+    remedy = f"--columns lon={lon_name},lat={lat_name}"
+    is_certain = (
+        crawl < _CERTAIN_CRAWL_SPEED
+        and extent >= _CERTAIN_EXTENT
+        and as_degrees.median_step <= _MAX_WATCHED_STEP
     )
-    if certain and straight and moving.mean() > 0.5:
+    if is_certain and is_straight and moving.mean() > 0.5:
         raise InputError(
-            f"{raw.name}: columns {raw.axes[0]!r} and {raw.axes[1]!r} are degrees: as metres, points move at {crawl:.2g} m/s, as degrees "
-            f"at {degrees.median_speed():.2g} m/s; name them: {remedy}; if they are metres: --columns x={raw.axes[0]},y={raw.axes[1]}"
+            f"{raw.name}: columns {first!r} and {second!r} are degrees: as metres, points move at "
+            f"{crawl:.2g} m/s, as degrees at {speed:.2g} m/s; name them: {remedy}; "
+            f"if they are metres: --columns x={first},y={second}"
         )
     what = f"positions read as metres, but they look like degrees; if they are, name them: {remedy}"
     return Repair(what, len(times), raw.name, drops=False)
 
 
+def _has_many_decimals(axis: Floats) -> bool:
+    """Whether most numbers have more decimals than positions in metres."""
+    excess = np.abs(axis - np.round(axis, _MAX_METRE_DECIMALS))
+    return bool(np.mean(excess > 1e-9) > 0.5)
+
+
+# Speeds
+
+
 def _measure_motion(
-    times: Floats, places: Floats, track: NDArray[np.int64], *, geographic: bool = True
+    times: Floats, coordinates: Floats, track: NDArray[np.int64], *, geographic: bool = True
 ) -> _Motion:
-    """Measure windows of points of one track each, in the order in which the log has them."""
-    # Steps from point to point.
-    steps = _distances(places[:-1], places[1:], geographic)
-    same = np.diff(track) == 0
-    gaps = np.diff(times)[same]
+    """Measure windows of successive points of one track."""
+    # Measure steps from point to point.
+    steps = _distances(coordinates[:-1], coordinates[1:], geographic)
+    same_track = np.diff(track) == 0
+    durations = np.diff(times)[same_track]
+    path = np.append(0.0, np.cumsum(np.where(same_track, steps, 0.0)))
 
-    # Windows begin and end every so many points, and where tracks do.
-    first = np.flatnonzero(np.append(True, ~same))
-    place_in_track = np.arange(len(times)) - np.repeat(first, np.diff(np.append(first, len(times))))
-    marks = np.flatnonzero((place_in_track % _WINDOW == 0) | np.append(~same, True))
-    begin, end = marks[:-1], marks[1:]
-    begin, end = begin[track[begin] == track[end]], end[track[begin] == track[end]]
+    # Windows begin and end at every 16th point of a track, and where tracks begin and end.
+    first_of_track = np.flatnonzero(np.append(True, ~same_track))
+    lengths = np.diff(np.append(first_of_track, len(times)))
+    index_in_track = np.arange(len(times)) - np.repeat(first_of_track, lengths)
+    is_last_of_track = np.append(~same_track, True)
+    bounds = np.flatnonzero((index_in_track % _WINDOW_STEPS == 0) | is_last_of_track)
+    begin, end = bounds[:-1], bounds[1:]
+    in_one_track = track[begin] == track[end]
+    begin, end = begin[in_one_track], end[in_one_track]
 
-    way = np.append(0.0, np.cumsum(np.where(same, steps, 0.0)))
+    positive = durations[durations > 0]
     return _Motion(
         duration=times[end] - times[begin],
-        displacement=_distances(places[begin], places[end], geographic),
-        path_length=way[end] - way[begin],
-        median_step=float(np.median(gaps[gaps > 0])) if (gaps > 0).any() else np.inf,
+        displacement=_distances(coordinates[begin], coordinates[end], geographic),
+        path_length=path[end] - path[begin],
+        median_step=float(np.median(positive)) if len(positive) else np.inf,
     )
 
 
-def _distances(places: Floats, others: Floats, geographic: bool) -> Floats:
-    """Metres between places that are not far from each other."""
-    difference = others[:, :2] - places[:, :2]
+def _distances(starts: Floats, ends: Floats, geographic: bool) -> Floats:
+    """Metres between positions that are near each other."""
+    difference = ends[:, :2] - starts[:, :2]
     if geographic:
         east = (difference[:, 1] + 180) % 360 - 180
-        difference = _DEGREE * np.stack(
-            [difference[:, 0], east * np.cos(np.radians(places[:, 0]))], axis=1
+        difference = _METRES_PER_DEGREE * np.stack(
+            [difference[:, 0], east * np.cos(np.radians(starts[:, 0]))], axis=1
         )
     distances: Floats = np.hypot(difference[:, 0], difference[:, 1])
     return distances

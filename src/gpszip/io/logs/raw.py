@@ -1,4 +1,8 @@
-"""What a reader of one format hands over: columns, before anything is mended."""
+"""What a format's reader gets and returns: a :class:`Request`, and a :class:`RawLog` of columns.
+
+A reader only parses. Dropping bad rows, ordering by time, naming tracks and projecting onto a
+plane happen afterwards, alike for all formats (:mod:`gpszip.io.logs.read`).
+"""
 
 from __future__ import annotations
 
@@ -11,28 +15,42 @@ from numpy.typing import NDArray
 
 from gpszip.model.read_result import LeftOut, Repair
 
-__all__ = ["GuessedUnit", "RawLog", "Request", "UnreadableCell", "unused_name"]
+__all__ = [
+    "HEIGHT_NAMES",
+    "GuessedUnit",
+    "RawLog",
+    "Request",
+    "UnreadableCell",
+    "unused_name",
+]
+
+#: Names of the attribute that holds the height above the sea in metres, the preferred one first.
+#: They stand for each other: a request for one is met by another.
+HEIGHT_NAMES = ("alt", "altitude", "ele", "elevation", "height")
 
 
 @dataclass(frozen=True)
 class Request:
-    """What a reader is asked for.
+    """What a user asks of a reader.
 
     Parameters
     ----------
-    columns : str, sequence of str, or mapping of str to str, optional
-        Names of the columns by position, or the column for each role (``{"t": "when", "x": "east"}``).
+    columns : mapping of str to str or tuple of str, optional
+        The column for each role (``{"t": "when", "x": "east"}``), or names for the columns in
+        their order.
     time_unit : str, optional
-        Unit of times that are numbers, one of :data:`gpszip.io.values.timestamps.TIME_UNITS`; found from their size where left out.
+        Unit of times that are numbers, one of :data:`gpszip.io.values.timestamps.TIME_UNITS`;
+        found from their size if left out.
     keep : tuple of str
         Further columns to keep as attributes.
     heading : bool
-        Keep headings, too, as attribute ``heading``, where there are some.
+        Keep headings, if the log has some, as the attribute ``heading``.
     dates : str, optional
-        ``dmy``, ``mdy`` or ``ymd``, the order of day, month and year in dates such as 03/04/2024; found from the whole column
-        where left out.
+        ``dmy``, ``mdy`` or ``ymd``, the order of day, month and year in dates such as 03/04/2024;
+        found from all dates of the column if left out.
     skip_bad : bool
-        Leave out parts of a log that can't be used, such as a feature of GeoJSON, and name them, instead of raising.
+        Leave out items that can't be used, such as a feature of GeoJSON, and list them, instead of
+        raising.
     times : bool
         Whether a table needs a column of times; without one, its tracks are read as shapes.
     """
@@ -57,7 +75,7 @@ class UnreadableCell:
     row : int
         Index of the row, counted from 0.
     value : str
-        The text of the cell, as it stands in the log.
+        Text of the cell in the log.
     """
 
     column: str
@@ -67,14 +85,14 @@ class UnreadableCell:
 
 @dataclass(frozen=True)
 class GuessedUnit:
-    """A unit of times that the user hasn't said.
+    """A unit of times that the user didn't state.
 
     Parameters
     ----------
     unit : str
         One of :data:`gpszip.io.values.timestamps.TIME_UNITS`.
     from_name : bool
-        Whether the name of the column says it, rather than the size of the numbers.
+        Whether the name of the column states the unit, rather than the size of the numbers.
     """
 
     unit: str
@@ -83,16 +101,16 @@ class GuessedUnit:
 
 @dataclass(frozen=True, eq=False)
 class RawLog:
-    """One log as its columns; rows that can't be used hold NaN.
+    """One log as columns. Cells that can't be read are NaN.
 
     Parameters
     ----------
     name : str
         Name of the log in messages.
     ids : tuple of str
-        Names of the tracks, in the order in which they first appear; empty for a log that names none.
+        Names of the tracks in the order of their first rows; empty for a log that names none.
     codes : int array, shape (n,), or None
-        Index into ``ids`` of each row; None where all rows are one track.
+        Index into ``ids`` for each row; None if all rows are one track.
     times : float64 array, shape (n,)
         Seconds.
     coordinates : float64 array, shape (n, d)
@@ -100,30 +118,31 @@ class RawLog:
     geographic : bool
         Whether the coordinates are degrees.
     attributes : mapping of str to array, shape (n,)
-        Columns that were asked for.
+        Columns that the request keeps.
     first : int
-        Number by which messages call the first row.
+        Number of the first row in messages.
     row_noun : str
-        What messages call a row: ``row`` or ``point``.
+        Word for a row in messages: ``row`` or ``point``.
     ids_are_titles : bool
-        Whether ids are titles, of which two tracks may share one, rather than names of vehicles.
+        Whether ids are titles, which two tracks may share, rather than names of vehicles.
     dropped_columns : tuple of str
         Columns that are not kept.
     repairs : tuple of Repair
-        What the reader itself had to drop; such points are not among the n rows.
+        What the reader had to drop or change. Points that it dropped are not among the n rows.
     left_out : tuple of LeftOut
-        Parts of the log that hold no track.
-    unreadable : tuple of Unread
-        For each column of times or coordinates, the first cell that holds something, but nothing that can be read.
+        Items of the log that hold no track.
+    unreadable : tuple of UnreadableCell
+        For each column of times or coordinates, the first cell with a value that can't be read.
+        Cells of times come before cells of coordinates.
     untimed : frozenset of int
-        Codes of the tracks that have no times at all, and are read as shapes; 0 stands for the track of a log that names none.
-        Their rows hold NaN for the time and are in the order of travel.
-    guessed_unit : Guess, optional
-        The unit in which numbers were read as times, where the user doesn't say it.
+        Codes of the tracks without any times, which are read as shapes; 0 for the track of a log
+        that names none. Their rows have NaN for the time and are in the order of travel.
+    guessed_unit : GuessedUnit, optional
+        The unit in which numbers were read as times, if the user didn't state it.
     time_of_day : bool
-        Whether times are seconds from midnight, as the log has no dates.
+        Whether times are seconds from midnight, since the log has no dates.
     axes : tuple of str
-        Names of the columns of coordinates, as the log gives them; empty where it has no columns.
+        Names of the columns of coordinates in the log; empty if the log has no columns.
     """
 
     name: str

@@ -1,4 +1,9 @@
-"""The numbers that a file of tracks holds, before any format writes them."""
+"""Tracks as rounded rows, ready for any format to write.
+
+Rows hold latitude and longitude, or metres. They are rounded to the decimals that the error bound
+calls for. Between knots, a track is linear in time on its plane; :func:`densified_rows` adds rows
+so that latitude and longitude, too, may be read as linear in time.
+"""
 
 from __future__ import annotations
 
@@ -26,28 +31,32 @@ __all__ = [
     "track_rows",
 ]
 
-#: Degrees need this many decimals more than metres to be as fine.
+#: Decimals that degrees have more than metres, to be as fine.
 DEGREE_DIGITS = 5
 
-#: Decimals of seconds: microseconds, about what a float holds of an epoch.
+#: Decimals of seconds: microseconds, about the resolution of a float64 that counts from 1970.
 TIME_DECIMALS = 6
 
-#: Decimals of metres where nothing finer is called for.
+#: Decimals of metres if the error bound doesn't call for more.
 _MIN_METRE_DECIMALS = 3
 
-#: More decimals than a float64 holds of a position on a plane are of no use.
+#: Decimals of metres beyond which a float64 of a position on a plane has nothing to say.
 _MAX_METRE_DECIMALS = 9
 
-#: Rounding to the last decimal of metres moves a place by at most so many units of it.
-_ROUNDING_ERROR = math.sqrt(2) / 2 * 1.12  # the fifth decimal of a degree is 1.12 m
+#: Metres in a unit of the fifth decimal of a degree.
+_FIFTH_DECIMAL_OF_DEGREE = 1.12
 
-#: Share of the allowed deviation that rounding may take; the rest is left to the line between the points.
+#: Largest move of a position by rounding, in units of the last decimal of metres.
+_ROUNDING_ERROR = math.sqrt(2) / 2 * _FIFTH_DECIMAL_OF_DEGREE
+
+#: Share of the allowed deviation that rounding positions may take; the lines between the rows may
+#: take the other third.
 _ROUNDING_SHARE = 2 / 3
 
-#: Times are rounded to a coarser decimal where this moves what is on the way by at most this share of what is allowed.
+#: Share of the allowed deviation that rounding times may take.
 _TIME_SHARE = 1 / 2
 
-#: Steps shorter than so many units of the last decimal of seconds call for finer times.
+#: Units of the last decimal of seconds below which steps call for finer times.
 _MIN_STEP_UNITS = 8
 
 Floats = NDArray[np.float64]
@@ -55,20 +64,20 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class TrackRows:
-    """A track, or a piece of one between gaps, as rows of rounded numbers.
+    """A track, or a gap-free piece of one, as rows of rounded numbers.
 
     Parameters
     ----------
     id : str
         Name of the piece.
     track : str
-        Name of the track that it is a piece of; the same where the track has no gaps.
+        Name of its track; the same if the track has no gaps.
     times : float64 array, shape (n,), or None
         Seconds; None for a track without times.
     coordinates : float64 array, shape (n, d)
         Latitude and longitude in degrees, or metres.
     geographic : bool
-        Whether the places are degrees.
+        Whether the coordinates are degrees.
     attributes : mapping of str to array, shape (n,)
         Further columns.
     """
@@ -93,7 +102,7 @@ class TrackRows:
 
 
 def round_decimals(values: Floats, decimals: int) -> Floats:
-    """Round to decimals, so that the shortest text of each number has no more of them; there is no minus zero.
+    """Round, so that the shortest text of each number has no more decimals. Minus zero becomes 0.
 
     Examples
     --------
@@ -105,7 +114,12 @@ def round_decimals(values: Floats, decimals: int) -> Floats:
 
 
 def metre_decimals(max_deviation: float | None) -> int:
-    """Decimals of metres with which rounding stays well within so many metres; 3 where they do.
+    """Return the decimals of metres with which rounding stays well within a deviation; at least 3.
+
+    Parameters
+    ----------
+    max_deviation : float or None
+        Metres.
 
     Examples
     --------
@@ -114,11 +128,11 @@ def metre_decimals(max_deviation: float | None) -> int:
     """
     if max_deviation is None:
         return _MIN_METRE_DECIMALS
-    fine = math.ceil(math.log10(_ROUNDING_ERROR / (_ROUNDING_SHARE * max_deviation)))
-    return min(max(fine, _MIN_METRE_DECIMALS), _MAX_METRE_DECIMALS)
+    decimals = math.ceil(math.log10(_ROUNDING_ERROR / (_ROUNDING_SHARE * max_deviation)))
+    return min(max(decimals, _MIN_METRE_DECIMALS), _MAX_METRE_DECIMALS)
 
 
-def track_rows(track: Track, decimals: int, whole: str | None = None) -> TrackRows:
+def track_rows(track: Track, decimals: int, track_name: str | None = None) -> TrackRows:
     """Round the samples of a track, one row for each.
 
     Parameters
@@ -126,9 +140,9 @@ def track_rows(track: Track, decimals: int, whole: str | None = None) -> TrackRo
     track : Track
         The samples.
     decimals : int
-        Of metres; degrees have five more, seconds have six.
-    whole : str, optional
-        Name of the track that this is a piece of; by default its own.
+        Decimals of metres; degrees have five more, seconds have six.
+    track_name : str, optional
+        Name of the track that this is a piece of; its own id if left out.
 
     Returns
     -------
@@ -139,15 +153,17 @@ def track_rows(track: Track, decimals: int, whole: str | None = None) -> TrackRo
     >>> track_rows(Track("walk", [0, 0.5], [[0, 0], [1, 2.00049]]), 3).coordinates.tolist()
     [[0.0, 0.0], [1.0, 2.0]]
     """
-    places = round_decimals(track.positions, decimals)
+    coordinates = round_decimals(track.positions, decimals)
     if track.plane is not None:
-        places = round_decimals(
-            np.stack(to_geographic(track.positions[:, :2], track.plane), axis=1),
-            decimals + DEGREE_DIGITS,
-        )
-    times = round_decimals(track.times, TIME_DECIMALS) if track.timed else None
+        degrees = np.stack(to_geographic(track.positions[:, :2], track.plane), axis=1)
+        coordinates = round_decimals(degrees, decimals + DEGREE_DIGITS)
     return TrackRows(
-        track.id, whole or track.id, times, places, track.plane is not None, track.attributes
+        id=track.id,
+        track=track_name or track.id,
+        times=round_decimals(track.times, TIME_DECIMALS) if track.timed else None,
+        coordinates=coordinates,
+        geographic=track.plane is not None,
+        attributes=track.attributes,
     )
 
 
@@ -155,23 +171,23 @@ def densified_rows(
     track: Track,
     decimals: int,
     max_deviation: float,
-    whole: str | None = None,
+    track_name: str | None = None,
     *,
-    ticks: int = TIME_DECIMALS,
+    time_decimals: int = TIME_DECIMALS,
 ) -> TrackRows:
-    """Round the knots of a track, with as many more rows as linear interpolation of the columns needs.
+    """Round the knots of a track, and add the rows that linear interpolation in degrees needs.
 
     Parameters
     ----------
     track : Track
         Knots, between which the track is linear in time on its plane.
     decimals : int
-        Of metres; degrees have five more.
+        Decimals of metres; degrees have five more.
     max_deviation : float
-        Metres by which latitude and longitude, read as linear in time, may deviate from the track. A track that crosses the
-        antimeridian has a row on each side of it.
-    whole : str, optional
-        Name of the track that this is a piece of; by default its own.
+        Metres by which latitude and longitude, read as linear in time, may deviate from the track.
+        A track that crosses the antimeridian has a row on each side of it.
+    track_name : str, optional
+        Name of the track that this is a piece of; its own id if left out.
     time_decimals : int
         Decimals of seconds if these are fine enough; else times have six.
 
@@ -188,44 +204,49 @@ def densified_rows(
     (2, 17)
     """
     if track.plane is None or track.attributes:
-        return track_rows(track, decimals, whole)
-    ticks = ticks if _can_round_times(track, ticks, max_deviation) else TIME_DECIMALS
-    digits = decimals + DEGREE_DIGITS
-    straight = densify_for_degrees(
+        return track_rows(track, decimals, track_name)
+
+    # Add rows.
+    if not _can_round_times(track, time_decimals, max_deviation):
+        time_decimals = TIME_DECIMALS
+    degree_decimals = decimals + DEGREE_DIGITS
+    densified = densify_for_degrees(
         track.times,
         track.positions[:, :2],
         track.plane,
         max_deviation,
-        decimals=digits,
-        time_decimals=ticks,
+        decimals=degree_decimals,
+        time_decimals=time_decimals,
     )
-    times, lat, lon = insert_crossings(*straight, 10.0**-ticks)
-    places = round_decimals(np.stack([lat, lon], axis=1), digits)
+    times, lat, lon = insert_crossings(*densified, 10.0**-time_decimals)
+
+    # Round.
     return TrackRows(
-        track.id,
-        whole or track.id,
-        round_decimals(times, ticks) if track.timed else None,
-        places,
+        id=track.id,
+        track=track_name or track.id,
+        times=round_decimals(times, time_decimals) if track.timed else None,
+        coordinates=round_decimals(np.stack([lat, lon], axis=1), degree_decimals),
         geographic=True,
     )
 
 
 def group_into_lines(pieces: Iterable[TrackRows]) -> Iterator[tuple[str, list[TrackRows]]]:
-    """Gather the pieces of each track that follow each other, and cut them at the antimeridian.
+    """Group successive pieces of a track, and cut them at the antimeridian.
 
     Parameters
     ----------
     pieces : iterable of TrackRows
-        In the order in which they are to be written.
+        In the order in which they are written.
 
     Yields
     ------
     str, list of TrackRows
-        Name of a track, and its lines in the order of travel, none of which crosses the antimeridian.
+        Name of a track, and its lines in the order of travel. No line crosses the antimeridian.
     """
     name, lines = None, list[TrackRows]()
     for rows in pieces:
-        if lines and (rows.id == rows.track or rows.track != name):
+        is_new_track = rows.id == rows.track or rows.track != name
+        if lines and is_new_track:
             yield lines[0].track, lines
             lines = []
         name, lines = rows.track, [*lines, *_cut_at_antimeridian(rows)]
@@ -234,19 +255,22 @@ def group_into_lines(pieces: Iterable[TrackRows]) -> Iterator[tuple[str, list[Tr
 
 
 def _cut_at_antimeridian(rows: TrackRows) -> list[TrackRows]:
-    ends = (
-        [0, *(np.flatnonzero(find_crossings(rows.coordinates[:, 1])) + 1).tolist(), len(rows)]
-        if rows.geographic
-        else [0, len(rows)]
-    )
-    return [rows] if len(ends) == 2 else [rows.take(slice(a, b)) for a, b in pairwise(ends)]
+    if not rows.geographic:
+        return [rows]
+    cuts = (np.flatnonzero(find_crossings(rows.coordinates[:, 1])) + 1).tolist()
+    if not cuts:
+        return [rows]
+    return [rows.take(slice(a, b)) for a, b in pairwise([0, *cuts, len(rows)])]
 
 
-def _can_round_times(track: Track, ticks: int, max_deviation: float) -> bool:
-    """Whether times may be rounded to so many decimals: no knots fall together, and nothing moves far in half a unit."""
-    if len(track) < 2 or ticks >= TIME_DECIMALS:
+def _can_round_times(track: Track, time_decimals: int, max_deviation: float) -> bool:
+    """Whether rounded times keep knots apart and move positions by little enough."""
+    if len(track) < 2 or time_decimals >= TIME_DECIMALS:
         return True
-    unit = 10.0**-ticks
-    steps, ways = np.diff(track.times), np.sqrt((np.diff(track.positions, axis=0) ** 2).sum(axis=1))
-    slow = ways / steps * unit / 2 <= _TIME_SHARE * max_deviation
-    return bool((slow & (steps >= _MIN_STEP_UNITS * unit)).all())
+    unit = 10.0**-time_decimals
+    steps = np.diff(track.times)
+    lengths = np.sqrt((np.diff(track.positions, axis=0) ** 2).sum(axis=1))
+
+    # Rounding moves a time by at most half a unit, and a position by speed times that.
+    is_slow = lengths / steps * unit / 2 <= _TIME_SHARE * max_deviation
+    return bool((is_slow & (steps >= _MIN_STEP_UNITS * unit)).all())

@@ -1,4 +1,4 @@
-"""Tracks as Arrow tables, for the formats that are tables."""
+"""Tracks as Arrow tables, for the formats that are tables (CSV and Parquet)."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from gpszip.io.logs.track_rows import TrackRows
 
 __all__ = ["track_tables"]
 
+#: Rows at which a table is full, so that any number of tracks takes bounded memory.
 _BATCH_ROWS = 1_000_000
 
 
 def track_tables(tracks: Iterable[TrackRows]) -> Iterator[pa.Table]:
-    """Cut tracks into tables of about a million rows, at least one.
+    """Yield tables of about a million rows; at least one table.
 
     Parameters
     ----------
@@ -28,70 +29,78 @@ def track_tables(tracks: Iterable[TrackRows]) -> Iterator[pa.Table]:
     Yields
     ------
     pyarrow.Table
-        ``track_id, t, lat, lon`` or ``track_id, t, x, y[, z]``, then the attributes. Where no track has times, there is no
-        ``t``; where only some have, it is null for the others.
+        ``track_id, t, lat, lon`` or ``track_id, t, x, y[, z]``, then the attributes. If no track
+        has times, there is no ``t``; if some have, it is null for the others.
 
     Raises
     ------
     OutputError
-        If the tracks are of different kinds.
+        If the tracks have different columns.
     """
     timed, tracks = _any_timed(tracks)
     batch: list[TrackRows] = []
     names: list[str] | None = None
-    rows = 0
+    row_count = 0
     for track in tracks:
         names = _check_columns(track, names, timed)
         batch.append(track)
-        rows += len(track)
-        if rows >= _BATCH_ROWS:
+        row_count += len(track)
+        if row_count >= _BATCH_ROWS:
             yield _build_table(batch, names, timed)
-            batch, rows = [], 0
+            batch, row_count = [], 0
+
+    # The last table; it has the header of an empty log if there is no track at all.
     if batch or names is None:
         yield _build_table(batch, names or ["track_id", "t", "x", "y"], timed)
 
 
 def _any_timed(tracks: Iterable[TrackRows]) -> tuple[bool, Iterable[TrackRows]]:
-    """Whether any track has times, or there is none; and all tracks."""
-    rest = iter(tracks)
+    """Whether any track has times, or there is no track; and an iterable of all tracks."""
+    remaining = iter(tracks)
     untimed: list[TrackRows] = []
-    for track in rest:
+    for track in remaining:
         if track.times is not None:
-            return True, chain(untimed, [track], rest)
+            return True, chain(untimed, [track], remaining)
         untimed.append(track)
     return not untimed, untimed
 
 
-def _check_columns(track: TrackRows, names: list[str] | None, timed: bool) -> list[str]:
+def _check_columns(track: TrackRows, expected: list[str] | None, timed: bool) -> list[str]:
+    """Return the columns of a track; raise if they are not the expected ones."""
     width = track.coordinates.shape[1]
-    axes = (
-        ["lat", "lon"]
-        if track.geographic
-        else [*"xyz", *(f"x{i}" for i in range(4, width + 1))][:width]
-    )
-    own = ["track_id", *(["t"] if timed else []), *axes, *track.attributes]
-    if names is not None and own != names:
+    if track.geographic:
+        axes = ["lat", "lon"]
+    else:
+        axes = [*"xyz", *(f"x{i}" for i in range(4, width + 1))][:width]
+    names = ["track_id", *(["t"] if timed else []), *axes, *track.attributes]
+    if expected is not None and names != expected:
         raise OutputError(
-            f"track {track.id!r} has columns {','.join(own)}, but those before it {','.join(names)}; write them to separate files"
+            f"track {track.id!r} has columns {','.join(names)}, "
+            f"but those before it {','.join(expected)}; write them to separate files"
         )
-    return own
+    return names
 
 
 def _build_table(batch: Sequence[TrackRows], names: Sequence[str], timed: bool) -> pa.Table:
+    # Names
     lengths = [len(track) for track in batch]
     ids = pa.DictionaryArray.from_arrays(
         pa.array(np.repeat(np.arange(len(batch), dtype=np.int32), lengths)),
         pa.array([track.id for track in batch], pa.string()),
     ).cast(pa.string())
-
     columns = [ids]
+
+    # Times; from_pandas turns NaN into null.
     if timed:
         times = np.concatenate([_times(track) for track in batch] or [np.empty(0)])
-        columns.append(pa.array(times, from_pandas=True))  # NaN becomes null
+        columns.append(pa.array(times, from_pandas=True))
 
+    # Coordinates
     width = batch[0].coordinates.shape[1] if batch else len(names) - len(columns)
-    places = np.concatenate([track.coordinates for track in batch] or [np.empty((0, width))])
-    columns += [pa.array(axis) for axis in places.T]
+    coordinates = np.concatenate([track.coordinates for track in batch] or [np.empty((0, width))])
+    columns += [pa.array(axis) for axis in coordinates.T]
+
+    # Attributes
     columns += [
         pa.array(np.concatenate([track.attributes[name] for track in batch]))
         for name in names[len(columns) :]

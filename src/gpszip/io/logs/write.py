@@ -1,4 +1,4 @@
-"""Writing tracks in any format that can hold them."""
+"""Write tracks in any format that can hold them."""
 
 from __future__ import annotations
 
@@ -14,9 +14,6 @@ from gpszip.model import Track
 
 __all__ = ["write_tracks"]
 
-#: Decimals of seconds of formats whose readers often know no more than these; more are written only where they matter.
-_TIME_DECIMALS_BY_FORMAT = {"gpx": 3}
-
 
 def write_tracks(
     tracks: Iterable[Track],
@@ -27,24 +24,28 @@ def write_tracks(
     pieces: Mapping[str, str] | None = None,
     max_deviation: float | None = None,
 ) -> int:
-    """Write tracks; positions on the earth as latitude and longitude.
+    """Write tracks; positions on the globe as latitude and longitude.
 
     Parameters
     ----------
     tracks : iterable of Track
-        All in x and y, or all on the earth.
+        All in x and y, or all on the globe.
     sink : str, Path or binary stream
-        The file, which appears whole or not at all and replaces another of its name; ``-`` for standard output.
+        The file, which replaces another of its name once it is complete; ``-`` for standard
+        output.
     format : str, optional
-        ``csv``, ``parquet``, ``gpx`` or ``geojson``; told from the name where left out, CSV for a stream.
+        Name of a format that :func:`gpszip.io.logs.formats.log_formats` lists; found from the
+        suffix if left out, CSV for a stream.
     decimals : int
-        Of metres; degrees have five more.
+        Decimals of metres; degrees have five more.
     pieces : mapping of str to str, optional
-        For tracks that are pieces between gaps, the name of the whole track. GPX and GeoJSON write pieces of one track that
-        follow each other as one track of several lines; other formats, pieces by their own names.
+        Names of the tracks that pieces between gaps belong to, by the names of the pieces. GPX and
+        GeoJSON write successive pieces of one track as one track of several lines; other formats
+        write pieces under their own names.
     max_deviation : float, optional
-        Metres by which latitude and longitude, read as linear in time, may deviate from the tracks. As many rows are added
-        as that takes. Without it, or for tracks with attributes, there is one row for each sample.
+        Metres by which latitude and longitude, read as linear in time, may deviate from the
+        tracks. Rows are added as needed. If it is left out, and for tracks with attributes, there
+        is one row for each sample.
 
     Returns
     -------
@@ -67,38 +68,37 @@ def write_tracks(
     walk,0,0,0
     walk,0.5,1,2
     """
-    name = str(sink) if isinstance(sink, (str, Path)) else "-"
-    chosen = format_for_writing(name, format)
+    file_name = str(sink) if isinstance(sink, (str, Path)) else "-"
+    chosen = format_for_writing(file_name, format)
     assert chosen.write is not None
-    count = 0
+    time_decimals = TIME_DECIMALS if chosen.time_decimals is None else chosen.time_decimals
+    row_count = 0
 
-    def rows() -> Iterator[TrackRows]:
-        nonlocal count
+    def rows_of_tracks() -> Iterator[TrackRows]:
+        nonlocal row_count
         for track in tracks:
             _check_name(track.id)
-            whole = None if pieces is None else pieces.get(track.id)
+            track_name = None if pieces is None else pieces.get(track.id)
             if max_deviation is None:
-                made = track_rows(track, decimals, whole)
+                rows = track_rows(track, decimals, track_name)
             else:
-                made = densified_rows(
-                    track,
-                    decimals,
-                    max_deviation,
-                    whole,
-                    ticks=_TIME_DECIMALS_BY_FORMAT.get(chosen.name, TIME_DECIMALS),
+                rows = densified_rows(
+                    track, decimals, max_deviation, track_name, time_decimals=time_decimals
                 )
-            count += len(made)
-            yield made
+            row_count += len(rows)
+            yield rows
 
     with open_sink(sink) as stream:
-        chosen.write(rows(), stream)
-    return count
+        chosen.write(rows_of_tracks(), stream)
+    return row_count
 
 
 def _check_name(name: str) -> None:
+    """Refuse a name with half a surrogate pair, which no encoding can write."""
     try:
         name.encode()
     except UnicodeEncodeError:
         raise OutputError(
-            f"track {name!r}: its name holds half a letter, which can't be written; give the track another name"
+            f"track {name!r}: its name holds half a letter, which can't be written; "
+            "give the track another name"
         ) from None

@@ -1,1 +1,1 @@
-"""Writers of maps and matched routes, one file for each format."""
+"""Write maps and matched routes, with one module for each format."""

@@ -1,4 +1,4 @@
-"""A map as CSV: a row for each edge or way, with the places of its ends."""
+"""Write a map as CSV: a row for each edge, with the positions of its ends."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ __all__ = ["write_map_csv"]
 
 
 def write_map_csv(table: MapTable, path: Path) -> None:
-    """Write the columns, the coordinates of both ends, and ways as well-known text in the column ``line``.
+    """Write the columns of edges and the coordinates of both ends.
+
+    Edges with a shape have well-known text in the column ``line``.
 
     Parameters
     ----------
@@ -22,6 +24,7 @@ def write_map_csv(table: MapTable, path: Path) -> None:
     path : Path
         The file.
     """
+    # Properties, ends, shapes.
     columns = {name: _nan_to_null(values) for name, values in table.properties.items()}
     for end in ("u", "v"):
         nodes = table.properties[end]
@@ -31,10 +34,13 @@ def write_map_csv(table: MapTable, path: Path) -> None:
         }
     if table.has_shapes:
         columns["line"] = pa.array(table.wkt, pa.string())
+
+    # The header is written apart, since Arrow would quote it.
     with path.open("wb") as file:
         file.write((",".join(columns) + "\n").encode())
         pc.write_csv(pa.table(columns), file, pc.WriteOptions(include_header=False))
 
 
 def _nan_to_null(values: object) -> pa.Array:
+    """Return values as an Arrow array in which NaN is null, an empty cell."""
     return pa.array(values, from_pandas=True)

@@ -1,4 +1,4 @@
-"""A map as GeoJSON: a line for each edge or way."""
+"""Write a map as GeoJSON (RFC 7946): a line for each edge."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ __all__ = ["write_map_geojson"]
 
 
 def write_map_geojson(table: MapTable, path: Path, *, points: bool = False) -> None:
-    """Write edges or ways with their columns as properties; lengths in metres, speeds in m/s.
+    """Write edges with their columns as properties; lengths in metres, speeds in m/s.
 
     A line that crosses the antimeridian is a MultiLineString, cut there (RFC 7946, 3.1.9).
-
-    Coordinates of a map in x and y are metres, which GeoJSON has no word for: the member ``gpszip`` says so.
+    GeoJSON can't say that coordinates are metres; for a map in x and y, the member ``gpszip`` does.
 
     Parameters
     ----------
@@ -31,18 +30,24 @@ def write_map_geojson(table: MapTable, path: Path, *, points: bool = False) -> N
     points : bool
         Write the nodes, too, as Points with the property ``node``.
     """
-    node_positions, vertices = table.node_positions.tolist(), table.points.tolist()
+    # Lines.
+    vertices = table.points.tolist()
     columns = [_nan_to_null(column) for column in table.properties.values()]
     features = [
         _line_feature(
-            [vertices[part] for part in parts], dict(zip(table.properties, row, strict=True))
+            [vertices[fragment] for fragment in fragments],
+            dict(zip(table.properties, values, strict=True)),
         )
-        for parts, row in zip(table.line_parts, zip(*columns, strict=True), strict=True)
+        for fragments, values in zip(table.fragments, zip(*columns, strict=True), strict=True)
     ]
+
+    # Nodes.
     if points:
+        positions = table.node_positions.tolist()
         features += [
-            _feature("Point", node_positions[node], {"node": node}) for node in table.nodes.tolist()
+            _feature("Point", positions[node], {"node": node}) for node in table.nodes.tolist()
         ]
+
     member = "" if table.geographic else f"{json.dumps(METRES_MEMBER)[1:-1]}, "
     lines = ",\n".join(json.dumps(feature) for feature in features)
     path.write_text(
@@ -50,12 +55,10 @@ def write_map_geojson(table: MapTable, path: Path, *, points: bool = False) -> N
     )
 
 
-def _line_feature(parts: list[Any], properties: dict[str, Any]) -> dict[str, Any]:
-    return (
-        _feature("LineString", parts[0], properties)
-        if len(parts) == 1
-        else _feature("MultiLineString", parts, properties)
-    )
+def _line_feature(fragments: list[Any], properties: dict[str, Any]) -> dict[str, Any]:
+    if len(fragments) == 1:
+        return _feature("LineString", fragments[0], properties)
+    return _feature("MultiLineString", fragments, properties)
 
 
 def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
@@ -67,5 +70,5 @@ def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[st
 
 
 def _nan_to_null(column: NDArray[np.generic]) -> list[Any]:
-    """JSON has no word for NaN."""
+    """Return a column as a list in which NaN, which JSON can't hold, is None."""
     return [None if value != value else value for value in column.tolist()]  # noqa: PLR0124

@@ -1,4 +1,4 @@
-"""A map as GeoPackage, for geographic information systems."""
+"""Write a map as GeoPackage, for geographic information systems."""
 
 from __future__ import annotations
 
@@ -13,14 +13,20 @@ from gpszip.io.maps.table import MapTable
 
 __all__ = ["write_map_gpkg"]
 
-#: Kinds of geometries in well-known binary; 1000 more with z.
-_LINE, _MULTI = 2, 5
+#: Type of a LineString in well-known binary.
+_LINE_STRING = 2
+
+#: Type of a MultiLineString.
+_MULTI_LINE_STRING = 5
+
+#: Added to a type whose points have a z coordinate (ISO).
+_WITH_Z = 1000
 
 
 def write_map_gpkg(table: MapTable, path: Path) -> None:
-    """Write the layer ``edges``, or ``ways``, with the columns as fields; lengths in metres, speeds in m/s.
+    """Write the layer ``edges``, or ``ways`` of a clean map, with the columns as fields.
 
-    Lines that cross the antimeridian are cut there.
+    Lengths are in metres, speeds in m/s. Lines that cross the antimeridian are cut there.
 
     Parameters
     ----------
@@ -31,36 +37,44 @@ def write_map_gpkg(table: MapTable, path: Path) -> None:
     """
     import pyogrio
 
-    # GDAL builds it in memory: it tells nothing of a disk that is full when it closes a file
-    made = io.BytesIO()
+    # GDAL builds the file in memory: it ignores a full disk when it closes a file.
+    package = io.BytesIO()
+    geometry_type = "MultiLineString" if len(table.cuts) else "LineString"
+    if table.points.shape[1] == 3:
+        geometry_type += " Z"
     pyogrio.raw.write(
-        made,
+        package,
         geometry=_to_wkb(table),
         field_data=list(table.properties.values()),
         fields=list(table.properties),
         layer="ways" if table.has_shapes else "edges",
         driver="GPKG",
-        geometry_type=("MultiLineString" if len(table.cuts) else "LineString")
-        + (" Z" if table.points.shape[1] == 3 else ""),
+        geometry_type=geometry_type,
         crs="EPSG:4326" if table.geographic else 'LOCAL_CS["metres",UNIT["metre",1]]',
     )
-    path.write_bytes(made.getbuffer())
+    path.write_bytes(package.getbuffer())
 
 
 def _to_wkb(table: MapTable) -> NDArray[np.object_]:
-    """Lines in well-known binary; if any is cut, all are MultiLineStrings, as a layer is of one kind."""
-    packed, point = table.points.astype("<f8").tobytes(), 8 * table.points.shape[1]
-    space = 1000 if table.points.shape[1] == 3 else 0
+    """Return lines in well-known binary.
+
+    If any line is cut, all are MultiLineStrings, since a layer has one type.
+    """
+    coordinates = table.points.astype("<f8").tobytes()
+    point_bytes = 8 * table.points.shape[1]
+    z_flag = _WITH_Z if table.points.shape[1] == 3 else 0
+
     lines = np.empty(len(table), dtype=object)
-    for i, parts in enumerate(table.line_parts):
-        several = [
-            struct.pack("<BII", 1, _LINE + space, part.stop - part.start)
-            + packed[part.start * point : part.stop * point]
-            for part in parts
+    for i, fragments in enumerate(table.fragments):
+        # Byte order (1 is little-endian), type, number of points, points.
+        encoded = [
+            struct.pack("<BII", 1, _LINE_STRING + z_flag, fragment.stop - fragment.start)
+            + coordinates[fragment.start * point_bytes : fragment.stop * point_bytes]
+            for fragment in fragments
         ]
-        lines[i] = (
-            struct.pack("<BII", 1, _MULTI + space, len(several)) + b"".join(several)
-            if len(table.cuts)
-            else several[0]
-        )
+        if len(table.cuts):
+            header = struct.pack("<BII", 1, _MULTI_LINE_STRING + z_flag, len(encoded))
+            lines[i] = header + b"".join(encoded)
+        else:
+            lines[i] = encoded[0]
     return lines

@@ -1,9 +1,9 @@
-"""Writing what was matched: routes as lines, or the place of every point as rows."""
+"""Write matched routes: a line for each piece, or a row for each point."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -22,20 +22,35 @@ from gpszip.io.storage.sink import open_sink
 from gpszip.model import Network, Plane, Track
 from gpszip.model.match import Break, Match, Matching, Piece
 
-__all__ = ["route_format", "write_routes"]
+__all__ = ["ROUTE_FORMATS", "route_format", "write_routes"]
 
+#: Decimals of metres and of shares.
 _DECIMALS = 3
 
-_FORMATS = {".geojson": "geojson", ".json": "geojson", ".csv": "csv"}
+#: Decimals of the share of points that are matched.
+_SHARE_DECIMALS = 4
+
+#: Formats of routes with their suffixes; the first is that of a stream.
+ROUTE_FORMATS = {"geojson": (".geojson", ".json"), "csv": (".csv",)}
+
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
 
 
 def route_format(sink: str | Path | BinaryIO, format: str | None = None) -> str:
-    """Format in which routes are written: ``"geojson"`` or ``"csv"``, told from a name where left out, GeoJSON for a stream.
+    """Return the name of the format in which routes are written.
+
+    Parameters
+    ----------
+    sink : str, Path or binary stream
+        Where they are written.
+    format : str, optional
+        The format; found from the suffix of ``sink`` if left out, GeoJSON for a stream.
 
     Raises
     ------
     OutputError
-        If it is another one.
+        If there is no such format.
 
     Examples
     --------
@@ -43,12 +58,15 @@ def route_format(sink: str | Path | BinaryIO, format: str | None = None) -> str:
     ('csv', 'geojson')
     """
     suffix = Path(str(sink)).suffix.lower() if isinstance(sink, (str, Path)) else ""
-    chosen = format or _FORMATS.get(suffix, "geojson" if not suffix else suffix[1:])
-    if chosen not in {"geojson", "csv"}:
-        raise OutputError(
-            f"{sink}: routes are written as geojson or csv, not as {chosen}; name such a file, or give --format"
-        )
-    return chosen
+    if format is None and not suffix:
+        return next(iter(ROUTE_FORMATS))
+    for name, suffixes in ROUTE_FORMATS.items():
+        if format == name or (format is None and suffix in suffixes):
+            return name
+    raise OutputError(
+        f"{sink}: routes are written as {' or '.join(ROUTE_FORMATS)}, not as "
+        f"{format or suffix[1:]}; name such a file, or give --format"
+    )
 
 
 def write_routes(
@@ -58,81 +76,103 @@ def write_routes(
     sink: str | Path | BinaryIO,
     format: str | None = None,
 ) -> None:
-    """Write routes; on the earth in degrees.
+    """Write routes; positions on the earth in degrees.
 
     Parameters
     ----------
     matching : Matching
-        What was matched.
+        The matched routes.
     tracks : sequence of Track
         The log.
     network : Network
         The roads.
     sink : str, Path or binary stream
-        The file, which appears whole or not at all and replaces another of its name; ``-`` for standard output.
+        The file; ``-`` for standard output. It replaces another file of this name once it is
+        complete.
     format : str, optional
-        ``geojson``, a line for each piece; or ``csv``, a row for each point. Told from the name where left out.
+        ``geojson``, a line for each piece, or ``csv``, a row for each point. Found from the file's
+        suffix if left out.
 
     Raises
     ------
     OutputError
         If the file can't be written.
     """
-    chosen = route_format(sink, format)
+    format_name = route_format(sink, format)
     with open_sink(sink) as stream:
-        if chosen == "csv":
+        if format_name == "csv":
             _write_csv(matching, tracks, network, stream)
         else:
             _write_geojson(matching, tracks, network, stream)
 
 
+# GeoJSON.
+
+
 def _write_geojson(
     matching: Matching, tracks: Sequence[Track], network: Network, stream: BinaryIO
 ) -> None:
+    """Write pieces as features, and unmatched slices as the member ``unmatched``."""
+    pairs = list(zip(matching.matches, tracks, strict=True))
     member = "" if network.plane is not None else f"{json.dumps(METRES_MEMBER)[1:-1]}, "
     stream.write(f'{{"type": "FeatureCollection", {member}"features": ['.encode())
-    separator = "\n"
-    for match, track in zip(matching.matches, tracks, strict=True):
-        for feature in _features(match, track, network):
-            stream.write((separator + json.dumps(feature, ensure_ascii=False)).encode())
-            separator = ",\n"
+    _write_items(
+        (feature for match, track in pairs for feature in _features(match, track, network)), stream
+    )
+
+    # GeoJSON allows members of a collection that it does not know.
     stream.write(b'\n], "unmatched": [')
-    separator = "\n"
-    for match, track in zip(matching.matches, tracks, strict=True):
-        for stretch in _unmatched_slices(match, track, network):
-            stream.write((separator + json.dumps(stretch, ensure_ascii=False)).encode())
-            separator = ",\n"
+    _write_items(
+        (item for match, track in pairs for item in _unmatched_slices(match, track, network)),
+        stream,
+    )
     stream.write(b"\n]}\n")
 
 
+def _write_items(items: Iterable[dict[str, Any]], stream: BinaryIO) -> None:
+    """Write the items of a JSON array, one a line."""
+    separator = "\n"
+    for item in items:
+        stream.write((separator + json.dumps(item, ensure_ascii=False)).encode())
+        separator = ",\n"
+
+
 def _unmatched_slices(match: Match, track: Track, network: Network) -> Iterator[dict[str, Any]]:
-    """Stretches on no road, with the first and last time of their points and why."""
-    for one in match.breaks:
-        points = one.after + 1 + np.flatnonzero(match.piece[one.after + 1 : one.before] < 0)
+    """Yield slices of a track on no road, with their first and last time and the reason."""
+    for break_ in match.breaks:
+        points = (
+            break_.after + 1 + np.flatnonzero(match.piece[break_.after + 1 : break_.before] < 0)
+        )
         if not len(points):
             continue
-        stretch = {
+
+        item = {
             "track_id": match.track,
             **_times(track, int(points[0]), int(points[-1])),
             "points": len(points),
-            "reason": one.reason,
+            "reason": break_.reason,
         }
-        yield stretch | ({"against": _road_labels(one, network)} if one.edges else {})
+        if break_.edges:
+            item["against"] = _road_labels(break_, network)
+        yield item
 
 
 def _features(match: Match, track: Track, network: Network) -> Iterator[dict[str, Any]]:
+    """Yield the pieces of a route as features."""
     for number, piece in enumerate(match.pieces):
-        line = _to_output_coordinates(
-            piece.line if len(piece.line) > 1 else np.repeat(piece.line, 2, axis=0), network.plane
-        )
-        properties = _properties(match, number, piece, track) | {"roads": _road_ids(piece, network)}
+        # A line needs two vertices.
+        vertices = piece.line if len(piece.line) > 1 else np.repeat(piece.line, 2, axis=0)
+        line = _to_output_coordinates(vertices, network.plane)
+
+        properties = _properties(match, number, piece, track)
+        properties["roads"] = _road_ids(piece, network)
         if network.names is not None:
             properties["names"] = _street_names(piece, network.names)
         against = [
-            name
-            for one in match.breaks
-            if one.after == piece.last and one.edges
-            for name in _road_labels(one, network)
+            label
+            for break_ in match.breaks
+            if break_.after == piece.last and break_.edges
+            for label in _road_labels(break_, network)
         ]
         if against:
             properties["against"] = against
@@ -143,15 +183,15 @@ def _features(match: Match, track: Track, network: Network) -> Iterator[dict[str
         }
 
 
-def _geometry(line: NDArray[np.float64], plane: Plane | None) -> dict[str, Any]:
-    """A line, in two or more parts where it crosses the antimeridian (RFC 7946, 3.1.9)."""
+def _geometry(line: Floats, plane: Plane | None) -> dict[str, Any]:
+    """Return a line as a geometry, cut where it crosses the antimeridian (RFC 7946, 3.1.9)."""
     if plane is None:
         return {"type": "LineString", "coordinates": line.tolist()}
-    found = cut_at_antimeridian(line, np.array([0, len(line)]), decimals=_DECIMALS + DEGREE_DIGITS)
-    parts = [part.tolist() for part in np.split(found.points, found.cuts)]
-    if len(parts) == 1:
-        return {"type": "LineString", "coordinates": parts[0]}
-    return {"type": "MultiLineString", "coordinates": parts}
+    cut = cut_at_antimeridian(line, np.array([0, len(line)]), decimals=_DECIMALS + DEGREE_DIGITS)
+    fragments = [fragment.tolist() for fragment in np.split(cut.points, cut.cuts)]
+    if len(fragments) == 1:
+        return {"type": "LineString", "coordinates": fragments[0]}
+    return {"type": "MultiLineString", "coordinates": fragments}
 
 
 def _properties(match: Match, number: int, piece: Piece, track: Track) -> dict[str, Any]:
@@ -162,121 +202,140 @@ def _properties(match: Match, number: int, piece: Piece, track: Track) -> dict[s
         "points": int((match.piece == number).sum()),
         "length": round(piece.length, _DECIMALS),
         "confidence": round(piece.confidence, _DECIMALS),
-        "matched": round(match.share, 4),
+        "matched": round(match.share, _SHARE_DECIMALS),
         "end": piece.reason,
     }
 
 
 def _times(track: Track, first: int, last: int) -> dict[str, float]:
-    """Times of the first and the last point of a stretch; none where the track has none."""
+    """Return the times of the first and the last point of a slice; none of an untimed track."""
     if not track.timed:
         return {}
     start, end = round_decimals(track.times[[first, last]], TIME_DECIMALS).tolist()
     return {"t_start": start, "t_end": end}
 
 
-def _road_labels(one: Break, network: Network) -> list[str]:
-    """What the roads that a break leads against are called."""
-    return list(dict.fromkeys(map(network.label, one.edges)))
+def _road_labels(break_: Break, network: Network) -> list[str]:
+    """Return the labels of the roads that a break travels against their direction."""
+    return list(dict.fromkeys(map(network.label, break_.edges)))
 
 
 def _street_names(piece: Piece, names: Sequence[str]) -> list[str]:
-    """Street names in the order of travel, those of several roads in a row once; roads without a name are passed over."""
+    """Return the street names of a piece in the order of travel.
+
+    A name that consecutive roads share stands once; roads without a name are passed over.
+    """
     travelled = [names[edge] for edge in piece.route.edges.tolist()]
     return [name for name, _ in groupby(filter(None, travelled))]
 
 
 def _road_ids(piece: Piece, network: Network) -> list[Any]:
-    """Ids of the roads travelled, those that several in a row share once; their numbers where they have none."""
+    """Return the ids of the roads travelled, or their numbers if they have none.
+
+    An id that consecutive roads share stands once.
+    """
     edges = piece.route.edges.tolist()
-    names = edges if network.ids is None else [network.ids[edge] for edge in edges]
-    return [name for name, _ in groupby(names)]
+    ids = edges if network.ids is None else [network.ids[edge] for edge in edges]
+    return [road_id for road_id, _ in groupby(ids)]
 
 
-def _to_output_coordinates(
-    positions: NDArray[np.float64], plane: Plane | None
-) -> NDArray[np.float64]:
-    """Longitude and latitude, or metres, rounded."""
+def _to_output_coordinates(positions: Floats, plane: Plane | None) -> Floats:
+    """Return longitude and latitude, or metres, rounded."""
     if plane is None:
         return round_decimals(positions, _DECIMALS)
     lat, lon = to_geographic(positions[:, :2], plane)
     return round_decimals(np.stack([lon, lat], axis=1), _DECIMALS + DEGREE_DIGITS)
 
 
+# CSV.
+
+
 def _write_csv(
     matching: Matching, tracks: Sequence[Track], network: Network, stream: BinaryIO
 ) -> None:
-    header = True
+    needs_header = True
     for match, track in zip(matching.matches, tracks, strict=True):
         table = _point_table(match, track, network)
-        if header:
+        if needs_header:
             stream.write((",".join(table.column_names) + "\n").encode())
         pc.write_csv(table, stream, pc.WriteOptions(include_header=False, quoting_style="needed"))
-        header = False
+        needs_header = False
 
 
 def _point_table(match: Match, track: Track, network: Network) -> pa.Table:
-    on = match.piece >= 0
-    off = ~on
+    """Return a row for each point; columns about roads are null for points on no road."""
+    off_road = match.piece < 0
     columns: dict[str, Any] = {"track_id": pa.array([match.track] * len(match), pa.string())}
-    columns["t"] = _masked(
-        round_decimals(track.times, TIME_DECIMALS), np.full(len(track), not track.timed)
-    )
-    columns |= _coordinate_columns("", track.positions, track.plane, np.zeros(len(track), np.bool_))
-    columns |= _coordinate_columns("road_", match.snapped_positions(network), network.plane, off)
-    columns["distance"] = _masked(round_decimals(match.distance, _DECIMALS), off)
-    columns["piece"] = pa.array(match.piece, mask=off)
-    names = (
-        match.edge
-        if network.ids is None
-        else [network.ids[edge] if edge >= 0 else "" for edge in match.edge.tolist()]
-    )
-    columns["road"] = pa.array(names, mask=off)
-    columns["forward"] = pa.array(match.forward, mask=off)
-    columns["offset"] = _masked(round_decimals(match.offset, _DECIMALS), off)
-    columns["along"] = _masked(round_decimals(match.along, _DECIMALS), off)
+
+    # The point, and its position on the road.
+    has_no_time = np.full(len(track), not track.timed)
+    nothing_missing = np.zeros(len(track), np.bool_)
+    columns["t"] = _masked(round_decimals(track.times, TIME_DECIMALS), has_no_time)
+    columns |= _coordinate_columns("", track.positions, track.plane, nothing_missing)
+    snapped = match.snapped_positions(network)
+    columns |= _coordinate_columns("road_", snapped, network.plane, off_road)
+    columns["distance"] = _masked(round_decimals(match.distance, _DECIMALS), off_road)
+
+    # The road.
+    edges = match.edge.tolist()
+    if network.ids is None:
+        roads: Any = match.edge
+    else:
+        roads = [network.ids[edge] if edge >= 0 else "" for edge in edges]
+    columns["piece"] = pa.array(match.piece, mask=off_road)
+    columns["road"] = pa.array(roads, mask=off_road)
+    columns["forward"] = pa.array(match.forward, mask=off_road)
+    columns["offset"] = _masked(round_decimals(match.offset, _DECIMALS), off_road)
+    columns["along"] = _masked(round_decimals(match.along, _DECIMALS), off_road)
     columns["confidence"] = round_decimals(match.confidence, _DECIMALS)
     if network.names is not None:
-        columns["name"] = pa.array(
-            [network.names[edge] if edge >= 0 else None for edge in match.edge.tolist()],
-            pa.string(),
-        )
+        names = [network.names[edge] if edge >= 0 else None for edge in edges]
+        columns["name"] = pa.array(names, pa.string())
+
     columns["reason"], columns["against"] = _reasons(match, network)
     return pa.table(columns)
 
 
 def _reasons(match: Match, network: Network) -> tuple[pa.Array, pa.Array]:
-    """Why points are on no road, and the one-way roads that they travel against; null for those that are on one."""
-    which = np.full(len(match), -1)
-    for number, one in enumerate(match.breaks):
-        which[one.after + 1 : one.before] = number
-    which[match.piece >= 0] = -1
-    off = pa.array(which, mask=which < 0)
-    reasons = pa.array([one.reason for one in match.breaks], pa.string())
-    against = pa.array(
-        ["; ".join(_road_labels(one, network)) or None for one in match.breaks], pa.string()
-    )
-    return reasons.take(off), against.take(off)
+    """Return why points are on no road, and the one-way roads that they travel against.
+
+    Both are null for points on a road.
+    """
+    # The break that each point is in.
+    break_index = np.full(len(match), -1)
+    for number, break_ in enumerate(match.breaks):
+        break_index[break_.after + 1 : break_.before] = number
+    break_index[match.piece >= 0] = -1
+    index = pa.array(break_index, mask=break_index < 0)
+
+    reasons = pa.array([break_.reason for break_ in match.breaks], pa.string())
+    labels = ["; ".join(_road_labels(break_, network)) or None for break_ in match.breaks]
+    return reasons.take(index), pa.array(labels, pa.string()).take(index)
 
 
 def _coordinate_columns(
-    prefix: str, positions: NDArray[np.float64], plane: Plane | None, missing: NDArray[np.bool_]
+    prefix: str, positions: Floats, plane: Plane | None, missing: Bools
 ) -> dict[str, Any]:
-    there = np.where(missing[:, None], 0.0, positions)
+    """Return a column for each coordinate: x, y, z, x4 ... or lat and lon."""
+    known = np.where(missing[:, None], 0.0, positions)
     if plane is None:
-        names = [*"xyz", *(f"x{i}" for i in range(4, positions.shape[1] + 1))][: positions.shape[1]]
+        dimension = positions.shape[1]
+        names = [*"xyz", *(f"x{i}" for i in range(4, dimension + 1))][:dimension]
         return {
-            prefix + name: _masked(round_decimals(there[:, i], _DECIMALS), missing)
+            prefix + name: _masked(round_decimals(known[:, i], _DECIMALS), missing)
             for i, name in enumerate(names)
         }
-    there[missing, 0] = (
-        np.interp(np.flatnonzero(missing), np.flatnonzero(~missing), there[~missing, 0])
-        if not missing.all()
-        else 0.0
-    )
-    lon, lat = _to_output_coordinates(there, plane).T
+
+    # Missing positions are converted, too, and masked later: put them on the planes of the others.
+    if missing.all():
+        known[:, 0] = 0.0
+    else:
+        rows = np.arange(len(known))
+        known[missing, 0] = np.interp(rows[missing], rows[~missing], known[~missing, 0])
+    lon, lat = _to_output_coordinates(known, plane).T
     return {prefix + "lat": _masked(lat, missing), prefix + "lon": _masked(lon, missing)}
 
 
-def _masked(values: NDArray[np.float64], missing: NDArray[np.bool_]) -> pa.Array:
+def _masked(values: Floats, missing: Bools) -> pa.Array:
+    """Return an Arrow array in which missing values are null."""
     return pa.array(values, mask=missing)

@@ -1,4 +1,4 @@
-"""A map's nodes and edges, or junctions and ways, as columns that can be written in any format."""
+"""The nodes and edges of a map as columns, which can be written in any format."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from gpszip.model import CleanMap, Plane, RoadMap
 
 __all__ = ["MapTable", "clean_map_table", "map_table"]
 
-#: Decimals of metres.
+#: Decimals of metres in files.
 _DECIMALS = 3
 
-#: Metres by which a line in degrees may deviate from the one on the plane.
+#: Metres by which a line in degrees may deviate from the line on the plane.
 _MAX_DEVIATION = 0.1
 
 
@@ -29,20 +29,21 @@ class MapTable:
     Parameters
     ----------
     node_positions : float64 array, shape (V, d)
-        Longitude and latitude in degrees, or metres, of nodes or junctions.
+        Positions of nodes or junctions: longitude and latitude in degrees, or metres.
     geographic : bool
-        Whether the places are degrees.
+        Whether positions are degrees.
     offsets : int64 array, shape (E + 1,)
-        Line i runs through ``points[offsets[i]:offsets[i + 1]]``.
+        Vertices of line i are ``points[offsets[i]:offsets[i + 1]]``.
     points : float64 array, shape (n, d)
-        As the places. Of a long edge or way in degrees, some lie between its nodes, as what is straight on a plane is not
-        straight in degrees.
+        Vertices of the lines. A long edge in degrees has some between its nodes, since a line that
+        is straight on a plane is not straight in degrees.
     properties : dict of str to array, shape (E,)
-        Columns of the lines by their names in files, first u and v, the places where each line ends. NaN stands for nothing.
+        Columns of the lines by their names in files. The first are u and v, the indices of the
+        nodes where each line starts and ends. NaN is a missing value.
     has_shapes : bool
         Whether lines have points between their ends.
     cuts : int64 array, shape (c,)
-        Sorted indices into ``points`` at which a line begins anew, on the other side of the antimeridian.
+        Sorted indices into ``points`` at which a line goes on across the antimeridian.
     """
 
     node_positions: NDArray[np.float64]
@@ -63,49 +64,51 @@ class MapTable:
 
     @property
     def nodes(self) -> NDArray[np.int64]:
-        """Nodes at which a line ends, in the order of their numbers."""
-        return np.unique(
-            np.concatenate([self.properties["u"], self.properties["v"]]).astype(np.int64)
-        )
+        """Nodes at which a line starts or ends, in the order of their numbers."""
+        ends = np.concatenate([self.properties["u"], self.properties["v"]])
+        return np.unique(ends.astype(np.int64))
 
     @property
-    def line_parts(self) -> list[list[slice]]:
-        """Points of the parts of each line: one, or several where it is cut."""
-        ends = self.offsets.tolist()
+    def fragments(self) -> list[list[slice]]:
+        """Indices of the vertices of each line: one slice, or several if the line is cut."""
+        offsets = self.offsets.tolist()
         if not len(self.cuts):
-            return [[slice(i, j)] for i, j in pairwise(ends)]
-        first, last = (
-            np.searchsorted(self.cuts, ends, side).tolist() for side in ("right", "left")
-        )
+            return [[slice(start, stop)] for start, stop in pairwise(offsets)]
+
+        # The cuts of line i are those after its first vertex and before its end.
+        first_cut = np.searchsorted(self.cuts, offsets, "right").tolist()
+        last_cut = np.searchsorted(self.cuts, offsets, "left").tolist()
         cuts = self.cuts.tolist()
-        return [
-            [slice(i, j) for i, j in pairwise([start, *cuts[first[n] : last[n + 1]], end])]
-            for n, (start, end) in enumerate(pairwise(ends))
-        ]
+        fragments = []
+        for i, (start, stop) in enumerate(pairwise(offsets)):
+            bounds = [start, *cuts[first_cut[i] : last_cut[i + 1]], stop]
+            fragments.append([slice(a, b) for a, b in pairwise(bounds)])
+        return fragments
 
     @property
     def wkt(self) -> list[str]:
         """Lines in well-known text."""
-        space = " Z" if self.points.shape[1] == 3 else ""
-        texts = [" ".join(map(repr, point)) for point in self.points.tolist()]
-        lines = [[f"({', '.join(texts[part])})" for part in parts] for parts in self.line_parts]
-        return [
-            f"LINESTRING{space} {one[0]}"
-            if len(one) == 1
-            else f"MULTILINESTRING{space} ({', '.join(one)})"
-            for one in lines
-        ]
+        z_flag = " Z" if self.points.shape[1] == 3 else ""
+        vertices = [" ".join(map(repr, point)) for point in self.points.tolist()]
+        lines = []
+        for slices in self.fragments:
+            texts = [f"({', '.join(vertices[fragment])})" for fragment in slices]
+            if len(texts) == 1:
+                lines.append(f"LINESTRING{z_flag} {texts[0]}")
+            else:
+                lines.append(f"MULTILINESTRING{z_flag} ({', '.join(texts)})")
+        return lines
 
 
 def map_table(road_map: RoadMap, min_traversals: int = 0) -> MapTable:
-    """Put a road map's nodes and edges in columns.
+    """Return the nodes and edges of a road map as columns.
 
     Parameters
     ----------
     road_map : RoadMap
         The map.
     min_traversals : int
-        Leave out edges that were travelled less often, both directions together.
+        Leave out edges with fewer traversals in both directions together.
 
     Returns
     -------
@@ -114,25 +117,30 @@ def map_table(road_map: RoadMap, min_traversals: int = 0) -> MapTable:
 
     Examples
     --------
-    >>> road_map = RoadMap(np.array([[0.0, 0.0], [3.0, 4.0]]), np.array([[0, 1]], dtype=np.int32), np.array([2]), np.array([1]))
-    >>> map_table(road_map).properties["length"].tolist(), len(map_table(road_map, min_traversals=4))
-    ([5.0], 0)
+    >>> nodes, edges = np.array([[0.0, 0.0], [3.0, 4.0]]), np.array([[0, 1]], dtype=np.int32)
+    >>> road_map = RoadMap(nodes, edges, np.array([2]), np.array([1]))
+    >>> map_table(road_map).properties["length"].tolist()
+    [5.0]
+    >>> len(map_table(road_map, min_traversals=4))
+    0
     """
-    often = road_map.forward + road_map.backward >= min_traversals
-    u, v = road_map.edges[often].astype(np.int64).T
+    # Columns.
+    is_kept = road_map.forward + road_map.backward >= min_traversals
+    u, v = road_map.edges[is_kept].astype(np.int64).T
     steps = road_map.nodes[v] - road_map.nodes[u]
-    node_positions = _to_output_coordinates(road_map.nodes, road_map.plane)
     columns = {
         "u": u,
         "v": v,
-        "forward": road_map.forward[often],
-        "backward": road_map.backward[often],
+        "forward": road_map.forward[is_kept],
+        "backward": road_map.backward[is_kept],
         "length": round_decimals(np.sqrt((steps * steps).sum(axis=1)), _DECIMALS),
     }
+
+    # Coordinates.
     points = road_map.nodes[np.stack((u, v), axis=1).ravel()]
     lines = _to_output_lines(points, np.arange(0, 2 * len(u) + 1, 2), road_map.plane)
     return MapTable(
-        node_positions,
+        _to_output_coordinates(road_map.nodes, road_map.plane),
         road_map.plane is not None,
         lines.offsets,
         lines.points,
@@ -141,38 +149,40 @@ def map_table(road_map: RoadMap, min_traversals: int = 0) -> MapTable:
     )
 
 
-def clean_map_table(ways: CleanMap) -> MapTable:
-    """Put a clean map's junctions and ways in columns: counts, length, width, and speeds where they are known.
+def clean_map_table(clean_map: CleanMap) -> MapTable:
+    """Return the junctions and edges of a clean map as columns.
 
-    Examples
-    --------
-    >>> line, none = np.array([[0.0, 0.0], [3.0, 4.0]]), np.zeros((1, 0))
-    >>> one, ends = np.ones(1, np.int64), np.array([[0, 1]], np.int32)
-    >>> ways = CleanMap(line, ends, np.array([0, 2]), line, np.array([5.0]), one, one, np.full((1, 3), 2.0), none, np.ones(1))
-    >>> list(clean_map_table(ways).properties)
-    ['u', 'v', 'forward', 'backward', 'length', 'width', 'speed', 'speed_q1', 'speed_q3']
+    The columns are counts of traversals, length, width, and quartiles of speeds; hourly speeds if
+    the map has them.
+
+    Parameters
+    ----------
+    clean_map : CleanMap
+        The map.
     """
-    u, v = ways.ends.astype(np.int64).T
+    # Columns.
+    u, v = clean_map.ends.astype(np.int64).T
     columns = {
         "u": u,
         "v": v,
-        "forward": ways.forward,
-        "backward": ways.backward,
-        "length": _round_metres(ways.length),
-        "width": _round_metres(ways.width),
-        "speed": _round_metres(ways.speed[:, 1]),
-        "speed_q1": _round_metres(ways.speed[:, 0]),
-        "speed_q3": _round_metres(ways.speed[:, 2]),
+        "forward": clean_map.forward,
+        "backward": clean_map.backward,
+        "length": _round_metres(clean_map.length),
+        "width": _round_metres(clean_map.width),
+        "speed": _round_metres(clean_map.speed[:, 1]),
+        "speed_q1": _round_metres(clean_map.speed[:, 0]),
+        "speed_q3": _round_metres(clean_map.speed[:, 2]),
     }
-    parts = ways.hourly.shape[1]
-    columns |= {
-        f"speed_{24 * i // parts:02d}h": _round_metres(ways.hourly[:, i]) for i in range(parts)
-    }
-    lines = _to_output_lines(ways.points, ways.offsets, ways.plane)
-    node_positions = _to_output_coordinates(ways.junctions, ways.plane)
+    interval_count = clean_map.hourly.shape[1]
+    for i in range(interval_count):
+        hour = 24 * i // interval_count
+        columns[f"speed_{hour:02d}h"] = _round_metres(clean_map.hourly[:, i])
+
+    # Coordinates.
+    lines = _to_output_lines(clean_map.points, clean_map.offsets, clean_map.plane)
     return MapTable(
-        node_positions,
-        ways.plane is not None,
+        _to_output_coordinates(clean_map.junctions, clean_map.plane),
+        clean_map.plane is not None,
         lines.offsets,
         lines.points,
         columns,
@@ -182,12 +192,14 @@ def clean_map_table(ways: CleanMap) -> MapTable:
 
 
 def _round_metres(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Round metres or m/s; NaN stays."""
     return np.where(np.isnan(values), np.nan, round_decimals(np.nan_to_num(values), _DECIMALS))
 
 
 def _to_output_coordinates(
     positions: NDArray[np.float64], plane: Plane | None
 ) -> NDArray[np.float64]:
+    """Return longitude and latitude, or metres, rounded."""
     if plane is None or not len(positions):
         return round_decimals(positions, _DECIMALS)
     lat, lon = to_geographic(positions[:, :2], plane)
@@ -197,6 +209,7 @@ def _to_output_coordinates(
 def _to_output_lines(
     positions: NDArray[np.float64], offsets: NDArray[np.int64], plane: Plane | None
 ) -> DegreeLines:
+    """Return lines in degrees, cut at the antimeridian, or in metres; rounded."""
     if plane is None or not len(positions):
         return DegreeLines(round_decimals(positions, _DECIMALS), offsets, np.empty(0, np.int64))
     return lines_in_degrees(

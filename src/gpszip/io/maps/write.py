@@ -1,8 +1,13 @@
-"""Writing road maps in any format that can hold them."""
+"""Write road maps in any format that can hold them.
+
+To add a format here, write its writer in one module and add it to :data:`MAP_FORMATS`. Another
+package adds a :class:`MapFormat` as an entry point of the group ``gpszip.map_formats``.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -12,19 +17,122 @@ from gpszip.io.maps.geojson import write_map_geojson
 from gpszip.io.maps.gpkg import write_map_gpkg
 from gpszip.io.maps.graphml import write_map_graphml
 from gpszip.io.maps.table import MapTable, clean_map_table, map_table
+from gpszip.io.plugins import load_plugins
 from gpszip.io.storage.sink import atomic_write, to_stdout
 from gpszip.model import CleanMap, RoadMap
 
-__all__ = ["MAP_FORMATS", "write_map"]
+__all__ = [
+    "MAP_FORMATS",
+    "MapFormat",
+    "find_map_format",
+    "map_formats",
+    "map_suffixes",
+    "write_map",
+]
 
-#: Writers by suffix.
-MAP_FORMATS: dict[str, Callable[[MapTable, Path], None]] = {
-    ".geojson": write_map_geojson,
-    ".json": write_map_geojson,
-    ".graphml": write_map_graphml,
-    ".gpkg": write_map_gpkg,
-    ".csv": write_map_csv,
-}
+#: Group of entry points by which other packages add formats.
+_PLUGIN_GROUP = "gpszip.map_formats"
+
+
+@dataclass(frozen=True)
+class MapFormat:
+    """One format of maps.
+
+    Parameters
+    ----------
+    name : str
+        Name by which users choose it.
+    suffixes : tuple of str
+        Suffixes of its files, in lower case.
+    write : callable
+        Writes a table to a path, which doesn't exist yet.
+    write_with_nodes : callable, optional
+        Writes the nodes, too. Leave it out for a format that always or never holds nodes.
+    is_binary : bool
+        Whether its files are not for a terminal.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    write: Callable[[MapTable, Path], None]
+    write_with_nodes: Callable[[MapTable, Path], None] | None = None
+    is_binary: bool = False
+
+
+#: Formats in the order in which help texts name them; the first is that of standard output.
+MAP_FORMATS: tuple[MapFormat, ...] = (
+    MapFormat(
+        "geojson",
+        (".geojson", ".json"),
+        write_map_geojson,
+        write_with_nodes=partial(write_map_geojson, points=True),
+    ),
+    MapFormat("graphml", (".graphml",), write_map_graphml),
+    MapFormat("gpkg", (".gpkg",), write_map_gpkg, is_binary=True),
+    MapFormat("csv", (".csv",), write_map_csv),
+)
+
+
+def map_formats() -> tuple[MapFormat, ...]:
+    """Return all formats: those of this package, then those of other packages.
+
+    Raises
+    ------
+    InputError
+        If a format of another package can't be loaded.
+    """
+    return (*MAP_FORMATS, *load_plugins(_PLUGIN_GROUP, MapFormat))
+
+
+def map_suffixes() -> tuple[str, ...]:
+    """Return the suffixes of all formats.
+
+    Examples
+    --------
+    >>> map_suffixes()[:3]
+    ('.geojson', '.json', '.graphml')
+    """
+    return tuple(suffix for map_format in map_formats() for suffix in map_format.suffixes)
+
+
+def find_map_format(path: str | Path, name: str | None = None) -> MapFormat:
+    """Find the format in which a map is written.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file; ``-`` for standard output.
+    name : str, optional
+        Name of the format; found from the suffix of the file if left out.
+
+    Raises
+    ------
+    OutputError
+        If there is no such format.
+
+    Examples
+    --------
+    >>> find_map_format("city.GPKG").name, find_map_format("-").name
+    ('gpkg', 'geojson')
+    """
+    formats = map_formats()
+    if name is None and str(path) == "-":
+        return formats[0]
+
+    # Find it by its name or by a suffix.
+    suffix = Path(path).suffix.lower() if name is None else f".{name.lower()}"
+    for map_format in formats:
+        if suffix in map_format.suffixes or (name is not None and name.lower() == map_format.name):
+            return map_format
+
+    # There is none: say which there are.
+    if name is not None:
+        names = ", ".join(map_format.name for map_format in formats)
+        raise OutputError(f"{path}: no format {name!r} for maps; there are {names}")
+    raise OutputError(
+        f"{path}: can't tell the format from this name; end it with one of "
+        f"{', '.join(map_suffixes())}"
+    )
 
 
 def write_map(
@@ -35,38 +143,38 @@ def write_map(
     format: str | None = None,
     nodes: bool = False,
 ) -> None:
-    """Write a map; places on the earth as longitude and latitude.
+    """Write a map; positions on the earth as longitude and latitude.
 
     Parameters
     ----------
-    road_map : RoadMap or WayMap
-        Nodes and edges as they were learned, or junctions and ways.
+    road_map : RoadMap or CleanMap
+        Nodes and edges as they were learned, or junctions and the streets between them.
     path : str or Path
-        The file, which appears whole or not at all and replaces another of its name; ``-`` for standard output.
+        The file; ``-`` for standard output. It replaces another file of this name once it is
+        complete.
     min_traversals : int
-        Leave out edges that were travelled less often, both directions together; a clean map was made with its own minimum.
+        Leave out edges with fewer traversals in both directions together. A clean map has its own
+        minimum.
     format : str, optional
-        ``geojson``, ``graphml``, ``gpkg`` or ``csv``; told from the name where left out, GeoJSON for ``-``.
+        Name of a format, one of :func:`map_formats`. Found from the file's suffix if left out;
+        GeoJSON for ``-``.
     nodes : bool
         Write the nodes to GeoJSON, too.
 
     Raises
     ------
     OutputError
-        If the format is not known or the file can't be written.
+        If the format is unknown or the file can't be written.
     """
-    suffix = f".{format}" if format else ".geojson" if str(path) == "-" else Path(path).suffix
-    write = MAP_FORMATS.get(suffix.lower())
-    if write is None:
-        raise OutputError(
-            f"{path}: can't tell the format from this name; end it with one of {', '.join(MAP_FORMATS)}"
-        )
-    if nodes and write is write_map_geojson:
-        write = partial(write_map_geojson, points=True)
-    table = (
-        clean_map_table(road_map)
-        if isinstance(road_map, CleanMap)
-        else map_table(road_map, min_traversals)
-    )
-    with to_stdout(suffix) if str(path) == "-" else atomic_write(path) as file:
+    map_format = find_map_format(path, format)
+    write = map_format.write
+    if nodes and map_format.write_with_nodes is not None:
+        write = map_format.write_with_nodes
+
+    # Write the columns of the map.
+    if isinstance(road_map, CleanMap):
+        table = clean_map_table(road_map)
+    else:
+        table = map_table(road_map, min_traversals)
+    with to_stdout(map_format.suffixes[0]) if str(path) == "-" else atomic_write(path) as file:
         write(table, file)

@@ -1,1 +1,1 @@
-"""Readers of road networks, one file for each format."""
+"""Read road networks of any format, and join their lines to a graph."""

@@ -1,4 +1,4 @@
-"""A map learnt from logs as a network: its ways may be travelled both ways, at the speed at which they were."""
+"""The clean map of an archive as a road network."""
 
 from __future__ import annotations
 
@@ -12,38 +12,43 @@ from gpszip.model import CleanMap
 __all__ = ["clean_map_lines"]
 
 
-def clean_map_lines(ways: CleanMap, name: str) -> RoadLines:
-    """Lines of a clean map.
+def clean_map_lines(clean_map: CleanMap, name: str) -> RoadLines:
+    """Return the edges of a clean map as road lines.
 
-    That a way was travelled in one direction only does not say that the other one is forbidden.
+    Every edge may be travelled both ways: if the log has travels in one direction only, the other
+    direction need not be forbidden.
 
     Parameters
     ----------
-    ways : WayMap
+    clean_map : CleanMap
         The map.
     name : str
-        Of its archive.
+        Name of its archive.
 
     Returns
     -------
     RoadLines
-        With the median speeds where they are known; the ids are their numbers, and they have no names.
+        Speeds are the median speeds of travel, NaN where unknown. Ids are the numbers of the
+        edges; there are no street names.
     """
-    points = ways.points[:, :2]
+    # A map with one axis lies on the line y = 0.
+    points = clean_map.points[:, :2]
     if points.shape[1] < 2:
         points = np.pad(points, ((0, 0), (0, 1)))
-    if ways.plane is not None:
-        lat, lon = to_geographic(points, ways.plane)
+    if clean_map.plane is not None:
+        lat, lon = to_geographic(points, clean_map.plane)
         points = np.stack((lon, lat), axis=1)
+
+    count = len(clean_map)
     return RoadLines(
         name=name,
         coordinates=points,
-        offsets=ways.offsets.astype(np.int64),
-        geographic=ways.plane is not None,
-        forward=np.ones(len(ways), np.bool_),
-        backward=np.ones(len(ways), np.bool_),
-        speeds=ways.speed[:, 1].astype(np.float64),
-        users=np.full(len(ways), RoadUsers.ANYBODY, np.uint8),
-        ids=pa.array([str(i) for i in range(len(ways))], pa.string()),
-        names=pa.nulls(len(ways), pa.string()),
+        offsets=clean_map.offsets.astype(np.int64),
+        geographic=clean_map.plane is not None,
+        forward=np.ones(count, np.bool_),
+        backward=np.ones(count, np.bool_),
+        speeds=clean_map.speed[:, 1].astype(np.float64),
+        users=np.full(count, RoadUsers.ANYBODY, np.uint8),
+        ids=pa.array([str(i) for i in range(count)], pa.string()),
+        names=pa.nulls(count, pa.string()),
     )

@@ -1,62 +1,84 @@
-"""Roads from GraphML, as osmnx and GPSZip itself write it."""
+"""Read roads from GraphML, as osmnx and GPSZip itself write it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import BinaryIO, NamedTuple
 from xml.etree.ElementTree import Element, ParseError, iterparse
 
 import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from gpszip.errors import InputError
 from gpszip.geo.crs import is_geographic, to_degrees
 from gpszip.io.networks.lines import RoadLines, within_globe
-from gpszip.io.networks.rules import (
-    clean_street_name,
-    expected_speed,
-    parse_directions,
-    parse_speed_limit,
-    road_class_speed,
-    road_class_users,
-)
+from gpszip.io.networks.rules import MAX_ROAD_SPEED, RoadRules, clean_street_name, find_rules
 from gpszip.io.networks.wkb import parse_wkt_line
 
 __all__ = ["read_graphml_lines"]
 
+#: Attributes of edges that may hold the shape in well-known text: of osmnx, GPSZip and others.
 _GEOMETRY_KEYS = ("geometry", "line", "wkt")
+
+
+class _Words(NamedTuple):
+    """Attributes of an edge that say how it is travelled, by their names in the file."""
+
+    oneway: str | None
+    junction: str | None
+    highway: str | None
+    maxspeed: str | None
+    speed_kph: str | None
+    speed: str | None
 
 
 @dataclass
 class _Graph:
-    """What has been read so far."""
+    """What has been read so far.
+
+    Parameters
+    ----------
+    names : dict
+        Name of each key, in lower case; data refer to keys.
+    attributes : dict
+        Attributes of the graph by name.
+    has_lon_lat : bool, optional
+        Whether positions are named ``lon`` and ``lat``; None before the first node.
+    directed : bool
+        Whether an edge leads from its source to its target only.
+    nodes : dict
+        Position of each node: x or longitude, y or latitude.
+    edges : list
+        Source, target and attributes of each edge.
+    """
 
     names: dict[str, str] = field(default_factory=dict)
-    defaults: dict[str, str] = field(default_factory=dict)
     attributes: dict[str, str] = field(default_factory=dict)
-    degrees: bool | None = None
+    has_lon_lat: bool | None = None
     directed: bool = True
     nodes: dict[str, tuple[float, float]] = field(default_factory=dict)
     edges: list[tuple[str, str, dict[str, str]]] = field(default_factory=list)
 
 
-def read_graphml_lines(stream: Any, name: str, *, metric: bool | None = None) -> RoadLines:
+def read_graphml_lines(stream: BinaryIO, name: str, *, metric: bool | None = None) -> RoadLines:
     """Read the edges of a graph.
 
-    Nodes need ``x`` and ``y`` (or ``lon`` and ``lat``). An edge runs straight unless it has well-known text in ``geometry`` (or
-    ``line``). In a directed graph an edge may be travelled from its source to its target, in another both ways, save where
-    it is ``oneway``. Speeds come from ``speed_kph``, ``maxspeed`` and ``highway``, or ``speed`` in m/s; street names from ``name``,
-    or ``ref``.
+    Nodes need ``x`` and ``y``, or ``lon`` and ``lat``. An edge is straight unless it has well-known
+    text in ``geometry`` or ``line``. In a directed graph an edge may be travelled from its source
+    to its target; in an undirected one both ways, unless it is ``oneway``. Speeds come from
+    ``speed_kph``, ``maxspeed`` and ``highway``, or from ``speed`` in m/s; street names from
+    ``name``, or ``ref``.
 
     Parameters
     ----------
     stream : binary file
         The file.
     name : str
-        What to call it in messages.
+        Name of the file in messages.
     metric : bool, optional
-        Whether the log it is for is in x and y; None where it is for any.
+        Whether the log is in x and y; None if no log is given.
 
     Returns
     -------
@@ -65,39 +87,41 @@ def read_graphml_lines(stream: Any, name: str, *, metric: bool | None = None) ->
     Raises
     ------
     InputError
-        If it is no GraphML, nodes have no place, or an edge has no end.
+        If it is no GraphML, a node has no position, or an edge has no end.
     """
     graph = _Graph()
     try:
         for element in _iterate_elements(stream):
             _add_element(graph, element, name)
-    except (
-        ParseError,
-        LookupError,
-        ValueError,
-    ) as error:  # the latter two of encodings that nobody knows
+    # LookupError and ValueError come from unknown encodings.
+    except (ParseError, LookupError, ValueError) as error:
         raise InputError(f"{name}: damaged XML: {error}") from error
     if not graph.edges:
         raise InputError(f"{name}: a graph without edges; a network needs some")
     return _to_road_lines(graph, name, metric)
 
 
-def _iterate_elements(stream: Any) -> Iterator[Element]:
-    """Every element at its end; what was read is forgotten, so that memory stays bounded."""
-    open_: list[Element] = []
+def _iterate_elements(stream: BinaryIO) -> Iterator[Element]:
+    """Yield the start of a graph, and every key, node, edge and attribute of the graph.
+
+    Elements are dropped once they are read, so that memory stays bounded.
+    """
+    ancestors: list[Element] = []
     for event, element in iterparse(stream, events=("start", "end")):
         if event == "start":
-            open_.append(element)
+            ancestors.append(element)
             if element.tag.endswith("}graph"):
                 yield element
             continue
-        open_.pop()
+
+        # At its end, an element is complete.
+        ancestors.pop()
         if element.tag.rpartition("}")[2] in ("key", "node", "edge"):
             yield element
             element.clear()
-            if open_:
-                open_[-1].remove(element)
-        elif element.tag.endswith("}data") and open_ and open_[-1].tag.endswith("}graph"):
+            if ancestors:
+                ancestors[-1].remove(element)
+        elif element.tag.endswith("}data") and ancestors and ancestors[-1].tag.endswith("}graph"):
             yield element
 
 
@@ -112,53 +136,51 @@ def _add_element(graph: _Graph, element: Element, name: str) -> None:
     elif kind == "node":
         graph.nodes[element.get("id", "")] = _read_position(graph, element, name)
     else:
-        graph.edges.append(
-            (element.get("source", ""), element.get("target", ""), _read_data(graph, element))
-        )
+        ends = element.get("source", ""), element.get("target", "")
+        graph.edges.append((*ends, _read_data(graph, element)))
 
 
 def _read_data(graph: _Graph, element: Element) -> dict[str, str]:
+    """Return the attributes of a node or an edge by name."""
     return {graph.names.get(data.get("key", ""), ""): data.text or "" for data in element}
 
 
 def _read_position(graph: _Graph, element: Element, name: str) -> tuple[float, float]:
     data = _read_data(graph, element)
-    if graph.degrees is None:
-        graph.degrees = "lon" in data and "x" not in data
+    if graph.has_lon_lat is None:
+        graph.has_lon_lat = "lon" in data and "x" not in data
     try:
-        return (
-            (float(data["lon"]), float(data["lat"]))
-            if graph.degrees
-            else (float(data["x"]), float(data["y"]))
-        )
+        if graph.has_lon_lat:
+            return float(data["lon"]), float(data["lat"])
+        return float(data["x"]), float(data["y"])
     except (KeyError, ValueError):
         raise InputError(
-            f"{name}: node {element.get('id')!r} has no place; nodes need the numbers x and y, or lon and lat"
+            f"{name}: node {element.get('id')!r} has no position; "
+            "nodes need the numbers x and y, or lon and lat"
         ) from None
 
 
 def _to_road_lines(graph: _Graph, name: str, metric: bool | None) -> RoadLines:
     shapes, rules, ids, names = [], [], [], []
-    kinds: dict[tuple[str | None, ...], tuple[bool, bool, float, int]] = {}
+    rules_by_words: dict[_Words, RoadRules] = {}
     for number, (source, target, data) in enumerate(graph.edges):
+        # Shape.
         if source not in graph.nodes or target not in graph.nodes:
             raise InputError(f"{name}: edge {number} leads to a node that the graph doesn't hold")
-        shape = next(
-            (points for key in _GEOMETRY_KEYS if (points := parse_wkt_line(data.get(key, "")))),
-            None,
-        )
+        shape = _read_shape(data)
         shapes.append(shape or (graph.nodes[source], graph.nodes[target]))
-        words = tuple(
-            data.get(key)
-            for key in ("oneway", "junction", "highway", "maxspeed", "speed_kph", "speed")
-        )
-        if words not in kinds:
-            kinds[words] = _parse_rules(graph.directed, *words)
-        rules.append(kinds[words])
+
+        # Rules, found once for each combination of attributes.
+        words = _Words(*(data.get(key) for key in _Words._fields))
+        if words not in rules_by_words:
+            rules_by_words[words] = _find_edge_rules(words, graph.directed)
+        rules.append(rules_by_words[words])
+
         ids.append(data.get("osmid", str(number)))
         names.append(clean_street_name(data.get("name"), data.get("ref")))
-    flat = np.array([point for shape in shapes for point in shape])
-    points, geographic = _to_log_coordinates(graph, flat, name, metric)
+
+    vertices = np.array([point for shape in shapes for point in shape])
+    points, geographic = _to_log_coordinates(graph, vertices, name, metric)
     forward, backward, speeds, users = zip(*rules, strict=True)
     return RoadLines(
         name=name,
@@ -174,21 +196,23 @@ def _to_road_lines(graph: _Graph, name: str, metric: bool | None) -> RoadLines:
     )
 
 
-def _parse_rules(
-    directed: bool,
-    oneway: str | None,
-    junction: str | None,
-    road: str | None,
-    limit: str | None,
-    kmh: str | None,
-    speed: str | None,
-) -> tuple[bool, bool, float, int]:
-    forward, backward = parse_directions(oneway, junction=junction, road=road)
-    if directed:  # the other direction is an edge of its own
-        forward, backward = True, False
-    told = _parse_number(kmh) / 3.6 if kmh else _parse_number(speed)
-    typical_speed = expected_speed(parse_speed_limit(limit), road_class_speed(road))
-    return forward, backward, told if 0 < told < 100 else typical_speed, road_class_users(road)
+def _read_shape(data: Mapping[str, str]) -> tuple[tuple[float, float], ...]:
+    """Return the vertices of an edge that has a shape; none of a straight one."""
+    lines = (parse_wkt_line(data.get(key, "")) for key in _GEOMETRY_KEYS)
+    return tuple(next((line for line in lines if line), ()))
+
+
+def _find_edge_rules(words: _Words, directed: bool) -> RoadRules:
+    rules = find_rules(
+        road=words.highway, oneway=words.oneway, junction=words.junction, limit=words.maxspeed
+    )
+    # In a directed graph, the other direction is another edge.
+    if directed:
+        rules = rules._replace(forward=True, backward=False)
+    stated_speed = (
+        _parse_number(words.speed_kph) / 3.6 if words.speed_kph else _parse_number(words.speed)
+    )
+    return rules._replace(speed=stated_speed) if 0 < stated_speed < MAX_ROAD_SPEED else rules
 
 
 def _parse_number(text: str | None) -> float:
@@ -199,16 +223,20 @@ def _parse_number(text: str | None) -> float:
 
 
 def _to_log_coordinates(
-    graph: _Graph, points: Any, name: str, metric: bool | None
-) -> tuple[Any, bool]:
+    graph: _Graph, points: NDArray[np.float64], name: str, metric: bool | None
+) -> tuple[NDArray[np.float64], bool]:
+    """Return the vertices in the coordinates of the log, and whether these are degrees."""
     crs = graph.attributes.get("crs", "").strip()
-    degrees = is_geographic(crs, name) if crs else bool(graph.degrees)
+    in_degrees = is_geographic(crs, name) if crs else bool(graph.has_lon_lat)
     if metric:
-        if degrees:
+        if in_degrees:
             raise InputError(
-                f"{name}: is in degrees, but the log in x and y; convert one of them to the coordinates of the other"
+                f"{name}: is in degrees, but the log in x and y; "
+                "convert one of them to the coordinates of the other"
             )
         return points, False
+
+    # The log is in degrees, or there is none.
     if crs and crs.upper() != "EPSG:4326":
         return to_degrees(points, crs, name), True
-    return points, degrees or (not crs and within_globe(points))
+    return points, in_degrees or (not crs and within_globe(points))

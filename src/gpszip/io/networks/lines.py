@@ -1,4 +1,4 @@
-"""What a reader of road networks hands over: lines with directions and speeds, before anything is joined."""
+"""Road lines: what the reader of a network format returns, before lines are joined to a graph."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ __all__ = [
 
 
 class RoadUsers(IntEnum):
-    """Who may be met on a road."""
+    """Who uses a road."""
 
     ANYBODY = 0
     MOTOR_ONLY = 1  # motorways: nobody walks there
@@ -33,7 +33,12 @@ class RoadUsers(IntEnum):
 
 
 class TextColumn(Sequence[str]):
-    """Texts that are kept as Arrow keeps them, a tenth of what a list takes.
+    """A sequence of texts in an Arrow array, which takes a tenth of the memory of a list.
+
+    Parameters
+    ----------
+    array : pyarrow string array
+        The texts.
 
     Examples
     --------
@@ -61,7 +66,7 @@ class RoadLines:
     Parameters
     ----------
     name : str
-        Of the source, for messages.
+        Name of the source in messages.
     coordinates : float64 array, shape (N, 2)
         Longitude and latitude in degrees, or metres.
     offsets : int64 array, shape (E + 1,)
@@ -75,13 +80,13 @@ class RoadLines:
     users : uint8 array, shape (E,)
         :class:`RoadUsers` of each line.
     ids : pyarrow string array of length E
-        What the source calls each line.
+        Id of each line in the source.
     names : pyarrow string array of length E
         Street names, null where there is none.
     directed : bool or None
-        Whether the source holds one line for each direction; None where that is to be told from the lines.
+        Whether the source has one line for each direction; None if the lines have to show it.
     repairs : tuple of Repair
-        What the reader mended.
+        What the reader repaired.
     """
 
     name: str
@@ -102,7 +107,14 @@ class RoadLines:
 
 
 def vertex_rows(offsets: NDArray[np.int64], chosen: NDArray[np.intp]) -> NDArray[np.int64]:
-    """Numbers of the vertices of some lines, one line after the other.
+    """Return the indices of the vertices of chosen lines, line by line.
+
+    Parameters
+    ----------
+    offsets : int64 array, shape (E + 1,)
+        As in :class:`RoadLines`.
+    chosen : int array
+        Indices of lines.
 
     Examples
     --------
@@ -110,14 +122,13 @@ def vertex_rows(offsets: NDArray[np.int64], chosen: NDArray[np.intp]) -> NDArray
     [2, 3, 4, 0, 1]
     """
     counts = np.diff(offsets)[chosen]
-    rows: NDArray[np.int64] = np.arange(counts.sum()) + np.repeat(
-        offsets[:-1][chosen] - np.cumsum(counts) + counts, counts
-    )
+    shifts = offsets[:-1][chosen] - np.cumsum(counts) + counts  # from new to old indices
+    rows: NDArray[np.int64] = np.arange(counts.sum()) + np.repeat(shifts, counts)
     return rows
 
 
 def take_attributes(lines: RoadLines, chosen: NDArray[np.intp]) -> RoadLines:
-    """What is told of some of the lines; vertices stay as they are."""
+    """Return lines with the attributes of the chosen ones; vertices and offsets stay."""
     return replace(
         lines,
         forward=lines.forward[chosen],
@@ -130,7 +141,7 @@ def take_attributes(lines: RoadLines, chosen: NDArray[np.intp]) -> RoadLines:
 
 
 def take_lines(lines: RoadLines, chosen: NDArray[np.intp]) -> RoadLines:
-    """Some of the lines, in the order of their numbers."""
+    """Return the chosen lines, in the order of ``chosen``."""
     offsets = np.append(0, np.cumsum(np.diff(lines.offsets)[chosen]))
     return replace(
         take_attributes(lines, chosen),
@@ -140,6 +151,9 @@ def take_lines(lines: RoadLines, chosen: NDArray[np.intp]) -> RoadLines:
 
 
 def within_globe(points: NDArray[np.float64]) -> bool:
-    """Whether coordinates could be longitudes and latitudes, but for those that are no numbers."""
-    known = points[np.isfinite(points).all(axis=1)]
-    return bool((np.abs(known[:, 0]) <= 360).all() and (np.abs(known[:, 1]) <= 90).all())
+    """Whether all coordinates that are finite can be longitudes and latitudes.
+
+    Longitudes from 0 to 360 are in use besides those from -180 to 180.
+    """
+    finite = points[np.isfinite(points).all(axis=1)]
+    return bool((np.abs(finite[:, 0]) <= 360).all() and (np.abs(finite[:, 1]) <= 90).all())

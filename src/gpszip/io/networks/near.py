@@ -1,4 +1,4 @@
-"""Which ground is near a log: cells around its points, wider where it was silent."""
+"""The area near a log: cells around its points, wider ones along its long steps."""
 
 from __future__ import annotations
 
@@ -11,50 +11,64 @@ from gpszip.model import Track
 
 __all__ = ["NearbyArea", "build_nearby_area"]
 
-#: Ground within this many metres of a log's points is near, and of a step within this share of its length besides.
-_MIN_REACH, _REACH_SHARE = 2000.0, 0.5
+#: The area reaches at least this many metres around each point.
+_MIN_REACH = 2000.0
 
-#: Steps longer than this many metres are jumps, on which nobody travelled.
-_JUMP = 1e6
+#: Around a step, it reaches this share of the length of the step, too: between two points, a
+#: vehicle may have left the straight line.
+_REACH_SHARE = 0.5
 
+#: Longer steps in metres are jumps between planes or trips; nobody travelled them.
+_MAX_STEP = 1e6
+
+#: Added to cell coordinates so that they are not negative; a key is x * 2 ** 31 + y.
 _KEY_OFFSET = 1 << 30
 
 Floats = NDArray[np.float64]
+Keys = NDArray[np.int64]
 
 
 class NearbyArea:
-    """Cells of ground, on a few levels of which each is twice as wide as the one before.
+    """Square cells on a few levels; the cells of a level are twice as wide as those below.
 
     Parameters
     ----------
     cells : dict of float to int64 array
-        Width of the cells in metres, and the sorted keys of those that are near.
+        For each level, the width of its cells in metres and the sorted keys of its cells.
     """
 
-    def __init__(self, cells: dict[float, NDArray[np.int64]]) -> None:
+    def __init__(self, cells: dict[float, Keys]) -> None:
         self.cells = cells
 
     def contains(self, points: Floats) -> NDArray[np.bool_]:
-        """Whether points are on near ground, shape (n,)."""
+        """Whether points are in the area, shape (n,)."""
         near = np.zeros(len(points), np.bool_)
         for width, keys in self.cells.items():
             wanted = _cell_keys(points, width)
-            place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-            near |= keys[place] == wanted
+            position = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+            near |= keys[position] == wanted
         return near
 
     def boxes(self) -> tuple[Floats, Floats]:
-        """Centres, shape (n, 2), and half widths in metres, shape (n,), of all cells."""
+        """Return centres of all cells, shape (n, 2), and half widths, shape (n,), in metres."""
         centres = [
             (np.stack(_cell_coordinates(keys), axis=1) + 0.5) * width
             for width, keys in self.cells.items()
         ]
-        halves = [np.full(len(keys), width / 2) for width, keys in self.cells.items()]
-        return np.concatenate(centres), np.concatenate(halves)
+        half_widths = [np.full(len(keys), width / 2) for width, keys in self.cells.items()]
+        return np.concatenate(centres), np.concatenate(half_widths)
 
 
 def build_nearby_area(tracks: Sequence[Track]) -> NearbyArea:
-    """Ground on which roads matter to a log.
+    """Build the area in which roads matter to a log.
+
+    Level k has cells of 2000 * 2**k metres. A step belongs to the lowest level whose cells are
+    wide enough for its reach. Its ends and its middle mark their cells and the eight neighbours.
+
+    Parameters
+    ----------
+    tracks : sequence of Track
+        The log.
 
     Examples
     --------
@@ -62,6 +76,7 @@ def build_nearby_area(tracks: Sequence[Track]) -> NearbyArea:
     >>> area.contains(np.array([[10000.0, 5000.0], [-30000.0, 0.0]])).tolist()
     [True, False]
     """
+    # Length of the step that starts at each point; 0 at the last point of a track and at jumps.
     points = np.concatenate([_planar_positions(track) for track in tracks])
     steps = np.concatenate(
         [
@@ -69,36 +84,39 @@ def build_nearby_area(tracks: Sequence[Track]) -> NearbyArea:
             for track in tracks
         ]
     )
-    steps = np.where(steps > _JUMP, 0.0, steps)
-    level = np.ceil(np.log2(1 + _REACH_SHARE * steps / _MIN_REACH)).astype(np.int64)
-    following = np.append(points[1:], points[-1:], axis=0)
+    steps = np.where(steps > _MAX_STEP, 0.0, steps)
+
+    # Mark cells, level by level.
+    levels = np.ceil(np.log2(1 + _REACH_SHARE * steps / _MIN_REACH)).astype(np.int64)
+    next_points = np.append(points[1:], points[-1:], axis=0)
     cells = {}
-    for one in np.unique(level).tolist():
-        here = level == one
-        a, b = points[here], np.where(steps[here, None] > 0, following[here], points[here])
-        width = _MIN_REACH * 2.0**one
-        cells[width] = _with_neighbours(
-            np.unique(_cell_keys(np.concatenate((a, (a + b) / 2, b)), width))
-        )
+    for level in np.unique(levels).tolist():
+        on_level = levels == level
+        start = points[on_level]
+        end = np.where(steps[on_level, None] > 0, next_points[on_level], start)
+        width = _MIN_REACH * 2.0**level
+        marks = np.concatenate((start, (start + end) / 2, end))
+        cells[width] = _with_neighbours(np.unique(_cell_keys(marks, width)))
     return NearbyArea(cells)
 
 
 def _planar_positions(track: Track) -> Floats:
+    """Return x and y of a track; y is 0 for a track with one axis."""
     flat = track.positions[:, :2]
     return flat if flat.shape[1] == 2 else np.pad(flat, ((0, 0), (0, 1)))
 
 
-def _cell_keys(points: Floats, width: float) -> NDArray[np.int64]:
+def _cell_keys(points: Floats, width: float) -> Keys:
     x, y = np.floor(points / width).astype(np.int64).T
-    keys: NDArray[np.int64] = (x + _KEY_OFFSET) * (2 * _KEY_OFFSET) + y + _KEY_OFFSET
+    keys: Keys = (x + _KEY_OFFSET) * (2 * _KEY_OFFSET) + y + _KEY_OFFSET
     return keys
 
 
-def _cell_coordinates(keys: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _cell_coordinates(keys: Keys) -> tuple[Keys, Keys]:
     return keys // (2 * _KEY_OFFSET) - _KEY_OFFSET, keys % (2 * _KEY_OFFSET) - _KEY_OFFSET
 
 
-def _with_neighbours(keys: NDArray[np.int64]) -> NDArray[np.int64]:
-    """These cells and their neighbours."""
+def _with_neighbours(keys: Keys) -> Keys:
+    """Return cells and their eight neighbours, sorted."""
     shifts = (np.arange(-1, 2)[:, None] * (2 * _KEY_OFFSET) + np.arange(-1, 2)).ravel()
     return np.unique(keys[:, None] + shifts)

@@ -1,4 +1,4 @@
-"""A prepared network: roads in blocks by where they are, so that the part near a log is read without the rest.
+"""Prepared network files: roads in blocks by position, so that those near a log are read alone.
 
 docs/format.md describes the file byte by byte.
 """
@@ -8,9 +8,9 @@ from __future__ import annotations
 import json
 import mmap
 import zlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -20,13 +20,15 @@ from gpszip.errors import CorruptArchiveError, InputError
 from gpszip.io.networks.joining import RoadGraph
 from gpszip.io.networks.lines import vertex_rows, within_globe
 
-__all__ = ["PREPARED_MAGIC", "read_prepared_file", "write_prepared_file"]
+__all__ = ["PREPARED_MAGIC", "BoxFilter", "read_prepared_file", "write_prepared_file"]
 
 #: First bytes of a prepared network.
 PREPARED_MAGIC = b"\xa7ROADS\n\0"
 
-#: Version 1 has no street names.
+#: Version of the format that is written. Version 1 has no street names.
 _VERSION = 2
+
+#: The header: sizes of the file. ``name`` is the length of the metadata, which are JSON.
 _HEADER = np.dtype(
     [
         ("magic", "V8"),
@@ -38,6 +40,8 @@ _HEADER = np.dtype(
         ("name", "<u8"),
     ]
 )
+
+#: An entry of the index of blocks. ``box`` is west, south, east, north.
 _INDEX_ENTRY = np.dtype(
     [
         ("offset", "<u8"),
@@ -49,9 +53,71 @@ _INDEX_ENTRY = np.dtype(
         ("box", "<f8", (4,)),
     ]
 )
+
+#: Flag of the header: coordinates are degrees.
 _GEOGRAPHIC = 1
+
+#: Flag of a road: may be travelled along its line.
+_FORWARD = 1
+
+#: Flag of a road: may be travelled against its line.
+_BACKWARD = 2
+
+#: Bits of a road's flags below its users.
+_USERS_SHIFT = 2
+
+#: Roads in a block: about 100 kB.
 _ROADS_IN_BLOCK = 2048
-_UNITS_PER_DEGREE = 1e7  # of a degree
+
+#: Degrees are stored as multiples of 1e-7, about a centimetre.
+_UNITS_PER_DEGREE = 1e7
+
+#: Blocks start at multiples of this many bytes.
+_ALIGNMENT = 8
+
+#: Cells along each axis of the curve that orders roads.
+_MORTON_CELLS = 65536
+
+#: Given the boxes of blocks, shape (b, 4), and whether they are degrees: which blocks to read.
+BoxFilter: TypeAlias = Callable[[NDArray[np.float64], bool], NDArray[np.bool_]]
+
+
+class _EncodedBlock(NamedTuple):
+    """Bytes of a block, its numbers of vertices and street names, and the box of its vertices."""
+
+    body: bytes
+    points: int
+    streets: int
+    box: NDArray[np.float64]
+
+
+class _Block(NamedTuple):
+    """Roads of one or more blocks.
+
+    Parameters
+    ----------
+    points : float64 array, shape (n, 2)
+        Vertices of all roads.
+    starts, ends : int32 array, shape (e,)
+        Nodes of each road, numbered in the full network.
+    counts : int32 array, shape (e,)
+        Number of vertices of each road.
+    speeds : float32 array, shape (e,)
+        Expected speeds in m/s, NaN if unknown.
+    flags : uint8 array, shape (e,)
+        Directions and users.
+    ids, names : pyarrow string array of length e
+        Ids, and street names or null.
+    """
+
+    points: NDArray[np.float64]
+    starts: NDArray[np.int32]
+    ends: NDArray[np.int32]
+    counts: NDArray[np.int32]
+    speeds: NDArray[np.float32]
+    flags: NDArray[np.uint8]
+    ids: Any
+    names: Any
 
 
 def write_prepared_file(roads: RoadGraph, stream: BinaryIO) -> int:
@@ -59,10 +125,10 @@ def write_prepared_file(roads: RoadGraph, stream: BinaryIO) -> int:
 
     Parameters
     ----------
-    roads : JoinedRoads
+    roads : RoadGraph
         The graph.
     stream : binary file
-        Where to.
+        Where to write.
 
     Returns
     -------
@@ -72,109 +138,113 @@ def write_prepared_file(roads: RoadGraph, stream: BinaryIO) -> int:
     order = _morton_order(roads)
     blocks = [order[i : i + _ROADS_IN_BLOCK] for i in range(0, len(order), _ROADS_IN_BLOCK)]
     metadata = json.dumps({"name": roads.name}).encode()
+
+    # Header.
     header = np.zeros((), _HEADER)
-    header["magic"], header["version"], header["flags"] = (
-        np.void(PREPARED_MAGIC),
-        _VERSION,
-        _GEOGRAPHIC * roads.geographic,
-    )
-    header["nodes"], header["roads"], header["blocks"], header["name"] = (
-        len(roads.nodes),
-        len(roads),
-        len(blocks),
-        len(metadata),
-    )
+    header["magic"] = np.void(PREPARED_MAGIC)
+    header["version"] = _VERSION
+    header["flags"] = _GEOGRAPHIC * roads.geographic
+    header["nodes"] = len(roads.nodes)
+    header["roads"] = len(roads)
+    header["blocks"] = len(blocks)
+    header["name"] = len(metadata)
+
+    # Blocks, and the index of them.
     index = np.zeros(len(blocks), _INDEX_ENTRY)
-    at = _HEADER.itemsize + len(metadata) + index.nbytes + 4
+    offset = _HEADER.itemsize + len(metadata) + index.nbytes + 4
     bodies = []
     for entry, chosen in zip(index, blocks, strict=True):
-        body, points, streets, box = _encode_block(roads, chosen)
-        entry["offset"], entry["size"], entry["roads"], entry["points"] = (
-            at,
-            len(body),
-            len(chosen),
-            points,
-        )
-        entry["crc"], entry["streets"], entry["box"] = zlib.crc32(body), streets, box
-        at += len(body)
-        bodies.append(body)
+        block = _encode_block(roads, chosen)
+        entry["offset"] = offset
+        entry["size"] = len(block.body)
+        entry["roads"] = len(chosen)
+        entry["points"] = block.points
+        entry["crc"] = zlib.crc32(block.body)
+        entry["streets"] = block.streets
+        entry["box"] = block.box
+        offset += len(block.body)
+        bodies.append(block.body)
+
     front = header.tobytes() + metadata + index.tobytes()
     stream.write(front + zlib.crc32(front).to_bytes(4, "little"))
     for body in bodies:
         stream.write(body)
-    return at
+    return offset
 
 
 def _morton_order(roads: RoadGraph) -> NDArray[np.intp]:
-    """Roads in the order of a curve that visits neighbours one after the other (Morton's)."""
+    """Order roads along Morton's curve, on which neighbours follow each other.
+
+    The key of a road is the interleaved bits of the cell of its first vertex (Morton 1966). Bits
+    are spread by masks, 16 to 32 in four steps.
+    """
     first = roads.coordinates[roads.offsets[:-1]]
     low, size = first.min(axis=0), np.maximum(np.ptp(first, axis=0).max(), 1e-9)
-    cells = np.minimum((first - low) / size * 65536, 65535).astype(np.uint64)
+    cells = np.minimum((first - low) / size * _MORTON_CELLS, _MORTON_CELLS - 1).astype(np.uint64)
     for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
         cells = (cells | (cells << np.uint64(shift))) & np.uint64(mask)
     return np.argsort(cells[:, 0] | (cells[:, 1] << np.uint64(1)), kind="stable")
 
 
-def _encode_block(
-    roads: RoadGraph, chosen: NDArray[np.intp]
-) -> tuple[bytes, int, int, NDArray[np.float64]]:
-    """Bytes of a block, its numbers of vertices and of street names, and the box of its vertices."""
+def _encode_block(roads: RoadGraph, chosen: NDArray[np.intp]) -> _EncodedBlock:
+    # Coordinates and texts.
     counts = np.diff(roads.offsets)[chosen]
     points = roads.coordinates[vertex_rows(roads.offsets, chosen)]
-    stored = (
-        np.rint(points * _UNITS_PER_DEGREE).astype("<i4")
-        if roads.geographic
-        else points.astype("<f8")
-    )
-    texts = [text.encode() for text in roads.ids.take(pa.array(chosen)).fill_null("").to_pylist()]
+    if roads.geographic:
+        stored = np.rint(points * _UNITS_PER_DEGREE).astype("<i4")
+    else:
+        stored = points.astype("<f8")
+    ids = [text.encode() for text in roads.ids.take(pa.array(chosen)).fill_null("").to_pylist()]
     names = roads.names.take(pa.array(chosen)).dictionary_encode()
     streets = [text.encode() for text in names.dictionary.to_pylist()]
+    flags = (
+        roads.forward[chosen]
+        | roads.backward[chosen].astype(np.uint8) << 1
+        | roads.users[chosen] << _USERS_SHIFT
+    )
+
+    # Columns, then texts.
     columns = (
         stored,
         roads.starts[chosen].astype("<i4"),
         roads.ends[chosen].astype("<i4"),
         counts.astype("<i4"),
         roads.speeds[chosen].astype("<f4"),
-        np.array([len(text) for text in texts], "<i4"),
+        np.array([len(text) for text in ids], "<i4"),
         names.indices.fill_null(-1).to_numpy(zero_copy_only=False).astype("<i4"),
         np.array([len(street) for street in streets], "<i4"),
-        (
-            roads.forward[chosen]
-            | roads.backward[chosen].astype(np.uint8) << 1
-            | roads.users[chosen] << 2
-        ).astype("u1"),
+        flags.astype("u1"),
     )
-    body = b"".join(column.tobytes() for column in columns) + b"".join(texts + streets)
-    return (
-        body + bytes(-len(body) % 8),
-        len(points),
-        len(streets),
-        np.concatenate((points.min(axis=0), points.max(axis=0))),
-    )
+    body = b"".join(column.tobytes() for column in columns) + b"".join(ids + streets)
+    padding = bytes(-len(body) % _ALIGNMENT)
+    box = np.concatenate((points.min(axis=0), points.max(axis=0)))
+    return _EncodedBlock(body + padding, len(points), len(streets), box)
 
 
-def read_prepared_file(path: str | Path, name: str, wanted: Any = None) -> RoadGraph:
-    """Read a prepared network, or the blocks of it that are wanted.
+def read_prepared_file(
+    path: str | Path, name: str, box_filter: BoxFilter | None = None
+) -> RoadGraph:
+    """Read a prepared network, or chosen blocks of it.
 
     Parameters
     ----------
     path : str or Path
         The file; it is mapped to memory.
     name : str
-        What to call it in messages.
-    wanted : callable, optional
-        Given the boxes of all blocks as float64 array of shape (b, 4) (west, south, east, north) and whether they are degrees,
-        answers which are wanted, as a bool array.
+        Name of the file in messages.
+    box_filter : callable, optional
+        Gets the boxes of all blocks, a float64 array of shape (b, 4) with west, south, east and
+        north, and whether they are degrees. It returns a bool array: the blocks to read.
 
     Returns
     -------
-    JoinedRoads
-        May be empty where nothing is wanted.
+    RoadGraph
+        Empty if no block is chosen.
 
     Raises
     ------
     CorruptArchiveError
-        If it is not whole.
+        If it is damaged or incomplete.
     InputError
         If it can't be opened.
     """
@@ -183,163 +253,185 @@ def read_prepared_file(path: str | Path, name: str, wanted: Any = None) -> RoadG
             Path(path).open("rb") as file,
             mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data,
         ):
-            return _read(data, name, wanted)
+            return _read(data, name, box_filter)
     except OSError as error:
         raise InputError(f"{name}: can't be read: {error.strerror or error}") from error
 
 
-def _read(data: mmap.mmap, name: str, wanted: Any) -> RoadGraph:
+def _read(data: mmap.mmap, name: str, box_filter: BoxFilter | None) -> RoadGraph:
+    # Read the blocks.
     header, index = _read_header(data, name)
     geographic = bool(header["flags"] & _GEOGRAPHIC)
-    boxes = index["box"].copy()
-    chosen = np.ones(len(index), np.bool_) if wanted is None else wanted(boxes, geographic)
-    blocks = list(_read_blocks(data, index[chosen], geographic, int(header["version"]), name))
-    width = 2 if not blocks else blocks[0][0].shape[1]
-    columns = (
-        [np.concatenate(column) for column in zip(*(block[:7] for block in blocks), strict=True)]
-        if blocks
-        else _empty_columns(width)
-    )
-    points, starts, ends, counts, speeds, flags = (
-        columns[0],
-        columns[1],
-        columns[2],
-        columns[3],
-        columns[4],
-        columns[6],
-    )
-    if not _is_valid(points, speeds, geographic):
+    chosen = np.ones(len(index), np.bool_)
+    if box_filter is not None:
+        chosen = box_filter(index["box"].copy(), geographic)
+    blocks = _read_blocks(data, index[chosen], geographic, int(header["version"]), name)
+    roads = _concatenate(list(blocks))
+    if not _is_valid(roads, geographic):
         raise CorruptArchiveError(
-            f"{name}: a road lies nowhere, or nobody can travel it; prepare it again"
+            f"{name}: a road has no valid position or speed; prepare it again"
         )
-    offsets = np.append(0, np.cumsum(counts, dtype=np.int64))
-    nodes, at = np.unique(np.concatenate((starts, ends)), return_inverse=True)
+
+    # Number the nodes that these blocks use.
+    offsets = np.append(0, np.cumsum(roads.counts, dtype=np.int64))
+    nodes, ends = np.unique(np.concatenate((roads.starts, roads.ends)), return_inverse=True)
     if len(nodes) and (nodes[0] < 0 or nodes[-1] >= header["nodes"]):
         raise CorruptArchiveError(f"{name}: a road leads to a node that doesn't exist")
-    places = np.empty((len(nodes), 2))
-    places[at[: len(starts)]], places[at[len(starts) :]] = (
-        points[offsets[:-1]],
-        points[offsets[1:] - 1],
-    )
+    count = len(roads.starts)
+    positions = np.empty((len(nodes), 2))
+    positions[ends[:count]] = roads.points[offsets[:-1]]
+    positions[ends[count:]] = roads.points[offsets[1:] - 1]
     return RoadGraph(
         name=name,
-        nodes=places,
-        starts=at[: len(starts)].astype(np.int32),
-        ends=at[len(starts) :].astype(np.int32),
+        nodes=positions,
+        starts=ends[:count].astype(np.int32),
+        ends=ends[count:].astype(np.int32),
         offsets=offsets,
-        coordinates=points,
+        coordinates=roads.points,
         geographic=geographic,
-        forward=(flags & 1) > 0,
-        backward=(flags & 2) > 0,
-        speeds=speeds.astype(np.float64),
-        users=(flags >> 2).astype(np.uint8),
-        ids=pa.concat_arrays([block[7] for block in blocks])
-        if blocks
-        else pa.array([], pa.string()),
-        names=pa.concat_arrays([block[8] for block in blocks])
-        if blocks
-        else pa.array([], pa.string()),
+        forward=(roads.flags & _FORWARD) > 0,
+        backward=(roads.flags & _BACKWARD) > 0,
+        speeds=roads.speeds.astype(np.float64),
+        users=(roads.flags >> _USERS_SHIFT).astype(np.uint8),
+        ids=roads.ids,
+        names=roads.names,
     )
 
 
-def _is_valid(points: NDArray[np.float64], speeds: NDArray[np.float32], geographic: bool) -> bool:
-    """Whether vertices are places, and speeds are speeds or unknown."""
-    places = within_globe(points) if geographic else bool(np.isfinite(points).all())
-    return places and not (speeds < 0).any() and not np.isinf(speeds).any()
-
-
-def _empty_columns(width: int) -> list[NDArray[Any]]:
-    empty = np.empty(0, np.int32)
-    return [np.empty((0, width)), empty, empty, empty, np.empty(0), empty, np.empty(0, np.uint8)]
+def _is_valid(roads: _Block, geographic: bool) -> bool:
+    """Whether vertices are positions, and speeds are speeds or unknown."""
+    if geographic:
+        has_positions = within_globe(roads.points)
+    else:
+        has_positions = bool(np.isfinite(roads.points).all())
+    return has_positions and not (roads.speeds < 0).any() and not np.isinf(roads.speeds).any()
 
 
 def _read_header(data: mmap.mmap, name: str) -> tuple[Any, Any]:
+    """Return the header and the index, once they are checked."""
     if len(data) < _HEADER.itemsize or data[:8] != PREPARED_MAGIC:
         raise CorruptArchiveError(f"{name}: no prepared network: it does not begin like one", 0)
     header = np.frombuffer(data, _HEADER, 1)[0].copy()
     if header["version"] > _VERSION:
         raise CorruptArchiveError(
-            f"{name}: version {header['version']} of prepared networks; update GPSZip, or prepare it again",
+            f"{name}: version {header['version']} of prepared networks; "
+            "update GPSZip, or prepare it again",
             8,
         )
-    at = _HEADER.itemsize + int(header["name"])
-    end = at + int(header["blocks"]) * _INDEX_ENTRY.itemsize
+
+    start = _HEADER.itemsize + int(header["name"])
+    end = start + int(header["blocks"]) * _INDEX_ENTRY.itemsize
     if end + 4 > len(data):
         raise CorruptArchiveError(
-            f"{name}: torn: it ends within its index; prepare it again", len(data)
+            f"{name}: incomplete: it ends within its index; prepare it again", len(data)
         )
     if zlib.crc32(data[:end]) != int.from_bytes(data[end : end + 4], "little"):
         raise CorruptArchiveError(f"{name}: its index is damaged; prepare it again", 0)
-    return header, np.frombuffer(data[at:end], _INDEX_ENTRY)
+    return header, np.frombuffer(data[start:end], _INDEX_ENTRY)
 
 
 def _read_blocks(
     data: mmap.mmap, index: Any, geographic: bool, version: int, name: str
-) -> Iterator[tuple[Any, ...]]:
-    """Columns of each block, then the ids and the street names of its roads."""
+) -> Iterator[_Block]:
+    """Yield the blocks of these index entries, once they are checked."""
     for entry in index:
-        at, size, roads, points, streets = (
+        offset, size, roads, points, streets = (
             int(entry[key]) for key in ("offset", "size", "roads", "points", "streets")
         )
-        body = data[at : at + size]
+
+        # Check.
+        body = data[offset : offset + size]
         if len(body) != size or zlib.crc32(body) != entry["crc"]:
-            raise CorruptArchiveError(f"{name}: damaged block of roads; prepare it again", at)
+            raise CorruptArchiveError(f"{name}: damaged block of roads; prepare it again", offset)
+
+        # Decode. A block with a valid checksum can still contradict itself.
         try:
             yield _decode_block(body, roads, points, streets if version > 1 else None, geographic)
         except (ValueError, IndexError) as error:
             raise CorruptArchiveError(
-                f"{name}: a block of roads contradicts itself; prepare it again", at
+                f"{name}: a block of roads contradicts itself; prepare it again", offset
             ) from error
 
 
 def _decode_block(
     body: bytes, roads: int, points: int, streets: int | None, geographic: bool
-) -> tuple[Any, ...]:
-    # the columns, one after the other
-    kinds = [
-        ("<i4" if geographic else "<f8", 2 * points),
-        *((kind, roads) for kind in ("<i4", "<i4", "<i4", "<f4", "<i4")),
-    ]
-    kinds += [] if streets is None else [("<i4", roads), ("<i4", streets)]
+) -> _Block:
+    """Decode a block with these numbers of roads, vertices and street names.
+
+    Raises
+    ------
+    ValueError
+        If the block contradicts itself.
+    """
+    # Columns, which follow each other.
+    dtypes = [("<i4" if geographic else "<f8", 2 * points)]
+    dtypes += [(dtype, roads) for dtype in ("<i4", "<i4", "<i4", "<f4", "<i4")]
+    if streets is not None:
+        dtypes += [("<i4", roads), ("<i4", streets)]
+    dtypes.append(("u1", roads))
     columns: list[Any] = []
-    at = 0
-    for kind, count in [*kinds, ("u1", roads)]:
-        columns.append(np.frombuffer(body, kind, count, at))
-        at += columns[-1].nbytes
-    flat, starts, ends, counts, speeds, lengths = columns[:6]
+    position = 0
+    for dtype, count in dtypes:
+        columns.append(np.frombuffer(body, dtype, count, position))
+        position += columns[-1].nbytes
+    flat, starts, ends, counts, speeds, id_lengths = columns[:6]
     if (counts < 2).any() or counts.sum(dtype=np.int64) != points:
         raise ValueError("numbers of vertices")
 
-    # the texts behind them
-    ids = _decode_texts(body, at, lengths)
+    # Texts, which follow the columns.
+    ids = _decode_texts(body, position, id_lengths)
     names = pa.nulls(roads, pa.string())
     if streets is not None:
-        numbers = pa.array(columns[6], mask=columns[6] < 0)
+        street_index, street_lengths = columns[6:8]
+        street_names = _decode_texts(body, position + int(id_lengths.sum()), street_lengths)
         names = pa.DictionaryArray.from_arrays(
-            numbers, _decode_texts(body, at + int(lengths.sum()), columns[7])
+            pa.array(street_index, mask=street_index < 0), street_names
         ).cast(pa.string())
-    return (
-        flat.reshape(-1, 2) / (_UNITS_PER_DEGREE if geographic else 1.0),
-        starts,
-        ends,
-        counts,
-        speeds,
-        lengths,
-        columns[-1],
-        ids,
-        names,
-    )
+    unit = _UNITS_PER_DEGREE if geographic else 1.0
+    vertices = flat.reshape(-1, 2) / unit
+    return _Block(vertices, starts, ends, counts, speeds, columns[-1], ids, names)
 
 
-def _decode_texts(body: bytes, at: int, lengths: NDArray[np.int32]) -> Any:
-    """Texts of known lengths that begin at a byte."""
+def _decode_texts(body: bytes, position: int, lengths: NDArray[np.int32]) -> Any:
+    """Decode texts of these lengths that start at a byte.
+
+    Raises
+    ------
+    ValueError
+        If they don't fit in the block, or aren't UTF-8.
+    """
     offsets = np.append(0, np.cumsum(lengths, dtype=np.int64))
-    if (lengths < 0).any() or at + offsets[-1] > len(body) or offsets[-1] > np.iinfo(np.int32).max:
+    last = position + offsets[-1]
+    if (lengths < 0).any() or last > len(body) or offsets[-1] > np.iinfo(np.int32).max:
         raise ValueError("lengths of texts")
     array = pa.StringArray.from_buffers(
         len(lengths),
         pa.py_buffer(offsets.astype(np.int32).tobytes()),
-        pa.py_buffer(body[at : at + int(offsets[-1])]),
+        pa.py_buffer(body[position : position + int(offsets[-1])]),
     )
     array.validate(full=True)  # pa.ArrowInvalid is a ValueError
     return array
+
+
+def _concatenate(blocks: list[_Block]) -> _Block:
+    """Return the roads of all blocks."""
+    if blocks:
+        arrays = [
+            np.concatenate(columns) for columns in zip(*(b[:-2] for b in blocks), strict=True)
+        ]
+        ids = pa.concat_arrays([block.ids for block in blocks])
+        names = pa.concat_arrays([block.names for block in blocks])
+        return _Block._make([*arrays, ids, names])
+
+    # Without a block, there is no road.
+    no_numbers, no_texts = np.empty(0, np.int32), pa.array([], pa.string())
+    return _Block(
+        points=np.empty((0, 2)),
+        starts=no_numbers,
+        ends=no_numbers,
+        counts=no_numbers,
+        speeds=np.empty(0, np.float32),
+        flags=np.empty(0, np.uint8),
+        ids=no_texts,
+        names=no_texts,
+    )

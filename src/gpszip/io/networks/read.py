@@ -1,31 +1,28 @@
-"""Reading road networks: any format becomes a graph on the plane of a log, with an account of what was mended."""
+"""Read road networks: lines of any format become a graph on the plane of a log."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, NamedTuple, TypeAlias
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from gpszip.errors import InputError, UnknownFormatError
+from gpszip.errors import InputError
 from gpszip.geo.planes import choose_plane, plane_indices, to_geographic, to_plane
-from gpszip.io.networks.graphml import read_graphml_lines
+from gpszip.io.networks.formats import find_network_format
 from gpszip.io.networks.joining import RoadGraph, build_road_graph
 from gpszip.io.networks.lines import RoadLines, RoadUsers, TextColumn, vertex_rows
 from gpszip.io.networks.near import NearbyArea, build_nearby_area
-from gpszip.io.networks.osm import read_osm_lines
-from gpszip.io.networks.prepared_file import PREPARED_MAGIC, read_prepared_file
-from gpszip.io.networks.vector import read_vector_lines
+from gpszip.io.networks.prepared_file import PREPARED_MAGIC, BoxFilter, read_prepared_file
 from gpszip.io.storage.source import Source, expand
 from gpszip.model import Network, Plane, Track
 from gpszip.model.read_result import Repair
 
 __all__ = [
-    "NETWORK_FORMATS",
     "NetworkReadResult",
     "build_network",
     "is_archive",
@@ -34,35 +31,76 @@ __all__ = [
     "read_road_graph",
 ]
 
-#: Suffixes of what roads are read from; what a file is shows in its content.
-NETWORK_FORMATS = (".osm.pbf", ".osm", ".geojson", ".gpkg", ".fgb", ".shp", ".graphml", ".gpsz")
-
-#: Roads longer than this between two vertices, in metres, are looked at in between, too.
+#: Steps of a road longer than this in metres are tested between their vertices, too, for whether
+#: they cross the area near a log.
 _MAX_SPACING = 1000.0
 
-#: Roads that begin so many degrees from near ground may lead there, and a network so far from a log may be of the same place.
+#: Roads that start this many degrees outside the nearby area may lead into it. A log this far from
+#: a network may still be of the same region.
 _NEARBY_DEGREES = 0.2
 
-#: A log of which one point in twenty is faster than this, in m/s, is of motor vehicles.
+#: If one step in twenty of a log is faster than this in m/s, it is of motor vehicles.
 _MOTOR_SPEED = 9.0
 
+#: The quantile of speeds that is compared with it.
+_MOTOR_QUANTILE = 0.95
+
+#: Metres of a degree of latitude at least: a box in degrees is not too small.
+_MIN_DEGREE_METRES = 110_000.0
+
+#: Boxes in degrees are this much wider than those on the plane, since planes distort.
+_BOX_MARGIN = 1.1
+
+#: Latitude up to which a box is widened by the cosine; beyond, by its minimum.
+_MAX_BOX_LATITUDE = 89.0
+
+#: The minimum of that cosine.
+_MIN_COSINE = 0.01
+
+#: Cells that are compared with all blocks at a time.
+_CELLS_AT_A_TIME = 256
+
+#: Nodes from which the plane of a network is chosen.
+_PLANE_SAMPLE = 100_000
+
+#: First bytes of an archive.
+_ARCHIVE_MAGIC = b"\xa7Z"
+
 Floats = NDArray[np.float64]
+RoadSource: TypeAlias = "str | Path | BinaryIO | RoadLines"
+Bounds: TypeAlias = tuple[Floats, Floats]
+
+
+class _PlaneRoads(NamedTuple):
+    """Roads on one plane.
+
+    Parameters
+    ----------
+    chosen : int array, shape (e,)
+        Indices of the roads.
+    points : float64 array, shape (n, 2)
+        Their vertices in metres.
+    """
+
+    chosen: NDArray[np.intp]
+    points: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class NetworkReadResult:
-    """A network with an account of how it came about.
+    """A network, and what was done to it.
 
     Parameters
     ----------
     network : Network
         The roads.
     name : str
-        Of the source.
+        Name of the source.
     read : int
-        Roads of the source after joining; those that are not in the network are too far from the log, or not for its kind.
+        Number of roads of the source after joining. Those that are not in the network are too far
+        from the log, or not for its vehicles.
     repairs : tuple of Repair
-        What was mended.
+        What was repaired.
     """
 
     network: Network
@@ -72,19 +110,22 @@ class NetworkReadResult:
 
 
 def read_network(
-    source: Any, *, plane: Plane | None = None, near: Sequence[Track] | Track | None = None
+    source: RoadSource | Sequence[RoadSource],
+    *,
+    plane: Plane | None = None,
+    near: Sequence[Track] | Track | None = None,
 ) -> Network:
     """Read a road network.
 
     Parameters
     ----------
     source : str, Path, binary stream, or sequence of these
-        OpenStreetMap (PBF, XML), GeoJSON, GeoPackage, FlatGeobuf, Shapefile, GraphML, or what ``gpszip network`` prepared.
-        Several are joined to one.
+        Files of a format of :mod:`gpszip.io.networks.formats`, or one that ``gpszip network``
+        prepared. Several are joined to one.
     plane : Plane, optional
-        The planes to put it on; those of ``near``, or its own, where left out.
+        The planes of the network; those of ``near``, or chosen for it, if left out.
     near : sequence of Track, optional
-        The log it is for: only roads near it are in the answer, on the planes where tracks are near.
+        The log. Only roads near it are read, on the planes where tracks are near.
 
     Returns
     -------
@@ -93,15 +134,16 @@ def read_network(
     Raises
     ------
     InputError
-        If it can't be read, holds no road, or lies elsewhere than the log.
+        If it can't be read, holds no road, or is far from the log.
     CorruptArchiveError
         If a prepared network is damaged.
 
     Examples
     --------
-    >>> import io
+    >>> import io, json
     >>> line = {"type": "LineString", "coordinates": [[0, 0], [30, 0], [30, 40]]}
-    >>> file = io.BytesIO(str({"type": "Feature", "properties": {}, "geometry": line}).replace("'", '"').encode())
+    >>> feature = {"type": "Feature", "properties": {}, "geometry": line}
+    >>> file = io.BytesIO(json.dumps(feature).encode())
     >>> read_network(file, near=Track("walk", [0, 60], [[0, 0], [30, 40]])).lengths.tolist()
     [70.0]
     """
@@ -109,196 +151,232 @@ def read_network(
 
 
 def read_network_result(
-    source: Any, *, plane: Plane | None = None, near: Sequence[Track] | Track | None = None
+    source: RoadSource | Sequence[RoadSource],
+    *,
+    plane: Plane | None = None,
+    near: Sequence[Track] | Track | None = None,
 ) -> NetworkReadResult:
-    """Read a road network as :func:`read_network` does, and tell what was mended."""
+    """Read a road network as :func:`read_network` does, and return what was repaired, too."""
     tracks = [near] if isinstance(near, Track) else list(near or ())
-    area = build_nearby_area(tracks) if tracks else None
     plane = plane or (tracks[0].plane if tracks else None)
-    metric = None if not tracks and plane is None else plane is None
-    prepared = _find_prepared(source)
-    if prepared is not None:
-        wanted = None if area is None else _make_box_filter(area, plane)
-        roads = read_prepared_file(prepared, str(prepared), wanted)
+
+    # Of a prepared network, only blocks near the log are read.
+    prepared_path = _find_prepared(source)
+    if prepared_path is not None:
+        area = build_nearby_area(tracks) if tracks else None
+        box_filter = None if area is None else _make_box_filter(area, plane)
+        roads = read_prepared_file(prepared_path, str(prepared_path), box_filter)
     else:
+        metric = None if not tracks and plane is None else plane is None
         roads = read_road_graph(source, metric=metric)
     return build_network(roads, plane=plane, near=tracks)
 
 
-def _make_box_filter(
-    area: NearbyArea, plane: Plane | None
-) -> Callable[[Floats, bool], NDArray[np.bool_]]:
-    """Which boxes touch near ground."""
+def _make_box_filter(area: NearbyArea, plane: Plane | None) -> BoxFilter:
+    """Return a filter of boxes that touch the area near a log."""
 
-    def wanted(boxes: Floats, geographic: bool) -> NDArray[np.bool_]:
+    def touches_area(boxes: Floats, geographic: bool) -> NDArray[np.bool_]:
+        # Other coordinates than those of the log are an error, which building the network raises.
         if geographic != (plane is not None):
-            return np.ones(len(boxes), np.bool_)  # an error that is told where the log is compared
+            return np.ones(len(boxes), np.bool_)
         low, high = _area_boxes(area, plane)
         touched = np.zeros(len(boxes), np.bool_)
-        for first in range(0, len(low), 256):
-            a, b = low[first : first + 256, None], high[first : first + 256, None]
-            touched |= (
-                ((a <= boxes[None, :, 2:]) & (b >= boxes[None, :, :2])).all(axis=2).any(axis=0)
-            )
+        for first in range(0, len(low), _CELLS_AT_A_TIME):
+            cell_low = low[first : first + _CELLS_AT_A_TIME, None]
+            cell_high = high[first : first + _CELLS_AT_A_TIME, None]
+            overlaps = (cell_low <= boxes[None, :, 2:]) & (cell_high >= boxes[None, :, :2])
+            touched |= overlaps.all(axis=2).any(axis=0)
         return touched
 
-    return wanted
+    return touches_area
 
 
-def _area_boxes(area: NearbyArea, plane: Plane | None) -> tuple[Floats, Floats]:
-    """Lower and upper corners of near ground in the coordinates of a network."""
-    centres, halves = area.boxes()
+def _area_boxes(area: NearbyArea, plane: Plane | None) -> Bounds:
+    """Return lower and upper corners of the cells of an area in the coordinates of a network."""
+    centres, half_widths = area.boxes()
     if plane is None:
-        return centres - halves[:, None], centres + halves[:, None]
+        return centres - half_widths[:, None], centres + half_widths[:, None]
+
+    # Half sizes in degrees: a degree of longitude shrinks with the cosine of the latitude.
     lat, lon = to_geographic(centres, plane)
-    north = 1.1 * halves / 110_000.0
-    east = north / np.maximum(np.cos(np.radians(np.minimum(np.abs(lat) + north, 89.0))), 0.01)
-    middle, size = np.stack((lon, lat), axis=1), np.stack((east, north), axis=1)
-    return middle - size, middle + size
+    half_height = _BOX_MARGIN * half_widths / _MIN_DEGREE_METRES
+    outer_lat = np.minimum(np.abs(lat) + half_height, _MAX_BOX_LATITUDE)
+    half_width = half_height / np.maximum(np.cos(np.radians(outer_lat)), _MIN_COSINE)
+    middle, half_size = np.stack((lon, lat), axis=1), np.stack((half_width, half_height), axis=1)
+    return middle - half_size, middle + half_size
 
 
 def build_network(
     roads: RoadGraph, *, plane: Plane | None = None, near: Sequence[Track] = ()
 ) -> NetworkReadResult:
-    """Put joined roads on planes, those near a log.
+    """Project a road graph to planes, and keep the roads near a log.
+
+    Parameters
+    ----------
+    roads : RoadGraph
+        The graph.
+    plane : Plane, optional
+        The planes; chosen for the graph if left out.
+    near : sequence of Track
+        The log; all roads are kept if it is empty.
 
     Raises
     ------
     InputError
-        If no road is near the log, or one is in degrees and the other in metres.
+        If no road is near the log, or roads and log are not both in degrees or both in metres.
     """
     if not near and not len(roads):
         raise InputError(f"{roads.name}: holds no road")
     if near and roads.geographic != (plane is not None):
-        own, other = (
-            ("degrees", "x and y") if roads.geographic else ("metres of no known place", "degrees")
+        kind, log_kind = (
+            ("degrees", "x and y")
+            if roads.geographic
+            else ("metres of an unknown origin", "degrees")
         )
         raise InputError(
-            f"{roads.name}: is in {own}, but the log in {other}; convert one of them to the coordinates of the other"
+            f"{roads.name}: is in {kind}, but the log in {log_kind}; "
+            "convert one of them to the coordinates of the other"
         )
+
+    # Project.
     area = build_nearby_area(near) if near else None
     if not roads.geographic:
-        parts, plane = [(np.arange(len(roads)), roads.coordinates)], None
+        plane = None
+        plane_roads = [_PlaneRoads(np.arange(len(roads)), roads.coordinates)]
     else:
         plane = plane or _choose_plane(roads)
-        parts = list(_project_to_planes(roads, plane, area))
+        plane_roads = list(_project_to_planes(roads, plane, area))
+
+    # Keep roads near the log.
     repairs = list(roads.repairs)
     if area is not None:
-        parts = [_keep_nearby(roads, chosen, points, area) for chosen, points in parts]
-        if not any(len(chosen) for chosen, _ in parts):
+        plane_roads = [_keep_nearby(roads, candidates, area) for candidates in plane_roads]
+        if not any(len(kept.chosen) for kept in plane_roads):
             raise InputError(_describe_mismatch(roads, plane, near))
-        parts = _drop_footways(roads, parts, near, repairs)
-    network = _assemble(roads, [part for part in parts if len(part[0])], plane)
+        plane_roads = _drop_footways(roads, plane_roads, near, repairs)
+    network = _assemble(roads, [kept for kept in plane_roads if len(kept.chosen)], plane)
     return NetworkReadResult(network, roads.name, len(roads), tuple(repairs))
 
 
 def _choose_plane(roads: RoadGraph) -> Plane:
-    lon, lat = roads.nodes[:: max(len(roads.nodes) // 100_000, 1)].T
+    lon, lat = roads.nodes[:: max(len(roads.nodes) // _PLANE_SAMPLE, 1)].T
     return choose_plane(lat, lon)
 
 
 def _project_to_planes(
     roads: RoadGraph, plane: Plane, area: NearbyArea | None
-) -> Iterator[tuple[NDArray[np.intp], Floats]]:
-    """For each plane the roads that may be near tracks on it, and all their vertices in metres."""
+) -> Iterator[_PlaneRoads]:
+    """Yield for each plane its roads.
+
+    Without an area, a road is on the plane of its first vertex. With an area, it is on every plane
+    on which a part of the area is near its first vertex: the graph may have tracks on several
+    planes near it.
+    """
     first = roads.coordinates[roads.offsets[:-1]]
     if area is None:
-        own = plane_indices(to_plane(first[:, 1], first[:, 0], plane), plane)
+        road_plane = plane_indices(to_plane(first[:, 1], first[:, 0], plane), plane)
     else:
         low, high = _area_boxes(area, plane)
-        owner = plane_indices(area.boxes()[0], plane)
+        cell_plane = plane_indices(area.boxes()[0], plane)
     for number, centre in enumerate(plane.centers):
+        # Choose the roads.
         if area is None:
-            chosen = np.flatnonzero(own == number)
+            chosen = np.flatnonzero(road_plane == number)
         else:
-            here = owner == number
-            if not here.any():
+            on_plane = cell_plane == number
+            if not on_plane.any():
                 continue
-            west_south, east_north = (
-                low[here].min(axis=0) - _NEARBY_DEGREES,
-                high[here].max(axis=0) + _NEARBY_DEGREES,
-            )
-            chosen = np.flatnonzero(((first >= west_south) & (first <= east_north)).all(axis=1))
+            south_west = low[on_plane].min(axis=0) - _NEARBY_DEGREES
+            north_east = high[on_plane].max(axis=0) + _NEARBY_DEGREES
+            chosen = np.flatnonzero(((first >= south_west) & (first <= north_east)).all(axis=1))
+
+        # Project them; planes lie side by side.
         lon, lat = roads.coordinates[vertex_rows(roads.offsets, chosen)].T
         points = to_plane(lat, lon, Plane((centre,)))
         points[:, 0] += number * Plane.SPREAD
-        yield chosen, points
+        yield _PlaneRoads(chosen, points)
 
 
-def _keep_nearby(
-    roads: RoadGraph, chosen: NDArray[np.intp], points: Floats, area: NearbyArea
-) -> tuple[NDArray[np.intp], Floats]:
-    """Those of the roads with a point on near ground."""
-    counts = np.diff(roads.offsets)[chosen]
+def _keep_nearby(roads: RoadGraph, candidates: _PlaneRoads, area: NearbyArea) -> _PlaneRoads:
+    """Keep the roads that have a point in an area."""
+    chosen, points = candidates
     if not len(chosen):
-        return chosen, points
-    owner = np.repeat(np.arange(len(chosen)), counts)
-    hit = area.contains(points)
+        return candidates
+    owner = np.repeat(np.arange(len(chosen)), np.diff(roads.offsets)[chosen])
+    is_near = np.bincount(owner[area.contains(points)], minlength=len(chosen)) > 0
+
+    # Put points on long steps between two vertices of a road.
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    long = np.flatnonzero((steps > _MAX_SPACING) & (np.diff(owner) == 0))
-    pieces = np.ceil(steps[long] / _MAX_SPACING).astype(np.int64)
-    share = (np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / np.repeat(
-        pieces, pieces
-    )
-    at = np.repeat(long, pieces)
-    between = points[at] + share[:, None] * (points[at + 1] - points[at])
-    near = np.bincount(owner[hit], minlength=len(chosen)) > 0
-    near[owner[at[area.contains(between)]]] = True
-    return chosen[near], points[near[owner]]
+    is_long = np.flatnonzero((steps > _MAX_SPACING) & (np.diff(owner) == 0))
+    pieces = np.ceil(steps[is_long] / _MAX_SPACING).astype(np.int64)
+    rank = np.arange(pieces.sum()) - np.repeat(np.cumsum(pieces) - pieces, pieces)
+    share = rank / np.repeat(pieces, pieces)
+    vertex = np.repeat(is_long, pieces)
+    between = points[vertex] + share[:, None] * (points[vertex + 1] - points[vertex])
+    is_near[owner[vertex[area.contains(between)]]] = True
+    return _PlaneRoads(chosen[is_near], points[is_near[owner]])
 
 
 def _drop_footways(
-    roads: RoadGraph, parts: list[Any], near: Sequence[Track], repairs: list[Repair]
-) -> list[Any]:
-    """Leave out footways where the log is of cars."""
+    roads: RoadGraph,
+    plane_roads: list[_PlaneRoads],
+    near: Sequence[Track],
+    repairs: list[Repair],
+) -> list[_PlaneRoads]:
+    """Leave out footways for a log of motor vehicles, unless nothing else is near it."""
     if not (roads.users == RoadUsers.NON_MOTOR).any() or not _is_motorised(near):
-        return parts
-    left, dropped = [], 0
-    for chosen, points in parts:
-        kept = roads.users[chosen] != RoadUsers.NON_MOTOR
-        dropped += int((~kept).sum())
-        left.append((chosen[kept], points[np.repeat(kept, np.diff(roads.offsets)[chosen])]))
-    if not sum(len(chosen) for chosen, _ in left):
-        return parts
+        return plane_roads
+
+    # Drop them on each plane.
+    remaining, dropped = [], 0
+    for chosen, points in plane_roads:
+        keep = roads.users[chosen] != RoadUsers.NON_MOTOR
+        dropped += int((~keep).sum())
+        keep_points = np.repeat(keep, np.diff(roads.offsets)[chosen])
+        remaining.append(_PlaneRoads(chosen[keep], points[keep_points]))
+
+    # Without them, is any road near the log?
+    if not any(len(kept.chosen) for kept in remaining):
+        return plane_roads
     if dropped:
-        repairs.append(
-            Repair(
-                "ways without motor traffic left out, as the log is of motor vehicles",
-                dropped,
-                roads.name,
-                drops=False,
-            )
-        )
-    return left
+        what = "ways without motor traffic left out, as the log is of motor vehicles"
+        repairs.append(Repair(what, dropped, roads.name, drops=False))
+    return remaining
 
 
 def _is_motorised(tracks: Sequence[Track]) -> bool:
-    fast = [
+    """Whether a log is of motor vehicles, by its speeds."""
+    speeds = [
         np.linalg.norm(np.diff(track.positions, axis=0), axis=1) / np.diff(track.times)
         for track in tracks
         if track.timed and len(track) > 1
     ]
-    return bool(fast) and bool(np.quantile(np.concatenate(fast), 0.95) > _MOTOR_SPEED)
+    if not speeds:
+        return False
+    return bool(np.quantile(np.concatenate(speeds), _MOTOR_QUANTILE) > _MOTOR_SPEED)
 
 
-def _assemble(roads: RoadGraph, parts: list[Any], plane: Plane | None) -> Network:
-    chosen = np.concatenate([part[0] for part in parts])
-    points = np.concatenate([part[1] for part in parts])
-    layer = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
+def _assemble(roads: RoadGraph, plane_roads: Sequence[_PlaneRoads], plane: Plane | None) -> Network:
+    """Build the network of roads on all planes."""
+    chosen = np.concatenate([kept.chosen for kept in plane_roads])
+    points = np.concatenate([kept.points for kept in plane_roads])
     offsets = np.append(0, np.cumsum(np.diff(roads.offsets)[chosen]))
-    ends = np.concatenate((roads.starts[chosen], roads.ends[chosen])) + np.tile(layer, 2) * len(
-        roads.nodes
+    count = len(chosen)
+
+    # A node of the graph is another node on each plane.
+    plane_number = np.repeat(
+        np.arange(len(plane_roads)), [len(kept.chosen) for kept in plane_roads]
     )
-    kept, at = np.unique(ends, return_inverse=True)
-    nodes = np.empty((len(kept), 2))
-    nodes[at[: len(chosen)]], nodes[at[len(chosen) :]] = (
-        points[offsets[:-1]],
-        points[offsets[1:] - 1],
-    )
+    graph_nodes = np.concatenate((roads.starts[chosen], roads.ends[chosen]))
+    keys = graph_nodes + np.tile(plane_number, 2) * len(roads.nodes)
+    distinct, ends = np.unique(keys, return_inverse=True)
+    nodes = np.empty((len(distinct), 2))
+    nodes[ends[:count]] = points[offsets[:-1]]
+    nodes[ends[count:]] = points[offsets[1:] - 1]
     return Network(
         nodes=nodes,
-        starts=at[: len(chosen)].astype(np.int32),
-        ends=at[len(chosen) :].astype(np.int32),
+        starts=ends[:count].astype(np.int32),
+        ends=ends[count:].astype(np.int32),
         offsets=offsets,
         points=points,
         forward=roads.forward[chosen],
@@ -311,29 +389,33 @@ def _assemble(roads: RoadGraph, parts: list[Any], plane: Plane | None) -> Networ
 
 
 def _take_street_names(roads: RoadGraph, chosen: NDArray[np.intp]) -> TextColumn | None:
-    """Street names, empty where a road has none; nothing where no road of the source has one."""
+    """Return street names, empty for a road without one; None if no road of the source has one."""
     if roads.names.null_count == len(roads.names):
         return None
     return TextColumn(roads.names.take(pa.array(chosen)).fill_null(""))
 
 
 def _describe_mismatch(roads: RoadGraph, plane: Plane | None, near: Sequence[Track]) -> str:
-    places = np.concatenate([track.positions[:, :2] for track in near])
+    """Return the message for a network that is far from the log."""
+    log = np.concatenate([track.positions[:, :2] for track in near])
     if plane is not None:
-        lat, lon = to_geographic(places, plane)
-        places = np.stack((lon, lat), axis=1)
-    log = f"{_format_extent(places)} of the log"
+        lat, lon = to_geographic(log, plane)
+        log = np.stack((lon, lat), axis=1)
+    hint = "give a network of that region"
     if not len(roads):
-        return f"{roads.name}: no road of it is near the log, which is at {_format_extent(places)}; give a network of that place"
-    own = roads.coordinates
-    hint = "give a network of that place"
-    low, high = own.min(axis=0) - _NEARBY_DEGREES, own.max(axis=0) + _NEARBY_DEGREES
-    if (
-        plane is not None
-        and ((places[:, ::-1] >= low) & (places[:, ::-1] <= high)).all(axis=1).any()
-    ):
+        extent = _format_extent(log)
+        return f"{roads.name}: no road of it is near the log, which is at {extent}; {hint}"
+
+    # Would the log be near if its axes were swapped?
+    vertices = roads.coordinates
+    low, high = vertices.min(axis=0) - _NEARBY_DEGREES, vertices.max(axis=0) + _NEARBY_DEGREES
+    swapped = log[:, ::-1]
+    if plane is not None and ((swapped >= low) & (swapped <= high)).all(axis=1).any():
         hint = "latitude and longitude look swapped in one of them"
-    return f"{roads.name}: lies elsewhere than the log: {_format_extent(own)} of the network against {log}; {hint}"
+    return (
+        f"{roads.name}: lies elsewhere than the log: {_format_extent(vertices)} of the network "
+        f"against {_format_extent(log)} of the log; {hint}"
+    )
 
 
 def _format_extent(points: Floats) -> str:
@@ -342,7 +424,10 @@ def _format_extent(points: Floats) -> str:
 
 
 def read_road_graph(
-    source: Any, *, metric: bool | None = None, directed: bool | None = None
+    source: RoadSource | Sequence[RoadSource],
+    *,
+    metric: bool | None = None,
+    directed: bool | None = None,
 ) -> RoadGraph:
     """Read sources that are not prepared, and join their lines.
 
@@ -351,60 +436,70 @@ def read_road_graph(
     source : str, Path, binary stream, or sequence of these
         As for :func:`read_network`.
     metric : bool, optional
-        Whether the log it is for is in x and y; told from the source where left out.
+        Whether the log is in x and y; found from the source if left out.
     directed : bool, optional
-        Whether a line without a property that tells its direction may be travelled along it only, as where a source holds one
-        for each direction; told from the lines where left out.
+        Whether a line without a one-way rule may be travelled along its vertices only, as if the
+        source had one line for each direction; found from the lines if left out.
     """
-    several = list(source) if isinstance(source, (list, tuple)) else [source]
-    read = [
-        lines
-        for item in several
-        for lines in ([item] if isinstance(item, RoadLines) else _read_sources(item, metric))
-    ]
-    if not read:
+    sources: list[Any] = list(source) if isinstance(source, (list, tuple)) else [source]
+
+    # Read the lines of all files.
+    lines_read: list[RoadLines] = []
+    for item in sources:
+        if isinstance(item, RoadLines):
+            lines_read.append(item)
+        else:
+            lines_read += [_read_lines(file, metric) for file in expand(item, unzip=False)]
+    if not lines_read:
         raise InputError("no network given; name a file")
-    lines = read[0] if len(read) == 1 else _concatenate(read)
-    return build_road_graph(
-        replace(lines, directed=directed)
-        if directed is not None and lines.directed is None
-        else lines
-    )
+
+    # Join them.
+    lines = lines_read[0] if len(lines_read) == 1 else _concatenate(lines_read)
+    if directed is not None and lines.directed is None:
+        lines = replace(lines, directed=directed)
+    return build_road_graph(lines)
 
 
-def _read_sources(source: Any, metric: bool | None) -> list[RoadLines]:
-    return [_read_lines(one, metric) for one in expand(source, unzip=False)]
+def _read_lines(source: Source | InputError, metric: bool | None) -> RoadLines:
+    if isinstance(source, InputError):
+        raise source
+    return find_network_format(source).read(source, metric)
 
 
-def _concatenate(read: list[RoadLines]) -> RoadLines:
-    if len({lines.geographic for lines in read}) > 1:
+def _concatenate(lines_read: Sequence[RoadLines]) -> RoadLines:
+    """Return the lines of several sources, which have to have the same coordinates."""
+    first, last = lines_read[0], lines_read[-1]
+    if len({lines.geographic for lines in lines_read}) > 1:
         raise InputError(
-            f"{read[0].name} and {read[-1].name}: one is in degrees and the other in metres; convert one of them"
+            f"{first.name} and {last.name}: one is in degrees and the other in metres; "
+            "convert one of them"
         )
-    counts = np.concatenate([np.diff(lines.offsets) for lines in read])
-    joined: dict[str, Any] = {
-        name: np.concatenate([getattr(lines, name) for lines in read])
-        for name in ("coordinates", "forward", "backward", "speeds", "users")
-    }
+
+    # The offsets of a source count from its own start.
+    counts = np.concatenate([np.diff(lines.offsets) for lines in lines_read])
     return replace(
-        read[0],
-        name=f"{read[0].name} and {len(read) - 1} more",
+        first,
+        name=f"{first.name} and {len(lines_read) - 1} more",
+        coordinates=np.concatenate([lines.coordinates for lines in lines_read]),
         offsets=np.append(0, np.cumsum(counts)),
-        ids=pa.concat_arrays([lines.ids for lines in read]),
-        names=pa.concat_arrays([lines.names for lines in read]),
-        directed=False if any(lines.directed is False for lines in read) else None,
-        repairs=tuple(repair for lines in read for repair in lines.repairs),
-        **joined,
+        forward=np.concatenate([lines.forward for lines in lines_read]),
+        backward=np.concatenate([lines.backward for lines in lines_read]),
+        speeds=np.concatenate([lines.speeds for lines in lines_read]),
+        users=np.concatenate([lines.users for lines in lines_read]),
+        ids=pa.concat_arrays([lines.ids for lines in lines_read]),
+        names=pa.concat_arrays([lines.names for lines in lines_read]),
+        directed=False if any(lines.directed is False for lines in lines_read) else None,
+        repairs=tuple(repair for lines in lines_read for repair in lines.repairs),
     )
 
 
 def is_archive(source: Any) -> bool:
-    """Whether a source of roads is the file of an archive, whose map this room can't read."""
-    return _starts_with(source, b"\xa7Z")
+    """Whether a source of roads is the file of an archive, whose map another package reads."""
+    return _starts_with(source, _ARCHIVE_MAGIC)
 
 
 def _find_prepared(source: Any) -> Path | None:
-    """The path of a prepared network, if it is one."""
+    """Return the path of a prepared network; None for any other source."""
     if isinstance(source, (list, tuple)) and len(source) == 1:
         return _find_prepared(source[0])
     return Path(source) if _starts_with(source, PREPARED_MAGIC) else None
@@ -415,54 +510,3 @@ def _starts_with(source: Any, magic: bytes) -> bool:
         return False
     with Path(source).open("rb") as file:
         return file.read(len(magic)) == magic
-
-
-def _read_lines(source: Source | InputError, metric: bool | None) -> RoadLines:
-    if isinstance(source, InputError):
-        raise source
-    head = source.head()
-    if not head.strip(b" \t\r\n\0"):
-        raise InputError(f"{source.name}: empty file; name one that holds a network")
-    if head.startswith(PREPARED_MAGIC):
-        raise InputError(
-            f"{source.name}: prepared networks can't be joined; prepare one of all sources"
-        )
-    text = head.lstrip(b"\xef\xbb\xbf \t\r\n")
-    packed = head.startswith(b"BZh") and source.name.lower().endswith(".osm.bz2")
-    if packed or b"OSMHeader" in head[:64] or (text[:1] == b"<" and b"<osm" in text[:4096]):
-        return read_osm_lines(_require_path(source), source.name)
-    if text[:1] == b"<" and b"<!ENTITY" in text:
-        raise InputError(
-            f"{source.name}: declares XML entities, which are not expanded; write it without them"
-        )
-    if text[:1] == b"<" and b"<graphml" in text[:4096]:
-        with source.open() as stream:
-            return read_graphml_lines(stream, source.name, metric=metric)
-    if text[:1] == b"<":
-        raise UnknownFormatError(f"{source.name}: is XML, but neither OpenStreetMap's nor GraphML")
-    if text[:1] == b"{":
-        metres = b'"gpszip"' in text[:4096] and b'"metres"' in text[:4096]
-        return read_vector_lines(
-            _gdal_source(source), source.name, metric=metric, metres=metres, is_geojson=True
-        )
-    if head.startswith((b"SQLite format 3", b"fgb\x03", b"\x00\x00\x27\x0a", b"PK\x03\x04")):
-        return read_vector_lines(_gdal_source(source), source.name, metric=metric)
-    raise UnknownFormatError(
-        f"{source.name}: no network; known are OpenStreetMap (.osm.pbf, .osm), GeoJSON, GeoPackage, FlatGeobuf, Shapefile, GraphML, "
-        "archives, and what 'gpszip network' prepares"
-    )
-
-
-def _require_path(source: Source) -> str:
-    if source.path is None:
-        raise InputError(
-            f"{source.name}: OpenStreetMap data is read only from files whose names are UTF-8; save or rename it first"
-        )
-    return str(source.path)
-
-
-def _gdal_source(source: Source) -> Any:
-    if source.path is None or source.is_gzip:
-        return source.read()
-    zipped = source.path.suffix.lower() == ".zip"
-    return f"/vsizip/{source.path}" if zipped else str(source.path)

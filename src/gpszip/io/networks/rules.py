@@ -1,11 +1,15 @@
-"""What the words on roads mean: one-way rules, speed limits and classes, as OpenStreetMap and most authorities write them."""
+"""Interpret the properties of roads: directions, speed limits, classes and names.
+
+The words are those of OpenStreetMap and of most authorities.
+"""
 
 from __future__ import annotations
 
 import ast
 import re
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, TypeVar
+from math import isnan, nan
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +17,13 @@ from numpy.typing import NDArray
 from gpszip.io.networks.lines import RoadUsers
 
 __all__ = [
+    "MAX_ROAD_SPEED",
     "NON_ROAD_CLASSES",
+    "Directions",
+    "RoadRules",
     "clean_street_name",
     "expected_speed",
+    "find_rules",
     "map_distinct",
     "parse_directions",
     "parse_speed_limit",
@@ -42,9 +50,13 @@ NON_ROAD_CLASSES = frozenset(
     )
 )
 
+#: Metres per second of one km/h.
 _KMH = 1 / 3.6
 
-#: Usual speeds in km/h, stops at lights and crossings not counted.
+#: Metres per second of other units in which limits are written.
+_LIMIT_UNITS = {"mph": 0.44704, "knots": 0.514444}
+
+#: Typical speeds in km/h by class of ``highway``, without stops at lights and crossings.
 _CLASS_SPEEDS_KMH: dict[str, float] = {
     "motorway": 100,
     "motorway_link": 60,
@@ -72,40 +84,41 @@ _CLASS_SPEEDS_KMH: dict[str, float] = {
     "steps": 2.5,
 }
 
+#: Classes without motor traffic.
 _NON_MOTOR_CLASSES = frozenset(
     ("cycleway", "bridleway", "pedestrian", "footway", "path", "corridor", "steps")
 )
+
+#: Classes where nobody walks.
 _MOTOR_CLASSES = frozenset(("motorway", "motorway_link"))
 
-_BOTH, _FORWARD, _BACKWARD, _CLOSED = (True, True), (True, False), (False, True), (False, False)
 
-_DIRECTIONS: dict[str, tuple[bool, bool]] = (
-    dict.fromkeys(
-        (
-            "yes",
-            "true",
-            "1",
-            "t",
-            "y",
-            "ft",
-            "f",
-            "forward",
-            "oneway",
-            "one_way",
-            "one-way",
-            "with",
-            "from-to",
-            "fwd",
-        ),
-        _FORWARD,
-    )
-    | dict.fromkeys(("-1", "reverse", "tf", "backward", "against", "to-from", "bwd"), _BACKWARD)
-    | dict.fromkeys(
-        ("no", "false", "0", "n", "b", "both", "twoway", "two_way", "two-way", "bi", "2", ""), _BOTH
-    )
-    | dict.fromkeys(("closed", "none"), _CLOSED)
-)
+class Directions(NamedTuple):
+    """Whether a road may be travelled along its line, and against it."""
 
+    forward: bool
+    backward: bool
+
+
+_BOTH = Directions(True, True)
+_FORWARD = Directions(True, False)
+_BACKWARD = Directions(False, True)
+_CLOSED = Directions(False, False)
+
+#: Words for directions, as OpenStreetMap, authorities and vendors of road data write them.
+_DIRECTION_WORDS = {
+    _FORWARD: "yes true 1 t y ft f forward oneway one_way one-way with from-to fwd",
+    _BACKWARD: "-1 reverse tf backward against to-from bwd",
+    _BOTH: "no false 0 n b both twoway two_way two-way bi 2",
+    _CLOSED: "closed none",
+}
+
+#: Directions by word; an empty text says nothing.
+_DIRECTIONS = {
+    word: directions for directions, words in _DIRECTION_WORDS.items() for word in words.split()
+} | {"": _BOTH}
+
+#: Words for speed limits, with what they mean in most countries, in km/h.
 _NAMED_LIMITS_KMH = {
     "none": 130.0,
     "walk": 6.0,
@@ -118,150 +131,226 @@ _NAMED_LIMITS_KMH = {
     "zone20": 20.0,
 }
 
-#: A longer text than this many characters is not searched for several names.
-_LONGEST_LIST = 10_000
+#: Speeds in m/s from here on are mistakes: 360 km/h.
+MAX_ROAD_SPEED = 100.0
 
-#: What is driven where so much is allowed: traffic, bends and crossings take the rest.
+#: Characters of a text beyond which it is not parsed as a list of names.
+_MAX_LIST_LETTERS = 10_000
+
+#: Speed driven as a share of the limit; traffic, bends and crossings take the rest.
 _DRIVEN_SHARE = 0.85
+
+#: Speed driven where a limit is far above what a class of roads allows, relative to its typical
+#: speed.
+_MAX_CLASS_EXCESS = 1.5
+
+
+class RoadRules(NamedTuple):
+    """What the properties of a road say.
+
+    Parameters
+    ----------
+    forward, backward : bool
+        Whether it may be travelled along its line, and against it.
+    speed : float
+        Expected speed in m/s; NaN if unknown.
+    users : RoadUsers
+        Who uses it.
+    """
+
+    forward: bool
+    backward: bool
+    speed: float
+    users: RoadUsers
+
+
+def find_rules(
+    *, road: str | None, oneway: str | None, junction: str | None, limit: str | None
+) -> RoadRules:
+    """Interpret the properties of a road together.
+
+    Parameters
+    ----------
+    road : str or None
+        Class of the road, ``highway`` of OpenStreetMap.
+    oneway, junction : str or None
+        See :func:`parse_directions`.
+    limit : str or None
+        See :func:`parse_speed_limit`.
+    """
+    forward, backward = parse_directions(oneway, junction=junction, road=road)
+    speed = expected_speed(parse_speed_limit(limit), road_class_speed(road))
+    return RoadRules(forward, backward, speed, road_class_users(road))
 
 
 def parse_directions(
     oneway: str | None, *, junction: str | None = None, road: str | None = None
-) -> tuple[bool, bool]:
-    """Whether a road may be travelled along its line, and against it.
+) -> Directions:
+    """Find out in which directions a road may be travelled.
 
     Parameters
     ----------
     oneway : str or None
-        What the source says; ``-1`` is against the line. What nobody understands (``reversible``) counts as both.
-    junction, road : str or None
-        ``junction`` and ``highway`` of OpenStreetMap: roundabouts and motorways are one-way unless ``oneway`` says otherwise.
+        What the source says; ``-1`` is against the line. Other words, such as ``reversible``, count
+        as both directions.
+    junction : str or None
+        ``junction`` of OpenStreetMap: a roundabout is one-way unless ``oneway`` says otherwise.
+    road : str or None
+        ``highway`` of OpenStreetMap: so is a motorway.
 
     Examples
     --------
-    >>> parse_directions("yes"), parse_directions("-1"), parse_directions(None), parse_directions(None, junction="roundabout"), parse_directions("no", road="motorway")
-    ((True, False), (False, True), (True, True), (True, False), (True, True))
+    >>> parse_directions("yes")
+    Directions(forward=True, backward=False)
+    >>> parse_directions("-1")
+    Directions(forward=False, backward=True)
+    >>> parse_directions(None, junction="roundabout")
+    Directions(forward=True, backward=False)
+    >>> parse_directions("no", road="motorway")
+    Directions(forward=True, backward=True)
     """
     if oneway is not None:
         return _DIRECTIONS.get(oneway.strip().lower(), _BOTH)
-    implied = junction in ("roundabout", "circular") or road == "motorway"
-    return _FORWARD if implied else _BOTH
+    is_implied = junction in ("roundabout", "circular") or road == "motorway"
+    return _FORWARD if is_implied else _BOTH
 
 
 def parse_speed_limit(text: str | None) -> float:
-    """Limit in m/s of a text such as ``50``, ``30 mph`` or ``DE:urban``; the least of several; NaN where it says nothing.
+    """Return the speed limit of a road in m/s.
+
+    Parameters
+    ----------
+    text : str or None
+        Such as ``50``, ``30 mph`` or ``DE:urban``; of several, separated by ``;``, ``|`` or ``,``,
+        the lowest counts.
+
+    Returns
+    -------
+    float
+        NaN if the text has no limit.
 
     Examples
     --------
-    >>> parse_speed_limit("36"), round(parse_speed_limit("30 mph"), 2), round(parse_speed_limit("RO:urban"), 2), parse_speed_limit("signals")
-    (10.0, 13.41, 13.89, nan)
+    >>> parse_speed_limit("36"), parse_speed_limit("signals")
+    (10.0, nan)
+    >>> round(parse_speed_limit("30 mph"), 2), round(parse_speed_limit("RO:urban"), 2)
+    (13.41, 13.89)
     """
-    found = [
-        _parse_one_limit(part)
-        for part in re.split(r"[;|,]", (text or "").strip(" []").replace("'", "").replace('"', ""))
-    ]
-    known = [limit for limit in found if limit == limit]  # noqa: PLR0124 (NaN is nothing)
-    return min(known) if known else float("nan")
+    plain = (text or "").strip(" []").replace("'", "").replace('"', "")
+    limits = [_parse_one_limit(item) for item in re.split(r"[;|,]", plain)]
+    return min((limit for limit in limits if not isnan(limit)), default=nan)
 
 
 def _parse_one_limit(text: str) -> float:
     plain = text.strip().lower()
     number = re.fullmatch(r"(\d+(?:\.\d+)?)\s*(mph|knots|km/h|kmh|kph)?", plain)
     if number is not None:
-        unit = {"mph": 0.44704, "knots": 0.514444}.get(number[2], _KMH)
-        value = float(number[1]) * unit
-        return value if 0 < value < 100 else float("nan")
-    word = plain.split(":")[-1]
-    return _NAMED_LIMITS_KMH[word] * _KMH if word in _NAMED_LIMITS_KMH else float("nan")
+        limit = float(number[1]) * _LIMIT_UNITS.get(number[2], _KMH)
+        return limit if 0 < limit < MAX_ROAD_SPEED else nan
+    word = plain.split(":")[-1]  # the country comes before
+    return _NAMED_LIMITS_KMH[word] * _KMH if word in _NAMED_LIMITS_KMH else nan
 
 
 def clean_street_name(name: str | None, ref: str | None = None) -> str | None:
-    """Name of a street as people read it, or its number where it has no name.
+    """Return the name of a street, or its number if it has no name.
 
     Parameters
     ----------
     name, ref : str or None
-        What the source says. Several names, which osmnx writes as the text of a Python list, are joined by ``; ``.
+        What the source says. Several names, which osmnx writes as the text of a Python list, are
+        joined by ``; ``.
 
     Returns
     -------
     str or None
-        None where neither says anything.
+        None if neither says anything.
 
     Examples
     --------
-    >>> clean_street_name(" Main St "), clean_street_name(None, "B 2"), clean_street_name("['Oak St', 'Elm St']"), clean_street_name("", "nan")
-    ('Main St', 'B 2', 'Oak St; Elm St', None)
+    >>> clean_street_name(" Main St "), clean_street_name(None, "B 2")
+    ('Main St', 'B 2')
+    >>> clean_street_name("['Oak St', 'Elm St']"), clean_street_name("", "nan")
+    ('Oak St; Elm St', None)
     """
     for text in (name, ref):
-        several = [" ".join(one.split()) for one in _parse_list(text or "")]
-        known = [
-            one
-            for one in dict.fromkeys(several)
-            if one and one.lower() not in {"nan", "none", "null"}
-        ]
+        names = dict.fromkeys(" ".join(item.split()) for item in _parse_list(text or ""))
+        known = [item for item in names if item and item.lower() not in {"nan", "none", "null"}]
         if known:
             return "; ".join(known)
     return None
 
 
 def _parse_list(text: str) -> list[str]:
-    """The members of a list that was written as text, or the text itself."""
+    """Return the members of a list that was written as text, or the text itself."""
     plain = text.strip()
     if plain.startswith("{"):
-        return []  # an object is no name
-    if not (plain.startswith("[") and plain.endswith("]") and len(plain) <= _LONGEST_LIST):
+        return []  # a JSON object is no name
+    if not (plain.startswith("[") and plain.endswith("]") and len(plain) <= _MAX_LIST_LETTERS):
         return [plain]
     try:
         members = ast.literal_eval(plain)
     except (ValueError, SyntaxError, MemoryError, RecursionError):
         return [plain]
-    return [str(one) for one in members if one is not None]
+    return [str(member) for member in members if member is not None]
 
 
 def road_class_speed(road: str | None) -> float:
-    """Usual speed in m/s on roads of a class of OpenStreetMap; NaN for classes unknown.
+    """Return the typical speed in m/s on a class of OpenStreetMap; NaN for other classes.
 
     Examples
     --------
     >>> road_class_speed("secondary") > road_class_speed("residential"), road_class_speed("A3")
     (True, nan)
     """
-    return _CLASS_SPEEDS_KMH.get(_normalise_class(road), float("nan")) * _KMH
+    return _CLASS_SPEEDS_KMH.get(_normalise_class(road), nan) * _KMH
 
 
 def expected_speed(limit: float, typical_speed: float) -> float:
-    """Speed in m/s that is driven where ``limit`` is allowed on a road of a class that has the usual speed ``usual``.
+    """Return the speed in m/s that is driven on a road.
 
-    A limit says more than a class, except where it is much above what such roads allow.
+    The limit decides, but a limit far above what roads of this class allow does not.
+
+    Parameters
+    ----------
+    limit : float
+        Speed limit in m/s; NaN if unknown.
+    typical_speed : float
+        Typical speed on roads of this class in m/s; NaN if unknown.
 
     Examples
     --------
-    >>> expected_speed(10.0, float("nan")), expected_speed(float("nan"), 7.0), expected_speed(28.0, 4.0)
-    (8.5, 7.0, 6.0)
+    >>> expected_speed(10.0, float("nan")), expected_speed(float("nan"), 7.0)
+    (8.5, 7.0)
+    >>> expected_speed(28.0, 4.0)
+    6.0
     """
-    if limit != limit:  # noqa: PLR0124
+    if isnan(limit):
         return typical_speed
     driven = _DRIVEN_SHARE * limit
-    return min(driven, 1.5 * typical_speed) if typical_speed == typical_speed else driven  # noqa: PLR0124
+    return driven if isnan(typical_speed) else min(driven, _MAX_CLASS_EXCESS * typical_speed)
 
 
 def road_class_users(road: str | None) -> RoadUsers:
-    """Who may be met on a class of roads of OpenStreetMap."""
+    """Return who uses a class of roads of OpenStreetMap."""
     plain = _normalise_class(road)
-    return (
-        RoadUsers.NON_MOTOR
-        if plain in _NON_MOTOR_CLASSES
-        else RoadUsers.MOTOR_ONLY
-        if plain in _MOTOR_CLASSES
-        else RoadUsers.ANYBODY
-    )
+    if plain in _NON_MOTOR_CLASSES:
+        return RoadUsers.NON_MOTOR
+    return RoadUsers.MOTOR_ONLY if plain in _MOTOR_CLASSES else RoadUsers.ANYBODY
 
 
 def map_distinct(
-    texts: Sequence[str | None] | Iterable[str | None], rule: Callable[[str | None], T], kind: Any
+    texts: Sequence[str | None] | Iterable[str | None], rule: Callable[[str | None], T], dtype: Any
 ) -> NDArray[Any]:
-    """Apply a rule to texts of which most are alike, once to each kind.
+    """Apply a rule to texts, once to each distinct text.
+
+    Parameters
+    ----------
+    texts : iterable of str or None
+        Texts that repeat often.
+    rule : callable
+        The rule.
+    dtype : data type
+        Type of the answers.
 
     Examples
     --------
@@ -274,9 +363,10 @@ def map_distinct(
         if text not in known:
             known[text] = rule(text)
         answers.append(known[text])
-    return np.array(answers, dtype=kind)
+    return np.array(answers, dtype=dtype)
 
 
 def _normalise_class(road: str | None) -> str:
+    """Return the first class of a list, in lower case."""
     first = (road or "").strip(" []'\"").split(",")[0].split(";")[0]
     return first.strip(" '\"").lower()

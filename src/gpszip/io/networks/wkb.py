@@ -1,4 +1,4 @@
-"""Lines from well-known binary and text, many at once."""
+"""Parse lines in well-known binary and text (OGC Simple Features, ISO 19125)."""
 
 from __future__ import annotations
 
@@ -6,55 +6,88 @@ import re
 import struct
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-__all__ = ["parse_wkb_lines", "parse_wkt_line"]
+__all__ = ["WkbLines", "parse_wkb_lines", "parse_wkt_line"]
 
-_HEADER_BYTES = 9  # byte order, kind, number of points
-_LINE, _MULTI = 2, 5
+#: Bytes before the points of a line: byte order (1), type (4), number of points (4).
+_HEADER_BYTES = 9
 
-_Lines = tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64], int]
+#: Type of a LineString.
+_LINE_STRING = 2
+
+#: Type of a MultiLineString.
+_MULTI_LINE_STRING = 5
+
+#: Flag of a z coordinate in extended well-known binary (PostGIS).
+_EWKB_Z = 0x80000000
+
+#: Flag of an m coordinate in extended well-known binary.
+_EWKB_M = 0x40000000
+
+#: Types are below this; all flags are above.
+_TYPE_LIMIT = 0x20000000
+
+#: Additional coordinates of a point by the thousands of its ISO type: none, z, m, both.
+_ISO_EXTRA_AXES = (0, 1, 1, 2)
 
 
-def parse_wkb_lines(geometries: Any) -> _Lines:
-    """Lines of an array of geometries; lines of a MultiLineString are lines of their own.
+class WkbLines(NamedTuple):
+    """Lines of an array of geometries.
 
     Parameters
     ----------
-    geometries : pyarrow.BinaryArray
-        Well-known binary, little-endian; nulls are nothing.
-
-    Returns
-    -------
     points : float64 array, shape (N, 2)
         First two coordinates of all vertices.
     offsets : int64 array, shape (L + 1,)
         Vertices of line i are ``points[offsets[i]:offsets[i + 1]]``.
     rows : int64 array, shape (L,)
-        Geometry to which each line belongs.
+        Index of the geometry to which each line belongs.
     others : int
         Number of geometries that are no lines.
+    """
+
+    points: NDArray[np.float64]
+    offsets: NDArray[np.int64]
+    rows: NDArray[np.int64]
+    others: int
+
+
+def parse_wkb_lines(geometries: Any) -> WkbLines:
+    """Parse the lines of an array of geometries. A MultiLineString gives several lines.
+
+    Parameters
+    ----------
+    geometries : pyarrow.BinaryArray
+        Well-known binary; null counts as a geometry that is no line.
+
+    Returns
+    -------
+    WkbLines
 
     Examples
     --------
     >>> text = "0102000000020000000000000000000000000000000000000000000000000008400000000000001040"
-    >>> parse_wkb_lines(pa.array([bytes.fromhex(text), None]))[0].tolist()
+    >>> parse_wkb_lines(pa.array([bytes.fromhex(text), None])).points.tolist()
     [[0.0, 0.0], [3.0, 4.0]]
     """
+    # Fast path: all are little-endian LineStrings with two coordinates.
     starts, data = _buffers(geometries)
     sizes = np.diff(starts)
     if len(sizes) and (sizes >= _HEADER_BYTES).all():
-        heads = data[starts[:-1, None] + np.arange(_HEADER_BYTES)]
-        if (heads[:, 0] == 1).all() and (heads[:, 1:5].copy().view("<u4") == _LINE).all():
-            return _parse_plain_lines(starts, data, heads)
+        headers = data[starts[:-1, None] + np.arange(_HEADER_BYTES)]
+        types = headers[:, 1:5].copy().view("<u4")
+        if (headers[:, 0] == 1).all() and (types == _LINE_STRING).all():
+            return _parse_plain_lines(starts, data, headers)
     return _parse_mixed(geometries)
 
 
 def _buffers(geometries: Any) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
+    """Return the start of each geometry, and the bytes of all."""
     wide = geometries.cast(pa.large_binary())
     _, offsets, values = wide.buffers()
     starts = np.frombuffer(offsets, np.int64)[wide.offset : wide.offset + len(wide) + 1]
@@ -62,57 +95,68 @@ def _buffers(geometries: Any) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
 
 
 def _parse_plain_lines(
-    starts: NDArray[np.int64], data: NDArray[np.uint8], heads: NDArray[np.uint8]
-) -> _Lines:
-    """All of them are flat lines: what is no head is coordinates."""
-    counts = heads[:, 5:9].copy().view("<u4")[:, 0].astype(np.int64)
+    starts: NDArray[np.int64], data: NDArray[np.uint8], headers: NDArray[np.uint8]
+) -> WkbLines:
+    """Parse LineStrings with two coordinates: all bytes outside of headers are coordinates."""
+    counts = headers[:, 5:9].copy().view("<u4")[:, 0].astype(np.int64)
     first, last = int(starts[0]), int(starts[-1])
-    body = np.ones(last - first, np.bool_)
-    body[(starts[:-1, None] - first + np.arange(_HEADER_BYTES)).ravel()] = False
-    points = data[first:last][body].view("<f8").reshape(-1, 2)
-    return points, np.append(0, np.cumsum(counts)), np.arange(len(counts)), 0
+    is_coordinate = np.ones(last - first, np.bool_)
+    is_coordinate[(starts[:-1, None] - first + np.arange(_HEADER_BYTES)).ravel()] = False
+    points = data[first:last][is_coordinate].view("<f8").reshape(-1, 2)
+    return WkbLines(points, np.append(0, np.cumsum(counts)), np.arange(len(counts)), 0)
 
 
-def _parse_mixed(geometries: Any) -> _Lines:
-    pieces: list[NDArray[np.float64]] = []
+def _parse_mixed(geometries: Any) -> WkbLines:
+    """Parse geometries of any type one by one."""
+    lines: list[NDArray[np.float64]] = []
     rows: list[int] = []
     others = 0
     for row, geometry in enumerate(geometries.to_pylist()):
-        found = _parse(geometry, 0)[0] if geometry else []
-        others += not found
-        pieces += found
-        rows += [row] * len(found)
-    counts = [len(piece) for piece in pieces]
-    points = np.concatenate(pieces) if pieces else np.empty((0, 2))
-    return (
-        points,
-        np.append(0, np.cumsum(counts)).astype(np.int64),
-        np.array(rows, np.int64),
-        others,
-    )
+        lines_of_row = _parse_geometry(geometry, 0)[0] if geometry else []
+        others += not lines_of_row
+        lines += lines_of_row
+        rows += [row] * len(lines_of_row)
+    counts = [len(line) for line in lines]
+    points = np.concatenate(lines) if lines else np.empty((0, 2))
+    offsets = np.append(0, np.cumsum(counts)).astype(np.int64)
+    return WkbLines(points, offsets, np.array(rows, np.int64), others)
 
 
-def _parse(data: bytes, at: int) -> tuple[list[NDArray[np.float64]], int]:
-    order = "<" if data[at] == 1 else ">"
-    kind, count = struct.unpack_from(order + "II", data, at + 1)
-    width = 2 + (
-        bool(kind & 0x80000000) + bool(kind & 0x40000000)
-        or (0, 1, 1, 2)[kind % 0x20000000 // 1000 % 4]
-    )
-    plain, at = kind % 0x20000000 % 1000, at + _HEADER_BYTES
-    if plain == _LINE:
-        points = np.frombuffer(data, order + "f8", count * width, at).reshape(-1, width)[:, :2]
-        return [points.astype(np.float64)], at + 8 * count * width
+def _parse_geometry(data: bytes, position: int) -> tuple[list[NDArray[np.float64]], int]:
+    """Return the lines of the geometry that starts at a byte, and the byte after it."""
+    # Header: byte order, type with the number of coordinates, number of points or lines.
+    order = "<" if data[position] == 1 else ">"
+    kind, count = struct.unpack_from(order + "II", data, position + 1)
+    extra_axes = bool(kind & _EWKB_Z) + bool(kind & _EWKB_M)
+    width = 2 + (extra_axes or _ISO_EXTRA_AXES[kind % _TYPE_LIMIT // 1000 % 4])
+    plain_type = kind % _TYPE_LIMIT % 1000
+    position += _HEADER_BYTES
+
+    # Body.
+    if plain_type == _LINE_STRING:
+        flat = np.frombuffer(data, order + "f8", count * width, position)
+        points = flat.reshape(-1, width)[:, :2]
+        return [points.astype(np.float64)], position + 8 * count * width
     lines: list[NDArray[np.float64]] = []
-    if plain == _MULTI:
+    if plain_type == _MULTI_LINE_STRING:
         for _ in range(count):
-            found, at = _parse(data, at)
-            lines += found
-    return lines, at
+            members, position = _parse_geometry(data, position)
+            lines += members
+    return lines, position
 
 
 def parse_wkt_line(text: str) -> Sequence[tuple[float, float]]:
-    """Vertices of a ``LINESTRING``, or of a ``MULTILINESTRING`` that is one line cut at the antimeridian; none for anything else.
+    """Parse the vertices of a line in well-known text.
+
+    Parameters
+    ----------
+    text : str
+        A ``LINESTRING``, or a ``MULTILINESTRING`` that is one line cut at the antimeridian.
+
+    Returns
+    -------
+    sequence of (float, float)
+        Empty for any other text.
 
     Examples
     --------
@@ -124,17 +168,19 @@ def parse_wkt_line(text: str) -> Sequence[tuple[float, float]]:
     kind, _, rest = text.partition("(")
     if not kind.strip().upper().startswith(("LINESTRING", "MULTILINESTRING")):
         return []
-    parts = [
-        [vertex.strip("() ").split() for vertex in part.split(",")]
-        for part in re.split(r"\)\s*,\s*\(", rest)
+    texts = [
+        [vertex.strip("() ").split() for vertex in line.split(",")]
+        for line in re.split(r"\)\s*,\s*\(", rest)
     ]
     try:
-        lines = [[(float(vertex[0]), float(vertex[1])) for vertex in part] for part in parts]
+        lines = [[(float(vertex[0]), float(vertex[1])) for vertex in line] for line in texts]
     except (ValueError, IndexError):
         return []
-    whole = all(_same_position(one[-1], other[0]) for one, other in pairwise(lines))
-    return [vertex for line in lines for vertex in line] if whole else []
+
+    # Each line has to start where the one before ends, perhaps beyond the antimeridian.
+    is_one_line = all(_is_same_position(line[-1], after[0]) for line, after in pairwise(lines))
+    return [vertex for line in lines for vertex in line] if is_one_line else []
 
 
-def _same_position(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    return one[1] == other[1] and (one[0] - other[0]) % 360 == 0
+def _is_same_position(first: tuple[float, float], second: tuple[float, float]) -> bool:
+    return first[1] == second[1] and (first[0] - second[0]) % 360 == 0

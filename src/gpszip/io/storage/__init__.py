@@ -1,1 +1,1 @@
-"""Where bytes are read from and written to: files, URLs, archives and standard streams."""
+"""Sources and sinks of bytes: files, URLs, zip archives and standard streams."""

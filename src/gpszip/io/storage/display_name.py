@@ -1,4 +1,4 @@
-"""Names of files as messages show them."""
+"""Names of files in the form in which messages show them."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import re
 
 __all__ = ["printable_name"]
 
-#: Letters that move the cursor, end the line or turn the direction of writing.
+#: Characters that move the cursor, end the line or change the direction of text.
 _CONTROL_LETTERS = re.compile(r"[\x00-\x1f\x7f-\x9f\u200e\u200f\u2028-\u202e\u2066-\u2069]")
 
 
 def printable_name(name: str) -> str:
-    r"""Return a name in one line: letters that are no Unicode or steer a terminal are escaped.
+    r"""Return a name in one line, with invalid and control characters escaped.
 
     Examples
     --------
@@ -19,8 +19,8 @@ def printable_name(name: str) -> str:
     ('wälk.csv', 'a\\nb\\x1b.csv', '\\xff.csv')
     """
     try:
-        # bytes that are no UTF-8 stand in names of files as lone surrogates
+        # Python represents bytes that are no UTF-8 as lone surrogates in names of files.
         text = name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
     except UnicodeEncodeError:
         text = name.encode("utf-8", "backslashreplace").decode()
-    return _CONTROL_LETTERS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    return _CONTROL_LETTERS.sub(lambda match: match[0].encode("unicode_escape").decode(), text)

@@ -1,8 +1,9 @@
-"""How far packed logs may expand: a few kilobytes that become gigabytes are a trap, and no log.
+"""A limit on the expansion of compressed logs, against decompression bombs.
 
-Text of logs expands 5 to 30 times, with much repetition about 100 times; what gzip and zip can do at most is 1,030 times.
-Whatever the size of a file, its first 64 MiB unpacked are always read. From then on, each 64 MiB have to come from at least
-a three hundredth of that, so that a trap is noticed before it has taken more than this memory.
+Text of logs expands 5 to 30 times, with much repetition about 100 times. The most that gzip and zip
+can reach is 1,030 times. The first 64 MiB of unpacked data are always read. After that, each 64 MiB
+must come from at least a three hundredth of their size. So a bomb is detected before it takes
+more memory than that.
 """
 
 from __future__ import annotations
@@ -16,54 +17,55 @@ from gpszip.errors import InputError
 
 __all__ = ["CHECKED_BYTES", "MAX_EXPANSION", "ExpansionMeter", "open_gzip", "read_chunk"]
 
-#: Bytes unpacked that are looked at together.
+#: Unpacked bytes that are checked together: 64 MiB.
 CHECKED_BYTES = 64 << 20
 
-#: How many times larger they may be than the bytes that they come from.
+#: Largest ratio of unpacked to compressed bytes.
 MAX_EXPANSION = 300
 
+#: What messages suggest for a gzip file.
 _REMEDY = "unpack it yourself: zcat FILE | gpszip compress - ..."
 
-#: Bytes that are unpacked at a time.
+#: Bytes that are unpacked at a time: 1 MiB.
 _CHUNK_BYTES = 1 << 20
 
 
 class ExpansionMeter:
-    """Compares what comes out of a packed file with what went in.
+    """Compares the unpacked bytes of a file with its compressed bytes.
 
     Parameters
     ----------
     name : str
-        The file's name for the message.
+        Name of the file for the message.
     remedy : str
-        What to do if it is meant.
+        What the message suggests if the expansion is intended.
 
     Attributes
     ----------
     refused : bool
-        Whether too much has come out.
+        Whether the file has exceeded the limit.
     """
 
     def __init__(self, name: str, remedy: str) -> None:
         self.refused = False
         self._name, self._remedy = name, remedy
-        self._out = 0
-        self._before = 0  # bytes read when the present 64 MiB began
+        self._unpacked = 0  # bytes since the last check
+        self._read_before = 0  # compressed bytes read until the last check
 
-    def count(self, out: int, read: int) -> None:
-        """Count bytes that came out.
+    def count(self, unpacked: int, read: int) -> None:
+        """Count unpacked bytes.
 
         Parameters
         ----------
-        out : int
-            Bytes that came out since the last call.
+        unpacked : int
+            Number of bytes unpacked since the last call.
         read : int
-            Bytes read from the packed file in all.
+            Total number of compressed bytes read so far.
 
         Raises
         ------
         InputError
-            If they are too many for what was read.
+            If the expansion exceeds the limit.
 
         Examples
         --------
@@ -71,17 +73,20 @@ class ExpansionMeter:
         >>> meter.count(100 << 20, 10 << 20)
         >>> meter.count(100 << 20, (10 << 20) + 1000)
         Traceback (most recent call last):
-        gpszip.errors.InputError: log.csv.gz: expands more than 300 times; if that is meant, unpack it yourself
+        gpszip.errors.InputError: log.csv.gz: expands more than 300 times; if that is meant, ...
         """
-        self._out += out
-        if self._out < CHECKED_BYTES:
+        self._unpacked += unpacked
+        if self._unpacked < CHECKED_BYTES:
             return
-        if self._out > MAX_EXPANSION * (read - self._before):
+
+        # Compare the bytes since the last check.
+        if self._unpacked > MAX_EXPANSION * (read - self._read_before):
             self.refused = True
             raise InputError(
-                f"{self._name}: expands more than {MAX_EXPANSION} times; if that is meant, {self._remedy}"
+                f"{self._name}: expands more than {MAX_EXPANSION} times; "
+                f"if that is meant, {self._remedy}"
             )
-        self._out, self._before = 0, read
+        self._unpacked, self._read_before = 0, read
 
 
 def open_gzip(packed: Any, name: str) -> Any:
@@ -90,22 +95,22 @@ def open_gzip(packed: Any, name: str) -> Any:
     Parameters
     ----------
     packed : pyarrow.NativeFile
-        The file, at its start; closed with what is returned.
+        The file, at its start; closed with the returned file.
     name : str
         Its name for messages.
 
     Returns
     -------
     pyarrow.NativeFile
-        Reading it raises an InputError if the file is damaged, or expands beyond the limit.
+        Reading it raises an InputError if the file is damaged or expands beyond the limit.
     """
     return pa.PythonFile(_GzipReader(packed, name), mode="r")
 
 
 def read_chunk(stream: Any, size: int) -> bytes:
-    """Read at most so many bytes of a file; none at its end.
+    """Read at most ``size`` bytes of a file; none at its end.
 
-    The ``read`` of an Arrow file keeps the memory that it has set aside where reading fails; its buffers don't.
+    Buffers of Arrow files are used, because ``read`` leaks its memory if reading fails.
 
     Examples
     --------
@@ -116,6 +121,8 @@ def read_chunk(stream: Any, size: int) -> bytes:
 
 
 class _GzipReader(io.RawIOBase):
+    """A raw stream that unpacks gzip and limits the expansion."""
+
     def __init__(self, packed: Any, name: str) -> None:
         self._packed, self._name, self._meter = packed, name, ExpansionMeter(name, _REMEDY)
         self._stream = pa.CompressedInputStream(packed, "gzip")
@@ -125,14 +132,16 @@ class _GzipReader(io.RawIOBase):
 
     def readinto(self, buffer: Any) -> int:
         try:
-            piece = read_chunk(self._stream, min(len(buffer), _CHUNK_BYTES))
+            chunk = read_chunk(self._stream, min(len(buffer), _CHUNK_BYTES))
         except OSError as error:
             raise InputError(
-                f"{self._name}: damaged gzip file ({str(error)[:120]}); fetch it again, or unpack what is left of it with zcat"
+                f"{self._name}: damaged gzip file ({str(error)[:120]}); fetch it again, "
+                "or unpack what is left of it with zcat"
             ) from None
-        self._meter.count(len(piece), self._packed.tell())
-        buffer[: len(piece)] = piece
-        return len(piece)
+
+        self._meter.count(len(chunk), self._packed.tell())
+        buffer[: len(chunk)] = chunk
+        return len(chunk)
 
     def close(self) -> None:
         if not self.closed:

@@ -14,11 +14,20 @@ from gpszip.errors import InputError
 
 __all__ = ["fetch_objects", "is_url"]
 
+#: Words in Arrow's errors that mean missing or wrong credentials.
+_DENIED_WORDS = (
+    "ACCESS_DENIED",
+    "INVALID_ACCESS_KEY",
+    "SIGNATURE_DOES_NOT_MATCH",
+    "redentials",
+)
+
+#: The scheme that begins a URL; one letter alone is a Windows drive.
 _SCHEME = re.compile(r"[a-z][a-z0-9+.-]+://", re.IGNORECASE)
 
 
 def is_url(name: str) -> bool:
-    """Tell whether a name is a URL.
+    """Whether a name is a URL.
 
     Examples
     --------
@@ -29,37 +38,32 @@ def is_url(name: str) -> bool:
 
 
 def fetch_objects(name: str) -> Iterator[tuple[str, bytes] | InputError]:
-    """Read the objects that a URL stands for: one, those that its pattern matches, or the Parquet files in a folder.
+    """Read the objects that a URL refers to.
 
-    Credentials, regions and AWS_ENDPOINT_URL are taken from where the storage's own tools look for them.
+    A URL is the name of an object, a pattern for several objects, or a folder with Parquet files.
+    Credentials, regions and AWS_ENDPOINT_URL come from where the tools of the storage service look
+    for them.
 
     Yields
     ------
     (str, bytes) or InputError
-        Name and content, in the order of the names; the error where one can't be read.
+        Name and content of each object, in the order of names; an error for one that can't be read.
     """
+    # The folder before the first wildcard is listed.
     base = re.split(r"[*?\[]", name, maxsplit=1)[0]
-    pattern = len(base) < len(name)
-    base = base.rsplit("/", 1)[0] if pattern else base.rstrip("/")
+    has_pattern = len(base) < len(name)
+    base = base.rsplit("/", 1)[0] if has_pattern else base.rstrip("/")
     try:
         system, root = fs.FileSystem.from_uri(base)
-        whole = root.rstrip("/") + name[len(base) :]
-        paths = sorted(_paths(system, root, whole if pattern else None))
+        pattern = root.rstrip("/") + name[len(base) :] if has_pattern else None
+        paths = sorted(_list_paths(system, root, pattern))
     except (OSError, ValueError, pa.ArrowException) as error:
         yield InputError(f"{name}: can't be read: {_explain_error(error)}")
         return
-    if (
-        not paths
-        and system.type_name == "s3"
-        and system.get_file_info(root.split("/")[0]).type == fs.FileType.NotFound
-    ):
-        yield InputError(f"{name}: there is no bucket {root.split('/')[0]!r}")
-    elif not paths:
-        yield InputError(
-            f"{name}: no file matches this pattern"
-            if pattern
-            else f"{name}: no such file, and no folder with Parquet files"
-        )
+    if not paths:
+        yield InputError(f"{name}: {_explain_absence(system, root, has_pattern=has_pattern)}")
+
+    # Read the objects one by one.
     for path in paths:
         shown = name if path == root else base + path[len(root.rstrip("/")) :]
         try:
@@ -69,42 +73,47 @@ def fetch_objects(name: str) -> Iterator[tuple[str, bytes] | InputError]:
             yield InputError(f"{shown}: can't be read: {_explain_error(error)}")
 
 
-def _paths(system: Any, root: str, pattern: str | None) -> Iterator[str]:
+def _explain_absence(system: Any, root: str, *, has_pattern: bool) -> str:
+    """Why no object was found."""
+    bucket = root.split("/", maxsplit=1)[0]
+    if system.type_name == "s3" and system.get_file_info(bucket).type == fs.FileType.NotFound:
+        return f"there is no bucket {bucket!r}"
+    if has_pattern:
+        return "no file matches this pattern"
+    return "no such file, and no folder with Parquet files"
+
+
+def _list_paths(system: Any, root: str, pattern: str | None) -> Iterator[str]:
+    """Paths that match a pattern; without one, the file itself or the Parquet files below it."""
     if pattern is None and system.get_file_info(root).type == fs.FileType.File:
         yield root
         return
-    deep = pattern is None or "**" in pattern or "/" in pattern[len(root) :].lstrip("/")
-    for found in system.get_file_info(fs.FileSelector(root, recursive=deep, allow_not_found=True)):
-        wanted = (
-            found.path.endswith(".parquet") if pattern is None else _matches(found.path, pattern)
+
+    is_deep = pattern is None or "**" in pattern or "/" in pattern[len(root) :].lstrip("/")
+    selector = fs.FileSelector(root, recursive=is_deep, allow_not_found=True)
+    for info in system.get_file_info(selector):
+        is_wanted = (
+            info.path.endswith(".parquet") if pattern is None else _matches(info.path, pattern)
         )
-        if wanted and found.type == fs.FileType.File:
-            yield found.path
+        if is_wanted and info.type == fs.FileType.File:
+            yield info.path
 
 
 def _matches(path: str, pattern: str) -> bool:
-    """Whether each folder and the file's name match; ``**`` stands for any number of folders."""
+    """Whether all folders and the file name match; ``**`` matches any number of folders."""
     if "**" in pattern:
         return fnmatchcase(path, pattern.replace("**/", "*"))
-    parts, wanted = path.split("/"), pattern.split("/")
-    return len(parts) == len(wanted) and all(
-        fnmatchcase(*pair) for pair in zip(parts, wanted, strict=True)
+    names, patterns = path.split("/"), pattern.split("/")
+    return len(names) == len(patterns) and all(
+        fnmatchcase(*pair) for pair in zip(names, patterns, strict=True)
     )
 
 
 def _explain_error(error: BaseException) -> str:
+    """An error in one line, with a remedy for missing credentials."""
     text = str(error).splitlines()[0] if str(error) else type(error).__name__
-    denied = any(
-        word in text
-        for word in (
-            "ACCESS_DENIED",
-            "INVALID_ACCESS_KEY",
-            "SIGNATURE_DOES_NOT_MATCH",
-            "redentials",
-        )
-    )
+    if not any(word in text for word in _DENIED_WORDS):
+        return text
     return (
         f"access denied; check AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or the profile ({text})"
-        if denied
-        else text
     )

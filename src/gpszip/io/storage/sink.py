@@ -1,4 +1,4 @@
-"""Output that appears whole or not at all, in a file or on standard output."""
+"""Output that appears completely or not at all, in a file or on standard output."""
 
 from __future__ import annotations
 
@@ -21,20 +21,21 @@ __all__ = ["atomic_write", "open_sink", "to_stdout"]
 
 @contextmanager
 def open_sink(sink: str | Path | BinaryIO) -> Iterator[BinaryIO]:
-    """Open a file, ``-`` for standard output, or a stream that is open already, for writing bytes.
+    """Open a file or standard output for writing bytes.
 
     Parameters
     ----------
     sink : str, Path or binary stream
-        Where to.
+        Name of a file, ``-`` for standard output, or a stream that is already open.
 
     Raises
     ------
     OutputError
         If it can't be written.
     """
+    # Raw streams may write less than they are given.
     if isinstance(sink, io.RawIOBase):
-        buffered = io.BufferedWriter(sink)  # raw streams may take less than they are given
+        buffered = io.BufferedWriter(sink)
         yield buffered
         buffered.flush()
         buffered.detach()
@@ -50,28 +51,28 @@ def open_sink(sink: str | Path | BinaryIO) -> Iterator[BinaryIO]:
 
 @contextmanager
 def to_stdout(suffix: str) -> Iterator[Path]:
-    """Give a temporary file; once filled without an error it goes to standard output.
+    """Create a temporary file, and copy it to standard output if it was written without an error.
 
     Parameters
     ----------
     suffix : str
-        Of the temporary file.
+        Suffix of the temporary file.
 
     Raises
     ------
     OutputError
         If standard output can't be written.
     """
-    with scratch_folder() as room:
-        whole = room / f"out{suffix}"
-        yield whole
-        with whole.open("rb") as file, _standard_output() as stream:
+    with scratch_folder() as folder:
+        path = folder / f"out{suffix}"
+        yield path
+        with path.open("rb") as file, _standard_output() as stream:
             shutil.copyfileobj(file, stream)
 
 
 @contextmanager
 def _standard_output() -> Iterator[BinaryIO]:
-    """Standard output for bytes; what can't be written to it is said at once, not when the process ends."""
+    """Standard output for bytes, flushed at the end, so that errors don't wait for the exit."""
     if sys.stdout is None:
         raise OutputError("standard output: is closed; name a file with -o or leave it open")
     report_output("standard output may be incomplete")
@@ -79,7 +80,7 @@ def _standard_output() -> Iterator[BinaryIO]:
         yield sys.stdout.buffer
         sys.stdout.buffer.flush()
     except BrokenPipeError:
-        raise  # whoever reads it has had enough, and is told nothing
+        raise  # the reader has closed the pipe, which is no error
     except OSError as error:
         if error.filename is not None:
             raise

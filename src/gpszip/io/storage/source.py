@@ -1,4 +1,4 @@
-"""Where a log's bytes come from: a file, a stream or standard input; packed with gzip, in a zip archive, or plain."""
+"""Sources of a log's bytes: files, streams and standard input; plain, gzip or in zip archives."""
 
 from __future__ import annotations
 
@@ -23,33 +23,35 @@ from gpszip.io.storage.zip_files import ZipMember, find_members, is_zip
 
 __all__ = ["Source", "expand", "is_stray_file", "spooled"]
 
+#: First bytes of a gzip file.
 _GZIP = b"\x1f\x8b"
 
-#: Bytes of a log that its format is told from.
+#: Bytes at the start of a log by which its format is recognised: 256 KiB.
 _HEAD_BYTES = 1 << 18
 
-#: Bytes that are copied at a time.
+#: Bytes that are copied at a time: 1 MiB.
 _CHUNK_BYTES = 1 << 20
 
 
 @dataclass(frozen=True)
 class Source:
-    """One log, not read yet. It holds no file open.
+    """A log that is yet to be read. No file is open.
 
     Parameters
     ----------
     name : str
-        What to call it in messages.
+        Name for messages.
     path : Path, optional
         The file.
     data : bytes, optional
-        The log itself where it doesn't come from a file.
+        The bytes of a log without a file.
     folder : Path, optional
-        The folder that was named, for a file in it; folders between them may be keys of partitions (``vehicle=7``).
+        The folder that the user has given, for a file in it. Folders between may be keys of
+        partitions (``vehicle=7``).
     archive : str
-        The zip archive that it is a member of; empty where it is none.
+        Name of the zip archive that contains the log; empty if none does.
     stored_bytes : int, optional
-        Number of bytes that a member takes in its archive.
+        Compressed size of a member of an archive.
     """
 
     name: str
@@ -61,17 +63,17 @@ class Source:
 
     @property
     def log(self) -> str:
-        """What was named: all files of a folder are one log."""
+        """Name of the log: all files of a given folder are one log."""
         return self.name if self.folder is None else str(self.folder)
 
     @property
     def size(self) -> int:
-        """Number of bytes as stored: of a member of a zip archive, and of a gzip file, the packed ones.
+        """Number of bytes as stored: compressed ones for gzip files and members of archives.
 
         Raises
         ------
         InputError
-            If the file is gone.
+            If the file no longer exists.
         """
         if self.stored_bytes is not None:
             return self.stored_bytes
@@ -85,7 +87,7 @@ class Source:
 
     @property
     def stem(self) -> str:
-        """The log's name: the file's without its suffixes ``.gz`` and the like, or that of the folder that was named."""
+        """Name of the file without suffixes, also before ``.gz``, or that of the given folder."""
         if self.folder is not None:
             return printable_name(self.folder.resolve().name)
         name = Path(self.name).name
@@ -94,9 +96,9 @@ class Source:
 
     @property
     def is_gzip(self) -> bool:
-        """Whether it is packed with gzip."""
-        with self._plain() as plain:
-            return bool(plain.read(2) == _GZIP)
+        """Whether it is compressed with gzip."""
+        with self._open_stored() as stored:
+            return bool(stored.read(len(_GZIP)) == _GZIP)
 
     def open(self) -> Any:
         """Open the log for reading, unpacked, as an Arrow file.
@@ -104,47 +106,61 @@ class Source:
         Raises
         ------
         InputError
-            If it can't be opened; while reading, if a gzip file is damaged or expands beyond the limit that
-            :mod:`gpszip.io.storage.expansion` states.
+            If it can't be opened. Reading raises it if a gzip file is damaged or expands beyond
+            the limit of :mod:`gpszip.io.storage.expansion`.
         """
-        plain = self._plain()
-        packed = plain.read(2) == _GZIP
-        plain.seek(0)
-        return open_gzip(plain, self.name) if packed else plain
+        stored = self._open_stored()
+        is_gzip = stored.read(len(_GZIP)) == _GZIP
+        stored.seek(0)
+        return open_gzip(stored, self.name) if is_gzip else stored
 
     def head(self) -> bytes:
         """Return the first 256 KiB of the log, unpacked."""
         return self._read(_HEAD_BYTES)
 
     def read(self) -> bytes:
-        """Return the whole log, unpacked."""
+        """Return all bytes of the log, unpacked."""
         return self._read(None)
 
-    def _plain(self) -> Any:
+    def _open_stored(self) -> Any:
+        """Open the bytes as stored."""
         if self.data is not None:
             return pa.BufferReader(self.data)
         try:
-            # not mapped to memory: a file that shrinks while it is read would end the program
+            # A memory-mapped file that shrinks while it is read would crash the process.
             return pa.OSFile(os.fsencode(str(self.path)))
         except OSError as error:
             raise InputError(f"{self.name}: {_explain_error(error)}") from None
 
     def _read(self, size: int | None) -> bytes:
-        pieces: list[bytes] = []
-        left = sys.maxsize if size is None else size
+        """Read at most ``size`` unpacked bytes; None for all."""
+        chunks: list[bytes] = []
+        remaining = sys.maxsize if size is None else size
         try:
             with self.open() as stream:
-                while left and (piece := read_chunk(stream, min(left, _CHUNK_BYTES))):
-                    pieces.append(piece)
-                    left -= len(piece)
+                while remaining and (chunk := read_chunk(stream, min(remaining, _CHUNK_BYTES))):
+                    chunks.append(chunk)
+                    remaining -= len(chunk)
         except OSError as error:
             raise InputError(f"{self.name}: {_explain_error(error)}") from None
-        return b"".join(pieces)
+        return b"".join(chunks)
 
 
 @dataclass(frozen=True)
 class _Stream:
-    """What can be read once only; of a member of a zip archive, with the archive's name and the bytes that it takes there."""
+    """A source of bytes that can be read only once.
+
+    Parameters
+    ----------
+    name : str
+        Name for messages.
+    chunks : callable
+        Yields the bytes.
+    archive : str
+        Name of the zip archive that contains it; empty if none does.
+    stored_bytes : int, optional
+        Compressed size of a member of an archive.
+    """
 
     name: str
     chunks: Callable[[], Iterator[bytes]]
@@ -152,38 +168,47 @@ class _Stream:
     stored_bytes: int | None = None
 
 
+#: Stores a stream so that it can be read again.
+_Keep = Callable[[_Stream], Source]
+
+#: Sources that users may give.
 _Items = Iterable[str | Path | BinaryIO | Source | InputError] | str | Path | BinaryIO
 
 
-def expand(sources: _Items, *, unzip: bool = True) -> Iterator[Source | InputError]:
+def expand(
+    sources: _Items, *, unzip: bool | Callable[[Source], bool] = True
+) -> Iterator[Source | InputError]:
     """Turn names, patterns and streams into logs to read.
 
     Parameters
     ----------
-    sources : str, Path, binary stream, or iterable of these and of what :func:`spooled` gives
-        ``-`` is standard input. A name with ``*``, ``?`` or ``[`` that is no file is a pattern; it stands for the
-        files it matches, in the order of their names. URLs such as ``s3://bucket/logs/*.parquet`` are fetched.
-    unzip : bool
-        Whether a zip archive stands for the files in it, each a log called ``ARCHIVE/FILE``. Nothing is written to disk.
+    sources : str, Path, binary stream, or iterable of these and of the results of :func:`spooled`
+        ``-`` is standard input. A name with ``*``, ``?`` or ``[`` that is no file is a pattern for
+        files, in the order of their names. URLs such as ``s3://bucket/logs/*.parquet`` are fetched.
+    unzip : bool or callable, default True
+        Whether a zip archive means the files in it, which are named ``ARCHIVE/FILE``; a function
+        decides for each archive. Nothing is written to disk.
 
     Yields
     ------
     Source or InputError
-        The error where a name can't be read, so that the caller may leave it out. Streams and members of archives are
-        in memory, one at a time.
+        An error for a name that can't be read, so that the caller may omit it. Streams and members
+        of archives are in memory, one at a time.
     """
     return _expand(sources, _in_memory, unzip=unzip)
 
 
 @contextmanager
-def spooled(sources: _Items) -> Iterator[list[Source | InputError]]:
-    r"""Find all logs; those that are no files of their own are temporary files for as long as the context lasts.
+def spooled(
+    sources: _Items, *, unzip: bool | Callable[[Source], bool] = True
+) -> Iterator[list[Source | InputError]]:
+    r"""Find all logs, and store those without a file in temporary files until the context ends.
 
-    So all of them can be read in pieces, and more than once.
+    So all of them can be read in batches and several times.
 
     Parameters
     ----------
-    sources : str, Path, binary stream, or iterable of these
+    sources, unzip
         As for :func:`expand`.
 
     Examples
@@ -201,55 +226,59 @@ def spooled(sources: _Items) -> Iterator[list[Source | InputError]]:
             number += 1
             return _on_disk(stream, folder / str(number))
 
-        yield list(_expand(sources, keep, unzip=True))
+        yield list(_expand(sources, keep, unzip=unzip))
 
 
 def is_stray_file(source: Source | InputError, error: InputError) -> bool:
-    """Whether an error says no more than that a zip archive holds a file besides its logs."""
-    return (
-        isinstance(source, Source)
-        and bool(source.archive)
-        and isinstance(error, UnknownFormatError)
-    )
+    """Whether an error only means that a zip archive contains a file that is no log."""
+    in_archive = isinstance(source, Source) and bool(source.archive)
+    return in_archive and isinstance(error, UnknownFormatError)
 
 
 def _expand(
-    sources: Any, keep: Callable[[_Stream], Source], *, unzip: bool
+    sources: Any, keep: _Keep, *, unzip: bool | Callable[[Source], bool]
 ) -> Iterator[Source | InputError]:
-    single = isinstance(sources, (str, Path)) or hasattr(sources, "read")
-    for item in [sources] if single else sources:
+    """Turn names, patterns and streams into sources; ``keep`` stores streams."""
+    is_single = isinstance(sources, (str, Path)) or hasattr(sources, "read")
+    for item in [sources] if is_single else sources:
         if isinstance(item, (Source, InputError)):
             yield item
             continue
-        for found in _resolve(item):
-            one = _store_stream(found, keep) if isinstance(found, _Stream) else found
-            if unzip and isinstance(one, Source) and _is_zip(one):
-                yield from _zip_sources(one, keep)
+
+        for resolved in _resolve(item):
+            source = _store_stream(resolved, keep) if isinstance(resolved, _Stream) else resolved
+            if isinstance(source, Source) and _is_zip(source) and _decide(unzip, source):
+                yield from _zip_sources(source, keep)
             else:
-                yield one
+                yield source
 
 
 def _resolve(item: str | Path | BinaryIO) -> Iterator[Source | _Stream | InputError]:
-    """What a name or a stream stands for."""
+    """The files and streams that a name refers to, before archives are unpacked."""
+    # Open streams.
     if not isinstance(item, (str, Path)):
         yield _Stream(_stream_name(item), lambda: _read_stream(item))
+
+    # Standard input, which is None if the interpreter was started without it.
     elif str(item) == "-":
-        # an interpreter that was started without standard input has None there
-        none = sys.stdin is None
-        yield (
-            InputError("standard input: is closed; name a file")
-            if none
-            else _Stream("standard input", lambda: _read_stream(sys.stdin.buffer))
-        )
+        if sys.stdin is None:
+            yield InputError("standard input: is closed; name a file")
+        else:
+            yield _Stream("standard input", lambda: _read_stream(sys.stdin.buffer))
+
+    # Objects in a storage service.
     elif is_url(str(item)):
         for fetched in fetch_objects(str(item)):
             yield fetched if isinstance(fetched, InputError) else _fetched_stream(*fetched)
+
+    # Files.
     else:
         for name in _match_pattern(str(item)):
-            yield from _files(name)
+            yield from _resolve_name(name)
 
 
-def _store_stream(stream: _Stream, keep: Callable[[_Stream], Source]) -> Source | InputError:
+def _store_stream(stream: _Stream, keep: _Keep) -> Source | InputError:
+    """Store a stream; return the error if it can't be read."""
     try:
         return keep(stream)
     except InputError as error:
@@ -257,6 +286,7 @@ def _store_stream(stream: _Stream, keep: Callable[[_Stream], Source]) -> Source 
 
 
 def _in_memory(stream: _Stream) -> Source:
+    """Store a stream in memory."""
     return Source(
         stream.name,
         data=b"".join(_checked_chunks(stream)),
@@ -266,13 +296,15 @@ def _in_memory(stream: _Stream) -> Source:
 
 
 def _on_disk(stream: _Stream, path: Path) -> Source:
+    """Store a stream in a file."""
     with disk_errors_as_output_errors(), path.open("wb") as file:
-        for piece in _checked_chunks(stream):
-            file.write(piece)
+        for chunk in _checked_chunks(stream):
+            file.write(chunk)
     return Source(stream.name, path=path, archive=stream.archive, stored_bytes=stream.stored_bytes)
 
 
 def _checked_chunks(stream: _Stream) -> Iterator[bytes]:
+    """Bytes of a stream, with system errors turned into InputError."""
     try:
         yield from stream.chunks()
     except (OSError, ValueError) as error:
@@ -280,9 +312,9 @@ def _checked_chunks(stream: _Stream) -> Iterator[bytes]:
 
 
 def _read_stream(stream: Any) -> Iterator[bytes]:
-    """Read a stream to its end; one of text is taken as UTF-8."""
-    while piece := stream.read(_CHUNK_BYTES):
-        yield piece.encode("utf-8", "replace") if isinstance(piece, str) else piece
+    """Read a stream to its end; text is encoded as UTF-8."""
+    while chunk := stream.read(_CHUNK_BYTES):
+        yield chunk.encode("utf-8", "replace") if isinstance(chunk, str) else chunk
 
 
 def _read_file(path: Path) -> Iterator[bytes]:
@@ -294,30 +326,37 @@ def _fetched_stream(name: str, data: bytes) -> _Stream:
     return _Stream(printable_name(name), lambda: iter((data,)))
 
 
+def _decide(unzip: bool | Callable[[Source], bool], archive: Source) -> bool:
+    return unzip(archive) if callable(unzip) else unzip
+
+
 def _is_zip(source: Source) -> bool:
     try:
-        with source._plain() as plain:
-            return is_zip(plain.read(4))
+        with source._open_stored() as stored:
+            return is_zip(stored.read(4))
     except (InputError, OSError):
-        return False  # told when it is read
+        return False  # reading it reports the error
 
 
-def _zip_sources(
-    source: Source, keep: Callable[[_Stream], Source]
-) -> Iterator[Source | InputError]:
-    """Files in a zip archive, each kept before the next one is opened."""
+def _zip_sources(source: Source, keep: _Keep) -> Iterator[Source | InputError]:
+    """Files in a zip archive, each stored before the next one is opened."""
+    file: Any
     try:
-        file: Any = io.BytesIO(source.data) if source.data is not None else source.path.open("rb")  # type: ignore[union-attr]
+        if source.data is not None:
+            file = io.BytesIO(source.data)
+        else:
+            assert source.path is not None
+            file = source.path.open("rb")
     except OSError as error:
         yield InputError(f"{source.name}: {_explain_error(error)}")
         return
+
     with file:
         for member in find_members(file, source.name):
-            yield (
-                member
-                if isinstance(member, InputError)
-                else _store_stream(_member_stream(member, source.name), keep)
-            )
+            if isinstance(member, InputError):
+                yield member
+            else:
+                yield _store_stream(_member_stream(member, source.name), keep)
 
 
 def _member_stream(member: ZipMember, archive: str) -> _Stream:
@@ -327,52 +366,64 @@ def _member_stream(member: ZipMember, archive: str) -> _Stream:
 
 
 def _stream_name(stream: Any) -> str:
+    """Name of an open stream, if it has one."""
     name = getattr(stream, "name", None)
     return printable_name(name) if isinstance(name, str) else "stream"
 
 
+def _is_pattern(name: str) -> bool:
+    return any(mark in name for mark in "*?[")
+
+
 def _match_pattern(name: str) -> list[str]:
-    if any(mark in name for mark in "*?[") and not Path(name).exists():
-        return sorted(glob.glob(name, recursive=True)) or [name]  # noqa: PTH207 (Path.glob takes no absolute pattern)
+    """Names of the files that a pattern matches; the name itself if it is none or matches none."""
+    if _is_pattern(name) and not Path(name).exists():
+        # Path.glob accepts no absolute pattern.
+        return sorted(glob.glob(name, recursive=True)) or [name]  # noqa: PTH207
     return [name]
 
 
-def _files(name: str) -> Iterator[Source | _Stream | InputError]:
-    """The file of this name, or the Parquet files in the folder of this name."""
+def _resolve_name(name: str) -> Iterator[Source | _Stream | InputError]:
+    """The file with a name, or the Parquet files in the folder with it."""
+    shown = printable_name(name)
     try:
         path = Path(name).expanduser()
-        folder = path.is_dir()
-    except (OSError, ValueError, RuntimeError) as error:  # a NUL, or a home that nobody has
-        yield InputError(f"{printable_name(name)}: {_explain_error(error)}")
+        is_folder = path.is_dir()
+    except (OSError, ValueError, RuntimeError) as error:  # a NUL, or the home of no user
+        yield InputError(f"{shown}: {_explain_error(error)}")
         return
-    if not folder:
-        yield _file(name, path)
+    if not is_folder:
+        yield _resolve_file(name, path)
         return
-    found = sorted(path.rglob("*.parquet"))
-    yield from (Source(printable_name(str(file)), path=file, folder=path) for file in found)
-    if not found:
-        yield InputError(
-            f"{printable_name(name)}: is a folder; name the files in it: '{printable_name(name).rstrip('/')}/*.csv'"
-        )
+
+    # A folder is one log of Parquet files, maybe in partitions.
+    files = sorted(path.rglob("*.parquet"))
+    yield from (Source(printable_name(str(file)), path=file, folder=path) for file in files)
+    if not files:
+        yield InputError(f"{shown}: is a folder; name the files in it: '{shown.rstrip('/')}/*.csv'")
 
 
-def _file(name: str, path: Path) -> Source | _Stream | InputError:
+def _resolve_file(name: str, path: Path) -> Source | _Stream | InputError:
+    """A regular file as a source, others as a stream."""
+    shown = printable_name(name)
     try:
+        # A file whose name isn't printable is read as a stream.
         if path.is_file() and printable_name(str(path)) == str(path):
             with path.open("rb"):
-                return Source(printable_name(name), path=path)
+                return Source(shown, path=path)
         path.stat()
     except FileNotFoundError as error:
-        pattern = any(mark in name for mark in "*?[")
-        return InputError(
-            f"{printable_name(name)}: {'no file matches this pattern' if pattern else _explain_error(error)}"
-        )
+        reason = "no file matches this pattern" if _is_pattern(name) else _explain_error(error)
+        return InputError(f"{shown}: {reason}")
     except (OSError, ValueError) as error:
-        return InputError(f"{printable_name(name)}: {_explain_error(error)}")
-    return _Stream(printable_name(name), lambda: _read_file(path))  # a pipe
+        return InputError(f"{shown}: {_explain_error(error)}")
+
+    # A pipe can be read once only.
+    return _Stream(shown, lambda: _read_file(path))
 
 
 def _explain_error(error: Exception) -> str:
+    """Reason why a file can't be read, for messages."""
     if isinstance(error, FileNotFoundError):
         return "no such file"
     if isinstance(error, PermissionError):

@@ -1,4 +1,4 @@
-"""A folder for temporary files as large as logs, and what is said where these find no room."""
+"""Temporary files as large as logs, in the folder that TMPDIR names, and errors of a full disk."""
 
 from __future__ import annotations
 
@@ -24,33 +24,33 @@ Number = TypeVar("Number", bound=np.generic)
 
 @contextmanager
 def scratch_folder() -> Iterator[Path]:
-    """Make a folder for temporary files, in the one that ``TMPDIR`` names if it is set; it goes at the end with all that is in it.
+    """Create a folder for temporary files, in the folder that ``TMPDIR`` names if it is set.
+
+    The folder and its content are removed at the end.
 
     Raises
     ------
     OutputError
-        If no folder can be made there, or it can't be removed.
+        If the folder can't be created or removed.
     """
     with contextlib.ExitStack() as stack:
+        # Unlike tempfile, don't fall back to another disk than the given one.
+        given = os.environ.get("TMPDIR")
         try:
-            # unlike tempfile by itself, don't fill another disk than the one that was named
-            parent = Path(os.environ.get("TMPDIR") or tempfile.gettempdir())
-            room = stack.enter_context(temporary_folder(parent, SCRATCH_PREFIX))
+            parent = Path(given or tempfile.gettempdir())
+            folder = stack.enter_context(temporary_folder(parent, SCRATCH_PREFIX))
         except OSError as error:
-            place = (
-                f"TMPDIR names {os.environ['TMPDIR']}"
-                if os.environ.get("TMPDIR")
-                else "TMPDIR is not set"
-            )
+            setting = f"TMPDIR names {given}" if given else "TMPDIR is not set"
             raise OutputError(
-                f"{place}: no temporary files can be made ({error.strerror}); let it name a folder with room"
+                f"{setting}: no temporary files can be made ({error.strerror}); "
+                "let it name a folder with free space"
             ) from None
-        yield room
+        yield folder
 
 
 @contextmanager
 def disk_errors_as_output_errors() -> Iterator[None]:
-    """Say where temporary files find no room.
+    """Re-raise OSError as OutputError naming the folder of temporary files and its free space.
 
     Raises
     ------
@@ -61,26 +61,29 @@ def disk_errors_as_output_errors() -> Iterator[None]:
         yield
     except OSError as error:
         folder = os.environ.get("TMPDIR") or tempfile.gettempdir()
+        reason = error.strerror or "no space"
         raise OutputError(
-            f"{folder}: temporary files can't be written: {error.strerror or 'no room'}{_describe_free_space(folder)}; "
-            "let TMPDIR name a folder with more room"
+            f"{folder}: temporary files can't be written: {reason}{_describe_free_space(folder)}; "
+            "let TMPDIR name a folder with more space"
         ) from None
 
 
 def _describe_free_space(folder: str) -> str:
-    """How much room a folder has, in words; nothing where it is gone."""
+    """Free space of a folder for messages; empty if the folder doesn't exist."""
     with contextlib.suppress(OSError):
         return f", {shutil.disk_usage(folder).free / 2**20:,.0f} MiB are free"
     return ""
 
 
 def write_numbers(numbers: NDArray[Any], file: BinaryIO) -> None:
-    """Append numbers to a file. Unlike NumPy's ``tofile``, it misses no error of the disk, and goes on where it was interrupted.
+    """Append numbers to a file.
+
+    Unlike NumPy's ``tofile``, this reports all disk errors and continues after interrupts.
 
     Parameters
     ----------
     numbers : array
-        Of any shape and kind.
+        Numbers of any shape and type.
     file : binary file
         Open for writing.
     """
@@ -95,21 +98,22 @@ def read_numbers(path: Path, kind: type[Number], first: int, count: int) -> NDAr
     path : Path
         The file.
     kind : type
-        Of the numbers.
+        Type of the numbers.
     first, count : int
-        Number of the first one in the file, and how many.
+        Index of the first number in the file, and number of numbers.
 
     Raises
     ------
     OutputError
-        If the file is shorter, or can't be read.
+        If the file is too short or can't be read.
     """
     numbers = np.empty(count, kind)
     with disk_errors_as_output_errors(), path.open("rb") as file:
         file.seek(first * numbers.itemsize)
-        found = file.readinto(numbers.data.cast("B")) if count else 0
-    if found != numbers.nbytes:
+        read = file.readinto(numbers.data.cast("B")) if count else 0
+    if read != numbers.nbytes:
         raise OutputError(
-            f"{path}: this temporary file is {numbers.nbytes - found} bytes too short; is the disk full, or failing?"
+            f"{path}: this temporary file is {numbers.nbytes - read} bytes too short; "
+            "is the disk full, or failing?"
         )
     return numbers

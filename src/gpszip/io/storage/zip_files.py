@@ -1,4 +1,7 @@
-"""Zip archives: the logs in them, read one by one. Names in an archive are names only; nothing is written under them."""
+"""Logs in zip archives, read one by one.
+
+Names of members serve as names only; no file with such a name is written.
+"""
 
 from __future__ import annotations
 
@@ -15,88 +18,25 @@ from gpszip.io.storage.expansion import ExpansionMeter
 
 __all__ = ["ZipMember", "find_members", "is_zip"]
 
-#: Of an archive with members, and of one without.
+#: First bytes of an archive with members, and of an empty one.
 _MAGIC = (b"PK\x03\x04", b"PK\x05\x06")
 
-#: How members are packed that are read: not at all, or as in gzip. Others may ask for any amount of memory.
+#: Compression methods that are read: none, and that of gzip. Others may need any amount of memory.
 _READABLE_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 
-#: Documents that are zip archives by themselves, by a member of each.
+#: Document formats that are zip archives, by a member of each.
 _DOCUMENTS = {
-    "xl/workbook.xml": "an Excel workbook; save the sheet with the log as CSV",
-    "META-INF/manifest.xml": "an OpenDocument file; save the sheet with the log as CSV",
-    "doc.kml": "a KMZ file; convert it to GPX",
+    "xl/workbook.xml": "an Excel workbook; save the worksheet with the log as CSV",
+    "META-INF/manifest.xml": "an OpenDocument file; save the worksheet with the log as CSV",
 }
 
-#: Flag of a member that is encrypted.
+#: Flag of an encrypted member.
 _ENCRYPTED = 1
 
+#: Bytes that are unpacked at a time: 1 MiB.
 _CHUNK_BYTES = 1 << 20
 
-
-@dataclass(frozen=True)
-class ZipMember:
-    """A file in an archive.
-
-    Parameters
-    ----------
-    name : str
-        As the archive has it.
-    stored_bytes : int
-        Bytes that it takes in the archive.
-    chunks : callable
-        Yields its bytes, while the archive is open; raises an InputError if it is damaged or expands too far.
-    """
-
-    name: str
-    stored_bytes: int
-    chunks: Callable[[], Iterator[bytes]]
-
-
-def is_zip(head: bytes) -> bool:
-    """Whether a file that starts like this is a zip archive.
-
-    Examples
-    --------
-    >>> is_zip(bytes([80, 75, 3, 4])), is_zip(b"t,x,y")
-    (True, False)
-    """
-    return head[:4] in _MAGIC
-
-
-def find_members(file: BinaryIO, name: str) -> Iterator[ZipMember | InputError]:
-    r"""Find the files in an archive.
-
-    Folders, hidden files and what macOS adds are passed over.
-
-    Parameters
-    ----------
-    file : binary file
-        The archive; it stays open as long as members are read.
-    name : str
-        Its name for messages.
-
-    Yields
-    ------
-    Member or InputError
-        In the order of the archive; the error for a member that can't be read, or for the archive.
-
-    Examples
-    --------
-    >>> with zipfile.ZipFile(file := io.BytesIO(), "w") as archive:
-    ...     archive.writestr("walks/a.csv", "t,x,y\n0,0,0\n")
-    >>> [(one.name, b"".join(one.chunks())) for one in find_members(file, "walks.zip")]
-    [('walks/a.csv', b't,x,y\n0,0,0\n')]
-    """
-    counted = _CountingFile(file)
-    try:
-        with zipfile.ZipFile(counted) as archive:
-            yield from _files_in(archive, counted, name)
-    except _DAMAGE_ERRORS as error:
-        yield InputError(f"{name}: damaged zip archive ({str(error)[:120]}); fetch it again")
-
-
-#: What the module for zip archives raises where they are damaged.
+#: Errors that :mod:`zipfile` raises for damaged archives.
 _DAMAGE_ERRORS = (
     zipfile.BadZipFile,
     zlib.error,
@@ -109,30 +49,97 @@ _DAMAGE_ERRORS = (
 )
 
 
+@dataclass(frozen=True)
+class ZipMember:
+    """A file in an archive.
+
+    Parameters
+    ----------
+    name : str
+        Name in the archive.
+    stored_bytes : int
+        Compressed size in bytes.
+    chunks : callable
+        Yields its bytes while the archive is open. Raises an InputError if the member is damaged
+        or expands beyond the limit.
+    """
+
+    name: str
+    stored_bytes: int
+    chunks: Callable[[], Iterator[bytes]]
+
+
+def is_zip(head: bytes) -> bool:
+    """Whether a file with these first bytes is a zip archive.
+
+    Examples
+    --------
+    >>> is_zip(bytes([80, 75, 3, 4])), is_zip(b"t,x,y")
+    (True, False)
+    """
+    return head[:4] in _MAGIC
+
+
+def find_members(file: BinaryIO, name: str) -> Iterator[ZipMember | InputError]:
+    r"""Find the files in an archive.
+
+    Folders, hidden files and the files that macOS adds are ignored.
+
+    Parameters
+    ----------
+    file : binary file
+        The archive; it must stay open while members are read.
+    name : str
+        Name of the archive for messages.
+
+    Yields
+    ------
+    ZipMember or InputError
+        Members in the order of the archive; an error for a member that can't be read, or for the
+        archive.
+
+    Examples
+    --------
+    >>> with zipfile.ZipFile(file := io.BytesIO(), "w") as archive:
+    ...     archive.writestr("walks/a.csv", "t,x,y\n0,0,0\n")
+    >>> [(member.name, b"".join(member.chunks())) for member in find_members(file, "walks.zip")]
+    [('walks/a.csv', b't,x,y\n0,0,0\n')]
+    """
+    counted = _CountingFile(file)
+    try:
+        with zipfile.ZipFile(counted) as archive:
+            yield from _files_in(archive, counted, name)
+    except _DAMAGE_ERRORS as error:
+        yield InputError(f"{name}: damaged zip archive ({str(error)[:120]}); fetch it again")
+
+
 def _files_in(
     archive: zipfile.ZipFile, counted: _CountingFile, name: str
 ) -> Iterator[ZipMember | InputError]:
+    """Find the files in an open archive, see :func:`find_members`."""
     infos = archive.infolist()
     files = [info for info in infos if not info.is_dir() and not _is_hidden(info.filename)]
 
-    # refuse an archive whose members share bytes, which makes a small file expand without end
+    # Refuse members that share bytes: they let a small file expand without limit.
     if sum(info.compress_size for info in infos) > counted.size:
         yield InputError(
             f"{name}: damaged zip archive: its members overlap, or it is cut short; fetch it again"
         )
         return
-    if what := next(
-        (what for part, what in _DOCUMENTS.items() if part in archive.NameToInfo), None
-    ):
-        yield InputError(f"{name}: is {what}")
-        return
+
+    # Refuse documents and empty archives.
+    for member, description in _DOCUMENTS.items():
+        if member in archive.NameToInfo:
+            yield InputError(f"{name}: is {description}")
+            return
     if not files:
         yield InputError(f"{name}: no file in this zip archive; name one that holds a log")
 
+    # All members count against one limit, whose error ends the archive.
     meter = ExpansionMeter(name, "unpack it yourself, and name the files")
     for info in files:
         if meter.refused:
-            return  # whoever reads it has been told
+            return
         yield _read_member(archive, info, counted, meter, f"{name}/{printable_name(info.filename)}")
 
 
@@ -143,39 +150,43 @@ def _read_member(
     meter: ExpansionMeter,
     where: str,
 ) -> ZipMember | InputError:
+    """A member that can be read, or the reason why it can't."""
     if info.flag_bits & _ENCRYPTED:
         return InputError(f"{where}: is encrypted; unpack it first")
     if info.compress_type not in _READABLE_METHODS:
         return InputError(
-            f"{where}: is packed by method {info.compress_type} of zip, which isn't read; unpack it first"
+            f"{where}: is packed by method {info.compress_type} of zip, which isn't read; "
+            "unpack it first"
         )
 
-    def pieces() -> Iterator[bytes]:
+    # Bytes are unpacked only when the member is read.
+    def read_chunks() -> Iterator[bytes]:
         try:
             with archive.open(info) as stream:
-                while piece := stream.read(_CHUNK_BYTES):
-                    meter.count(len(piece), counted.read_in_all)
-                    yield piece
+                while chunk := stream.read(_CHUNK_BYTES):
+                    meter.count(len(chunk), counted.bytes_read)
+                    yield chunk
         except _DAMAGE_ERRORS as error:
             raise InputError(
                 f"{where}: damaged in its zip archive ({str(error)[:120]}); fetch it again"
             ) from None
 
-    return ZipMember(info.filename, info.compress_size, pieces)
+    return ZipMember(info.filename, info.compress_size, read_chunks)
 
 
 def _is_hidden(name: str) -> bool:
-    parts = name.replace("\\", "/").split("/")
-    return parts[0] == "__MACOSX" or any(
-        part.startswith(".") and part not in (".", "..") for part in parts
-    )
+    """Whether a file or one of its folders is hidden, or was added by macOS."""
+    names = name.replace("\\", "/").split("/")
+    has_dot = any(n.startswith(".") and n not in (".", "..") for n in names)
+    return names[0] == "__MACOSX" or has_dot
 
 
 class _CountingFile(io.RawIOBase):
-    """A file that counts the bytes that are read from it."""
+    """A file that counts the bytes read from it."""
 
     def __init__(self, file: Any) -> None:
-        self._file, self.read_in_all = file, 0
+        self._file = file
+        self.bytes_read = 0
         self.size = file.seek(0, io.SEEK_END)
 
     def readable(self) -> bool:
@@ -192,5 +203,5 @@ class _CountingFile(io.RawIOBase):
 
     def readinto(self, buffer: Any) -> int:
         count = int(self._file.readinto(buffer))
-        self.read_in_all += count
+        self.bytes_read += count
         return count

@@ -1,1 +1,1 @@
-"""Logs that are tables: which column holds what, and how its values become a log."""
+"""Tables as logs: the roles of columns, conventions of notation, times and positions."""

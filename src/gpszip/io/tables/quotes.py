@@ -1,11 +1,14 @@
-"""Quotes in text that are opened and never closed: they would swallow all rows up to the next quote, without a word."""
+"""Detection of unclosed quotes in CSV text.
+
+Parsers read an unclosed quote as a cell that extends to the next quote, and lose all rows between
+without an error.
+"""
 
 from __future__ import annotations
 
 import codecs
 import re
 from collections.abc import Iterator
-from typing import Any
 
 from gpszip.errors import InputError
 from gpszip.io.storage.expansion import read_chunk
@@ -13,12 +16,15 @@ from gpszip.io.storage.source import Source
 
 __all__ = ["check_quotes"]
 
-#: Bytes that are looked at a time, and the longest cell within quotes.
-_BLOCK_BYTES, _MAX_CELL_BYTES = 1 << 22, 1 << 24
+#: Bytes that are read at a time: 4 MiB.
+_BLOCK_BYTES = 1 << 22
+
+#: Longest cell within quotes in bytes, 16 MiB; a longer one counts as not closed.
+_MAX_CELL_BYTES = 1 << 24
 
 
 def check_quotes(source: Source, encoding: str, delimiter: str, rows: int) -> None:
-    """Make sure that no quote swallows rows.
+    """Check that no quote hides rows.
 
     Parameters
     ----------
@@ -27,56 +33,65 @@ def check_quotes(source: Source, encoding: str, delimiter: str, rows: int) -> No
     encoding : str
         Its encoding.
     delimiter : str
-        What stands between cells.
+        Separator of cells.
     rows : int
-        How many records were found in it, with those of the header. Where there are as many lines, all is well.
+        Number of records that a parser has found, including the header. If there are as many lines,
+        no quote hides any.
 
     Raises
     ------
     InputError
         If a quote is not closed, or text follows after it.
     """
-    lines, quoted, last = 0, False, b"\n"
+    lines, has_quotes, last = 0, False, b"\n"
     for block in _blocks(source, encoding):
-        quoted = quoted or b'"' in block
-        lines += (
-            block.count(b"\n")
-            + block.count(b"\r")
-            - block.count(b"\r\n")
-            - (last == b"\r" and block[:1] == b"\n")
-        )
+        has_quotes = has_quotes or b'"' in block
+
+        # Count \n, \r and \r\n once each, also where \r\n is split between two blocks.
+        is_split = last == b"\r" and block[:1] == b"\n"
+        ends = block.count(b"\n") + block.count(b"\r") - block.count(b"\r\n")
+        lines += ends - is_split
         last = block[-1:]
     lines += last not in (b"\n", b"\r")
-    if quoted and lines != rows:
+
+    # Most files have as many lines as records. Only others need a closer look.
+    if has_quotes and lines != rows:
         _check_cells(source, encoding, delimiter)
 
 
 def _check_cells(source: Source, encoding: str, delimiter: str) -> None:
-    """Go through all cells: what is left when no more is a whole cell must be the last one."""
+    """Match all cells with a regular expression; the text that remains must be the last cell.
+
+    Raises
+    ------
+    InputError
+        If a quote is not closed, or text follows after it.
+    """
+    # A cell is quoted text, or text that doesn't start with a quote.
     mark = re.escape(delimiter.encode())
     cell = rb'(?:"(?:[^"]++|"")*+"|[^"' + mark + rb"\r\n][^" + mark + rb"\r\n]*+)?+"
     cells = re.compile(rb"(?:" + cell + rb"(?:" + mark + rb"|\r\n|\r(?!\Z)|\n))*+")
+
     rest, line = b"", 1
     for block in _blocks(source, encoding):
+        # Remove complete cells, counting their lines.
         text = rest + block
         end = cells.match(text).end()  # type: ignore[union-attr]  # matches the empty text at least
         line += len(re.findall(rb"\r\n|\r|\n", text[:end]))
         rest = text[end:]
         if len(rest) > _MAX_CELL_BYTES:
             break
+
     if re.fullmatch(cell + rb"\r?", rest) is None:
         raise InputError(
-            f"{source.name}: row {line}: a quote is not closed, or text follows after it; close it, or write it twice"
+            f"{source.name}: row {line}: a quote is not closed, or text follows after it; "
+            "close it, or write it twice"
         )
 
 
 def _blocks(source: Source, encoding: str) -> Iterator[bytes]:
-    """Yield the text in an encoding of which each mark is one byte."""
-    wide = codecs.getincrementaldecoder(encoding)("replace") if encoding == "utf-16" else None
+    """Yield the text in an encoding in which quotes, delimiters and line ends are single bytes."""
+    decoder = codecs.getincrementaldecoder(encoding)("replace") if encoding == "utf-16" else None
     with source.open() as stream:
-        while block := _read(stream):
-            yield block if wide is None else wide.decode(block).encode()
-
-
-def _read(stream: Any) -> bytes:
-    return read_chunk(stream, _BLOCK_BYTES)
+        while block := read_chunk(stream, _BLOCK_BYTES):
+            yield block if decoder is None else decoder.decode(block).encode()

@@ -1,4 +1,4 @@
-"""Columns that name each row of a table, and so are no names of tracks."""
+"""Detection of columns that name each row of a table, such as UUIDs, and so are no track ids."""
 
 from __future__ import annotations
 
@@ -7,57 +7,66 @@ from numpy.typing import NDArray
 
 __all__ = ["names_each_row"]
 
-#: Fewer rows than this tell nothing: two vehicles may have one position each.
+#: Least number of rows for a decision; in fewer, two vehicles may have one position each.
 _MIN_ROWS = 3
 
-#: Points that tracks must have on average so that their names are believed.
+#: Mean number of points per track from which names are certainly track ids.
 _MIN_POINTS_PER_TRACK = 2
 
-#: Faster than any aircraft that keeps a log, in metres a second: successive rows are of different vehicles.
+#: Speed of the fastest aircraft with a log, in metres per second. Successive rows that imply a
+#: higher one belong to different vehicles.
 _MAX_SPEED = 350.0
 
+#: Shortest step in seconds when speeds are computed.
+_MIN_STEP = 1e-3
+
+#: Metres in a degree of latitude.
 _METRES_PER_DEGREE = 111_195.0
 
 Floats = NDArray[np.float64]
 
 
 def names_each_row(ids: int, times: Floats, coordinates: Floats, *, geographic: bool) -> bool:
-    """Whether the values of a column name each row: nearly all differ, while the rows make sense as a single track.
+    """Whether a column names each row rather than each track.
 
-    They make sense so if times never go back, mostly increase, and mostly not faster than an aircraft goes. A list of many
-    vehicles with a position each isn't like that.
+    It does if nearly all its values differ, while the rows form a plausible single track: times
+    never decrease, mostly increase, and speeds are mostly below those of aircraft. A list of
+    vehicles with a position each isn't plausible as a track.
 
     Parameters
     ----------
     ids : int
-        How many different values the column has.
+        Number of distinct values in the column.
     times : float64 array, shape (n,)
-        Seconds; NaN where not known.
+        Seconds; NaN if unknown.
     coordinates : float64 array, shape (n, d)
-        Metres, or latitude and longitude in degrees; NaN where not known.
+        Metres, or latitude and longitude in degrees; NaN if unknown.
     geographic : bool
-        Whether they are degrees.
+        Whether coordinates are degrees.
 
     Examples
     --------
-    >>> times = np.arange(3.0)
-    >>> names_each_row(3, times, np.zeros((3, 2)), geographic=False), names_each_row(3, times[::-1], np.zeros((3, 2)), geographic=False)
-    (True, False)
+    >>> times, positions = np.arange(3.0), np.zeros((3, 2))
+    >>> names_each_row(3, times, positions, geographic=False)
+    True
+    >>> names_each_row(3, times[::-1], positions, geographic=False)
+    False
     """
     if len(times) < _MIN_ROWS or ids * _MIN_POINTS_PER_TRACK <= len(times):
         return False
+
+    # Times must not decrease.
     known = np.isfinite(times) & np.isfinite(coordinates).all(axis=1)
     steps = np.diff(times[known])
     if not len(steps) or (steps < 0).any() or np.median(steps) <= 0:
         return False
-    return (
-        float(np.median(_lengths(coordinates[known], geographic) / np.maximum(steps, 1e-3)))
-        <= _MAX_SPEED
-    )
+
+    speeds = _step_lengths(coordinates[known], geographic) / np.maximum(steps, _MIN_STEP)
+    return float(np.median(speeds)) <= _MAX_SPEED
 
 
-def _lengths(coordinates: Floats, geographic: bool) -> Floats:
-    """Metres from each position to the next, roughly."""
+def _step_lengths(coordinates: Floats, geographic: bool) -> Floats:
+    """Approximate distance in metres from each position to the next."""
     moves = np.diff(coordinates, axis=0)
     if geographic:
         moves[:, 1] = ((moves[:, 1] + 180) % 360 - 180) * np.cos(np.radians(coordinates[1:, 0]))

@@ -1,4 +1,4 @@
-"""From the columns of a table to a log; shared by all formats that are tables."""
+"""Conversion of a table's columns to a log, shared by all formats that are tables."""
 
 from __future__ import annotations
 
@@ -16,36 +16,52 @@ from gpszip.io.logs.raw import RawLog, Request, UnreadableCell
 from gpszip.io.tables.roles import Roles
 from gpszip.io.tables.row_names import names_each_row
 from gpszip.io.tables.time_columns import TimeColumn, read_times
-from gpszip.io.values.arrow import factorize, is_text, to_attribute, to_floats
+from gpszip.io.values.arrow import (
+    factorize,
+    is_number,
+    is_text,
+    to_attribute,
+    to_floats,
+    trimmed_text,
+)
 from gpszip.io.values.coordinates import (
     first_unreadable_cell,
     has_decimal_comma,
     has_packed_minutes,
     parse_degrees,
     parse_numbers,
-    trimmed_text,
 )
 from gpszip.model.read_result import Repair
 
 __all__ = ["TableConventions", "build_raw_log", "find_conventions"]
 
+#: Column of track names in tables that GPSZip writes. A track may have a single row there.
+_WRITTEN_ID = "track_id"
+
+#: Notations of degrees that messages suggest.
 _DEGREES_UNDERSTOOD = "48.137, 48.137N, 48°08'13\"N or 48 08 13 N"
+
+#: Number of letters of a type that messages show.
+_MAX_SHOWN_LETTERS = 40
+
+#: A number that may have thousands or decimals, 1,234.
+_AMBIGUOUS_COMMA = r"^[+-]?[1-9]\d{0,2},\d{3}$"
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class TableConventions:
-    """How a table writes things, which only many of its rows tell.
+    """Conventions of a table's notation, which only many rows together show.
 
     Parameters
     ----------
     decimal_comma : bool
-        Whether text writes 1,5 for one and a half.
+        Whether text has decimal commas, as in 1,5.
     packed_minutes : bool
-        Whether 4808.225 stands for 48°08.225'.
+        Whether 4808.225 means 48°08.225'.
     ids_name_rows : bool
-        Whether the column of ids names each row, and so no track.
+        Whether the column of ids names each row rather than each track.
     """
 
     decimal_comma: bool = False
@@ -62,56 +78,58 @@ def find_conventions(
     *,
     decimal_comma: bool | None = None,
 ) -> TableConventions:
-    """Find out how a table writes things.
+    """Find the conventions of a table.
 
     Parameters
     ----------
     columns : sequence of pyarrow.ChunkedArray
-        Those of ``roles.used``, in its order: all rows, or so many that they speak for all.
+        Columns of ``roles.used``, in its order, with all rows or a representative sample.
     names : sequence of str
-        Names of all the table's columns.
+        Names of all columns of the table.
     roles : Roles
-        Which column is what.
+        Roles of the columns.
     request : Request
-        The columns that a user names.
+        The columns that the user has given.
     where : str
-        Name of the log.
+        Name of the log for messages.
     decimal_comma : bool, optional
-        Whether text has decimal commas; found in the columns where left out.
+        Whether text has decimal commas; by default found from the columns.
 
     Raises
     ------
     InputError
-        If numbers such as 1,234 may be with or without decimals.
+        If numbers such as 1,234 are ambiguous.
     """
     column = dict(zip(roles.used, columns, strict=True))
     axes = [_numbers_or_text(column[axis], names[axis], where) for axis in roles.axes]
 
-    # Numbers.
+    # Notation of numbers.
     comma = has_decimal_comma(axes) if decimal_comma is None else decimal_comma
     if comma and not roles.geographic:
         _check_thousands(axes, [names[axis] for axis in roles.axes], where)
     packed = bool(roles.hemispheres) and has_packed_minutes(axes[0], axes[1], decimal_comma=comma)
-    found = TableConventions(comma, packed)
+    conventions = TableConventions(comma, packed)
 
-    # Names.
+    # Names of tracks, unless the user has given their column or many rows share one.
     if roles.id is None or _is_chosen_id(names[roles.id], request):
-        return found
+        return conventions
     ids, index = _factorize_ids(column[roles.id], names[roles.id], where)
     if len(ids) * 2 <= len(index):
-        return found
-    times = (
-        read_times(column, names, roles, request, where, decimal_comma=comma).times
-        if roles.time
-        else np.arange(len(index) * 1.0)
-    )
+        return conventions
+
+    # Names of rows, if all rows together are plausible as a single track.
+    times = np.arange(len(index) * 1.0)
+    if roles.time:
+        times = read_times(column, names, roles, request, where, decimal_comma=comma).times
     coordinates = np.stack(
-        [_read_axis(column, names, roles, number, found, where) for number in range(len(axes))],
+        [
+            _read_axis(column, names, roles, number, conventions, where)
+            for number in range(len(axes))
+        ],
         axis=1,
     )
-    return TableConventions(
-        comma, packed, names_each_row(len(ids), times, coordinates, geographic=roles.geographic)
-    )
+    ids_name_rows = names_each_row(len(ids), times, coordinates, geographic=roles.geographic)
+    return TableConventions(comma, packed, ids_name_rows)
 
 
 def build_raw_log(
@@ -126,28 +144,28 @@ def build_raw_log(
     repairs: tuple[Repair, ...] = (),
     all_rows: bool = True,
 ) -> RawLog:
-    """Make a log of a table's columns.
+    """Build a log from a table's columns.
 
     Parameters
     ----------
     columns : sequence of pyarrow.ChunkedArray
-        Those of ``roles.used``, in its order.
+        Columns of ``roles.used``, in its order.
     names : sequence of str
-        Names of all the table's columns.
+        Names of all columns of the table.
     roles : Roles
-        Which column is what.
+        Roles of the columns.
     request : Request
         The unit of time and the order of dates.
     where : str
-        Name of the log.
-    first : int
+        Name of the log for messages.
+    first : int, default 1
         Number of the first row in messages.
-    conventions : Habits, optional
-        How the table writes things; found in the columns where left out.
+    conventions : TableConventions, optional
+        Conventions of the table; by default found from the columns.
     repairs : tuple of Repair
-        What was mended before.
-    all_rows : bool
-        Whether these are all rows, so that a column without any number is a mistake.
+        Earlier repairs.
+    all_rows : bool, default True
+        Whether these are all rows of the table, so that a column without numbers is an error.
 
     Returns
     -------
@@ -156,13 +174,10 @@ def build_raw_log(
     Raises
     ------
     InputError
-        If a column can't be what it should be.
+        If the content of a column doesn't fit its role.
     """
-    conventions = (
-        find_conventions(columns, names, roles, request, where)
-        if conventions is None
-        else conventions
-    )
+    if conventions is None:
+        conventions = find_conventions(columns, names, roles, request, where)
     column = dict(zip(roles.used, columns, strict=True))
     kept = {
         *roles.time,
@@ -180,12 +195,14 @@ def build_raw_log(
     elif roles.id is not None:
         repairs = (*repairs, _row_names_repair(names[roles.id], len(columns[0]), where))
 
-    # Times and positions, and what can't be read of them.
-    when = TimeColumn(np.full(len(columns[0]), np.nan))
+    # Times.
+    times = TimeColumn(np.full(len(columns[0]), np.nan))
     if roles.time:
-        when = read_times(
+        times = read_times(
             column, names, roles, request, where, decimal_comma=conventions.decimal_comma
         )
+
+    # Positions, and the first unreadable cell of each axis.
     axes = [
         _read_axis(column, names, roles, number, conventions, where)
         for number in range(len(roles.axes))
@@ -197,7 +214,7 @@ def build_raw_log(
     if all_rows:
         _check_axes(axes, names, roles, bad, where)
 
-    # All else.
+    # Attributes.
     attributes = {
         name: _read_attribute(column[i], names[i], where) for name, i in roles.keep.items()
     }
@@ -208,36 +225,49 @@ def build_raw_log(
         name=where,
         ids=ids,
         codes=index,
-        times=when.times,
+        times=times.times,
         coordinates=np.stack(axes, axis=1),
         geographic=roles.geographic,
         attributes=attributes,
         first=first,
         dropped_columns=tuple(name for i, name in enumerate(names) if i not in kept),
-        repairs=(*repairs, *when.repairs),
-        unreadable=(*when.unreadable, *(one for one in bad if one is not None)),
-        guessed_unit=when.guessed_unit,
-        time_of_day=when.time_of_day,
+        repairs=(*repairs, *times.repairs),
+        unreadable=(*times.unreadable, *(cell for cell in bad if cell is not None)),
+        guessed_unit=times.guessed_unit,
+        time_of_day=times.time_of_day,
         axes=tuple(names[axis] for axis in roles.axes),
         untimed=frozenset() if roles.time else frozenset(range(max(len(ids), 1))),
     )
 
 
 def _row_names_repair(name: str, rows: int, where: str) -> Repair:
-    what = f"rows named one by one in column {name!r}, which is no track id; --columns id={name} makes it one"
+    """The repair that ignores a column of row names."""
+    what = (
+        f"rows named one by one in column {name!r}, which is no track id; "
+        f"--columns id={name} makes it one"
+    )
     return Repair(what, rows, where, drops=False)
 
 
 def _is_chosen_id(name: str, request: Request) -> bool:
-    """Whether a user says that a column of this name is the id."""
+    """Whether a column certainly names tracks: the user gave it, or it is named as GPSZip does."""
+    if name.strip().lower() == _WRITTEN_ID:
+        return True
     columns = request.columns
-    return columns is not None and (
-        "id" in columns if isinstance(columns, Mapping) else name in columns
-    )
+    if columns is None:
+        return False
+    return "id" in columns if isinstance(columns, Mapping) else name in columns
 
 
 def _numbers_or_text(column: Any, name: str, where: str) -> Any:
-    """Return a column as numbers or text, or say that it is neither."""
+    """A column as numbers or text.
+
+    Raises
+    ------
+    InputError
+        If it is neither.
+    """
+    # Unwrap extension types and dictionaries; old Parquet files have text as bytes.
     kind = column.type
     if isinstance(kind, pa.BaseExtensionType):
         column, kind = pc.cast(column, kind.storage_type), kind.storage_type
@@ -245,22 +275,20 @@ def _numbers_or_text(column: Any, name: str, where: str) -> Any:
         column, kind = pc.cast(column, kind.value_type), kind.value_type
     if pa.types.is_binary(kind) or pa.types.is_large_binary(kind) or pa.types.is_binary_view(kind):
         column, kind = _decode_bytes(column, name, where), pa.string()
-    if (
-        is_text(kind)
-        or pa.types.is_integer(kind)
-        or pa.types.is_floating(kind)
-        or pa.types.is_decimal(kind)
-    ):
+
+    # Accept text, numbers and empty columns.
+    if is_text(kind) or is_number(kind):
         return column
     if pa.types.is_null(kind):
         return pc.cast(column, pa.float64())
     raise InputError(
-        f"{where}: column {name!r} holds {_format_type(kind)}, not numbers; name another with --columns"
+        f"{where}: column {name!r} holds {_format_type(kind)}, not numbers; "
+        "name another with --columns"
     )
 
 
 def _decode_bytes(column: Any, name: str, where: str) -> Any:
-    """Old Parquet files have text as bytes."""
+    """Cast bytes to text."""
     try:
         return pc.cast(column, pa.string())
     except pa.ArrowInvalid:
@@ -270,8 +298,9 @@ def _decode_bytes(column: Any, name: str, where: str) -> Any:
 
 
 def _format_type(kind: Any) -> str:
+    """Name of an Arrow type, shortened."""
     text = str(kind)
-    return text if len(text) <= 40 else text[:37] + "..."
+    return text if len(text) <= _MAX_SHOWN_LETTERS else text[: _MAX_SHOWN_LETTERS - 3] + "..."
 
 
 def _factorize_ids(
@@ -281,7 +310,8 @@ def _factorize_ids(
         return factorize(column)
     except (pa.ArrowException, InputError):
         raise InputError(
-            f"{where}: column {name!r} holds {_format_type(column.type)}, which is no name of a track; name another one: --columns id=COLUMN"
+            f"{where}: column {name!r} holds {_format_type(column.type)}, "
+            "which is no name of a track; name another one: --columns id=COLUMN"
         ) from None
 
 
@@ -290,7 +320,8 @@ def _read_attribute(column: Any, name: str, where: str) -> NDArray[np.generic]:
         return to_attribute(column)
     except (pa.ArrowException, InputError):
         raise InputError(
-            f"{where}: column {name!r} holds {_format_type(column.type)}, which can't be kept; name another one"
+            f"{where}: column {name!r} holds {_format_type(column.type)}, "
+            "which can't be kept; name another one"
         ) from None
 
 
@@ -302,9 +333,11 @@ def _read_axis(
     conventions: TableConventions,
     where: str,
 ) -> Floats:
+    """Values of an axis by its number in ``roles.axes``; NaN for cells that can't be read."""
     cells = _numbers_or_text(column[roles.axes[number]], names[roles.axes[number]], where)
     if not roles.geographic:
         return parse_numbers(cells, conventions.decimal_comma)
+
     side = roles.hemispheres[number] if roles.hemispheres else None
     return parse_degrees(
         cells,
@@ -316,7 +349,7 @@ def _read_axis(
 
 
 def _read_hemispheres(column: Any, name: str, where: str) -> Any:
-    """Return a column of hemispheres; one that is no text holds none."""
+    """A column of hemispheres as text; numbers become text that is no hemisphere."""
     cells = column if pa.types.is_null(column.type) else _numbers_or_text(column, name, where)
     return cells if is_text(cells.type) else pc.cast(cells, pa.string())
 
@@ -330,26 +363,25 @@ def _first_unreadable_of_axis(
     values: Floats,
     where: str,
 ) -> UnreadableCell | None:
-    """Name the first cell that can't be read: the number, or the hemisphere beside it."""
+    """First cell of an axis that can't be read: a number, or the hemisphere beside it."""
     axis = roles.axes[number]
     side = roles.hemispheres[number] if roles.hemispheres else None
-    found = first_unreadable_cell(
-        _numbers_or_text(column[axis], names[axis], where), values, names[axis]
-    )
-    if found is None or side is None:
-        return found
-    alone = parse_degrees(
-        _numbers_or_text(column[axis], names[axis], where).slice(found.row, 1),
+    cells = _numbers_or_text(column[axis], names[axis], where)
+    cell = first_unreadable_cell(cells, values, names[axis])
+    if cell is None or side is None:
+        return cell
+
+    # If the number alone can be read, the hemisphere is to blame.
+    number_alone = parse_degrees(
+        cells.slice(cell.row, 1),
         "lon" if number else "lat",
         decimal_comma=conventions.decimal_comma,
         packed_minutes=conventions.packed_minutes,
     )
-    said = column[side][found.row].as_py()
-    return (
-        UnreadableCell(names[side], found.row, "" if said is None else str(said))
-        if np.isfinite(alone[0])
-        else found
-    )
+    if not np.isfinite(number_alone[0]):
+        return cell
+    hemisphere = column[side][cell.row].as_py()
+    return UnreadableCell(names[side], cell.row, "" if hemisphere is None else str(hemisphere))
 
 
 def _check_axes(
@@ -359,31 +391,37 @@ def _check_axes(
     bad: Sequence[UnreadableCell | None],
     where: str,
 ) -> None:
-    for axis, found, cell in zip(roles.axes, axes, bad, strict=True):
-        if not len(found) or np.isfinite(found).any():
+    """Refuse a table if some axis has no number at all."""
+    for axis, values, cell in zip(roles.axes, axes, bad, strict=True):
+        if not len(values) or np.isfinite(values).any():
             continue
-        said = "" if cell is None else f"; the first of it is {cell.column} {cell.value[:40]!r}"
+
+        # Show the first cell, and the notation or option that helps.
+        shown = "" if cell is None else f"; the first of it is {cell.column} {cell.value[:40]!r}"
         understood = f"; degrees are written {_DEGREES_UNDERSTOOD}" if roles.geographic else ""
         role = ("lat=" if axis == roles.axes[0] else "lon=") if roles.geographic else "x="
         raise InputError(
-            f"{where}: column {names[axis]!r} holds no number{said}{understood}; "
+            f"{where}: column {names[axis]!r} holds no number{shown}{understood}; "
             f"name the right one with --columns, such as --columns {role}COLUMN"
         )
 
 
 def _check_thousands(axes: Sequence[Any], names: Sequence[str], where: str) -> None:
-    """Refuse metres such as 1,234 unless some cell shows that the comma is a decimal one."""
+    """Refuse metres such as 1,234 unless some cell shows that its comma is a decimal comma."""
     first = ""
     for cells, name in zip(axes, names, strict=True):
         if not is_text(cells.type):
             continue
+
+        # Each cell with a comma must be ambiguous; any other decides.
         commas = trimmed_text(cells).filter(pc.match_substring(cells, ","))
         if not len(commas):
             continue
-        if not pc.all(pc.match_substring_regex(commas, r"^[+-]?[1-9]\d{0,2},\d{3}$")).as_py():
+        if not pc.all(pc.match_substring_regex(commas, _AMBIGUOUS_COMMA)).as_py():
             return
         first = first or f"column {name!r}: {commas[0].as_py()!r}"
     if first:
         raise InputError(
-            f"{where}: {first} may have decimals or thousands; write numbers with a point before decimals"
+            f"{where}: {first} may have decimals or thousands; "
+            "write numbers with a point before decimals"
         )

@@ -1,4 +1,4 @@
-"""The times of a table, from one column or two."""
+"""The times of a table, from one column or from separate dates and times of day."""
 
 from __future__ import annotations
 
@@ -32,29 +32,37 @@ from gpszip.model.read_result import Repair
 
 __all__ = ["TimeColumn", "find_date_order", "join_time_columns", "read_times"]
 
-#: So many rows tell whether numbers are times of day.
+#: Least number of rows that show whether numbers are times of day.
 _MIN_CLOCK_ROWS = 10
 
-#: Letters of a cell in messages.
+#: Number of letters of a cell that messages show.
 _MAX_SHOWN_LETTERS = 80
+
+#: Day, month and year in a column's name, such as ``Date (DD/MM/YYYY)``.
+_ORDER_IN_NAME = (
+    r"(?i)(?<![a-z])(d{1,2}|m{1,2}|y{2,4})[-/. ]?(d{1,2}|m{1,2})[-/. ]?(d{1,2}|y{2,4})(?![a-z])"
+)
+
+#: Six digits with a leading zero, as in 080059.
+_PADDED_CLOCK = r"^0\d{5}(\D|$)"
 
 
 @dataclass(frozen=True, eq=False)
 class TimeColumn:
-    """Times of a table, and what is to be known of them.
+    """Times of a table, and how they were read.
 
     Parameters
     ----------
     times : float64 array, shape (n,)
-        Seconds; NaN where there is no time.
-    guessed_unit : Guess, optional
-        The unit of numbers, where the user doesn't say it.
+        Seconds; NaN for cells that are no times.
+    guessed_unit : GuessedUnit, optional
+        Unit of numbers, if the user hasn't given it.
     time_of_day : bool
-        Whether they count from midnight, as there is no date.
+        Whether times count from midnight, because there is no date.
     repairs : tuple of Repair
-        What is to be told of them.
-    unreadable : tuple of Unread
-        The first cell that is no time.
+        Repairs to report.
+    unreadable : tuple of UnreadableCell
+        The first cell that is no time; empty if there is none.
     """
 
     times: NDArray[np.float64]
@@ -78,30 +86,31 @@ def read_times(
     Parameters
     ----------
     columns : mapping of int to pyarrow.ChunkedArray
-        At least those that hold the time.
+        Columns by index, at least those of the time.
     names : sequence of str
-        Names of all the table's columns.
+        Names of all columns of the table.
     roles : Roles
-        Which column is what.
+        Roles of the columns.
     request : Request
         The unit of numbers and the order of dates.
     where : str
-        Name of the log.
+        Name of the log for messages.
     decimal_comma : bool, default False
-        Whether text writes 1,5 for one and a half.
+        Whether text has decimal commas, as in 1,5.
 
     Raises
     ------
     InputError
-        If no cell is a time, or dates can be read in several ways.
+        If no cell is a time, or dates are ambiguous.
     """
-    # Times of day count from midnight.
     name = names[roles.time[-1]]
     column = f"{where}: column {name!r}"
     cells = join_time_columns(columns, names, roles, request, where, decimal_comma=decimal_comma)
+
+    # Times of day count from midnight.
     if holds_times_of_day(cells):
         times = times_of_day_to_seconds(cells)
-        told = Repair(
+        repair = Repair(
             "times of day without a date read as seconds from midnight",
             int(np.isfinite(times).sum()),
             column,
@@ -110,11 +119,11 @@ def read_times(
         return TimeColumn(
             times,
             time_of_day=True,
-            repairs=(told,),
+            repairs=(repair,),
             unreadable=_first_unreadable(name, cells, times),
         )
 
-    # Numbers are in the unit that the user says, or else the column's name, or else their size.
+    # The unit of numbers is given by the user, or else by the column's name, or else by their size.
     guess = _guess_unit(cells, name) if request.time_unit is None else None
     if guess is not None and guess.unit == "s" and not guess.from_name:
         _refuse_clock_numbers(cells, column)
@@ -139,13 +148,16 @@ def join_time_columns(
     *,
     decimal_comma: bool = False,
 ) -> Any:
-    """Return the column of times as one: a date and a time of day are joined, and 1,5 becomes 1.5 where text writes numbers so."""
-    parts = [_unwrap_column(columns[i], f"{where}: column {names[i]!r}") for i in roles.time]
-    cells = parts[-1]
-    if len(parts) == 2:
+    """The column of times, joined from dates and times of day if these are separate.
+
+    Parameters are those of :func:`read_times`. Decimal commas become points.
+    """
+    time_columns = [_unwrap_column(columns[i], f"{where}: column {names[i]!r}") for i in roles.time]
+    cells = time_columns[-1]
+    if len(time_columns) == 2:
         name = names[roles.time[-1]]
         cells = join_date_and_time(
-            parts[0],
+            time_columns[0],
             cells,
             f"{where}: column {name!r}",
             numbers_are_seconds=request.time_unit is not None,
@@ -156,7 +168,7 @@ def join_time_columns(
 
 
 def _unwrap_column(column: Any, where: str) -> Any:
-    """Return a column without the wrapping of its type: dictionaries, extensions, and text as bytes, as in old Parquet files."""
+    """A column without dictionaries and extension types, and with bytes decoded as text."""
     kind = column.type
     if isinstance(kind, pa.BaseExtensionType):
         column, kind = pc.cast(column, kind.storage_type), kind.storage_type
@@ -164,6 +176,8 @@ def _unwrap_column(column: Any, where: str) -> Any:
         column, kind = pc.cast(column, kind.value_type), kind.value_type
     if not (pa.types.is_binary(kind) or pa.types.is_large_binary(kind)):
         return column
+
+    # Old Parquet files have text as bytes.
     try:
         return pc.cast(column, pa.string())
     except pa.ArrowInvalid:
@@ -173,12 +187,14 @@ def _unwrap_column(column: Any, where: str) -> Any:
 
 
 def find_date_order(names: Sequence[str], roles: Roles, request: Request) -> str | None:
-    """Order of day, month and year that the user names, or else the column: ``Date (DD/MM/YYYY)`` is ``dmy``.
+    """Order of day, month and year, given by the user or else by the column's name, if at all.
+
+    A column ``Date (DD/MM/YYYY)`` has the order ``dmy``.
 
     Raises
     ------
     OptionError
-        If the user names none that exists.
+        If the user has given an order that doesn't exist.
     """
     if request.dates is not None:
         if request.dates not in DATE_ORDERS:
@@ -186,42 +202,51 @@ def find_date_order(names: Sequence[str], roles: Roles, request: Request) -> str
                 f"order of dates {request.dates!r} is not one of {', '.join(DATE_ORDERS)}"
             )
         return request.dates
-    found = re.search(
-        r"(?i)(?<![a-z])(d{1,2}|m{1,2}|y{2,4})[-/. ]?(d{1,2}|m{1,2})[-/. ]?(d{1,2}|y{2,4})(?![a-z])",
-        names[roles.time[0]],
-    )
-    order = "".join(part[0].lower() for part in found.groups()) if found else ""
+
+    match = re.search(_ORDER_IN_NAME, names[roles.time[0]])
+    order = "".join(group[0].lower() for group in match.groups()) if match else ""
     return order if order in DATE_ORDERS else None
 
 
 def _refuse_clock_numbers(cells: Any, where: str) -> None:
-    """Refuse numbers that are hours, minutes and seconds rather than seconds: 80059 is followed by 80100, not by 80060."""
+    """Refuse numbers that are hours, minutes and seconds (hhmmss) rather than seconds.
+
+    In such numbers 80059 is followed by 80100. So regular times have more distinct steps when they
+    are read as seconds.
+
+    Raises
+    ------
+    InputError
+        If numbers step like hhmmss, or have a leading zero.
+    """
+    # All of them must be possible times of day.
     values = to_floats(cells)
     values = values[np.isfinite(values)]
     hours, minutes, secs = values // 10_000, values // 100 % 100, values % 100
-    if (
-        len(values) < _MIN_CLOCK_ROWS
-        or not ((values >= 0) & (hours < 24) & (minutes < 60) & (secs < 60)).all()
-    ):
+    is_clock = (values >= 0) & (hours < 24) & (minutes < 60) & (secs < 60)
+    if len(values) < _MIN_CLOCK_ROWS or not is_clock.all():
         return
+
+    # Count the distinct steps of both readings.
     clock = 3600 * hours + 60 * minutes + secs
-    as_seconds, as_clock = (
+    steps_as_seconds, steps_as_clock = (
         len(np.unique(np.round(np.diff(times), 3))) for times in (values, clock)
     )
-    padded = (
+    is_padded = (
         is_text(cells.type)
-        and pc.any(pc.match_substring_regex(trimmed_text(cells), r"^0\d{5}(\D|$)")).as_py()
+        and pc.any(pc.match_substring_regex(trimmed_text(cells), _PADDED_CLOCK)).as_py()
     )
-    if as_clock < as_seconds or padded:
+    if steps_as_clock < steps_as_seconds or is_padded:
         first = f"{int(values[0]):06d}"
         raise InputError(
-            f"{where}: {first} and the numbers after it step like hours, minutes and seconds, not like seconds; "
-            f"write {first[:2]}:{first[2:4]}:{first[4:]}, or say that they are seconds: --time-unit s"
+            f"{where}: {first} and the numbers after it step like hours, minutes and seconds, "
+            f"not like seconds; write {first[:2]}:{first[2:4]}:{first[4:]}, "
+            "or say that they are seconds: --time-unit s"
         )
 
 
 def _guess_unit(cells: Any, name: str) -> GuessedUnit | None:
-    """Return the unit of numbers that the name of their column tells, or else their size."""
+    """Guess the unit of numbers by the name of their column, or else by their size."""
     named = unit_name(time_unit_in_name(name))
     unit = (named if holds_numbers(cells) else None) or guess_unit_by_size(cells)
     return None if unit is None else GuessedUnit(unit, from_name=named is not None)
@@ -230,7 +255,7 @@ def _guess_unit(cells: Any, name: str) -> GuessedUnit | None:
 def _first_unreadable(
     name: str, cells: Any, times: NDArray[np.float64]
 ) -> tuple[UnreadableCell, ...]:
-    """Return the first cell that holds something, but no time."""
+    """The first cell that is neither empty nor a time, in a tuple; an empty tuple without one."""
     bad = np.isnan(times)
     if bad.any():
         bad &= pc.fill_null(pc.not_equal(trimmed_text(cells), ""), False).to_numpy()

@@ -1,6 +1,6 @@
-"""Latitudes and longitudes from the ways in which people write them.
+"""Latitudes and longitudes in the notations that people use.
 
-A cell is read as a whole or not at all: what can't be read becomes NaN, never a part of the text and never 0.
+A cell is read completely or not at all: if any of its text can't be parsed, it becomes NaN.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from gpszip.io.logs.raw import UnreadableCell
+from gpszip.io.values.arrow import NUMBER_PATTERN, is_number, is_text, trimmed_text
 
 __all__ = [
     "HEMISPHERES",
@@ -22,28 +23,32 @@ __all__ = [
     "has_decimal_comma",
     "has_decimal_point",
     "has_packed_minutes",
-    "is_text",
     "parse_degrees",
     "parse_numbers",
-    "trimmed_text",
 ]
 
 Axis = Literal["lat", "lon"]
 Floats = NDArray[np.float64]
 
-#: Largest degrees of each axis. Longitudes from 180 to 360 are degrees, too, but no longitude with a hemisphere.
+#: Largest degrees on each axis in NMEA's notation, where longitudes beyond 180 don't occur.
 _LIMIT = {"lat": 90, "lon": 180}
 
-#: Minutes of a degree, and seconds of a minute.
+#: Minutes in a degree, and seconds in a minute.
 _SIXTIETHS = 60
 
-#: What a column beside the latitude or longitude may say, and the sign that it means.
+#: Digits before the point that NMEA pads latitudes in degrees and minutes to.
+_LAT_DIGITS = 4
+
+#: Digits before the point that NMEA pads longitudes in degrees and minutes to.
+_LON_DIGITS = 5
+
+#: Texts of a column with hemispheres, and their signs.
 HEMISPHERES: dict[Axis, dict[str, float]] = {
     "lat": {"n": 1.0, "north": 1.0, "s": -1.0, "south": -1.0},
     "lon": {"e": 1.0, "east": 1.0, "w": -1.0, "west": -1.0},
 }
 
-#: Characters that stand for others. Two single primes are seconds.
+#: Characters with their look-alikes. Two single primes mark seconds.
 _EQUIVALENT_LETTERS = {
     "'": "′’‘ʹ´`",
     '"': "″”“ʺ",
@@ -52,10 +57,8 @@ _EQUIVALENT_LETTERS = {
     " ": "\u00a0\u2009\u202f",
 }
 
-_NUMBER = r"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?$"
-
-# The parts of `48°08'13.5"N`. Only the last number may have a fraction. An `s` after the seconds is their mark only
-# where the minutes have an `m`: elsewhere it is south.
+# The forms of `48°08'13.5"N`. Only the last number may have a fraction. An `s` after the seconds
+# marks seconds only if the minutes have an `m`; otherwise it is south.
 _DEGREES = r"(?P<degrees>\d+(?:\.\d*)?|\.\d+)\s*(?:°|d|deg)?"
 _MINUTES = (
     r"(?P<degrees>\d{1,3})(?:\s*(?:°|d|deg|:)\s*|\s+)(?P<minutes>\d{1,2}(?:\.\d*)?)\s*(?:'|m|min)?"
@@ -84,28 +87,35 @@ def parse_degrees(
 ) -> Floats:
     r"""Read a column of latitudes or longitudes.
 
-    A cell holds a number (``-33.8561``), a number with a hemisphere (``33.8561S``, ``N48.137``), or degrees with minutes
-    and perhaps seconds (``48°08'13.5"N``, ``48 8 13.5 N``, ``48:08:13.5``, ``48d8m13.5s``, ``-48 8.225``). White space
-    around it doesn't matter. A hemisphere must fit the axis and takes no sign.
+    A cell is one of the following, in any white space:
+
+    - a number: ``-33.8561``
+    - a number with a hemisphere: ``33.8561S``, ``N48.137``
+    - degrees and minutes: ``-48 8.225``, ``N48°08.225'``
+    - degrees, minutes and seconds: ``48°08'13.5"N``, ``48 8 13.5 N``, ``48:08:13.5``,
+      ``48d8m13.5s``
+
+    A hemisphere must fit the axis and excludes a sign.
 
     Parameters
     ----------
     column : pyarrow.ChunkedArray, shape (n,)
         Numbers, or text.
     axis : {"lat", "lon"}
-        Which of the two it holds.
+        Latitude or longitude.
     hemisphere : pyarrow.ChunkedArray, shape (n,), optional
-        A column beside it that says N, S, E or W, or north, south, east or west. Where it says something else or
-        contradicts the sign, the position can't be read.
+        A separate column with N, S, E or W, or north, south, east or west. Cells with another
+        hemisphere, or one that contradicts the sign, can't be read.
     decimal_comma : bool, default False
-        Whether text writes 1,5 for one and a half; see :func:`has_decimal_comma`.
+        Whether text has decimal commas, as in 1,5; see :func:`has_decimal_comma`.
     packed_minutes : bool, default False
-        Whether numbers are degrees and minutes in one, 4808.225 for 48°08.225'; see :func:`has_packed_minutes`.
+        Whether numbers pack degrees and minutes, 4808.225 for 48°08.225'; see
+        :func:`has_packed_minutes`.
 
     Returns
     -------
     float64 array, shape (n,)
-        Degrees; NaN for what can't be read.
+        Degrees; NaN for cells that can't be read.
 
     Examples
     --------
@@ -113,29 +123,34 @@ def parse_degrees(
     >>> parse_degrees(cells, "lat").round(6).tolist()
     [48.137, 48.137, -48.137, nan, nan]
     """
+    # Plain numbers.
     values = parse_numbers(column, decimal_comma)
     if packed_minutes:
         values = _unpack_minutes(values)
-    lettered = np.zeros(len(values), dtype=np.bool_)
+    has_letter = np.zeros(len(values), dtype=np.bool_)
 
-    # Only text that is no plain number needs a closer look.
+    # Text with a hemisphere, minutes or seconds.
     rest = np.isnan(values) & _is_filled(column)
     if is_text(column.type) and rest.any():
-        values[rest], lettered[rest] = _parse_marked(
-            _with_decimal_point(trimmed_text(column).filter(pa.array(rest)), decimal_comma), axis
+        text = trimmed_text(column).filter(pa.array(rest))
+        values[rest], has_letter[rest] = _parse_marked(
+            _with_decimal_point(text, decimal_comma), axis
         )
 
+    # Apply the separate hemispheres.
     if hemisphere is not None:
-        sign = _signs(hemisphere, axis)
+        sign = _hemisphere_signs(hemisphere, axis)
         contradicts = np.where(
-            lettered, np.copysign(1.0, values) != sign, (values < 0) & (sign > 0)
+            has_letter, np.copysign(1.0, values) != sign, (values < 0) & (sign > 0)
         )
         values = np.where(contradicts, np.nan, np.abs(values) * sign)
     return values
 
 
 def has_decimal_comma(columns: Iterable[pa.ChunkedArray]) -> bool:
-    """Whether columns write 1,5 for one and a half: a cell has a comma between digits, and none has a point, or two commas.
+    """Whether columns of text have decimal commas, as in 1,5.
+
+    They do if a cell has a comma between digits, and no cell has a point or several commas.
 
     Parameters
     ----------
@@ -144,17 +159,22 @@ def has_decimal_comma(columns: Iterable[pa.ChunkedArray]) -> bool:
 
     Examples
     --------
-    >>> has_decimal_comma([pa.chunked_array([["48,1", "48"]]), pa.chunked_array([["11,5", "11,6"]])])
+    >>> lat, lon = pa.chunked_array([["48,1", "48"]]), pa.chunked_array([["11,5", "11,6"]])
+    >>> has_decimal_comma([lat, lon])
     True
-    >>> has_decimal_comma([pa.chunked_array([["48,1", "48.2"]])]), has_decimal_comma([pa.chunked_array([["1,234,567"]])])
-    (False, False)
+    >>> has_decimal_comma([pa.chunked_array([["48,1", "48.2"]])])
+    False
+    >>> has_decimal_comma([pa.chunked_array([["1,234,567"]])])
+    False
     """
     cells = [trimmed_text(column) for column in columns if is_text(column.type)]
     return any(_any_match(column, r"\d,\d") for column in cells) and not has_decimal_point(cells)
 
 
 def has_decimal_point(columns: Iterable[pa.ChunkedArray]) -> bool:
-    """Whether some text has a point beside a digit, or several commas between digits: its commas are no decimal ones.
+    """Whether commas in columns of text can't be decimal commas.
+
+    They can't if a cell has a point beside a digit, or several commas between digits.
 
     Parameters
     ----------
@@ -163,8 +183,10 @@ def has_decimal_point(columns: Iterable[pa.ChunkedArray]) -> bool:
 
     Examples
     --------
-    >>> has_decimal_point([pa.chunked_array([["48,1", "48.2"]])]), has_decimal_point([pa.chunked_array([["48,1"]])])
-    (True, False)
+    >>> has_decimal_point([pa.chunked_array([["48,1", "48.2"]])])
+    True
+    >>> has_decimal_point([pa.chunked_array([["48,1"]])])
+    False
     """
     return any(
         _any_match(trimmed_text(column), r"\d\.|\.\d|\d,\d+,\d")
@@ -176,18 +198,19 @@ def has_decimal_point(columns: Iterable[pa.ChunkedArray]) -> bool:
 def has_packed_minutes(
     lat: pa.ChunkedArray, lon: pa.ChunkedArray, *, decimal_comma: bool = False
 ) -> bool:
-    """Whether numbers are degrees and minutes in one, as NMEA has them: 4808.225 for 48°08.225'.
+    """Whether numbers pack degrees and minutes as in NMEA: 4808.225 for 48°08.225'.
 
-    A single number can't tell. A whole column can: all are beyond the largest degrees, or written with as many digits as
-    NMEA has before the point (4 and 5), and all minutes are below 60. The other axis must allow it. Ask this only where
-    hemispheres stand in columns of their own, as they do in NMEA.
+    A single number is ambiguous, but a column isn't. All its minutes must be below 60, and all its
+    numbers either exceed the largest degrees or have NMEA's number of digits before the point (4
+    and 5). One axis must prove it, and the other must allow it. The result is meaningful only for
+    tables with separate columns of hemispheres, as NMEA has them.
 
     Parameters
     ----------
     lat, lon : pyarrow.ChunkedArray, shape (n,)
         Numbers, or text.
     decimal_comma : bool, default False
-        Whether text writes 1,5 for one and a half.
+        Whether text has decimal commas, as in 1,5.
 
     Examples
     --------
@@ -197,40 +220,43 @@ def has_packed_minutes(
     False
     """
     proofs = []
-    for column, limit, digits in ((lat, _LIMIT["lat"], 4), (lon, _LIMIT["lon"], 5)):
+    for column, limit, digits in (
+        (lat, _LIMIT["lat"], _LAT_DIGITS),
+        (lon, _LIMIT["lon"], _LON_DIGITS),
+    ):
+        # Degrees and minutes must be in their bounds.
         values = parse_numbers(column, decimal_comma)
-        known = values[np.isfinite(values)]
-        if (
-            not len(known)
-            or (np.abs(known) % 100 >= _SIXTIETHS).any()
-            or (np.abs(known) // 100 > limit).any()
-        ):
+        sizes = np.abs(values[np.isfinite(values)])
+        if not len(sizes) or (sizes % 100 >= _SIXTIETHS).any() or (sizes // 100 > limit).any():
             return False
-        beyond, padded = np.abs(known) > limit, _is_padded(column, digits)
-        if beyond.any() and not beyond.all() and not padded:
+
+        # A mixture of large and small numbers is no packed notation, unless all are padded.
+        is_beyond, is_padded = sizes > limit, _is_padded(column, digits)
+        if is_beyond.any() and not is_beyond.all() and not is_padded:
             return False
-        proofs.append(bool(beyond.all()) or padded)
+        proofs.append(bool(is_beyond.all()) or is_padded)
     return any(proofs)
 
 
 def first_unreadable_cell(
     column: pa.ChunkedArray, values: Floats, name: str
 ) -> UnreadableCell | None:
-    """Return the first cell that holds something but could not be read.
+    """First cell that isn't empty and could not be read, if any.
 
     Parameters
     ----------
     column : pyarrow.ChunkedArray, shape (n,)
         The cells.
     values : float64 array, shape (n,)
-        What was read from them; not finite where nothing was.
+        Their values; not finite for cells that could not be read.
     name : str
         The column's name.
 
     Examples
     --------
-    >>> first_unreadable_cell(pa.chunked_array([["48.1", "", "undefined"]]), np.array([48.1, np.nan, np.nan]), "lat")
-    Unread(column='lat', row=2, value='undefined')
+    >>> cells = pa.chunked_array([["48.1", "", "undefined"]])
+    >>> first_unreadable_cell(cells, np.array([48.1, np.nan, np.nan]), "lat")
+    UnreadableCell(column='lat', row=2, value='undefined')
     """
     bad = ~np.isfinite(values) & _is_filled(column)
     if not bad.any():
@@ -239,40 +265,20 @@ def first_unreadable_cell(
     return UnreadableCell(name, row, str(column[row].as_py()))
 
 
-def is_text(kind: Any) -> bool:
-    """Whether a type of Arrow is text, whichever way it is stored.
-
-    Examples
-    --------
-    >>> is_text(pa.large_string()), is_text(pa.dictionary(pa.int8(), pa.string())), is_text(pa.int8())
-    (True, True, False)
-    """
-    if pa.types.is_dictionary(kind):
-        return is_text(kind.value_type)
-    return bool(
-        pa.types.is_string(kind) or pa.types.is_large_string(kind) or pa.types.is_string_view(kind)
-    )
-
-
-def trimmed_text(column: pa.ChunkedArray) -> Any:
-    """Return a column of text as plain strings, without white space around them."""
-    return pc.utf8_trim_whitespace(pc.cast(column, pa.string()))
-
-
 def parse_numbers(column: pa.ChunkedArray, decimal_comma: bool = False) -> Floats:
-    """Read a column of numbers, or of text that is nothing but a decimal number.
+    """Read a column of numbers, or of text with a decimal number in each cell.
 
     Parameters
     ----------
     column : pyarrow.ChunkedArray, shape (n,)
         Numbers, or text.
     decimal_comma : bool, default False
-        Whether text writes 1,5 for one and a half; see :func:`has_decimal_comma`.
+        Whether text has decimal commas, as in 1,5; see :func:`has_decimal_comma`.
 
     Returns
     -------
     float64 array, shape (n,)
-        NaN for all else.
+        NaN for all other cells.
 
     Examples
     --------
@@ -281,39 +287,34 @@ def parse_numbers(column: pa.ChunkedArray, decimal_comma: bool = False) -> Float
     """
     if pa.types.is_dictionary(column.type):
         column = pc.cast(column, column.type.value_type)
+
+    # Parse text. Most columns hold nothing but numbers, for which no pattern is needed.
     if is_text(column.type):
         column = _with_decimal_point(trimmed_text(column), decimal_comma)
         try:
-            column = pc.cast(column, pa.float64())  # mostly all are numbers
+            column = pc.cast(column, pa.float64())
         except pa.ArrowInvalid:
-            column = pc.cast(
-                pc.if_else(pc.match_substring_regex(column, _NUMBER), column, None), pa.float64()
-            )
-    elif not _is_number(column.type):
+            is_match = pc.match_substring_regex(column, NUMBER_PATTERN)
+            column = pc.cast(pc.if_else(is_match, column, None), pa.float64())
+    elif not is_number(column.type):
         return np.full(len(column), np.nan)
 
-    values = np.array(
-        pc.cast(column, pa.float64(), safe=False).to_numpy(zero_copy_only=False), dtype=np.float64
-    )
+    # Infinite values are no coordinates.
+    floats = pc.cast(column, pa.float64(), safe=False)
+    values = np.array(floats.to_numpy(zero_copy_only=False), dtype=np.float64)
     values[~np.isfinite(values)] = np.nan
     return values
 
 
-def _is_number(kind: Any) -> bool:
-    return bool(
-        pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)
-    )
-
-
 def _with_decimal_point(text: Any, decimal_comma: bool) -> Any:
-    """Write the decimal comma as a point; a cell that has a point already is no number."""
+    """Replace decimal commas by points; cells with a point already become null."""
     if not decimal_comma:
         return text
     return pc.if_else(pc.match_substring(text, "."), None, pc.replace_substring(text, ",", "."))
 
 
 def _is_filled(column: Any) -> NDArray[np.bool_]:
-    """Whether each cell holds something."""
+    """Whether each cell is neither null nor blank."""
     filled = pc.is_valid(column)
     if is_text(column.type):
         filled = pc.fill_null(pc.not_equal(trimmed_text(column), ""), False)
@@ -321,7 +322,7 @@ def _is_filled(column: Any) -> NDArray[np.bool_]:
 
 
 def _is_padded(column: Any, digits: int) -> bool:
-    """Whether all numbers in a column of text have so many digits before the point."""
+    """Whether all numbers in a column of text have a given number of digits before the point."""
     if not is_text(column.type):
         return False
     cells = trimmed_text(column).filter(pa.array(_is_filled(column)))
@@ -329,17 +330,28 @@ def _is_padded(column: Any, digits: int) -> bool:
 
 
 def _any_match(text: Any, pattern: str) -> bool:
+    """Whether some cell contains a match."""
     return bool(pc.any(pc.match_substring_regex(text, pattern)).as_py())
 
 
 def _unpack_minutes(values: Floats) -> Floats:
-    """Degrees of numbers such as 4808.225; NaN where the minutes are 60 or more."""
-    whole, minutes = np.divmod(np.abs(values), 100)
-    return np.where(minutes < _SIXTIETHS, np.copysign(whole + minutes / _SIXTIETHS, values), np.nan)
+    """Degrees of numbers such as 4808.225; NaN if the minutes are 60 or more."""
+    degrees, minutes = np.divmod(np.abs(values), 100)
+    signed = np.copysign(degrees + minutes / _SIXTIETHS, values)
+    return np.where(minutes < _SIXTIETHS, signed, np.nan)
 
 
 def _parse_marked(text: Any, axis: Axis) -> tuple[Floats, NDArray[np.bool_]]:
-    """Read cells with a hemisphere, or with minutes and seconds; and tell which have a hemisphere."""
+    """Read cells with a hemisphere, minutes or seconds.
+
+    Returns
+    -------
+    values : float64 array, shape (n,)
+        Degrees; NaN for cells that can't be read.
+    has_letter : bool array, shape (n,)
+        Whether each cell has a hemisphere.
+    """
+    # Replace look-alikes of the marks.
     if not pc.all(pc.string_is_ascii(text)).as_py():
         for plain, others in _EQUIVALENT_LETTERS.items():
             text = pc.replace_substring_regex(text, f"[{others}]", plain)
@@ -347,24 +359,24 @@ def _parse_marked(text: Any, axis: Axis) -> tuple[Floats, NDArray[np.bool_]]:
 
     # The forms exclude each other: at most one of them fits a cell.
     values = np.full(len(text), np.nan)
-    lettered = np.zeros(len(text), dtype=np.bool_)
+    has_letter = np.zeros(len(text), dtype=np.bool_)
     for form in _FORMS:
-        fits = np.asarray(
-            pc.match_substring_regex(text, form).to_numpy(zero_copy_only=False), dtype=np.bool_
-        )
+        is_match = pc.match_substring_regex(text, form)
+        fits = np.asarray(is_match.to_numpy(zero_copy_only=False), dtype=np.bool_)
         if fits.any():
-            parts = pc.extract_regex(text.filter(pa.array(fits)), form)
-            values[fits], lettered[fits] = _sum_parts(parts, axis)
+            groups = pc.extract_regex(text.filter(pa.array(fits)), form)
+            values[fits], has_letter[fits] = _combine_groups(groups, axis)
     values[np.isinf(values)] = np.nan
-    return values, lettered
+    return values, has_letter
 
 
-def _sum_parts(parts: Any, axis: Axis) -> tuple[Floats, NDArray[np.bool_]]:
-    """Degrees from the parts that a form has found."""
-    part = {field.name: pc.struct_field(parts, field.name) for field in parts.type}
+def _combine_groups(groups: Any, axis: Axis) -> tuple[Floats, NDArray[np.bool_]]:
+    """Degrees, and whether there is a hemisphere, from the groups that a form has matched."""
+    # Add up degrees, minutes and seconds.
+    group = {field.name: pc.struct_field(groups, field.name) for field in groups.type}
     numbers = {
         name: np.asarray(pc.cast(cells, pa.float64()).to_numpy(zero_copy_only=False))
-        for name, cells in part.items()
+        for name, cells in group.items()
         if name in ("degrees", "minutes", "seconds")
     }
     values = sum(
@@ -375,25 +387,26 @@ def _sum_parts(parts: Any, axis: Axis) -> tuple[Floats, NDArray[np.bool_]]:
     for name in ("minutes", "seconds"):
         values = np.where(numbers.get(name, np.zeros(1)) < _SIXTIETHS, values, np.nan)
 
-    # At most one of a sign, a letter before and a letter after; and the letter must fit the axis.
-    marks = [
-        np.asarray(pc.not_equal(part[name], "").to_numpy(zero_copy_only=False))
+    # Find sign and hemisphere, which must fit the axis. At most one of them is allowed.
+    has_sign, has_letter_before, has_letter_after = (
+        np.asarray(pc.not_equal(group[name], "").to_numpy(zero_copy_only=False))
         for name in ("sign", "before", "after")
-    ]
-    letter = pc.binary_join_element_wise(part["before"], part["after"], "")
-    lettered = marks[1] | marks[2]
-    sign = np.where(lettered, _signs(letter, axis), 1.0)
-    sign[np.asarray(pc.equal(part["sign"], "-").to_numpy(zero_copy_only=False))] = -1.0
-    sign[sum(mark.astype(np.int8) for mark in marks) > 1] = np.nan
-    return values * sign, lettered
+    )
+    letter = pc.binary_join_element_wise(group["before"], group["after"], "")
+    has_letter = has_letter_before | has_letter_after
+    sign = np.where(has_letter, _hemisphere_signs(letter, axis), 1.0)
+    sign[np.asarray(pc.equal(group["sign"], "-").to_numpy(zero_copy_only=False))] = -1.0
+    marks = np.stack([has_sign, has_letter_before, has_letter_after])
+    sign[marks.sum(axis=0) > 1] = np.nan
+    return values * sign, has_letter
 
 
-def _signs(column: Any, axis: Axis) -> Floats:
-    """1 for north and east, -1 for south and west, NaN for all else."""
+def _hemisphere_signs(column: Any, axis: Axis) -> Floats:
+    """1 for north and east, -1 for south and west, NaN for other cells."""
     if not is_text(column.type):
         return np.full(len(column), np.nan)
     names = HEMISPHERES[axis]
     index = pc.index_in(pc.utf8_lower(trimmed_text(column)), pa.array(list(names)))
     signs: Floats = np.append(list(names.values()), np.nan)
-    found: Floats = signs[pc.fill_null(index, -1).to_numpy(zero_copy_only=False)]
-    return found
+    column_signs: Floats = signs[pc.fill_null(index, -1).to_numpy(zero_copy_only=False)]
+    return column_signs

@@ -1,4 +1,4 @@
-"""A date and a time of day in two columns, joined to one."""
+"""A date and a time of day in two columns, joined to one column."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ from gpszip.io.values.arrow import NUMBER_PATTERN, to_floats, trimmed_text
 
 __all__ = ["join_date_and_time"]
 
-#: The first number that can be a time of day with an hour in it, written hhmmss without zeros before it.
+#: The smallest number that is a time of day with an hour, written hhmmss without leading zeros.
 _ONE_O_CLOCK = 10_000
 
-#: What a time of day begins with.
+#: How a time of day with colons begins.
 _CLOCK = r"^\d{1,2}:\d{2}"
+
+#: Six digits with a leading zero, and no more before the point: certainly hhmmss, not seconds.
+_PADDED_CLOCK = r"^0\d{5}(\D|$)"
 
 
 def join_date_and_time(
@@ -24,8 +27,9 @@ def join_date_and_time(
 ) -> Any:
     """Join a date and a time of day.
 
-    The time of day is written with colons (``8:00:00``) or as a number of hours, minutes and seconds (``80000``,
-    ``080000.5``). A column of times that hold their dates, or of seconds, stands for itself.
+    Times of day are written with colons (``8:00:00``) or as numbers of hours, minutes and seconds
+    (``80000``, ``080000.5``). A column of times that includes dates, or of seconds, is returned
+    unchanged.
 
     Parameters
     ----------
@@ -36,12 +40,12 @@ def join_date_and_time(
     where : str
         Name of the log and column for messages.
     numbers_are_seconds : bool, default False
-        Whether numbers are no times of day, as the user says.
+        Whether the user has said that numbers are seconds and no times of day.
 
     Returns
     -------
     pyarrow.ChunkedArray
-        Texts such as ``2024-05-04 08:00:00``, or the column of times as it was.
+        Texts such as ``2024-05-04 08:00:00``, or the column of times unchanged.
 
     Raises
     ------
@@ -50,22 +54,23 @@ def join_date_and_time(
 
     Examples
     --------
-    >>> join_date_and_time(pa.chunked_array([[20240504]]), pa.chunked_array([[80000]]), "a.csv").to_pylist()
+    >>> date, time = pa.chunked_array([[20240504]]), pa.chunked_array([[80000]])
+    >>> join_date_and_time(date, time, "a.csv").to_pylist()
     ['20240504 08:00:00']
     """
-    # Bring times of day to one form.
+    # Write times of day with colons.
     clocks = _text(time)
     if not pc.any(pc.match_substring_regex(clocks, _CLOCK)).as_py():
         if numbers_are_seconds or not _are_times_of_day(clocks, where):
             return time
         clocks = _with_colons(clocks)
 
-    # Set the numbers of dates apart. Spreadsheets give dates a time of day, midnight.
+    # Separate the numbers of dates such as 40524. Spreadsheets add midnight to dates; drop it.
     days = pc.replace_substring_regex(_text(date), r"[T\s]+\d{1,2}:\d{2}.*$", "")
     days = pc.replace_substring_regex(days, r"^(\d)(\d{2})(\d{2})$", r"0\1-\2-\3")
     days = pc.replace_substring_regex(days, r"^(\d{2})(\d{2})(\d{2})$", r"\1-\2-\3")
 
-    # A cell that is no time of day may hold its date, too.
+    # A cell that is no time of day may include its date.
     return pc.if_else(
         pc.match_substring_regex(clocks, _CLOCK),
         pc.binary_join_element_wise(days, clocks, " "),
@@ -74,39 +79,47 @@ def join_date_and_time(
 
 
 def _text(column: Any) -> Any:
-    """Text of a column; whole numbers have no decimals."""
+    """Text of a column, with integral numbers written without decimals."""
     if pa.types.is_floating(column.type) and pc.all(pc.equal(column, pc.floor(column))).as_py():
         column = pc.cast(column, pa.int64(), safe=False)
     return trimmed_text(column)
 
 
 def _are_times_of_day(text: Any, where: str) -> bool:
-    """Whether all numbers can be hours, minutes and seconds and can't be seconds."""
-    # Is each of them a time of day?
+    """Whether all numbers can be hours, minutes and seconds, and can't be seconds.
+
+    Raises
+    ------
+    InputError
+        If they can be both.
+    """
+    # Each of them must be a time of day.
     text = text.filter(pc.match_substring_regex(text, NUMBER_PATTERN))
     values = to_floats(text)
     hours, minutes, secs = values // 10_000, values // 100 % 100, values % 100
     if not len(values) or not ((values >= 0) & (hours < 24) & (minutes < 60) & (secs < 61)).all():
         return False
 
-    # Six digits with a zero before them, or hours, are no seconds; less than a minute is the same in both.
-    if (
-        pc.any(pc.match_substring_regex(text, r"^0\d{5}(\D|$)")).as_py()
-        or values.max() >= _ONE_O_CLOCK
-    ):
+    # Six digits with a leading zero, or hours, are no seconds.
+    is_padded = pc.any(pc.match_substring_regex(text, _PADDED_CLOCK)).as_py()
+    if is_padded or values.max() >= _ONE_O_CLOCK:
         return True
+
+    # Below a minute, both mean the same. Above it, the numbers are ambiguous.
     if values.max() < 60:
         return False
     cell = text[int((values >= 60).argmax())].as_py()
     raise InputError(
-        f"{where}: {cell!r} can be seconds or hhmmss; if seconds, say so: --time-unit s; else write 00:01:00 or 000100"
+        f"{where}: {cell!r} can be seconds or hhmmss; if seconds, say so: --time-unit s; "
+        "else write 00:01:00 or 000100"
     )
 
 
 def _with_colons(text: Any) -> Any:
     """Write 80000.5 as 08:00:00.5."""
-    whole = pc.utf8_lpad(pc.replace_substring_regex(text, r"\..*$", ""), 6, "0")
-    part = pc.replace_substring_regex(text, r"^\d*\.?", ".")
-    clock = pc.replace_substring_regex(whole, r"^(\d{2})(\d{2})(\d{2})$", r"\1:\2:\3")
-    clock = pc.if_else(pc.equal(part, "."), clock, pc.binary_join_element_wise(clock, part, ""))
+    digits = pc.utf8_lpad(pc.replace_substring_regex(text, r"\..*$", ""), 6, "0")
+    fraction = pc.replace_substring_regex(text, r"^\d*\.?", ".")
+    clock = pc.replace_substring_regex(digits, r"^(\d{2})(\d{2})(\d{2})$", r"\1:\2:\3")
+    with_fraction = pc.binary_join_element_wise(clock, fraction, "")
+    clock = pc.if_else(pc.equal(fraction, "."), clock, with_fraction)
     return pc.if_else(pc.match_substring_regex(text, NUMBER_PATTERN), clock, text)

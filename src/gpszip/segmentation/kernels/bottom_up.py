@@ -1,4 +1,4 @@
-"""Bottom-up merging: join the two neighbours whose common line costs least more, until k parts are left."""
+"""Bottom-up merging of neighbouring intervals, cheapest merge first."""
 
 from __future__ import annotations
 
@@ -11,12 +11,16 @@ from gpszip.kernels.sums import PrefixSums, add_moments, add_sample, best_line_c
 
 __all__ = ["bottom_up"]
 
+#: Heap entry of an interval without a right neighbour, or that was merged into another one.
+_NO_ENTRY = -1
+
 
 @jit
 def _block_moments(sums: PrefixSums, firsts: NDArray[np.int64], rows: NDArray[np.float64]) -> None:
+    """Write the moments of each block about its first sample to ``rows``."""
     for j in range(len(rows)):
-        last = firsts[j + 1] if j + 1 < len(rows) else len(sums.t)
-        for i in range(firsts[j], last):
+        end = firsts[j + 1] if j + 1 < len(rows) else len(sums.t)
+        for i in range(firsts[j], end):
             add_sample(rows[j], sums.t[i] - sums.t[firsts[j]], sums.w[i], sums.p, i, firsts[j])
 
 
@@ -30,6 +34,7 @@ def _merge_cost(
     j: int,
     row: NDArray[np.float64],
 ) -> float:
+    """Return the increase of cost if intervals i and j share a line; ``row`` is scratch."""
     row[:] = rows[i]
     add_moments(row, rows[j], sums.t[firsts[j]] - sums.t[firsts[i]], sums.p, firsts[j], firsts[i])
     increase: float = best_line_cost(row) - costs[i] - costs[j]
@@ -38,51 +43,80 @@ def _merge_cost(
 
 @jit
 def bottom_up(sums: PrefixSums, firsts: NDArray[np.int64], k: int) -> NDArray[np.int64]:
-    """Merge blocks that begin at ``firsts`` to k parts; return the k + 1 boundaries."""
+    """Merge blocks to k intervals; return the k + 1 boundaries.
+
+    Repeats: merge the neighbours i and j with the least increase
+
+        best(i + j) - best(i) - best(j)
+
+    where best is the cost of an interval's samples against their own best line. A heap holds an
+    entry for each pair of neighbours; entries that a later merge outdated are skipped when they
+    are popped. Time b log b for b blocks.
+
+    Parameters
+    ----------
+    sums : PrefixSums
+        The track in ticks.
+    firsts : int64 array, shape (b,)
+        First samples of the blocks, b >= k.
+    k : int
+        Number of intervals.
+    """
     n, d = sums.p.shape
     blocks = len(firsts)
+
+    # moments and cost of each block; a merged interval is kept at its first block
     rows = np.zeros((blocks, 2 * d + 4))
-    row = np.empty(2 * d + 4)
+    scratch = np.empty(2 * d + 4)
     _block_moments(sums, firsts, rows)
     costs = np.array([best_line_cost(rows[j]) for j in range(blocks)])
+
+    # linked list of the intervals
     after = np.arange(1, blocks + 1)
     before = np.arange(-1, blocks - 1)
+
+    # heap of pairs; owner is the left interval of an entry, current the valid entry of an interval
     keys, items = np.empty(3 * blocks), np.empty(3 * blocks, np.int64)
-    owner, valid = np.empty(3 * blocks, np.int64), np.full(blocks, -1)
+    owner = np.empty(3 * blocks, np.int64)
+    current = np.full(blocks, _NO_ENTRY)
     size, entries = 0, 0
     for j in range(blocks - 1):
-        owner[entries], valid[j] = j, entries
-        size = push(
-            keys, items, size, _merge_cost(sums, firsts, rows, costs, j, j + 1, row), entries
-        )
+        owner[entries], current[j] = j, entries
+        increase = _merge_cost(sums, firsts, rows, costs, j, j + 1, scratch)
+        size = push(keys, items, size, increase, entries)
         entries += 1
-    parts = blocks
-    while parts > k:
+
+    intervals = blocks
+    while intervals > k:
+        # cheapest pair that is still up to date
         entry, size = pop(keys, items, size)
         i = owner[entry]
-        if valid[i] != entry:
+        if current[i] != entry:
             continue
+
+        # merge its right interval j into its left one i
         j = after[i]
-        add_moments(
-            rows[i], rows[j], sums.t[firsts[j]] - sums.t[firsts[i]], sums.p, firsts[j], firsts[i]
-        )
+        x = sums.t[firsts[j]] - sums.t[firsts[i]]
+        add_moments(rows[i], rows[j], x, sums.p, firsts[j], firsts[i])
         costs[i] = best_line_cost(rows[i])
-        valid[i], valid[j], after[i] = -1, -1, after[j]
+        current[i], current[j], after[i] = _NO_ENTRY, _NO_ENTRY, after[j]
+        intervals -= 1
+
+        # new entries for the pairs on both sides of it
         if after[i] < blocks:
             before[after[i]] = i
-            owner[entries], valid[i] = i, entries
-            size = push(
-                keys, items, size, _merge_cost(sums, firsts, rows, costs, i, after[i], row), entries
-            )
+            owner[entries], current[i] = i, entries
+            increase = _merge_cost(sums, firsts, rows, costs, i, after[i], scratch)
+            size = push(keys, items, size, increase, entries)
             entries += 1
         if before[i] >= 0:
             h = before[i]
-            owner[entries], valid[h] = h, entries
-            size = push(
-                keys, items, size, _merge_cost(sums, firsts, rows, costs, h, i, row), entries
-            )
+            owner[entries], current[h] = h, entries
+            increase = _merge_cost(sums, firsts, rows, costs, h, i, scratch)
+            size = push(keys, items, size, increase, entries)
             entries += 1
-        parts -= 1
+
+    # follow the list
     boundaries = np.empty(k + 1, np.int64)
     i = 0
     for j in range(k):

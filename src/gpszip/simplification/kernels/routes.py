@@ -1,4 +1,4 @@
-"""Cheapest ways between pairs of places on a graph, each within an ellipse about its ends."""
+"""Cheapest paths between pairs of vertices, each within a corridor about its two ends."""
 
 from __future__ import annotations
 
@@ -12,10 +12,13 @@ from gpszip.kernels.jit import jit
 
 __all__ = ["cheapest_paths"]
 
+#: Initial capacity of growing arrays; they double when they are full.
+_INITIAL_CAPACITY = 1024
+
 
 @jit
 def _ensure_capacity(values: NDArray[Any], size: int) -> NDArray[Any]:
-    # Twice the room where none is left.
+    """The array, or a copy with twice its capacity if ``size`` entries fill it."""
     if size < len(values):
         return values
     larger = np.empty(2 * len(values), values.dtype)
@@ -24,80 +27,123 @@ def _ensure_capacity(values: NDArray[Any], size: int) -> NDArray[Any]:
 
 
 @jit
-def _distance(places: NDArray[np.float64], one: int, other: int) -> float:
+def _distance(positions: NDArray[np.float64], a: int, b: int) -> float:
     return np.sqrt(
-        (places[one, 0] - places[other, 0]) ** 2 + (places[one, 1] - places[other, 1]) ** 2
+        (positions[a, 0] - positions[b, 0]) ** 2 + (positions[a, 1] - positions[b, 1]) ** 2
     )
 
 
 @jit
-def _in_corridor(
-    places: NDArray[np.float64], place: int, start: int, end: int, far: float, wide: float
+def _is_in_corridor(
+    positions: NDArray[np.float64],
+    vertex: int,
+    start: int,
+    end: int,
+    max_detour: float,
+    max_offset: float,
 ) -> bool:
-    x, y = places[place, 0] - places[start, 0], places[place, 1] - places[start, 1]
-    along, up = places[end, 0] - places[start, 0], places[end, 1] - places[start, 1]
-    length = along**2 + up**2
-    share = min(max((x * along + y * up) / length, 0.0), 1.0) if length > 0 else 0.0
-    if (x - share * along) ** 2 + (y - share * up) ** 2 > wide**2:
+    """Whether a vertex lies in the ellipse about the ends and near the segment between them."""
+    # Distance to the nearest point of the segment, at the fraction of its length.
+    x = positions[vertex, 0] - positions[start, 0]
+    y = positions[vertex, 1] - positions[start, 1]
+    along = positions[end, 0] - positions[start, 0]
+    up = positions[end, 1] - positions[start, 1]
+    square = along**2 + up**2
+    fraction = min(max((x * along + y * up) / square, 0.0), 1.0) if square > 0 else 0.0
+    if (x - fraction * along) ** 2 + (y - fraction * up) ** 2 > max_offset**2:
         return False
-    return _distance(places, place, start) + _distance(places, place, end) <= far
+
+    return _distance(positions, vertex, start) + _distance(positions, vertex, end) <= max_detour
 
 
 @jit
 def cheapest_paths(
-    places: NDArray[np.float64],
-    near: NDArray[np.int32],
+    positions: NDArray[np.float64],
+    neighbours: NDArray[np.int32],
     price: NDArray[np.float64],
     starts: NDArray[np.int32],
     ends: NDArray[np.int32],
-    far: NDArray[np.float64],
-    wide: NDArray[np.float64],
+    max_detour: NDArray[np.float64],
+    max_offset: NDArray[np.float64],
 ) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
-    """Offsets and places of the routes; empty where there is none.
+    """Find the cheapest path of each pair by Dijkstra's search.
 
-    A step costs its length times the mean price of both its places. Route i stays where the distances to both its ends add up
-    to at most ``far[i]``, and within ``wide[i]`` of the straight line between them. Neighbours of a place end with -1.
+    A link from vertex a to vertex b costs ``|a - b| (price[a] + price[b]) / 2``.
+
+    Parameters
+    ----------
+    positions : float64 array, shape (n, 2)
+        Vertices in metres.
+    neighbours : int32 array, shape (n, m)
+        Neighbours of each vertex; -1 where there are fewer.
+    price : float64 array, shape (n,)
+        Cost of a metre at each vertex.
+    starts, ends : int32 arrays, shape (p,)
+        Vertices that the paths join.
+    max_detour : float64 array, shape (p,)
+        Largest sum of the distances from a vertex of the path to both ends, in metres.
+    max_offset : float64 array, shape (p,)
+        Largest distance of a vertex from the straight line between the ends, in metres.
+
+    Returns
+    -------
+    offsets : int64 array, shape (p + 1,)
+        Path i visits ``vertices[offsets[i]:offsets[i + 1]]``; empty where there is no path.
+    vertices : int32 array
+        Vertices of all paths, from start to end.
     """
-    cost = np.empty(len(places))
-    seen, done = np.full(len(places), -1, np.int32), np.full(len(places), -1, np.int32)
-    before = np.empty(len(places), np.int32)
-    keys, items = np.empty(1024), np.empty(1024, np.int32)
-    offsets, out, total = np.zeros(len(starts) + 1, np.int64), np.empty(1024, np.int32), 0
+    # Entries of a vertex are valid for path i if they are marked with i.
+    cost = np.empty(len(positions))
+    seen, done = np.full(len(positions), -1, np.int32), np.full(len(positions), -1, np.int32)
+    before = np.empty(len(positions), np.int32)
+    keys, items = np.empty(_INITIAL_CAPACITY), np.empty(_INITIAL_CAPACITY, np.int32)
+    offsets = np.zeros(len(starts) + 1, np.int64)
+    vertices = np.empty(_INITIAL_CAPACITY, np.int32)
+    total = 0
+
     for i in range(len(starts)):
         start, end = starts[i], ends[i]
         size = push(keys, items, 0, 0.0, start)
         cost[start], seen[start] = 0.0, i
+
+        # Search until the end is reached or the corridor is exhausted.
         while size > 0:
-            place, size = pop(keys, items, size)
-            if done[place] == i:
+            vertex, size = pop(keys, items, size)
+            if done[vertex] == i:
                 continue
-            done[place] = i
-            if place == end:
+            done[vertex] = i
+            if vertex == end:
                 break
-            for k in range(near.shape[1]):
-                other = near[place, k]
+
+            # Try the path through this vertex for each neighbour in the corridor.
+            for k in range(neighbours.shape[1]):
+                other = neighbours[vertex, k]
                 if (
                     other < 0
                     or done[other] == i
-                    or not _in_corridor(places, other, start, end, far[i], wide[i])
+                    or not _is_in_corridor(
+                        positions, other, start, end, max_detour[i], max_offset[i]
+                    )
                 ):
                     continue
-                reached = cost[place] + _distance(places, place, other) * 0.5 * (
-                    price[place] + price[other]
+                new_cost = cost[vertex] + _distance(positions, vertex, other) * 0.5 * (
+                    price[vertex] + price[other]
                 )
-                if seen[other] != i or reached < cost[other]:
-                    seen[other], cost[other], before[other] = i, reached, place
+                if seen[other] != i or new_cost < cost[other]:
+                    seen[other], cost[other], before[other] = i, new_cost, vertex
                     keys, items = _ensure_capacity(keys, size), _ensure_capacity(items, size)
-                    size = push(keys, items, size, reached, other)
+                    size = push(keys, items, size, new_cost, other)
+
+        # Write the path from the end back to the start, and reverse it.
         if done[end] == i:
-            first, place = total, end
+            first, vertex = total, end
             while True:
-                out = _ensure_capacity(out, total)
-                out[total] = place
+                vertices = _ensure_capacity(vertices, total)
+                vertices[total] = vertex
                 total += 1
-                if place == start:
+                if vertex == start:
                     break
-                place = before[place]
-            out[first:total] = out[first:total][::-1].copy()
+                vertex = before[vertex]
+            vertices[first:total] = vertices[first:total][::-1].copy()
         offsets[i + 1] = total
-    return offsets, out[:total].copy()
+    return offsets, vertices[:total].copy()

@@ -1,4 +1,4 @@
-"""Thinning an area on scattered cells to lines one cell wide."""
+"""Thinning of an area on sparse grid cells to lines one cell wide."""
 
 from __future__ import annotations
 
@@ -12,13 +12,19 @@ __all__ = ["thin"]
 
 @jit
 def _is_removable(ring: NDArray[np.bool_], second: bool) -> bool:
-    # Zhang and Suen, A fast parallel algorithm for thinning digital patterns, 1984.
+    """Whether a cell may go, by the conditions of Zhang and Suen on its eight neighbours.
+
+    A cell goes if it has 2 to 6 neighbours in the area, these form a single arc of the ring, and it
+    lies on the boundary that the subiteration peels: south-east in the first, north-west in the
+    second.
+    """
     filled = starts = 0
     for k in range(8):
         filled += ring[k]
         starts += ring[k] and not ring[k - 1]
     if filled < 2 or filled > 6 or starts != 1:
         return False
+
     east, north, west, south = ring[0], ring[2], ring[4], ring[6]
     if second:
         return not (north and west and (east or south))
@@ -26,28 +32,42 @@ def _is_removable(ring: NDArray[np.bool_], second: bool) -> bool:
 
 
 @jit
-def thin(area: NDArray[np.bool_], near: NDArray[np.int32]) -> NDArray[np.bool_]:
-    """Peel an area until lines of its topology are left; neighbours go round from the east, -1 where there is no cell."""
-    left = area.copy()
-    live = np.flatnonzero(left)
-    gone = np.empty(len(live), np.int64)
+def thin(area: NDArray[np.bool_], neighbours: NDArray[np.int32]) -> NDArray[np.bool_]:
+    """Thin an area to lines of the same topology.
+
+    The two subiterations of T. Y. Zhang and C. Y. Suen, A fast parallel algorithm for thinning
+    digital patterns, 1984, alternate until neither removes a cell.
+
+    Parameters
+    ----------
+    area : bool array, shape (c,)
+        Cells of the area.
+    neighbours : int32 array, shape (c, 8)
+        Neighbours counterclockwise from the east; -1 where there is no cell.
+    """
+    remaining = area.copy()
+    candidates = np.flatnonzero(remaining)
+    removed = np.empty(len(candidates), np.int64)
     ring = np.zeros(8, np.bool_)
     idle = 0
     second = False
     while idle < 2:
+        # Decide for all cells before any is removed.
         count = size = 0
-        for cell in live:
+        for cell in candidates:
             for k in range(8):
-                ring[k] = near[cell, k] >= 0 and left[near[cell, k]]
+                ring[k] = neighbours[cell, k] >= 0 and remaining[neighbours[cell, k]]
             if _is_removable(ring, second):
-                gone[count] = cell
+                removed[count] = cell
                 count += 1
             else:
-                live[size] = cell
+                candidates[size] = cell
                 size += 1
+
+        # Remove them.
         for i in range(count):
-            left[gone[i]] = False
-        live = live[:size]
+            remaining[removed[i]] = False
+        candidates = candidates[:size]
         idle = 0 if count else idle + 1
         second = not second
-    return left
+    return remaining

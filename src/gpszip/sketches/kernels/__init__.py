@@ -1,1 +1,1 @@
-"""Compiled loops of coresets."""
+"""Compiled loops of the coreset."""

@@ -1,4 +1,4 @@
-"""The best k-segment approximation whose parts begin and end at block edges, at a price for each part."""
+"""Optimal partition of a track at block edges, with a penalty for each interval."""
 
 from __future__ import annotations
 
@@ -13,44 +13,65 @@ __all__ = ["penalised_block_partition"]
 
 @jit
 def _prepend_block(
-    row: NDArray[np.float64], earlier: NDArray[np.float64], room: NDArray[np.float64]
+    row: NDArray[np.float64], earlier: NDArray[np.float64], scratch: NDArray[np.float64]
 ) -> None:
-    room[:] = earlier
-    append_block(room, row)
-    row[:] = room
+    """Merge an earlier block into ``row``, in place."""
+    scratch[:] = earlier
+    append_block(scratch, row)
+    row[:] = scratch
 
 
 @jit
 def penalised_block_partition(
-    rows: NDArray[np.float64], price: float
+    rows: NDArray[np.float64], penalty: float
 ) -> tuple[float, NDArray[np.int64]]:
-    """Least of free cost + price * parts over all partitions at block edges, and the cuts of one that has it.
+    """Minimise free cost + penalty * intervals over all partitions at block edges.
 
-    The scan for the last part's begin runs backward and stops where no earlier one can do better: with H(a) the least of
-    F(a') + fr(a', a) over a' below a, and fr superadditive, F(a') + fr(a', b) >= H(a) + fr(a, b).
+    With ``free(a, b)`` the free cost of blocks a to b - 1 merged, the recurrence is
+
+        F(b) = min over a < b of F(a) + free(a, b) + penalty,  F(0) = 0.
+
+    The scan over a runs down from b and stops early: with
+    ``H(a) = min over a' < a of F(a') + free(a', a)`` and ``free`` superadditive, every a' < a
+    costs ``F(a') + free(a', b) >= H(a) + free(a, b)``.
+
+    Parameters
+    ----------
+    rows : float64 array, shape (B, 10 + 3 d)
+        Blocks, with the columns of :mod:`gpszip.sketches.kernels.blocks`.
+    penalty : float
+        Square metres for each interval.
+
+    Returns
+    -------
+    value : float
+        F(B), in square metres.
+    cuts : int64 array, shape (intervals + 1,)
+        First blocks of the intervals of an optimal partition, and B.
     """
     count = len(rows)
-    total, joined, origin = (
-        np.zeros(count + 1),
-        np.full(count + 1, np.inf),
-        np.zeros(count + 1, np.int64),
-    )
-    row, room = np.empty(rows.shape[1]), np.empty(rows.shape[1])
+
+    # F and H by edge, and the start of the last interval
+    best_costs, free_costs = np.zeros(count + 1), np.full(count + 1, np.inf)
+    origin = np.zeros(count + 1, np.int64)
+    row, scratch = np.empty(rows.shape[1]), np.empty(rows.shape[1])
     for b in range(1, count + 1):
-        best, reach = np.inf, np.inf
+        best, best_free = np.inf, np.inf
         row[:] = rows[b - 1]
         for a in range(b - 1, -1, -1):
             if a < b - 1:
-                _prepend_block(row, rows[a], room)
+                _prepend_block(row, rows[a], scratch)
             free = free_cost(row)
-            reach = min(reach, total[a] + free)
-            if total[a] + free + price < best:
-                best, origin[b] = total[a] + free + price, a
-            if joined[a] + free + price >= best:
+            best_free = min(best_free, best_costs[a] + free)
+            if best_costs[a] + free + penalty < best:
+                best, origin[b] = best_costs[a] + free + penalty, a
+            if free_costs[a] + free + penalty >= best:
                 break
-        total[b], joined[b] = best, reach
-    cuts, at = [count], count
-    while at > 0:
-        at = origin[at]
-        cuts.append(at)
-    return float(total[count]), np.array(cuts[::-1])
+        best_costs[b], free_costs[b] = best, best_free
+
+    # trace back from the end
+    cuts, edge = [count], count
+    while edge > 0:
+        edge = origin[edge]
+        cuts.append(edge)
+    return float(best_costs[count]), np.array(cuts[::-1])

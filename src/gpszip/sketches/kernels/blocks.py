@@ -1,10 +1,9 @@
-"""Blocks of consecutive samples as rows of exact moments that can be merged.
+"""Blocks of consecutive samples, as rows of exact moments that can be merged.
 
-A row holds, in these columns: FIRST and LAST, the times of the block's first and last sample in seconds; WEIGHT; COUNT;
-MEAN, the mean time since FIRST; SPREAD, sum w (t - mean)^2; SCATTER, sum w |p - mean|^2; REACH, no sample is farther from the
-first one; JITTER, no sample's time is farther from COUNT even steps between FIRST and LAST, infinite where weights differ; DEPTH,
-how many merges lie behind it; then d columns each for the first sample's position, for the mean position from there, and for the
-drift sum w (t - mean) (p - mean). Everything is measured from the block's own first sample, so nothing is lost far from zero.
+A row has the columns below, then three groups of d columns each: the position of the first
+sample in metres; the mean position, from there; and the drift ``sum w (t - mean t) (p - mean p)``
+in m s. Everything is relative to the block's own first sample, so that nothing is lost far from
+zero. The free cost of a block is its cost against its own best line.
 """
 
 from __future__ import annotations
@@ -40,137 +39,197 @@ __all__ = [
     "reduce_blocks",
 ]
 
-FIRST, LAST, WEIGHT, COUNT, MEAN_TIME, SPREAD, SCATTER, REACH, JITTER, DEPTH, FIXED_COLUMNS = range(
-    11
-)
+#: Column: time of the first sample in seconds.
+FIRST = 0
 
-#: Samples of the smallest block of a stream.
+#: Column: time of the last sample in seconds.
+LAST = 1
+
+#: Column: sum of the weights.
+WEIGHT = 2
+
+#: Column: number of samples.
+COUNT = 3
+
+#: Column: weighted mean of the times, in seconds after the first one.
+MEAN_TIME = 4
+
+#: Column: ``sum w (t - mean t)^2`` in s^2.
+SPREAD = 5
+
+#: Column: ``sum w |p - mean p|^2`` in m^2.
+SCATTER = 6
+
+#: Column: upper bound on the distance in metres of any sample from the first one.
+REACH = 7
+
+#: Column: upper bound on the seconds by which any time is off COUNT even steps between FIRST and
+#: LAST; infinite where weights differ.
+JITTER = 8
+
+#: Column: number of merges that led to the block, for bounds on rounding.
+DEPTH = 9
+
+#: Columns before the groups of d columns.
+FIXED_COLUMNS = 10
+
+#: Samples of the smallest block of a stream; two always lie on their own line.
 LEAF_SAMPLES = 2
 
-#: Samples that are summed at once before blocks are merged.
+#: Samples that are summed up directly before blocks are merged.
 _RUN_SAMPLES = 64
 
-#: Share of a block's time span by which an evenly spaced time may be rounded.
+#: Runs that a tower of partial merges can hold: 2^64 of them.
+_TOWER_HEIGHT = 64
+
+#: Relative rounding of an evenly spaced time.
 _TIME_ROUNDING = 4.5e-16
 
-#: A binary fraction of a second, and a time, with which 53 bits are enough.
-_BINARY, _FAR = float(1 << 20), float(1 << 32)
+#: Multiples of 2^-20 s below 2^32 s need no more than the 53 bits of a float.
+_BINARY_FRACTION = float(1 << 20)
 
-#: Relative spread of the times below which no slope can be told.
+#: Seconds; see _BINARY_FRACTION.
+_MAX_EXACT_TIME = float(1 << 32)
+
+#: A spread of times below this share of the weight times the squared duration is rounding.
 _SINGULAR = 1e-24
 
 
 @jit
 def fill_block(
     times: NDArray[np.float64],
-    places: NDArray[np.float64],
+    positions: NDArray[np.float64],
     weights: NDArray[np.float64],
     a: int,
     b: int,
     row: NDArray[np.float64],
 ) -> None:
-    """Write the moments of samples a to b - 1: their means first, then everything about the means."""
-    d = places.shape[1]
-    total, mean, even = 0.0, 0.0, True
+    """Write the moments of samples a to b - 1: the means first, then moments about the means."""
+    d = positions.shape[1]
+    first_column = FIXED_COLUMNS
+    mean_column, drift_column = FIXED_COLUMNS + d, FIXED_COLUMNS + 2 * d
+
+    # weight and means, relative to the first sample
+    total, mean, is_even = 0.0, 0.0, True
     row[:] = 0.0
     for i in range(a, b):
         w = weights[i]
-        even = even and w == weights[a]
+        is_even = is_even and w == weights[a]
         total += w
         mean += w * (times[i] - times[a])
         for c in range(d):
-            row[FIXED_COLUMNS + d + c] += w * (places[i, c] - places[a, c])
+            row[mean_column + c] += w * (positions[i, c] - positions[a, c])
     mean /= total
     for c in range(d):
-        row[FIXED_COLUMNS + c] = places[a, c]
-        row[FIXED_COLUMNS + d + c] /= total
+        row[first_column + c] = positions[a, c]
+        row[mean_column + c] /= total
+
+    # moments about the means, and the bounds
     step = (times[b - 1] - times[a]) / max(b - a - 1, 1)
-    farthest, jitter = 0.0, 0.0
+    max_square, jitter = 0.0, 0.0
     for i in range(a, b):
         w, x = weights[i], times[i] - times[a]
         jitter = max(jitter, abs(x - step * (i - a)))
         row[SPREAD] += w * (x - mean) ** 2
         square = 0.0
         for c in range(d):
-            r = places[i, c] - places[a, c]
+            r = positions[i, c] - positions[a, c]
             square += r * r
-            r -= row[FIXED_COLUMNS + d + c]
+            r -= row[mean_column + c]
             row[SCATTER] += w * r * r
-            row[FIXED_COLUMNS + 2 * d + c] += w * (x - mean) * r
-        farthest = max(farthest, square)
-    row[FIRST], row[LAST], row[WEIGHT], row[COUNT], row[MEAN_TIME] = (
-        times[a],
-        times[b - 1],
-        total,
-        b - a,
-        mean,
-    )
-    row[REACH] = np.sqrt(farthest)
-    row[JITTER] = jitter if even else np.inf
+            row[drift_column + c] += w * (x - mean) * r
+        max_square = max(max_square, square)
+
+    row[FIRST], row[LAST] = times[a], times[b - 1]
+    row[WEIGHT], row[COUNT], row[MEAN_TIME] = total, b - a, mean
+    row[REACH] = np.sqrt(max_square)
+    row[JITTER] = jitter if is_even else np.inf
 
 
 @jit
 def append_block(row: NDArray[np.float64], later: NDArray[np.float64]) -> None:
-    """Merge a later block into ``row`` (Chan's update), exact but for rounding."""
+    """Merge a later block into ``row``, in place, exact but for rounding.
+
+    Chan's update: with weights W_1 and W_2, ``h = W_1 W_2 / (W_1 + W_2)`` and the differences dt
+    and dp of the means,
+
+        SPREAD = S_1 + S_2 + h dt^2, and likewise SCATTER with |dp|^2 and drift with dt dp.
+    """
     d = (len(row) - FIXED_COLUMNS) // 3
+    first_column = FIXED_COLUMNS
+    mean_column, drift_column = FIXED_COLUMNS + d, FIXED_COLUMNS + 2 * d
+
+    # jitter first: it needs the old first and last times
     count = row[COUNT] + later[COUNT]
-    even = row[WEIGHT] * later[COUNT] == later[WEIGHT] * row[COUNT]
-    row[JITTER] = _joint_jitter(row, later, count) if even else np.inf
+    is_even = row[WEIGHT] * later[COUNT] == later[WEIGHT] * row[COUNT]
+    row[JITTER] = _joint_jitter(row, later, count) if is_even else np.inf
+
+    # difference of the mean times
     total = row[WEIGHT] + later[WEIGHT]
     share = later[WEIGHT] / total
     h = row[WEIGHT] * share
     dt = (later[FIRST] - row[FIRST]) + (later[MEAN_TIME] - row[MEAN_TIME])
-    between, square = 0.0, 0.0
+
+    # difference of the mean positions: drift and means by axis
+    first_square, mean_square = 0.0, 0.0
     for c in range(d):
-        step = later[FIXED_COLUMNS + c] - row[FIXED_COLUMNS + c]
-        between += step * step
-        dp = step + (later[FIXED_COLUMNS + d + c] - row[FIXED_COLUMNS + d + c])
-        square += dp * dp
-        row[FIXED_COLUMNS + 2 * d + c] += later[FIXED_COLUMNS + 2 * d + c] + h * dt * dp
-        row[FIXED_COLUMNS + d + c] += share * dp
+        first_difference = later[first_column + c] - row[first_column + c]
+        first_square += first_difference * first_difference
+        dp = first_difference + (later[mean_column + c] - row[mean_column + c])
+        mean_square += dp * dp
+        row[drift_column + c] += later[drift_column + c] + h * dt * dp
+        row[mean_column + c] += share * dp
+
     row[SPREAD] += later[SPREAD] + h * dt * dt
-    row[SCATTER] += later[SCATTER] + h * square
+    row[SCATTER] += later[SCATTER] + h * mean_square
     row[MEAN_TIME] += share * dt
-    row[REACH] = max(row[REACH], np.sqrt(between) + later[REACH])
+    row[REACH] = max(row[REACH], np.sqrt(first_square) + later[REACH])
     row[DEPTH] = max(row[DEPTH], later[DEPTH]) + 1
     row[LAST], row[WEIGHT], row[COUNT] = later[LAST], total, count
 
 
 @jit
 def _joint_jitter(a: NDArray[np.float64], b: NDArray[np.float64], count: float) -> float:
-    """How far the times of two blocks can be from even steps over both: each is off its own by its jitter, and these by a line."""
-    span = b[LAST] - a[FIRST]
-    step = span / (count - 1)
-    bend_a = abs((a[LAST] - a[FIRST]) - step * (a[COUNT] - 1))
-    bend_b = abs((b[FIRST] - a[FIRST]) - step * a[COUNT])
-    bend = max(a[JITTER] + bend_a, b[JITTER] + bend_b)
-    if bend == 0 and are_times_exact(a[FIRST], step, span):
+    """Return a bound on how far the times of two blocks are off even steps over both.
+
+    Each time is off the even steps of its own block by at most that block's jitter. These steps
+    are off the common ones by a linear function, which is largest at an end of a block.
+    """
+    duration = b[LAST] - a[FIRST]
+    step = duration / (count - 1)
+    shift_a = abs((a[LAST] - a[FIRST]) - step * (a[COUNT] - 1))
+    shift_b = abs((b[FIRST] - a[FIRST]) - step * a[COUNT])
+    jitter = max(a[JITTER] + shift_a, b[JITTER] + shift_b)
+    if jitter == 0 and are_times_exact(a[FIRST], step, duration):
         return 0.0
-    return float(bend + _TIME_ROUNDING * (span + abs(a[FIRST])))
+    return float(jitter + _TIME_ROUNDING * (duration + abs(a[FIRST])))
 
 
 @jit
-def are_times_exact(first: float, step: float, span: float) -> bool:
-    """Whether times from ``first`` in even steps are multiples of 2^-20 s below 2^32 s, which floats add without rounding."""
+def are_times_exact(first: float, step: float, duration: float) -> bool:
+    """Whether floats add even steps from ``first`` on without rounding.
+
+    They do for multiples of 2^-20 s below 2^32 s.
+    """
     return bool(
-        np.floor(first * _BINARY) == first * _BINARY
-        and np.floor(step * _BINARY) == step * _BINARY
-        and abs(first) + span < _FAR
+        np.floor(first * _BINARY_FRACTION) == first * _BINARY_FRACTION
+        and np.floor(step * _BINARY_FRACTION) == step * _BINARY_FRACTION
+        and abs(first) + duration < _MAX_EXACT_TIME
     )
 
 
 @jit
 def block_rows(
     times: NDArray[np.float64],
-    places: NDArray[np.float64],
+    positions: NDArray[np.float64],
     weights: NDArray[np.float64],
     cuts: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """Rows of the samples between consecutive cuts, shape (len(cuts) - 1, 10 + 3 d)."""
-    width = FIXED_COLUMNS + 3 * places.shape[1]
-    rows, tower = np.empty((len(cuts) - 1, width)), np.empty((64, width))
+    """Return the rows of the samples between consecutive cuts, shape (len(cuts) - 1, 10 + 3 d)."""
+    width = FIXED_COLUMNS + 3 * positions.shape[1]
+    rows, tower = np.empty((len(cuts) - 1, width)), np.empty((_TOWER_HEIGHT, width))
     for j in range(len(rows)):
-        _fill_long_block(times, places, weights, cuts[j], cuts[j + 1], tower)
+        _fill_long_block(times, positions, weights, cuts[j], cuts[j + 1], tower)
         rows[j] = tower[0]
     return rows
 
@@ -178,26 +237,35 @@ def block_rows(
 @jit
 def _fill_long_block(
     times: NDArray[np.float64],
-    places: NDArray[np.float64],
+    positions: NDArray[np.float64],
     weights: NDArray[np.float64],
     a: int,
     b: int,
     tower: NDArray[np.float64],
 ) -> None:
-    """Moments of many samples by merging runs in pairs, so that rounding grows with the logarithm of their number."""
-    size, done, even = 0, 0, True
+    """Write the moments of many samples to ``tower[0]``, by merging runs pairwise.
+
+    Pairwise merges form a balanced tree, so that rounding grows with the logarithm of the number
+    of samples.
+    """
+    # the tower holds complete subtrees of falling size, as the ones of a binary number of runs
+    size, runs, is_even = 0, 0, True
     for i in range(a, b, _RUN_SAMPLES):
-        fill_block(times, places, weights, i, min(i + _RUN_SAMPLES, b), tower[size])
-        even = even and tower[size, JITTER] < np.inf and weights[i] == weights[a]
-        size, done = size + 1, done + 1
-        pairs = done
-        while pairs % 2 == 0:
+        fill_block(times, positions, weights, i, min(i + _RUN_SAMPLES, b), tower[size])
+        is_even = is_even and tower[size, JITTER] < np.inf and weights[i] == weights[a]
+        size, runs = size + 1, runs + 1
+        carry = runs
+        while carry % 2 == 0:
             append_block(tower[size - 2], tower[size - 1])
-            size, pairs = size - 1, pairs // 2
+            size, carry = size - 1, carry // 2
+
+    # merge what is left
     while size > 1:
         append_block(tower[size - 2], tower[size - 1])
         size -= 1
-    if even and done > 1:
+
+    # the jitter from the times themselves: the bound after merges is wider
+    if is_even and runs > 1:
         step = (times[b - 1] - times[a]) / (b - a - 1)
         jitter = 0.0
         for i in range(a, b):
@@ -208,53 +276,76 @@ def _fill_long_block(
 @jit
 def has_slope(row: NDArray[np.float64]) -> bool:
     """Whether the times of a block are spread, so that its best line has a slope."""
-    return bool(
-        row[COUNT] > 1 and row[SPREAD] > _SINGULAR * row[WEIGHT] * (row[LAST] - row[FIRST]) ** 2
-    )
+    duration = row[LAST] - row[FIRST]
+    return bool(row[COUNT] > 1 and row[SPREAD] > _SINGULAR * row[WEIGHT] * duration**2)
 
 
 @jit
 def free_cost(row: NDArray[np.float64]) -> float:
-    """Fitting cost of a block against its own best line."""
+    """Return the cost of a block against its own best line: SCATTER - |drift|^2 / SPREAD."""
     d = (len(row) - FIXED_COLUMNS) // 3
+    drift_column = FIXED_COLUMNS + 2 * d
     cost = row[SCATTER]
     if has_slope(row):
-        drift = 0.0
+        square = 0.0
         for c in range(d):
-            drift += row[FIXED_COLUMNS + 2 * d + c] ** 2
-        cost -= drift / row[SPREAD]
+            square += row[drift_column + c] ** 2
+        cost -= square / row[SPREAD]
     return max(float(cost), 0.0)
 
 
 @jit
-def _pair_cost(a: NDArray[np.float64], b: NDArray[np.float64], room: NDArray[np.float64]) -> float:
-    """What two blocks cost when they become one: this keeps the largest cost low, too, which the growth alone would not."""
-    room[:] = a
-    append_block(room, b)
-    return float(free_cost(room))
+def _pair_cost(
+    a: NDArray[np.float64], b: NDArray[np.float64], scratch: NDArray[np.float64]
+) -> float:
+    """Return the free cost of two blocks merged.
+
+    Not the increase of cost by the merge: this keeps the largest cost of a block low, too.
+    """
+    scratch[:] = a
+    append_block(scratch, b)
+    return float(free_cost(scratch))
 
 
 @jit
 def balanced_blocks(rows: NDArray[np.float64], limit: float) -> NDArray[np.int64]:
-    """Cuts of the fewest blocks, made of given ones, whose free costs are at most ``limit`` unless a given one's is."""
-    room, whole = np.empty(rows.shape[1]), np.empty(rows.shape[1])
+    """Merge neighbouring blocks to the fewest ones whose free costs are at most a limit.
+
+    A given block that costs more stays alone.
+
+    Parameters
+    ----------
+    rows : float64 array, shape (B, 10 + 3 d)
+        Blocks; not changed.
+    limit : float
+        Square metres.
+
+    Returns
+    -------
+    int64 array, shape (blocks + 1,)
+        First given blocks of the merged ones, and B.
+    """
+    candidate, merged = np.empty(rows.shape[1]), np.empty(rows.shape[1])
     cuts, count = np.empty(len(rows) + 1, np.int64), 0
     for i in range(len(rows)):
+        # the block so far with the next one
         if i > 0:
-            room[:] = whole
-            append_block(room, rows[i])
-        if i == 0 or free_cost(room) > limit:
+            candidate[:] = merged
+            append_block(candidate, rows[i])
+
+        # start another one if it costs too much
+        if i == 0 or free_cost(candidate) > limit:
             cuts[count] = i
             count += 1
-            room[:] = rows[i]
-        whole[:] = room
+            candidate[:] = rows[i]
+        merged[:] = candidate
     cuts[count] = len(rows)
     return cuts[: count + 1].copy()
 
 
 @jit
 def merge_between_cuts(rows: NDArray[np.float64], cuts: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Rows of the blocks between consecutive cuts, each made one."""
+    """Return the blocks between consecutive cuts, each merged to one row."""
     out = np.empty((len(cuts) - 1, rows.shape[1]))
     for j in range(len(out)):
         out[j] = rows[cuts[j]]
@@ -267,47 +358,77 @@ def merge_between_cuts(rows: NDArray[np.float64], cuts: NDArray[np.int64]) -> ND
 def reduce_blocks(
     rows: NDArray[np.float64], owners: NDArray[np.int64], count: int, size: int
 ) -> int:
-    """Merge neighbours of one owner, always the two that cost least as one, until ``size`` are left; return how many are.
+    """Merge neighbouring blocks of one track, cheapest first, in place.
 
-    Blocks stay in order; rows and owners are overwritten. Time count log count.
+    Repeats until ``size`` blocks are left or no two neighbours are of one track. Blocks stay in
+    order. Time count log count.
+
+    Parameters
+    ----------
+    rows : float64 array, shape (count or more, 10 + 3 d)
+        Blocks; overwritten.
+    owners : int64 array, shape (count or more,)
+        Track of each block; overwritten.
+    count : int
+        Number of blocks.
+    size : int
+        Number of blocks to reach.
+
+    Returns
+    -------
+    int
+        Number of blocks that are left.
     """
     if count <= size:
         return count
-    room = np.empty(rows.shape[1])
-    following, before = np.arange(1, count + 1), np.arange(-1, count - 1)
-    price, alive = np.full(count, np.inf), np.ones(count, np.bool_)
+
+    # linked list of the blocks; a merged block is kept at its first one
+    scratch = np.empty(rows.shape[1])
+    after, before = np.arange(1, count + 1), np.arange(-1, count - 1)
+    is_alive = np.ones(count, np.bool_)
+
+    # heap of pairs by the cost of the two merged; pair_costs has the valid entry of each block
+    pair_costs = np.full(count, np.inf)
     keys, items = np.empty(3 * count), np.empty(3 * count, np.int64)
-    queued, left = 0, count
+    queued, blocks = 0, count
     for i in range(count - 1):
         if owners[i] == owners[i + 1]:
-            price[i] = _pair_cost(rows[i], rows[i + 1], room)
-            queued = push(keys, items, queued, price[i], i)
-    while left > size and queued > 0:
+            pair_costs[i] = _pair_cost(rows[i], rows[i + 1], scratch)
+            queued = push(keys, items, queued, pair_costs[i], i)
+
+    while blocks > size and queued > 0:
+        # cheapest pair that is still up to date
         key = keys[0]
         i, queued = pop(keys, items, queued)
-        if not alive[i] or key != price[i]:
+        if not is_alive[i] or key != pair_costs[i]:
             continue
-        j = following[i]
+
+        # merge its second block j into its first one i
+        j = after[i]
         append_block(rows[i], rows[j])
-        alive[j], price[j] = False, np.inf
-        following[i] = following[j]
-        if following[i] < count:
-            before[following[i]] = i
-        left -= 1
+        is_alive[j], pair_costs[j] = False, np.inf
+        after[i] = after[j]
+        if after[i] < count:
+            before[after[i]] = i
+        blocks -= 1
+
+        # new entries for the pairs on both sides of it
         for k in (i, before[i]):
             if k < 0:
                 continue
-            price[k] = np.inf
-            if following[k] < count and owners[k] == owners[following[k]]:
-                price[k] = _pair_cost(rows[k], rows[following[k]], room)
-                queued = push(keys, items, queued, price[k], k)
-    at = 0
+            pair_costs[k] = np.inf
+            if after[k] < count and owners[k] == owners[after[k]]:
+                pair_costs[k] = _pair_cost(rows[k], rows[after[k]], scratch)
+                queued = push(keys, items, queued, pair_costs[k], k)
+
+    # close the gaps
+    kept = 0
     for i in range(count):
-        if alive[i]:
-            rows[at] = rows[i]
-            owners[at] = owners[i]
-            at += 1
-    return at
+        if is_alive[i]:
+            rows[kept] = rows[i]
+            owners[kept] = owners[i]
+            kept += 1
+    return kept
 
 
 @jit
@@ -316,17 +437,29 @@ def absorb_samples(
     count: int,
     size: int,
     times: NDArray[np.float64],
-    places: NDArray[np.float64],
+    positions: NDArray[np.float64],
     weights: NDArray[np.float64],
 ) -> int:
-    """Add samples, a whole number of leaves, to the ``count`` blocks of a stream; return how many blocks there are then.
+    """Append samples to the blocks of a stream; return the new number of blocks.
 
-    Whenever ``rows`` is full, the blocks are merged until ``size`` are left.
+    Every ``LEAF_SAMPLES`` samples become a block. Whenever ``rows`` is full, blocks are merged
+    until ``size`` are left.
+
+    Parameters
+    ----------
+    rows : float64 array, shape (capacity, 10 + 3 d)
+        Blocks; overwritten.
+    count : int
+        Number of blocks.
+    size : int
+        Number of blocks after a reduction.
+    times, positions, weights : float64 arrays, shapes (n,), (n, d), (n,)
+        Samples; n is a multiple of ``LEAF_SAMPLES``.
     """
     owners = np.zeros(len(rows), np.int64)
     for a in range(0, len(times), LEAF_SAMPLES):
         if count == len(rows):
             count = reduce_blocks(rows, owners, count, size)
-        fill_block(times, places, weights, a, a + LEAF_SAMPLES, rows[count])
+        fill_block(times, positions, weights, a, a + LEAF_SAMPLES, rows[count])
         count += 1
     return count

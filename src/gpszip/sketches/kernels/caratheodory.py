@@ -1,4 +1,4 @@
-"""Few samples of a block, with new weights, that have the same moments: Carathéodory's theorem, made by elimination."""
+"""Carathéodory's theorem by elimination: few weighted samples with the moments of a block."""
 
 from __future__ import annotations
 
@@ -9,13 +9,16 @@ from gpszip.kernels.jit import jit
 
 __all__ = ["select_block_samples", "select_samples"]
 
-#: Share of the largest entry below which a pivot is rounding.
+#: A pivot up to this share of the largest one is rounding.
 _PIVOT = 1e-13
+
+#: Smallest extent and duration by which samples are scaled, for blocks that have none.
+_MIN_SCALE = 1e-300
 
 
 @jit
 def _features(t: float, p: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-    """1, t, t^2, |p|^2, p and t p."""
+    """Write the features 1, t, t^2, |p|^2, p and t p of a sample."""
     d = len(p)
     out[0], out[1], out[2], out[3] = 1.0, t, t * t, 0.0
     for c in range(d):
@@ -26,29 +29,39 @@ def _features(t: float, p: NDArray[np.float64], out: NDArray[np.float64]) -> Non
 
 @jit
 def _null_vector(matrix: NDArray[np.float64], out: NDArray[np.float64]) -> None:
-    """Weights of the columns that sum up to zero; there is one column more than rows. The matrix is overwritten."""
+    """Write a vector x != 0 with ``matrix @ x = 0``, by Gaussian elimination with full pivoting.
+
+    The matrix has one column more than rows, and is overwritten.
+    """
     rows, columns = matrix.shape
     order = np.arange(columns)
     largest, rank = 0.0, 0
     for r in range(rows):
-        best, at, along = -1.0, r, r
+        # largest entry of the remaining rows and columns
+        pivot, pivot_row, pivot_column = -1.0, r, r
         for i in range(r, rows):
             for j in range(r, columns):
-                if abs(matrix[i, j]) > best:
-                    best, at, along = abs(matrix[i, j]), i, j
-        largest = max(largest, best)
-        if best <= _PIVOT * largest:
+                if abs(matrix[i, j]) > pivot:
+                    pivot, pivot_row, pivot_column = abs(matrix[i, j]), i, j
+        largest = max(largest, pivot)
+        if pivot <= _PIVOT * largest:
             break
+
+        # move it to the diagonal
         for j in range(columns):
-            matrix[r, j], matrix[at, j] = matrix[at, j], matrix[r, j]
+            matrix[r, j], matrix[pivot_row, j] = matrix[pivot_row, j], matrix[r, j]
         for i in range(rows):
-            matrix[i, r], matrix[i, along] = matrix[i, along], matrix[i, r]
-        order[r], order[along] = order[along], order[r]
+            matrix[i, r], matrix[i, pivot_column] = matrix[i, pivot_column], matrix[i, r]
+        order[r], order[pivot_column] = order[pivot_column], order[r]
+
+        # eliminate the entries below it
         for i in range(r + 1, rows):
             factor = matrix[i, r] / matrix[r, r]
             for j in range(r, columns):
                 matrix[i, j] -= factor * matrix[r, j]
         rank += 1
+
+    # set the first free variable to 1, the others to 0, and substitute back
     out[:] = 0.0
     out[order[rank]] = 1.0
     for r in range(rank - 1, -1, -1):
@@ -61,82 +74,109 @@ def _null_vector(matrix: NDArray[np.float64], out: NDArray[np.float64]) -> None:
 @jit
 def select_samples(
     times: NDArray[np.float64],
-    places: NDArray[np.float64],
+    positions: NDArray[np.float64],
     weights: NDArray[np.float64],
     a: int,
     b: int,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Choose at most 2 d + 4 of the samples a to b - 1, and positive weights, that have the same 2 d + 4 moments.
+    """Choose at most 2 d + 4 of samples a to b - 1, with positive weights that keep the moments.
 
-    Samples come in one by one. When there is one too many, the null vector of their features tells how to shift weight
-    until one of them has none left. Features are about the block's middle and of its size, so that nothing is lost far
-    from zero. Time (b - a) (2 d + 4)^3.
+    Samples are added one by one. When there are 2 d + 5, a null vector of their features says how
+    to shift weight between them until one has none. Features are about the centre of the block
+    and scaled by its extent, so that nothing is lost far from zero. Time (b - a) (2 d + 4)^3.
+
+    Returns
+    -------
+    kept : int64 array
+        Indices of the samples, sorted.
+    kept_weights : float64 array
+        Their new weights.
     """
-    d = places.shape[1]
-    r = 2 * d + 4
-    middle, size = np.empty(d), 1e-300
+    d = positions.shape[1]
+    moments = 2 * d + 4
+
+    # centre and half extent of the block, in space and time
+    center, scale = np.empty(d), _MIN_SCALE
     for c in range(d):
-        low, high = places[a:b, c].min(), places[a:b, c].max()
-        middle[c] = low + (high - low) / 2
-        size = max(size, (high - low) / 2)
-    start, half = (
-        times[a] + (times[b - 1] - times[a]) / 2,
-        max((times[b - 1] - times[a]) / 2, 1e-300),
-    )
-    kept, weight = np.empty(r + 1, np.int64), np.empty(r + 1)
-    columns, matrix, shift = np.empty((r, r + 1)), np.empty((r, r + 1)), np.empty(r + 1)
+        low, high = positions[a:b, c].min(), positions[a:b, c].max()
+        center[c] = low + (high - low) / 2
+        scale = max(scale, (high - low) / 2)
+    half_duration = (times[b - 1] - times[a]) / 2
+    center_time, time_scale = times[a] + half_duration, max(half_duration, _MIN_SCALE)
+
+    # add samples; drop one whenever there are too many
+    kept, kept_weights = np.empty(moments + 1, np.int64), np.empty(moments + 1)
+    columns, matrix = np.empty((moments, moments + 1)), np.empty((moments, moments + 1))
+    shift = np.empty(moments + 1)
     count = 0
     for i in range(a, b):
-        _features((times[i] - start) / half, (places[i] - middle) / size, columns[:, count])
-        kept[count], weight[count] = i, weights[i]
+        t, p = (times[i] - center_time) / time_scale, (positions[i] - center) / scale
+        _features(t, p, columns[:, count])
+        kept[count], kept_weights[count] = i, weights[i]
         count += 1
-        if count > r:
+        if count > moments:
             matrix[:] = columns
             _null_vector(matrix, shift)
-            count = _drop_one(kept, weight, columns, shift, count)
+            count = _drop_one(kept, kept_weights, columns, shift, count)
+
     order = np.argsort(kept[:count])
-    return kept[:count][order], weight[:count][order]
+    return kept[:count][order], kept_weights[:count][order]
 
 
 @jit
 def _drop_one(
     kept: NDArray[np.int64],
-    weight: NDArray[np.float64],
+    kept_weights: NDArray[np.float64],
     columns: NDArray[np.float64],
     shift: NDArray[np.float64],
     count: int,
 ) -> int:
-    """Move weight along the null vector until one sample has none; samples with none go."""
-    least, out = np.inf, 0
+    """Shift weight along the null vector until a sample has none; remove those without weight.
+
+    Returns the number of samples that are left.
+    """
+    # the first sample whose weight reaches zero
+    ratio, emptied = np.inf, 0
     for q in range(count):
-        if shift[q] > 0 and weight[q] / shift[q] < least:
-            least, out = weight[q] / shift[q], q
+        if shift[q] > 0 and kept_weights[q] / shift[q] < ratio:
+            ratio, emptied = kept_weights[q] / shift[q], q
+
     for q in range(count):
-        weight[q] -= least * shift[q]
-    weight[out] = 0.0
-    at = 0
+        kept_weights[q] -= ratio * shift[q]
+    kept_weights[emptied] = 0.0
+
+    # close the gaps
+    remaining = 0
     for q in range(count):
-        if weight[q] > 0:
-            kept[at], weight[at] = kept[q], weight[q]
-            columns[:, at] = columns[:, q]
-            at += 1
-    return at
+        if kept_weights[q] > 0:
+            kept[remaining], kept_weights[remaining] = kept[q], kept_weights[q]
+            columns[:, remaining] = columns[:, q]
+            remaining += 1
+    return remaining
 
 
 @jit
 def select_block_samples(
     times: NDArray[np.float64],
-    places: NDArray[np.float64],
+    positions: NDArray[np.float64],
     weights: NDArray[np.float64],
     cuts: NDArray[np.int64],
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Choose at most 2 d + 4 samples of each block between cuts."""
-    most = min(len(times), (2 * places.shape[1] + 4) * (len(cuts) - 1))
-    kept, weight = np.empty(most, np.int64), np.empty(most)
+    """Choose at most 2 d + 4 samples of each block between consecutive cuts.
+
+    Returns
+    -------
+    kept : int64 array
+        Indices of the samples, sorted.
+    kept_weights : float64 array
+        Their new weights.
+    """
+    capacity = min(len(times), (2 * positions.shape[1] + 4) * (len(cuts) - 1))
+    kept, kept_weights = np.empty(capacity, np.int64), np.empty(capacity)
     count = 0
     for j in range(len(cuts) - 1):
-        some, new = select_samples(times, places, weights, cuts[j], cuts[j + 1])
-        kept[count : count + len(some)] = some
-        weight[count : count + len(some)] = new
-        count += len(some)
-    return kept[:count].copy(), weight[:count].copy()
+        indices, new_weights = select_samples(times, positions, weights, cuts[j], cuts[j + 1])
+        kept[count : count + len(indices)] = indices
+        kept_weights[count : count + len(indices)] = new_weights
+        count += len(indices)
+    return kept[:count].copy(), kept_weights[:count].copy()

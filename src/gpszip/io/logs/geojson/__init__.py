@@ -1,1 +1,1 @@
-"""GeoJSON: lines with times, lines without times, and points."""
+"""GeoJSON: logs as features that are lines or points."""

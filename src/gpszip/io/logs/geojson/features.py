@@ -1,4 +1,8 @@
-"""Features of GeoJSON: the lines in one, with their names and times, and what can't be used of it."""
+"""One feature of GeoJSON: its lines with names and times, or its point, and what can't be used.
+
+Files are not trusted: any value may be of any type. A position that is no longitude and latitude
+is dropped; a feature whose structure is wrong raises :class:`FeatureError`.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +10,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -26,10 +30,13 @@ __all__ = [
     "read_feature",
 ]
 
-#: Properties of a line that hold the times of its positions. Those of one word may also hold something else.
+#: Properties of a line that hold the times of its positions, in order of preference.
 _TIMES = ("coordTimes", "times", "timestamps", "coordinateTimes", "time", "t")
+
+#: Names among these that may also hold something else than a list of times.
 _MAY_BE_OTHER = ("time", "t")
 
+#: Properties that hold the name of a track, in order of preference.
 _ID = ("track_id", "id", "trackid", "vehicle", "vehicle_id", "trip_id", "name")
 
 _GEOMETRIES = (
@@ -44,6 +51,12 @@ _GEOMETRIES = (
 
 #: Numbers of a position that are read: longitude, latitude, height and, in some files, the time.
 _WIDTH = 4
+
+#: Column of the time in a table of positions.
+_TIME_COLUMN = 3
+
+#: Members of an object that messages show.
+_MAX_SHOWN_MEMBERS = 5
 
 Floats = NDArray[np.float64]
 
@@ -61,7 +74,7 @@ class BadPosition:
     where : str
         Such as ``feature 3, position 7``.
     value : str
-        What stands there.
+        The position in the file.
     """
 
     where: str
@@ -70,26 +83,29 @@ class BadPosition:
 
 @dataclass(frozen=True)
 class PropertyNames:
-    """The properties that hold times and names, in the order in which they are looked for."""
+    """The properties that hold times and names, in order of preference."""
 
     times: tuple[str, ...] = _TIMES
     id: tuple[str, ...] = _ID
 
     @classmethod
     def of(cls, columns: Any) -> PropertyNames:
-        """Return the usual ones, or those that a user names for the roles ``t`` and ``id``."""
+        """Return the names that the user gives for the roles ``t`` and ``id``, else the defaults.
+
+        Parameters
+        ----------
+        columns : mapping of str to str, tuple of str, or None
+            As in :class:`gpszip.io.logs.raw.Request`.
+        """
         roles = columns if isinstance(columns, Mapping) else {}
-        return cls(
-            *(
-                (roles[role],) if role in roles else usual
-                for role, usual in (("t", _TIMES), ("id", _ID))
-            )
-        )
+        times = (roles["t"],) if "t" in roles else _TIMES
+        ids = (roles["id"],) if "id" in roles else _ID
+        return cls(times, ids)
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """One line of a feature; positions that can't be read are not in it.
+    """One line of a feature, without positions that can't be read.
 
     Parameters
     ----------
@@ -98,7 +114,7 @@ class Line:
     name : str, optional
         Name of the track.
     table : float64 array, shape (n, 4)
-        Longitude, latitude, height and fourth number of each position; NaN where there is none.
+        Longitude, latitude, height and fourth number of each position; NaN if there is none.
     times : pyarrow.Array of length n, optional
         As the feature has them: numbers, texts or nulls; None for a line without times.
     """
@@ -119,18 +135,18 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """What a feature holds.
+    """The content of a feature.
 
     Parameters
     ----------
     lines : tuple of Line
         Its lines with at least one position.
     point : Point, optional
-        The point, if it is one.
+        The point, if the feature is one.
     others : tuple of str
-        What else it holds, and is left out: kinds of geometries, or ``feature without a geometry``.
+        What is left out: kinds of geometries, or ``feature without a geometry``.
     bad : int
-        How many positions are dropped.
+        Number of positions that are dropped.
     first_bad : BadPosition, optional
         The first of them.
     """
@@ -142,8 +158,19 @@ class Feature:
     first_bad: BadPosition | None = None
 
 
+class _Members(NamedTuple):
+    """The members of a feature that matter."""
+
+    geometry: Any
+    properties: Mapping[str, Any]
+
+
 def read_feature(element: Any, number: int, names: PropertyNames) -> Feature:
     """Read a feature.
+
+    1. Find its geometry and its properties.
+    2. A point is a row of a table; with a list of one time, it is a track of one sample.
+    3. Of other geometries, collect the lines.
 
     Parameters
     ----------
@@ -151,7 +178,7 @@ def read_feature(element: Any, number: int, names: PropertyNames) -> Feature:
         A feature, or a geometry that stands for one without properties.
     number : int
         Its number, counted from 1.
-    names : Names
+    names : PropertyNames
         Properties to look for.
 
     Returns
@@ -166,29 +193,25 @@ def read_feature(element: Any, number: int, names: PropertyNames) -> Feature:
     Examples
     --------
     >>> line = {"type": "LineString", "coordinates": [[8.5, 47.1], [8.6, None], [8.7, 47.3]]}
-    >>> feature = read_feature({"type": "Feature", "properties": {"times": [0, 1, 2]}, "geometry": line}, 3, PropertyNames())
-    >>> feature.lines[0].table[:, :2].tolist(), feature.lines[0].times.to_pylist(), feature.first_bad
-    ([[8.5, 47.1], [8.7, 47.3]], [0, 2], BadPosition(where='feature 3, position 2', value='[8.6, null]'))
+    >>> element = {"type": "Feature", "properties": {"times": [0, 1, 2]}, "geometry": line}
+    >>> feature = read_feature(element, 3, PropertyNames())
+    >>> feature.lines[0].table[:, :2].tolist(), feature.lines[0].times.to_pylist()
+    ([[8.5, 47.1], [8.7, 47.3]], [0, 2])
+    >>> feature.first_bad
+    BadPosition(where='feature 3, position 2', value='[8.6, null]')
     """
-    # what it is
+    # 1. Its geometry and its properties
     if not isinstance(element, dict):
         raise FeatureError(f"is {abbreviate(element)}, not a feature")
-    bare = element.get("type") in _GEOMETRIES and "geometry" not in element
-    geometry = element if bare else element.get("geometry")
-    found = None if bare else element.get("properties")
-    properties: Mapping[str, Any] = found if isinstance(found, dict) else {}
-    if geometry is None and "geometry" not in element and element.get("type") != "Feature":
-        raise FeatureError(
-            f"is neither a feature nor a geometry; it has: {abbreviate(list(element)[:5])[1:-1] or 'nothing'}"
-        )
+    geometry, properties = _find_members(element)
     if geometry is None:
         return Feature(others=("feature without a geometry",))
     if not isinstance(geometry, dict):
         raise FeatureError(f"its geometry is {abbreviate(geometry)}, not an object")
-    if fault := crs_problem(element.get("crs")) or crs_problem(geometry.get("crs")):
-        raise FeatureError(fault)
+    if problem := crs_problem(element.get("crs")) or crs_problem(geometry.get("crs")):
+        raise FeatureError(problem)
 
-    # a point is a row of a table, or, with a list of one time, a track of one sample
+    # 2. A point
     is_point = geometry.get("type") == "Point"
     times = _find_times(properties, names.times, strict=not is_point)
     name = _find_name(element, properties, names.id)
@@ -197,14 +220,15 @@ def read_feature(element: Any, number: int, names: PropertyNames) -> Feature:
     if is_point:
         return Feature(point=Point(geometry.get("coordinates"), properties))
 
-    # the lines in it, and what else is in it
+    # 3. Lines
     coordinates: list[list[Any]] = []
     others = []
     for kind, value in _geometries(geometry):
         if kind == "LineString":
-            coordinates.append(_list(value, kind))
+            coordinates.append(_as_list(value, kind))
         elif kind == "MultiLineString":
-            coordinates += [_list(one, "MultiLineString's line") for one in _list(value, kind)]
+            lines = _as_list(value, kind)
+            coordinates += [_as_list(line, "MultiLineString's line") for line in lines]
         else:
             others.append(kind)
     if not any(coordinates) and not others and not times:
@@ -218,7 +242,7 @@ def position_table(positions: Sequence[Any]) -> Floats:
     Parameters
     ----------
     positions : sequence
-        Lists of numbers, as a file has them: any of them may be anything else.
+        Lists of numbers; any of them may be anything else.
 
     Returns
     -------
@@ -231,114 +255,82 @@ def position_table(positions: Sequence[Any]) -> Floats:
     [[1.0, 2.5, nan], [3.0, 4.0, 5.0], [nan, nan, nan], [nan, nan, nan]]
     """
     table = np.full((len(positions), _WIDTH), np.nan)
-    try:
-        plain = set(map(type, positions)) <= {list} and set(
-            map(type, chain.from_iterable(positions))
-        ) <= {int, float}
-        flat = np.fromiter(chain.from_iterable(positions), np.float64) if plain else None
-    except OverflowError:  # an integer beyond all floats
-        flat = None
-    if flat is None:
+
+    # Lists of numbers are flattened, which is much faster than reading them one by one.
+    numbers = _flatten(positions)
+    if numbers is None:
         table[:] = [_position_row(position) for position in positions]
     else:
         lengths = np.fromiter(map(len, positions), np.intp, len(positions))
         starts = np.cumsum(lengths) - lengths
         for column in range(_WIDTH):
-            has = lengths > column
-            table[has, column] = flat[starts[has] + column]
+            has_number = lengths > column
+            table[has_number, column] = numbers[starts[has_number] + column]
+
     table[~np.isfinite(table)] = np.nan
     return table
 
 
-def _build_lines(
-    coordinates: list[list[Any]],
-    times: list[Any] | None,
-    others: list[str],
-    number: int,
-    name: str | None,
-) -> Feature:
-    """Make the lines, each with its times and without its positions that can't be read."""
-    parts = (
-        [None] * len(coordinates)
-        if times is None
-        else _split_times(times, [len(line) for line in coordinates])
-    )
-    lines: list[Line] = []
-    bad, first_bad = 0, None
-    for index, (positions, own) in enumerate(zip(coordinates, parts, strict=True)):
-        if not positions:
-            continue
-
-        # positions that are none
-        table = position_table(positions)
-        good = np.isfinite(table[:, :2]).all(axis=1)
-        if not good.all():
-            at = int(good.argmin())
-            line = f", line {index + 1}" if len(coordinates) > 1 else ""
-            first_bad = first_bad or BadPosition(
-                f"feature {number}{line}, position {at + 1}", abbreviate(positions[at])
-            )
-            bad += int((~good).sum())
-
-        # the times of the others
-        if own is not None:
-            times_of = build_column(own)
-        elif np.isfinite(table[good, 3]).any():
-            times_of = pa.array(table[:, 3])
-        elif any(isinstance(position, list) and len(position) > 3 for position in positions):
-            raise FeatureError(
-                f"no fourth number of its positions is a time, such as {abbreviate(positions[0])}"
-            )
-        else:
-            times_of = None
-        if good.any():
-            lines.append(
-                Line(
-                    number,
-                    name,
-                    table[good],
-                    None if times_of is None else times_of.filter(pa.array(good)),
-                )
-            )
-    if first_bad is not None and not lines:
-        raise FeatureError(
-            f"none of its {bad} positions is a longitude and a latitude, such as {first_bad.value}"
-        )
-    return Feature(tuple(lines), None, tuple(others), bad, first_bad)
+def _flatten(positions: Sequence[Any]) -> Floats | None:
+    """Return all numbers of the positions; None if they are not all lists of numbers."""
+    if not set(map(type, positions)) <= {list}:
+        return None
+    if not set(map(type, chain.from_iterable(positions))) <= {int, float}:
+        return None
+    try:
+        return np.fromiter(chain.from_iterable(positions), np.float64)
+    except OverflowError:  # an integer beyond all floats
+        return None
 
 
 def _position_row(position: Any) -> list[float]:
     items = position[:_WIDTH] if isinstance(position, list) else []
-    return [*map(_number, items), *[math.nan] * (_WIDTH - len(items))]
+    return [*map(_to_float, items), *[math.nan] * (_WIDTH - len(items))]
 
 
-def _number(value: Any) -> float:
+def _to_float(value: Any) -> float:
     try:
         return float(value) if type(value) in (int, float) else math.nan
     except OverflowError:
         return math.nan
 
 
+# Members of a feature
+
+
+def _find_members(element: Mapping[str, Any]) -> _Members:
+    is_geometry = element.get("type") in _GEOMETRIES and "geometry" not in element
+    if is_geometry:
+        return _Members(element, {})
+    if "geometry" not in element and element.get("type") != "Feature":
+        members = abbreviate(list(element)[:_MAX_SHOWN_MEMBERS])[1:-1] or "nothing"
+        raise FeatureError(f"is neither a feature nor a geometry; it has: {members}")
+    properties = element.get("properties")
+    return _Members(element.get("geometry"), properties if isinstance(properties, dict) else {})
+
+
 def _geometries(geometry: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Kind and coordinates of a geometry, or of those in a collection, however deep."""
+    """Yield kind and coordinates of a geometry, or of those in a collection, however deep."""
     waiting: list[Any] = [geometry]
     while waiting:
-        one = waiting.pop()
-        if isinstance(one, dict) and one.get("type") == "GeometryCollection":
-            waiting += reversed(_list(one.get("geometries"), "GeometryCollection"))
-        elif isinstance(one, dict):
-            kind = one.get("type")
-            yield (
-                (kind, one.get("coordinates"))
-                if kind in _GEOMETRIES
-                else (f"geometry of type {abbreviate(kind)}", None)
+        current = waiting.pop()
+        if current is None:
+            continue
+        if not isinstance(current, dict):
+            raise FeatureError(
+                f"its GeometryCollection holds {abbreviate(current)}, not a geometry"
             )
-        elif one is not None:
-            raise FeatureError(f"its GeometryCollection holds {abbreviate(one)}, not a geometry")
+        kind = current.get("type")
+        if kind == "GeometryCollection":
+            waiting += reversed(_as_list(current.get("geometries"), "GeometryCollection"))
+        elif kind in _GEOMETRIES:
+            yield kind, current.get("coordinates")
+        else:
+            yield f"geometry of type {abbreviate(kind)}", None
 
 
-def _list(value: Any, kind: str) -> list[Any]:
-    """Coordinates, of which null are none."""
+def _as_list(value: Any, kind: str) -> list[Any]:
+    """Return coordinates that have to be a list; null is an empty one."""
     if value is None:
         return []
     if not isinstance(value, list):
@@ -349,13 +341,24 @@ def _list(value: Any, kind: str) -> list[Any]:
 def _find_times(
     properties: Mapping[str, Any], names: Sequence[str], *, strict: bool
 ) -> list[Any] | None:
-    """The list of times, if there is one that holds something else than null; strictly, names of times hold no other value."""
+    """Return the list of times that is not all null.
+
+    Parameters
+    ----------
+    properties : mapping of str to object
+        The properties of the feature.
+    names : sequence of str
+        Names of properties that hold times.
+    strict : bool
+        Whether a property of such a name has to be a list, unless the name may mean something
+        else.
+    """
     beside = properties.get("coordinateProperties")
-    for place in (properties, beside if isinstance(beside, dict) else {}):
+    for members in (properties, beside if isinstance(beside, dict) else {}):
         for name in names:
-            value = place.get(name)
+            value = members.get(name)
             if isinstance(value, list):
-                return None if value and _all_null(value) else value
+                return None if value and _is_all_null(value) else value
             if strict and value is not None and name not in _MAY_BE_OTHER:
                 raise FeatureError(
                     f"its {name!r} is {abbreviate(value)}, not a list with a time for each position"
@@ -363,24 +366,9 @@ def _find_times(
     return None
 
 
-def _all_null(times: list[Any]) -> bool:
-    flat = chain.from_iterable(one if isinstance(one, list) else (one,) for one in times)
+def _is_all_null(times: list[Any]) -> bool:
+    flat = chain.from_iterable(item if isinstance(item, list) else (item,) for item in times)
     return set(map(type, flat)) <= {type(None)}
-
-
-def _split_times(times: list[Any], lengths: list[int]) -> list[list[Any]]:
-    """Give each line its times: a list of lists has one for each line, a flat one goes through all positions."""
-    if times and all(isinstance(one, list) for one in times):
-        if len(times) != len(lengths):
-            raise FeatureError(f"has {len(lengths)} lines, but {len(times)} lists of times")
-        for number, (own, length) in enumerate(zip(times, lengths, strict=True), 1):
-            if len(own) != length:
-                raise FeatureError(f"line {number} has {length} positions, but {len(own)} times")
-        return times
-    if len(times) != sum(lengths):
-        raise FeatureError(f"has {sum(lengths)} positions, but {len(times)} times")
-    ends = np.cumsum(lengths, dtype=np.intp).tolist()
-    return [times[end - length : end] for length, end in zip(lengths, ends, strict=True)]
 
 
 def _find_name(
@@ -388,3 +376,97 @@ def _find_name(
 ) -> str | None:
     values = (*(properties.get(name) for name in names), element.get("id"))
     return next((str(value) for value in values if type(value) in (str, int, float)), None)
+
+
+# Lines
+
+
+def _build_lines(
+    coordinates: list[list[Any]],
+    times: list[Any] | None,
+    others: list[str],
+    number: int,
+    name: str | None,
+) -> Feature:
+    """Build the lines of a feature.
+
+    Parameters
+    ----------
+    coordinates : list of list
+        Positions of each line.
+    times : list, optional
+        Times of the feature.
+    others : list of str
+        What else the feature holds.
+    number : int
+        Number of the feature.
+    name : str, optional
+        Name of the track.
+    """
+    line_times: Sequence[list[Any] | None] = [None] * len(coordinates)
+    if times is not None:
+        line_times = _split_times(times, [len(line) for line in coordinates])
+
+    lines: list[Line] = []
+    bad, first_bad = 0, None
+    for index, (positions, own_times) in enumerate(zip(coordinates, line_times, strict=True)):
+        if not positions:
+            continue
+
+        # Drop positions that can't be read.
+        table = position_table(positions)
+        good: NDArray[np.bool_] = np.asarray(np.isfinite(table[:, :2]).all(axis=1))
+        if not good.all():
+            row = int(good.argmin())
+            line = f", line {index + 1}" if len(coordinates) > 1 else ""
+            first_bad = first_bad or BadPosition(
+                f"feature {number}{line}, position {row + 1}", abbreviate(positions[row])
+            )
+            bad += int((~good).sum())
+
+        # Keep the times of the others.
+        column = _times_column(positions, table, good, own_times)
+        if good.any():
+            kept_times = None if column is None else column.filter(pa.array(good))
+            lines.append(Line(number, name, table[good], kept_times))
+
+    if first_bad is not None and not lines:
+        raise FeatureError(
+            f"none of its {bad} positions is a longitude and a latitude, such as {first_bad.value}"
+        )
+    return Feature(tuple(lines), None, tuple(others), bad, first_bad)
+
+
+def _times_column(
+    positions: list[Any], table: Floats, good: NDArray[np.bool_], times: list[Any] | None
+) -> Any:
+    """Return the times of a line: those of the feature, else the fourth numbers of positions."""
+    if times is not None:
+        return build_column(times)
+    if np.isfinite(table[good, _TIME_COLUMN]).any():
+        return pa.array(table[:, _TIME_COLUMN])
+    if any(isinstance(position, list) and len(position) > _TIME_COLUMN for position in positions):
+        raise FeatureError(
+            f"no fourth number of its positions is a time, such as {abbreviate(positions[0])}"
+        )
+    return None
+
+
+def _split_times(times: list[Any], lengths: list[int]) -> list[list[Any]]:
+    """Split times into those of each line.
+
+    A list of lists has one list for each line; a flat list goes through all positions.
+    """
+    if times and all(isinstance(item, list) for item in times):
+        if len(times) != len(lengths):
+            raise FeatureError(f"has {len(lengths)} lines, but {len(times)} lists of times")
+        for number, (line_times, length) in enumerate(zip(times, lengths, strict=True), 1):
+            if len(line_times) != length:
+                raise FeatureError(
+                    f"line {number} has {length} positions, but {len(line_times)} times"
+                )
+        return times
+    if len(times) != sum(lengths):
+        raise FeatureError(f"has {sum(lengths)} positions, but {len(times)} times")
+    ends = np.cumsum(lengths, dtype=np.intp).tolist()
+    return [times[end - length : end] for length, end in zip(lengths, ends, strict=True)]

@@ -1,4 +1,4 @@
-"""Lists of JSON values as columns of a table."""
+"""Lists of JSON values as columns of a table, and JSON values in messages."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from gpszip.io.storage.display_name import printable_name
 
 __all__ = ["abbreviate", "as_json", "build_column", "concatenate_columns"]
 
-#: Letters of a value that a message shows.
-_SHOWN = 60
+#: Letters of a value that messages show.
+_MAX_SHOWN_LETTERS = 60
 
 
 def as_json(value: Any) -> str:
-    """Return a value as JSON has it.
+    """Return a value as JSON.
 
     Examples
     --------
@@ -31,7 +31,7 @@ def as_json(value: Any) -> str:
 
 
 def abbreviate(value: Any) -> str:
-    """Return a value as JSON has it, in one line and cut where it is long.
+    """Return a value as JSON, in one line and cut if it is long.
 
     Examples
     --------
@@ -39,11 +39,11 @@ def abbreviate(value: Any) -> str:
     '"xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx...'
     """
     text = printable_name(as_json(value))
-    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."
+    return text if len(text) <= _MAX_SHOWN_LETTERS else text[: _MAX_SHOWN_LETTERS - 3] + "..."
 
 
 def build_column(values: list[Any]) -> Any:
-    """Make a column of values: of one kind as they are, of several kinds texts.
+    """Make a column of values: values of one kind stay as they are, of several become texts.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def build_column(values: list[Any]) -> Any:
     Returns
     -------
     pyarrow.Array
-        Integers, floats, texts, booleans, or nulls only.
+        Integers, floats, texts, booleans, or only nulls.
 
     Examples
     --------
@@ -72,12 +72,12 @@ def build_column(values: list[Any]) -> Any:
     )
 
 
-def concatenate_columns(parts: list[Any]) -> Any:
-    """Join parts of a column: integers and floats become floats, and all else that differs becomes texts.
+def concatenate_columns(chunks: list[Any]) -> Any:
+    """Concatenate chunks of a column: integers and floats become floats, other mixtures texts.
 
     Parameters
     ----------
-    parts : list of pyarrow.Array
+    chunks : list of pyarrow.Array
         As :func:`build_column` makes them.
 
     Returns
@@ -86,11 +86,12 @@ def concatenate_columns(parts: list[Any]) -> Any:
 
     Examples
     --------
-    >>> concatenate_columns([build_column([1]), build_column([None]), build_column(["b"])]).to_pylist()
+    >>> chunks = [build_column([1]), build_column([None]), build_column(["b"])]
+    >>> concatenate_columns(chunks).to_pylist()
     ['1', None, 'b']
     """
-    kinds = {part.type for part in parts if not pa.types.is_null(part.type)}
+    kinds = {chunk.type for chunk in chunks if not pa.types.is_null(chunk.type)}
     if len(kinds) > 1:
         kinds = {pa.float64() if kinds == {pa.int64(), pa.float64()} else pa.string()}
     kind = kinds.pop() if kinds else pa.null()
-    return pa.chunked_array([pc.cast(part, kind, safe=False) for part in parts], kind)
+    return pa.chunked_array([pc.cast(chunk, kind, safe=False) for chunk in chunks], kind)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -14,25 +15,30 @@ from numpy.typing import NDArray
 from gpszip.errors import InputError
 from gpszip.io.logs.geojson.features import BadPosition, Point, position_table
 from gpszip.io.logs.geojson.json_columns import abbreviate, build_column, concatenate_columns
-from gpszip.io.logs.raw import RawLog, Request
+from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request
 from gpszip.io.tables.roles import find_roles
 from gpszip.io.tables.table import build_raw_log
 from gpszip.model.read_result import Repair
 
-__all__ = ["HEIGHT_NAMES", "PointTable", "dropped_positions_repair"]
+__all__ = ["PointTable", "dropped_positions_repair"]
 
-#: What the third number of a position may be asked for as.
-HEIGHT_NAMES = ("alt", "altitude", "ele", "elevation", "height")
-
-#: Points whose properties become columns together.
+#: Points whose properties are turned into columns together.
 _BATCH_POINTS = 1 << 14
 
-#: Cells that may be empty as only some points have a property; beyond that, points are no rows of a table.
+#: Cells that may be empty since only some points have a property. Points with more empty cells are
+#: no rows of a table.
 _MAX_EMPTY_CELLS = 50_000_000
 
 
+class _Column(NamedTuple):
+    """A column of the table, built only if it is used."""
+
+    name: str
+    build: Callable[[], Any]
+
+
 class PointTable:
-    """Gathers points, and holds them as columns.
+    """Collects points, and holds them as columns.
 
     Parameters
     ----------
@@ -42,26 +48,28 @@ class PointTable:
 
     def __init__(self, name: str) -> None:
         self._name = name
-        self._held: list[tuple[int, Point]] = []
-        self._tables: list[NDArray[np.float64]] = []
-        self._columns: dict[str, list[Any]] = {}
-        self._rows = self._empty = self._bad = 0
+        self._pending: list[tuple[int, Point]] = []  # with the numbers of their features
+        self._positions: list[NDArray[np.float64]] = []
+        self._chunks: dict[str, list[Any]] = {}  # of each property
+        self._rows = 0
+        self._empty_cells = 0
+        self._bad = 0
         self._first_bad: BadPosition | None = None
 
     def __len__(self) -> int:
-        """Return how many points there are, with those whose position can't be read."""
-        return self._rows + self._bad + len(self._held)
+        """Return the number of points, including those whose position can't be read."""
+        return self._rows + self._bad + len(self._pending)
 
     def add(self, number: int, point: Point) -> None:
-        """Take in the point of a feature of this number.
+        """Add the point of the feature with this number.
 
         Raises
         ------
         InputError
             If there are too many properties that only few points have.
         """
-        self._held.append((number, point))
-        if len(self._held) == _BATCH_POINTS:
+        self._pending.append((number, point))
+        if len(self._pending) == _BATCH_POINTS:
             self._flush()
 
     def log(self, request: Request, *, metric: bool) -> RawLog:
@@ -85,78 +93,93 @@ class PointTable:
             raise InputError(
                 f"{self._name}: no Point is at a longitude and a latitude; the first is at {value}"
             )
-        names, columns = self._named(metric=metric)
-        own = {"x": "x", "y": "y"} if metric else {"lat": "lat", "lon": "lon"}
+
+        # Find out which column holds what. Coordinates of GeoJSON have a sign, so there are no
+        # hemispheres, whatever properties there are.
+        columns = self._columns(metric=metric)
+        names = [column.name for column in columns]
+        axes = {"x": "x", "y": "y"} if metric else {"lat": "lat", "lon": "lon"}
         by_role = request.columns if isinstance(request.columns, Mapping) else {}
         roles = find_roles(
-            names, {**by_role, **own}, request.keep, self._name, heading=request.heading
+            names, {**by_role, **axes}, request.keep, self._name, heading=request.heading
         )
-        roles = replace(
-            roles, hemispheres=()
-        )  # coordinates of GeoJSON have a sign, whatever properties there are
-        repairs = (
-            ()
-            if self._first_bad is None
-            else (dropped_positions_repair(self._bad, self._first_bad, self._name),)
-        )
-        return build_raw_log(
-            [columns[i]() for i in roles.used], names, roles, request, self._name, repairs=repairs
-        )
+        roles = replace(roles, hemispheres=())
 
-    def _named(self, *, metric: bool) -> tuple[list[str], list[Any]]:
-        """Names of all columns, and functions that make them."""
-        table = np.concatenate(self._tables)
+        repairs: tuple[Repair, ...] = ()
+        if self._first_bad is not None:
+            repairs = (dropped_positions_repair(self._bad, self._first_bad, self._name),)
+        used = [columns[i].build() for i in roles.used]
+        return build_raw_log(used, names, roles, request, self._name, repairs=repairs)
+
+    def _columns(self, *, metric: bool) -> list[_Column]:
+        """Return the columns of coordinates, then those of properties."""
+        # A third number is z or, if no property is a height, the height.
+        table = np.concatenate(self._positions)
         axes = ["x", "y"] if metric else ["lon", "lat"]
-        third = bool(np.isfinite(table[:, 2]).any())
-        if third and (metric or not any(name.lower() in HEIGHT_NAMES for name in self._columns)):
+        has_height = any(name.lower() in HEIGHT_NAMES for name in self._chunks)
+        if np.isfinite(table[:, 2]).any() and (metric or not has_height):
             axes.append("z" if metric else "alt")
-        others = [name for name in self._columns if name not in axes]
-        numbers = [lambda i=i: pa.chunked_array([pa.array(table[:, i])]) for i in range(len(axes))]
-        return [*axes, *others], [
-            *numbers,
-            *(lambda name=name: concatenate_columns(self._whole(name)) for name in others),
-        ]
 
-    def _whole(self, name: str) -> list[Any]:
-        """The parts of a column, with nulls for the rows at the end."""
-        parts = self._columns[name]
-        return [*parts, pa.nulls(self._rows - sum(map(len, parts)))]
+        coordinates = [
+            _Column(name, partial(_to_column, table[:, i])) for i, name in enumerate(axes)
+        ]
+        properties = [
+            _Column(name, partial(self._property, name))
+            for name in self._chunks
+            if name not in axes
+        ]
+        return [*coordinates, *properties]
+
+    def _property(self, name: str) -> Any:
+        return concatenate_columns(self._all_rows(name))
+
+    def _all_rows(self, name: str) -> list[Any]:
+        """Return the chunks of a property, with nulls for the last rows if they don't have it."""
+        chunks = self._chunks[name]
+        return [*chunks, pa.nulls(self._rows - sum(map(len, chunks)))]
 
     def _flush(self) -> None:
-        """Turn the points held into columns."""
-        if not self._held:
+        """Turn the pending points into columns."""
+        if not self._pending:
             return
-        held, self._held = self._held, []
+        pending, self._pending = self._pending, []
 
-        # their positions; points without one are dropped
-        table = position_table([point.coordinates for _, point in held])
+        # Read their positions, and drop points without one.
+        table = position_table([point.coordinates for _, point in pending])
         good = np.isfinite(table[:, :2]).all(axis=1)
         if not good.all():
-            number, point = held[int(good.argmin())]
+            number, point = pending[int(good.argmin())]
             self._first_bad = self._first_bad or BadPosition(
                 f"feature {number}", abbreviate(point.coordinates)
             )
             self._bad += int((~good).sum())
-        rows = [held[row][1].properties for row in np.flatnonzero(good).tolist()]
-        self._tables.append(table[good])
+        rows = [pending[row][1].properties for row in np.flatnonzero(good).tolist()]
+        self._positions.append(table[good])
 
-        # their properties
+        # Bound the memory of properties that few points have.
         names = dict.fromkeys(chain.from_iterable(rows))
-        self._empty += len(names) * len(rows) - sum(map(len, rows))
-        if self._empty > _MAX_EMPTY_CELLS:
+        self._empty_cells += len(names) * len(rows) - sum(map(len, rows))
+        if self._empty_cells > _MAX_EMPTY_CELLS:
             raise InputError(
-                f"{self._name}: its points have {len(names):,} different properties, most of them in few; write it as CSV"
+                f"{self._name}: its points have {len(names):,} different properties, "
+                "most of them in few; write it as CSV"
             )
+
+        # Add a chunk to each property, after nulls for earlier rows that don't have it.
         for name in names:
-            parts = self._columns.setdefault(name, [])
-            if missing := self._rows - sum(map(len, parts)):
-                parts.append(pa.nulls(missing))
-            parts.append(build_column([row.get(name) for row in rows]))
+            chunks = self._chunks.setdefault(name, [])
+            if missing := self._rows - sum(map(len, chunks)):
+                chunks.append(pa.nulls(missing))
+            chunks.append(build_column([row.get(name) for row in rows]))
         self._rows += len(rows)
 
 
+def _to_column(values: NDArray[np.float64]) -> Any:
+    return pa.chunked_array([pa.array(values)])
+
+
 def dropped_positions_repair(count: int, first: BadPosition, name: str) -> Repair:
-    """Tell of positions that can't be read."""
+    """Return the record of positions that can't be read."""
     return Repair(
         "positions without a longitude and latitude dropped",
         count,

@@ -1,4 +1,8 @@
-"""Logs in GeoJSON: lines with the times of their positions, lines without times, and points with a time each."""
+"""Logs in GeoJSON: lines with the times of their positions, lines without times, and points.
+
+:func:`read_geojson` reads feature by feature. A file is a log of lines, or a log of points; what it
+holds besides is left out and listed.
+"""
 
 from __future__ import annotations
 
@@ -21,91 +25,133 @@ from gpszip.io.logs.geojson.features import (
 )
 from gpszip.io.logs.geojson.json_columns import abbreviate
 from gpszip.io.logs.geojson.json_stream import Document, detect_encoding, read_json
-from gpszip.io.logs.geojson.points import HEIGHT_NAMES, PointTable, dropped_positions_repair
+from gpszip.io.logs.geojson.points import PointTable, dropped_positions_repair
 from gpszip.io.logs.geojson.times import has_text_times, read_times
 from gpszip.io.logs.geojson.write import METRES_MEMBER
-from gpszip.io.logs.raw import RawLog, Request, UnreadableCell, unused_name
+from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request, UnreadableCell, unused_name
 from gpszip.io.storage.source import Source
 from gpszip.model.read_result import LeftOut, Repair
 
 __all__ = ["read_geojson", "sniff_geojson"]
 
-#: Bytes by which JSON is told: an object, a list of objects, or a sequence whose objects follow a record separator.
+#: Bytes from which JSON is recognised: an object, a list of objects, or a sequence whose objects
+#: follow a record separator.
 _SNIFFED_BYTES = 1000
 
-#: How many features are named that are left out; further ones are counted.
+#: Space before the first object, with the record separator of RFC 8142 and the byte order mark.
+_SPACE = " \t\r\n\x1e\ufeff"
+
+#: Features that are left out and listed one by one; further ones are counted.
 _MAX_NAMED_FEATURES = 10
 
 Floats = NDArray[np.float64]
 
 
 def sniff_geojson(head: bytes) -> bool:
-    """Whether a file that starts like this is JSON with types.
+    """Whether a file that starts like this is JSON with objects.
 
     Examples
     --------
-    >>> sniff_geojson(b'{"type": "FeatureCollection"'), sniff_geojson(b'[ {"type": "Feature"'), sniff_geojson(b"[t],x,y")
-    (True, True, False)
+    >>> sniff_geojson(b'{"type": "FeatureCollection"'), sniff_geojson(b'[ {"type": "Feature"')
+    (True, True)
+    >>> sniff_geojson(b"[t],x,y")
+    False
     """
-    text = head[:_SNIFFED_BYTES].decode(detect_encoding(head), "ignore").lstrip(" \t\r\n\x1e\ufeff")
+    text = head[:_SNIFFED_BYTES].decode(detect_encoding(head), "ignore").lstrip(_SPACE)
     return text[:1] == "{" or (text[:1] == "[" and text[1:].lstrip()[:1] in ("{", "]"))
 
 
 def read_geojson(source: Source, request: Request) -> RawLog:
     """Read a log from LineStrings or from Points.
 
-    A line has its times in the property ``coordTimes`` or ``times``, or as the fourth number of each position, and its
-    name in ``track_id``, ``id`` or ``name``. A line without any is read as a shape, as is each line of a MultiLineString
-    without any. A point has time and name among its properties. Features may be in a FeatureCollection, in a list, or one
-    on each line of the file. Positions that are no two finite numbers are dropped and counted.
+    A line has its times in the property ``coordTimes`` or ``times``, or as the fourth number of
+    each position, and its name in ``track_id``, ``id`` or ``name``. A line without times is read
+    as a shape, as is each line of a MultiLineString without times. A point has its time and name
+    among its properties. Features may be in a FeatureCollection, in a list, or one on each line of
+    the file. Positions that are no two finite numbers are dropped and counted.
 
     Parameters
     ----------
     source : Source
         The file or stream.
     request : Request
-        Unit of time, attributes, columns among the properties (for lines, those of times and names), and whether features
-        that can't be used are left out.
+        Unit of time, attributes, columns among the properties (for lines, those of times and
+        names), and whether features that can't be used are left out.
 
     Returns
     -------
     RawLog
-        Geometries that are no lines are left out. Where no line has times and there are points with times, so are lines.
+        Geometries that are no lines are left out. If no line has times, but points have, the log
+        is in its points, and lines are left out.
 
     Raises
     ------
     InputError
-        If it is no GeoJSON, names another coordinate system than WGS 84, has a feature that can't be used, or has neither
-        a line nor a point with times.
+        If it is no GeoJSON, names another coordinate system than WGS 84, has a feature that can't
+        be used, or has neither a line nor a point with times.
     """
-    found = _Contents(source.name, request.skip_bad, PointTable(source.name))
-    _collect_features(found, source, PropertyNames.of(request.columns))
-    metric = _is_metric(found)
-    if found.lines and (found.timed or not len(found.points)):
-        return _log_from_lines(found, request, metric=metric)
-    if not len(found.points):
-        raise _no_tracks_error(found)
+    contents = _Contents(source.name, request.skip_bad, PointTable(source.name))
+    _collect_features(contents, source, PropertyNames.of(request.columns))
+    metric = _is_metric(contents)
+
+    # Is the log in its lines?
+    if contents.lines and (contents.has_times or not len(contents.points)):
+        return _log_from_lines(contents, request, metric=metric)
+    if not len(contents.points):
+        raise _no_tracks_error(contents)
+
+    # It is in its points, unless they have no times, and there are lines as well.
     try:
-        log = found.points.log(request, metric=metric)
+        log = contents.points.log(request, metric=metric)
     except InputError:
-        if not found.lines:
+        if not contents.lines:
             raise
-        return _log_from_lines(found, request, metric=metric)
-    found.others["line without times"] += len(found.lines)
-    return replace(log, left_out=_left_out(found, "the log is in its points"))
+        return _log_from_lines(contents, request, metric=metric)
+    contents.others["line without times"] += len(contents.lines)
+    return replace(log, left_out=_list_left_out(contents, "the log is in its points"))
 
 
 @dataclass
 class _Contents:
-    """What is found in a file, feature by feature."""
+    """What a file holds, collected feature by feature.
+
+    Parameters
+    ----------
+    name : str
+        Name of the log.
+    skip_bad : bool
+        Whether features that can't be used are left out.
+    points : PointTable
+        Its points.
+    lines : list of Line
+        Its lines.
+    has_times : bool
+        Whether a line has times.
+    features : int
+        Number of features.
+    others : Counter of str
+        Kinds of geometries that are left out.
+    skipped : list of LeftOut
+        The first features that are left out.
+    more_skipped : int
+        Number of further ones.
+    bad : int
+        Number of positions that are dropped.
+    first_bad : BadPosition, optional
+        The first of them.
+    metric : set of bool
+        Whether the collections in the file are in metres.
+    crs_problem : str
+        What is wrong with the coordinate system that it names; empty if it is WGS 84.
+    """
 
     name: str
     skip_bad: bool
     points: PointTable
     lines: list[Line] = field(default_factory=list)
-    timed: bool = False  # whether a line has times
+    has_times: bool = False
     features: int = 0
-    others: Counter[str] = field(default_factory=Counter)  # kinds of what is left out
+    others: Counter[str] = field(default_factory=Counter)
     skipped: list[LeftOut] = field(default_factory=list)
     more_skipped: int = 0
     bad: int = 0
@@ -124,169 +170,202 @@ class _Contents:
             self.more_skipped += 1
 
 
-def _collect_features(found: _Contents, source: Source, names: PropertyNames) -> None:
-    """Read all features; where a file is damaged from some place on, those before may be kept."""
+# Features
+
+
+def _collect_features(contents: _Contents, source: Source, names: PropertyNames) -> None:
+    """Read all features; of a damaged file, those before the damage may be kept."""
     try:
         with source.open() as stream:
             for part in read_json(stream, source.name):
                 if not isinstance(part, Document):
-                    _add_feature(found, part.value, names)
+                    _add_feature(contents, part.value, names)
                 elif "features" in part.members or part.members.get("type") == "FeatureCollection":
-                    _add_members(found, part.members)
+                    _add_members(contents, part.members)
                 else:
-                    found.metric.add(part.members.get("gpszip") == METRES_MEMBER["gpszip"])
-                    _add_feature(found, part.members, names)
+                    contents.metric.add(part.members.get("gpszip") == METRES_MEMBER["gpszip"])
+                    _add_feature(contents, part.members, names)
     except InputError as error:
-        if not (found.skip_bad and found.features):
+        if not (contents.skip_bad and contents.features):
             raise
-        found.skipped.append(
-            LeftOut(
-                f"{source.name}: all after feature {found.features}",
-                str(error).removeprefix(f"{source.name}: "),
-            )
-        )
+        where = f"{source.name}: all after feature {contents.features}"
+        contents.skipped.append(LeftOut(where, str(error).removeprefix(f"{source.name}: ")))
 
 
-def _add_feature(found: _Contents, element: Any, names: PropertyNames) -> None:
-    found.features += 1
+def _add_feature(contents: _Contents, element: Any, names: PropertyNames) -> None:
+    contents.features += 1
     try:
-        feature = read_feature(element, found.features, names)
+        feature = read_feature(element, contents.features, names)
     except FeatureError as error:
-        found.skip(found.features, str(error))
+        contents.skip(contents.features, str(error))
         return
-    found.lines += feature.lines
-    found.timed |= any(line.times is not None for line in feature.lines)
-    found.others.update(feature.others)
-    found.bad += feature.bad
-    found.first_bad = found.first_bad or feature.first_bad
-    if feature.point is not None and found.timed:
-        found.others["Point"] += 1
+
+    # Lines
+    contents.lines += feature.lines
+    contents.has_times |= any(line.times is not None for line in feature.lines)
+    contents.others.update(feature.others)
+    contents.bad += feature.bad
+    contents.first_bad = contents.first_bad or feature.first_bad
+
+    # Points don't matter once there are lines with times.
+    if feature.point is not None and contents.has_times:
+        contents.others["Point"] += 1
     elif feature.point is not None:
-        found.points.add(found.features, feature.point)
+        contents.points.add(contents.features, feature.point)
 
 
-def _add_members(found: _Contents, members: dict[str, Any]) -> None:
-    """Take in what a collection says besides its features."""
+def _add_members(contents: _Contents, members: dict[str, Any]) -> None:
+    """Add what a collection states besides its features."""
     if not isinstance(members.get("features"), list):
-        what = (
-            f"its 'features' is {abbreviate(members['features'])}, not a list"
-            if "features" in members
-            else "it has no 'features'"
-        )
-        raise InputError(f"{found.name}: no FeatureCollection as GeoJSON has it: {what}")
+        problem = "it has no 'features'"
+        if "features" in members:
+            problem = f"its 'features' is {abbreviate(members['features'])}, not a list"
+        raise InputError(f"{contents.name}: no FeatureCollection as GeoJSON has it: {problem}")
     metric = members.get("gpszip") == METRES_MEMBER["gpszip"]
-    found.metric.add(metric)
-    found.crs_problem = found.crs_problem or ("" if metric else crs_problem(members.get("crs")))
+    contents.metric.add(metric)
+    if not metric:
+        contents.crs_problem = contents.crs_problem or crs_problem(members.get("crs"))
 
 
-def _is_metric(found: _Contents) -> bool:
-    if found.crs_problem:
-        raise InputError(f"{found.name}: {found.crs_problem}")
-    if len(found.metric) > 1:
+def _is_metric(contents: _Contents) -> bool:
+    if contents.crs_problem:
+        raise InputError(f"{contents.name}: {contents.crs_problem}")
+    if len(contents.metric) > 1:
         raise InputError(
-            f"{found.name}: holds features in metres and others in degrees; read them apart"
+            f"{contents.name}: holds features in metres and others in degrees; read them apart"
         )
-    return True in found.metric
+    return True in contents.metric
 
 
-def _no_tracks_error(found: _Contents) -> InputError:
-    if found.skipped:
-        return InputError(f"{found.skipped[0].name}: {found.skipped[0].reason}")
-    only = ", ".join(f"{count} {kind}" for kind, count in sorted(found.others.items()))
-    return InputError(
-        f"{found.name}: no LineString and no Point in it" + (f", only {only}" if only else "")
-    )
+def _no_tracks_error(contents: _Contents) -> InputError:
+    if contents.skipped:
+        return InputError(f"{contents.skipped[0].name}: {contents.skipped[0].reason}")
+    kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(contents.others.items()))
+    only = f", only {kinds}" if kinds else ""
+    return InputError(f"{contents.name}: no LineString and no Point in it{only}")
 
 
-def _left_out(found: _Contents, reason: str) -> tuple[LeftOut, ...]:
-    kinds = [
-        LeftOut(f"{found.name}: {count} {kind}", reason)
-        for kind, count in sorted(found.others.items())
+def _list_left_out(contents: _Contents, reason: str) -> tuple[LeftOut, ...]:
+    left_out = [
+        LeftOut(f"{contents.name}: {count} {kind}", reason)
+        for kind, count in sorted(contents.others.items())
         if count
     ]
-    more = (
-        [LeftOut(f"{found.name}: {found.more_skipped} more features", "can't be used")]
-        if found.more_skipped
-        else []
-    )
-    return (*kinds, *found.skipped, *more)
+    left_out += contents.skipped
+    if contents.more_skipped:
+        where = f"{contents.name}: {contents.more_skipped} more features"
+        left_out.append(LeftOut(where, "can't be used"))
+    return tuple(left_out)
 
 
-def _log_from_lines(found: _Contents, request: Request, *, metric: bool) -> RawLog:
-    if len(found.points):
-        found.others["Point"] += len(found.points)
-    lines, times, unread = _timed_lines(found, request)
+# Lines
+
+
+def _log_from_lines(contents: _Contents, request: Request, *, metric: bool) -> RawLog:
+    """Make a log of the lines, and leave out the points."""
+    if len(contents.points):
+        contents.others["Point"] += len(contents.points)
+    lines, times, unreadable = _lines_with_times(contents, request)
     if not lines:
-        raise _no_tracks_error(found)
-    table = np.concatenate([line.table for line in lines])
-    heights = bool(np.isfinite(table[:, 2]).any())
+        raise _no_tracks_error(contents)
 
-    # third numbers: a coordinate of metres, else a column that may be kept
-    kept = {name: table[:, 2] for name in request.keep if name in HEIGHT_NAMES and heights}
+    # A third number is a coordinate of metres, else a height that may be kept.
+    table = np.concatenate([line.table for line in lines])
+    has_heights = bool(np.isfinite(table[:, 2]).any())
+    kept = {name: table[:, 2] for name in request.keep if name in HEIGHT_NAMES and has_heights}
     if missing := [name for name in request.keep if name not in kept]:
         raise InputError(
-            f"{found.name}: its positions have no {missing[0]!r}; only a third number, alt, can be kept"
+            f"{contents.name}: its positions have no {missing[0]!r}; "
+            "only a third number, alt, can be kept"
         )
-    coordinates = table[:, : 3 if heights else 2].copy() if metric else table[:, 1::-1].copy()
+    dimension = 3 if has_heights else 2
+    coordinates = (table[:, :dimension] if metric else table[:, 1::-1]).copy()
+    drops_heights = has_heights and not metric and not kept
 
-    tracks = _tracks(lines)
+    # A file with one line and no name has no ids.
+    tracks = _name_lines(lines)
     codes = np.repeat(tracks.codes, [len(line.table) for line in lines]).astype(np.int32)
-    plain = len(tracks.ids) == 1 and lines[0].name is None
+    is_unnamed = len(tracks.ids) == 1 and lines[0].name is None
     return RawLog(
-        name=found.name,
-        ids=() if plain else tracks.ids,
-        codes=None if plain else codes,
+        name=contents.name,
+        ids=() if is_unnamed else tracks.ids,
+        codes=None if is_unnamed else codes,
         times=np.concatenate(times),
         coordinates=coordinates,
         geographic=not metric,
         attributes=kept,
         row_noun="position",
-        dropped_columns=("alt",) if heights and not metric and not kept else (),
-        repairs=_repairs(found, tracks.renamed, table[:, 2] if kept else None),
-        left_out=_left_out(found, "no line"),
-        unreadable=unread,
+        dropped_columns=("alt",) if drops_heights else (),
+        repairs=_list_repairs(contents, tracks.renamed, table[:, 2] if kept else None),
+        left_out=_list_left_out(contents, "no line"),
+        unreadable=unreadable,
         untimed=tracks.untimed,
     )
 
 
-def _timed_lines(
-    found: _Contents, request: Request
+def _lines_with_times(
+    contents: _Contents, request: Request
 ) -> tuple[list[Line], list[Floats], tuple[UnreadableCell, ...]]:
-    """The lines that can be used, with their times in seconds."""
-    lines = _lines_of_two(found)
+    """Find the lines that can be used.
 
-    # times that are texts, but no times at all
+    Returns
+    -------
+    list of Line
+        The lines.
+    list of float64 array
+        Their times in seconds.
+    tuple of UnreadableCell
+        The first time that can't be read, if there is one.
+    """
+    lines = _drop_single_positions(contents)
+
+    # Leave out features whose times are texts, but no times at all.
     try:
-        times = read_times(lines, request, found.name)
+        times = read_times(lines, request, contents.name)
     except InputError as error:
-        if not found.skip_bad:
+        if not contents.skip_bad:
             raise
         for feature in dict.fromkeys(line.feature for line in lines if has_text_times(line)):
-            found.skip(feature, str(error).rsplit(": times: ", 1)[-1])
+            contents.skip(feature, str(error).rsplit(": times: ", 1)[-1])
         lines = [line for line in lines if not has_text_times(line)]
-        times = read_times(lines, request, found.name)
+        times = read_times(lines, request, contents.name)
 
-    # features of which no time can be read
+    # Leave out features none of whose times can be read.
     if times.faults:
         for feature, fault in times.faults.items():
-            found.skip(feature, fault)
+            contents.skip(feature, fault)
         lines = [line for line in lines if line.feature not in times.faults]
-        times = read_times(lines, request, found.name)
-    unread = () if times.unreadable is None else (UnreadableCell("times", *times.unreadable),)
-    return lines, times.seconds, unread
+        times = read_times(lines, request, contents.name)
+
+    if times.unreadable is None:
+        return lines, times.seconds, ()
+    return lines, times.seconds, (UnreadableCell("times", *times.unreadable),)
 
 
-def _lines_of_two(found: _Contents) -> list[Line]:
-    """Lines but those that are one position, and no time."""
-    lines = [line for line in found.lines if line.times is not None or len(line.table) > 1]
-    if len(lines) < len(found.lines):
-        found.others["line of one position without a time"] += len(found.lines) - len(lines)
+def _drop_single_positions(contents: _Contents) -> list[Line]:
+    """Return the lines except those of one position without a time."""
+    lines = [line for line in contents.lines if line.times is not None or len(line.table) > 1]
+    dropped = len(contents.lines) - len(lines)
+    if dropped:
+        contents.others["line of one position without a time"] += dropped
     return lines
 
 
 @dataclass(frozen=True)
-class _Tracks:
-    """Names of tracks, the track of each line, those that are shapes, and how many have another name than their feature."""
+class _NamedLines:
+    """The tracks that lines belong to.
+
+    Parameters
+    ----------
+    ids : tuple of str
+        Names of the tracks.
+    codes : list of int
+        Index of its track for each line.
+    untimed : frozenset of int
+        Codes of the tracks that are shapes.
+    renamed : int
+        Number of features whose tracks have another name than the feature.
+    """
 
     ids: tuple[str, ...]
     codes: list[int]
@@ -294,63 +373,67 @@ class _Tracks:
     renamed: int
 
 
-def _tracks(lines: Sequence[Line]) -> _Tracks:
-    """Lines of one name are one track if they have times; each line without times is a shape, whose name no other track has."""
-    # names that features have, and for those without one their numbers
+def _name_lines(lines: Sequence[Line]) -> _NamedLines:
+    """Assign lines to tracks.
+
+    Lines of one name are one track if they have times. Each line without times is a shape, with a
+    name that no other track has.
+    """
+    # A feature without a name is named by its number.
     given = {line.name for line in lines if line.name is not None}
     names = [
         line.name if line.name is not None else unused_name(str(line.feature - 1), given)
         for line in lines
     ]
 
-    # shapes whose name is taken
+    # Rename shapes whose name is taken.
     reserved = set(names)
     taken = {name for name, line in zip(names, lines, strict=True) if line.times is not None}
-    tries: Counter[str] = Counter()
-    own = []
+    last_numbers: Counter[str] = Counter()
+    track_names = []
     for name, line in zip(names, lines, strict=True):
-        own.append(name if line.times is not None else _free(name, taken, reserved, tries))
-        taken.add(own[-1])
+        is_shape = line.times is None
+        track_name = _free_name(name, taken, reserved, last_numbers) if is_shape else name
+        track_names.append(track_name)
+        taken.add(track_name)
 
-    # tracks in the order in which they appear
-    index = {name: code for code, name in enumerate(dict.fromkeys(own))}
-    codes = [index[name] for name in own]
+    # Number tracks in the order in which they appear.
+    index = {name: code for code, name in enumerate(dict.fromkeys(track_names))}
+    codes = [index[name] for name in track_names]
     untimed = frozenset(code for code, line in zip(codes, lines, strict=True) if line.times is None)
-    begins = [i == 0 or lines[i - 1].feature != line.feature for i, line in enumerate(lines)]
-    renamed = sum(new != old and first for new, old, first in zip(own, names, begins, strict=True))
-    return _Tracks(tuple(index), codes, untimed, renamed)
+
+    # Count features whose first line was renamed.
+    is_first = [i == 0 or lines[i - 1].feature != line.feature for i, line in enumerate(lines)]
+    renamed = sum(
+        new != old and first for new, old, first in zip(track_names, names, is_first, strict=True)
+    )
+    return _NamedLines(tuple(index), codes, untimed, renamed)
 
 
-def _free(name: str, taken: set[str], reserved: set[str], tries: Counter[str]) -> str:
-    """The name, or the first of ``name-2``, ``name-3``, ... that no track has, and no feature names."""
-    own = name
-    while own in taken or (own != name and own in reserved):
-        tries[name] += 1
-        own = f"{name}-{tries[name] + 1}"
-    return own
+def _free_name(name: str, taken: set[str], reserved: set[str], last_numbers: Counter[str]) -> str:
+    """Return the name, or the first of ``name-2``, ``name-3``, ... that is free.
+
+    Such a name is free if no track has it and no feature states it. ``last_numbers`` keeps the
+    search short if many shapes have the same name.
+    """
+    free = name
+    while free in taken or (free != name and free in reserved):
+        last_numbers[name] += 1
+        free = f"{name}-{last_numbers[name] + 1}"
+    return free
 
 
-def _repairs(found: _Contents, renamed: int, heights: Floats | None) -> tuple[Repair, ...]:
+def _list_repairs(contents: _Contents, renamed: int, heights: Floats | None) -> tuple[Repair, ...]:
     repairs = []
-    if found.first_bad is not None:
-        repairs.append(dropped_positions_repair(found.bad, found.first_bad, found.name))
+    if contents.first_bad is not None:
+        repairs.append(dropped_positions_repair(contents.bad, contents.first_bad, contents.name))
+
     if renamed:
-        repairs.append(
-            Repair(
-                "lines without times renamed, as another track has their name",
-                renamed,
-                found.name,
-                drops=False,
-            )
-        )
-    if heights is not None and (missing := np.isnan(heights)).any():
-        where = f"{found.name}: position {int(missing.argmax()) + 1}"
-        repairs.append(
-            Repair(
-                "positions without a height, which is unknown there",
-                int(missing.sum()),
-                where,
-                drops=False,
-            )
-        )
+        what = "lines without times renamed, as another track has their name"
+        repairs.append(Repair(what, renamed, contents.name, drops=False))
+
+    if heights is not None and (is_missing := np.isnan(heights)).any():
+        what = "positions without a height, which is unknown there"
+        where = f"{contents.name}: position {int(is_missing.argmax()) + 1}"
+        repairs.append(Repair(what, int(is_missing.sum()), where, drops=False))
     return tuple(repairs)

@@ -1,4 +1,8 @@
-"""The times of the lines of a GeoJSON file, read together: what unit or order of day and month they have, all of them tell."""
+"""The times of the lines of a GeoJSON file.
+
+All lines are read together: only all times show the unit of numbers, or the order of day and month
+in dates.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +22,9 @@ from gpszip.io.values.timestamps import times_to_seconds, unit_origin, unit_seco
 
 __all__ = ["LineTimes", "has_text_times", "read_times"]
 
+Floats = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
 
 @dataclass(frozen=True, eq=False)
 class LineTimes:
@@ -26,14 +33,15 @@ class LineTimes:
     Parameters
     ----------
     seconds : list of float64 array
-        Of each line; NaN where a time is missing or can't be read, and throughout for a line without times.
+        Times of each line; NaN for a time that is missing or can't be read, and throughout for a
+        line without times.
     unreadable : tuple of int and str, optional
-        The first row, counted through all lines, whose time can't be read, and what it holds.
+        The first row, counted through all lines, whose time can't be read, and its text.
     faults : mapping of int to str
-        What is wrong with each feature that has times of which none can be read, by its number.
+        For each feature none of whose times can be read, by its number, what is wrong.
     """
 
-    seconds: list[NDArray[np.float64]]
+    seconds: list[Floats]
     unreadable: tuple[int, str] | None
     faults: dict[int, str]
 
@@ -46,76 +54,77 @@ def has_text_times(line: Line) -> bool:
 
 
 def read_times(lines: Sequence[Line], request: Request, name: str) -> LineTimes:
-    """Read the times of all lines, those that are numbers and those that are texts each as one column.
+    """Read the times of all lines: numbers as one column, and texts as another.
 
     Parameters
     ----------
     lines : sequence of Line
-        Those of a feature follow each other.
+        The lines of a feature follow each other.
     request : Request
-        The unit of numbers and the order of day and month; told from all times where left out.
+        The unit of numbers and the order of day and month; found from all times if left out.
     name : str
         Name of the log for messages.
 
     Returns
     -------
-    Times
+    LineTimes
 
     Raises
     ------
     InputError
         If texts are no times at all.
     """
-    found = [np.full(len(line.table), np.nan) for line in lines]
+    seconds = [np.full(len(line.table), np.nan) for line in lines]
+    has_text = [np.zeros(len(line.table), dtype=np.bool_) for line in lines]
     unit = unit_seconds(request.time_unit) if request.time_unit else None
-    given = [
-        np.zeros(len(line.table), dtype=np.bool_) for line in lines
-    ]  # where there is a time that should be read
     for texts in (False, True):
+        # Concatenate the times of these lines.
         chosen = [
             i
             for i, line in enumerate(lines)
             if line.times is not None and has_text_times(line) == texts
         ]
-        if chosen:
-            parts = [lines[i].times for i in chosen]
-            column = concatenate_columns(
-                [pc.cast(part, pa.string()) for part in parts] if texts else parts
-            )
-            where = f"{name}: feature {lines[chosen[0]].feature}: times"
-            read = times_to_seconds(
-                column, unit, where, origin=unit_origin(request.time_unit), dates=request.dates
-            )
-            ends = np.cumsum([len(part) for part in parts])[:-1]
-            for i, own, there in zip(
-                chosen,
-                np.split(read, ends),
-                np.split(pc.is_valid(column).to_numpy(), ends),
-                strict=True,
-            ):
-                found[i], given[i] = own, there & texts
-    return LineTimes(found, _unread(lines, found, given), _faults(lines, found, given))
+        if not chosen:
+            continue
+        chunks = [lines[i].times for i in chosen]
+        if texts:
+            chunks = [pc.cast(chunk, pa.string()) for chunk in chunks]
+        column = concatenate_columns(chunks)
+
+        # Read them, and split them again.
+        where = f"{name}: feature {lines[chosen[0]].feature}: times"
+        column_seconds = times_to_seconds(
+            column, unit, where, origin=unit_origin(request.time_unit), dates=request.dates
+        )
+        ends = np.cumsum([len(chunk) for chunk in chunks])[:-1]
+        line_seconds = np.split(column_seconds, ends)
+        is_given = np.split(pc.is_valid(column).to_numpy(), ends)
+        for k, i in enumerate(chosen):
+            seconds[i], has_text[i] = line_seconds[k], is_given[k] & texts
+    return LineTimes(
+        seconds, _first_unreadable(lines, seconds, has_text), _faults(lines, seconds, has_text)
+    )
 
 
-def _unread(
-    lines: Sequence[Line], found: list[NDArray[np.float64]], given: list[NDArray[np.bool_]]
+def _first_unreadable(
+    lines: Sequence[Line], seconds: list[Floats], has_text: list[Flags]
 ) -> tuple[int, str] | None:
-    before = 0
-    for line, own, there in zip(lines, found, given, strict=True):
-        if (bad := there & np.isnan(own)).any():
-            row = int(bad.argmax())
-            return before + row, str(line.times[row].as_py())
-        before += len(own)
+    rows_before = 0
+    for line, line_seconds, line_has_text in zip(lines, seconds, has_text, strict=True):
+        unreadable = line_has_text & np.isnan(line_seconds)
+        if unreadable.any():
+            row = int(unreadable.argmax())
+            return rows_before + row, str(line.times[row].as_py())
+        rows_before += len(line_seconds)
     return None
 
 
-def _faults(
-    lines: Sequence[Line], found: list[NDArray[np.float64]], given: list[NDArray[np.bool_]]
-) -> dict[int, str]:
+def _faults(lines: Sequence[Line], seconds: list[Floats], has_text: list[Flags]) -> dict[int, str]:
     faults = {}
     for feature, group in groupby(range(len(lines)), key=lambda i: lines[i].feature):
-        own = [i for i in group if given[i].any()]
-        if own and not any(np.isfinite(found[i]).any() for i in own):
-            first = lines[own[0]].times[int(given[own[0]].argmax())].as_py()
-            faults[feature] = f"no time of it can be read, such as {abbreviate(first)}"
+        with_text = [i for i in group if has_text[i].any()]
+        if with_text and not any(np.isfinite(seconds[i]).any() for i in with_text):
+            first = with_text[0]
+            value = lines[first].times[int(has_text[first].argmax())].as_py()
+            faults[feature] = f"no time of it can be read, such as {abbreviate(value)}"
     return faults

@@ -6,45 +6,64 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import OutputError
+from gpszip.io.logs.raw import HEIGHT_NAMES
 from gpszip.io.logs.track_rows import TrackRows, group_into_lines, round_decimals
 
 __all__ = ["METRES_MEMBER", "write_geojson"]
 
-#: Member of a collection whose coordinates are metres on the log's own plane, as GeoJSON has no word for them.
+#: Member of a collection whose coordinates are metres on the log's own plane, as GeoJSON has no
+#: word for them.
 METRES_MEMBER = {"gpszip": {"coordinates": "metres"}}
 
-_HEIGHT_NAMES = ("alt", "altitude", "ele", "elevation", "height")
-
-#: Decimals of metres of heights.
+#: Decimals of heights in metres.
 _HEIGHT_DECIMALS = 3
+
+_EMPTY_COLLECTION = b'{"type": "FeatureCollection", "features": []}\n'
+
+
+class _LineColumns(NamedTuple):
+    """A line as lists for JSON.
+
+    Parameters
+    ----------
+    positions : list
+        Longitude, latitude and perhaps height, or metres.
+    properties : dict of str to list
+        Properties with a value for each position.
+    """
+
+    positions: list[Any]
+    properties: dict[str, list[Any]]
 
 
 def write_geojson(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
-    """Write each track as a LineString with ``track_id`` and ``times`` in seconds, one for each position.
+    """Write each track as a LineString with ``track_id`` and ``times``, one for each position.
 
-    A track with gaps, or one that crosses the antimeridian, is a MultiLineString, of which ``times`` has a list for each line. As a
-    line has two positions or more, a lone one is a Point among the features of its track.
+    A track with gaps, or one that crosses the antimeridian, is a MultiLineString, whose ``times``
+    has a list for each line. As a line has two positions or more, a single position is a Point
+    among the features of its track.
 
     Parameters
     ----------
     tracks : iterable of TrackRows
-        All in x and y, or all on the earth. Metres are marked by the member ``gpszip``. Heights of tracks on the earth are
-        written as third numbers, other attributes as lists among the properties. Tracks without times have no ``times``.
+        All in x and y, or all on the globe. Metres are marked by the member ``gpszip``. Heights of
+        tracks on the globe are written as third numbers, other attributes as lists among the
+        properties. Times are in seconds; tracks without times have no ``times``.
     sink : binary file
-        Where to.
+        The file to write to.
 
     Raises
     ------
     OutputError
         If some tracks are in metres and some in degrees.
     """
-    start, geographic = b"", None
+    separator, geographic = b"", None
     for name, lines in group_into_lines(tracks):
         if geographic is None:
             geographic = lines[0].geographic
@@ -52,61 +71,64 @@ def write_geojson(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
             sink.write(f'{{"type": "FeatureCollection", {member}"features": [\n'.encode())
         if geographic != lines[0].geographic:
             raise OutputError("tracks in metres and tracks in degrees can't be written together")
+
         for feature in _track_features(name, lines):
-            sink.write(start + json.dumps(feature, ensure_ascii=False).encode())
-            start = b",\n"
-    sink.write(
-        b"\n]}\n" if geographic is not None else b'{"type": "FeatureCollection", "features": []}\n'
-    )
+            sink.write(separator + json.dumps(feature, ensure_ascii=False).encode())
+            separator = b",\n"
+    sink.write(_EMPTY_COLLECTION if geographic is None else b"\n]}\n")
 
 
 def _track_features(name: str, lines: Sequence[TrackRows]) -> Iterator[dict[str, Any]]:
-    """A feature for the lines of a track; where positions lie alone among them, several in the order of travel."""
-    for long, some in groupby(lines, key=lambda line: len(line) > 1):
-        parts = [_line_columns(line) for line in some]
-        for group in [parts] if long else [[part] for part in parts]:
-            yield _track_feature(name, group, "LineString" if long else "Point")
+    """Yield one feature for successive lines of a track, and one for each single position."""
+    for is_line, group in groupby(lines, key=lambda line: len(line) > 1):
+        columns = [_line_columns(line) for line in group]
+        if is_line:
+            yield _track_feature(name, columns, "LineString")
+        else:
+            yield from (_track_feature(name, [column], "Point") for column in columns)
 
 
-def _track_feature(
-    name: str, parts: Sequence[tuple[list[Any], dict[str, list[Any]]]], kind: str
-) -> dict[str, Any]:
-    coordinates = [positions for positions, _ in parts]
-    columns = {key: [own[key] for _, own in parts] for key in parts[0][1]}
-    geometry: dict[str, Any] = {"type": f"Multi{kind}", "coordinates": coordinates}
-    if len(parts) == 1:
-        columns = {key: values[0] for key, values in columns.items()}
-        geometry = {
-            "type": kind,
-            "coordinates": coordinates[0][0] if kind == "Point" else coordinates[0],
+def _track_feature(name: str, lines: Sequence[_LineColumns], kind: str) -> dict[str, Any]:
+    """Return the feature of several lines, of one line, or of a position."""
+    if len(lines) > 1:
+        properties: dict[str, Any] = {
+            key: [line.properties[key] for line in lines] for key in lines[0].properties
         }
-    times = {"times": columns.pop("times")} if "times" in columns else {}
+        positions = [line.positions for line in lines]
+        geometry = {"type": f"Multi{kind}", "coordinates": positions}
+    else:
+        (line,) = lines
+        properties = dict(line.properties)
+        coordinates = line.positions[0] if kind == "Point" else line.positions
+        geometry = {"type": kind, "coordinates": coordinates}
+
+    # Times come last, as they are long.
+    times = {"times": properties.pop("times")} if "times" in properties else {}
     return {
         "type": "Feature",
-        "properties": {**columns, "track_id": name, **times},
+        "properties": {**properties, "track_id": name, **times},
         "geometry": geometry,
     }
 
 
-def _line_columns(line: TrackRows) -> tuple[list[Any], dict[str, list[Any]]]:
-    """Positions of a line, and the properties that have a value for each."""
+def _line_columns(line: TrackRows) -> _LineColumns:
     positions = line.coordinates[:, ::-1] if line.geographic else line.coordinates
-    others = dict(line.attributes)
-    height = (
-        next((name for name in _HEIGHT_NAMES if name in others), None) if line.geographic else None
-    )
-    if height is not None and _is_known(others[height]):
-        positions = np.column_stack(
-            [positions, round_decimals(others.pop(height).astype(np.float64), _HEIGHT_DECIMALS)]
-        )
-    columns = {name: _list(values) for name, values in others.items()}
+    attributes = dict(line.attributes)
+
+    # A height that is known everywhere is the third number.
+    height = next((name for name in HEIGHT_NAMES if name in attributes), None)
+    if line.geographic and height is not None and _is_known(attributes[height]):
+        heights = round_decimals(attributes.pop(height).astype(np.float64), _HEIGHT_DECIMALS)
+        positions = np.column_stack([positions, heights])
+
+    properties = {name: _to_json_list(values) for name, values in attributes.items()}
     if line.times is not None:
-        columns["times"] = line.times.tolist()
-    return positions.tolist(), columns
+        properties["times"] = line.times.tolist()
+    return _LineColumns(positions.tolist(), properties)
 
 
-def _list(values: NDArray[np.generic]) -> list[Any]:
-    """Values for JSON, which has no word for what is not finite."""
+def _to_json_list(values: NDArray[np.generic]) -> list[Any]:
+    """Return values for JSON: null for numbers that are not finite, which JSON can't hold."""
     plain: list[Any] = values.tolist()
     return [
         None if isinstance(value, float) and not math.isfinite(value) else value for value in plain

@@ -1,7 +1,7 @@
-"""Parsing GPX files, which may be large, damaged or hostile.
+"""Parse GPX files, which may be large, damaged or hostile.
 
-The parser is expat, which comes with Python. Files are read in pieces, and no tree of elements
-is built: it would take a hundred times the memory of the points. No entity is ever declared, and
+The parser is expat, which comes with Python. Files are read in chunks, and no tree of elements
+is built: it would take a hundred times the memory of the points. Entities can't be declared, and
 nothing outside of the file is fetched. Depth, texts, tags and names have limits.
 """
 
@@ -19,13 +19,14 @@ from gpszip.io.storage.source import Source
 
 __all__ = ["parse_points"]
 
-#: Bytes that the parser gets at a time.
+#: Bytes that the parser gets at a time: 256 KiB.
 _CHUNK_BYTES = 1 << 18
 
-#: Bytes of one tag or comment, all of which the parser keeps in memory.
-_MAX_TAG = 1 << 23
+#: Bytes of one tag or comment, at most: the parser keeps them in memory.
+_MAX_TAG_BYTES = 1 << 23
 
-#: Different names of elements and attributes. The parser keeps them all; real files have under 200.
+#: Different names of elements and attributes, at most: the parser keeps them in memory. Real files
+#: have under 200.
 _MAX_NAMES = 10_000
 
 _ERROR = expat.errors
@@ -41,16 +42,21 @@ _CUT_OFF = frozenset(
     )
 )
 
-#: How to mend the commonest errors.
+#: Remedies for the most frequent errors.
 _REMEDIES = {
-    _ERROR.codes[
-        _ERROR.XML_ERROR_INVALID_TOKEN
-    ]: "write & as &amp; and < as &lt;, and remove control characters",
-    _ERROR.codes[_ERROR.XML_ERROR_UNDEFINED_ENTITY]: "write the letter itself, and & as &amp;",
-    _ERROR.codes[_ERROR.XML_ERROR_TAG_MISMATCH]: "close each element before the one around it",
-    _ERROR.codes[
-        _ERROR.XML_ERROR_JUNK_AFTER_DOC_ELEMENT
-    ]: "remove what follows the first </gpx>, or move it to a file of its own",
+    _ERROR.codes[text]: remedy
+    for text, remedy in (
+        (
+            _ERROR.XML_ERROR_INVALID_TOKEN,
+            "write & as &amp; and < as &lt;, and remove control characters",
+        ),
+        (_ERROR.XML_ERROR_UNDEFINED_ENTITY, "write the letter itself, and & as &amp;"),
+        (_ERROR.XML_ERROR_TAG_MISMATCH, "close each element before the one around it"),
+        (
+            _ERROR.XML_ERROR_JUNK_AFTER_DOC_ELEMENT,
+            "remove what follows the first </gpx>, or move it to a file of its own",
+        ),
+    )
 }
 
 
@@ -64,15 +70,14 @@ def parse_points(source: Source, fields: Collection[str]) -> tuple[GpxPoints, Re
     source : Source
         The file or stream.
     fields : collection of str
-        Elements of points to collect, by name in lower case, whether they are children of the
-        points or deeper within them. Where a point has several of one name, the first one that
-        isn't blank counts.
+        Elements of points to collect, by name in lower case, children of the points or deeper
+        within them. If a point has several of one name, the first one that isn't blank counts.
 
     Returns
     -------
     GpxPoints
         The points.
-    Replaced
+    ReplacedBytes
         Bytes that don't fit the encoding of the file.
 
     Raises
@@ -80,17 +85,18 @@ def parse_points(source: Source, fields: Collection[str]) -> tuple[GpxPoints, Re
     InputError
         If the file is not well-formed XML, has a document type, or goes beyond a limit.
     """
-    # The parser gets UTF-8 and is told so, whatever the file declares.
+    # Set the parser up for UTF-8, whatever the file declares.
     parser = expat.ParserCreate("utf-8")
     parser.buffer_text = True
     parser.ordered_attributes = True
     collector = PointCollector(parser, fields)
-    pieces = _chunks(source)
-    first = next(pieces, b"")
+    chunks = _chunks(source)
+    first = next(chunks, b"")
     utf8 = Utf8Transcoder(first)
 
+    # Parse, and name the line of any error.
     try:
-        _feed(parser, collector, utf8, chain([first], pieces))
+        _feed(parser, collector, utf8, chain([first], chunks))
     except expat.ExpatError as error:
         line = error.lineno + utf8.skipped_lines
         raise InputError(
@@ -111,48 +117,55 @@ def _feed(
     parser: expat.XMLParserType,
     collector: PointCollector,
     utf8: Utf8Transcoder,
-    pieces: Iterator[bytes],
+    chunks: Iterator[bytes],
 ) -> None:
-    """Parse all pieces, and check after each one what the handlers can't see."""
+    """Parse all chunks, and check after each one what the handlers can't see."""
     fed = 0
-    for piece in pieces:
-        text = utf8.encode(piece)
+    for chunk in chunks:
+        text = utf8.encode(chunk)
         parser.Parse(text, False)
         fed += len(text)
         collector.flush()
-        if fed - parser.CurrentByteIndex > _MAX_TAG:
-            raise RefusedError(f"a tag or comment of more than {_MAX_TAG} bytes; shorten it")
+
+        # The parser keeps an unfinished tag, and all names.
+        if fed - parser.CurrentByteIndex > _MAX_TAG_BYTES:
+            raise RefusedError(f"a tag or comment of more than {_MAX_TAG_BYTES} bytes; shorten it")
         if len(parser.intern) > _MAX_NAMES:
             raise RefusedError(
-                f"more than {_MAX_NAMES} different names of elements and attributes, which no GPX file needs"
+                f"more than {_MAX_NAMES} different names of elements and attributes, "
+                "which no GPX file needs"
             )
     parser.Parse(utf8.encode(b"", final=True), True)
     collector.flush()
 
 
 def _explain_damage(code: int, collector: PointCollector) -> str:
-    """Say what is wrong with the file, and how to mend it."""
+    """Say what is wrong with the file, and what to do."""
     points = f"{collector.count} point{'' if collector.count == 1 else 's'}"
     if code not in _CUT_OFF:
-        remedy = _REMEDIES.get(code, "mend it there")
+        remedy = _REMEDIES.get(code, "correct it there")
         return (
             f"{expat.ErrorString(code)}, after {points}; {remedy}; --skip-bad leaves the file out"
         )
 
+    # The file is cut off: say which tags would close it.
     elements = collector.open_elements
     if not elements:
         return "the file ends within its first element; fetch it again"
     ends = "".join(f"</{name}>" for name in reversed(elements))
-    remedy = f"fetch it again, or end it with {ends} after the last whole point"
-    return f"the file ends within <{elements[-1]}>, after {points}; {remedy}; --skip-bad leaves the file out"
+    return (
+        f"the file ends within <{elements[-1]}>, after {points}; fetch it again, "
+        f"or end it with {ends} after the last complete point; --skip-bad leaves the file out"
+    )
 
 
 def _chunks(source: Source) -> Iterator[bytes]:
     with source.open() as stream:
         try:
-            while piece := read_chunk(stream, _CHUNK_BYTES):
-                yield piece
+            while chunk := read_chunk(stream, _CHUNK_BYTES):
+                yield chunk
         except OSError as error:
             raise InputError(
-                f"{source.name}: damaged gzip file ({error}); unpack what is left of it with zcat, or fetch it again"
+                f"{source.name}: damaged gzip file ({error}); "
+                "unpack what is left of it with zcat, or fetch it again"
             ) from None

@@ -1,7 +1,7 @@
 """The points of a GPX file, collected from the events of an XML parser.
 
-Coordinates, times and all else are kept as the texts that stand in the file. What they mean is
-for :mod:`gpszip.io.logs.gpx.read` to find out, column by column.
+Coordinates, times and all else are kept as the texts in the file.
+:mod:`gpszip.io.logs.gpx.read` interprets them, column by column.
 """
 
 from __future__ import annotations
@@ -19,17 +19,19 @@ from numpy.typing import NDArray
 
 __all__ = ["GpxPoints", "PointCollector", "RefusedError"]
 
-#: Elements within each other. Real files have about ten levels.
+#: Depth of elements within each other, at most. Real files have about ten levels.
 _MAX_DEPTH = 200
 
-#: Letters in one text, such as a time or a name.
+#: Letters of one text, such as a time or a name, at most.
 _MAX_LETTERS = 1 << 20
 
-#: Elements that hold points, and points, by their names in lower case.
+#: Elements that hold points, by their names in lower case.
 _PARENTS = frozenset({"trk", "rte"})
+
+#: Points of tracks and routes, by their names in lower case.
 _POINTS = frozenset({"trkpt", "rtept"})
 
-#: Children of a point that hold further elements, and have no text of their own.
+#: Children of a point that hold further elements, and no text.
 _CONTAINERS = frozenset({"extensions", "link"})
 
 
@@ -44,12 +46,12 @@ class GpxPoints:
     Parameters
     ----------
     lat, lon : pyarrow.ChunkedArray of string, shape (n,)
-        The attributes as they stand in the file; null where a point doesn't have them.
+        The attributes as texts; null if a point doesn't have them.
     fields : mapping of str to pyarrow.ChunkedArray of string, shape (n,)
-        Texts of the elements that were asked for, by name in lower case; null where a point has
-        no such element or a blank one.
+        Texts of the elements that were asked for, by name in lower case; null if a point has no
+        such element or a blank one.
     present : mapping of str to str
-        All elements that the points have: names as the file spells them, by name in lower case.
+        All elements that the points have: names as spelled in the file, by name in lower case.
     names : tuple of str or None, length p
         Name of each track or route that has points.
     routes : bool array, shape (p,)
@@ -76,8 +78,8 @@ class GpxPoints:
 class PointCollector:
     """Handles the events of a parser and collects the points.
 
-    Nearly all events happen within points. So there are two sets of handlers, and those for the
-    inside of points do as little as they can.
+    Nearly all events happen within points. So there are two sets of handlers: one for elements
+    around points, and one for elements within them, which does as little as it can.
 
     Parameters
     ----------
@@ -95,8 +97,8 @@ class PointCollector:
         self._text: list[str] = []
         self._row = -1
 
-        # Around points: the elements that are open, and the track or route that is open. A track
-        # gets its index with its first point, so that tracks without points don't count.
+        # Around points: the open elements, and the open track or route. A track gets its index with
+        # its first point, so that tracks without points don't count.
         self._open: list[str] = []
         self._local_names: dict[str, str] = {}
         self._parent_kind = ""
@@ -108,14 +110,14 @@ class PointCollector:
         self._parents, self._starts = array("q"), array("q")
         self._waypoints = 0
 
-        # Within a point: the elements that are open, and whether the innermost one is a leaf so
-        # far. A column is found by the outermost element, then by the innermost.
+        # Within a point: the open elements, and whether the innermost one is a leaf so far. A
+        # column is found by the outermost element, then by the innermost.
         self._path: list[str] = []
         self._is_leaf = False
         self._columns: dict[str, dict[str, _TextColumn | None]] = {}
         self._point_names: set[str] = set()
 
-        # A document type may declare entities. It is refused before it declares the first one.
+        # A document type may declare entities; it is refused before it does.
         parser.StartDoctypeDeclHandler = _refuse_document_type
         parser.EntityDeclHandler = _refuse_document_type
         self._leave_point()
@@ -131,7 +133,7 @@ class PointCollector:
         return tuple(self._open)
 
     def flush(self) -> None:
-        """Store the texts so far in little room. To be called after each piece of the file.
+        """Store the texts so far in little memory. Call it after each chunk of the file.
 
         Raises
         ------
@@ -158,9 +160,10 @@ class PointCollector:
             waypoints=self._waypoints,
         )
 
-    # Handlers for elements around points.
+    # Handlers for elements around points
 
     def _start(self, name: str, attributes: list[str]) -> None:
+        # A point gets handlers of its own.
         kind = self._local_names.get(name) or self._local_names.setdefault(
             name, _local(name).lower()
         )
@@ -168,6 +171,7 @@ class PointCollector:
             self._enter_point(name, kind, attributes)
             return
 
+        # Other elements change what the next points belong to.
         if kind in _PARENTS:
             self._begin_parent(kind)
         elif kind == "trkseg":
@@ -186,7 +190,7 @@ class PointCollector:
         self._open.pop()
         kind = self._local_names[name]
         if kind in _PARENTS:
-            self._begin_parent("")  # points that come now are outside of any track
+            self._begin_parent("")  # points from here on are outside of any track
         elif kind == "trkseg":
             self._at_new_segment = True
         elif self._is_title(kind):
@@ -227,7 +231,7 @@ class PointCollector:
         self._parser.CharacterDataHandler = self._text.append
 
     def _begin_segment(self, kind: str) -> None:
-        """Note a segment when its first point comes."""
+        """Record a segment at its first point."""
         if self._parent_index < 0:
             self._parent_index = len(self._names)
             self._names.append(self._parent_name)
@@ -238,7 +242,7 @@ class PointCollector:
         self._starts.append(self._row)
         self._at_new_segment = False
 
-    # Handlers for elements within points, and for the end of a point.
+    # Handlers for elements within points, and for the end of a point
 
     def _start_field(self, name: str, _attributes: list[str]) -> None:
         path = self._path
@@ -251,6 +255,7 @@ class PointCollector:
     def _end_field(self, name: str) -> None:
         path = self._path
         if self._is_leaf:
+            # Take the text, if the element is wanted and the point has none of this name yet.
             self._is_leaf = False
             try:
                 column = self._columns[path[0]][name]
@@ -261,6 +266,7 @@ class PointCollector:
                 if text and not text.isspace():
                     column.add(self._row, text)
         elif not path:
+            # The point itself ends.
             self._leave_point()
             return
         elif name in self._point_names:
@@ -268,7 +274,7 @@ class PointCollector:
         path.pop()
 
     def _new_column(self, name: str) -> _TextColumn | None:
-        """Return the column for an element that is new there; None for one that was not asked for."""
+        """Return the column for an element that is new there; None if it isn't wanted."""
         top, shown = _local(self._path[0]).lower(), _local(name)
         field = shown.lower()
         if field in _POINTS:
@@ -276,11 +282,8 @@ class PointCollector:
 
         # The text of a link is no column, and the time of an extension is not the point's time.
         column = None
-        if (
-            top != "link"
-            and field not in _CONTAINERS
-            and not (field == "time" and len(self._path) > 1)
-        ):
+        is_other_time = field == "time" and len(self._path) > 1
+        if top != "link" and field not in _CONTAINERS and not is_other_time:
             self._present.setdefault(field, shown)
             column = self._fields.get(field)
         self._columns.setdefault(self._path[0], {})[name] = column
@@ -293,7 +296,7 @@ class PointCollector:
 
 
 class _TextColumn:
-    """Texts of some points. Arrow's strings take a fifth of the room of Python's."""
+    """Texts of some points. Arrow's strings take a fifth of the memory of Python's."""
 
     __slots__ = ("_chunks", "last_row", "rows", "texts")
 
@@ -316,7 +319,7 @@ class _TextColumn:
         self._chunks.append(chunk)
 
     def to_column(self, count: int) -> Any:
-        """The texts of all points, of which there are so many; null for those that have none."""
+        """Return one text for each of ``count`` points; null for those without."""
         column = pa.chunked_array(self._chunks, pa.string())
         if len(column) == count:
             return column
@@ -326,7 +329,7 @@ class _TextColumn:
 
 
 def _local(name: str) -> str:
-    """A name without its prefix."""
+    """Return a name without its prefix."""
     return name.rpartition(":")[2]
 
 

@@ -1,6 +1,6 @@
-"""Reading GPX: tracks with times, and tracks and routes without times, which are shapes.
+"""Logs in GPX: tracks with times, and tracks and routes without times, which are shapes.
 
-GPSZip has a reader of its own because others lose or change data without a word. GDAL's driver
+GPSZip has its own reader because others lose or change data and don't report it. GDAL's driver
 reads ``48,1371`` as 48 and takes 0 for what is no number; it leaves out extensions, and times that
 are written in unusual ways. gpxpy has had no release since 2023, and took ten times as long.
 """
@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from gpszip.errors import InputError
 from gpszip.io.logs.gpx.parser import parse_points
 from gpszip.io.logs.gpx.points import GpxPoints
-from gpszip.io.logs.gpx.write import HEIGHT_NAMES
 from gpszip.io.logs.gpx.xml_text import ReplacedBytes, root_element
-from gpszip.io.logs.raw import RawLog, Request, UnreadableCell
+from gpszip.io.logs.raw import HEIGHT_NAMES, RawLog, Request, UnreadableCell
 from gpszip.io.storage.source import Source
 from gpszip.io.values.arrow import to_floats
 from gpszip.io.values.coordinates import first_unreadable_cell, has_decimal_comma, parse_degrees
@@ -29,7 +28,7 @@ from gpszip.model.read_result import LeftOut, Repair
 
 __all__ = ["read_gpx", "sniff_gpx"]
 
-#: Names of one quantity. Who asks for one name gets another one that the points have.
+#: Names of one quantity. A request for one name is met by another that the points have.
 _SYNONYMS = (
     HEIGHT_NAMES,
     ("hr", "heart_rate", "heartrate"),
@@ -38,17 +37,20 @@ _SYNONYMS = (
     ("power", "watts"),
 )
 
-#: The element that says where the agent is heading.
+#: The element with the direction of travel.
 _COURSE = "course"
 
 #: How XML writes a number that is not known.
 _NAN = r"(?i)^\s*[+-]?nan\s*$"
 
-#: Bytes that NumPy may take for a column of texts. Each text takes as much as the longest one.
+#: Bytes that NumPy may take for a column of texts; each text takes as much as the longest one.
 _MAX_TEXT_BYTES = 1 << 30
 
-#: Letters of a value, and names of elements, that a message shows.
-_SHOWN_LETTERS, _SHOWN_NAMES = 40, 20
+#: Letters of a value that messages show.
+_MAX_SHOWN_LETTERS = 40
+
+#: Names of elements that messages show.
+_MAX_SHOWN_NAMES = 20
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -73,9 +75,9 @@ def sniff_gpx(head: bytes) -> bool:
 def read_gpx(source: Source, request: Request) -> RawLog:
     """Read the tracks and routes of a GPX file.
 
-    The segments of a track with times are one track; long pauses between them are gaps. A track in
-    which no point has a time is a shape, and so is each route. Nothing tells how a shape goes from
-    one segment to the next, so each segment becomes a shape of its own.
+    The segments of a track with times are one track; long pauses between them are gaps. A track
+    without any times is a shape, and so is each route. How a shape goes from one segment to the
+    next is not known, so each segment becomes a separate shape.
 
     Parameters
     ----------
@@ -83,13 +85,14 @@ def read_gpx(source: Source, request: Request) -> RawLog:
         The file or stream.
     request : Request
         The unit of times that are numbers, and the elements of points to keep (``ele``, ``hr``,
-        ``speed``), from extensions, too. Other common names of them will do (``heart_rate``).
+        ``speed``), also from extensions. Other common names of them are understood
+        (``heart_rate``).
 
     Returns
     -------
     RawLog
         Tracks and routes in the order of the file, with numbers after names that occur twice.
-        Points with a coordinate that can't be read have NaN for it. Waypoints are left out.
+        Coordinates that can't be read are NaN. Waypoints are left out.
 
     Raises
     ------
@@ -110,41 +113,30 @@ def read_gpx(source: Source, request: Request) -> RawLog:
     wanted |= {"time", *((_COURSE,) if request.heading else ())}
     points, replaced = parse_points(source, wanted)
     if not len(points.lat):
-        only = f", only {_waypoints(points)}" if points.waypoints else ""
+        only = f", only {_describe_waypoints(points)}" if points.waypoints else ""
         raise InputError(
             f"{source.name}: no track points{only}; GPSZip reads tracks (trk) and routes (rte)"
         )
 
     # Tell tracks from shapes, and name both.
-    time_texts = points.fields.get(
-        "time", pa.chunked_array([pa.nulls(len(points.lat), pa.string())])
-    )
+    no_times = pa.chunked_array([pa.nulls(len(points.lat), pa.string())])
+    time_texts = points.fields.get("time", no_times)
     has_times = _has_times(points, time_texts)
     ids, codes, is_shape = _tracks(points, has_times, source.stem)
 
-    # Read the texts.
+    # Read positions and times; routes have times that are plans, and are not read.
     comma = has_decimal_comma([points.lat, points.lon])
-    coordinates, unread_places = _coordinates(points, comma)
-    time_texts_of_tracks = pc.if_else(
-        pa.array(has_times[_parent_of_points(points)]), time_texts, None
-    )
+    coordinates, unreadable = _coordinates(points, comma)
+    in_timed_track = pa.array(has_times[_parent_of_points(points)])
+    time_texts_of_tracks = pc.if_else(in_timed_track, time_texts, None)
     times = _times(time_texts_of_tracks, request, source.name)
-    unread_time = first_unreadable_cell(time_texts_of_tracks, times, "time")
-    _require_usable_points(source.name, times, coordinates, is_shape[codes], unread_places)
+    _require_usable_points(source.name, times, coordinates, is_shape[codes], unreadable)
+    unreadable_time = first_unreadable_cell(time_texts_of_tracks, times, "time")
+    if unreadable_time is not None:
+        unreadable = (unreadable_time, *unreadable)
 
-    # Read what else is to be kept.
-    kept = _kept_fields(points, request, source.name)
-    attributes = {
-        name: _values(points.fields[field], comma, f"{source.name}: {field}")
-        for name, field in kept.items()
-    }
-    used = list(kept.values())
-    if _COURSE in points.fields and request.heading:
-        headings = to_floats(points.fields[_COURSE], comma)
-        if np.isfinite(headings).any():
-            attributes["heading"] = headings
-            used.append(_COURSE)
-
+    attributes, used = _attributes(points, request, comma, source.name)
+    waypoints = f"{source.name}: {_describe_waypoints(points)}"
     return RawLog(
         name=source.name,
         ids=ids,
@@ -160,10 +152,8 @@ def read_gpx(source: Source, request: Request) -> RawLog:
             *_replacements(replaced, source.name),
             *_ignored_times(points, time_texts, source.name),
         ),
-        left_out=(LeftOut(f"{source.name}: {_waypoints(points)}", "not a track"),)
-        if points.waypoints
-        else (),
-        unreadable=(*unread_places, *((unread_time,) if unread_time is not None else ())),
+        left_out=(LeftOut(waypoints, "not a track"),) if points.waypoints else (),
+        unreadable=unreadable,
         untimed=frozenset(np.flatnonzero(is_shape).tolist()),
     )
 
@@ -191,7 +181,17 @@ def _has_times(points: GpxPoints, time_texts: Any) -> Flags:
 def _tracks(
     points: GpxPoints, has_times: Flags, stem: str
 ) -> tuple[tuple[str, ...], NDArray[np.int32], Flags]:
-    """Return names of tracks and shapes, the index of a name for each point, and which are shapes."""
+    """Name tracks and shapes.
+
+    Returns
+    -------
+    tuple of str
+        Their names; empty for a single one without a name.
+    int array, shape (n,)
+        Index into them for each point.
+    bool array
+        Whether each is a shape.
+    """
     # A track with times starts with its first segment, a shape with each segment.
     starts_parent = np.diff(points.parents, prepend=-1) > 0
     starts_track = starts_parent | ~has_times[points.parents]
@@ -199,7 +199,7 @@ def _tracks(
     codes = np.repeat(np.cumsum(starts_track) - 1, _segment_lengths(points)).astype(np.int32)
     is_shape: Flags = ~has_times[parents]
 
-    # What has no name is named after the file, or has none at all where it is alone.
+    # A track without a name is named after the file, unless it is the only one.
     if points.names == (None,):
         titles = [stem]
         ids = _distinct_names(titles * len(parents)) if len(parents) > 1 else ()
@@ -214,31 +214,31 @@ def _tracks(
 
 def _distinct_names(names: Sequence[str]) -> tuple[str, ...]:
     """Number names that occur twice: the second ``a`` becomes ``a-2``, or the next free one."""
-    found: dict[str, None] = {}
+    distinct: dict[str, None] = {}
     last_number: dict[str, int] = {}
     for name in names:
         new, number = name, last_number.get(name, 1)
-        while new in found:
+        while new in distinct:
             number += 1
             new = f"{name}-{number}"
         last_number[name] = number
-        found[new] = None
-    return tuple(found)
+        distinct[new] = None
+    return tuple(distinct)
 
 
 # Positions and times
 
 
 def _coordinates(points: GpxPoints, comma: bool) -> tuple[Floats, tuple[UnreadableCell, ...]]:
-    """Return latitudes and longitudes, and the first of each that can't be read."""
+    """Return latitude and longitude, and the first value of each that can't be read."""
     lat = parse_degrees(points.lat, "lat", decimal_comma=comma)
     lon = parse_degrees(points.lon, "lon", decimal_comma=comma)
-    found = (_first_unreadable(points.lat, lat, "lat"), _first_unreadable(points.lon, lon, "lon"))
-    return np.stack([lat, lon], axis=1), tuple(cell for cell in found if cell is not None)
+    cells = (_first_unreadable(points.lat, lat, "lat"), _first_unreadable(points.lon, lon, "lon"))
+    return np.stack([lat, lon], axis=1), tuple(cell for cell in cells if cell is not None)
 
 
 def _first_unreadable(texts: Any, values: Floats, name: str) -> UnreadableCell | None:
-    """Return the first coordinate that can't be read, or isn't there: each point must have one."""
+    """Return the first coordinate that is missing or can't be read: each point must have one."""
     bad = ~np.isfinite(values)
     if not bad.any():
         return None
@@ -261,24 +261,53 @@ def _require_usable_points(
     times: Floats,
     coordinates: Floats,
     in_shape: Flags,
-    unread_places: Sequence[UnreadableCell],
+    unreadable: Sequence[UnreadableCell],
 ) -> None:
-    placed: Flags = np.asarray(np.isfinite(coordinates).all(axis=1))
-    if not placed.any():
-        first = unread_places[0]
+    """Raise unless a point has a position and, in a track, a time."""
+    has_position: Flags = np.asarray(np.isfinite(coordinates).all(axis=1))
+    if not has_position.any():
+        first = unreadable[0]
         raise InputError(
             f"{where}: no point has a position that can be read; the first has "
             f"{first.column}={_quote(first.value)}; write degrees such as lat='48.1371'"
         )
-    if not (placed & (in_shape | np.isfinite(times))).any():
+    if not (has_position & (in_shape | np.isfinite(times))).any():
         raise InputError(f"{where}: no point has both a position and a time that can be read")
 
 
 # Attributes
 
 
+def _attributes(
+    points: GpxPoints, request: Request, comma: bool, where: str
+) -> tuple[dict[str, NDArray[np.generic]], list[str]]:
+    """Read the elements to keep.
+
+    Returns
+    -------
+    dict of str to array
+        Their values, by the names that were asked for.
+    list of str
+        The elements that were read.
+    """
+    kept = _kept_fields(points, request, where)
+    attributes = {
+        name: _values(points.fields[field], comma, f"{where}: {field}")
+        for name, field in kept.items()
+    }
+    used = list(kept.values())
+
+    # The course is the heading, if it is known anywhere.
+    if _COURSE in points.fields and request.heading:
+        headings = to_floats(points.fields[_COURSE], comma)
+        if np.isfinite(headings).any():
+            attributes["heading"] = headings
+            used.append(_COURSE)
+    return attributes, used
+
+
 def _fields_named(name: str) -> list[str]:
-    """Elements that a name may stand for, itself first."""
+    """Return the elements that a name may stand for, itself first."""
     field = name.lower()
     synonyms = next((group for group in _SYNONYMS if field in group), ())
     return list(dict.fromkeys((field, *synonyms)))
@@ -291,7 +320,8 @@ def _kept_fields(points: GpxPoints, request: Request, where: str) -> dict[str, s
     for name in request.keep:
         field = next((field for field in _fields_named(name) if field in present), None)
         if field is None:
-            shown = ", ".join(list(present.values())[:_SHOWN_NAMES]) or "place and time only"
+            names = ", ".join(list(present.values())[:_MAX_SHOWN_NAMES])
+            shown = names or "position and time only"
             raise InputError(f"{where}: no {name!r} to keep; its points have: {shown}")
         kept[name] = field
     return kept
@@ -303,23 +333,24 @@ def _dropped(points: GpxPoints, used: Iterable[str]) -> tuple[str, ...]:
 
 
 def _values(texts: Any, comma: bool, where: str) -> NDArray[np.generic]:
-    """Return floats where all texts are numbers, NaN for those that are not there; else texts."""
-    unknown = pc.fill_null(pc.match_substring_regex(texts, _NAN), True).to_numpy(
-        zero_copy_only=False
-    )
+    """Return floats if all texts are numbers, NaN for those that are missing; else texts."""
+    is_unknown = pc.fill_null(pc.match_substring_regex(texts, _NAN), True)
     floats = to_floats(texts, comma)
-    if (np.isfinite(floats) | unknown.astype(np.bool_)).all():
+    unknown = is_unknown.to_numpy(zero_copy_only=False).astype(np.bool_)
+    if (np.isfinite(floats) | unknown).all():
         return floats
 
+    # Bound the memory of NumPy's texts, which are all as long as the longest one.
     letters = int(pc.max(pc.utf8_length(texts)).as_py())
     if letters * np.dtype("U1").itemsize * len(texts) > _MAX_TEXT_BYTES:
         raise InputError(
-            f"{where}: texts of {letters} letters are too long to keep for {len(texts)} points; leave them out"
+            f"{where}: texts of {letters} letters are too long to keep for {len(texts)} points; "
+            "leave them out"
         )
     return np.array(pc.fill_null(texts, "").to_pylist(), dtype=np.str_)
 
 
-# What the user must know
+# Repairs and what is left out
 
 
 def _replacements(replaced: ReplacedBytes, where: str) -> tuple[Repair, ...]:
@@ -332,9 +363,8 @@ def _replacements(replaced: ReplacedBytes, where: str) -> tuple[Repair, ...]:
 
 
 def _ignored_times(points: GpxPoints, time_texts: Any, where: str) -> tuple[Repair, ...]:
-    rows = np.flatnonzero(
-        time_texts.is_valid().to_numpy() & points.routes[_parent_of_points(points)]
-    )
+    in_route = points.routes[_parent_of_points(points)]
+    rows = np.flatnonzero(time_texts.is_valid().to_numpy() & in_route)
     if not len(rows):
         return ()
     first = int(rows[0])
@@ -343,9 +373,9 @@ def _ignored_times(points: GpxPoints, time_texts: Any, where: str) -> tuple[Repa
     return (Repair(what, len(rows), f"{where}: point {first + 1}", drops=False, value=value),)
 
 
-def _waypoints(points: GpxPoints) -> str:
+def _describe_waypoints(points: GpxPoints) -> str:
     return f"{points.waypoints} waypoint{'' if points.waypoints == 1 else 's'}"
 
 
 def _quote(text: str) -> str:
-    return repr(text if len(text) <= _SHOWN_LETTERS else text[:_SHOWN_LETTERS] + "...")
+    return repr(text if len(text) <= _MAX_SHOWN_LETTERS else text[:_MAX_SHOWN_LETTERS] + "...")

@@ -1,9 +1,9 @@
-"""Tracks written as GPX."""
+"""Tracks written as GPX 1.1."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, BinaryIO
 from xml.sax.saxutils import escape
 
@@ -12,46 +12,56 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from gpszip.errors import OutputError
+from gpszip.io.logs.raw import HEIGHT_NAMES
 from gpszip.io.logs.track_rows import TrackRows, group_into_lines, round_decimals
 
-__all__ = ["HEIGHT_NAMES", "has_unwritable_letters", "write_gpx"]
+__all__ = ["describe_gpx_losses", "has_unwritable_letters", "write_gpx"]
 
-#: What the height above the sea is called; GPX has room for one such column.
-HEIGHT_NAMES = ("alt", "altitude", "ele", "elevation", "height")
+#: Seconds from 1970 to the year 1, the first that a date can name.
+_YEAR_1 = -62_135_596_800
 
-#: Seconds since 1970 of the first day that a date can name, and of the first one that it can't.
-_YEAR_1, _YEAR_10000 = -62_135_596_800, 253_402_300_800
+#: Seconds from 1970 to the year 10000, the first that a date can't name.
+_YEAR_10000 = 253_402_300_800
+
+#: Decimals of heights in metres.
+_HEIGHT_DECIMALS = 3
+
 #: Letters that XML 1.0 can't hold, not even as a reference.
 _NOT_XML = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
+_START = (
+    b'<?xml version="1.0" encoding="UTF-8"?>\n'
+    b'<gpx version="1.1" creator="GPSZip" xmlns="http://www.topografix.com/GPX/1/1">\n'
+)
+
 
 def write_gpx(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
-    """Write each track as a ``trk``, with a ``trkseg`` for each piece between gaps; times count from 1970.
+    """Write each track as a ``trk``, with a ``trkseg`` for each gap-free piece.
 
-    A track that crosses the antimeridian begins a new segment there. Points of tracks without times have no ``time``. Letters
-    that XML can't hold, see :func:`has_unwritable_letters`, are written as the replacement character U+FFFD.
+    A track that crosses the antimeridian begins a new segment there. Times count from 1970; points
+    of tracks without times have no ``time``. Letters that XML can't hold, see
+    :func:`has_unwritable_letters`, are written as the replacement character U+FFFD.
 
     Parameters
     ----------
     tracks : iterable of TrackRows
-        On the earth; an attribute ``ele`` or ``alt`` is kept.
+        On the globe; the first attribute that is a height is written as ``ele``.
     sink : binary file
-        Where to.
+        The file to write to.
 
     Raises
     ------
     OutputError
         If a track is in x and y, or its times can't be dates.
     """
-    sink.write(
-        b'<?xml version="1.0" encoding="UTF-8"?>\n<gpx version="1.1" creator="GPSZip" xmlns="http://www.topografix.com/GPX/1/1">\n'
-    )
+    sink.write(_START)
     for name, lines in group_into_lines(tracks):
         sink.write(f"<trk><name>{_xml(name)}</name>".encode())
         for line in lines:
             if not line.geographic:
                 raise OutputError(
-                    "GPX holds latitudes and longitudes, but this log is in x and y; write CSV, Parquet or GeoJSON"
+                    "GPX holds latitudes and longitudes, but this log is in x and y; "
+                    "write CSV, Parquet or GeoJSON"
                 )
             sink.write(b"<trkseg>\n")
             sink.write("\n".join(_trackpoints(line).to_pylist()).encode())
@@ -60,8 +70,45 @@ def write_gpx(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
     sink.write(b"</gpx>\n")
 
 
+def describe_gpx_losses(names: Sequence[str], attributes: Sequence[str]) -> list[str]:
+    """Describe what GPX can't hold of tracks.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of the tracks.
+    attributes : sequence of str
+        Names of their attributes.
+
+    Examples
+    --------
+    >>> describe_gpx_losses(["walk"], ["ele", "speed"])
+    ["gpx can't hold speed; write CSV, GeoJSON or Parquet to have them"]
+    """
+    losses = []
+
+    # There is an element for one column of heights only.
+    heights = [name for name in HEIGHT_NAMES if name in attributes]
+    missing = [name for name in attributes if name not in heights[:1]]
+    if missing:
+        losses.append(
+            f"gpx can't hold {', '.join(missing)}; write CSV, GeoJSON or Parquet to have them"
+        )
+
+    changed = [name for name in names if has_unwritable_letters(name)]
+    if changed:
+        losses.append(
+            "gpx can't hold control characters: they are U+FFFD in the names of tracks, in "
+            f"{len(changed):,} of them, the first {changed[0]!r}; "
+            "write GeoJSON or Parquet to have them"
+        )
+    return losses
+
+
 def has_unwritable_letters(name: str) -> bool:
-    r"""Whether a name has letters that XML 1.0 can't hold, not even escaped: most control characters, and two others.
+    r"""Whether a name has letters that XML 1.0 can't hold, not even escaped.
+
+    These are most control characters, U+FFFE and U+FFFF.
 
     Examples
     --------
@@ -76,40 +123,39 @@ def _xml(text: str) -> str:
 
 
 def _trackpoints(line: TrackRows) -> Any:
+    """Return the elements of the points, as Arrow texts."""
     lat, lon = (pc.cast(pa.array(axis), pa.string()) for axis in line.coordinates.T)
     return pc.binary_join_element_wise(
-        '<trkpt lat="', lat, '" lon="', lon, '">', *_ele(line), *_time(line), "</trkpt>", ""
+        '<trkpt lat="', lat, '" lon="', lon, '">', *_heights(line), *_times(line), "</trkpt>", ""
     )
 
 
-def _time(line: TrackRows) -> list[Any]:
-    """Dates in milliseconds where these are all that times have, else in microseconds."""
+def _times(line: TrackRows) -> list[Any]:
+    """Return the pieces of the element ``time``.
+
+    Dates have milliseconds if that is all that the times have, else microseconds.
+    """
     if line.times is None:
         return []
     if line.times[0] < _YEAR_1 or line.times[-1] >= _YEAR_10000:
         raise OutputError(
             f"track {line.track!r}: times outside the years 1 to 9999 can't be dates; write CSV"
         )
-    unit, per_second = (
-        ("ms", 1e3) if np.array_equal(round_decimals(line.times, 3), line.times) else ("us", 1e6)
-    )
-    instants = pa.array(
-        np.rint(line.times * per_second).astype(np.int64), pa.timestamp(unit, "UTC")
-    )
-    return ["<time>", pc.strftime(instants, "%Y-%m-%dT%H:%M:%SZ"), "</time>"]
+    if np.array_equal(round_decimals(line.times, 3), line.times):
+        unit, per_second = "ms", 1e3
+    else:
+        unit, per_second = "us", 1e6
+    ticks = np.rint(line.times * per_second).astype(np.int64)
+    timestamps = pa.array(ticks, pa.timestamp(unit, "UTC"))
+    return ["<time>", pc.strftime(timestamps, "%Y-%m-%dT%H:%M:%SZ"), "</time>"]
 
 
-def _ele(line: TrackRows) -> list[Any]:
-    heights = next(
-        (line.attributes[name] for name in HEIGHT_NAMES if name in line.attributes), None
-    )
-    if heights is None:
+def _heights(line: TrackRows) -> list[Any]:
+    """Return the element ``ele``, an empty text for a height that is not known."""
+    name = next((name for name in HEIGHT_NAMES if name in line.attributes), None)
+    if name is None:
         return []
-    known = pa.array(np.isfinite(heights.astype(np.float64)))
-    text = pc.binary_join_element_wise(
-        "<ele>",
-        pc.cast(pa.array(round_decimals(heights.astype(np.float64), 3)), pa.string()),
-        "</ele>",
-        "",
-    )
-    return [pc.if_else(known, text, "")]
+    heights = line.attributes[name].astype(np.float64)
+    rounded = pc.cast(pa.array(round_decimals(heights, _HEIGHT_DECIMALS)), pa.string())
+    elements = pc.binary_join_element_wise("<ele>", rounded, "</ele>", "")
+    return [pc.if_else(pa.array(np.isfinite(heights)), elements, "")]

@@ -13,7 +13,7 @@ from xml.parsers import expat
 
 __all__ = ["ReplacedBytes", "Utf8Transcoder", "detect_encoding", "root_element"]
 
-#: Byte order marks. UTF-32 comes first, as one of its marks starts with one of UTF-16.
+#: Byte order marks. UTF-32 comes first, as its little-endian mark starts with that of UTF-16.
 _MARKS = (
     (codecs.BOM_UTF32_LE, "utf-32-le"),
     (codecs.BOM_UTF32_BE, "utf-32-be"),
@@ -22,7 +22,7 @@ _MARKS = (
     (codecs.BOM_UTF16_BE, "utf-16-be"),
 )
 
-#: How a file starts that has no mark and takes two or four bytes for a character.
+#: The start of a file without a mark that takes two or four bytes for a character.
 _WIDE = (
     (re.compile(rb"(?:[ \t\r\n]\0\0\0)*<\0\0\0"), "utf-32-le"),
     (re.compile(rb"(?:\0\0\0[ \t\r\n])*\0\0\0<"), "utf-32-be"),
@@ -30,25 +30,29 @@ _WIDE = (
     (re.compile(rb"(?:\0[ \t\r\n])*\0<"), "utf-16-be"),
 )
 
+#: The encoding that a file declares.
 _DECLARED = re.compile(rb"""\s*<\?xml\s[^>]*?\bencoding\s*=\s*["']([A-Za-z][\w.:-]{0,40})["']""")
 
-#: Codecs that a declaration may ask for. Python has others, such as zip, which are not for files.
+#: Codecs that a declaration may ask for. Python has others, such as zip, which are not for text.
 _KNOWN = re.compile(
     r"utf-8|ascii|iso8859-\d+|cp\d+|koi8-\w|mac-\w+|tis-620"
     r"|gbk|gb2312|gb18030|big5\w*|euc_\w+|shift_jis\w*"
 )
 
-#: Letters that a declared encoding must have in place: else nobody could read the declaration.
+#: Letters that a declared encoding must have in the positions of ASCII: else the declaration could
+#: not have been read.
 _ASCII = bytes(range(0x20, 0x7F))
 
-#: What the decoder makes of bytes that don't fit the encoding, and their letters in Windows-1252.
+#: Surrogates, to which the decoder turns bytes that don't fit the encoding.
 _UNDECODED = re.compile(r"[\ud800-\udfff]")
+
+#: Letters of these bytes in Windows-1252.
 _LETTERS = {0xDC00 + byte: bytes([byte]).decode("cp1252", "replace") for byte in range(0x80, 0x100)}
 
-#: The word around such a byte, to be shown.
+#: The word around such a byte, for messages.
 _WORD = re.compile(r"[^\s<>]{0,20}[\ud800-\udfff][^\s<>]{0,20}")
 
-#: To find the first tag of a file that is damaged within it.
+#: The first tag of a file that is damaged within it, and comments before it.
 _TAG = re.compile(r"<(\w[\w:.-]*)")
 _COMMENT = re.compile(r"<!--.*?(?:-->|\Z)", re.DOTALL)
 
@@ -70,20 +74,20 @@ class ReplacedBytes:
 
 
 class Utf8Transcoder:
-    r"""Turns an XML file into UTF-8, piece by piece.
+    r"""Turns an XML file into UTF-8, chunk by chunk.
 
     Bytes that don't fit the encoding of the file are read as Windows-1252, and counted.
 
     Parameters
     ----------
     head : bytes
-        The first bytes of the file, which tell the encoding.
+        The first bytes of the file, which show the encoding.
 
     Attributes
     ----------
     encoding : str
         Name of Python's codec.
-    replaced : Replaced
+    replaced : ReplacedBytes
         Bytes so far that don't fit the encoding.
     skipped_lines : int
         Number of lines at the start that are left out.
@@ -94,7 +98,7 @@ class Utf8Transcoder:
     >>> text.encode(b"<name>Z\xfcrich</name>").decode()
     '<name>Zürich</name>'
     >>> text.replaced
-    Replaced(count=1, first='Zürich')
+    ReplacedBytes(count=1, first='Zürich')
     """
 
     def __init__(self, head: bytes) -> None:
@@ -107,14 +111,14 @@ class Utf8Transcoder:
         self.skipped_lines = 0
         self.replaced = ReplacedBytes(0, "")
 
-    def encode(self, piece: bytes, *, final: bool = False) -> bytes:
-        """Return the next piece of the file in UTF-8.
+    def encode(self, chunk: bytes, *, final: bool = False) -> bytes:
+        """Return the next chunk of the file in UTF-8.
 
         A byte order mark and white space at the start of the file are left out.
 
         Parameters
         ----------
-        piece : bytes
+        chunk : bytes
             The next bytes of the file.
         final : bool, default False
             Whether the file ends with them.
@@ -124,7 +128,7 @@ class Utf8Transcoder:
         UnicodeDecodeError
             If the file is UTF-16 or UTF-32 and ends within a character, or has an impossible one.
         """
-        text = self._decoder.decode(piece, final)
+        text = self._decoder.decode(chunk, final)
         if self._at_start and text:
             text = self._without_margin(text)
         try:
@@ -141,15 +145,15 @@ class Utf8Transcoder:
 
     def _read_as_cp1252(self, text: str) -> str:
         """Read bytes that don't fit the encoding as Windows-1252."""
-        mended, count = _UNDECODED.subn(lambda found: _LETTERS.get(ord(found[0]), "\ufffd"), text)
+        letters, count = _UNDECODED.subn(lambda byte: _LETTERS.get(ord(byte[0]), "\ufffd"), text)
         word = _WORD.search(text)
-        first = self.replaced.first or (mended[word.start() : word.end()] if word else "")
+        first = self.replaced.first or (letters[word.start() : word.end()] if word else "")
         self.replaced = ReplacedBytes(self.replaced.count + count, first)
-        return mended
+        return letters
 
 
 def detect_encoding(head: bytes) -> str:
-    """Tell the encoding of an XML file from its first bytes.
+    """Find the encoding of an XML file from its first bytes.
 
     A byte order mark comes first, then the number of bytes for a character, then the declaration.
     A file that declares an encoding it can't have is read as UTF-8.
@@ -186,7 +190,7 @@ def detect_encoding(head: bytes) -> str:
 def root_element(head: bytes) -> str | None:
     """Find the name of an XML file's root element, without its prefix.
 
-    Where there is a document type, it names the root element.
+    If there is a document type, it names the root element.
 
     Parameters
     ----------
@@ -200,10 +204,12 @@ def root_element(head: bytes) -> str | None:
 
     Examples
     --------
-    >>> root_element(b'<?xml version="1.0"?><!-- a walk --><g:gpx xmlns:g="...">'), root_element(b"t,x,y")
-    ('gpx', None)
+    >>> root_element(b'<?xml version="1.0"?><!-- a walk --><g:gpx xmlns:g="...">')
+    'gpx'
+    >>> root_element(b"t,x,y") is None
+    True
     """
-    # Decode the bytes, and leave files that are no XML.
+    # Decode the bytes; pass over files that are no XML.
     try:
         text = Utf8Transcoder(head).encode(head)
     except UnicodeDecodeError:
@@ -220,7 +226,7 @@ def root_element(head: bytes) -> str | None:
         parser.Parse(text, True)
     except _FoundError:
         pass
-    except expat.ExpatError:
+    except expat.ExpatError:  # damaged before the first element
         names = _TAG.findall(_COMMENT.sub("", text.decode()))[:1]
 
     if not names:
@@ -229,7 +235,7 @@ def root_element(head: bytes) -> str | None:
 
 
 class _FoundError(Exception):
-    """The root element is found; the parser can stop."""
+    """Stops the parser at the root element."""
 
 
 def _stop_at(name: str, names: list[str]) -> None:
@@ -238,7 +244,7 @@ def _stop_at(name: str, names: list[str]) -> None:
 
 
 def _usable_codec(declared: str) -> str:
-    """Return the codec for a declared encoding, or UTF-8 where the file can't have that one."""
+    """Return the codec for a declared encoding, or UTF-8 if the file can't have that one."""
     try:
         name = codecs.lookup(declared).name
         fits = _KNOWN.fullmatch(name) and _ASCII.decode(name) == _ASCII.decode()

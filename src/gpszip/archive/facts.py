@@ -1,0 +1,53 @@
+"""What an archive is, as plain values: for ``Archive.info()`` and ``gpszip info``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from gpszip.model.grid import step_size
+
+if TYPE_CHECKING:
+    from gpszip.archive.archive import Archive
+
+__all__ = ["count_facts", "file_facts"]
+
+
+def file_facts(archive: Archive) -> dict[str, Any]:
+    """Facts that need no walk to be decoded."""
+    grid, bound, contents = archive.grid, archive.error_bound, archive.contents
+    return {
+        "tracks": len(archive.ids),
+        "bytes": archive.size,
+        "groups": len(contents.groups),
+        "dimension": grid.dimension,
+        "geographic": grid.plane is not None,
+        "node_quantum_m": step_size(grid.space),
+        "time_quantum_s": step_size(grid.time),
+        "layer": contents.layer,
+        "kept": None if archive.kept_columns is None else list(archive.kept_columns),
+        "map": None if contents.map is None else contents.map.hash.hex(),
+        "promise_m": None if bound is None else bound.metres,
+        "promise_max_m": None if bound is None else bound.max_error,
+        "promise": None if bound is None else "max_error" if bound.maximum else "rmse",
+        "sampling_s": archive.sampling,
+        "timed": archive.timed,
+    }
+
+
+def count_facts(archive: Archive) -> dict[str, Any]:
+    """Counts of the map and the walks, and the span of time, for which all walks are decoded."""
+    times = [
+        walk.times if walk.spans is None else walk.spans.ravel()
+        for walk in archive.walks
+        if walk.times is not None
+    ]
+    return {
+        "nodes": len(archive.road_map.nodes),
+        "edges": len(archive.road_map.edges),
+        "parts": sum(len(walk.gaps) for walk in archive.walks),
+        "waypoints": sum(len(archive.waypoints(name)) for name in archive.ids),
+        "gaps": sum(int(walk.gaps.sum()) for walk in archive.walks),
+        "untimed": list(archive.untimed),
+        "t_start": min((float(seconds[0]) for seconds in times), default=None),
+        "t_end": max((float(seconds[-1]) for seconds in times), default=None),
+    }

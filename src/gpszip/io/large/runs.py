@@ -1,0 +1,196 @@
+"""External merge sort of rows by track and time: sorted runs on disk, merged when they are read.
+
+A row is float64 numbers: time, coordinates, kept columns. Rows are buffered up to a capacity,
+sorted, and written as a run, which is one file.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.io.large.columns import ColumnEncoder, ColumnKind, EncodedBatch
+from gpszip.io.storage.temporary import disk_errors_as_output_errors, read_numbers, write_numbers
+
+__all__ = ["SortedRuns", "read_rows"]
+
+Floats = NDArray[np.float64]
+Codes = NDArray[np.int32]
+
+
+class _RunRange(NamedTuple):
+    """Rows of one track in a run."""
+
+    run: int
+    first: int
+    row_count: int
+
+
+class SortedRuns:
+    """Rows of many tracks, in files that are sorted by track and time.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder for the files.
+    max_rows : int
+        Rows in memory at once.
+    column_encoder : ColumnEncoder
+        Encodes the kept columns, which are the last columns of a row.
+    """
+
+    def __init__(self, folder: Path, max_rows: int, column_encoder: ColumnEncoder) -> None:
+        self.folder = folder
+        self.max_rows = max_rows
+        self.column_encoder = column_encoder
+        self._width = 0  # numbers in a row
+        self._buffer: list[tuple[Codes, Floats]] = []
+        self._buffered_rows = 0
+        self._buffer_kinds: tuple[ColumnKind, ...] = ()
+        self._run_kinds: list[tuple[ColumnKind, ...]] = []
+        self._ranges: defaultdict[int, list[_RunRange]] = defaultdict(list)
+
+    def add(self, codes: Codes, times: Floats, positions: Floats, columns: EncodedBatch) -> None:
+        """Add rows.
+
+        Parameters
+        ----------
+        codes : int32 array, shape (n,)
+            Code of each row's track.
+        times : float64 array, shape (n,)
+            Seconds.
+        positions : float64 array, shape (n, d)
+            Coordinates.
+        columns : EncodedBatch
+            The kept columns.
+        """
+        # All rows of a run have columns of the same kinds, which are converted when they are read.
+        if columns.kinds != self._buffer_kinds:
+            self.flush()
+        self._buffer_kinds = columns.kinds
+        self._buffer.append((codes, np.column_stack([times, positions, columns.values])))
+        self._buffered_rows += len(times)
+        if self._buffered_rows >= self.max_rows:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write the buffered rows as a sorted run."""
+        if not self._buffered_rows:
+            return
+
+        # Sort by track, then by time.
+        codes, rows = (np.concatenate(arrays) for arrays in zip(*self._buffer, strict=True))
+        self._buffer, self._buffered_rows = [], 0
+        order = np.lexsort((rows[:, 0], codes))
+        codes = codes[order]
+        self._width = rows.shape[1]
+
+        run = len(self._run_kinds)
+        with disk_errors_as_output_errors(), self._run_path(run).open("wb") as file:
+            write_numbers(rows[order], file)
+        self._run_kinds.append(self._buffer_kinds)
+
+        # Note where the rows of each track are.
+        starts = np.flatnonzero(np.diff(codes, prepend=-1)).tolist()
+        for start, stop in zip(starts, [*starts[1:], len(codes)], strict=True):
+            self._ranges[int(codes[start])].append(_RunRange(run, start, stop - start))
+
+    def row_count(self, code: int) -> int:
+        """Return the number of a track's rows in the runs."""
+        return sum(run_range.row_count for run_range in self._ranges[code])
+
+    def blocks(self, code: int, *, in_order: bool) -> Iterator[Floats]:
+        """Yield the rows of a track in the order of time, in blocks that fit in memory.
+
+        Parameters
+        ----------
+        code : int
+            Code of the track.
+        in_order : bool
+            Whether its rows were added in the order of time, so that its runs follow each other.
+        """
+        ranges = self._ranges[code]
+        if not in_order and len(ranges) > 1:
+            yield from self._merge(ranges)
+            return
+        for run_range in ranges:
+            for row in range(0, run_range.row_count, self.max_rows):
+                yield self._read(run_range, row, self.max_rows)
+
+    def remove(self) -> None:
+        """Remove the files."""
+        for run in range(len(self._run_kinds)):
+            self._run_path(run).unlink()
+
+    def _merge(self, ranges: list[_RunRange]) -> Iterator[Floats]:
+        """Merge runs by time.
+
+        Of each run, a head is in memory. Rows up to the earliest end of a head whose run goes on
+        are complete: no later row of any run comes before them. Rows of one time keep the order
+        in which they were added.
+        """
+        head_rows = max(self.max_rows // len(ranges), 1)
+        heads = [np.empty((0, self._width)) for _ in ranges]
+        read_counts = [0] * len(ranges)
+        while True:
+            # Refill empty heads.
+            for i, run_range in enumerate(ranges):
+                if not len(heads[i]) and read_counts[i] < run_range.row_count:
+                    heads[i] = self._read(run_range, read_counts[i], head_rows)
+                    read_counts[i] += len(heads[i])
+
+            # Find the time up to which rows are complete.
+            open_ends = [
+                head[-1, 0]
+                for head, read_count, run_range in zip(heads, read_counts, ranges, strict=True)
+                if read_count < run_range.row_count and len(head)
+            ]
+            limit = min(open_ends, default=np.inf)
+
+            # Yield these rows.
+            cuts = [int(np.searchsorted(head[:, 0], limit, side="right")) for head in heads]
+            block = np.concatenate([head[:cut] for head, cut in zip(heads, cuts, strict=True)])
+            heads = [head[cut:] for head, cut in zip(heads, cuts, strict=True)]
+            if not len(block):
+                return
+            yield block[np.argsort(block[:, 0], kind="stable")]
+
+    def _read(self, run_range: _RunRange, first: int, max_count: int) -> Floats:
+        """Read up to ``max_count`` rows of a range, with columns converted to their final kinds."""
+        count = min(max_count, run_range.row_count - first)
+        rows = read_rows(self._run_path(run_range.run), run_range.first + first, count, self._width)
+        if not self.column_encoder.names:
+            return rows
+        sample_width = self._width - len(self.column_encoder.names)
+        stored = EncodedBatch(rows[:, sample_width:], self._run_kinds[run_range.run])
+        columns = self.column_encoder.convert(stored)
+        return np.concatenate([rows[:, :sample_width], columns], axis=1)
+
+    def _run_path(self, run: int) -> Path:
+        return self.folder / f"run-{run}"
+
+
+def read_rows(path: Path, first: int, count: int, width: int) -> Floats:
+    """Read rows of a file of float64 numbers.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    first : int
+        Index of the first row.
+    count : int
+        Number of rows.
+    width : int
+        Numbers in a row.
+
+    Returns
+    -------
+    float64 array, shape (count, width)
+    """
+    return read_numbers(path, np.float64, first * width, count * width).reshape(count, width)

@@ -1,0 +1,168 @@
+"""Interpret a table batch by batch, as if all its rows were read at once.
+
+A format reads batches of cells (:class:`TableReader`); :func:`interpret_batches` makes logs of
+them. Decimal marks, the order of dates and the unit of time are found once, so that all batches
+are read alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import reduce
+from operator import or_
+from typing import Any, NamedTuple, Protocol
+
+import pyarrow as pa
+
+from gpszip.errors import InputError
+from gpszip.io.logs.csv import malformed_rows_repair
+from gpszip.io.logs.plausibility import check_plausible, note_spreadsheet_days
+from gpszip.io.logs.raw import RawLog, Request
+from gpszip.io.tables.roles import Roles
+from gpszip.io.tables.table import TableConventions, build_raw_log, find_conventions
+from gpszip.io.tables.time_columns import find_date_order, join_time_columns
+from gpszip.io.values.arrow import is_text, trimmed_text
+from gpszip.io.values.dates import DateOrders, find_date_orders
+
+__all__ = ["TableBatch", "TableReader", "interpret_batches"]
+
+
+class TableBatch(NamedTuple):
+    """Some rows of a table.
+
+    Parameters
+    ----------
+    table : pyarrow.Table
+        The rows, with the columns of ``roles.used`` in that order.
+    malformed : int
+        Rows with too many or too few cells since the batch before; they are not in ``table``.
+    """
+
+    table: Any
+    malformed: int = 0
+
+
+class TableReader(Protocol):
+    """A file with columns that is read in batches."""
+
+    @property
+    def name(self) -> str:
+        """Name of the file in messages."""
+
+    @property
+    def column_names(self) -> tuple[str, ...]:
+        """Names of all columns."""
+
+    @property
+    def roles(self) -> Roles:
+        """Which column holds what."""
+
+    @property
+    def first_row_number(self) -> int:
+        """Number of the first row in messages."""
+
+    def read(self) -> Iterator[TableBatch]:
+        """Yield all rows, with numbers and times parsed where Arrow can parse them."""
+
+    def read_as_text(self) -> Iterator[Any]:
+        """Yield all rows once more as tables; cells that the file holds as text stay text."""
+
+    def uses_decimal_comma(self) -> bool | None:
+        """Whether coordinates have decimal commas; None if the first rows decide."""
+
+    def explain_error(self, error: Exception) -> str:
+        """Say what is wrong with the file when Arrow can't read it."""
+
+
+def interpret_batches(reader: TableReader, request: Request) -> Iterator[RawLog]:
+    """Yield the rows of a table as logs, in the order of the file.
+
+    Parameters
+    ----------
+    reader : TableReader
+        The file.
+    request : Request
+        Unit of time, order of dates and attributes.
+
+    Raises
+    ------
+    InputError
+        If the file is damaged, or its times are certainly in another unit.
+    """
+    try:
+        yield from _interpret(reader, request)
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{reader.name}: {reader.explain_error(error)}") from None
+
+
+def _interpret(reader: TableReader, stated: Request) -> Iterator[RawLog]:
+    request = stated
+    conventions: TableConventions | None = None
+    row_number = reader.first_row_number
+    for table, malformed in reader.read():
+        # Find what holds for all rows, from the first batch that has some.
+        if request.dates is None and table.num_rows:
+            request = replace(request, dates=_find_date_order(reader, table, request))
+        has_first_rows = conventions is None and table.num_rows > 0
+        if has_first_rows:
+            conventions = find_conventions(
+                table.columns,
+                reader.column_names,
+                reader.roles,
+                request,
+                reader.name,
+                decimal_comma=reader.uses_decimal_comma(),
+            )
+
+        # Interpret the columns.
+        if table.num_rows or malformed:
+            raw = build_raw_log(
+                table.columns,
+                reader.column_names,
+                reader.roles,
+                request,
+                reader.name,
+                first=row_number,
+                conventions=conventions,
+                repairs=malformed_rows_repair(malformed, reader.name),
+                all_rows=False,
+            )
+
+            # The unit of time that the first rows suggest holds for all.
+            if has_first_rows:
+                raw = check_plausible(raw, stated)
+                unit = raw.guessed_unit.unit if raw.guessed_unit else stated.time_unit
+                request = replace(request, time_unit=unit)
+            elif request.time_unit == "excel" and stated.time_unit is None:
+                raw = note_spreadsheet_days(raw)
+            yield raw
+        row_number += table.num_rows
+
+
+def _find_date_order(reader: TableReader, table: Any, request: Request) -> str | None:
+    """Find the order of day, month and year; None if this batch has no such dates.
+
+    It is found from all rows of the file, so that every batch is read in the same order.
+    """
+    names, roles = reader.column_names, reader.roles
+    stated = find_date_order(names, roles, request)
+    if stated is not None or not _possible_date_orders(reader, table, request).first:
+        return stated
+    tables = reader.read_as_text()
+    orders = reduce(or_, (_possible_date_orders(reader, table, request) for table in tables))
+    return orders.decide(f"{reader.name}: column {names[roles.time[-1]]!r}")
+
+
+def _possible_date_orders(reader: TableReader, table: Any, request: Request) -> DateOrders:
+    """Return the orders of day, month and year in which all dates of a batch are valid."""
+    roles = reader.roles
+    columns = dict(zip(roles.used, table.columns, strict=False))
+
+    # Columns of type timestamp or date have no order.
+    types = [columns[i].type for i in roles.time]
+    if any(not is_text(kind) and pa.types.is_temporal(kind) for kind in types):
+        return DateOrders()
+
+    cells = join_time_columns(columns, reader.column_names, roles, request, reader.name)
+    return find_date_orders(trimmed_text(cells)) if is_text(cells.type) else DateOrders()

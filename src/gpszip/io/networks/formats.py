@@ -1,0 +1,213 @@
+"""The formats that road networks come in.
+
+To add a format here, write its reader in one module and add it to :data:`NETWORK_FORMATS`. Another
+package adds a :class:`NetworkFormat` as an entry point of the group ``gpszip.network_formats``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from gpszip.errors import InputError, UnknownFormatError
+from gpszip.io.networks.graphml import read_graphml_lines
+from gpszip.io.networks.lines import RoadLines
+from gpszip.io.networks.osm import read_osm_lines
+from gpszip.io.networks.prepared_file import PREPARED_MAGIC
+from gpszip.io.networks.vector import read_vector_lines
+from gpszip.io.plugins import load_plugins
+from gpszip.io.storage.source import Source
+
+__all__ = [
+    "NETWORK_FORMATS",
+    "NetworkFormat",
+    "describe_network_formats",
+    "find_network_format",
+    "network_formats",
+]
+
+#: Group of entry points by which other packages add formats.
+_PLUGIN_GROUP = "gpszip.network_formats"
+
+#: Bytes of a file within which its root element or its members name its format.
+_HEADER_BYTES = 4096
+
+#: Blanks and the byte order mark, which may come before text.
+_BLANKS = b"\xef\xbb\xbf \t\r\n"
+
+
+@dataclass(frozen=True)
+class NetworkFormat:
+    """One format of road networks.
+
+    Parameters
+    ----------
+    name : str
+        Name in messages and help texts.
+    suffixes : tuple of str
+        Suffixes of its files, in lower case, for help texts; the content decides.
+    sniff : callable
+        Gets the first bytes of a file and its name. It returns whether the file is of this format.
+    read : callable
+        Gets the file, and whether the log is in x and y (None if no log is given). It returns the
+        roads as lines.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    sniff: Callable[[bytes, str], bool]
+    read: Callable[[Source, bool | None], RoadLines]
+
+
+def network_formats() -> tuple[NetworkFormat, ...]:
+    """Return all formats in the order in which they are asked.
+
+    Formats of other packages come first, so that they can claim a kind of JSON or zip file that
+    would be read as another format.
+
+    Raises
+    ------
+    InputError
+        If a format of another package can't be loaded.
+    """
+    return (*load_plugins(_PLUGIN_GROUP, NetworkFormat), *NETWORK_FORMATS)
+
+
+def find_network_format(source: Source) -> NetworkFormat:
+    """Find the format of a file from its content.
+
+    Raises
+    ------
+    InputError
+        If it is empty.
+    UnknownFormatError
+        If no format knows it.
+    """
+    head = source.head()
+    if not head.strip(b" \t\r\n\0"):
+        raise InputError(f"{source.name}: empty file; name one that holds a network")
+    for network_format in network_formats():
+        if network_format.sniff(head, source.name):
+            return network_format
+
+    # No format knows it: say what it is.
+    if _is_xml(head) and b"<!ENTITY" in head:
+        raise _entity_error(source)
+    if _is_xml(head):
+        raise UnknownFormatError(f"{source.name}: is XML, but neither OpenStreetMap's nor GraphML")
+    raise UnknownFormatError(f"{source.name}: no network; known are {describe_network_formats()}")
+
+
+def describe_network_formats() -> str:
+    """Return the names of all formats, for messages and help texts.
+
+    Examples
+    --------
+    >>> "GeoJSON, GeoPackage, FlatGeobuf, Shapefile, GraphML" in describe_network_formats()
+    True
+    """
+    return ", ".join(network_format.name for network_format in network_formats())
+
+
+def _is_xml(head: bytes) -> bool:
+    return head.lstrip(_BLANKS).startswith(b"<")
+
+
+def _entity_error(source: Source) -> InputError:
+    return InputError(
+        f"{source.name}: declares XML entities, which are not expanded; write it without them"
+    )
+
+
+# OpenStreetMap.
+
+
+def _is_osm(head: bytes, name: str) -> bool:
+    is_bzip2 = head.startswith(b"BZh") and name.lower().endswith(".osm.bz2")
+    is_pbf = b"OSMHeader" in head[:64]
+    return is_bzip2 or is_pbf or (_is_xml(head) and b"<osm" in head.lstrip(_BLANKS)[:_HEADER_BYTES])
+
+
+def _read_osm(source: Source, _metric: bool | None) -> RoadLines:
+    if source.path is None:
+        raise InputError(
+            f"{source.name}: OpenStreetMap data is read only from files whose names are UTF-8; "
+            "save or rename it first"
+        )
+    return read_osm_lines(str(source.path), source.name)
+
+
+# GraphML.
+
+
+def _is_graphml(head: bytes, _name: str) -> bool:
+    return _is_xml(head) and b"<graphml" in head.lstrip(_BLANKS)[:_HEADER_BYTES]
+
+
+def _read_graphml(source: Source, metric: bool | None) -> RoadLines:
+    if b"<!ENTITY" in source.head():
+        raise _entity_error(source)
+    with source.open() as stream:
+        return read_graphml_lines(stream, source.name, metric=metric)
+
+
+# Vector formats.
+
+
+def _is_geojson(head: bytes, _name: str) -> bool:
+    return head.lstrip(_BLANKS).startswith(b"{")
+
+
+def _read_geojson(source: Source, metric: bool | None) -> RoadLines:
+    # GPSZip's own maps say that their coordinates are metres.
+    start = source.head().lstrip(_BLANKS)[:_HEADER_BYTES]
+    in_metres = b'"gpszip"' in start and b'"metres"' in start
+    return read_vector_lines(
+        _gdal_source(source), source.name, metric=metric, in_metres=in_metres, is_geojson=True
+    )
+
+
+def _starts_with(*magic: bytes) -> Callable[[bytes, str], bool]:
+    """Return a sniffer of files that start with one of these bytes."""
+    return lambda head, _name: head.startswith(magic)
+
+
+def _read_vector(source: Source, metric: bool | None) -> RoadLines:
+    return read_vector_lines(_gdal_source(source), source.name, metric=metric)
+
+
+def _gdal_source(source: Source) -> str | bytes:
+    """Return what GDAL reads: a path, a path into a zip file, or the unpacked bytes."""
+    if source.path is None or source.is_gzip:
+        return source.read()
+    is_zip = source.path.suffix.lower() == ".zip"
+    return f"/vsizip/{source.path}" if is_zip else str(source.path)
+
+
+# Prepared networks.
+
+
+def _refuse_prepared(source: Source, _metric: bool | None) -> RoadLines:
+    """Refuse a prepared network among several sources; a single one is not read as lines."""
+    raise InputError(
+        f"{source.name}: prepared networks can't be joined; prepare one of all sources"
+    )
+
+
+#: Formats in the order in which they are asked.
+NETWORK_FORMATS: tuple[NetworkFormat, ...] = (
+    NetworkFormat("OpenStreetMap (PBF, XML)", (".osm.pbf", ".osm"), _is_osm, _read_osm),
+    NetworkFormat("GeoJSON", (".geojson",), _is_geojson, _read_geojson),
+    NetworkFormat("GeoPackage", (".gpkg",), _starts_with(b"SQLite format 3"), _read_vector),
+    NetworkFormat("FlatGeobuf", (".fgb",), _starts_with(b"fgb\x03"), _read_vector),
+    NetworkFormat(
+        "Shapefile", (".shp",), _starts_with(b"\x00\x00\x27\x0a", b"PK\x03\x04"), _read_vector
+    ),
+    NetworkFormat("GraphML", (".graphml",), _is_graphml, _read_graphml),
+    NetworkFormat(
+        "archives and networks that 'gpszip network' prepared",
+        (".gpsz",),
+        _starts_with(PREPARED_MAGIC),
+        _refuse_prepared,
+    ),
+)

@@ -1,0 +1,134 @@
+"""Columns and sample times that merged archives keep."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gpszip.container.attributes import KeptColumns, encode_attributes, read_attributes
+from gpszip.container.contents import Section
+from gpszip.container.layout import SectionKind
+from gpszip.errors import OptionError
+from gpszip.pipeline.merge_sources import MergeSource
+
+__all__ = ["merge_columns"]
+
+
+def merge_columns(
+    sources: Sequence[MergeSource], ids: Sequence[str]
+) -> tuple[tuple[Section, ...], tuple[str, ...]]:
+    """Join the kept columns of all archives.
+
+    Parameters
+    ----------
+    sources : sequence of MergeSource
+        The archives.
+    ids : sequence of str
+        All tracks, in their order.
+
+    Returns
+    -------
+    tuple of Section
+        One section, or none where no archive keeps columns.
+    tuple of str
+        Notes on columns that only some archives keep.
+
+    Raises
+    ------
+    OptionError
+        If a column holds texts in one archive and numbers in another.
+    """
+    bodies = [
+        [
+            section.body
+            for section in source.archive.contents.extras
+            if section.kind == SectionKind.ATTRIBUTES
+        ]
+        for source in sources
+    ]
+    if not any(bodies):
+        return (), ()
+
+    # the table of each archive; empty where it keeps none
+    tables = [
+        read_attributes(bytes(body[0]), len(source.ids))
+        if body
+        else KeptColumns((0,) * len(source.ids), np.zeros(0))
+        for source, body in zip(sources, bodies, strict=True)
+    ]
+    names = list(dict.fromkeys(name for table in tables for name in table.columns))
+
+    # rows of each track in the order of time, track by track
+    rows = _rows_by_track(sources, tables, ids)
+    chosen = [row for id in ids for row in rows[id]]
+    counts = tuple(sum(where.stop - where.start for _, where in rows[id]) for id in ids)
+    times = [table.times[where] for table, where in chosen]
+    columns = {
+        name: np.concatenate([_values(table, name, where, tables) for table, where in chosen])
+        for name in names
+    }
+    kept = KeptColumns(counts, np.concatenate(times) if times else np.zeros(0), columns)
+
+    notes = []
+    missing = sorted({name for name in names for table in tables if name not in table.columns})
+    if missing:
+        notes.append(f"only some archives keep {', '.join(missing)}: the others' samples have none")
+    if not all(bodies):
+        notes.append("only some archives keep the times of samples")
+    return (Section(SectionKind.ATTRIBUTES, encode_attributes(kept)),), tuple(notes)
+
+
+def _rows_by_track(
+    sources: Sequence[MergeSource], tables: Sequence[KeptColumns], ids: Sequence[str]
+) -> dict[str, list[tuple[KeptColumns, slice]]]:
+    """Where the rows of each track are, in the order of time."""
+    rows: dict[str, list[tuple[float, KeptColumns, slice]]] = {id: [] for id in ids}
+    for source, table in zip(sources, tables, strict=True):
+        for number, id in enumerate(source.ids):
+            where = table.rows(number)
+            if where.stop > where.start:
+                rows[id].append((float(table.times[where.start]), table, where))
+    return {
+        id: [(table, where) for _, table, where in sorted(found, key=lambda row: row[0])]
+        for id, found in rows.items()
+    }
+
+
+def _values(
+    table: KeptColumns, name: str, rows: slice, tables: Sequence[KeptColumns]
+) -> NDArray[np.generic]:
+    """Some rows of a column: as integers, or else numbers with NaN, or texts, as all hold it."""
+    # NumPy's kinds of the column in all archives that keep rows; "-" where one lacks it
+    kinds = {
+        each.columns[name].dtype.kind if name in each.columns else "-"
+        for each in tables
+        if len(each.times)
+    }
+    count = rows.stop - rows.start
+
+    # texts; empty where there are none
+    if kinds & set("OSU"):
+        if kinds & set("biuf"):
+            raise OptionError(
+                f"column {name!r} holds texts in one archive and numbers in another; "
+                "compress them under different names"
+            )
+        if name in table.columns:
+            return table.columns[name][rows]
+        return np.full(count, "", dtype=object)
+
+    # integers in all
+    if kinds <= set("biu"):
+        return table.columns[name][rows]
+
+    # numbers with a fraction, or holes
+    values = table.columns[name][rows] if name in table.columns else np.full(count, np.nan)
+    numbers = values.astype(np.float64)
+    if values.dtype.kind in "iu" and (numbers.astype(values.dtype) != values).any():
+        raise OptionError(
+            f"column {name!r} holds integers in one archive that can't be numbers with a "
+            "fraction, as another has it"
+        )
+    return numbers

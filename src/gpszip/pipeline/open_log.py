@@ -1,0 +1,125 @@
+"""Opening logs: in memory where they fit, else sorted into a temporary file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO, TypedDict, Unpack
+
+from gpszip.io.logs.read import read_logs
+from gpszip.model import Listener, Plane, Progress
+from gpszip.model.log import Log, MemoryLog
+from gpszip.pipeline.memory import check_memory, fits, rows_while_sorting
+
+__all__ = ["ReadOptions", "open_log"]
+
+
+class ReadOptions(TypedDict, total=False):
+    """How logs are read; see :func:`gpszip.io.logs.read.read_logs`."""
+
+    format: str | None
+    columns: str | Sequence[str] | Mapping[str, str] | None
+    time_unit: str | None
+    dates: str | None
+    clean: bool
+    sort: bool
+    split: bool
+    skip_bad: bool
+    keep: Sequence[str]
+    times: bool
+
+
+@contextmanager
+def open_log(
+    sources: str | Path | BinaryIO | Iterable[str | Path | BinaryIO],
+    *,
+    memory: int | None = None,
+    plane: Plane | None = None,
+    progress: Listener | None = None,
+    **options: Unpack[ReadOptions],
+) -> Iterator[Log]:
+    """Read logs, into memory where they fit.
+
+    Parameters
+    ----------
+    sources : path, stream or iterable of them
+        Files, patterns, folders of Parquet; ``-`` is standard input.
+    memory : int, optional
+        Bytes that compressing the log may take, at least 400 MiB. A log that would take more is
+        sorted by track and time into a temporary file, which goes when the context ends.
+    plane : Plane, optional
+        Plane of a log on disk, such as that of a map. Chosen for it by default.
+    progress : callable, optional
+        Called with :class:`~gpszip.model.report.Progress` events.
+    **options
+        As for :func:`gpszip.io.logs.read.read_logs`.
+
+    Yields
+    ------
+    Log
+        With what was read, repaired and dropped in ``read_result``.
+
+    Raises
+    ------
+    InputError
+        If a log can't be read, or holds no track.
+    OptionError
+        If the memory is too little to work in.
+    """
+    from gpszip.io.logs.formats import is_bundle
+    from gpszip.io.storage.source import spooled
+
+    if memory is None:
+        result = read_logs(sources, **options)
+        yield MemoryLog(result.tracks, result)
+        return
+
+    # streams are read twice: to count, and to read
+    with spooled(sources, unzip=is_bundle) as files:
+        rows = _count_rows(files, options)
+        if fits(rows, memory):
+            result = read_logs(files, **options)
+            yield MemoryLog(result.tracks, result)
+            return
+        check_memory(memory)
+        with _stored(files, memory, plane, progress, options) as log:
+            yield log
+
+
+def _count_rows(sources: Any, options: ReadOptions) -> int:
+    from gpszip.io.large.store import count_rows
+
+    return count_rows(sources, format=options.get("format"), columns=options.get("columns"))
+
+
+@contextmanager
+def _stored(
+    sources: Any,
+    memory: int,
+    plane: Plane | None,
+    progress: Listener | None,
+    options: ReadOptions,
+) -> Iterator[Log]:
+    """Sort a log into a temporary file."""
+    from gpszip.io.large.store import store_logs
+
+    report = progress or (lambda _event: None)
+    keep = options.get("keep", ())
+    report(Progress("read", 0.0))
+    with store_logs(
+        sources,
+        rows=rows_while_sorting(memory, len(keep)),
+        plane=plane,
+        format=options.get("format"),
+        columns=options.get("columns"),
+        time_unit=options.get("time_unit"),
+        dates=options.get("dates"),
+        sort=options.get("sort", False),
+        split=options.get("split", False),
+        skip_bad=options.get("skip_bad", False),
+        clean=options.get("clean", False),
+        keep=keep,
+    ) as log:
+        report(Progress("read", 1.0))
+        yield log
