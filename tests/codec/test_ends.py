@@ -15,23 +15,25 @@ from oracle.tail import read_tail
 from oracle.walks import random_walks, walk
 
 
-def spans_within(walks, grid, rng, whole):
-    """First and last sample of each piece, within a cell of its knots."""
-    spans = []
+def random_ranges(walks, grid, rng, in_seconds):
+    """First and last sample of each piece, within a time step of its knots."""
+    ranges = []
     for one in walks.walks:
         times = grid.epoch / 1000 + one.time_steps * step_size(grid.time)
         first, last = times[np.append(True, one.gaps)], times[np.append(one.gaps, True)]
         begin = first + rng.random(len(first)) * step_size(grid.time)
         end = np.maximum(last - rng.random(len(first)) * step_size(grid.time), begin)
-        own = np.stack([begin, end], axis=1)
-        own = np.clip(np.round(own) if whole else own, first[:, None], last[:, None])
-        spans.append(own)
-    return spans
+        samples = np.stack([begin, end], axis=1)
+        samples = np.clip(
+            np.round(samples) if in_seconds else samples, first[:, None], last[:, None]
+        )
+        ranges.append(samples)
+    return ranges
 
 
-@pytest.mark.parametrize("whole", [True, False])
+@pytest.mark.parametrize("in_seconds", [True, False])
 @pytest.mark.parametrize("seed", range(8))
-def test_ends_come_back_from_the_coder_and_from_its_plain_twin(seed, whole):
+def test_ends_round_trip_and_the_plain_decoder_agrees(seed, in_seconds):
     rng = np.random.default_rng(seed)
     walks, grid = (
         random_walks(seed),
@@ -40,15 +42,17 @@ def test_ends_come_back_from_the_coder_and_from_its_plain_twin(seed, whole):
     if not walks.timed or not walks.walks:
         pytest.skip("no times")
     grid = QuantisationGrid((0,) * walks.nodes.shape[1], grid.epoch, grid.space, grid.time)
-    ends = find_piece_ends(spans_within(walks, grid, rng, whole), walks, grid)
-    made = GridWalks(walks.nodes, walks.walks, True, ends)
-    data = encode_smallest(made, grid=grid)
+    ends = find_piece_ends(random_ranges(walks, grid, rng, in_seconds), walks, grid)
+    with_ends = GridWalks(walks.nodes, walks.walks, True, ends)
+    data = encode_smallest(with_ends, grid=grid)
     back = decode(data, walks.nodes.shape[1], len(walks.walks), grid=grid)
     assert back.ends.tick == ends.tick
     assert back.ends.first.tolist() == ends.first.tolist()
     assert back.ends.last.tolist() == ends.last.tolist()
     decoder, tracks = walk_decoder.read(data, walks.nodes.shape[1], len(walks.walks))
-    shapes, (tick, pieces) = read_tail(decoder.coder, decoder.places, tracks, step_size(grid.time))
+    shapes, (tick, pieces) = read_tail(
+        decoder.coder, decoder.positions, tracks, step_size(grid.time)
+    )
     assert (shapes, tick) == (set(), ends.tick)
     assert pieces == list(zip(ends.first.tolist(), ends.last.tolist(), strict=True))
 
@@ -72,11 +76,13 @@ def test_tracks_start_and_end_at_their_samples(seed, start, unit, time):
         np.array([0, 1], np.int32), np.array([low, max(high, low + 1)]), np.array([False])
     )
     walks = GridWalks(np.array([[0], [7]]), (one,))
-    made = GridWalks(
+    with_ends = GridWalks(
         walks.nodes, walks.walks, True, find_piece_ends([np.array([[first, last]])], walks, grid)
     )
-    (span,) = piece_time_ranges(decode(encode_smallest(made, grid=grid), 1, 1, grid=grid), grid)
-    assert span[0] == pytest.approx([first, last], abs=1e-5)
+    (time_range,) = piece_time_ranges(
+        decode(encode_smallest(with_ends, grid=grid), 1, 1, grid=grid), grid
+    )
+    assert time_range[0] == pytest.approx([first, last], abs=1e-5)
 
 
 def test_ends_may_be_rounded_by_less_than_a_quarter_of_the_sampling():
@@ -84,7 +90,7 @@ def test_ends_may_be_rounded_by_less_than_a_quarter_of_the_sampling():
     walks, grid = (
         GridWalks(np.array([[0], [7]]), (one,)),
         QuantisationGrid((0,), 0, 128, 176),
-    )  # cells of 64 s
+    )  # time steps of 64 s
     exact = find_piece_ends([np.array([[3.0, 251.0]])], walks, grid)
     rounded = find_piece_ends([np.array([[3.0, 251.0]])], walks, grid, step=60.0)
     assert (TICKS[exact.tick], exact.first.tolist(), exact.last.tolist()) == ((1, 1), [3], [251])
@@ -95,50 +101,52 @@ def test_ends_may_be_rounded_by_less_than_a_quarter_of_the_sampling():
     )
 
 
-def test_a_piece_beside_a_gap_is_cut_only_where_it_goes_far_in_a_cell():
+def test_a_piece_beside_a_gap_has_an_offset_only_where_it_is_fast():
     torn = [False, True, False]
     slow, fast = walk([0, 1, 2, 3], [0, 8, 50, 60], torn), walk([0, 4, 2, 3], [0, 8, 50, 60], torn)
     nodes = np.array([[0], [8], [100], [110], [800]])
-    grid = QuantisationGrid((0,), 0, 128, 136)  # cells of 2 s
+    grid = QuantisationGrid((0,), 0, 128, 136)  # time steps of 2 s
     walks = GridWalks(nodes, (slow, fast))
     ends = find_piece_ends([np.array([[0.0, 14.0], [100.0, 119.0]])] * 2, walks, grid)
     assert TICKS[ends.tick] == (1, 1)
     assert ends.last.tolist() == [16, 119, 14, 119]
 
 
-def test_shapes_have_no_ends():
+def test_tracks_without_times_have_no_ends():
     shape, drive = walk([0, 1], [0, 1]), walk([1, 0], [0, 9])
     grid = QuantisationGrid((0,), 0, 128, 136)
     walks = GridWalks(np.array([[0], [70]]), (shape, drive), untimed=frozenset({0}))
-    made = GridWalks(
+    with_ends = GridWalks(
         walks.nodes,
         walks.walks,
         True,
         find_piece_ends([np.zeros((0, 2)), np.array([[1.0, 17.0]])], walks, grid),
         walks.untimed,
     )
-    data = encode_smallest(made, grid=grid)
+    data = encode_smallest(with_ends, grid=grid)
     back = decode(data, 1, 2, grid=grid)
     assert back.untimed == {0}
     assert piece_time_ranges(back, grid)[1].tolist() == [[1.0, 17.0]]
     decoder, tracks = walk_decoder.read(data, 1, 2)
-    assert read_tail(decoder.coder, decoder.places, tracks, 2.0)[0] == {0}
+    assert read_tail(decoder.coder, decoder.positions, tracks, 2.0)[0] == {0}
 
 
-def test_what_can_not_be_coded_is_claimed_from_the_knot_on():
+def test_ends_outside_of_the_knots_are_those_of_the_knots():
     one = walk([0, 1], [0, 4])
     walks, grid = GridWalks(np.array([[0], [7]]), (one,)), QuantisationGrid((0,), 0, 128, 128)
     ends = find_piece_ends([np.array([[-50.0, 90.0]])], walks, grid)
-    made = GridWalks(walks.nodes, walks.walks, True, ends)
-    (span,) = piece_time_ranges(decode(encode_smallest(made, grid=grid), 1, 1, grid=grid), grid)
-    assert span.tolist() == [[0.0, 4.0]]
+    with_ends = GridWalks(walks.nodes, walks.walks, True, ends)
+    (time_range,) = piece_time_ranges(
+        decode(encode_smallest(with_ends, grid=grid), 1, 1, grid=grid), grid
+    )
+    assert time_range.tolist() == [[0.0, 4.0]]
 
 
 def test_no_tracks_have_no_ends():
     grid = QuantisationGrid((0, 0), 0, 128, 128)
     walks = GridWalks(np.zeros((0, 2), np.int64), ())
-    made = GridWalks(walks.nodes, (), True, find_piece_ends([], walks, grid))
-    back = decode(encode_smallest(made, grid=grid), 2, 0, grid=grid)
+    with_ends = GridWalks(walks.nodes, (), True, find_piece_ends([], walks, grid))
+    back = decode(encode_smallest(with_ends, grid=grid), 2, 0, grid=grid)
     assert piece_time_ranges(back, grid) == []
 
 
@@ -152,7 +160,7 @@ def test_forged_ends_before_starts_are_refused():
         encode_smallest(forged, grid=grid)
 
 
-def test_pieces_too_far_for_ticks_are_claimed_from_knot_to_knot_or_refused():
+def test_pieces_too_far_for_ticks_last_from_knot_to_knot_or_are_refused():
     one = walk([0, 1], [2**44, 2**44 + 4])
     walks, grid = GridWalks(np.array([[0], [7]]), (one,)), QuantisationGrid((0,), 0, 128, 255)
     assert find_piece_ends([np.array([[0.0005, 1.0]])], walks, grid).tick == 0

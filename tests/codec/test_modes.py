@@ -1,4 +1,4 @@
-"""Ways of coding beside the usual one: each comes back, wins where it should, and holds against forged bytes."""
+"""Modes round-trip, win where they should, and hold against forged bytes."""
 
 import numpy as np
 import pytest
@@ -18,43 +18,43 @@ from oracle import walk_decoder
 from oracle.walks import assert_same, random_walks, walk
 
 
-def knots_of(walks):
+def count_knots(walks):
     return sum(len(one.nodes) for one in walks.walks)
 
 
-def in_mode(walks, modes, prior=None):
-    spent = np.zeros(knots_of(walks))
-    encode_in_modes(walks, prior, 0, spent)
-    return encode_in_modes(walks, prior, modes, spent)[0]
+def encode_with_mode(walks, modes, prior=None):
+    step_bits = np.zeros(count_knots(walks))
+    encode_in_modes(walks, prior, 0, step_bits)
+    return encode_in_modes(walks, prior, modes, step_bits)[0]
 
 
-def assert_twin_agrees(data, walks):
-    places, tracks, _ = walk_decoder.decode(data, walks.nodes.shape[1], len(walks.walks))
-    assert places == walks.nodes.tolist()
-    for plain, one in zip(tracks, walks.walks, strict=True):
-        assert [node for node, _, _ in plain] == one.nodes.tolist()
-        assert [cell for _, cell, _ in plain] == one.time_steps.tolist()
+def assert_plain_decoder_agrees(data, walks):
+    positions, tracks, _ = walk_decoder.decode(data, walks.nodes.shape[1], len(walks.walks))
+    assert positions == walks.nodes.tolist()
+    for track, walk_ in zip(tracks, walks.walks, strict=True):
+        assert [node for node, _, _ in track] == walk_.nodes.tolist()
+        assert [time_step for _, time_step, _ in track] == walk_.time_steps.tolist()
 
 
 @pytest.mark.parametrize("modes", range(1, 8))
 @pytest.mark.parametrize("seed", range(8))
-def test_random_walks_come_back_in_all_modes(seed, modes):
+def test_random_walks_round_trip_in_all_modes(seed, modes):
     walks = random_walks(seed, longest=200)
     if walks.timed or not modes & SORTED_STARTS:
-        data = in_mode(walks, modes)
+        data = encode_with_mode(walks, modes)
         assert_same(decode(data, walks.nodes.shape[1], len(walks.walks)), walks)
-        assert_twin_agrees(data, walks)
+        assert_plain_decoder_agrees(data, walks)
 
 
 def town(size=14, seed=3):
-    """Places on a bent grid, and the ways between neighbours."""
+    """Positions on a bent grid of streets, and the edges between neighbours."""
     rng = np.random.default_rng(seed)
     x, y = np.meshgrid(np.arange(size), np.arange(size))
-    places = np.round(
+    positions = np.round(
         100 * np.column_stack([x.ravel(), y.ravel()]) + rng.uniform(-35, 35, (size * size, 2))
     ).astype(np.int64)
     at = np.arange(size * size).reshape(size, size)
-    return places, np.vstack(
+    return positions, np.vstack(
         [
             np.column_stack([at[:, :-1].ravel(), at[:, 1:].ravel()]),
             np.column_stack([at[:-1].ravel(), at[1:].ravel()]),
@@ -62,9 +62,9 @@ def town(size=14, seed=3):
     )
 
 
-def all_ways(places, ways):
-    """One long walk over all ways, some of them several times, that a reader may know."""
-    size = int(np.sqrt(len(places)))
+def walk_all_edges(positions, edges):
+    """One long walk over all edges, some of them several times, as a prior."""
+    size = int(np.sqrt(len(positions)))
     rows = [np.arange(size)[:: 1 if row % 2 == 0 else -1] + size * row for row in range(size)]
     back = [at % size * size + at // size for at in np.concatenate(rows)]
     start = np.concatenate(rows)[::-1]
@@ -74,60 +74,63 @@ def all_ways(places, ways):
     )
 
 
-def errands(places, ways, count, seed=5):
-    """Trips along shortest paths between places anywhere in town."""
-    graph = build_road_graph(places.tolist(), ways.tolist())
+def trips_in_town(positions, edges, count, seed=5):
+    """Trips along shortest paths between nodes anywhere in town."""
+    graph = build_road_graph(positions.tolist(), edges.tolist())
     arcs, search, rng = kernel_arcs(graph), new_search_on(graph, None), np.random.default_rng(seed)
-    nodes, edges = np.zeros(len(places), np.int32), np.zeros(len(places), np.int32)
+    nodes, edges = np.zeros(len(positions), np.int32), np.zeros(len(positions), np.int32)
     here, trips = 0, []
     for trip in range(count):
-        there = int(rng.integers(len(places)))
-        if there != here:
-            end = write_canonical_path(arcs, search, here, there, nodes, edges, 0)
+        end_node = int(rng.integers(len(positions)))
+        if end_node != here:
+            end = write_canonical_path(arcs, search, here, end_node, nodes, edges, 0)
             route = nodes[: end + 1].copy()
             trips.append(
                 GridWalk(route, 10_000 * (trip + 1) + np.arange(end + 1) * 20, np.zeros(end, bool))
             )
-            here = there
+            here = end_node
     return tuple(trips)
 
 
 @pytest.fixture(scope="module")
-def on_a_known_town():
-    places, ways = town()
-    prior = Prior(number_by_visit(GridWalks(places, (all_ways(places, ways),))))
-    numbers = {tuple(place): number for number, place in enumerate(prior.walks.nodes.tolist())}
-    order = np.array([numbers[tuple(place)] for place in places.tolist()], np.int32)
+def known_town():
+    positions, edges = town()
+    prior = Prior(number_by_visit(GridWalks(positions, (walk_all_edges(positions, edges),))))
+    numbers = {
+        tuple(position): number for number, position in enumerate(prior.walks.nodes.tolist())
+    }
+    order = np.array([numbers[tuple(position)] for position in positions.tolist()], np.int32)
     trips = tuple(
         GridWalk(order[trip.nodes], trip.time_steps, trip.gaps)
-        for trip in errands(places, ways, 60)
+        for trip in trips_in_town(positions, edges, 60)
     )
     return prior, GridWalks(prior.walks.nodes, trips)
 
 
-def test_aims_win_on_errands_along_shortest_paths(on_a_known_town):
-    prior, trips = on_a_known_town
-    aimed, plain = in_mode(trips, SHORTEST_PATHS, prior), encode(trips, prior)
-    assert len(aimed) < 0.92 * len(plain)
-    assert_same(decode(aimed, 2, len(trips.walks), prior), trips)
-    assert len(encode_smallest(trips, prior)) <= len(aimed)
+def test_targets_win_on_trips_along_shortest_paths(known_town):
+    prior, trips = known_town
+    with_targets, plain = encode_with_mode(trips, SHORTEST_PATHS, prior), encode(trips, prior)
+    assert len(with_targets) < 0.92 * len(plain)
+    assert_same(decode(with_targets, 2, len(trips.walks), prior), trips)
+    assert len(encode_smallest(trips, prior)) <= len(with_targets)
 
 
-def test_spans_ahead_win_where_the_speed_is_steady():
+def test_time_first_wins_where_the_speed_is_steady():
     rng = np.random.default_rng(2)
     heading = np.cumsum(rng.normal(0, 0.3, 400))
-    spans = rng.integers(2, 60, 400)
-    places = np.round(
+    durations = rng.integers(2, 60, 400)
+    positions = np.round(
         np.cumsum(
-            np.column_stack([np.cos(heading), np.sin(heading)]) * (25.0 * spans)[:, None], axis=0
+            np.column_stack([np.cos(heading), np.sin(heading)]) * (25.0 * durations)[:, None],
+            axis=0,
         )
     ).astype(np.int64)
-    walks = GridWalks(places, (walk(np.arange(400), np.cumsum(spans)),))
-    paced = in_mode(walks, TIME_FIRST)
-    assert len(paced) < 0.97 * len(encode(walks))
-    assert_same(decode(paced, 2, 1), walks)
-    assert_twin_agrees(paced, walks)
-    assert encode_smallest(walks) == paced
+    walks = GridWalks(positions, (walk(np.arange(400), np.cumsum(durations)),))
+    timed_first = encode_with_mode(walks, TIME_FIRST)
+    assert len(timed_first) < 0.97 * len(encode(walks))
+    assert_same(decode(timed_first, 2, 1), walks)
+    assert_plain_decoder_agrees(timed_first, walks)
+    assert encode_smallest(walks) == timed_first
 
 
 def test_sorted_starts_win_where_tracks_follow_each_other():
@@ -136,29 +139,31 @@ def test_sorted_starts_win_where_tracks_follow_each_other():
     walks = GridWalks(
         np.array([[0, 0], [40, 9]]), tuple(walk([0, 1], [start, start + 9]) for start in starts)
     )
-    ordered = in_mode(walks, SORTED_STARTS)
+    ordered = encode_with_mode(walks, SORTED_STARTS)
     assert len(ordered) < len(encode(walks)) - 6
-    assert_twin_agrees(ordered, walks)
+    assert_plain_decoder_agrees(ordered, walks)
     assert encode_smallest(walks) == ordered
 
 
-def test_large_walks_aim_if_it_pays_at_first(on_a_known_town):
-    prior, _ = on_a_known_town
-    numbers = {tuple(place): number for number, place in enumerate(prior.walks.nodes.tolist())}
-    places, ways = town()
-    order = np.array([numbers[tuple(place)] for place in places.tolist()], np.int32)
-    many = errands(places, ways, 1100)
+def test_large_walks_take_shortest_paths_if_the_sample_pays(known_town):
+    prior, _ = known_town
+    numbers = {
+        tuple(position): number for number, position in enumerate(prior.walks.nodes.tolist())
+    }
+    positions, edges = town()
+    order = np.array([numbers[tuple(position)] for position in positions.tolist()], np.int32)
+    many = trips_in_town(positions, edges, 1100)
     trips = GridWalks(
         prior.walks.nodes,
         tuple(GridWalk(order[trip.nodes], trip.time_steps, trip.gaps) for trip in many),
     )
-    assert knots_of(trips) > 8192
+    assert count_knots(trips) > 8192
     data = encode_smallest(trips, prior)
     assert data[:1] == b"\0" and data[1] & SHORTEST_PATHS
     assert_same(decode(data, 2, len(trips.walks), prior), trips)
 
 
-def test_archives_hold_the_smallest():
+def test_archives_hold_the_smallest_payload():
     starts = np.cumsum(np.random.default_rng(4).integers(1, 200_000, 80))
     walks = GridWalks(
         np.array([[0, 0], [40, 9]]), tuple(walk([0, 1], [start, start + 9]) for start in starts)
@@ -174,7 +179,7 @@ def test_archives_hold_the_smallest():
     assert_same(archive.grid_walks, walks)
 
 
-def test_what_needs_no_mode_pays_for_none():
+def test_walks_without_modes_take_no_byte_for_them():
     one = GridWalks(np.array([[0, 0], [30, 4]]), (walk(np.arange(60) % 2, np.arange(60) * 5),))
     assert encode_smallest(one) == encode(one)
     assert encode_smallest(GridWalks(np.zeros((0, 2), np.int64), ())) == b"\x01"
@@ -183,7 +188,7 @@ def test_what_needs_no_mode_pays_for_none():
 @pytest.mark.parametrize(
     "head", [b"\0", b"\0\0", b"\0\1", b"\0\3", b"\0\x08", b"\0\xff", b"\1", b"\3", b"\0\4"]
 )
-def test_modes_that_can_not_be_are_refused(head):
+def test_impossible_modes_are_refused(head):
     with pytest.raises(CorruptArchiveError, match=r"doesn.t know|no count|lie in"):
         decode(head, 2, 1)
 
@@ -201,23 +206,23 @@ def test_starts_without_times_or_of_too_many_tracks_are_not_sorted():
     assert_same(decode(encode_smallest(many), 2, MAX_SORTED_TRACKS + 1), many)
 
 
-def test_a_walk_may_not_end_on_its_way_to_a_place(on_a_known_town):
-    prior, trips = on_a_known_town
+def test_a_walk_may_not_end_on_its_path_to_a_target(known_town):
+    prior, trips = known_town
     lone = GridWalks(trips.nodes, trips.walks[:1])
-    data = in_mode(lone, SHORTEST_PATHS, prior)
+    data = encode_with_mode(lone, SHORTEST_PATHS, prior)
     assert_same(decode(data, 2, 1, prior), lone)
-    knots = knots_of(lone)
+    knots = count_knots(lone)
     assert data[:3] == bytes([0, SHORTEST_PATHS, 4 * knots + 1])
     shorter = data[:2] + bytes([4 * (knots - 1) + 1]) + data[3:]
     with pytest.raises(CorruptArchiveError):
         decode(shorter, 2, 1, prior)
 
 
-def test_a_forged_walk_of_endless_aims_is_read_in_bounded_time():
-    # every byte costs at most so many searches as links would; the knots are bounded as ever
+def test_forged_walks_of_many_targets_are_decoded_or_refused():
+    # each byte costs at most so many searches, and the knots are bounded as always
     rng = np.random.default_rng(1)
-    places, ways = town()
-    base = encode(number_by_visit(GridWalks(places, (all_ways(places, ways),))))
+    positions, edges = town()
+    base = encode(number_by_visit(GridWalks(positions, (walk_all_edges(positions, edges),))))
     for seed in range(20):
         noise = np.random.default_rng(seed).bytes(400)
         data = (

@@ -23,20 +23,20 @@ def _add(pair, more):
 
 @jit
 def _add_twice(pair, more):
-    lent = without_refcount(pair)
-    _add(lent, more)
-    _add(lent, more)
-    return lent.numbers.sum()
+    uncounted = without_refcount(pair)
+    _add(uncounted, more)
+    _add(uncounted, more)
+    return uncounted.numbers.sum()
 
 
-def test_borrowed_arrays_are_the_same_arrays():
+def test_arrays_without_counts_are_the_same_arrays():
     pair = Pair(np.arange(4), np.zeros(4))
     assert _add_twice(pair, 3) == 6 + 4 * 6
     assert pair.numbers.tolist() == [6, 7, 8, 9]
     assert pair.squares.tolist() == [36, 49, 64, 81]
 
 
-def test_borrowing_leaves_the_counts_of_references_as_they_were():
+def test_reference_counts_stay_as_they_were():
     pair = Pair(np.arange(1000), np.zeros(1000))
     _add_twice(pair, 1)
     before = [sys.getrefcount(array) for array in pair]

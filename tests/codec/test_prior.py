@@ -13,14 +13,14 @@ from oracle.walks import assert_same, random_walks, walk
 
 
 def split(walks, known):
-    """The first ``known`` walks as a past, and the others on its nodes and their own."""
+    """The first ``known`` walks as a prior, and the others on its nodes and their own."""
     prior = number_by_visit(GridWalks(walks.nodes, walks.walks[:known], walks.timed))
-    # the nodes of the past keep their numbers, as a number by visit is the same for the first walks
+    # numbers by visit are the same for the first walks, so that nodes of the prior keep theirs
     return Prior(prior), GridWalks(walks.nodes, walks.walks[known:], walks.timed)
 
 
 @pytest.mark.parametrize("seed", range(24))
-def test_walks_come_back_after_a_past(seed):
+def test_walks_round_trip_after_a_prior(seed):
     walks = random_walks(seed)
     for known in {0, len(walks.walks) // 2, len(walks.walks)}:
         prior, later = split(walks, known)
@@ -29,7 +29,7 @@ def test_walks_come_back_after_a_past(seed):
 
 
 @pytest.mark.parametrize("seed", range(0, 24, 3))
-def test_what_follows_costs_what_it_would_have_cost_together(seed):
+def test_later_walks_take_the_bytes_that_they_would_take_together(seed):
     walks = random_walks(seed)
     prior, later = split(walks, max(1, len(walks.walks) // 2))
     apart = len(encode(prior.walks)) + len(encode(later, prior))
@@ -37,12 +37,12 @@ def test_what_follows_costs_what_it_would_have_cost_together(seed):
     assert abs(apart - len(encode(walks))) <= 8
 
 
-def test_a_past_may_be_read_again_and_again():
+def test_a_prior_can_be_used_again():
     prior, later = split(random_walks(3), 1)
     assert encode(later, prior) == encode(later, prior)
 
 
-def test_nodes_of_the_past_that_nobody_visits_again_stay():
+def test_nodes_of_the_prior_that_are_not_visited_stay():
     prior = Prior(GridWalks(np.array([[0, 0], [9, 0], [20, 1]]), (walk([0, 1, 2], [0, 4, 9]),)))
     fresh = GridWalks(
         np.array([[0, 0], [9, 0], [20, 1], [5, 5], [7, 7]]), (walk([4, 1, 3], [30, 40, 50]),)
@@ -54,24 +54,24 @@ def test_nodes_of_the_past_that_nobody_visits_again_stay():
     assert_same(decode(encode(later, prior), 2, 1, prior), later)
 
 
-def test_a_repeated_way_costs_less_after_a_past_that_knows_it():
+def test_a_repeated_route_takes_fewer_bytes_after_its_prior():
     rng = np.random.default_rng(5)
     nodes = np.cumsum(rng.integers(-40, 41, (60, 2)), axis=0)
-    cells = np.cumsum(rng.integers(3, 9, 60))
-    there = walk(np.arange(60), cells)
-    prior = Prior(GridWalks(nodes, (there,)))
-    again = GridWalks(nodes, (GridWalk(there.nodes, there.time_steps + 500, there.gaps),))
+    time_steps = np.cumsum(rng.integers(3, 9, 60))
+    forth = walk(np.arange(60), time_steps)
+    prior = Prior(GridWalks(nodes, (forth,)))
+    again = GridWalks(nodes, (GridWalk(forth.nodes, forth.time_steps + 500, forth.gaps),))
     assert len(encode(again, prior)) < 0.5 * len(encode(again))
 
 
-def test_the_ledger_counts_what_follows_only():
+def test_the_statistics_are_those_of_the_later_walks():
     prior, later = split(random_walks(7), 1)
-    data, ledger = encode_with_statistics(later, prior)
-    assert ledger[:, 0].sum() <= 8 * len(data)
-    assert encode_with_statistics(later, prior)[1].tolist() == ledger.tolist()
+    data, statistics = encode_with_statistics(later, prior)
+    assert statistics[:, 0].sum() <= 8 * len(data)
+    assert encode_with_statistics(later, prior)[1].tolist() == statistics.tolist()
 
 
-def test_other_walks_than_those_written_after_give_other_walks_or_an_error():
+def test_another_prior_gives_other_walks_or_an_error():
     prior, later = split(random_walks(11), 1)
     other = Prior(random_walks(12))
     data = encode(later, prior)
@@ -83,7 +83,7 @@ def test_other_walks_than_those_written_after_give_other_walks_or_an_error():
 
 
 @pytest.mark.parametrize("knots", [7, 8, 9, 64, 1000])
-def test_a_grown_model_weighs_nodes_as_before(knots):
+def test_an_extended_model_weighs_nodes_as_before(knots):
     prior = Prior(random_walks(5))
     model, last = prior.model(0), prior.nodes
     larger = extended(model, knots)
@@ -94,7 +94,7 @@ def test_a_grown_model_weighs_nodes_as_before(knots):
     assert end_weight_below(larger, last + knots) == end_weight_below(model, last) + 5
 
 
-def test_steps_and_visits_are_those_of_the_walks():
+def test_traversals_and_visits_are_those_of_the_walks():
     prior = Prior(random_walks(6))
     pairs, counts = prior.edge_traversals
     steps = [
@@ -111,7 +111,7 @@ def test_steps_and_visits_are_those_of_the_walks():
     ]
 
 
-def test_a_copy_is_as_large_as_what_was_learned_not_as_the_walks_are_long():
-    there = GridWalk(np.arange(5000, dtype=np.int32) % 10, np.arange(5000), np.zeros(4999, bool))
-    model = Prior(GridWalks(np.arange(20).reshape(10, 2), (there,))).model(7)
-    assert max(len(values) for values in model if values is not model.flags) < 100
+def test_a_copy_is_as_large_as_the_map_not_as_the_walks():
+    forth = GridWalk(np.arange(5000, dtype=np.int32) % 10, np.arange(5000), np.zeros(4999, bool))
+    model = Prior(GridWalks(np.arange(20).reshape(10, 2), (forth,))).model(7)
+    assert max(len(values) for values in model if values is not model.bit_counts) < 100

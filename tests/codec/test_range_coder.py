@@ -11,11 +11,12 @@ from gpszip.codec.kernels.range_coder import (
     code_interval,
     decode_cumulative,
     finish,
+    is_decoding,
     new_decoder,
     new_encoder,
 )
 from gpszip.kernels.jit import jit
-from oracle.range_coder import Reader, Writer
+from oracle.range_coder import Decoder, Encoder
 
 
 @jit
@@ -33,10 +34,10 @@ def _find_all(coder, starts, widths, totals, found):
 
 @jit
 def _code_symbols(coder, symbols, edges):
-    """Code or read symbols of one distribution."""
+    """Code symbols of one distribution."""
     total = edges[-1]
     for i in range(len(symbols)):
-        if coder.cursor[1] == 1:
+        if is_decoding(coder):
             symbols[i] = np.searchsorted(edges, decode_cumulative(coder, total), side="right") - 1
         s = symbols[i]
         code_interval(coder, edges[s], edges[s + 1] - edges[s], total)
@@ -49,11 +50,11 @@ def _code_raw(coder, values, counts):
 
 
 def written(intervals):
-    """Bytes of the kernel for (start, width, total) rows; they are what the plain twin writes."""
+    """Bytes of the kernel for (start, width, total) rows; the plain encoder writes the same."""
     rows = np.array(intervals, np.int64).reshape(-1, 3)
     coder = new_encoder(16 + 8 * len(rows))
     _code_all(coder, *rows.T.copy())
-    plain = Writer()
+    plain = Encoder()
     for row in rows.tolist():
         plain.interval(*row)
     data = finish(coder)
@@ -61,16 +62,16 @@ def written(intervals):
     return data
 
 
-def assert_read(data, intervals):
+def assert_decodes(data, intervals):
     rows = np.array(intervals, np.int64).reshape(-1, 3)
     found = np.zeros(len(rows), np.int64)
     _find_all(new_decoder(data), *rows.T.copy(), found)
     assert ((rows[:, 0] <= found) & (found < rows[:, 0] + rows[:, 1])).all()
-    plain = Reader(data)
+    plain = Decoder(data)
     for (start, width, total), at in zip(rows.tolist(), found.tolist(), strict=True):
-        assert plain.target(total) == at
+        assert plain.decode_cumulative(total) == at
         plain.interval(start, width, total)
-    assert not plain.is_spent
+    assert not plain.is_exhausted
 
 
 @st.composite
@@ -83,12 +84,12 @@ def intervals(draw):
 
 @given(st.lists(intervals(), max_size=60))
 @settings(max_examples=150)
-def test_bytes_are_the_plain_twins_and_are_read_back(rows):
-    assert_read(written(rows), rows)
+def test_bytes_are_those_of_the_plain_encoder_and_decode(rows):
+    assert_decodes(written(rows), rows)
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_long_sequences_of_uneven_symbols_take_their_entropy(seed):
+def test_long_sequences_take_their_entropy(seed):
     rng = np.random.default_rng(seed)
     widths = rng.integers(1, 10 ** (1 + 2 * seed), 50)
     widths[7] = max(1, 10**seed)
@@ -130,8 +131,8 @@ def test_lengths_are_those_of_constriction(seed):
 
 
 def straddling(length, total):
-    """Intervals that keep one byte's border inside, so that the bytes before it stay undecided: 7f ff ff ff ..."""
-    plain, rows = Writer(), []
+    """Intervals around the border of a byte; those before it stay undecided: 7f ff ff ..."""
+    plain, rows = Encoder(), []
     for _ in range(length):
         border = 0x80 << (56 + 8 * plain.shifts)
         start = (border - plain.low) // (plain.range // total)
@@ -145,48 +146,48 @@ def straddling(length, total):
 
 @pytest.mark.parametrize("total", [3, 255, 1000, 2**20 + 7])
 @pytest.mark.parametrize("length", [30, 31, 200])
-def test_a_carry_runs_through_all_bytes_that_wait_for_it(length, total):
+def test_a_carry_runs_through_all_undecided_bytes(length, total):
     rows, below, above = straddling(length, total)
     waiting = max(int(length * math.log2(total) / 8) - 8, 0)
     for last, head in ((below, b"\x7f" + b"\xff" * waiting), (above, b"\x80" + bytes(waiting))):
         ended = [*rows, last, *[(1, 1, 7)] * 30]
         data = written(ended)
         assert data.startswith(head)
-        assert_read(data, ended)
+        assert_decodes(data, ended)
 
 
-def test_nothing_takes_no_byte():
+def test_certain_symbols_take_no_byte():
     assert written([]) == b""
     assert written([(0, 1, 1)] * 1000) == b""
 
 
-def test_the_end_takes_no_more_bytes_than_it_must():
+def test_the_end_takes_the_fewest_bytes():
     for first in range(256):
         assert len(written([(first, 1, 256)])) <= 2
     # an interval of a quarter holds a number of one byte
     assert all(len(written([(i, 1, 4)])) <= 1 for i in range(4))
 
 
-def test_zeros_at_the_end_that_a_reader_waits_for_stay():
+def test_zeros_at_the_end_that_a_decoder_needs_stay():
     rows = [(1, 1, 256)] + [(0, 1, 256)] * 100
     data = written(rows)
     assert data.rstrip(b"\0") != data
-    assert_read(data, rows)
+    assert_decodes(data, rows)
 
 
 @given(st.binary(max_size=40))
-def test_any_bytes_are_read_without_end(data):
+def test_any_bytes_decode(data):
     edges = np.array([0, 1, 5, 1000, 2**20])
     symbols = np.zeros(200, np.int64)
     _code_symbols(new_decoder(data), symbols, edges)
-    plain = Reader(data)
+    plain = Decoder(data)
     for symbol in symbols.tolist():
-        at = plain.target(int(edges[-1]))
+        at = plain.decode_cumulative(int(edges[-1]))
         assert edges[symbol] <= at < edges[symbol + 1]
         plain.interval(int(edges[symbol]), int(edges[symbol + 1] - edges[symbol]), int(edges[-1]))
 
 
-def test_past_the_end_there_are_zeros():
+def test_bytes_past_the_end_read_as_zeros():
     symbols, padded = np.zeros(300, np.int64), np.zeros(300, np.int64)
     _code_symbols(new_decoder(b"\x9a\x41"), symbols, np.array([0, 3, 4]))
     _code_symbols(new_decoder(b"\x9a\x41" + bytes(200)), padded, np.array([0, 3, 4]))
@@ -199,7 +200,7 @@ def test_past_the_end_there_are_zeros():
         max_size=50,
     )
 )
-def test_equally_likely_bits_come_back_and_take_their_number(pairs):
+def test_equally_likely_bits_round_trip_and_take_a_bit_each(pairs):
     values, counts = (
         np.array([v for v, _ in pairs], np.int64),
         np.array([n for _, n in pairs], np.int64),
@@ -213,7 +214,7 @@ def test_equally_likely_bits_come_back_and_take_their_number(pairs):
     np.testing.assert_array_equal(back, values)
 
 
-def test_a_writer_without_room_says_so_and_touches_nothing_else():
+def test_an_encoder_without_capacity_says_so():
     starts = np.arange(5000) % 255
     coder = new_encoder(10)
     _code_all(coder, starts, np.ones(5000, np.int64), np.full(5000, 256))

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpszip.codec.kernels import rotation as heading
+from gpszip.codec.kernels import rotation
 from gpszip.codec.kernels.rotation import DIRECTIONS, nearest_direction, rotate, rotate_back
 from oracle.walk_decoder import TURN_TABLES, plain_direction, plain_rotate_back
 
@@ -25,7 +25,7 @@ def test_rotation_is_undone_exactly(x, y, turn):
 
 
 @given(far, far, turns)
-def test_the_twin_turns_back_alike(x, y, turn):
+def test_the_plain_rotation_agrees(x, y, turn):
     assert plain_rotate_back(x, y, turn) == rotate_back(x, y, turn)
 
 
@@ -36,7 +36,7 @@ def test_rotation_is_undone_for_all_small_vectors_and_turns():
 
 
 @given(st.integers(-(10**6), 10**6), st.integers(-(10**6), 10**6), turns)
-def test_rotation_is_nearly_the_true_one(x, y, turn):
+def test_rotation_is_nearly_exact(x, y, turn):
     angle = 2 * math.pi * turn / DIRECTIONS
     along, across = rotate(x, y, turn)
     slack = 2.0 + 2e-4 * math.hypot(x, y)
@@ -45,14 +45,13 @@ def test_rotation_is_nearly_the_true_one(x, y, turn):
 
 
 @given(st.integers(-(2**44), 2**44), st.integers(-(2**44), 2**44))
-def test_the_direction_is_the_nearest(x, y):
+def test_directions_are_the_nearest(x, y):
     turn = nearest_direction(x, y)
     assert turn == plain_direction(x, y)
     if max(abs(x), abs(y)) > 100:
-        away = (math.atan2(y, x) - 2 * math.pi * turn / DIRECTIONS + math.pi) % (
-            2 * math.pi
-        ) - math.pi
-        assert abs(away) <= math.pi / DIRECTIONS + 0.002
+        error = math.atan2(y, x) - 2 * math.pi * turn / DIRECTIONS
+        error = (error + math.pi) % (2 * math.pi) - math.pi
+        assert abs(error) <= math.pi / DIRECTIONS + 0.002
 
 
 def test_the_null_vector_and_the_axes_have_directions():
@@ -66,7 +65,7 @@ def test_the_null_vector_and_the_axes_have_directions():
 
 
 def cosine_and_sine(angle):
-    """Taylor's rows at the present precision."""
+    """Taylor series at the current precision."""
     cosine, sine, term = Decimal(0), Decimal(0), Decimal(1)
     for n in range(1, 120):
         cosine += term if n % 4 == 1 else (-term if n % 4 == 3 else 0)
@@ -91,10 +90,10 @@ def exact_tables():
 
 
 @pytest.mark.parametrize("name", ["_COS", "_SIN", "_SIN_SMALL", "_TAN_HALF"])
-def test_tables_are_the_same_whatever_library_computes_them(name):
+def test_tables_are_the_same_with_any_library(name):
     with localcontext(prec=50):
         exact = exact_tables()[name]
-        table = getattr(heading, name).tolist()
+        table = getattr(rotation, name).tolist()
         assert table == [int(value.to_integral_value()) for value in exact]
         assert table == TURN_TABLES[name]
         # no entry lies where the last digits of a library's answer would decide
@@ -103,7 +102,7 @@ def test_tables_are_the_same_whatever_library_computes_them(name):
         )
 
 
-def test_shears_keep_their_shape_over_the_whole_turn():
+def test_rotation_keeps_lengths():
     rng = np.random.default_rng(1)
     for x, y in rng.integers(-5000, 5000, (50, 2)).tolist():
         lengths = [math.hypot(*rotate(x, y, turn)) for turn in range(DIRECTIONS)]

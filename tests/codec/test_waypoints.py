@@ -42,7 +42,7 @@ def tour(graph, rng, stops):
 
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("jitter", [0.0, 0.2])
-def test_greedy_meets_the_optimum_on_tours_and_wanderings(seed, jitter):
+def test_greedy_waypoints_are_optimal_on_tours_and_random_walks(seed, jitter):
     graph, rng = town(seed, jitter), np.random.default_rng(seed)
     for route in (tour(graph, rng, 12), random_walk(graph, rng.integers(0, 9999, 120).tolist())):
         few = find_waypoints(graph, route)
@@ -58,13 +58,13 @@ def test_greedy_meets_the_optimum_on_tours_and_wanderings(seed, jitter):
         )
 
 
-def test_a_tour_takes_no_more_waypoints_than_places():
+def test_a_tour_takes_no_more_waypoints_than_stops():
     graph = town(3)
     route = tour(graph, np.random.default_rng(1), 10)
     assert len(find_waypoints(graph, route)) <= 11 < len(route.nodes)
 
 
-def test_hops_that_no_path_stands_for_are_spelled_out():
+def test_steps_on_no_shortest_path_have_connections_of_their_own():
     graph = build_road_graph(
         [[0, 0], [1, 0], [2, 0]], [[0, 1], [1, 2], [0, 1], [1, 1], [0, 2]], lengths=[2, 1, 1, 5, 9]
     )
@@ -85,7 +85,7 @@ def test_hops_that_no_path_stands_for_are_spelled_out():
     assert expand_waypoints(graph, few, 8).edges.tolist() == route.edges.tolist()
 
 
-def test_parallel_edges_are_told_apart_by_their_place_among_them():
+def test_parallel_edges_are_numbered():
     graph = build_road_graph([[0, 0], [1, 0]], [[0, 1], [1, 0], [0, 1]], lengths=[5, 1, 7])
     route = Route(np.array([0, 1, 0, 1], np.int32), np.array([2, 0, 1], np.int32))
     few = find_waypoints(graph, route)
@@ -127,7 +127,7 @@ def test_walks_of_one_node_and_of_none(compress):
     assert len(none) == len(expand_waypoints(graph, none, 0).nodes) == 0
 
 
-def test_a_breadth_bounds_the_search_for_each_path():
+def test_breadth_bounds_the_search_for_each_path():
     graph = town(5, jitter=0.0)
     route = tour(graph, np.random.default_rng(2), 10)
     narrow = find_waypoints(graph, route, breadth=12)
@@ -140,34 +140,36 @@ def test_a_breadth_bounds_the_search_for_each_path():
         expand_waypoints(graph, find_waypoints(graph, route), len(route.edges), breadth=12)
 
 
-def test_a_route_that_is_none_is_refused():
+def test_a_route_on_wrong_edges_is_refused():
     graph = build_road_graph([[0, 0], [1, 0], [2, 0]], [[0, 1], [1, 2]])
     with pytest.raises(ValueError, match="segment 1 of the route"):
         find_waypoints(graph, Route(np.array([0, 1, 2], np.int32), np.array([0, 0], np.int32)))
 
 
 @pytest.mark.parametrize(
-    ("nodes", "hops", "choices", "limit", "message"),
+    ("nodes", "connections", "parallel_indices", "limit", "message"),
     [
         ([0, 3], [Connection.PATH], [0], 9, "no path leads to waypoint 1"),
         ([0, 1, 1], [Connection.PATH, Connection.PATH], [0, 0], 9, "no path leads to waypoint 2"),
-        ([0, 2], [Connection.PATH], [0], 1, "more than the 1 hops"),
-        ([0, 0, 0], [Connection.STOP, Connection.STOP], [0, 0], 1, "more than the 1 hops"),
+        ([0, 2], [Connection.PATH], [0], 1, "more than the 1 steps"),
+        ([0, 0, 0], [Connection.STOP, Connection.STOP], [0, 0], 1, "more than the 1 steps"),
         ([0, 1], [Connection.EDGE], [1], 9, "not on the map"),
         ([0, 1], [Connection.EDGE], [-1], 9, "not on the map"),
         ([0, 2], [Connection.EDGE], [0], 9, "not on the map"),
         ([0, 1], [Connection.STOP], [0], 9, "stays moves"),
         ([0, 4], [Connection.GAP], [0], 9, "none of the 4 nodes"),
         ([-1, 1], [Connection.GAP], [0], 9, "none of the 4 nodes"),
-        ([0, 1], [4], [0], 9, "no hop is of kind 4"),
-        ([0, 1], [], [], 9, "2 waypoints can't have 0 hops"),
-        ([0, 1], [0], [], 9, "0 choices"),
+        ([0, 1], [4], [0], 9, "no connection is of kind 4"),
+        ([0, 1], [], [], 9, "2 waypoints can't have 0 connections"),
+        ([0, 1], [0], [], 9, "0 parallel indices"),
     ],
 )
-def test_forged_waypoints_are_refused(nodes, hops, choices, limit, message):
+def test_forged_waypoints_are_refused(nodes, connections, parallel_indices, limit, message):
     graph = build_road_graph([[0, 0], [1, 0], [2, 0], [9, 9]], [[0, 1], [1, 2]])
     forged = Waypoints(
-        np.array(nodes, np.int32), np.array(hops, np.uint8), np.array(choices, np.int32)
+        np.array(nodes, np.int32),
+        np.array(connections, np.uint8),
+        np.array(parallel_indices, np.int32),
     )
     with pytest.raises(CorruptArchiveError, match=message):
         expand_waypoints(graph, forged, limit)

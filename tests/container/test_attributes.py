@@ -39,7 +39,7 @@ def column(n):
 
 
 @st.composite
-def kepts(draw):
+def kept_columns(draw):
     counts = tuple(draw(st.lists(st.integers(1, 8), min_size=1, max_size=4)))
     n = sum(counts)
     ticks = np.cumsum(draw(hnp.arrays(np.int64, n, elements=st.integers(1, 10_000))))
@@ -48,9 +48,9 @@ def kepts(draw):
     return KeptColumns(counts, times, {name: draw(column(n)) for name in names})
 
 
-@given(kepts())
+@given(kept_columns())
 @settings(max_examples=50, deadline=None)
-def test_everything_comes_back(kept):
+def test_columns_round_trip(kept):
     body = encode_attributes(kept)
     back = read_attributes(body, len(kept.counts))
     assert read_column_names(body, len(kept.counts)) == tuple(kept.columns)
@@ -77,9 +77,9 @@ def example(n=40):
     )
 
 
-@given(kepts())
+@given(kept_columns())
 @settings(max_examples=40, deadline=None)
-def test_the_specification_reads_it_too(kept):
+def test_the_plain_reader_agrees(kept):
     counts, times, columns = plain.read_attributes(encode_attributes(kept), len(kept.counts))
     assert counts == list(kept.counts)
     assert times == kept.times.tolist()
@@ -94,7 +94,7 @@ GOLDEN = (
 )
 
 
-def test_what_was_written_first_is_read():
+def test_the_oldest_section_is_read():
     back = read_attributes(bytes.fromhex(GOLDEN), 2)
     kept = example()
     assert back.counts == kept.counts
@@ -120,7 +120,7 @@ def test_regular_columns_take_few_bytes():
     assert len(encode_attributes(rough)) < 0.55 * n
 
 
-def test_long_regular_columns_are_believed():
+def test_long_regular_columns_are_read():
     n = 3_000_000
     kept = KeptColumns((n,), np.arange(n) * 1.0)
     assert len(read_attributes(encode_attributes(kept), 1).times) == n
@@ -199,7 +199,7 @@ def test_forged_bodies_are_refused(name):
         read_attributes(FORGED[name], 1)
 
 
-def test_what_can_t_be_kept_is_named():
+def test_columns_that_can_t_be_kept_are_named():
     for values in (
         np.array([1, "a"], dtype=object),
         np.array([1, 1 << 63], np.uint64),
@@ -209,13 +209,13 @@ def test_what_can_t_be_kept_is_named():
             encode_attributes(KeptColumns((2,), np.arange(2.0), {"odd": values}))
 
 
-@given(kepts(), st.integers(1, 5))
+@given(kept_columns(), st.integers(1, 5))
 @settings(max_examples=60, deadline=None)
-def test_columns_read_in_pieces_come_back_too(kept, piece):
+def test_columns_read_in_chunks_round_trip(kept, chunk):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(columns, "_CHUNK", piece)
+        patch.setattr(columns, "_CHUNK", chunk)
         patch.setattr(columns, "LARGE", 8)
-        patch.setattr(columns, "_HELD", 8)
+        patch.setattr(columns, "_MAX_SPOOLED", 8)
         body = encode_attributes(kept)
     back = read_attributes(body, len(kept.counts))
     np.testing.assert_array_equal(back.times, kept.times)
@@ -223,7 +223,7 @@ def test_columns_read_in_pieces_come_back_too(kept, piece):
         np.testing.assert_array_equal(back.columns[name], values)
 
 
-def test_noise_that_nothing_packs_is_kept_as_it_is(monkeypatch):
+def test_noise_is_stored_unpacked(monkeypatch):
     monkeypatch.setattr(columns, "LARGE", 1000)
     noise = np.random.default_rng(1).integers(-(1 << 62), 1 << 62, 4000)
     body = encode_attributes(KeptColumns((4000,), np.arange(4000.0), {"noise": noise}))

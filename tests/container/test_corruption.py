@@ -17,7 +17,7 @@ from oracle.archives import compact, large, number, section
 
 ARCHIVES = {
     name: to_bytes(contents)
-    for name, contents in (archives.small_archives() | archives.promising_archives()).items()
+    for name, contents in (archives.small_archives() | archives.archives_with_bounds()).items()
 }
 
 
@@ -35,14 +35,14 @@ def test_every_flipped_bit_is_noticed(name):
     data = ARCHIVES[name]
     for place in range(len(data)):
         for bit in range(8):
-            torn = bytearray(data)
-            torn[place] ^= 1 << bit
+            damaged = bytearray(data)
+            damaged[place] ^= 1 << bit
             with pytest.raises(CorruptArchiveError):
-                from_bytes(bytes(torn))
+                from_bytes(bytes(damaged))
 
 
 @pytest.mark.parametrize("name", ARCHIVES)
-def test_every_other_byte_is_noticed(name):
+def test_every_changed_byte_is_noticed(name):
     data = ARCHIVES[name]
     for place in range(len(data)):
         for value in {0, 1, 0x7F, 0x80, 0xFF, data[place] ^ 0xFF, (data[place] + 1) % 256} - {
@@ -96,24 +96,24 @@ def test_strangers_get_a_plain_answer(data, says):
         from_bytes(data)
 
 
-FRAME = b"\x10" + bytes([128, 120]) + b"\0\0\0"
+GRID = b"\x10" + bytes([128, 120]) + b"\0\0\0"
 NAMES = b"\x04\x00"  # one track, from number 0
 WALKS = b"\x00\x01\x00walks"
-SMALL = b"\x01\x06" + FRAME + b"\x02\x02" + NAMES + b"\x03\x08" + WALKS
-OPENING = [section(1, FRAME), section(2, NAMES)]
-TWO = [section(1, FRAME), section(2, b"\x08\0"), section(3, WALKS), section(3, b"\1" + WALKS[1:])]
+SMALL = b"\x01\x06" + GRID + b"\x02\x02" + NAMES + b"\x03\x08" + WALKS
+OPENING = [section(1, GRID), section(2, NAMES)]
+TWO = [section(1, GRID), section(2, b"\x08\0"), section(3, WALKS), section(3, b"\1" + WALKS[1:])]
 HERE = 3 + sum(map(len, OPENING))
 BOMB = bz2.compress(bytes(30_000_000))
-NONE = b"\0\0"  # no promise
+NONE = b"\0\0"  # no error bound
 DEEP = bytes([128, 120]) + b"\0\0\0"
 
 
 def layered(payload):
-    """A small archive that says that its payload is packed."""
+    """A small archive with a payload that is said to be compressed."""
     return compact(
         0xBA,
         b"\x01\x06"
-        + FRAME
+        + GRID
         + b"\x02\x02"
         + NAMES
         + b"\x03"
@@ -125,7 +125,7 @@ def layered(payload):
 
 FORGED = {
     "compact: nothing": compact(2, b""),
-    "compact: half a frame": compact(2, NONE + b"\x80"),
+    "compact: half a grid": compact(2, NONE + b"\x80"),
     "compact: long varint": compact(2, NONE + bytes([1, 1]) + b"\x80\x00\x00\x00"),
     "compact: endless varint": compact(2, NONE + bytes([1, 1]) + b"\x80" * 30),
     "compact: origin past 2^62": compact(2, NONE + bytes([1, 1]) + b"\0\0" + number((1 << 64) - 1)),
@@ -136,7 +136,7 @@ FORGED = {
         2 | 2 << 5, NONE + (900_000_001).to_bytes(4, "little") + b"\0" * 4 + DEEP
     ),
     "compact: longitude": compact(
-        2 | 3 << 5, NONE + b"\0\0" + (-18_001).to_bytes(2, "little", read_signed=True) + DEEP
+        2 | 3 << 5, NONE + b"\0\0" + (-18_001).to_bytes(2, "little", signed=True) + DEEP
     ),
     "compact: a trillion names": compact(2 | 1 << 3, NONE + DEEP + number((1 << 42) | 0) + b"\0"),
     "layer: no bz2": layered(b"walks"),
@@ -145,14 +145,14 @@ FORGED = {
     "layer: twice": layered(bz2.compress(b"walks") * 2),
     "layer: bomb": layered(bz2.compress(bytes(100_000_000))),
     "small: nothing": compact(0x3A, b""),
-    "small: length past the end": compact(0x3A, b"\x01" + number(1 << 50) + FRAME),
-    "small: frame of no axes": compact(
+    "small: length past the end": compact(0x3A, b"\x01" + number(1 << 50) + GRID),
+    "small: grid of no axes": compact(
         0x3A, b"\x01\x03\x00\x01\x01" + b"\x02\x02" + NAMES + b"\x03\x03" + WALKS[:3]
     ),
     "small: too large": compact(
         0x3A,
         b"\x01\x06"
-        + FRAME
+        + GRID
         + b"\x02\x02"
         + NAMES
         + b"\x03\x08"
@@ -163,13 +163,11 @@ FORGED = {
     ),
     "large: nothing": large([]),
     "large: no walks": large(OPENING),
-    "large: no names": large([section(1, FRAME), section(3, WALKS)]),
-    "large: names first": large([section(2, NAMES), section(1, FRAME), section(3, WALKS)]),
-    "large: two frames": large([*OPENING, section(1, FRAME), section(3, WALKS)]),
-    "large: frame goes on": large(
-        [section(1, FRAME + b"\0"), section(2, NAMES), section(3, WALKS)]
-    ),
-    "large: names go on": large([section(1, FRAME), section(2, NAMES + b"\0"), section(3, WALKS)]),
+    "large: no names": large([section(1, GRID), section(3, WALKS)]),
+    "large: names first": large([section(2, NAMES), section(1, GRID), section(3, WALKS)]),
+    "large: two grids": large([*OPENING, section(1, GRID), section(3, WALKS)]),
+    "large: grid goes on": large([section(1, GRID + b"\0"), section(2, NAMES), section(3, WALKS)]),
+    "large: names go on": large([section(1, GRID), section(2, NAMES + b"\0"), section(3, WALKS)]),
     "large: length past the end": large([*OPENING, section(3, WALKS, 1 << 60)]),
     "large: million planes": large(
         [section(1, b"\x12" + number(1_000_000) + bytes(100)), section(2, NAMES), section(3, WALKS)]
@@ -178,34 +176,34 @@ FORGED = {
         [section(1, b"\x12" + number(1 << 60) + bytes(100)), section(2, NAMES), section(3, WALKS)]
     ),
     "large: no planes": large(
-        [section(1, b"\x12\x00" + FRAME[1:]), section(2, NAMES), section(3, WALKS)]
+        [section(1, b"\x12\x00" + GRID[1:]), section(2, NAMES), section(3, WALKS)]
     ),
     "large: third kind of centre": large(
         [section(1, b"\x16\x01" + bytes(30)), section(2, NAMES), section(3, WALKS)]
     ),
     "large: dimension 2^50": large(
-        [section(1, number(1 << 53) + FRAME[1:]), section(2, NAMES), section(3, WALKS)]
+        [section(1, number(1 << 53) + GRID[1:]), section(2, NAMES), section(3, WALKS)]
     ),
     "large: hash of 3 bytes": large([section(4, bytes(3)), section(2, NAMES), section(3, WALKS)]),
     "large: map goes on": large([section(4, bytes(6)), section(2, NAMES), section(3, WALKS)]),
-    "large: map halved 4 times": large(
+    "large: map refined 4 times": large(
         [section(4, bytes(4) + b"\4"), section(2, NAMES), section(3, WALKS)]
     ),
-    "large: frame and map": large([*OPENING, section(4, bytes(5)), section(3, WALKS)]),
-    "large: promise after walks": large([*OPENING, section(3, WALKS), section(8, b"\1\0")]),
-    "large: two promises": large(
+    "large: grid and map": large([*OPENING, section(4, bytes(5)), section(3, WALKS)]),
+    "large: error bound after walks": large([*OPENING, section(3, WALKS), section(8, b"\1\0")]),
+    "large: two error bounds": large(
         [*OPENING, section(8, b"\1\0"), section(8, b"\1\0"), section(3, WALKS)]
     ),
-    "large: promise goes on": large([*OPENING, section(8, b"\1\0\0"), section(3, WALKS)]),
+    "large: error bound goes on": large([*OPENING, section(8, b"\1\0\0"), section(3, WALKS)]),
     "large: sampling is missing": large([*OPENING, section(8, b"\1\x40"), section(3, WALKS)]),
-    "compact: promise of no digits": compact(2, b"\0\4" + DEEP),
-    "compact: promise of 1023 digits": compact(2, b"\xff\3" + DEEP),
-    "compact: promise grown too much": compact(2, b"\xff\3\xfa" + DEEP),
+    "compact: error bound of no digits": compact(2, b"\0\4" + DEEP),
+    "compact: error bound of 1023 digits": compact(2, b"\xff\3" + DEEP),
+    "compact: error bound grown too much": compact(2, b"\xff\3\xfa" + DEEP),
     "compact: half a map": compact(0x12, b"\0\0\1\2\3"),
     "large: group of 2^63 tracks": large([*OPENING, section(3, b"\0" + number(1 << 63) + b"\0")]),
     "large: group too far": large([*OPENING, section(3, b"\x01\x01\0")]),
     "large: two groups, no index": large(TWO),
-    "large: index of lies": large([*TWO, section(6, b"\x02" * 7)]),
+    "large: wrong index": large([*TWO, section(6, b"\x02" * 7)]),
     "large: index of 2^60": large([*TWO, section(6, number(1 << 60))]),
     "large: empty index": large([*TWO, section(6, b"\0")]),
     "large: index past the end": large([*OPENING, section(3, WALKS)], 1 << 47),
@@ -221,12 +219,12 @@ FORGED = {
     ),
     "large: low 2": large([*OPENING, section(3, WALKS)], third=0x5A),
     "large: kind 0": large([*OPENING, section(3, WALKS), section(0, b"")]),
-    "large: span past 64 bits": large(
+    "large: time range past 64 bits": large(
         [*OPENING, section(3, b"\0\1" + number((1 << 64) - 1) + number((1 << 64) - 2))]
     ),
     "large: many sections": large([*OPENING, section(3, WALKS)] + [section(9, b"")] * 5_000),
     "large: layer bombs": large(
-        [section(1, FRAME), section(2, number(400 << 2) + b"\0")]
+        [section(1, GRID), section(2, number(400 << 2) + b"\0")]
         + [section(3, number(i) + b"\1\0" + BOMB) for i in range(400)],
         third=0x9A,
     ),
@@ -234,7 +232,7 @@ FORGED = {
 
 
 @pytest.mark.parametrize("name", FORGED)
-def test_forged_past_the_checksums(name):
+def test_forged_archives_with_right_checksums_are_refused(name):
     data = FORGED[name]
     tracemalloc.start()
     for read in (from_bytes, recover_bytes, _all_groups):
@@ -256,7 +254,7 @@ def _all_groups(data):
         read_catalog_group(file, catalog, number_)
 
 
-def test_honest_twins_of_the_forged_are_read():
+def test_their_valid_counterparts_are_read():
     assert from_bytes(compact(2, NONE + DEEP)).groups[0].payload == b""
     assert from_bytes(layered(bz2.compress(b"walks"))).groups[0].payload == b"walks"
     assert from_bytes(compact(0x3A, SMALL)).ids == ("0",)
@@ -268,9 +266,9 @@ def test_honest_twins_of_the_forged_are_read():
     )
 
 
-@pytest.mark.parametrize("way", ["deflate", "lzma"])
-def test_names_that_would_fill_the_memory(way):
-    if way == "deflate":
+@pytest.mark.parametrize("packing", ["deflate", "lzma"])
+def test_names_that_would_fill_the_memory_are_refused(packing):
+    if packing == "deflate":
         packer = zlib.compressobj(9, zlib.DEFLATED, -15)
         packed = packer.compress(b"\n" * 100_000_000) + packer.flush()
     else:
@@ -285,6 +283,6 @@ def test_names_that_would_fill_the_memory(way):
             from_bytes(
                 compact(
                     2 | 1 << 3,
-                    NONE + DEEP + head + number(len(packed) << 2 | (way == "lzma")) + packed,
+                    NONE + DEEP + head + number(len(packed) << 2 | (packing == "lzma")) + packed,
                 )
             )

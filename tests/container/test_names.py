@@ -8,7 +8,7 @@ from gpszip.container.names import encode_names, read_names
 from gpszip.errors import CorruptArchiveError
 from oracle.archives import number
 
-HOSTILE = {
+IDS = {
     "none": (),
     "empty": ("",),
     "two empty": ("", ""),
@@ -41,9 +41,9 @@ HOSTILE = {
 }
 
 
-@pytest.mark.parametrize("name", HOSTILE)
-def test_names_come_back(name):
-    ids = HOSTILE[name]
+@pytest.mark.parametrize("name", IDS)
+def test_names_round_trip(name):
+    ids = IDS[name]
     data = encode_names(ids)
     cursor = Cursor(data + b"payload")
     assert read_names(cursor, len(data) + 7) == ids
@@ -51,7 +51,7 @@ def test_names_come_back(name):
 
 
 @pytest.mark.parametrize(
-    ("ids", "most"),
+    ("ids", "limit"),
     [
         (("0",), 2),
         (("walk",), 6),
@@ -60,8 +60,8 @@ def test_names_come_back(name):
         (tuple(f"{i:05}" for i in range(70, 9000)), 6),
     ],
 )
-def test_numbered_and_short_names_cost_few_bytes(ids, most):
-    assert len(encode_names(ids)) <= most
+def test_numbered_and_short_names_take_few_bytes(ids, limit):
+    assert len(encode_names(ids)) <= limit
 
 
 def _lists():
@@ -77,13 +77,13 @@ def _lists():
 
 
 @pytest.mark.parametrize("ids", list(_lists()), ids=lambda ids: ids[0])
-def test_names_cost_no_more_than_lzma(ids):
-    rival = lzma.compress(
+def test_names_take_no_more_than_lzma(ids):
+    reference = lzma.compress(
         "\n".join(ids).encode(),
         format=lzma.FORMAT_RAW,
         filters=[{"id": lzma.FILTER_LZMA2, "preset": 9}],
     )
-    assert len(encode_names(ids)) <= len(rival)
+    assert len(encode_names(ids)) <= len(reference)
 
 
 def _bomb(packer):
@@ -133,6 +133,6 @@ def test_forged_names_are_refused(name):
     assert caught.value.offset >= 100
 
 
-def test_honest_twins_of_the_forged_are_read():
+def test_their_valid_counterparts_are_read():
     assert read_names(Cursor(packed(0, b"\x4b\x04\x00")), 8) == ("a",)
     assert read_names(Cursor(packed(3, b"\0\0\0\0", 2)), 8) == ("0", "1")

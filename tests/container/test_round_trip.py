@@ -8,11 +8,11 @@ from gpszip.errors import InputError, OptionError
 from gpszip.model.grid import Plane, QuantisationGrid
 from oracle import archives
 
-ARCHIVES = archives.small_archives() | archives.promising_archives()
+ARCHIVES = archives.small_archives() | archives.archives_with_bounds()
 
 
 @pytest.mark.parametrize("name", ARCHIVES)
-def test_contents_come_back(name):
+def test_contents_round_trip(name):
     contents = ARCHIVES[name]
     data = to_bytes(contents)
     assert from_bytes(data) == contents
@@ -21,7 +21,7 @@ def test_contents_come_back(name):
 
 
 @pytest.mark.parametrize(
-    ("frame", "most"),
+    ("grid", "limit"),
     [
         (archives.FAR, 24),
         (archives.FAR_ODD, 27),
@@ -30,27 +30,27 @@ def test_contents_come_back(name):
         (archives.DEGREES_FINE, 30),
     ],
 )
-def test_overhead_of_one_track(grid, most):
+def test_overhead_of_one_track(grid, limit):
     payload = b"x" * 100
-    assert len(to_bytes(single_group_contents(grid, ("0",), payload))) - len(payload) <= most
+    assert len(to_bytes(single_group_contents(grid, ("0",), payload))) - len(payload) <= limit
 
 
 def test_shift_changes_only_origin_epoch_and_checksum():
     ours = QuantisationGrid((1_000, 2_000), 3_000, 128, 128)
     moved = QuantisationGrid((10_000_001_000, 10_000_002_000), 1_000_000_003_000, 128, 128)
-    one, two = (
+    data, moved_data = (
         to_bytes(single_group_contents(grid, ("a", "b"), b"payload")) for grid in (ours, moved)
     )
-    assert one[:7] == two[:7]
-    assert one[10:-4] == two[20:-4]
+    assert data[:7] == moved_data[:7]
+    assert data[10:-4] == moved_data[20:-4]
 
 
-def test_single_group_forgets_its_span():
+def test_a_single_group_has_no_time_range():
     contents = Contents(archives.FLAT, ("0",), (Group(0, 1, b"p", (3, 4)),))
     assert from_bytes(to_bytes(contents)).groups[0].time_range is None
 
 
-def test_large_single_group_with_extras():
+def test_a_large_single_group_with_further_sections():
     contents = Contents(
         archives.FLAT, ("0",), (Group(0, 1, bytes(range(256)) * 300),), None, (Section(5, b"kept"),)
     )
@@ -94,12 +94,12 @@ def test_contradictions_are_refused(contents):
         to_bytes(contents)
 
 
-def test_payload_that_no_reader_would_expand_is_refused():
+def test_a_payload_that_no_reader_would_expand_is_refused():
     with pytest.raises(OptionError, match="leave it out"):
         to_bytes(single_group_contents(archives.FLAT, ("0",), bytes((1 << 26) + 100_000), "bz2"))
 
 
-def test_more_than_readers_believe_is_refused():
+def test_more_than_readers_accept_is_refused():
     with pytest.raises(OptionError, match="split the archive"):
         to_bytes(single_group_contents(archives.FLAT, tuple(map(str, range(100_000))), b""))
     with pytest.raises(OptionError, match="make them larger"):

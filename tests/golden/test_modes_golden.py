@@ -1,4 +1,4 @@
-"""Walks payloads in modes as they were written once: every later version reads them, and this one writes the same bytes."""
+"""Walks payloads in modes: every later version reads them, and this one writes the same bytes."""
 
 import numpy as np
 import pytest
@@ -9,8 +9,8 @@ from oracle import walk_decoder
 from oracle.walks import assert_same, walk
 
 
-def rounds():
-    """Three tracks that go round a block, across it, and out of it."""
+def block_walks():
+    """Three tracks: round a block, across it, and out of it."""
     nodes = np.array(
         [[50 * (i % 4), 60 * (i // 4) + 7 * (i % 3)] for i in range(16)] + [[300, 90], [420, 140]]
     )
@@ -22,8 +22,8 @@ def rounds():
     ]
     tracks = []
     for route, first in zip(routes, (500, 90, 1300), strict=True):
-        cells = first + np.cumsum([0, *(3 + 5 * (i % 3) for i in range(len(route) - 1))])
-        tracks.append(walk(route, cells, np.arange(len(route) - 1) == 20))
+        time_steps = first + np.cumsum([0, *(3 + 5 * (i % 3) for i in range(len(route) - 1))])
+        tracks.append(walk(route, time_steps, np.arange(len(route) - 1) == 20))
     return number_by_visit(GridWalks(nodes, tuple(tracks)))
 
 
@@ -59,27 +59,27 @@ WRITTEN = {
 }
 
 
-def written(walks, modes):
-    # dear ways make the writer aim
+def encode_with_targets(walks, modes):
+    # expensive steps make the encoder take targets
     return encode_in_modes(
         walks, None, modes, np.full(sum(len(one.nodes) for one in walks.walks), 9.0)
     )[0]
 
 
 @pytest.mark.parametrize("modes", WRITTEN)
-def test_what_was_written_once_in_modes_is_written(modes):
-    assert written(rounds(), modes).hex() == WRITTEN[modes]
+def test_golden_payloads_are_written(modes):
+    assert encode_with_targets(block_walks(), modes).hex() == WRITTEN[modes]
 
 
 @pytest.mark.parametrize("modes", WRITTEN)
-def test_what_was_written_once_in_modes_is_read(modes):
-    walks, data = rounds(), bytes.fromhex(WRITTEN[modes])
+def test_golden_payloads_are_read(modes):
+    walks, data = block_walks(), bytes.fromhex(WRITTEN[modes])
     assert_same(decode(data, 2, 3), walks)
-    places, plain, _ = walk_decoder.decode(data, 2, 3)
-    assert places == walks.nodes.tolist()
-    assert [[node for node, _, _ in one] for one in plain] == [
-        one.nodes.tolist() for one in walks.walks
+    positions, plain, _ = walk_decoder.decode(data, 2, 3)
+    assert positions == walks.nodes.tolist()
+    assert [[node for node, _, _ in track] for track in plain] == [
+        walk_.nodes.tolist() for walk_ in walks.walks
     ]
-    assert [[cell for _, cell, _ in one] for one in plain] == [
-        one.time_steps.tolist() for one in walks.walks
+    assert [[time_step for _, time_step, _ in track] for track in plain] == [
+        walk_.time_steps.tolist() for walk_ in walks.walks
     ]

@@ -1,4 +1,4 @@
-"""Plain twin of the adaptive models, written from docs/format.md; its tables come from 50-digit arithmetic."""
+"""Plain adaptive models, written from docs/format.md; tables come from 50-digit arithmetic."""
 
 from __future__ import annotations
 
@@ -6,14 +6,19 @@ from decimal import Decimal, localcontext
 from functools import cache
 
 # Constants of docs/format.md, "Adaptive models".
-UNIT = 24
-WHOLE = 1 << UNIT
-BIT_STEP, BIT_LIMIT = 20, 2000
+PROBABILITY_BITS = 24
+CERTAIN = 1 << PROBABILITY_BITS
+BIT_INCREMENT = 20
+BIT_LIMIT = 2000
 TREE_BITS = 3
-FIRST_STEP, LAST_STEP, SETTLING = 40_000, 6_500, 16
-WEIGHT_SUM, LEAST_WEIGHT = 65_536, 16
-HISTOGRAM_STEP = 64
-REACH, STEPS = 16, 64
+FIRST_RATE = 40_000
+LAST_RATE = 6_500
+RATE_HALF_LIFE = 16
+WEIGHT_SUM = 65_536
+MIN_WEIGHT = 16
+HISTOGRAM_INCREMENT = 64
+REACH = 16
+STEPS = 64
 
 TWO_SIDED, ONE_SIDED, HISTOGRAM, BY_RATIO = "two-sided", "one-sided", "histogram", "by ratio"
 
@@ -22,21 +27,21 @@ def exact_logistic():
     """Values to round, for z = -16 ... 16 in sixty-fourths."""
     with localcontext(prec=50):
         return [
-            WHOLE / (1 + (Decimal(-i) / STEPS).exp())
+            CERTAIN / (1 + (Decimal(-i) / STEPS).exp())
             for i in range(-REACH * STEPS, REACH * STEPS + 1)
         ]
 
 
 def exact_exponential():
     with localcontext(prec=50):
-        return [WHOLE * (1 - (Decimal(-i) / STEPS).exp()) for i in range(REACH * STEPS + 1)]
+        return [CERTAIN * (1 - (Decimal(-i) / STEPS).exp()) for i in range(REACH * STEPS + 1)]
 
 
 @cache
 def tables():
     logistic = [int(x.to_integral_value()) for x in exact_logistic()]
     exponential = [int(x.to_integral_value()) for x in exact_exponential()]
-    logistic[0], logistic[-1], exponential[-1] = 0, WHOLE, WHOLE
+    logistic[0], logistic[-1], exponential[-1] = 0, CERTAIN, CERTAIN
     return logistic, exponential
 
 
@@ -56,10 +61,9 @@ def log2_of(value):
     """In units of 2**-16."""
     exponent = value.bit_length() - 1
     mantissa = (value << 30) >> exponent
-    at, part = (mantissa >> 20) - 1024, mantissa % 2**20
-    return (
-        (exponent << 16) + fractions()[at] + ((fractions()[at + 1] - fractions()[at]) * part >> 20)
-    )
+    i, rest = (mantissa >> 20) - 1024, mantissa % 2**20
+    slope = fractions()[i + 1] - fractions()[i]
+    return (exponent << 16) + fractions()[i] + (slope * rest >> 20)
 
 
 class Bit:
@@ -71,29 +75,29 @@ class Bit:
     def read(self, coder):
         zeros, ones = self.counts
         total = zeros + ones
-        bit = int(coder.target(total) >= zeros)
+        bit = int(coder.decode_cumulative(total) >= zeros)
         coder.interval(zeros if bit else 0, self.counts[bit], total)
-        self.counts[bit] += BIT_STEP
+        self.counts[bit] += BIT_INCREMENT
         if total > BIT_LIMIT:
             self.counts = [max(count // 2, 1) for count in self.counts]
         return bit
 
 
-class Size:
+class Unsigned:
     """Contexts of an integer >= 0 of any size."""
 
     def __init__(self):
-        self.more = [Bit() for _ in range(47)]
-        self.rest = {}
+        self.exponent = [Bit() for _ in range(47)]
+        self.digits = {}
 
     def read(self, coder):
         exponent = 0
-        while exponent < 47 and self.more[exponent].read(coder):
+        while exponent < 47 and self.exponent[exponent].read(coder):
             exponent += 1
         value = 1
         for place in range(exponent):
             bit = (
-                self.rest.setdefault((exponent, value), Bit()).read(coder)
+                self.digits.setdefault((exponent, value), Bit()).read(coder)
                 if place < TREE_BITS
                 else coder.bits(1)
             )
@@ -101,29 +105,29 @@ class Size:
         return value - 1
 
 
-class Whole:
+class Signed:
     """Contexts of an integer of either sign."""
 
     def __init__(self):
-        self.size = Size()
+        self.unsigned = Unsigned()
 
     def read(self, coder):
-        folded = self.size.read(coder)
+        folded = self.unsigned.read(coder)
         return folded // 2 if folded % 2 == 0 else -(folded + 1) // 2
 
 
 def read_choice(coder, weights):
     total = sum(weights)
-    at, choice, start = coder.target(total), 0, 0
-    while at >= start + weights[choice]:
+    number, choice, start = coder.decode_cumulative(total), 0, 0
+    while number >= start + weights[choice]:
         start += weights[choice]
         choice += 1
     coder.interval(start, weights[choice], total)
     return choice
 
 
-def below(value, kind, center, scale, low):
-    """Probability below value - 1/2 in units of 2**-24."""
+def mass_below(value, kind, center, scale, low):
+    """Mass below value - 1/2 in units of 2**-24."""
     logistic, exponential = tables()
     if kind == ONE_SIDED:
         table, z, end = exponential, ((value - low) * 16 << 16) // scale, REACH << 16
@@ -142,9 +146,9 @@ def below(value, kind, center, scale, low):
     if z < 0:
         return 0
     if z >= end:
-        return WHOLE
-    at, part = z >> 10, z & 1023
-    return table[at] + ((table[at + 1] - table[at]) * part >> 10)
+        return CERTAIN
+    i, rest = z >> 10, z & 1023
+    return table[i] + ((table[i + 1] - table[i]) * rest >> 10)
 
 
 class Mixture:
@@ -152,41 +156,43 @@ class Mixture:
 
     def __init__(self, weights, bins=48, bin=2):
         self.weights = list(weights)
-        self.used = 0
+        self.coded = 0
         self.histogram = [bin] * bins
 
-    def shares(self, value, low, distributions):
-        """What each distribution puts below ``value``."""
+    def cumulatives(self, value, low, distributions):
+        """Cumulative probability of each distribution below ``value``."""
         out = []
         for kind, center, scale in distributions:
             if kind == HISTOGRAM:
-                out.append((sum(self.histogram[: value - low]) << UNIT) // sum(self.histogram))
+                out.append(
+                    (sum(self.histogram[: value - low]) << PROBABILITY_BITS) // sum(self.histogram)
+                )
                 continue
-            here = below(value, kind, center, scale, low)
+            mass = mass_below(value, kind, center, scale, low)
             base = (
-                min(below(low, kind, center, scale, low), WHOLE - 64)
+                min(mass_below(low, kind, center, scale, low), CERTAIN - 64)
                 if kind in (TWO_SIDED, BY_RATIO)
                 else 0
             )
-            out.append(((here - base) << UNIT) // (WHOLE - base))
+            out.append(((mass - base) << PROBABILITY_BITS) // (CERTAIN - base))
         return out
 
     def cumulative(self, value, low, high, distributions):
-        shares = (
-            [WHOLE] * len(distributions)
+        cumulatives = (
+            [CERTAIN] * len(distributions)
             if value == high
-            else self.shares(value, low, distributions)
+            else self.cumulatives(value, low, distributions)
         )
-        return value - low + sum(w * s for w, s in zip(self.weights, shares, strict=False))
+        return value - low + sum(w * s for w, s in zip(self.weights, cumulatives, strict=False))
 
     def read(self, coder, low, high, distributions):
         weights = self.weights[: len(distributions)]
-        total = (sum(weights) << UNIT) + high - low
-        at = coder.target(total)
+        total = (sum(weights) << PROBABILITY_BITS) + high - low
+        number = coder.decode_cumulative(total)
         first, last = low, high
         while last - first > 1:
             middle = (first + last) >> 1
-            if self.cumulative(middle, low, high, distributions) <= at:
+            if self.cumulative(middle, low, high, distributions) <= number:
                 first = middle
             else:
                 last = middle
@@ -194,20 +200,24 @@ class Mixture:
         return first
 
     def code(self, coder, value, low, high, distributions):
-        """Write or read past a value, and learn it."""
+        """Encode a value, or decode past it, and learn it."""
         count = len(distributions)
         weights = self.weights[:count]
-        total = (sum(weights) << UNIT) + high - low
+        total = (sum(weights) << PROBABILITY_BITS) + high - low
         start = self.cumulative(value, low, high, distributions)
         width = self.cumulative(value + 1, low, high, distributions) - start
         coder.interval(start, width, total)
-        a = self.shares(value, low, distributions)
-        b = [WHOLE] * count if value + 1 == high else self.shares(value + 1, low, distributions)
-        step = max(LAST_STEP, FIRST_STEP * SETTLING // (SETTLING + self.used))
-        self.used += 1
-        shared = min(sum(weights), WEIGHT_SUM)
+        below = self.cumulatives(value, low, distributions)
+        below_next = [CERTAIN] * count
+        if value + 1 < high:
+            below_next = self.cumulatives(value + 1, low, distributions)
+        rate = max(LAST_RATE, FIRST_RATE * RATE_HALF_LIFE // (RATE_HALF_LIFE + self.coded))
+        self.coded += 1
+        target_sum = min(sum(weights), WEIGHT_SUM)
         for i, weight in enumerate(weights):
-            posterior = (weight * (b[i] - a[i]) >> 8) * shared // max(width >> 8, 1)
-            self.weights[i] = max(weight + ((posterior - weight) * step >> 16), LEAST_WEIGHT)
+            posterior = (
+                (weight * (below_next[i] - below[i]) >> 8) * target_sum // max(width >> 8, 1)
+            )
+            self.weights[i] = max(weight + ((posterior - weight) * rate >> 16), MIN_WEIGHT)
         if value - low < len(self.histogram):
-            self.histogram[value - low] += HISTOGRAM_STEP
+            self.histogram[value - low] += HISTOGRAM_INCREMENT

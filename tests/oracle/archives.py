@@ -1,4 +1,4 @@
-"""Archives to attack, and the means to forge them past their checksums."""
+"""Archives to damage, and means to forge them with right checksums."""
 
 from __future__ import annotations
 
@@ -54,13 +54,10 @@ def small_archives() -> dict[str, Contents]:
     }
 
 
-def promising_archives() -> dict[str, Contents]:
-    """Archives that promise something, or lie on a map kept elsewhere: since version 2."""
-    there, small, group = (
-        MapReference(b"ABCD", 2),
-        MapReference(b"\0\xff\0\xff"),
-        (Group(0, 1, b"walks"),),
-    )
+def archives_with_bounds() -> dict[str, Contents]:
+    """Archives with an error bound or on a map kept elsewhere."""
+    reference, same_grid = MapReference(b"ABCD", 2), MapReference(b"\0\xff\0\xff")
+    group = (Group(0, 1, b"walks"),)
     return {
         "rmse": replace(
             single_group_contents(DEGREES, ("0",), b"walks"), error_bound=ErrorBound(240, -3, False)
@@ -68,10 +65,10 @@ def promising_archives() -> dict[str, Contents]:
         "maximum": replace(
             single_group_contents(TALL, ("a", "b"), b"walks"), error_bound=ErrorBound(1, 6, True)
         ),
-        "small with promise": Contents(
+        "small with bound": Contents(
             WIDE, ("0",), group, None, (), None, ErrorBound(999, -8, False)
         ),
-        "large with promise": replace(several(), error_bound=ErrorBound(41, 0, False)),
+        "large with bound": replace(several(), error_bound=ErrorBound(41, 0, False)),
         "both": replace(
             single_group_contents(DEGREES, ("0",), b"walks"),
             error_bound=ErrorBound(300, -2, False, 0, 120, -1),
@@ -86,24 +83,24 @@ def promising_archives() -> dict[str, Contents]:
             sampling=0,
         ),
         "large with sampling": replace(several(), sampling=130),
-        "grown promise": replace(
+        "extended bound": replace(
             single_group_contents(TALL, ("a", "b"), b"walks"),
             error_bound=ErrorBound(50, -1, False, 16),
         ),
-        "grown promise and sampling": replace(
+        "extended bound and sampling": replace(
             single_group_contents(FLAT, ("a", "b"), b"walks"),
             error_bound=ErrorBound(99, 6, True, 62),
             sampling=9,
         ),
         "on map": Contents(
-            None, None, group, small, error_bound=ErrorBound(5, -1, False), sampling=150
+            None, None, group, same_grid, error_bound=ErrorBound(5, -1, False), sampling=150
         ),
-        "on map, named": Contents(None, ("walk", "bike"), (Group(0, 2, b"walks"),), there),
+        "on map, named": Contents(None, ("walk", "bike"), (Group(0, 2, b"walks"),), reference),
         "on map, small": Contents(
-            None, ("0",), group, there, (Section(5, b"kept"),), None, ErrorBound(5, -1, True)
+            None, ("0",), group, reference, (Section(5, b"kept"),), None, ErrorBound(5, -1, True)
         ),
-        "on map, layered": Contents(None, ("0",), group, there, (), "bz2"),
-        "on map, large": replace(several(), grid=None, map=there),
+        "on map, layered": Contents(None, ("0",), group, reference, (), "bz2"),
+        "on map, large": replace(several(), grid=None, map=reference),
     }
 
 
@@ -132,11 +129,11 @@ def large(sections: list[bytes], index_offset: int | None = None, third: int = 0
     head = b"\xa7Z" + bytes([third])
     offset = 0
     if index_offset is None:
-        at = 3
-        for part in sections:
-            offset = at if part[4] == 6 else offset
-            at += len(part)
+        start = 3
+        for section_bytes in sections:
+            offset = start if section_bytes[4] == 6 else offset
+            start += len(section_bytes)
     else:
         offset = index_offset
-    digest = crc(head + b"".join(part[-4:] for part in sections))
+    digest = crc(head + b"".join(section_bytes[-4:] for section_bytes in sections))
     return head + b"".join(sections) + section(7, offset.to_bytes(6, "little") + digest)

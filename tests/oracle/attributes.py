@@ -1,4 +1,4 @@
-"""Kept attributes as docs/format.md tells them, number by number."""
+"""A plain reader of kept attributes, written from docs/format.md."""
 
 import lzma
 import struct
@@ -10,8 +10,8 @@ class Bytes:
         self.data = data
 
     def take(self, count):
-        found, self.data = self.data[:count], self.data[count:]
-        return found
+        taken, self.data = self.data[:count], self.data[count:]
+        return taken
 
     def varint(self):
         value = place = 0
@@ -55,10 +55,10 @@ def read_column(source, count):
     starts = [source.signed() for _ in range(order)]
     width = source.take(1)[0]
     planes = source.block()
-    left = max(count - order, 0)
+    length = max(count - order, 0)
     coded = [
-        sum(planes[plane * left + row] << 8 * plane for plane in range(width))
-        for row in range(left)
+        sum(planes[plane * length + row] << 8 * plane for plane in range(width))
+        for row in range(length)
     ]
     values = [value // 2 if value % 2 == 0 else -(value + 1) // 2 for value in coded]
     for start in reversed(starts[:count]):
@@ -80,7 +80,7 @@ def read_column(source, count):
 
 
 def read_attributes(body, tracks):
-    """Numbers of samples, instants, and columns by name."""
+    """Numbers of samples, times, and columns by name."""
     source = Bytes(body)
     counts = [source.varint() for _ in range(tracks)]
     names = [source.take(source.varint()).decode() for _ in range(source.varint())]

@@ -1,4 +1,4 @@
-"""Plain twin of the model of text, written from docs/format.md alone; it takes the text to begin with from that page."""
+"""A plain decoder of texts, written from docs/format.md; it takes the prime from that page."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Model:
             self.counts.setdefault((number, key, node), [0, 0]) for number, key in enumerate(keys)
         ]
 
-    def chance(self, node):
+    def probability(self, node):
         ones = zeros = 2
         for weight, pair in zip(_WEIGHTS, self.pairs(node), strict=True):
             w = weight * 4 if 0 in pair else weight
@@ -73,14 +73,14 @@ class Model:
 def decode(data: bytes, lines: int) -> bytes:
     model, text = Model(), b""
     low, high = 0, 2**32 - 1
-    coming = iter(data)
+    data_bytes = iter(data)
     window = 0
     for _ in range(4):
-        window = window * 256 + next(coming, 0)
+        window = window * 256 + next(data_bytes, 0)
     while text.count(b"\n") < lines:
         node = 1
         while node < 256:
-            middle = low + ((high - low) * model.chance(node) >> 16)
+            middle = low + ((high - low) * model.probability(node) >> 16)
             bit = int(window <= middle)
             low, high = (low, middle) if bit else (middle + 1, high)
             model.count(node, bit)
@@ -89,7 +89,7 @@ def decode(data: bytes, lines: int) -> bytes:
                 low, high, window = (
                     (low << 8) % 2**32,
                     (high << 8) % 2**32 + 255,
-                    (window << 8) % 2**32 + next(coming, 0),
+                    (window << 8) % 2**32 + next(data_bytes, 0),
                 )
         model.move(node - 256)
         text += bytes([node - 256])

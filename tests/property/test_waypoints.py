@@ -6,7 +6,7 @@ from oracle.paths import fewest_waypoints, maps_with_walks
 
 @given(maps_with_walks())
 @settings(max_examples=150, deadline=None)
-def test_compressed_walks_come_back_exactly(case):
+def test_walks_round_trip(case):
     graph, route = case
     for compress in (find_waypoints, find_waypoints_by_bisection):
         for breadth in (None, 1, 3):

@@ -1,1 +1,1 @@
-"""Coding of walks: modes, models of nodes, paths and times, and the range coder."""
+"""Coding of walks: adaptive models of nodes, edges and times, over a range coder."""

@@ -1,29 +1,57 @@
-"""Walks as their knots in a row, which is what kernels take."""
+"""The knots of all walks, concatenated in the arrays that kernels take."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.model import GridWalks
 
-__all__ = ["concatenate_knots"]
+__all__ = ["Knots", "concatenate_knots"]
 
 
-def concatenate_knots(
-    walks: GridWalks,
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int8], NDArray[np.int8]]:
-    """All knots of all walks in a row: nodes, cells, whether a gap leads there, whether a track begins there."""
+class Knots(NamedTuple):
+    """Knots of all walks, one walk after the other; K in all.
+
+    Parameters
+    ----------
+    nodes, time_steps : int64 arrays, shape (K,)
+        Node and time step of each knot.
+    gaps : int8 array, shape (K,)
+        1 where a gap leads to the knot.
+    begins : int8 array, shape (K,)
+        1 where a track begins at the knot.
+    """
+
+    nodes: NDArray[np.int64]
+    time_steps: NDArray[np.int64]
+    gaps: NDArray[np.int8]
+    begins: NDArray[np.int8]
+
+
+def concatenate_knots(walks: GridWalks) -> Knots:
+    """Concatenate the knots of all walks.
+
+    Examples
+    --------
+    >>> from gpszip.model import GridWalk
+    >>> walk = GridWalk(np.array([0, 1], np.int32), np.array([5, 9]), np.array([True]))
+    >>> knots = concatenate_knots(GridWalks(np.array([[0, 0], [30, 4]]), (walk, walk)))
+    >>> knots.nodes.tolist(), knots.gaps.tolist(), knots.begins.tolist()
+    ([0, 1, 0, 1], [0, 1, 0, 1], [1, 0, 1, 0])
+    """
     if not walks.walks:
-        return (
+        return Knots(
             np.zeros(0, np.int64),
             np.zeros(0, np.int64),
             np.zeros(0, np.int8),
             np.zeros(0, np.int8),
         )
     nodes = np.concatenate([walk.nodes for walk in walks.walks]).astype(np.int64)
-    cells = np.concatenate([walk.time_steps for walk in walks.walks]).astype(np.int64)
+    time_steps = np.concatenate([walk.time_steps for walk in walks.walks]).astype(np.int64)
     gaps = np.concatenate([np.append(False, walk.gaps) for walk in walks.walks]).astype(np.int8)
     begins = np.zeros(len(nodes), np.int8)
     begins[np.cumsum([0] + [len(walk.nodes) for walk in walks.walks[:-1]])] = 1
-    return nodes, cells, gaps, begins
+    return Knots(nodes, time_steps, gaps, begins)

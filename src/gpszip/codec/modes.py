@@ -1,4 +1,4 @@
-"""Walks in the fewest bytes: coded in each mode that may pay, of which the smallest is kept."""
+"""Walks in the fewest bytes: encoded in each mode that may pay, to keep the smallest result."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.codec.kernels.step_coder import KIND_BACK, KIND_KNOWN, KIND_NEW_NODE
 from gpszip.codec.kernels.walk_model import (
     SHORTEST_PATHS,
     SORTED_STARTS,
     STEP_KIND_BITS,
     TIME_FIRST,
+    WalkModel,
 )
 from gpszip.codec.prior import Prior
 from gpszip.codec.walks import MAX_SORTED_TRACKS, encode_in_modes, number_by_visit
@@ -20,11 +22,8 @@ from gpszip.run.executor import Executor, local_executor
 
 __all__ = ["encode_smallest"]
 
-#: Whether aims pay is found out on so many knots, so that large logs don't wait for it.
-_SAMPLE = 1 << 12
-
-#: Kinds of steps that modes may spare bits of.
-_BACK, _KNOWN, _NEW = 0, 1, 3
+#: Knots on which shortest paths are tried, so that large logs need not be encoded once in vain.
+_SAMPLE_KNOTS = 1 << 12
 
 
 def encode_smallest(
@@ -34,19 +33,26 @@ def encode_smallest(
     *,
     grid: QuantisationGrid | None = None,
 ) -> bytes:
-    """Code walks as :func:`gpszip.codec.walks.encode` does, but in the modes that take the fewest bytes.
+    """Encode walks as :func:`gpszip.codec.walks.encode` does, in the modes that take fewest bytes.
 
-    Each mode is tried by itself, and those that pay together once more. To aim takes searches: walks with more than 4,096 knots are
-    coded with aims only if these pay for the first so many.
+    Each mode is tried by itself, then all that pay together. Shortest paths take searches: walks of
+    more than 4,096 knots are encoded with them only if they pay for the first 4,096.
 
     Parameters
     ----------
-    walks, past
+    walks : GridWalks
         As :func:`gpszip.codec.walks.encode` takes them.
+    prior : Prior, optional
+        As :func:`gpszip.codec.walks.encode` takes it.
     executor : Executor, optional
         Where modes are tried; the bytes do not depend on it.
-    grid : Frame, optional
+    grid : QuantisationGrid, optional
         Epoch and time step, for the ends of pieces; these are not coded without it.
+
+    Returns
+    -------
+    bytes
+        What :func:`gpszip.codec.walks.decode` reads.
 
     Examples
     --------
@@ -58,70 +64,72 @@ def encode_smallest(
     >>> decode(data, dimension=2, tracks=1).walks[0].time_steps.tolist()
     [0, 9, 18]
     """
-    spent = _no_bits(walks)
-    plain, model = encode_in_modes(walks, prior, 0, spent, grid)
-    steps = model.ledger[STEP_KIND_BITS : STEP_KIND_BITS + 5, 1]
-    worth = {
+    # without modes, which also measures the bits of each step
+    step_bits = _zero_bits(walks)
+    plain, model = encode_in_modes(walks, prior, 0, step_bits, grid)
+
+    # each mode by itself
+    modes = _plausible_modes(walks, model)
+    encode_mode = partial(_encode_mode, walks, prior, step_bits, plain, grid)
+    encoded = dict(zip(modes, local_executor(executor).map(encode_mode, modes), strict=True))
+
+    # all modes that pay, together
+    paying = [mode for mode, data in encoded.items() if len(data) < len(plain)]
+    candidates = [plain, *encoded.values()]
+    if len(paying) > 1:
+        candidates.append(encode_in_modes(walks, prior, sum(paying), step_bits, grid)[0])
+    return min(candidates, key=len)
+
+
+def _plausible_modes(walks: GridWalks, model: WalkModel) -> list[int]:
+    """Modes that may take fewer bytes, given the model after coding without any."""
+    steps = model.statistics[STEP_KIND_BITS:, 1]
+    may_pay = {
         int(SORTED_STARTS): walks.timed and 2 < len(walks.walks) <= MAX_SORTED_TRACKS,
-        int(TIME_FIRST): walks.timed and walks.nodes.shape[1] > 1 and steps[_NEW] > 1,
-        int(SHORTEST_PATHS): steps[_BACK] + steps[_KNOWN] > 1,
+        int(TIME_FIRST): walks.timed and walks.nodes.shape[1] > 1 and steps[KIND_NEW_NODE] > 1,
+        int(SHORTEST_PATHS): steps[KIND_BACK] + steps[KIND_KNOWN] > 1,
     }
-    modes = [mode for mode, is_worth in worth.items() if is_worth]
-    coded = dict(
-        zip(
-            modes,
-            local_executor(executor).map(
-                partial(_in_mode, walks, prior, spent, plain, grid), modes
-            ),
-            strict=True,
-        )
-    )
-    paying = [mode for mode, data in coded.items() if len(data) < len(plain)]
-    together = (
-        [encode_in_modes(walks, prior, sum(paying), spent, grid)[0]] if len(paying) > 1 else []
-    )
-    return min([plain, *coded.values(), *together], key=len)
+    return [mode for mode, pays in may_pay.items() if pays]
 
 
-def _in_mode(
+def _encode_mode(
     walks: GridWalks,
     prior: Prior | None,
-    spent: NDArray[np.float64],
+    step_bits: NDArray[np.float64],
     plain: bytes,
     grid: QuantisationGrid | None,
     mode: int,
 ) -> bytes:
-    """The walks in one mode; as they are without, where aims don't pay."""
-    return (
-        plain
-        if mode == SHORTEST_PATHS and not _aims_pay_at_first(walks, prior)
-        else encode_in_modes(walks, prior, mode, spent, grid)[0]
-    )
+    """Walks in one mode; ``plain``, without any, where shortest paths don't pay in the sample."""
+    if mode == SHORTEST_PATHS and not _do_shortest_paths_pay(walks, prior):
+        return plain
+    return encode_in_modes(walks, prior, mode, step_bits, grid)[0]
 
 
-def _aims_pay_at_first(walks: GridWalks, prior: Prior | None) -> bool:
-    """Whether aims may pay for few walks, or do for the first knots of many."""
-    sample = _first_knots(walks, _SAMPLE, 0 if prior is None else prior.nodes)
+def _do_shortest_paths_pay(walks: GridWalks, prior: Prior | None) -> bool:
+    """Whether shortest paths pay for the first knots of many; True for few."""
+    sample = _first_knots(walks, _SAMPLE_KNOTS, 0 if prior is None else prior.nodes)
     if sample is walks:
         return True
-    spent = _no_bits(sample)
-    plain, _ = encode_in_modes(sample, prior, 0, spent)
-    return len(encode_in_modes(sample, prior, int(SHORTEST_PATHS), spent)[0]) < len(plain)
+    step_bits = _zero_bits(sample)
+    plain, _ = encode_in_modes(sample, prior, 0, step_bits)
+    return len(encode_in_modes(sample, prior, int(SHORTEST_PATHS), step_bits)[0]) < len(plain)
 
 
-def _no_bits(walks: GridWalks) -> NDArray[np.float64]:
+def _zero_bits(walks: GridWalks) -> NDArray[np.float64]:
+    """One number for each knot, to be filled in."""
     return np.zeros(sum(len(walk.nodes) for walk in walks.walks))
 
 
 def _first_knots(walks: GridWalks, count: int, known: int) -> GridWalks:
-    """The first ``count`` knots of all walks; the very same walks if they have no more."""
+    """The first ``count`` knots of all walks; the same object if they have no more."""
     if sum(len(walk.nodes) for walk in walks.walks) <= count:
         return walks
-    first = []
+    shortened = []
     for walk in walks.walks:
         kept = min(count, len(walk.nodes))
-        first.append(GridWalk(walk.nodes[:kept], walk.time_steps[:kept], walk.gaps[: kept - 1]))
+        shortened.append(GridWalk(walk.nodes[:kept], walk.time_steps[:kept], walk.gaps[: kept - 1]))
         count -= kept
         if count == 0:
             break
-    return number_by_visit(GridWalks(walks.nodes, tuple(first), walks.timed), known)
+    return number_by_visit(GridWalks(walks.nodes, tuple(shortened), walks.timed), known)

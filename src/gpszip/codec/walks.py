@@ -1,4 +1,4 @@
-"""Walks on a lattice to bytes and back: what an archive keeps of its tracks."""
+"""Walks on a grid to bytes and back: what an archive stores of its tracks."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from gpszip.codec.kernels.walk_model import (
     new_model,
     with_modes,
 )
-from gpszip.codec.knots import concatenate_knots
+from gpszip.codec.knots import Knots, concatenate_knots
 from gpszip.codec.prior import Prior
 from gpszip.errors import BoundError, CorruptArchiveError
 from gpszip.model import GridWalk, GridWalks, QuantisationGrid
@@ -33,21 +33,38 @@ __all__ = [
     "number_by_visit",
 ]
 
-#: Starts of at most so many tracks are sorted: which one is meant is found by counting.
+#: Starts of at most this many tracks are sorted: taking one counts those passed over.
 MAX_SORTED_TRACKS = 4096
 
-_TIMED, _GAPPED = 1, 2
-#: An archive holds at most this many knots for each byte, so that forged counts can't ask for memory.
+#: Flags in the first number, below the number of knots: there are times, there are gaps.
+_TIMED = 1
+_GAPPED = 2
+_FLAG_BITS = 2
+
+#: The first number is at least this, since there is a knot: a first byte below it names modes.
+_FIRST_VARINT = 4
+
+#: A number takes at most this many bytes.
+_VARINT_BYTES = 9
+
+#: A payload holds at most this many knots for each byte, and some more, so that forged counts
+#: cannot ask for memory.
 _KNOTS_PER_BYTE = 512
-_KNOTS_AT_LEAST = 4096
-#: Places and times are below this many quanta.
-_FARTHEST = 1 << 45
+_FREE_KNOTS = 4096
+
+#: Coordinates (in space steps) and times (in time steps) are below this in size.
+_MAX_SIZE = 1 << 45
 
 
 def number_by_visit(walks: GridWalks, known: int = 0) -> GridWalks:
-    """Number the nodes in the order in which the walks first visit them; drop those that none visits.
+    """Number the nodes in the order in which the walks first visit them; drop those not visited.
 
-    The first ``known`` nodes stay what they are, visited or not.
+    Parameters
+    ----------
+    walks : GridWalks
+        Numbered in any way.
+    known : int, default 0
+        The first ``known`` nodes keep their numbers, visited or not.
 
     Examples
     --------
@@ -57,40 +74,42 @@ def number_by_visit(walks: GridWalks, known: int = 0) -> GridWalks:
     >>> numbered.nodes.tolist(), numbered.walks[0].nodes.tolist()
     ([[7, 7], [5, 5]], [0, 1])
     """
-    visited = (
-        np.concatenate([walk.nodes for walk in walks.walks])
-        if walks.walks
-        else np.zeros(0, np.int32)
-    )
-    used, first = np.unique(visited[visited >= known], return_index=True)
-    order = np.append(np.arange(known), used[np.argsort(first)])
-    number = np.full(len(walks.nodes), -1, np.int32)
-    number[order] = np.arange(len(order), dtype=np.int32)
+    # order the nodes by first visit
+    visits = np.zeros(0, np.int32)
+    if walks.walks:
+        visits = np.concatenate([walk.nodes for walk in walks.walks])
+    visited, first = np.unique(visits[visits >= known], return_index=True)
+    order = np.append(np.arange(known), visited[np.argsort(first)])
+
+    # renumber the walks
+    numbers = np.full(len(walks.nodes), -1, np.int32)
+    numbers[order] = np.arange(len(order), dtype=np.int32)
     renumbered = tuple(
-        GridWalk(number[walk.nodes], walk.time_steps, walk.gaps) for walk in walks.walks
+        GridWalk(numbers[walk.nodes], walk.time_steps, walk.gaps) for walk in walks.walks
     )
     return replace(walks, nodes=walks.nodes[order], walks=renumbered)
 
 
 def encode(walks: GridWalks, prior: Prior | None = None) -> bytes:
-    """Code walks with an adaptive model into bytes.
+    """Encode walks with an adaptive model.
 
     Parameters
     ----------
-    walks : LatticeWalks
+    walks : GridWalks
         Each walk has at least one knot; nodes are numbered in the order of their first visit.
-    prior : Past, optional
-        Walks that the reader has, too; their nodes come first in ``walks.nodes``, visited or not.
+    prior : Prior, optional
+        Walks that the decoder has, too; their nodes come first in ``walks.nodes``, visited or not.
 
     Returns
     -------
     bytes
-        A varint of the number of knots times 4 plus flags (1: times, 2: gaps), then the range coder's bytes.
+        A varint of the number of knots times 4 plus flags (1: times, 2: gaps), then the bytes of
+        the range coder.
 
     Raises
     ------
     BoundError
-        If a place or time is 2**45 quanta or more from the origin, which no reader takes.
+        If a coordinate or time is 2**45 steps or more from the origin, which no decoder takes.
 
     Examples
     --------
@@ -106,70 +125,89 @@ def encode(walks: GridWalks, prior: Prior | None = None) -> bytes:
 def encode_with_statistics(
     walks: GridWalks, prior: Prior | None = None
 ) -> tuple[bytes, NDArray[np.float64]]:
-    """Code walks as :func:`encode` does, and return what the bits were spent on, by ``walk_model.ACCOUNTS``: bits, and how often."""
+    """Encode walks as :func:`encode` does, and return what the bits were spent on.
+
+    Returns
+    -------
+    bytes
+        What :func:`decode` reads.
+    float64 array, shape (13, 2)
+        Bits, and how often they were spent, by the rows of ``WalkModel.statistics``.
+    """
     data, model = encode_in_modes(walks, prior, 0, np.zeros(0))
-    return data, model.ledger
+    return data, model.statistics
 
 
 def encode_in_modes(
     walks: GridWalks,
     prior: Prior | None,
     modes: int,
-    spent: NDArray[np.float64],
+    step_bits: NDArray[np.float64],
     grid: QuantisationGrid | None = None,
 ) -> tuple[bytes, WalkModel]:
-    """Code walks with some of the modes ``SORTED``, ``PACED`` and ``AIMS`` on.
+    """Encode walks in some of the modes ``SORTED_STARTS``, ``TIME_FIRST`` and ``SHORTEST_PATHS``.
 
     Parameters
     ----------
-    walks, past
-        As :func:`encode` takes them; ``SORTED`` takes times and at most ``MOST_SORTED`` tracks.
+    walks : GridWalks
+        As :func:`encode` takes them; ``SORTED_STARTS`` takes times and at most
+        ``MAX_SORTED_TRACKS`` tracks.
+    prior : Prior or None
+        As :func:`encode` takes it.
     modes : int
         A sum of modes.
-    spent : float64 array, shape (K,) or (0,)
-        Bits of the ways to all knots: filled in without ``AIMS``, asked for with it.
-    grid : Frame, optional
+    step_bits : float64 array, shape (K,) or (0,)
+        Bits of the step to each of the K knots: filled in without ``SHORTEST_PATHS``, needed with
+        it.
+    grid : QuantisationGrid, optional
         Epoch and time step, for the ends of pieces; these are not coded without it.
 
     Returns
     -------
-    bytes, WalkModel
-        What :func:`decode` reads, and the model as it is then.
+    bytes
+        What :func:`decode` reads.
+    WalkModel
+        The model after the walks.
     """
-    nodes, cells, gaps, begins = concatenate_knots(walks)
-    if max(_extent(walks.nodes), _extent(cells)) >= _FARTHEST:
+    knots = concatenate_knots(walks)
+    if max(_largest(walks.nodes), _largest(knots.time_steps)) >= _MAX_SIZE:
         raise BoundError(
-            "places or times lie too far apart for so fine a lattice; allow a larger error"
+            "positions or times lie too far apart for so fine a grid; allow a larger error"
         )
-    dimension = walks.nodes.shape[1]
-    capacity = 64 + 16 * len(nodes) + 16 * walks.nodes.size
-    while True:
-        model = with_modes(
-            _model(len(nodes), dimension, prior), modes, np.sort(cells[begins == 1]), spent
-        )
-        model.places[: len(walks.nodes)] = walks.nodes
-        coder = new_encoder(capacity)
-        code_walks(
-            coder,
-            model,
-            nodes,
-            cells,
-            gaps,
-            begins,
-            len(walks.walks),
-            walks.timed,
-            bool(gaps.any()),
-        )
-        if grid is not None and walks.timed:
-            code_tail(coder, walks, grid)
-        payload = finish(coder)
-        if payload is not None:
-            break
+
+    # encode, in a longer buffer where the bytes did not fit
+    capacity = 64 + 16 * len(knots.nodes) + 16 * walks.nodes.size
+    payload, model = _encode_knots(walks, knots, prior, modes, step_bits, grid, capacity)
+    while payload is None:
         capacity *= 4
-    least = -(-(len(nodes) - _KNOTS_AT_LEAST) // _KNOTS_PER_BYTE)
-    flags = _TIMED * walks.timed + _GAPPED * bool(gaps.any())
-    head = _mode_head(modes) + _varint(4 * len(nodes) + flags)
-    return head + payload + bytes(max(least - len(payload), 0)), model
+        payload, model = _encode_knots(walks, knots, prior, modes, step_bits, grid, capacity)
+
+    # the head, and zeros up to the bytes that so many knots must have
+    flags = _TIMED * walks.timed + _GAPPED * bool(knots.gaps.any())
+    head = _mode_bytes(modes) + _encode_varint((len(knots.nodes) << _FLAG_BITS) + flags)
+    min_bytes = -(-(len(knots.nodes) - _FREE_KNOTS) // _KNOTS_PER_BYTE)
+    return head + payload + bytes(max(min_bytes - len(payload), 0)), model
+
+
+def _encode_knots(
+    walks: GridWalks,
+    knots: Knots,
+    prior: Prior | None,
+    modes: int,
+    step_bits: NDArray[np.float64],
+    grid: QuantisationGrid | None,
+    capacity: int,
+) -> tuple[bytes | None, WalkModel]:
+    """Bytes of the range coder, None if there are more than ``capacity``, and the model."""
+    starts = np.sort(knots.time_steps[knots.begins == 1])
+    model = _new_model(len(knots.nodes), walks.nodes.shape[1], prior)
+    model = with_modes(model, modes, starts, step_bits)
+    model.places[: len(walks.nodes)] = walks.nodes
+    coder = new_encoder(capacity)
+    code_walks(coder, model, *knots, len(walks.walks), walks.timed, bool(knots.gaps.any()))
+    if grid is not None and walks.timed:
+        code_tail(coder, walks, grid)
+    return finish(coder), model
 
 
 def decode(
@@ -179,17 +217,18 @@ def decode(
     prior: Prior | None = None,
     grid: QuantisationGrid | None = None,
 ) -> GridWalks:
-    """Read what :func:`encode` wrote.
+    """Decode what :func:`encode` wrote.
 
     Parameters
     ----------
     data : bytes
-        Untrusted bytes; memory stays below about 130 kB for each of them, plus 1 MB and what the past takes.
+        Untrusted bytes; memory stays below about 130 kB for each of them, plus 1 MB and what the
+        prior takes.
     dimension, tracks : int
         Number of coordinates and of tracks.
-    prior : Past, optional
+    prior : Prior, optional
         The walks after which these were written; its nodes come first in those returned.
-    grid : Frame, optional
+    grid : QuantisationGrid, optional
         Epoch and time step of walks that were written with the ends of their pieces.
 
     Raises
@@ -197,68 +236,94 @@ def decode(
     CorruptArchiveError
         If the bytes are no walks of so many tracks.
     """
+    # the head: modes, flags and the number of knots, which must be plausible
     modes, data = _read_modes(data) if tracks else (0, data)
-    count, start = _read_varint(data)
-    knots = count >> 2
-    payload = data[start:]
+    number, size = _read_varint(data)
+    payload = data[size:]
+    count = number >> _FLAG_BITS
+    timed, gapped = bool(number & _TIMED), bool(number & _GAPPED)
     if (
-        knots > _KNOTS_AT_LEAST + _KNOTS_PER_BYTE * len(payload)
-        or knots < tracks
-        or (tracks == 0) != (knots == 0)
+        count > _FREE_KNOTS + _KNOTS_PER_BYTE * len(payload)
+        or count < tracks
+        or (tracks == 0) != (count == 0)
     ):
         raise CorruptArchiveError(
-            f"{knots} knots of {tracks} tracks can't lie in {len(payload)} bytes of walks"
+            f"{count} knots of {tracks} tracks can't lie in {len(payload)} bytes of walks"
         )
-    timed, gapped = bool(count & _TIMED), bool(count & _GAPPED)
     if modes & SORTED_STARTS and not (timed and tracks <= MAX_SORTED_TRACKS):
         raise CorruptArchiveError("starts of tracks can't be sorted here")
-    model = with_modes(
-        _model(knots, dimension, prior), modes, np.zeros(tracks, np.int64), np.zeros(0)
+
+    # the knots
+    model = _new_model(count, dimension, prior)
+    model = with_modes(model, modes, np.zeros(tracks, np.int64), np.zeros(0))
+    knots = Knots(
+        np.zeros(count, np.int64),
+        np.zeros(count, np.int64),
+        np.zeros(count, np.int8),
+        np.zeros(count, np.int8),
     )
-    nodes, cells = np.zeros(knots, np.int64), np.zeros(knots, np.int64)
-    gaps, begins = np.zeros(knots, np.int8), np.zeros(knots, np.int8)
     coder = new_decoder(payload)
-    found = int(code_walks(coder, model, nodes, cells, gaps, begins, tracks, timed, gapped))
-    if found < 0:
+    nodes = int(code_walks(coder, model, *knots, tracks, timed, gapped))
+    if nodes < 0:
         raise CorruptArchiveError("the walks end before all tracks are read")
-    if timed and (np.diff(cells)[begins[1:] == 0] <= 0).any():
+    if timed and (np.diff(knots.time_steps)[knots.begins[1:] == 0] <= 0).any():
         raise CorruptArchiveError("times of the walks go back")
-    bounds = np.append(np.flatnonzero(begins), knots)
-    walks = tuple(
-        GridWalk(nodes[a:b].astype(np.int32), cells[a:b].copy(), gaps[a + 1 : b] == 1)
-        for a, b in pairwise(bounds.tolist())
+
+    # the tail
+    walks = GridWalks(model.places[:nodes].copy(), _split_knots(knots), timed)
+    return code_tail(coder, walks, grid) if grid is not None and timed else walks
+
+
+def _split_knots(knots: Knots) -> tuple[GridWalk, ...]:
+    """Undo :func:`concatenate_knots`."""
+    bounds = np.append(np.flatnonzero(knots.begins), len(knots.nodes))
+    return tuple(
+        GridWalk(
+            knots.nodes[first:end].astype(np.int32),
+            knots.time_steps[first:end].copy(),
+            knots.gaps[first + 1 : end] == 1,
+        )
+        for first, end in pairwise(bounds.tolist())
     )
-    whole = GridWalks(model.places[:found].copy(), walks, timed)
-    return code_tail(coder, whole, grid) if grid is not None and timed else whole
 
 
-def _mode_head(modes: int) -> bytes:
-    """What comes ahead of the count where modes are on: the modes, or a zero and the modes. A count there is 4 at least."""
-    return b"" if modes == 0 else bytes([modes]) if modes < 4 else bytes([0, modes])
+def _mode_bytes(modes: int) -> bytes:
+    """Bytes before the first number where modes are on: the modes, with a zero ahead from 4 on."""
+    if modes == 0:
+        return b""
+    return bytes([modes]) if modes < _FIRST_VARINT else bytes([0, modes])
 
 
 def _read_modes(data: bytes) -> tuple[int, bytes]:
-    """Modes, and the data behind them."""
-    if not data or data[0] >= 4:
+    """Undo :func:`_mode_bytes`; return the modes, and the bytes after them."""
+    if not data or data[0] >= _FIRST_VARINT:
         return 0, data
-    modes, rest = (data[0], data[1:]) if data[0] else (data[1] if len(data) > 1 else 0, data[2:])
+
+    # one byte, or a zero and one more; no writer makes the longer form of the shorter
+    if data[0]:
+        modes, rest = data[0], data[1:]
+    else:
+        modes, rest = data[1] if len(data) > 1 else 0, data[2:]
     if (
-        _mode_head(modes) != data[: len(data) - len(rest)]
+        _mode_bytes(modes) != data[: len(data) - len(rest)]
         or modes > SORTED_STARTS | TIME_FIRST | SHORTEST_PATHS
     ):
         raise CorruptArchiveError("the walks are coded in a way that this version doesn't know")
     return modes, rest
 
 
-def _model(knots: int, dimension: int, prior: Prior | None) -> WalkModel:
+def _new_model(knots: int, dimension: int, prior: Prior | None) -> WalkModel:
+    """The model before the first of ``knots`` knots, trained on a prior if there is one."""
     return new_model(knots, dimension) if prior is None else prior.model(knots)
 
 
-def _extent(values: NDArray[np.int64]) -> int:
+def _largest(values: NDArray[np.int64]) -> int:
+    """Largest size of a number; 0 if there is none."""
     return int(np.abs(values).max()) if values.size else 0
 
 
-def _varint(value: int) -> bytes:
+def _encode_varint(value: int) -> bytes:
+    """Seven bits in each byte, the lowest first; all bytes but the last have the eighth bit set."""
     out = bytearray()
     while value >= 128:
         out.append(value & 127 | 128)
@@ -268,8 +333,9 @@ def _varint(value: int) -> bytes:
 
 
 def _read_varint(data: bytes) -> tuple[int, int]:
+    """Undo :func:`_encode_varint`; return the number, and how many bytes it takes."""
     value = 0
-    for i, byte in enumerate(data[:9]):
+    for i, byte in enumerate(data[:_VARINT_BYTES]):
         value |= (byte & 127) << (7 * i)
         if byte < 128:
             return value, i + 1

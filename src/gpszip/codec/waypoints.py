@@ -1,4 +1,7 @@
-"""Path compression: the few nodes from which shortest paths give a walk back (thesis, chapter 7, algorithm 6)."""
+"""Path compression: the few nodes of a walk that determine it (thesis, chapter 7, algorithm 6).
+
+Between two waypoints the walk takes the canonical shortest path, which both sides can compute.
+"""
 
 from __future__ import annotations
 
@@ -23,6 +26,7 @@ __all__ = [
     "find_waypoints_by_bisection",
 ]
 
+#: Indices of the waypoints along a walk, and whether a shortest path leads from each to the next.
 _Knots = tuple[NDArray[np.int64], NDArray[np.bool_]]
 
 
@@ -31,22 +35,23 @@ class Connection(IntEnum):
 
     PATH = 0  #: along the canonical shortest path
     EDGE = 1  #: over one edge that is not the shortest path between its ends
-    STOP = 2  #: not at all: the same node once more
+    STOP = 2  #: it stays at the same node
     GAP = 3  #: no travel is claimed
 
 
 @dataclass(frozen=True, eq=False)
 class Waypoints:
-    """The thesis's sequence T (definition 4.1.9), with the hops that no shortest path can stand for.
+    """The thesis's sequence T (definition 4.1.9), and connections that are no shortest paths.
 
     Parameters
     ----------
     nodes : int32 array, shape (w,)
         Nodes of the map; none for an empty walk.
     connections : uint8 array, shape (w - 1,)
-        A :class:`Connection` for each two waypoints.
+        A :class:`Connection` for each pair of consecutive waypoints.
     parallel_indices : int32 array, shape (w - 1,)
-        For an EDGE which of the parallel ones it is, counted from 0 in order of their index; otherwise 0.
+        For an EDGE, its number among the parallel edges, counted from 0 in the order of their
+        index; otherwise 0.
     """
 
     nodes: NDArray[np.int32]
@@ -63,9 +68,9 @@ class Waypoints:
 def find_waypoints(graph: RoadGraph, route: Route, *, breadth: int | None = None) -> Waypoints:
     """Compress a walk to the smallest number of waypoints.
 
-    Every part of a canonical path is canonical, so that taking the longest prefix each time can't be beaten (theory,
-    section 5). The tree of a waypoint is grown no farther than the walk follows it, which costs less than galloping
-    over ever longer prefixes and needs no table of all pairs.
+    Every segment of a canonical path is canonical, so that it is optimal to take the longest prefix
+    each time (theory, section 5). The tree of a waypoint is grown no farther than the walk follows
+    it. That costs less than galloping over ever longer prefixes, and needs no table of all pairs.
 
     Parameters
     ----------
@@ -74,9 +79,14 @@ def find_waypoints(graph: RoadGraph, route: Route, *, breadth: int | None = None
     route : Route
         The walk; may stay, jump, turn round, and take the longer of parallel edges.
     breadth : int, optional
-        A path may end at one of this many nodes nearest to its start, or one as far as the last of them, at least 1. The
-        same number given to :func:`expand_waypoints` bounds the time to decompress; by default all nodes count. The price is a few
-        waypoints more than the smallest number.
+        A path may end at one of this many nodes nearest to its start, or at one as far as the last
+        of them; at least 1. By default, all nodes count. A smaller number bounds the time to
+        decompress, if :func:`expand_waypoints` is given the same, and takes a few waypoints more.
+
+    Returns
+    -------
+    Waypoints
+        Never more than :func:`find_waypoints_by_bisection` finds.
 
     Raises
     ------
@@ -99,13 +109,14 @@ def find_waypoints(graph: RoadGraph, route: Route, *, breadth: int | None = None
 def find_waypoints_by_bisection(
     graph: RoadGraph, route: Route, *, breadth: int | None = None
 ) -> Waypoints:
-    """Compress a walk by recursive halving, as Traj_compress does (algorithm 6).
+    """Compress a walk by recursive bisection, as Traj_compress does (algorithm 6).
 
-    Two misprints are mended: as printed the halves are matched and not compressed, which leaves all below the first
-    level as it was; and they share no node, which forces the edge between them to be a shortest path. Here each half
-    is compressed in turn and both keep the middle node.
+    Two misprints are corrected. As printed, the halves are matched and not compressed, which leaves
+    all below the first level as it was. And they share no node, which forces the edge between them
+    to be a shortest path. Here, each half is compressed in turn, and both have the middle node.
 
-    Takes and raises what :func:`find_waypoints` does, which never needs more waypoints and often half as many.
+    Parameters and errors are those of :func:`find_waypoints`, which never needs more waypoints and
+    often half as many.
 
     Examples
     --------
@@ -123,30 +134,32 @@ def find_waypoints_by_bisection(
 def expand_waypoints(
     graph: RoadGraph, waypoints: Waypoints, limit: int, *, breadth: int | None = None
 ) -> Route:
-    """Decompress a walk: the canonical shortest paths between the waypoints, joined (thesis, section 7.2).
+    """Decompress a walk: concatenate the canonical shortest paths (thesis, section 7.2).
 
     Parameters
     ----------
     graph : RoadGraph
         The map that the walk was compressed against.
     waypoints : Waypoints
-        What :func:`find_waypoints` or :func:`find_waypoints_by_bisection` made of it.
+        The result of :func:`find_waypoints` or :func:`find_waypoints_by_bisection`.
     limit : int
-        Number of hops that the walk may have at most; bounds the memory that forged waypoints can take.
+        Largest number of steps of the walk; bounds the memory that forged waypoints can take.
     breadth : int, optional
-        As it was given to compress.
+        The number that was given to compress.
 
     Raises
     ------
     CorruptArchiveError
-        If a waypoint is no node of the map, a path or edge does not exist, or the walk outgrows the limit.
+        If a waypoint is no node of the map, a path or edge does not exist, or the walk has more
+        steps than the limit.
 
     Examples
     --------
     >>> from gpszip.graph.road_graph import build_road_graph
     >>> from gpszip.graph.route import build_route
     >>> graph = build_road_graph([[0, 0], [1, 0], [2, 0], [3, 0]], [[0, 1], [1, 2], [2, 3]])
-    >>> expand_waypoints(graph, find_waypoints(graph, build_route(graph, [0, 1, 2, 3, 3, 2, 1])), 6).nodes.tolist()
+    >>> waypoints = find_waypoints(graph, build_route(graph, [0, 1, 2, 3, 3, 2, 1]))
+    >>> expand_waypoints(graph, waypoints, 6).nodes.tolist()
     [0, 1, 2, 3, 3, 2, 1]
     """
     from gpszip.graph.kernels.shortest_paths import NO_PATH, TOO_LONG, expand_waypoints
@@ -154,6 +167,8 @@ def expand_waypoints(
     _check(graph, waypoints)
     if not len(waypoints):
         return Route(np.zeros(0, np.int32), np.zeros(0, np.int32))
+
+    # fill in nodes and edges; the kernel returns the index of the last node, or what is wrong
     nodes, edges = np.zeros(limit + 1, np.int32), np.zeros(limit, np.int32)
     search = new_search_on(graph, breadth)
     last, waypoint = expand_waypoints(
@@ -163,55 +178,63 @@ def expand_waypoints(
         raise CorruptArchiveError(f"no path leads to waypoint {waypoint}")
     if last == TOO_LONG:
         raise CorruptArchiveError(
-            f"at waypoint {waypoint} the walk has more than the {limit} hops that it may have"
+            f"at waypoint {waypoint} the walk has more than the {limit} steps that it may have"
         )
     return Route(nodes[: last + 1], edges[:last])
 
 
 def _compress(
-    graph: RoadGraph, route: Route, rule: Callable[..., _Knots], breadth: int | None
+    graph: RoadGraph, route: Route, find_knots: Callable[..., _Knots], breadth: int | None
 ) -> Waypoints:
+    """Compress a walk with a kernel that selects its waypoints."""
     if len(route.nodes) == 0:
         return Waypoints(np.zeros(0, np.int32), np.zeros(0, np.uint8), np.zeros(0, np.int32))
     arcs = find_route_arcs(graph, route)
-    knots, paths = rule(kernel_arcs(graph), new_search_on(graph, breadth), route.nodes, route.edges)
+    search = new_search_on(graph, breadth)
+    knots, is_path = find_knots(kernel_arcs(graph), search, route.nodes, route.edges)
+
+    # between waypoints that no shortest path connects, there is one step
     edges = route.edges[knots[:-1]]
     connections = np.select(
-        [paths, edges == STOP, edges == GAP],
+        [is_path, edges == STOP, edges == GAP],
         [Connection.PATH, Connection.STOP, Connection.GAP],
         Connection.EDGE,
     ).astype(np.uint8)
+
+    # the arcs from one node to another follow each other, so that a difference tells them apart
     parallel_indices = np.zeros(len(connections), np.int32)
-    direct = np.flatnonzero(connections == Connection.EDGE)
-    first, _ = find_arcs(graph, route.nodes[knots[direct]], route.nodes[knots[direct] + 1])
-    parallel_indices[direct] = arcs[knots[direct]] - first
+    single = np.flatnonzero(connections == Connection.EDGE)
+    first, _ = find_arcs(graph, route.nodes[knots[single]], route.nodes[knots[single] + 1])
+    parallel_indices[single] = arcs[knots[single]] - first
     return Waypoints(route.nodes[knots], connections, parallel_indices)
 
 
 def _check(graph: RoadGraph, waypoints: Waypoints) -> None:
+    """Refuse waypoints whose arrays don't fit each other or the map."""
     nodes, connections = waypoints.nodes, waypoints.connections
-    if len(connections) != max(len(nodes) - 1, 0) or len(waypoints.parallel_indices) != len(
-        connections
-    ):
+    expected, indices = max(len(nodes) - 1, 0), len(waypoints.parallel_indices)
+    if len(connections) != expected or indices != expected:
         raise CorruptArchiveError(
-            f"{len(nodes)} waypoints can't have {len(connections)} hops and {len(waypoints.parallel_indices)} choices"
+            f"{len(nodes)} waypoints can't have {len(connections)} connections"
+            f" and {indices} parallel indices"
         )
     if len(nodes) and (nodes.min() < 0 or nodes.max() >= len(graph)):
         raise CorruptArchiveError(f"a waypoint is none of the {len(graph)} nodes of the map")
     if len(connections) and connections.max() > max(Connection):
-        raise CorruptArchiveError(f"no hop is of kind {connections.max()}")
+        raise CorruptArchiveError(f"no connection is of kind {connections.max()}")
     if ((connections == Connection.STOP) & (nodes[1:] != nodes[:-1])).any():
         raise CorruptArchiveError("a walk that stays moves to another node")
 
 
 def _literals(graph: RoadGraph, waypoints: Waypoints) -> NDArray[np.int32]:
+    """Edge of each connection, or STOP or GAP; NO_PATH where a shortest path is to be found."""
     from gpszip.graph.kernels.shortest_paths import NO_PATH
 
     literals = np.array([NO_PATH, 0, STOP, GAP], dtype=np.int32)[waypoints.connections]
-    direct = np.flatnonzero(waypoints.connections == Connection.EDGE)
-    first, count = find_arcs(graph, waypoints.nodes[direct], waypoints.nodes[direct + 1])
-    parallel_indices = waypoints.parallel_indices[direct]
+    single = np.flatnonzero(waypoints.connections == Connection.EDGE)
+    first, count = find_arcs(graph, waypoints.nodes[single], waypoints.nodes[single + 1])
+    parallel_indices = waypoints.parallel_indices[single]
     if ((parallel_indices < 0) | (parallel_indices >= count)).any():
         raise CorruptArchiveError("a walk takes an edge that is not on the map")
-    literals[direct] = graph.edges[first + parallel_indices]
+    literals[single] = graph.edges[first + parallel_indices]
     return literals

@@ -1,4 +1,4 @@
-"""The file format of archives: sections, checksums and an index around the coded walks."""
+"""The file format of archives: sections, checksums and an index around the encoded walks."""
 
 from gpszip.container.contents import Contents, Group, Section, single_group_contents
 from gpszip.container.reader import from_bytes, load

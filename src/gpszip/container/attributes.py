@@ -1,4 +1,4 @@
-"""What was kept of a log beside its walks, exactly: the instants of its samples and further columns."""
+"""Kept attributes: the times of all samples and further columns, exactly."""
 
 from __future__ import annotations
 
@@ -13,8 +13,11 @@ from numpy.typing import NDArray
 from gpszip.container.columns import (
     BITS,
     BYTES_PER_BYTE,
+    DEFLATED,
     FREE_BYTES,
     INTEGERS,
+    LZMA,
+    STORED,
     TEXT,
     Column,
     as_column,
@@ -31,8 +34,14 @@ __all__ = [
     "write_attributes",
 ]
 
-#: An archive's kept columns hold at most so many values, and so many more for each byte of theirs.
-_FREE_VALUES, _VALUES_PER_BYTE = 1 << 20, 1 << 12
+#: The section holds at most this many values, and so many more for each of its bytes: forged counts
+#: cannot ask for memory.
+_FREE_VALUES = 1 << 20
+_VALUES_PER_BYTE = 1 << 12
+
+#: Largest order of differences, and bytes of the widest number.
+_MAX_ORDER = 2
+_MAX_WIDTH = 8
 
 _Ints = NDArray[np.int64]
 _Values = NDArray[np.generic]
@@ -40,7 +49,7 @@ _Values = NDArray[np.generic]
 
 @dataclass(frozen=True, eq=False)
 class KeptColumns:
-    """Instants and columns of all tracks, one after the other.
+    """Times and columns of all tracks, one track after the other.
 
     Parameters
     ----------
@@ -49,7 +58,8 @@ class KeptColumns:
     times : float64 array, shape (n,)
         Seconds; they increase within each track.
     columns : mapping of str to array, shape (n,), optional
-        Integers (int64), numbers (float64, NaN where there is none; minus zero may come back as zero) or texts (str).
+        Integers (int64), numbers (float64, NaN where there is none; minus zero may come back as
+        zero) or texts (str).
     """
 
     counts: tuple[int, ...]
@@ -63,12 +73,12 @@ class KeptColumns:
 
 
 def encode_attributes(kept: KeptColumns) -> bytes:
-    """Body of the section.
+    """Encode the body of the section.
 
     Raises
     ------
     OptionError
-        If a column holds what can't be kept.
+        If a column holds values that can't be kept.
 
     Examples
     --------
@@ -93,22 +103,26 @@ def write_attributes(
     counts : sequence of int
         Number of samples of each track.
     times : Column
-        Instants of all samples.
+        Times of all samples.
     columns : mapping of str to Column
         Further columns, by their names.
     sink : binary file
-        Where to; only written to, from its start on.
+        Only written to, from its start on.
     """
+    # the head: numbers of samples, names
     names = [name.encode() for name in columns]
     sink.write(
         b"".join(map(encode_varint, counts))
         + encode_varint(len(names))
         + b"".join(encode_varint(len(name)) + name for name in names)
     )
+
+    # the columns, and zeros up to the bytes that so many values must have
     for column in (times, *columns.values()):
         write_column(column, sink)
     values = sum(counts) * (1 + len(columns))
-    sink.write(bytes(max(0, -(-(values - _FREE_VALUES) // _VALUES_PER_BYTE) - sink.tell())))
+    min_bytes = -(-(values - _FREE_VALUES) // _VALUES_PER_BYTE)
+    sink.write(bytes(max(0, min_bytes - sink.tell())))
 
 
 def read_column_names(body: bytes, tracks: int) -> tuple[str, ...]:
@@ -138,8 +152,9 @@ def read_attributes(body: bytes, tracks: int) -> KeptColumns:
         raise cursor.error(
             f"{1 + len(names)} columns of {total} samples can't lie in {len(body)} bytes"
         )
+
     times = _read_column(cursor, total)
-    if not _increase(times, counts):
+    if not _is_increasing(times, counts):
         raise cursor.error("kept times of samples go back, or are none")
     columns = {name: _read_column(cursor, total) for name in names}
     if cursor.read_rest().strip(b"\0"):
@@ -148,57 +163,64 @@ def read_attributes(body: bytes, tracks: int) -> KeptColumns:
 
 
 def _read_head(cursor: Cursor, tracks: int) -> tuple[tuple[int, ...], tuple[str, ...]]:
+    """Number of samples of each track, and names of the columns."""
     if tracks > cursor.remaining:
         raise cursor.error(f"numbers of samples of {tracks} tracks in {cursor.remaining} bytes")
     counts = tuple(cursor.read_varint("a number of samples") for _ in range(tracks))
-    count = cursor.read_varint("the number of columns")
-    if count > cursor.remaining:
-        raise cursor.error(f"{count} columns in {cursor.remaining} bytes")
+    columns = cursor.read_varint("the number of columns")
+    if columns > cursor.remaining:
+        raise cursor.error(f"{columns} columns in {cursor.remaining} bytes")
     names = tuple(
-        _read_text(cursor, cursor.read_bytes(cursor.read_varint("a name's length"), "a name"))
-        for _ in range(count)
+        _decode_text(cursor, cursor.read_bytes(cursor.read_varint("a name's length"), "a name"))
+        for _ in range(columns)
     )
-    if len(set(names)) < count:
+    if len(set(names)) < columns:
         raise cursor.error("two columns of one name")
     return counts, names
 
 
-def _increase(times: _Values, counts: Sequence[int]) -> bool:
+def _is_increasing(times: _Values, counts: Sequence[int]) -> bool:
+    """Whether times are numbers that increase within each track."""
     if times.dtype.kind not in "if" or not np.isfinite(times.astype(np.float64)).all():
         return False
-    later = np.diff(times.astype(np.float64)) > 0
+    is_later = np.diff(times.astype(np.float64)) > 0
+
+    # from one track to the next, times may go back
     starts = np.cumsum([count for count in counts if count], dtype=np.int64)[:-1]
-    later[starts - 1] = True
-    return bool(later.all())
+    is_later[starts - 1] = True
+    return bool(is_later.all())
 
 
 def _read_packed(cursor: Cursor, size: int) -> bytes:
     """Read a packed block that expands to ``size`` bytes."""
     tag = cursor.read_varint("the length of a block")
-    data = cursor.read_bytes(tag >> 2, "a block")
-    packing = tag & 3
-    if packing > 2 or (packing and size > FREE_BYTES + BYTES_PER_BYTE * len(data)):
+    data, packing = cursor.read_bytes(tag >> 2, "a block"), tag & 3
+    limit = FREE_BYTES + BYTES_PER_BYTE * len(data)
+    if packing > LZMA or (packing != STORED and size > limit):
         raise cursor.error(f"a block of packing {packing} and {len(data)} bytes can't hold {size}")
-    if packing:
-        data = (inflate if packing == 1 else unpack_lzma)(data, size, cursor.base + cursor.offset)
+    if packing != STORED:
+        unpack = inflate if packing == DEFLATED else unpack_lzma
+        data = unpack(data, size, cursor.base + cursor.offset)
     if len(data) != size:
         raise cursor.error(f"a block holds {len(data)} bytes, not {size}")
     return data
 
 
 def _read_column(cursor: Cursor, count: int) -> _Values:
+    """Undo :func:`gpszip.container.columns.write_column` for ``count`` values."""
+    # a byte of kind, order of differences, and whether numbers are missing
     byte = cursor.read_byte("a column's kind")
     kind, order, holes = byte & 15, byte >> 4 & 3, byte >> 6
-    if kind > TEXT or order > 2 or holes > 1 or (holes and not INTEGERS < kind < BITS):
+    is_decimal = INTEGERS < kind < BITS
+    if kind > TEXT or order > _MAX_ORDER or holes > 1 or (holes and not is_decimal):
         raise cursor.error(f"no column is of kind {byte}")
-    empty = (
-        np.unpackbits(np.frombuffer(_read_packed(cursor, -(-count // 8)), np.uint8), count=count)
-        == 1
-        if holes
-        else None
-    )
+
+    # holes or texts, then integers
+    is_missing = _read_bits(cursor, count) if holes else None
     texts = _read_texts(cursor) if kind == TEXT else []
     values = _read_numbers(cursor, count, order)
+
+    # from integers to values
     if kind == TEXT:
         if count and not (values.min() >= 0 and values.max() < len(texts)):
             raise cursor.error(f"a row holds none of the {len(texts)} texts")
@@ -208,45 +230,58 @@ def _read_column(cursor: Cursor, count: int) -> _Values:
     if kind == BITS:
         return values.view(np.float64)
     numbers: NDArray[np.float64] = values / 10.0 ** (kind - 1)
-    if empty is not None:
-        numbers[empty] = np.nan
+    if is_missing is not None:
+        numbers[is_missing] = np.nan
     return numbers
 
 
+def _read_bits(cursor: Cursor, count: int) -> NDArray[np.bool_]:
+    """Read a packed block of ``count`` bits."""
+    block = np.frombuffer(_read_packed(cursor, -(-count // 8)), np.uint8)
+    return np.unpackbits(block, count=count).astype(np.bool_)
+
+
 def _read_texts(cursor: Cursor) -> list[str]:
-    count, size = (
-        cursor.read_varint("the number of texts"),
-        cursor.read_varint("the size of the texts"),
-    )
+    """Read the distinct texts of a column."""
+    count = cursor.read_varint("the number of texts")
+    size = cursor.read_varint("the size of the texts")
     if count > size:
         raise cursor.error(f"{count} texts in {size} bytes")
-    inside = Cursor(_read_packed(cursor, size))
-    found = [
-        _read_text(cursor, inside.read_bytes(inside.read_varint("a text's length"), "a text"))
+    block = Cursor(_read_packed(cursor, size))
+    texts = [
+        _decode_text(cursor, block.read_bytes(block.read_varint("a text's length"), "a text"))
         for _ in range(count)
     ]
-    inside.expect_end("the texts")
-    return found
+    block.expect_end("the texts")
+    return texts
 
 
-def _read_text(cursor: Cursor, raw: bytes) -> str:
+def _decode_text(cursor: Cursor, data: bytes) -> str:
+    """Text of UTF-8 bytes."""
     try:
-        return raw.decode()
+        return data.decode()
     except UnicodeDecodeError:
         raise cursor.error("a text is not UTF-8") from None
 
 
 def _read_numbers(cursor: Cursor, count: int, order: int) -> _Ints:
+    """Read ``count`` integers that are stored as differences of an order."""
+    # the first value of each order, the byte planes of the differences
     starts = [cursor.read_signed("a first value") for _ in range(order)]
     width = cursor.read_byte("the width of numbers")
-    left = max(count - order, 0)
-    if width > 8:
+    length = max(count - order, 0)
+    if width > _MAX_WIDTH:
         raise cursor.error(f"numbers of {width} bytes")
-    planes = np.frombuffer(_read_packed(cursor, width * left), np.uint8).reshape(width, left)
-    spread = np.zeros((left, 8), np.uint8)
-    spread[:, :width] = planes.T
-    coded = spread.view("<u8").reshape(-1).astype(np.uint64)
-    values: _Ints = (coded >> np.uint64(1)).view(np.int64) ^ -(coded & np.uint64(1)).view(np.int64)
+    planes = np.frombuffer(_read_packed(cursor, width * length), np.uint8).reshape(width, length)
+
+    # bytes to numbers, whose lowest bit is the sign
+    rows = np.zeros((length, _MAX_WIDTH), np.uint8)
+    rows[:, :width] = planes.T
+    folded = rows.view("<u8").reshape(-1).astype(np.uint64)
+    sizes, signs = (folded >> np.uint64(1)).view(np.int64), (folded & np.uint64(1)).view(np.int64)
+    values: _Ints = sizes ^ -signs
+
+    # sum up the differences, order by order
     for start in reversed(starts[:count]):
         values = np.cumsum(np.append(np.int64(start), values))
     return values[:count]

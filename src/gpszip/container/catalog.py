@@ -75,9 +75,9 @@ WHOLE_FILE_BYTES = 1 << 20
 #: Bytes of marker, kind and length at the start of a section: the length takes at most ten.
 _MAX_SECTION_HEAD = len(SECTION_MARKER) + 1 + 10
 
-#: Sections at the start of an archive that say where it lies and what its tracks are called.
+#: Kinds of sections at the start of an archive: its grid or its map, names, error bound.
 _OPENING_KINDS = frozenset(
-    {SectionKind.FRAME, SectionKind.MAP, SectionKind.NAMES, SectionKind.PROMISE}
+    {SectionKind.GRID, SectionKind.MAP, SectionKind.NAMES, SectionKind.ERROR_BOUND}
 )
 
 #: Opens the file of an archive for a moment; each use of it is a ``with`` block of its own.
@@ -86,14 +86,14 @@ Opener: TypeAlias = Callable[[], AbstractContextManager[BinaryIO]]
 
 @dataclass(frozen=True)
 class SectionLocation:
-    """Where a section lies that is neither read yet nor in the index.
+    """Offset of a section that is neither read yet nor in the index.
 
     Parameters
     ----------
     kind : int
         What it holds.
     offset, size : int
-        First byte, and number of bytes with marker, length and checksum.
+        First byte, and number of bytes with marker, kind, length and checksum.
     """
 
     kind: int
@@ -103,29 +103,29 @@ class SectionLocation:
 
 @dataclass(frozen=True)
 class Catalog:
-    """What there is in an archive and where, without the walks.
+    """What an archive holds and where, without the walks.
 
     Parameters
     ----------
     grid : QuantisationGrid or None
-        Where positions and times lie; None where the map kept elsewhere says it.
+        Grid of positions and times; None where it is that of a map kept elsewhere.
     ids : tuple of str or None
-        Names of all tracks; None for one track named like the first of the map kept elsewhere.
+        Ids of all tracks; None for one track with the id of the first track of a map that is kept
+        elsewhere.
     map : MapReference or None
         The map, where it is kept elsewhere.
     entries : tuple of IndexEntry
-        Where each group lies; empty if ``contents`` is there.
+        Where each group lies; empty if there are ``contents``.
     layered : bool
-        Whether payloads are packed with bzip2.
+        Whether payloads are compressed.
     size : int
         Bytes of the file.
     contents : Contents or None
-        Everything, for an archive that was read at once: it is small, or has a single group and
-        with that no index.
+        Everything, for an archive that was read at once: it has a single group, and no index.
     extras : tuple of SectionLocation
         Further sections, in their order.
     error_bound : ErrorBound or None
-        The error that the walks keep.
+        Bound of the walks' error.
     sampling : int or None
         Index of the step size that is about the time between two samples of the log.
     version : int
@@ -148,7 +148,7 @@ class Catalog:
 class StoredGroups(Sequence[Group]):
     """The groups of an archive in its file; each is read, and checked, when it is asked for.
 
-    Nothing is kept: who needs a group twice keeps what it decodes to.
+    No group is kept in memory: a caller that needs one twice keeps it.
 
     Parameters
     ----------
@@ -173,12 +173,12 @@ class StoredGroups(Sequence[Group]):
     @overload
     def __getitem__(self, number: slice) -> tuple[Group, ...]: ...
     def __getitem__(self, number: int | slice) -> Group | tuple[Group, ...]:
-        """Read one group, or some."""
+        """Read one group, or a slice of them."""
         with self._opener() as file:
             if isinstance(number, int):
                 return read_catalog_group(file, self.catalog, number)
             numbers = range(len(self))[number]
-            return tuple(read_catalog_group(file, self.catalog, each) for each in numbers)
+            return tuple(read_catalog_group(file, self.catalog, index) for index in numbers)
 
     def __reduce__(self) -> tuple[Callable[[Any], tuple[Group, ...]], tuple[list[Group]]]:
         # Another process or machine may not have the file.
@@ -186,7 +186,7 @@ class StoredGroups(Sequence[Group]):
 
 
 def path_opener(path: str | os.PathLike[str]) -> Opener:
-    """Open the same file again and again, and refuse another one in its location.
+    """Return an opener of a file, which refuses another file at its path.
 
     No file stays open in between, so that an archive can be replaced while it is in use, and
     nobody has to close it.
@@ -207,19 +207,22 @@ def path_opener(path: str | os.PathLike[str]) -> Opener:
 
 
 def stream_opener(file: BinaryIO) -> Opener:
-    """Share one open file with ``seek`` and ``read``, which stays open, between threads."""
+    """Return an opener that shares one open file, which stays open, between threads.
+
+    The file has ``seek`` and ``read``.
+    """
     lock = Lock()
 
     @contextmanager
-    def lend() -> Iterator[BinaryIO]:
+    def share() -> Iterator[BinaryIO]:
         with lock:
             yield file
 
-    return lend
+    return share
 
 
 def open_contents(opener: Opener) -> Contents:
-    """Contents of an archive; the groups and further sections of a large one are read on demand.
+    """Read an archive; the groups and further sections of a large one are read on demand.
 
     Parameters
     ----------
@@ -231,7 +234,7 @@ def open_contents(opener: Opener) -> Contents:
     CorruptArchiveError
         If what was read is wrong. Groups are checked when they are read.
     """
-    # A small file is read at once, and so is one without an index.
+    # a small file is read at once, and so is one without an index
     with opener() as file:
         size = file.seek(0, os.SEEK_END)
         if size <= WHOLE_FILE_BYTES:
@@ -240,7 +243,7 @@ def open_contents(opener: Opener) -> Contents:
     if catalog.contents is not None:
         return catalog.contents
 
-    # Of a large file, groups and further sections stay where they are.
+    # of a large file, groups and further sections are read on demand
     extras = tuple(
         Section(location.kind, StoredBytes(_body_reader(opener, location), location.size))
         for location in catalog.extras
@@ -257,21 +260,21 @@ def open_contents(opener: Opener) -> Contents:
         catalog.version,
     )
 
-    # What can be checked without the payloads.
-    wrong = find_contradiction(replace(contents, groups=_group_heads(catalog.entries)))
-    if wrong:
-        raise CorruptArchiveError(wrong, HEAD_BYTES)
+    # check all but the payloads
+    contradiction = find_contradiction(replace(contents, groups=_group_heads(catalog.entries)))
+    if contradiction:
+        raise CorruptArchiveError(contradiction, HEAD_BYTES)
     return contents
 
 
 def stored_size(contents: Contents) -> int | None:
-    """Size of the file that contents are read from; None where they were made or changed since."""
+    """Size of the file that contents are read from; None for new or changed contents."""
     groups = contents.groups
     if not isinstance(groups, StoredGroups):
         return None
     catalog = groups.catalog
 
-    # The groups are those of the file; everything else may have been replaced.
+    # the groups are those of the file; everything else may have been replaced
     stored = (catalog.ids, catalog.error_bound, catalog.sampling, len(catalog.extras))
     current = (contents.ids, contents.error_bound, contents.sampling, len(contents.extras))
     same_extras = all(isinstance(extra.body, StoredBytes) for extra in contents.extras)
@@ -280,7 +283,7 @@ def stored_size(contents: Contents) -> int | None:
 
 
 def group_heads(contents: Contents) -> Sequence[Group | IndexEntry]:
-    """Tracks and time range of each group, as attributes; nothing is read from the file."""
+    """Tracks and time range of each group, without reading the file."""
     groups = contents.groups
     return groups.catalog.entries if isinstance(groups, StoredGroups) else groups
 
@@ -304,21 +307,21 @@ def open_catalog(file: BinaryIO) -> Catalog:
     >>> open_catalog(io.BytesIO(bytes.fromhex("a75a820000807800000077616c6b73592744d4"))).ids
     ('0',)
     """
-    # The end mark, which has a fixed size, says where the index is.
+    # the end mark, which has a fixed size, says where the index is
     size = file.seek(0, os.SEEK_END)
     head = read_head(_read(file, 0, min(size, HEAD_BYTES)))
     index_offset = 0
     if head.form is Form.SECTIONS and not head.low:
-        index_offset = _index_offset(file, size)
+        index_offset = _read_index_offset(file, size)
 
-    # An archive of a single group has no index.
+    # an archive of a single group has no index
     if not index_offset:
         contents = from_bytes(_read(file, 0, size))
         return Catalog(
             contents.grid, contents.ids, contents.map, (), bool(contents.layer), size, contents
         )
 
-    # The opening sections lie before the first group.
+    # the opening sections lie before the first group
     entries = _read_entries(file, index_offset, size - END_BYTES)
     extras = _find_extras(file, entries, index_offset, size)
     return _build_catalog(_read_sections(file, entries[0].offset), entries, head, size, extras)
@@ -332,9 +335,9 @@ def read_catalog_group(file: BinaryIO, catalog: Catalog, number: int) -> Group:
     file : binary file
         The one that the catalog was read from.
     catalog : Catalog
-        What :func:`open_catalog` returned.
+        The result of :func:`open_catalog`.
     number : int
-        Which group, see :func:`find_group` and :func:`find_groups`.
+        Number of the group, see :func:`find_group` and :func:`find_groups`.
 
     Raises
     ------
@@ -347,14 +350,13 @@ def read_catalog_group(file: BinaryIO, catalog: Catalog, number: int) -> Group:
     section = _read_one_section(file, entry.offset, entry.offset + entry.size, SectionKind.WALKS)
     group = read_group(section.cursor())
 
-    # The section's checksum is right; its head must say what the index says.
+    # the checksum is right; the head must say what the index says
     if (group.first_track, group.tracks, group.time_range) != (
         entry.first_track,
         entry.tracks,
         entry.time_range,
     ):
         raise CorruptArchiveError("the index and the group differ", entry.offset)
-    # The payload may be packed once more.
     if not catalog.layered:
         return group
     limit = layer_limit(catalog.size)
@@ -372,13 +374,15 @@ def find_group(catalog: Catalog, track: int) -> int:
 def find_groups(catalog: Catalog, first: int, last: int) -> tuple[int, ...]:
     """Numbers of the groups that may have knots in the time steps ``first`` to ``last``.
 
-    A group without a time range may hold any.
+    A group without a time range may have knots at any time.
     """
     if catalog.contents is not None:
         return (0,)
-    spans = enumerate(entry.time_range for entry in catalog.entries)
+    ranges = enumerate(entry.time_range for entry in catalog.entries)
     return tuple(
-        number for number, span in spans if span is None or (span[0] <= last and first <= span[1])
+        number
+        for number, time_range in ranges
+        if time_range is None or (time_range[0] <= last and first <= time_range[1])
     )
 
 
@@ -389,6 +393,8 @@ def _identity(file: BinaryIO) -> tuple[int, int, int, int]:
 
 
 def _body_reader(opener: Opener, location: SectionLocation) -> Callable[[], bytes]:
+    """Return a function that reads the body of a section."""
+
     def read_body() -> bytes:
         with opener() as file:
             stop = location.offset + location.size
@@ -398,10 +404,11 @@ def _body_reader(opener: Opener, location: SectionLocation) -> Callable[[], byte
 
 
 def _read(file: BinaryIO, start: int, stop: int) -> bytes:
-    """Bytes of a file, which may be unbuffered and give fewer at once than were asked for."""
+    """Read the bytes from ``start`` to before ``stop``."""
     file.seek(start)
     data = file.read(stop - start)
-    # An unbuffered file may give less than was asked for, and nothing at its end.
+
+    # an unbuffered file may give fewer bytes than were asked for, and none at its end
     while len(data) < stop - start:
         more = file.read(stop - start - len(data))
         if not more:
@@ -413,6 +420,7 @@ def _read(file: BinaryIO, start: int, stop: int) -> bytes:
 
 
 def _read_one_section(file: BinaryIO, start: int, stop: int, kind: int) -> StoredSection:
+    """Read a section of a kind that takes all bytes from ``start`` to before ``stop``."""
     cursor = Cursor(_read(file, start, stop), base=start)
     section = read_section(cursor)
     cursor.expect_end(f"the section of kind {kind}")
@@ -423,25 +431,24 @@ def _read_one_section(file: BinaryIO, start: int, stop: int, kind: int) -> Store
     return section
 
 
-def _index_offset(file: BinaryIO, size: int) -> int:
+def _read_index_offset(file: BinaryIO, size: int) -> int:
+    """Offset of the index from the end mark; 0 if there is none."""
     start = size - END_BYTES
     if start < HEAD_BYTES:
         raise CorruptArchiveError("the archive ends within its head", size)
     offset, _ = read_end_mark(_read_one_section(file, start, size, SectionKind.END).cursor())
     if offset and not HEAD_BYTES < offset < start:
-        raise CorruptArchiveError(f"the end mark says that the index is at byte {offset}", start)
+        raise CorruptArchiveError(f"the end mark puts the index at byte {offset}", start)
     return offset
 
 
 def _read_entries(file: BinaryIO, start: int, stop: int) -> tuple[IndexEntry, ...]:
-    # Groups must follow each other between the head and the index.
+    """Read the index, whose groups must lie before it, one after the other."""
     entries = read_fully(_read_one_section(file, start, stop, SectionKind.INDEX), read_index)
     end = HEAD_BYTES
     for entry in entries:
         if entry.offset < end or entry.offset + entry.size > start:
-            raise CorruptArchiveError(
-                f"the index says that a group is at byte {entry.offset}", start
-            )
+            raise CorruptArchiveError(f"the index puts a group at byte {entry.offset}", start)
         end = entry.offset + entry.size
     if not entries:
         raise CorruptArchiveError("an index of no groups", start)
@@ -449,7 +456,7 @@ def _read_entries(file: BinaryIO, start: int, stop: int) -> tuple[IndexEntry, ..
 
 
 def _read_sections(file: BinaryIO, stop: int) -> list[StoredSection]:
-    """Read all sections from the head up to a byte."""
+    """Read all sections from the head to before ``stop``."""
     cursor = Cursor(_read(file, HEAD_BYTES, stop), base=HEAD_BYTES)
     sections: list[StoredSection] = []
     while cursor.remaining:
@@ -461,23 +468,24 @@ def _find_extras(
     file: BinaryIO, entries: tuple[IndexEntry, ...], index_offset: int, size: int
 ) -> tuple[SectionLocation, ...]:
     """Find the sections that are no groups, by their lengths alone: their bodies are not read."""
-    # What lies before the first group, between two groups, and after the last one.
+    # what lies before the first group, between two groups, and after the last one
     begins = [HEAD_BYTES, *(entry.offset + entry.size for entry in entries)]
     ends = [*(entry.offset for entry in entries), index_offset]
-    found: list[SectionLocation] = []
+    extras: list[SectionLocation] = []
     for begin, end in zip(begins, ends, strict=True):
         offset = begin
         while offset < end:
             location = _section_at(file, offset, end)
             if begin != HEAD_BYTES or location.kind not in _OPENING_KINDS:
-                found.append(location)
+                extras.append(location)
             offset += location.size
-            if len(found) > max_sections(size):
+            if len(extras) > max_sections(size):
                 raise CorruptArchiveError("too many sections", offset)
-    return tuple(found)
+    return tuple(extras)
 
 
 def _section_at(file: BinaryIO, offset: int, end: int) -> SectionLocation:
+    """Locate a section from its first bytes; it must end at ``end`` or before."""
     cursor = Cursor(_read(file, offset, min(offset + _MAX_SECTION_HEAD, end)), base=offset)
     if cursor.read_bytes(len(SECTION_MARKER), "a section's marker") != SECTION_MARKER:
         raise CorruptArchiveError("no section begins here", offset)
@@ -501,14 +509,12 @@ def _build_catalog(
     size: int,
     extras: tuple[SectionLocation, ...],
 ) -> Catalog:
-    # The grid (or the map) and the names come first, and perhaps the error bound.
+    """Read the opening sections, and check that the names agree with the index."""
     grid, reference, error_bound, sampling = read_opening(opening, head.version)
     ids = read_fully(opening[1], lambda cursor: read_names(cursor, size))
-
-    # Names and index must agree.
-    wrong = find_contradiction(Contents(grid, ids, _group_heads(entries), reference))
-    if wrong:
-        raise CorruptArchiveError(wrong, HEAD_BYTES)
+    contradiction = find_contradiction(Contents(grid, ids, _group_heads(entries), reference))
+    if contradiction:
+        raise CorruptArchiveError(contradiction, HEAD_BYTES)
 
     return Catalog(
         grid,

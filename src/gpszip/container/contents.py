@@ -1,4 +1,4 @@
-"""What an archive holds, before any of it is understood as map or walk."""
+"""What an archive holds, before the walks are decoded."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import BinaryIO
 
-from gpszip.container.layout import OLDEST_VERSION, VERSION
+from gpszip.container.layout import OLDEST_VERSION, VERSION, SectionKind
 from gpszip.model.error_bound import (
     DIGITS,
     EXPONENTS,
@@ -34,16 +34,36 @@ __all__ = [
 #: Name of the track of a log that names none.
 DEFAULT_ID = "0"
 
-#: Bytes of the hash that stands for a map kept elsewhere.
+#: Bytes of the hash that identifies a map kept elsewhere.
 MAP_HASH_BYTES = 4
 
 #: Bytes of a temporary file that are read at a time.
-_PIECE = 1 << 20
+_CHUNK = 1 << 20
 
-_LARGEST = 1 << 62
-_DIMENSIONS = 15
-_CENTERS = 4096
-_RESERVED_KINDS = (0, 1, 2, 3, 4, 6, 7, 8)
+#: Origins (in millimetres), epochs (in milliseconds) and time steps are below this in size.
+_MAX_SIZE = 1 << 62
+
+#: Most coordinates, and most planes, of a grid.
+_MAX_DIMENSION = 15
+_MAX_CENTERS = 4096
+
+#: Largest latitude and longitude in units of 1e-7 degrees.
+_MAX_LATITUDE = 900_000_000
+_MAX_LONGITUDE = 1_800_000_000
+
+#: Kinds of sections that are written by themselves, and can't be further ones.
+_RESERVED_KINDS = frozenset(
+    {
+        0,
+        SectionKind.GRID,
+        SectionKind.NAMES,
+        SectionKind.WALKS,
+        SectionKind.MAP,
+        SectionKind.INDEX,
+        SectionKind.END,
+        SectionKind.ERROR_BOUND,
+    }
+)
 
 
 @dataclass(frozen=True)
@@ -59,7 +79,7 @@ class Group:
     payload : bytes
         The coded walks, opaque to the container.
     time_range : (int, int), optional
-        First and last time cell of the group's knots. An archive of a single group does not keep it.
+        First and last time step of the group's knots; not stored in an archive of a single group.
     """
 
     first_track: int
@@ -70,14 +90,14 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class SpooledBytes:
-    """Bytes too many for memory, in a temporary file that goes when nobody holds it any more.
+    """Bytes too many for memory, in a temporary file that is deleted with the last reference.
 
     Parameters
     ----------
     file : binary file
         Holds them from its start on.
     size : int
-        How many there are.
+        Number of bytes.
     """
 
     file: BinaryIO
@@ -90,10 +110,10 @@ class SpooledBytes:
         return b"".join(self.chunks())
 
     def chunks(self) -> Iterator[bytes]:
-        """Yield them one after the other."""
+        """Yield the bytes in chunks."""
         self.file.seek(0)
-        for first in range(0, self.size, _PIECE):
-            yield self.file.read(min(_PIECE, self.size - first))
+        for first in range(0, self.size, _CHUNK):
+            yield self.file.read(min(_CHUNK, self.size - first))
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +125,7 @@ class StoredBytes:
     read : callable
         Reads them.
     size : int
-        Bytes that they take in the file, with all framing.
+        Bytes that they take in the file, with marker, kind, length and checksum.
     """
 
     read: Callable[[], bytes]
@@ -118,7 +138,7 @@ class StoredBytes:
         return self.read()
 
     def __reduce__(self) -> tuple[type[bytes], tuple[bytes]]:
-        # Another process or machine may not have the file.
+        # another process or machine may not have the file
         return bytes, (self.read(),)
 
     def chunks(self) -> Iterator[bytes]:
@@ -128,7 +148,15 @@ class StoredBytes:
 
 @dataclass(frozen=True)
 class Section:
-    """Bytes of a kind that the container does not look into: kept attributes, or what a later version added."""
+    """Further bytes of some kind: kept attributes, or what a later version adds.
+
+    Parameters
+    ----------
+    kind : int
+        A :class:`gpszip.container.layout.SectionKind`, or a number below 256 that has no name yet.
+    body : bytes, SpooledBytes or StoredBytes
+        Opaque to the container.
+    """
 
     kind: int
     body: bytes | SpooledBytes | StoredBytes
@@ -136,14 +164,14 @@ class Section:
 
 @dataclass(frozen=True)
 class MapReference:
-    """A map that is kept elsewhere, after whose walks those of an archive are coded.
+    """A map that is kept elsewhere, whose walks are the prior of those of an archive.
 
     Parameters
     ----------
     hash : bytes of length 4
-        Names the map, see :func:`gpszip.container.map_record.map_hash`.
+        Identifies the map, see :func:`gpszip.container.map_record.map_hash`.
     refinements : int
-        How often the map's quanta are halved, 0 to 3.
+        How often the steps of the map's grid are halved, 0 to 3.
     """
 
     hash: bytes
@@ -156,11 +184,11 @@ class Contents:
 
     Parameters
     ----------
-    grid : Frame or None
-        Where positions and times lie; None where a map kept elsewhere tells.
+    grid : QuantisationGrid or None
+        Grid of positions and times; None where it is that of a map kept elsewhere.
     ids : tuple of str or None
-        Names of the tracks in the order in which the walks are coded; None for one track that is called as the first of the
-        map kept elsewhere.
+        Ids of the tracks in the order in which the walks are coded; None for one track with the id
+        of the first track of a map kept elsewhere.
     groups : sequence of Group
         At least one; together they hold each track once, in order.
     map : MapReference, optional
@@ -168,11 +196,12 @@ class Contents:
     extras : tuple of Section, optional
         Further sections in their order.
     layer : {None, "bz2"}, default None
-        What the payloads are wrapped in inside the file; in ``groups`` they are unwrapped.
-    error_bound : Promise, optional
-        The error that the walks keep.
+        Compression of the payloads inside the file; in ``groups`` they are not compressed.
+    error_bound : ErrorBound, optional
+        Bound of the walks' error.
     sampling : int, optional
-        Index of the quantum that is about the time between two samples of the log.
+        Index of the step that is about the time between two samples of the log, see
+        :func:`gpszip.model.grid.step_size`.
     version : int
         Version of the format in which the walks are coded.
     """
@@ -189,7 +218,7 @@ class Contents:
 
     @property
     def ends(self) -> bool:
-        """Whether walks with times tell where their pieces begin and end."""
+        """Whether walks with times have the ends of their pieces."""
         return self.version > OLDEST_VERSION
 
     @property
@@ -199,93 +228,107 @@ class Contents:
 
     @property
     def is_single_group(self) -> bool:
-        """Whether there is but one group with nothing around or beside it."""
+        """Whether there is only one group, with no further section and no compression."""
         return len(self.groups) == 1 and not self.extras and self.layer is None
 
 
 def single_group_contents(
     grid: QuantisationGrid, ids: tuple[str, ...], payload: bytes, layer: str | None = None
 ) -> Contents:
-    """Contents of an archive whose walks are all coded together.
+    """Return the contents of an archive whose walks are all coded together.
 
     Examples
     --------
-    >>> from gpszip.model.grid import QuantisationGrid, Plane
-    >>> single_group_contents(QuantisationGrid((0, 0), 0, 128, 128), ("0",), b"walks").groups[0].tracks
+    >>> from gpszip.model.grid import QuantisationGrid
+    >>> grid = QuantisationGrid((0, 0), 0, 128, 128)
+    >>> single_group_contents(grid, ("0",), b"walks").groups[0].tracks
     1
     """
     return Contents(grid, ids, (Group(0, len(ids), payload),), layer=layer)
 
 
 def find_contradiction(contents: Contents) -> str | None:
-    """What keeps the contents from being an archive; None if nothing does."""
+    """Say why the contents can't be an archive; None if they can."""
     return (
-        _place_complaint(contents)
-        or _groups_complaint(contents.groups, contents.tracks)
-        or _rest_complaint(contents)
+        _check_grid_or_map(contents)
+        or _check_groups(contents.groups, contents.tracks)
+        or _check_others(contents)
     )
 
 
-def _place_complaint(contents: Contents) -> str | None:
-    if (contents.grid is None) == (contents.map is None):
-        return "neither a frame nor a map" if contents.grid is None else "both a frame and a map"
-    if contents.grid is not None:
-        return "no names" if contents.ids is None else _frame_complaint(contents.grid)
-    if contents.map is not None and len(contents.map.hash) != MAP_HASH_BYTES:
-        return f"the map's hash has {len(contents.map.hash)} bytes, not {MAP_HASH_BYTES}"
-    if contents.map is not None and not 0 <= contents.map.refinements <= MAX_REFINEMENTS:
-        return f"quanta halved {contents.map.refinements} times; at most {MAX_REFINEMENTS} are"
+def _check_grid_or_map(contents: Contents) -> str | None:
+    """Say what is wrong with grid, map and names."""
+    grid, reference = contents.grid, contents.map
+    if grid is not None and reference is not None:
+        return "both a grid and a map"
+    if grid is not None:
+        return "no names" if contents.ids is None else _check_grid(grid)
+    if reference is None:
+        return "neither a grid nor a map"
+    if len(reference.hash) != MAP_HASH_BYTES:
+        return f"the map's hash has {len(reference.hash)} bytes, not {MAP_HASH_BYTES}"
+    if not 0 <= reference.refinements <= MAX_REFINEMENTS:
+        return f"a grid refined {reference.refinements} times; at most {MAX_REFINEMENTS} are"
     return "no names" if contents.ids is None and not contents.is_single_group else None
 
 
-def _frame_complaint(grid: QuantisationGrid) -> str | None:
-    if not 1 <= grid.dimension <= _DIMENSIONS:
-        return f"{grid.dimension} axes; an archive has 1 to {_DIMENSIONS}"
-    if any(abs(value) >= _LARGEST for value in (*grid.origin, grid.epoch)):
+def _check_grid(grid: QuantisationGrid) -> str | None:
+    """Say what is wrong with a grid."""
+    if not 1 <= grid.dimension <= _MAX_DIMENSION:
+        return f"{grid.dimension} axes; an archive has 1 to {_MAX_DIMENSION}"
+    if any(abs(value) >= _MAX_SIZE for value in (*grid.origin, grid.epoch)):
         return "origin or epoch beyond 2^62 thousandths"
-    if not (0 <= grid.space < 256 and 0 <= grid.time < 256):
-        return f"quanta {grid.space} and {grid.time}; an archive can name 0 to 255"
-    return None if grid.plane is None else _plane_complaint(grid.plane)
+    if not (0 <= grid.space < STEP_SIZES and 0 <= grid.time < STEP_SIZES):
+        return f"steps {grid.space} and {grid.time}; an archive can name 0 to {STEP_SIZES - 1}"
+    return None if grid.plane is None else _check_plane(grid.plane)
 
 
-def _plane_complaint(plane: Plane) -> str | None:
+def _check_plane(plane: Plane) -> str | None:
+    """Say what is wrong with the planes of a grid."""
     centers = plane.centers
-    if not 1 <= len(centers) <= _CENTERS:
-        return f"{len(centers)} planes; an archive has 1 to {_CENTERS}"
-    if any(abs(lat) > 900_000_000 or abs(lon) > 1_800_000_000 for lat, lon in centers):
+    if not 1 <= len(centers) <= _MAX_CENTERS:
+        return f"{len(centers)} planes; an archive has 1 to {_MAX_CENTERS}"
+    if any(abs(lat) > _MAX_LATITUDE or abs(lon) > _MAX_LONGITUDE for lat, lon in centers):
         return "the centre of a plane is not on the earth"
     return None
 
 
-def _groups_complaint(groups: Sequence[Group], tracks: int) -> str | None:
+def _check_groups(groups: Sequence[Group], tracks: int) -> str | None:
+    """Say what is wrong with the groups of so many tracks."""
     if not groups:
         return "no walks"
-    following = 0
+    next_track = 0
     for number, group in enumerate(groups):
-        if group.first_track != following or group.tracks < (1 if len(groups) > 1 else 0):
-            return f"group {number} holds {group.tracks} tracks from {group.first_track}; track {following} is next"
-        following += group.tracks
-        if (
-            group.time_range is not None
-            and not -_LARGEST < group.time_range[0] <= group.time_range[1] < _LARGEST
-        ):
-            return f"group {number} spans the cells {group.time_range[0]} to {group.time_range[1]}"
-    return None if following == tracks else f"walks of {following} tracks, names of {tracks}"
+        # the groups hold all tracks in order; a single one may be empty
+        if group.first_track != next_track or group.tracks < (1 if len(groups) > 1 else 0):
+            return (
+                f"group {number} holds {group.tracks} tracks from {group.first_track};"
+                f" track {next_track} is next"
+            )
+        next_track += group.tracks
+        if group.time_range is not None:
+            first, last = group.time_range
+            if not -_MAX_SIZE < first <= last < _MAX_SIZE:
+                return f"group {number} spans the time steps {first} to {last}"
+    return None if next_track == tracks else f"walks of {next_track} tracks, names of {tracks}"
 
 
-def _can_be_said(error_bound: ErrorBound, version: int) -> bool:
-    digits = (
-        error_bound.digits in DIGITS
-        if error_bound.growth == 0
-        else error_bound.digits in GROWN_DIGITS and error_bound.growth in GROWTH_STEPS
-    )
+def _is_encodable(error_bound: ErrorBound, version: int) -> bool:
+    """Whether an archive can hold an error bound."""
+    if error_bound.growth == 0:
+        digits = error_bound.digits in DIGITS
+    else:
+        digits = error_bound.digits in GROWN_DIGITS and error_bound.growth in GROWTH_STEPS
     exponent = error_bound.exponent in EXPONENTS or (
         version == OLDEST_VERSION and error_bound.exponent == LAST_OF_VERSION_2
     )
-    return digits and exponent and (error_bound.max_digits == 0 or _both_can_be_said(error_bound))
+    return digits and exponent and _is_maximum_encodable(error_bound)
 
 
-def _both_can_be_said(error_bound: ErrorBound) -> bool:
+def _is_maximum_encodable(error_bound: ErrorBound) -> bool:
+    """Whether an archive can hold the second bound, of the largest distance, if there is one."""
+    if error_bound.max_digits == 0:
+        return True
     over = error_bound.max_exponent - error_bound.exponent
     return (
         error_bound.max_digits in DIGITS
@@ -295,21 +338,19 @@ def _both_can_be_said(error_bound: ErrorBound) -> bool:
     )
 
 
-def _rest_complaint(contents: Contents) -> str | None:
-    wrong = [
-        section.kind
-        for section in contents.extras
-        if section.kind in _RESERVED_KINDS or not 0 <= section.kind < 256
-    ]
-    if wrong:
-        return f"further sections can't be of kind {wrong[0]}"
+def _check_others(contents: Contents) -> str | None:
+    """Say what is wrong with further sections, error bound, sampling and compression."""
+    for section in contents.extras:
+        if section.kind in _RESERVED_KINDS or not 0 <= section.kind < 256:
+            return f"further sections can't be of kind {section.kind}"
     error_bound = contents.error_bound
-    if error_bound is not None and not _can_be_said(error_bound, contents.version):
-        return f"a promise of {error_bound.digits} * 10^{error_bound.exponent} m, grown by {error_bound.growth} steps"
+    if error_bound is not None and not _is_encodable(error_bound, contents.version):
+        return (
+            f"an error bound of {error_bound.digits} * 10^{error_bound.exponent} m,"
+            f" grown by {error_bound.growth} steps"
+        )
     if contents.sampling is not None and not 0 <= contents.sampling < STEP_SIZES:
         return f"sampling {contents.sampling}; an archive can name 0 to {STEP_SIZES - 1}"
-    return (
-        None
-        if contents.layer in {None, "bz2"}
-        else f"no layer is called {contents.layer!r}; there is 'bz2'"
-    )
+    if contents.layer not in {None, "bz2"}:
+        return f"no layer is called {contents.layer!r}; there is 'bz2'"
+    return None

@@ -1,4 +1,4 @@
-"""What an archive promises, and how its log was sampled, in two to six bytes."""
+"""The error bound of an archive, and how its log was sampled, in two to six bytes."""
 
 from __future__ import annotations
 
@@ -9,71 +9,96 @@ from gpszip.model.error_bound import DIGITS, EXPONENTS, GROWN_DIGITS, GROWTH_STE
 
 __all__ = ["encode_error_bound", "read_error_bound"]
 
-_DIGIT_BITS, _EXPONENT_MASK, _SAMPLED, _MAXIMUM = 10, 0b1111, 1 << 14, 1 << 15
+#: Bits of the digits, below those of the exponent, and the mask of the four bits of the exponent.
+_DIGIT_BITS = 10
+_EXPONENT_MASK = 0b1111
 
-#: What stands for the exponent where a maximum is promised, too, and where its own is then.
-_BOTH, _OVER_SHIFT = 15, 14
+#: Flags: a byte of the sampling follows; the bound is of the largest distance.
+_SAMPLED = 1 << 14
+_MAXIMUM = 1 << 15
+
+#: The four bits of the exponent where there are two bounds.
+_BOTH = 15
+
+#: First bit, in the bytes of the second bound, of how much larger its exponent is.
+_OVER_SHIFT = 14
 
 
 def encode_error_bound(error_bound: ErrorBound | None, sampling: int | None) -> bytes:
-    """Ten bits of digits, four of the exponent plus 8, one if a byte for the sampling follows, one for a maximum; zeros promise nothing.
+    """Encode the error bound and the sampling.
 
-    Digits beyond 999, and a byte that comes next, number the pairs of digits and steps of a promise that has grown. An exponent of 7
-    says that a maximum is promised, too; two more bytes hold its digits, the exponent plus 8, and how much larger its exponent is.
+    The first two bytes hold ten bits of digits, four of the exponent plus 8, one if a byte of the
+    sampling follows, and one for a bound of the largest distance; without a bound they are zero.
+
+    Digits beyond 999, with the next byte, number the pairs of digits and growth steps of a bound
+    that merges have extended. Where the four bits are 15, there are two bounds: of the root mean
+    square and of the largest distance. Two more bytes then hold the digits of the second, the
+    exponent of the first plus 8, and how much larger that of the second is.
     """
-    packed, grown = 0 if sampling is None else _SAMPLED, b""
-    if error_bound is not None:
-        digits = error_bound.digits
-        if error_bound.growth:
-            high, low = divmod(
-                (error_bound.growth - GROWTH_STEPS.start) * len(GROWN_DIGITS)
-                + digits
-                - GROWN_DIGITS.start,
-                256,
-            )
-            digits, grown = DIGITS.stop + high, bytes([low])
-        exponent = error_bound.exponent - EXPONENTS.start
-        if error_bound.max_digits:
-            over = error_bound.max_exponent - error_bound.exponent
-            grown += (
-                error_bound.max_digits | exponent << _DIGIT_BITS | over << _OVER_SHIFT
-            ).to_bytes(2, "little")
-            exponent = _BOTH
-        packed |= digits | exponent << _DIGIT_BITS | error_bound.maximum * _MAXIMUM
-    return packed.to_bytes(2, "little") + grown + (b"" if sampling is None else bytes([sampling]))
+    flags = 0 if sampling is None else _SAMPLED
+    sampling_byte = b"" if sampling is None else bytes([sampling])
+    if error_bound is None:
+        return flags.to_bytes(2, "little") + sampling_byte
+
+    # digits, or the number of a pair of digits and growth steps
+    digits, more = error_bound.digits, b""
+    if error_bound.growth:
+        steps = error_bound.growth - GROWTH_STEPS.start
+        pair = steps * len(GROWN_DIGITS) + digits - GROWN_DIGITS.start
+        digits, more = DIGITS.stop + pair // 256, bytes([pair % 256])
+
+    # exponent, which moves to the second bound if there are two
+    exponent = error_bound.exponent - EXPONENTS.start
+    if error_bound.max_digits:
+        over = error_bound.max_exponent - error_bound.exponent
+        second = error_bound.max_digits | exponent << _DIGIT_BITS | over << _OVER_SHIFT
+        more += second.to_bytes(2, "little")
+        exponent = _BOTH
+    packed = flags | digits | exponent << _DIGIT_BITS | error_bound.maximum * _MAXIMUM
+    return packed.to_bytes(2, "little") + more + sampling_byte
 
 
 def read_error_bound(cursor: Cursor, version: int) -> tuple[ErrorBound | None, int | None]:
-    """Undo :func:`encode_error_bound`; in version 2, an exponent of 7 is one."""
-    packed = int.from_bytes(cursor.read_bytes(2, "the promise"), "little")
-    digits, grown = packed & (1 << _DIGIT_BITS) - 1, 0
-    if digits >= DIGITS.stop:
-        steps, few = divmod(
-            256 * (digits - DIGITS.stop) + cursor.read_byte("the growth of the promise"),
-            len(GROWN_DIGITS),
-        )
-        digits, grown = few + GROWN_DIGITS.start, steps + GROWTH_STEPS.start
+    """Undo :func:`encode_error_bound`; in version 2, there is never a second bound.
+
+    Returns
+    -------
+    ErrorBound or None
+        The bound.
+    int or None
+        The sampling.
+    """
+    packed = int.from_bytes(cursor.read_bytes(2, "the error bound"), "little")
     exponent = packed >> _DIGIT_BITS & _EXPONENT_MASK
-    both = exponent == _BOTH and version > OLDEST_VERSION and packed & ~_SAMPLED > 0
-    most = int.from_bytes(cursor.read_bytes(2, "the maximum"), "little") if both else 0
+    maximum = bool(packed & _MAXIMUM)
+    has_bound = packed & ~_SAMPLED > 0
+
+    # digits, or the number of a pair of digits and growth steps
+    digits, growth = packed & (1 << _DIGIT_BITS) - 1, 0
+    if digits >= DIGITS.stop:
+        pair = 256 * (digits - DIGITS.stop) + cursor.read_byte("the growth of the error bound")
+        steps, rest = divmod(pair, len(GROWN_DIGITS))
+        digits, growth = rest + GROWN_DIGITS.start, steps + GROWTH_STEPS.start
+
+    # the second bound, and the sampling
+    has_both = exponent == _BOTH and version > OLDEST_VERSION and has_bound
+    second = int.from_bytes(cursor.read_bytes(2, "the maximum"), "little") if has_both else 0
     sampling = cursor.read_byte("the sampling") if packed & _SAMPLED else None
-    if packed & ~_SAMPLED == 0:
+    if not has_bound:
         return None, sampling
-    if digits not in DIGITS or grown >= GROWTH_STEPS.stop:
-        raise cursor.error(f"a promise of {digits} digits, grown by {grown} steps")
-    if not both:
-        return ErrorBound(
-            digits, exponent + EXPONENTS.start, bool(packed & _MAXIMUM), grown
-        ), sampling
-    return _both(cursor, ErrorBound(digits, 0, bool(packed & _MAXIMUM), grown), most), sampling
+    if digits not in DIGITS or growth >= GROWTH_STEPS.stop:
+        raise cursor.error(f"an error bound of {digits} digits, grown by {growth} steps")
+    if has_both:
+        return _with_maximum(cursor, ErrorBound(digits, 0, maximum, growth), second), sampling
+    return ErrorBound(digits, exponent + EXPONENTS.start, maximum, growth), sampling
 
 
-def _both(cursor: Cursor, rms: ErrorBound, most: int) -> ErrorBound:
-    """A promise of both kinds from what follows it."""
-    exponent = (most >> _DIGIT_BITS & _EXPONENT_MASK) + EXPONENTS.start
-    digits = most & (1 << _DIGIT_BITS) - 1
+def _with_maximum(cursor: Cursor, rms: ErrorBound, second: int) -> ErrorBound:
+    """Add the bytes of the second bound to the first, whose exponent they hold."""
+    exponent = (second >> _DIGIT_BITS & _EXPONENT_MASK) + EXPONENTS.start
+    digits = second & (1 << _DIGIT_BITS) - 1
     if rms.maximum or rms.growth or exponent not in EXPONENTS or digits not in DIGITS:
-        raise cursor.error("a promise of two kinds that no writer makes")
+        raise cursor.error("an error bound of two kinds that no writer makes")
     return replace(
-        rms, exponent=exponent, max_digits=digits, max_exponent=exponent + (most >> _OVER_SHIFT)
+        rms, exponent=exponent, max_digits=digits, max_exponent=exponent + (second >> _OVER_SHIFT)
     )

@@ -1,4 +1,4 @@
-"""The frame of an archive as bytes."""
+"""The quantisation grid of an archive as bytes."""
 
 from __future__ import annotations
 
@@ -15,108 +15,127 @@ __all__ = [
     "short_grid_shape",
 ]
 
-#: Centres in hundredths of a degree take half the bytes; the plane's centre is free to be that coarse.
+#: Units of the centres of planes, in 1e-7 degrees. Hundredths of a degree take half the bytes, and
+#: the centre of a plane may be that coarse.
+_FINE = 1
 _COARSE = 100_000
-_CENTER_BYTES = {1: 4, _COARSE: 2}
+
+#: Bytes of a coordinate of a centre in each unit.
+_CENTER_BYTES = {_FINE: 4, _COARSE: 2}
+
+#: Two bits that tell the shape of a grid, see :func:`short_grid_shape`.
+_SHAPE_XYZ = 1
+_SHAPE_FINE_PLANE = 2
+_SHAPE_COARSE_PLANE = 3
+
+#: Kinds of centres in the first number of a grid of any shape.
+_NO_CENTERS = 0
+_FINE_CENTERS = 1
+_COARSE_CENTERS = 2
+
+#: Most coordinates of a grid.
+_MAX_DIMENSION = 15
+
+#: Thousandths in a whole metre or second.
+_THOUSAND = 1000
 
 
 def has_whole_units(grid: QuantisationGrid) -> bool:
     """Whether origin and epoch are whole metres and seconds."""
-    return all(value % 1000 == 0 for value in (*grid.origin, grid.epoch))
+    return all(value % _THOUSAND == 0 for value in (*grid.origin, grid.epoch))
 
 
 def fits_head(grid: QuantisationGrid) -> bool:
-    """Whether the two bits in an archive's third byte can tell the frame's shape: x,y or x,y,z, or x,y on one plane."""
-    return (
-        grid.dimension in {2, 3}
-        if grid.plane is None
-        else grid.dimension == 2 and len(grid.plane.centers) == 1
-    )
+    """Whether two bits can tell the grid's shape: x, y; x, y, z; or x, y on one plane."""
+    if grid.plane is None:
+        return grid.dimension in {2, 3}
+    return grid.dimension == 2 and len(grid.plane.centers) == 1
 
 
 def short_grid_shape(grid: QuantisationGrid) -> int:
-    """Two bits: 0 is x,y; 1 is x,y,z; 2 is a plane with a fine centre; 3 one with a coarse centre."""
+    """Two bits: 0 is x, y; 1 is x, y, z; 2 is a plane with a fine centre; 3 one with a coarse."""
     if grid.plane is None:
         return grid.dimension - 2
-    return 3 if _unit(grid.plane) == _COARSE else 2
+    return _SHAPE_COARSE_PLANE if _center_unit(grid.plane) == _COARSE else _SHAPE_FINE_PLANE
 
 
 def encode_short_grid(grid: QuantisationGrid) -> bytes:
-    """Frame of an archive whose head tells the shape."""
-    return (b"" if grid.plane is None else _centers_bytes(grid.plane)) + _numbers_bytes(grid)
+    """Grid of an archive whose head tells the shape: the centre of the plane, the numbers."""
+    centers = b"" if grid.plane is None else _encode_centers(grid.plane)
+    return centers + _encode_numbers(grid)
 
 
-def read_short_grid(cursor: Cursor, shape: int, whole: bool) -> QuantisationGrid:
-    """Undo :func:`encode_short_grid`, given the head's bits."""
-    plane = _read_centers(cursor, 1, _COARSE if shape == 3 else 1) if shape >= 2 else None
-    return _read_numbers(cursor, 3 if shape == 1 else 2, whole, plane)
+def read_short_grid(cursor: Cursor, shape: int, whole_units: bool) -> QuantisationGrid:
+    """Undo :func:`encode_short_grid`, given the bits of the head."""
+    plane = None
+    if shape >= _SHAPE_FINE_PLANE:
+        plane = _read_centers(cursor, 1, _COARSE if shape == _SHAPE_COARSE_PLANE else _FINE)
+    return _read_numbers(cursor, 3 if shape == _SHAPE_XYZ else 2, whole_units, plane)
 
 
 def encode_grid(grid: QuantisationGrid) -> bytes:
-    """Frame of any shape: a varint of (whole units, kind of centres, dimension), the planes, the numbers."""
-    unit = 0 if grid.plane is None else (2 if _unit(grid.plane) == _COARSE else 1)
-    head = encode_varint(int(has_whole_units(grid)) | unit << 1 | grid.dimension << 3)
+    """Grid of any shape: a varint of whole units, kind of centres, dimension; planes; numbers."""
+    kind = _NO_CENTERS
+    if grid.plane is not None:
+        kind = _COARSE_CENTERS if _center_unit(grid.plane) == _COARSE else _FINE_CENTERS
+    shape = encode_varint(int(has_whole_units(grid)) | kind << 1 | grid.dimension << 3)
     if grid.plane is None:
-        return head + _numbers_bytes(grid)
-    return (
-        head
-        + encode_varint(len(grid.plane.centers))
-        + _centers_bytes(grid.plane)
-        + _numbers_bytes(grid)
-    )
+        return shape + _encode_numbers(grid)
+    count = encode_varint(len(grid.plane.centers))
+    return shape + count + _encode_centers(grid.plane) + _encode_numbers(grid)
 
 
 def read_grid(cursor: Cursor) -> QuantisationGrid:
     """Undo :func:`encode_grid`."""
-    shape = cursor.read_varint("the frame's shape")
-    unit, dimension = shape >> 1 & 3, shape >> 3
-    if unit == 3 or not 1 <= dimension <= 15:
-        raise cursor.error(f"no frame has the shape {shape}")
-    plane = (
-        _read_centers(
-            cursor, cursor.read_varint("the number of planes"), _COARSE if unit == 2 else 1
-        )
-        if unit
-        else None
-    )
-    return _read_numbers(cursor, dimension, bool(shape & 1), plane)
+    shape = cursor.read_varint("the grid's shape")
+    whole_units, kind, dimension = bool(shape & 1), shape >> 1 & 3, shape >> 3
+    if kind > _COARSE_CENTERS or not 1 <= dimension <= _MAX_DIMENSION:
+        raise cursor.error(f"no grid has the shape {shape}")
+    plane = None
+    if kind != _NO_CENTERS:
+        count = cursor.read_varint("the number of planes")
+        plane = _read_centers(cursor, count, _COARSE if kind == _COARSE_CENTERS else _FINE)
+    return _read_numbers(cursor, dimension, whole_units, plane)
 
 
-def _unit(plane: Plane) -> int:
-    return (
-        _COARSE if all(value % _COARSE == 0 for center in plane.centers for value in center) else 1
-    )
+def _center_unit(plane: Plane) -> int:
+    """Unit in which the centres of a plane are stored."""
+    values = [value for center in plane.centers for value in center]
+    return _COARSE if all(value % _COARSE == 0 for value in values) else _FINE
 
 
-def _centers_bytes(plane: Plane) -> bytes:
-    unit = _unit(plane)
+def _encode_centers(plane: Plane) -> bytes:
+    """Latitude and longitude of each centre."""
+    unit = _center_unit(plane)
     values = [value // unit for center in plane.centers for value in center]
     return b"".join(value.to_bytes(_CENTER_BYTES[unit], "little", signed=True) for value in values)
 
 
 def _read_centers(cursor: Cursor, count: int, unit: int) -> Plane:
+    """Undo :func:`_encode_centers`."""
     size = _CENTER_BYTES[unit]
-    raw = cursor.read_bytes(2 * size * count, "the planes' centres")
+    data = cursor.read_bytes(2 * size * count, "the planes' centres")
     values = [
-        int.from_bytes(raw[i : i + size], "little", signed=True) * unit
-        for i in range(0, len(raw), size)
+        int.from_bytes(data[i : i + size], "little", signed=True) * unit
+        for i in range(0, len(data), size)
     ]
     return Plane(tuple(zip(values[::2], values[1::2], strict=True)))
 
 
-def _numbers_bytes(grid: QuantisationGrid) -> bytes:
-    unit = 1000 if has_whole_units(grid) else 1
-    numbers = (grid.epoch, *grid.origin)
-    return bytes([grid.space, grid.time]) + b"".join(
-        encode_signed(value // unit) for value in numbers
-    )
+def _encode_numbers(grid: QuantisationGrid) -> bytes:
+    """Indices of the steps of space and time, epoch, origin."""
+    unit = _THOUSAND if has_whole_units(grid) else 1
+    steps = bytes([grid.space, grid.time])
+    return steps + b"".join(encode_signed(value // unit) for value in (grid.epoch, *grid.origin))
 
 
 def _read_numbers(
-    cursor: Cursor, dimension: int, whole: bool, plane: Plane | None
+    cursor: Cursor, dimension: int, whole_units: bool, plane: Plane | None
 ) -> QuantisationGrid:
-    space, time = cursor.read_byte("the quantum of space"), cursor.read_byte("the quantum of time")
-    unit = 1000 if whole else 1
+    """Undo :func:`_encode_numbers`."""
+    unit = _THOUSAND if whole_units else 1
+    space = cursor.read_byte("the index of the space step")
+    time = cursor.read_byte("the index of the time step")
     epoch = cursor.read_signed("the epoch") * unit
     origin = tuple(cursor.read_signed("the origin") * unit for _ in range(dimension))
     return QuantisationGrid(origin, epoch, space, time, plane)

@@ -1,4 +1,4 @@
-"""Headers of groups and the index at an archive's end, by which one group is found without the others."""
+"""Headers of groups, and the index at an archive's end that finds one group without the others."""
 
 from __future__ import annotations
 
@@ -18,22 +18,26 @@ __all__ = [
     "read_index",
 ]
 
+#: Bytes of the index's offset in the end mark: archives are below 256 TiB.
 _OFFSET_BYTES = 6
+
+#: Bytes of the checksum of checksums.
 _DIGEST_BYTES = 4
 
 
 @dataclass(frozen=True)
 class IndexEntry:
-    """One line of the index.
+    """One entry of the index.
 
     Parameters
     ----------
     offset, size : int
-        Where the group's section begins in the archive, and how many bytes it takes with all its framing.
+        First byte of the group's section in the archive, and bytes of the section with its marker,
+        kind, length and checksum.
     first_track, tracks : int
-        Which tracks it holds.
+        Number of its first track, and how many tracks it holds.
     time_range : (int, int) or None
-        First and last time cell.
+        First and last time step of its knots.
     """
 
     offset: int
@@ -44,27 +48,25 @@ class IndexEntry:
 
 
 def encode_group(group: Group, wrapped: bytes) -> bytes:
-    """Body of a section of walks; ``wrapped`` is the payload as it lies in the file."""
+    """Body of a section of walks; ``wrapped`` is the payload as it is stored."""
     return (
         encode_varint(group.first_track)
         + encode_varint(group.tracks)
-        + _span_bytes(group.time_range)
+        + _encode_time_range(group.time_range)
         + wrapped
     )
 
 
 def read_group(cursor: Cursor) -> Group:
     """Undo :func:`encode_group`; the payload is still wrapped."""
-    first, tracks = (
-        cursor.read_varint("a group's first track"),
-        cursor.read_varint("a group's number of tracks"),
-    )
-    span = _read_span(cursor)
-    return Group(first, tracks, cursor.read_rest(), span)
+    first_track = cursor.read_varint("a group's first track")
+    tracks = cursor.read_varint("a group's number of tracks")
+    time_range = _read_time_range(cursor)
+    return Group(first_track, tracks, cursor.read_rest(), time_range)
 
 
 def index_entry(group: Group, offset: int, size: int) -> IndexEntry:
-    """Line of the index for a group."""
+    """Entry of the index for a group."""
     return IndexEntry(offset, size, group.first_track, group.tracks, group.time_range)
 
 
@@ -72,14 +74,14 @@ def encode_index(entries: tuple[IndexEntry, ...]) -> bytes:
     """Body of the index: each offset as the distance from the one before."""
     out = [encode_varint(len(entries))]
     before = 0
-    for line in entries:
+    for entry in entries:
         out.append(
-            encode_varint(line.offset - before)
-            + encode_varint(line.size)
-            + encode_varint(line.tracks)
-            + _span_bytes(line.time_range)
+            encode_varint(entry.offset - before)
+            + encode_varint(entry.size)
+            + encode_varint(entry.tracks)
+            + _encode_time_range(entry.time_range)
         )
-        before = line.offset
+        before = entry.offset
     return b"".join(out)
 
 
@@ -88,22 +90,21 @@ def read_index(cursor: Cursor) -> tuple[IndexEntry, ...]:
     count = cursor.read_varint("the number of groups")
     if count > cursor.remaining:
         raise cursor.error(f"an index of {count} groups in {cursor.remaining} bytes")
+
     entries: list[IndexEntry] = []
-    offset = track = 0
+    offset = first_track = 0
     for _ in range(count):
         offset += cursor.read_varint("a group's offset")
-        size, tracks = (
-            cursor.read_varint("a group's size"),
-            cursor.read_varint("a group's number of tracks"),
-        )
-        entries.append(IndexEntry(offset, size, track, tracks, _read_span(cursor)))
-        track += tracks
+        size = cursor.read_varint("a group's size")
+        tracks = cursor.read_varint("a group's number of tracks")
+        entries.append(IndexEntry(offset, size, first_track, tracks, _read_time_range(cursor)))
+        first_track += tracks
     cursor.expect_end("the index")
     return tuple(entries)
 
 
 def encode_end_mark(index_offset: int, digest: bytes) -> bytes:
-    """Body of the end mark: where the index lies (0 for none) and the checksum of all checksums."""
+    """Body of the end mark: offset of the index (0 for none), and the checksum of all checksums."""
     return index_offset.to_bytes(_OFFSET_BYTES, "little") + digest
 
 
@@ -115,17 +116,18 @@ def read_end_mark(cursor: Cursor) -> tuple[int, bytes]:
     return offset, digest
 
 
-def _span_bytes(span: tuple[int, int] | None) -> bytes:
-    return (
-        encode_varint(0)
-        if span is None
-        else encode_varint(span[1] - span[0] + 1) + encode_signed(span[0])
-    )
+def _encode_time_range(time_range: tuple[int, int] | None) -> bytes:
+    """Number of time steps and the first one; a zero if there is no range."""
+    if time_range is None:
+        return encode_varint(0)
+    first, last = time_range
+    return encode_varint(last - first + 1) + encode_signed(first)
 
 
-def _read_span(cursor: Cursor) -> tuple[int, int] | None:
+def _read_time_range(cursor: Cursor) -> tuple[int, int] | None:
+    """Undo :func:`_encode_time_range`."""
     length = cursor.read_varint("a group's time range")
     if not length:
         return None
-    first = cursor.read_signed("a group's first cell")
+    first = cursor.read_signed("a group's first time step")
     return first, first + length - 1

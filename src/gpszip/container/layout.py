@@ -1,4 +1,4 @@
-"""The bytes that every part of an archive is made of: magic, form, whole numbers, sections and their checksums."""
+"""The building blocks of an archive: magic, form, integers, sections and their checksums."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ __all__ = [
     "read_head",
 ]
 
-#: First bytes of every archive. The first is no start of a character in UTF-8, so no text file begins like this.
+#: First bytes of every archive. No character of UTF-8 starts with the first, so no text file does.
 MAGIC = b"\xa7Z"
 
 #: Version of the format that this package writes, and the newest that it reads.
@@ -46,39 +46,53 @@ HEAD_BYTES = 3
 #: Bytes of a CRC-32.
 CHECKSUM_BYTES = 4
 
-#: What every section of a large archive begins with, so that a reader finds the next whole one in a torn file.
+#: First bytes of every section of a large archive, by which the intact ones of a damaged file are
+#: found.
 SECTION_MARKER = b"\xa7SEC"
 
-#: Bytes of the end mark of a large archive: marker, kind, length, offset of the index, checksum of checksums, checksum.
+#: Bytes of the end mark of a large archive: marker, kind, length, offset of the index, checksum of
+#: checksums, checksum.
 END_BYTES = 20
 
-#: Archives of sections that are shorter than this have one checksum among all of them.
+#: An archive of sections with fewer bytes than this has one checksum for all of them.
 SMALL_LIMIT = 1 << 16
 
-_VARINT_BYTES = 10
+#: Integers are below this, and take at most so many bytes.
 _VARINT_LIMIT = 1 << 64
+_VARINT_BYTES = 10
+
+#: First bytes of a road network that ``gpszip network`` wrote.
+_NETWORK_MAGIC = b"\xa7ROADS"
+
+#: An archive names at most this many tracks, and so many more for each byte.
+_FREE_TRACKS = 1 << 16
+_TRACKS_PER_BYTE = 8
+
+#: An archive has at most this many sections, and one more for so many bytes.
+_FREE_SECTIONS = 1 << 12
+_BYTES_PER_SECTION = 1024
 
 
 class Form(IntEnum):
-    """How the rest of the archive is laid out."""
+    """Layout of the rest of the archive."""
 
     LONE = 0  # one track named '0', one group, one checksum
     NAMED = 1  # any tracks, one group, one checksum
     ON_MAP = 2  # walks on a map kept elsewhere
-    SECTIONS = 3  # sections of their own length and kind
+    SECTIONS = 3  # sections, each with its kind and length
 
 
 class SectionKind(IntEnum):
     """What a section holds."""
 
-    FRAME = 1
-    NAMES = 2
-    WALKS = 3
-    MAP = 4
-    ATTRIBUTES = 5
-    INDEX = 6
-    END = 7
-    PROMISE = 8
+    GRID = 1  # the quantisation grid
+    NAMES = 2  # ids of all tracks
+    WALKS = 3  # one group of walks
+    MAP = 4  # which map the walks lie on, where it is kept elsewhere
+    ATTRIBUTES = 5  # kept times and columns
+    INDEX = 6  # where each group lies
+    END = 7  # offset of the index, checksum of checksums
+    ERROR_BOUND = 8  # error bound and sampling
 
 
 @dataclass(frozen=True)
@@ -102,7 +116,7 @@ class Head:
 
 
 def encode_head(head: Head) -> bytes:
-    """Magic, version and form in three bytes."""
+    """Encode magic, version and form in three bytes."""
     return MAGIC + bytes([head.version | head.form << 3 | head.low << 5 | head.high << 7])
 
 
@@ -119,29 +133,37 @@ def read_head(data: bytes) -> Head:
     >>> read_head(encode_head(Head(Form.NAMED))).form.name
     'NAMED'
     """
+    # is it an archive?
     if not data:
         raise CorruptArchiveError("not a .gpsz archive: the file is empty", 0)
-    if data[:2] != MAGIC[: len(data)]:
-        if data[:6] == b"\xa7ROADS":
+    if data[: len(MAGIC)] != MAGIC[: len(data)]:
+        if data.startswith(_NETWORK_MAGIC):
             raise CorruptArchiveError(
-                "a road network that 'gpszip network' prepared, not an archive; it serves as --network",
+                "a road network that 'gpszip network' prepared, not an archive;"
+                " it serves as --network",
                 0,
             )
         raise CorruptArchiveError("not a .gpsz archive: it does not begin like one", 0)
     if len(data) < HEAD_BYTES:
         raise CorruptArchiveError("the archive ends within its head", len(data))
-    byte = data[2]
+
+    # the version
+    byte = data[len(MAGIC)]
     version = byte & 7
     if version > VERSION:
         raise CorruptArchiveError(
-            f"archive of version {version}; this GPSZip reads up to version {VERSION}: upgrade gpszip",
+            f"archive of version {version};"
+            f" this GPSZip reads up to version {VERSION}: upgrade gpszip",
             2,
         )
     if version < OLDEST_VERSION:
         raise CorruptArchiveError(
-            f"archive of version {version}, which no release of GPSZip has written: compress the log again",
+            f"archive of version {version}, which no release of GPSZip has written:"
+            " compress the log again",
             2,
         )
+
+    # the form
     head = Head(Form(byte >> 3 & 3), byte >> 5 & 3, byte >> 7, version)
     if head.form is Form.SECTIONS and head.low > 1:
         raise CorruptArchiveError("no archive has this form", 2)
@@ -149,7 +171,9 @@ def read_head(data: bytes) -> Head:
 
 
 def encode_varint(value: int) -> bytes:
-    """Whole number in groups of 7 bits, the lowest first, the top bit set on all but the last byte.
+    """Encode an integer >= 0 in groups of 7 bits, the lowest first.
+
+    All bytes but the last have their top bit set.
 
     Examples
     --------
@@ -167,7 +191,7 @@ def encode_varint(value: int) -> bytes:
 
 
 def encode_signed(value: int) -> bytes:
-    """Whole number of either sign: 0, -1, 1, -2, ... as the varints 0, 1, 2, 3, ..."""
+    """Encode an integer of either sign: 0, -1, 1, -2, ... as the varints 0, 1, 2, 3, ..."""
     return encode_varint(2 * value if value >= 0 else -2 * value - 1)
 
 
@@ -177,35 +201,35 @@ def checksum(data: bytes | memoryview, start: int = 0) -> bytes:
 
 
 def encode_section(kind: int, body: bytes) -> bytes:
-    """Section of a large archive: marker, kind, length, body, checksum of kind to body."""
+    """Encode a section of a large archive: marker, kind, length, body, checksum of kind to body."""
     content = bytes([kind]) + encode_varint(len(body)) + body
     return SECTION_MARKER + content + checksum(content)
 
 
 def max_tracks(size: int) -> int:
-    """Most tracks that an archive of so many bytes can name."""
-    return (1 << 16) + 8 * size
+    """Most tracks that an archive of ``size`` bytes can name."""
+    return _FREE_TRACKS + _TRACKS_PER_BYTE * size
 
 
 def max_sections(size: int) -> int:
-    """Most sections before the end mark of a large archive of so many bytes."""
-    return (1 << 12) + size // 1024
+    """Most sections before the end mark of a large archive of ``size`` bytes."""
+    return _FREE_SECTIONS + size // _BYTES_PER_SECTION
 
 
 @dataclass
 class Cursor:
-    """A place in untrusted bytes that never moves past their end.
+    """A position in untrusted bytes that never moves past their end.
 
     Parameters
     ----------
     data : bytes
-        What is read.
+        The bytes to read.
     offset : int, default 0
         Next byte.
     end : int, optional
-        First byte that is not to be read; all of ``data`` where left out.
+        First byte that is not to be read; by default, all of ``data`` is.
     base : int, default 0
-        Where ``data`` lies in the archive, for the offset in errors.
+        Offset of ``data`` in the archive, for errors.
     """
 
     data: bytes
@@ -223,7 +247,7 @@ class Cursor:
         return self.end - self.offset
 
     def error(self, message: str) -> CorruptArchiveError:
-        """Error that names this place."""
+        """Return an error that names this position."""
         return CorruptArchiveError(message, self.base + self.offset)
 
     def read_bytes(self, count: int, what: str) -> bytes:
@@ -238,7 +262,10 @@ class Cursor:
         return self.read_bytes(1, what)[0]
 
     def read_varint(self, what: str) -> int:
-        """Read a whole number; a longer form than needed is refused, so that equal contents have equal bytes."""
+        """Read an integer >= 0.
+
+        A longer form than needed is refused, so that equal contents have equal bytes.
+        """
         value = 0
         for place in range(_VARINT_BYTES):
             byte = self.read_byte(what)
@@ -250,15 +277,15 @@ class Cursor:
         raise self.error(f"{what} is longer than a number of 64 bits")
 
     def read_signed(self, what: str) -> int:
-        """Read a whole number of either sign."""
+        """Read an integer of either sign."""
         value = self.read_varint(what)
         return value >> 1 if value % 2 == 0 else -(value >> 1) - 1
 
     def read_rest(self) -> bytes:
-        """Read all bytes that are left."""
+        """Read all remaining bytes."""
         return self.read_bytes(self.remaining, "the rest")
 
     def expect_end(self, what: str) -> None:
-        """Refuse bytes that nobody asked for."""
+        """Refuse further bytes."""
         if self.remaining:
             raise self.error(f"{self.remaining} bytes after the end of {what}")

@@ -1,4 +1,4 @@
-"""Which map an archive's walks lie on, where it is kept elsewhere."""
+"""Which map an archive's walks lie on, where the map is kept elsewhere."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ __all__ = ["encode_reference", "map_hash", "read_reference"]
 
 
 def map_hash(contents: Contents) -> bytes:
-    """Name of a map: the first bytes of the SHA-256 of the archive's frame and walks.
+    """Identify a map by the first bytes of the SHA-256 of an archive's grid and walks.
 
-    Neither names nor kept columns nor the form of the file matter.
+    Names, kept columns and the form of the file do not matter.
     """
-    whole = hashlib.sha256(b"" if contents.grid is None else encode_grid(contents.grid))
+    digest = hashlib.sha256(b"" if contents.grid is None else encode_grid(contents.grid))
     for group in contents.groups:
-        whole.update(
+        digest.update(
             encode_varint(len(group.payload)) + encode_varint(group.tracks) + group.payload
         )
-    return whole.digest()[:MAP_HASH_BYTES]
+    return digest.digest()[:MAP_HASH_BYTES]
 
 
 def encode_reference(reference: MapReference) -> bytes:
-    """Hash of the map, then how often its quanta are halved."""
+    """Hash of the map, then the refinements of its grid."""
     return reference.hash + bytes([reference.refinements])
 
 
@@ -33,5 +33,5 @@ def read_reference(cursor: Cursor) -> MapReference:
     """Undo :func:`encode_reference`."""
     return MapReference(
         cursor.read_bytes(MAP_HASH_BYTES, "the map's hash"),
-        cursor.read_byte("the halvings of its quanta"),
+        cursor.read_byte("the refinements of its grid"),
     )

@@ -1,4 +1,8 @@
-"""Track ids as bytes: text that comes back verbatim, numbered ones for almost nothing."""
+"""Track ids as bytes: any text comes back verbatim, numbered ids take almost nothing.
+
+An id list begins with a varint of the number of ids times 4 plus how they are stored. Lists of
+texts have several packings; the shortest is written.
+"""
 
 from __future__ import annotations
 
@@ -10,17 +14,35 @@ from gpszip.errors import InputError
 
 __all__ = ["TEXT_LIMIT", "encode_names", "read_names"]
 
-#: Compressed names expand to at most this many bytes of text; longer lists are stored as they are.
+#: Compressed names expand to at most this many bytes of text; longer lists are not packed.
 TEXT_LIMIT = 1 << 24
 
-_COUNTED, _PADDED, _LISTED, _PACKED = range(4)
-_DEFLATED, _LZMA, _MODEL, _STEPS = range(4)
+#: How ids are stored.
+_COUNTED = 0  # consecutive numbers
+_PADDED = 1  # the same with leading zeros
+_LISTED = 2  # each with its length
+_PACKED = 3  # compressed
+
+#: How compressed ids are packed.
+_DEFLATED = 0
+_LZMA = 1
+_MODEL = 2  # adaptive model of text
+_STEPS = 3  # growing numbers
+
+#: Bits of either number below what it is packed with.
+_METHOD_BITS = 2
+_METHOD_MASK = 3
+
+#: Numbers are below this, and have at most so many digits.
 _NUMBER_LIMIT = 1 << 63
-_WIDTH_LIMIT = 64
+_MAX_WIDTH = 64
+
+#: UTF-8 never holds the byte 255, so that it can stand for a newline within an id.
+_INNER_NEWLINE = b"\xff"
 
 
 def encode_names(ids: tuple[str, ...]) -> bytes:
-    """Code track ids in the shortest of the ways of docs/format.md.
+    """Encode track ids in the shortest of the forms of docs/format.md.
 
     Parameters
     ----------
@@ -30,40 +52,43 @@ def encode_names(ids: tuple[str, ...]) -> bytes:
     Raises
     ------
     InputError
-        If an id is no text that UTF-8 can carry.
+        If an id is no text that UTF-8 can encode.
 
     Examples
     --------
     >>> encode_names(("000", "001", "002")).hex()
     '0d0003'
     """
-    raw = [_encoded(name) for name in ids]
-    numbered = _numbered(ids)
+    encoded = [_encode_text(name) for name in ids]
+    numbered = _encode_numbered(ids)
     if numbered is not None:
         return numbered
-    return min((_head(len(ids), method) + body for method, body in _texts(ids, raw)), key=len)
+    forms = [(_LISTED, b"".join(encode_varint(len(name)) + name for name in encoded))]
+    forms += [(_PACKED, body) for body in _pack(ids, encoded)]
+    return min((_head(len(ids), form) + body for form, body in forms), key=len)
 
 
 def read_names(cursor: Cursor, file_size: int) -> tuple[str, ...]:
-    """Undo :func:`encode_names`; reads as far as the names go.
+    """Undo :func:`encode_names`; reads up to the end of the names.
 
     Parameters
     ----------
     cursor : Cursor
         At the first byte of the names.
     file_size : int
-        Size of the archive in bytes, from which follows how many tracks are believed.
+        Size of the archive in bytes, which limits the number of tracks.
     """
     head = cursor.read_varint("the number of tracks")
-    count, method = head >> 2, head & 3
+    count, form = head >> _METHOD_BITS, head & _METHOD_MASK
     if count > max_tracks(file_size):
         raise cursor.error(f"{count} tracks in {file_size} bytes")
-    if method in {_COUNTED, _PADDED}:
-        return _read_numbered(cursor, count, method == _PADDED)
-    return _read_listed(cursor, count) if method == _LISTED else _read_packed(cursor, count)
+    if form in {_COUNTED, _PADDED}:
+        return _read_numbered(cursor, count, form == _PADDED)
+    return _read_listed(cursor, count) if form == _LISTED else _read_packed(cursor, count)
 
 
-def _encoded(name: str) -> bytes:
+def _encode_text(name: str) -> bytes:
+    """UTF-8 of an id."""
     try:
         return name.encode()
     except UnicodeEncodeError:
@@ -72,19 +97,31 @@ def _encoded(name: str) -> bytes:
         ) from None
 
 
-def _head(count: int, method: int) -> bytes:
-    return encode_varint(count << 2 | method)
+def _decode_text(data: bytes, cursor: Cursor) -> str:
+    """Undo :func:`_encode_text`."""
+    try:
+        return data.decode()
+    except UnicodeDecodeError:
+        raise cursor.error("a track's name is no text") from None
 
 
-def _numbered(ids: tuple[str, ...]) -> bytes | None:
+def _head(count: int, form: int) -> bytes:
+    """Number of ids, and how they are stored."""
+    return encode_varint(count << _METHOD_BITS | form)
+
+
+def _encode_numbered(ids: tuple[str, ...]) -> bytes | None:
+    """Encode ids that are consecutive numbers; None for others."""
     if not ids:
         return _head(0, _COUNTED) + encode_varint(0)
     first = ids[0]
     if (
-        not (first.isascii() and first.isdigit() and len(first) <= _WIDTH_LIMIT)
+        not (first.isascii() and first.isdigit() and len(first) <= _MAX_WIDTH)
         or int(first) + len(ids) >= _NUMBER_LIMIT
     ):
         return None
+
+    # with leading zeros or without
     start, width = int(first), len(first)
     if all(name == str(start + i) for i, name in enumerate(ids)):
         return _head(len(ids), _COUNTED) + encode_varint(start)
@@ -94,64 +131,60 @@ def _numbered(ids: tuple[str, ...]) -> bytes | None:
 
 
 def _read_numbered(cursor: Cursor, count: int, padded: bool) -> tuple[str, ...]:
+    """Undo :func:`_encode_numbered`."""
     start = cursor.read_varint("the first track's number")
     width = cursor.read_varint("the width of numbers") if padded else 0
-    if width > _WIDTH_LIMIT:
+    if width > _MAX_WIDTH:
         raise cursor.error(f"numbers padded to {width} digits")
     return tuple(str(start + i).zfill(width) for i in range(count))
 
 
-def _texts(ids: tuple[str, ...], raw: list[bytes]) -> list[tuple[int, bytes]]:
-    ways = [(_LISTED, b"".join(encode_varint(len(name)) + name for name in raw))]
-    # UTF-8 never holds the byte 255, so it can stand for a newline within an id
-    text = b"\n".join(name.replace(b"\n", b"\xff") for name in raw)
-    if len(text) <= TEXT_LIMIT:
-        ways += [
-            (_PACKED, encode_varint(len(body) << 2 | code) + body)
-            for code, body in _packed(ids, text)
-        ]
-    return ways
-
-
-def _packed(ids: tuple[str, ...], text: bytes) -> list[tuple[int, bytes]]:
-    ways = [(_DEFLATED, deflate(text)), (_LZMA, pack_lzma(text))]
+def _pack(ids: tuple[str, ...], encoded: list[bytes]) -> list[bytes]:
+    """Compressed lists: a varint of length and packing, the bytes; none of a list too long."""
+    text = b"\n".join(name.replace(b"\n", _INNER_NEWLINE) for name in encoded)
+    if len(text) > TEXT_LIMIT:
+        return []
+    packings = [(_DEFLATED, deflate(text)), (_LZMA, pack_lzma(text))]
     if len(text) < MODEL_LIMIT:
-        ways.append((_MODEL, encode_text(text + b"\n")))
+        packings.append((_MODEL, encode_text(text + b"\n")))
     steps = encode_number_steps(ids)
-    return ways if steps is None else [*ways, (_STEPS, steps)]
+    if steps is not None:
+        packings.append((_STEPS, steps))
+    return [encode_varint(len(body) << _METHOD_BITS | packing) + body for packing, body in packings]
 
 
 def _read_listed(cursor: Cursor, count: int) -> tuple[str, ...]:
+    """Read ids that have their lengths."""
     if count > cursor.remaining:
         raise cursor.error(f"{count} names in {cursor.remaining} bytes")
     return tuple(
-        _text(cursor.read_bytes(cursor.read_varint("a name's length"), "a name"), cursor)
+        _decode_text(cursor.read_bytes(cursor.read_varint("a name's length"), "a name"), cursor)
         for _ in range(count)
     )
 
 
 def _read_packed(cursor: Cursor, count: int) -> tuple[str, ...]:
+    """Undo :func:`_pack`."""
     if not count:
         raise cursor.error("no names are packed")
-    shape = cursor.read_varint("the length of names")
-    body = cursor.read_bytes(shape >> 2, "the names")
+    head = cursor.read_varint("the length of names")
+    size, packing = head >> _METHOD_BITS, head & _METHOD_MASK
+    body = cursor.read_bytes(size, "the names")
     offset = cursor.base + cursor.offset - len(body)
-    if shape & 3 == _STEPS:
+    if packing == _STEPS:
         return read_number_steps(body, count, offset)
-    text = _unpacked(shape & 3, body, count, offset)
+
+    # split the text
+    text = _unpack(packing, body, count, offset)
     if text.count(b"\n") != count - 1:
         raise cursor.error(f"names are not those of {count} tracks")
-    return tuple(_text(name.replace(b"\xff", b"\n"), cursor) for name in text.split(b"\n"))
+    return tuple(
+        _decode_text(name.replace(_INNER_NEWLINE, b"\n"), cursor) for name in text.split(b"\n")
+    )
 
 
-def _unpacked(code: int, body: bytes, count: int, offset: int) -> bytes:
-    if code == _MODEL:
+def _unpack(packing: int, body: bytes, count: int, offset: int) -> bytes:
+    """Text of a compressed list."""
+    if packing == _MODEL:
         return read_text(body, count, offset)[:-1]
-    return (inflate if code == _DEFLATED else unpack_lzma)(body, TEXT_LIMIT, offset)
-
-
-def _text(raw: bytes, cursor: Cursor) -> str:
-    try:
-        return raw.decode()
-    except UnicodeDecodeError:
-        raise cursor.error("a track's name is no text") from None
+    return (inflate if packing == _DEFLATED else unpack_lzma)(body, TEXT_LIMIT, offset)

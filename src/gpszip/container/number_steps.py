@@ -1,4 +1,8 @@
-"""Names that are growing numbers with holes, as the steps between them: Rice codes, about two bits a name."""
+"""Names that are growing numbers, as the steps between them: about two bits a name.
+
+A step s (less 1) has a Rice code (R. F. Rice, 1979) with divisor 2**k: s >> k ones, a zero, and the
+k lowest digits of s.
+"""
 
 from __future__ import annotations
 
@@ -7,16 +11,23 @@ from itertools import pairwise
 from gpszip.container.layout import Cursor, encode_varint
 from gpszip.errors import CorruptArchiveError
 
-__all__ = ["WIDTH_LIMIT", "encode_number_steps", "read_number_steps"]
+__all__ = ["MAX_WIDTH", "encode_number_steps", "read_number_steps"]
 
-#: Digits of the longest number that is told from other text.
-WIDTH_LIMIT = 18
+#: Digits of the longest number; longer names are text.
+MAX_WIDTH = 18
 
+#: Divisors 2**k that are tried, k = 0 ... 59.
 _DIVISORS = 60
+
+#: Codes take at most this many ones for each name on average, or names are text.
+_MAX_MEAN_ONES = 64
 
 
 def encode_number_steps(ids: tuple[str, ...]) -> bytes | None:
-    """Code names that are all numbers, each larger than the one before; None for other names.
+    """Encode names that are all numbers, each larger than the one before; None for other names.
+
+    Returns the first number, a byte of the width to which numbers are padded (0: none), one of k,
+    and the codes.
 
     Examples
     --------
@@ -24,56 +35,64 @@ def encode_number_steps(ids: tuple[str, ...]) -> bytes | None:
     '07030060'
     """
     if not ids or not all(
-        name.isascii() and name.isdigit() and len(name) <= WIDTH_LIMIT for name in ids
+        name.isascii() and name.isdigit() and len(name) <= MAX_WIDTH for name in ids
     ):
         return None
+
+    # width and steps
     numbers = [int(name) for name in ids]
-    width = next(
-        (
-            wide
-            for wide in (0, len(ids[0]))
-            if all(str(n).zfill(wide) == name for n, name in zip(numbers, ids, strict=True))
-        ),
-        -1,
-    )
-    steps = [b - a - 1 for a, b in pairwise(numbers)]
-    if width < 0 or min(steps, default=0) < 0:
+    width = _find_width(numbers, ids)
+    steps = [after - before - 1 for before, after in pairwise(numbers)]
+    if width is None or min(steps, default=0) < 0:
         return None
+
+    # the divisor that takes the fewest bits
     divisor = min(range(_DIVISORS), key=lambda k: sum(step >> k for step in steps) + k * len(steps))
-    if sum(step >> divisor for step in steps) > 64 * len(steps):
+    if sum(step >> divisor for step in steps) > _MAX_MEAN_ONES * len(steps):
         return None
-    return encode_varint(numbers[0]) + bytes([width, divisor]) + _packed(steps, divisor)
+    return encode_varint(numbers[0]) + bytes([width, divisor]) + _rice_codes(steps, divisor)
 
 
 def read_number_steps(data: bytes, count: int, offset: int) -> tuple[str, ...]:
-    """Undo :func:`encode_number_steps`, given the number of names."""
+    """Undo :func:`encode_number_steps`, given the number of names; ``offset`` is for errors."""
     cursor = Cursor(data, base=offset)
     number = cursor.read_varint("the first number")
-    width, divisor = (
-        cursor.read_byte("the width of numbers"),
-        cursor.read_byte("the steps' divisor"),
-    )
-    if not count or width > WIDTH_LIMIT or divisor >= _DIVISORS:
+    width = cursor.read_byte("the width of numbers")
+    divisor = cursor.read_byte("the steps' divisor")
+    if not count or width > MAX_WIDTH or divisor >= _DIVISORS:
         raise cursor.error("names are no growing numbers")
+
+    # one code for each name but the first
     bits = "".join(f"{byte:08b}" for byte in cursor.read_rest())
-    names, at = [str(number).zfill(width)], 0
+    names, start = [str(number).zfill(width)], 0
     for _ in range(count - 1):
-        stop = bits.find("0", at)
-        end = stop + 1 + divisor
-        if stop < 0 or end > len(bits):
+        zero = bits.find("0", start)
+        end = zero + 1 + divisor
+        if zero < 0 or end > len(bits):
             raise CorruptArchiveError("numbers end too early", offset + len(data))
-        number += 1 + (stop - at << divisor | int(bits[stop + 1 : end] or "0", 2))
+        number += 1 + (zero - start << divisor | int(bits[zero + 1 : end] or "0", 2))
         names.append(str(number).zfill(width))
-        at = end
-    if len(bits) - at >= 8 or "1" in bits[at:]:
+        start = end
+
+    # only zeros up to the end of the byte may follow
+    if len(bits) - start >= 8 or "1" in bits[start:]:
         raise CorruptArchiveError("bytes after the last number", offset + len(data))
     return tuple(names)
 
 
-def _packed(steps: list[int], divisor: int) -> bytes:
-    low = (1 << divisor) - 1
+def _find_width(numbers: list[int], ids: tuple[str, ...]) -> int | None:
+    """Digits to which all names are padded, 0 if they are not; None if they differ."""
+    for width in (0, len(ids[0])):
+        if all(str(n).zfill(width) == name for n, name in zip(numbers, ids, strict=True)):
+            return width
+    return None
+
+
+def _rice_codes(steps: list[int], divisor: int) -> bytes:
+    """Codes of all steps, with zeros up to the end of a byte."""
+    mask = (1 << divisor) - 1
     bits = "".join(
-        "1" * (step >> divisor) + "0" + (f"{step & low:0{divisor}b}" if divisor else "")
+        "1" * (step >> divisor) + "0" + (f"{step & mask:0{divisor}b}" if divisor else "")
         for step in steps
     )
     bits += "0" * (-len(bits) % 8)

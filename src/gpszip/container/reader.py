@@ -1,4 +1,7 @@
-"""From the untrusted bytes of an archive to its contents; anything wrong is a CorruptArchiveError with its offset."""
+"""From the untrusted bytes of an archive to its contents.
+
+Any contradiction is a CorruptArchiveError with the offset of the byte.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import BinaryIO, TypeVar, cast
+from typing import BinaryIO, NamedTuple, TypeVar, cast
 
 from gpszip.container.contents import (
     DEFAULT_ID,
@@ -45,6 +48,7 @@ from gpszip.model.grid import QuantisationGrid
 __all__ = [
     "LAYER_FREE",
     "LAYER_RATIO",
+    "Opening",
     "StoredSection",
     "assemble_contents",
     "from_bytes",
@@ -58,36 +62,39 @@ __all__ = [
     "read_sections",
 ]
 
-#: All layered payloads of an archive expand to at most this many bytes, and so many for each byte of the file.
+#: Compressed payloads of an archive expand to at most this many bytes, and so many more for each
+#: byte of the file.
 LAYER_FREE = 1 << 26
 LAYER_RATIO = 16
 
 T = TypeVar("T")
 
-#: Sections of which there is at most one, and what they are about.
-_ONCE = {
-    SectionKind.FRAME,
-    SectionKind.NAMES,
-    SectionKind.MAP,
-    SectionKind.INDEX,
-    SectionKind.PROMISE,
-}
+#: Kinds of which there is at most one section.
+_UNIQUE_KINDS = frozenset(
+    {
+        SectionKind.GRID,
+        SectionKind.NAMES,
+        SectionKind.MAP,
+        SectionKind.INDEX,
+        SectionKind.ERROR_BOUND,
+    }
+)
 
 
 @dataclass(frozen=True)
 class StoredSection:
-    """A section where it lies in the bytes.
+    """A section and its offset in the file.
 
     Parameters
     ----------
     kind : int
         What it holds.
     offset, size : int
-        First byte and number of bytes with all framing.
+        First byte and number of bytes with marker, kind, length and checksum.
     body : bytes
         What is inside.
     checksum : bytes
-        Its own checksum; empty where it has none.
+        Its own checksum; empty if it has none.
     body_offset : int
         First byte of the body.
     """
@@ -100,22 +107,31 @@ class StoredSection:
     body_offset: int
 
     def cursor(self) -> Cursor:
-        """The body, to read it."""
+        """Return a cursor at the start of the body."""
         return Cursor(self.body, base=self.body_offset)
 
 
+class Opening(NamedTuple):
+    """What the first sections of an archive hold beside the names."""
+
+    grid: QuantisationGrid | None
+    map: MapReference | None
+    error_bound: ErrorBound | None
+    sampling: int | None
+
+
 def layer_limit(size: int) -> int:
-    """Bytes to which the layers of an archive of this size may expand."""
+    """Bytes to which the compressed payloads of an archive of this size may expand."""
     return LAYER_FREE + LAYER_RATIO * size
 
 
 def from_bytes(data: bytes) -> Contents:
-    """Read a whole archive and check all of it.
+    """Read an archive and check all of it.
 
     Parameters
     ----------
     data : bytes
-        A whole file.
+        A complete file.
 
     Raises
     ------
@@ -130,8 +146,7 @@ def from_bytes(data: bytes) -> Contents:
     head = read_head(data)
     if head.form is not Form.SECTIONS:
         return _read_compact(data, head)
-    found = read_sections(data, head)
-    return assemble_contents(found, head, len(data))
+    return assemble_contents(read_sections(data, head), head, len(data))
 
 
 def load(path: str | os.PathLike[str]) -> Contents:
@@ -142,7 +157,7 @@ def load(path: str | os.PathLike[str]) -> Contents:
     InputError
         If there is no such file or it can't be read.
     CorruptArchiveError
-        If it is no whole archive.
+        If it is no complete archive.
     """
     return from_bytes(read_file(path))
 
@@ -174,21 +189,24 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
 
 
 def read_sections(data: bytes, head: Head) -> list[StoredSection]:
-    """Cut an archive of sections into them, checking every checksum; the end mark is checked and left out."""
+    """Split an archive into its sections, and check every checksum.
+
+    The end mark of a large archive is checked and left out.
+    """
     if head.low:
-        return _small_pieces(data)
+        return _read_small_sections(data)
     cursor = Cursor(data, HEAD_BYTES)
-    found: list[StoredSection] = []
+    sections: list[StoredSection] = []
     while True:
-        piece = read_section(cursor)
-        if piece.kind == SectionKind.END:
+        section = read_section(cursor)
+        if section.kind == SectionKind.END:
             break
-        found.append(piece)
-        if len(found) > max_sections(len(data)):
+        sections.append(section)
+        if len(sections) > max_sections(len(data)):
             raise cursor.error("too many sections")
-    _check_end(data, piece, found)
+    _check_end(data, section, sections)
     cursor.expect_end("the archive")
-    return found
+    return sections
 
 
 def read_section(cursor: Cursor) -> StoredSection:
@@ -197,202 +215,232 @@ def read_section(cursor: Cursor) -> StoredSection:
     if cursor.read_bytes(len(SECTION_MARKER), "a section's marker") != SECTION_MARKER:
         cursor.offset = offset
         raise cursor.error("no section begins here")
+
+    # the checksum is that of kind, length and body
     start = cursor.offset
-    kind, body_offset, body = _kind_and_body(cursor)
+    kind, body_offset, body = _read_kind_and_body(cursor)
     content = memoryview(cursor.data)[start : cursor.offset]
-    seal = cursor.read_bytes(CHECKSUM_BYTES, "a section's checksum")
-    if checksum(content) != seal:
+    stored = cursor.read_bytes(CHECKSUM_BYTES, "a section's checksum")
+    if checksum(content) != stored:
         raise CorruptArchiveError(
             f"the checksum of a section of kind {kind} is wrong", cursor.base + offset
         )
-    return StoredSection(
-        kind, cursor.base + offset, cursor.offset - offset, body, seal, body_offset
-    )
+    size = cursor.offset - offset
+    return StoredSection(kind, cursor.base + offset, size, body, stored, body_offset)
 
 
-def read_opening(
-    found: list[StoredSection], version: int
-) -> tuple[QuantisationGrid | None, MapReference | None, ErrorBound | None, int | None]:
-    """Where an archive lies, or on which map, what it promises, and how its log was sampled."""
-    kinds = [piece.kind for piece in found[:2]]
-    if kinds not in ([SectionKind.FRAME, SectionKind.NAMES], [SectionKind.MAP, SectionKind.NAMES]):
+def read_opening(sections: list[StoredSection], version: int) -> Opening:
+    """Read the grid or the map, the error bound and the sampling of an archive.
+
+    Parameters
+    ----------
+    sections : list of StoredSection
+        The first sections of the archive, or all of them.
+    version : int
+        Version of the format.
+    """
+    kinds = [section.kind for section in sections[:2]]
+    if kinds not in ([SectionKind.GRID, SectionKind.NAMES], [SectionKind.MAP, SectionKind.NAMES]):
         raise CorruptArchiveError(
-            "an archive begins with its frame or its map, and its names", HEAD_BYTES
+            "an archive begins with its grid or its map, and its names", HEAD_BYTES
         )
-    said = next(
-        (
-            read_fully(piece, partial(read_error_bound, version=version))
-            for piece in found
-            if piece.kind == SectionKind.PROMISE
-        ),
-        (None, None),
-    )
+
+    error_bound = sampling = None
+    bound_section = _find_section(sections, SectionKind.ERROR_BOUND)
+    if bound_section is not None:
+        read_bound = partial(read_error_bound, version=version)
+        error_bound, sampling = read_fully(bound_section, read_bound)
     if kinds[0] == SectionKind.MAP:
-        return None, read_fully(found[0], read_reference), *said
-    return read_fully(found[0], read_grid), None, *said
+        return Opening(None, read_fully(sections[0], read_reference), error_bound, sampling)
+    return Opening(read_fully(sections[0], read_grid), None, error_bound, sampling)
 
 
-def assemble_contents(found: list[StoredSection], head: Head, file_size: int) -> Contents:
-    """Contents from the sections of an archive, each checked against the others."""
-    grid, reference, error_bound, sampling = read_opening(found, head.version)
-    _check_order(found)
-    ids = read_fully(found[1], lambda cursor: read_names(cursor, file_size))
-    layered = bool(head.high)
-    walks = [piece for piece in found if piece.kind == SectionKind.WALKS]
-    groups = tuple(read_group(piece.cursor()) for piece in walks)
-    _check_index(found, walks, groups)
+def assemble_contents(sections: list[StoredSection], head: Head, file_size: int) -> Contents:
+    """Read the contents from all sections of an archive, each checked against the others."""
+    opening = read_opening(sections, head.version)
+    _check_order(sections)
+    ids = read_fully(sections[1], lambda cursor: read_names(cursor, file_size))
+
+    # walks, decompressed
+    walks = [section for section in sections if section.kind == SectionKind.WALKS]
+    groups = tuple(read_group(section.cursor()) for section in walks)
+    _check_index(sections, walks, groups)
+    is_layered = bool(head.high)
+    if is_layered:
+        groups = _decompress(groups, walks, file_size)
+
+    # sections that the container does not look into
+    extras = tuple(
+        Section(section.kind, section.body)
+        for section in sections
+        if section.kind not in _UNIQUE_KINDS | {SectionKind.WALKS}
+    )
     contents = Contents(
-        grid,
+        opening.grid,
         ids,
-        _unwrapped(groups, walks, file_size) if layered else groups,
-        reference,
-        tuple(
-            Section(piece.kind, piece.body)
-            for piece in found
-            if piece.kind not in {*_ONCE, SectionKind.WALKS}
-        ),
-        "bz2" if layered else None,
-        error_bound,
-        sampling,
+        groups,
+        opening.map,
+        extras,
+        "bz2" if is_layered else None,
+        opening.error_bound,
+        opening.sampling,
         head.version,
     )
-    return _believed(contents, found[-1].offset)
+    return _checked(contents, sections[-1].offset)
 
 
-def read_fully(piece: StoredSection, read: Callable[[Cursor], T]) -> T:
-    """What ``read`` makes of a section, all of it."""
-    cursor = piece.cursor()
+def read_fully(section: StoredSection, read: Callable[[Cursor], T]) -> T:
+    """Apply ``read`` to a section; refuse bytes that it leaves."""
+    cursor = section.cursor()
     value = read(cursor)
-    cursor.expect_end(f"a section of kind {piece.kind}")
+    cursor.expect_end(f"a section of kind {section.kind}")
     return value
 
 
+def _find_section(sections: list[StoredSection], kind: SectionKind) -> StoredSection | None:
+    """The first section of a kind."""
+    return next((section for section in sections if section.kind == kind), None)
+
+
 def _read_compact(data: bytes, head: Head) -> Contents:
+    """Read an archive of one group with one checksum."""
+    # the checksum is that of all bytes before it
     end = len(data) - CHECKSUM_BYTES
     if end < HEAD_BYTES:
         raise CorruptArchiveError("the archive ends within its head", len(data))
+    _check_checksum(data, end)
+
+    # error bound; grid or map; names; the payload up to the checksum
+    cursor = Cursor(data, HEAD_BYTES, end)
+    error_bound, sampling = read_error_bound(cursor, head.version)
+    grid, reference = None, None
+    ids: tuple[str, ...] | None
+    if head.form is Form.ON_MAP:
+        reference = MapReference(cursor.read_bytes(MAP_HASH_BYTES, "the map's hash"), head.low)
+        ids = read_names(cursor, len(data)) if head.high else None
+    else:
+        grid = read_short_grid(cursor, head.low, bool(head.high))
+        ids = (DEFAULT_ID,) if head.form is Form.LONE else read_names(cursor, len(data))
+    group = Group(0, 1 if ids is None else len(ids), cursor.read_rest())
+    contents = Contents(
+        grid,
+        ids,
+        (group,),
+        reference,
+        error_bound=error_bound,
+        sampling=sampling,
+        version=head.version,
+    )
+    return _checked(contents, HEAD_BYTES)
+
+
+def _checked(contents: Contents, offset: int) -> Contents:
+    """Return the contents if they can be an archive."""
+    contradiction = find_contradiction(contents)
+    if contradiction:
+        raise CorruptArchiveError(contradiction, offset)
+    return contents
+
+
+def _check_checksum(data: bytes, end: int) -> None:
+    """Check an archive's only checksum, which begins at ``end``."""
     if checksum(memoryview(data)[:end]) != data[end:]:
         raise CorruptArchiveError(
             "the archive's checksum is wrong: bytes are missing or changed", end
         )
-    cursor = Cursor(data, HEAD_BYTES, end)
-    error_bound, sampling = read_error_bound(cursor, head.version)
-    if head.form is Form.ON_MAP:
-        reference = MapReference(cursor.read_bytes(MAP_HASH_BYTES, "the map's hash"), head.low)
-        own = read_names(cursor, len(data)) if head.high else None
-        group = Group(0, 1 if own is None else len(own), cursor.read_rest())
-        return _believed(
-            Contents(
-                None,
-                own,
-                (group,),
-                reference,
-                error_bound=error_bound,
-                sampling=sampling,
-                version=head.version,
-            ),
-            HEAD_BYTES,
-        )
-    grid = read_short_grid(cursor, head.low, bool(head.high))
-    ids = (DEFAULT_ID,) if head.form is Form.LONE else read_names(cursor, len(data))
-    group = Group(0, len(ids), cursor.read_rest())
-    return _believed(
-        Contents(
-            grid, ids, (group,), error_bound=error_bound, sampling=sampling, version=head.version
-        ),
-        HEAD_BYTES,
-    )
 
 
-def _believed(contents: Contents, offset: int) -> Contents:
-    wrong = find_contradiction(contents)
-    if wrong:
-        raise CorruptArchiveError(wrong, offset)
-    return contents
-
-
-def _small_pieces(data: bytes) -> list[StoredSection]:
+def _read_small_sections(data: bytes) -> list[StoredSection]:
+    """Read the sections of a small archive: kind, length and body each, one checksum for all."""
     end = len(data) - CHECKSUM_BYTES
     if len(data) >= SMALL_LIMIT:
         raise CorruptArchiveError(
             f"an archive of {len(data)} bytes needs a checksum for each section", 2
         )
-    if end < HEAD_BYTES or checksum(memoryview(data)[:end]) != data[end:]:
+    if end < HEAD_BYTES:
         raise CorruptArchiveError(
             "the archive's checksum is wrong: bytes are missing or changed", max(end, 0)
         )
+    _check_checksum(data, end)
+
     cursor = Cursor(data, HEAD_BYTES, end)
-    found: list[StoredSection] = []
+    sections: list[StoredSection] = []
     while cursor.remaining:
         offset = cursor.offset
-        kind, body_offset, body = _kind_and_body(cursor)
-        found.append(StoredSection(kind, offset, cursor.offset - offset, body, b"", body_offset))
-    return found
+        kind, body_offset, body = _read_kind_and_body(cursor)
+        sections.append(StoredSection(kind, offset, cursor.offset - offset, body, b"", body_offset))
+    return sections
 
 
-def _kind_and_body(cursor: Cursor) -> tuple[int, int, bytes]:
+def _read_kind_and_body(cursor: Cursor) -> tuple[int, int, bytes]:
+    """Kind of a section, first byte of its body, and the body."""
     kind = cursor.read_byte("a section's kind")
     length = cursor.read_varint("a section's length")
     body_offset = cursor.base + cursor.offset
     return kind, body_offset, cursor.read_bytes(length, f"a section of kind {kind}")
 
 
-def _check_end(data: bytes, end: StoredSection, found: list[StoredSection]) -> None:
+def _check_end(data: bytes, end: StoredSection, sections: list[StoredSection]) -> None:
+    """Check the end mark of a large archive: the checksum of checksums, the index's offset."""
     index_offset, digest = read_end_mark(end.cursor())
-    if checksum(data[:HEAD_BYTES] + b"".join(piece.checksum for piece in found)) != digest:
+    checksums = b"".join(section.checksum for section in sections)
+    if checksum(data[:HEAD_BYTES] + checksums) != digest:
         raise CorruptArchiveError("sections are missing, added or out of order", end.offset)
-    if index_offset != next(
-        (piece.offset for piece in found if piece.kind == SectionKind.INDEX), 0
-    ):
+    index = _find_section(sections, SectionKind.INDEX)
+    if index_offset != (0 if index is None else index.offset):
         raise CorruptArchiveError("the end mark points to no index", end.offset)
 
 
-def _check_order(found: list[StoredSection]) -> None:
-    kinds = [piece.kind for piece in found]
-    both = SectionKind.FRAME in kinds and SectionKind.MAP in kinds
-    for piece in found:
+def _check_order(sections: list[StoredSection]) -> None:
+    """Check that no section comes twice, or where it does not belong."""
+    kinds = [section.kind for section in sections]
+    has_both = SectionKind.GRID in kinds and SectionKind.MAP in kinds
+    for section in sections:
         if (
-            piece.kind in {0, SectionKind.END}
-            or (piece.kind in _ONCE and kinds.count(piece.kind) > 1)
-            or (both and piece.kind == SectionKind.MAP)
+            section.kind in {0, SectionKind.END}
+            or (section.kind in _UNIQUE_KINDS and kinds.count(section.kind) > 1)
+            or (has_both and section.kind == SectionKind.MAP)
         ):
             raise CorruptArchiveError(
-                f"a section of kind {piece.kind} has no place here", piece.offset
+                f"a section of kind {section.kind} does not belong here", section.offset
             )
-    if (
-        SectionKind.PROMISE in kinds
-        and SectionKind.WALKS in kinds[: kinds.index(SectionKind.PROMISE)]
-    ):
-        raise CorruptArchiveError("the promise comes after walks", HEAD_BYTES)
+
+    # the error bound comes before walks, the index last
+    if SectionKind.ERROR_BOUND in kinds:
+        before = kinds[: kinds.index(SectionKind.ERROR_BOUND)]
+        if SectionKind.WALKS in before:
+            raise CorruptArchiveError("the error bound comes after walks", HEAD_BYTES)
     if SectionKind.INDEX in kinds[:-1]:
         raise CorruptArchiveError(
-            "the index is not the last section", found[kinds.index(SectionKind.INDEX)].offset
+            "the index is not the last section", sections[kinds.index(SectionKind.INDEX)].offset
         )
 
 
 def _check_index(
-    found: list[StoredSection], walks: list[StoredSection], groups: tuple[Group, ...]
+    sections: list[StoredSection], walks: list[StoredSection], groups: tuple[Group, ...]
 ) -> None:
-    index = next((piece for piece in found if piece.kind == SectionKind.INDEX), None)
+    """Check that the index, which several groups of a large archive must have, is theirs."""
+    index = _find_section(sections, SectionKind.INDEX)
     if index is None:
         if len(groups) > 1 and walks[0].checksum:
             raise CorruptArchiveError("several groups and no index", walks[0].offset)
         return
-    lines = tuple(
-        index_entry(group, piece.offset, piece.size)
-        for group, piece in zip(groups, walks, strict=True)
+    entries = tuple(
+        index_entry(group, section.offset, section.size)
+        for group, section in zip(groups, walks, strict=True)
     )
-    if index.body != encode_index(lines):
+    if index.body != encode_index(entries):
         raise CorruptArchiveError("the index and the groups differ", index.offset)
 
 
-def _unwrapped(
+def _decompress(
     groups: tuple[Group, ...], walks: list[StoredSection], file_size: int
 ) -> tuple[Group, ...]:
-    left = layer_limit(file_size)
-    out: list[Group] = []
-    for group, piece in zip(groups, walks, strict=True):
-        payload = unpack_bz2(group.payload, left, piece.offset)
-        left -= len(payload)
-        out.append(replace(group, payload=payload))
-    return tuple(out)
+    """Decompress the payloads of all groups within one limit."""
+    remaining = layer_limit(file_size)
+    decompressed: list[Group] = []
+    for group, section in zip(groups, walks, strict=True):
+        payload = unpack_bz2(group.payload, remaining, section.offset)
+        remaining -= len(payload)
+        decompressed.append(replace(group, payload=payload))
+    return tuple(decompressed)

@@ -1,4 +1,4 @@
-"""What is left of a torn archive: every whole section of it."""
+"""Recovery of the intact sections of a damaged archive."""
 
 from __future__ import annotations
 
@@ -25,13 +25,15 @@ from gpszip.container.map_record import read_reference
 from gpszip.container.names import read_names
 from gpszip.container.reader import StoredSection, from_bytes, layer_limit, read_file, read_section
 from gpszip.errors import CorruptArchiveError
+from gpszip.model.error_bound import ErrorBound
 from gpszip.model.grid import QuantisationGrid
 
 __all__ = ["Recovered", "find_intact_sections", "recover", "recover_bytes"]
 
-#: Checksums of forged sections that lie within each other are tried over so many bytes for each byte of the file.
-_WORK = 8
+#: Forged sections may lie within each other: their checksums are computed over at most this many
+#: bytes, and so many more for each byte of the file.
 _FREE_WORK = 1 << 20
+_WORK_PER_BYTE = 8
 
 
 @dataclass(frozen=True)
@@ -41,9 +43,9 @@ class Recovered:
     Parameters
     ----------
     contents : Contents
-        Whole groups with the names of their tracks.
+        Intact groups with the names of their tracks.
     lost : tuple of str
-        One sentence for each thing that is missing; empty for a whole archive.
+        A description of each thing that is missing; empty for an intact archive.
     """
 
     contents: Contents
@@ -51,17 +53,18 @@ class Recovered:
 
 
 def recover(path: str | os.PathLike[str]) -> Recovered:
-    """Save every whole section of a torn archive.
+    """Recover every intact section of a damaged archive.
 
     Parameters
     ----------
     path : path
-        The torn file, which stays as it is.
+        The damaged file, which stays as it is.
 
     Raises
     ------
     CorruptArchiveError
-        If nothing can be saved: the frame or all walks are gone. Small archives have one checksum and are whole or lost.
+        If nothing can be recovered: the grid or all walks are lost. Small archives have one
+        checksum, so that all is intact or lost.
     InputError
         If the file can't be read.
     """
@@ -69,7 +72,7 @@ def recover(path: str | os.PathLike[str]) -> Recovered:
 
 
 def recover_bytes(data: bytes) -> Recovered:
-    """Save every whole section of the bytes of a torn archive, see :func:`recover`."""
+    """Recover every intact section of the bytes of a damaged archive, see :func:`recover`."""
     try:
         return Recovered(from_bytes(data), ())
     except CorruptArchiveError as error:
@@ -77,127 +80,155 @@ def recover_bytes(data: bytes) -> Recovered:
     head = read_head(data)
     if head.form is not Form.SECTIONS or head.low:
         raise reason
-    found = {piece.offset: piece for piece in find_intact_sections(data)}
-    return _joined(list(found.values()), head, len(data), str(reason))
+    return _assemble(list(find_intact_sections(data)), head, len(data), str(reason))
 
 
 def find_intact_sections(data: bytes) -> Iterator[StoredSection]:
-    """Yield the sections of a large archive whose checksum is right, whatever lies between them."""
-    work = _FREE_WORK + _WORK * len(data)
-    at = data.find(SECTION_MARKER, HEAD_BYTES)
-    while at >= 0 and work > 0:
-        cursor = Cursor(data, at)
+    """Yield the sections of a large archive with a right checksum, whatever lies between them."""
+    work = _FREE_WORK + _WORK_PER_BYTE * len(data)
+    start = data.find(SECTION_MARKER, HEAD_BYTES)
+    while start >= 0 and work > 0:
+        cursor = Cursor(data, start)
         try:
-            piece = read_section(cursor)
+            section = read_section(cursor)
         except CorruptArchiveError:
-            work -= cursor.offset - at
-            at = data.find(SECTION_MARKER, at + 1)
+            # the next marker may lie within what seemed to be a section
+            work -= cursor.offset - start
+            start = data.find(SECTION_MARKER, start + 1)
         else:
-            yield piece
-            at = data.find(SECTION_MARKER, cursor.offset)
+            yield section
+            start = data.find(SECTION_MARKER, cursor.offset)
 
 
-def _joined(found: list[StoredSection], head: Head, size: int, reason: str) -> Recovered:
-    grid, reference = _place(found)
+def _assemble(sections: list[StoredSection], head: Head, file_size: int, reason: str) -> Recovered:
+    """Assemble what intact sections hold; ``reason`` says what is wrong with the archive."""
+    lost = [reason]
+
+    # without grid and walks there is nothing
+    grid, reference = _read_grid_or_map(sections)
     if grid is None and reference is None:
-        raise CorruptArchiveError(f"nothing can be saved, as the frame is lost: {reason}")
-    lost, layered = [reason], bool(head.high)
-    groups = _groups(found, layered, size)
+        raise CorruptArchiveError(f"nothing can be saved, as the grid is lost: {reason}")
+    is_layered = bool(head.high)
+    groups = _read_groups(sections, is_layered, file_size)
     if not groups:
         raise CorruptArchiveError(f"nothing can be saved, as all walks are lost: {reason}")
-    ids = _names(found, groups, size, lost)
-    kept = tuple(
-        ids[track]
+
+    # names of the tracks that are left
+    all_ids = _read_ids(sections, groups, file_size, lost)
+    ids = tuple(
+        all_ids[track]
         for group in groups
         for track in range(group.first_track, group.first_track + group.tracks)
     )
-    if len(kept) < len(ids):
-        lost.append(f"{len(ids) - len(kept)} of {len(ids)} tracks")
-    extras = tuple(
-        Section(piece.kind, piece.body)
-        for piece in found
-        if piece.kind == SectionKind.ATTRIBUTES or piece.kind > SectionKind.PROMISE
-    )
-    if len(kept) < len(ids) and any(extra.kind == SectionKind.ATTRIBUTES for extra in extras):
-        extras = tuple(extra for extra in extras if extra.kind != SectionKind.ATTRIBUTES)
-        lost.append("kept columns and times of samples, as they stand for all tracks together")
-    error_bound, sampling = next(
-        (
-            read_error_bound(piece.cursor(), head.version)
-            for piece in found
-            if piece.kind == SectionKind.PROMISE
-        ),
-        (None, None),
-    )
-    if error_bound is not None and not error_bound.maximum and len(kept) < len(ids):
-        error_bound = None
-        lost.append("the error promised, which is of all tracks together")
-    layer = "bz2" if layered else None
+    has_all_tracks = len(ids) == len(all_ids)
+    if not has_all_tracks:
+        lost.append(f"{len(all_ids) - len(ids)} of {len(all_ids)} tracks")
+
+    # what holds for all tracks together is lost with any of them
+    extras = _read_extras(sections, has_all_tracks, lost)
+    error_bound, sampling = _read_error_bound(sections, head.version, has_all_tracks, lost)
     contents = Contents(
         grid,
-        kept,
-        _renumbered(groups),
+        ids,
+        _renumber(groups),
         reference,
         extras,
-        layer,
+        "bz2" if is_layered else None,
         error_bound,
         sampling,
         head.version,
     )
-    wrong = find_contradiction(contents)
-    if wrong:
-        raise CorruptArchiveError(wrong)
+    contradiction = find_contradiction(contents)
+    if contradiction:
+        raise CorruptArchiveError(contradiction)
     return Recovered(contents, tuple(lost))
 
 
-def _place(found: list[StoredSection]) -> tuple[QuantisationGrid | None, MapReference | None]:
-    for piece in found:
-        if piece.kind == SectionKind.FRAME:
-            return read_grid(piece.cursor()), None
-        if piece.kind == SectionKind.MAP:
-            return None, read_reference(piece.cursor())
+def _read_grid_or_map(
+    sections: list[StoredSection],
+) -> tuple[QuantisationGrid | None, MapReference | None]:
+    """The grid, or the map, of the first section that holds one."""
+    for section in sections:
+        if section.kind == SectionKind.GRID:
+            return read_grid(section.cursor()), None
+        if section.kind == SectionKind.MAP:
+            return None, read_reference(section.cursor())
     return None, None
 
 
-def _groups(found: list[StoredSection], layered: bool, size: int) -> list[Group]:
+def _read_groups(sections: list[StoredSection], is_layered: bool, file_size: int) -> list[Group]:
+    """Groups in the order of their tracks, decompressed; empty and repeated ones are left out."""
     groups: list[Group] = []
-    left, following = layer_limit(size), 0
-    for piece in found:
-        if piece.kind != SectionKind.WALKS:
+    remaining, next_track = layer_limit(file_size), 0
+    for section in sections:
+        if section.kind != SectionKind.WALKS:
             continue
-        group = read_group(piece.cursor())
-        if group.first_track < following or not group.tracks:
+        group = read_group(section.cursor())
+        if group.first_track < next_track or not group.tracks:
             continue
-        if layered:
-            group = replace(group, payload=unpack_bz2(group.payload, left, piece.offset))
-            left -= len(group.payload)
+        if is_layered:
+            payload = unpack_bz2(group.payload, remaining, section.offset)
+            group = replace(group, payload=payload)
+            remaining -= len(payload)
         groups.append(group)
-        following = group.first_track + group.tracks
+        next_track = group.first_track + group.tracks
     return groups
 
 
-def _names(
-    found: list[StoredSection], groups: list[Group], size: int, lost: list[str]
+def _read_ids(
+    sections: list[StoredSection], groups: list[Group], file_size: int, lost: list[str]
 ) -> tuple[str, ...]:
+    """Ids of all tracks; numbers if they are lost."""
     needed = groups[-1].first_track + groups[-1].tracks
-    for piece in found:
-        if piece.kind == SectionKind.NAMES:
-            ids = read_names(piece.cursor(), size)
+    for section in sections:
+        if section.kind == SectionKind.NAMES:
+            ids = read_names(section.cursor(), file_size)
             if len(ids) < needed:
                 raise CorruptArchiveError(
-                    f"walks of {needed} tracks, names of {len(ids)}", piece.offset
+                    f"walks of {needed} tracks, names of {len(ids)}", section.offset
                 )
             return ids
-    if needed > max_tracks(size):
-        raise CorruptArchiveError(f"walks of {needed} tracks in {size} bytes")
+    if needed > max_tracks(file_size):
+        raise CorruptArchiveError(f"walks of {needed} tracks in {file_size} bytes")
     lost.append("the names of all tracks; they are numbered instead")
     return tuple(map(str, range(needed)))
 
 
-def _renumbered(groups: list[Group]) -> tuple[Group, ...]:
-    out: list[Group] = []
-    following = 0
+def _read_extras(
+    sections: list[StoredSection], has_all_tracks: bool, lost: list[str]
+) -> tuple[Section, ...]:
+    """Further sections; kept attributes are those of all tracks, and lost with any of them."""
+    extras = tuple(
+        Section(section.kind, section.body)
+        for section in sections
+        if section.kind == SectionKind.ATTRIBUTES or section.kind > SectionKind.ERROR_BOUND
+    )
+    if has_all_tracks or all(extra.kind != SectionKind.ATTRIBUTES for extra in extras):
+        return extras
+    lost.append("kept columns and times of samples, as they stand for all tracks together")
+    return tuple(extra for extra in extras if extra.kind != SectionKind.ATTRIBUTES)
+
+
+def _read_error_bound(
+    sections: list[StoredSection], version: int, has_all_tracks: bool, lost: list[str]
+) -> tuple[ErrorBound | None, int | None]:
+    """Error bound and sampling; a mean over all tracks is lost with any of them."""
+    error_bound = sampling = None
+    for section in sections:
+        if section.kind == SectionKind.ERROR_BOUND:
+            error_bound, sampling = read_error_bound(section.cursor(), version)
+            break
+    if error_bound is not None and not error_bound.maximum and not has_all_tracks:
+        error_bound = None
+        lost.append("the error bound, which is one of all tracks together")
+    return error_bound, sampling
+
+
+def _renumber(groups: list[Group]) -> tuple[Group, ...]:
+    """Number the tracks of the groups from 0 on."""
+    renumbered: list[Group] = []
+    next_track = 0
     for group in groups:
-        out.append(replace(group, first_track=following))
-        following += group.tracks
-    return tuple(out)
+        renumbered.append(replace(group, first_track=next_track))
+        next_track += group.tracks
+    return tuple(renumbered)

@@ -1,4 +1,4 @@
-"""Whether an archive is whole, and what it is made of."""
+"""Whether an archive is intact, and which sections it has."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ __all__ = ["SectionReport", "Verdict", "verify", "verify_bytes"]
 
 @dataclass(frozen=True)
 class SectionReport:
-    """A section that was found whole.
+    """A section that is intact.
 
     Parameters
     ----------
     kind : str
         What it holds.
     offset, size : int
-        Where it begins in the file, and its bytes with all framing.
+        First byte in the file, and number of bytes with marker, kind, length and checksum.
     """
 
     kind: str
@@ -33,7 +33,7 @@ class SectionReport:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What :func:`verify` found.
+    """Result of :func:`verify`.
 
     Parameters
     ----------
@@ -42,13 +42,14 @@ class Verdict:
     version : int or None
         Version of the format; None for a file that is no archive.
     form : str
-        ``compact`` and ``small`` archives have one checksum, ``large`` ones have one for each section.
+        ``compact`` and ``small`` archives have one checksum, ``large`` ones have one for each
+        section.
     sections : tuple of SectionReport
-        The whole sections.
+        The intact sections.
     tracks, groups : int
-        How many there are; 0 where there is a problem.
+        Numbers of tracks and groups; 0 where there is a problem.
     problem : str or None
-        The first thing that is wrong; None for a whole archive.
+        The first thing that is wrong; None for an intact archive.
     offset : int or None
         Byte at which it was noticed.
     """
@@ -69,12 +70,12 @@ class Verdict:
 
 
 def verify(path: str | os.PathLike[str]) -> Verdict:
-    """Check all checksums, lengths and counts of an archive; the walks themselves are not decoded.
+    """Check all checksums, lengths and counts of an archive; the walks are not decoded.
 
     Raises
     ------
     InputError
-        If the file can't be read. A file that is no whole archive is no error here, but a verdict.
+        If the file can't be read. A damaged archive is no error here, but a verdict.
     """
     return verify_bytes(read_file(path))
 
@@ -87,37 +88,45 @@ def verify_bytes(data: bytes) -> Verdict:
     >>> verify_bytes(b"walk").problem
     'not a .gpsz archive: it does not begin like one (at byte 0)'
     """
+    # is it an archive?
     try:
         head = read_head(data)
     except CorruptArchiveError as error:
         return Verdict(len(data), None, "unknown", (), 0, 0, str(error), error.offset)
-    form = _form(head)
+    form = _form_name(head)
+
+    # is it intact? of a damaged one, the intact sections are listed
+    sections: tuple[SectionReport, ...] = ()
     try:
         contents = from_bytes(data)
     except CorruptArchiveError as error:
-        left = _reports(find_intact_sections(data)) if form == "large" else ()
-        return Verdict(len(data), head.version, form, left, 0, 0, str(error), error.offset)
-    parts = (
-        _reports(read_sections(data, head))
-        if form != "compact"
-        else (SectionReport("archive", 0, len(data)),)
-    )
-    return Verdict(len(data), head.version, form, parts, contents.tracks, len(contents.groups))
+        if form == "large":
+            sections = _reports(find_intact_sections(data))
+        return Verdict(len(data), head.version, form, sections, 0, 0, str(error), error.offset)
+    if form == "compact":
+        sections = (SectionReport("archive", 0, len(data)),)
+    else:
+        sections = _reports(read_sections(data, head))
+    return Verdict(len(data), head.version, form, sections, contents.tracks, len(contents.groups))
 
 
-def _form(head: Head) -> str:
+def _form_name(head: Head) -> str:
+    """Name of an archive's form."""
     if head.form is not Form.SECTIONS:
         return "compact"
     return "small" if head.low else "large"
 
 
-def _reports(found: Iterable[StoredSection]) -> tuple[SectionReport, ...]:
-    return tuple(SectionReport(_name(piece.kind), piece.offset, piece.size) for piece in found)
-
-
-def _name(kind: int) -> str:
-    return (
-        SectionKind(kind).name.lower().replace("_", " ")
-        if kind in set(SectionKind)
-        else f"kind {kind}"
+def _reports(sections: Iterable[StoredSection]) -> tuple[SectionReport, ...]:
+    """Reports of sections."""
+    return tuple(
+        SectionReport(_kind_name(section.kind), section.offset, section.size)
+        for section in sections
     )
+
+
+def _kind_name(kind: int) -> str:
+    """Name of a section's kind; its number if a later version has added it."""
+    if kind in set(SectionKind):
+        return SectionKind(kind).name.lower().replace("_", " ")
+    return f"kind {kind}"

@@ -1,4 +1,4 @@
-"""From contents to the bytes of an archive, and to a file that is there whole or not at all."""
+"""From contents to the bytes of an archive, and to a file that is complete or not there at all."""
 
 from __future__ import annotations
 
@@ -54,16 +54,21 @@ from gpszip.files.atomic_write import atomic_write
 
 __all__ = ["archive_size", "save", "to_bytes", "write"]
 
-_Piece: TypeAlias = bytes | SpooledBytes | StoredBytes
+#: Bytes of an archive, or what yields them.
+_Block: TypeAlias = bytes | SpooledBytes | StoredBytes
+
+#: Sections that a large archive may have beside walks and further ones.
+_OTHER_SECTIONS = 4
 
 
 def to_bytes(contents: Contents) -> bytes:
-    """Bytes of an archive; the same contents give the same bytes.
+    """Encode an archive; the same contents give the same bytes.
 
     Parameters
     ----------
     contents : Contents
-        One group with nothing beside it takes the compact form, of at most 28 bytes beside names and payload.
+        One group without further sections takes the compact form, which has at most 28 bytes beside
+        names and payload.
 
     Raises
     ------
@@ -75,11 +80,12 @@ def to_bytes(contents: Contents) -> bytes:
     Examples
     --------
     >>> from gpszip.container.contents import single_group_contents
-    >>> from gpszip.model.grid import Frame
-    >>> to_bytes(single_group_contents(Frame((0, 0), 0, 128, 120), ("0",), b"walks")).hex()
+    >>> from gpszip.model.grid import QuantisationGrid
+    >>> grid = QuantisationGrid((0, 0), 0, 128, 120)
+    >>> to_bytes(single_group_contents(grid, ("0",), b"walks")).hex()
     'a75a830000807800000077616c6b73dcfed209'
     """
-    return b"".join(bytes(piece) for piece in _pieces(contents))
+    return b"".join(bytes(block) for block in _encode(contents))
 
 
 def archive_size(contents: Contents) -> int:
@@ -90,33 +96,11 @@ def archive_size(contents: Contents) -> int:
     OptionError
         If the contents contradict each other.
     """
-    return _total(_pieces(contents))
-
-
-def _pieces(contents: Contents) -> list[_Piece]:
-    """The bytes one after the other, some of which may lie in a temporary file."""
-    wrong = find_contradiction(contents)
-    if wrong:
-        raise OptionError(f"this can't be written as an archive: {wrong}")
-    found = _shortest(contents, _wrapped(contents))
-    size = _total(found)
-    if contents.tracks > max_tracks(size):
-        raise OptionError(
-            f"{contents.tracks} tracks in {size} bytes are more than readers believe; split the archive"
-        )
-    if len(contents.groups) + len(contents.extras) + 4 > max_sections(size):
-        raise OptionError(
-            f"{len(contents.groups)} groups in {size} bytes are more than readers believe; make them larger"
-        )
-    return found
-
-
-def _total(pieces: Sequence[_Piece]) -> int:
-    return sum(map(len, pieces))
+    return _total(_encode(contents))
 
 
 def save(contents: Contents, path: str | os.PathLike[str], *, force: bool = False) -> int:
-    """Write an archive so that the file is there whole or not at all.
+    """Write an archive so that the file is complete or not there at all.
 
     Parameters
     ----------
@@ -137,155 +121,184 @@ def save(contents: Contents, path: str | os.PathLike[str], *, force: bool = Fals
     OutputError
         If the file exists, or can't be written.
     """
-    with atomic_write(path, force=force) as whole, whole.open("wb") as file:
+    with atomic_write(path, force=force) as temporary, temporary.open("wb") as file:
         return write(contents, file)
 
 
 def write(contents: Contents, file: BinaryIO) -> int:
-    """Write the bytes of an archive piece by piece, and return their number.
+    """Write the bytes of an archive, and return their number.
 
     Parameters
     ----------
     contents : Contents
         What to write.
     file : binary stream
-        Where to, buffered: a raw stream may take less than it is given.
+        Buffered: a raw stream may take less than it is given.
 
     Raises
     ------
     OptionError
         If the contents contradict each other.
     """
-    pieces = _pieces(contents)
-    for piece in pieces:
-        file.writelines(_parts(piece))
-    return _total(pieces)
+    blocks = _encode(contents)
+    for block in blocks:
+        file.writelines(_chunks(block))
+    return _total(blocks)
 
 
-def _parts(piece: _Piece) -> Iterator[bytes]:
-    return iter((piece,)) if isinstance(piece, bytes) else piece.chunks()
+def _encode(contents: Contents) -> list[_Block]:
+    """Encode an archive in blocks, which may lie in temporary files."""
+    contradiction = find_contradiction(contents)
+    if contradiction:
+        raise OptionError(f"this can't be written as an archive: {contradiction}")
+    blocks = _encode_shortest(contents, _compress(contents))
+
+    # what no reader would accept
+    size = _total(blocks)
+    if contents.tracks > max_tracks(size):
+        raise OptionError(
+            f"{contents.tracks} tracks in {size} bytes are more than readers accept;"
+            " split the archive"
+        )
+    if len(contents.groups) + len(contents.extras) + _OTHER_SECTIONS > max_sections(size):
+        raise OptionError(
+            f"{len(contents.groups)} groups in {size} bytes are more than readers accept;"
+            " make them larger"
+        )
+    return blocks
 
 
-def _shortest(contents: Contents, wrapped: list[bytes]) -> list[_Piece]:
-    if len(contents.groups) > 1 or any(len(extra.body) >= SMALL_LIMIT for extra in contents.extras):
-        return _large(contents, wrapped)
-    if _is_plain(contents):
-        return [_compact(contents, wrapped[0])]
-    small = _small(contents, wrapped)
-    return [small] if len(small) < SMALL_LIMIT else _large(contents, wrapped)
+def _total(blocks: Sequence[_Block]) -> int:
+    """Bytes of all blocks."""
+    return sum(map(len, blocks))
 
 
-def _is_plain(contents: Contents) -> bool:
-    return contents.is_single_group and (contents.grid is None or fits_head(contents.grid))
+def _chunks(block: _Block) -> Iterator[bytes]:
+    """Bytes of a block, as much at a time as memory holds."""
+    return iter((block,)) if isinstance(block, bytes) else block.chunks()
 
 
-def _wrapped(contents: Contents) -> list[bytes]:
+def _compress(contents: Contents) -> list[bytes]:
+    """Payloads of all groups as they are stored."""
     if contents.layer is None:
         return [group.payload for group in contents.groups]
-    wrapped = [pack_bz2(group.payload) for group in contents.groups]
+    payloads = [pack_bz2(group.payload) for group in contents.groups]
     total = sum(len(group.payload) for group in contents.groups)
-    if total > layer_limit(sum(map(len, wrapped))):
+    if total > layer_limit(sum(map(len, payloads))):
         raise OptionError(f"{total} bytes of walks are too many for the bz2 layer; leave it out")
-    return wrapped
+    return payloads
 
 
-def _compact(contents: Contents, payload: bytes) -> bytes:
-    grid = contents.grid
-    lone = contents.ids is None or (grid is not None and contents.ids == (DEFAULT_ID,))
-    names = b"" if lone or contents.ids is None else encode_names(contents.ids)
+def _encode_shortest(contents: Contents, payloads: list[bytes]) -> list[_Block]:
+    """Encode an archive in the shortest form that holds it."""
+    if len(contents.groups) > 1 or any(len(extra.body) >= SMALL_LIMIT for extra in contents.extras):
+        return _encode_large(contents, payloads)
+    if contents.is_single_group and (contents.grid is None or fits_head(contents.grid)):
+        return [_encode_compact(contents, payloads[0])]
+    small = _encode_small(contents, payloads)
+    return [small] if len(small) < SMALL_LIMIT else _encode_large(contents, payloads)
+
+
+def _encode_compact(contents: Contents, payload: bytes) -> bytes:
+    """Encode an archive of one group: head, error bound, grid or map, names, payload, checksum."""
+    grid, reference = contents.grid, contents.map
+    is_unnamed = contents.ids is None or (grid is not None and contents.ids == (DEFAULT_ID,))
+    names = b"" if is_unnamed or contents.ids is None else encode_names(contents.ids)
     if grid is not None:
-        head = Head(
-            Form.LONE if lone else Form.NAMED,
-            short_grid_shape(grid),
-            int(has_whole_units(grid)),
-            contents.version,
-        )
-        place = encode_short_grid(grid)
-    elif contents.map is not None:
-        head, place = (
-            Head(Form.ON_MAP, contents.map.refinements, int(not lone), contents.version),
-            contents.map.hash,
-        )
-    return _sealed(
-        encode_head(head)
+        form = Form.LONE if is_unnamed else Form.NAMED
+        low, high = short_grid_shape(grid), int(has_whole_units(grid))
+        grid_or_map = encode_short_grid(grid)
+    elif reference is not None:
+        form = Form.ON_MAP
+        low, high = reference.refinements, int(not is_unnamed)
+        grid_or_map = reference.hash
+    return _with_checksum(
+        encode_head(Head(form, low, high, contents.version))
         + encode_error_bound(contents.error_bound, contents.sampling)
-        + place
+        + grid_or_map
         + names
         + payload
     )
 
 
-def _sealed(data: bytes) -> bytes:
+def _with_checksum(data: bytes) -> bytes:
+    """Append the checksum of the bytes."""
     return data + checksum(data)
 
 
-def _opening(contents: Contents) -> list[tuple[int, bytes]]:
-    sections = [(int(SectionKind.NAMES), encode_names(contents.ids or ()))]
-    if contents.error_bound is not None or contents.sampling is not None:
-        sections.append(
-            (int(SectionKind.PROMISE), encode_error_bound(contents.error_bound, contents.sampling))
-        )
+def _encode_opening(contents: Contents) -> list[tuple[int, bytes]]:
+    """Kinds and bodies of the first sections: grid or map, names, error bound."""
+    sections: list[tuple[int, bytes]] = []
     if contents.grid is not None:
-        return [(int(SectionKind.FRAME), encode_grid(contents.grid)), *sections]
-    return (
-        [(int(SectionKind.MAP), encode_reference(contents.map)), *sections]
-        if contents.map is not None
-        else sections
-    )
+        sections.append((SectionKind.GRID, encode_grid(contents.grid)))
+    elif contents.map is not None:
+        sections.append((SectionKind.MAP, encode_reference(contents.map)))
+    sections.append((SectionKind.NAMES, encode_names(contents.ids or ())))
+    if contents.error_bound is not None or contents.sampling is not None:
+        error_bound = encode_error_bound(contents.error_bound, contents.sampling)
+        sections.append((SectionKind.ERROR_BOUND, error_bound))
+    return sections
 
 
-def _small(contents: Contents, wrapped: list[bytes]) -> bytes:
-    lone = contents.groups[0]
-    walks = (
-        int(SectionKind.WALKS),
-        encode_group(Group(lone.first_track, lone.tracks, b""), wrapped[0]),
-    )
+def _encode_small(contents: Contents, payloads: list[bytes]) -> bytes:
+    """Encode an archive of sections with one checksum for all of them."""
+    # a single group has no time range
+    group = contents.groups[0]
+    walks = encode_group(Group(group.first_track, group.tracks, b""), payloads[0])
     sections = [
-        *_opening(contents),
-        walks,
+        *_encode_opening(contents),
+        (SectionKind.WALKS, walks),
         *((extra.kind, bytes(extra.body)) for extra in contents.extras),
     ]
     head = encode_head(Head(Form.SECTIONS, 1, int(contents.layer is not None), contents.version))
-    return _sealed(
+    return _with_checksum(
         head + b"".join(bytes([kind]) + encode_varint(len(body)) + body for kind, body in sections)
     )
 
 
-def _large(contents: Contents, wrapped: list[bytes]) -> list[_Piece]:
+def _encode_large(contents: Contents, payloads: list[bytes]) -> list[_Block]:
+    """Encode an archive of sections with a checksum each, an index and an end mark."""
     head = encode_head(Head(Form.SECTIONS, 0, int(contents.layer is not None), contents.version))
-    parts: list[_Piece] = [head, *(encode_section(kind, body) for kind, body in _opening(contents))]
+    opening = [encode_section(kind, body) for kind, body in _encode_opening(contents)]
+    blocks: list[_Block] = [head, *opening]
+    checksums = [section[-CHECKSUM_BYTES:] for section in opening]
+
+    # the groups; a single one has no time range
     entries: list[IndexEntry] = []
-    offset = _total(parts)
-    for group, payload in zip(contents.groups, wrapped, strict=True):
-        kept = group if len(contents.groups) > 1 else Group(group.first_track, group.tracks, b"")
-        section = encode_section(SectionKind.WALKS, encode_group(kept, payload))
-        entries.append(index_entry(kept, offset, len(section)))
-        parts.append(section)
+    offset = _total(blocks)
+    is_single = len(contents.groups) == 1
+    for group, payload in zip(contents.groups, payloads, strict=True):
+        stored = Group(group.first_track, group.tracks, b"") if is_single else group
+        section = encode_section(SectionKind.WALKS, encode_group(stored, payload))
+        entries.append(index_entry(stored, offset, len(section)))
+        blocks.append(section)
+        checksums.append(section[-CHECKSUM_BYTES:])
         offset += len(section)
-    seals = [bytes(part)[-CHECKSUM_BYTES:] for part in parts[1:]]
+
+    # further sections
     for extra in contents.extras:
-        section_parts = _section(extra)
-        parts += section_parts
-        seals.append(bytes(section_parts[-1])[-CHECKSUM_BYTES:])
+        section_blocks = _encode_extra(extra)
+        blocks += section_blocks
+        checksums.append(bytes(section_blocks[-1])[-CHECKSUM_BYTES:])
+
+    # the index of several groups, and the end mark
     index_offset = 0
-    if len(entries) > 1:
-        index_offset = _total(parts)
-        parts.append(encode_section(SectionKind.INDEX, encode_index(tuple(entries))))
-        seals.append(bytes(parts[-1])[-CHECKSUM_BYTES:])
-    return [
-        *parts,
-        encode_section(
-            SectionKind.END, encode_end_mark(index_offset, checksum(head + b"".join(seals)))
-        ),
-    ]
+    if not is_single:
+        index_offset = _total(blocks)
+        index = encode_section(SectionKind.INDEX, encode_index(tuple(entries)))
+        blocks.append(index)
+        checksums.append(index[-CHECKSUM_BYTES:])
+    digest = checksum(head + b"".join(checksums))
+    end = encode_section(SectionKind.END, encode_end_mark(index_offset, digest))
+    return [*blocks, end]
 
 
-def _section(extra: Section) -> list[_Piece]:
-    """A further section, whose body may lie in a temporary file."""
+def _encode_extra(extra: Section) -> list[_Block]:
+    """Encode a further section, whose body may lie in a temporary file."""
     if isinstance(extra.body, bytes):
         return [encode_section(extra.kind, extra.body)]
     start = bytes([extra.kind]) + encode_varint(len(extra.body))
     digest = zlib.crc32(start)
-    for piece in extra.body.chunks():
-        digest = zlib.crc32(piece, digest)
+    for chunk in extra.body.chunks():
+        digest = zlib.crc32(chunk, digest)
     return [SECTION_MARKER + start, extra.body, digest.to_bytes(CHECKSUM_BYTES, "little")]

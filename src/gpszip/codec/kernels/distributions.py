@@ -1,4 +1,4 @@
-"""Distributions to mix, and numbers too far off for a mixture."""
+"""Entries of mixtures, and numbers too large for a mixture."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from gpszip.codec.kernels.walk_priors import BIT_CONTEXTS
 from gpszip.kernels.jit import jit
 
 __all__ = [
-    "FAR_OFFSET",
-    "FAR_SPAN",
-    "FIRST_PLACE",
+    "FIRST_POSITION",
+    "LARGE_DURATION",
+    "LARGE_OFFSET",
     "MIXTURE_LIMIT",
     "START_GAP",
     "TRACK_ORDER",
@@ -32,32 +32,44 @@ __all__ = [
     "code_large_unsigned",
 ]
 
-#: Sets of contexts of whole numbers.
-FAR_SPAN, FAR_OFFSET, FIRST_PLACE, TRACK_START, START_GAP, TRACK_ORDER = np.arange(6)
+#: Sets of contexts for integers of any size, by what they code.
+LARGE_DURATION = np.int64(0)
+LARGE_OFFSET = np.int64(1)
+FIRST_POSITION = np.int64(2)  # of the very first node
+TRACK_START = np.int64(3)  # time step of a track's first knot, after that of the track before
+START_GAP = np.int64(4)  # the same, of tracks sorted by their starts
+TRACK_ORDER = np.int64(5)  # starts passed over, of those sorted
 
-#: The compiler takes a number written out for a type of its own, and compiles a kernel once more for each.
+#: The compiler gives a literal number a type of its own, and compiles a kernel once more for it.
 ZERO = np.int64(0)
 
 #: Numbers at or beyond this are coded apart from the mixtures.
 MIXTURE_LIMIT = np.int64(1) << 25
 
-
-@jit
-def code_large_signed(coder: Coder, model: WalkModel, slot: int, value: int) -> int:
-    """Code a number of any size with the contexts of ``slot``."""
-    return code_signed(coder, model.flags, BIT_CONTEXTS + slot * INTEGER_CONTEXTS, value)
+#: Scales are at least this, in sixteenths of a step.
+_MIN_SCALE = np.int64(6)
 
 
 @jit
-def code_large_unsigned(coder: Coder, model: WalkModel, slot: int, value: int) -> int:
-    """Code a number >= 0 of any size with the contexts of ``slot``."""
-    return code_unsigned(coder, model.flags, BIT_CONTEXTS + slot * INTEGER_CONTEXTS, value)
+def code_large_signed(coder: Coder, model: WalkModel, contexts: int, value: int) -> int:
+    """Code an integer of any size with one of the sets of contexts."""
+    first = BIT_CONTEXTS + contexts * INTEGER_CONTEXTS
+    return code_signed(coder, model.bit_counts, first, value)
 
 
 @jit
-def add_distribution(sheet: NDArray[np.int64], at: int, kind: int, center: int, scale: int) -> int:
-    """Enter a distribution at index ``at``; return the next index."""
-    sheet[KINDS, at] = kind
-    sheet[CENTERS, at] = center
-    sheet[SCALES, at] = min(max(scale, np.int64(6)), MAX_MAGNITUDE)
-    return at + 1
+def code_large_unsigned(coder: Coder, model: WalkModel, contexts: int, value: int) -> int:
+    """Code an integer >= 0 of any size with one of the sets of contexts."""
+    first = BIT_CONTEXTS + contexts * INTEGER_CONTEXTS
+    return code_unsigned(coder, model.bit_counts, first, value)
+
+
+@jit
+def add_distribution(
+    mixture: NDArray[np.int64], index: int, kind: int, center: int, scale: int
+) -> int:
+    """Enter a distribution in column ``index`` of a mixture; return the next index."""
+    mixture[KINDS, index] = kind
+    mixture[CENTERS, index] = center
+    mixture[SCALES, index] = min(max(scale, _MIN_SCALE), MAX_MAGNITUDE)
+    return index + 1

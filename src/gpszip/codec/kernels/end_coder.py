@@ -1,8 +1,9 @@
-"""Coding of where travel begins and ends within the first and last cell of each piece.
+"""Coding of when travel begins and ends within the first and last time step of each piece.
 
-An offset o >= 0, in ticks, is coded as a quotient and a remainder: with L levels, q = o // L times a "more" of probability 1/64 and
-one "no more" of 63/64, then r = o - q L, uniform below L. Nearly all offsets are below L, so that q takes 0.02 bits. Ends beside a
-gap are mostly 0: an adaptive bit says whether they are not, and comes first.
+An offset o >= 0, in ticks, is a quotient and a remainder: with L levels, q = o // L times a "more"
+of probability 1/64 and one "no more" of 63/64, then r = o - q L, uniform below L. Nearly all
+offsets are below L, so that q takes 0.02 bits. Offsets beside a gap are mostly 0: an adaptive bit
+comes first and says whether they are not.
 """
 
 from __future__ import annotations
@@ -11,19 +12,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.codec.kernels.adaptive import code_bit
-from gpszip.codec.kernels.range_coder import Coder, code_interval, decode_cumulative
+from gpszip.codec.kernels.range_coder import Coder, code_interval, decode_cumulative, is_decoding
 from gpszip.kernels.jit import jit
 
 __all__ = ["ALWAYS", "MAX_QUOTIENT", "NEVER", "SOMETIMES", "code_end_offsets"]
 
-#: Which ends have an offset: those of tracks, those beside a gap where much may happen in a cell, and all others.
-ALWAYS, SOMETIMES, NEVER = np.arange(3, dtype=np.int8)
+#: Which ends have an offset.
+ALWAYS = np.int8(0)  # starts and ends of tracks
+SOMETIMES = np.int8(1)  # ends beside a gap, where the walk goes far within a time step
+NEVER = np.int8(2)  # all others
 
 #: The largest quotient.
 MAX_QUOTIENT = 255
 
 #: A "no more" takes all but one of so many numbers.
-_STOP_TOTAL = 64
+_QUOTIENT_TOTAL = 64
+
+
+@jit
+def _code_quotient(coder: Coder, quotient: int) -> int:
+    """Code a quotient, one decision at a time; return more than MAX_QUOTIENT if it is too large."""
+    coded = np.int64(0)
+    while coded <= MAX_QUOTIENT:
+        has_more = coded < quotient
+        if is_decoding(coder):
+            has_more = decode_cumulative(coder, _QUOTIENT_TOTAL) == _QUOTIENT_TOTAL - 1
+        if not has_more:
+            code_interval(coder, 0, _QUOTIENT_TOTAL - 1, _QUOTIENT_TOTAL)
+            break
+        code_interval(coder, _QUOTIENT_TOTAL - 1, 1, _QUOTIENT_TOTAL)
+        coded += 1
+    return coded
 
 
 @jit
@@ -39,9 +58,10 @@ def code_end_offsets(
     Parameters
     ----------
     coder : Coder
-        Writes or reads.
+        In any direction.
     offsets : int64 array, shape (n,)
-        At least 0 and below ``(MOST_WRAPS + 1) * levels``; filled in when reading. Those of kind ``NEVER`` are 0.
+        At least 0 and below ``(MAX_QUOTIENT + 1) * levels``; a decoder fills them in. Those of kind
+        ``NEVER`` are 0.
     kinds : int8 array, shape (n,)
         ``ALWAYS``, ``SOMETIMES`` or ``NEVER``.
     counts : int32 array, shape (1, 2)
@@ -54,32 +74,25 @@ def code_end_offsets(
     bool
         False if what is read is no offset.
     """
-    reads = coder.cursor[1] == 1
+    decodes = is_decoding(coder)
     for i in range(len(offsets)):
+        # whether there is an offset
         if kinds[i] == NEVER:
             offsets[i] = 0
             continue
         if kinds[i] == SOMETIMES and code_bit(coder, counts, 0, 1 if offsets[i] > 0 else 0) == 0:
             offsets[i] = 0
             continue
-        wraps = np.int64(0) if reads else offsets[i] // levels
-        done = np.int64(0)
 
-        # the quotient, one decision at a time
-        while True:
-            more = done < wraps
-            if reads:
-                more = decode_cumulative(coder, _STOP_TOTAL) == _STOP_TOTAL - 1
-            if not more:
-                code_interval(coder, 0, _STOP_TOTAL - 1, _STOP_TOTAL)
-                break
-            code_interval(coder, _STOP_TOTAL - 1, 1, _STOP_TOTAL)
-            done += 1
-            if done > MAX_QUOTIENT:
-                return False
+        quotient = _code_quotient(coder, np.int64(0) if decodes else offsets[i] // levels)
+        if quotient > MAX_QUOTIENT:
+            return False
 
-        # the remainder
-        rest = decode_cumulative(coder, levels) if reads else offsets[i] - wraps * levels
-        code_interval(coder, rest, 1, levels)
-        offsets[i] = done * levels + rest
+        remainder = np.int64(0)
+        if decodes:
+            remainder = decode_cumulative(coder, levels)
+        else:
+            remainder = offsets[i] - quotient * levels
+        code_interval(coder, remainder, 1, levels)
+        offsets[i] = quotient * levels + remainder
     return True

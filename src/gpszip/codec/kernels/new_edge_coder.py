@@ -1,7 +1,10 @@
-"""Coding of links: which known node a new way or a gap leads to, by how far it lies and in which direction.
+"""Coding of the known node to which a new edge or a gap leads, by its distance and direction.
 
-Thousands of nodes are weighed for one link. What is worked out for each of them has no branches, so that the compiler takes several
-at a time; weights are had once for each class of nodes.
+Up to 4,096 candidates are weighed for one node. The work for each has no branches, so that the
+compiler vectorises it; weights are computed once for each class of candidates.
+
+A candidate of octave o and kind k weighs (chosen[o, k] << 16) // offered[o, k] + 1: how often
+candidates of its class were chosen, by how often they could be.
 """
 
 from __future__ import annotations
@@ -10,188 +13,285 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.codec.kernels.adaptive import SUBSTEPS, code_bit
-from gpszip.codec.kernels.range_coder import Coder, code_interval, decode_cumulative
-from gpszip.codec.kernels.walk_model import CHEAP, NODES, STEP_LENGTH, WalkModel
-from gpszip.codec.kernels.walk_priors import F_NEAR, OCTAVES, ON_GAP, ON_LINK
-from gpszip.kernels.jit import jit
+from gpszip.codec.kernels.range_coder import Coder, code_interval, decode_cumulative, is_decoding
+from gpszip.codec.kernels.walk_model import CHEAP_CHOICES, NODE_COUNT, STEP_LENGTH, WalkModel
+from gpszip.codec.kernels.walk_priors import (
+    AMONG_NEW_EDGES,
+    BEYOND_GAPS,
+    BIT_RECENT_NODE,
+    KINDS_PER_OCTAVE,
+    OCTAVES,
+)
+from gpszip.kernels.jit import inlined, jit
 
 __all__ = [
-    "NODE_KINDS",
     "class_weights",
     "code_candidate",
     "code_known_node",
+    "is_cheap",
     "is_search_limited",
     "learn_candidate",
     "sum_weights",
 ]
 
-#: Most nodes that a new way is weighed for. Once so many more new ways were cheap than not, as only forged bytes have them, few nodes
-#: are weighed: each byte read then takes bounded time.
-_LINKS, _FEW_LINKS, _CHEAP_WAYS = 4096, 64, 1 << 14
+#: The newest nodes that are candidates.
+_MAX_CANDIDATES = 4096
 
-#: Classes of nodes: octaves of distance by eight kinds, and those that no link leads to.
-NODE_KINDS = 8
-_CLASSES = OCTAVES * NODE_KINDS
+#: The same once so many more choices were cheap than not, as only forged bytes have them: each byte
+#: that is read then takes bounded time.
+_FEW_CANDIDATES = 64
+_MAX_CHEAP_CHOICES = 1 << 14
+
+#: Classes of candidates, and the class of nodes that can't be chosen, which weighs nothing.
+_CLASSES = OCTAVES * KINDS_PER_OCTAVE
 _BARRED = _CLASSES
 
-#: What stands for no candidate.
+#: Stands for no candidate.
 _NONE = np.int64(-1)
 
-#: Axes count up to this many quanta. Sums of squares beyond 2**53 aren't exact any more, but lie beyond all bounds.
-_FARTHEST = 2.0**25
+#: What a choice adds to its class in ``WalkModel.chosen``.
+_CHOSEN_INCREMENT = 128
+
+#: Differences of coordinates count as at most this. Sums of squares beyond 2**53 aren't exact any
+#: more, but lie beyond all bounds.
+_MAX_DIFFERENCE = 2.0**25
+
+#: The mean step length counts as at least 4 space steps and at most 2**23, in sixteenths.
+_MIN_REACH = np.int64(64)
+_MAX_REACH = np.int64(1) << 27
+
+#: Kind of a candidate without a bearing.
+_NO_BEARING = np.uint8(7)
 
 
 @jit
 def _add_octaves(model: WalkModel, u: int, first: int, classes: NDArray[np.uint8]) -> None:
-    """Add to the class of each node from ``first`` on how far it is from u, in half octaves of the step to expect."""
-    places = model.places
+    """Add the octave of the distance from u to the class of each node from ``first`` on.
+
+    Octaves count from 181/1024 of the mean step length on: each is twice the squared distance.
+    """
+    # squared distances
+    positions = model.places
     squares = np.zeros(len(classes))
-    for axis in range(places.shape[1]):
-        here = places[u, axis]
+    for axis in range(positions.shape[1]):
+        origin = positions[u, axis]
         for i in range(len(classes)):
-            step = min(abs(np.float64(places[first + i, axis] - here)), _FARTHEST)
+            step = min(abs(np.float64(positions[first + i, axis] - origin)), _MAX_DIFFERENCE)
             squares[i] += step * step
-    reach = min(max(model.scalars[STEP_LENGTH], np.int64(64)), np.int64(1) << 27)
+
+    # one more octave for each bound that is reached
+    reach = min(max(model.scalars[STEP_LENGTH], _MIN_REACH), _MAX_REACH)
     bound = np.float64((reach * 181 >> 10) ** 2) / (SUBSTEPS * SUBSTEPS)
     for _ in range(OCTAVES - 1):
         for i in range(len(classes)):
-            classes[i] += np.uint8(NODE_KINDS) if squares[i] >= bound else np.uint8(0)
+            classes[i] += np.uint8(KINDS_PER_OCTAVE) if squares[i] >= bound else np.uint8(0)
         bound *= 2.0
 
 
 @jit
 def _add_bearings(
-    places: NDArray[np.int64], before: int, u: int, first: int, classes: NDArray[np.uint8]
+    positions: NDArray[np.int64], before: int, u: int, first: int, classes: NDArray[np.uint8]
 ) -> None:
-    """Add to the class of each node the turn from the last step towards it, by its cosine; 7 if there was none."""
-    one = 0.0
-    dots, twos = np.zeros(len(classes)), np.zeros(len(classes))
+    """Add the bearing to the class of each node: its turn from the step that led to u.
+
+    With a that step, b the one from u to the node and cos = a b / (|a| |b|), it is the number of
+    bounds that cos * |cos| is not above; 7 where a or b is null, or there was no step.
+    """
+    # scalar products a b, and squared lengths
+    step_square = 0.0
+    dots, squares = np.zeros(len(classes)), np.zeros(len(classes))
     if before >= 0:
-        for axis in range(places.shape[1]):
-            here = places[u, axis]
-            a = np.float64(here - places[before, axis])
-            one += a * a
+        for axis in range(positions.shape[1]):
+            origin = positions[u, axis]
+            a = np.float64(origin - positions[before, axis])
+            step_square += a * a
             for i in range(len(classes)):
-                b = np.float64(places[first + i, axis] - here)
+                b = np.float64(positions[first + i, axis] - origin)
                 dots[i] += a * b
-                twos[i] += b * b
+                squares[i] += b * b
+
     for i in range(len(classes)):
-        square = dots[i] * abs(dots[i]) / (one * twos[i])
-        kind = np.uint8(0)
+        cosine = dots[i] * abs(dots[i]) / (step_square * squares[i])
+        bearing = np.uint8(0)
         for bound in (0.97, 0.75, 0.25, -0.25, -0.75, -0.97):
-            kind += np.uint8(0) if square > bound else np.uint8(1)
-        classes[i] += kind if one * twos[i] > 0.0 else np.uint8(7)
+            bearing += np.uint8(0) if cosine > bound else np.uint8(1)
+        classes[i] += bearing if step_square * squares[i] > 0.0 else _NO_BEARING
 
 
 @jit
-def _add_rests(rests: NDArray[np.int64], first: int, classes: NDArray[np.uint8]) -> None:
-    """Add to the class of each node how often gaps began or ended there."""
+def _add_gap_ends(gap_ends: NDArray[np.int64], first: int, classes: NDArray[np.uint8]) -> None:
+    """Add to the class of each node whether no gap, one, few or many gaps began or ended there."""
     for i in range(len(classes)):
         for bound in (0, 1, 3):
-            classes[i] += np.uint8(1) if rests[first + i] > bound else np.uint8(0)
+            classes[i] += np.uint8(1) if gap_ends[first + i] > bound else np.uint8(0)
 
 
 @jit
-def _bar(model: WalkModel, u: int, layer: int, first: int, classes: NDArray[np.uint8]) -> None:
-    """Bar u and, but after gaps, the nodes that u has a way to."""
+def _bar_nodes(
+    model: WalkModel, u: int, table: int, first: int, classes: NDArray[np.uint8]
+) -> None:
+    """Bar u and, but after gaps, the nodes to which u has an edge."""
     if u >= first:
         classes[u - first] = _BARRED
-    half = model.head[u]
-    while half >= 0 and layer == ON_LINK:
-        if model.into[half] >= first:
-            classes[model.into[half] - first] = _BARRED
-        half = model.following[half]
+    half_edge = model.first_half_edge[u]
+    while half_edge >= 0 and table == AMONG_NEW_EDGES:
+        node = model.end_node[half_edge]
+        if node >= first:
+            classes[node - first] = _BARRED
+        half_edge = model.next_half_edge[half_edge]
 
 
 @jit
 def sum_weights(classes: NDArray[np.uint8], weights: NDArray[np.int64]) -> int:
-    """Sum of the weights of candidates of these classes."""
+    """Sum of the weights of candidates, given their classes."""
     total = np.int64(0)
     for i in range(len(classes)):
         total += weights[classes[i]]
     return total
 
 
-@jit
+@inlined
 def is_search_limited(model: WalkModel) -> bool:
-    """Whether so many choices were cheap that only few nodes are weighed any more."""
-    return model.scalars[CHEAP] >= _CHEAP_WAYS
+    """Whether so many choices were cheap that only few candidates are weighed any more."""
+    return model.scalars[CHEAP_CHOICES] >= _MAX_CHEAP_CHOICES
+
+
+@inlined
+def is_cheap(weight: int, total: int) -> bool:
+    """Whether a choice takes less than 2 bits."""
+    return 4 * weight > total
 
 
 @jit
 def learn_candidate(
-    model: WalkModel, layer: int, classes: NDArray[np.uint8], chosen: int, cheap: bool
+    model: WalkModel, table: int, classes: NDArray[np.uint8], choice: int, cheap: bool
 ) -> None:
-    """Learn which of the candidates was taken (-1: none) and whether that was cheap."""
-    had = np.zeros(_CLASSES + 1, np.int64)
+    """Learn which candidate was chosen (-1: none), and whether that took few bits."""
+    # every candidate could be chosen
+    counts = np.zeros(_CLASSES + 1, np.int64)
     for i in range(len(classes)):
-        had[classes[i]] += 1
+        counts[classes[i]] += 1
     for i in range(_CLASSES):
-        model.offers[layer, i // NODE_KINDS, i % NODE_KINDS] += had[i]
-    if chosen >= 0:
-        model.hits[layer, classes[chosen] // NODE_KINDS, classes[chosen] % NODE_KINDS] += 128
-    if model.scalars[NODES] > _FEW_LINKS:
-        model.scalars[CHEAP] = max(model.scalars[CHEAP] + (1 if cheap else -1), np.int64(0))
+        model.offered[table, i // KINDS_PER_OCTAVE, i % KINDS_PER_OCTAVE] += counts[i]
+
+    # one was
+    if choice >= 0:
+        octave, kind = classes[choice] // KINDS_PER_OCTAVE, classes[choice] % KINDS_PER_OCTAVE
+        model.chosen[table, octave, kind] += _CHOSEN_INCREMENT
+    if model.scalars[NODE_COUNT] > _FEW_CANDIDATES:
+        balance = model.scalars[CHEAP_CHOICES] + (1 if cheap else -1)
+        model.scalars[CHEAP_CHOICES] = max(balance, np.int64(0))
 
 
 @jit
-def class_weights(model: WalkModel, layer: int) -> NDArray[np.int64]:
-    """Weight of a node of each class; none for those barred."""
+def class_weights(model: WalkModel, table: int) -> NDArray[np.int64]:
+    """Weight of a candidate of each class; 0 for the class that is barred."""
     weights = np.zeros(_CLASSES + 1, np.int64)
     for i in range(_CLASSES):
-        weights[i] = (model.hits[layer, i // NODE_KINDS, i % NODE_KINDS] << 16) // model.offers[
-            layer, i // NODE_KINDS, i % NODE_KINDS
-        ] + 1
+        octave, kind = i // KINDS_PER_OCTAVE, i % KINDS_PER_OCTAVE
+        chosen, offered = model.chosen[table, octave, kind], model.offered[table, octave, kind]
+        weights[i] = (chosen << 16) // offered + 1
     return weights
 
 
 @jit
 def code_candidate(
-    coder: Coder, classes: NDArray[np.uint8], weights: NDArray[np.int64], total: int, v: int
+    coder: Coder, classes: NDArray[np.uint8], weights: NDArray[np.int64], total: int, choice: int
 ) -> int:
-    """Code which of the nodes it is, the newest first."""
+    """Code which candidate is chosen; the last one owns the lowest interval.
+
+    Parameters
+    ----------
+    coder : Coder
+        In any direction.
+    classes : uint8 array, shape (n,)
+        Class of each candidate.
+    weights : int64 array
+        Weight of each class.
+    total : int
+        Sum of the weights of all candidates, more than 0.
+    choice : int
+        The candidate to encode; ignored by a decoder.
+    """
     i = len(classes)
     start = np.int64(0)
-    if coder.cursor[1] == 1:
-        at = decode_cumulative(coder, total)
-        while i > 0 and start <= at:
+    if is_decoding(coder):
+        # pass candidates until the next interval begins beyond the number
+        number = decode_cumulative(coder, total)
+        while i > 0 and start <= number:
             i -= 1
             start += weights[classes[i]]
         start -= weights[classes[i]]
     else:
-        while i - 1 > v:
+        # sum up the weights of the candidates after the one that is chosen
+        while i - 1 > choice:
             i -= 1
             start += weights[classes[i]]
-        i = v
+        i = choice
     code_interval(coder, start, weights[classes[i]], total)
     return i
 
 
 @jit
-def code_known_node(coder: Coder, model: WalkModel, u: int, before: int, v: int, layer: int) -> int:
-    """Code the node that a new way or a gap leads to: one of the newest, by where it lies, or any."""
-    nodes = model.scalars[NODES]
-    count = min(nodes, np.int64(_FEW_LINKS if is_search_limited(model) else _LINKS))
-    first = nodes - count
+def _classify(
+    model: WalkModel, u: int, before: int, table: int, first: int, count: int
+) -> NDArray[np.uint8]:
+    """Class of each of ``count`` nodes from ``first`` on, as candidates for u."""
     classes = np.zeros(count, np.uint8)
     _add_octaves(model, u, first, classes)
-    if layer == ON_GAP:
-        _add_rests(model.rests, first, classes)
+    if table == BEYOND_GAPS:
+        _add_gap_ends(model.gap_ends, first, classes)
     else:
         _add_bearings(model.places, before, u, first, classes)
-    _bar(model, u, layer, first, classes)
-    weights = class_weights(model, layer)
+    _bar_nodes(model, u, table, first, classes)
+    return classes
+
+
+@jit
+def code_known_node(
+    coder: Coder, model: WalkModel, u: int, before: int, node: int, table: int
+) -> int:
+    """Code the known node to which a new edge or a gap from u leads.
+
+    Parameters
+    ----------
+    coder : Coder
+        In any direction.
+    model : WalkModel
+        Learns the choice.
+    u, before : int
+        Where the walk is, and the node from which it came there; -1 if it has no heading.
+    node : int
+        The node to encode; ignored by a decoder.
+    table : int
+        ``AMONG_NEW_EDGES`` or ``BEYOND_GAPS``.
+
+    Returns
+    -------
+    int
+        The node.
+    """
+    # the newest nodes are candidates
+    nodes = model.scalars[NODE_COUNT]
+    count = min(nodes, np.int64(_FEW_CANDIDATES if is_search_limited(model) else _MAX_CANDIDATES))
+    first = nodes - count
+    classes = _classify(model, u, before, table, first, count)
+    weights = class_weights(model, table)
     total = sum_weights(classes, weights)
-    is_near, chosen, cheap = 1 if total > 0 else 0, _NONE, False
+
+    # whether it is one of them, unless all nodes or none are
+    is_recent, choice, cheap = 1 if total > 0 else 0, _NONE, False
     if total > 0 and first > 0:
-        is_near = code_bit(coder, model.flags, F_NEAR, 1 if v >= first else 0)
-    if not is_near:
-        if coder.cursor[1] == 1:
-            v = decode_cumulative(coder, nodes)
-        code_interval(coder, v, 1, nodes)
+        is_recent = code_bit(coder, model.bit_counts, BIT_RECENT_NODE, 1 if node >= first else 0)
+
+    # a candidate by its weight, any other node with equal probabilities
+    if is_recent:
+        choice = code_candidate(coder, classes, weights, total, node - first)
+        cheap = is_cheap(weights[classes[choice]], total)
+        node = first + choice
     else:
-        chosen = code_candidate(coder, classes, weights, total, v - first)
-        cheap = 4 * weights[classes[chosen]] > total
-        v = first + chosen
-    learn_candidate(model, layer, classes, chosen, cheap)
-    return v
+        if is_decoding(coder):
+            node = decode_cumulative(coder, nodes)
+        code_interval(coder, node, 1, nodes)
+    learn_candidate(model, table, classes, choice, cheap)
+    return node

@@ -1,4 +1,8 @@
-"""Arrays without counts of references: a call that takes a tuple of twenty arrays would count each of them up and down."""
+"""Arrays without reference counts.
+
+A compiled call that takes a tuple of twenty arrays counts each of them up and down. The coder of
+walks makes many such calls for each knot, so its entry point drops the counts once.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,8 @@ from numba.extending import intrinsic
 __all__ = ["without_refcount"]
 
 
-def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+def _drop_refcount(context: Any, builder: Any, kind: Any, value: Any) -> Any:
+    """Return an array's structure without its ``meminfo``, which holds the count."""
     if not isinstance(kind, types.Array):
         return value
     array = context.make_array(kind)(context, builder, value=value)
@@ -23,13 +28,15 @@ def _uncounted(context: Any, builder: Any, kind: Any, value: Any) -> Any:
 def without_refcount(_typing: Any, arrays: Any) -> Any:
     """Return a named tuple of the same arrays, for kernels only; it doesn't keep them alive.
 
-    Only what a kernel was given may be borrowed: whoever gave it holds it until the kernel returns.
+    Only arguments of a kernel may be taken: the caller holds them until the kernel returns.
     """
 
     def build(context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        parts = zip(arrays, cgutils.unpack_tuple(builder, arguments[0]), strict=True)
+        members = zip(arrays, cgutils.unpack_tuple(builder, arguments[0]), strict=True)
         return context.make_tuple(
-            builder, arrays, [_uncounted(context, builder, kind, value) for kind, value in parts]
+            builder,
+            arrays,
+            [_drop_refcount(context, builder, kind, value) for kind, value in members],
         )
 
     return arrays(arrays), build

@@ -1,7 +1,18 @@
-"""A range coder on integers: 64-bit range, carries propagated in the buffer, totals up to 2**41.
+"""A range coder on integers, in one set of kernels for encoding, decoding and training.
 
-One set of kernels writes and reads: ``code_interval`` takes the interval of a symbol in either direction, so that a model
-is written once and can't differ between coder and decoder. No floating point number takes part.
+Range coding (G. N. N. Martin, 1979) with a 64-bit range. Carries are propagated in the buffer, and
+totals go up to 2**41. :func:`code_interval` takes the interval of a symbol whether the coder
+encodes, decodes or listens. So each model is written once, and encoder and decoder cannot differ.
+No floating point number decides anything.
+
+A symbol owns the interval [start, start + width) of [0, total). With the coder's ``low`` (when it
+encodes), ``code`` (when it decodes: the code word less the low of the encoder) and ``range``::
+
+    share = range // total
+    low   = low + share * start
+    code  = code - share * start
+    range = share * width
+    while range < 2**48: shift low, code and range by one byte
 """
 
 from __future__ import annotations
@@ -11,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inlined, jit
 
 __all__ = [
     "Coder",
@@ -20,28 +31,59 @@ __all__ = [
     "count_bits",
     "decode_cumulative",
     "finish",
+    "is_decoding",
+    "is_exhausted",
     "new_decoder",
     "new_encoder",
     "new_listener",
 ]
 
-_LOW, _RANGE, _CODE = 0, 1, 2
-_CURSOR, _DIRECTION = 0, 1
+#: Index of each number in ``Coder.words``.
+_LOW = 0
+_RANGE = 1
+_CODE = 2
 
-#: Directions.
-_WRITES, _READS, _LISTENS = 0, 1, 2
+#: Index of each number in ``Coder.cursor``: the next byte of the buffer, and what the coder does.
+_NEXT_BYTE = 0
+_DIRECTION = 1
 
-#: The range is kept at or above this; a total may be at most 2**41.
-_FLOOR = np.uint64(1 << 48)
-_TOP = np.uint64(56)
-_BYTE = np.uint64(8)
-_ONE = np.uint64(1)
+#: What a coder does; one that listens neither writes nor reads.
+_ENCODES = 0
+_DECODES = 1
+_LISTENS = 2
+
+#: The range is kept at or above this, so that a share of the largest total, 2**41, is at least 128.
+_MIN_RANGE = np.uint64(1 << 48)
+
+#: Shift that leaves the highest byte of a word.
+_TOP_SHIFT = np.uint64(56)
+
+#: Bits of a byte.
+_BYTE_BITS = np.uint64(8)
+
+#: The smallest and the largest word: the compiler must not mix unsigned words with signed ones.
 _ZERO = np.uint64(0)
-_FULL = np.uint64(0xFFFFFFFFFFFFFFFF)
+_ALL_ONES = np.uint64(0xFFFFFFFFFFFFFFFF)
+
+#: Bytes of a word.
+_WORD_BYTES = 8
+
+#: A decoder may take this many bytes past the end of its data (8 for the first word, 8 more).
+_EXTRA_BYTES = 16
 
 
 class Coder(NamedTuple):
-    """State of a coder: low, range and code word; cursor and direction; the bytes."""
+    """State of a coder, on arrays so that kernels change it in place.
+
+    Parameters
+    ----------
+    words : uint64 array, shape (3,)
+        Low, range and code word.
+    cursor : int64 array, shape (2,)
+        The next byte of ``data``, and whether the coder encodes, decodes or listens.
+    data : uint8 array
+        The bytes written, or to read.
+    """
 
     words: NDArray[np.uint64]
     cursor: NDArray[np.int64]
@@ -49,7 +91,7 @@ class Coder(NamedTuple):
 
 
 def new_listener() -> Coder:
-    """Return a coder that neither writes nor reads, for a model that is to learn what both sides know."""
+    """Return a coder that neither writes nor reads, to train a model on what both sides know."""
     return Coder(
         np.array([0, 0xFFFFFFFFFFFFFFFF, 0], np.uint64),
         np.array([0, _LISTENS], np.int64),
@@ -59,59 +101,86 @@ def new_listener() -> Coder:
 
 def new_encoder(capacity: int) -> Coder:
     """Return a coder that writes at most ``capacity`` bytes."""
-    words = np.array([0, 0xFFFFFFFFFFFFFFFF, 0], np.uint64)
-    return Coder(words, np.zeros(2, np.int64), np.zeros(capacity + 16, np.uint8))
+    return Coder(
+        np.array([0, 0xFFFFFFFFFFFFFFFF, 0], np.uint64),
+        np.array([0, _ENCODES], np.int64),
+        np.zeros(capacity + _EXTRA_BYTES, np.uint8),
+    )
 
 
 def new_decoder(data: bytes) -> Coder:
     """Return a coder that reads ``data``; bytes past its end read as zero."""
-    source = np.frombuffer(data + bytes(8), np.uint8).copy()
-    words = np.array(
-        [0, 0xFFFFFFFFFFFFFFFF, int.from_bytes(source[:8].tobytes(), "big")], np.uint64
+    padded = np.frombuffer(data + bytes(_WORD_BYTES), np.uint8).copy()
+    code = int.from_bytes(padded[:_WORD_BYTES].tobytes(), "big")
+    return Coder(
+        np.array([0, 0xFFFFFFFFFFFFFFFF, code], np.uint64),
+        np.array([_WORD_BYTES, _DECODES], np.int64),
+        padded,
     )
-    return Coder(words, np.array([8, 1], np.int64), source)
+
+
+@inlined
+def is_decoding(coder: Coder) -> bool:
+    """Whether the coder reads symbols; otherwise it takes those that it is given."""
+    return coder.cursor[_DIRECTION] == _DECODES
+
+
+@inlined
+def is_exhausted(coder: Coder) -> bool:
+    """Whether a decoder has read more bytes past its end than any encoder leaves out."""
+    # the buffer itself ends 8 bytes after the data
+    return coder.cursor[_NEXT_BYTE] > len(coder.data) + _WORD_BYTES
 
 
 @jit
 def _carry(data: NDArray[np.uint8], end: int) -> None:
-    # what did not fit is written anew by a writer of more room
-    at = min(end, len(data)) - 1
-    while at >= 0:
-        data[at] += np.uint8(1)
-        if data[at] != 0:
+    """Add 1 to the bytes before ``end``, read as one big-endian number."""
+    # a buffer that is too short is thrown away, and the symbols are encoded again in a longer one
+    i = min(end, len(data)) - 1
+    while i >= 0:
+        data[i] += np.uint8(1)
+        if data[i] != 0:
             return
-        at -= 1
+        i -= 1
 
 
 @jit
 def _narrow(coder: Coder, start: np.uint64, width: np.uint64) -> None:
+    """Narrow the range to ``width`` from ``start`` on, and move the bytes that are certain."""
     words, cursor, data = coder
     if cursor[_DIRECTION] == _LISTENS:
         return
-    if cursor[_DIRECTION] == _READS:
+
+    # narrow the interval; where low wraps round, the bytes already written take a carry
+    if cursor[_DIRECTION] == _DECODES:
         words[_CODE] -= start
     else:
         low = words[_LOW] + start
         if low < start:
-            _carry(data, cursor[_CURSOR])
+            _carry(data, cursor[_NEXT_BYTE])
         words[_LOW] = low
     words[_RANGE] = width
-    while words[_RANGE] < _FLOOR:
-        words[_RANGE] <<= _BYTE
-        at = cursor[_CURSOR]
-        if cursor[_DIRECTION] == _READS:
-            following = np.uint64(data[at]) if at < len(data) else _ZERO
-            words[_CODE] = (words[_CODE] << _BYTE) | following
+
+    # shift bytes out (or in) until the range is large enough for the largest total
+    while words[_RANGE] < _MIN_RANGE:
+        words[_RANGE] <<= _BYTE_BITS
+        i = cursor[_NEXT_BYTE]
+        if cursor[_DIRECTION] == _DECODES:
+            byte = np.uint64(data[i]) if i < len(data) else _ZERO
+            words[_CODE] = (words[_CODE] << _BYTE_BITS) | byte
         else:
-            if at < len(data):
-                data[at] = np.uint8(words[_LOW] >> _TOP)
-            words[_LOW] <<= _BYTE
-        cursor[_CURSOR] = at + 1
+            if i < len(data):
+                data[i] = np.uint8(words[_LOW] >> _TOP_SHIFT)
+            words[_LOW] <<= _BYTE_BITS
+        cursor[_NEXT_BYTE] = i + 1
 
 
 @jit
 def decode_cumulative(coder: Coder, total: int) -> int:
-    """Return where in [0, total) the code word of a reader lies."""
+    """Return the number in [0, total) that the code word of a decoder points to.
+
+    The symbol whose interval holds it is the decoded one; :func:`code_interval` then takes it out.
+    """
     words = coder.words
     share = words[_RANGE] // np.uint64(total)
     return min(np.int64(words[_CODE] // share), np.int64(total) - 1)
@@ -128,7 +197,7 @@ def code_interval(coder: Coder, start: int, width: int, total: int) -> None:
 def code_bits(coder: Coder, value: int, count: int) -> int:
     """Code ``count`` <= 32 equally likely bits."""
     total = np.int64(1) << np.int64(count)
-    if coder.cursor[_DIRECTION] == _READS:
+    if is_decoding(coder):
         value = decode_cumulative(coder, total)
     code_interval(coder, value, 1, total)
     return value
@@ -137,38 +206,45 @@ def code_bits(coder: Coder, value: int, count: int) -> int:
 @jit
 def count_bits(coder: Coder) -> float:
     """Return how many bits have been written, to a fraction of a bit."""
-    return 8.0 * coder.cursor[_CURSOR] + 64.0 - np.log2(np.float64(coder.words[_RANGE]))
+    return 8.0 * coder.cursor[_NEXT_BYTE] + 64.0 - np.log2(np.float64(coder.words[_RANGE]))
 
 
 @jit
-def _end(coder: Coder) -> int:
+def _flush(coder: Coder) -> int:
+    """Write the last bytes; return the number of bytes, which may be more than the buffer holds."""
     words, cursor, data = coder
     low, width = words[_LOW], words[_RANGE]
+
+    # find the number in [low, low + range) that ends in the most zero bytes
     count = 0
     value = low
-    while count < 8:
-        mask = _FULL >> np.uint64(8 * count) if count > 0 else _FULL
+    while count < _WORD_BYTES:
+        mask = _ALL_ONES >> np.uint64(8 * count) if count > 0 else _ALL_ONES
         value = (low + mask) & ~mask
-        # the sum may wrap, which is a carry; the distance is right all the same
+        # the sum may wrap round, which is a carry; the difference is right all the same
         if value - low < width:
             break
         count += 1
     if value < low:
-        _carry(data, cursor[_CURSOR])
-    at = cursor[_CURSOR]
+        _carry(data, cursor[_NEXT_BYTE])
+
+    # write its bytes other than these zeros
+    end = cursor[_NEXT_BYTE]
     for i in range(count):
-        if at + i < len(data):
-            data[at + i] = np.uint8((value >> np.uint64(56 - 8 * i)) & np.uint64(0xFF))
-    return at + count
+        if end + i < len(data):
+            data[end + i] = np.uint8((value >> np.uint64(56 - 8 * i)) & np.uint64(0xFF))
+    return end + count
 
 
 def finish(coder: Coder) -> bytes | None:
-    """Return the bytes written, as few as decode to the same; None if they did not fit.
+    """Return the bytes written, as few as decode to the same; None if the buffer is too short.
 
-    Zeros at the end are left out, but for those that a reader would miss which stops 16 bytes past the end.
+    Zero bytes at the end are left out, since a decoder reads zeros there anyway. It stops 16 bytes
+    past the end, so the zeros beyond that stay.
     """
-    length = int(_end(coder))
+    length = int(_flush(coder))
     if length > len(coder.data):
         return None
     data = coder.data[:length].tobytes()
-    return data[: max(len(data.rstrip(b"\0")), int(coder.cursor[_CURSOR]) - 8)]
+    needed = int(coder.cursor[_NEXT_BYTE]) - _WORD_BYTES
+    return data[: max(len(data.rstrip(b"\0")), needed)]

@@ -1,4 +1,12 @@
-"""Rotation of integer vectors into the frame of a heading, exactly reversible."""
+"""Rotation of integer vectors onto the axes of a heading, exactly reversible.
+
+A rotation by an angle a is three shears (A. W. Paeth, 1986), with t = -tan(a / 2), s = -sin(a)::
+
+    x += t * y;  y += s * x;  x += t * y
+
+Each shear adds a rounded number that depends on the other coordinate only. So it can be undone
+exactly, and integers stay integers.
+"""
 
 from __future__ import annotations
 
@@ -8,52 +16,64 @@ from gpszip.kernels.jit import jit
 
 __all__ = ["DIRECTIONS", "nearest_direction", "rotate", "rotate_back", "sideways_offset"]
 
-#: Directions of a full turn; two's power, a multiple of 8.
+#: Directions of a full turn; a power of two and a multiple of 8.
 DIRECTIONS = 256
+
+#: Directions of a right angle.
 _QUARTER = DIRECTIONS // 4
+
+#: Binary digits of the tables below after the point, and half a unit for rounding.
 _SHIFT = 14
 _HALF = 1 << (_SHIFT - 1)
 
+#: Cosine and sine of each direction.
 _ANGLES = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
 _COS = np.round(np.cos(_ANGLES) * (1 << _SHIFT)).astype(np.int64)
 _SIN = np.round(np.sin(_ANGLES) * (1 << _SHIFT)).astype(np.int64)
+
+#: tan(a / 2) and sin(a) of the angles from -45 to 45 degrees that remain beside right angles.
 _SMALL = (np.arange(_QUARTER + 1) - _QUARTER // 2) * (2 * np.pi / DIRECTIONS)
 _TAN_HALF = np.round(np.tan(_SMALL / 2) * (1 << _SHIFT)).astype(np.int64)
 _SIN_SMALL = np.round(np.sin(_SMALL) * (1 << _SHIFT)).astype(np.int64)
 
-_BENDS = 49
-_TAN = np.round(np.tan(_ANGLES[: _BENDS + 1]) * (1 << _SHIFT)).astype(np.int64)
+#: Largest turn whose tangent is used: 69 degrees.
+_MAX_TURN = 49
+_TAN = np.round(np.tan(_ANGLES[: _MAX_TURN + 1]) * (1 << _SHIFT)).astype(np.int64)
 
 
 @jit
 def sideways_offset(along: int, turn: int) -> int:
-    """How far to the side one comes ``along`` a line that is turned by so many directions; 69 degrees stand for any larger turn."""
-    across = (along * _TAN[min(abs(turn), _BENDS)]) >> _SHIFT
+    """Offset across the heading of a point ``along`` it, on a line turned by ``turn`` directions.
+
+    It is along * tan(turn). A turn of more than 69 degrees counts as 69 degrees.
+    """
+    across = (along * _TAN[min(abs(turn), _MAX_TURN)]) >> _SHIFT
     return across if turn >= 0 else -across
 
 
 @jit
 def nearest_direction(x: int, y: int) -> int:
-    """Nearest of the directions to a vector; 0 for the null vector."""
-    best = np.int64(0)
-    chosen = 0
+    """Direction nearest to a vector; 0 for the null vector."""
+    longest = np.int64(0)
+    nearest = 0
     for i in range(DIRECTIONS):
         along = x * _COS[i] + y * _SIN[i]
-        if along > best:
-            best = along
-            chosen = i
-    return chosen
+        if along > longest:
+            longest = along
+            nearest = i
+    return nearest
 
 
 @jit
 def _split(turn: int) -> tuple[int, int]:
+    """Right angles of a turn, and the index of the small angle that remains."""
     quarters = (turn + _QUARTER // 2) // _QUARTER
     return quarters & 3, turn - quarters * _QUARTER + _QUARTER // 2
 
 
 @jit
 def rotate(x: int, y: int, turn: int) -> tuple[int, int]:
-    """Coordinates (along, across) of a vector in the frame of direction ``turn``, by three shears."""
+    """Coordinates (along, across) of a vector on axes turned into direction ``turn``."""
     quarters, small = _split(turn)
     for _ in range(quarters):
         x, y = y, -x

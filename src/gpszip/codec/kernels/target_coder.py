@@ -1,7 +1,11 @@
-"""Coding of aims: a place to which the walk takes the shortest path on the map so far, so that no way to it is told.
+"""Coding of targets: nodes to which the walk takes the shortest path, which implies its steps.
 
-This is path compression by waypoints (thesis, section 7.2, algorithm 6) in a stream: a waypoint is one of the places nearest along the
-ways that are known, and is told when the walk sets off to it. A place that no path leads to can't be told, and no path is long.
+This is path compression by waypoints (thesis, section 7.2, algorithm 6) in a stream. A waypoint is
+one of the nodes nearest along known edges, and is coded when the walk sets off to it. A node that
+no path leads to cannot be a target, and no path has more than ``MAX_SEARCH_NODES`` steps.
+
+Candidates are ranked by distance along edges (E. W. Dijkstra, 1959). Their classes are the binary
+digits of the rank, and those of how often tracks or paths to targets ended at the node.
 """
 
 from __future__ import annotations
@@ -11,131 +15,180 @@ from numpy.typing import NDArray
 
 from gpszip.codec.kernels.adaptive import code_bit
 from gpszip.codec.kernels.new_edge_coder import (
-    NODE_KINDS,
     class_weights,
     code_candidate,
+    is_cheap,
     is_search_limited,
     learn_candidate,
     sum_weights,
 )
-from gpszip.codec.kernels.range_coder import Coder
+from gpszip.codec.kernels.range_coder import Coder, is_decoding
 from gpszip.codec.kernels.walk_model import (
+    MARK_RANK,
+    MARK_SEARCH,
     MAX_SEARCH_NODES,
+    PATH_END,
+    PATH_NEXT,
     SEARCHES,
-    TRAIL_AT,
-    TRAIL_END,
     WalkModel,
     add_end_weight,
     end_weight_below,
     find_half_edge,
     node_distance,
 )
-from gpszip.codec.kernels.walk_priors import F_AIM, ON_AIM
+from gpszip.codec.kernels.walk_priors import AMONG_TARGETS, BIT_TARGET, KINDS_PER_OCTAVE
 from gpszip.kernels.heap import pop, push
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inlined, jit
 
 __all__ = ["code_target", "has_target", "take_next_node"]
 
-#: Offers of ways that a search weighs at most, and nodes that it settles once forged bytes may be at work.
-_OFFERS, _FEW = 4096, 16
+#: Entries of a search's heap at most, and their binary digits in a key.
+_MAX_ENTRIES = 4096
+_ENTRY_BITS = 12
 
-#: Weight that a node gains as the end of an aim; what a track's end brings, too.
-_WEIGHT = np.int64(24)
+#: Nodes that a search reaches at most once forged bytes may be at work, see ``is_search_limited``.
+_FEW_NODES = 16
+
+#: Weight that a node gains as a target, as much as by the end of a track.
+_TARGET_WEIGHT = np.int64(24)
 
 
-@jit
+@inlined
 def has_target(model: WalkModel) -> bool:
-    """Whether the walk is on its way to a place that was told."""
-    return model.scalars[TRAIL_AT] < model.scalars[TRAIL_END]
+    """Whether the walk is on its way to a target."""
+    return model.scalars[PATH_NEXT] < model.scalars[PATH_END]
 
 
 @jit
 def take_next_node(model: WalkModel) -> int:
-    """Take the next node on the way."""
-    model.scalars[TRAIL_AT] += 1
-    return model.trail[model.scalars[TRAIL_AT] - 1]
+    """Take the next node of the path to the target."""
+    model.scalars[PATH_NEXT] += 1
+    return model.target_path[model.scalars[PATH_NEXT] - 1]
 
 
 @jit
-def _settle(
-    model: WalkModel, u: int, settled: NDArray[np.int64], parents: NDArray[np.int64]
+def _find_nearest(
+    model: WalkModel, u: int, nearest: NDArray[np.int64], parents: NDArray[np.int64]
 ) -> int:
-    """Settle the nodes nearest to u along known ways, u first; return how many."""
-    found, into, following = model.found, model.into, model.following
-    keys, offers = np.empty(_OFFERS + 1, np.int64), np.empty(_OFFERS + 1, np.int64)
-    nodes, origins = np.empty(_OFFERS, np.int64), np.empty(_OFFERS, np.int64)
-    breadth = np.int64(_FEW if is_search_limited(model) else MAX_SEARCH_NODES)
+    """Find the nodes nearest to u along known edges, u first; return how many.
+
+    Parameters
+    ----------
+    model : WalkModel
+        Its ``search_marks`` are set for the nodes found.
+    u : int
+        Where the walk is.
+    nearest, parents : int64 arrays, shape (MAX_SEARCH_NODES,)
+        Filled in: the nodes by rank, and the rank of the node from which each was reached.
+    """
+    marks, end_node, next_half_edge = model.search_marks, model.end_node, model.next_half_edge
+    max_nodes = np.int64(_FEW_NODES if is_search_limited(model) else MAX_SEARCH_NODES)
     search = model.scalars[SEARCHES] + 1
     model.scalars[SEARCHES] = search
-    count, made, size = np.int64(0), np.int64(1), push(keys, offers, 0, np.int64(0), np.int64(0))
+
+    # a heap of entries (node, rank of its parent) by distance; among equals the oldest comes first
+    keys, heap = np.empty(_MAX_ENTRIES + 1, np.int64), np.empty(_MAX_ENTRIES + 1, np.int64)
+    nodes, origins = np.empty(_MAX_ENTRIES, np.int64), np.empty(_MAX_ENTRIES, np.int64)
     nodes[0], origins[0] = u, -1
-    while size > 0 and count < breadth:
+    entries, size = np.int64(1), push(keys, heap, 0, np.int64(0), np.int64(0))
+
+    count = np.int64(0)
+    while size > 0 and count < max_nodes:
+        # the nearest entry gives its node a rank
         key = keys[0]
-        offer, size = pop(keys, offers, size)
-        node = nodes[offer]
-        if found[node, 1] == search:
+        entry, size = pop(keys, heap, size)
+        node = nodes[entry]
+        if marks[node, MARK_SEARCH] == search:
             continue
-        found[node, 0], found[node, 1] = count, search
-        settled[count], parents[count] = node, origins[offer]
-        half = model.head[node]
-        while half >= 0 and made < _OFFERS:
-            if found[into[half], 1] != search:
-                far = (key >> 12) + max(node_distance(model.places, node, into[half]), np.int64(1))
-                nodes[made], origins[made] = into[half], count
-                size = push(keys, offers, size, far << 12 | made, made)
-                made += 1
-            half = following[half]
+        marks[node, MARK_RANK], marks[node, MARK_SEARCH] = count, search
+        nearest[count], parents[count] = node, origins[entry]
+
+        # its neighbours enter the heap
+        half_edge = model.first_half_edge[node]
+        while half_edge >= 0 and entries < _MAX_ENTRIES:
+            neighbour = end_node[half_edge]
+            if marks[neighbour, MARK_SEARCH] != search:
+                length = max(node_distance(model.places, node, neighbour), np.int64(1))
+                distance = (key >> _ENTRY_BITS) + length
+                nodes[entries], origins[entries] = neighbour, count
+                size = push(keys, heap, size, distance << _ENTRY_BITS | entries, entries)
+                entries += 1
+            half_edge = next_half_edge[half_edge]
         count += 1
     return count
 
 
 @jit
-def _classify(model: WalkModel, settled: NDArray[np.int64], count: int) -> NDArray[np.uint8]:
-    """Class of each settled node but the first: binary digits of its rank by distance, and of how often tracks or aims ended there."""
+def _binary_digits(number: int) -> int:
+    """Binary digits of a number >= 0; none of 0."""
+    digits = 0
+    while number >> digits > 0:
+        digits += 1
+    return digits
+
+
+@jit
+def _classify(model: WalkModel, nearest: NDArray[np.int64], count: int) -> NDArray[np.uint8]:
+    """Class of each of the nearest nodes but the first, by rank and how often walks ended there."""
     classes = np.zeros(count - 1, np.uint8)
-    for i in range(1, count):
-        ends = (
-            end_weight_below(model, settled[i] + 1) - end_weight_below(model, settled[i])
-        ) // _WEIGHT
-        kind = 0
-        while kind < NODE_KINDS - 1 and ends >> kind > 0:
-            kind += 1
-        octave = 0
-        while i >> octave > 0:
-            octave += 1
-        classes[i - 1] = octave * NODE_KINDS + kind
+    for rank in range(1, count):
+        node = nearest[rank]
+        weight = end_weight_below(model, node + 1) - end_weight_below(model, node)
+        kind = min(_binary_digits(weight // _TARGET_WEIGHT), KINDS_PER_OCTAVE - 1)
+        classes[rank - 1] = _binary_digits(rank) * KINDS_PER_OCTAVE + kind
     return classes
 
 
 @jit
-def _best_aim(
+def _best_rank(
     model: WalkModel,
     nodes: NDArray[np.int64],
-    joined: NDArray[np.bool_],
+    is_step: NDArray[np.bool_],
     j: int,
     parents: NDArray[np.int64],
     classes: NDArray[np.uint8],
 ) -> int:
-    """Rank of the node for which an aim saves most bits from knot j on, or 0 if none does."""
-    weights = class_weights(model, ON_AIM)
-    total, flags = sum_weights(classes, weights), model.flags
-    best = np.log2(np.float64(flags[F_AIM, 0] + flags[F_AIM, 1]) / np.float64(flags[F_AIM, 1]))
-    at, rank, saved = np.int64(0), np.int64(0), 0.0
-    while j < len(nodes) and joined[j]:
+    """Rank of the node that saves most bits as a target from knot j on, or 0 if none saves any.
+
+    A target saves the bits of the steps to it without targets. It costs those of its own choice,
+    -log2(weight / total), and those of saying that there is a target.
+    """
+    weights = class_weights(model, AMONG_TARGETS)
+    total, counts = sum_weights(classes, weights), model.bit_counts
+    zeros, ones = counts[BIT_TARGET, 0], counts[BIT_TARGET, 1]
+    most_saved = np.log2(np.float64(zeros + ones) / np.float64(ones))
+
+    # follow the walk as long as it keeps to the tree of shortest paths
+    rank, best_rank, saved = np.int64(0), np.int64(0), 0.0
+    while j < len(nodes) and is_step[j]:
         node = nodes[j]
         if (
-            node >= len(model.found)
-            or model.found[node, 1] != model.scalars[SEARCHES]
-            or parents[model.found[node, 0]] != at
+            node >= len(model.search_marks)
+            or model.search_marks[node, MARK_SEARCH] != model.scalars[SEARCHES]
+            or parents[model.search_marks[node, MARK_RANK]] != rank
         ):
             break
-        at = model.found[node, 0]
-        saved += model.spent[j]
-        bits = np.log2(np.float64(total) / np.float64(weights[classes[at - 1]]))
-        if saved - bits > best:
-            best, rank = saved - bits, at
+        rank = model.search_marks[node, MARK_RANK]
+        saved += model.step_bits[j]
+        bits = np.log2(np.float64(total) / np.float64(weights[classes[rank - 1]]))
+        if saved - bits > most_saved:
+            most_saved, best_rank = saved - bits, rank
         j += 1
-    return rank
+    return best_rank
+
+
+@jit
+def _set_path(
+    model: WalkModel, rank: int, nearest: NDArray[np.int64], parents: NDArray[np.int64]
+) -> None:
+    """Enter the shortest path to the node of a rank; it ends where the array ends."""
+    start = np.int64(MAX_SEARCH_NODES)
+    model.scalars[PATH_END] = start
+    while rank > 0:
+        start -= 1
+        model.target_path[start] = nearest[rank]
+        rank = parents[rank]
+    model.scalars[PATH_NEXT] = start
 
 
 @jit
@@ -145,30 +198,48 @@ def code_target(
     u: int,
     context: int,
     nodes: NDArray[np.int64],
-    joined: NDArray[np.bool_],
+    is_step: NDArray[np.bool_],
     j: int,
 ) -> None:
-    """Code whether the walk aims at a place from u on, and at which; a writer picks it for the knots from j on."""
-    writing = coder.cursor[1] != 1
-    settled, parents = np.empty(MAX_SEARCH_NODES, np.int64), np.empty(MAX_SEARCH_NODES, np.int64)
+    """Code whether the walk takes a shortest path from u on, and to which target.
+
+    Parameters
+    ----------
+    coder : Coder
+        In any direction.
+    model : WalkModel
+        Gets the path, and learns the choice.
+    u : int
+        Where the walk is; it has an edge.
+    context : int
+        Kind of the last step, or 5 where a target was just reached.
+    nodes, is_step : arrays, shape (K,)
+        Node of each knot, and whether a step leads to it; an encoder finds the best target.
+    j : int
+        The next knot.
+    """
+    nearest, parents = np.empty(MAX_SEARCH_NODES, np.int64), np.empty(MAX_SEARCH_NODES, np.int64)
+    encodes = not is_decoding(coder)
+
+    # an encoder looks for a target that saves bits
     rank, count = np.int64(0), np.int64(0)
-    if writing and joined[j] and find_half_edge(model, u, nodes[j]) >= 0:
-        count = _settle(model, u, settled, parents)
-        rank = _best_aim(model, nodes, joined, j, parents, _classify(model, settled, count))
-    if not code_bit(coder, model.flags, F_AIM + context, 1 if rank > 0 else 0):
+    if encodes and is_step[j] and find_half_edge(model, u, nodes[j]) >= 0:
+        count = _find_nearest(model, u, nearest, parents)
+        rank = _best_rank(model, nodes, is_step, j, parents, _classify(model, nearest, count))
+    if not code_bit(coder, model.bit_counts, BIT_TARGET + context, 1 if rank > 0 else 0):
         return
-    if not writing:
-        count = _settle(model, u, settled, parents)
-    classes = _classify(model, settled, count)
-    weights = class_weights(model, ON_AIM)
+
+    # the choice among the nearest nodes
+    if not encodes:
+        count = _find_nearest(model, u, nearest, parents)
+    classes = _classify(model, nearest, count)
+    weights = class_weights(model, AMONG_TARGETS)
     total = sum_weights(classes, weights)
-    chosen = code_candidate(coder, classes, weights, total, rank - 1)
-    learn_candidate(model, ON_AIM, classes, chosen, 4 * weights[classes[chosen]] > total)
-    add_end_weight(model, settled[chosen + 1], _WEIGHT)
-    end, at = np.int64(MAX_SEARCH_NODES), chosen + 1
-    model.scalars[TRAIL_END] = end
-    while at > 0:
-        end -= 1
-        model.trail[end] = settled[at]
-        at = parents[at]
-    model.scalars[TRAIL_AT] = end
+    choice = code_candidate(coder, classes, weights, total, rank - 1)
+    cheap = is_cheap(weights[classes[choice]], total)
+    learn_candidate(model, AMONG_TARGETS, classes, choice, cheap)
+
+    # the node is likelier to be a target again
+    rank = choice + 1
+    add_end_weight(model, nearest[rank], _TARGET_WEIGHT)
+    _set_path(model, rank, nearest, parents)

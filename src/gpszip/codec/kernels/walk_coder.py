@@ -1,18 +1,20 @@
-"""Coding of walks: one loop that writes or reads, knot by knot.
+"""Coding of walks: one loop that encodes or decodes, knot by knot.
 
-A knot is reached by a part. First comes what kind of step the part is (back, along a known way, to a known node by a new way,
-to a new node, a stop, or a gap), then how long it takes, then where a new node lies. Every probability follows from what was
-coded before.
+A segment leads to each knot but a track's first. Its kind comes first: back, along another known
+edge, along a new edge to a known node, to a new node, a stop, or a gap. Then comes its duration,
+then the position of a new node. Every probability follows from what was coded before.
 """
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.codec.kernels.adaptive import code_bit
 from gpszip.codec.kernels.distributions import (
-    FIRST_PLACE,
+    FIRST_POSITION,
     START_GAP,
     TRACK_ORDER,
     TRACK_START,
@@ -21,16 +23,21 @@ from gpszip.codec.kernels.distributions import (
     code_large_unsigned,
 )
 from gpszip.codec.kernels.duration_coder import (
-    T_GAP,
-    T_STAY,
     code_duration_first,
     code_move_duration,
     code_pause_duration,
 )
 from gpszip.codec.kernels.new_edge_coder import code_known_node
 from gpszip.codec.kernels.no_refcount import without_refcount
-from gpszip.codec.kernels.position_coder import ON_AXES, ON_HEADING, code_position
-from gpszip.codec.kernels.range_coder import Coder, code_interval, count_bits, decode_cumulative
+from gpszip.codec.kernels.position_coder import ON_GRID_AXES, ON_HEADING, code_position
+from gpszip.codec.kernels.range_coder import (
+    Coder,
+    code_interval,
+    count_bits,
+    decode_cumulative,
+    is_decoding,
+    is_exhausted,
+)
 from gpszip.codec.kernels.step_coder import (
     KIND_BACK,
     KIND_KNOWN,
@@ -43,20 +50,22 @@ from gpszip.codec.kernels.step_coder import (
 )
 from gpszip.codec.kernels.target_coder import code_target, has_target, take_next_node
 from gpszip.codec.kernels.walk_model import (
-    BEGUN,
     DURATION_BITS,
     GAP_BITS,
-    LATEST,
+    LAST_TRACK_END,
+    LAST_TRACK_START,
     MODES,
-    NODES,
-    ORDER_AT,
+    NEXT_START,
+    NODE_COUNT,
     POSITION_BITS,
+    ROW_GAP,
+    ROW_STAY,
     SHORTEST_PATHS,
     START_BITS,
+    START_IS_TAKEN,
+    START_TIME_STEP,
     STEP_KIND_BITS,
     TIME_FIRST,
-    U_GAP,
-    U_STAY,
     WalkModel,
     add_end_weight,
     add_node,
@@ -68,202 +77,332 @@ from gpszip.codec.kernels.walk_model import (
     record_bits,
 )
 from gpszip.codec.kernels.walk_priors import (
-    F_END,
-    F_GAP,
-    F_GAP_KIND,
-    F_KNOWN_START,
-    ON_GAP,
-    ON_LINK,
+    AMONG_NEW_EDGES,
+    BEYOND_GAPS,
+    BIT_END,
+    BIT_GAP,
+    BIT_GAP_TO_KNOWN,
+    BIT_GAP_TO_SELF,
+    BIT_KNOWN_START,
+    MIX_GAP,
+    MIX_STAY,
 )
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inlined, jit
 
 __all__ = ["code_walks"]
 
-#: Coordinates and times that an archive may hold are below these.
-_FARTHEST, _LATEST = np.int64(1) << 45, np.int64(1) << 60
+#: Coordinates (in space steps) and times (in time steps) of an archive are below these in size.
+_MAX_COORDINATE = np.int64(1) << 45
+_MAX_TIME_STEP = np.int64(1) << 60
 
 #: Weight that a node gains each time a track starts or ends there.
-_WEIGHTS_END = np.int64(24)
+_END_WEIGHT = np.int64(24)
 
-#: What stands for no node.
-_NOWHERE = np.int64(-1)
+#: Stands for no node or no half-edge.
+_NONE = np.int64(-1)
+
+#: Context of a target where another one was just reached; otherwise, the kind of the last step.
+_AT_TARGET = np.int64(5)
+
+
+class _WalkState(NamedTuple):
+    """Where a walk is, and how it came there."""
+
+    node: int  # node of the latest knot
+    before: int  # node from which the last step came, or -1
+    incoming: int  # half-edge of that step, or -1
+    last_kind: int  # kind of that step; that of a new node at a track's start and after a gap
+    target_context: int  # the same, or _AT_TARGET
 
 
 @jit
-def _code_starts(coder: Coder, model: WalkModel, cell: int) -> bool:
-    """Code the first cells of all tracks in order, as gaps after ``cell``; return whether they are bearable."""
-    starts = model.starts
+def _arrive_without_heading(model: WalkModel, node: int) -> _WalkState:
+    """State where a track begins or goes on after a gap."""
+    forget_heading(model)
+    return _WalkState(node, _NONE, _NONE, KIND_NEW_NODE, KIND_NEW_NODE)
+
+
+@jit
+def _code_sorted_starts(coder: Coder, model: WalkModel, time_step: int) -> bool:
+    """Code the first time steps of all tracks in order, as differences, after ``time_step``.
+
+    Returns False if what is read is out of bounds.
+    """
+    starts = model.track_starts
     for i in range(len(starts)):
-        gap = starts[i, 0] - cell
-        cell += (
+        gap = starts[i, START_TIME_STEP] - time_step
+        time_step += (
             code_large_signed(coder, model, TRACK_START, gap)
             if i == 0
             else code_large_unsigned(coder, model, START_GAP, gap)
         )
-        starts[i, 0], starts[i, 1] = cell, 0
-        if abs(cell) >= _LATEST:
+        starts[i, START_TIME_STEP], starts[i, START_IS_TAKEN] = time_step, 0
+        if abs(time_step) >= _MAX_TIME_STEP:
             return False
     return True
 
 
 @jit
-def _code_first_cell(coder: Coder, model: WalkModel, cell: int, first: int) -> int:
-    """Code the first cell of a track after a track that began at ``cell``."""
-    starts = model.starts
-    if len(starts) == 0:
-        return cell + code_large_signed(coder, model, TRACK_START, first - cell)
-    at, skipped = model.scalars[ORDER_AT], np.int64(0)
-    if coder.cursor[1] != 1:
-        while starts[at, 1] == 1 or starts[at, 0] != first:
-            skipped += 1 - starts[at, 1]
-            at = (at + 1) % len(starts)
-    skipped = code_large_unsigned(coder, model, TRACK_ORDER, skipped) % len(starts)
-    at = model.scalars[ORDER_AT]
-    while starts[at, 1] == 1 or skipped > 0:
-        skipped -= 1 - starts[at, 1]
-        at = (at + 1) % len(starts)
-    starts[at, 1] = 1
-    model.scalars[ORDER_AT] = (at + 1) % len(starts)
-    return starts[at, 0]
+def _take_sorted_start(coder: Coder, model: WalkModel, first: int) -> int:
+    """Code which of the sorted starts is a track's first time step, by how many are passed over."""
+    starts = model.track_starts
+    count = len(starts)
+
+    # count the starts that are not taken, up to the next one at this time step
+    i, skipped = model.scalars[NEXT_START], np.int64(0)
+    if not is_decoding(coder):
+        while starts[i, START_IS_TAKEN] == 1 or starts[i, START_TIME_STEP] != first:
+            skipped += 1 - starts[i, START_IS_TAKEN]
+            i = (i + 1) % count
+    skipped = code_large_unsigned(coder, model, TRACK_ORDER, skipped) % count
+
+    # pass over as many, and take the next one
+    i = model.scalars[NEXT_START]
+    while starts[i, START_IS_TAKEN] == 1 or skipped > 0:
+        skipped -= 1 - starts[i, START_IS_TAKEN]
+        i = (i + 1) % count
+    starts[i, START_IS_TAKEN] = 1
+    model.scalars[NEXT_START] = (i + 1) % count
+    return starts[i, START_TIME_STEP]
 
 
 @jit
-def _code_first(coder: Coder, model: WalkModel, last: int, node: int) -> int:
-    """Code the first node of a track: a known one, likelier where tracks began or ended, or a new one."""
-    nodes = model.scalars[NODES]
-    known = 0
+def _code_first_time_step(coder: Coder, model: WalkModel, last_start: int, first: int) -> int:
+    """Code the first time step of a track after a track that began at ``last_start``."""
+    if len(model.track_starts) > 0:
+        return _take_sorted_start(coder, model, first)
+    return last_start + code_large_signed(coder, model, TRACK_START, first - last_start)
+
+
+@jit
+def _code_first_node(coder: Coder, model: WalkModel, last_end: int, node: int) -> int:
+    """Code the first node of a track after one that ended at ``last_end`` (-1: none)."""
+    # whether it is known
+    nodes = model.scalars[NODE_COUNT]
+    is_known = 0
     if nodes > 0:
-        known = code_bit(coder, model.flags, F_KNOWN_START, 1 if node < nodes else 0)
-    if known:
+        is_known = code_bit(coder, model.bit_counts, BIT_KNOWN_START, 1 if node < nodes else 0)
+
+    # a known node is likelier where tracks began or ended
+    if is_known:
         total = end_weight_below(model, nodes)
-        if coder.cursor[1] == 1:
+        if is_decoding(coder):
             node = find_by_end_weight(model, decode_cumulative(coder, total))
         start = end_weight_below(model, node)
         code_interval(coder, start, end_weight_below(model, node + 1) - start, total)
         return node
+
+    # a new node jumps from the end of the track before; the very first has its coordinates
     node = nodes
-    if last < 0:
+    if last_end < 0:
         for axis in range(model.places.shape[1]):
             model.places[node, axis] = code_large_signed(
-                coder, model, FIRST_PLACE, model.places[node, axis]
+                coder, model, FIRST_POSITION, model.places[node, axis]
             )
     else:
-        code_position(coder, model, last, node, ON_AXES, ZERO)
+        code_position(coder, model, last_end, node, ON_GRID_AXES, ZERO)
     return add_node(model)
 
 
 @jit
-def _code_start(coder: Coder, model: WalkModel, last: int, node: int) -> int:
-    """Code the first node of a track after one that ended at ``last``, and learn it."""
+def _code_start(coder: Coder, model: WalkModel, last_end: int, node: int) -> int:
+    """Code the first node of a track after one that ended at ``last_end``, and learn it."""
     bits = count_bits(coder)
-    node = _code_first(coder, model, last, node)
+    node = _code_first_node(coder, model, last_end, node)
     record_bits(model, START_BITS, count_bits(coder) - bits)
-    add_end_weight(model, node, _WEIGHTS_END)
+    add_end_weight(model, node, _END_WEIGHT)
     return node
 
 
 @jit
 def _code_gap(
-    coder: Coder, model: WalkModel, u: int, node: int, cells: int, timed: bool
+    coder: Coder, model: WalkModel, u: int, node: int, duration: int, timed: bool
 ) -> tuple[int, int]:
-    """Code a part in which no travel is claimed: how long, and where the track goes on."""
+    """Code a gap that begins at u; return the node at which it ends, and its duration."""
     if timed:
-        cells = code_pause_duration(coder, model, T_GAP, U_GAP, cells)
-    if code_bit(coder, model.flags, F_GAP_KIND, 1 if node == u else 0):
-        return u, cells
-    nodes = model.scalars[NODES]
-    if code_bit(coder, model.flags, F_GAP_KIND + 1, 1 if node < nodes else 0):
-        return code_known_node(coder, model, u, _NOWHERE, node, ON_GAP), cells
+        duration = code_pause_duration(coder, model, MIX_GAP, ROW_GAP, duration)
+
+    # it ends where it began, at another known node, or at a new one
+    if code_bit(coder, model.bit_counts, BIT_GAP_TO_SELF, 1 if node == u else 0):
+        return u, duration
+    nodes = model.scalars[NODE_COUNT]
+    if code_bit(coder, model.bit_counts, BIT_GAP_TO_KNOWN, 1 if node < nodes else 0):
+        return code_known_node(coder, model, u, _NONE, node, BEYOND_GAPS), duration
     node = nodes
-    code_position(coder, model, u, node, ON_AXES, ZERO)
-    return add_node(model), cells
+    code_position(coder, model, u, node, ON_GRID_AXES, ZERO)
+    return add_node(model), duration
 
 
 @jit
-def _gap_context(model: WalkModel, u: int, last: int) -> int:
-    """Context of whether a gap follows: how often one began or ended at u, and whether the walk stopped there."""
-    rests = model.rests[u]
-    return F_GAP + 2 * (2 if rests > 2 else 1 if rests > 0 else 0) + (1 if last == KIND_STAY else 0)
+def _gap_context(gap_ends: int, last_kind: int) -> int:
+    """Context of whether a gap follows: gaps that began or ended here, and a stop just before."""
+    level = 2 if gap_ends > 2 else 1 if gap_ends > 0 else 0
+    return BIT_GAP + 2 * level + (1 if last_kind == KIND_STAY else 0)
 
 
 @jit
-def _joined(gaps: NDArray[np.int8], begins: NDArray[np.int8]) -> NDArray[np.bool_]:
-    """Whether a step leads to each knot."""
-    joined = np.zeros(len(gaps), np.bool_)
+def _find_steps(gaps: NDArray[np.int8], begins: NDArray[np.int8]) -> NDArray[np.bool_]:
+    """Whether a step leads to each knot, and not a gap."""
+    is_step = np.zeros(len(gaps), np.bool_)
     for j in range(1, len(gaps)):
-        joined[j] = begins[j] == 0 and gaps[j] == 0
-    return joined
+        is_step[j] = begins[j] == 0 and gaps[j] == 0
+    return is_step
 
 
 @jit
-def _code_way_on(
-    coder: Coder, model: WalkModel, u: int, before: int, arrived: int, last: int, node: int
+def _code_step(
+    coder: Coder, model: WalkModel, state: _WalkState, node: int
 ) -> tuple[int, int, int]:
-    """Code what kind of step follows on u and along which way: return the kind, the half-edge if there is one, and where it leads."""
-    back = arrived ^ 1 if arrived >= 0 else _NOWHERE
+    """Code the kind of the next step and the edge that it takes.
+
+    Returns the kind, the half-edge or -1, and the node to which the step leads; a new node has no
+    position yet.
+    """
+    u, incoming = state.node, state.incoming
+    back = incoming ^ 1 if incoming >= 0 else _NONE
+
+    # on the path to a target, the step is implied
     if has_target(model):
         node = take_next_node(model)
-        half = find_half_edge(model, u, node)
-        return KIND_BACK if half == back else KIND_KNOWN, half, node
-    kind = code_step_kind(coder, model, u, arrived, back, step_kind(model, u, back, node), last)
-    half = _NOWHERE
+        half_edge = find_half_edge(model, u, node)
+        return KIND_BACK if half_edge == back else KIND_KNOWN, half_edge, node
+
+    kind = step_kind(model, u, back, node)
+    kind = code_step_kind(coder, model, u, incoming, back, kind, state.last_kind)
+    half_edge = _NONE
     if kind == KIND_STAY:
         node = u
     elif kind == KIND_BACK:
-        half = back
+        half_edge = back
     elif kind == KIND_KNOWN:
-        half = code_known_edge(coder, model, u, before, arrived, back, node)
+        half_edge = code_known_edge(coder, model, u, state.before, incoming, back, node)
     elif kind == KIND_NEW_EDGE:
-        node = code_known_node(coder, model, u, before, node, ON_LINK)
+        node = code_known_node(coder, model, u, state.before, node, AMONG_NEW_EDGES)
     elif kind == KIND_NEW_NODE:
-        node = model.scalars[NODES]
-    if half >= 0:
-        node = model.into[half]
-    return kind, half, node
+        node = model.scalars[NODE_COUNT]
+    if half_edge >= 0:
+        node = model.end_node[half_edge]
+    return kind, half_edge, node
 
 
 @jit
-def _code_part(
-    coder: Coder, model: WalkModel, kind: int, half: int, u: int, node: int, cells: int, timed: bool
+def _code_measures(
+    coder: Coder,
+    model: WalkModel,
+    kind: int,
+    half_edge: int,
+    u: int,
+    node: int,
+    duration: int,
+    timed: bool,
 ) -> int:
-    """Code where a new node lies, and how many cells the step to a node takes; return these."""
+    """Code the duration of a step from u to ``node``, and the position of a new node.
+
+    Returns the duration.
+    """
+    # the duration first, where that mode is on
     bits = count_bits(coder)
-    ahead = timed and kind == KIND_NEW_NODE and model.scalars[MODES] & TIME_FIRST > 0
-    if ahead:
-        cells = code_duration_first(coder, model, cells)
+    is_first = timed and kind == KIND_NEW_NODE and model.scalars[MODES] & TIME_FIRST > 0
+    if is_first:
+        duration = code_duration_first(coder, model, duration)
         record_bits(model, DURATION_BITS + kind, count_bits(coder) - bits)
         bits = count_bits(coder)
+
+    # the position of a new node
     if kind == KIND_NEW_NODE:
-        code_position(coder, model, u, node, ON_HEADING, cells if ahead else ZERO)
+        code_position(coder, model, u, node, ON_HEADING, duration if is_first else ZERO)
         add_node(model)
         record_bits(model, POSITION_BITS, count_bits(coder) - bits)
         bits = count_bits(coder)
-    if timed and not ahead:
+
+    # the duration after it, which its length tells much of
+    if timed and not is_first:
         if kind == KIND_STAY:
-            cells = code_pause_duration(coder, model, T_STAY, U_STAY, cells)
+            duration = code_pause_duration(coder, model, MIX_STAY, ROW_STAY, duration)
         else:
-            cells = code_move_duration(coder, model, half, u, node, cells)
+            duration = code_move_duration(coder, model, half_edge, u, node, duration)
         record_bits(model, DURATION_BITS + kind, count_bits(coder) - bits)
-    return cells
+    return duration
+
+
+@inlined
+def _code_segment(
+    coder: Coder,
+    model: WalkModel,
+    state: _WalkState,
+    nodes: NDArray[np.int64],
+    time_steps: NDArray[np.int64],
+    gaps: NDArray[np.int8],
+    is_step: NDArray[np.bool_],
+    j: int,
+    timed: bool,
+    gapped: bool,
+) -> _WalkState:
+    """Code the segment that leads to knot j, in place, and learn it; return the state there.
+
+    The parameters are those of :func:`code_walks`; ``is_step`` is what :func:`_find_steps` returns.
+    """
+    u = state.node
+    duration = time_steps[j] - time_steps[j - 1]
+    bits = count_bits(coder)
+    on_path = has_target(model)
+
+    # is it a gap? a path to a target has none
+    gap = 0
+    if gapped and not on_path:
+        context = _gap_context(model.gap_ends[u], state.last_kind)
+        gap = code_bit(coder, model.bit_counts, context, np.int64(gaps[j]))
+    gaps[j] = gap
+    if gap:
+        node, duration = _code_gap(coder, model, u, nodes[j], duration, timed)
+        record_bits(model, GAP_BITS, count_bits(coder) - bits)
+        model.gap_ends[u] += 1
+        model.gap_ends[node] += 1
+        nodes[j], time_steps[j] = node, time_steps[j - 1] + duration if timed else 0
+        return _arrive_without_heading(model, node)
+
+    # a target, then the kind of the step and its edge
+    seeks_targets = model.scalars[MODES] & SHORTEST_PATHS > 0
+    if seeks_targets and not on_path and model.first_half_edge[u] >= 0:
+        code_target(coder, model, u, state.target_context, nodes, is_step, j)
+    on_path = has_target(model)
+    kind, half_edge, node = _code_step(coder, model, state, nodes[j])
+    record_bits(model, STEP_KIND_BITS + kind, count_bits(coder) - bits)
+    if len(model.step_bits) > 0 and not seeks_targets:
+        model.step_bits[j] = count_bits(coder) - bits
+
+    # duration and position
+    duration = _code_measures(coder, model, kind, half_edge, u, node, duration, timed)
+    nodes[j], time_steps[j] = node, time_steps[j - 1] + duration if timed else 0
+
+    # learn the step; a stop leaves the heading
+    before, incoming = state.before, state.incoming
+    if node != u:
+        before = u
+        incoming = learn_step(model, incoming, u, node, duration if timed else np.int64(0))
+    target_context = _AT_TARGET if on_path and not has_target(model) else kind
+    return _WalkState(node, before, incoming, kind, target_context)
 
 
 @jit
 def _code_end(coder: Coder, model: WalkModel, u: int, ends: bool) -> bool:
-    """Code whether a track that has come to u ends."""
-    terminal = 1 if end_weight_below(model, u + 1) - end_weight_below(model, u) > 1 else 0
-    ended = code_bit(coder, model.flags, F_END + terminal, 1 if ends else 0) == 1
+    """Code whether the track ends at u, and learn it."""
+    # a node weighs 1 as long as no track began or ended there
+    weight = end_weight_below(model, u + 1) - end_weight_below(model, u)
+    context = BIT_END + (1 if weight > 1 else 0)
+    ended = code_bit(coder, model.bit_counts, context, 1 if ends else 0) == 1
     if ended:
-        add_end_weight(model, u, _WEIGHTS_END)
+        add_end_weight(model, u, _END_WEIGHT)
     return ended
 
 
 @jit
-def _is_sound(model: WalkModel, node: int, cell: int) -> bool:
+def _is_in_bounds(model: WalkModel, node: int, time_step: int) -> bool:
     """Whether a node and a time that were read lie where no arithmetic overflows."""
     for axis in range(model.places.shape[1]):
-        if abs(model.places[node, axis]) >= _FARTHEST:
+        if abs(model.places[node, axis]) >= _MAX_COORDINATE:
             return False
-    return abs(cell) < _LATEST
+    return abs(time_step) < _MAX_TIME_STEP
 
 
 @jit
@@ -271,7 +410,7 @@ def code_walks(
     coder: Coder,
     model: WalkModel,
     nodes: NDArray[np.int64],
-    cells: NDArray[np.int64],
+    time_steps: NDArray[np.int64],
     gaps: NDArray[np.int8],
     begins: NDArray[np.int8],
     tracks: int,
@@ -282,10 +421,15 @@ def code_walks(
 
     Parameters
     ----------
+    coder : Coder
+        In any direction.
+    model : WalkModel
+        Learns the walks. Its ``places`` hold the positions of new nodes; a decoder fills them in.
     nodes, time_steps : int64 arrays, shape (K,)
-        Node of each knot, numbered by first visit, and its time cell; filled in when reading.
+        Node of each knot, numbered by first visit, and its time step; a decoder fills them in.
     gaps, begins : int8 arrays, shape (K,)
-        Whether the part that leads to the knot is a gap, and whether a track begins at the knot.
+        Whether the segment that leads to the knot is a gap, and whether a track begins at the knot;
+        a decoder fills them in.
     tracks : int
         Number of tracks.
     timed, gapped : bool
@@ -298,67 +442,45 @@ def code_walks(
     """
     coder, model = without_refcount(coder), without_refcount(model)
     knots = len(nodes)
-    left = tracks
-    u, before, arrived, last = model.scalars[LATEST] - 1, _NOWHERE, _NOWHERE, KIND_NEW_NODE
-    start = model.scalars[BEGUN]
-    ended, arrival = True, False
-    aims = model.scalars[MODES] & SHORTEST_PATHS > 0
-    joined = _joined(gaps, begins)
-    if timed and len(model.starts) > 0 and not _code_starts(coder, model, start):
+    is_step = _find_steps(gaps, begins)
+    tracks_left = tracks
+    ended = True
+    start = model.scalars[LAST_TRACK_START]
+    state = _WalkState(
+        model.scalars[LAST_TRACK_END] - 1, _NONE, _NONE, KIND_NEW_NODE, KIND_NEW_NODE
+    )
+    if timed and len(model.track_starts) > 0 and not _code_sorted_starts(coder, model, start):
         return -1
+
     for j in range(knots):
-        if coder.cursor[1] == 1 and coder.cursor[0] > len(coder.data) + 8:
+        if is_decoding(coder) and is_exhausted(coder):
             return -1
+
+        # a knot begins a track where the one before it ended a track
+        begins[j] = 1 if ended else 0
         if ended:
-            if left == 0:
+            if tracks_left == 0:
                 return -1
-            left -= 1
-            begins[j] = 1
+            tracks_left -= 1
             if timed:
-                start = _code_first_cell(coder, model, start, cells[j])
-                cells[j] = start
-            u = _code_start(coder, model, u, nodes[j])
-            nodes[j] = u
-            before, arrived, last, arrival = _NOWHERE, _NOWHERE, KIND_NEW_NODE, False
-            forget_heading(model)
+                start = _code_first_time_step(coder, model, start, time_steps[j])
+                time_steps[j] = start
+            nodes[j] = _code_start(coder, model, state.node, nodes[j])
+            state = _arrive_without_heading(model, nodes[j])
         else:
-            begins[j] = 0
-            span = cells[j] - cells[j - 1]
-            gap = 0
-            bits = count_bits(coder)
-            under_way = has_target(model)
-            if gapped and not under_way:
-                gap = code_bit(coder, model.flags, _gap_context(model, u, last), np.int64(gaps[j]))
-            gaps[j] = gap
-            if aims and gap == 0 and not under_way and model.head[u] >= 0:
-                code_target(coder, model, u, np.int64(5) if arrival else last, nodes, joined, j)
-            under_way = has_target(model)
-            if gap:
-                node, span = _code_gap(coder, model, u, nodes[j], span, timed)
-                record_bits(model, GAP_BITS, count_bits(coder) - bits)
-                before, arrived, last = _NOWHERE, _NOWHERE, KIND_NEW_NODE
-                forget_heading(model)
-                model.rests[u] += 1
-                model.rests[node] += 1
-            else:
-                last, half, node = _code_way_on(coder, model, u, before, arrived, last, nodes[j])
-                record_bits(model, STEP_KIND_BITS + last, count_bits(coder) - bits)
-                if len(model.spent) > 0 and not aims:
-                    model.spent[j] = count_bits(coder) - bits
-                span = _code_part(coder, model, last, half, u, node, span, timed)
-                if node != u:
-                    arrived = learn_step(model, arrived, u, node, span if timed else np.int64(0))
-                    before = u
-            arrival = under_way and not has_target(model)
-            nodes[j] = node
-            u = node
-            cells[j] = cells[j - 1] + span if timed else 0
-        if coder.cursor[1] == 1 and not _is_sound(model, u, cells[j]):
+            state = _code_segment(
+                coder, model, state, nodes, time_steps, gaps, is_step, j, timed, gapped
+            )
+        if is_decoding(coder) and not _is_in_bounds(model, state.node, time_steps[j]):
             return -1
+
+        # does the track end here? the last one does when the knots are used up
         ended = (
-            left > 0
+            tracks_left > 0
             and not has_target(model)
-            and _code_end(coder, model, u, j + 1 == knots or begins[j + 1] == 1)
+            and _code_end(coder, model, state.node, j + 1 == knots or begins[j + 1] == 1)
         )
-    model.scalars[LATEST], model.scalars[BEGUN] = u + 1, start
-    return model.scalars[NODES] if left == 0 and not has_target(model) else np.int64(-1)
+
+    # the next walks, if the model goes on, follow the last track
+    model.scalars[LAST_TRACK_END], model.scalars[LAST_TRACK_START] = state.node + 1, start
+    return model.scalars[NODE_COUNT] if tracks_left == 0 and not has_target(model) else np.int64(-1)
