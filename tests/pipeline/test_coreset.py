@@ -41,7 +41,7 @@ def log(tracks, tmp_path):
 
 def are_equal(first, second):
     return (
-        first.tracks == second.tracks
+        first.ids == second.ids
         and first.rows.tobytes() == second.rows.tobytes()
         and first.owners.tolist() == second.owners.tolist()
     )

@@ -41,7 +41,9 @@ def later(fleet, city):
 def distances(archive, tracks):
     """Distances of all samples to the archive's positions."""
     by_track = [
-        np.linalg.norm(archive.position(track.id, track.times, metres=True) - track.positions, axis=1)
+        np.linalg.norm(
+            archive.position(track.id, track.times, metres=True) - track.positions, axis=1
+        )
         for track in tracks
     ]
     return np.concatenate(by_track)

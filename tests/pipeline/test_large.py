@@ -65,7 +65,9 @@ def rows_of_track(track, rows):
 def distances(archive, tracks):
     """Distances of all samples to the archive's positions."""
     by_track = [
-        np.linalg.norm(archive.position(track.id, track.times, metres=True) - track.positions, axis=1)
+        np.linalg.norm(
+            archive.position(track.id, track.times, metres=True) - track.positions, axis=1
+        )
         for track in tracks
     ]
     return np.concatenate(by_track)
