@@ -417,15 +417,18 @@ from gpszip.testing import patrol
 
 compilations = []
 with on_compile(lambda: compilations.append(1)):
-    # Every sixth sample of a patrol, at about 2 Hz.
-    rows = patrol(3000)
-    track = Track("0", rows.times[::6], rows.positions[::6])
+    track = patrol(3000)
     for options in (Options(rmse=0.3), Options(max_error=1.0), Options(k=9, m=5)):
         archive, _ = compress_tracks([track], options)
-    later = compress([track], rmse=0.3, map=archive)
-    decompress(later)
-    outside_gap = [*range(166), *range(333, 500)]
-    patch([Track("0", track.times[outside_gap], track.positions[outside_gap])], archive, gap=30.0)
+
+    # On a map: all samples with little effort, and every sixth with the default. Together they
+    # call the kernels that all samples with the default effort call, in a quarter of the time.
+    sparse = Track("0", track.times[::6], track.positions[::6])
+    for tracks, effort in (([track], 1), ([sparse], 5)):
+        decompress(compress(tracks, rmse=0.3, map=archive, effort=effort))
+
+    kept = [*range(1000), *range(2000, 3000)]
+    patch([Track("0", track.times[kept], track.positions[kept])], archive, gap=30.0)
     Matcher(archive, match(track, archive).scales).push(0.0, [0.0, 0.0])
 print(len(compilations))
 """
