@@ -55,11 +55,14 @@ def test_tracks_of_one_sample_and_parked_tracks_are_learned():
     assert errors.rmse <= 1.0
 
 
-@pytest.mark.parametrize("effort", [1, 3])
-def test_the_executor_does_not_change_the_bytes(town, effort):
+@pytest.mark.parametrize(
+    ("effort", "executors"),
+    [(1, (None, Serial(), Threads(1), Threads(3))), (3, (None, Threads(3)))],
+    ids=["one start", "several starts"],
+)
+def test_the_executor_does_not_change_the_bytes(town, effort, executors):
     results = [
-        learn_map(town, no_gaps(town), rmse=6.0, effort=effort, executor=run)
-        for run in (None, Serial(), Threads(1), Threads(3))
+        learn_map(town, no_gaps(town), rmse=6.0, effort=effort, executor=run) for run in executors
     ]
     assert len({(grid, encode(grid_walks)) for grid, grid_walks in results}) == 1
 

@@ -35,7 +35,7 @@ def piece_steps(time_grid, piece):
 
 
 @given(logs(), st.booleans())
-@settings(max_examples=150)
+@settings(max_examples=80)
 def test_every_sample_is_in_one_slot_and_pieces_do_not_overlap(log, sparse):
     tracks, gaps, grid = log
     time_grid = build_time_grid(tracks, gaps, grid, sparse=sparse)
@@ -62,7 +62,7 @@ def test_every_sample_is_in_one_slot_and_pieces_do_not_overlap(log, sparse):
 
 
 @given(logs())
-@settings(max_examples=100)
+@settings(max_examples=60)
 def test_gaps_separate_pieces_where_a_time_step_fits(log):
     tracks, gaps, grid = log
     time_grid = build_time_grid(tracks, gaps, grid)
@@ -72,7 +72,7 @@ def test_gaps_separate_pieces_where_a_time_step_fits(log):
 
 
 @given(logs(), st.integers(0, 2**32))
-@settings(max_examples=150)
+@settings(max_examples=80)
 def test_knots_on_sparse_slots_are_transferred_to_full_ones(log, seed):
     tracks, gaps, grid = log
     full, sparse_grid = (
@@ -129,7 +129,7 @@ def is_sparsified_like_sparse_grid(tracks, gaps, grid):
 
 
 @given(logs())
-@settings(max_examples=150)
+@settings(max_examples=80)
 def test_sparsify_gives_a_sparse_grid(log):
     assert is_sparsified_like_sparse_grid(*log)
 

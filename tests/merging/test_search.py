@@ -1,4 +1,4 @@
-"""Merging archives, from their bytes to the bytes that come out; curves are evaluated densely, apart from the code that measures."""
+"""Merges of archives by their bytes; curves are sampled densely, without the code under test."""
 
 import math
 from dataclasses import replace
@@ -11,6 +11,7 @@ from gpszip.archive import new_archive, open_archive, with_error_bound
 from gpszip.errors import BoundError, OptionError
 from gpszip.geo.common_plane import to_common_plane
 from gpszip.geo.planes import choose_plane, to_geographic, to_plane
+from gpszip.merging import search
 from gpszip.model import GridWalk, GridWalks, Options, Plane, QuantisationGrid, Track
 from gpszip.model.error_bound import rounded_bound
 from gpszip.model.merge_options import MergeOptions
@@ -33,9 +34,16 @@ def town(vehicles=6, seed=3, start=0.0):
     )
     pairs = logs.values() if isinstance(logs, dict) else logs
     return [
-        Track(f"bus {i}", start + np.asarray(times), np.asarray(places))
-        for i, (times, places) in enumerate(pairs)
+        Track(f"bus {i}", start + np.asarray(times), np.asarray(positions))
+        for i, (times, positions) in enumerate(pairs)
     ]
+
+
+@pytest.fixture(autouse=True)
+def little_work(monkeypatch):
+    """Local searches in three short steps: results differ, but no property under test does."""
+    monkeypatch.setattr(search, "_WORK", 60_000)
+    monkeypatch.setattr(search, "_MIN_WORK", 20_000)
 
 
 @pytest.fixture(scope="module")
@@ -49,8 +57,8 @@ def fleets(logs):
 
 
 def farthest(before, after, names=None):
-    """The largest distance between the curves of two archives, at many instants of each piece, and at all knots of either."""
-    worst = 0.0
+    """Largest distance between the curves of two archives, at many times and all knots."""
+    largest = 0.0
     for number, name in enumerate(before.ids):
         walk, new = before.walk(name), after.walk(name if names is None else names[number])
         cuts = [0, *(np.flatnonzero(walk.gaps) + 1), len(walk.nodes)]
@@ -62,25 +70,25 @@ def farthest(before, after, names=None):
                 np.linspace(low, high, 2000), np.concatenate([walk.times[first:end], new.times])
             )
             when = when[(when >= low) & (when <= high)]
-            there = before.position(name, when)
-            here = after.position(new.id, when)
-            assert not np.isnan(here).any()
+            expected = before.position(name, when)
+            actual = after.position(new.id, when)
+            assert not np.isnan(actual).any()
             if before.grid.plane is not None:
                 plane = before.grid.plane
-                there, here = to_plane(*there.T, plane), to_plane(*here.T, plane)
-            worst = max(worst, float(np.linalg.norm(here - there, axis=1).max()))
-    return worst
+                expected, actual = to_plane(*expected.T, plane), to_plane(*actual.T, plane)
+            largest = max(largest, float(np.linalg.norm(actual - expected, axis=1).max()))
+    return largest
 
 
 def rmse(archive, tracks):
     squares = [
-        ((archive.position(track.id, track.times, metres=True) - track.positions) ** 2).sum(axis=1)
+        ((archive.position(track.id, track.times) - track.positions) ** 2).sum(axis=1)
         for track in tracks
     ]
     return math.sqrt(np.concatenate(squares).mean())
 
 
-def test_two_archives_become_one_smaller_than_both_with_all_tracks(logs, fleets):
+def test_two_archives_become_a_smaller_one_with_all_tracks(logs, fleets):
     made, report = merge(fleets[:2])
     assert made.ids == ("bus 0", "bus 1", "bus 2", "bus 3")
     assert (
@@ -105,21 +113,21 @@ def test_no_curve_is_moved_farther_than_allowed(fleets, limit):
     assert report.deviation.maximum <= limit
 
 
-def test_a_promised_maximum_is_added_to(logs):
+def test_the_error_bound_grows_by_the_limit_on_a_maximum(logs):
     fleets = [compress(logs[i : i + 2], Options(max_error=12.0, effort=1))[0] for i in (0, 2)]
     made, report = merge(fleets)
     assert report.limits_maximum
     assert made.error_bound.maximum
     assert made.error_bound.metres <= 24.1
-    worst = max(
+    largest = max(
         np.linalg.norm(made.position(t.id, t.times, metres=True) - t.positions, axis=1).max()
         for t in logs[:4]
     )
-    assert worst <= made.error_bound.metres
+    assert largest <= made.error_bound.metres
     assert max(farthest(archive, made) for archive in fleets) <= 12.0
 
 
-def test_a_maximum_and_a_mean_together_promise_a_mean(logs, fleets):
+def test_a_maximum_and_a_mean_give_a_mean_as_error_bound(logs, fleets):
     other, _ = compress(logs[2:4], Options(max_error=12.0, effort=1))
     made, report = merge([fleets[0], other])
     assert report.limits_maximum
@@ -128,32 +136,31 @@ def test_a_maximum_and_a_mean_together_promise_a_mean(logs, fleets):
     assert rmse(made, logs[:4]) <= made.error_bound.metres <= 17.1
 
 
-def carriers():
-    """Three archives of two vehicles each that tell where they are every second."""
+def frequent_fleets():
+    """Three archives of two vehicles each, with a sample every second."""
     logs = drives(
         6, vehicles=6, period=1.0, duration=200.0, seed=5, noise=4.0, block=120.0, speed=9.0
     )
     pairs = logs.values() if isinstance(logs, dict) else logs
     tracks = [
-        Track(f"bus {i}", np.asarray(times), np.asarray(places))
-        for i, (times, places) in enumerate(pairs)
+        Track(f"bus {i}", np.asarray(times), np.asarray(positions))
+        for i, (times, positions) in enumerate(pairs)
     ]
     return [compress(tracks[i::3], Options(rmse=8.0, effort=1))[0] for i in range(3)]
 
 
 @pytest.mark.parametrize("many", [False, True])
 def test_the_order_of_merging_hardly_changes_the_size(fleets, many):
-    one, two, three = archives = carriers() if many else fleets
+    one, two, three = archives = frequent_fleets() if many else fleets
     option = MergeOptions(deviation=8.0 if many else 5.0)
-    inner = [merge(pair, option)[0] for pair in ((one, two), (two, three), (three, one))]
+    left, right = (merge(pair, option)[0] for pair in ((one, two), (two, three)))
     sizes = [
-        len(merge(pair, option)[0].to_bytes())
-        for pair in ((inner[0], three), (one, inner[1]), (inner[2], two), archives)
+        len(merge(group, option)[0].to_bytes()) for group in ((left, three), (one, right), archives)
     ]
     assert max(sizes) <= 1.05 * min(sizes)
 
 
-def test_archives_remember_what_was_promised_before_any_merge(fleets):
+def test_archives_keep_the_error_bound_before_any_merge(fleets):
     both, _ = merge(fleets[:2])
     made, report = merge([both, fleets[2]])
     assert both.error_bound.before == made.error_bound.before == report.limit == 5.0
@@ -164,7 +171,7 @@ def test_archives_remember_what_was_promised_before_any_merge(fleets):
     assert moved.rms <= 0.76 * 5.0 < 5.0 >= fresh.rms
 
 
-def test_bytes_do_not_depend_on_where_the_work_is_done(fleets):
+def test_the_executor_does_not_change_the_bytes(fleets):
     assert (
         merge(fleets, executor=Serial())[0].to_bytes()
         == merge(fleets, executor=Threads(2))[0].to_bytes()
@@ -175,10 +182,10 @@ def test_gaps_stay_gaps():
     walk = GridWalk(
         np.array([0, 1, 1, 0], np.int32), np.array([0, 30, 34, 60]), np.array([False, True, False])
     )
-    frames = [QuantisationGrid((0, 0), 0, 128, 128), QuantisationGrid((300, 700), 350, 128, 131)]
+    grids = [QuantisationGrid((0, 0), 0, 128, 128), QuantisationGrid((300, 700), 350, 128, 131)]
     parts = [
         new_archive(grid, [name], GridWalks(np.array([[0, 0], [90, 0]]), (walk,)))
-        for grid, name in zip(frames, "ab", strict=True)
+        for grid, name in zip(grids, "ab", strict=True)
     ]
     made, report = merge(parts, MergeOptions(deviation=3.0))
     assert [int(one.gaps.sum()) for one in made.walks] == [1, 1]
@@ -186,7 +193,7 @@ def test_gaps_stay_gaps():
     assert np.isnan(made.position("a", 32.0)).all()
 
 
-def test_frames_with_other_quanta_and_zeros_go_together(logs):
+def test_archives_on_different_grids_are_merged(logs):
     shifted = [
         Track(f"far {track.id}", track.times + 0.37, track.positions + np.array([0.21, -0.4]))
         for track in logs[2:4]
@@ -210,7 +217,7 @@ def on_earth(track, lat, lon, plane=None):
 
 
 @pytest.mark.parametrize(("lat", "lon"), [(48.3, 11.9), (48.0, 14.0), (-33.9, 151.2)])
-def test_archives_on_different_planes_share_one_or_lie_side_by_side(logs, lat, lon):
+def test_archives_on_different_planes_share_one_or_keep_both(logs, lat, lon):
     near = on_earth(logs[0], 48.0, 11.0)
     far = on_earth(logs[1], lat, lon)
     parts = [compress([track], Options(rmse=5.0, effort=1))[0] for track in (near, far)]
@@ -219,27 +226,28 @@ def test_archives_on_different_planes_share_one_or_lie_side_by_side(logs, lat, l
     assert len(made.grid.plane.centers) == (2 if lat < 0 else 1)
     for archive, moved in zip(parts, report.deviations, strict=True):
         assert farthest(archive, made) <= moved.maximum * 1.003 + 0.1
-    found = made.position(far.id, far.times)
-    away = to_plane(*found.T, far.plane) - far.positions
-    assert math.sqrt((away**2).sum(axis=1).mean()) <= made.error_bound.metres <= 1.05 * 10.1
+    degrees = made.position(far.id, far.times, geographic=True)
+    offsets = to_plane(*degrees.T, far.plane) - far.positions
+    assert math.sqrt((offsets**2).sum(axis=1).mean()) <= made.error_bound.metres <= 1.05 * 10.1
 
 
-def test_pieces_keep_to_one_plane_and_what_stays_is_not_changed():
-    here, there = Plane(((480_000_000, 110_000_000),)), Plane(((480_000_000, 150_000_000),))
+def test_pieces_stay_on_one_plane_and_positions_on_it_do_not_change():
+    near, far = Plane(((480_000_000, 110_000_000),)), Plane(((480_000_000, 150_000_000),))
     one = np.array([[0.0, 0.0], [10.0, 5.0], [7.0, 7.0]])
     two = np.array([[-290_000.0, 0.0], [0.0, 0.0], [250_000.0, 3.0], [250_010.0, 3.0]])
     starts = [np.array([0]), np.array([0, 2])]
-    plane, (first, second), moved = to_common_plane([here, there], [one, two], starts)
-    assert plane.centers[0] == there.centers[0]  # the largest log's
+    plane, (first, second), moved = to_common_plane([near, far], [one, two], starts)
+    # The plane of the largest log comes first.
+    assert plane.centers[0] == far.centers[0]
     np.testing.assert_array_equal(second, two)
     assert moved[0].all()
     assert not moved[1].any()
     np.testing.assert_allclose(
-        np.stack(to_geographic(first, plane)), np.stack(to_geographic(one, here)), atol=1e-9
+        np.stack(to_geographic(first, plane)), np.stack(to_geographic(one, near)), atol=1e-9
     )
 
 
-def test_kept_columns_are_carried_over(logs):
+def test_kept_columns_are_merged(logs):
     def with_speed(track, **columns):
         return replace(track, attributes={"speed": np.arange(len(track)) / 4, **columns})
 
@@ -272,12 +280,12 @@ def test_tracks_of_one_name_are_refused_renamed_or_joined():
         merge(parts, names=["am", "pm"])
     apart, _ = merge(parts, MergeOptions(same_id="prefix"), names=["am", "pm"])
     assert apart.ids == ("am:bus", "pm:bus")
-    whole, report = merge(parts[::-1], MergeOptions(same_id="join"), names=["pm", "am"])
-    assert whole.ids == ("bus",)
-    assert int(whole.walks[0].gaps.sum()) == 1
-    assert np.isnan(whole.position("bus", 20_000.0)).all()
+    joined, report = merge(parts[::-1], MergeOptions(same_id="join"), names=["pm", "am"])
+    assert joined.ids == ("bus",)
+    assert int(joined.walks[0].gaps.sum()) == 1
+    assert np.isnan(joined.position("bus", 20_000.0)).all()
     for archive in parts:
-        assert farthest(archive, whole) <= report.deviation.maximum * (1 + 1e-9)
+        assert farthest(archive, joined) <= report.deviation.maximum * (1 + 1e-9)
     late = compress(
         [replace(evening, id="bus", times=evening.times - 39_500.0)], Options(rmse=5.0, effort=1)
     )[0]
@@ -293,8 +301,8 @@ def test_halves_of_one_track_are_joined_where_they_touch(logs):
         )[0]
         for rows in (slice(0, half), slice(half, None))
     ]
-    whole, _ = merge(parts, MergeOptions(same_id="join"))
-    assert rmse(whole, [replace(track, id="bus")]) <= whole.error_bound.metres
+    joined, _ = merge(parts, MergeOptions(same_id="join"))
+    assert rmse(joined, [replace(track, id="bus")]) <= joined.error_bound.metres
 
 
 def hand_made(ids=("a",), plane=None, timed=True, dimension=2):
@@ -308,7 +316,7 @@ def hand_made(ids=("a",), plane=None, timed=True, dimension=2):
     )
 
 
-def test_what_does_not_go_together_is_refused_by_name():
+def test_archives_that_cannot_be_merged_are_refused_by_name():
     plain, earth = hand_made(), hand_made(("b",), Plane(((480_000_000, 110_000_000),)))
     with pytest.raises(OptionError, match="two or more"):
         merge([plain])
@@ -324,7 +332,7 @@ def test_what_does_not_go_together_is_refused_by_name():
         MergeOptions(max_deviation=-1.0)
 
 
-def test_archives_that_promise_nothing_may_move_by_a_step_of_their_lattice():
+def test_archives_without_an_error_bound_move_by_at_most_a_grid_step():
     made, report = merge([hand_made(("a",)), hand_made(("b",))])
     assert report.limit == 1.0
     assert made.error_bound is None
@@ -332,7 +340,7 @@ def test_archives_that_promise_nothing_may_move_by_a_step_of_their_lattice():
     assert len(made.road_map.nodes) == 2
 
 
-def test_equal_archives_are_merged_without_moving_anything():
+def test_equal_archives_are_merged_without_deviation():
     parts = [
         with_error_bound(hand_made((name,)), rounded_bound(0.01, maximum=True)) for name in "ab"
     ]
@@ -342,7 +350,7 @@ def test_equal_archives_are_merged_without_moving_anything():
     assert open_archive(made.to_bytes()).error_bound == made.error_bound
 
 
-def test_more_than_the_lattice_can_do_is_not_claimed():
+def test_a_limit_below_the_finest_grid_is_refused():
     first = hand_made(("a",))
     second = new_archive(QuantisationGrid((333, 0), 123, 1, 1), ["b"], hand_made().grid_walks)
     with pytest.raises(BoundError, match="can't be held"):
