@@ -8,7 +8,10 @@ ROOT = Path(__file__).parents[1]
 
 
 def test_imports_point_down_the_levels():
-    code = "import sys; from importlinter.cli import lint_imports_command; sys.exit(lint_imports_command())"
+    code = (
+        "import sys; from importlinter.cli import lint_imports_command; "
+        "sys.exit(lint_imports_command())"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code, "--no-cache"],
         cwd=ROOT,

@@ -260,7 +260,7 @@ def test_the_facts_are_those_of_the_walks():
     )
     assert not made._decoded_groups
     facts = made.info(decode=True)
-    assert (facts["nodes"], facts["parts"], facts["timed"]) == (
+    assert (facts["nodes"], facts["segments"], facts["timed"]) == (
         len(made.grid_walks.nodes),
         58,
         True,

@@ -61,7 +61,7 @@ def test_error_bounds_add_up(gpszip, tmp_path, log):
     )
     assert run.code == 0, run.err
     assert run.json["promise_kind"] == "max_error"
-    assert run.json["promise"] <= 2.01
+    assert run.json["error_bound"] <= 2.01
     assert open_archive(tmp_path / "both.gpsz").ids == ("other:0", "walk:0")
 
 

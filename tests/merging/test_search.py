@@ -82,7 +82,7 @@ def farthest(before, after, names=None):
 
 def rmse(archive, tracks):
     squares = [
-        ((archive.position(track.id, track.times) - track.positions) ** 2).sum(axis=1)
+        ((archive.position(track.id, track.times, metres=True) - track.positions) ** 2).sum(axis=1)
         for track in tracks
     ]
     return math.sqrt(np.concatenate(squares).mean())
@@ -226,7 +226,7 @@ def test_archives_on_different_planes_share_one_or_keep_both(logs, lat, lon):
     assert len(made.grid.plane.centers) == (2 if lat < 0 else 1)
     for archive, moved in zip(parts, report.deviations, strict=True):
         assert farthest(archive, made) <= moved.maximum * 1.003 + 0.1
-    degrees = made.position(far.id, far.times, geographic=True)
+    degrees = made.position(far.id, far.times)
     offsets = to_plane(*degrees.T, far.plane) - far.positions
     assert math.sqrt((offsets**2).sum(axis=1).mean()) <= made.error_bound.metres <= 1.05 * 10.1
 

@@ -124,7 +124,7 @@ def _summary_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     # What else is known.
     if facts["map"]:
         rows.append(("map", f"kept elsewhere, {facts['map']}"))
-    if facts["promise"]:
+    if facts["error_bound"]:
         rows.append(("error bound", _describe_error_bound(facts)))
     if facts["sampling_s"]:
         rows.append(("sampling", f"about every {facts['sampling_s']:.2g} s"))
@@ -141,7 +141,6 @@ def _detail_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     else:
         time_range = f"{_format_time(facts['t_start'])} to {_format_time(facts['t_end'])}"
 
-    # JSON calls segments "parts".
     return [
         ("map", f"nodes {facts['nodes']:,}, edges {facts['edges']:,}"),
         ("walks", f"segments {facts['parts']:,}, gaps {facts['gaps']:,}"),
@@ -155,14 +154,14 @@ def _resolution_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
     """Return the lines about the resolution of positions and times."""
     from gpszip.cli.units import format_length
 
-    rows = [("positions", f"{_describe_axes(facts)}, to {format_length(facts['node_quantum_m'])}")]
+    rows = [("positions", f"{_describe_axes(facts)}, to {format_length(facts['node_step_m'])}")]
     for number, (lat, lon) in enumerate(facts["planes"]):
         rows.append((f"plane {number}", f"about latitude {lat:.5f}, longitude {lon:.5f}"))
     if not facts["timed"]:
         return [*rows, ("times", "none: the shapes of the tracks alone")]
 
     epoch = _format_time(facts["epoch"])
-    rows.append(("times", f"to {facts['time_quantum_s']:.3g} s, from epoch {epoch}"))
+    rows.append(("times", f"to {facts['time_step_s']:.3g} s, from epoch {epoch}"))
     if facts.get("untimed"):
         rows.append(("no times", f"tracks {len(facts['untimed']):,}{_list_ids(facts['untimed'])}"))
     return rows
@@ -171,9 +170,9 @@ def _resolution_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
 def _describe_error_bound(facts: dict[str, Any]) -> str:
     from gpszip.cli.units import format_length
 
-    text = f"{_BOUND_NAMES[facts['promise']]} at most {format_length(facts['promise_m'])}"
-    if facts["promise_max_m"] is not None:
-        text += f", largest error at most {format_length(facts['promise_max_m'])}"
+    text = f"{_BOUND_NAMES[facts['error_bound']]} at most {format_length(facts['error_bound_m'])}"
+    if facts["error_bound_max_m"] is not None:
+        text += f", largest error at most {format_length(facts['error_bound_max_m'])}"
     return text
 
 

@@ -203,8 +203,8 @@ def _print_result(
     if facts["unmatched"]:
         lines.append(f"unmatched: {_describe_unmatched(facts)}")
     lines.append(f"breaks: {breaks or 'none'}")
-    if facts["unheeded"]:
-        lines.append(_describe_ignored_headings(facts["unheeded"]))
+    if facts["headings_ignored"]:
+        lines.append(_describe_ignored_headings(facts["headings_ignored"]))
     lines += describe_repairs(repairs)
     print_status(f"{output_label(target)}: {'; '.join(lines)}")
 
@@ -259,7 +259,7 @@ def _facts(matching: Matching, network: Network) -> dict[str, Any]:
     pieces = [piece for match in matching for piece in match.pieces]
     heading = matching.scales.heading if math.isfinite(matching.scales.heading) else None
 
-    # "unheeded" are the tracks whose headings were ignored.
+    # "headings_ignored" are the tracks whose headings were ignored.
     return {
         "points": matching.points,
         "tracks": len(matching),
@@ -270,7 +270,7 @@ def _facts(matching: Matching, network: Network) -> dict[str, Any]:
         "sigma": matching.scales.sigma,
         "beta": matching.scales.beta,
         "heading": heading,
-        "unheeded": list(matching.headings_ignored),
+        "headings_ignored": list(matching.headings_ignored),
         "breaks": matching.breaks,
         "unmatched": matching.unmatched,
         "one_way": list(dict.fromkeys(map(network.label, matching.wrong_way))),

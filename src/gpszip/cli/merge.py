@@ -190,8 +190,16 @@ def _describe(merged: Archive, report: MergeReport) -> str:
 
 def _facts(archives: tuple[str, ...], merged: Archive, report: MergeReport) -> dict[str, Any]:
     """Return the same for JSON: lengths in metres, times in seconds, sizes in bytes."""
-    # JSON calls the error bound "promise".
-    names = ("tracks", "parts", "nodes", "edges", "nodes_in", "edges_in", "bytes_in", "bytes_out")
+    names = (
+        "tracks",
+        "segments",
+        "nodes",
+        "edges",
+        "nodes_in",
+        "edges_in",
+        "bytes_in",
+        "bytes_out",
+    )
     error_bound = merged.error_bound
     bound_kind = None
     if error_bound is not None:
@@ -205,7 +213,7 @@ def _facts(archives: tuple[str, ...], merged: Archive, report: MergeReport) -> d
         ],
         "allowed": report.limit,
         "allowed_kind": "max" if report.limits_maximum else "rms",
-        "promise": None if error_bound is None else error_bound.metres,
+        "error_bound": None if error_bound is None else error_bound.metres,
         "promise_kind": bound_kind,
         "seconds": round(report.seconds, 3),
         "notes": list(report.notes),

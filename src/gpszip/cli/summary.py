@@ -138,7 +138,7 @@ def _describe_remarks(read_result: ReadResult, report: Report) -> list[str]:
 
 def summary_as_dict(read_result: ReadResult, report: Report) -> dict[str, Any]:
     """Return the summary of a compression for JSON: lengths in m, times in s, sizes in bytes."""
-    # The compression; "parts" are the segments of all walks.
+    # The compression; "segments" are the segments of all walks.
     compression = {
         "points": report.points,
         "tracks": report.tracks,
@@ -150,7 +150,7 @@ def summary_as_dict(read_result: ReadResult, report: Report) -> dict[str, Any]:
         "bound": report.bound,
         "gap": report.gap,
         "seconds": round(report.seconds, 3),
-        "parts": report.segments,
+        "segments": report.segments,
         "nodes": report.nodes,
         "edges": report.edges,
         "notes": list(report.notes),

@@ -31,7 +31,7 @@ class MergeReport:
     ----------
     archives, tracks : int
         Archives that went in, and tracks that came out.
-    parts, nodes, edges : int
+    segments, nodes, edges : int
         Straight segments of all walks, and the map that they share.
     nodes_in, edges_in : int
         Nodes and edges of all maps that went in.
@@ -51,7 +51,7 @@ class MergeReport:
 
     archives: int
     tracks: int
-    parts: int
+    segments: int
     nodes: int
     edges: int
     nodes_in: int

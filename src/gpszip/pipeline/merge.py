@@ -303,7 +303,7 @@ def _report(
     return MergeReport(
         archives=len(archives),
         tracks=len(merged.ids),
-        parts=sum(len(walk.gaps) for walk in merged.grid_walks.walks),
+        segments=sum(len(walk.gaps) for walk in merged.grid_walks.walks),
         nodes=len(merged.road_map.nodes),
         edges=len(merged.road_map.edges),
         nodes_in=sum(len(archive.road_map.nodes) for archive in archives),
