@@ -768,7 +768,10 @@ def _open_log(
 def _warn_of_losses(result: ReadResult) -> None:
     """Warn at the line of the user, whether it reads files or compresses them."""
     depth, caller = 1, sys._getframe(1)
-    while caller.f_back is not None and caller.f_globals["__name__"] in {__name__, "contextlib"}:
+    while caller.f_back is not None and caller.f_globals.get("__name__") in {
+        __name__,
+        "contextlib",
+    }:
         caller, depth = caller.f_back, depth + 1
     for loss in result.losses:
         warnings.warn(f"lost {loss}", LossWarning, stacklevel=depth + 1)

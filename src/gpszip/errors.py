@@ -21,7 +21,6 @@ four are attributes of the error, so that no caller has to take a message apart.
 
 from __future__ import annotations
 
-import copy
 import os
 from typing import Self
 
@@ -99,7 +98,9 @@ class GPSZipError(Exception):
         >>> str(InputError("no samples", location="track 'bus'").with_path("log.csv"))
         "log.csv: track 'bus': no samples"
         """
-        located = copy.copy(self)
+        # not copy.copy: libraries that pickle exceptions let the copy share its fields
+        located = type(self).__new__(type(self))
+        located.__dict__.update(self.__dict__)
         located.path = os.fspath(path)
         located.args = (f"{located.path}: {located.detail}", *self.args[1:])
         return located

@@ -41,7 +41,7 @@ def log(tracks, tmp_path):
 
 def are_equal(first, second):
     return (
-        first.ids == second.ids
+        first.tracks == second.tracks
         and first.rows.tobytes() == second.rows.tobytes()
         and first.owners.tolist() == second.owners.tolist()
     )
@@ -53,7 +53,7 @@ def test_a_coreset_is_as_good_as_one_in_memory(log, tracks, size):
     in_memory = build_coreset(tracks, size=size)
     assert len(coreset) <= size
     assert coreset.samples == in_memory.samples == 7290
-    assert set(coreset.ids) == set(in_memory.ids)
+    assert set(coreset.tracks) == set(in_memory.tracks)
     assert coreset.error <= 1.1 * in_memory.error + 1e-9
 
 

@@ -143,7 +143,7 @@ def _detail_rows(facts: dict[str, Any]) -> list[tuple[str, str]]:
 
     return [
         ("map", f"nodes {facts['nodes']:,}, edges {facts['edges']:,}"),
-        ("walks", f"segments {facts['parts']:,}, gaps {facts['gaps']:,}"),
+        ("walks", f"segments {facts['segments']:,}, gaps {facts['gaps']:,}"),
         ("waypoints", f"{facts['waypoints']:,}; shortest paths between them give the walks"),
         ("bounds", bounds),
         ("time range", time_range),

@@ -138,7 +138,6 @@ def _describe_remarks(read_result: ReadResult, report: Report) -> list[str]:
 
 def summary_as_dict(read_result: ReadResult, report: Report) -> dict[str, Any]:
     """Return the summary of a compression for JSON: lengths in m, times in s, sizes in bytes."""
-    # The compression; "segments" are the segments of all walks.
     compression = {
         "points": report.points,
         "tracks": report.tracks,

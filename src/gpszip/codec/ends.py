@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from gpszip.codec.kernels.end_coder import ALWAYS, MAX_QUOTIENT, NEVER, SOMETIMES, code_end_offsets
 from gpszip.codec.kernels.range_coder import (
+    DECODES,
+    DIRECTION,
     Coder,
     code_interval,
     decode_cumulative,
-    is_decoding,
 )
 from gpszip.errors import CorruptArchiveError
 from gpszip.model.grid import QuantisationGrid, step_size
@@ -221,7 +222,7 @@ def _code_shapes(coder: Coder, walks: GridWalks) -> frozenset[int]:
     """Code the numbers of the tracks that have no times."""
     # whether there is any
     is_any = len(walks.untimed) > 0
-    if is_decoding(coder):
+    if _is_decoding(coder):
         is_any = int(decode_cumulative(coder, _SHAPES_TOTAL)) == _SHAPES_TOTAL - 1
     if not is_any:
         code_interval(coder, 0, _SHAPES_TOTAL - 1, _SHAPES_TOTAL)
@@ -235,9 +236,17 @@ def _code_shapes(coder: Coder, walks: GridWalks) -> frozenset[int]:
     return frozenset(number for number, flag in enumerate(flags) if flag)
 
 
+def _is_decoding(coder: Coder) -> bool:
+    """Whether the coder reads.
+
+    The kernel of this name is built into its callers; called from here, it would be compiled.
+    """
+    return bool(coder.cursor[DIRECTION] == DECODES)
+
+
 def _code_uniform(coder: Coder, value: int, total: int) -> int:
     """Code a number below ``total``, all of which are equally likely."""
-    if is_decoding(coder):
+    if _is_decoding(coder):
         value = int(decode_cumulative(coder, total))
     code_interval(coder, value, 1, total)
     return value

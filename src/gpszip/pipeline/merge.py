@@ -145,14 +145,18 @@ def _check(archives: Sequence[Archive], names: Sequence[str]) -> None:
     """Refuse archives that don't go together, by name."""
     if len(archives) < 2:
         raise OptionError("one archive alone can't be merged; name two or more")
+
     first = archives[0]
     for name, archive in zip(names, archives, strict=True):
+        # tracks on a map of their own
         if not archive.ids:
             raise OptionError(f"{name}: holds no tracks; leave it out")
         if archive.contents.map is not None:
             raise OptionError(
                 f"{name}: lies on a map kept elsewhere; merge archives that hold their own maps"
             )
+
+        # coordinates like those of the first
         if (archive.grid.plane is None) != (first.grid.plane is None):
             both = (name, names[0]) if archive.grid.plane is None else (names[0], name)
             raise OptionError(
@@ -295,11 +299,14 @@ def _report(
     notes: tuple[str, ...],
 ) -> MergeReport:
     """Summarise what was merged, and how far tracks were moved."""
+    # sizes; a merge may save nothing
     bytes_in = sum(len(archive.to_bytes()) for archive in archives)
     bytes_out = len(merged.to_bytes())
     if bytes_out >= bytes_in:
         apart = "the archives apart take no more bytes; allow a larger deviation for fewer"
         notes = (*notes, apart)
+
+    # nodes and edges before and after
     return MergeReport(
         archives=len(archives),
         tracks=len(merged.ids),

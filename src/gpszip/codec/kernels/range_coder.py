@@ -25,6 +25,8 @@ from numpy.typing import NDArray
 from gpszip.kernels.jit import inlined, jit
 
 __all__ = [
+    "DECODES",
+    "DIRECTION",
     "Coder",
     "code_bits",
     "code_interval",
@@ -45,11 +47,11 @@ _CODE = 2
 
 #: Index of each number in ``Coder.cursor``: the next byte of the buffer, and what the coder does.
 _NEXT_BYTE = 0
-_DIRECTION = 1
+DIRECTION = 1
 
 #: What a coder does; one that listens neither writes nor reads.
 _ENCODES = 0
-_DECODES = 1
+DECODES = 1
 _LISTENS = 2
 
 #: The range is kept at or above this, so that a share of the largest total, 2**41, is at least 128.
@@ -114,7 +116,7 @@ def new_decoder(data: bytes) -> Coder:
     code = int.from_bytes(padded[:_WORD_BYTES].tobytes(), "big")
     return Coder(
         np.array([0, 0xFFFFFFFFFFFFFFFF, code], np.uint64),
-        np.array([_WORD_BYTES, _DECODES], np.int64),
+        np.array([_WORD_BYTES, DECODES], np.int64),
         padded,
     )
 
@@ -122,7 +124,7 @@ def new_decoder(data: bytes) -> Coder:
 @inlined
 def is_decoding(coder: Coder) -> bool:
     """Whether the coder reads symbols; otherwise it takes those that it is given."""
-    return coder.cursor[_DIRECTION] == _DECODES
+    return coder.cursor[DIRECTION] == DECODES
 
 
 @inlined
@@ -148,11 +150,11 @@ def _carry(data: NDArray[np.uint8], end: int) -> None:
 def _narrow(coder: Coder, start: np.uint64, width: np.uint64) -> None:
     """Narrow the range to ``width`` from ``start`` on, and move the bytes that are certain."""
     words, cursor, data = coder
-    if cursor[_DIRECTION] == _LISTENS:
+    if cursor[DIRECTION] == _LISTENS:
         return
 
     # narrow the interval; where low wraps round, the bytes already written take a carry
-    if cursor[_DIRECTION] == _DECODES:
+    if cursor[DIRECTION] == DECODES:
         words[_CODE] -= start
     else:
         low = words[_LOW] + start
@@ -165,7 +167,7 @@ def _narrow(coder: Coder, start: np.uint64, width: np.uint64) -> None:
     while words[_RANGE] < _MIN_RANGE:
         words[_RANGE] <<= _BYTE_BITS
         i = cursor[_NEXT_BYTE]
-        if cursor[_DIRECTION] == _DECODES:
+        if cursor[DIRECTION] == DECODES:
             byte = np.uint64(data[i]) if i < len(data) else _ZERO
             words[_CODE] = (words[_CODE] << _BYTE_BITS) | byte
         else:
