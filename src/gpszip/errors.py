@@ -105,6 +105,24 @@ class GPSZipError(Exception):
         located.args = (f"{located.path}: {located.detail}", *self.args[1:])
         return located
 
+    def located_at(self, path: str) -> Self:
+        """Return the error with its path as a field, for lists of files that failed.
+
+        A message that begins with the path loses it to the field.
+
+        Examples
+        --------
+        >>> error = InputError("log.csv: no samples").located_at("log.csv")
+        >>> str(error), error.path, error.detail
+        ('log.csv: no samples', 'log.csv', 'no samples')
+        """
+        if self.path is not None:
+            return self
+        located = self.with_path(path)
+        located.reason = self.reason.removeprefix(f"{path}: ")
+        located.args = (f"{path}: {located.detail}", *self.args[1:])
+        return located
+
 
 class InputError(GPSZipError):
     """A file, a column or a value that can't be used."""

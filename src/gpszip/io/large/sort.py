@@ -245,8 +245,7 @@ class ExternalSorter:
         """Yield what was left out, and why: parts of files first, then full files."""
         yield from self._left_out
         for error in self.errors:
-            name, _, reason = str(error).partition(": ")
-            yield LeftOut(name, reason)
+            yield LeftOut(str(error.path), error.detail)
 
     @property
     def _file(self) -> _PresentFile:
@@ -532,7 +531,7 @@ class ExternalSorter:
         )
         if not self.skip_bad:
             raise error
-        self.errors.append(error)
+        self.errors.append(error.located_at(where))
         count = self._runs.row_count(file_track.code)
         self._add_repair(Repair(f"points of track {name!r} left out", count, where))
 
@@ -565,7 +564,7 @@ class ExternalSorter:
         error = stopped_clock_error(where, name, count, first_time)
         if not self.skip_bad or len(tracks) == 1:
             raise error
-        self.errors.append(error)
+        self.errors.append(error.located_at(where))
         self._add_repair(Repair(f"points of track {name!r} left out", count, where))
         del tracks[name]
         self._unusable.pop(name, None)

@@ -334,7 +334,8 @@ def _inspect_files(sources: Sources, format_: str | None, request: Request) -> _
         if error is not None and not (request.skip_bad or is_stray_file(source, error)):
             raise error
         if error is not None:
-            errors.append(error)
+            name = source.name if isinstance(source, Source) else "log"
+            errors.append(error.located_at(name))
         elif isinstance(log_file, LogFile):
             log_files.append(log_file)
             size += log_file.source.size
@@ -376,7 +377,7 @@ def _sort_file(sorter: ExternalSorter, log_file: LogFile, stem: str) -> None:
     except InputError as error:
         if not sorter.skip_bad:
             raise
-        sorter.errors.append(error)
+        sorter.errors.append(error.located_at(log_file.source.name))
         sorter.drop_file()
 
 

@@ -213,7 +213,8 @@ def read_logs(
         except InputError as error:
             if not (skip_bad or is_stray_file(source, error)):
                 raise
-            logs.errors.append(error)
+            name = source.name if isinstance(source, Source) else "log"
+            logs.errors.append(error.located_at(name))
     _report_errors(logs)
 
     # Join the tracks of all files and project them.
@@ -271,9 +272,7 @@ def _add_log(
 def _report_errors(logs: _CollectedLogs) -> None:
     """List the logs that can't be read; raise if no log can."""
     if logs.axes:
-        for error in logs.errors:
-            name, _, reason = str(error).partition(": ")
-            logs.left_out.append(LeftOut(name, reason))
+        logs.left_out += [LeftOut(str(error.path), error.detail) for error in logs.errors]
         return
     if len(logs.errors) > 1:
         raise InputError(

@@ -58,10 +58,10 @@ def fetch_objects(name: str) -> Iterator[tuple[str, bytes] | InputError]:
         pattern = root.rstrip("/") + name[len(base) :] if has_pattern else None
         paths = sorted(_list_paths(system, root, pattern))
     except (OSError, ValueError, pa.ArrowException) as error:
-        yield InputError(f"{name}: can't be read: {_explain_error(error)}")
+        yield InputError(f"can't be read: {_explain_error(error)}", path=name)
         return
     if not paths:
-        yield InputError(f"{name}: {_explain_absence(system, root, has_pattern=has_pattern)}")
+        yield InputError(_explain_absence(system, root, has_pattern=has_pattern), path=name)
 
     # Read the objects one by one.
     for path in paths:
@@ -70,7 +70,7 @@ def fetch_objects(name: str) -> Iterator[tuple[str, bytes] | InputError]:
             with system.open_input_stream(path, compression=None) as stream:
                 yield shown, stream.read()
         except (OSError, pa.ArrowException) as error:
-            yield InputError(f"{shown}: can't be read: {_explain_error(error)}")
+            yield InputError(f"can't be read: {_explain_error(error)}", path=shown)
 
 
 def _explain_absence(system: Any, root: str, *, has_pattern: bool) -> str:

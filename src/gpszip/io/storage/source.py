@@ -83,7 +83,7 @@ class Source:
         try:
             return self.path.stat().st_size
         except OSError as error:
-            raise InputError(f"{self.name}: {_explain_error(error)}") from None
+            raise InputError(_explain_error(error), path=self.name) from None
 
     @property
     def stem(self) -> str:
@@ -130,7 +130,7 @@ class Source:
             # A memory-mapped file that shrinks while it is read would crash the process.
             return pa.OSFile(os.fsencode(str(self.path)))
         except OSError as error:
-            raise InputError(f"{self.name}: {_explain_error(error)}") from None
+            raise InputError(_explain_error(error), path=self.name) from None
 
     def _read(self, size: int | None) -> bytes:
         """Read at most ``size`` unpacked bytes; None for all."""
@@ -142,7 +142,7 @@ class Source:
                     chunks.append(chunk)
                     remaining -= len(chunk)
         except OSError as error:
-            raise InputError(f"{self.name}: {_explain_error(error)}") from None
+            raise InputError(_explain_error(error), path=self.name) from None
         return b"".join(chunks)
 
 
@@ -262,7 +262,7 @@ def _resolve(item: str | Path | BinaryIO) -> Iterator[Source | _Stream | InputEr
     # Standard input, which is None if the interpreter was started without it.
     elif str(item) == "-":
         if sys.stdin is None:
-            yield InputError("standard input: is closed; name a file")
+            yield InputError("is closed; name a file", path="standard input")
         else:
             yield _Stream("standard input", lambda: _read_stream(sys.stdin.buffer))
 
@@ -308,7 +308,7 @@ def _checked_chunks(stream: _Stream) -> Iterator[bytes]:
     try:
         yield from stream.chunks()
     except (OSError, ValueError) as error:
-        raise InputError(f"{stream.name}: {_explain_error(error)}") from None
+        raise InputError(_explain_error(error), path=stream.name) from None
 
 
 def _read_stream(stream: Any) -> Iterator[bytes]:
@@ -348,7 +348,7 @@ def _zip_sources(source: Source, keep: _Keep) -> Iterator[Source | InputError]:
             assert source.path is not None
             file = source.path.open("rb")
     except OSError as error:
-        yield InputError(f"{source.name}: {_explain_error(error)}")
+        yield InputError(_explain_error(error), path=source.name)
         return
 
     with file:
@@ -390,7 +390,7 @@ def _resolve_name(name: str) -> Iterator[Source | _Stream | InputError]:
         path = Path(name).expanduser()
         is_folder = path.is_dir()
     except (OSError, ValueError, RuntimeError) as error:  # a NUL, or the home of no user
-        yield InputError(f"{shown}: {_explain_error(error)}")
+        yield InputError(_explain_error(error), path=shown)
         return
     if not is_folder:
         yield _resolve_file(name, path)
@@ -400,7 +400,9 @@ def _resolve_name(name: str) -> Iterator[Source | _Stream | InputError]:
     files = sorted(path.rglob("*.parquet"))
     yield from (Source(printable_name(str(file)), path=file, folder=path) for file in files)
     if not files:
-        yield InputError(f"{shown}: is a folder; name the files in it: '{shown.rstrip('/')}/*.csv'")
+        yield InputError(
+            f"is a folder; name the files in it: '{shown.rstrip('/')}/*.csv'", path=shown
+        )
 
 
 def _resolve_file(name: str, path: Path) -> Source | _Stream | InputError:
@@ -414,9 +416,9 @@ def _resolve_file(name: str, path: Path) -> Source | _Stream | InputError:
         path.stat()
     except FileNotFoundError as error:
         reason = "no file matches this pattern" if _is_pattern(name) else _explain_error(error)
-        return InputError(f"{shown}: {reason}")
+        return InputError(reason, path=shown)
     except (OSError, ValueError) as error:
-        return InputError(f"{shown}: {_explain_error(error)}")
+        return InputError(_explain_error(error), path=shown)
 
     # A pipe can be read once only.
     return _Stream(shown, lambda: _read_file(path))

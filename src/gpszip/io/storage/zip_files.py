@@ -110,7 +110,7 @@ def find_members(file: BinaryIO, name: str) -> Iterator[ZipMember | InputError]:
         with zipfile.ZipFile(counted) as archive:
             yield from _files_in(archive, counted, name)
     except _DAMAGE_ERRORS as error:
-        yield InputError(f"{name}: damaged zip archive ({str(error)[:120]}); fetch it again")
+        yield InputError(f"damaged zip archive ({str(error)[:120]}); fetch it again", path=name)
 
 
 def _files_in(
@@ -130,10 +130,10 @@ def _files_in(
     # Refuse documents and empty archives.
     for member, description in _DOCUMENTS.items():
         if member in archive.NameToInfo:
-            yield InputError(f"{name}: is {description}")
+            yield InputError(f"is {description}", path=name)
             return
     if not files:
-        yield InputError(f"{name}: no file in this zip archive; name one that holds a log")
+        yield InputError("no file in this zip archive; name one that holds a log", path=name)
 
     # All members count against one limit, whose error ends the archive.
     meter = ExpansionMeter(name, "unpack it yourself, and name the files")
@@ -152,7 +152,7 @@ def _read_member(
 ) -> ZipMember | InputError:
     """A member that can be read, or the reason why it can't."""
     if info.flag_bits & _ENCRYPTED:
-        return InputError(f"{where}: is encrypted; unpack it first")
+        return InputError("is encrypted; unpack it first", path=where)
     if info.compress_type not in _READABLE_METHODS:
         return InputError(
             f"{where}: is packed by method {info.compress_type} of zip, which isn't read; "
