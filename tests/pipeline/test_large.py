@@ -20,7 +20,7 @@ from gpszip.cli.main import main
 from gpszip.model import Options, Track
 from gpszip.model.error_bound import WRITING_SHARE_IN_METRES
 from gpszip.model.log import MemoryLog
-from gpszip.pipeline import encode_batches, learn
+from gpszip.pipeline import encode_batches, learn_in_batches
 from gpszip.pipeline import memory as memory_limits
 from gpszip.pipeline.job import prepare
 from gpszip.pipeline.open_log import open_log
@@ -315,7 +315,7 @@ def test_a_dense_subsample_is_thinned_and_a_sparse_one_is_not():
 
     def thin_out(**bound):
         options = Options(**bound)
-        return learn._thin_out(prepare(dense, options), options)[0]
+        return learn_in_batches._thin_out(prepare(dense, options), options)[0]
 
     (thinned,) = thin_out(rmse=0.3)
     assert len(thinned) <= 8 * 100 + 2
@@ -355,7 +355,9 @@ def rounds(tmp_path, monkeypatch):
 def test_times_are_as_coarse_as_the_remaining_error_allows(rounds, monkeypatch):
     options = Options(rmse=1.0 / (1 - WRITING_SHARE_IN_METRES), effort=1)
     coarse, coarse_report, _ = compress_in_batches(rounds, options, memory=MEMORY)
-    monkeypatch.setattr(learn, "with_best_time_step", lambda log, base, batches, executor: base)
+    monkeypatch.setattr(
+        learn_in_batches, "with_best_time_step", lambda log, base, batches, executor: base
+    )
     fine, fine_report, _ = compress_in_batches(rounds, options, memory=MEMORY)
     assert 0.98 < coarse_report.rmse <= 1.0
     assert coarse.grid.time > fine.grid.time
@@ -373,7 +375,9 @@ def test_engines_give_the_same_bytes_of_twelve_batches(rounds):
 
 def test_later_batches_know_what_earlier_ones_add_to_the_map(rounds, monkeypatch):
     """The subsample ends before the robot leaves its circle for another one."""
-    monkeypatch.setattr(learn, "with_best_time_step", lambda log, base, batches, executor: base)
+    monkeypatch.setattr(
+        learn_in_batches, "with_best_time_step", lambda log, base, batches, executor: base
+    )
     rows = pq.read_table(rounds).slice(0, 22_000)
     x = rows["x"].to_numpy() + np.where(np.arange(22_000) >= 5000, 300.0, 0.0)
     pq.write_table(rows.set_column(1, "x", pa.array(x)), rounds)
@@ -396,7 +400,7 @@ def test_later_batches_know_what_earlier_ones_add_to_the_map(rounds, monkeypatch
 
 def test_times_too_coarse_for_a_batch_become_fine_again(rounds, monkeypatch):
     """Where coarser times break the bound, the learned ones are used."""
-    time_steps, encode = [], learn.encode_batches
+    time_steps, encode = [], learn_in_batches.encode_batches
 
     def encode_on_fine_times_only(log, base, batches, executor, report):
         time_steps.append(base.grid.time)
@@ -404,7 +408,7 @@ def test_times_too_coarse_for_a_batch_become_fine_again(rounds, monkeypatch):
             raise BoundError("too coarse")
         return encode(log, base, batches, executor, report)
 
-    monkeypatch.setattr(learn, "encode_batches", encode_on_fine_times_only)
+    monkeypatch.setattr(learn_in_batches, "encode_batches", encode_on_fine_times_only)
     _, report, _ = compress_in_batches(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)
     assert time_steps[1] < time_steps[0]
     assert report.rmse <= 1.0

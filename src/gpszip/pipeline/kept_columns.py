@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from typing import BinaryIO, cast
+from typing import TYPE_CHECKING, BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +19,14 @@ from gpszip.container.columns import Column, Values, as_column
 from gpszip.container.contents import Section, SpooledBytes
 from gpszip.container.layout import SectionKind
 from gpszip.errors import OptionError
-from gpszip.io.large.columns import StoredColumn
-from gpszip.io.large.store import StoredLog
 from gpszip.io.storage.temporary import disk_errors_as_output_errors
 from gpszip.model import Options, Track
 from gpszip.model.log import Log, MemoryLog
 from gpszip.pipeline.validate import check_names
+
+if TYPE_CHECKING:
+    from gpszip.io.large.columns import StoredColumn
+    from gpszip.io.large.store import StoredLog
 
 __all__ = ["extended_sections", "kept_sections"]
 
@@ -128,9 +130,9 @@ def _columns(log: Log, names: Sequence[str]) -> dict[str, Column]:
         }
         times = np.concatenate([track.times for track in log.tracks])
         return {name: as_column(name, values) for name, values in {"t": times, **arrays}.items()}
-    assert isinstance(log, StoredLog)
-    stored = {column.name: column for column in log.columns}
-    return {"t": _Times(log), **{name: stored[name] for name in names}}
+    stored_log = cast("StoredLog", log)
+    stored = {column.name: column for column in stored_log.columns}
+    return {"t": _Times(stored_log), **{name: stored[name] for name in names}}
 
 
 def _chained(
@@ -186,8 +188,7 @@ def _reader(
     if isinstance(log, MemoryLog):
         values = np.concatenate([np.zeros(0, np.int64), *column.chunks()])
         return partial(_slice, values if codes is None else codes[values])
-    assert isinstance(column, StoredColumn | _Times)
-    return partial(_stored_rows, column, codes)
+    return partial(_stored_rows, cast("StoredColumn", column), codes)
 
 
 def _stored_rows(
