@@ -48,7 +48,7 @@ imports: $(VENV)/.dev
 	$(BIN)/lint-imports
 
 pytest: $(VENV)/.dev
-	$(BIN)/pytest -n $(WORKERS) --dist worksteal --durations=20
+	$(BIN)/pytest -n $(WORKERS) --dist worksteal --durations=20 -rs
 
 fuzz: $(VENV)/.dev
 	PYTHONPATH=tests $(BIN)/python -m fuzz.run --minutes $(MINUTES)
