@@ -7,11 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gpszip.kernels.sums import track_sums
 from gpszip.model import Track
 from gpszip.segmentation import estep
 from gpszip.segmentation.em import segment_mean
 from gpszip.segmentation.mstep import maximize
-from gpszip.segmentation.state import EMState, total_cost, track_sums
+from gpszip.segmentation.state import EMState, total_cost
 from oracle import segmentation as oracle
 
 

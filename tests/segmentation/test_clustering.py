@@ -3,11 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gpszip.kernels.sums import track_sums
 from gpszip.model import Track
 from gpszip.segmentation import clustering
 from gpszip.segmentation.clustering import k_means, ward
 from gpszip.segmentation.lines import best_lines, excess_costs, pooled_lines
-from gpszip.segmentation.state import track_sums
 from oracle import segmentation as oracle
 
 

@@ -7,13 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from gpszip.kernels.sums import track_sums
 from gpszip.model import Track
 from gpszip.run import Threads
 from gpszip.segmentation import estep
 from gpszip.segmentation import partition as partitions
 from gpszip.segmentation.mstep import maximize
 from gpszip.segmentation.partition import exact_partition, penalised_partition
-from gpszip.segmentation.state import EMState, interval_costs, to_metres, total_cost, track_sums
+from gpszip.segmentation.state import (
+    EMState,
+    interval_costs,
+    to_metres,
+    total_cost,
+)
 from gpszip.segmentation.two_segment_mean import two_segment_mean
 from oracle import segmentation as oracle
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from gpszip.kernels.sums import track_sums
 from gpszip.model import Track
 from gpszip.segmentation.bottom_up import bottom_up, relax_boundaries
 from gpszip.segmentation.douglas_peucker import douglas_peucker
 from gpszip.segmentation.kernels.bottom_up import bottom_up as merge_blocks
-from gpszip.segmentation.state import track_sums
 from oracle import segmentation as oracle
 
 

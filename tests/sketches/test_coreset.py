@@ -184,8 +184,8 @@ def test_free_costs_equal_the_reference():
 
 
 def test_the_balanced_partition_equals_the_greedy_reference():
+    from gpszip.kernels.sums import track_sums
     from gpszip.sketches.partition import _balanced_cuts
-    from gpszip.sketches.prefix import track_sums
 
     track = bends(200)
     for limit in (0.5, 3.0, 40.0, 1e9):

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from gpszip.errors import OptionError
+from gpszip.kernels.sums import track_sums
 from gpszip.model import Track
-from gpszip.sketches.prefix import interval_moments, track_sums
+from gpszip.sketches.prefix import interval_moments
 
 
 def decimal_track(seed, n, *, dt=1.0, extent=500.0, d=2, weights=None):

@@ -12,7 +12,15 @@ import click
 
 from gpszip.cli.engine import engine_options, open_executor
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.options import Settings, common_options, force, output_option, time_options
+from gpszip.cli.options import (
+    Settings,
+    common_options,
+    force,
+    output_option,
+    quiet,
+    time_options,
+    time_order_options,
+)
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH, SIZE, Quantity
 
@@ -127,8 +135,7 @@ _BOUND_OPTIONS = {
     is_flag=True,
     help="Drop outliers, which no vehicle could reach, and positions at 0,0 far from others.",
 )
-@click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
-@click.option("--split", is_flag=True, help="Start a new track where time goes back.")
+@time_order_options
 @click.option(
     "--skip-bad",
     is_flag=True,
@@ -152,7 +159,7 @@ _BOUND_OPTIONS = {
     help="Format of the logs: LOG_FORMATS; by default found from the content.",
 )
 @engine_options
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@quiet
 @force
 @common_options
 @click.pass_obj

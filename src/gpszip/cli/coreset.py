@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.cli.engine import engine_options, open_executor
-from gpszip.cli.options import Settings, common_options, force, output_option, time_options
+from gpszip.cli.options import (
+    Settings,
+    common_options,
+    force,
+    output_option,
+    quiet,
+    skip_bad_logs,
+    time_options,
+    time_order_options,
+)
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import SIZE
 
@@ -49,13 +58,8 @@ _MAX_USEFUL_EPS = 10
     is_flag=True,
     help="Write weighted points of the log instead, at most 2 d + 4 for each block.",
 )
-@click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
-@click.option("--split", is_flag=True, help="Start a new track where time goes back.")
-@click.option(
-    "--skip-bad",
-    is_flag=True,
-    help="Leave out logs that can't be read, name them, end with exit code 3.",
-)
+@time_order_options
+@skip_bad_logs
 @click.option(
     "--columns",
     metavar="ROLES",
@@ -66,7 +70,7 @@ _MAX_USEFUL_EPS = 10
     "--format", metavar="FORMAT", help="Format of the logs; by default found from the content."
 )
 @engine_options
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@quiet
 @force
 @common_options
 @click.pass_obj
@@ -98,14 +102,12 @@ def command(
     Its blocks have moments, which give the cost of any line exactly. Give one of --size,
     --max-bytes, or --k with --eps. LOG - is standard input.
     """
-    from gpszip.cli.output import check_output, print_json, print_status
+    from gpszip.cli.output import check_output, print_status
     from gpszip.cli.summary import (
         describe_repairs,
-        losses_as_dict,
         output_label,
-        print_left_out,
+        print_json_result,
         print_losses,
-        repairs_as_dict,
     )
     from gpszip.io.coresets import write_coreset
     from gpszip.io.large.store import store_logs
@@ -150,18 +152,9 @@ def command(
         write_coreset(coreset, target, force=True)
     facts = _facts(coreset, k, eps, point_count)
     if settings.json:
-        print_json(
-            {
-                "output": target,
-                **facts,
-                **losses_as_dict(read_result),
-                **repairs_as_dict(read_result.repairs, read_result.left_out),
-            },
-            err=target == "-",
-        )
+        print_json_result(target, facts, read_result, read_result.repairs)
     elif not quiet:
         print_losses(read_result)
-        print_left_out(read_result)
         lines = [_describe(facts), *describe_repairs(read_result.repairs)]
         print_status(f"{output_label(target)}: {'; '.join(lines)}")
     return Outcome.DONE if read_result.complete else Outcome.LEFT_OUT

@@ -9,7 +9,17 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.options import Settings, common_options, force, output_option, time_options
+from gpszip.cli.options import (
+    Settings,
+    common_options,
+    force,
+    ignore_oneway,
+    network_option,
+    output_option,
+    quiet,
+    skip_bad_logs,
+    time_options,
+)
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION, LENGTH, Quantity, format_count
 
@@ -31,13 +41,7 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
 
 @click.command("match", cls=CommandWithFormats, short_help="Find the roads that a log took.")
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True)
-@click.option(
-    "--network",
-    metavar="FILE",
-    multiple=True,
-    required=True,
-    help="Roads: NETWORK_FORMATS. Of an archive, the map is the network.",
-)
+@network_option
 @output_option("routes.geojson")
 @click.option(
     "--sigma",
@@ -63,27 +67,19 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
     metavar="ANGLE",
     help="Spread of headings about the roads, or none to ignore them. By default estimated.",
 )
-@click.option(
-    "--ignore-oneway",
-    is_flag=True,
-    help="Travel all roads both ways, as on foot.",
-)
+@ignore_oneway
 @click.option(
     "--format",
     "kind",
     metavar="FORMAT",
     help="Format instead of the one of the output's suffix: ROUTE_FORMATS.",
 )
-@click.option(
-    "--skip-bad",
-    is_flag=True,
-    help="Leave out logs that can't be read, name them, end with exit code 3.",
-)
+@skip_bad_logs
 @click.option(
     "--columns", metavar="ROLES", help="Which column is what: t=when,x=east,y=north,heading=course."
 )
 @time_options
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@quiet
 @force
 @common_options
 @click.pass_obj
@@ -161,14 +157,12 @@ def _print_result(
     seconds: float,
     settings: Settings,
 ) -> None:
-    from gpszip.cli.output import STDOUT, print_json, print_status
+    from gpszip.cli.output import print_status
     from gpszip.cli.summary import (
         describe_repairs,
-        losses_as_dict,
         output_label,
-        print_left_out,
+        print_json_result,
         print_losses,
-        repairs_as_dict,
     )
     from gpszip.cli.units import format_length
 
@@ -176,21 +170,12 @@ def _print_result(
     repairs = [*read_result.repairs, *roads.repairs]
     facts = _facts(matching, roads.network)
     if settings.json:
-        print_json(
-            {
-                "output": target,
-                **facts,
-                "seconds": round(seconds, 3),
-                **losses_as_dict(read_result),
-                **repairs_as_dict(repairs, read_result.left_out),
-            },
-            err=target == STDOUT,
-        )
+        facts["seconds"] = round(seconds, 3)
+        print_json_result(target, facts, read_result, repairs)
         return
 
     # For a person: what was lost, then one line.
     print_losses(read_result)
-    print_left_out(read_result)
     scales = [f"{name} {format_length(facts[name])}" for name in ("error", "sigma", "beta")]
     if facts["heading"] is not None:
         scales.append(f"heading {facts['heading']:.3g} deg")

@@ -8,7 +8,13 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.cli.engine import engine_options, open_executor
-from gpszip.cli.options import Settings, common_options, force, output_option
+from gpszip.cli.options import (
+    Settings,
+    common_options,
+    force,
+    output_option,
+    quiet,
+)
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import LENGTH
 
@@ -48,7 +54,7 @@ __all__ = ["command"]
     help="Leave out archives that can't be read, name them, end with exit code 3.",
 )
 @engine_options
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@quiet
 @force
 @common_options
 @click.pass_obj

@@ -9,7 +9,13 @@ from typing import TYPE_CHECKING
 import click
 
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.options import Settings, common_options, force, output_option
+from gpszip.cli.options import (
+    Settings,
+    common_options,
+    force,
+    output_option,
+    quiet,
+)
 
 if TYPE_CHECKING:
     from gpszip.io.networks.prepared import PreparedNetwork
@@ -32,7 +38,7 @@ __all__ = ["command"]
     default=None,
     help="Lines without a one-way rule lead one way, or both; by default found from the lines.",
 )
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@quiet
 @force
 @common_options
 @click.pass_obj

@@ -13,9 +13,14 @@ __all__ = [
     "archive_argument",
     "common_options",
     "force",
+    "ignore_oneway",
     "map_option",
+    "network_option",
     "output_option",
+    "quiet",
+    "skip_bad_logs",
     "time_options",
+    "time_order_options",
 ]
 
 #: Choices of --time-unit, those of gpszip.io.values.timestamps, whose import takes longer than
@@ -65,6 +70,31 @@ def force(command: F) -> F:
     return click.option("--force", is_flag=True, help="Replace the output if it exists.")(command)
 
 
+def quiet(command: F) -> F:
+    """Add the option --quiet."""
+    return click.option("--quiet", is_flag=True, help="Print nothing but errors.")(command)
+
+
+def skip_bad_logs(command: F) -> F:
+    """Add the option --skip-bad of commands that read logs."""
+    text = "Leave out logs that can't be read, name them, end with exit code 3."
+    return click.option("--skip-bad", is_flag=True, help=text)(command)
+
+
+def network_option(command: F) -> F:
+    """Add the required option --network, which may be given several times."""
+    text = "Roads: NETWORK_FORMATS. Of an archive, the map is the network."
+    return click.option("--network", metavar="FILE", multiple=True, required=True, help=text)(
+        command
+    )
+
+
+def ignore_oneway(command: F) -> F:
+    """Add the option --ignore-oneway."""
+    text = "Travel all roads both ways, as on foot."
+    return click.option("--ignore-oneway", is_flag=True, help=text)(command)
+
+
 def map_option(command: F) -> F:
     """Add the option --map, for archives whose map is another archive."""
     text = "Map of ARCHIVE, if it has none of its own; by default searched in its folder."
@@ -83,6 +113,14 @@ def time_options(command: F) -> F:
     )
     command = click.option("--dates", type=click.Choice(_DATE_ORDERS), help=orders)(command)
     return click.option("--time-unit", type=click.Choice(_TIME_UNITS), help=units)(command)
+
+
+def time_order_options(command: F) -> F:
+    """Add the options --sort and --split, for logs whose time goes back."""
+    sort = "Sort points by time where it goes back."
+    split = "Start a new track where time goes back."
+    command = click.option("--split", is_flag=True, help=split)(command)
+    return click.option("--sort", is_flag=True, help=sort)(command)
 
 
 def output_option(example: str) -> Callable[[F], F]:

@@ -10,7 +10,18 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from gpszip.cli.format_lists import CommandWithFormats
-from gpszip.cli.options import Settings, common_options, force, output_option, time_options
+from gpszip.cli.options import (
+    Settings,
+    common_options,
+    force,
+    ignore_oneway,
+    network_option,
+    output_option,
+    quiet,
+    skip_bad_logs,
+    time_options,
+    time_order_options,
+)
 from gpszip.cli.outcome import Outcome
 from gpszip.cli.units import DURATION
 
@@ -35,13 +46,7 @@ _TEXT_SUFFIXES = (".csv", ".tsv", ".txt", "-")
     short_help="Fill the gaps of a log over the roads of a network.",
 )
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True)
-@click.option(
-    "--network",
-    metavar="FILE",
-    multiple=True,
-    required=True,
-    help="Roads: NETWORK_FORMATS. Of an archive, the map is the network.",
-)
+@network_option
 @output_option("patched.csv")
 @click.option(
     "--gap",
@@ -49,25 +54,16 @@ _TEXT_SUFFIXES = (".csv", ".tsv", ".txt", "-")
     metavar="DURATION",
     help="Intervals without points longer than this are gaps. By default estimated.",
 )
-@click.option(
-    "--ignore-oneway",
-    is_flag=True,
-    help="Travel all roads both ways, as on foot.",
-)
-@click.option("--sort", is_flag=True, help="Sort points by time where it goes back.")
-@click.option("--split", is_flag=True, help="Start a new track where time goes back.")
-@click.option(
-    "--skip-bad",
-    is_flag=True,
-    help="Leave out logs that can't be read, name them, end with exit code 3.",
-)
+@ignore_oneway
+@time_order_options
+@skip_bad_logs
 @click.option(
     "--columns",
     metavar="ROLES",
     help="Which column is what: t=when,x=east,y=north; or names in order, without a header.",
 )
 @time_options
-@click.option("--quiet", is_flag=True, help="Print nothing but errors.")
+@quiet
 @force
 @common_options
 @click.pass_obj
@@ -154,14 +150,12 @@ def _print_result(
     seconds: float,
     settings: Settings,
 ) -> None:
-    from gpszip.cli.output import STDOUT, print_json, print_status
+    from gpszip.cli.output import print_status
     from gpszip.cli.summary import (
         describe_repairs,
-        losses_as_dict,
         output_label,
-        print_left_out,
+        print_json_result,
         print_losses,
-        repairs_as_dict,
     )
     from gpszip.cli.units import format_duration
 
@@ -169,21 +163,12 @@ def _print_result(
     repairs = [*read_result.repairs, *roads.repairs]
     facts = _facts(patching)
     if settings.json:
-        print_json(
-            {
-                "output": target,
-                **facts,
-                "seconds": round(seconds, 3),
-                **losses_as_dict(read_result),
-                **repairs_as_dict(repairs, read_result.left_out),
-            },
-            err=target == STDOUT,
-        )
+        facts["seconds"] = round(seconds, 3)
+        print_json_result(target, facts, read_result, repairs)
         return
 
     # For a person: what was lost, the open gaps, then one line.
     print_losses(read_result)
-    print_left_out(read_result)
     open_gaps = facts["open"]
     for gap in open_gaps[:_MAX_NAMED]:
         where = f"track {gap['track']!r} at {gap['from']:.15g}, {format_duration(gap['seconds'])}"

@@ -18,7 +18,7 @@ __all__ = [
     "describe_repairs",
     "losses_as_dict",
     "output_label",
-    "print_left_out",
+    "print_json_result",
     "print_losses",
     "print_summary",
     "repairs_as_dict",
@@ -48,7 +48,6 @@ def print_summary(target: str, read_result: ReadResult, report: Report, *, as_js
 
     # For a person, losses come first.
     print_losses(read_result)
-    print_left_out(read_result)
     print_status(f"{output_label(target)}: {describe_compression(read_result, report)}")
 
 
@@ -57,19 +56,35 @@ def output_label(target: str) -> str:
     return "standard output" if target == STDOUT else target
 
 
+def print_json_result(
+    target: str, facts: dict[str, Any], read_result: ReadResult, repairs: Iterable[Repair]
+) -> None:
+    """Print the facts of a command that read logs, and what reading lost, repaired or left out.
+
+    JSON goes to standard output, or to standard error if the result is on standard output.
+    """
+    print_json(
+        {
+            "output": target,
+            **facts,
+            **losses_as_dict(read_result),
+            **repairs_as_dict(repairs, read_result.left_out),
+        },
+        err=target == STDOUT,
+    )
+
+
 def print_losses(read_result: ReadResult) -> None:
-    """Print one line, which comes first, about the tracks that lost many of their points."""
-    if not read_result.losses:
-        return
+    """Print what a person reads first: tracks that lost many points, and logs left out."""
+    # Tracks stand in one line.
     losses = [str(loss) for loss in read_result.losses[:_MAX_NAMED]]
     more = len(read_result.losses) - _MAX_NAMED
     if more > 0:
         losses.append(f"and of {more:,} more, which --json names")
-    print_status(f"gpszip: lost {'; '.join(losses)}")
+    if losses:
+        print_status(f"gpszip: lost {'; '.join(losses)}")
 
-
-def print_left_out(read_result: ReadResult) -> None:
-    """Print one line for each log that was left out."""
+    # Each log has a line with its reason.
     for left in read_result.left_out:
         print_status(f"gpszip: left out {left.name}: {left.reason}")
 

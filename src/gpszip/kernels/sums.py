@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.jit import jit
+from gpszip.model import Track
 
 __all__ = [
     "BLOCK_SIZE",
@@ -31,6 +32,7 @@ __all__ = [
     "normalised_moments",
     "segment_moments",
     "tick_moments",
+    "track_sums",
 ]
 
 #: Samples in a block of moments.
@@ -136,6 +138,18 @@ def build_prefix_sums(
         float(times[0]),
         np.array(positions[0]),
     )
+
+
+def track_sums(track: Track) -> PrefixSums:
+    """Return the prefix sums of a track in ticks of 1 ms and 1 mm, finer if it is fast or small.
+
+    Examples
+    --------
+    >>> sums = track_sums(Track("far", [1e9, 1e9 + 1, 1e9 + 2], [[5e6], [5e6 + 3], [5e6 + 4]]))
+    >>> sums.time_tick, sums.first_time
+    (0.001, 1000000000.0)
+    """
+    return build_prefix_sums(track.times, track.positions, track.weights)
 
 
 def _time_tick(seconds: NDArray[np.float64]) -> float:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
-from gpszip.kernels.sums import PrefixSums
+from gpszip.kernels.sums import PrefixSums, track_sums
 from gpszip.model import SegmentMean, Track
 from gpszip.run.executor import Executor, local_executor
 from gpszip.segmentation import estep
@@ -18,7 +18,7 @@ from gpszip.segmentation.bottom_up import bottom_up, relax_boundaries
 from gpszip.segmentation.clustering import k_means, ward
 from gpszip.segmentation.douglas_peucker import douglas_peucker
 from gpszip.segmentation.mstep import fit_segments, maximize
-from gpszip.segmentation.state import EMState, to_segment_mean, total_cost, track_sums
+from gpszip.segmentation.state import EMState, to_segment_mean, total_cost
 
 __all__ = [
     "Clustering",

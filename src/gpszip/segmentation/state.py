@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.sums import PrefixSums, build_prefix_sums, segment_moments
-from gpszip.model import SegmentMean, Track
+from gpszip.kernels.sums import PrefixSums, segment_moments
+from gpszip.model import SegmentMean
 
 __all__ = [
     "EMState",
@@ -17,7 +17,6 @@ __all__ = [
     "to_segment_mean",
     "to_ticks",
     "total_cost",
-    "track_sums",
 ]
 
 
@@ -39,11 +38,6 @@ class EMState:
     labels: NDArray[np.int32]
     starts: NDArray[np.float64]
     ends: NDArray[np.float64]
-
-
-def track_sums(track: Track) -> PrefixSums:
-    """Return the prefix sums of a track in ticks."""
-    return build_prefix_sums(track.times, track.positions, track.weights)
 
 
 def to_ticks(sums: PrefixSums, metres: NDArray[np.float64]) -> NDArray[np.float64]:

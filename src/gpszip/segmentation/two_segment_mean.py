@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gpszip.kernels.sums import track_sums
 from gpszip.model import Track
 from gpszip.segmentation.kernels.shift import NO_CUT, best_cut
-from gpszip.segmentation.state import to_ticks, track_sums
+from gpszip.segmentation.state import to_ticks
 
 __all__ = ["TwoSegmentMean", "two_segment_mean"]
 

@@ -9,13 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OptionError
-from gpszip.kernels.sums import PrefixSums, normalised_moments
+from gpszip.kernels.sums import PrefixSums, normalised_moments, track_sums
 from gpszip.kernels.sums import best_line_cost as free_cost_in_ticks
 from gpszip.model import Track
 from gpszip.sketches.coreset import Coreset, eps_of_blocks
 from gpszip.sketches.kernels import blocks as kernel
 from gpszip.sketches.kernels.balanced import balanced_cuts
-from gpszip.sketches.prefix import track_sums
 
 __all__ = [
     "LOWER_BOUND_FACTORS",

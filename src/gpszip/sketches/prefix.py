@@ -9,23 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import OptionError
-from gpszip.kernels import sums as kernel
-from gpszip.kernels.sums import PrefixSums
-from gpszip.model import Track
+from gpszip.kernels.sums import PrefixSums, segment_moments
 
-__all__ = ["interval_moments", "track_sums"]
-
-
-def track_sums(track: Track) -> PrefixSums:
-    """Return the prefix sums of a track in ticks of 1 ms and 1 mm, finer if it is fast or small.
-
-    Examples
-    --------
-    >>> sums = track_sums(Track("far", [1e9, 1e9 + 1, 1e9 + 2], [[5e6], [5e6 + 3], [5e6 + 4]]))
-    >>> sums.time_tick, sums.first_time
-    (0.001, 1000000000.0)
-    """
-    return kernel.build_prefix_sums(track.times, track.positions, track.weights)
+__all__ = ["interval_moments"]
 
 
 def interval_moments(sums: PrefixSums, boundaries: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -36,7 +22,7 @@ def interval_moments(sums: PrefixSums, boundaries: NDArray[np.int64]) -> NDArray
     Parameters
     ----------
     sums : PrefixSums
-        A track, from :func:`track_sums`.
+        A track, from :func:`gpszip.kernels.sums.track_sums`.
     boundaries : int64 array, shape (k + 1,)
         Increasing indices; interval j has samples ``boundaries[j]`` to ``boundaries[j + 1] - 1``.
 
@@ -53,6 +39,8 @@ def interval_moments(sums: PrefixSums, boundaries: NDArray[np.int64]) -> NDArray
 
     Examples
     --------
+    >>> from gpszip.kernels.sums import track_sums
+    >>> from gpszip.model import Track
     >>> sums = track_sums(Track("walk", [0, 1, 2], [[0], [1], [2]]))
     >>> interval_moments(sums, np.array([0, 3]))[0, :3].tolist()
     [3.0, 1.5, 1.25]
@@ -65,4 +53,4 @@ def interval_moments(sums: PrefixSums, boundaries: NDArray[np.int64]) -> NDArray
         or (np.diff(boundaries) < 1).any()
     ):
         raise OptionError(f"boundaries must increase from 0 or more to {len(sums.t)} or less")
-    return kernel.segment_moments(sums, boundaries)
+    return segment_moments(sums, boundaries)
