@@ -131,6 +131,7 @@ def read(
     """
     from gpszip.io.logs.read import read_logs
 
+    # Read one source and several alike, and warn of tracks that lost many of their points.
     several = isinstance(sources, Iterable) and not _is_log_source(sources)
     listed = cast("Iterable[LogSource]", sources) if several else [cast("LogSource", sources)]
     result = read_logs(

@@ -408,6 +408,7 @@ class Archive:
             If none or both of ``every`` and ``at`` are given, a value is no time, the times look
             like another unit than the log's, or no track that is asked for has times.
         """
+        # Read the times asked for, in seconds; multiples of ``every`` follow for each piece.
         times = _check_times(every, at)
 
         # One track, or the groups that may have travel at these times.
@@ -702,6 +703,7 @@ class Archive:
     ) -> list[Track]:
         from gpszip.walks.error import TIME_SLACK, positions_at
 
+        # Sample piece by piece: between them lie gaps, in which no travel is claimed.
         if walk.times is None:
             raise _no_times(walk.id)
         sampled: list[Track] = []

@@ -151,6 +151,7 @@ def _encode_group(
     from gpszip.codec.modes import encode_smallest
     from gpszip.codec.walks import number_by_visit
 
+    # Note the time steps between which the group has travel: queries skip it at other times.
     (grid_walks, grid, prior), (first, after) = shared, bounds
     walks = grid_walks.walks[first:after]
     time_range = (

@@ -14,6 +14,7 @@ __all__ = ["count_facts", "file_facts"]
 
 def file_facts(archive: Archive) -> dict[str, Any]:
     """Facts that need no walk to be decoded."""
+    # Name the unit, m or s, in the key of each length and duration.
     grid, bound, contents = archive.grid, archive.error_bound, archive.contents
     return {
         "tracks": len(archive.ids),

@@ -77,6 +77,7 @@ class TrackView:
         OptionError
             If the track has no times, or the range looks like another unit than the log's.
         """
+        # Refuse a time range of a shape, which has no times.
         begin, end = time_bounds(span)
         if not self.timed:
             raise OptionError("has no times, so no time range", location=f"track {self.id!r}")

@@ -92,6 +92,7 @@ def explain_corruption(name: str, data: bytes) -> Iterator[None]:
     from gpszip.container.layout import MAGIC, SMALL_LIMIT, VERSION
     from gpszip.errors import CorruptArchiveError
 
+    # Choose the remedy by what the bytes show: no archive, a newer version, or damage.
     try:
         yield
     except CorruptArchiveError as error:

@@ -259,6 +259,7 @@ def _open_log(
     """Read the logs into memory, or sort them on disk where they don't fit."""
     from gpszip.pipeline.open_log import open_log
 
+    # Positions must be on the plane of the map or archive that the logs extend.
     return open_log(
         logs,
         memory=_memory(choices),

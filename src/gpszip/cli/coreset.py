@@ -115,6 +115,7 @@ def command(
     from gpszip.io.storage.source import spooled
     from gpszip.pipeline.coreset import sketch_log
 
+    # Refuse what can be refused before the logs are read.
     _check_size_options(size, max_bytes, eps, k)
     check_output(target, force=force, binary=not points or target.endswith(".parquet"))
 
@@ -196,6 +197,7 @@ def _facts(
     eps = None if k is None else coreset.eps(k)
     least_cost = None if k is None else coreset.least_cost(k)
 
+    # RMSE and largest cost are those of the best line of each block.
     return {
         "samples": coreset.samples,
         "tracks": len(coreset.tracks),

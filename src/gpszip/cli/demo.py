@@ -85,12 +85,16 @@ def _prepare_folder(folder: Path, *, force: bool) -> Path:
     """Make the folder, and remove the files of an earlier demo."""
     from gpszip.errors import OutputError
 
+    # Refuse to replace files of an earlier demo unless --force is given.
     existing = [name for name in _FILES if (folder / name).exists()]
     if existing and not force:
         raise OutputError(
             f"{folder / existing[0]}: exists already; "
             "add --force to replace it, or name another folder with --out"
         )
+
+    # Make the folder, then remove all earlier files: one that isn't written again, such as a
+    # picture without the extra 'plot', would be listed as written.
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

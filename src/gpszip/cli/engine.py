@@ -67,6 +67,8 @@ def open_executor(
     from gpszip.errors import OptionError
     from gpszip.run import Dask, Processes, Threads
 
+    # Refuse options that a cluster would ignore, then connect to it; local work runs in threads
+    # unless processes are asked for.
     if scheduler is not None:
         if workers is not None or engine is not None:
             raise OptionError(
@@ -74,11 +76,13 @@ def open_executor(
             )
         from gpszip.run.dask import connect
 
+        # Disconnect at the end; the cluster itself keeps running.
         with connect(scheduler) as client:
             yield Dask(client)
     elif engine == "processes":
         from gpszip.pipeline.warm import warm
 
+        # Compile the kernels into the cache from which all worker processes load them.
         warm()  # otherwise each process would compile the kernels
         with Processes(workers) as executor:
             yield executor

@@ -24,6 +24,7 @@ def command(settings: Settings) -> Outcome:
     from gpszip.io.maps.write import map_suffixes
     from gpszip.io.networks.formats import network_formats
 
+    # For programs: which extra each format of logs needs, and whether it can be written.
     networks = [
         suffix for network_format in network_formats() for suffix in network_format.suffixes
     ]
@@ -41,6 +42,7 @@ def command(settings: Settings) -> Outcome:
         print_json({"logs": logs, "maps": map_suffixes(), "networks": networks})
         return Outcome.DONE
 
+    # For a person: a table of logs, then the suffixes of maps and of road networks.
     click.echo("logs")
     for log_format in log_formats():
         suffixes = " ".join(log_format.suffixes)

@@ -88,13 +88,17 @@ def _bounds(archive: Archive) -> dict[str, list[float]]:
     """Return the smallest and largest coordinates of the map: degrees if it is on the earth."""
     import numpy as np
 
+    # A map without nodes has no bounds: NumPy has no minimum of an empty array.
     nodes, plane = archive.road_map.nodes, archive.grid.plane
     if not len(nodes):
         return {}
+
+    # Name the axes: degrees on the earth, else metres along x, y, z, or numbered above three.
     dimension = nodes.shape[1]
     if plane is not None:
         from gpszip.geo.planes import to_geographic
 
+        # Nodes are in metres on the plane, bounds in degrees.
         names, columns = ["lat", "lon"], list(to_geographic(nodes, plane))
     elif dimension <= 3:
         names, columns = list("xyz"[:dimension]), list(nodes.T)

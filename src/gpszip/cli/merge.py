@@ -176,6 +176,7 @@ def _describe(merged: Archive, report: MergeReport) -> str:
     """Describe what was merged, how far tracks were moved, and the error bound, in one line."""
     from gpszip.cli.units import format_bytes, format_length
 
+    # What the merge saved, and how far it moved the tracks for that.
     moved = report.deviation
     facts = [
         f"{report.archives:,} archives with {report.tracks:,} tracks",
@@ -186,6 +187,8 @@ def _describe(merged: Archive, report: MergeReport) -> str:
         f"{format_length(moved.maximum)} at most",
         f"{report.seconds:.1f} s",
     ]
+
+    # The error bound that still holds, which includes those moves; some archives state none.
     remarks = []
     error_bound = merged.error_bound
     if error_bound is not None:
@@ -196,6 +199,7 @@ def _describe(merged: Archive, report: MergeReport) -> str:
 
 def _facts(archives: tuple[str, ...], merged: Archive, report: MergeReport) -> dict[str, Any]:
     """Return the same for JSON: lengths in metres, times in seconds, sizes in bytes."""
+    # Counts before (_in) and after the merge, and the error bound if the archive states one.
     names = (
         "tracks",
         "segments",
@@ -211,6 +215,7 @@ def _facts(archives: tuple[str, ...], merged: Archive, report: MergeReport) -> d
     if error_bound is not None:
         bound_kind = "max_error" if error_bound.maximum else "rmse"
 
+    # How far the merge moved each archive's tracks, and how far it was allowed to.
     return {
         **{name: getattr(report, name) for name in names},
         "archives": [

@@ -83,6 +83,7 @@ def _check_folder(folder: Path) -> None:
     To make a folder in it and remove it again is the one test that holds on all file systems and
     for all users.
     """
+    # Say whether the folder is missing or is a file, which have different remedies.
     if not folder.is_dir():
         reason = (
             "is a file, not a folder; name another one with -o"

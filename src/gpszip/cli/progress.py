@@ -27,6 +27,7 @@ def progress_bar(*, quiet: bool) -> Iterator[Listener | None]:
     callable or None
         Listener for each :class:`~gpszip.model.Progress`; None if nothing is shown.
     """
+    # A bar redraws its own line, which only a terminal can do.
     if quiet or not sys.stderr.isatty():
         yield None
         return
@@ -36,15 +37,19 @@ def progress_bar(*, quiet: bool) -> Iterator[Listener | None]:
 
     from gpszip.kernels.compiling import on_compile
 
+    # The length is unknown until the first event; the bar is erased at the end.
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("begin", total=None)
 
+        # A stage reports the share of its work that is done, from 0 to 1.
         def show(event: Progress) -> None:
             bar.update(task, description=event.stage, completed=event.done, total=1.0)
 
+        # How long a kernel takes to compile is unknown, so the bar only moves.
         def show_compiling() -> None:
             bar.update(task, description="compile, once for this installation", total=None)
 
+        # While the caller works, say when a kernel compiles: it would look like a stalled stage.
         with on_compile(show_compiling):
             yield show

@@ -153,6 +153,7 @@ def _describe_remarks(read_result: ReadResult, report: Report) -> list[str]:
 
 def summary_as_dict(read_result: ReadResult, report: Report) -> dict[str, Any]:
     """Return the summary of a compression for JSON: lengths in m, times in s, sizes in bytes."""
+    # What is in the archive: size and errors, the bounds asked for, walks and map.
     compression = {
         "points": report.points,
         "tracks": report.tracks,

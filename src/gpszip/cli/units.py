@@ -64,6 +64,7 @@ class Quantity(click.ParamType):  # type: ignore[type-arg, unused-ignore]
         ValueError
             If the text is no positive number with a known unit. The message gives an example.
         """
+        # Words have no number, so that they are looked up before the text is split.
         if text in self.words:
             return self.words[text]
 

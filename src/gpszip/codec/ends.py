@@ -148,6 +148,7 @@ def piece_time_ranges(walks: GridWalks, grid: QuantisationGrid) -> list[NDArray[
     list of float64 array, shape (pieces, 2), or None
         One for each walk.
     """
+    # Without a tick, the ends of pieces are not stored. Convert ticks to seconds.
     if walks.ends is None or walks.ends.tick == 0:
         return None
     if not walks.walks:
@@ -207,6 +208,7 @@ def code_tail(coder: Coder, walks: GridWalks, grid: QuantisationGrid) -> GridWal
     is_valid = code_end_offsets(coder, coded, kinds, counts, _levels(grid, tick))
     offsets[is_coded] = coded.reshape(-1, 2)
 
+    # Move the ends inwards from the knots; those of valid walks do not cross.
     ends = PieceEnds(tick, low + offsets[:, 0], high - offsets[:, 1])
     if not is_valid or (ends.first > ends.last).any():
         raise CorruptArchiveError("a track ends before it starts")
@@ -349,6 +351,7 @@ def _merge_runs(runs: NDArray[np.float64], knot_ranges: NDArray[np.float64]) -> 
     piece = np.searchsorted(starts, runs[:, 0] + _SEARCH_TOLERANCE, side="right") - 1
     piece = np.clip(piece, 0, None)
 
+    # Take the extreme times of each piece's runs; without runs, its knots' times.
     first, last = np.full(len(knot_ranges), np.inf), np.full(len(knot_ranges), -np.inf)
     np.minimum.at(first, piece, runs[:, 0])
     np.maximum.at(last, piece, runs[:, 1])

@@ -169,6 +169,7 @@ def encode_in_modes(
     WalkModel
         The model after the walks.
     """
+    # Refuse coordinates and times beyond the largest that the format holds.
     knots = concatenate_knots(walks)
     if max(_largest(walks.nodes), _largest(knots.time_steps)) >= _MAX_SIZE:
         raise BoundError(

@@ -164,6 +164,7 @@ def expand_waypoints(
     """
     from gpszip.graph.kernels.shortest_paths import NO_PATH, TOO_LONG, expand_waypoints
 
+    # Refuse waypoints that do not fit the map; none at all make an empty walk.
     _check(graph, waypoints)
     if not len(waypoints):
         return Route(np.zeros(0, np.int32), np.zeros(0, np.int32))
@@ -187,6 +188,7 @@ def _compress(
     graph: RoadGraph, route: Route, find_knots: Callable[..., _Knots], breadth: int | None
 ) -> Waypoints:
     """Compress a walk with a kernel that selects its waypoints."""
+    # Select knots of the route as waypoints; an empty walk needs none.
     if len(route.nodes) == 0:
         return Waypoints(np.zeros(0, np.int32), np.zeros(0, np.uint8), np.zeros(0, np.int32))
     arcs = find_route_arcs(graph, route)

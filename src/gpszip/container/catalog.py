@@ -344,6 +344,8 @@ def read_catalog_group(file: BinaryIO, catalog: Catalog, number: int) -> Group:
     CorruptArchiveError
         If the group is damaged or another one than the index says.
     """
+    # An archive that was read at once has its group in memory; otherwise the index says where
+    # the section of the group is.
     if catalog.contents is not None:
         return catalog.contents.groups[number]
     entry = catalog.entries[number]
@@ -510,12 +512,12 @@ def _build_catalog(
     extras: tuple[SectionLocation, ...],
 ) -> Catalog:
     """Read the opening sections, and check that the names agree with the index."""
+    # Check what precedes the walks against the groups' heads, which the index repeats.
     grid, reference, error_bound, sampling = read_opening(opening, head.version)
     ids = read_fully(opening[1], lambda cursor: read_names(cursor, size))
     contradiction = find_contradiction(Contents(grid, ids, _group_heads(entries), reference))
     if contradiction:
         raise CorruptArchiveError(contradiction, HEAD_BYTES)
-
     return Catalog(
         grid,
         ids,

@@ -351,6 +351,7 @@ def _may_expand(packed: int, size: int) -> bool:
 
 def _pack_stream(size: int, chunks: Callable[[], Iterator[bytes]], sink: BinaryIO) -> None:
     """Write a block in the shortest packing, where it may be too large for memory."""
+    # Pack a small block in memory; a larger one goes through spooled files.
     if size <= LARGE:
         _pack(b"".join(chunks()), sink)
         return

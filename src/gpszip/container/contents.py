@@ -295,6 +295,7 @@ def _check_plane(plane: Plane) -> str | None:
 
 def _check_groups(groups: Sequence[Group], tracks: int) -> str | None:
     """Say what is wrong with the groups of so many tracks."""
+    # Check that track numbers run on from group to group, and the range of time steps.
     if not groups:
         return "no walks"
     next_track = 0

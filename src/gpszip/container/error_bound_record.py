@@ -35,6 +35,7 @@ def encode_error_bound(error_bound: ErrorBound | None, sampling: int | None) -> 
     square and of the largest distance. Two more bytes then hold the digits of the second, the
     exponent of the first plus 8, and how much larger that of the second is.
     """
+    # Without a bound, only the flag of the sampling can be set.
     flags = 0 if sampling is None else _SAMPLED
     sampling_byte = b"" if sampling is None else bytes([sampling])
     if error_bound is None:
@@ -68,6 +69,7 @@ def read_error_bound(cursor: Cursor, version: int) -> tuple[ErrorBound | None, i
     int or None
         The sampling.
     """
+    # Take the first two bytes apart; without a bound, only the flag of the sampling is set.
     packed = int.from_bytes(cursor.read_bytes(2, "the error bound"), "little")
     exponent = packed >> _DIGIT_BITS & _EXPONENT_MASK
     maximum = bool(packed & _MAXIMUM)

@@ -112,6 +112,7 @@ def _head(count: int, form: int) -> bytes:
 
 def _encode_numbered(ids: tuple[str, ...]) -> bytes | None:
     """Encode ids that are consecutive numbers; None for others."""
+    # Only ids of digits qualify, as far as the last number stays below the limit.
     if not ids:
         return _head(0, _COUNTED) + encode_varint(0)
     first = ids[0]
@@ -165,6 +166,7 @@ def _read_listed(cursor: Cursor, count: int) -> tuple[str, ...]:
 
 def _read_packed(cursor: Cursor, count: int) -> tuple[str, ...]:
     """Undo :func:`_pack`."""
+    # Read size and packing; steps of growing numbers are no text.
     if not count:
         raise cursor.error("no names are packed")
     head = cursor.read_varint("the length of names")

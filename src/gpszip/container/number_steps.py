@@ -34,6 +34,7 @@ def encode_number_steps(ids: tuple[str, ...]) -> bytes | None:
     >>> encode_number_steps(("007", "008", "011")).hex()
     '07030060'
     """
+    # Names other than numbers have another encoding.
     if not ids or not all(
         name.isascii() and name.isdigit() and len(name) <= MAX_WIDTH for name in ids
     ):
@@ -55,6 +56,7 @@ def encode_number_steps(ids: tuple[str, ...]) -> bytes | None:
 
 def read_number_steps(data: bytes, count: int, offset: int) -> tuple[str, ...]:
     """Undo :func:`encode_number_steps`, given the number of names; ``offset`` is for errors."""
+    # Read the first number, the width to which numbers are padded, and k of the Rice codes.
     cursor = Cursor(data, base=offset)
     number = cursor.read_varint("the first number")
     width = cursor.read_byte("the width of numbers")

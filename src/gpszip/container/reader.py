@@ -211,6 +211,7 @@ def read_sections(data: bytes, head: Head) -> list[StoredSection]:
 
 def read_section(cursor: Cursor) -> StoredSection:
     """Read one section of a large archive: marker, kind, length, body, checksum."""
+    # Find the marker; an error is reported at the section's start.
     offset = cursor.offset
     if cursor.read_bytes(len(SECTION_MARKER), "a section's marker") != SECTION_MARKER:
         cursor.offset = offset
@@ -257,6 +258,7 @@ def read_opening(sections: list[StoredSection], version: int) -> Opening:
 
 def assemble_contents(sections: list[StoredSection], head: Head, file_size: int) -> Contents:
     """Read the contents from all sections of an archive, each checked against the others."""
+    # Read what precedes the walks: the opening sections, with the names of tracks.
     opening = read_opening(sections, head.version)
     _check_order(sections)
     ids = read_fully(sections[1], lambda cursor: read_names(cursor, file_size))
@@ -352,6 +354,7 @@ def _check_checksum(data: bytes, end: int) -> None:
 
 def _read_small_sections(data: bytes) -> list[StoredSection]:
     """Read the sections of a small archive: kind, length and body each, one checksum for all."""
+    # Check size and checksum before anything is read.
     end = len(data) - CHECKSUM_BYTES
     if len(data) >= SMALL_LIMIT:
         raise CorruptArchiveError(
@@ -363,6 +366,7 @@ def _read_small_sections(data: bytes) -> list[StoredSection]:
         )
     _check_checksum(data, end)
 
+    # Split the rest into sections.
     cursor = Cursor(data, HEAD_BYTES, end)
     sections: list[StoredSection] = []
     while cursor.remaining:
@@ -393,6 +397,7 @@ def _check_end(data: bytes, end: StoredSection, sections: list[StoredSection]) -
 
 def _check_order(sections: list[StoredSection]) -> None:
     """Check that no section comes twice, or where it does not belong."""
+    # Refuse reserved kinds, repeated sections of a unique kind, and a map beside a grid.
     kinds = [section.kind for section in sections]
     has_both = SectionKind.GRID in kinds and SectionKind.MAP in kinds
     for section in sections:

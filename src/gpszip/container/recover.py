@@ -102,6 +102,7 @@ def find_intact_sections(data: bytes) -> Iterator[StoredSection]:
 
 def _assemble(sections: list[StoredSection], head: Head, file_size: int, reason: str) -> Recovered:
     """Assemble what intact sections hold; ``reason`` says what is wrong with the archive."""
+    # Collect what is lost, for the report; the reason comes first.
     lost = [reason]
 
     # without grid and walks there is nothing

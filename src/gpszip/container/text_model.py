@@ -64,6 +64,7 @@ def encode_text(text: bytes) -> bytes:
     >>> len(encode_text(b"long_walk_home\n"))
     9
     """
+    # Narrow [low, high] by each bit (binary arithmetic coding), the highest of a byte first.
     model = _Model()
     out = bytearray()
     low, high = 0, _TOP
@@ -85,6 +86,7 @@ def encode_text(text: bytes) -> bytes:
 
 def read_text(data: bytes, lines: int, offset: int) -> bytes:
     """Undo :func:`encode_text`, given the number of newlines; ``offset`` is for errors."""
+    # Repeat the encoder's intervals; the 32 bits in code always lie in [low, high].
     model = _Model()
     text = bytearray()
     low, high, code = 0, _TOP, int.from_bytes(data[:4].ljust(4, b"\0"), "big")

@@ -148,6 +148,7 @@ def write(contents: Contents, file: BinaryIO) -> int:
 
 def _encode(contents: Contents) -> list[_Block]:
     """Encode an archive in blocks, which may lie in temporary files."""
+    # Refuse contents that contradict each other; encode others in the shortest form.
     contradiction = find_contradiction(contents)
     if contradiction:
         raise OptionError(f"this can't be written as an archive: {contradiction}")
@@ -201,9 +202,12 @@ def _encode_shortest(contents: Contents, payloads: list[bytes]) -> list[_Block]:
 
 def _encode_compact(contents: Contents, payload: bytes) -> bytes:
     """Encode an archive of one group: head, error bound, grid or map, names, payload, checksum."""
+    # Leave out a name that readers supply: the default one, or that of the map's first track.
     grid, reference = contents.grid, contents.map
     is_unnamed = contents.ids is None or (grid is not None and contents.ids == (DEFAULT_ID,))
     names = b"" if is_unnamed or contents.ids is None else encode_names(contents.ids)
+
+    # Store the grid, or the hash of the map that replaces it; the form says which.
     if grid is not None:
         form = Form.LONE if is_unnamed else Form.NAMED
         low, high = short_grid_shape(grid), int(has_whole_units(grid))
@@ -212,6 +216,8 @@ def _encode_compact(contents: Contents, payload: bytes) -> bytes:
         form = Form.ON_MAP
         low, high = reference.refinements, int(not is_unnamed)
         grid_or_map = reference.hash
+
+    # Join the parts in the order of the format.
     return _with_checksum(
         encode_head(Head(form, low, high, contents.version))
         + encode_error_bound(contents.error_bound, contents.sampling)
@@ -258,6 +264,7 @@ def _encode_small(contents: Contents, payloads: list[bytes]) -> bytes:
 
 def _encode_large(contents: Contents, payloads: list[bytes]) -> list[_Block]:
     """Encode an archive of sections with a checksum each, an index and an end mark."""
+    # Encode the sections that precede the walks; the end mark covers all checksums.
     head = encode_head(Head(Form.SECTIONS, 0, int(contents.layer is not None), contents.version))
     opening = [encode_section(kind, body) for kind, body in _encode_opening(contents)]
     blocks: list[_Block] = [head, *opening]

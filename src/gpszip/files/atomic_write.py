@@ -58,6 +58,7 @@ def atomic_write_all(
     OutputError
         As :func:`atomic_write`. The message names the files that were already moved.
     """
+    # Check all targets before any file is written.
     targets = [_resolve_target(path, force) for path in paths]
     written: list[str] = []
     with _report_written(written), contextlib.ExitStack() as stack:

@@ -55,6 +55,7 @@ def temporary_folder(parent: Path, prefix: str) -> Iterator[Path]:
     OutputError
         If it can't be removed. If the block raised an error, that error gets a note instead.
     """
+    # Create the folder. If the block raises an error, a failed removal is only a note on it.
     _remove_stale(parent, prefix)
     folder = None
     try:
@@ -69,6 +70,7 @@ def temporary_folder(parent: Path, prefix: str) -> Iterator[Path]:
             error.add_note(complaint)
         raise
 
+    # After a block without error, a failed removal is an error of its own.
     if complaint := folder.remove():
         raise OutputError(complaint)
 

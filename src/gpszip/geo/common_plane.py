@@ -105,6 +105,7 @@ def _choose_centers(
 
     It is the first centre whose radius covers the entire piece.
     """
+    # The first centre within whose radius all positions of a piece lie.
     degrees = np.stack(to_geographic(positions, plane), axis=1)
     chosen = np.full(len(starts), -1, np.int64)
     for index, center in enumerate(centers):

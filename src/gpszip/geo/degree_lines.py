@@ -130,7 +130,6 @@ def cut_at_antimeridian(points: Floats, offsets: Ints, *, decimals: int) -> Degr
         lengths[line], copied = len(new_points), end
         inserted += len(new_points) - (end - start)
     blocks.append(points[copied:])
-
     return DegreeLines(
         np.concatenate(blocks), np.append(0, np.cumsum(lengths)), np.concatenate(cuts)
     )

@@ -49,6 +49,7 @@ def estimate_gap(tracks: Sequence[Track]) -> float:
     >>> estimate_gap([regular]), estimate_gap([regular, pause])
     (inf, 30.0)
     """
+    # Intervals of each track in whole milliseconds.
     intervals = [_milliseconds(track.times) for track in tracks if len(track) > 1]
     if not intervals:
         return float("inf")
@@ -61,6 +62,7 @@ def estimate_gap(tracks: Sequence[Track]) -> float:
         default=0.0,
     )
 
+    # Apply the rule in milliseconds; a log whose longest interval is within it has no gap.
     gap = round(
         max(
             1000 * _MIN_GAP,

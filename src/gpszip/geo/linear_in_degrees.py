@@ -276,6 +276,7 @@ class _LineOnPlane:
         chord_lon = first_lon + _PROBE_SHARES[:, None] * wrap_degrees(last_lon - first_lon)
         east = wrap_degrees(chord_lon - lon) * np.cos(np.radians(lat))
 
+        # Convert degrees to metres on the plane, by the greatest radius and scale factor.
         distances: Floats = (
             _MAX_SCALE_FACTOR
             * _MAX_EARTH_RADIUS

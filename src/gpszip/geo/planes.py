@@ -71,6 +71,7 @@ def choose_plane(lat: ArrayLike, lon: ArrayLike) -> Plane:
     >>> choose_plane([52.5, 52.5, -33.9], [13.4, 13.4, 151.2]).centers
     ((525000000, 134000000), (-339000000, 1512000000))
     """
+    # Directions from the earth's centre as unit vectors.
     lat, lon = np.asarray(lat, dtype=np.float64), np.asarray(lon, dtype=np.float64)
     directions = _unit_vectors(lat, lon)
     uncovered = np.arange(len(lat))

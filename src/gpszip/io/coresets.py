@@ -87,6 +87,7 @@ def write_coreset(coreset: Coreset, sink: str | Path | BinaryIO, *, force: bool 
     >>> len(read_coreset(file))
     2
     """
+    # Never overwrite a file unless the user forces it.
     is_path = isinstance(sink, (str, Path)) and str(sink) != "-"
     if is_path and Path(str(sink)).exists() and not force:
         raise OutputError(f"{sink}: exists already; replace it with force, or name another file")
@@ -124,9 +125,11 @@ def read_coreset(source: str | Path | BinaryIO) -> Coreset:
     InputError
         If there is no such file, it is damaged, or it holds something else.
     """
+    # Name the source in messages.
     is_path = isinstance(source, (str, Path))
     where = str(source) if is_path else "stream"
 
+    # Parse the Parquet table; a file without our metadata is something other than a coreset.
     try:
         # The bytes are read here: Arrow opens no file whose name isn't UTF-8.
         data: Any = pa.py_buffer(Path(str(source)).read_bytes()) if is_path else source
@@ -150,6 +153,7 @@ def _column_names(dimension: int) -> list[str]:
 
 
 def _build_coreset(table: Any, metadata: dict[str, Any], where: str) -> Coreset:
+    # Refuse other versions of the format: their columns may mean something else.
     if metadata.get("version") != _VERSION:
         raise InputError(
             f"{where}: coreset of version {metadata.get('version')}; "
@@ -176,6 +180,7 @@ def _build_coreset(table: Any, metadata: dict[str, Any], where: str) -> Coreset:
     if not (_are_grouped(owners, len(tracks)) and _is_valid(rows) and _is_in_order(rows, owners)):
         raise InputError(f"{where}: its blocks are damaged; make the coreset anew")
 
+    # Restore the plane; a log in x and y has none.
     centers = metadata["plane"]
     plane = None if centers is None else Plane(tuple((int(lat), int(lon)) for lat, lon in centers))
     return Coreset(tracks, owners, rows, plane)
@@ -202,6 +207,7 @@ def _is_valid(rows: Floats) -> bool:
     if not np.isfinite(np.delete(rows, _COLUMN["jitter"], axis=1)).all():
         return False
 
+    # Check the bounds of each statistic: weights are positive, extents are not negative.
     is_in_range = (
         (rows[:, _COLUMN["weight"]] > 0).all()
         and (rows[:, _COLUMN["count"]] >= 1).all()

@@ -34,6 +34,7 @@ def push(keys: NDArray[Any], items: NDArray[Any], size: int, key: float, item: i
 @jit
 def pop(keys: NDArray[Any], items: NDArray[Any], size: int) -> tuple[int, int]:
     """Remove the item with the smallest key; return it and the new size."""
+    # The root has the smallest key.
     first = items[0]
 
     # The last entry fills the root; move it down below all children with smaller keys.
@@ -49,5 +50,6 @@ def pop(keys: NDArray[Any], items: NDArray[Any], size: int) -> tuple[int, int]:
         keys[i], items[i] = keys[child], items[child]
         i = child
 
+    # Place the entry where no child has a smaller key.
     keys[i], items[i] = key, item
     return first, size

@@ -285,6 +285,7 @@ def _from_prefix(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> 
         out[4 + c] = p1 - p0 * w
         out[4 + d + c] = tp - t0 * p1 - p0 * x1
 
+    # Write weight W, moments of time X1 and X2, and Q.
     out[0], out[1], out[2], out[3] = w, x1, x2, q
 
 
@@ -348,6 +349,7 @@ def best_line_cost(row: NDArray[np.float64]) -> float:
     With m the mean time, Stt = X2 - m X1, Spp = Q - |M|^2 / W and Stp = N - m M, the least sum of
     squares is Spp - |Stp|^2 / Stt.
     """
+    # A segment without weight costs nothing.
     if row[0] <= 0:
         return 0.0
 

@@ -151,6 +151,7 @@ def cut_into_batches(
         First and last slot of each time slice of a batch, and whether a piece begins and ends
         there.
     """
+    # A small log is a single batch of complete pieces.
     size = max(_BATCH_SLOTS, -(-len(slot_nodes) // _MAX_BATCHES))
     if len(slot_nodes) <= _SINGLE_BATCH_SLOTS:
         ones = np.ones(len(time_grid.first_slots), np.int64)
@@ -176,6 +177,7 @@ def cut_into_batches(
         axis=1,
     ).astype(np.int64)
 
+    # The slices between two cuts are a batch.
     bounds = np.unique(np.searchsorted(starts, cuts))
     return [batch for batch in np.split(slices, bounds) if len(batch)]
 
@@ -204,6 +206,8 @@ class _AssignmentJob:
         grid_arrays = _select_slots(self.grid_arrays, slots)
         marks = np.zeros(len(working_map.positions), np.int64)
 
+        # Assign window by window; the first window's size changes from round to round, so that
+        # windows end elsewhere.
         phase = 1 + (self.turn * _PHASE_STEP) % self.plan.window
         for time_slice in _order_slices(batch, begin, self.turn):
             start = int(time_slice[FIRST_SLOT])

@@ -130,6 +130,7 @@ def _round_to_grid(
 
     In theory, rounding to such steps has a third of the error.
     """
+    # Take the error as the coarsest space step; the walk's pace gives the time step.
     exact = measure_errors([track], [walk], nodes)
     size = max(exact.rmse, _MIN_RMSE)
     pace = _seconds_per_metre(nodes, walk)
@@ -141,6 +142,7 @@ def _round_to_grid(
         )
         grid_walks = quantise_walks(nodes, [walk], grid)
 
+        # Stop at the first grid whose rounding adds little error.
         rounded = measure_errors(
             [track],
             dequantise_walks(grid_walks, grid, [track.id]),

@@ -151,6 +151,7 @@ def sample_errors(
     time_grid: TimeGrid, segments: Segments, positions: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Synchronised distance of every sample in grid steps, and the segment of each."""
+    # Compare each sample with the point of its segment at the same time.
     errors = np.empty(len(time_grid.times))
     segment = np.empty(len(time_grid.times), np.int64)
     starts, ends = positions[segments.starts], positions[segments.ends]

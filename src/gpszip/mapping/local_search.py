@@ -415,6 +415,7 @@ def _as_outcome(
 
     The given outcome, if they are not smaller or miss the bound after all.
     """
+    # Without any walks within the bound, the given outcome stays.
     if knot_list.totals[BITS] == np.inf:
         return outcome
 
@@ -567,6 +568,7 @@ def _assign_slots(time_grid: TimeGrid, walks: GridWalks) -> NDArray[np.int64] | 
             return None
         slot_nodes[slots[index]] = walk.nodes
 
+    # Each piece must begin and end with a knot.
     has_ends = (slot_nodes[time_grid.first_slots] >= 0).all() and (
         slot_nodes[time_grid.last_slots] >= 0
     ).all()
@@ -577,6 +579,7 @@ def _build_knot_list(
     time_grid: TimeGrid, slot_nodes: NDArray[np.int64], nodes: NDArray[np.int64], groups: int
 ) -> KnotList:
     """Knots of all slots, with capacity for a quarter more; errors and bits are 0 still."""
+    # Leave capacity for knots that the search adds.
     knots = np.flatnonzero(slot_nodes >= 0)
     count = len(knots)
     capacity = count + count // 4 + _SPARE_KNOTS
@@ -595,6 +598,7 @@ def _build_knot_list(
     joined[1:count] = piece[1:] == piece[:-1]
     begins[:count] = np.diff(time_grid.piece_tracks[piece], prepend=-1) != 0
 
+    # Enter the counts; errors are measured later, and bits when the walks are encoded.
     counts = np.zeros(2, np.int64)
     counts[KNOTS], counts[NODES] = count, len(nodes)
     return KnotList(
@@ -619,6 +623,7 @@ def _build_workspace(
     knot_list: KnotList, walks: GridWalks, prior: Prior | None, work: int
 ) -> CoderWorkspace:
     """Coder with the model of the prior walks, and capacity for all knots."""
+    # Take the model after the prior walks, or an untrained one, as words that one copy restores.
     capacity, nodes = len(knot_list.slots) + _SPARE_CODER_KNOTS, len(knot_list.positions)
     dimension = knot_list.positions.shape[1]
     model, model_words = _pack_model(

@@ -83,6 +83,7 @@ def enforce_max_error(
     >>> changed.walks[0].time_steps.tolist()
     [0, 1, 2, 3, 4]
     """
+    # Try the grid as it is, then finer ones.
     for refinement in range(_REFINEMENTS):
         # Change one walk after the other; all share the new nodes.
         nodes, walks, is_missed = grid_walks.nodes, list(grid_walks.walks), False
@@ -124,6 +125,7 @@ def _enforce_on_walk(
     track: Track, walk: GridWalk, nodes: NDArray[np.int64], grid: QuantisationGrid, max_error: float
 ) -> tuple[GridWalk, NDArray[np.int64], bool]:
     """Changed walk and nodes, and whether the maximum is still missed."""
+    # Find the samples that miss the maximum; give up after some rounds without a new knot.
     stale_rounds = 0
     for turn in range(_MAX_ROUNDS):
         worst = _find_worst_samples(track, walk, nodes, grid, max_error)

@@ -94,6 +94,7 @@ class _Search:
 
     def run(self, start: _Start) -> Outcome | None:
         """Learn walks from one start."""
+        # Aim a little below the bounds, since rounding adds error; plans count in grid steps.
         unit = step_size(self.grid.space)
         plan = Plan(
             target=RMSE_AIM * self.target / unit,
@@ -132,6 +133,7 @@ class _Search:
                     outcome, walks=walks, size=len(encode(walks, self.prior)), misses=0
                 )
 
+        # Search locally at the exact target, since the search measures the rounded walks.
         return improve_walks(
             build_time_grid(self.tracks, self.gaps, self.grid),
             outcome,
@@ -257,6 +259,7 @@ def learn_on(
     if len(starts) == 1:
         search, executor = replace(search, inner=local_executor(executor)), None
 
+    # Share the search with the executor's workers once for both passes.
     outcomes: list[Outcome] = []
     with share_value(executor, search) as shared:
         # Learn walks from each start.

@@ -82,6 +82,7 @@ def merge_nodes(
     slot_nodes, segments, positions
         The same after the merges, with the nodes placed again.
     """
+    # Only nodes within some target errors of each other may merge.
     pairs = _find_near_pairs(positions, _MERGE_REACH * plan.target, fixed)
     if len(pairs) == 0:
         return slot_nodes, segments, positions
@@ -131,6 +132,7 @@ def _merge_gain(
     is_linked = ((adjacency + adjacency.T) > 0).astype(np.float64)
     shared = (is_linked @ is_linked).tocsr()[pairs[:, 0], pairs[:, 1]]
 
+    # A merge saves a share of a node's and the shared edges' bits: the model adapts to the rest.
     gain: NDArray[np.float64] = (
         _SAVED_SHARE * (prices.new_node + prices.position)
         + _SAVED_SHARE * prices.new_edge * np.asarray(shared).ravel()
@@ -144,6 +146,7 @@ def _find_near_pairs(positions: NDArray[np.float64], reach: float, fixed: int) -
 
     The second node is never one of the first ``fixed``.
     """
+    # Without fixed nodes, any near pair may merge.
     if fixed == 0:
         return cKDTree(positions).query_pairs(reach, output_type="ndarray").astype(np.int64)
 

@@ -193,6 +193,7 @@ def fit(
     slot_nodes, positions, price = _start_from_private_chains(current_grid, plan, executor)
     slot_nodes, positions = _cluster_knots(current_grid, slot_nodes, positions, plan, prior)
 
+    # Run the rounds: the last few on all slots, and extra ones while allowed error is left.
     best = _BestOutcome(plan, prior)
     control = _PriceControl(plan, price, _choose_slack(plan, sparse_grid))
     prices = estimate_prices(None, price, len(positions), plan.beam)
@@ -246,6 +247,7 @@ def fit(
             best.bit_statistics, control.price, len(outcome.walks.nodes), plan.beam
         )
 
+    # Encode what still waits, and bring the best walks within the maximum.
     best.encode()
     if plan.maximum is None or best.layout is None:
         return best.outcome
@@ -410,6 +412,8 @@ def _enforce_max_error(
     executor: Executor | None,
 ) -> Outcome:
     """Assign the knots again at whole positions, along segments that keep the maximum."""
+    # Measure at whole positions, to which new nodes are rounded, too: rounding after the
+    # assignment could break the maximum.
     time_grid, slot_nodes, positions = layout.time_grid, layout.slot_nodes, layout.positions
     rounded_grid = replace(time_grid, positions=np.rint(time_grid.positions))
     best, _, _ = measure_and_encode(time_grid, slot_nodes, positions, tracks, plan, prior)
@@ -483,6 +487,7 @@ def _start_from_private_chains(
     price : float
         Bits for a squared error.
     """
+    # At the first price, a squared error at the target costs a set number of bits per slot.
     price = _BITS_PER_SLOT * len(time_grid.time_steps) / (time_grid.samples * plan.target**2)
     slot_nodes = np.full(len(time_grid.time_steps), -1, np.int64)
 
@@ -491,6 +496,7 @@ def _start_from_private_chains(
         time_grid, np.where(np.isin(np.arange(len(slot_nodes)), time_grid.last_slots), 0, -1), 0
     )
 
+    # Batches write to slots of their own, so that they may run at once.
     def find_chains(batch: NDArray[np.int64]) -> None:
         find_private_chains(
             time_grid.sums,
@@ -505,6 +511,7 @@ def _start_from_private_chains(
             slot_nodes,
         )
 
+    # Find the chains anew at each price, until their error is near the target.
     for _ in range(_CHAIN_ROUNDS):
         for _ in (map if executor is None else executor.map)(find_chains, batches):
             pass
@@ -533,6 +540,7 @@ def _cluster_knots(
     prior: Prior | None,
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Let knots near each other, or near a prior node, share a node."""
+    # Without a radius each knot keeps a node of its own, numbered after the prior nodes.
     prior_nodes = (
         np.zeros((0, positions.shape[1])) if prior is None else prior.walks.nodes.astype(np.float64)
     )
@@ -626,6 +634,7 @@ def estimate_prices(
     beam : float, default infinity
         Bits beyond the cheapest candidate of a slot at which others are left out.
     """
+    # Before the first encoding, nothing is spent.
     spent = np.zeros((STATISTICS, 2)) if bit_statistics is None else bit_statistics
 
     # Guesses count for a few steps of each kind, so that rare kinds have a price, too.
@@ -633,6 +642,7 @@ def estimate_prices(
         bits, count = spent[kinds, 0].sum(), spent[kinds, 1].sum()
         return float((bits + _GUESS_WEIGHT * guess) / (count + _GUESS_WEIGHT))
 
+    # All steps that move share one duration price; a start costs the choice among all nodes.
     return Prices(
         error=float(price),
         duration=mean_bits([DURATION_BITS + kind for kind in (_BACK, _KNOWN, _LINK, _NEW)], 4.0),

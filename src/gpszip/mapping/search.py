@@ -172,6 +172,7 @@ def learn_map(
         The smallest map with its walks; None if none kept the bound. Of two bounds, the looser one
         may be missed by little where the tighter one is a maximum.
     """
+    # Without a bound, the smallest map would be a single node.
     if rmse is None and max_error is None:
         raise OptionError("a map needs a bound on its error: give rmse or max_error")
 
@@ -305,6 +306,7 @@ class _Search:
 
     def run(self, trial: _Trial) -> _TrialResult:
         """Learn a map with the step sizes and the start of a trial."""
+        # Aim a little below the bounds, since rounding adds error; plans count in grid steps.
         grid = self.grid(trial)
         unit = step_size(grid.space)
         plan = Plan(
@@ -364,6 +366,7 @@ class _Search:
 
         Where one track has more samples, its start.
         """
+        # A small log is searched as a whole.
         if self.samples <= samples:
             return replace(self, rounds=_ROUGH_ROUNDS, is_rough=True)
 
@@ -416,11 +419,13 @@ def _choose_steps(search: SharedValue[_Search]) -> _Trial:
     """Choose step sizes by a pattern search on the encoded size."""
     sizes: dict[_Trial, float] = {}
 
+    # Trials whose encoded size is known already are not run again.
     def measure(trials: list[_Trial]) -> None:
         new = [trial for trial in trials if trial not in sizes]
         for trial, (_, outcome) in zip(new, search.map(_run, new), strict=True):
             sizes[trial] = _NEVER if outcome is None else outcome.cost
 
+    # Move to the smallest neighbour, until none is smaller than the centre.
     best = _FIRST
     for _ in range(_MAX_MOVES):
         around = [

@@ -385,6 +385,7 @@ def _smooth_positions(
     It is the mean of the samples within half a time step where there are three or more, else that
     on the straight line between two samples.
     """
+    # Running sums give the mean of any samples; all slots of a piece share a sample range.
     smoothed = np.empty((len(time_steps), positions.shape[1]))
     total = np.concatenate([np.zeros((1, positions.shape[1])), np.cumsum(positions, axis=0)])
     starts = np.flatnonzero(np.diff(sample_ranges[:, 0], prepend=-1))

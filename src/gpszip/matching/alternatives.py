@@ -223,6 +223,7 @@ class PathFinder:
 
         The cost is that of the rest of the road, of turning round, and the penalty.
         """
+        # Each position gives its directed road, and the opposite one after a half turn.
         found: _SearchStarts = {}
         for position in positions:
             length = max(float(self.lengths[position.road]), _MIN_LENGTH)
@@ -233,6 +234,7 @@ class PathFinder:
             if opposite[position.road >> 1]:
                 choices.append((position.road ^ 1, costs.u_turn_cost))
 
+            # Keep the cheapest entry of each directed road, over all positions on it.
             for road, turn in choices:
                 is_backward = road % 2 == 1
                 metres = position.offset if is_backward == leaving else length - position.offset
@@ -250,6 +252,7 @@ class PathFinder:
         max_paths: int,
     ) -> list[RoadPath]:
         """The cheapest paths through each road that no cheaper path covers."""
+        # Take roads by the cost of the cheapest path through each, without those of earlier paths.
         paths: list[RoadPath] = []
         covered: set[int] = set()
         cheapest_turns_round = False
@@ -282,6 +285,7 @@ class PathFinder:
         self, starts: Sequence[RoadPosition], ends: Sequence[RoadPosition], costs: TravelCosts
     ) -> list[RoadPath]:
         """The paths between starts and ends on the same road."""
+        # Pair starts and ends on the same road; such a path has one direction of travel.
         paths = []
         for start in starts:
             for end in ends:
@@ -328,6 +332,7 @@ class PathFinder:
 
         A vertex between two roads comes twice.
         """
+        # Collect the vertices road by road.
         network = self.network
         lines, owners = [], []
         for number, road in enumerate(path.roads.tolist()):
@@ -344,6 +349,7 @@ class PathFinder:
             inner = along[(along > min(enter, leave)) & (along < max(enter, leave))]
             offsets = np.concatenate(([enter], inner[:: -1 if enter > leave else 1], [leave]))
 
+            # Interpolate the position in metres at each offset.
             lines.append(np.stack([np.interp(offsets, along, axis) for axis in points.T], axis=1))
             owners.append(np.full(len(offsets), number))
         return np.concatenate(lines), np.concatenate(owners)

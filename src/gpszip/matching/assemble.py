@@ -113,6 +113,7 @@ def build_match(
             )
         )
 
+    # Express the position of each sample as edge, direction and offset from the edge's start.
     edge, forward, offset = _edges_of_samples(index, path, leg, metres)
     return Match(
         track,
@@ -161,6 +162,7 @@ def _is_standstill(path: ViterbiPath, scales: Scales, first: int, last: int) -> 
     This happens where no path leads on from a sample, nor to it: the samples before and after are
     elsewhere, too.
     """
+    # Length in metres of the route that the piece takes.
     low, high = int(path.leg[first]), int(path.leg[last])
     length = float((path.legs.end - path.legs.begin)[low : high + 1].sum())
 
@@ -240,6 +242,7 @@ def _reason_of_steps(
     index: RoadIndex, work: Workspace, path: ViterbiPath, scales: Scales, a: int, b: int
 ) -> str:
     """Why the time steps between a and b are on no piece."""
+    # Steps without a road near come first: nothing else explains them.
     if path.no_road_near[a + 1 : b].any():
         return "no road near"
     if (path.leg[a + 1 : b] < 0).any():
@@ -268,6 +271,7 @@ def _reason_of_jump(
 
     A search without costs for turns and with a far bound tells a detour from no route.
     """
+    # A break between positions on one road is a detour, without a search for a path.
     i, j = path.sample_indices[a], path.sample_indices[b]
     road, target = int(path.roads[a]), int(path.roads[b])
     if road in {target, target ^ 1}:

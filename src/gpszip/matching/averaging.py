@@ -83,6 +83,7 @@ def find_stride(positions: Floats, is_gap: NDArray[np.bool_], noise: float) -> t
     noise : float
         What it returned.
     """
+    # Double the stride until its steps are long against the noise.
     run = np.append(0, np.cumsum(is_gap))
     stride, length = 1, 0.0
     while True:
@@ -156,6 +157,7 @@ def moving_average(positions: Floats, is_gap: NDArray[np.bool_], window: int) ->
     >>> moving_average(positions, np.zeros(3, bool), 3).ravel().tolist()
     [0.0, 2.0, 5.0, 9.0]
     """
+    # A window of one sample has nothing to average.
     n, half = len(positions), window // 2
     if half == 0:
         return positions
@@ -204,6 +206,7 @@ class RunningAverage:
 
     def push(self, sample: Sample) -> list[Sample]:
         """Take in a sample; return those whose means are known now."""
+        # A window of one sample waits for no later ones.
         if not self._half:
             return [sample]
         self._recent.append(sample)

@@ -146,6 +146,7 @@ def estimate_heading_spread(index: RoadIndex, paths: Sequence[ViterbiPath]) -> f
     paths : sequence of ViterbiPath
         Tracks whose headings follow the roads.
     """
+    # Angles in radians from the direction of the road to the heading, at each time step.
     errors = [
         np.angle(heading * road.conj())
         for heading, road in (_pair_directions(index, path) for path in paths)

@@ -47,6 +47,7 @@ class RoadIndex:
 
 def create_workspace(index: RoadIndex) -> Workspace:
     """Allocate the arrays of one thread's searches, once: they are as large as the network."""
+    # Searches label directed roads; only the sources of the backward one are nodes.
     roads, nodes = len(index.graph.is_open), len(index.graph.node_positions)
 
     # backward from the candidates of a time step
@@ -127,6 +128,8 @@ def open_both_directions(index: RoadIndex) -> RoadIndex:
 
 def _build_graph(network: Network, roads: Roads, node_positions: NDArray[np.float64]) -> Graph:
     """Connect the directed roads at their nodes."""
+    # Directed road 2 i is edge i forward, 2 i + 1 is it backward; the tail of one is the head of
+    # the other.
     is_open = np.stack((network.forward, network.backward), axis=1).ravel()
     heads = np.stack((network.ends, network.starts), axis=1).ravel().astype(np.int32)
     tails = heads.reshape(-1, 2)[:, ::-1].ravel()

@@ -190,6 +190,7 @@ class LiveMatcher:
         lag: int = 100,
         gap: float = 120.0,
     ) -> None:
+        # Index the roads, and check the options.
         self.index = network if isinstance(network, RoadIndex) else index_network(network)
         if scales is None and self.index.network.plane is None:
             raise OptionError(
@@ -335,6 +336,7 @@ class LiveMatcher:
         self, time: float, position: Floats, heading: Floats, *, is_after_gap: bool
     ) -> LivePosition:
         """Add a time step to the trellis; return the position of its best candidate."""
+        # Extend the trellis by the time step; infinite seconds make a break after a gap.
         step, slots = self._steps, len(self._step_times)
         straight, seconds = 0.0, math.inf
         if not is_after_gap:
@@ -422,6 +424,7 @@ class LiveMatcher:
 
     def _match_to_last_road(self, time: float, position: Floats) -> LivePosition:
         """The nearest position on the last road, not before the last position."""
+        # The nearest position on the rest of the road; an agent off the roads stays off them.
         last = self._position
         assert last is not None
         if last.off_map:
@@ -443,6 +446,7 @@ class LiveMatcher:
         self, time: float, road: int, metres: float, distance: float, probability: float
     ) -> LivePosition:
         """The position at metres along a directed road, with the roads that may come next."""
+        # Find the roads that may come next once for each directed road.
         if road < 0:
             return LivePosition(time, -1, False, math.nan, math.nan, probability, True, (), ())
         following = self._next_roads.get(road)

@@ -101,6 +101,7 @@ def match(
     >>> matched.edge.tolist(), matched.offset.round().tolist(), round(matched.pieces[0].length)
     ([0, 0, 1, 1], [10.0, 60.0, 20.0, 60.0], 150)
     """
+    # A track without times takes those of an even speed, as the model needs speeds.
     tracks = [tracks] if isinstance(tracks, Track) else tracks
     tracks = tuple(map(with_nominal_times, tracks))
     _check(
@@ -173,6 +174,7 @@ def _check(
     heading: float | None,
 ) -> None:
     """Check that tracks and network can be matched."""
+    # There must be tracks and roads.
     if not tracks:
         raise InputError("no tracks: there is nothing to match")
     if not len(network):

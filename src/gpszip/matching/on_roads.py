@@ -76,6 +76,7 @@ def fit_mixture(distances: Floats, start: DistanceMixture, prior: float = 0.0) -
     >>> round(mixture.share, 1), round(mixture.error)
     (0.6, 4)
     """
+    # Time steps without a road tell nothing about the errors.
     known = distances[np.isfinite(distances)]
     mixture = start
     if not len(known):

@@ -207,6 +207,7 @@ def _find_wrong_way_travel(
     index: RoadIndex, opened: RoadIndex, work: Workspace, path: ViterbiPath, match: Match
 ) -> tuple[list[Break], list[Break]]:
     """Find runs of wrong-way samples, and breaks between two samples that travel against a road."""
+    # Match windows about doubtful time steps again, with all roads open in both directions.
     scales = match.scales
     steps = _describe_steps(path, match)
     runs: list[Break] = []
@@ -224,12 +225,14 @@ def _find_wrong_way_travel(
             if run is not None:
                 runs.append(run)
 
+        # Breaks between two time steps that only a path against a road joins.
         bridges += _find_bridges(steps, rematch, window, scales)
     return runs, bridges
 
 
 def _describe_steps(path: ViterbiPath, match: Match) -> _Steps:
     """Describe the time steps of a track as matched on the open directions."""
+    # The piece of each time step, -1 where it is on none.
     samples = path.sample_indices
     piece = match.piece[samples]
     is_matched = piece >= 0
@@ -248,6 +251,7 @@ def _describe_steps(path: ViterbiPath, match: Match) -> _Steps:
     moves_on = advances | (is_same_piece & is_near & ~hurries)
     is_stuck = is_matched & ~(np.append(False, moves_on) | np.append(moves_on, False))
 
+    # Jumps between two time steps that are both on pieces.
     is_jump = (path.transitions == JUMP) & is_matched & np.append(False, is_matched[:-1])
     return _Steps(
         samples, is_matched, match.distance[samples], is_stuck, is_jump, path.no_road_near
@@ -297,6 +301,7 @@ def _rematch_window(
     scales: Scales,
 ) -> _Rematch:
     """Match the samples from first to last with all roads open in both directions."""
+    # Find the Viterbi path of the window alone, and where all of its samples lie on it.
     inside = slice(first, last + 1)
     window = Observations(
         observations.positions[inside],
@@ -327,6 +332,7 @@ def _rematch_window(
         is_closed[on_leg], metres[on] - legs.begin[on_leg], 0.0
     )
 
+    # The piece of each sample, and the edge of each leg.
     piece = np.full(len(leg), -1, np.int64)
     piece[on] = legs.piece[on_leg]
     edges = (legs.roads >> 1).astype(np.int64)
@@ -375,10 +381,12 @@ def _build_run(
     samples = steps.sample_indices
     piece = rematch.piece[samples[i] - rematch.first]
 
+    # A time step belongs to the path if it is in the window and on the piece of the run.
     def is_on_path(k: int) -> bool:
         inside = window[0] <= k <= window[1]
         return inside and bool(rematch.piece[samples[k] - rematch.first] == piece)
 
+    # Metres in closed directions between those time steps; errors alone can make a few.
     before = i - 1 if is_on_path(i - 1) else i
     behind = j + 1 if is_on_path(j + 1) else j
     length = rematch.closed_metres_between(samples[before], samples[behind])
@@ -394,6 +402,7 @@ def _build_run(
         if excess < JUMP_COST:
             return None
 
+    # Samples beside the run that travel against a road belong to it, too.
     first, last = _extend_run(steps, rematch, i, j)
     return Break(first - 1, last + 1, "one-way", rematch.wrong_way_roads(first, last))
 

@@ -89,6 +89,7 @@ def model_parameters(scales: Scales) -> ModelParameters:
 
     A sample off the roads costs as much as one at the search radius.
     """
+    # Metres from a sample within which roads are candidates; emission costs grow with its square.
     radius = search_radius(scales)
     return ModelParameters(
         # emission

@@ -190,6 +190,7 @@ def patch(
         If there is no track or no road, tracks and roads lie on different planes, or the gap is not
         positive.
     """
+    # Find the gaps; a log without any stays as it is, and is not matched.
     log = [tracks] if isinstance(tracks, Track) else list(tracks)
     _check(log, network)
     if ignore_oneway:
@@ -228,6 +229,7 @@ def patch(
 
 def _check(tracks: Sequence[Track], network: Network) -> None:
     """Check that the gaps of tracks can be filled on a network."""
+    # There must be tracks and roads, on one plane, and times to tell gaps by.
     if not tracks or not len(network):
         raise OptionError("patching needs at least one track and one road")
     if any(track.plane != network.plane for track in tracks):
@@ -260,6 +262,7 @@ class _GapFiller:
         slowness: Floats,
         gap: float,
     ) -> None:
+        # The roads, and the track as matched to them.
         self.finder = finder
         self.nearby_roads = nearby_roads
         self.track = track
@@ -276,6 +279,7 @@ class _GapFiller:
         self.travel_time = slowness * road_lengths / motion.mean_speed
         self.road_speed = finder.lengths / self.travel_time
 
+        # Headings, unless the match ignores them, and the error of samples in metres.
         uses_headings = math.isfinite(match.scales.heading)
         self.headings = read_headings(track) if uses_headings else np.zeros((len(track), 2))
         self.error = _robust_error(match.distance)
@@ -366,6 +370,7 @@ class _GapFiller:
 
         The penalty of a road is ``cost_scale`` times the cost of its distance and direction.
         """
+        # The matched position, and the radius in metres within which other roads are possible.
         is_matched = bool(self.match.edge[sample] >= 0)
         positions = [self._matched_position(sample, side)] if is_matched else []
         radius = _OTHER_ROAD_RADIUS * self.error
@@ -374,6 +379,8 @@ class _GapFiller:
         heading = self._direction_of_travel(sample, side)
         network = self.finder.network
 
+        # Add the open directions of roads near. Distance and another direction than that of travel
+        # cost, and so does any position but the matched one.
         for road, offset, distance, direction in zip(
             *self.nearby_roads.near(self.track.positions[sample], radius), strict=True
         ):
@@ -395,6 +402,7 @@ class _GapFiller:
 
     def _direction_of_travel(self, sample: int, side: int) -> Floats | None:
         """Unit vector of travel beside a gap: the heading, or the movement beyond the error."""
+        # A heading in the log is the direction of travel.
         if self.headings[sample].any():
             return np.asarray(self.headings[sample])
 
@@ -569,6 +577,7 @@ def _measure_along(line: Floats) -> Floats:
 
 def _nearest_along(line: Floats, point: Floats, low: float, high: float) -> float:
     """Metres along a line, between two bounds, to where it is nearest to a point."""
+    # Metres along the line up to each vertex, and the bounds within its length.
     steps = np.diff(line, axis=0)
     lengths = np.linalg.norm(steps, axis=1)
     along = np.append(0.0, np.cumsum(lengths))

@@ -246,6 +246,7 @@ def estimate_robust_scales(
     work, observations, sigma, beta, heading
         As for :func:`estimate_scales`.
     """
+    # Without closed directions the first estimate stands.
     log_scales, track_scales = estimate_scales(
         index, work, observations, sigma=sigma, beta=beta, heading=heading
     )

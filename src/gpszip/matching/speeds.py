@@ -85,6 +85,7 @@ class MotionStatistics:
         It is that of the exponential function through the correlation at a third of ``seconds``,
         the length of the gap in question.
         """
+        # Interpolate the correlation over the logarithm of the lag, within the lags that are known.
         lag = seconds / 3
         known = [
             (known_lag, value) for known_lag, value in self.autocorrelation if not math.isnan(value)
@@ -98,6 +99,8 @@ class MotionStatistics:
                 [value for _, value in known],
             )
         )
+
+        # The time T of the exponential function: ``correlation = exp(-lag / T)``.
         near = min(max(lag, known[0][0]), known[-1][0])
         return float(
             np.clip(-near / np.log(np.clip(value, 0.02, 0.98)), 0.05 * seconds, 2 * seconds)
@@ -124,6 +127,7 @@ def measure_motion(
     >>> measure_motion([track], 30.0).mean_speed
     2.0
     """
+    # Pool speeds in metres per second, and their durations. A log that stands gets default speeds.
     samples = [_measure_speeds(track, gap, error) for track in tracks if len(track) > 1]
     speeds = np.concatenate([sample.speeds for sample in samples]) if samples else np.empty(0)
     seconds = np.concatenate([sample.durations for sample in samples]) if samples else np.empty(0)

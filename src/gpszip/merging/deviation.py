@@ -133,6 +133,7 @@ def sample_curve(curve: Curve) -> Curve:
     is_distinct = np.append(True, np.diff(times) > 0) | (index == np.floor(index))
     index, times = index[is_distinct], times[is_distinct]
 
+    # Interpolate positions; gaps start at the same knots as before.
     positions = np.stack(
         [np.interp(index, np.arange(knots), axis) for axis in curve.track.positions.T], axis=1
     )
@@ -156,6 +157,7 @@ def sample_weighted(curves: Sequence[Curve], at_knots: float) -> list[Curve]:
     list of Curve
         Points with weights of mean 1 over all curves.
     """
+    # Points of each curve, and which of them are knots.
     points = [sample_curve(curve) for curve in curves]
     is_knot = [
         np.isin(point.track.times, curve.track.times)
@@ -221,6 +223,7 @@ def measure_deviation(
     >>> measure_deviation([curve], [walk], np.array([[0.0, 0.0], [2.0, 3.0]])).maximum
     3.0
     """
+    # Add up over pieces between gaps, in which curve and walk are linear between knots.
     largest, time_square, duration, knot_square, knots = 0.0, 0.0, 0.0, 0.0, 0
     for curve, walk in zip(curves, walks, strict=True):
         for first, after in split_at_gaps(curve.gaps):

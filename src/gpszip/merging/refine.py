@@ -98,11 +98,14 @@ def refine(
         The smallest of all rounds and the walks as given; None if none kept to the root mean
         squares.
     """
+    # Initial prices, in bits for each square grid step: with errors at the bound, they come to a
+    # fixed number of bits for each slot.
     plan = Plan(target=float(allowed.rms.max()), maximum=allowed.maximum, rounds=rounds)
     group_weights = np.bincount(groups, weights=time_grid.weights, minlength=len(allowed.rms))
     price = _BITS_PER_SLOT * len(time_grid.time_steps) / (time_grid.samples * allowed.rms**2)
     power = np.full(len(price), _PRICE_POWER)
 
+    # Cost and deviations of the walks as they are at the time of the call.
     def measure() -> tuple[Outcome, NDArray[np.float64], NDArray[np.float64]]:
         """Outcome, bit statistics, and each group's deviation as a multiple of its bound."""
         outcome, bit_statistics, errors = measure_and_encode(
@@ -119,6 +122,7 @@ def refine(
     best, bit_statistics, excess = measure()
     is_kept = bool((excess <= 1).all())
 
+    # Alternate between assigning knots and placing nodes.
     for turn in range(rounds):
         # E-step: points weigh in proportion to their group's price.
         weights = np.rint(np.maximum(_MAX_WEIGHT * price / price.max(), 1)).astype(np.int64)
@@ -172,6 +176,7 @@ def snap_to_time_grid(
     positions : float64 array, shape (V, d)
         The nodes, in grid steps.
     """
+    # Slots have no knot at first. Each track has a slice of the pieces.
     slot_nodes = np.full(len(time_grid.time_steps), -1, np.int64)
     bounds = np.searchsorted(time_grid.piece_tracks, np.arange(len(walks.walks) + 1))
     for number, walk in enumerate(walks.walks):
@@ -181,6 +186,7 @@ def snap_to_time_grid(
         index = np.searchsorted(starts, walk.time_steps, side="right") - 1
         knot_pieces = pieces[np.clip(index, 0, len(pieces) - 1)]
 
+        # Move the knots of each piece to its slots, the end knots to its end slots.
         for piece in pieces.tolist():
             knots = np.flatnonzero(knot_pieces == piece)
             first, last = int(time_grid.first_slots[piece]), int(time_grid.last_slots[piece])

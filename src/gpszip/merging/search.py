@@ -190,6 +190,7 @@ class _Search:
 
     def refine_within_limit(self, grid: QuantisationGrid, branch: Branch) -> MergedMap | None:
         """Refine the walks of all archives until they keep the limit."""
+        # Refine and repair, with lower targets each time, until all archives keep the limit.
         time_grid, groups = branch.time_grid(grid), branch.point_groups()
         shares = self.limit_shares
         rounds = _ROUNDS if len(time_grid.time_steps) < _LARGE_SLOTS else _FEW_ROUNDS
@@ -259,6 +260,7 @@ class _Search:
                 return None
             grid, grid_walks = changed
 
+        # Measure again: the repairs changed the walks, and may have changed the grid.
         return MergedMap(
             grid,
             branch.ids,
@@ -269,6 +271,7 @@ class _Search:
 
     def improve_walks(self, merged: MergedMap) -> MergedMap:
         """Improve walks by local search; each archive keeps to its own limit."""
+        # Set up the time grid of all curves, and the work of one step of the search.
         branch = concatenate_branches(build_leaves(self.archives, merged.grid)).sorted()
         time_grid, groups = branch.time_grid(merged.grid), branch.point_groups()
         work = max(_MIN_WORK, _WORK_PER_KNOT * sum(archive.knots for archive in self.archives))
@@ -381,6 +384,7 @@ def merge_archives(
     MergedMap or None
         The smallest map found; None if none kept the limit.
     """
+    # Workers get the archives and the limit once, for all grids.
     search = _Search(tuple(archives), limit)
     with share_value(executor, search) as shared:
         # The best grids first, then finer ones, one after the other.
@@ -493,6 +497,7 @@ def _rank_grids(
 
 def _find_grid_cost(search: _Search, grid: QuantisationGrid) -> _GridCost:
     """Cost of the walks rounded to a grid; infinite if the grid loses a gap."""
+    # Leave out grids so coarse in time that a gap is lost.
     branch = concatenate_branches(build_leaves(search.archives, grid))
     time_grid = branch.time_grid(grid)
     slots = len(time_grid.time_steps)

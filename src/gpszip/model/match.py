@@ -227,6 +227,7 @@ class Match:
 
     def snapped_positions(self, network: Network) -> NDArray[np.float64]:
         """Positions on the roads, shape (n, d) in metres, NaN for samples on no piece."""
+        # Leave NaN for samples on no piece.
         out = np.full((len(self), network.dimension), np.nan)
         matched = np.flatnonzero(self.edge >= 0)
         edge, offset = self.edge[matched], self.offset[matched]

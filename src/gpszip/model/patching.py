@@ -98,6 +98,7 @@ class Patching:
         They have the attributes ``source`` (``log`` or ``patched``) and ``confidence`` (1 for
         samples of the log).
         """
+        # Combine each track with its patches.
         patched = []
         for number, track in enumerate(self.tracks):
             # samples of the log, and those added

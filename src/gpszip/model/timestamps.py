@@ -129,6 +129,7 @@ def wrong_unit(times: NDArray[np.float64], first: float, last: float) -> str | N
     >>> wrong_unit(np.array([1.5e9]), 1.4e9, 1.4e9 + 90) is None
     True
     """
+    # If any of the times lies within the log, their unit is right.
     asked = times[np.isfinite(times)]
     if not asked.size or ((asked >= first) & (asked <= last)).any():
         return None

@@ -100,6 +100,7 @@ class Track:
         OptionError
             If there is no sample in the range, or the track has no times.
         """
+        # Convert the bounds to seconds, which only a track with times can be compared with.
         begin, end = time_bounds(span)
         if not self.timed:
             raise OptionError("has no times, so no time range", location=f"track {self.id!r}")

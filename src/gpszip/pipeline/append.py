@@ -100,6 +100,7 @@ def append(
     >>> archive.ids, len(archive.road_map.nodes)
     (('a',), 2)
     """
+    # Take the time of the whole call, for the report.
     start = time.perf_counter()
 
     # what the archive states and keeps goes on
@@ -145,6 +146,7 @@ def append(
 
 def _completed(options: Options, archive: Archive) -> Options:
     """Add the bound that the archive states and the columns that it keeps."""
+    # Refuse a size: walks are appended for an error bound alone.
     if options.sized:
         raise OptionError("a size can't be asked of what is appended; give rmse or max_error")
 
@@ -324,6 +326,7 @@ def _extend(archive: Archive, on_map: Archive, job: Job) -> Archive:
         known = walks.get(name)
         walks[name] = walk if known is None else _continue_walk(name, known, walk, max_steps)
 
+    # Number the nodes by their first visit anew; tracks without times stay shapes.
     shapes = {*archive.untimed, *on_map.untimed}
     untimed = frozenset(number for number, name in enumerate(walks) if name in shapes)
     extended = new_archive(

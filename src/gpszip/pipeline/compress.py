@@ -111,6 +111,7 @@ def compress(
     BoundError
         If the bound can't be held, or no archive is small enough.
     """
+    # Take the time of the whole call; without options, the bound is estimated.
     start = time.perf_counter()
     options = options or Options()
 
@@ -126,6 +127,7 @@ def compress(
     else:
         archive, errors = _within_size(job, job.options.size)
 
+    # Say in the report which tracks have no times, and what lies off the map kept elsewhere.
     notes = job.notes + off_map_notes(archive, map) + _notes_on_times(job)
     seconds = time.perf_counter() - start
     return archive, report_on(job, archive, errors, notes, seconds)
@@ -133,10 +135,12 @@ def compress(
 
 def within_bound(job: Job) -> tuple[Archive, ErrorSummary]:
     """Learn, write, read back and measure, until the bound holds."""
+    # Aim a little below the bound in batches: joints of slices and rounding need some slack.
     target: Options | None = job.aim
     if job.batch is not None:
         target = job.aim.tightened(_FIRST_TARGET_IN_BATCHES)
 
+    # Lower the target until what the bytes decode to holds the bound.
     failures = 0
     while target is not None:
         # nothing learned: aim lower, a few times
@@ -170,6 +174,7 @@ def _within_size(job: Job, size: int) -> tuple[Archive, ErrorSummary]:
             "allow more, or keep less"
         )
 
+    # Hold one RMSE in metres, and compare the bytes of map and walks without the columns.
     def attempt(rmse: float, effort: int) -> Try[tuple[Archive, ErrorSummary]] | None:
         options = replace(job.options, size=None, rmse=rmse, effort=effort)
         try:
@@ -216,9 +221,11 @@ def _write_and_measure(job: Job, learned: Learned) -> tuple[Archive, ErrorSummar
     bare = replace(archive, contents=replace(archive.contents, extras=()))
     decoded = open_archive(bare.to_bytes(), job.map)
 
+    # Report the share of the samples that are measured.
     def report(done: float) -> None:
         job.report("measure", done)
 
+    # Measure at every sample, then state the bound and the sampling interval in the archive.
     errors = measure(job.log, decoded, job.batches, job.executor, report)
     decoded = with_sections(decoded, job.extras)
     stated = with_error_bound(decoded, stated_bound(job.options, errors))
@@ -227,6 +234,8 @@ def _write_and_measure(job: Job, learned: Learned) -> tuple[Archive, ErrorSummar
 
 def _last_resort(job: Job) -> tuple[Archive, ErrorSummary]:
     """Do without the map kept elsewhere, then keep every sample of a log in memory."""
+    # Learn a map of the log's own where the one kept elsewhere doesn't do. A log on disk can't
+    # keep every sample as a knot, which memory doesn't allow.
     if job.map is not None:
         return within_bound(replace(job, map=None))
     if job.batch is not None:
@@ -235,6 +244,7 @@ def _last_resort(job: Job) -> tuple[Archive, ErrorSummary]:
             "allow a larger error, or more memory"
         )
 
+    # Make every sample a knot, on finer and finer grids for shapes: rounding lengthens them.
     aim = job.aim
     bounds = [bound for bound in (aim.rmse, aim.max_error) if bound is not None]
     if job.options.k is None and bounds:
@@ -296,6 +306,7 @@ def off_map_notes(archive: Archive, map: Archive | None) -> tuple[str, ...]:
 
 def _notes_on_times(job: Job) -> tuple[str, ...]:
     """Say which tracks have no times, and that times were left out."""
+    # Name the tracks kept as shapes, and say where measured times aren't in the archive.
     notes: tuple[str, ...] = ()
     names = [repr(track.id) for track in job.log.tracks if not track.timed]
     if len(names) == len(job.log.tracks):

@@ -52,6 +52,7 @@ def ready_to_continue(archive: Archive, starts: Mapping[str, float], time_step: 
     Archive
         The same archive where nothing has to change.
     """
+    # Find the refinements that suit the new tracks, and walks that end after they begin.
     refinements = _refinements(archive.grid, time_step)
     late = [
         name
@@ -76,6 +77,7 @@ def ready_to_continue(archive: Archive, starts: Mapping[str, float], time_step: 
         walks[number], added = _cut(walks[number], known.nodes, sum(map(len, nodes)), end)
         nodes.append(added)
 
+    # Code the cut walks anew; columns, sampling and error bound stay those of the archive.
     cut = GridWalks(np.concatenate(nodes), tuple(walks), untimed=known.untimed)
     ready = new_archive(
         grid,
@@ -155,6 +157,7 @@ def _cut(
     int64 array, shape (0 or 1, d)
         The new node.
     """
+    # Leave a walk whose last segment can't be cut: a single knot, a gap, or one that ends by then.
     steps, no_node = walk.time_steps, nodes[:0]
     if len(steps) == 1 or walk.gaps[-1]:
         return walk, no_node

@@ -93,6 +93,7 @@ def thin_log(log: Log, coreset: Coreset, *, executor: Executor | None = None) ->
     executor : Executor, optional
         Where batches are thinned.
     """
+    # Find the blocks of each track, and the numbers of the samples between which they lie.
     workers = executor or Serial()
     bounds = np.searchsorted(coreset.owners, np.arange(len(log.tracks) + 1))
     for number, track in enumerate(log.tracks):
@@ -115,6 +116,7 @@ def _within_eps(
     log: Log, slices: Sequence[Slice], k: int, eps: float, executor: Executor | None
 ) -> Coreset:
     """Cut tracks into blocks that hold ``eps``; those whose blocks don't, again and finer."""
+    # Cut every track into blocks of at most its cost, then again those that don't hold ``eps``.
     costs: dict[int, float | None] = dict(_initial_costs(log, slices, k, eps, executor))
     rows: dict[int, NDArray[np.float64]] = {}
     remaining, tries = set(costs), 0
@@ -129,6 +131,7 @@ def _within_eps(
                 costs[number] = next_block_cost(rows[number], k, eps, cost, tries)
         remaining = {number for number, cost in before.items() if costs[number] != cost}
 
+    # Put the blocks of all tracks in the order of the log.
     numbers = sorted(rows)
     owners = np.repeat(numbers, [len(rows[number]) for number in numbers])
     names = tuple(track.id for track in log.tracks)

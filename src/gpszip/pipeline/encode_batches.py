@@ -110,6 +110,7 @@ def encode_batches(
     BoundError
         If a batch can't hold the bound.
     """
+    # Encode in waves: the batches of one know the nodes that all waves before it added.
     state = _EncodedSoFar(log, base)
     done = 0
     for wave in _waves(batches):
@@ -192,6 +193,7 @@ class _EncodedSoFar:
 
     def extend_base(self) -> None:
         """Add the new nodes, and the walks that visit them, to the base map."""
+        # Find how many knots the prior may still take: priming a coder takes time for each.
         prior, known = self.base.prior.walks, self.base.prior.nodes
         capacity = _MAX_PRIOR_KNOTS - sum(len(walk.nodes) for walk in prior.walks)
         nodes, walks, number = [prior.nodes], list(prior.walks), [self._number]
@@ -264,9 +266,11 @@ class _EncodedSoFar:
 
 def _walks_within_bound(base: BaseMap, tracks: Sequence[Track]) -> GridWalks:
     """Walks on known and new nodes that hold the bound, or exceed an RMSE by a few percent."""
+    # Find the gaps: intervals in which nothing is known of the path.
     gaps = [find_gaps(track, base.gap) for track in tracks]
     options = base.options
 
+    # Aim at a share of the bound, on the known nodes and those that the walks need besides.
     def learn(share: float) -> GridWalks | None:
         target = options.tightened(share)
         return learn_on(

@@ -142,6 +142,7 @@ def prepare(
     executor, progress : optional
         As for :func:`gpszip.pipeline.compress.compress`.
     """
+    # Tell a log in memory from one on disk, which needs a subsample and batches.
     in_memory = isinstance(log, MemoryLog)
 
     # what a map is learned from
@@ -196,6 +197,7 @@ def batches_of(log: Log, batch: int | None) -> list[list[Slice]]:
 
 def _subsample(log: Log, samples: int) -> tuple[Track, ...]:
     """Slices evenly spread over the log, and the earliest one, of about so many samples in all."""
+    # Cut slices long enough to repeat the map, four or more to a subsample.
     length = max(min(batch_samples(None), samples // _MIN_SLICES), _MIN_SLICE)
     slices = slice_tracks([len(track) for track in log.tracks], length)
     total = sum(each.end - each.begin for each in slices)

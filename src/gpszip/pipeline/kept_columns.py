@@ -92,6 +92,7 @@ def extended_sections(archive: Archive, log: Log, options: Options) -> tuple[Sec
     options : Options
         Whose ``keep`` names the columns of the archive.
     """
+    # Leave all other sections as they are; without times of samples there are no columns.
     others = tuple(
         section for section in archive.contents.extras if section.kind != SectionKind.ATTRIBUTES
     )
@@ -144,6 +145,7 @@ def _chained(
     log: Log,
 ) -> _Chained:
     """A column of an archive followed, in each track, by that of a log."""
+    # Refuse a column that holds texts on one side and numbers on the other.
     before = as_column(name, np.concatenate(list(old.values())))
     if (before.kind == "U") != (column.kind == "U"):
         raise OptionError(

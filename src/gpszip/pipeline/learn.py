@@ -68,8 +68,10 @@ def _learn_segment_mean(job: Job, target: Options) -> Learned:
 
 def _learn_at_once(job: Job, target: Options) -> Learned | None:
     """Learn map and walks of a log in memory."""
+    # Take all samples or those of a coreset; shapes get synthetic times.
     tracks, gaps = _samples_to_learn(job)
 
+    # Report learning as a share of its steps.
     def report(done: int, steps: int) -> None:
         job.report("learn", done / steps)
 
@@ -93,6 +95,7 @@ def _learn_at_once(job: Job, target: Options) -> Learned | None:
     # on a map kept elsewhere, with finer steps where the bound needs them
     from gpszip.mapping.on_known_map import learn_on, needed_refinements
 
+    # Halve the steps of the map's grid as often as the bound needs, and learn the walks on it.
     refinements = needed_refinements(job.map.grid, target.rmse, target.max_error)
     grid = refined_grid(job.map.grid, refinements)
     grid_walks = learn_on(

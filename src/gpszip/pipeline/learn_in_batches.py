@@ -81,6 +81,7 @@ def _known_base(job: Job, map: Archive, target: Options) -> BaseMap:
 def _learned_base(job: Job, target: Options) -> BaseMap:
     """A map that is learned from a subsample."""
 
+    # Report learning of the base map as a share of its steps.
     def report(done: int, steps: int) -> None:
         job.report("learn", done / steps)
 

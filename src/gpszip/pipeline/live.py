@@ -72,6 +72,7 @@ def _roads_and_scales(archive: Archive, scales: Scales | None) -> tuple[Network,
     """An archive's clean map as a network, and the scales that the archive suggests."""
     from gpszip.pipeline.match import read_network
 
+    # Read the clean map as roads; scales that the user gave need no estimate.
     network = read_network(archive, plane=archive.grid.plane).network
     if scales is not None:
         return network, scales

@@ -60,10 +60,12 @@ def match(
     """Find the roads that tracks took; see :func:`gpszip.match`."""
     from gpszip.matching.match import match as match_on_network
 
+    # Report the share of the samples that are matched.
     def report(done: float) -> None:
         if progress is not None:
             progress(Progress("match", done))
 
+    # Match on roads in memory, or on those of a file that lie near the tracks.
     return match_on_network(
         tracks,
         _network_for(tracks, network),

@@ -40,6 +40,7 @@ def measure(
     report : callable
         Called with the share that is done.
     """
+    # Measure a log in memory at once.
     report(0.0)
     nodes = archive.road_map.nodes
     walks = [archive.walk(track.id) for track in log.tracks]

@@ -90,6 +90,7 @@ def merge(
     """
     from gpszip.run import resolve_executor
 
+    # Take the time of the whole call; archives without names are called by number.
     start = time.perf_counter()
     options = options or MergeOptions()
     names = [str(number) for number in range(1, len(archives) + 1)] if names is None else names
@@ -143,9 +144,11 @@ def _reporter(progress: Listener | None) -> Callable[[int, int], None]:
 
 def _check(archives: Sequence[Archive], names: Sequence[str]) -> None:
     """Refuse archives that don't go together, by name."""
+    # Refuse a single archive, which has nothing to be merged with.
     if len(archives) < 2:
         raise OptionError("one archive alone can't be merged; name two or more")
 
+    # Check each archive by itself, and its coordinates against those of the first.
     first = archives[0]
     for name, archive in zip(names, archives, strict=True):
         # tracks on a map of their own
@@ -174,10 +177,13 @@ def _limit(
     archives: Sequence[Archive], names: Sequence[str], options: MergeOptions
 ) -> tuple[DeviationLimit, tuple[str, ...]]:
     """The limit asked for, or the least bound that any archive stated before its first merge."""
+    # Take what the user gave: a maximum, or else an RMSE.
     given = options.max_deviation or options.deviation
     if given is not None:
         return DeviationLimit(given, options.max_deviation is not None), ()
 
+    # Else allow the least bound in metres, a maximum where any is one. Archives that state none
+    # are taken to be as exact as the step of their grid.
     bounds = [archive.error_bound for archive in archives]
     metres = min(
         step_size(archive.grid.space) if bound is None else bound.before

@@ -40,6 +40,7 @@ def merge_columns(
     OptionError
         If a column holds texts in one archive and numbers in another.
     """
+    # Find the section of kept columns in each archive; without any there is nothing to join.
     bodies = [
         [
             section.body
@@ -71,6 +72,7 @@ def merge_columns(
     }
     kept = KeptColumns(counts, np.concatenate(times) if times else np.zeros(0), columns)
 
+    # Say which columns, or times, the samples of some archives lack.
     notes = []
     missing = sorted({name for name in names for table in tables if name not in table.columns})
     if missing:

@@ -89,6 +89,7 @@ def read_sources(
     OptionError
         If two archives have a track of one id, and the options don't say what to do.
     """
+    # Read archive after archive; an id belongs to the first one that has it.
     sources, owners = [], dict[str, str]()
     for name, archive in zip(names, archives, strict=True):
         # ids, which tell whose track it is where the user wants that
@@ -112,6 +113,7 @@ def read_sources(
 
 def on_common_plane(sources: list[MergeSource], limit: DeviationLimit) -> list[MergeSource]:
     """Return the same curves on planes that all archives share."""
+    # Leave the curves as they are where all archives share one plane already.
     planes = [source.archive.grid.plane for source in sources]
     if len(set(planes)) == 1:
         return sources
@@ -187,6 +189,8 @@ def _cut_segments(curve: Curve, limit: DeviationLimit) -> Curve:
     On transverse Mercator planes within reach, a line of length l bends by less than
     l**2 / (60 R), with R the radius of the earth.
     """
+    # Solve l**2 / (60 R) for the longest segment that bends no more than is tolerated, and count
+    # the parts of each segment. No line is claimed in a gap, which stays whole.
     longest = (60 * _EARTH_RADIUS * _MAX_BEND * limit.metres) ** 0.5
     lengths = np.linalg.norm(np.diff(curve.track.positions, axis=0), axis=1)
     counts = np.where(curve.gaps, 1, np.ceil(lengths / longest)).astype(np.int64)

@@ -70,6 +70,7 @@ def open_log(
     from gpszip.io.logs.formats import is_bundle
     from gpszip.io.storage.source import spooled
 
+    # Read all into memory where it has no limit.
     if memory is None:
         result = read_logs(sources, **options)
         yield MemoryLog(result.tracks, result)
@@ -104,6 +105,7 @@ def _stored(
     """Sort a log into a temporary file."""
     from gpszip.io.large.store import store_logs
 
+    # Sort by track and time, as many rows at once as fit the memory.
     report = progress or (lambda _event: None)
     keep = options.get("keep", ())
     report(Progress("read", 0.0))

@@ -207,6 +207,7 @@ def _search_at(
     search: _Search[T], error: float, effort: int, count: int
 ) -> tuple[Try[T] | None, int]:
     """Try at the effort asked for; the best of all tries that fit wins."""
+    # Make ``count`` tries, and more while none fits; one within 2 % below the limit ends them.
     good = search.limit + math.log(_GOOD)
     tries: list[_Point[T]] = []
     for number in range(count + _MORE_TRIES):
@@ -227,5 +228,6 @@ def _search_at(
             break
         error = next_error
 
+    # Return the smallest size of all tries, too: it is what the log needs where none fits.
     sizes = [point.result.size for point in search.points if point.result is not None]
     return min(fitting, key=lambda result: result.error, default=None), min(sizes, default=0)

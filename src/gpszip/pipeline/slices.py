@@ -138,6 +138,7 @@ def join_at_cut(
     positions : float64 array, shape (V, d)
         Positions of the nodes in metres.
     """
+    # Express the cut in time steps, and the range of time steps in which both walks have knots.
     cut = (cut_time - grid.epoch / 1000) / step_size(grid.time)
     low, high = int(after.time_steps[0]), int(before.time_steps[-1])
 

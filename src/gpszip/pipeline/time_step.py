@@ -60,6 +60,7 @@ def with_best_time_step(
     executor : Executor
         Where they are encoded; the result does not depend on it.
     """
+    # Keep the time step of a short log: trying others takes longer than it gains.
     if len(batches) < _MIN_BATCHES:
         return base
 

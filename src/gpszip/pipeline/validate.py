@@ -36,6 +36,7 @@ def as_log(tracks: Sequence[Track] | Track | Log) -> Log:
 
 def check_tracks(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
     """Return tracks that go together: at least one, on one plane, each with an id of its own."""
+    # Require coordinates and plane of the first track of all others: they share one map.
     checked = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
     if not checked:
         raise InputError("no tracks: there is nothing to compress")

@@ -55,6 +55,7 @@ def segment_mean_within(
     >>> segment_mean_within(Track("bend", range(6), positions), max_error=0.01).k
     2
     """
+    # Reject bad options before the first run.
     _check_options(rmse, max_error, m)
     problem = _BoundedProblem(track, rmse, max_error, m, executor, options)
 

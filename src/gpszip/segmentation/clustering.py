@@ -89,6 +89,7 @@ def _mutual_neighbours(lines: FittedLines) -> tuple[NDArray[np.int64], NDArray[n
     partner = nearest[cheapest]
     nearest[partner], nearest_cost[partner] = cheapest, nearest_cost[cheapest]
 
+    # Take each pair of groups that are nearest to each other once.
     mutual = np.flatnonzero((nearest[nearest] == groups) & (groups < nearest))
     return np.column_stack([mutual, nearest[mutual]]), nearest_cost[mutual]
 

@@ -115,6 +115,7 @@ def segment_mean(
     >>> mean.boundaries.tolist(), mean.labels.tolist(), round(mean.cost, 9)
     ([0, 6, 12, 18, 24], [0, 1, 0, 1], 0.0)
     """
+    # Prefix sums in ticks, from which the cost of any interval follows.
     _check_sizes(track, k, m, min_samples)
     _check_choices(initial, clustering, expectation, rng)
     sums = track_sums(track)

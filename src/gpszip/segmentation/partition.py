@@ -146,6 +146,7 @@ def _bisect_penalty(
 
     A higher penalty gives fewer intervals.
     """
+    # Thin the cuts to a number that suffices for k intervals, and bisect the penalty.
     stride = max(1, len(sums.t) // max(_MIN_CUTS, _CUTS_PER_INTERVAL * k))
     low, high, runs = 0.0, np.inf, 0
     best: Partition | None = None

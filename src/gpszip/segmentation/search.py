@@ -86,32 +86,37 @@ def find_parameters(
     OptionError
         If a range is empty or doesn't fit the track.
     """
+    # Solutions are known to the memo by a key of the track and the options.
     _check_ranges(track, k_range, m_range)
     least_k, greatest_k = k_range
     memo = memo or Memo()
     key = memo_key(track, options)
     tried: dict[tuple[int, int], SegmentMean] = {}
 
-    # inner search: the elbow over k for one m
+    # Costs of pairs (k, m); each is solved once.
     def costs_of_pairs(pairs: list[tuple[int, int]]) -> list[float]:
         _solve_pairs(shared, pairs, tried, key, memo)
         return [tried[pair].cost for pair in pairs]
 
+    # Inner search: the elbow over k for one m.
     def best_k(m: int) -> int:
         return find_elbow(
             max(least_k, m), greatest_k, lambda ks: costs_of_pairs([(k, m) for k in ks])
         )
 
-    # outer search: the elbow over m of the costs at those k
+    # Outer search: the elbow over m of the costs at those k.
     best_ks: dict[int, int] = {}
 
+    # Cost at that k, which stands for m in the outer search.
     def best_costs(ms: list[int]) -> list[float]:
         best_ks.update({m: best_k(m) for m in ms})
         return [tried[best_ks[m], m].cost for m in ms]
 
+    # Workers get the track and the options once, for all pairs.
     with share_value(executor, (track, options)) as shared:
         m = find_elbow(*m_range, best_costs)
 
+    # Report every pair tried with its cost, by k and then m.
     evaluated = tuple(sorted((k, m, mean.cost) for (k, m), mean in tried.items()))
     return FoundParameters(tried[best_ks[m], m], evaluated)
 

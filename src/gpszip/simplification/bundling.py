@@ -110,6 +110,7 @@ def bundle_edges(
     grid = _build_grid(starts, ends, length, scale)
     density = line_density(grid, starts, ends, counts * weigh_by_spacing(spacing, counts))
 
+    # Alternate between moving nodes along the density and finding paths of edges over it.
     start_cell = np.maximum(find_cells(grid, nodes), 0)
     used = np.unique(edges)
     cell = start_cell.copy()

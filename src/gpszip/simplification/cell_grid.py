@@ -79,6 +79,7 @@ def build_cell_grid(
     for _ in range(margin):
         keys = _sort_unique(np.concatenate([keys, *(keys + step for step in steps)]))
 
+    # Index the eight neighbours of each cell, and place its center in metres.
     neighbours = np.stack([_find_keys(keys, keys + step) for step in steps], axis=1)
     centers = origin + (np.stack(np.divmod(keys, rows), axis=1) + 0.5) * size
     return CellGrid(origin, size, rows, keys, neighbours, centers)

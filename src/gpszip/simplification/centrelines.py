@@ -47,6 +47,7 @@ def move_to_centrelines(
     scale : float
         Standard deviation in metres of the Gaussian that weighs edges by distance.
     """
+    # Weigh edges by traversals, and less if much of them is unobserved.
     nodes, edge = road_map.nodes[:, :2], paths.owner
     starts = nodes[road_map.edges[:, 0]]
     directions = nodes[road_map.edges[:, 1]] - starts

@@ -166,6 +166,7 @@ def _drop_rare_chains(
     road_map: RoadMap, skeleton: Skeleton, paths: EdgePaths, min_traversals: int
 ) -> tuple[Skeleton, EdgePaths]:
     """Remove the chains with too few traversals from the skeleton and from the paths on it."""
+    # Find the links of chains with too few traversals, both directions added up.
     chains = build_chains(skeleton)
     counts = count_chain_traversals(road_map, skeleton, chains, paths).sum(axis=0)
     is_rare = counts < min_traversals

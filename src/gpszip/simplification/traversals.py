@@ -134,6 +134,7 @@ def match_edges(
     """
     from gpszip.simplification.kernels.routes import cheapest_paths
 
+    # On a line, the skeleton has edges of the map itself; without links, no edge has a path.
     if skeleton.positions.shape[1] < 2 or not len(skeleton.links):
         return _identity_paths(road_map, skeleton)
 
@@ -246,6 +247,7 @@ def chain_widths(
 
     NaN for chains without knots.
     """
+    # Choose the nodes with knots whose vertex is on a chain.
     if not len(chains):
         return np.zeros(0)
     visits = np.bincount(road_map.edges[traversals.edges].ravel(), minlength=len(road_map.nodes))
@@ -320,6 +322,7 @@ def add_heights(road_map: RoadMap, skeleton: Skeleton, paths: EdgePaths) -> NDAr
     The third axis and more are interpolated between the nodes of the matched edges, weighted by
     traversals. Vertices without an edge take them from the nearest node.
     """
+    # A map without a third axis has no heights.
     if road_map.nodes.shape[1] <= skeleton.positions.shape[1]:
         return skeleton.positions
 
@@ -384,6 +387,7 @@ def _chain_observations(
     position = np.arange(len(traversal)) - np.repeat(np.cumsum(repeats) - repeats, repeats)
     entry = position + first[traversals.edges[traversal]]
 
+    # Speeds are those of the entire edge; metres are those on the chain.
     return _ChainObservations(
         chain[entry],
         length[traversals.edges[traversal]] / traversals.seconds[traversal],

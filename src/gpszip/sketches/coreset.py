@@ -224,6 +224,7 @@ class Coreset:
 
     def _pieces_of_mean(self, mean: SegmentMean, times: ArrayLike | None) -> PiecewiseLinear:
         """Convert a segment mean; without times its boundaries must be block edges."""
+        # Given times, intervals may start at any sample.
         if times is not None:
             return from_segment_mean(mean, times)
 
@@ -236,6 +237,7 @@ class Coreset:
                 "intervals of the segment mean start inside blocks; give the times of the samples"
             )
 
+        # Pieces run from the first sample of an interval's first block to the last of its last one.
         start_times, end_times = self.edges[blocks[:-1], 0], self.edges[blocks[1:] - 1, 1]
         return PiecewiseLinear(
             start_times, end_times, mean.starts[mean.labels], mean.ends[mean.labels]
@@ -303,6 +305,7 @@ class Coreset:
 
     def _balanced_partition(self, size: int) -> Coreset:
         """Merge blocks under the lowest limit on free costs that leaves at most ``size`` blocks."""
+        # Blocks of different tracks are never merged.
         rows_of_tracks = list(self._by_track())
 
         # bisect the logarithm of the limit; a higher limit gives fewer blocks
@@ -325,6 +328,7 @@ class Coreset:
         if best is None:
             return self._merge_greedily(size)
 
+        # Merge the blocks of each track between its cuts.
         merged = [
             kernel.merge_between_cuts(rows, cuts)
             for rows, cuts in zip(rows_of_tracks, best, strict=True)

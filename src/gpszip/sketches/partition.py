@@ -110,6 +110,7 @@ def build_coreset(
     >>> len(build_coreset(track, size=10)), build_coreset(track, size=10).samples
     (6, 300)
     """
+    # Turn a limit on bytes or blocks into a number of blocks; k and eps give none.
     tracks = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
     _check_tracks(tracks)
     max_blocks = resolve_block_count(len(tracks), tracks[0].dimension, k, eps, size, max_bytes)
@@ -125,6 +126,7 @@ def build_coreset(
             _block_rows(track, track_cuts) for track, track_cuts in zip(tracks, cuts, strict=True)
         ]
 
+    # Concatenate the blocks of all tracks, each with the number of its track.
     names = tuple(track.id for track in tracks)
     owners = np.repeat(np.arange(len(tracks)), [len(track_rows) for track_rows in rows])
     return Coreset(names, owners, np.concatenate(rows), tracks[0].plane)

@@ -57,6 +57,7 @@ def build_sketch(track: Track, first: int = 0, last: int | None = None) -> Sketc
     >>> block.weight, block.time, block.place.tolist(), block.spread, block.drift.tolist()
     (3.0, 1.0, [1.3333333333333333], 2.0, [3.0])
     """
+    # Samples without weights count once each.
     times, positions = track.times[first:last], track.positions[first:last]
     if len(times) == 0:
         return empty_sketch(track.dimension)
@@ -135,6 +136,7 @@ def delete_sample(
     OptionError
         If the block has less weight than the sample.
     """
+    # The block must hold the sample, and keep some weight for the samples that remain.
     remaining = block.weight - weight
     if (
         block.count < 1
@@ -175,6 +177,7 @@ def merge_sketches(a: Sketch, b: Sketch) -> Sketch:
     >>> merged.spread == build_sketch(track).spread
     True
     """
+    # An empty block changes nothing.
     if a.count == 0 or b.count == 0:
         return b if a.count == 0 else a
 

@@ -91,6 +91,7 @@ class CoresetStream:
         TrackError
             If times don't increase, or a number is not finite. The chunk is not added then.
         """
+        # Check the chunk before the state changes, so that a bad one leaves no trace.
         chunk = self._validate(times, positions, weights)
         if len(chunk.times) == 0:
             return
@@ -141,6 +142,7 @@ class CoresetStream:
         self, times: ArrayLike, positions: ArrayLike, weights: ArrayLike | None
     ) -> _Chunk:
         """Return the arguments as arrays; raise TrackError if they can't be added."""
+        # Convert to doubles; samples without weights count once each.
         name = f"track {self.id!r}"
         times = np.ascontiguousarray(times, dtype=np.float64)
         positions = np.ascontiguousarray(positions, dtype=np.float64)
@@ -210,6 +212,7 @@ def merge_coresets(coresets: Sequence[Coreset], *, size: int | None = None) -> C
     >>> merge_coresets([first.coreset(), second.coreset()]).tracks
     ('a', 'b')
     """
+    # Positions are comparable only on one plane.
     if not coresets:
         raise InputError("no coresets: there is nothing to merge")
     first = coresets[0]
@@ -239,5 +242,6 @@ def merge_coresets(coresets: Sequence[Coreset], *, size: int | None = None) -> C
             f"{rows[row + 1, kernel.FIRST]:g}; give each its own name"
         )
 
+    # Merge neighbouring blocks if there are more than allowed.
     merged = replace(first, tracks=names, owners=owners, rows=rows)
     return merged if size is None else merged.reduced(size)

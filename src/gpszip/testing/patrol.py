@@ -101,6 +101,7 @@ def _build_corridors(
 
     The building grows from one cell of a grid by random corridors until there are enough.
     """
+    # Add corridors, with a bound on the crossings so that some corridors close loops.
     cells: list[tuple[int, int]] = [(0, 0)]
     edges: set[tuple[int, int]] = set()
     capacity = _CROSSINGS_PER_CORRIDOR * corridors

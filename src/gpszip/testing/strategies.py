@@ -114,6 +114,7 @@ def geographic_logs(
     """
     st = _strategies()
 
+    # Draw metres about a place and convert them, so that a log may cross the antimeridian.
     @st.composite  # type: ignore[untyped-decorator, unused-ignore]
     def draw_log(draw: DrawFn) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         count = draw(st.integers(1, max_points))
@@ -129,6 +130,7 @@ def geographic_logs(
         lons = lon + metres[:, 0] / (_METRES_PER_DEGREE * np.cos(np.radians(lat)))
         return times, np.column_stack([lats, (lons + 180.0) % 360.0 - 180.0])
 
+    # The decorator is untyped where hypothesis is missing: name the type.
     strategy: SearchStrategy[tuple[NDArray[np.float64], NDArray[np.float64]]] = draw_log()
     return strategy
 
@@ -177,6 +179,7 @@ def _drive(runs: list[tuple[str, int, list[int]]], count: int, axes: int) -> NDA
 
     A run is its kind, its number of positions, and its velocity in centimetres per position.
     """
+    # Repeat the runs until there are enough positions.
     positions = [np.zeros(axes)]
     while len(positions) < count:
         for kind, length, velocity in runs:

@@ -186,6 +186,7 @@ def _road_map(source: Archive | RoadMap) -> RoadMap:
 
 def _main_plane(road_map: RoadMap) -> RoadMap:
     """The nodes of the plane with the most nodes, and the edges between them."""
+    # Leave a map as it is that has no more than one plane, or no nodes.
     if road_map.plane is None or len(road_map.plane.centers) < 2 or not len(road_map.nodes):
         return road_map
 

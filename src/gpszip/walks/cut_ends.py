@@ -68,6 +68,7 @@ def _find_ends_to_trim(
     walk: Walk, nodes: NDArray[np.float64], tolerance: float
 ) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
     """Knots beyond the start or end of their piece, with the time and position of that end."""
+    # Without times, spans or segments, nothing can be trimmed.
     if walk.times is None or walk.spans is None or len(walk.nodes) < 2:
         return np.zeros(0, np.intp), np.zeros(0), np.zeros((0, nodes.shape[1]))
 

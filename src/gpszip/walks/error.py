@@ -75,6 +75,7 @@ def positions_at(
     >>> positions_at(walk, np.array([[0.0, 0.0], [5.0, 0.0]]), np.array([4.0, 11.0])).tolist()
     [[2.0, 0.0], [nan, nan]]
     """
+    # Interpolation needs times.
     if walk.times is None:
         raise OptionError(
             f"track {walk.id!r} has no times: the archive was written without them, "
@@ -156,6 +157,7 @@ def measure_errors(
     nodes : float64 array, shape (V, d)
         Positions of the road map's nodes in metres.
     """
+    # Sum up squared errors in square metres, track by track.
     squares, max_error, uncovered = 0.0, 0.0, 0
     for track, walk in zip(tracks, walks, strict=True):
         # Shapes.
@@ -171,6 +173,7 @@ def measure_errors(
         max_error = max(max_error, float(covered.max(initial=0.0)))
         uncovered += len(errors) - len(covered)
 
+    # Average over the samples that the walks cover; others have no error.
     points = sum(map(len, tracks))
     rmse = math.sqrt(squares / max(points - uncovered, 1))
     return ErrorSummary(rmse, max_error, points, uncovered)

@@ -233,6 +233,7 @@ def mark_piece_ends(gaps: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], NDArray
 
 def _quantise_walk(walk: Walk, grid: QuantisationGrid) -> GridWalk:
     """Round the knots of a walk to time steps; its nodes are not changed."""
+    # A shape has zeros for time steps.
     if walk.times is None:
         return GridWalk(walk.nodes, np.zeros(len(walk.nodes), np.int64), walk.gaps)
 

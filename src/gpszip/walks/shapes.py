@@ -38,6 +38,7 @@ def with_synthetic_times(
     >>> [track.times.tolist() for track in timed]
     [[10.0, 12.0], [10.0, 11.0]]
     """
+    # Without shapes, nothing has to change.
     if all(track.timed for track in tracks):
         return tuple(tracks)
 

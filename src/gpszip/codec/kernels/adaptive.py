@@ -197,6 +197,7 @@ def code_choice(coder: Coder, weights: NDArray[np.int64], count: int, choice: in
 
     Weights are at least 1, and their sum is at most 2**41.
     """
+    # The sum of the weights is the denominator of all probabilities.
     total = np.int64(0)
     for i in range(count):
         total += weights[i]
@@ -209,6 +210,7 @@ def code_choice(coder: Coder, weights: NDArray[np.int64], count: int, choice: in
             number -= weights[choice]
             choice += 1
 
+    # Narrow to the interval of the choice, which follows those of the candidates before it.
     start = np.int64(0)
     for i in range(choice):
         start += weights[i]
@@ -304,6 +306,7 @@ def _find_value(
 
     Gallops from near zero, where most values lie, with steps that grow by 4; then bisects.
     """
+    # Keep C(first) <= number < C(last); begin near zero where the range allows it.
     first, last = low, high
     middle, step = min(max(low + 8, np.int64(0)), (low + high) >> 1), np.int64(8)
     galloping = True
@@ -424,6 +427,7 @@ def code_mixture(
     int
         The value.
     """
+    # The total C(high) is the sum of the weights in units of 2**-24, plus 1 for each value.
     sum_weights = _set_mass_below_low(mixture, count, weights, low)
     total = (sum_weights << _PROBABILITY_BITS) + (high - low)
     if is_decoding(coder):

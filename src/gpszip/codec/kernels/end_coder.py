@@ -84,10 +84,12 @@ def code_end_offsets(
             offsets[i] = 0
             continue
 
+        # Code the quotient, which valid offsets keep small.
         quotient = _code_quotient(coder, np.int64(0) if decodes else offsets[i] // levels)
         if quotient > MAX_QUOTIENT:
             return False
 
+        # Code the remainder; all of its L values are equally likely.
         remainder = np.int64(0)
         if decodes:
             remainder = decode_cumulative(coder, levels)

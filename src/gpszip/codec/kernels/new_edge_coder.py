@@ -110,6 +110,7 @@ def _add_bearings(
                 dots[i] += a * b
                 squares[i] += b * b
 
+    # Count the bounds that cos * |cos| is not above; that takes no square root.
     for i in range(len(classes)):
         cosine = dots[i] * abs(dots[i]) / (step_square * squares[i])
         bearing = np.uint8(0)
@@ -213,6 +214,7 @@ def code_candidate(
     choice : int
         The candidate to encode; ignored by a decoder.
     """
+    # Sum up the intervals from the last candidate, which owns the lowest, to the choice.
     i = len(classes)
     start = np.int64(0)
     if is_decoding(coder):

@@ -67,6 +67,7 @@ def _code_axis(coder: Coder, model: WalkModel, mixture_id: int, value: int, coun
 
     Others follow about 0, with scales of 1 to 2**17 space steps.
     """
+    # Add distributions about 0 with scales of 2**octave space steps.
     mixture = model.mixture
     for octave in (0, 2, 3, 4, 5, 6, 7, 9, 11, 13, 15, 17):
         count = add_distribution(mixture, count, TWO_SIDED, ZERO, np.int64(SUBSTEPS) << octave)
@@ -135,6 +136,7 @@ def _code_across(
     coder: Coder, model: WalkModel, mixture_id: int, value: int, reach: int, along: int
 ) -> int:
     """Code an offset across the heading, given the length to expect and the offset along."""
+    # Expect the node straight ahead, within 1/2 to 1/32 of the length to expect.
     mixture = model.mixture
     count = ZERO
     for shift in range(1, 6):
@@ -174,11 +176,15 @@ def _code_on_heading(
 
     Returns the length to expect, which a known duration changes; see :func:`code_position`.
     """
+    # Rotate the step to axes along and across the heading.
     positions, scalars = model.places, model.scalars
     direction = max(scalars[HEADING], np.int64(0))
     along, across = rotate(
         positions[node, 0] - positions[u, 0], positions[node, 1] - positions[u, 1], direction
     )
+
+    # Code along, then across given along. With a known duration, the last speed and the mean
+    # speed yield the lengths to expect.
     if duration > 0 and scalars[LAST_DURATION] > 0:
         duration = min(duration, _MAX_DURATION)
         reach = _reach_at_speed(scalars[LAST_LENGTH], scalars[LAST_DURATION], duration)
@@ -188,6 +194,8 @@ def _code_on_heading(
     else:
         along = _code_along(coder, model, along, reach)
         across = _code_across(coder, model, MIX_ACROSS, across, reach, along)
+
+    # Rotate back to the grid's axes; a decoder gets the position from it.
     x, y = rotate_back(along, across, direction)
     positions[node, 0], positions[node, 1] = positions[u, 0] + x, positions[u, 1] + y
     return reach
@@ -212,6 +220,7 @@ def code_position(
     duration : int
         Time steps that the step takes, where they are coded before it; otherwise 0.
     """
+    # Code the first two coordinates along and across the heading, if that is asked for.
     positions, mixture = model.places, model.mixture
     dimension = positions.shape[1]
     reach = max(model.scalars[STEP_LENGTH], _MIN_REACH)

@@ -149,6 +149,7 @@ def _carry(data: NDArray[np.uint8], end: int) -> None:
 @jit
 def _narrow(coder: Coder, start: np.uint64, width: np.uint64) -> None:
     """Narrow the range to ``width`` from ``start`` on, and move the bytes that are certain."""
+    # A listener neither writes nor reads; it only trains a model.
     words, cursor, data = coder
     if cursor[DIRECTION] == _LISTENS:
         return

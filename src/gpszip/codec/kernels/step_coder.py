@@ -155,6 +155,7 @@ def code_known_edge(
     node : int
         Where the edge leads; ignored by a decoder.
     """
+    # A single edge is certain and takes no bits.
     half_edges = _list_edges(model, u, back)
     count = len(half_edges)
     if count == 1:
@@ -183,6 +184,7 @@ def _bearing(positions: NDArray[np.int64], before: int, u: int, node: int) -> in
     With a and b the two steps and cos = a b / (|a| |b|), it is the number of bounds that
     cos * |cos| is not above.
     """
+    # Without a step that led to u, there is no turn.
     if before < 0:
         return _NO_BEARING
 
@@ -199,6 +201,7 @@ def _bearing(positions: NDArray[np.int64], before: int, u: int, node: int) -> in
     if step_square == 0.0 or square == 0.0:
         return _NO_BEARING
 
+    # Count the bounds that cos * |cos| is not above; that takes no square root.
     cosine = dot * abs(dot) / (step_square * square)
     for i, bound in enumerate((0.97, 0.75, 0.25, -0.25, -0.75, -0.97)):
         if cosine > bound:

@@ -81,6 +81,7 @@ def _find_nearest(
     nearest, parents : int64 arrays, shape (MAX_SEARCH_NODES,)
         Filled in: the nodes by rank, and the rank of the node from which each was reached.
     """
+    # Number the search, so that the marks of earlier ones count as unset.
     marks, end_node, next_half_edge = model.search_marks, model.end_node, model.next_half_edge
     max_nodes = np.int64(_FEW_NODES if is_search_limited(model) else MAX_SEARCH_NODES)
     search = model.scalars[SEARCHES] + 1
@@ -92,6 +93,7 @@ def _find_nearest(
     nodes[0], origins[0] = u, -1
     entries, size = np.int64(1), push(keys, heap, 0, np.int64(0), np.int64(0))
 
+    # Rank the nodes by distance from u, by Dijkstra's algorithm.
     count = np.int64(0)
     while size > 0 and count < max_nodes:
         # the nearest entry gives its node a rank
@@ -153,6 +155,7 @@ def _best_rank(
     A target saves the bits of the steps to it without targets. It costs those of its own choice,
     -log2(weight / total), and those of saying that there is a target.
     """
+    # A target has to save more than the bits of saying that there is one.
     weights = class_weights(model, AMONG_TARGETS)
     total, counts = sum_weights(classes, weights), model.bit_counts
     zeros, ones = counts[BIT_TARGET, 0], counts[BIT_TARGET, 1]

@@ -258,6 +258,7 @@ def _code_step(
     Returns the kind, the half-edge or -1, and the node to which the step leads; a new node has no
     position yet.
     """
+    # The two half-edges of an edge differ in the lowest bit.
     u, incoming = state.node, state.incoming
     back = incoming ^ 1 if incoming >= 0 else _NONE
 
@@ -267,6 +268,7 @@ def _code_step(
         half_edge = find_half_edge(model, u, node)
         return KIND_BACK if half_edge == back else KIND_KNOWN, half_edge, node
 
+    # Code the kind of the step, and which edge or node it leads to where the kind leaves that open.
     kind = step_kind(model, u, back, node)
     kind = code_step_kind(coder, model, u, incoming, back, kind, state.last_kind)
     half_edge = _NONE
@@ -440,6 +442,7 @@ def code_walks(
     int
         Number of nodes, or -1 if what was read is no walk.
     """
+    # Start after the last track that the model has seen; sorted starts precede all knots.
     coder, model = without_refcount(coder), without_refcount(model)
     knots = len(nodes)
     is_step = _find_steps(gaps, begins)
@@ -452,6 +455,7 @@ def code_walks(
     if timed and len(model.track_starts) > 0 and not _code_sorted_starts(coder, model, start):
         return -1
 
+    # Code knot by knot; a decoder that has read all bytes too early has read no walk.
     for j in range(knots):
         if is_decoding(coder) and is_exhausted(coder):
             return -1

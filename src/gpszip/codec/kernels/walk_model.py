@@ -234,6 +234,7 @@ def new_model(knots: int, dimension: int) -> WalkModel:
 
 def _empty(nodes: int, edges: int, pairs: int, dimension: int) -> WalkModel:
     """Return the model before the first knot, with capacity for nodes, edges and pairs of edges."""
+    # Before the first step, there is neither heading nor turn.
     scalars = np.zeros(_SCALARS, np.int64)
     scalars[HEADING] = -1
     scalars[TURN] = NO_TURN
@@ -511,6 +512,7 @@ def learn_step(model: WalkModel, incoming: int, u: int, v: int, duration: int) -
     int
         The half-edge from u to v.
     """
+    # Add the edge if no walk has taken it before.
     half_edge = find_half_edge(model, u, v)
     if half_edge < 0:
         half_edge = _add_edge(model, u, v)

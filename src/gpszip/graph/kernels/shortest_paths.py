@@ -150,6 +150,7 @@ def _comes_first(arcs: Arcs, search: DijkstraSearch, new: int, old: int, node: i
 @jit
 def _relax_arcs(arcs: Arcs, search: DijkstraSearch, node: int) -> None:
     """Try the path through a settled node for each of its neighbours that are not settled."""
+    # Leave out settled neighbours, whose stamp is one above that of the search.
     stamp = search.state[STAMP]
     for arc in range(arcs.offsets[node], arcs.offsets[node + 1]):
         target = arcs.targets[arc]
@@ -325,6 +326,7 @@ def find_waypoints_by_bisection(
     ends = np.full(len(nodes), last, np.int64)
     depth = 1 if last > 0 else 0
 
+    # Decide the segments in the order of the walk, until none is open.
     count = 0
     while depth > 0:
         # Later segments from the same knot are shorter, so one search for each knot suffices.
@@ -355,6 +357,7 @@ def write_canonical_path(
     begin: int,
 ) -> int:
     """Write the canonical path after knot ``begin``; return its last knot, NO_PATH or TOO_LONG."""
+    # Search until the target is settled.
     start_search(search, source)
     if source == target or not settle_node(arcs, search, target, UNBOUNDED):
         return NO_PATH
@@ -407,6 +410,7 @@ def expand_waypoints(
     waypoint : int
         Index of the last waypoint that was tried.
     """
+    # Write the segments one after the other, each from the last knot on.
     knot = 0
     nodes[0] = waypoints[0]
     for i in range(len(literals)):

@@ -169,6 +169,7 @@ class ColumnEncoder:
 
     def stored_column(self, number: int, path: Path) -> StoredColumn:
         """Return the column of this number, whose converted values are in a file."""
+        # Numbers need no index of texts.
         name, kind = self.names[number], self.kinds[number]
         if kind != ColumnKind.TEXTS:
             return StoredColumn(name, _DTYPE_KINDS[kind], path)

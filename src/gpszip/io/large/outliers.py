@@ -113,6 +113,7 @@ class FilteredTracks:
 
     def _write(self, tracks: _Tracks) -> None:
         """Write all rows, and find the outliers of each track once it is written."""
+        # Write the blocks of all tracks after each other, each track as a range of rows.
         first = 0
         with disk_errors_as_output_errors(), self.path.open("wb") as file:
             for name, blocks in tracks:
@@ -153,6 +154,7 @@ class FilteredTracks:
         3. The speed limit is a multiple of a quantile of the calm speeds that are not 0.
         4. Mark the outliers block by block, each with a margin of its neighbours.
         """
+        # A track that fits in memory needs no blocks.
         if count <= self.max_rows:
             return np.flatnonzero(find_outliers(*self._read_samples(first, 0, count)))
 
@@ -160,6 +162,7 @@ class FilteredTracks:
         def intervals() -> Iterator[Floats]:
             return (np.diff(times) for times, _ in self._overlapping_blocks(first, count, 1))
 
+        # Shorter intervals count as half the median, so that no tiny interval makes a huge speed.
         min_interval = 0.5 * _quantile(intervals, 0.5)
 
         # 2. Calm speeds.
@@ -175,6 +178,7 @@ class FilteredTracks:
             for row in range(0, size, self.max_rows):
                 yield read_rows(speeds_path, row, min(self.max_rows, size - row), 1)[:, 0]
 
+        # Scale the quantile of the calm speeds to the limit in m/s.
         limit = SPEED_FACTOR * _quantile(calm_speeds, SPEED_QUANTILE)
         speeds_path.unlink()
 
@@ -221,6 +225,7 @@ def _find_by_rank(blocks: _Blocks, rank: int) -> float:
 
     The bits of numbers that are not negative, read as integers, have the order of the numbers.
     """
+    # Extend the prefix digit by digit; memory holds only the counts of one digit.
     prefix = 0  # the digits found so far
     for shift in range(64 - _DIGIT_BITS, -1, -_DIGIT_BITS):
         # Count the next digit of all numbers that start with the digits found.

@@ -80,6 +80,7 @@ class SortedRuns:
 
     def flush(self) -> None:
         """Write the buffered rows as a sorted run."""
+        # An empty run would only cost a file.
         if not self._buffered_rows:
             return
 
@@ -90,6 +91,7 @@ class SortedRuns:
         codes = codes[order]
         self._width = rows.shape[1]
 
+        # Write the rows; keep the kinds of their columns, which may change in later rows.
         run = len(self._run_kinds)
         with disk_errors_as_output_errors(), self._run_path(run).open("wb") as file:
             write_numbers(rows[order], file)
@@ -134,6 +136,7 @@ class SortedRuns:
         are complete: no later row of any run comes before them. Rows of one time keep the order
         in which they were added.
         """
+        # Divide the rows in memory among the heads of all runs.
         head_rows = max(self.max_rows // len(ranges), 1)
         heads = [np.empty((0, self._width)) for _ in ranges]
         read_counts = [0] * len(ranges)

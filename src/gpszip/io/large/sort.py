@@ -162,6 +162,7 @@ class ExternalSorter:
         skip_bad: bool = False,
         clean: bool = False,
     ) -> None:
+        # Options.
         self.max_rows = max_rows
         self.sort = sort
         self.split = split
@@ -453,6 +454,7 @@ class ExternalSorter:
 
     def _update_extents(self, codes: Codes, times: Floats) -> None:
         """Update each track's extent in time, and count its backward steps."""
+        # Reduce the batch per track; the sort is stable, as steps between rows are counted.
         if not len(codes):
             return
         order = np.argsort(codes, kind="stable")
@@ -463,6 +465,7 @@ class ExternalSorter:
         goes_back = (np.diff(times) < 0) & (np.diff(codes) == 0)
         backward_steps = np.add.reduceat(np.append(0, goes_back), starts)
 
+        # Combine with earlier batches. A first row before the last time is a backward step, too.
         for i, start in enumerate(starts.tolist()):
             file_track = self._file_tracks[int(codes[start])]
             starts_earlier = int(times[start] < file_track.last_time)
@@ -571,6 +574,7 @@ class ExternalSorter:
 
     def _drop_repeated_times(self, name: str, file_tracks: list[_FileTrack]) -> Iterator[Floats]:
         """Yield the rows of a track without those at a time that an earlier row has already."""
+        # Count the lost rows, and the most rows at other positions that share one time.
         unusable = self._unusable.get(name, _UnusableRows(file_tracks[0].where, 0))
         lost = unusable.rows
         max_sharing = 0  # most rows at another position that share the time of a kept row
@@ -595,6 +599,7 @@ class ExternalSorter:
                 max_sharing = max(max_sharing, int(sharing_by_row.max()))
                 sharing = int(sharing_by_row[-1])
 
+                # Carry the last kept row to the next block, which may go on at its time.
                 last_row = rows[repeated.first][-1:]
                 yield block[repeated.first[1:]] if at_other or at_same else block
 

@@ -159,6 +159,7 @@ def count_rows(
         Exact for Parquet, estimated from the size for other formats. Files that can't be read
         count nothing.
     """
+    # Skip what can't be read: this is only an estimate, and reading reports the error.
     total = 0
     request = Request(parse_columns(columns))
     for source in expand(sources, unzip=is_bundle):
@@ -230,6 +231,7 @@ def store_logs(
     ...     [(track.id, log.read(track).times.tolist()) for track in log.tracks]
     [('b', [0.0, 1.0]), ('a', [5.0])]
     """
+    # Check the options and inspect all files before the first row is read.
     if sort and split:
         raise OptionError("--sort and --split exclude each other")
     request = Request(
@@ -316,6 +318,7 @@ def _inspect_files(sources: Sources, format_: str | None, request: Request) -> _
         If a file can't be read or doesn't fit the others, or there is none. With
         ``request.skip_bad``, only if no file can be read.
     """
+    # Collect the files that can be read, their size in bytes, and the errors of the others.
     log_files: list[LogFile] = []
     errors: list[InputError] = []
     size = 0
@@ -348,6 +351,7 @@ def _inspect_files(sources: Sources, format_: str | None, request: Request) -> _
 
 def _find_mismatch(log_file: LogFile, before: Sequence[LogFile]) -> InputError | None:
     """Return what is wrong if a file has other coordinates than the files before it."""
+    # Compare with the first file whose coordinates are known; unknown ones fit any.
     kind = log_file.coordinate_kind
     first = next((other for other in before if other.coordinate_kind is not None), None)
     first_kind = None if first is None else first.coordinate_kind
@@ -422,6 +426,7 @@ def _write_sorted(
             tracks.append(StoredTrack(name, offset, count))
             offset += count
 
+    # Describe the kept columns from their files, which are complete and closed now.
     if not tracks:
         raise _no_sample_error(sorter)
     columns = [encoder.stored_column(number, path) for number, path in enumerate(column_paths)]

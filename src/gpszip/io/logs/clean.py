@@ -139,6 +139,7 @@ def clean_log(
     OptionError
         If both ``sort`` and ``split`` are set.
     """
+    # Refuse two remedies for times that go back; each excludes the other.
     if sort and split:
         raise OptionError("--sort and --split exclude each other")
 
@@ -164,6 +165,7 @@ def clean_log(
     ]
     rows, starts = _drop_repeated_times(raw, rows, starts, repeated, repairs)
 
+    # A long log of which at most one row is left was likely misread; a tiny one may be short.
     if len(rows) < 2 and len(raw.times) > MAX_TINY_LOG_POINTS:
         raise nearly_lost_error(raw.name, len(raw.times), raw.row_noun, repairs)
     return CleanedLog(_split_into_tracks(raw, rows, starts), repairs, losses, left_out)
@@ -188,12 +190,14 @@ def _number_shape_points(raw: RawLog) -> RawLog:
 
 def _drop_unreadable(raw: RawLog, repairs: list[Repair]) -> NDArray[np.intp]:
     """Return the rows with a time and a position."""
+    # Refuse a log without any usable row, as its columns were likely misread.
     has_time: NDArray[np.bool_] = np.isfinite(raw.times)
     has_position: NDArray[np.bool_] = np.asarray(np.isfinite(raw.coordinates).all(axis=1))
     _require_any(raw, has_time, "time")
     _require_any(raw, has_position, "position")
     _require_any(raw, has_time & has_position, "time and position")
 
+    # Count each dropped row once: by its time, else by its position.
     time_cell, position_cell = first_unreadable_cells(raw)
     noun = raw.row_noun
     _add_repair(
@@ -429,11 +433,13 @@ def _split_into_tracks(
     raw: RawLog, rows: NDArray[np.intp], starts: NDArray[np.bool_]
 ) -> list[LogTrack]:
     """Cut ordered rows where a track starts, and name the tracks."""
+    # Take times, positions and attributes in the order of tracks and times.
     attributes = {name: values[rows] for name, values in raw.attributes.items()}
     all_rows = LogTrack(
         None, raw.times[rows], raw.coordinates[rows], attributes, raw.name, raw.ids_are_titles
     )
 
+    # Cut before each start; a track without times becomes a shape.
     tracks: list[LogTrack] = []
     used_names: set[str] = set()
     for first, last in pairwise([*np.flatnonzero(starts).tolist(), len(rows)]):

@@ -205,6 +205,7 @@ def read_csv(source: Source, request: Request) -> RawLog:
     records = dialect.header_lines + table.num_rows + malformed
     check_quotes(source, dialect.encoding, dialect.delimiter, records)
 
+    # Interpret the cells; row numbers in messages count the lines of the header, too.
     return build_raw_log(
         table.columns,
         dialect.names,
@@ -561,6 +562,7 @@ def _read_header(
     is_required : bool
         Whether a missing header is an error; else columns are numbered.
     """
+    # Take the line as the header, unless its cells are values.
     line = lines[start] if start < len(lines) else ""
     delimiter = delimiter or _detect_delimiter(line)
     cells = _split_cells(line, delimiter)
@@ -573,6 +575,7 @@ def _read_header(
         if len(comment) == len(cells):
             return _Header(comment, delimiter, start)
 
+    # Without a header, the user has to name the columns.
     if is_required:
         raise InputError(
             f"{where}: no header; its first row is {line[:_MAX_SHOWN_LETTERS]!r}; "

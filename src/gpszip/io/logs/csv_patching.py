@@ -407,6 +407,7 @@ class _TimeWriter:
         times : float64 array, shape (n,)
             Seconds of the samples to write.
         """
+        # Find the decimals of seconds that the step to the first sample needs.
         start = around[0]
         step = float(times[0]) - start if len(times) else 1.0
         decimals = _needed_decimals(step, 0)

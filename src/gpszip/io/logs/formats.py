@@ -163,6 +163,7 @@ def format_for_reading(source: Source) -> LogFormat:
     UnknownFormatError
         If no format recognises it.
     """
+    # Refuse an empty file before any format is asked.
     head = source.head()
     if not head.strip():
         raise InputError(f"{source.name}: empty file; name one that holds a log")
@@ -208,12 +209,14 @@ def is_bundle(archive: Source) -> bool:
 
 def _explain_other_kind(name: str, head: bytes) -> str:
     """Say what a file is that no format recognises, and what to do; empty if it may be text."""
+    # Recognise binary files by their first bytes, and archives of GPSZip by their suffix.
     for start, reason in _OTHER_FILES:
         if head.startswith(start):
             return reason
     if name.lower().endswith(".gpsz"):
         return "is an archive, not a log; 'gpszip decompress' turns it into one"
 
+    # Tell XML by its root element, which shows the format to convert from.
     root = root_element(head)
     if root is None:
         return ""
@@ -246,6 +249,7 @@ def format_for_writing(name: str, format: str | None = None) -> LogFormat:
     >>> format_for_writing("walk.GPX").name, format_for_writing("-").name
     ('gpx', 'csv')
     """
+    # A stated format overrides the suffix. Formats of other packages come after the built-in ones.
     if format is not None:
         chosen = format_named(format)
         if chosen.write is None:

@@ -145,6 +145,7 @@ def _open_dataset(source: Source) -> Any:
     import pyarrow.dataset as ds
     import pyarrow.parquet as pq
 
+    # Arrow takes paths as UTF-8 only.
     path = source.path
     if path is not None and not _is_unicode(path):
         raise InputError(
@@ -157,6 +158,7 @@ def _open_dataset(source: Source) -> Any:
         _check_names(table.schema, source.name)
         return ds.dataset(table)
 
+    # Open the file in place. In a folder, parts of its path (key=value) are columns as well.
     _check_names(pq.read_schema(str(path)), source.name)
     if source.folder is None:
         return ds.dataset(str(path), format="parquet")

@@ -198,6 +198,7 @@ def _are_spreadsheet_days(
     guess: GuessedUnit, times: Floats, coordinates: Floats, track: NDArray[np.int64]
 ) -> bool:
     """Whether times are certainly days since 1899-12-30: of these years, impossible as seconds."""
+    # Times qualify if their size alone suggests seconds, and some are no whole days.
     first, last = _SPREADSHEET_DAYS
     if (
         guess != GuessedUnit("s", from_name=False)
@@ -207,6 +208,8 @@ def _are_spreadsheet_days(
     ):
         return False
 
+    # Compare the motion in both units: as seconds, steps must be too short for a receiver, or
+    # speeds too high at dense steps; as days, speeds must be those of a vehicle.
     as_seconds = _measure_motion(times, coordinates, track)
     as_days = _measure_motion(numbers_to_seconds(times, "excel"), coordinates, track)
     is_too_fast = as_seconds.median_speed(_MIN_DISPLACEMENT) > _MAX_SPEED
@@ -283,6 +286,7 @@ def _degrees_as_metres(
     InputError
         If the speeds show that they are certainly degrees.
     """
+    # Believe a user who names the columns x and y.
     stated = set(request.columns or ())
     if len(raw.axes) < 2 or {"x", "y"} <= stated:
         return None
@@ -364,6 +368,7 @@ def _measure_motion(
     in_one_track = track[begin] == track[end]
     begin, end = begin[in_one_track], end[in_one_track]
 
+    # Measure the windows. Steps back in time and repeated times don't count for the median step.
     positive = durations[durations > 0]
     return _Motion(
         duration=times[end] - times[begin],

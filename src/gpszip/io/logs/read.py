@@ -192,6 +192,7 @@ def read_logs(
     >>> [(track.id, len(track)) for track in result.tracks], result.points, result.lost
     ([('007', 2)], 3, 1)
     """
+    # State once, for all readers, what the user says of columns, units and dates.
     request = Request(
         columns=parse_columns(columns),
         time_unit=time_unit,
@@ -245,6 +246,7 @@ def _add_log(
     logs: _CollectedLogs, raw: RawLog, cleaned: CleanedLog, source: Source | InputError
 ) -> None:
     """Add a log; raise if its coordinates are not those of the logs before it."""
+    # All logs share one plane, so they agree on degrees or metres, and on the dimension.
     assert isinstance(source, Source)
     axes = _Axes(raw.name, raw.geographic, raw.coordinates.shape[1])
     if logs.axes and logs.axes[0][1:] != axes[1:]:
@@ -325,6 +327,7 @@ def _build_track(
     log_track: LogTrack, positions: NDArray[np.float64], plane: Plane | None, repairs: list[Repair]
 ) -> Track:
     """Make a Track. The "times" of a shape are distances along it, so points must differ."""
+    # A track with times has its points at increasing times already.
     name = str(log_track.id)
     if log_track.timed:
         return Track(name, log_track.times, positions, attributes=log_track.attributes, plane=plane)
@@ -369,12 +372,14 @@ def _name_tracks(logs: _CollectedLogs) -> list[LogTrack]:
 
 def _join_tracks(tracks: Sequence[LogTrack], repairs: list[Repair]) -> list[LogTrack]:
     """Join tracks of one name that follow each other in time, and rename those that overlap."""
+    # Group the tracks by name; if all names differ, there is nothing to join.
     by_name: dict[str, list[LogTrack]] = {}
     for track in tracks:
         by_name.setdefault(str(track.id), []).append(track)
     if len(by_name) == len(tracks):
         return list(tracks)
 
+    # Join the tracks of a name that don't overlap; each of the others gets an unused name.
     taken, joined = set(by_name), []
     for name, group in by_name.items():
         successive, overlapping = _split_overlapping(group)
@@ -402,6 +407,7 @@ def _split_overlapping(group: list[LogTrack]) -> tuple[list[LogTrack], list[LogT
 
 def _concatenate(tracks: list[LogTrack], repairs: list[Repair]) -> LogTrack:
     """Concatenate tracks that follow each other, with the attributes that all of them have."""
+    # A track of one file stays as it is, with all its attributes.
     if len(tracks) == 1:
         return tracks[0]
 
@@ -412,6 +418,7 @@ def _concatenate(tracks: list[LogTrack], repairs: list[Repair]) -> LogTrack:
         what = "points at a time that another file has, too, dropped"
         repairs.append(Repair(what, int((~increases).sum()), tracks[0].where))
 
+    # Attributes that some files lack can't be filled, so only common ones stay.
     coordinates = np.concatenate([track.coordinates for track in tracks])
     attributes = {
         name: np.concatenate([track.attributes[name] for track in tracks])

@@ -97,6 +97,7 @@ def interpret_batches(reader: TableReader, request: Request) -> Iterator[RawLog]
 
 
 def _interpret(reader: TableReader, stated: Request) -> Iterator[RawLog]:
+    # What the first rows show holds for all later batches, so it is added to the request.
     request = stated
     conventions: TableConventions | None = None
     row_number = reader.first_row_number

@@ -203,6 +203,7 @@ def densified_rows(
     >>> len(track_rows(track, 3)), len(densified_rows(track, 3, 1.0))
     (2, 17)
     """
+    # Tracks in metres need no added rows, and attributes have no values between samples.
     if track.plane is None or track.attributes:
         return track_rows(track, decimals, track_name)
 

@@ -68,12 +68,14 @@ def write_tracks(
     walk,0,0,0
     walk,0.5,1,2
     """
+    # Choose the format, and the decimals of seconds that it writes.
     file_name = str(sink) if isinstance(sink, (str, Path)) else "-"
     chosen = format_for_writing(file_name, format)
     assert chosen.write is not None
     time_decimals = TIME_DECIMALS if chosen.time_decimals is None else chosen.time_decimals
     row_count = 0
 
+    # Round each track only when the format asks for it, as all rows may not fit in memory.
     def rows_of_tracks() -> Iterator[TrackRows]:
         nonlocal row_count
         for track in tracks:
@@ -88,6 +90,7 @@ def write_tracks(
             row_count += len(rows)
             yield rows
 
+    # Write the rows; they are counted as the format takes them.
     with open_sink(sink) as stream:
         chosen.write(rows_of_tracks(), stream)
     return row_count

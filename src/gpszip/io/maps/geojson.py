@@ -48,6 +48,7 @@ def write_map_geojson(table: MapTable, path: Path, *, points: bool = False) -> N
             _feature("Point", positions[node], {"node": node}) for node in table.nodes.tolist()
         ]
 
+    # Write one feature a line; mark metres, as GeoJSON itself knows degrees only.
     member = "" if table.geographic else f"{json.dumps(METRES_MEMBER)[1:-1]}, "
     lines = ",\n".join(json.dumps(feature) for feature in features)
     path.write_text(

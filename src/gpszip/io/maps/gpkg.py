@@ -60,10 +60,12 @@ def _to_wkb(table: MapTable) -> NDArray[np.object_]:
 
     If any line is cut, all are MultiLineStrings, since a layer has one type.
     """
+    # Encode all coordinates at once; a fragment is a slice of these bytes.
     coordinates = table.points.astype("<f8").tobytes()
     point_bytes = 8 * table.points.shape[1]
     z_flag = _WITH_Z if table.points.shape[1] == 3 else 0
 
+    # Encode each line from its fragments.
     lines = np.empty(len(table), dtype=object)
     for i, fragments in enumerate(table.fragments):
         # Byte order (1 is little-endian), type, number of points, points.

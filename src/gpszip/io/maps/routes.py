@@ -139,6 +139,7 @@ def _write_items(items: Iterable[dict[str, Any]], stream: BinaryIO) -> None:
 
 def _unmatched_slices(match: Match, track: Track, network: Network) -> Iterator[dict[str, Any]]:
     """Yield slices of a track on no road, with their first and last time and the reason."""
+    # Find the points of each break that are on no road; a break between neighbours has none.
     for break_ in match.breaks:
         points = (
             break_.after + 1 + np.flatnonzero(match.piece[break_.after + 1 : break_.before] < 0)
@@ -146,6 +147,7 @@ def _unmatched_slices(match: Match, track: Track, network: Network) -> Iterator[
         if not len(points):
             continue
 
+        # Describe the slice, with the roads that it would travel against their direction.
         item = {
             "track_id": match.track,
             **_times(track, int(points[0]), int(points[-1])),
@@ -159,11 +161,13 @@ def _unmatched_slices(match: Match, track: Track, network: Network) -> Iterator[
 
 def _features(match: Match, track: Track, network: Network) -> Iterator[dict[str, Any]]:
     """Yield the pieces of a route as features."""
+    # A piece becomes one feature, even if it is a single point.
     for number, piece in enumerate(match.pieces):
         # A line needs two vertices.
         vertices = piece.line if len(piece.line) > 1 else np.repeat(piece.line, 2, axis=0)
         line = _to_output_coordinates(vertices, network.plane)
 
+        # Describe the roads, and those that the break after this piece goes against.
         properties = _properties(match, number, piece, track)
         properties["roads"] = _road_ids(piece, network)
         if network.names is not None:
@@ -264,6 +268,7 @@ def _write_csv(
 
 def _point_table(match: Match, track: Track, network: Network) -> pa.Table:
     """Return a row for each point; columns about roads are null for points on no road."""
+    # Points on no road have null in all columns about roads.
     off_road = match.piece < 0
     columns: dict[str, Any] = {"track_id": pa.array([match.track] * len(match), pa.string())}
 
@@ -292,6 +297,7 @@ def _point_table(match: Match, track: Track, network: Network) -> pa.Table:
         names = [network.names[edge] if edge >= 0 else None for edge in edges]
         columns["name"] = pa.array(names, pa.string())
 
+    # The reason why a point is on no road.
     columns["reason"], columns["against"] = _reasons(match, network)
     return pa.table(columns)
 
@@ -317,6 +323,7 @@ def _coordinate_columns(
     prefix: str, positions: Floats, plane: Plane | None, missing: Bools
 ) -> dict[str, Any]:
     """Return a column for each coordinate: x, y, z, x4 ... or lat and lon."""
+    # Replace missing positions, which may be NaN, by numbers that can be rounded.
     known = np.where(missing[:, None], 0.0, positions)
     if plane is None:
         dimension = positions.shape[1]

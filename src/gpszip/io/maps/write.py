@@ -115,6 +115,7 @@ def find_map_format(path: str | Path, name: str | None = None) -> MapFormat:
     >>> find_map_format("city.GPKG").name, find_map_format("-").name
     ('gpkg', 'geojson')
     """
+    # Standard output has no suffix to tell the format: it is the first format.
     formats = map_formats()
     if name is None and str(path) == "-":
         return formats[0]

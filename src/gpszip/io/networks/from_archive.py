@@ -39,6 +39,7 @@ def clean_map_lines(clean_map: CleanMap, name: str) -> RoadLines:
         lat, lon = to_geographic(points, clean_map.plane)
         points = np.stack((lon, lat), axis=1)
 
+    # Take the median speed of travel, the middle of three columns, as expected speed.
     count = len(clean_map)
     return RoadLines(
         name=name,

@@ -106,6 +106,7 @@ def _iterate_elements(stream: BinaryIO) -> Iterator[Element]:
 
     Elements are dropped once they are read, so that memory stays bounded.
     """
+    # Track the open elements, from the root on, to remove children that were read.
     ancestors: list[Element] = []
     for event, element in iterparse(stream, events=("start", "end")):
         if event == "start":
@@ -161,6 +162,7 @@ def _read_position(graph: _Graph, element: Element, name: str) -> tuple[float, f
 
 
 def _to_road_lines(graph: _Graph, name: str, metric: bool | None) -> RoadLines:
+    # Interpret each edge: its shape, rules, id and street name.
     shapes, rules, ids, names = [], [], [], []
     rules_by_words: dict[_Words, RoadRules] = {}
     for number, (source, target, data) in enumerate(graph.edges):
@@ -176,9 +178,11 @@ def _to_road_lines(graph: _Graph, name: str, metric: bool | None) -> RoadLines:
             rules_by_words[words] = _find_edge_rules(words, graph.directed)
         rules.append(rules_by_words[words])
 
+        # Id of the road in OpenStreetMap, or else the number of the edge.
         ids.append(data.get("osmid", str(number)))
         names.append(clean_street_name(data.get("name"), data.get("ref")))
 
+    # Convert the vertices of all shapes at once to degrees, or to metres for a log in x and y.
     vertices = np.array([point for shape in shapes for point in shape])
     points, geographic = _to_log_coordinates(graph, vertices, name, metric)
     forward, backward, speeds, users = zip(*rules, strict=True)

@@ -187,6 +187,7 @@ def _drop_invalid(lines: RoadLines, repairs: list[Repair]) -> RoadLines:
     if not bad.any():
         return lines
 
+    # Drop a line even if only one vertex is bad: the rest would have another shape.
     owner = np.repeat(np.arange(len(lines)), np.diff(lines.offsets))
     is_broken = np.bincount(owner[bad], minlength=len(lines)) > 0
     _note_dropped(repairs, lines, "roads with a vertex that is no position dropped", is_broken)
@@ -203,6 +204,7 @@ def _unify_antimeridian(lines: RoadLines) -> RoadLines:
 
 def _index_positions(lines: RoadLines) -> tuple[NDArray[np.float64], Longs]:
     """Return the distinct positions, rounded, and the index of each vertex's position."""
+    # An empty network has no extent.
     points = lines.coordinates
     if not len(points):
         return np.empty((0, 2)), np.empty(0, np.int64)
@@ -232,6 +234,7 @@ def _drop_repeated_vertices(indexed: _IndexedLines, repairs: list[Repair]) -> _I
     keep[lines.offsets[:-1][np.diff(lines.offsets) > 0]] = True
     counts = np.diff(np.append(0, np.cumsum(keep))[lines.offsets])
 
+    # A line with a single vertex left has no length, so that it is no road.
     has_length = counts >= 2
     _note_dropped(repairs, lines, "roads without a length dropped", ~has_length)
     if not has_length.any():

@@ -105,6 +105,7 @@ def _iterate_ways(path: str, osmium: Any) -> Iterator[Any]:
 
 
 def _add_way(ways_read: _WaysRead, way: Any, factory: Any, osmium: Any) -> None:
+    # Count areas and classes that are no roads, without building their geometry.
     tags = _Tags(*(way.tags.get(tag) for tag in _Tags._fields))
     if tags.highway in NON_ROAD_CLASSES or tags.area == "yes":
         ways_read.skipped += 1
@@ -117,6 +118,7 @@ def _add_way(ways_read: _WaysRead, way: Any, factory: Any, osmium: Any) -> None:
         geometries = list(_located_runs(way))
         ways_read.incomplete += bool(geometries)
 
+    # Where the extract cuts a road into several lines, each has its id, name and tags.
     name = clean_street_name(way.tags.get("name"), way.tags.get("ref"))
     for geometry in geometries:
         ways_read.geometries.append(geometry)
@@ -140,6 +142,7 @@ def _located_runs(way: Any) -> Iterator[bytes]:
 
 
 def _to_road_lines(ways_read: _WaysRead, name: str) -> RoadLines:
+    # Decode all lines at once; each knows the row of its geometry, and so its tags.
     lines = parse_wkb_lines(pa.array(ways_read.geometries, pa.large_binary()))
 
     # Apply the rules once to each combination of tags.
@@ -153,6 +156,7 @@ def _to_road_lines(ways_read: _WaysRead, name: str) -> RoadLines:
         *(rules_by_tags[tags] for tags in ways_read.tags), strict=True
     )
 
+    # Report cut roads, which stay, and dropped ways; assign the attributes of a road to its lines.
     repairs = []
     if ways_read.incomplete:
         what = "roads cut where the extract ends"

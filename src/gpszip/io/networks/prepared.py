@@ -68,6 +68,7 @@ class PreparedNetwork:
         )
         components = int(connected_components(graph, directed=False)[0])
 
+        # Lengths in metres need the projected network, as the graph may be in degrees.
         return {
             "roads": len(roads),
             "nodes": len(roads.nodes),

@@ -135,6 +135,7 @@ def write_prepared_file(roads: RoadGraph, stream: BinaryIO) -> int:
     int
         Number of bytes.
     """
+    # Neighbours share a block, so that few blocks are read for a small area.
     order = _morton_order(roads)
     blocks = [order[i : i + _ROADS_IN_BLOCK] for i in range(0, len(order), _ROADS_IN_BLOCK)]
     metadata = json.dumps({"name": roads.name}).encode()
@@ -165,6 +166,7 @@ def write_prepared_file(roads: RoadGraph, stream: BinaryIO) -> int:
         offset += len(block.body)
         bodies.append(block.body)
 
+    # One checksum covers all that comes before the blocks, which have their own.
     front = header.tobytes() + metadata + index.tobytes()
     stream.write(front + zlib.crc32(front).to_bytes(4, "little"))
     for body in bodies:
@@ -309,6 +311,7 @@ def _is_valid(roads: _Block, geographic: bool) -> bool:
 
 def _read_header(data: mmap.mmap, name: str) -> tuple[Any, Any]:
     """Return the header and the index, once they are checked."""
+    # Check the magic bytes and the version before any other field is interpreted.
     if len(data) < _HEADER.itemsize or data[:8] != PREPARED_MAGIC:
         raise CorruptArchiveError(f"{name}: no prepared network: it does not begin like one", 0)
     header = np.frombuffer(data, _HEADER, 1)[0].copy()
@@ -319,6 +322,7 @@ def _read_header(data: mmap.mmap, name: str) -> tuple[Any, Any]:
             8,
         )
 
+    # Check that the index is complete and intact: the sizes in the header may be damaged.
     start = _HEADER.itemsize + int(header["name"])
     end = start + int(header["blocks"]) * _INDEX_ENTRY.itemsize
     if end + 4 > len(data):
@@ -334,6 +338,7 @@ def _read_blocks(
     data: mmap.mmap, index: Any, geographic: bool, version: int, name: str
 ) -> Iterator[_Block]:
     """Yield the blocks of these index entries, once they are checked."""
+    # Read each block at the offset in its index entry.
     for entry in index:
         offset, size, roads, points, streets = (
             int(entry[key]) for key in ("offset", "size", "roads", "points", "streets")
@@ -415,6 +420,7 @@ def _decode_texts(body: bytes, position: int, lengths: NDArray[np.int32]) -> Any
 
 def _concatenate(blocks: list[_Block]) -> _Block:
     """Return the roads of all blocks."""
+    # Join column by column; the last two, ids and names, are Arrow arrays.
     if blocks:
         arrays = [
             np.concatenate(columns) for columns in zip(*(b[:-2] for b in blocks), strict=True)

@@ -225,6 +225,7 @@ def build_network(
     InputError
         If no road is near the log, or roads and log are not both in degrees or both in metres.
     """
+    # Refuse an empty network, and one whose coordinates are of another kind than the log's.
     if not near and not len(roads):
         raise InputError(f"{roads.name}: holds no road")
     if near and roads.geographic != (plane is not None):
@@ -272,6 +273,7 @@ def _project_to_planes(
     on which a part of the area is near its first vertex: the graph may have tracks on several
     planes near it.
     """
+    # Find the plane of each road, or of each cell of the area, by its position.
     first = roads.coordinates[roads.offsets[:-1]]
     if area is None:
         road_plane = plane_indices(to_plane(first[:, 1], first[:, 0], plane), plane)
@@ -299,6 +301,7 @@ def _project_to_planes(
 
 def _keep_nearby(roads: RoadGraph, candidates: _PlaneRoads, area: NearbyArea) -> _PlaneRoads:
     """Keep the roads that have a point in an area."""
+    # A road is near if one of its vertices is.
     chosen, points = candidates
     if not len(chosen):
         return candidates
@@ -324,6 +327,7 @@ def _drop_footways(
     repairs: list[Repair],
 ) -> list[_PlaneRoads]:
     """Leave out footways for a log of motor vehicles, unless nothing else is near it."""
+    # Footways matter only if there are any and the log is of motor vehicles.
     if not (roads.users == RoadUsers.NON_MOTOR).any() or not _is_motorised(near):
         return plane_roads
 
@@ -358,6 +362,7 @@ def _is_motorised(tracks: Sequence[Track]) -> bool:
 
 def _assemble(roads: RoadGraph, plane_roads: Sequence[_PlaneRoads], plane: Plane | None) -> Network:
     """Build the network of roads on all planes."""
+    # Put the roads of all planes after each other.
     chosen = np.concatenate([kept.chosen for kept in plane_roads])
     points = np.concatenate([kept.points for kept in plane_roads])
     offsets = np.append(0, np.cumsum(np.diff(roads.offsets)[chosen]))
@@ -397,6 +402,7 @@ def _take_street_names(roads: RoadGraph, chosen: NDArray[np.intp]) -> TextColumn
 
 def _describe_mismatch(roads: RoadGraph, plane: Plane | None, near: Sequence[Track]) -> str:
     """Return the message for a network that is far from the log."""
+    # Bring the log to the coordinates of the network, to name both extents in the same ones.
     log = np.concatenate([track.positions[:, :2] for track in near])
     if plane is not None:
         lat, lon = to_geographic(log, plane)
@@ -441,6 +447,7 @@ def read_road_graph(
         Whether a line without a one-way rule may be travelled along its vertices only, as if the
         source had one line for each direction; found from the lines if left out.
     """
+    # A list names several sources; anything else is one.
     sources: list[Any] = list(source) if isinstance(source, (list, tuple)) else [source]
 
     # Read the lines of all files.
@@ -468,6 +475,7 @@ def _read_lines(source: Source | InputError, metric: bool | None) -> RoadLines:
 
 def _concatenate(lines_read: Sequence[RoadLines]) -> RoadLines:
     """Return the lines of several sources, which have to have the same coordinates."""
+    # Refuse to mix degrees and metres.
     first, last = lines_read[0], lines_read[-1]
     if len({lines.geographic for lines in lines_read}) > 1:
         raise InputError(

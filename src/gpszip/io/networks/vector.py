@@ -179,6 +179,7 @@ def read_vector_lines(
     InputError
         If it can't be read, holds no lines, or is in degrees and the log is not.
     """
+    # Read all features; a file without any line is no network.
     features, crs = _read_without_warnings(path, name, is_geojson)
     counts = np.concatenate(features.counts) if features.counts else np.empty(0, np.int64)
     if not len(counts):
@@ -259,6 +260,7 @@ def _read_features(
     """Return all features, and the coordinate system of the file."""
     from pyogrio.errors import FeatureError, GeometryError
 
+    # Read the features in batches, to bound memory, with only the columns that have a role.
     gdal_errors = (FeatureError, GeometryError, RuntimeError, ValueError, OSError)
     try:
         layer = None if is_geojson else _choose_layer(pyogrio.list_layers(path).tolist())
@@ -333,6 +335,7 @@ def _to_numbers(values: Any) -> Any:
 
 def _find_rules(columns: Mapping[str, Any], count: int) -> _FeatureRules:
     """Interpret the columns of all features; each distinct value is interpreted once."""
+    # Words of each feature on direction and class; None where the file has no such column.
     oneway, junction, road_class = (
         columns[role].to_pylist() if role in columns else [None] * count
         for role in ("oneway", "junction", "class")

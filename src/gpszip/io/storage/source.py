@@ -340,6 +340,7 @@ def _is_zip(source: Source) -> bool:
 
 def _zip_sources(source: Source, keep: _Keep) -> Iterator[Source | InputError]:
     """Files in a zip archive, each stored before the next one is opened."""
+    # Open the archive, whether in memory or on disk.
     file: Any
     try:
         if source.data is not None:
@@ -351,6 +352,7 @@ def _zip_sources(source: Source, keep: _Keep) -> Iterator[Source | InputError]:
         yield InputError(_explain_error(error), path=source.name)
         return
 
+    # Store each member; an unreadable one doesn't end the archive.
     with file:
         for member in find_members(file, source.name):
             if isinstance(member, InputError):
@@ -385,6 +387,7 @@ def _match_pattern(name: str) -> list[str]:
 
 def _resolve_name(name: str) -> Iterator[Source | _Stream | InputError]:
     """The file with a name, or the Parquet files in the folder with it."""
+    # A name that can't be a path is an error of this source alone.
     shown = printable_name(name)
     try:
         path = Path(name).expanduser()

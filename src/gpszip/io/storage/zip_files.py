@@ -117,6 +117,7 @@ def _files_in(
     archive: zipfile.ZipFile, counted: _CountingFile, name: str
 ) -> Iterator[ZipMember | InputError]:
     """Find the files in an open archive, see :func:`find_members`."""
+    # Leave out folders and hidden files, such as those that macOS adds.
     infos = archive.infolist()
     files = [info for info in infos if not info.is_dir() and not _is_hidden(info.filename)]
 
@@ -151,6 +152,7 @@ def _read_member(
     where: str,
 ) -> ZipMember | InputError:
     """A member that can be read, or the reason why it can't."""
+    # Refuse what can't be unpacked: encrypted members and rare methods.
     if info.flag_bits & _ENCRYPTED:
         return InputError("is encrypted; unpack it first", path=where)
     if info.compress_type not in _READABLE_METHODS:

@@ -72,6 +72,7 @@ def _check_cells(source: Source, encoding: str, delimiter: str) -> None:
     cell = rb'(?:"(?:[^"]++|"")*+"|[^"' + mark + rb"\r\n][^" + mark + rb"\r\n]*+)?+"
     cells = re.compile(rb"(?:" + cell + rb"(?:" + mark + rb"|\r\n|\r(?!\Z)|\n))*+")
 
+    # Match block by block; an incomplete cell goes on in the next block.
     rest, line = b"", 1
     for block in _blocks(source, encoding):
         # Remove complete cells, counting their lines.
@@ -82,6 +83,7 @@ def _check_cells(source: Source, encoding: str, delimiter: str) -> None:
         if len(rest) > _MAX_CELL_BYTES:
             break
 
+    # The text that remains must be a whole cell, maybe with the CR of the last line break.
     if re.fullmatch(cell + rb"\r?", rest) is None:
         raise InputError(
             f"{source.name}: row {line}: a quote is not closed, or text follows after it; "

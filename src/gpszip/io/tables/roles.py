@@ -225,6 +225,7 @@ def find_roles(
     fixed = {role: _find_named(names, column, where) for role, column in (columns or {}).items()}
     free = {name: i for i, name in reversed(list(enumerate(plain))) if i not in fixed.values()}
 
+    # A column that the user has given overrides synonyms, whose order is their rank.
     def find(role: str, synonyms: Sequence[str]) -> int | None:
         if role in fixed:
             return fixed[role]
@@ -288,6 +289,7 @@ def parse_columns(
     >>> parse_columns("t,x,y"), parse_columns("t=when")
     (('t', 'x', 'y'), {'t': 'when'})
     """
+    # Columns by name need no parsing but of their roles.
     if columns is None:
         return None
     if isinstance(columns, Mapping):
@@ -379,6 +381,7 @@ def _find_hemispheres(
                 by_content[axis] = candidate
                 break
 
+    # Refuse a single column found by its content alone: it may be something else.
     if len(by_content) == 1 and named == {"lat": None, "lon": None}:
         ((axis, index),) = by_content.items()
         sides = "N or S" if axis == "lat" else "E or W"

@@ -100,6 +100,7 @@ def find_conventions(
     InputError
         If numbers such as 1,234 are ambiguous.
     """
+    # Coordinates are numbers, or text whose notation has to be found.
     column = dict(zip(roles.used, columns, strict=True))
     axes = [_numbers_or_text(column[axis], names[axis], where) for axis in roles.axes]
 
@@ -176,6 +177,7 @@ def build_raw_log(
     InputError
         If the content of a column doesn't fit its role.
     """
+    # Find the conventions, and the columns in use; the others are reported as dropped.
     if conventions is None:
         conventions = find_conventions(columns, names, roles, request, where)
     column = dict(zip(roles.used, columns, strict=True))
@@ -364,6 +366,7 @@ def _first_unreadable_of_axis(
     where: str,
 ) -> UnreadableCell | None:
     """First cell of an axis that can't be read: a number, or the hemisphere beside it."""
+    # Find the first unreadable cell; without a hemisphere, the number is to blame.
     axis = roles.axes[number]
     side = roles.hemispheres[number] if roles.hemispheres else None
     cells = _numbers_or_text(column[axis], names[axis], where)
@@ -408,6 +411,7 @@ def _check_axes(
 
 def _check_thousands(axes: Sequence[Any], names: Sequence[str], where: str) -> None:
     """Refuse metres such as 1,234 unless some cell shows that its comma is a decimal comma."""
+    # Search for a cell that decides, and keep the first ambiguous one for the message.
     first = ""
     for cells, name in zip(axes, names, strict=True):
         if not is_text(cells.type):

@@ -103,6 +103,7 @@ def read_times(
     InputError
         If no cell is a time, or dates are ambiguous.
     """
+    # Join date and time of day if they have their own columns.
     name = names[roles.time[-1]]
     column = f"{where}: column {name!r}"
     cells = join_time_columns(columns, names, roles, request, where, decimal_comma=decimal_comma)

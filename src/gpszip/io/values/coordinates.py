@@ -219,6 +219,7 @@ def has_packed_minutes(
     >>> has_packed_minutes(pa.chunked_array([[48.137, 9999]]), pa.chunked_array([[11.575, 9999]]))
     False
     """
+    # Test both axes: neither may contradict, and one has to prove the notation.
     proofs = []
     for column, limit, digits in (
         (lat, _LIMIT["lat"], _LAT_DIGITS),
@@ -285,6 +286,7 @@ def parse_numbers(column: pa.ChunkedArray, decimal_comma: bool = False) -> Float
     >>> parse_numbers(pa.chunked_array([["1.5", " -2e3 ", "1,5", "nan", "12 m"]])).tolist()
     [1.5, -2000.0, nan, nan, nan]
     """
+    # Decode dictionaries: the other steps work on plain columns.
     if pa.types.is_dictionary(column.type):
         column = pc.cast(column, column.type.value_type)
 

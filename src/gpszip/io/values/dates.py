@@ -133,6 +133,7 @@ class DateOrders:
         ...
         gpszip.errors.InputError: a.csv: '03/04/2024' can be 3 Apr 2024 or 4 Mar 2024; ...
         """
+        # Choose the only order that remains; dates with dots have the day first.
         orders = [order for order in DATE_ORDERS if order not in self.counterexamples]
         if self.all_dotted and "dmy" in orders:
             return "dmy"
@@ -290,6 +291,7 @@ def _separate_digits(text: Any) -> Any:
     ``20240504T080000``, ``20240504 0800`` and ``20240504080000`` become ``2024-05-04 08:00:00`` and
     the like.
     """
+    # A column without the basic format needs none of these patterns.
     if not pc.any(pc.match_substring_regex(text, _BASIC_FORMAT)).as_py():
         return text
 
@@ -351,6 +353,7 @@ def _possible_orders(matches: _Matches) -> DateOrders:
         if is_bad.any():
             counterexamples[order] = str(matches.cells[int(is_bad.argmax())].as_py())
 
+    # Dates with dots have the day first, if all of them have dots.
     has_dot = pc.equal(matches.text("mark"), ".").to_numpy()
     first = str(matches.cells[int(is_date.argmax())].as_py())
     return DateOrders(first, bool(has_dot[is_date].all()), counterexamples)
@@ -400,6 +403,7 @@ def _clock(matches: _Matches) -> Floats:
     Midnight may be 24:00:00. A leap second, 23:59:60, is the next midnight, as in POSIX. But in a
     column of whole seconds it is half a second before that, so that it differs from 00:00:00.
     """
+    # Parse the clock; the fraction is a text of digits, as its leading zeros count.
     hour, minute, second = (matches.number(name) for name in ("hour", "minute", "second"))
     digits = matches.text("fraction")
     decimals = pc.if_else(pc.equal(digits, ""), "0", digits)

@@ -308,6 +308,7 @@ def _ticks_to_seconds(column: Any) -> Floats:
 
 def _scale_to_seconds(column: Any, unit: float, origin: float) -> Floats:
     """Seconds of numbers in a unit, with its zero in seconds since 1970."""
+    # Seconds since 1970 need no conversion.
     plain = to_floats(column)
     if unit == 1 and not origin:
         return plain

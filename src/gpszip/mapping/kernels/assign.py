@@ -99,6 +99,7 @@ def _find_candidates(
     counts: NDArray[np.int64],
 ) -> None:
     """List the candidates of each slot: the nearest nodes, its present one, and a new one."""
+    # The nearest nodes of the map come first.
     distances = np.empty(max_near + 1)
     for slot in range(first, last + 1):
         row = slot - first
@@ -114,6 +115,7 @@ def _find_candidates(
                 candidates[row, count] = present
                 count += 1
 
+        # A new node at the slot's own position is always the last candidate.
         candidates[row, count] = _NEW_NODE
         counts[row] = count + 1
 
@@ -250,6 +252,7 @@ def _fill_table(
     The innermost loops stay in this function: to pass these arrays to another for each pair of
     slots takes longer than the arithmetic.
     """
+    # No path to a row costs less than its origin and the cheaper of both duration prices.
     sums, ticks, centers = grid_arrays.sums, grid_arrays.ticks, grid_arrays.centers
     unit = grid_arrays.ticks_per_step
     candidates, counts, positions, numbers, step_bits, best, parent_rows, parent_choices = dp_table
@@ -266,6 +269,7 @@ def _fill_table(
         cheapest[0] = min(cheapest[0], best[0, c])
     cheapest_so_far[0] = cheapest[0]
 
+    # Reach each row from the rows before it; a path of ``limit`` bits or more does not pay.
     for row in range(1, rows):
         g = first + row
         limit = np.inf
@@ -302,6 +306,7 @@ def _fill_table(
             if cheapest[origin] + min_duration + line_bits >= limit:
                 continue
 
+            # Sum up the terms of each end y once, then try each start x at the origin.
             _sum_end_terms(positions, row, counts[row], centers[a], unit, u2, n, end_terms)
             has_improved = False
             for o in range(counts[origin]):
@@ -334,6 +339,7 @@ def _fill_table(
                         parent_choices[row, c] = o
                         has_improved = True
 
+            # A cheaper path to the row lowers the limit for the origins that are left.
             if has_improved:
                 limit = _find_limit(best, row, counts[row], cheapest, prices.beam)
         cheapest_so_far[row] = min(cheapest_so_far[row - 1], cheapest[row])
@@ -375,6 +381,7 @@ def _add_window(
     with_last: bool,
 ) -> None:
     """Enter the chosen knots, ``count`` rows and nodes, last first; release unused nodes."""
+    # Take the old knots off their slots; a list of them is kept to release their nodes.
     old = slot_nodes[first : last + 1].copy()
     slot_nodes[first : last + 1] = -1
 
@@ -443,6 +450,7 @@ def _build_table(
         is_unused = open_first and (node == _NEW_NODE or working_map.uses[node] == 0)
         bits[0, i] = prices.start + prices.position if is_unused else 0.0
 
+    # No candidate has a parent yet; those of the first row never get one, and end each path.
     parent_rows = np.full((rows, width), -1, np.int64)
     parent_choices = np.zeros((rows, width), np.int64)
     return DPTable(
@@ -462,6 +470,7 @@ def _backtrace(
 
     Where no path reaches the end, these are the present knots.
     """
+    # The cheapest path ends in the cheapest candidate of the last slot.
     row = len(dp_table.counts) - 1
     choice = np.argmin(dp_table.bits[row, : dp_table.counts[row]])
     count = 0
@@ -499,6 +508,7 @@ def _assign_window(
     marks: NDArray[np.int64],
 ) -> None:
     """Choose the knots of slots [first, last] anew."""
+    # Leave the present knots out of the counts, else the edges that only they use look cheap.
     _subtract_window(working_map, slot_nodes, first, last, open_first, open_last)
 
     # Find the cheapest path through the window.
@@ -530,6 +540,7 @@ def _assign_window(
     path_rows, path_nodes = np.empty(rows, np.int64), np.empty(rows, np.int64)
     count = _backtrace(dp_table, slot_nodes, first, path_rows, path_nodes)
 
+    # Enter the knots of the path, and count their uses and steps.
     _add_window(
         working_map,
         slot_nodes,
@@ -603,6 +614,7 @@ def assign_slice(
     int
         Slot from which to go on once the map has more capacity; the last one when all is done.
     """
+    # The first window of a slice has its own size, so that windows end elsewhere in each round.
     begin, end = time_slice[FIRST_SLOT], time_slice[LAST_SLOT]
     first = start
     size = phase if start == begin else window

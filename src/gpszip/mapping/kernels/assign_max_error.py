@@ -67,6 +67,7 @@ def _intersect_velocities(
     bool
         Whether any velocities remain.
     """
+    # Narrow the range of each direction by one sample after the other, until one is empty.
     dimension = positions.shape[1]
     for i in range(first, last):
         span = times[i] - start
@@ -151,6 +152,7 @@ def fill_table_within_max_error(
     m, n, center = np.empty(dimension), np.empty(dimension), np.empty(dimension)
     w = u1 = u2 = q = 0.0
 
+    # Open a cone of velocities at each candidate that a path reaches.
     for origin in range(rows - 1):
         a = first + origin
         for o in range(counts[origin]):
@@ -162,6 +164,7 @@ def fill_table_within_max_error(
             if error_price > 0.0:
                 center[:] = grid_arrays.centers[a] / grid_arrays.ticks_per_step
 
+            # Follow the cone from slot to slot, as far as a segment may span.
             for row in range(origin + 1, min(origin + max_slots, rows - 1) + 1):
                 # Narrow the cone by the samples before this slot; an empty one stays empty.
                 if not _intersect_velocities(

@@ -52,6 +52,7 @@ def prefix_sums(
     int64 array, shape (S, 2d + 4)
         Rows of count, T, TT, X..., TX..., XX.
     """
+    # Keep running sums, so that the difference of two rows sums the samples between their slots.
     dimension = positions.shape[1]
     sums = np.zeros((len(ends), 2 * dimension + 4), np.int64)
     running = np.zeros(2 * dimension + 4, np.int64)
@@ -102,6 +103,7 @@ def moments_between(
     first, cross : float64 arrays, shape (d,)
         Receive M and N.
     """
+    # Normalised time runs from 0 to 1 over ``span`` ticks.
     dimension = len(center)
     span = np.float64(end - start)
 
@@ -121,6 +123,7 @@ def moments_between(
         cross[axis] = np.float64(dtx - start * dx - c * t1) / (ticks_per_step * span)
         square += c * c * count - 2 * c * dx
 
+    # Scale to normalised time and grid steps only here: sums of whole ticks are exact.
     return (
         np.float64(count),
         np.float64(t1) / span,
@@ -190,6 +193,7 @@ def segment_moments(
     ticks_per_step: float,
 ) -> NDArray[np.float64]:
     """Rows (W, U1, U2, Q, M..., N...) of segments, each about the centre of its first slot."""
+    # Sum over the samples from each segment's first slot to before its last one.
     dimension = centers.shape[1]
     moments = np.empty((len(first_slots), 4 + 2 * dimension))
     for j in range(len(first_slots)):
@@ -217,6 +221,7 @@ def segment_costs(
     centers: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Squared error of each segment on its line from ``starts`` to ``ends``."""
+    # Evaluate the moments on each segment's line, in squared grid steps.
     dimension = starts.shape[1]
     costs = np.empty(len(moments))
     for j in range(len(moments)):

@@ -204,6 +204,8 @@ def find_near_nodes(
     int
         Number of nodes.
     """
+    # Search the hash grid's cell of the position and the cells next to it: they hold all nodes
+    # within one cell size.
     dimension = len(position)
     count = 0
     cells = 27 if dimension > 2 else (9 if dimension == 2 else 3)
@@ -216,6 +218,7 @@ def find_near_nodes(
                 offset = working_map.positions[node, axis] - position[axis]
                 square += offset * offset
 
+            # Insert a node within reach by its distance; a full list drops its farthest node.
             if square <= max_square:
                 # Find the rank of the node among those found so far.
                 i = count

@@ -281,6 +281,7 @@ def sweep_knots(
     int
         Number of changes.
     """
+    # Go along the walks by chunks of knots: all moves of a chunk are encoded after one prefix.
     changes, start, none = 0, np.int64(0), np.int64(_NONE)
     while start < knot_list.counts[KNOTS] and workspace.counts[WORK] > 0:
         # Encode the prefix of a chunk of knots. Moves reach back to the knot before the one
@@ -295,6 +296,7 @@ def sweep_knots(
             start + 1 if start > 0 else np.int64(0),
         )
 
+        # Go through the knots of the chunk, which grows or shrinks with the changes made.
         has_changed = True
         end, window_bits = np.int64(0), 0.0
         while j < min(stop, knot_list.counts[KNOTS]) and workspace.counts[WORK] > 0:

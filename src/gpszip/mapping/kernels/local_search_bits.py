@@ -89,6 +89,7 @@ def _count_bits(code: Any, workspace: CoderWorkspace, knots: int, tracks: int) -
         workspace.coder.words[i] = workspace.empty_coder_words[i]
     workspace.coder.cursor[0] = 0
 
+    # Encode the knots; the model adapts as it does so.
     code(
         workspace.coder,
         workspace.model,
@@ -131,6 +132,7 @@ def encode_prefix(
     knots: int,
 ) -> None:
     """Encode the first ``knots`` knots, and keep the model as it is after them."""
+    # Start from the model of the prior walks, with only their nodes visited.
     _copy(workspace.empty_model_words, workspace.model_words)
     _reset_numbers(workspace)
 
@@ -182,6 +184,7 @@ def encode_all(
         )
     bits = _count_bits(code, workspace, knots, workspace.counts[TRACKS])
 
+    # Put the visits of the prefix back.
     for v in range(fixed, knot_list.counts[NODES]):
         workspace.visit_numbers[v] = workspace.saved_visit_numbers[v]
     return bits
@@ -215,6 +218,7 @@ def encode_window(
     slots, nodes : int64 arrays, shape (at least count,)
         Slots and nodes of the new knots.
     """
+    # Start from the model as it is after the prefix.
     _copy(workspace.prefix_model_words, workspace.model_words)
     visited, reused = workspace.counts[_VISITED], 0
     written, numbered, new = np.int64(0), np.int64(0), np.int64(0)
@@ -251,6 +255,7 @@ def encode_window(
         _write_knot(workspace, written, workspace.visit_numbers[node], time_step, joined, begins)
         written += 1
 
+    # Encode the window, with as many tracks as are left, and the one that the prefix ends in.
     tracks = workspace.counts[TRACKS] - workspace.counts[_BEGUN] + (1 if start > 0 else 0)
     bits = _count_bits(code, workspace, written, tracks)
 

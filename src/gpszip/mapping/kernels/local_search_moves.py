@@ -104,6 +104,7 @@ def _add_move(
     moves: CandidateMoves, first: int, after: int, count: int, error: float, score: float
 ) -> int:
     """Row of a new move, or -1 if it scores worse than all those kept."""
+    # A move whose estimated extra bits reach the maximum is not worth encoding.
     if score >= moves.max_extra_bits:
         return -1
 
@@ -119,6 +120,7 @@ def _add_move(
     else:
         moves.counts[MOVE_COUNT] += 1
 
+    # Enter what the move replaces; the caller adds the new slots and nodes.
     moves.first[row], moves.after[row], moves.count[row] = first, after, count
     moves.errors[row], moves.scores[row] = error, score
     return row
@@ -138,6 +140,7 @@ def _mark_linked_nodes(
 
     Steps from and to the knots that change do not count.
     """
+    # Clear the marks of the knots before.
     links = moves.links
     for v in range(len(links)):
         links[v] = 0
@@ -196,6 +199,7 @@ def _quadratic_error(
 
         K += W - 2 U1 + U2,  b += M - N - (U1 - U2) y,  r += Q + U2 |y|^2 - 2 y.N
     """
+    # Without segments, K, b and r are 0.
     dimension = len(linear)
     m, n = np.empty(dimension), np.empty(dimension)
     stiffness, constant = 0.0, 0.0
@@ -316,6 +320,7 @@ def _add_known_node_moves(
     price: float,
 ) -> None:
     """Add the moves to a knot at a slot, at each node of the map."""
+    # Leave out nodes without knots, unless they belong to prior walks.
     first = replacement.first
     for v in range(knot_list.counts[NODES]):
         if knot_list.uses[v] == 0 and v >= fixed:
@@ -328,6 +333,7 @@ def _add_known_node_moves(
         ):
             continue
 
+        # Price the error K|x|^2 - 2 x.b + r at the node, less the old one, then the edges it lacks.
         error = quadratic.constant - replacement.old_error
         for axis in range(len(center)):
             x = knot_list.positions[v, axis] - center[axis] / samples.ticks_per_step
@@ -358,6 +364,7 @@ def _add_new_node_move(
     A ``step`` of 1, 2, ... goes one grid step up the first, second, ... axis from there, and one
     of -1, -2, ... goes down.
     """
+    # Without stiffness, no sample holds the knot: there is no best position.
     dimension = len(moves.linear)
     if quadratic.stiffness < _MIN_STIFFNESS:
         return
@@ -399,6 +406,7 @@ def _add_replacement_moves(
 
     Each ``stride``-th slot from ``low`` to ``high`` is tried, with known nodes and with a new one.
     """
+    # Take the old knots out, so that what only they use counts as saved.
     replacement = _take_out_knots(knot_list, prior_edges, moves, fixed, first, after)
 
     # A new node pays for its position and its edges; the way on may be known already.
@@ -407,6 +415,7 @@ def _add_replacement_moves(
     )
     new_node_bits = replacement.bits + _NODE_BITS + new_edge_bits
 
+    # Express the error of a knot at each slot as a quadratic of the knot's position.
     for slot in range(low, high + 1, stride):
         center = samples.centers[slot]
         quadratic = _quadratic_error(
@@ -418,6 +427,7 @@ def _add_replacement_moves(
         if price * lowest + replacement.bits >= moves.max_extra_bits:
             continue
 
+        # Try the known nodes, then a new node at the position of least error.
         _add_known_node_moves(
             samples, knot_list, moves, fixed, replacement, slot, center, quadratic, price
         )
@@ -455,6 +465,7 @@ def _add_replacement_moves(
                         new_node_bits,
                     )
 
+    # The moves are only listed: the old knots stay until one is made.
     _put_back_knots(knot_list, first, after)
 
 
@@ -478,6 +489,8 @@ def _add_removal_moves(
     price: float,
 ) -> None:
     """Add the moves that leave out knot j, and shift its neighbours by up to one slot."""
+    # Only neighbours inside the piece may shift. The knot's bits are saved, and those of a node
+    # that it alone uses.
     a, b = j - 1, j + 1
     u, v = knot_list.nodes[a], knot_list.nodes[b]
     shift_a = 1 if _is_inside_piece(knot_list, a) else 0
@@ -488,8 +501,8 @@ def _add_removal_moves(
         else 0.0
     )
 
+    # Shift the knot before, and measure the segment that leads to it.
     for p in range(-shift_a, shift_a + 1):
-        # Shift the knot before, and measure the segment that leads to it.
         slot_a = knot_list.slots[a] + p
         if p != 0 and slot_a <= knot_list.slots[a - 1]:
             continue
@@ -506,8 +519,8 @@ def _add_removal_moves(
             else 0.0
         )
 
+        # Shift the knot behind, and measure the segment that leads from it.
         for q in range(-shift_b, shift_b + 1):
-            # Shift the knot behind, and measure the segment that leads from it.
             slot_b = knot_list.slots[b] + q
             if slot_b <= slot_a or (q != 0 and slot_b >= knot_list.slots[b + 1]):
                 continue
@@ -566,6 +579,7 @@ def list_moves(
     price : float
         Bits for a squared error of one grid step.
     """
+    # Forget the moves of the knot before.
     moves.counts[MOVE_COUNT] = 0
     knots = knot_list.counts[KNOTS]
     slot = knot_list.slots[j]

@@ -97,6 +97,7 @@ def _try_move(
     The position is that of the node ``target``, which takes the knots; or, if ``target`` is the
     node itself, any other.
     """
+    # Under a maximum, no sample may end up farther away than that.
     if rule.maximum > 0 and not _keeps_maximum(
         samples, knot_list, node, position, knots, count, rule.maximum
     ):
@@ -114,6 +115,7 @@ def _try_move(
     for k in range(count):
         remeasure(samples, knot_list, knots[k], knots[k] + 1)
 
+    # Encode the walks, and restore the backup unless the move is accepted.
     return bool(
         pointers.accept_or_undo(
             pointers.code, workspace, samples.time_steps, knot_list, backup, best, rule
@@ -133,6 +135,7 @@ def _find_merge_partners(
     partners: NDArray[np.int64],
 ) -> int:
     """List the nodes into which a node merges at the least error, and return their number."""
+    # Measure the error that a merge adds; leave out nodes beyond the price or the bound.
     added = np.empty(len(partners))
     filled = 0
     for w in range(knot_list.counts[NODES]):
@@ -171,6 +174,7 @@ def _shift_node(
     count: int,
 ) -> int:
     """Move a node by one grid step along each axis where that pays; return how often."""
+    # Try a step down and a step up along each axis.
     changes = 0
     for axis in range(knot_list.positions.shape[1]):
         for step in (-1.0, 1.0):
@@ -217,6 +221,7 @@ def sweep_nodes(
     int
         Number of changes.
     """
+    # Leave out nodes without knots, and all others once the work is used up.
     changes = 0
     fixed = workspace.counts[FIXED]
     knots = np.empty(len(knot_list.nodes), np.int64)

@@ -104,6 +104,7 @@ def segment_error(
     end: NDArray[np.float64],
 ) -> float:
     """Squared error of a segment from ``start`` at slot ``first`` to ``end`` at slot ``last``."""
+    # Take the moments of the samples about the centre of the first slot, and measure the line.
     dimension = len(start)
     m, n, center = np.empty(dimension), np.empty(dimension), np.empty(dimension)
     for axis in range(dimension):
@@ -149,6 +150,7 @@ def is_within(
 @jit
 def remeasure(samples: GridSamples, knot_list: KnotList, first: int, last: int) -> None:
     """Measure the segments that lead to knots ``first`` to ``last``, and sum all errors up."""
+    # Measure the segments that changed; none leads to a knot that begins a piece.
     for i in range(max(first, 0), min(last, knot_list.counts[KNOTS] - 1) + 1):
         knot_list.errors[i] = 0.0
         if knot_list.joined[i]:
@@ -209,6 +211,7 @@ def replace_knots(
     bool
         Whether the capacity sufficed; if not, the list is left half changed.
     """
+    # Give up before any change if the list lacks capacity.
     knots = knot_list.counts[KNOTS]
     shift = count - (after - first)
     if knots + shift > len(knot_list.slots):
@@ -237,5 +240,6 @@ def replace_knots(
         if i >= after - first:
             knot_list.joined[knot], knot_list.begins[knot] = 1, 0
 
+    # Measure the new segments, and the one that leads on from the last new knot.
     remeasure(samples, knot_list, first, first + count)
     return True

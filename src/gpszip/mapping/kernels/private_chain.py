@@ -38,6 +38,7 @@ def find_private_chain(
     where p are the slots' positions and E is the squared error of the samples between the slots
     on the straight line from p_e to p_g, in squared grid steps.
     """
+    # The chain begins with a knot on the first slot, at no bits.
     count = last - first + 1
     dimension = positions.shape[1]
     best = np.full(count, np.inf)
@@ -46,6 +47,7 @@ def find_private_chain(
     m, n = np.empty(dimension), np.empty(dimension)
     center = np.empty(dimension)
 
+    # Reach each slot from the slots before it, from ``lowest`` on.
     lowest = 0
     for g in range(1, count):
         b = first + g
@@ -62,6 +64,7 @@ def find_private_chain(
                 break
             lowest += 1
 
+        # Try each slot that is left as the knot before.
         for e in range(lowest, g):
             # The bits of knot and position alone often rule an origin out.
             if best[e] + knot_bits >= best[g]:

@@ -35,6 +35,7 @@ def round_node_positions(
     sweeps : int
         Passes over all nodes.
     """
+    # Round one node after the other, so that each optimum allows for the nodes rounded before.
     for _ in range(sweeps):
         for v in range(len(positions)):
             for axis in range(positions.shape[1]):

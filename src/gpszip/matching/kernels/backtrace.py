@@ -102,6 +102,7 @@ def build_legs(
     Returns the legs, and for each time step its leg (-1 off the roads) and its metres on the
     directed road. Metres never decrease along a leg.
     """
+    # Build the legs in the order of time steps; those off the roads have none.
     candidates = trellis.candidates
     steps = len(path)
     capacity, count = 2 * steps + _FIRST_CAPACITY, 0
@@ -228,6 +229,7 @@ def place_samples(
     Samples between two time steps of one piece lie on the path between them, none before the one
     that came before it. The leg is -1 for samples that are on no piece.
     """
+    # Samples on no piece keep the leg -1 and NaN for metres and distance.
     n, steps = len(positions), len(samples)
     leg_of = np.full(n, _NO_LEG, np.int64)
     metres = np.full(n, np.nan)
@@ -361,6 +363,7 @@ def legs_to_line(legs: Legs, roads: Roads, graph: Graph) -> NDArray[np.float64]:
         capacity += roads.offsets[road + 1] - roads.offsets[road] + 2
     out, count = np.empty((capacity, roads.points.shape[1])), 0
 
+    # Append the points of each leg; the end of one is mostly the beginning of the next.
     point = np.empty(roads.points.shape[1])
     for i in range(len(legs.roads)):
         # offsets from the start of the road

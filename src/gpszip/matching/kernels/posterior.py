@@ -74,6 +74,8 @@ def _step_forward(trellis: Trellis, step: int, log_forward: NDArray[np.float64])
 @jit
 def _step_backward(trellis: Trellis, step: int, log_backward: NDArray[np.float64]) -> None:
     """Log-sum-exp over the candidates of this time step, for each candidate of the one before."""
+    # Backward recursion ``b_(t-1)(i) = log(sum_j exp(b_t(j) - e(j) - a(i, j)))``, with the greatest
+    # exponent taken out of the sum, since all of them may be too small for exp.
     last = trellis.candidate_starts[step - 1]
     low = trellis.candidate_starts[step]
     high = trellis.candidate_starts[step + 1]
@@ -104,6 +106,7 @@ def road_probabilities(
     It is the sum over the candidates on the legs from the time step before to the one after: at a
     crossing several roads are equally near, and those on the route don't compete.
     """
+    # Time steps off the roads keep the probability 0.
     steps = len(leg_of)
     out = np.zeros(steps)
     for step in range(steps):

@@ -210,6 +210,7 @@ def _take_nearest(
 
     Selection sort: few of the hits are needed.
     """
+    # Go through the hits from the nearest on, until the capacity is reached.
     count, capacity = 0, len(near_roads)
     for hit in range(len(hits)):
         if count == capacity:

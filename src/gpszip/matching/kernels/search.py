@@ -82,6 +82,7 @@ def _sift_down(
     heap: NDArray[np.int32], heap_slots: NDArray[np.int32], keys: NDArray[np.float64], size: int
 ) -> None:
     """Move the item at the top of the heap down to its place."""
+    # Move lesser children up until none is less than the item.
     item = heap[0]
     key = keys[item]
     i = 0
@@ -216,6 +217,7 @@ def next_towards_goal(
 
     Its label is final: no other path to its beginning costs less. -1 if there is none.
     """
+    # The road with the least key comes next, if it is within the bound.
     road = _pop_next(cost_bound, work)
 
     # metres and cost to its end

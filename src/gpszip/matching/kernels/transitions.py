@@ -93,6 +93,7 @@ def advance_paths(
     transition_costs
         Receives the cost of every pair. Where it was not worth a search, it is that of a jump.
     """
+    # Chain the candidates on each directed road, since a search reaches them together.
     linked, distinct = _link_candidates_by_road(after, n1, work)
 
     # jumps: the upper bound of all other transitions
@@ -227,6 +228,7 @@ def _bound_path_costs(
             work,
         )
 
+    # Lower the bounds road by road. Candidates off the roads count as reached: no path leads there.
     is_reached = np.zeros(len(upper_bounds), np.bool_)
     for j in range(len(upper_bounds)):
         is_reached[j] = after.roads[j] < 0
@@ -364,6 +366,7 @@ def _search_from_road(
     work: Workspace,
 ) -> None:
     """Fill a row of the path table: from the end of a directed road to the roads of candidates."""
+    # Search from the end of the road, by cost, until all roads with candidates are reached.
     start_search(work)
     expand_to_targets(road, 0.0, 0.0, cost_bound, max_length, graph, model, work)
     reached_count = 0

@@ -57,6 +57,7 @@ def select_samples(
     These are the first sample, each that lies ``min_spacing`` metres from the last one selected,
     and both ends of a gap (Newson and Krumm 2009 skip samples that lie near, too).
     """
+    # Select samples in the order of time; a gap begins a new run.
     n = len(positions)
     selected, count = np.empty(n, np.int64), 0
     run_start = 0  # of ``selected``, after the last gap
@@ -105,6 +106,7 @@ def build_trellis(
     step_costs = np.empty((max_candidates, max_candidates))
     all_costs = np.empty(_FIRST_CAPACITY * capacity, np.float32)
 
+    # Add a time step at a time, with the cheapest path to each of its candidates.
     for step in range(steps):
         # candidates of the time step
         low = candidate_starts[step]

@@ -86,6 +86,7 @@ def bottom_up(sums: PrefixSums, firsts: NDArray[np.int64], k: int) -> NDArray[np
         size = push(keys, items, size, increase, entries)
         entries += 1
 
+    # Merge the cheapest pair until k intervals are left.
     intervals = blocks
     while intervals > k:
         # cheapest pair that is still up to date

@@ -49,6 +49,7 @@ def douglas_peucker(t: NDArray[np.float64], p: NDArray[np.float64], k: int) -> N
     int64 array, shape (k + 1,)
         Boundaries, sorted. The sample of a split starts the interval after it.
     """
+    # The entire track is the first interval.
     n = len(t)
     boundaries = np.empty(k + 1, np.int64)
     boundaries[0], boundaries[k] = 0, n
@@ -65,6 +66,7 @@ def douglas_peucker(t: NDArray[np.float64], p: NDArray[np.float64], k: int) -> N
         left[0], right[0], split[0], entries = 0, n - 1, farthest, 1
         size = push(keys, items, size, -max_square, 0)
 
+    # Split at the farthest sample until there are k intervals.
     while intervals < k:
         # with k = n, no chord is left, and the last sample gets an interval of its own
         if size == 0:
@@ -88,5 +90,6 @@ def douglas_peucker(t: NDArray[np.float64], p: NDArray[np.float64], k: int) -> N
             size = push(keys, items, size, -max_square, entries)
             entries += 1
 
+    # Splits are in order of distance: put them in order of time.
     boundaries.sort()
     return boundaries

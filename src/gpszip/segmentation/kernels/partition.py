@@ -90,6 +90,7 @@ def optimal_penalised_partition(
     best_costs[0] = 0.0
     origin, label = np.zeros(count, np.int64), np.zeros(count, np.int64)
 
+    # For each cut b, find the last interval [a, b) of the best partition of [0, b).
     blocks = _backward_moments(sums, cuts)
     s, costs, row = np.empty((2 * d + 3, m)), np.empty(m), np.empty(2 * d + 4)
     for h in range(1, count):
@@ -98,6 +99,7 @@ def optimal_penalised_partition(
         row[:] = 0.0
         best, best_free = np.inf, np.inf
 
+        # Grow the interval backward from b, cut by cut.
         for g in range(h - 1, -1, -1):
             # moments of [a, b) with a = cuts[g]
             last = cuts[g + 1] - 1
@@ -119,6 +121,7 @@ def optimal_penalised_partition(
             if free_costs[g] + bound >= best:
                 break
 
+        # Store F(b) and H(b).
         best_costs[h], free_costs[h] = best, best_free
     return origin, label
 
@@ -128,6 +131,7 @@ def _interval_costs(
     sums: PrefixSums, starts: NDArray[np.float64], ends: NDArray[np.float64], min_samples: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """Return tables ``[b, a]`` of the lowest cost and its segment for all intervals [a, b)."""
+    # Measure positions from the last sample of [a, b), which is the same for all a.
     (n, d), m = sums.p.shape, len(starts)
     table = np.full((n + 1, n + 1), np.inf)
     labels = np.zeros((n + 1, n + 1), np.int32)
@@ -176,6 +180,7 @@ def optimal_k_partition(
     boundaries : int64 array, shape (k + 1,)
     labels : int32 array, shape (k,)
     """
+    # Costs c(a, b) of all intervals.
     n = len(sums.t)
     table, table_labels = _interval_costs(sums, starts, ends, min_samples)
 

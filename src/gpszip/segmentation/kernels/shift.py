@@ -110,6 +110,7 @@ def lowest_cost(
     w, q = row[0], row[3]
     u1, u2 = row[1] * inverse + w * still, row[2] * inverse * inverse + w * still
 
+    # Equation 6.14: the moments times the coefficients of each segment.
     if d == 2:
         # two axes in one loop over segments, which vectorises
         m1, m2 = row[4], row[5]
@@ -135,6 +136,7 @@ def lowest_cost(
             for j in range(m):
                 costs[j] += m_c * s[3 + c, j] + n_c * s[3 + d + c, j]
 
+    # Take the lowest cost; its segment is sought only where a caller needs it.
     best: float = costs[0]
     for j in range(1, m):
         best = min(best, costs[j])
@@ -290,6 +292,7 @@ def best_cut(
         best = left_costs[current_left] + right_costs[current_right]
         left_row[:] = 0.0
 
+    # Try all cuts c from left to right.
     if not naive:
         _right_moment_table(sums, a, b, table)
     for c in range(a, b + 1 - min_samples):
@@ -371,6 +374,7 @@ def shift_boundaries(
     widest = _widest_window(boundaries, first, last, step)
     table = np.empty((widest * (2 if step == 1 else 1) + 1, 2 * sums.p.shape[1] + 4))
 
+    # Shift from left to right; each window ends at the neighbours as they are by then.
     for j in range(first, last, step):
         a, b = boundaries[j - 1], boundaries[j + 1]
         if b - a >= len(table):
@@ -416,6 +420,7 @@ def shift_free_boundaries(
     float
         Decrease of the cost in squared position ticks.
     """
+    # Take every second boundary, so that the ends of the windows stay in place.
     widest = _widest_window(boundaries, first, len(boundaries) - 1, 2)
     table = np.empty((widest + 1, 2 * sums.p.shape[1] + 4))
     row = np.empty(table.shape[1])
@@ -442,6 +447,7 @@ def shift_free_boundaries(
             if cost < best:
                 best, cut = cost, c
 
+        # Move the boundary, and add up what that saves.
         boundaries[j] = cut
         gain += current - best
     return gain
@@ -471,6 +477,7 @@ def best_cuts(
     left, right : int32 array, shape (k,)
         Labels of both sides.
     """
+    # Cut only intervals with enough samples for two.
     k = len(labels)
     gains, cuts = np.full(k, -np.inf), np.zeros(k, np.int64)
     left, right = np.zeros(k, np.int32), np.zeros(k, np.int32)

@@ -31,6 +31,8 @@ def _merge_cost(
     w, u1, u2 = h[i, 0] + h[j, 0], h[i, 1] + h[j, 1], h[i, 2] + h[j, 2]
     det = w * u2 - u1 * u1
 
+    # Add up e' H_i (H_i + H_j)^-1 H_j e over the axes, with e the difference of the lines.
+    # If time has no spread, only the positions differ.
     increase = 0.0
     for c in range(a.shape[1]):
         e, s = a[i, c] - a[j, c], v[i, c] - v[j, c]
@@ -102,6 +104,7 @@ def ward(
     costs : float64 array, shape (k - 1,)
         Increase of cost at each merge.
     """
+    # Groups that are left, live[:count], and the merges.
     k = len(h)
     live, count = np.arange(k), k
     pairs, costs = np.empty((k - 1, 2), np.int64), np.empty(k - 1)
@@ -111,6 +114,7 @@ def ward(
     for i in range(k):
         nearest[i], nearest_cost[i] = _nearest(h, a, v, live, count, i)
 
+    # Merge the cheapest pair until one group is left.
     for step in range(k - 1):
         # cheapest merge
         i = live[0]

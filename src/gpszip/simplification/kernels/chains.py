@@ -63,6 +63,7 @@ def chain_edges(
     chained : int32 array, shape (count,)
         Edges of all chains in the same order.
     """
+    # Each edge is in one chain, so there are at most as many chains as edges.
     used = np.zeros(count, np.bool_)
     starts = np.zeros(count + 1, np.int64)
     nodes = np.zeros(2 * count, np.int32)
@@ -85,5 +86,6 @@ def chain_edges(
                     )
                     chain += 1
 
+    # Close the last chain, and drop the capacity that is left over.
     starts[chain] = size + chain
     return starts[: chain + 1].copy(), nodes[: size + chain].copy(), chained

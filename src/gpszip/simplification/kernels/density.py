@@ -72,6 +72,7 @@ def find_peaks(
     scale : float
         Standard deviation of the Gaussian prior about the position in metres.
     """
+    # Cells that a search has seen are marked with its position's index.
     best = cells.copy()
     seen = np.full(len(centers), -1, np.int32)
     queue = np.empty(len(centers), np.int32)
@@ -82,6 +83,7 @@ def find_peaks(
         seen[cells[i]] = i
         head, size = 0, 1
 
+        # Visit the connected cells within reach, breadth first.
         while head < size:
             cell = queue[head]
             head += 1

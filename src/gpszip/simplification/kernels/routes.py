@@ -101,6 +101,7 @@ def cheapest_paths(
     vertices = np.empty(_INITIAL_CAPACITY, np.int32)
     total = 0
 
+    # Search for each pair anew, by cost from its start.
     for i in range(len(starts)):
         start, end = starts[i], ends[i]
         size = push(keys, items, 0, 0.0, start)

@@ -47,6 +47,7 @@ def simplify_lines(
     bool array, shape (n,)
         True for vertices to keep, the ends of lines always among them.
     """
+    # Segments still to check, each by its first and last vertex.
     kept = np.zeros(len(positions), np.bool_)
     stack = np.empty((len(positions) + 1, 2), np.int64)
     for line in range(len(offsets) - 1):
@@ -55,6 +56,7 @@ def simplify_lines(
         stack[0] = offsets[line], offsets[line + 1] - 1
         size = 1
 
+        # Split segments until every vertex between is within the tolerance.
         while size:
             # Find the vertex farthest from the segment.
             size -= 1

@@ -45,6 +45,7 @@ def thin(area: NDArray[np.bool_], neighbours: NDArray[np.int32]) -> NDArray[np.b
     neighbours : int32 array, shape (c, 8)
         Neighbours counterclockwise from the east; -1 where there is no cell.
     """
+    # Alternate between the subiterations until two in a row remove nothing.
     remaining = area.copy()
     candidates = np.flatnonzero(remaining)
     removed = np.empty(len(candidates), np.int64)

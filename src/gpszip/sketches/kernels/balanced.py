@@ -48,6 +48,7 @@ def balanced_cuts(sums: PrefixSums, limit: float, max_blocks: int) -> NDArray[np
     int64 array, shape (blocks + 1,)
         Cuts from 0 on. The last one is the number of samples, unless the search was stopped.
     """
+    # Greedy blocks: each is as long as the limit allows.
     n = len(sums.t)
     row = np.empty(2 * sums.p.shape[1] + 4)
     cuts = np.empty(min(max_blocks + 1, n) + 2, np.int64)
@@ -72,6 +73,7 @@ def balanced_cuts(sums: PrefixSums, limit: float, max_blocks: int) -> NDArray[np
             else:
                 low = middle
 
+        # Close the block; the next search starts from its length.
         blocks += 1
         cuts[blocks] = low
         length = low - a

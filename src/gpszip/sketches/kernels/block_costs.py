@@ -77,6 +77,7 @@ def block_costs(
     starts, velocities : float64 arrays, shape (k, d)
         Metres, and metres per second.
     """
+    # Go through blocks and pieces together: both are in order of time.
     out, k = np.empty((len(rows), 3)), len(start_times)
     lines = np.empty((k, 2, starts.shape[1]))
     first = 0
@@ -116,6 +117,7 @@ def _relative_lines(
 
     Returns a bound on the rounding error of a cost.
     """
+    # Each line about the first sample: its position there in metres, and its velocity in m/s.
     d = starts.shape[1]
     duration = row[LAST] - row[FIRST]
     max_distance, max_terms = row[REACH], 0.0
@@ -191,6 +193,7 @@ def _broken_block_costs(
     out: NDArray[np.float64],
 ) -> None:
     """Write estimate and bounds of the cost on a block in which f breaks."""
+    # Free cost of the block, and its mean time step in seconds.
     d = lines.shape[2]
     mean_column = FIXED_COLUMNS + d
     free, step = free_cost(row), (row[LAST] - row[FIRST]) / (row[COUNT] - 1)
@@ -222,6 +225,7 @@ def _broken_block_costs(
         out[_LOWER] = max(out[_LOWER], cost + lowest - cross)
         out[_UPPER] = min(out[_UPPER], cost + highest + cross)
 
+    # The estimate is from the first l only: keep it within the best bounds of all three.
     out[_ESTIMATE] = min(max(out[_ESTIMATE], out[_LOWER]), out[_UPPER])
 
 
@@ -252,6 +256,7 @@ def _project_pieces(
             mean[c] += m * position
             drift[c] += m * position * (x - mean_time) + lines[first + j, 1, c] * piece_spread
 
+    # Slope from drift and spread, and position at the block's first sample from the means.
     out = np.empty((2, d))
     for c in range(d):
         out[1, c] = drift[c] / spread
@@ -295,6 +300,7 @@ def _sum_bounds(
     lowest, highest : float
         Bounds on the sum over the samples, whose times are off even steps by the jitter.
     """
+    # Each sample counts with the mean weight; if weights differ, the jitter is infinite.
     d = lines.shape[2]
     duration, weight_each = row[LAST] - row[FIRST], row[WEIGHT] / row[COUNT]
 
@@ -303,6 +309,7 @@ def _sum_bounds(
     if not are_times_exact(row[FIRST], step, duration):
         jitter += _TIME_ROUNDING * (duration + abs(row[FIRST]))
 
+    # Sum over even steps, bound on its change as times move, and extremes of h.
     total, error, minimum, maximum = 0.0, 0.0, np.inf, -np.inf
     # at most this many samples pass any point when all times move by the jitter
     passing = np.floor(2 * jitter / step) + 1.0

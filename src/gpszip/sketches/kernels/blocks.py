@@ -140,6 +140,7 @@ def fill_block(
             row[drift_column + c] += w * (x - mean) * r
         max_square = max(max_square, square)
 
+    # With unequal weights, sums over even steps don't hold: the jitter is infinite.
     row[FIRST], row[LAST] = times[a], times[b - 1]
     row[WEIGHT], row[COUNT], row[MEAN_TIME] = total, b - a, mean
     row[REACH] = np.sqrt(max_square)
@@ -180,6 +181,7 @@ def append_block(row: NDArray[np.float64], later: NDArray[np.float64]) -> None:
         row[drift_column + c] += later[drift_column + c] + h * dt * dp
         row[mean_column + c] += share * dp
 
+    # Update the other moments, and reach and depth, by which rounding is bounded.
     row[SPREAD] += later[SPREAD] + h * dt * dt
     row[SCATTER] += later[SCATTER] + h * mean_square
     row[MEAN_TIME] += share * dt
@@ -325,6 +327,7 @@ def balanced_blocks(rows: NDArray[np.float64], limit: float) -> NDArray[np.int64
     int64 array, shape (blocks + 1,)
         First given blocks of the merged ones, and B.
     """
+    # Greedy blocks are the fewest: the free cost never falls when a block is added.
     candidate, merged = np.empty(rows.shape[1]), np.empty(rows.shape[1])
     cuts, count = np.empty(len(rows) + 1, np.int64), 0
     for i in range(len(rows)):
@@ -379,6 +382,7 @@ def reduce_blocks(
     int
         Number of blocks that are left.
     """
+    # There may be few enough blocks already.
     if count <= size:
         return count
 
@@ -396,6 +400,7 @@ def reduce_blocks(
             pair_costs[i] = _pair_cost(rows[i], rows[i + 1], scratch)
             queued = push(keys, items, queued, pair_costs[i], i)
 
+    # Merge the cheapest pair until few enough blocks are left.
     while blocks > size and queued > 0:
         # cheapest pair that is still up to date
         key = keys[0]

@@ -33,6 +33,7 @@ def _null_vector(matrix: NDArray[np.float64], out: NDArray[np.float64]) -> None:
 
     The matrix has one column more than rows, and is overwritten.
     """
+    # Columns are swapped too; order tells which variable each of them is.
     rows, columns = matrix.shape
     order = np.arange(columns)
     largest, rank = 0.0, 0
@@ -92,6 +93,7 @@ def select_samples(
     kept_weights : float64 array
         Their new weights.
     """
+    # Number of moments to keep, and so of samples that suffice.
     d = positions.shape[1]
     moments = 2 * d + 4
 
@@ -119,6 +121,7 @@ def select_samples(
             _null_vector(matrix, shift)
             count = _drop_one(kept, kept_weights, columns, shift, count)
 
+    # Put the samples in order of time.
     order = np.argsort(kept[:count])
     return kept[:count][order], kept_weights[:count][order]
 
@@ -141,6 +144,7 @@ def _drop_one(
         if shift[q] > 0 and kept_weights[q] / shift[q] < ratio:
             ratio, emptied = kept_weights[q] / shift[q], q
 
+    # Shift weight along the null vector, which leaves all moments as they are.
     for q in range(count):
         kept_weights[q] -= ratio * shift[q]
     kept_weights[emptied] = 0.0

@@ -37,6 +37,7 @@ def interpolate_positions(
     out : float64 array, shape (n, d)
         Filled in.
     """
+    # Find the knots around each query, at first where the last query was.
     last = len(knot_times) - 1
     after = 0
     for i in range(len(times)):

@@ -39,6 +39,7 @@ def crs_problem(crs: Any) -> str:
     >>> crs_problem({"type": "name", "properties": {"name": "EPSG:3857"}})[:42]
     "its coordinates are in 'EPSG:3857'; bring "
     """
+    # Without the member, coordinates are on WGS 84 by RFC 7946.
     if crs is None:
         return ""
 

@@ -311,6 +311,8 @@ def _find_members(element: Mapping[str, Any]) -> _Members:
 
 def _geometries(geometry: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """Yield kind and coordinates of a geometry, or of those in a collection, however deep."""
+    # Descend with a stack, not by recursion, as collections may be nested deeply. Members are
+    # pushed in reverse, so that they come in the order of the file.
     waiting: list[Any] = [geometry]
     while waiting:
         current = waiting.pop()
@@ -403,10 +405,12 @@ def _build_lines(
     name : str, optional
         Name of the track.
     """
+    # Assign the times of the feature to its lines.
     line_times: Sequence[list[Any] | None] = [None] * len(coordinates)
     if times is not None:
         line_times = _split_times(times, [len(line) for line in coordinates])
 
+    # Read each line, with its usable positions and their times.
     lines: list[Line] = []
     bad, first_bad = 0, None
     for index, (positions, own_times) in enumerate(zip(coordinates, line_times, strict=True)):
@@ -430,6 +434,7 @@ def _build_lines(
             kept_times = None if column is None else column.filter(pa.array(good))
             lines.append(Line(number, name, table[good], kept_times))
 
+    # Single unreadable positions are counted, but a feature without any other can't be used.
     if first_bad is not None and not lines:
         raise FeatureError(
             f"none of its {bad} positions is a longitude and a latitude, such as {first_bad.value}"

@@ -123,6 +123,7 @@ def read_json(stream: Any, name: str) -> Iterator[Element | Document]:
 
 
 def _read_object(window: _Window) -> Iterator[Element | Document]:
+    # Read member by member, so that the features are never all in memory.
     members: dict[str, Any] = {}
     window.take("{")
     window.begin()
@@ -214,6 +215,7 @@ class _Window:
 
     def value(self) -> Any:
         """Read a value, with as much more of the stream as it takes."""
+        # Start at the value: the decoder doesn't accept spaces before it.
         self.peek()
         while True:
             # Decode the value, which may be cut at the end of the text in memory.

@@ -87,6 +87,7 @@ class PointTable:
         InputError
             If no property holds their times, or no position can be read.
         """
+        # Include the pending points, and refuse a log without any position.
         self._flush()
         if not self._rows:
             value = self._first_bad.value if self._first_bad is not None else ""
@@ -105,6 +106,7 @@ class PointTable:
         )
         roles = replace(roles, hemispheres=())
 
+        # Count the dropped positions, and build only the columns that have a role.
         repairs: tuple[Repair, ...] = ()
         if self._first_bad is not None:
             repairs = (dropped_positions_repair(self._bad, self._first_bad, self._name),)
@@ -120,6 +122,7 @@ class PointTable:
         if np.isfinite(table[:, 2]).any() and (metric or not has_height):
             axes.append("z" if metric else "alt")
 
+        # Columns are built on demand. A property named as an axis is hidden by the coordinates.
         coordinates = [
             _Column(name, partial(_to_column, table[:, i])) for i, name in enumerate(axes)
         ]
@@ -140,6 +143,7 @@ class PointTable:
 
     def _flush(self) -> None:
         """Turn the pending points into columns."""
+        # Take the pending points out, so that the next batch starts empty.
         if not self._pending:
             return
         pending, self._pending = self._pending, []

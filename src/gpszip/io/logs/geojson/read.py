@@ -90,6 +90,7 @@ def read_geojson(source: Source, request: Request) -> RawLog:
         If it is no GeoJSON, names another coordinate system than WGS 84, has a feature that can't
         be used, or has neither a line nor a point with times.
     """
+    # Read all features, as only the end of the file shows whether any line has times.
     contents = _Contents(source.name, request.skip_bad, PointTable(source.name))
     _collect_features(contents, source, PropertyNames.of(request.columns))
     metric = _is_metric(contents)
@@ -193,6 +194,7 @@ def _collect_features(contents: _Contents, source: Source, names: PropertyNames)
 
 
 def _add_feature(contents: _Contents, element: Any, names: PropertyNames) -> None:
+    # Read the feature; one that can't be used is left out or refused.
     contents.features += 1
     try:
         feature = read_feature(element, contents.features, names)
@@ -263,6 +265,7 @@ def _list_left_out(contents: _Contents, reason: str) -> tuple[LeftOut, ...]:
 
 def _log_from_lines(contents: _Contents, request: Request, *, metric: bool) -> RawLog:
     """Make a log of the lines, and leave out the points."""
+    # Leave out the points, and find the lines that can be used.
     if len(contents.points):
         contents.others["Point"] += len(contents.points)
     lines, times, unreadable = _lines_with_times(contents, request)
@@ -317,6 +320,7 @@ def _lines_with_times(
     tuple of UnreadableCell
         The first time that can't be read, if there is one.
     """
+    # A single position without a time is neither a track nor a shape.
     lines = _drop_single_positions(contents)
 
     # Leave out features whose times are texts, but no times at all.
@@ -337,6 +341,7 @@ def _lines_with_times(
         lines = [line for line in lines if line.feature not in times.faults]
         times = read_times(lines, request, contents.name)
 
+    # Report the first time that can't be read among the lines that are left.
     if times.unreadable is None:
         return lines, times.seconds, ()
     return lines, times.seconds, (UnreadableCell("times", *times.unreadable),)

@@ -74,6 +74,7 @@ def read_times(lines: Sequence[Line], request: Request, name: str) -> LineTimes:
     InputError
         If texts are no times at all.
     """
+    # Read numbers and texts apart. A position without a time that can be read has NaN.
     seconds = [np.full(len(line.table), np.nan) for line in lines]
     has_text = [np.zeros(len(line.table), dtype=np.bool_) for line in lines]
     unit = unit_seconds(request.time_unit) if request.time_unit else None

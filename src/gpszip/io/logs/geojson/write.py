@@ -90,6 +90,7 @@ def _track_features(name: str, lines: Sequence[TrackRows]) -> Iterator[dict[str,
 
 def _track_feature(name: str, lines: Sequence[_LineColumns], kind: str) -> dict[str, Any]:
     """Return the feature of several lines, of one line, or of a position."""
+    # Several lines become one Multi geometry, with a list of each property for each line.
     if len(lines) > 1:
         properties: dict[str, Any] = {
             key: [line.properties[key] for line in lines] for key in lines[0].properties

@@ -120,6 +120,7 @@ def _feed(
     chunks: Iterator[bytes],
 ) -> None:
     """Parse all chunks, and check after each one what the handlers can't see."""
+    # Parse chunk by chunk, and compact the texts of points after each, which bounds the memory.
     fed = 0
     for chunk in chunks:
         text = utf8.encode(chunk)
@@ -141,6 +142,7 @@ def _feed(
 
 def _explain_damage(code: int, collector: PointCollector) -> str:
     """Say what is wrong with the file, and what to do."""
+    # XML that is damaged within the file: name the fault and how many points come before it.
     points = f"{collector.count} point{'' if collector.count == 1 else 's'}"
     if code not in _CUT_OFF:
         remedy = _REMEDIES.get(code, "correct it there")

@@ -90,6 +90,7 @@ class PointCollector:
     """
 
     def __init__(self, parser: XMLParserType, fields: Collection[str]) -> None:
+        # Columns of the points so far, and the text and row of the current point.
         self._parser = parser
         self._lat, self._lon = _TextColumn(), _TextColumn()
         self._fields = {name: _TextColumn() for name in fields}
@@ -182,6 +183,7 @@ class PointCollector:
             self._text.clear()
             self._parser.CharacterDataHandler = self._text.append
 
+        # Record the open element, and refuse nesting that no GPX file needs.
         self._open.append(name)
         if len(self._open) > _MAX_DEPTH:
             _refuse_depth()
@@ -221,11 +223,13 @@ class PointCollector:
             self._lat.texts.append(_attribute(attributes, "lat"))
             self._lon.texts.append(_attribute(attributes, "lon"))
 
+        # The first point after the start of a track, route or segment begins a segment.
         self._row += 1
         if self._at_new_segment:
             self._begin_segment(kind)
             self._point_names.add(name)
 
+        # Until the point ends, elements are its fields.
         self._parser.StartElementHandler = self._start_field
         self._parser.EndElementHandler = self._end_field
         self._parser.CharacterDataHandler = self._text.append
@@ -253,6 +257,7 @@ class PointCollector:
         self._text.clear()
 
     def _end_field(self, name: str) -> None:
+        # Only a leaf has a text to take. With no element open within the point, the point ends.
         path = self._path
         if self._is_leaf:
             # Take the text, if the element is wanted and the point has none of this name yet.

@@ -135,6 +135,7 @@ def read_gpx(source: Source, request: Request) -> RawLog:
     if unreadable_time is not None:
         unreadable = (unreadable_time, *unreadable)
 
+    # Read the elements to keep; shapes are marked as tracks without times.
     attributes, used = _attributes(points, request, comma, source.name)
     waypoints = f"{source.name}: {_describe_waypoints(points)}"
     return RawLog(

@@ -95,6 +95,7 @@ def describe_gpx_losses(names: Sequence[str], attributes: Sequence[str]) -> list
             f"gpx can't hold {', '.join(missing)}; write CSV, GeoJSON or Parquet to have them"
         )
 
+    # XML 1.0 can't hold most control characters, not even as references.
     changed = [name for name in names if has_unwritable_letters(name)]
     if changed:
         losses.append(

@@ -229,6 +229,7 @@ def root_element(head: bytes) -> str | None:
     except expat.ExpatError:  # damaged before the first element
         names = _TAG.findall(_COMMENT.sub("", text.decode()))[:1]
 
+    # Without a root element here, a declaration, comment or document type still shows XML.
     if not names:
         return "" if text.startswith((b"<?", b"<!")) else None
     return names[0].rpartition(":")[2]
