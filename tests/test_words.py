@@ -67,9 +67,7 @@ def texts_of(path: Path):
     """Line and text of each comment, docstring and message, and of each name, of a module."""
     source = path.read_text()
     for token in tokenize.generate_tokens(io.StringIO(source).readline):
-        if token.type in {tokenize.COMMENT, tokenize.STRING}:
-            yield token.start[0], token.string
-        elif token.type == tokenize.NAME:
+        if token.type in {tokenize.COMMENT, tokenize.STRING, tokenize.NAME}:
             yield token.start[0], token.string.replace("_", " ")
 
 

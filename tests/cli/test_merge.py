@@ -60,8 +60,8 @@ def test_error_bounds_add_up(gpszip, tmp_path, log):
         "merge", "walk.gpsz", "other.gpsz", "-o", "both.gpsz", "--same-id", "prefix", "--json"
     )
     assert run.code == 0, run.err
-    assert run.json["promise_kind"] == "max_error"
-    assert run.json["error_bound"] <= 2.01
+    assert run.json["error_bound"] == "max_error"
+    assert run.json["error_bound_m"] <= 2.01
     assert open_archive(tmp_path / "both.gpsz").ids == ("other:0", "walk:0")
 
 

@@ -8,14 +8,15 @@ from gpszip.model.grid import step_size
 
 if TYPE_CHECKING:
     from gpszip.archive.archive import Archive
+    from gpszip.model.error_bound import ErrorBound
 
-__all__ = ["count_facts", "file_facts"]
+__all__ = ["count_facts", "error_bound_facts", "file_facts"]
 
 
 def file_facts(archive: Archive) -> dict[str, Any]:
     """Facts that need no walk to be decoded."""
     # Name the unit, m or s, in the key of each length and duration.
-    grid, bound, contents = archive.grid, archive.error_bound, archive.contents
+    grid, contents = archive.grid, archive.contents
     return {
         "tracks": len(archive.ids),
         "bytes": archive.size,
@@ -27,11 +28,18 @@ def file_facts(archive: Archive) -> dict[str, Any]:
         "layer": contents.layer,
         "kept": None if archive.kept_columns is None else list(archive.kept_columns),
         "map": None if contents.map is None else contents.map.hash.hex(),
+        **error_bound_facts(archive.error_bound),
+        "sampling_s": archive.sampling,
+        "timed": archive.timed,
+    }
+
+
+def error_bound_facts(bound: ErrorBound | None) -> dict[str, Any]:
+    """Value and kind of the error bound, and the maximum beside an RMSE; None without one."""
+    return {
         "error_bound_m": None if bound is None else bound.metres,
         "error_bound_max_m": None if bound is None else bound.max_error,
         "error_bound": None if bound is None else "max_error" if bound.maximum else "rmse",
-        "sampling_s": archive.sampling,
-        "timed": archive.timed,
     }
 
 

@@ -199,7 +199,9 @@ def _describe(merged: Archive, report: MergeReport) -> str:
 
 def _facts(archives: tuple[str, ...], merged: Archive, report: MergeReport) -> dict[str, Any]:
     """Return the same for JSON: lengths in metres, times in seconds, sizes in bytes."""
-    # Counts before (_in) and after the merge, and the error bound if the archive states one.
+    from gpszip.archive.facts import error_bound_facts
+
+    # Counts before (_in) and after the merge.
     names = (
         "tracks",
         "segments",
@@ -210,12 +212,9 @@ def _facts(archives: tuple[str, ...], merged: Archive, report: MergeReport) -> d
         "bytes_in",
         "bytes_out",
     )
-    error_bound = merged.error_bound
-    bound_kind = None
-    if error_bound is not None:
-        bound_kind = "max_error" if error_bound.maximum else "rmse"
 
-    # How far the merge moved each archive's tracks, and how far it was allowed to.
+    # How far the merge moved each archive's tracks, how far it was allowed to, and the error
+    # bound that still holds.
     return {
         **{name: getattr(report, name) for name in names},
         "archives": [
@@ -224,8 +223,7 @@ def _facts(archives: tuple[str, ...], merged: Archive, report: MergeReport) -> d
         ],
         "allowed": report.limit,
         "allowed_kind": "max" if report.limits_maximum else "rms",
-        "error_bound": None if error_bound is None else error_bound.metres,
-        "promise_kind": bound_kind,
+        **error_bound_facts(merged.error_bound),
         "seconds": round(report.seconds, 3),
         "notes": list(report.notes),
     }

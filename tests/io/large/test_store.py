@@ -155,6 +155,21 @@ def test_sorting_merges_runs(tmp_path):
     assert check_same_as_read_logs(path, sort=True) == 2 * 2300
 
 
+def test_backward_steps_are_counted_across_batches(tmp_path):
+    """After a step back, a batch may begin before the latest time without another step back."""
+    order = np.random.default_rng(3).permutation(2 * 2300)
+    table = pa.table(part(fleet(vehicles=2), order))
+    pq.write_table(table, tmp_path / "log.parquet", row_group_size=70)
+    counts = []
+    for result in (
+        read_logs(str(tmp_path / "log.parquet"), sort=True),
+        store_logs(str(tmp_path / "log.parquet"), rows=TINY, sort=True).read_result,
+    ):
+        repairs = [r for r in result.repairs if r.what == "points put in the order of time"]
+        counts.append(sum(repair.count for repair in repairs))
+    assert counts[0] == counts[1] > 0
+
+
 def test_repeated_times_are_dropped(tmp_path):
     rows = {"t": np.repeat(np.arange(1500), 2), "x": np.arange(3000.0), "y": np.zeros(3000)}
     with store_logs(csv(rows, tmp_path / "log.csv"), rows=TINY) as log:

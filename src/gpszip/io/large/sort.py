@@ -55,6 +55,8 @@ class _FileTrack:
         Its earliest time.
     last_time : float
         Its latest time.
+    row_time : float
+        Time of the row that was read last.
     backward_steps : int
         How often its times go back.
     """
@@ -64,6 +66,7 @@ class _FileTrack:
     where: str
     first_time: float = np.inf
     last_time: float = -np.inf
+    row_time: float = -np.inf
     backward_steps: int = 0
 
 
@@ -465,11 +468,14 @@ class ExternalSorter:
         goes_back = (np.diff(times) < 0) & (np.diff(codes) == 0)
         backward_steps = np.add.reduceat(np.append(0, goes_back), starts)
 
-        # Combine with earlier batches. A first row before the last time is a backward step, too.
-        for i, start in enumerate(starts.tolist()):
+        # Combine with earlier batches. The step from the row before counts, too, so that the
+        # number doesn't depend on where batches end.
+        stops = np.append(starts[1:], len(times))
+        for i, (start, stop) in enumerate(zip(starts.tolist(), stops.tolist(), strict=True)):
             file_track = self._file_tracks[int(codes[start])]
-            starts_earlier = int(times[start] < file_track.last_time)
+            starts_earlier = int(times[start] < file_track.row_time)
             file_track.backward_steps += int(backward_steps[i]) + starts_earlier
+            file_track.row_time = float(times[stop - 1])
             file_track.first_time = min(file_track.first_time, float(earliest[i]))
             file_track.last_time = max(file_track.last_time, float(latest[i]))
 
