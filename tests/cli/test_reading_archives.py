@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from gpszip.archive import new_archive
+from gpszip.container.layout import Form, Head, encode_head
 from gpszip.model import GridWalk, GridWalks, Plane, QuantisationGrid
 
 
@@ -203,6 +204,26 @@ def test_corrupt_archives_end_with_4(gpszip, archive, command):
     assert "fetch or make it again" in done.err
     assert len(done.err.splitlines()) == 1
     assert not Path("out.geojson").exists()
+
+
+@pytest.mark.parametrize(
+    ("form", "command", "named"),
+    [
+        (Form.SECTIONS, "info", True),
+        (Form.SECTIONS, "recover -o saved.gpsz", False),
+        (Form.LONE, "info", False),
+        (Form.NAMED, "info", False),
+    ],
+)
+def test_recover_is_advised_where_it_can_help(gpszip, tmp_path, form, command, named):
+    """With one checksum all is lost, however large; nor is recover the remedy where it failed."""
+    (tmp_path / "bad.gpsz").write_bytes(encode_head(Head(form)) + bytes(70_000))
+    first, *options = command.split()
+    done = gpszip(first, "bad.gpsz", *options)
+    assert done.code == 4
+    assert "fetch or make it again" in done.err
+    assert ("gpszip recover" in done.err) is named
+    assert not (tmp_path / "saved.gpsz").exists()
 
 
 @pytest.mark.parametrize("data", [b"", b"t,x,y\n0,1,2\n", b"\xa7Z"])

@@ -87,9 +87,12 @@ def open_map_file(name: str) -> Archive:
 
 
 @contextmanager
-def explain_corruption(name: str, data: bytes) -> Iterator[None]:
-    """Add to a CorruptArchiveError which archive is corrupt, and what to do."""
-    from gpszip.container.layout import MAGIC, SMALL_LIMIT, VERSION
+def explain_corruption(name: str, data: bytes, *, recovering: bool = False) -> Iterator[None]:
+    """Add to a CorruptArchiveError which archive is corrupt, and what to do.
+
+    ``recovering`` says that ``gpszip recover`` itself failed, so that it can't be the advice.
+    """
+    from gpszip.container.layout import MAGIC, VERSION, Form
     from gpszip.errors import CorruptArchiveError
 
     # Choose the remedy by what the bytes show: no archive, a newer version, or damage.
@@ -101,8 +104,8 @@ def explain_corruption(name: str, data: bytes) -> Iterator[None]:
             remedy = "name a file that gpszip compress has written"
         elif data[2:3] and data[2] & _VERSION_MASK > VERSION:
             remedy = "pip install --upgrade gpszip brings the newest"
-        elif len(data) >= SMALL_LIMIT:
-            # Larger archives have a checksum for each group of walks.
+        elif not recovering and data[2:3] and data[2] >> 3 & 3 == Form.SECTIONS:
+            # An archive in sections has a checksum for each group of walks.
             remedy += ", or save its intact parts with gpszip recover"
         where = "standard input" if name == "-" else name
         raise CorruptArchiveError(f"{where}: {error}; {remedy}") from error

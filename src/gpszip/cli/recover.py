@@ -19,7 +19,7 @@ __all__ = ["command"]
 def command(settings: Settings, archive: str, target: str, force: bool) -> Outcome:
     """Save the intact parts of a damaged ARCHIVE as a new one, and name what is lost (exit code 3).
 
-    An archive of one group of walks (under 128 KiB) has one checksum: it is intact or lost.
+    Of an archive with one checksum, such as a small one, all is intact or all is lost.
     """
     from gpszip.archive import Archive
     from gpszip.cli.archives import explain_corruption, read_archive_bytes
@@ -29,7 +29,7 @@ def command(settings: Settings, archive: str, target: str, force: bool) -> Outco
     # Recover.
     check_output(target, force=force, binary=True)
     data = read_archive_bytes(archive)
-    with explain_corruption(archive, data):
+    with explain_corruption(archive, data, recovering=True):
         recovered = recover_bytes(data)
     write_archive(target, Archive(recovered.contents), force=force)
 
