@@ -60,6 +60,7 @@ class Problem:
             self.positions,
             self.numbers,
             self.step_bits,
+            np.minimum(self.step_bits.min(axis=0) + TIME, STAY)[self.numbers],
             best,
             rows,
             choices,

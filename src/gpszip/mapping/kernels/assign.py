@@ -155,21 +155,31 @@ def _price_all_steps(
     count: int,
     marks: NDArray[np.int64],
     prices: Prices,
-) -> NDArray[np.float64]:
-    """Bits of the steps between all used candidates; row and column 0 are for unused nodes."""
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Bits of the steps between all used candidates; row and column 0 are for unused nodes.
+
+    Returns
+    -------
+    step_bits : float64 array, shape (count + 1, count + 1)
+        From each candidate to each.
+    least_bits : float64 array, shape (count + 1,)
+        Least bits of a step to each candidate from another one.
+    """
     step_bits = np.full((count + 1, count + 1), prices.new_edge)
     step_bits[:, 0] = prices.new_node + prices.position
+    least_bits = step_bits[0].copy()
     for i in range(1, count + 1):
         # Only half-edges of the map lead to nodes at less than a new edge's price.
         u = used_nodes[i]
         half = working_map.first_half_edge[u]
         while half >= 0:
-            v = working_map.end_node[half]
-            if marks[v] > 0:
-                step_bits[i, marks[v]] = _price_step(working_map, u, v, prices)
+            j = marks[working_map.end_node[half]]
+            if j > 0 and j != i:
+                step_bits[i, j] = _price_step(working_map, u, used_nodes[j], prices)
+                least_bits[j] = min(least_bits[j], step_bits[i, j])
             half = working_map.next_half_edge[half]
         step_bits[i, i] = prices.stay
-    return step_bits
+    return step_bits, least_bits
 
 
 @jit
@@ -213,16 +223,44 @@ def _sum_end_terms(
             end_terms[c] += u2 * y * y - 2.0 * y * n[axis]
 
 
+@jit
+def _bound_arrivals(
+    candidates: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    numbers: NDArray[np.int64],
+    least_bits: NDArray[np.float64],
+    prices: Prices,
+) -> NDArray[np.float64]:
+    """Least bits of a step to each candidate, with its duration."""
+    arrivals = np.empty(candidates.shape)
+    for row in range(len(counts)):
+        for c in range(counts[row]):
+            arrivals[row, c] = least_bits[numbers[row, c]] + prices.duration
+            if candidates[row, c] >= 0:
+                arrivals[row, c] = min(arrivals[row, c], prices.stay + prices.stay_duration)
+    return arrivals
+
+
 @inlined
 def _find_limit(
-    best: NDArray[np.float64], row: int, count: int, cheapest: NDArray[np.float64], beam: float
+    best: NDArray[np.float64],
+    arrivals: NDArray[np.float64],
+    row: int,
+    count: int,
+    cheapest: NDArray[np.float64],
+    beam: float,
 ) -> float:
-    """Bits from which on no path to a row pays: its dearest candidate, or the beam's edge."""
-    limit = 0.0
+    """Bits of an origin from which on no step to a row pays.
+
+    A step costs at least the arrival bits of its candidate, and pays where it costs less than the
+    candidate did so far, and less than the beam's edge.
+    """
     for c in range(count):
-        limit = max(limit, best[row, c])
         cheapest[row] = min(cheapest[row], best[row, c])
-    return min(limit, cheapest[row] + beam)
+    limit = -np.inf
+    for c in range(count):
+        limit = max(limit, min(best[row, c], cheapest[row] + beam) - arrivals[row, c])
+    return limit
 
 
 @jit
@@ -252,14 +290,14 @@ def _fill_table(
     The innermost loops stay in this function: to pass these arrays to another for each pair of
     slots takes longer than the arithmetic.
     """
-    # No path to a row costs less than its origin and the cheaper of both duration prices.
+    # No path to a row costs less than its origin and the least step to a candidate.
     sums, ticks, centers = grid_arrays.sums, grid_arrays.ticks, grid_arrays.centers
     unit = grid_arrays.ticks_per_step
-    candidates, counts, positions, numbers, step_bits, best, parent_rows, parent_choices = dp_table
+    candidates, counts, positions, numbers = dp_table[:4]
+    step_bits, arrivals, best, parent_rows, parent_choices = dp_table[4:]
     rows, width, dimension = positions.shape
     error_price, move_price = prices.error, prices.duration
     stay_price = prices.stay + prices.stay_duration
-    min_duration = min(move_price, prices.stay_duration)
     m, n = np.empty(dimension), np.empty(dimension)
     end_terms, slopes = np.empty(width), np.empty(dimension)
 
@@ -269,7 +307,7 @@ def _fill_table(
         cheapest[0] = min(cheapest[0], best[0, c])
     cheapest_so_far[0] = cheapest[0]
 
-    # Reach each row from the rows before it; a path of ``limit`` bits or more does not pay.
+    # Reach each row from the rows before it; an origin of ``limit`` bits or more does not pay.
     for row in range(1, rows):
         g = first + row
         limit = np.inf
@@ -284,7 +322,7 @@ def _fill_table(
 
             # Leave out what can't pay, by the best line of the origin before.
             if turn < row:
-                if cheapest_so_far[origin] + min_duration + line_bits >= limit:
+                if cheapest_so_far[origin] + line_bits >= limit:
                     break
                 if origin == guess:
                     continue
@@ -292,7 +330,7 @@ def _fill_table(
                 line_bits = 0.0
                 if origin == guess:
                     continue
-            if cheapest[origin] + min_duration + line_bits >= limit:
+            if cheapest[origin] + line_bits >= limit:
                 continue
 
             # The best line between the two slots bounds the error of all segments.
@@ -303,7 +341,7 @@ def _fill_table(
                 if turn < row:
                     break
                 continue
-            if cheapest[origin] + min_duration + line_bits >= limit:
+            if cheapest[origin] + line_bits >= limit:
                 continue
 
             # Sum up the terms of each end y once, then try each start x at the origin.
@@ -311,7 +349,7 @@ def _fill_table(
             has_improved = False
             for o in range(counts[origin]):
                 reached = best[origin, o]
-                if reached + min_duration + line_bits >= limit:
+                if reached + line_bits >= limit:
                     continue
 
                 # Terms of the start x alone, and slopes of the cross term 2 (U1 - U2) x.y.
@@ -341,7 +379,7 @@ def _fill_table(
 
             # A cheaper path to the row lowers the limit for the origins that are left.
             if has_improved:
-                limit = _find_limit(best, row, counts[row], cheapest, prices.beam)
+                limit = _find_limit(best, arrivals, row, counts[row], cheapest, prices.beam)
         cheapest_so_far[row] = min(cheapest_so_far[row - 1], cheapest[row])
 
 
@@ -436,12 +474,13 @@ def _build_table(
     # Price the steps between them.
     used_nodes = np.empty(rows * width + 1, np.int64)
     used = _number_used_candidates(working_map, candidates, counts, marks, used_nodes)
-    step_bits = _price_all_steps(working_map, used_nodes, used, marks, prices)
+    step_bits, least_bits = _price_all_steps(working_map, used_nodes, used, marks, prices)
     positions, numbers = _locate_candidates(
         working_map, grid_arrays.positions, first, candidates, counts, marks
     )
     for i in range(1, used + 1):
         marks[used_nodes[i]] = 0
+    arrivals = _bound_arrivals(candidates, counts, numbers, least_bits, prices)
 
     # At an open start, a node that nobody uses pays for its position.
     bits = np.full((rows, width), np.inf)
@@ -454,7 +493,15 @@ def _build_table(
     parent_rows = np.full((rows, width), -1, np.int64)
     parent_choices = np.zeros((rows, width), np.int64)
     return DPTable(
-        candidates, counts, positions, numbers, step_bits, bits, parent_rows, parent_choices
+        candidates,
+        counts,
+        positions,
+        numbers,
+        step_bits,
+        arrivals,
+        bits,
+        parent_rows,
+        parent_choices,
     )
 
 

@@ -143,7 +143,8 @@ def fill_table_within_max_error(
     table. E is the squared error of the segment's samples. The minimum is over those (o, k) from
     which an allowed velocity leads to (r, c).
     """
-    candidates, counts, positions, numbers, step_bits, best, parent_rows, parent_choices = dp_table
+    candidates, counts, positions, numbers = dp_table[:4]
+    step_bits, arrivals, best, parent_rows, parent_choices = dp_table[4:]
     times, sample_positions = grid_arrays.times, grid_arrays.sample_positions
     directions, ends, time_steps = grid_arrays.directions, grid_arrays.ends, grid_arrays.time_steps
     fan, dimension = directions.shape
@@ -183,7 +184,8 @@ def fill_table_within_max_error(
                 b = first + row
                 span = time_steps[b] - start
 
-                # The best line bounds the error of each segment between the two slots.
+                # The best line bounds the error of each segment between the two slots, and the
+                # arrival bits bound its step.
                 if error_price > 0.0:
                     w, u1, u2, q = moments_between(
                         grid_arrays.sums,
@@ -199,7 +201,10 @@ def fill_table_within_max_error(
                     line_bits = error_price * best_line_cost(w, u1, u2, q, m, n)
                     if line_bits > _MAX_LINE_BITS:
                         break
-                    if reached + line_bits >= np.max(best[row, : counts[row]]):
+                    limit = -np.inf
+                    for c in range(counts[row]):
+                        limit = max(limit, best[row, c] - arrivals[row, c])
+                    if reached + line_bits >= limit:
                         continue
 
                 # Relax the candidates of this slot that the cone reaches.

@@ -34,6 +34,7 @@ class DPTable(NamedTuple):
     positions: NDArray[np.float64]  # of the candidates, in grid steps
     numbers: NDArray[np.int64]  # of the candidates, as rows and columns of ``step_bits``
     step_bits: NDArray[np.float64]  # bits of a step between two candidates
+    arrivals: NDArray[np.float64]  # least bits of a step to each candidate, with its duration
     bits: NDArray[np.float64]  # least bits to reach each candidate
     parent_rows: NDArray[np.int64]  # row from which the cheapest path reaches it
     parent_choices: NDArray[np.int64]  # column of the same
