@@ -170,7 +170,7 @@ def test_the_smallest_distinct_outcomes_are_selected():
         Outcome(GridWalks(np.zeros((1, 2), np.int64), (walk,)), size, 1.0)
         for size in (9, 7, 7, 8, 10)
     ]
-    assert [outcome.size for outcome in select_best_outcomes(outcomes, 6)] == [7, 8, 9, 10]
+    assert [outcome.size for outcome in select_best_outcomes(outcomes, 6)] == [7, 8, 9]
     assert [outcome.size for outcome in select_best_outcomes(outcomes, 1)] == [7]
     assert select_best_outcomes([], 5) == []
 

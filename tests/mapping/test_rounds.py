@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from gpszip.codec.walks import decode, encode
+from gpszip.mapping.initial_map import walks_of
 from gpszip.mapping.plan import Plan
-from gpszip.mapping.rounds import fit
+from gpszip.mapping.rounds import Outcome, estimate_prices, fit, start_from
 from gpszip.mapping.time_grid import build_time_grid
 from gpszip.model import QuantisationGrid, Track, Walk
 from gpszip.model.grid import step_size
@@ -99,3 +100,52 @@ def test_extra_rounds_use_up_the_error_allowed(track):
     )
     assert long.size <= short.size
     assert long.error <= 0.9
+
+
+def test_rounds_begin_with_the_walks_of_an_outcome_on_another_grid(track):
+    # Two thirds of the space step and half the time step.
+    outcome = fit(build_slots(track), 1, Plan(target=0.9))
+    grid = QuantisationGrid(GRID.origin, GRID.epoch, GRID.space - 5, GRID.time - 8)
+    space_ratio = UNIT / step_size(grid.space)
+    gap = np.zeros(len(track) - 1, bool)
+    gap[900] = True
+    time_grid = build_time_grid([track], [gap], grid)
+    start = start_from(outcome, time_grid, 2.0, space_ratio)
+
+    # The start is the outcome, in the steps of the other grid; only ends of pieces may move.
+    (walk,) = walks_of(time_grid, start.slot_nodes, start.positions, 1).walks
+    (before,) = outcome.walks.walks
+    is_inner = ~(np.append(before.gaps, True) | np.append(True, before.gaps))
+    assert set((2 * before.time_steps[is_inner]).tolist()) <= set(walk.time_steps.tolist())
+    assert np.unique(start.positions, axis=0) == pytest.approx(
+        np.unique(space_ratio * outcome.walks.nodes, axis=0)
+    )
+    assert start.prices.error * space_ratio**2 == pytest.approx(outcome.prices.error)
+
+    # A few rounds from it keep the target.
+    again = fit(time_grid, 1, Plan(target=0.9 * space_ratio, rounds=4), start=start)
+    assert again.error <= 0.9 * space_ratio
+    assert again.size < 1.3 * outcome.size
+
+
+def test_the_slope_of_the_cost_is_the_price(track):
+    outcome = fit(build_slots(track), 1, Plan(target=0.9))
+    error, samples, change = outcome.error, len(track), 1e-5
+    assert outcome.cost_at(error, samples) == outcome.cost
+    slope = 8 * (outcome.cost_at(error + change, samples) - outcome.cost) / (2 * error * change)
+    assert slope == pytest.approx(-outcome.prices.error * samples, rel=1e-3)
+
+
+def test_outcomes_that_miss_the_target_compare_by_their_cost_at_the_target(track):
+    # After two rounds the error is still far from the target: only a tolerance makes it count.
+    time_grid = build_slots(track)
+    tight, loose = (Plan(target=0.35, rounds=2, tolerance=most) for most in (1.0, 4.0))
+    assert fit(time_grid, 1, tight) is None
+    assert fit(time_grid, 1, loose).error > 0.35
+
+
+def test_a_dearer_error_makes_an_outcome_costlier_at_a_tighter_target():
+    cheap, dear = (
+        Outcome(None, 100, 1.2, prices=estimate_prices(None, price, 3)) for price in (0.1, 0.2)
+    )
+    assert 100 < cheap.cost_at(1.0, 500) < dear.cost_at(1.0, 500)

@@ -3,10 +3,12 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from gpszip.mapping.initial_map import walks_of
 from gpszip.mapping.time_grid import (
     build_time_grid,
     count_slots,
     mask_near_knots,
+    place_walks,
     reweight_samples,
     select_slots,
     sparsify,
@@ -101,6 +103,43 @@ def test_knots_on_sparse_slots_are_transferred_to_full_ones(log, seed):
         np.searchsorted(full.last_slots, np.flatnonzero(transferred >= 0)),
         np.searchsorted(sparse_grid.last_slots, np.flatnonzero(slot_nodes >= 0)),
     )
+
+
+def nearest(steps, wanted):
+    """Index of the nearest step; of two, the first."""
+    return min(range(len(steps)), key=lambda index: (abs(steps[index] - wanted), index))
+
+
+@given(logs(), st.integers(0, 2**32), st.sampled_from([0.5, 1.0, 1.7]))
+@settings(max_examples=60)
+def test_walks_move_to_the_nearest_slots_of_another_grid(log, seed, ratio):
+    # Walks with a knot at each end of a piece, and some in between.
+    tracks, gaps, grid = log
+    time_grid, rng = build_time_grid(tracks, gaps, grid), np.random.default_rng(seed)
+    slots = len(time_grid.time_steps)
+    is_knot = rng.random(slots) < 0.4
+    is_knot[time_grid.first_slots] = is_knot[time_grid.last_slots] = True
+    slot_nodes = np.where(is_knot, rng.integers(0, 9, slots), -1)
+    walks = walks_of(time_grid, slot_nodes, np.arange(9.0)[:, None], len(tracks))
+
+    # The twin goes knot by knot; on the same grid, nothing moves.
+    placed = place_walks(time_grid, walks, ratio)
+    owner = np.repeat(
+        time_grid.piece_tracks, time_grid.last_slots - time_grid.first_slots + 1
+    ).tolist()
+    expected = [-1] * slots
+    for track, walk in enumerate(walks.walks):
+        first, steps = owner.index(track), time_grid.time_steps[np.array(owner) == track].tolist()
+        knot_steps = (ratio * walk.time_steps).tolist()
+        for step, node in zip(knot_steps, walk.nodes.tolist(), strict=True):
+            expected[first + nearest(steps, step)] = node
+        for piece in np.flatnonzero(time_grid.piece_tracks == track):
+            for slot in (time_grid.first_slots[piece], time_grid.last_slots[piece]):
+                if expected[slot] < 0:
+                    expected[slot] = walk.nodes[nearest(knot_steps, time_grid.time_steps[slot])]
+    assert placed.tolist() == expected
+    if ratio == 1.0:
+        assert (placed >= 0).tolist() == is_knot.tolist()
 
 
 def is_sparsified_like_sparse_grid(tracks, gaps, grid):

@@ -35,9 +35,6 @@ from gpszip.run.executor import Executor
 
 __all__ = ["assign_knots", "cut_into_batches", "drop_unused_nodes"]
 
-#: Near nodes that are candidates at each slot.
-_NEAR_NODES = 5
-
 #: Slots up to which all pieces are one batch.
 _SINGLE_BATCH_SLOTS = 60_000
 
@@ -220,7 +217,7 @@ class _AssignmentJob:
                     time_slice,
                     phase,
                     self.plan.window,
-                    _NEAR_NODES,
+                    self.plan.near_nodes,
                     self.plan.max_slots,
                     self.prices,
                     marks,

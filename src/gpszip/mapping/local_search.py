@@ -49,12 +49,13 @@ from gpszip.model import GridWalks
 __all__ = ["WORK_BY_EFFORT", "improve_walks", "is_worthwhile", "select_best_outcomes"]
 
 #: Knots that may be encoded for one outcome, at efforts 1 to 9; a million take about 6 s.
-WORK_BY_EFFORT = (0, 40_000, 80_000, 150_000, 300_000, 600_000, 1_200_000, 2_500_000, 5_000_000)
+WORK_BY_EFFORT = (0, 30_000, 60_000, 100_000, 150_000, 400_000, 1_000_000, 2_500_000, 5_000_000)
 
 #: Knots encoded for each knot of the walks until nothing is left to improve.
 _WORK_PER_KNOT = 1600
-#: Least and largest number of outcomes that are improved.
-_MIN_OUTCOMES = 2
+#: Least number of outcomes that are improved, at efforts 1 to 9.
+_MIN_OUTCOMES = (1, 1, 1, 1, 1, 2, 2, 2, 2)
+#: Largest number of outcomes that are improved.
 _MAX_OUTCOMES = 8
 
 #: A local search is worthwhile from this share of ``_WORK_PER_KNOT`` on.
@@ -258,14 +259,18 @@ def select_best_outcomes(outcomes: Iterable[Outcome], effort: int) -> list[Outco
     work = WORK_BY_EFFORT[effort - 1]
     if work < _MIN_WORK_SHARE * _WORK_PER_KNOT * knots:
         return smallest[:1]
-    count = min(max(work // (_WORK_PER_KNOT * max(knots, 1)), _MIN_OUTCOMES), _MAX_OUTCOMES)
+    enough = work // (_WORK_PER_KNOT * max(knots, 1))
+    count = min(max(enough, _MIN_OUTCOMES[effort - 1]), _MAX_OUTCOMES)
     return smallest[:count]
 
 
-def is_worthwhile(outcome: Outcome, work: int) -> bool:
-    """Whether a local search with this much work can improve an outcome."""
+def is_worthwhile(outcome: Outcome, work: int, share: float = _MIN_WORK_SHARE) -> bool:
+    """Whether a local search with this much work can improve an outcome.
+
+    ``share`` is the least share of the work that it takes until nothing is left to improve.
+    """
     knots = _count_knots(outcome)
-    return not outcome.misses and work >= _MIN_WORK_SHARE * _WORK_PER_KNOT * knots
+    return not outcome.misses and work >= share * _WORK_PER_KNOT * knots
 
 
 def _count_knots(outcome: Outcome) -> int:

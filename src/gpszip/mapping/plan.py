@@ -40,9 +40,14 @@ class Plan:
     encode_alternate_rounds : bool, default False
         Encode the walks only every other round before the last few, concurrently with the next
         round. Prices then lag behind by one round.
+    tolerance : float, default 1
+        Error, in targets, up to which an outcome counts. Above 1, outcomes are compared by the
+        sizes that they would have at the target.
     maximum : float, optional
         Largest distance of any sample, in grid steps, to aim for instead; ``target`` is then the
         error of the first walks.
+    near_nodes : int, default 5
+        Near nodes that are candidates at each slot.
     window : int, default 24
         Knots that the E-step chooses at once.
     max_slots : int, default 300
@@ -58,7 +63,9 @@ class Plan:
     give_up_ratio: float = np.inf
     beam: float = np.inf
     encode_alternate_rounds: bool = False
+    tolerance: float = 1.0
     maximum: float | None = None
+    near_nodes: int = 5
     window: int = 24
     max_slots: int = 300
     reach: float = 3.0

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from gpszip.codec.kernels.walk_model import DURATION_BITS, POSITION_BITS, STATISTICS, STEP_KIND_BITS
 from gpszip.codec.prior import Prior
 from gpszip.codec.walks import encode_with_statistics
-from gpszip.mapping.assignment import assign_knots, cut_into_batches
+from gpszip.mapping.assignment import assign_knots, cut_into_batches, drop_unused_nodes
 from gpszip.mapping.initial_map import (
     Segments,
     allocate_working_map,
@@ -35,6 +35,7 @@ from gpszip.mapping.plan import Plan
 from gpszip.mapping.time_grid import (
     TimeGrid,
     mask_near_knots,
+    place_walks,
     reweight_samples,
     select_slots,
     transfer_knots,
@@ -42,7 +43,7 @@ from gpszip.mapping.time_grid import (
 from gpszip.model import GridWalks
 from gpszip.run.executor import Executor, local_executor
 
-__all__ = ["Outcome", "estimate_prices", "fit", "measure_and_encode"]
+__all__ = ["Outcome", "Start", "estimate_prices", "fit", "measure_and_encode", "start_from"]
 
 T = TypeVar("T")
 
@@ -94,6 +95,9 @@ _BYTES_PER_REPAIR = 8.0
 #: Power of the misses by which the price follows them.
 _MISS_POWER = 0.15
 
+#: Relative distance to the target at which an outcome that may miss it is near enough.
+_NEAR = 0.06
+
 #: Rounds in which knots are assigned along segments that keep the maximum.
 _MAX_ERROR_ROUNDS = 4
 #: Rounds on all slots after those on the sparse ones.
@@ -137,17 +141,65 @@ class Outcome:
         Root mean square error in grid steps.
     misses : int, default 0
         Number of segments that miss a maximum.
+    prices : Prices, optional
+        Prices in bits at which the knots were assigned.
     """
 
     walks: GridWalks
     size: int
     error: float
     misses: int = 0
+    prices: Prices | None = None
 
     @property
     def cost(self) -> float:
         """Bytes, with those that it takes to bring all segments within the maximum."""
         return self.size + _BYTES_PER_REPAIR * self.misses
+
+    def cost_at(self, target: float, samples: int) -> float:
+        """Bytes that it would take at another root mean square error, in grid steps.
+
+        Bytes B fall as a power of the error D, B ~ D^-p. Since the price of a squared error is the
+        slope of the bits 8 B over n D^2, p = price n D^2 / (4 B); D^2 is the mean of both errors.
+        """
+        assert self.prices is not None
+        square = self.error * target
+        power = self.prices.error * samples * square / (4 * max(self.cost, 1.0))
+        return float(self.cost * (self.error / target) ** power)
+
+
+class Start(NamedTuple):
+    """Knots, nodes and prices with which the rounds begin.
+
+    ``slot_nodes`` and ``positions`` are those of :func:`~gpszip.mapping.assignment.assign_knots`.
+    """
+
+    slot_nodes: NDArray[np.int64]
+    positions: NDArray[np.float64]
+    prices: Prices
+
+
+def start_from(
+    outcome: Outcome, time_grid: TimeGrid, time_ratio: float, space_ratio: float
+) -> Start:
+    """Start from an outcome on another grid.
+
+    Parameters
+    ----------
+    outcome : Outcome
+        With prices, and a walk for each track of the time grid.
+    time_grid : TimeGrid
+        Slots where the knots are to lie.
+    time_ratio, space_ratio : float
+        Time step and space step of the outcome, in those of the time grid.
+    """
+    assert outcome.prices is not None
+    slot_nodes, positions = drop_unused_nodes(
+        place_walks(time_grid, outcome.walks, time_ratio),
+        space_ratio * outcome.walks.nodes.astype(np.float64),
+    )
+    price = outcome.prices.error / space_ratio**2
+    return Start(slot_nodes, positions, outcome.prices._replace(error=price))
 
 
 def fit(
@@ -157,6 +209,7 @@ def fit(
     *,
     sparse_grid: TimeGrid | None = None,
     prior: Prior | None = None,
+    start: Start | None = None,
     executor: Executor | None = None,
 ) -> Outcome | None:
     """Learn a map and walks of few bytes whose error is within the plan's target.
@@ -180,6 +233,9 @@ def fit(
     prior : Prior, optional
         Walks whose nodes the new walks may take, too: they stay where they are and come first in
         the outcome.
+    start : Start, optional
+        Knots on the slots of the sparse grid, or of the full one without it; private chains by
+        default.
     executor : Executor, optional
         Runs the batches of a round; the outcome does not depend on it.
 
@@ -188,18 +244,19 @@ def fit(
     Outcome or None
         The smallest of all rounds; None if no round met the target.
     """
-    # Start from private chains, with near knots clustered.
+    # Start from private chains, with near knots clustered, unless there is a start.
     current_grid = time_grid if sparse_grid is None else sparse_grid
-    slot_nodes, positions, price = _start_from_private_chains(current_grid, plan, executor)
-    slot_nodes, positions = _cluster_knots(current_grid, slot_nodes, positions, plan, prior)
+    is_cold = start is None
+    if start is None:
+        start = _start_cold(current_grid, plan, prior, executor)
+    slot_nodes, positions, prices = start
 
     # Run the rounds: the last few on all slots, and extra ones while allowed error is left.
     best = _BestOutcome(plan, prior)
-    control = _PriceControl(plan, price, _choose_slack(plan, sparse_grid))
-    prices = estimate_prices(None, price, len(positions), plan.beam)
+    control = _PriceControl(plan, prices.error, _choose_slack(plan, sparse_grid))
     weights = np.ones(len(time_grid.times))
     for turn in range(plan.rounds + plan.extra_rounds):
-        if turn >= plan.rounds and best.is_used_up():
+        if turn >= plan.rounds and (control.is_near() or best.is_used_up()):
             break
         if sparse_grid is not None and turn >= plan.rounds - _DENSE_ROUNDS:
             slot_nodes, current_grid = _restore_slots(
@@ -229,6 +286,7 @@ def fit(
 
         # Measure the walks, and encode them now or beside the next E-step.
         outcome, errors = _measure(layout, tracks, plan, prior, segments)
+        outcome = replace(outcome, prices=prices)
         if _is_encoded(plan, turn):
             best.add(outcome, layout)
         if turn == 0 or not plan.encode_alternate_rounds:
@@ -237,10 +295,8 @@ def fit(
         # Let weights and prices follow the errors.
         if plan.maximum is not None:
             weights = _reweigh(weights, errors, plan.maximum)
-        if turn >= 1:
-            if control.is_hopeless(outcome):
-                return None
-            control.follow(outcome)
+        if turn >= is_cold and not control.follow(outcome):
+            return None
         if turn % _KICK_EVERY == _KICK_EVERY - 1 and turn + _KICK_EVERY < plan.rounds:
             control.kick()
         prices = estimate_prices(
@@ -249,8 +305,10 @@ def fit(
 
     # Encode what still waits, and bring the best walks within the maximum.
     best.encode()
-    if plan.maximum is None or best.layout is None:
-        return best.outcome
+    if best.outcome is None:
+        return None
+    if plan.maximum is None or plan.tolerance > 1 or best.layout is None:
+        return replace(best.outcome, prices=prices)
     return _enforce_max_error(best.layout, tracks, plan, prices, prior, executor)
 
 
@@ -284,7 +342,7 @@ class _BestOutcome:
             return
         (outcome, layout), self.waiting = self.waiting, None
         outcome, self.bit_statistics = _encode_outcome(outcome, self.prior)
-        if _is_better(outcome, self.outcome, self.plan):
+        if _is_better(outcome, self.outcome, self.plan, layout.time_grid.samples):
             self.outcome, self.layout = outcome, layout
 
     def encode_beside(self, work: Callable[[], T], executor: Executor | None) -> T:
@@ -316,20 +374,33 @@ class _PriceControl:
     fall_power: float = _PRICE_POWER
     last_error: float = np.inf
 
-    def is_hopeless(self, outcome: Outcome) -> bool:
+    def is_near(self) -> bool:
+        """Whether outcomes may miss the target, and the last one is near enough to it."""
+        return self.plan.tolerance > 1 and abs(self.last_error / self.plan.target - 1) < _NEAR
+
+    def _is_hopeless(self, outcome: Outcome) -> bool:
         """Whether the error is far too large, and hardly falls."""
         return (
             _find_excess(outcome, self.plan) > self.plan.give_up_ratio
             and outcome.error > _STUCK * self.last_error
         )
 
-    def follow(self, outcome: Outcome) -> None:
-        """Raise the price if the error is too large, and lower it if it is too small."""
+    def follow(self, outcome: Outcome) -> bool:
+        """Raise the price if the error is too large, and lower it if it is too small.
+
+        Returns
+        -------
+        bool
+            Whether there is hope that the target is met.
+        """
+        if self._is_hopeless(outcome):
+            return False
         excess = _find_excess(outcome, self.plan)
         self.last_error = outcome.error
         self.rise_power = self.rise_power + _POWER_STEP if excess > 1 else _PRICE_POWER
         self.fall_power = self.fall_power + _POWER_STEP if excess < self.slack else _PRICE_POWER
         self.price *= excess ** (self.rise_power if excess > 1 else self.fall_power)
+        return True
 
     def kick(self) -> None:
         """Let the price fall, so that walks leave a local optimum."""
@@ -440,13 +511,17 @@ def _enforce_max_error(
     return best
 
 
-def _is_better(outcome: Outcome, best: Outcome | None, plan: Plan) -> bool:
+def _is_better(outcome: Outcome, best: Outcome | None, plan: Plan, samples: int) -> bool:
     """Whether an outcome is smaller; misses of a maximum count for some bytes.
 
-    An outcome that misses the target is never better.
+    An outcome that misses the target, or is beyond the tolerance, is never better.
     """
-    if plan.maximum is None and outcome.error > plan.target:
+    if plan.maximum is None and outcome.error > plan.tolerance * plan.target:
         return False
+    if plan.maximum is None and plan.tolerance > 1:
+        return best is None or (
+            outcome.cost_at(plan.target, samples) < best.cost_at(plan.target, samples)
+        )
     return (
         best is None
         or outcome.size + _BYTES_PER_MISS * outcome.misses
@@ -530,6 +605,15 @@ def _start_from_private_chains(
             break
         price *= min(max(miss**_CHAIN_POWER, 0.02), 50.0)
     return slot_nodes, positions, price
+
+
+def _start_cold(
+    time_grid: TimeGrid, plan: Plan, prior: Prior | None, executor: Executor | None
+) -> Start:
+    """Start from private chains, with near knots clustered, and guesses of the prices."""
+    slot_nodes, positions, price = _start_from_private_chains(time_grid, plan, executor)
+    slot_nodes, positions = _cluster_knots(time_grid, slot_nodes, positions, plan, prior)
+    return Start(slot_nodes, positions, estimate_prices(None, price, len(positions), plan.beam))
 
 
 def _cluster_knots(

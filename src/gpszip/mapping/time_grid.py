@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.mapping.kernels.grid_moments import prefix_sums
-from gpszip.model import QuantisationGrid, Track
+from gpszip.model import GridWalks, QuantisationGrid, Track
 from gpszip.model.grid import step_size
 
 __all__ = [
@@ -360,6 +361,50 @@ def transfer_knots(
     slots = np.searchsorted(_slot_keys(full), _slot_keys(sparse_grid)[knots])
     transferred[slots] = slot_nodes[knots]
     return transferred
+
+
+def place_walks(time_grid: TimeGrid, walks: GridWalks, ratio: float) -> NDArray[np.int64]:
+    """Put the knots of walks on the nearest slots of another grid.
+
+    Parameters
+    ----------
+    time_grid : TimeGrid
+        The slots.
+    walks : GridWalks
+        One walk for each track.
+    ratio : float
+        Time step of the walks in time steps of the slots.
+
+    Returns
+    -------
+    int64 array, shape (S,)
+        Node of each slot, -1 where there is no knot. Of two knots at one slot, the later one
+        counts; where none lies at an end of a piece, the nearest knot's node is there, too.
+    """
+    # Find the slots of each track.
+    slot_nodes = np.full(len(time_grid.time_steps), -1, np.int64)
+    pieces = np.searchsorted(time_grid.piece_tracks, np.arange(len(walks.walks) + 1))
+    for walk, first, after in zip(walks.walks, pieces[:-1], pieces[1:], strict=True):
+        start, end = time_grid.first_slots[first], time_grid.last_slots[after - 1] + 1
+        steps, knot_steps = time_grid.time_steps[start:end], walk.time_steps * ratio
+        slot_nodes[start + _find_nearest(steps, knot_steps)] = walk.nodes
+
+        # Each piece begins and ends with a knot.
+        ends = np.concatenate(
+            [time_grid.first_slots[first:after], time_grid.last_slots[first:after]]
+        )
+        ends = ends[slot_nodes[ends] < 0]
+        slot_nodes[ends] = walk.nodes[_find_nearest(knot_steps, time_grid.time_steps[ends])]
+    return slot_nodes
+
+
+def _find_nearest(values: NDArray[Any], wanted: NDArray[Any]) -> NDArray[np.int64]:
+    """Index of the nearest one of sorted values to each one wanted."""
+    after = np.clip(np.searchsorted(values, wanted), 1, max(len(values) - 1, 1))
+    if len(values) == 1:
+        return np.zeros(len(wanted), np.int64)
+    is_before_nearer = wanted - values[after - 1] <= values[after] - wanted
+    return (after - is_before_nearer).astype(np.int64)
 
 
 def _slot_keys(time_grid: TimeGrid) -> NDArray[np.int64]:

@@ -209,17 +209,22 @@ def _sum_end_terms(
     positions: NDArray[np.float64],
     row: int,
     count: int,
-    center: NDArray[np.int64],
-    unit: float,
+    exact_centers: NDArray[np.float64],
+    origin: int,
     u2: float,
     n: NDArray[np.float64],
     end_terms: NDArray[np.float64],
+    ends: NDArray[np.float64],
 ) -> None:
-    """Terms of the squared error that depend on the end y only: U2 |y|^2 - 2 y.N."""
+    """Ends y about the origin's centre, and the terms of the squared error of these alone.
+
+    These terms are U2 |y|^2 - 2 y.N.
+    """
     for c in range(count):
         end_terms[c] = 0.0
         for axis in range(len(n)):
-            y = positions[row, c, axis] - center[axis] / unit
+            y = positions[row, c, axis] - exact_centers[origin, axis]
+            ends[c, axis] = y
             end_terms[c] += u2 * y * y - 2.0 * y * n[axis]
 
 
@@ -284,8 +289,9 @@ def _fill_table(
         E = [(W - 2 U1 + U2) |x|^2 - 2 x.(M - N) + Q] + [U2 |y|^2 - 2 y.N] + 2 (U1 - U2) x.y
 
     Origins o are tried from the nearest to the farthest. The error of the best line between the
-    slots bounds E from below and only grows, so that it ends the search. ``Prices.beam`` leaves out
-    candidates that cost that much more than the cheapest of their slot.
+    slots bounds E from below and only grows, so that it ends the search. So does, for one x, that
+    of the best y, of which the terms sum up to -|N - (U1 - U2) x|^2 / U2. ``Prices.beam`` leaves
+    out candidates that cost that much more than the cheapest of their slot.
 
     The innermost loops stay in this function: to pass these arrays to another for each pair of
     slots takes longer than the arithmetic.
@@ -300,6 +306,10 @@ def _fill_table(
     stay_price = prices.stay + prices.stay_duration
     m, n = np.empty(dimension), np.empty(dimension)
     end_terms, slopes = np.empty(width), np.empty(dimension)
+    ends = np.empty((width, dimension))
+
+    # Centres of the rows in grid steps.
+    exact_centers = centers[first : first + rows] / unit
 
     # Least bits of each row, and of all rows up to it.
     cheapest, cheapest_so_far = np.full(rows, np.inf), np.full(rows, np.inf)
@@ -344,20 +354,34 @@ def _fill_table(
             if cheapest[origin] + line_bits >= limit:
                 continue
 
-            # Sum up the terms of each end y once, then try each start x at the origin.
-            _sum_end_terms(positions, row, counts[row], centers[a], unit, u2, n, end_terms)
-            has_improved = False
+            # Try each start x at the origin.
+            has_improved = has_ends = False
             for o in range(counts[origin]):
                 reached = best[origin, o]
                 if reached + line_bits >= limit:
                     continue
 
                 # Terms of the start x alone, and slopes of the cross term 2 (U1 - U2) x.y.
-                start_terms = q
+                start_terms, pull = q, 0.0
                 for axis in range(dimension):
-                    x = positions[origin, o, axis] - centers[a, axis] / unit
+                    x = positions[origin, o, axis] - exact_centers[origin, axis]
                     start_terms += (w - 2.0 * u1 + u2) * x * x - 2.0 * x * (m[axis] - n[axis])
                     slopes[axis] = 2.0 * (u1 - u2) * x
+                    pull += (n[axis] - (u1 - u2) * x) ** 2
+
+                # The best end for this start bounds the error, too.
+                start_bits = line_bits
+                if u2 > 0.0:
+                    start_bits = max(line_bits, error_price * (start_terms - pull / u2))
+                if reached + start_bits >= limit:
+                    continue
+
+                # Sum up the terms of each end y once.
+                if not has_ends:
+                    has_ends = True
+                    _sum_end_terms(
+                        positions, row, counts[row], exact_centers, origin, u2, n, end_terms, ends
+                    )
 
                 # Relax all candidates of the row.
                 for c in range(counts[row]):
@@ -365,11 +389,11 @@ def _fill_table(
                         cost = reached + stay_price
                     else:
                         cost = reached + move_price + step_bits[numbers[origin, o], numbers[row, c]]
-                    if cost + line_bits >= best[row, c]:
+                    if cost + start_bits >= best[row, c]:
                         continue
                     square = start_terms + end_terms[c]
                     for axis in range(dimension):
-                        square += slopes[axis] * (positions[row, c, axis] - centers[a, axis] / unit)
+                        square += slopes[axis] * ends[c, axis]
                     cost += error_price * max(square, 0.0)
                     if cost < best[row, c]:
                         best[row, c] = cost

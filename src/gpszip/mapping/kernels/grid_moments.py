@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inlined, jit
 
 __all__ = [
     "best_line_cost",
@@ -74,7 +74,7 @@ def prefix_sums(
     return sums
 
 
-@jit
+@inlined
 def moments_between(
     sums: NDArray[np.int64],
     a: int,
@@ -132,7 +132,7 @@ def moments_between(
     )
 
 
-@jit
+@inlined
 def best_line_cost(
     w: float, u1: float, u2: float, q: float, first: NDArray[np.float64], cross: NDArray[np.float64]
 ) -> float:
@@ -141,18 +141,16 @@ def best_line_cost(
     No segment between these slots has a smaller error.
     """
     # A line meets a single sample.
-    if w < 1.5:
-        return 0.0
-
-    spread = u2 - u1 * u1 / w
-    cost = q
-    for axis in range(len(first)):
-        cost -= first[axis] * first[axis] / w
-        # Samples at one time have no slope to fit.
-        if spread > 1e-12 * w:
-            slope = cross[axis] - u1 * first[axis] / w
-            cost -= slope * slope / spread
-
+    cost = 0.0
+    if w >= 1.5:
+        spread = u2 - u1 * u1 / w
+        cost = q
+        for axis in range(len(first)):
+            cost -= first[axis] * first[axis] / w
+            # Samples at one time have no slope to fit.
+            if spread > 1e-12 * w:
+                slope = cross[axis] - u1 * first[axis] / w
+                cost -= slope * slope / spread
     return max(cost, 0.0)
 
 
