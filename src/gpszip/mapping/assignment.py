@@ -35,6 +35,9 @@ from gpszip.run.executor import Executor
 
 __all__ = ["assign_knots", "cut_into_batches", "drop_unused_nodes"]
 
+#: Near nodes that are candidates at each slot: with three, a map of many streets took 5 % more.
+_NEAR_NODES = 5
+
 #: Slots up to which all pieces are one batch.
 _SINGLE_BATCH_SLOTS = 60_000
 
@@ -217,7 +220,7 @@ class _AssignmentJob:
                     time_slice,
                     phase,
                     self.plan.window,
-                    self.plan.near_nodes,
+                    _NEAR_NODES,
                     self.plan.max_slots,
                     self.prices,
                     marks,

@@ -46,8 +46,6 @@ class Plan:
     maximum : float, optional
         Largest distance of any sample, in grid steps, to aim for instead; ``target`` is then the
         error of the first walks.
-    near_nodes : int, default 5
-        Near nodes that are candidates at each slot.
     window : int, default 24
         Knots that the E-step chooses at once.
     max_slots : int, default 300
@@ -65,7 +63,6 @@ class Plan:
     encode_alternate_rounds: bool = False
     tolerance: float = 1.0
     maximum: float | None = None
-    near_nodes: int = 5
     window: int = 24
     max_slots: int = 300
     reach: float = 3.0

@@ -137,8 +137,6 @@ _EXTRA_ROUNDS = 5
 
 #: On large logs: bits beyond a slot's cheapest node above which another node is left out.
 _BEAM = 6.0
-#: There, too: near nodes that are candidates at each slot.
-_NEAR_NODES = 3
 #: On subsamples: ratio of the error to its target above which step sizes are given up that hardly
 #: bring it down.
 _GIVE_UP_RATIO = 1.2
@@ -335,44 +333,50 @@ class _Search:
         octaves = min(round(grid.time / _OCTAVE), STEP_SIZES // _OCTAVE - 1)
         return replace(grid, time=_OCTAVE * octaves)
 
-    def run(self, trial: _Trial, start: _TrialResult | None = None) -> _TrialResult:
-        """Learn a map with the step sizes of a trial, from its start or from another's outcome."""
+    def plan(self, trial: _Trial, grid: QuantisationGrid, is_warm: bool) -> Plan:
+        """Plan of a trial that begins with walks of another one, or anew."""
+        # A warm search takes fewer rounds, and a rough one some more until it is near the target.
+        rounds, extra_rounds = self.rounds, self.extra_rounds
+        if is_warm:
+            rounds = _WARM_ROUNDS if self.is_rough else _FINAL_ROUNDS
+        if is_warm and self.is_rough and self.max_error is None:
+            extra_rounds = _WARM_ROUNDS
+
         # Aim a little below the bounds, since rounding adds error; plans count in grid steps.
-        grid = self.grid(trial)
         unit = step_size(grid.space)
-        is_quick = self.is_hasty or (self.is_rough and not self.is_thorough)
-        plan = Plan(
+        is_loose = self.is_rough and not self.is_thorough
+        return Plan(
             target=RMSE_AIM * self.rmse / unit,
             leader_radius=trial.leader_radius,
-            rounds=self.rounds,
-            extra_rounds=self.extra_rounds,
+            rounds=rounds,
+            extra_rounds=extra_rounds,
             maximum=None if self.max_error is None else MAX_ERROR_AIM * self.max_error / unit,
             give_up_ratio=_GIVE_UP_RATIO if self.is_hasty and self.is_rough else math.inf,
-            beam=_BEAM if is_quick else math.inf,
+            beam=_BEAM if self.is_hasty or is_loose else math.inf,
             encode_alternate_rounds=self.is_hasty and self.max_error is None,
-            near_nodes=_NEAR_NODES if is_quick else Plan.near_nodes,
-            tolerance=_ROUGH_TOLERANCE if self.is_rough and not self.is_thorough else 1.0,
+            tolerance=_ROUGH_TOLERANCE if is_loose else 1.0,
         )
 
-        # Walks on another grid move to the nearest slots of this one.
+    def run(self, trial: _Trial, start: _TrialResult | None = None) -> _TrialResult:
+        """Learn a map with the step sizes of a trial, from its start or from another's outcome."""
+        # Build the slots; rough trials have the sparse ones only.
+        grid = self.grid(trial)
         time_grid = build_time_grid(self.tracks, self.gaps, grid, sparse=self.is_rough)
         sparse_grid = None if self.is_rough else sparsify(time_grid)
+
+        # Walks on another grid move to the nearest slots of this one.
         first_walks = None
         if start is not None and start.outcome is not None:
             first_walks = start_from(
                 start.outcome,
                 time_grid if sparse_grid is None else sparse_grid,
                 step_size(start.grid.time) / step_size(grid.time),
-                step_size(start.grid.space) / unit,
+                step_size(start.grid.space) / step_size(grid.space),
             )
-            if self.is_rough:
-                plan = replace(plan, rounds=_WARM_ROUNDS, extra_rounds=_WARM_ROUNDS)
-            else:
-                plan = replace(plan, rounds=_FINAL_ROUNDS)
         outcome = fit(
             time_grid,
             len(self.tracks),
-            plan,
+            self.plan(trial, grid, first_walks is not None),
             sparse_grid=sparse_grid,
             start=first_walks,
             executor=self.inner,

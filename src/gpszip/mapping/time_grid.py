@@ -404,7 +404,7 @@ def _find_nearest(values: NDArray[Any], wanted: NDArray[Any]) -> NDArray[np.int6
     if len(values) == 1:
         return np.zeros(len(wanted), np.int64)
     is_before_nearer = wanted - values[after - 1] <= values[after] - wanted
-    return (after - is_before_nearer).astype(np.int64)
+    return np.asarray(after - is_before_nearer, np.int64)
 
 
 def _slot_keys(time_grid: TimeGrid) -> NDArray[np.int64]:
