@@ -307,9 +307,10 @@ def fit(
     best.encode()
     if best.outcome is None:
         return None
-    if plan.maximum is None or plan.tolerance > 1 or best.layout is None:
-        return replace(best.outcome, prices=prices)
-    return _enforce_max_error(best.layout, tracks, plan, prices, prior, executor)
+    outcome = best.outcome
+    if plan.maximum is not None and best.layout is not None:
+        outcome = _enforce_max_error(best.layout, tracks, plan, prices, prior, executor)
+    return replace(outcome, prices=prices)
 
 
 @dataclass(frozen=True, eq=False)

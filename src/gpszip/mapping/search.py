@@ -354,7 +354,7 @@ class _Search:
             give_up_ratio=_GIVE_UP_RATIO if self.is_hasty and self.is_rough else math.inf,
             beam=_BEAM if self.is_hasty or is_loose else math.inf,
             encode_alternate_rounds=self.is_hasty and self.max_error is None,
-            tolerance=_ROUGH_TOLERANCE if is_loose else 1.0,
+            tolerance=_ROUGH_TOLERANCE if is_loose and self.max_error is None else 1.0,
         )
 
     def run(self, trial: _Trial, start: _TrialResult | None = None) -> _TrialResult:
