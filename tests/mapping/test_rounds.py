@@ -128,6 +128,15 @@ def test_rounds_begin_with_the_walks_of_an_outcome_on_another_grid(track):
     assert again.size < 1.3 * outcome.size
 
 
+def test_rounds_under_a_maximum_begin_with_the_walks_of_others(track):
+    time_grid, plan = build_slots(track), Plan(target=0.9, rounds=6, maximum=2.3)
+    outcome = fit(time_grid, 1, plan)
+    start = start_from(outcome, time_grid, 1.0, 1.0)
+    again = fit(time_grid, 1, plan, start=start)
+    assert again.misses <= outcome.misses == 0
+    assert errors(track, again.walks).max() <= 2.3
+
+
 def test_the_slope_of_the_cost_is_the_price(track):
     outcome = fit(build_slots(track), 1, Plan(target=0.9))
     error, samples, change = outcome.error, len(track), 1e-5
