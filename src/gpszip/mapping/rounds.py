@@ -307,9 +307,9 @@ def fit(
     best.encode()
     if best.outcome is None:
         return None
-    outcome = best.outcome
-    if plan.maximum is not None and best.layout is not None:
-        outcome = _enforce_max_error(best.layout, tracks, plan, prices, prior, executor)
+    if plan.maximum is None or best.layout is None:
+        return best.outcome
+    outcome = _enforce_max_error(best.layout, tracks, plan, prices, prior, executor)
     return replace(outcome, prices=prices)
 
 
@@ -520,14 +520,19 @@ def _is_better(outcome: Outcome, best: Outcome | None, plan: Plan, samples: int)
     if plan.maximum is None and outcome.error > plan.tolerance * plan.target:
         return False
     if plan.maximum is None and plan.tolerance > 1:
-        return best is None or (
-            outcome.cost_at(plan.target, samples) < best.cost_at(plan.target, samples)
-        )
+        # Costs hardly tell where the target is far; within some percent of it, they do.
+        return best is None or _rank(outcome, plan, samples) < _rank(best, plan, samples)
     return (
         best is None
         or outcome.size + _BYTES_PER_MISS * outcome.misses
         < best.size + _BYTES_PER_MISS * best.misses
     )
+
+
+def _rank(outcome: Outcome, plan: Plan, samples: int) -> tuple[float, float]:
+    """Distance to the target beyond what is near enough, and cost at the target."""
+    distance = abs(outcome.error / plan.target - 1)
+    return max(distance - _NEAR, 0.0), outcome.cost_at(plan.target, samples)
 
 
 def _find_excess(outcome: Outcome, plan: Plan) -> float:

@@ -122,6 +122,8 @@ _ROUGH_ROUNDS = 8
 _SUBSAMPLE_ROUNDS = 6
 #: Rounds of a search from the walks of another one.
 _WARM_ROUNDS = 3
+#: Rounds that may follow until the error is near its target: the price may have far to go.
+_MORE_WARM_ROUNDS = 6
 #: Rounds of the only start, from the walks of another search.
 _FINAL_ROUNDS = 7
 #: Error, in targets, up to which outcomes are compared when step sizes are chosen.
@@ -340,7 +342,7 @@ class _Search:
         if is_warm:
             rounds = _WARM_ROUNDS if self.is_rough else _FINAL_ROUNDS
         if is_warm and self.is_rough and self.max_error is None:
-            extra_rounds = _WARM_ROUNDS
+            extra_rounds = _MORE_WARM_ROUNDS
 
         # Aim a little below the bounds, since rounding adds error; plans count in grid steps.
         unit = step_size(grid.space)
