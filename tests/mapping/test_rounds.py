@@ -158,3 +158,10 @@ def test_a_dearer_error_makes_an_outcome_costlier_at_a_tighter_target():
         Outcome(None, 100, 1.2, prices=estimate_prices(None, price, 3)) for price in (0.1, 0.2)
     )
     assert 100 < cheap.cost_at(1.0, 500) < dear.cost_at(1.0, 500)
+
+
+def test_the_cost_at_a_far_target_is_finite():
+    prices = estimate_prices(None, 1e6, 3)
+    far, exact = (Outcome(None, 100, error, prices=prices) for error in (40.0, 0.0))
+    assert 100 < far.cost_at(1.0, 10**6) < np.inf
+    assert exact.cost_at(1.0, 10**6) <= 100

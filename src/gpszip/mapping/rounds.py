@@ -95,6 +95,10 @@ _BYTES_PER_REPAIR = 8.0
 #: Power of the misses by which the price follows them.
 _MISS_POWER = 0.15
 
+#: Error in grid steps below which walks count as exact.
+_MIN_ERROR = 1e-9
+#: Logarithm of the largest factor between bytes at two errors: more overflows.
+_MAX_EXPONENT = 50.0
 #: Relative distance to the target at which an outcome that may miss it is near enough.
 _NEAR = 0.06
 
@@ -165,7 +169,8 @@ class Outcome:
         assert self.prices is not None
         square = self.error * target
         power = self.prices.error * samples * square / (4 * max(self.cost, 1.0))
-        return float(self.cost * (self.error / target) ** power)
+        exponent = power * np.log(max(self.error, _MIN_ERROR) / target)
+        return float(self.cost * np.exp(min(exponent, _MAX_EXPONENT)))
 
 
 class Start(NamedTuple):
