@@ -121,17 +121,15 @@ class ColumnEncoder:
         self._text_codes: list[dict[str, int]] = [{} for _ in names]
         self._text_bytes = 0
 
-    def encode(
-        self, attributes: Mapping[str, Values], good: NDArray[np.bool_], where: str
-    ) -> EncodedBatch:
+    def encode(self, attributes: Mapping[str, Values], rows: int, where: str) -> EncodedBatch:
         """Encode the columns of a batch.
 
         Parameters
         ----------
         attributes : mapping of str to array, shape (n,)
             All columns of the batch.
-        good : bool array, shape (n,)
-            Rows to encode.
+        rows : int
+            Number of rows n.
         where : str
             Name of the log in messages.
 
@@ -145,13 +143,13 @@ class ColumnEncoder:
             available = ", ".join(attributes) or "none"
             raise InputError(f"{where}: has no column {missing!r} to keep; it has {available}")
 
-        columns = [attributes[name][good] for name in self.names]
+        columns = [attributes[name] for name in self.names]
         kinds = tuple(map(_kind_of, columns))
         encoded = [
             self._encode_column(number, values, kind)
             for number, (values, kind) in enumerate(zip(columns, kinds, strict=True))
         ]
-        return EncodedBatch(_stack_columns(encoded, int(good.sum())), kinds)
+        return EncodedBatch(_stack_columns(encoded, rows), kinds)
 
     def join(self, batches: Sequence[Kinds]) -> None:
         """Widen the kinds of the columns so that they can hold batches of these kinds."""
