@@ -12,7 +12,14 @@ import pyarrow as pa
 
 from gpszip.errors import InputError, MissingExtraError
 from gpszip.io.networks.lines import RoadLines
-from gpszip.io.networks.rules import NON_ROAD_CLASSES, RoadRules, clean_street_name, find_rules
+from gpszip.io.networks.rules import (
+    MAX_ROAD_SPEED,
+    NON_ROAD_CLASSES,
+    RoadRules,
+    clean_street_name,
+    find_rules,
+    parse_number,
+)
 from gpszip.io.networks.wkb import parse_wkb_lines
 from gpszip.model.read_result import Repair
 
@@ -23,13 +30,18 @@ _Position = tuple[float, float]
 
 
 class _Tags(NamedTuple):
-    """Tags of a way that say how it is travelled, by the names of OpenStreetMap."""
+    """Tags of a way that say how it is travelled: those of OpenStreetMap, and GPSZip's speed."""
 
     highway: str | None
     oneway: str | None
     junction: str | None
     maxspeed: str | None
     area: str | None
+    speed: str | None
+
+
+#: Keys of these tags. ``gpszip map`` writes the last one: the median speed on a way in m/s.
+_KEYS = ("highway", "oneway", "junction", "maxspeed", "area", "gpszip:speed")
 
 
 @dataclass
@@ -127,7 +139,7 @@ def _add_way(
     osmium: Any,
 ) -> None:
     # Count areas and classes that are no roads, without building their geometry.
-    tags = _Tags(*(way.tags.get(tag) for tag in _Tags._fields))
+    tags = _Tags(*(way.tags.get(key) for key in _KEYS))
     if tags.highway in NON_ROAD_CLASSES or tags.area == "yes":
         ways_read.skipped += 1
         return
@@ -178,9 +190,7 @@ def _to_road_lines(ways_read: _WaysRead, name: str) -> RoadLines:
     rules_by_tags: dict[_Tags, RoadRules] = {}
     for tags in ways_read.tags:
         if tags not in rules_by_tags:
-            rules_by_tags[tags] = find_rules(
-                road=tags.highway, oneway=tags.oneway, junction=tags.junction, limit=tags.maxspeed
-            )
+            rules_by_tags[tags] = _find_way_rules(tags)
     forward, backward, speeds, users = zip(
         *(rules_by_tags[tags] for tags in ways_read.tags), strict=True
     )
@@ -207,3 +217,11 @@ def _to_road_lines(ways_read: _WaysRead, name: str) -> RoadLines:
         names=pa.array(ways_read.names, pa.string()).take(pa.array(rows)),
         repairs=tuple(repairs),
     )
+
+
+def _find_way_rules(tags: _Tags) -> RoadRules:
+    rules = find_rules(
+        road=tags.highway, oneway=tags.oneway, junction=tags.junction, limit=tags.maxspeed
+    )
+    speed = parse_number(tags.speed)
+    return rules._replace(speed=speed) if 0 < speed < MAX_ROAD_SPEED else rules
