@@ -155,10 +155,33 @@ def test_map_in_other_formats(gpszip, archive, suffix):
     assert Path(f"map.{suffix}").stat().st_size > 50
 
 
+def test_map_as_openstreetmap(shell, earthly, tmp_path):
+    done = shell("map", earthly, "-o", "map.osm")
+    assert done.returncode == 0, done.stderr
+    assert b"map.osm: edges" in done.stderr
+    assert shell("map", earthly, "-o", "-", "--format", "osm").stdout == (
+        (tmp_path / "map.osm").read_bytes()
+    )
+
+    # The log that the map was learned from goes along its ways.
+    assert shell("decompress", earthly, "-o", "walks.csv", "--every", "5s").returncode == 0
+    done = shell("match", "walks.csv", "--network", "map.osm", "-o", "routes.geojson", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["matched"] > 0
+
+
+def test_map_in_metres_is_no_openstreetmap(gpszip, archive):
+    done = gpszip("map", archive, "-o", "map.osm")
+    assert done.code == 1
+    assert "map.osm: this map is in x and y" in done.err
+    assert len(done.err.splitlines()) == 1
+    assert not Path("map.osm").exists()
+
+
 def test_map_of_unknown_format(gpszip, archive):
     done = gpszip("map", archive, "-o", "map.xyz")
     assert done.code == 1
-    assert ".geojson, .json, .graphml, .gpkg, .csv" in done.err
+    assert ".geojson, .json, .graphml, .osm, .gpkg, .csv" in done.err
 
 
 def test_info_for_people(gpszip, archive):
