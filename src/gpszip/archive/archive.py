@@ -102,7 +102,7 @@ class Archive:
         if self.error_bound is not None:
             facts.append(str(self.error_bound))
         if self.contents.grid is None and self.map is None:
-            facts.append("on a map kept elsewhere")
+            facts.append("on a known map")
         else:
             facts.append(axes_text(self.grid.dimension, self.grid.plane))
         return f"Archive({', '.join(facts)})"
@@ -282,7 +282,7 @@ class Archive:
 
     @property
     def off_map_lines(self) -> list[NDArray[np.float64]]:
-        """Lines off the map kept elsewhere, in metres: float64 arrays of shape (n, d)."""
+        """Lines off the known map, in metres: float64 arrays of shape (n, d)."""
         if self._prior is None:
             return []
 
@@ -606,7 +606,7 @@ class Archive:
                 prior,
                 self.grid if self.contents.ends else None,
             )
-            # On a map kept elsewhere, the nodes that no walk visits are dropped.
+            # On a known map, the nodes that no walk visits are dropped.
             self._decoded_groups[number] = walks if prior is None else number_by_visit(walks)
         return self._decoded_groups[number]
 

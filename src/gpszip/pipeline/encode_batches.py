@@ -64,7 +64,7 @@ class BaseMap:
     options : Options
         With the bound that each batch is to hold.
     refinements : int
-        How often the steps of a map kept elsewhere are halved.
+        How often the steps of a known map are halved.
     share : float
         Share of a batch in the work that the effort allows.
     """

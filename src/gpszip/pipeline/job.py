@@ -60,7 +60,7 @@ class Job:
     listener : callable, optional
         Called with progress events.
     map : Archive, optional
-        Map kept elsewhere, on which the tracks become walks.
+        Known map, on which the tracks become walks.
     batch : int, optional
         Samples that are encoded at once; None where the log is in memory and encoded as a whole.
     extras : tuple of Section
@@ -93,7 +93,7 @@ class Job:
 
     @property
     def aim(self) -> Options:
-        """Options with a slightly smaller bound: files written from the archive hold the bound."""
+        """Options with a slightly smaller bound, so that files written from the archive hold it."""
         return self.options.aim(geographic=self.log.plane is not None)
 
     @property
@@ -138,7 +138,7 @@ def prepare(
     memory : int, optional
         Bytes that the process may take; needed for a log on disk.
     map : Archive, optional
-        Map kept elsewhere.
+        Known map.
     executor, progress : optional
         As for :func:`gpszip.pipeline.compress.compress`.
     """

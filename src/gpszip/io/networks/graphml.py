@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 from gpszip.errors import InputError
 from gpszip.geo.crs import is_geographic, to_degrees
 from gpszip.io.networks.lines import RoadLines, within_globe
-from gpszip.io.networks.rules import MAX_ROAD_SPEED, RoadRules, clean_street_name, find_rules
+from gpszip.io.networks.rules import (
+    MAX_ROAD_SPEED,
+    RoadRules,
+    clean_street_name,
+    find_rules,
+    parse_number,
+)
 from gpszip.io.networks.wkb import parse_wkt_line
 
 __all__ = ["read_graphml_lines"]
@@ -214,16 +220,9 @@ def _find_edge_rules(words: _Words, directed: bool) -> RoadRules:
     if directed:
         rules = rules._replace(forward=True, backward=False)
     stated_speed = (
-        _parse_number(words.speed_kph) / 3.6 if words.speed_kph else _parse_number(words.speed)
+        parse_number(words.speed_kph) / 3.6 if words.speed_kph else parse_number(words.speed)
     )
     return rules._replace(speed=stated_speed) if 0 < stated_speed < MAX_ROAD_SPEED else rules
-
-
-def _parse_number(text: str | None) -> float:
-    try:
-        return float(text or "nan")
-    except ValueError:
-        return float("nan")
 
 
 def _to_log_coordinates(
