@@ -64,8 +64,10 @@ def farthest(before, after, names=None):
         cuts = [0, *(np.flatnonzero(walk.gaps) + 1), len(walk.nodes)]
         for first, end in pairwise(cuts):
             low, high = walk.times[first], walk.times[end - 1]
-            if walk.spans is not None:
-                low, high = np.clip(walk.spans[np.searchsorted(walk.spans[:, 1], low)], low, high)
+            if walk.time_ranges is not None:
+                low, high = np.clip(
+                    walk.time_ranges[np.searchsorted(walk.time_ranges[:, 1], low)], low, high
+                )
             when = np.union1d(
                 np.linspace(low, high, 2000), np.concatenate([walk.times[first:end], new.times])
             )

@@ -18,7 +18,7 @@ from gpszip.archive.pieces import (
     cut_at_gaps,
     pieces_by_track,
     plain_names,
-    span_of_piece,
+    time_range_of_piece,
 )
 from gpszip.archive.track_view import TrackView
 from gpszip.container.attributes import KeptColumns, read_attributes, read_column_names
@@ -604,7 +604,7 @@ class Archive:
                 self.grid.dimension,
                 group.tracks,
                 prior,
-                self.grid if self.contents.ends else None,
+                self.grid if self.contents.has_piece_ends else None,
             )
             # On a known map, the nodes that no walk visits are dropped.
             self._decoded_groups[number] = walks if prior is None else number_by_visit(walks)
@@ -709,7 +709,7 @@ class Archive:
         sampled: list[Track] = []
         for number, (name, knots) in enumerate(self._named_pieces(walk)):
             # The times within the piece.
-            begin, end = span_of_piece(walk, number, knots)
+            begin, end = time_range_of_piece(walk, number, knots)
             first, last = begin - TIME_SLACK, end + TIME_SLACK
             if every is not None:
                 multiples = np.arange(math.ceil(first / every), math.floor(last / every) + 1)

@@ -40,7 +40,7 @@ def new_archive(
     known_map: Archive | None = None,
     refinements: int = 0,
     executor: Executor | None = None,
-    spans: Sequence[NDArray[np.float64]] | None = None,
+    time_ranges: Sequence[NDArray[np.float64]] | None = None,
     step: float = 0.0,
 ) -> Archive:
     """Code map and walks as an archive.
@@ -63,12 +63,12 @@ def new_archive(
         How often the steps of that map's grid are halved.
     executor : Executor, optional
         Codes walks, and groups of walks.
-    spans : sequence of float64 array, shape (n, 2), optional
+    time_ranges : sequence of float64 array, shape (n, 2), optional
         For each walk the times of the first and last sample of each gap-free piece, in seconds.
         Travel is claimed between them alone; from the first knot to the last where left out.
     step : float, default 0
-        Seconds between two samples of the most densely sampled track. The ``spans`` may be rounded
-        by less than that.
+        Seconds between two samples of the most densely sampled track. The ``time_ranges`` may be
+        rounded by less than that.
 
     Returns
     -------
@@ -81,8 +81,8 @@ def new_archive(
     # The grid and the prior are those of the known map, where there is one.
     prior = None if known_map is None else known_map.prior(refinements)
     walks_grid = grid if known_map is None else refined_grid(known_map.grid, refinements)
-    if spans is not None and grid_walks.timed:
-        ends = find_piece_ends(spans, grid_walks, walks_grid, step)
+    if time_ranges is not None and grid_walks.timed:
+        ends = find_piece_ends(time_ranges, grid_walks, walks_grid, step)
         grid_walks = replace(grid_walks, ends=ends)
 
     # One group, or several if it is large.

@@ -25,7 +25,7 @@ from gpszip.errors import CorruptArchiveError
 from gpszip.model.grid import QuantisationGrid, step_size
 from gpszip.model.grid_walks import GridWalk, GridWalks, PieceEnds
 
-__all__ = ["TICKS", "Tick", "code_tail", "find_piece_ends", "piece_time_ranges"]
+__all__ = ["TICKS", "Tick", "code_tail", "find_piece_ends", "stored_time_ranges"]
 
 
 class Tick(NamedTuple):
@@ -77,7 +77,7 @@ _SEARCH_TOLERANCE = 1e-3
 
 
 def find_piece_ends(
-    runs: Sequence[NDArray[np.float64]],
+    time_ranges: Sequence[NDArray[np.float64]],
     walks: GridWalks,
     grid: QuantisationGrid,
     step: float = 0.0,
@@ -86,12 +86,12 @@ def find_piece_ends(
 
     Parameters
     ----------
-    runs : sequence of float64 array, shape (n, 2)
-        For each walk, the times of the first and the last sample, in seconds, of each run of
-        samples without a gap; in the order of time.
+    time_ranges : sequence of float64 array, shape (n, 2)
+        For each walk the times of the first and the last sample of each gap-free piece of its
+        track, in seconds and in the order of time.
     walks : GridWalks
-        With times. A piece holds several runs where the gaps between them were too short for the
-        time steps. A piece without any lasts from its first knot to its last.
+        With times. A piece of a walk holds several time ranges where the gaps between them were
+        too short for the time steps. A piece without any lasts from its first knot to its last.
     grid : QuantisationGrid
         Epoch and time step.
     step : float, default 0
@@ -113,7 +113,7 @@ def find_piece_ends(
     (30.0, [0], [3])
     """
     # times of the first and last sample of each piece, and the tick that suits them all
-    since_epoch = _sample_ranges(runs, walks, grid)
+    since_epoch = _sample_ranges(time_ranges, walks, grid)
     max_rounding = max(_MAX_ROUNDING_SHARE * step, min(_MAX_ROUNDING, step))
     tick, first, last = _round_to_ticks(since_epoch, max_rounding)
 
@@ -134,7 +134,9 @@ def find_piece_ends(
     return PieceEnds(tick, first, last)
 
 
-def piece_time_ranges(walks: GridWalks, grid: QuantisationGrid) -> list[NDArray[np.float64]] | None:
+def stored_time_ranges(
+    walks: GridWalks, grid: QuantisationGrid
+) -> list[NDArray[np.float64]] | None:
     """Seconds at which travel begins and ends in each piece, or None if that is not stored.
 
     Parameters
@@ -329,7 +331,7 @@ def _knot_ranges(walk: GridWalk, grid: QuantisationGrid) -> NDArray[np.float64]:
 
 
 def _sample_ranges(
-    runs: Sequence[NDArray[np.float64]], walks: GridWalks, grid: QuantisationGrid
+    time_ranges: Sequence[NDArray[np.float64]], walks: GridWalks, grid: QuantisationGrid
 ) -> NDArray[np.float64]:
     """Seconds since the epoch of the first and last sample of each piece, shape (pieces, 2)."""
     knot_ranges = [_knot_ranges(walk, grid) for walk in walks.walks]
@@ -339,23 +341,25 @@ def _sample_ranges(
         # a walk without times lies at the epoch, which is on every tick
         np.full_like(knots, grid.epoch / 1000)
         if number in walks.untimed
-        else _merge_runs(track_runs, knots)
-        for number, (track_runs, knots) in enumerate(zip(runs, knot_ranges, strict=True))
+        else _join_within_pieces(of_track, knots)
+        for number, (of_track, knots) in enumerate(zip(time_ranges, knot_ranges, strict=True))
     ]
     return np.concatenate(ranges) - grid.epoch / 1000
 
 
-def _merge_runs(runs: NDArray[np.float64], knot_ranges: NDArray[np.float64]) -> NDArray[np.float64]:
+def _join_within_pieces(
+    time_ranges: NDArray[np.float64], knot_ranges: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Times of the first and last sample of each piece; those of its knots if it has no sample."""
-    # the piece of each run is the last one that begins before it
+    # the piece of each time range is the last one that begins before it
     starts = knot_ranges[:, 0]
-    piece = np.searchsorted(starts, runs[:, 0] + _SEARCH_TOLERANCE, side="right") - 1
+    piece = np.searchsorted(starts, time_ranges[:, 0] + _SEARCH_TOLERANCE, side="right") - 1
     piece = np.clip(piece, 0, None)
 
-    # Take the extreme times of each piece's runs; without runs, its knots' times.
+    # Take the first and last time of each piece; its knots' times if it has no time range.
     first, last = np.full(len(knot_ranges), np.inf), np.full(len(knot_ranges), -np.inf)
-    np.minimum.at(first, piece, runs[:, 0])
-    np.maximum.at(last, piece, runs[:, 1])
+    np.minimum.at(first, piece, time_ranges[:, 0])
+    np.maximum.at(last, piece, time_ranges[:, 1])
     is_empty = first > last
     return np.stack(
         [

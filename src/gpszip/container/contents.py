@@ -218,7 +218,7 @@ class Contents:
     version: int = VERSION
 
     @property
-    def ends(self) -> bool:
+    def has_piece_ends(self) -> bool:
         """Whether walks with times have the ends of their pieces."""
         return self.version > OLDEST_VERSION
 

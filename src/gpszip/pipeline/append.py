@@ -334,7 +334,7 @@ def _extend(archive: Archive, on_map: Archive, job: Job) -> Archive:
         tuple(walks),
         number_by_visit(GridWalks(merged.nodes, tuple(walks.values()), untimed=untimed)),
         layer=archive.contents.layer,
-        spans=_time_ranges(archive, on_map, tuple(walks)),
+        time_ranges=_time_ranges(archive, on_map, tuple(walks)),
     )
 
     # what is stated of both

@@ -199,7 +199,7 @@ def _within_size(job: Job, size: int) -> tuple[Archive, ErrorSummary]:
             f"{size:,} bytes are too few for this log: the smallest archive takes "
             f"{smallest + columns:,}; allow as many"
         )
-    return best.made
+    return best.result
 
 
 def _write_and_measure(job: Job, learned: Learned) -> tuple[Archive, ErrorSummary]:
@@ -216,7 +216,7 @@ def _write_and_measure(job: Job, learned: Learned) -> tuple[Archive, ErrorSummar
         known_map=job.map,
         refinements=learned.refinements,
         executor=local_executor(job.executor),
-        spans=job.time_ranges,
+        time_ranges=job.time_ranges,
         step=job.step,
     )
 

@@ -242,7 +242,12 @@ def _build_archive(
 
     columns, notes = merge_columns(sources, ids)
     archive = new_archive(
-        merged.grid, ids, grid_walks, layer=layer, extras=columns, spans=_time_ranges(sources, ids)
+        merged.grid,
+        ids,
+        grid_walks,
+        layer=layer,
+        extras=columns,
+        time_ranges=_time_ranges(sources, ids),
     )
     return archive, notes
 
@@ -265,7 +270,7 @@ def _measure(sources: Sequence[MergeSource], archive: Archive) -> tuple[Deviatio
     """
     decoded = open_archive(archive.to_bytes())
     nodes = decoded.road_map.nodes
-    walks = {walk.id: replace(walk, spans=None) for walk in decoded.walks}
+    walks = {walk.id: replace(walk, time_ranges=None) for walk in decoded.walks}
     for source in sources:
         for id, curve in zip(source.ids, source.curves, strict=True):
             if id in source.untimed:

@@ -83,7 +83,7 @@ def positions_at(
         )
 
     # The kernel covers the time between the first and last knot of a piece, which may be more than
-    # the span of its samples.
+    # the time range of its samples.
     positions = np.empty((len(times), nodes.shape[1]))
     interpolate_positions(
         walk.times,
@@ -93,18 +93,20 @@ def positions_at(
         TIME_SLACK,
         positions,
     )
-    if walk.spans is not None:
-        positions[~_is_covered(walk.spans, times)] = np.nan
+    if walk.time_ranges is not None:
+        positions[~_is_covered(walk.time_ranges, times)] = np.nan
     return positions
 
 
-def _is_covered(spans: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether each time lies in the span of a piece, within the slack."""
-    if len(spans) == 1:
-        begin, end = spans[0]
+def _is_covered(time_ranges: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether each time lies in the time range of a piece, within the slack."""
+    if len(time_ranges) == 1:
+        begin, end = time_ranges[0]
     else:
-        piece = np.clip(np.searchsorted(spans[:, 0], times + TIME_SLACK, side="right") - 1, 0, None)
-        begin, end = spans[piece, 0], spans[piece, 1]
+        piece = np.clip(
+            np.searchsorted(time_ranges[:, 0], times + TIME_SLACK, side="right") - 1, 0, None
+        )
+        begin, end = time_ranges[piece, 0], time_ranges[piece, 1]
     return np.asarray((times >= begin - TIME_SLACK) & (times <= end + TIME_SLACK))
 
 

@@ -113,7 +113,7 @@ def assign_times_by_distance(
     [2.0, 4.0]
     """
     fractions = _distance_fractions(nodes[walk.nodes])
-    return replace(walk, times=first + fractions * (last - first), spans=None)
+    return replace(walk, times=first + fractions * (last - first), time_ranges=None)
 
 
 def drop_time_steps(walks: GridWalks, untimed: frozenset[int], *, others: bool) -> GridWalks:
