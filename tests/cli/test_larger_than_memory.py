@@ -79,7 +79,7 @@ def test_columns_and_times_are_kept_as_from_a_log_in_memory(gpszip, log, keep):
 
 
 def test_a_missing_column_and_a_reserved_name_are_refused(gpszip, log):
-    for keep, says in (("fuel", "fuel"), ("x", "can't be kept besides")):
+    for keep, says in (("fuel", "fuel"), ("x", "can't be kept: positions have")):
         done = gpszip("compress", log, "-o", "a.gpsz", *batches("--keep", keep))
         assert done.code in (1, 2)
         assert says in done.err
@@ -201,7 +201,7 @@ def test_options_that_contradict_a_map_are_refused(gpszip, log, choice):
     assert gpszip("compress", log, "-o", "map.gpsz", "--rmse", "0.4m", "--effort", "1").code == 0
     done = gpszip("compress", log, "-o", "on.gpsz", "--map", "map.gpsz", *batches(*choice))
     assert done.code == 2
-    assert "don't go with a map" in done.err
+    assert "a known map (--map, --append) doesn't go with" in done.err
 
 
 def test_a_log_far_from_the_map(gpszip, log, tmp_path):

@@ -239,7 +239,7 @@ def test_output_without_permission(gpszip, log, tmp_path):
         (["-o", "a.gpsz", "--effort", "11"], ["1<=x<=9"]),
         (["-o", "a.gpsz", "--m", "3"], ["m was given alone"]),
         (["-o", "a.gpsz", "--k", "3", "--m", "5"], ["more segments than parts"]),
-        (["-o", "a.gpsz", "--keep", "x"], ["'x' can't be kept besides", "rename"]),
+        (["-o", "a.gpsz", "--keep", "x"], ["'x' can't be kept: positions have", "rename"]),
         (["-o", "a.gpsz", "--keep-times", "--no-times"], ["can't be kept without times"]),
         (["-o", "a.gpsz", "--max-eror", "9m"], ["--max-eror", "--max-error"]),
     ],

@@ -129,7 +129,7 @@ def test_a_standing_agent_stays():
 def test_bad_samples_are_refused_and_not_taken_in():
     matcher = LiveMatcher(town(), SCALES)
     matcher.push(0.0, [0.0, 0.0])
-    with pytest.raises(TrackError, match="does not follow"):
+    with pytest.raises(TrackError, match="is not later than"):
         matcher.push(0.0, [1.0, 0.0])
     with pytest.raises(TrackError, match="not finite"):
         matcher.push(1.0, [math.nan, 0.0])

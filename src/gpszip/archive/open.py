@@ -75,7 +75,8 @@ def _read_contents(source: ArchiveSource) -> Contents:
 def _check_map(map: Archive, wanted: MapReference) -> Archive:
     if map.contents.map is not None:
         raise MapError(
-            "the map given lies on another map itself", remedy="give one that holds its own walks"
+            "the map given lies on another map itself",
+            remedy="give an archive that holds its own map",
         )
     if map.hash != wanted.hash:
         raise MapError(

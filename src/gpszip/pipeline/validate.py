@@ -11,7 +11,14 @@ from gpszip.errors import InputError, OptionError
 from gpszip.model import Options, Plane, Track
 from gpszip.model.log import Log, MemoryLog
 
-__all__ = ["as_log", "check_map", "check_names", "check_tracks", "on_plane_of"]
+__all__ = [
+    "as_log",
+    "check_map",
+    "check_names",
+    "check_thesis_in_memory",
+    "check_tracks",
+    "on_plane_of",
+]
 
 #: Metres and seconds from zero that positions and times may have; float64 still tells their tenths.
 _MAX_MAGNITUDE = 1e14
@@ -93,11 +100,13 @@ def check_map(map: Archive, dimension: int, plane: Plane | None, options: Option
     """Refuse a map that doesn't fit the coordinates of a log, or the options."""
     if options.thesis or options.layer or not options.times:
         raise OptionError(
-            "k, m, layer and leaving out times don't go with a map that is there already; "
-            "leave them out"
+            "a known map (--map, --append) doesn't go with --k, --m, --layer or --no-times; "
+            "leave these out"
         )
     if map.contents.map is not None:
-        raise OptionError("the map lies on another map itself; give one that holds its own walks")
+        raise OptionError(
+            "the map lies on another map itself; give an archive that holds its own map"
+        )
     if not map.timed:
         raise OptionError("the map was written without times; compress its log with them")
     grid = map.grid
@@ -112,12 +121,21 @@ def _axes(dimension: int, plane: Plane | None) -> str:
     return "latitude and longitude"
 
 
+def check_thesis_in_memory(*, thesis: bool, in_memory: bool) -> None:
+    """Refuse the thesis's model, Algorithm 1, for a log on disk."""
+    if thesis and not in_memory:
+        raise OptionError(
+            "k and m segment a track that is in memory as a whole, and the logs are larger than "
+            "the memory given; allow more with --memory, leave it out, or give --rmse "
+            "instead of k and m"
+        )
+
+
 def check_names(names: Sequence[str], *, geographic: bool) -> None:
     """Refuse columns with the names that decompressed tracks have anyway."""
     taken = {"track_id", "t"} | ({"lat", "lon"} if geographic else {"x", "y", "z"})
     wrong = next((name for name in names if name in taken), None)
     if wrong is not None:
         raise OptionError(
-            f"column {wrong!r} can't be kept besides: each position has one of that name; "
-            "rename the column"
+            f"column {wrong!r} can't be kept: positions have a column of that name; rename it"
         )

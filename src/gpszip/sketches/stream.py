@@ -178,8 +178,8 @@ class CoresetStream:
         if goes_back.any():
             row = int(goes_back.argmax())
             raise TrackError(
-                f"{name}: sample {self.samples + row}: time {times[row]:g} does not follow the "
-                "one before; sort or split the track"
+                f"{name}: sample {self.samples + row}: time {times[row]:g} is not later "
+                "than the one before; sort or split the track"
             )
         return _Chunk(times, positions, weights)
 

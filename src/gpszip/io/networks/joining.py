@@ -180,7 +180,7 @@ def _drop_invalid(lines: RoadLines, repairs: list[Repair]) -> RoadLines:
             first = int(off.argmax())
             where = f"{lines.name}: longitude {lon[first]:g}, latitude {lat[first]:g}"
             raise InputError(
-                f"{where}: no degrees; say in which coordinates it is (its CRS), "
+                f"{where}: these are no degrees; say in which coordinates it is (its CRS), "
                 "or convert it to WGS84"
             )
         bad |= off
