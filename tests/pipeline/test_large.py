@@ -256,6 +256,23 @@ def test_small_logs_are_read_into_memory(folder, monkeypatch):
         assert not isinstance(log, MemoryLog)
 
 
+@pytest.mark.parametrize("choice", [{"k": 20}, {"m": 5}, {"k": 20, "m": 5}])
+def test_segment_means_of_large_logs_are_refused_before_they_are_sorted(
+    folder, monkeypatch, choice
+):
+    monkeypatch.setattr(memory_limits, "_BYTES_IN_MEMORY", 70_000)
+    stages = []
+    with pytest.raises(OptionError, match="k and m segment a track that is in memory as a whole"):
+        gpszip.compress(
+            folder,
+            rmse=1.0,
+            **choice,
+            memory=400 << 20,
+            progress=lambda event: stages.append(event.stage),
+        )
+    assert stages == []
+
+
 def test_the_command_line_compresses_in_batches(folder, robots, capfd):
     (folder / "bad.parquet").write_bytes(b"PAR1 none")
     target = folder.parent / "out.gpsz"

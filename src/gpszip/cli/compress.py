@@ -115,12 +115,12 @@ _BOUND_OPTIONS = {
 @click.option(
     "--k",
     type=click.IntRange(1),
-    help="Number of segments of the thesis's (k,m)-segment mean, instead of the connected map.",
+    help="Number of parts in the thesis's (k,m)-segment mean, instead of the connected map.",
 )
 @click.option(
     "--m",
     type=click.IntRange(1),
-    help="Number of distinct segments that the k segments share; by default searched.",
+    help="Number of segments that the k parts share; by default searched.",
 )
 @click.option(
     "--times/--no-times",
@@ -195,7 +195,7 @@ def command(
     with (
         progress_bar(quiet=quiet or settings.json) as listener,
         open_executor(*_executor_choices(choices)) as executor,
-        _open_log(logs, choices, extended or known_map, listener) as log,
+        _open_log(logs, choices, options, extended or known_map, listener) as log,
     ):
         work = _Work(_memory(choices), executor, listener)
         if extended is not None:
@@ -253,6 +253,7 @@ class _Work:
 def _open_log(
     logs: tuple[str, ...],
     choices: dict[str, Any],
+    options: Options,
     map: Archive | None,
     listener: Listener | None,
 ) -> AbstractContextManager[Log]:
@@ -265,6 +266,7 @@ def _open_log(
         memory=_memory(choices),
         plane=None if map is None else map.grid.plane,
         progress=listener,
+        thesis=options.thesis,
         format=choices["format"],
         columns=choices["columns"],
         time_unit=choices["time_unit"],

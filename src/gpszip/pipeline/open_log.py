@@ -11,6 +11,7 @@ from gpszip.io.logs.read import ReadOptions, read_logs
 from gpszip.model import Listener, Plane, Progress
 from gpszip.model.log import Log, MemoryLog
 from gpszip.pipeline.memory import check_memory, fits, rows_while_sorting
+from gpszip.pipeline.validate import check_thesis_in_memory
 
 __all__ = ["open_log"]
 
@@ -22,6 +23,7 @@ def open_log(
     memory: int | None = None,
     plane: Plane | None = None,
     progress: Listener | None = None,
+    thesis: bool = False,
     **options: Unpack[ReadOptions],
 ) -> Iterator[Log]:
     """Read logs, into memory where they fit.
@@ -37,6 +39,8 @@ def open_log(
         Plane of a log on disk, such as that of a map. Chosen for it by default.
     progress : callable, optional
         Called with :class:`~gpszip.model.report.Progress` events.
+    thesis : bool, default False
+        Whether the log is for the thesis's model (k or m), so that it must fit into memory.
     **options
         As for :func:`gpszip.io.logs.read.read_logs`.
 
@@ -50,7 +54,7 @@ def open_log(
     InputError
         If a log can't be read, or holds no track.
     OptionError
-        If the memory is too little to work in.
+        If the memory is too little to work in, or for the thesis's model.
     """
     from gpszip.io.large.store import count_rows
     from gpszip.io.logs.formats import is_bundle
@@ -70,6 +74,7 @@ def open_log(
             yield MemoryLog(result.tracks, result)
             return
         check_memory(memory)
+        check_thesis_in_memory(thesis=thesis, in_memory=False)
         with _stored(files, memory, plane, progress, options) as log:
             yield log
 
