@@ -9,15 +9,17 @@ be CSV.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from gpszip.errors import InputError, OptionError, OutputError, UnknownFormatError
+from gpszip.io.deferred import deferred
 from gpszip.io.logs.gpx.xml_text import root_element
-from gpszip.io.logs.log_format import LogFormat, deferred
-from gpszip.io.logs.plugin_guard import guard_plugin
-from gpszip.io.plugins import load_plugins
+from gpszip.io.logs.log_format import LogBatches, LogFormat
+from gpszip.io.plugins import Guard, load_plugins
 
 if TYPE_CHECKING:
+    from gpszip.io.logs.raw import RawLog, Request
     from gpszip.io.storage.source import Source
 
 __all__ = [
@@ -115,8 +117,56 @@ def log_formats() -> tuple[LogFormat, ...]:
     >>> [log_format.name for log_format in log_formats()][-4:]
     ['parquet', 'gpx', 'geojson', 'csv']
     """
-    plugins = load_plugins(_PLUGIN_GROUP, LogFormat)
-    return (*map(guard_plugin, plugins), *LOG_FORMATS)
+    return (*load_plugins(_PLUGIN_GROUP, LogFormat, _guarded), *LOG_FORMATS)
+
+
+def _guarded(plugin: LogFormat, guard: Guard) -> LogFormat:
+    """Return a format of another package with guarded functions."""
+    from gpszip.io.logs.raw import RawLog
+
+    # Functions that read.
+    guarded = replace(
+        plugin,
+        sniff=guard.wrap(plugin.sniff, InputError),
+        read=guard.wrap(plugin.read, InputError, RawLog),
+    )
+    if plugin.read_batches is not None:
+        guarded = replace(guarded, read_batches=_guarded_batches(plugin.read_batches, guard))
+
+    # Functions that write.
+    if plugin.write is not None:
+        guarded = replace(guarded, write=guard.wrap(plugin.write, OutputError))
+    if plugin.describe_losses is not None:
+        describe_losses = guard.wrap(plugin.describe_losses, OutputError)
+        guarded = replace(guarded, describe_losses=describe_losses)
+    return guarded
+
+
+def _guarded_batches(
+    read_batches: Callable[[Source, Request], LogBatches | None], guard: Guard
+) -> Callable[[Source, Request], LogBatches | None]:
+    """Guard the opening of batches, and the batches, which are read later."""
+    from gpszip.io.logs.raw import RawLog
+
+    def iterate(opened: LogBatches, where: str) -> Iterator[RawLog]:
+        with guard.named_faults(InputError, where):
+            for batch in opened.batches:
+                guard.expect(RawLog, batch)
+                yield batch
+
+    def read(source: Source, request: Request) -> LogBatches | None:
+        with guard.named_faults(InputError, source.name):
+            opened = read_batches(source, request)
+            if opened is None:
+                return None
+            guard.expect(LogBatches, opened)
+        return replace(
+            opened,
+            batches=iterate(opened, source.name),
+            count_rows=opened.count_rows and guard.wrap(opened.count_rows, InputError, int),
+        )
+
+    return read
 
 
 def format_named(name: str) -> LogFormat:

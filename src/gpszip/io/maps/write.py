@@ -6,21 +6,20 @@ package adds a :class:`MapFormat` as an entry point of the group ``gpszip.map_fo
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gpszip.errors import OutputError
-from gpszip.io.maps.csv import write_map_csv
-from gpszip.io.maps.geojson import write_map_geojson
-from gpszip.io.maps.gpkg import write_map_gpkg
-from gpszip.io.maps.graphml import write_map_graphml
-from gpszip.io.maps.osm import write_map_osm
-from gpszip.io.maps.table import MapTable, clean_map_table, map_table
-from gpszip.io.plugins import load_plugins
+from gpszip.io.deferred import deferred
+from gpszip.io.plugins import Guard, load_plugins
 from gpszip.io.storage.sink import atomic_write, to_stdout
 from gpszip.model import CleanMap, RoadMap
+
+if TYPE_CHECKING:
+    from gpszip.io.maps.table import MapTable
 
 __all__ = [
     "MAP_FORMATS",
@@ -63,18 +62,22 @@ class MapFormat:
     degrees_only: bool = False
 
 
+_write_geojson = deferred("gpszip.io.maps.geojson", "write_map_geojson")
+
 #: Formats in the order in which help texts name them; the first is that of standard output.
 MAP_FORMATS: tuple[MapFormat, ...] = (
     MapFormat(
         "geojson",
         (".geojson", ".json"),
-        write_map_geojson,
-        write_with_nodes=partial(write_map_geojson, points=True),
+        _write_geojson,
+        write_with_nodes=partial(_write_geojson, points=True),
     ),
-    MapFormat("graphml", (".graphml",), write_map_graphml),
-    MapFormat("osm", (".osm",), write_map_osm, degrees_only=True),
-    MapFormat("gpkg", (".gpkg",), write_map_gpkg, is_binary=True),
-    MapFormat("csv", (".csv",), write_map_csv),
+    MapFormat("graphml", (".graphml",), deferred("gpszip.io.maps.graphml", "write_map_graphml")),
+    MapFormat("osm", (".osm",), deferred("gpszip.io.maps.osm", "write_map_osm"), degrees_only=True),
+    MapFormat(
+        "gpkg", (".gpkg",), deferred("gpszip.io.maps.gpkg", "write_map_gpkg"), is_binary=True
+    ),
+    MapFormat("csv", (".csv",), deferred("gpszip.io.maps.csv", "write_map_csv")),
 )
 
 
@@ -86,7 +89,21 @@ def map_formats() -> tuple[MapFormat, ...]:
     InputError
         If a format of another package can't be loaded.
     """
-    return (*MAP_FORMATS, *load_plugins(_PLUGIN_GROUP, MapFormat))
+    return tuple(_built_in_first())
+
+
+def _built_in_first() -> Iterator[MapFormat]:
+    """Yield the formats of this package, then those of others, which are loaded only then."""
+    yield from MAP_FORMATS
+    yield from load_plugins(_PLUGIN_GROUP, MapFormat, _guarded)
+
+
+def _guarded(plugin: MapFormat, guard: Guard) -> MapFormat:
+    """Return a format of another package with guarded functions."""
+    guarded = replace(plugin, write=guard.wrap(plugin.write, OutputError))
+    if plugin.write_with_nodes is None:
+        return guarded
+    return replace(guarded, write_with_nodes=guard.wrap(plugin.write_with_nodes, OutputError))
 
 
 def map_suffixes() -> tuple[str, ...]:
@@ -103,6 +120,8 @@ def map_suffixes() -> tuple[str, ...]:
 def find_map_format(path: str | Path, name: str | None = None) -> MapFormat:
     """Find the format in which a map is written.
 
+    Built-in formats are found even if a format of another package can't be loaded.
+
     Parameters
     ----------
     path : str or Path
@@ -114,6 +133,8 @@ def find_map_format(path: str | Path, name: str | None = None) -> MapFormat:
     ------
     OutputError
         If there is no such format.
+    InputError
+        If it is none of this package, and a format of another one can't be loaded.
 
     Examples
     --------
@@ -121,19 +142,18 @@ def find_map_format(path: str | Path, name: str | None = None) -> MapFormat:
     ('gpkg', 'geojson')
     """
     # Standard output has no suffix to tell the format: it is the first format.
-    formats = map_formats()
     if name is None and str(path) == "-":
-        return formats[0]
+        return MAP_FORMATS[0]
 
     # Find it by its name or by a suffix.
     suffix = Path(path).suffix.lower() if name is None else f".{name.lower()}"
-    for map_format in formats:
+    for map_format in _built_in_first():
         if suffix in map_format.suffixes or (name is not None and name.lower() == map_format.name):
             return map_format
 
     # There is none: say which there are.
     if name is not None:
-        names = ", ".join(map_format.name for map_format in formats)
+        names = ", ".join(map_format.name for map_format in map_formats())
         raise OutputError(f"{path}: no format {name!r} for maps; there are {names}")
     raise OutputError(
         f"{path}: can't tell the format from this name; end it with one of "
@@ -172,6 +192,8 @@ def write_map(
     OutputError
         If the format is unknown, it can't hold x and y, or the file can't be written.
     """
+    from gpszip.io.maps.table import clean_map_table, map_table
+
     # Find the writer.
     map_format = find_map_format(path, format)
     _check_coordinates(map_format, road_map, path)
