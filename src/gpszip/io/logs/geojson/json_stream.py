@@ -125,6 +125,7 @@ def read_json(stream: Any, name: str) -> Iterator[Element | Document]:
 def _read_object(window: _Window) -> Iterator[Element | Document]:
     # Read member by member, so that the features are never all in memory.
     members: dict[str, Any] = {}
+    has_features = False
     window.take("{")
     window.begin()
     while window.has_item("}", first=not members):
@@ -137,8 +138,9 @@ def _read_object(window: _Window) -> Iterator[Element | Document]:
         # Read its value. As for all readers of JSON, the last member of a name counts; but
         # features are yielded before a second list of them can come.
         if name == "features" and window.peek() == "[":
-            if name in members:
+            if has_features:
                 raise window.damage("there is another list of features")
+            has_features = True
             yield from _read_elements(window)
             members[name] = []
             window.begin()
