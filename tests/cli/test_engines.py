@@ -13,7 +13,7 @@ def scheduler():
         n_workers=1,
         threads_per_worker=2,
         processes=False,
-        dashboard_address=None,
+        dashboard_address=":0",  # any free port
         protocol="tcp",
         host="127.0.0.1",
     ) as cluster:

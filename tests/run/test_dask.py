@@ -53,7 +53,7 @@ def client():
             n_workers=3,
             threads_per_worker=1,
             processes=True,
-            dashboard_address=None,
+            dashboard_address=":0",  # any free port
             memory_limit=0,
         ) as cluster,
         distributed.Client(cluster) as client,
