@@ -39,7 +39,7 @@ def read_archive_bytes(name: str) -> bytes:
         return sys.stdin.buffer.read()
     except OSError as error:
         raise InputError(
-            f"standard input: can't be read: {error.strerror or error}; is it open?"
+            f"can't be read: {error.strerror or error}", path="standard input", remedy="is it open?"
         ) from None
 
 

@@ -250,6 +250,6 @@ def _check_thesis(options: Options, *, in_memory: bool) -> None:
     if options.thesis and not in_memory:
         raise OptionError(
             "k and m segment a track that is in memory as a whole, and the logs are larger than "
-            "the memory given; allow more with --memory, leave it out, or give --rmse "
-            "instead of k and m"
+            "the memory given",
+            remedy="allow more with --memory, leave it out, or give --rmse instead of k and m",
         )

@@ -57,7 +57,7 @@ class CoresetStream:
 
     def __init__(self, size: int, *, id: str = "0", plane: Plane | None = None) -> None:
         if size < 1:
-            raise OptionError(f"size is {size}; a coreset has at least 1 block")
+            raise OptionError(f"size is {size}", remedy="a coreset has at least 1 block")
         self.size = size
         self.id = id
         self.plane = plane
@@ -218,7 +218,9 @@ def merge_coresets(coresets: Sequence[Coreset], *, size: int | None = None) -> C
     first = coresets[0]
     for coreset in coresets:
         if coreset.dimension != first.dimension or coreset.plane != first.plane:
-            raise OptionError("the coresets lie on different planes; read their logs together")
+            raise OptionError(
+                "the coresets lie on different planes", remedy="read their logs together"
+            )
 
     # common numbers for the tracks
     names = tuple(dict.fromkeys(name for coreset in coresets for name in coreset.tracks))
@@ -238,8 +240,9 @@ def merge_coresets(coresets: Sequence[Coreset], *, size: int | None = None) -> C
     if overlaps.any():
         row = int(overlaps.argmax())
         raise OptionError(
-            f"track {names[owners[row]]!r}: two slices overlap at time "
-            f"{rows[row + 1, kernel.FIRST]:g}; give each its own name"
+            f"two slices overlap at time {rows[row + 1, kernel.FIRST]:g}",
+            location=f"track {names[owners[row]]!r}",
+            remedy="give each its own name",
         )
 
     # Merge neighbouring blocks if there are more than allowed.

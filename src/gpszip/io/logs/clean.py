@@ -184,7 +184,7 @@ def nothing_usable_error(
         remedy = "say which columns hold them with --columns t=COLUMN,..."
     else:
         remedy = "correct the file, or leave it out"
-    return InputError(f"{name}: no {noun} has a {what} that can be read{shown}; {remedy}")
+    return InputError(f"no {noun} has a {what} that can be read{shown}", path=name, remedy=remedy)
 
 
 def _format_cell(cell: UnreadableCell) -> str:

@@ -222,7 +222,7 @@ class FileCollector:
         """
         # Some row must have a time and a position.
         if not self.points:
-            raise InputError(f"{self.name}: columns, but no rows")
+            raise InputError("columns, but no rows", path=self.name)
         for what in _NEEDED:
             if what not in self._readable:
                 raise nothing_usable_error(self.name, self.row_noun, what, self._unreadable)

@@ -65,9 +65,10 @@ def stopped_clock_error(where: str, track: str, points: int, time: float) -> Inp
         shown_time = f"{time:.15g} s"
     whose = f" of track {track!r}" if track else ""
     return InputError(
-        f"{where}: all {points:,} points{whose} have the same time, {shown_time}; "
-        "name the right column with --columns t=COLUMN, "
-        "or take the times out to read the points as a shape"
+        f"all {points:,} points{whose} have the same time, {shown_time}",
+        path=where,
+        remedy="name the right column with --columns t=COLUMN, or take the times out to read the "
+        "points as a shape",
     )
 
 
@@ -79,6 +80,7 @@ def nearly_lost_error(where: str, points: int, noun: str, repairs: Sequence[Repa
         if repair.drops
     )
     return InputError(
-        f"{where}: only 1 of {points:,} {noun}s can be used: {causes}; "
-        "name the right columns with --columns"
+        f"only 1 of {points:,} {noun}s can be used: {causes}",
+        path=where,
+        remedy="name the right columns with --columns",
     )

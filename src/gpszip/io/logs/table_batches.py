@@ -93,7 +93,7 @@ def interpret_batches(reader: TableReader, request: Request) -> Iterator[RawLog]
     try:
         yield from _interpret(reader, request)
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{reader.name}: {reader.explain_error(error)}") from None
+        raise InputError(reader.explain_error(error), path=reader.name) from None
 
 
 def _interpret(reader: TableReader, stated: Request) -> Iterator[RawLog]:

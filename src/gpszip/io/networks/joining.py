@@ -238,7 +238,7 @@ def _drop_repeated_vertices(indexed: _IndexedLines, repairs: list[Repair]) -> _I
     has_length = counts >= 2
     _note_dropped(repairs, lines, "roads without a length dropped", ~has_length)
     if not has_length.any():
-        raise InputError(f"{lines.name}: holds no road: no line with two different vertices")
+        raise InputError("holds no road: no line with two different vertices", path=lines.name)
     keep &= np.repeat(has_length, np.diff(lines.offsets))
     offsets = np.append(0, np.cumsum(counts[has_length]))
     lines = replace(take_attributes(lines, np.flatnonzero(has_length)), offsets=offsets)

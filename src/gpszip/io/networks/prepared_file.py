@@ -257,7 +257,7 @@ def read_prepared_file(
         ):
             return _read(data, name, box_filter)
     except OSError as error:
-        raise InputError(f"{name}: can't be read: {error.strerror or error}") from error
+        raise InputError(f"can't be read: {error.strerror or error}", path=name) from error
 
 
 def _read(data: mmap.mmap, name: str, box_filter: BoxFilter | None) -> RoadGraph:

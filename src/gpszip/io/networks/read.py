@@ -227,7 +227,7 @@ def build_network(
     """
     # Refuse an empty network, and one whose coordinates are of another kind than the log's.
     if not near and not len(roads):
-        raise InputError(f"{roads.name}: holds no road")
+        raise InputError("holds no road", path=roads.name)
     if near and roads.geographic != (plane is not None):
         kind, log_kind = (
             ("degrees", "x and y")
@@ -235,8 +235,9 @@ def build_network(
             else ("metres of an unknown origin", "degrees")
         )
         raise InputError(
-            f"{roads.name}: is in {kind}, but the log in {log_kind}; "
-            "convert one of them to the coordinates of the other"
+            f"is in {kind}, but the log in {log_kind}",
+            path=roads.name,
+            remedy="convert one of them to the coordinates of the other",
         )
 
     # Project.
@@ -458,7 +459,7 @@ def read_road_graph(
         else:
             lines_read += [_read_lines(file, metric) for file in expand(item, unzip=False)]
     if not lines_read:
-        raise InputError("no network given; name a file")
+        raise InputError("no network given", remedy="name a file")
 
     # Join them.
     lines = lines_read[0] if len(lines_read) == 1 else _concatenate(lines_read)
@@ -479,8 +480,8 @@ def _concatenate(lines_read: Sequence[RoadLines]) -> RoadLines:
     first, last = lines_read[0], lines_read[-1]
     if len({lines.geographic for lines in lines_read}) > 1:
         raise InputError(
-            f"{first.name} and {last.name}: one is in degrees and the other in metres; "
-            "convert one of them"
+            f"{first.name} and {last.name}: one is in degrees and the other in metres",
+            remedy="convert one of them",
         )
 
     # The offsets of a source count from its own start.

@@ -189,7 +189,9 @@ def read_vector_lines(
             else "no features"
         )
         raise InputError(
-            f"{name}: holds {what}; a network needs LineStrings whose coordinates are numbers"
+            f"holds {what}",
+            path=name,
+            remedy="a network needs LineStrings whose coordinates are numbers",
         )
 
     # Coordinates.
@@ -275,7 +277,7 @@ def _read_features(
                 _add_batch(features, batch, geometry, column_by_role)
     except (*gdal_errors, pa.ArrowException) as error:
         reason = " ".join(str(error).split())[:_MAX_REASON_LETTERS]
-        raise InputError(f"{name}: can't be read as lines: {reason}") from error
+        raise InputError(f"can't be read as lines: {reason}", path=name) from error
     return features, meta["crs"]
 
 
@@ -413,8 +415,9 @@ def _to_log_coordinates(
         states_degrees = crs is not None and not is_geojson and is_geographic(crs, name)
         if states_degrees or (is_geojson and _looks_like_degrees(points, counts)):
             raise InputError(
-                f"{name}: is in degrees, but the log in x and y; "
-                "convert one of them to the coordinates of the other"
+                "is in degrees, but the log in x and y",
+                path=name,
+                remedy="convert one of them to the coordinates of the other",
             )
         return _LogCoordinates(points, False)
 

@@ -63,8 +63,9 @@ def disk_errors_as_output_errors() -> Iterator[None]:
         folder = os.environ.get("TMPDIR") or tempfile.gettempdir()
         reason = error.strerror or "no space"
         raise OutputError(
-            f"{folder}: temporary files can't be written: {reason}{_describe_free_space(folder)}; "
-            "let TMPDIR name a folder with more space"
+            f"temporary files can't be written: {reason}{_describe_free_space(folder)}",
+            path=folder,
+            remedy="let TMPDIR name a folder with more space",
         ) from None
 
 
@@ -113,7 +114,8 @@ def read_numbers(path: Path, kind: type[Number], first: int, count: int) -> NDAr
         read = file.readinto(numbers.data.cast("B")) if count else 0
     if read != numbers.nbytes:
         raise OutputError(
-            f"{path}: this temporary file is {numbers.nbytes - read} bytes too short; "
-            "is the disk full, or failing?"
+            f"this temporary file is {numbers.nbytes - read} bytes too short",
+            path=path,
+            remedy="is the disk full, or failing?",
         )
     return numbers

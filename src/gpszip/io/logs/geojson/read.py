@@ -222,7 +222,7 @@ def _add_members(contents: _Contents, members: dict[str, Any]) -> None:
         problem = "it has no 'features'"
         if "features" in members:
             problem = f"its 'features' is {abbreviate(members['features'])}, not a list"
-        raise InputError(f"{contents.name}: no FeatureCollection as GeoJSON has it: {problem}")
+        raise InputError(f"no FeatureCollection as GeoJSON has it: {problem}", path=contents.name)
     metric = members.get("gpszip") == METRES_MEMBER["gpszip"]
     contents.metric.add(metric)
     if not metric:
@@ -231,10 +231,12 @@ def _add_members(contents: _Contents, members: dict[str, Any]) -> None:
 
 def _is_metric(contents: _Contents) -> bool:
     if contents.crs_problem:
-        raise InputError(f"{contents.name}: {contents.crs_problem}")
+        raise InputError(contents.crs_problem, path=contents.name)
     if len(contents.metric) > 1:
         raise InputError(
-            f"{contents.name}: holds features in metres and others in degrees; read them apart"
+            "holds features in metres and others in degrees",
+            path=contents.name,
+            remedy="read them apart",
         )
     return True in contents.metric
 
@@ -244,7 +246,7 @@ def _no_tracks_error(contents: _Contents) -> InputError:
         return InputError(f"{contents.skipped[0].name}: {contents.skipped[0].reason}")
     kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(contents.others.items()))
     only = f", only {kinds}" if kinds else ""
-    return InputError(f"{contents.name}: no LineString and no Point in it{only}")
+    return InputError(f"no LineString and no Point in it{only}", path=contents.name)
 
 
 def _list_left_out(contents: _Contents, reason: str) -> tuple[LeftOut, ...]:
@@ -278,8 +280,9 @@ def _log_from_lines(contents: _Contents, request: Request, *, metric: bool) -> R
     kept = {name: table[:, 2] for name in request.keep if name in HEIGHT_NAMES and has_heights}
     if missing := [name for name in request.keep if name not in kept]:
         raise InputError(
-            f"{contents.name}: its positions have no {missing[0]!r}; "
-            "only a third number, alt, can be kept"
+            f"its positions have no {missing[0]!r}",
+            path=contents.name,
+            remedy="only a third number, alt, can be kept",
         )
     dimension = 3 if has_heights else 2
     coordinates = (table[:, :dimension] if metric else table[:, 1::-1]).copy()

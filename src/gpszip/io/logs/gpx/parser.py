@@ -108,7 +108,9 @@ def parse_points(source: Source, fields: Collection[str]) -> tuple[GpxPoints, Re
     except UnicodeDecodeError:
         encoding = utf8.encoding.upper()
         raise InputError(
-            f"{source.name}: damaged {encoding} text; fetch the file again, or save it as UTF-8"
+            f"damaged {encoding} text",
+            path=source.name,
+            remedy="fetch the file again, or save it as UTF-8",
         ) from None
     return collector.finish(), utf8.replaced
 
@@ -168,6 +170,7 @@ def _chunks(source: Source) -> Iterator[bytes]:
                 yield chunk
         except OSError as error:
             raise InputError(
-                f"{source.name}: damaged gzip file ({error}); "
-                "unpack what is left of it with zcat, or fetch it again"
+                f"damaged gzip file ({error})",
+                path=source.name,
+                remedy="unpack what is left of it with zcat, or fetch it again",
             ) from None

@@ -115,7 +115,7 @@ def read_gpx(source: Source, request: Request) -> RawLog:
     if not len(points.lat):
         only = f", only {_describe_waypoints(points)}" if points.waypoints else ""
         raise InputError(
-            f"{source.name}: no track points{only}; GPSZip reads tracks (trk) and routes (rte)"
+            f"no track points{only}; GPSZip reads tracks (trk) and routes (rte)", path=source.name
         )
 
     # Tell tracks from shapes, and name both.
@@ -269,11 +269,13 @@ def _require_usable_points(
     if not has_position.any():
         first = unreadable[0]
         raise InputError(
-            f"{where}: no point has a position that can be read; the first has "
-            f"{first.column}={_quote(first.value)}; write degrees such as lat='48.1371'"
+            "no point has a position that can be read; the first has "
+            f"{first.column}={_quote(first.value)}",
+            path=where,
+            remedy="write degrees such as lat='48.1371'",
         )
     if not (has_position & (in_shape | np.isfinite(times))).any():
-        raise InputError(f"{where}: no point has both a position and a time that can be read")
+        raise InputError("no point has both a position and a time that can be read", path=where)
 
 
 # Attributes
@@ -323,7 +325,7 @@ def _kept_fields(points: GpxPoints, request: Request, where: str) -> dict[str, s
         if field is None:
             names = ", ".join(list(present.values())[:_MAX_SHOWN_NAMES])
             shown = names or "position and time only"
-            raise InputError(f"{where}: no {name!r} to keep; its points have: {shown}")
+            raise InputError(f"no {name!r} to keep", path=where, remedy=f"its points have: {shown}")
         kept[name] = field
     return kept
 
