@@ -101,7 +101,8 @@ def _report_written(written: list[str]) -> Iterator[None]:
     except OutputError as error:
         if not written:
             raise
-        raise copy_notes(OutputError(f"{error}; {', '.join(written)} is written"), error) from error
+        reason = f"{error.detail}; {', '.join(written)} is written"
+        raise copy_notes(OutputError(reason, path=error.path), error) from error
 
 
 def _resolve_target(path: str | os.PathLike[str], force: bool) -> Path:

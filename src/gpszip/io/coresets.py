@@ -91,7 +91,7 @@ def write_coreset(coreset: Coreset, sink: str | Path | BinaryIO, *, force: bool 
     is_path = isinstance(sink, (str, Path)) and str(sink) != "-"
     if is_path and Path(str(sink)).exists() and not force:
         raise OutputError(
-            "exists already", path=sink, remedy="replace it with force, or name another file"
+            "exists already", path=str(sink), remedy="replace it with force, or name another file"
         )
 
     # Metadata.

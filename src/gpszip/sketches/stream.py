@@ -161,16 +161,18 @@ class CoresetStream:
             or weights.shape != times.shape
         ):
             raise TrackError(
-                f"{name}: times have shape {times.shape} and positions {positions.shape}; "
-                f"expected (n,) and (n, {dimension})"
+                f"times have shape {times.shape} and positions {positions.shape}; "
+                f"expected (n,) and (n, {dimension})",
+                location=name,
             )
 
         # values
         is_finite = all(np.isfinite(values).all() for values in (times, positions, weights))
         if not is_finite or (weights <= 0).any():
             raise TrackError(
-                f"{name}: a sample is not finite, or its weight is not positive; "
-                "drop or repair such samples first"
+                "a sample is not finite, or its weight is not positive",
+                location=name,
+                remedy="drop or repair such samples first",
             )
 
         # order, from the last sample of the previous chunk on
@@ -178,8 +180,9 @@ class CoresetStream:
         if goes_back.any():
             row = int(goes_back.argmax())
             raise TrackError(
-                f"{name}: sample {self.samples + row}: time {times[row]:g} does not follow the "
-                "one before; sort or split the track"
+                f"time {times[row]:g} does not follow the one before",
+                location=f"{name}: sample {self.samples + row}",
+                remedy="sort or split the track",
             )
         return _Chunk(times, positions, weights)
 

@@ -227,6 +227,19 @@ def test_faults_of_another_package_are_errors_with_its_name(
         store_logs(path, rows=1000)
 
 
+def test_an_error_of_another_package_gets_the_file(install_plugin, tmp_path):
+    refusal = 'raise InputError("no row", location="line 2", remedy="add one")'
+    source = f"from gpszip.errors import InputError\n{TOY}"
+    source = source.replace("    return RawLog", f"    {refusal}\n    return RawLog")
+    install_plugin("gpszip.formats", source)
+    path = toy_file(tmp_path / "walk.toy")
+    for read in (read_logs, lambda path: store_logs(path, rows=1000)):
+        with pytest.raises(InputError) as caught:
+            read(path)
+        assert caught.value.path == str(path)
+        assert str(caught.value) == f"{path}: line 2: no row; add one"
+
+
 def test_faults_while_another_package_writes_are_errors_with_its_name(install_plugin, tmp_path):
     install_plugin("gpszip.formats", TOY.replace("savetxt", "no_such_name"))
     track = Track("walk", [0, 1], [[0, 0], [1, 1]])

@@ -104,7 +104,7 @@ def _first_unreadable_cells(raw: RawLog) -> tuple[UnreadableCell | None, Unreada
 
 def _drop_off_globe(raw: RawLog, rows: Rows, globe: GlobeCheck, repairs: list[Repair]) -> Rows:
     """Drop positions off the globe."""
-    off = globe.find(raw.coordinates[rows], rows + raw.first, f"{raw.name}: {raw.row_noun}")
+    off = globe.find(raw.coordinates[rows], rows + raw.first, raw.name, raw.row_noun)
     if not off.any():
         return rows
     value = format_off_globe(raw.coordinates[rows[off.argmax()]])

@@ -65,7 +65,7 @@ def route_format(sink: str | Path | BinaryIO, format: str | None = None) -> str:
             return name
     raise OutputError(
         f"routes are written as {' or '.join(ROUTE_FORMATS)}, not as {format or suffix[1:]}",
-        path=sink,
+        path=str(sink),
         remedy="name such a file, or give --format",
     )
 

@@ -178,10 +178,11 @@ def _drop_invalid(lines: RoadLines, repairs: list[Repair]) -> RoadLines:
         off = (np.abs(lat) > 90) | (np.abs(lon) > 360)
         if off.sum() > _MAX_OFF_GLOBE_SHARE * len(off):
             first = int(off.argmax())
-            where = f"{lines.name}: longitude {lon[first]:g}, latitude {lat[first]:g}"
             raise InputError(
-                f"{where}: no degrees; say in which coordinates it is (its CRS), "
-                "or convert it to WGS84"
+                "no degrees",
+                path=lines.name,
+                location=f"longitude {lon[first]:g}, latitude {lat[first]:g}",
+                remedy="say in which coordinates it is (its CRS), or convert it to WGS84",
             )
         bad |= off
     if not bad.any():

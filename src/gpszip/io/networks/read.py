@@ -254,7 +254,7 @@ def build_network(
     if area is not None:
         plane_roads = [_keep_nearby(roads, candidates, area) for candidates in plane_roads]
         if not any(len(kept.chosen) for kept in plane_roads):
-            raise InputError(_describe_mismatch(roads, plane, near))
+            raise _mismatch_error(roads, plane, near)
         plane_roads = _drop_footways(roads, plane_roads, near, repairs)
     network = _assemble(roads, [kept for kept in plane_roads if len(kept.chosen)], plane)
     return NetworkReadResult(network, roads.name, len(roads), tuple(repairs))
@@ -401,8 +401,8 @@ def _take_street_names(roads: RoadGraph, chosen: NDArray[np.intp]) -> TextColumn
     return TextColumn(roads.names.take(pa.array(chosen)).fill_null(""))
 
 
-def _describe_mismatch(roads: RoadGraph, plane: Plane | None, near: Sequence[Track]) -> str:
-    """Return the message for a network that is far from the log."""
+def _mismatch_error(roads: RoadGraph, plane: Plane | None, near: Sequence[Track]) -> InputError:
+    """Return the error for a network that is far from the log."""
     # Bring the log to the coordinates of the network, to name both extents in the same ones.
     log = np.concatenate([track.positions[:, :2] for track in near])
     if plane is not None:
@@ -410,8 +410,8 @@ def _describe_mismatch(roads: RoadGraph, plane: Plane | None, near: Sequence[Tra
         log = np.stack((lon, lat), axis=1)
     hint = "give a network of that region"
     if not len(roads):
-        extent = _format_extent(log)
-        return f"{roads.name}: no road of it is near the log, which is at {extent}; {hint}"
+        reason = f"no road of it is near the log, which is at {_format_extent(log)}"
+        return InputError(reason, path=roads.name, remedy=hint)
 
     # Would the log be near if its axes were swapped?
     vertices = roads.coordinates
@@ -419,9 +419,11 @@ def _describe_mismatch(roads: RoadGraph, plane: Plane | None, near: Sequence[Tra
     swapped = log[:, ::-1]
     if plane is not None and ((swapped >= low) & (swapped <= high)).all(axis=1).any():
         hint = "latitude and longitude look swapped in one of them"
-    return (
-        f"{roads.name}: lies elsewhere than the log: {_format_extent(vertices)} of the network "
-        f"against {_format_extent(log)} of the log; {hint}"
+    return InputError(
+        f"lies elsewhere than the log: {_format_extent(vertices)} of the network "
+        f"against {_format_extent(log)} of the log",
+        path=roads.name,
+        remedy=hint,
     )
 
 

@@ -42,8 +42,9 @@ def scratch_folder() -> Iterator[Path]:
         except OSError as error:
             setting = f"TMPDIR names {given}" if given else "TMPDIR is not set"
             raise OutputError(
-                f"{setting}: no temporary files can be made ({error.strerror}); "
-                "let it name a folder with free space"
+                f"no temporary files can be made ({error.strerror})",
+                location=setting,
+                remedy="let it name a folder with free space",
             ) from None
         yield folder
 

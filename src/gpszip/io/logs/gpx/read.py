@@ -253,7 +253,7 @@ def _times(texts: Any, request: Request, where: str) -> Floats:
         return np.full(len(texts), np.nan)
     unit = unit_seconds(request.time_unit) if request.time_unit else None
     return times_to_seconds(
-        texts, unit, f"{where}: time", origin=unit_origin(request.time_unit), dates=request.dates
+        texts, unit, where, "time", origin=unit_origin(request.time_unit), dates=request.dates
     )
 
 
@@ -295,8 +295,7 @@ def _attributes(
     """
     kept = _kept_fields(points, request, where)
     attributes = {
-        name: _values(points.fields[field], comma, f"{where}: {field}")
-        for name, field in kept.items()
+        name: _values(points.fields[field], comma, where, field) for name, field in kept.items()
     }
     used = list(kept.values())
 
@@ -335,7 +334,7 @@ def _dropped(points: GpxPoints, used: Iterable[str]) -> tuple[str, ...]:
     return tuple(shown for field, shown in points.present.items() if field not in known)
 
 
-def _values(texts: Any, comma: bool, where: str) -> NDArray[np.generic]:
+def _values(texts: Any, comma: bool, where: str, field: str) -> NDArray[np.generic]:
     """Return floats if all texts are numbers, NaN for those that are missing; else texts."""
     is_unknown = pc.fill_null(pc.match_substring_regex(texts, _NAN), True)
     floats = to_floats(texts, comma)
@@ -347,8 +346,10 @@ def _values(texts: Any, comma: bool, where: str) -> NDArray[np.generic]:
     letters = int(pc.max(pc.utf8_length(texts)).as_py())
     if letters * np.dtype("U1").itemsize * len(texts) > _MAX_TEXT_BYTES:
         raise InputError(
-            f"{where}: texts of {letters} letters are too long to keep for {len(texts)} points; "
-            "leave them out"
+            f"texts of {letters} letters are too long to keep for {len(texts)} points",
+            path=where,
+            location=field,
+            remedy="leave them out",
         )
     return np.array(pc.fill_null(texts, "").to_pylist(), dtype=np.str_)
 
