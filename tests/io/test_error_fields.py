@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+import gpszip
 from gpszip.errors import CorruptArchiveError, InputError, OutputError
 from gpszip.io.coresets import read_coreset
 from gpszip.io.large.store import store_logs
@@ -179,6 +180,16 @@ def test_what_is_damaged_comes_with_its_offset_and_a_remedy(tmp_path):
         read_network(path)
     _check(caught.value, path, None, "its index is damaged (at byte 0)", "prepare it again")
     assert caught.value.offset == 0
+
+
+def test_a_damaged_archive_has_its_file(tmp_path):
+    path = tmp_path / "a.gpsz"
+    path.write_bytes(b"no archive")
+    with pytest.raises(CorruptArchiveError) as caught:
+        gpszip.open(path)
+    assert caught.value.path == str(path)
+    assert caught.value.offset == 0
+    assert str(caught.value).startswith(f"{path}: not a .gpsz archive: ")
 
 
 def test_features_left_out_have_reasons_without_the_file(tmp_path):
