@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from gpszip.errors import InputError
 from gpszip.io.networks.features import road_lines
 from gpszip.io.networks.geojson import read_geojson_lines
+from gpszip.io.networks.read import read_network
 from gpszip.io.networks.vector import _read_features
 from gpszip.io.storage.source import Source
 
@@ -149,3 +150,21 @@ def test_vector_formats_name_their_extra(tmp_path):
         assert (done.returncode != 0) == bool(status), done.stderr
     assert "needs the extra 'gis': pip install 'gpszip[gis]'" in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_vector_files_with_texts_that_are_no_utf8_are_refused(tmp_path):
+    path = tmp_path / "roads.fgb"
+    line = np.array([bytes.fromhex("010200000002000000" + "00" * 24 + "000000000000f03f")], object)
+    pyogrio.raw.write(
+        path,
+        geometry=line,
+        field_data=[np.array(["a street"], object)],
+        fields=["name"],
+        geometry_type="LineString",
+        crs="EPSG:4326",
+        driver="FlatGeobuf",
+    )
+    assert len(read_network(path, near=None)) == 1
+    path.write_bytes(path.read_bytes().replace(b"a street", b"a str\xffet"))
+    with pytest.raises(InputError, match=r"roads\.fgb: can't be read as lines: .*UTF8"):
+        read_network(path, near=None)
