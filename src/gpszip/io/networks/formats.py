@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from gpszip.errors import InputError, UnknownFormatError
+from gpszip.io.networks.geojson import read_geojson_lines
 from gpszip.io.networks.graphml import read_graphml_lines
 from gpszip.io.networks.lines import RoadLines
 from gpszip.io.networks.osm import read_osm_lines
@@ -166,12 +167,7 @@ def _is_geojson(head: bytes, _name: str) -> bool:
 
 
 def _read_geojson(source: Source, metric: bool | None) -> RoadLines:
-    # GPSZip's own maps say that their coordinates are metres.
-    start = source.head().lstrip(_BLANKS)[:_HEADER_BYTES]
-    in_metres = b'"gpszip"' in start and b'"metres"' in start
-    return read_vector_lines(
-        _gdal_source(source), source.name, metric=metric, in_metres=in_metres, is_geojson=True
-    )
+    return read_geojson_lines(source, metric=metric)
 
 
 def _starts_with(*magic: bytes) -> Callable[[bytes, str], bool]:
