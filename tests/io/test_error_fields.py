@@ -11,6 +11,7 @@ import pytest
 
 import gpszip
 from gpszip.errors import CorruptArchiveError, InputError, OutputError
+from gpszip.geo.planes import choose_plane
 from gpszip.io.coresets import read_coreset
 from gpszip.io.large.store import store_logs
 from gpszip.io.logs.read import read_logs
@@ -24,6 +25,9 @@ LINE = (
     '{"type": "Feature", "properties": {"times": %s}, '
     '"geometry": {"type": "LineString", "coordinates": [[11, 48], [11.1, 48]]}}'
 )
+
+#: Where a log in degrees is.
+NEAR = gpszip.Track("car", [0, 60], [[0, 0], [9, 9]], plane=choose_plane([48], [11]))
 
 #: Logs by name: text, location, reason and remedy. The last two may be the beginnings of them.
 LOGS = {
@@ -119,10 +123,10 @@ NETWORKS = {
         "nodes need the numbers",
     ),
     "far.geojson": (
-        (LINE % "null").replace("[11, 48]", "[1e400, 48]").encode(),
-        "longitude inf, latitude 48",
-        "no degrees",
-        "say in which coordinates it is",
+        (LINE % "null").replace("[11, 48]", "[11e6, 48]").encode(),
+        None,
+        "is in metres of an unknown origin, but the log in degrees",
+        "convert one of them",
     ),
 }
 
@@ -159,7 +163,7 @@ def test_errors_of_networks_have_fields(tmp_path, name):
     data, *fields = NETWORKS[name]
     (tmp_path / name).write_bytes(data)
     with pytest.raises(InputError) as caught:
-        read_network(tmp_path / name)
+        read_network(tmp_path / name, near=NEAR)
     _check(caught.value, tmp_path / name, *fields)
 
 
