@@ -63,7 +63,7 @@ def two_and_one_merged(fleets, two_merged):
 @pytest.fixture(scope="module")
 def all_merged(fleets, little_work):
     """All fleets in one archive, and the report."""
-    return merge(fleets)
+    return merge(fleets, executor=Threads(2))
 
 
 def farthest(before, after, names=None):
@@ -163,9 +163,7 @@ def test_the_order_of_merging_hardly_changes_the_size(fleets, two_and_one_merged
     one, two, three = fleets
     right, _ = merge([two, three])
     right_first, _ = merge([one, right])
-    sizes = [
-        len(made.to_bytes()) for made in (two_and_one_merged[0], right_first, all_merged[0])
-    ]
+    sizes = [len(made.to_bytes()) for made in (two_and_one_merged[0], right_first, all_merged[0])]
     assert max(sizes) <= 1.05 * min(sizes)
 
 
