@@ -407,16 +407,19 @@ def test_later_batches_know_what_earlier_ones_add_to_the_map(rounds, monkeypatch
 
 
 def test_times_too_coarse_for_a_batch_become_fine_again(rounds, monkeypatch):
-    """Where coarser times break the bound, the learned ones are used."""
-    time_steps, encode = [], learn_in_batches.encode_batches
+    """Where coarser times break the bound, the learned ones are used for the same target."""
+    force_batches(monkeypatch, batch=1500, subsample=3000)
+    time_steps, targets, encode = [], [], learn_in_batches.encode_batches
 
     def encode_on_fine_times_only(log, base, batches, executor, report):
         time_steps.append(base.grid.time)
+        targets.append(base.options.rmse)
         if len(time_steps) == 1:
             raise BoundError("too coarse")
         return encode(log, base, batches, executor, report)
 
     monkeypatch.setattr(learn_in_batches, "encode_batches", encode_on_fine_times_only)
-    _, report, _ = compress_in_batches(rounds, Options(rmse=1.0, effort=1), memory=MEMORY)
+    _, report, _ = compress_in_batches(rounds, Options(rmse=1.5, effort=1), memory=MEMORY)
     assert time_steps[1] < time_steps[0]
-    assert report.rmse <= 1.0
+    assert targets[1] == targets[0]
+    assert report.rmse <= 1.5

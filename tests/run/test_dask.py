@@ -29,6 +29,7 @@ from oracle.chores import (
     scale,
 )
 
+dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
 
 pytestmark = pytest.mark.filterwarnings("default")
@@ -48,7 +49,9 @@ class Cluster(distributed.LocalCluster):
 
 @pytest.fixture(scope="module")
 def client():
+    # an item may kill one worker, not the usual three: each takes seconds to start again
     with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
         Cluster(
             n_workers=2,
             threads_per_worker=1,
