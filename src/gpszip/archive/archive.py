@@ -788,7 +788,7 @@ def _check_times(every: float | None, at: Times | None) -> NDArray[np.float64]:
     if (every is None) == (at is None):
         raise OptionError("give either every or at")
     if every is not None and not (every > 0 and math.isfinite(every)):
-        raise OptionError(f"every is {every:g}; it must be a positive number of seconds")
+        raise OptionError(f"every is {every:g}", remedy="it must be a positive number of seconds")
     times = np.unique(to_seconds([] if at is None else at, name="at").reshape(-1))
     if not np.isfinite(times).all():
         raise OptionError("at holds values that are no times")

@@ -68,7 +68,10 @@ def _read_contents(source: ArchiveSource) -> Contents:
     if isinstance(source, bytes):
         return from_bytes(source)
     if isinstance(source, str | os.PathLike):
-        return open_contents(path_opener(source))
+        try:
+            return open_contents(path_opener(source))
+        except CorruptArchiveError as error:
+            raise error.with_path(source) from error
     return open_contents(stream_opener(source))
 
 

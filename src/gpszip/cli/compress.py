@@ -346,7 +346,7 @@ def _compress_options(choices: dict[str, Any]) -> Options:
 
     given = [option for name, option in _BOUND_OPTIONS.items() if choices[name] is not None]
     if len(given) > 1 and given != ["--rmse", "--max-error"]:
-        raise OptionError(f"{given[0]} and {given[-1]} were both given; give one")
+        raise OptionError(f"{given[0]} and {given[-1]} were both given", remedy="give one")
     names = (*_BOUND_OPTIONS, "gap", "effort", "coreset", "k", "m", "times", "layer", "keep_times")
     size = None if choices["size"] is None else int(choices["size"])
     return Options(

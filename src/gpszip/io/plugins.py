@@ -35,7 +35,8 @@ Result = TypeVar("Result")
 class Guard:
     """Turns exceptions that a plugin doesn't raise on purpose into errors that name it.
 
-    Errors of GPSZip, errors of the system and lack of memory stay what they are.
+    Errors of GPSZip, errors of the system and lack of memory stay what they are; only the file is
+    added to an error that names none.
 
     Parameters
     ----------
@@ -80,17 +81,21 @@ report it to the authors of that package
         return guarded
 
     @contextmanager
-    def named_faults(self, error: type[GPSZipError], where: str = "") -> Iterator[None]:
-        """Turn exceptions of a block into errors of a type, which begin with ``where``."""
+    def named_faults(self, error: type[GPSZipError], path: str | None = None) -> Iterator[None]:
+        """Turn exceptions of a block into errors of a type; add the path to errors without one."""
         try:
             yield
+        except InputError as refusal:
+            if path is None or refusal.path is not None:
+                raise
+            raise refusal.with_path(path) from refusal
         except (GPSZipError, OSError, MemoryError):
             raise
         except (Exception, SystemExit) as fault:
-            prefix = f"{where}: " if where else ""
             raise error(
-                f"{prefix}{self.plugin} failed: {_explain(fault)}; "
-                "report it to the authors of that package"
+                f"{self.plugin} failed: {_explain(fault)}",
+                path=path,
+                remedy="report it to the authors of that package",
             ) from fault
 
     @staticmethod
@@ -134,8 +139,9 @@ def load_plugins(
     for plugin, where in _load_group(group):
         if not isinstance(plugin, kind):
             raise InputError(
-                f"{where}: is a {type(plugin).__name__}, not a {kind.__name__}; "
-                "update or uninstall this package"
+                f"is a {type(plugin).__name__}, not a {kind.__name__}",
+                location=where,
+                remedy="update or uninstall this package",
             )
     return tuple(guarded(plugin, Guard(where)) for plugin, where in _load_group(group))
 
@@ -154,7 +160,9 @@ def _load_group(group: str) -> tuple[tuple[Any, str], ...]:
             plugins.append((entry_point.load(), where))
         except (Exception, SystemExit) as fault:
             raise InputError(
-                f"{where}: can't be loaded: {_explain(fault)}; update or uninstall this package"
+                f"can't be loaded: {_explain(fault)}",
+                location=where,
+                remedy="update or uninstall this package",
             ) from fault
     return tuple(plugins)
 
@@ -169,9 +177,9 @@ def _explain(fault: BaseException) -> str:
     return f"{type(fault).__name__}: {' '.join(str(fault).split())[:_MAX_REASON_LETTERS]}"
 
 
-def _file_name(arguments: tuple[object, ...]) -> str:
-    """Name of the file that is the first argument; empty if it is none."""
+def _file_name(arguments: tuple[object, ...]) -> str | None:
+    """Name of the file that is the first argument; None if it is none."""
     from gpszip.io.storage.source import Source
 
     first = arguments[0] if arguments else None
-    return first.name if isinstance(first, Source) else ""
+    return first.name if isinstance(first, Source) else None

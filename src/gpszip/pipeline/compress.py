@@ -173,8 +173,8 @@ def _within_size(job: Job, size: int) -> tuple[Archive, ErrorSummary]:
     columns = sum(len(section.body) for section in job.extras)
     if size <= columns:
         raise BoundError(
-            f"{size:,} bytes are too few for this log: the columns kept alone take {columns:,}; "
-            "allow more, or keep less"
+            f"{size:,} bytes are too few for this log: the columns kept alone take {columns:,}",
+            remedy="allow more, or keep less",
         )
 
     # Hold one RMSE in metres, and compare the bytes of map and walks without the columns.
@@ -197,7 +197,8 @@ def _within_size(job: Job, size: int) -> tuple[Archive, ErrorSummary]:
     if best is None:
         raise BoundError(
             f"{size:,} bytes are too few for this log: the smallest archive takes "
-            f"{smallest + columns:,}; allow as many"
+            f"{smallest + columns:,}",
+            remedy="allow as many",
         )
     return best.result
 
@@ -243,8 +244,8 @@ def _last_resort(job: Job) -> tuple[Archive, ErrorSummary]:
         return within_bound(replace(job, map=None))
     if job.batch is not None:
         raise BoundError(
-            f"{describe_bound(job.options)} can't be held batch by batch; "
-            "allow a larger error, or more memory"
+            f"{describe_bound(job.options)} can't be held batch by batch",
+            remedy="allow a larger error, or more memory",
         )
 
     # Make every sample a knot, on finer and finer grids for shapes: rounding lengthens them.
@@ -257,7 +258,7 @@ def _last_resort(job: Job) -> tuple[Archive, ErrorSummary]:
             if holds(errors, aim):
                 return archive, errors
     remedy = "allow a larger error" + (", or more segments (k)" if job.options.k else "")
-    raise BoundError(f"{describe_bound(job.options)} can't be held; {remedy}")
+    raise BoundError(f"{describe_bound(job.options)} can't be held", remedy=remedy)
 
 
 def _tightened(target: Options, ratio: float, asked: Options) -> Options | None:

@@ -141,7 +141,9 @@ class ColumnEncoder:
         missing = next((name for name in self.names if name not in attributes), None)
         if missing is not None:
             available = ", ".join(attributes) or "none"
-            raise InputError(f"{where}: has no column {missing!r} to keep; it has {available}")
+            raise InputError(
+                f"has no column {missing!r} to keep", path=where, remedy=f"it has {available}"
+            )
 
         columns = [attributes[name] for name in self.names]
         kinds = tuple(map(_kind_of, columns))
@@ -219,8 +221,8 @@ class ColumnEncoder:
         self._text_bytes += letters + _TEXT_OVERHEAD_BYTES
         if self._text_bytes > self.text_capacity:
             raise InputError(
-                f"column {name!r} holds more distinct texts than there is memory for; "
-                "allow more memory, or don't keep it"
+                f"column {name!r} holds more distinct texts than there is memory for",
+                remedy="allow more memory, or don't keep it",
             )
 
 

@@ -55,8 +55,9 @@ class DiskRows:
         if raw.untimed:
             name = raw.ids[min(raw.untimed)] if raw.ids else "0"
             raise InputError(
-                f"{raw.name}: track {name!r} has no times, by which logs larger than memory are "
-                "sorted; leave out --memory, or allow more of it"
+                f"track {name!r} has no times, by which logs larger than memory are sorted",
+                path=raw.name,
+                remedy="leave out --memory, or allow more of it",
             )
 
         # Store.

@@ -104,7 +104,7 @@ def _first_unreadable_cells(raw: RawLog) -> tuple[UnreadableCell | None, Unreada
 
 def _drop_off_globe(raw: RawLog, rows: Rows, globe: GlobeCheck, repairs: list[Repair]) -> Rows:
     """Drop positions off the globe."""
-    off = globe.find(raw.coordinates[rows], rows + raw.first, f"{raw.name}: {raw.row_noun}")
+    off = globe.find(raw.coordinates[rows], rows + raw.first, raw.name, raw.row_noun)
     if not off.any():
         return rows
     value = format_off_globe(raw.coordinates[rows[off.argmax()]])
@@ -184,7 +184,7 @@ def nothing_usable_error(
         remedy = "say which columns hold them with --columns t=COLUMN,..."
     else:
         remedy = "correct the file, or leave it out"
-    return InputError(f"{name}: no {noun} has a {what} that can be read{shown}; {remedy}")
+    return InputError(f"no {noun} has a {what} that can be read{shown}", path=name, remedy=remedy)
 
 
 def _format_cell(cell: UnreadableCell) -> str:

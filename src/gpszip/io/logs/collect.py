@@ -178,7 +178,7 @@ def _check_coordinates(file: FileCollector, before: Sequence[FileCollector]) -> 
 def _nothing_read_error(errors: Sequence[InputError]) -> InputError:
     """Return the error if no log can be read."""
     if not errors:
-        return InputError("no log given; name a file, a pattern or - for standard input")
+        return InputError("no log given", remedy="name a file, a pattern or - for standard input")
     if len(errors) == 1:
         return errors[0]
     return InputError(f"none of {len(errors)} logs can be read; the first: {errors[0]}")

@@ -26,10 +26,10 @@ from gpszip.io.logs.log_format import CoordinateKind
 from gpszip.io.logs.losses import (
     MAX_TINY_LOG_POINTS,
     MIN_STOPPED_POSITIONS,
-    TIME_OF_DAY_GOES_BACK,
     loss_if_large,
     nearly_lost_error,
     stopped_clock_error,
+    time_of_day_error,
 )
 from gpszip.io.logs.raw import RawLog, UnreadableCell
 from gpszip.io.logs.repeats import RepeatedRows
@@ -190,12 +190,12 @@ class FileCollector:
         if not len(goes_back):
             return
         first = goes_back[rows[goes_back].argmin()]
-        where = f"{raw.name}: {raw.row_noun} {raw.first + int(rows[first])}"
+        location = f"{raw.row_noun} {raw.first + int(rows[first])}"
 
         # Errors of positions come first, as they show that columns were misread.
         self._globe.check(skip_bad=self._options.skip_bad)
         if self._has_times_of_day and not self._options.split:
-            raise InputError(f"{where}: {TIME_OF_DAY_GOES_BACK}")
+            raise time_of_day_error(raw.name, location)
 
         # Tracks are split already; points are put in order when all are read.
         if self._options.sort:
@@ -204,9 +204,12 @@ class FileCollector:
             what = "tracks started where time goes back"
         else:
             raise InputError(
-                f"{where}: time goes back {-assigned.steps[first]:.6g} s; "
-                "--sort orders the points, --split starts a new track"
+                f"time goes back {-assigned.steps[first]:.6g} s",
+                path=raw.name,
+                location=location,
+                remedy="--sort orders the points, --split starts a new track",
             )
+        where = f"{raw.name}: {location}"
         add_repair(self.repairs, Repair(what, len(goes_back), where, drops=False))
 
     # The end of the file
@@ -222,7 +225,7 @@ class FileCollector:
         """
         # Some row must have a time and a position.
         if not self.points:
-            raise InputError(f"{self.name}: columns, but no rows")
+            raise InputError("columns, but no rows", path=self.name)
         for what in _NEEDED:
             if what not in self._readable:
                 raise nothing_usable_error(self.name, self.row_noun, what, self._unreadable)
@@ -256,8 +259,7 @@ class FileCollector:
         if errors and not (self._options.skip_bad and self.tracks.named_tracks()):
             raise errors[0][1]
         for name, error in errors:
-            reason = str(error).removeprefix(f"{self.name}: ")
-            self.left_out.append(LeftOut(f"{self.name}: track {name!r}", reason))
+            self.left_out.append(LeftOut(f"{self.name}: track {name!r}", error.detail))
 
     # When the rows have been sorted
 

@@ -146,7 +146,9 @@ def _open_log_file(
         return LogFile(source, request, error=error)
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         reason = str(error).splitlines()[0][:_MAX_REASON_LETTERS]
-        return LogFile(source, request, error=InputError(f"{source.name}: can't be read: {reason}"))
+        return LogFile(
+            source, request, error=InputError(f"can't be read: {reason}", path=source.name)
+        )
 
 
 def refuse_mismatches(files: Iterable[LogFile]) -> list[LogFile]:
@@ -184,8 +186,9 @@ def _find_mismatch(file: LogFile, before: Sequence[LogFile]) -> InputError | Non
     # Say what differs: the names of the coordinate systems, or the columns.
     if kind._replace(crs=first_kind.crs) == first_kind:
         return InputError(
-            f"{file.name}: names another coordinate system than {first.name}; "
-            "bring them to one, or read them apart"
+            f"names another coordinate system than {first.name}",
+            path=file.name,
+            remedy="bring them to one, or read them apart",
         )
     return mismatch_error(file.name, kind, first.name, first_kind)
 
@@ -195,8 +198,9 @@ def mismatch_error(
 ) -> InputError:
     """Return the error for a file whose coordinates are not those of the first one."""
     return InputError(
-        f"{name}: holds {coordinate_names(kind)}, "
-        f"but {first_name} {coordinate_names(first_kind)}; read them apart"
+        f"holds {coordinate_names(kind)}, but {first_name} {coordinate_names(first_kind)}",
+        path=name,
+        remedy="read them apart",
     )
 
 

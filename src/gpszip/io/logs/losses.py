@@ -16,10 +16,10 @@ from gpszip.model.read_result import Loss, Repair
 __all__ = [
     "MAX_TINY_LOG_POINTS",
     "MIN_STOPPED_POSITIONS",
-    "TIME_OF_DAY_GOES_BACK",
     "loss_if_large",
     "nearly_lost_error",
     "stopped_clock_error",
+    "time_of_day_error",
 ]
 
 #: Share of a track's points above which a loss is large.
@@ -38,12 +38,6 @@ MAX_TINY_LOG_POINTS = 2
 #: Seconds since 1970 that messages show as dates.
 _DATE_RANGE = (1e8, 2.5e11)
 
-#: Error for times of day that go back.
-TIME_OF_DAY_GOES_BACK = (
-    "the time of day goes back, perhaps at midnight, and there is no date; "
-    "add a column named date, or start a new track there: --split"
-)
-
 
 def loss_if_large(track: str, where: str, lost: int, points: int, shared: int = 0) -> list[Loss]:
     """Return the loss of one track if it is large; else an empty list.
@@ -57,6 +51,16 @@ def loss_if_large(track: str, where: str, lost: int, points: int, shared: int = 
     return [Loss(track, where, lost, points, shared)] if lost and is_large else []
 
 
+def time_of_day_error(path: str, location: str) -> InputError:
+    """Return the error for times of day that go back."""
+    return InputError(
+        "the time of day goes back, perhaps at midnight, and there is no date",
+        path=path,
+        location=location,
+        remedy="add a column named date, or start a new track there: --split",
+    )
+
+
 def stopped_clock_error(where: str, track: str, points: int, time: float) -> InputError:
     """Return the error for a track whose points all have the same time."""
     if _DATE_RANGE[0] <= time <= _DATE_RANGE[1]:
@@ -65,9 +69,10 @@ def stopped_clock_error(where: str, track: str, points: int, time: float) -> Inp
         shown_time = f"{time:.15g} s"
     whose = f" of track {track!r}" if track else ""
     return InputError(
-        f"{where}: all {points:,} points{whose} have the same time, {shown_time}; "
-        "name the right column with --columns t=COLUMN, "
-        "or take the times out to read the points as a shape"
+        f"all {points:,} points{whose} have the same time, {shown_time}",
+        path=where,
+        remedy="name the right column with --columns t=COLUMN, or take the times out to read the "
+        "points as a shape",
     )
 
 
@@ -79,6 +84,7 @@ def nearly_lost_error(where: str, points: int, noun: str, repairs: Sequence[Repa
         if repair.drops
     )
     return InputError(
-        f"{where}: only 1 of {points:,} {noun}s can be used: {causes}; "
-        "name the right columns with --columns"
+        f"only 1 of {points:,} {noun}s can be used: {causes}",
+        path=where,
+        remedy="name the right columns with --columns",
     )

@@ -154,10 +154,11 @@ def find_map_format(path: str | Path, name: str | None = None) -> MapFormat:
     # There is none: say which there are.
     if name is not None:
         names = ", ".join(map_format.name for map_format in map_formats())
-        raise OutputError(f"{path}: no format {name!r} for maps; there are {names}")
+        raise OutputError(f"no format {name!r} for maps", path=path, remedy=f"there are {names}")
     raise OutputError(
-        f"{path}: can't tell the format from this name; end it with one of "
-        f"{', '.join(map_suffixes())}"
+        "can't tell the format from this name",
+        path=path,
+        remedy=f"end it with one of {', '.join(map_suffixes())}",
     )
 
 

@@ -95,7 +95,7 @@ def find_network_format(source: Source) -> NetworkFormat:
     """
     head = source.head()
     if not head.strip(b" \t\r\n\0"):
-        raise InputError(f"{source.name}: empty file; name one that holds a network")
+        raise InputError("empty file", path=source.name, remedy="name one that holds a network")
     for network_format in network_formats():
         if network_format.sniff(head, source.name):
             return network_format
@@ -104,8 +104,12 @@ def find_network_format(source: Source) -> NetworkFormat:
     if _is_xml(head) and b"<!ENTITY" in head:
         raise _entity_error(source)
     if _is_xml(head):
-        raise UnknownFormatError(f"{source.name}: is XML, but neither OpenStreetMap's nor GraphML")
-    raise UnknownFormatError(f"{source.name}: no network; known are {describe_network_formats()}")
+        raise UnknownFormatError(
+            "is XML, but neither OpenStreetMap's nor GraphML", path=source.name
+        )
+    raise UnknownFormatError(
+        "no network", path=source.name, remedy=f"known are {describe_network_formats()}"
+    )
 
 
 def describe_network_formats() -> str:
@@ -125,7 +129,9 @@ def _is_xml(head: bytes) -> bool:
 
 def _entity_error(source: Source) -> InputError:
     return InputError(
-        f"{source.name}: declares XML entities, which are not expanded; write it without them"
+        "declares XML entities, which are not expanded",
+        path=source.name,
+        remedy="write it without them",
     )
 
 
@@ -143,8 +149,9 @@ def _read_osm(source: Source, _metric: bool | None) -> RoadLines:
 
     if source.path is None:
         raise InputError(
-            f"{source.name}: OpenStreetMap data is read only from files whose names are UTF-8; "
-            "save or rename it first"
+            "OpenStreetMap data is read only from files whose names are UTF-8",
+            path=source.name,
+            remedy="save or rename it first",
         )
     return read_osm_lines(str(source.path), source.name)
 
@@ -173,14 +180,9 @@ def _is_geojson(head: bytes, _name: str) -> bool:
 
 
 def _read_geojson(source: Source, metric: bool | None) -> RoadLines:
-    from gpszip.io.networks.vector import read_vector_lines
+    from gpszip.io.networks.geojson import read_geojson_lines
 
-    # GPSZip's own maps say that their coordinates are metres.
-    start = source.head().lstrip(_BLANKS)[:_HEADER_BYTES]
-    in_metres = b'"gpszip"' in start and b'"metres"' in start
-    return read_vector_lines(
-        _gdal_source(source), source.name, metric=metric, in_metres=in_metres, is_geojson=True
-    )
+    return read_geojson_lines(source, metric=metric)
 
 
 def _starts_with(*magic: bytes) -> Callable[[bytes, str], bool]:
@@ -214,7 +216,7 @@ def _is_prepared(head: bytes, _name: str) -> bool:
 def _refuse_prepared(source: Source, _metric: bool | None) -> RoadLines:
     """Refuse a prepared network among several sources; a single one is not read as lines."""
     raise InputError(
-        f"{source.name}: prepared networks can't be joined; prepare one of all sources"
+        "prepared networks can't be joined", path=source.name, remedy="prepare one of all sources"
     )
 
 

@@ -109,9 +109,9 @@ def read_osm_lines(path: str, name: str) -> RoadLines:
         for way in _iterate_ways(path, osmium):
             _add_way(ways_read, way, factory, new_nodes, osmium)
     except (RuntimeError, ValueError, OSError, osmium.InvalidLocationError) as error:
-        raise InputError(f"{name}: can't be read as OpenStreetMap data: {error}") from error
+        raise InputError(f"can't be read as OpenStreetMap data: {error}", path=name) from error
     if not ways_read.geometries:
-        raise InputError(f"{name}: holds no way with the tag 'highway', so no road")
+        raise InputError("holds no way with the tag 'highway', so no road", path=name)
     return _to_road_lines(ways_read, name)
 
 
