@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from gpszip.errors import OutputError
-from gpszip.io.maps.csv import write_map_csv
+from gpszip.io.logs.log_format import deferred
 from gpszip.io.maps.geojson import write_map_geojson
 from gpszip.io.maps.gpkg import write_map_gpkg
 from gpszip.io.maps.graphml import write_map_graphml
@@ -69,7 +69,7 @@ MAP_FORMATS: tuple[MapFormat, ...] = (
     ),
     MapFormat("graphml", (".graphml",), write_map_graphml),
     MapFormat("gpkg", (".gpkg",), write_map_gpkg, is_binary=True),
-    MapFormat("csv", (".csv",), write_map_csv),
+    MapFormat("csv", (".csv",), deferred("gpszip.io.maps.csv", "write_map_csv")),
 )
 
 
