@@ -179,7 +179,7 @@ def decode(
     CorruptArchiveError
         If the bytes are no walks of so many tracks.
     """
-    # the head, and room for the knots
+    # the head, and arrays for the knots
     head, payload = read_head(data, tracks)
     model = _new_model(head.knots, dimension, prior)
     model = with_modes(model, head.modes, np.zeros(tracks, np.int64), np.zeros(0))
