@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from operator import itemgetter
 from typing import Protocol
 
 from gpszip.codec.plain.log2 import fixed_log2
@@ -94,13 +95,12 @@ class Offsets:
             bounded = min(max(scale, _MIN_SCALE), _MAX_SCALE)
             entries.append((bounded, (center << 16) - (bounded * _REACH << 16), 0))
 
-        # What is cut off; nothing of nearly all.
+        # What is cut off: nothing of distributions that don't reach down to the lowest value.
         self._entries: list[tuple[int, int, int]] = entries
-        cuts = self.below(low)
-        if any(cuts):
+        if min(entries, key=itemgetter(1))[1] <= (16 * low - 8) << 16:
             self._entries = [
                 (scale, shift, min(cut, _MAX_CUT))
-                for (scale, shift, _), cut in zip(entries, cuts, strict=True)
+                for (scale, shift, _), cut in zip(entries, self.below(low), strict=True)
             ]
 
     def __len__(self) -> int:
