@@ -90,17 +90,16 @@ def assert_decoders_agree(data, dimension, tracks):
     """All three decoders refuse the bytes, or find the same consistent walks."""
     try:
         found = decode(data, dimension, tracks)
-    except CorruptArchiveError as error:
-        found, message = None, str(error)
+    except CorruptArchiveError:
+        found = None
     try:
         positions, plain, _ = walk_decoder.decode(data, dimension, tracks)
     except walk_decoder.InvalidWalks:
         plain = None
     assert (found is None) == (plain is None)
     if found is None:
-        with pytest.raises(CorruptArchiveError) as refused:
+        with pytest.raises(CorruptArchiveError):
             decode_plain(data, dimension, tracks, None, WorkLimit(10**9))
-        assert str(refused.value) == message
         return
     assert_same(decode_plain(data, dimension, tracks, None, WorkLimit(10**9)), found)
     assert found.nodes.tolist() == positions

@@ -43,7 +43,7 @@ def decode_walks(
     --------
     >>> walks = decode_walks(bytes.fromhex("05efbdc0"), 2, 1)
     >>> walks.nodes.tolist(), walks.walks[0].time_steps.tolist()
-    ([[7, -9]], [3])
+    ([[3, -4]], [7])
     """
     # A prior trains the compiled model only.
     if prior is None and len(data) <= _MAX_PLAIN_BYTES and _COMPILED not in sys.modules:

@@ -51,7 +51,7 @@ def decode_plain(
     --------
     >>> walks = decode_plain(bytes.fromhex("05efbdc0"), 2, 1, None, WorkLimit(1000))
     >>> walks.nodes.tolist(), walks.walks[0].time_steps.tolist()
-    ([[7, -9]], [3])
+    ([[3, -4]], [7])
     """
     # the head and the knots
     head, payload = read_head(data, tracks)

@@ -12,6 +12,7 @@ from gpszip.codec.plain.distributions import Durations
 from gpszip.codec.plain.log2 import fixed_log2
 from gpszip.codec.plain.model import LARGE_DURATION, MAX_MAGNITUDE, MIXTURE_LIMIT, PlainModel
 from gpszip.codec.plain.walk_map import HalfEdge
+from gpszip.errors import CorruptArchiveError
 
 __all__ = [
     "ROW_GAP",
@@ -110,7 +111,13 @@ def learn_duration(model: PlainModel, edge: HalfEdge, duration: int) -> None:
 def _read_duration(
     model: PlainModel, mixture_id: int, guesses: Sequence[int], steepness: Sequence[int]
 ) -> int:
-    """Read a duration with distributions about each guess."""
+    """Read a duration with distributions about each guess.
+
+    Raises
+    ------
+    CorruptArchiveError
+        If it is not positive. The compiled decoder finds that once all knots are read.
+    """
     mixture = model.mixture(mixture_id)
     pairs = [(guess, steep) for guess in guesses for steep in steepness]
     durations = Durations(mixture.histogram, pairs, _MIN_DURATION)
@@ -119,6 +126,8 @@ def _read_duration(
     # the largest value stands for all that don't fit
     if duration == MIXTURE_LIMIT - 1:
         duration += model.read_signed(LARGE_DURATION)
+        if duration < _MIN_DURATION:
+            raise CorruptArchiveError("times of the walks go back")
     return duration
 
 
