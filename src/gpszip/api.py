@@ -633,9 +633,10 @@ def coreset(
     memory: int | None = None,
     executor: Executor | None = None,
 ) -> Coreset:
-    """Build the (k, eps)-coreset of tracks: blocks that price any k-segment.
+    """Build the (k, eps)-coreset of tracks: blocks that give the fitting cost of any k-segment.
 
-    It is deterministic, and coresets can be merged.
+    A k-segment is a function of time made of k straight lines. The coreset is deterministic, and
+    coresets can be merged.
 
     Parameters
     ----------
@@ -657,7 +658,8 @@ def coreset(
     Returns
     -------
     Coreset
-        Its ``cost`` prices functions, with bounds that hold wherever their breaks are.
+        Its ``cost`` gives the fitting cost of a function, with bounds that hold wherever its breaks
+        are.
 
     Raises
     ------

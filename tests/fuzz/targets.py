@@ -216,6 +216,13 @@ ROADS_OSM = (
 <way id="8"><nd ref="3"/><nd ref="1"/><tag k="highway" v="service"/></way>
 </osm>
 """,
+    """<?xml version="1.0" encoding="UTF-8"?>
+<osm version="0.6" upload="false">
+<node id="-1" lat="48.1" lon="11.5"/><node id="-2" lat="48.11" lon="11.5"/>
+<way id="-1"><nd ref="-1"/><nd ref="-2"/><tag k="highway" v="road"/>
+<tag k="gpszip:speed" v="8.5"/></way>
+</osm>
+""",
 )
 
 TIMES = ("time,note\n0\n10.5,a\n2024-05-04T08:00:00Z\n1714809600\n", "10\n20\n")

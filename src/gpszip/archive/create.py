@@ -48,13 +48,11 @@ def new_archive(
     Parameters
     ----------
     grid : QuantisationGrid
-        The grid of the walks; on a map kept elsewhere, the grid of that map, refined
-        ``refinements`` times.
+        The grid of the walks; on a known map, the grid of that map, refined ``refinements`` times.
     ids : sequence of str
         Name of each walk.
     grid_walks : GridWalks
-        Nodes in the order in which the walks first visit them, after those of the map kept
-        elsewhere.
+        Nodes in the order in which the walks first visit them, after those of the known map.
     layer : {None, "bz2"}
         ``"bz2"`` packs the walks once more.
     extras : sequence of Section
@@ -69,8 +67,8 @@ def new_archive(
         For each walk the times of the first and last sample of each gap-free piece, in seconds.
         Travel is claimed between them alone; from the first knot to the last where left out.
     step : float, default 0
-        Seconds between two samples, of the track that has the most. Ends may be rounded by less
-        than that.
+        Seconds between two samples of the most densely sampled track. The ``spans`` may be rounded
+        by less than that.
 
     Returns
     -------
@@ -149,7 +147,7 @@ def _encode_groups(
 def _encode_group(
     shared: tuple[GridWalks, QuantisationGrid, Prior | None], bounds: tuple[int, int]
 ) -> Group:
-    """Code the walks from one number up to another by themselves."""
+    """Code the walks ``bounds[0]`` to ``bounds[1] - 1`` as a group of their own."""
     from gpszip.codec.modes import encode_smallest
     from gpszip.codec.numbering import number_by_visit
 

@@ -99,11 +99,12 @@ def find_piece_ends(
         For each walk, the times of the first and the last sample, in seconds, of each run of
         samples without a gap; in the order of time.
     walks : GridWalks
-        With times. A piece may hold several runs; one without any lasts from knot to knot.
+        With times. A piece holds several runs where the gaps between them were too short for the
+        time steps. A piece without any lasts from its first knot to its last.
     grid : QuantisationGrid
         Epoch and time step.
     step : float, default 0
-        Seconds between two samples, of the track that has the most. Times may be rounded outwards
+        Seconds between two samples of the most densely sampled track. Times may be rounded outwards
         by less than a quarter of that, or by less than a second if that is no more than ``step``.
 
     Returns

@@ -29,7 +29,7 @@ __all__ = [
     "encode_with_statistics",
 ]
 
-#: Coordinates (in space steps) and times (in time steps) are below this in size.
+#: Coordinates (in space steps) and times (in time steps) have absolute values below this.
 _MAX_SIZE = 1 << 45
 
 
@@ -211,5 +211,5 @@ def _new_model(knots: int, dimension: int, prior: Prior | None) -> WalkModel:
 
 
 def _largest(values: NDArray[np.int64]) -> int:
-    """Largest size of a number; 0 if there is none."""
+    """Largest absolute value; 0 if there is none."""
     return int(np.abs(values).max()) if values.size else 0

@@ -59,8 +59,9 @@ def load_plugins(group: str, kind: type[Any] = object) -> tuple[Any, ...]:
     for plugin, where in _load_group(group):
         if not isinstance(plugin, kind):
             raise InputError(
-                f"{where}: is a {type(plugin).__name__}, not a {kind.__name__}; "
-                "update or uninstall this package"
+                f"is a {type(plugin).__name__}, not a {kind.__name__}",
+                location=where,
+                remedy="update or uninstall this package",
             )
     return tuple(plugin for plugin, _ in _load_group(group))
 
@@ -80,7 +81,9 @@ def _load_group(group: str) -> tuple[tuple[Any, str], ...]:
         except Exception as error:
             reason = " ".join(f"{type(error).__name__}: {error}".split())
             raise InputError(
-                f"{where}: can't be loaded: {reason}; update or uninstall this package"
+                f"can't be loaded: {reason}",
+                location=where,
+                remedy="update or uninstall this package",
             ) from error
     return tuple(plugins)
 

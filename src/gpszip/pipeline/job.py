@@ -60,7 +60,7 @@ class Job:
     listener : callable, optional
         Called with progress events.
     map : Archive, optional
-        Map kept elsewhere, on which the tracks become walks.
+        Known map, on which the tracks become walks.
     batch : int, optional
         Samples that are encoded at once; None where the log is in memory and encoded as a whole.
     extras : tuple of Section
@@ -93,7 +93,7 @@ class Job:
 
     @property
     def aim(self) -> Options:
-        """Options with a slightly smaller bound: files written from the archive hold the bound."""
+        """Options with a slightly smaller bound, so that files written from the archive hold it."""
         return self.options.aim(geographic=self.log.plane is not None)
 
     @property
@@ -138,7 +138,7 @@ def prepare(
     memory : int, optional
         Bytes that the process may take; needed for a log on disk.
     map : Archive, optional
-        Map kept elsewhere.
+        Known map.
     executor, progress : optional
         As for :func:`gpszip.pipeline.compress.compress`.
     """
@@ -250,6 +250,6 @@ def _check_thesis(options: Options, *, in_memory: bool) -> None:
     if options.thesis and not in_memory:
         raise OptionError(
             "k and m segment a track that is in memory as a whole, and the logs are larger than "
-            "the memory given; allow more with --memory, leave it out, or give --rmse "
-            "instead of k and m"
+            "the memory given",
+            remedy="allow more with --memory, leave it out, or give --rmse instead of k and m",
         )

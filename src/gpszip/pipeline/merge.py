@@ -122,7 +122,9 @@ def merge(
         if len(curves) == 1 or (excess <= 1 + _ROUNDING).all():
             break
     else:
-        raise BoundError(f"a deviation of {limit.metres:g} m can't be held; allow a larger one")
+        raise BoundError(
+            f"a deviation of {limit.metres:g} m can't be held", remedy="allow a larger one"
+        )
 
     # what the archive states, and the deviations in the order of the archives
     archive = with_error_bound(archive, _error_bound(sources, moved))
@@ -146,17 +148,19 @@ def _check(archives: Sequence[Archive], names: Sequence[str]) -> None:
     """Refuse archives that don't go together, by name."""
     # Refuse a single archive, which has nothing to be merged with.
     if len(archives) < 2:
-        raise OptionError("one archive alone can't be merged; name two or more")
+        raise OptionError("one archive alone can't be merged", remedy="name two or more")
 
     # Check each archive by itself, and its coordinates against those of the first.
     first = archives[0]
     for name, archive in zip(names, archives, strict=True):
         # tracks on a map of their own
         if not archive.ids:
-            raise OptionError(f"{name}: holds no tracks; leave it out")
+            raise OptionError("holds no tracks", path=name, remedy="leave it out")
         if archive.contents.map is not None:
             raise OptionError(
-                f"{name}: lies on a map kept elsewhere; merge archives that hold their own maps"
+                "lies on a map kept elsewhere",
+                path=name,
+                remedy="merge archives that hold their own maps",
             )
 
         # coordinates like those of the first
@@ -168,8 +172,9 @@ def _check(archives: Sequence[Archive], names: Sequence[str]) -> None:
             )
         if archive.grid.dimension != first.grid.dimension:
             raise OptionError(
-                f"{name} has {archive.grid.dimension} coordinates, "
-                f"{names[0]} {first.grid.dimension}; merge them apart"
+                f"{name} has {archive.grid.dimension} coordinates, {names[0]} "
+                f"{first.grid.dimension}",
+                remedy="merge them apart",
             )
 
 

@@ -114,8 +114,8 @@ def _values(
     if kinds & set("OSU"):
         if kinds & set("biuf"):
             raise OptionError(
-                f"column {name!r} holds texts in one archive and numbers in another; "
-                "compress them under different names"
+                f"column {name!r} holds texts in one archive and numbers in another",
+                remedy="compress them under different names",
             )
         if name in table.columns:
             return table.columns[name][rows]

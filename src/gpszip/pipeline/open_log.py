@@ -2,32 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO, TypedDict, Unpack
+from typing import Any, BinaryIO, Unpack
 
-from gpszip.io.logs.read import read_logs
+from gpszip.io.logs.read import ReadOptions, read_logs
 from gpszip.model import Listener, Plane, Progress
 from gpszip.model.log import Log, MemoryLog
 from gpszip.pipeline.memory import check_memory, fits, rows_while_sorting
 
-__all__ = ["ReadOptions", "open_log"]
-
-
-class ReadOptions(TypedDict, total=False):
-    """How logs are read; see :func:`gpszip.io.logs.read.read_logs`."""
-
-    format: str | None
-    columns: str | Sequence[str] | Mapping[str, str] | None
-    time_unit: str | None
-    dates: str | None
-    clean: bool
-    sort: bool
-    split: bool
-    skip_bad: bool
-    keep: Sequence[str]
-    times: bool
+__all__ = ["open_log"]
 
 
 @contextmanager
@@ -67,6 +52,7 @@ def open_log(
     OptionError
         If the memory is too little to work in.
     """
+    from gpszip.io.large.store import count_rows
     from gpszip.io.logs.formats import is_bundle
     from gpszip.io.storage.source import spooled
 
@@ -78,7 +64,7 @@ def open_log(
 
     # streams are read twice: to count, and to read
     with spooled(sources, unzip=is_bundle) as files:
-        rows = _count_rows(files, options)
+        rows = count_rows(files, **options)
         if fits(rows, memory):
             result = read_logs(files, **options)
             yield MemoryLog(result.tracks, result)
@@ -86,12 +72,6 @@ def open_log(
         check_memory(memory)
         with _stored(files, memory, plane, progress, options) as log:
             yield log
-
-
-def _count_rows(sources: Any, options: ReadOptions) -> int:
-    from gpszip.io.large.store import count_rows
-
-    return count_rows(sources, format=options.get("format"), columns=options.get("columns"))
 
 
 @contextmanager
@@ -113,15 +93,7 @@ def _stored(
         sources,
         rows=rows_while_sorting(memory, len(keep)),
         plane=plane,
-        format=options.get("format"),
-        columns=options.get("columns"),
-        time_unit=options.get("time_unit"),
-        dates=options.get("dates"),
-        sort=options.get("sort", False),
-        split=options.get("split", False),
-        skip_bad=options.get("skip_bad", False),
-        clean=options.get("clean", False),
-        keep=keep,
+        **options,
     ) as log:
         report(Progress("read", 1.0))
         yield log

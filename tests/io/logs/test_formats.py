@@ -96,7 +96,8 @@ def gpszip(folder, *words):
 def test_a_format_of_another_package_is_read_written_and_listed(tmp_path):
     install(tmp_path, TOY)
     log, archive, copy = toy_file(tmp_path / "walk.toy"), tmp_path / "a.gpsz", tmp_path / "b.toy"
-    compressed = gpszip(tmp_path, "compress", log, "-o", archive, "--rmse", "1m", "--json")
+    how = ("--rmse", "1m", "--effort", "1", "--json")
+    compressed = gpszip(tmp_path, "compress", log, "-o", archive, *how)
     assert compressed.returncode == 0, compressed.stderr
     assert json.loads(compressed.stdout)["points"] == 200
 
@@ -225,6 +226,19 @@ def test_faults_of_another_package_are_errors_with_its_name(
         read_logs(path)
     with pytest.raises(InputError, match=message):
         store_logs(path, rows=1000)
+
+
+def test_an_error_of_another_package_gets_the_file(install_plugin, tmp_path):
+    refusal = 'raise InputError("no row", location="line 2", remedy="add one")'
+    source = f"from gpszip.errors import InputError\n{TOY}"
+    source = source.replace("    return RawLog", f"    {refusal}\n    return RawLog")
+    install_plugin("gpszip.formats", source)
+    path = toy_file(tmp_path / "walk.toy")
+    for read in (read_logs, lambda path: store_logs(path, rows=1000)):
+        with pytest.raises(InputError) as caught:
+            read(path)
+        assert caught.value.path == str(path)
+        assert str(caught.value) == f"{path}: line 2: no row; add one"
 
 
 def test_faults_while_another_package_writes_are_errors_with_its_name(install_plugin, tmp_path):

@@ -140,7 +140,7 @@ def format_named(name: str) -> LogFormat:
         if format_.name == name_or_suffix or suffix in format_.suffixes:
             return format_
     known = ", ".join(format_.name for format_ in log_formats())
-    raise OptionError(f"no format {name!r}; there are {known}")
+    raise OptionError(f"no format {name!r}", remedy=f"there are {known}")
 
 
 def _built_in_first() -> Iterator[LogFormat]:
@@ -166,7 +166,7 @@ def format_for_reading(source: Source) -> LogFormat:
     # Refuse an empty file before any format is asked.
     head = source.head()
     if not head.strip():
-        raise InputError(f"{source.name}: empty file; name one that holds a log")
+        raise InputError("empty file", path=source.name, remedy="name one that holds a log")
 
     # 1. Formats that know their files.
     formats = log_formats()
@@ -176,7 +176,7 @@ def format_for_reading(source: Source) -> LogFormat:
 
     # 2. Files of other kinds.
     if reason := _explain_other_kind(source.name, head):
-        raise UnknownFormatError(f"{source.name}: {reason}")
+        raise UnknownFormatError(reason, path=source.name)
 
     # 3. Text. A text in a zip archive is a log only if it is named as one: it may be a page or a
     #    licence that comes with the logs.
@@ -185,13 +185,15 @@ def format_for_reading(source: Source) -> LogFormat:
             name = source.name.lower().removesuffix(".gz")
             if source.archive and not name.endswith(format_.suffixes):
                 raise UnknownFormatError(
-                    f"{source.name}: is text, but not named as a table; "
-                    f"if it is a log, name it {format_.suffixes[0]}"
+                    "is text, but not named as a table",
+                    path=source.name,
+                    remedy=f"if it is a log, name it {format_.suffixes[0]}",
                 )
             return format_
     raise UnknownFormatError(
-        f"{source.name}: neither text nor a format that is known; "
-        "'gpszip formats' lists what can be read"
+        "neither text nor a format that is known",
+        path=source.name,
+        remedy="'gpszip formats' lists what can be read",
     )
 
 
@@ -254,7 +256,9 @@ def format_for_writing(name: str, format: str | None = None) -> LogFormat:
         chosen = format_named(format)
         if chosen.write is None:
             raise OutputError(
-                f"{name}: {chosen.name} is only read; write {_list_suffixes(_can_write)}"
+                f"{chosen.name} is only read",
+                path=name,
+                remedy=f"write {_list_suffixes(_can_write)}",
             )
         return chosen
     if name == "-":
@@ -263,8 +267,9 @@ def format_for_writing(name: str, format: str | None = None) -> LogFormat:
         if name.lower().endswith(format_.suffixes) and format_.write is not None:
             return format_
     raise OutputError(
-        f"{name}: can't tell the format from this name; "
-        f"end it with one of {_list_suffixes(_can_write)}"
+        "can't tell the format from this name",
+        path=name,
+        remedy=f"end it with one of {_list_suffixes(_can_write)}",
     )
 
 

@@ -26,7 +26,8 @@ Result = TypeVar("Result")
 def guard_plugin(format_: LogFormat) -> LogFormat:
     """Return a format whose unexpected exceptions become errors that name it and its module.
 
-    Errors of GPSZip, errors of the system and lack of memory stay what they are.
+    Errors of GPSZip, errors of the system and lack of memory stay what they are; only the file is
+    added to an error that names none.
 
     Parameters
     ----------
@@ -66,8 +67,8 @@ class _Guard:
             batches = self._iterate(_expect(LogBatches, opened), source.name)
             return replace(opened, batches=batches)
 
-    def _iterate(self, opened: LogBatches, where: str) -> Iterator[RawLog]:
-        with self._named_faults(InputError, where):
+    def _iterate(self, opened: LogBatches, path: str) -> Iterator[RawLog]:
+        with self._named_faults(InputError, path):
             for batch in opened.batches:
                 yield _expect_log(batch)
 
@@ -77,18 +78,23 @@ class _Guard:
             self.format.write(tracks, sink)
 
     @contextmanager
-    def _named_faults(self, kind: type[GPSZipError], where: str = "") -> Iterator[None]:
+    def _named_faults(self, kind: type[GPSZipError], path: str | None = None) -> Iterator[None]:
         """Turn exceptions that the plugin doesn't raise on purpose into errors of a kind."""
         try:
             yield
+        except InputError as error:
+            if path is None or error.path is not None:
+                raise
+            raise error.with_path(path) from error
         except (GPSZipError, OSError, MemoryError):
             raise
         except Exception as error:
-            prefix = f"{where}: " if where else ""
             message = (str(error).splitlines() or [""])[0][:_MAX_REASON_LETTERS]
             raise kind(
-                f"{prefix}format {self.format.name!r} of {self.format.read.__module__} failed: "
-                f"{type(error).__name__}: {message}; report it to the authors of that package"
+                f"format {self.format.name!r} of {self.format.read.__module__} failed: "
+                f"{type(error).__name__}: {message}",
+                path=path,
+                remedy="report it to the authors of that package",
             ) from error
 
 

@@ -16,6 +16,7 @@ from gpszip.io.logs.log_format import deferred
 from gpszip.io.maps.geojson import write_map_geojson
 from gpszip.io.maps.gpkg import write_map_gpkg
 from gpszip.io.maps.graphml import write_map_graphml
+from gpszip.io.maps.osm import write_map_osm
 from gpszip.io.maps.table import MapTable, clean_map_table, map_table
 from gpszip.io.plugins import load_plugins
 from gpszip.io.storage.sink import atomic_write, to_stdout
@@ -50,6 +51,8 @@ class MapFormat:
         Writes the nodes, too. Leave it out for a format that always or never holds nodes.
     is_binary : bool
         Whether its files are not for a terminal.
+    degrees_only : bool
+        Whether its files can't hold maps in x and y.
     """
 
     name: str
@@ -57,6 +60,7 @@ class MapFormat:
     write: Callable[[MapTable, Path], None]
     write_with_nodes: Callable[[MapTable, Path], None] | None = None
     is_binary: bool = False
+    degrees_only: bool = False
 
 
 #: Formats in the order in which help texts name them; the first is that of standard output.
@@ -68,6 +72,7 @@ MAP_FORMATS: tuple[MapFormat, ...] = (
         write_with_nodes=partial(write_map_geojson, points=True),
     ),
     MapFormat("graphml", (".graphml",), write_map_graphml),
+    MapFormat("osm", (".osm",), write_map_osm, degrees_only=True),
     MapFormat("gpkg", (".gpkg",), write_map_gpkg, is_binary=True),
     MapFormat("csv", (".csv",), deferred("gpszip.io.maps.csv", "write_map_csv")),
 )
@@ -129,10 +134,11 @@ def find_map_format(path: str | Path, name: str | None = None) -> MapFormat:
     # There is none: say which there are.
     if name is not None:
         names = ", ".join(map_format.name for map_format in formats)
-        raise OutputError(f"{path}: no format {name!r} for maps; there are {names}")
+        raise OutputError(f"no format {name!r} for maps", path=path, remedy=f"there are {names}")
     raise OutputError(
-        f"{path}: can't tell the format from this name; end it with one of "
-        f"{', '.join(map_suffixes())}"
+        "can't tell the format from this name",
+        path=path,
+        remedy=f"end it with one of {', '.join(map_suffixes())}",
     )
 
 
@@ -165,9 +171,11 @@ def write_map(
     Raises
     ------
     OutputError
-        If the format is unknown or the file can't be written.
+        If the format is unknown, it can't hold x and y, or the file can't be written.
     """
+    # Find the writer.
     map_format = find_map_format(path, format)
+    _check_coordinates(map_format, road_map, path)
     write = map_format.write
     if nodes and map_format.write_with_nodes is not None:
         write = map_format.write_with_nodes
@@ -179,3 +187,17 @@ def write_map(
         table = map_table(road_map, min_traversals)
     with to_stdout(map_format.suffixes[0]) if str(path) == "-" else atomic_write(path) as file:
         write(table, file)
+
+
+def _check_coordinates(
+    map_format: MapFormat, road_map: RoadMap | CleanMap, path: str | Path
+) -> None:
+    """Refuse a map in x and y for a format that holds degrees only."""
+    if road_map.plane is None and map_format.degrees_only:
+        others = [other.name for other in map_formats() if not other.degrees_only]
+        raise OutputError(
+            f"this map is in x and y, but the format {map_format.name} holds latitudes and "
+            "longitudes",
+            path=path,
+            remedy=f"write another format: {', '.join(others)}",
+        )

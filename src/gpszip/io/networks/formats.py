@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from gpszip.errors import InputError, UnknownFormatError
+from gpszip.io.networks.geojson import read_geojson_lines
 from gpszip.io.networks.graphml import read_graphml_lines
 from gpszip.io.networks.lines import RoadLines
 from gpszip.io.networks.osm import read_osm_lines
@@ -85,7 +86,7 @@ def find_network_format(source: Source) -> NetworkFormat:
     """
     head = source.head()
     if not head.strip(b" \t\r\n\0"):
-        raise InputError(f"{source.name}: empty file; name one that holds a network")
+        raise InputError("empty file", path=source.name, remedy="name one that holds a network")
     for network_format in network_formats():
         if network_format.sniff(head, source.name):
             return network_format
@@ -94,8 +95,12 @@ def find_network_format(source: Source) -> NetworkFormat:
     if _is_xml(head) and b"<!ENTITY" in head:
         raise _entity_error(source)
     if _is_xml(head):
-        raise UnknownFormatError(f"{source.name}: is XML, but neither OpenStreetMap's nor GraphML")
-    raise UnknownFormatError(f"{source.name}: no network; known are {describe_network_formats()}")
+        raise UnknownFormatError(
+            "is XML, but neither OpenStreetMap's nor GraphML", path=source.name
+        )
+    raise UnknownFormatError(
+        "no network", path=source.name, remedy=f"known are {describe_network_formats()}"
+    )
 
 
 def describe_network_formats() -> str:
@@ -115,7 +120,9 @@ def _is_xml(head: bytes) -> bool:
 
 def _entity_error(source: Source) -> InputError:
     return InputError(
-        f"{source.name}: declares XML entities, which are not expanded; write it without them"
+        "declares XML entities, which are not expanded",
+        path=source.name,
+        remedy="write it without them",
     )
 
 
@@ -131,8 +138,9 @@ def _is_osm(head: bytes, name: str) -> bool:
 def _read_osm(source: Source, _metric: bool | None) -> RoadLines:
     if source.path is None:
         raise InputError(
-            f"{source.name}: OpenStreetMap data is read only from files whose names are UTF-8; "
-            "save or rename it first"
+            "OpenStreetMap data is read only from files whose names are UTF-8",
+            path=source.name,
+            remedy="save or rename it first",
         )
     return read_osm_lines(str(source.path), source.name)
 
@@ -159,12 +167,7 @@ def _is_geojson(head: bytes, _name: str) -> bool:
 
 
 def _read_geojson(source: Source, metric: bool | None) -> RoadLines:
-    # GPSZip's own maps say that their coordinates are metres.
-    start = source.head().lstrip(_BLANKS)[:_HEADER_BYTES]
-    in_metres = b'"gpszip"' in start and b'"metres"' in start
-    return read_vector_lines(
-        _gdal_source(source), source.name, metric=metric, in_metres=in_metres, is_geojson=True
-    )
+    return read_geojson_lines(source, metric=metric)
 
 
 def _starts_with(*magic: bytes) -> Callable[[bytes, str], bool]:
@@ -190,7 +193,7 @@ def _gdal_source(source: Source) -> str | bytes:
 def _refuse_prepared(source: Source, _metric: bool | None) -> RoadLines:
     """Refuse a prepared network among several sources; a single one is not read as lines."""
     raise InputError(
-        f"{source.name}: prepared networks can't be joined; prepare one of all sources"
+        "prepared networks can't be joined", path=source.name, remedy="prepare one of all sources"
     )
 
 

@@ -178,8 +178,8 @@ class _Window:
         """Return the error for what is wrong at the position."""
         character = self._passed + self._position + 1
         return InputError(
-            f"{self._name}: damaged JSON file: {what[:_MAX_REASON_LETTERS]} "
-            f"at character {character:,}"
+            f"damaged JSON file: {what[:_MAX_REASON_LETTERS]} at character {character:,}",
+            path=self._name,
         )
 
     def peek(self) -> str:
@@ -247,9 +247,11 @@ class _Window:
         if is_too_long or self._marks + marks > _MAX_VALUE_MARKS:
             positions = _MAX_VALUE_MARKS // _MARKS_PER_POSITION // 1_000_000
             raise InputError(
-                f"{self._name}: the value at character {self._passed + self._position + 1:,} is "
-                f"too large: more than {_MAX_VALUE_LETTERS >> 20} million letters, or {positions} "
-                "million positions; write it as several features, or as CSV"
+                f"the value at character {self._passed + self._position + 1:,} is too large: more "
+                f"than {_MAX_VALUE_LETTERS >> 20} million letters, or {positions} million "
+                "positions",
+                path=self._name,
+                remedy="write it as several features, or as CSV",
             )
         return marks
 
@@ -266,8 +268,9 @@ class _Window:
         except UnicodeDecodeError as error:
             character = self._passed + len(unread)
             raise InputError(
-                f"{self._name}: damaged JSON file: no {error.encoding.upper()} after character "
-                f"{character:,}; bring it to UTF-8: iconv -f latin1 -t utf-8"
+                f"damaged JSON file: no {error.encoding.upper()} after character {character:,}",
+                path=self._name,
+                remedy="bring it to UTF-8: iconv -f latin1 -t utf-8",
             ) from None
 
 
