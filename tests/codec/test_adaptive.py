@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gpszip.codec.integer_contexts import INTEGER_CONTEXTS
 from gpszip.codec.kernels import adaptive, log2
 from gpszip.codec.kernels.adaptive import (
     CENTERS,
-    INTEGER_CONTEXTS,
     KINDS,
     MIXTURE_ROWS,
     SCALES,

@@ -333,6 +333,24 @@ def _pbfs() -> Sequence[bytes]:
 
 
 @cache
+def _plain_walks(data: bytes) -> object:
+    from gpszip.codec.plain.decode import decode_plain
+    from gpszip.codec.plain.work import TooMuchWorkError, WorkLimit
+    from gpszip.model import QuantisationGrid
+
+    grid = QuantisationGrid((0, 0), 0, 128, 150)
+    with contextlib.suppress(TooMuchWorkError):
+        return decode_plain(data, 2, 2, grid, WorkLimit(300_000))
+
+
+def _payloads() -> Sequence[bytes]:
+    from gpszip.archive import open_archive
+
+    archives = [open_archive(archive) for archive in _archives()]
+    groups = [group for archive in archives for group in archive.contents.groups]
+    return [group.payload for group in groups if group.tracks == 2]
+
+
 def _archives() -> Sequence[bytes]:
     from cli.conftest import two_walks
     from gpszip import Track, compress
@@ -488,6 +506,7 @@ TARGETS = {
     "coreset, table": Target(_coreset, _coresets, mutations.BINARY, _apply_to_table),
     "times": Target(_times, _texts(TIMES)),
     "times in text": Target(_times_in_text, _texts(("10,20.5,2024-05-04T08:00:00Z",))),
+    "walks, plain": Target(_plain_walks, _payloads, mutations.BINARY),
     "archive": Target(_archive, _archives, mutations.BINARY),
     "archive, sealed": Target(_archive, _archives, mutations.BINARY, _apply_to_archive),
 }

@@ -595,11 +595,12 @@ class Archive:
 
     def _decode_group(self, number: int) -> GridWalks:
         if number not in self._decoded_groups:
-            from gpszip.codec.walks import decode, number_by_visit
+            from gpszip.codec.decode import decode_walks
+            from gpszip.codec.numbering import number_by_visit
 
             # Versions without piece ends don't need the grid to be decoded.
             group, prior = self.contents.groups[number], self._prior
-            walks = decode(
+            walks = decode_walks(
                 group.payload,
                 self.grid.dimension,
                 group.tracks,

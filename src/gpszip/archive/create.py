@@ -15,10 +15,10 @@ from gpszip.container.contents import Contents, Group, MapReference, Section
 from gpszip.model.error_bound import ErrorBound
 from gpszip.model.grid import QuantisationGrid, refined_grid, step_index
 from gpszip.model.grid_walks import GridWalks, ends_of_walks
-from gpszip.run.executor import Executor, share_value
 
 if TYPE_CHECKING:
     from gpszip.codec.prior import Prior
+    from gpszip.run.executor import Executor
 
 __all__ = ["new_archive", "with_error_bound", "with_sampling", "with_sections"]
 
@@ -134,6 +134,8 @@ def _encode_groups(
     executor: Executor | None,
 ) -> list[Group]:
     """Cut the walks into at most ``count`` groups of about equally many knots, and code each."""
+    from gpszip.run.executor import share_value
+
     knots = np.cumsum([len(walk.nodes) for walk in grid_walks.walks])
     quotas = knots[-1] * np.arange(1, count) / count
     cuts = np.unique(np.searchsorted(knots, quotas, side="right"))
@@ -147,7 +149,7 @@ def _encode_group(
 ) -> Group:
     """Code the walks ``bounds[0]`` to ``bounds[1] - 1`` as a group of their own."""
     from gpszip.codec.modes import encode_smallest
-    from gpszip.codec.walks import number_by_visit
+    from gpszip.codec.numbering import number_by_visit
 
     # Note the time steps between which the group has travel: queries skip it at other times.
     (grid_walks, grid, prior), (first, after) = shared, bounds

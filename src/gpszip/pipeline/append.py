@@ -17,7 +17,7 @@ from gpszip.archive import (
     with_sampling,
     with_sections,
 )
-from gpszip.codec.walks import number_by_visit
+from gpszip.codec.numbering import number_by_visit
 from gpszip.errors import BoundError, OptionError
 from gpszip.mapping.search import suggest_time_step
 from gpszip.model import GridWalk, GridWalks, Listener, Options, Plane, Report, Track

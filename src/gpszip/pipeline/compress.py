@@ -17,7 +17,7 @@ from gpszip.archive import (
     with_sampling,
     with_sections,
 )
-from gpszip.codec.walks import number_by_visit
+from gpszip.codec.numbering import number_by_visit
 from gpszip.errors import BoundError
 from gpszip.model import GridWalk, GridWalks, Listener, Options, Report, Track
 from gpszip.model.grid import step_size

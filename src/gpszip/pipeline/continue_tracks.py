@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.archive import Archive, new_archive, with_error_bound
-from gpszip.codec.walks import number_by_visit
+from gpszip.codec.numbering import number_by_visit
 from gpszip.model import GridWalk, GridWalks, QuantisationGrid
 from gpszip.model.grid import MAX_REFINEMENTS, step_size
 from gpszip.walks.quantised import knot_times

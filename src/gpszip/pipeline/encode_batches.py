@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.codec.numbering import number_by_visit
 from gpszip.codec.prior import Prior
-from gpszip.codec.walks import number_by_visit
 from gpszip.errors import BoundError
 from gpszip.geo.gaps import find_gaps
 from gpszip.mapping.max_error import enforce_max_error

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.archive import Archive
+from gpszip.codec.numbering import number_by_visit
 from gpszip.codec.prior import Prior
-from gpszip.codec.walks import number_by_visit
 from gpszip.errors import BoundError
 from gpszip.geo.gaps import find_gaps
 from gpszip.mapping.on_known_map import needed_refinements

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.archive import Archive, new_archive, open_archive, with_error_bound, with_sampling
-from gpszip.codec.walks import number_by_visit
+from gpszip.codec.numbering import number_by_visit
 from gpszip.errors import BoundError, OptionError
 from gpszip.merging.deviation import measure_deviation, natural_sort_key
 from gpszip.merging.search import DeviationLimit, MergedMap, merge_archives

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gpszip.errors import OptionError
 from gpszip.model.track import Track
 from gpszip.model.walk import Walk
-from gpszip.walks.kernels.along import interpolate_positions
+from gpszip.walks.along import interpolate_positions
 from gpszip.walks.shapes import shape_error
 
 __all__ = ["TIME_SLACK", "ErrorSummary", "measure_errors", "positions_at", "synchronised_errors"]
@@ -82,16 +82,9 @@ def positions_at(
             "so it has no positions at given times"
         )
 
-    # The kernel covers the time between the first and last knot of a piece, which may be more than
-    # the time range of its samples.
-    positions = np.empty((len(times), nodes.shape[1]))
-    interpolate_positions(
-        walk.times,
-        nodes[walk.nodes],
-        walk.gaps,
-        np.array(times, np.float64),
-        TIME_SLACK,
-        positions,
+    # Between its first and last knot, a piece may cover more than the time range of its samples.
+    positions = interpolate_positions(
+        walk.times, nodes[walk.nodes], walk.gaps, np.asarray(times, np.float64), TIME_SLACK
     )
     if walk.time_ranges is not None:
         positions[~_is_covered(walk.time_ranges, times)] = np.nan

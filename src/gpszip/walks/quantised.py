@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.codec.ends import stored_time_ranges
-from gpszip.codec.walks import number_by_visit
+from gpszip.codec.numbering import number_by_visit
 from gpszip.model.grid import Plane, QuantisationGrid, step_size
 from gpszip.model.grid_walks import GridWalk, GridWalks, concatenated_ends
 from gpszip.model.road_map import RoadMap

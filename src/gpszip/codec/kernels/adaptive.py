@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.codec.integer_contexts import EXPONENT_CONTEXTS, MAX_EXPONENT, TREE_NODES
 from gpszip.codec.kernels.log2 import fixed_log2
 from gpszip.codec.kernels.range_coder import (
     Coder,
@@ -22,7 +23,6 @@ __all__ = [
     "BY_RATIO",
     "CENTERS",
     "HISTOGRAM",
-    "INTEGER_CONTEXTS",
     "KINDS",
     "MIXTURE_ROWS",
     "ONE_SIDED",
@@ -80,16 +80,6 @@ SCALES = np.int64(2)
 _MASS_BELOW_LOW = np.int64(3)  # probability below the lowest value, which is cut off
 _WEIGHTED_MASS = np.int64(4)  # weight times the probability of the value that was coded
 MIXTURE_ROWS = 5
-
-#: Largest exponent of an integer, and bits after the leading one that have a context.
-_MAX_EXPONENT = 47
-_TREE_NODES = 8
-
-#: Contexts of the exponents: 47, and a spare one.
-_EXPONENT_CONTEXTS = 48
-
-#: Bit contexts that one integer of any size takes.
-INTEGER_CONTEXTS = _EXPONENT_CONTEXTS + _TREE_NODES * _EXPONENT_CONTEXTS
 
 #: The tables below reach from -16 to 16 (or from 0) in steps of 1/64.
 _REACH = 16
@@ -158,7 +148,7 @@ def code_unsigned(coder: Coder, counts: NDArray[np.int32], context: int, value: 
 
     # the exponent e in unary
     exponent = 0
-    while exponent < _MAX_EXPONENT:
+    while exponent < MAX_EXPONENT:
         more = 1 if encodes and (value + 1) >> (exponent + 1) > 0 else 0
         if code_bit(coder, counts, context + exponent, more) == 0:
             break
@@ -168,10 +158,10 @@ def code_unsigned(coder: Coder, counts: NDArray[np.int32], context: int, value: 
     digits = value + 1 - (np.int64(1) << exponent) if encodes else np.int64(0)
     node = 1
     coded = np.int64(0)
-    tree = context + _EXPONENT_CONTEXTS + _TREE_NODES * exponent
+    tree = context + EXPONENT_CONTEXTS + TREE_NODES * exponent
     for shift in range(exponent - 1, -1, -1):
         bit = (digits >> shift) & 1 if encodes else np.int64(0)
-        if node < _TREE_NODES:
+        if node < TREE_NODES:
             bit = code_bit(coder, counts, tree + node, bit)
             node = 2 * node + bit
         else:

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.codec.integer_contexts import INTEGER_CONTEXTS
 from gpszip.codec.kernels.adaptive import (
     CENTERS,
-    INTEGER_CONTEXTS,
     KINDS,
     SCALES,
     code_signed,

@@ -11,19 +11,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.codec.end_kinds import MAX_QUOTIENT, NEVER, SOMETIMES
 from gpszip.codec.kernels.adaptive import code_bit
 from gpszip.codec.kernels.range_coder import Coder, code_interval, decode_cumulative, is_decoding
 from gpszip.kernels.jit import jit
 
-__all__ = ["ALWAYS", "MAX_QUOTIENT", "NEVER", "SOMETIMES", "code_end_offsets"]
-
-#: Which ends have an offset.
-ALWAYS = np.int8(0)  # starts and ends of tracks
-SOMETIMES = np.int8(1)  # ends beside a gap, where the walk goes far within a time step
-NEVER = np.int8(2)  # all others
-
-#: The largest quotient.
-MAX_QUOTIENT = 255
+__all__ = ["code_end_offsets"]
 
 #: A "no more" takes all but one of so many numbers.
 _QUOTIENT_TOTAL = 64
