@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from gpszip.codec.kernels.adaptive import code_bit
 from gpszip.codec.kernels.range_coder import Coder, code_interval, decode_cumulative, is_decoding
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted, jit_uncounted
 
 __all__ = ["ALWAYS", "MAX_QUOTIENT", "NEVER", "SOMETIMES", "code_end_offsets"]
 
@@ -29,7 +29,7 @@ MAX_QUOTIENT = 255
 _QUOTIENT_TOTAL = 64
 
 
-@jit
+@inner_uncounted
 def _code_quotient(coder: Coder, quotient: int) -> int:
     """Code a quotient, one decision at a time; return more than MAX_QUOTIENT if it is too large."""
     coded = np.int64(0)
@@ -45,7 +45,7 @@ def _code_quotient(coder: Coder, quotient: int) -> int:
     return coded
 
 
-@jit
+@jit_uncounted
 def code_end_offsets(
     coder: Coder,
     offsets: NDArray[np.int64],

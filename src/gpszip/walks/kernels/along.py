@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted, jit_uncounted
 
 __all__ = ["interpolate_positions", "sample_distances"]
 
 
-@jit
+@jit_uncounted
 def interpolate_positions(
     knot_times: NDArray[np.float64],
     knot_positions: NDArray[np.float64],
@@ -63,7 +63,7 @@ def interpolate_positions(
             out[i, axis] = weighted + fraction * knot_positions[right, axis]
 
 
-@jit
+@inner_uncounted
 def _count_until(times: NDArray[np.float64], t: float, guess: int) -> int:
     """Number of times up to t; fast if it is ``guess`` or one more."""
     for count in range(guess, min(guess + 2, len(times))):
@@ -81,7 +81,7 @@ def _count_until(times: NDArray[np.float64], t: float, guess: int) -> int:
     return low
 
 
-@jit
+@jit_uncounted
 def sample_distances(
     first_slots: NDArray[np.int64],
     last_slots: NDArray[np.int64],
