@@ -4,6 +4,9 @@ Numba optimises each kernel by itself and generates its machine code, even of on
 call, and does so again within each kernel that calls it. Here the kernels that only kernels call
 stay as they are until the kernel that Python calls is compiled: its module takes all of them, is
 optimised once, and machine code is generated once.
+
+Only kernels compiled by these classes may call an inner kernel: a function with plain ``njit``
+does not link what the inner kernel calls, and crashes.
 """
 
 from __future__ import annotations
