@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from calling import from_python
 from gpszip.archive.create import new_archive
 from gpszip.codec.kernels.walk_model import SHORTEST_PATHS, SORTED_STARTS, TIME_FIRST
 from gpszip.codec.modes import encode_smallest
@@ -18,6 +19,9 @@ from gpszip.model import GridWalk, GridWalks
 from gpszip.model.grid import QuantisationGrid
 from oracle import walk_decoder
 from oracle.walks import assert_same, random_walks, walk
+
+# Inner kernels, as Python calls them.
+write_canonical_path = from_python(write_canonical_path)
 
 
 def count_knots(walks):

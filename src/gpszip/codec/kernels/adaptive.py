@@ -17,7 +17,7 @@ from gpszip.codec.kernels.range_coder import (
     decode_cumulative,
     is_decoding,
 )
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, inner_uncounted
 
 __all__ = [
     "BY_RATIO",
@@ -102,7 +102,7 @@ _REST_BITS = 10
 _REST_MASK = 1023
 
 
-@jit
+@inner_uncounted
 def code_bit(coder: Coder, counts: NDArray[np.int32], context: int, bit: int) -> int:
     """Code a bit with the counts of zeros and ones of its context, and learn it.
 
@@ -136,7 +136,7 @@ def code_bit(coder: Coder, counts: NDArray[np.int32], context: int, bit: int) ->
     return bit
 
 
-@jit
+@inner_uncounted
 def code_unsigned(coder: Coder, counts: NDArray[np.int32], context: int, value: int) -> int:
     """Code an integer v >= 0 by adaptive Exp-Golomb bins (J. Teuhola, 1978).
 
@@ -170,7 +170,7 @@ def code_unsigned(coder: Coder, counts: NDArray[np.int32], context: int, value: 
     return (np.int64(1) << exponent) + coded - 1
 
 
-@jit
+@inner_uncounted
 def code_signed(coder: Coder, counts: NDArray[np.int32], context: int, value: int) -> int:
     """Code an integer of either sign, folded to 2 v for v >= 0 and -2 v - 1 for v < 0.
 
@@ -181,7 +181,7 @@ def code_signed(coder: Coder, counts: NDArray[np.int32], context: int, value: in
     return folded // 2 if folded % 2 == 0 else -(folded + 1) // 2
 
 
-@jit
+@inner_uncounted
 def code_choice(coder: Coder, weights: NDArray[np.int64], count: int, choice: int) -> int:
     """Code the index of one of ``count`` candidates, with probabilities in proportion to weights.
 
@@ -208,13 +208,13 @@ def code_choice(coder: Coder, weights: NDArray[np.int64], count: int, choice: in
     return choice
 
 
-@jit
+@inner_uncounted
 def _log_below(value: int) -> int:
     """Logarithm of ``value`` - 1/2, in units of 2**-16; meaningless below 1."""
     return fixed_log2(max(value * SUBSTEPS - SUBSTEPS // 2, np.int64(1))) - _LOG_SUBSTEPS
 
 
-@jit
+@inner_uncounted
 def _mass_below(value: int, log: int, low: int, mixture: NDArray[np.int64], i: int) -> int:
     """Mass of distribution i below ``value`` - 1/2, in units of 2**-24.
 
@@ -256,7 +256,7 @@ def _mass_below(value: int, log: int, low: int, mixture: NDArray[np.int64], i: i
     return _LOGISTIC[j] + (slope * (z & _REST_MASK) >> _REST_BITS)
 
 
-@jit
+@inner_uncounted
 def _cumulative(
     value: int,
     log: int,
@@ -282,7 +282,7 @@ def _cumulative(
     return ((mass - base) << _PROBABILITY_BITS) // (_CERTAIN - base)
 
 
-@jit
+@inner_uncounted
 def _find_value(
     number: int,
     low: int,
@@ -322,7 +322,7 @@ def _find_value(
     return first
 
 
-@jit
+@inner_uncounted
 def _set_mass_below_low(
     mixture: NDArray[np.int64], count: int, weights: NDArray[np.int64], low: int
 ) -> int:
@@ -340,7 +340,7 @@ def _set_mass_below_low(
     return sum_weights
 
 
-@jit
+@inner
 def _learn_weights(
     mixture: NDArray[np.int64],
     count: int,
@@ -371,7 +371,7 @@ def _learn_weights(
         )
 
 
-@jit
+@inner_uncounted
 def code_mixture(
     coder: Coder,
     value: int,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gpszip.codec.end_kinds import MAX_QUOTIENT, NEVER, SOMETIMES
 from gpszip.codec.kernels.adaptive import code_bit
 from gpszip.codec.kernels.range_coder import Coder, code_interval, decode_cumulative, is_decoding
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted, jit_uncounted
 
 __all__ = ["code_end_offsets"]
 
@@ -22,7 +22,7 @@ __all__ = ["code_end_offsets"]
 _QUOTIENT_TOTAL = 64
 
 
-@jit
+@inner_uncounted
 def _code_quotient(coder: Coder, quotient: int) -> int:
     """Code a quotient, one decision at a time; return more than MAX_QUOTIENT if it is too large."""
     coded = np.int64(0)
@@ -38,7 +38,7 @@ def _code_quotient(coder: Coder, quotient: int) -> int:
     return coded
 
 
-@jit
+@jit_uncounted
 def code_end_offsets(
     coder: Coder,
     offsets: NDArray[np.int64],

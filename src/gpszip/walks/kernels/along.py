@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import jit_uncounted
 
 __all__ = ["sample_distances"]
 
 
-@jit
+@jit_uncounted
 def sample_distances(
     first_slots: NDArray[np.int64],
     last_slots: NDArray[np.int64],
