@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 endif
 WORKERS ?= 2
 MINUTES ?= 60
-BENCHMARKS ?= estep coreset effort merging workers
+BENCHMARKS ?= startup estep coreset effort merging workers
 
 # The first Python on the PATH that is new enough. PYTHON=... names another one.
 CANDIDATES := python3 python3.11 python3.12 python3.13 python3.14 python
@@ -24,7 +24,7 @@ help:
 	@echo "make faults   let every system call of every command fail, kill each 200 times, compile for any processor (an hour)"
 	@echo "make bench    run the benchmarks (an hour)"
 	@echo "make docs     draw the packages and their imports in docs/architecture.svg"
-	@echo "make wheel    build the wheel and the source archive in dist/"
+	@echo "make wheel    build in dist/ the source archive, and a wheel with compiled kernels for this platform and Python"
 	@echo "make demo     compress a generated robot patrol and draw the map that it learned, in demo/"
 	@echo "make format   lay out the code and mend what ruff can mend"
 	@echo "make clean    remove the environment, the demo and all caches"
@@ -63,9 +63,14 @@ bench: $(VENV)/.dev
 docs: $(VENV)/.dev
 	$(BIN)/python scripts/draw_architecture.py docs/architecture.svg
 
-wheel: $(BIN)/python
+# hatch_build.py puts build/compiled into the wheel, so that nothing is compiled where that is installed.
+wheel: $(VENV)/.dev
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check build
-	$(BIN)/python -m build --outdir dist
+	$(BIN)/python scripts/compile_kernels.py build/compiled
+	$(BIN)/python -m build --sdist --outdir dist
+	$(BIN)/python -m build --wheel --outdir dist
+	rm -rf build
+	$(BIN)/python scripts/check_wheel.py dist
 
 format: $(VENV)/.dev
 	$(BIN)/ruff check --fix .

@@ -10,6 +10,7 @@ def force_batches(monkeypatch, *, batch, subsample):
     """Let no log fit in memory, and make batches and the subsample small."""
     monkeypatch.setattr(memory_limits, "_BYTES_IN_MEMORY", 1 << 40)
     monkeypatch.setattr(memory_limits, "MAX_BATCH", batch)
+    monkeypatch.setattr(memory_limits, "_MIN_BATCH", batch)
     monkeypatch.setattr(memory_limits, "MAX_SUBSAMPLE", subsample)
 
 

@@ -44,7 +44,7 @@ def test_from_a_log_to_positions(tmp_path):
     tracks = gpszip.read(log)
     assert [t.id for t in tracks] == ["patrol"]
     saved = tmp_path / "patrol.gpsz"
-    gpszip.compress(tracks, rmse=0.3).save(saved)
+    gpszip.compress(tracks, rmse=0.3, effort=1).save(saved)
     assert saved.stat().st_size < log.stat().st_size / 30
     opened = gpszip.open(saved)
     assert opened.ids == ("patrol",)
@@ -101,7 +101,7 @@ def test_segment_means_search_what_is_left_out():
 
 
 def test_a_report_is_plain_enough_for_json():
-    _, report = compress(patrol(100), Options(rmse=0.3))
+    _, report = compress(patrol(100), Options(rmse=0.3, effort=1))
     assert json.loads(json.dumps(vars(report)))["points"] == 100
 
 
@@ -116,7 +116,7 @@ def test_losses_are_warned_of(tmp_path):
 
 
 def test_files_are_read_where_tracks_are_taken(tmp_path, archive):
-    path = write_csv(tmp_path / "patrol.csv", patrol())
+    path = write_csv(tmp_path / "patrol.csv", patrol(200))
     expected = gpszip.compress(gpszip.read(path), rmse=0.3, effort=1).to_bytes()
     for files in (path, str(path), [path], str(tmp_path / "*.csv")):
         assert gpszip.compress(files, rmse=0.3, effort=1).to_bytes() == expected
@@ -124,7 +124,7 @@ def test_files_are_read_where_tracks_are_taken(tmp_path, archive):
     assert gpszip.patch([path], archive).filled == 0
     assert gpszip.compress(path, rmse=0.3, effort=1, memory=1 << 30).to_bytes() == expected
     assert len(gpszip.coreset(path, size=10)) == len(gpszip.coreset(path, size=10, memory=1 << 30))
-    later = write_csv(tmp_path / "later.txt", replace(patrol(), id="later"))
+    later = write_csv(tmp_path / "later.txt", replace(patrol(200), id="later"))
     assert gpszip.append(archive, later, effort=1).ids == ("patrol", "later")
     with pytest.raises(OptionError, match="tracks and paths"):
         gpszip.compress([patrol(), path])

@@ -1,6 +1,6 @@
 """Every example runs and prints its results."""
 
-import subprocess
+import runpy
 import sys
 from pathlib import Path
 
@@ -10,14 +10,9 @@ EXAMPLES = sorted((Path(__file__).parents[1] / "examples").glob("*.py"))
 
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
-def test_example_runs(path, tmp_path):
-    process = subprocess.run(
-        [sys.executable, str(path), str(tmp_path)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
-    assert process.returncode == 0, process.stderr
-    assert process.stdout.strip()
-    assert process.stderr == ""
+def test_example_runs(path, tmp_path, monkeypatch, capfd):
+    monkeypatch.setattr(sys, "argv", [str(path), str(tmp_path)])
+    runpy.run_path(str(path), run_name="__main__")
+    out, err = capfd.readouterr()
+    assert out.strip()
+    assert err == ""

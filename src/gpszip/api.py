@@ -252,7 +252,7 @@ def compress(
     # The map and the tracks may still be files.
     known_map = map if map is None or isinstance(map, Archive) else open_archive(map)
     plane = None if known_map is None else known_map.grid.plane
-    with _open_log(tracks, memory, plane, names, times, progress) as log:
+    with _open_log(tracks, memory, plane, names, times, progress, options.thesis) as log:
         archive, report = compress_tracks(
             log, options, memory=memory, map=known_map, executor=executor, progress=progress
         )
@@ -633,9 +633,10 @@ def coreset(
     memory: int | None = None,
     executor: Executor | None = None,
 ) -> Coreset:
-    """Build the (k, eps)-coreset of tracks: blocks that price any k-segment.
+    """Build the (k, eps)-coreset of tracks: blocks that give the fitting cost of any k-segment.
 
-    It is deterministic, and coresets can be merged.
+    A k-segment is a function of time made of k straight lines. The coreset is deterministic, and
+    coresets can be merged.
 
     Parameters
     ----------
@@ -657,7 +658,8 @@ def coreset(
     Returns
     -------
     Coreset
-        Its ``cost`` prices functions, with bounds that hold wherever their breaks are.
+        Its ``cost`` gives the fitting cost of a function, with bounds that hold wherever its breaks
+        are.
 
     Raises
     ------
@@ -749,6 +751,7 @@ def _open_log(
     keep: Sequence[str],
     times: bool,
     progress: Listener | None,
+    thesis: bool = False,
 ) -> Iterator[Sequence[Track] | Track | Log]:
     """Tracks as they were given, or the files that were given, in memory or on disk."""
     files = _files_among(tracks)
@@ -759,7 +762,13 @@ def _open_log(
     from gpszip.pipeline.open_log import open_log
 
     with open_log(
-        _as_names(files), memory=memory, plane=plane, progress=progress, keep=keep, times=times
+        _as_names(files),
+        memory=memory,
+        plane=plane,
+        progress=progress,
+        thesis=thesis,
+        keep=keep,
+        times=times,
     ) as log:
         if log.read_result is not None:
             _warn_of_losses(log.read_result)

@@ -87,8 +87,12 @@ class GPSZipError(Exception):
     def detail(self) -> str:
         """The message without the path: ``location: reason; remedy``."""
         where = "" if self.location is None else f"{self.location}: "
-        fix = "" if self.remedy is None else f"; {self.remedy}"
-        return f"{where}{self.reason}{fix}"
+        return f"{where}{self.advice}"
+
+    @property
+    def advice(self) -> str:
+        """The message without path and location: ``reason; remedy``."""
+        return self.reason if self.remedy is None else f"{self.reason}; {self.remedy}"
 
     def with_path(self, path: str | os.PathLike[str]) -> Self:
         """Return the same error about a file, for callers that know which file it was.
@@ -106,22 +110,15 @@ class GPSZipError(Exception):
         return located
 
     def located_at(self, path: str) -> Self:
-        """Return the error with its path as a field, for lists of files that failed.
-
-        A message that begins with the path loses it to the field.
+        """Return the error about a file, unless it is about a file already.
 
         Examples
         --------
-        >>> error = InputError("log.csv: no samples").located_at("log.csv")
-        >>> str(error), error.path, error.detail
-        ('log.csv: no samples', 'log.csv', 'no samples')
+        >>> error = InputError("no samples").located_at("log.csv")
+        >>> str(error), error is error.located_at("other.csv")
+        ('log.csv: no samples', True)
         """
-        if self.path is not None:
-            return self
-        located = self.with_path(path)
-        located.reason = self.reason.removeprefix(f"{path}: ")
-        located.args = (f"{path}: {located.detail}", *self.args[1:])
-        return located
+        return self if self.path is not None else self.with_path(path)
 
 
 class InputError(GPSZipError):
@@ -163,12 +160,14 @@ class CorruptArchiveError(GPSZipError):
         Byte at which it was found, counted from the start of the archive.
     path : str or path, optional
         File of the archive.
+    remedy : str, optional
+        What the user can do.
 
     Examples
     --------
-    >>> error = CorruptArchiveError("the checksum is wrong", 71)
+    >>> error = CorruptArchiveError("the checksum is wrong", 71, remedy="fetch it again")
     >>> str(error), error.offset
-    ('the checksum is wrong (at byte 71)', 71)
+    ('the checksum is wrong (at byte 71); fetch it again', 71)
     """
 
     def __init__(
@@ -177,8 +176,10 @@ class CorruptArchiveError(GPSZipError):
         offset: int | None = None,
         *,
         path: str | os.PathLike[str] | None = None,
+        remedy: str | None = None,
     ) -> None:
-        super().__init__(reason if offset is None else f"{reason} (at byte {offset})", path=path)
+        place = "" if offset is None else f" (at byte {offset})"
+        super().__init__(f"{reason}{place}", path=path, remedy=remedy)
         self.offset = offset
 
 

@@ -190,16 +190,19 @@ def test_an_unknown_track_is_named_with_those_that_exist():
 
 @pytest.fixture(scope="module")
 def large():
-    """An archive of two groups, and the walks in it."""
-    options = {"tracks": 12, "knots": 4000, "gaps": 0.01, "spread": 1 << 20, "seed": 2}
-    return open_archive(random_archive(**options).to_bytes()), random_walks(**options)
+    """An archive of two groups of at least 8 KiB, and the walks in it."""
+    options = {"tracks": 12, "knots": 500, "gaps": 0.01, "spread": 1 << 20, "seed": 2}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("gpszip.archive.create._GROUP_BYTES", 1 << 13)
+        made = random_archive(**options)
+    return open_archive(made.to_bytes()), random_walks(**options)
 
 
 def test_a_large_archive_is_cut_in_groups_that_answer_alone(large):
     opened, walks = large
     groups = opened.contents.groups
-    assert len(groups) > 1
-    assert min(len(group.payload) for group in groups) >= 1 << 15
+    assert len(groups) == 2
+    assert min(len(group.payload) for group in groups) >= 1 << 12
     opened = Archive(opened.contents)
     first, last = opened["walk 11"].start, opened["walk 11"].end
     assert opened.position("walk 11", [first, last]).shape == (2, 2)

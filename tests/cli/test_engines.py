@@ -13,7 +13,7 @@ def scheduler():
         n_workers=1,
         threads_per_worker=2,
         processes=False,
-        dashboard_address=None,
+        dashboard_address=":0",  # any free port
         protocol="tcp",
         host="127.0.0.1",
     ) as cluster:
@@ -21,8 +21,9 @@ def scheduler():
 
 
 @pytest.mark.filterwarnings("default")
-def test_every_engine_writes_the_same_bytes(gpszip, log, scheduler):
-    written = []
+def test_every_engine_writes_the_same_bytes(gpszip, log, scheduler, monkeypatch):
+    warmed, written = [], []
+    monkeypatch.setattr("gpszip.pipeline.warm.warm", lambda: warmed.append(True))
     for engine in (
         ["--workers", "1"],
         ["--workers", "3"],
@@ -33,6 +34,7 @@ def test_every_engine_writes_the_same_bytes(gpszip, log, scheduler):
         assert done.code == 0, done.err
         written.append(Path("walk.gpsz").read_bytes())
     assert len(set(written)) == 1
+    assert warmed == [True]  # for the processes
 
 
 def test_a_cluster_has_its_own_workers(gpszip, log):

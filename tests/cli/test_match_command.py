@@ -43,12 +43,12 @@ def drive(tmp_path):
     return path
 
 
-def test_lines_have_times_roads_and_confidence(shell, drive, streets, tmp_path):
-    done = shell("match", drive, "--network", streets, "-o", "routes.geojson")
-    assert done.returncode == 0, done.stderr
-    assert b"matched 100 % of 140 points in 2 tracks on 2 routes of 1.3" in done.stderr
-    assert b"sigma" in done.stderr
-    assert b"breaks: none" in done.stderr
+def test_lines_have_times_roads_and_confidence(gpszip, drive, streets, tmp_path):
+    done = gpszip("match", drive, "--network", streets, "-o", "routes.geojson")
+    assert done.code == 0, done.err
+    assert "matched 100 % of 140 points in 2 tracks on 2 routes of 1.3" in done.err
+    assert "sigma" in done.err
+    assert "breaks: none" in done.err
     found = json.loads((tmp_path / "routes.geojson").read_text())
     assert "gpszip" in found
     first, second = (one["properties"] for one in found["features"])

@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from gpszip.errors import InputError
+from gpszip.io.logs.read import read_logs
+
 
 def mistake(run, code, *words):
     """Check that a run failed with this code and one line that has these words."""
@@ -56,6 +59,19 @@ def test_files_that_are_no_logs(gpszip, tmp_path, name):
     mistake(done, 1, *words)
     assert "log.csv" in done.err or "track '0'" in done.err
     assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
+
+
+@pytest.mark.parametrize("name", [name for name in LOGS if "too large" not in name])
+def test_errors_of_logs_have_the_file_as_a_field(tmp_path, name):
+    path, (text, *words) = tmp_path / "log.csv", LOGS[name]
+    path.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read_logs(path)
+    error = caught.value
+    assert error.path == str(path)
+    assert str(error) == f"{path}: {error.detail}"
+    assert all(word in error.detail for word in words)
+    assert str(path) not in error.detail
 
 
 def test_wrong_column_named(gpszip, log):
@@ -239,7 +255,7 @@ def test_output_without_permission(gpszip, log, tmp_path):
         (["-o", "a.gpsz", "--effort", "11"], ["1<=x<=9"]),
         (["-o", "a.gpsz", "--m", "3"], ["m was given alone"]),
         (["-o", "a.gpsz", "--k", "3", "--m", "5"], ["more segments than parts"]),
-        (["-o", "a.gpsz", "--keep", "x"], ["'x' can't be kept besides", "rename"]),
+        (["-o", "a.gpsz", "--keep", "x"], ["'x' can't be kept: positions have", "rename"]),
         (["-o", "a.gpsz", "--keep-times", "--no-times"], ["can't be kept without times"]),
         (["-o", "a.gpsz", "--max-eror", "9m"], ["--max-eror", "--max-error"]),
     ],

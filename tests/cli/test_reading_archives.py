@@ -155,10 +155,43 @@ def test_map_in_other_formats(gpszip, archive, suffix):
     assert Path(f"map.{suffix}").stat().st_size > 50
 
 
+def test_a_log_follows_its_own_map_in_openstreetmap_xml(shell, log, tmp_path):
+    # The square of the log, 4 km by 3 km at 48 degrees north.
+    rows = [line.split(",") for line in log.read_text().splitlines()[1:]]
+    degrees = [
+        f"{20 * float(t)},{48 + float(y) * 9e-4:.7f},{11 + float(x) * 9e-4:.7f}" for t, x, y in rows
+    ]
+    (tmp_path / "drive.csv").write_text("\n".join(["t,lat,lon", *degrees]) + "\n")
+    assert shell("compress drive.csv -o drive.gpsz --rmse 10m").returncode == 0
+
+    # The export is the same in a file and on standard output.
+    done = shell("map drive.gpsz -o map.osm")
+    assert done.returncode == 0, done.stderr
+    assert b"map.osm: edges" in done.stderr
+    written = (tmp_path / "map.osm").read_bytes()
+    assert shell("map drive.gpsz -o - --format osm").stdout == written
+
+    # Every point is on a way, in its direction.
+    assert b'k="oneway" v="yes"' in written
+    done = shell("match drive.csv --network map.osm -o routes.geojson --json")
+    assert done.returncode == 0, done.stderr
+    facts = json.loads(done.stdout)
+    assert (facts["points"], facts["matched"]) == (200, 1.0)
+    assert facts["error"] < 20
+
+
+def test_map_in_metres_is_no_openstreetmap(gpszip, archive):
+    done = gpszip("map", archive, "-o", "map.osm")
+    assert done.code == 1
+    assert "map.osm: this map is in x and y" in done.err
+    assert len(done.err.splitlines()) == 1
+    assert not Path("map.osm").exists()
+
+
 def test_map_of_unknown_format(gpszip, archive):
     done = gpszip("map", archive, "-o", "map.xyz")
     assert done.code == 1
-    assert ".geojson, .json, .graphml, .gpkg, .csv" in done.err
+    assert ".geojson, .json, .graphml, .osm, .gpkg, .csv" in done.err
 
 
 def test_info_for_people(gpszip, archive):

@@ -6,10 +6,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from calling import from_python
+from gpszip.codec.integer_contexts import INTEGER_CONTEXTS
 from gpszip.codec.kernels import adaptive, log2
 from gpszip.codec.kernels.adaptive import (
     CENTERS,
-    INTEGER_CONTEXTS,
     KINDS,
     MIXTURE_ROWS,
     SCALES,
@@ -24,6 +25,9 @@ from gpszip.codec.kernels.range_coder import finish, new_decoder, new_encoder
 from gpszip.kernels.jit import jit
 from oracle import adaptive as plain
 from oracle.range_coder import Decoder, Encoder
+
+# Inner kernels, as Python calls them.
+fixed_log2 = from_python(fixed_log2)
 
 PLAIN_KINDS = (plain.TWO_SIDED, plain.ONE_SIDED, plain.HISTOGRAM)
 LARGEST = 2**47

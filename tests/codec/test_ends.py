@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gpszip.codec.ends import TICKS, find_piece_ends, piece_time_ranges
+from gpszip.codec.ends import TICKS, find_piece_ends, stored_time_ranges
 from gpszip.codec.modes import encode_smallest
 from gpszip.codec.walks import decode
 from gpszip.errors import CorruptArchiveError
@@ -79,7 +79,7 @@ def test_tracks_start_and_end_at_their_samples(seed, start, unit, time):
     with_ends = GridWalks(
         walks.nodes, walks.walks, True, find_piece_ends([np.array([[first, last]])], walks, grid)
     )
-    (time_range,) = piece_time_ranges(
+    (time_range,) = stored_time_ranges(
         decode(encode_smallest(with_ends, grid=grid), 1, 1, grid=grid), grid
     )
     assert time_range[0] == pytest.approx([first, last], abs=1e-5)
@@ -126,7 +126,7 @@ def test_tracks_without_times_have_no_ends():
     data = encode_smallest(with_ends, grid=grid)
     back = decode(data, 1, 2, grid=grid)
     assert back.untimed == {0}
-    assert piece_time_ranges(back, grid)[1].tolist() == [[1.0, 17.0]]
+    assert stored_time_ranges(back, grid)[1].tolist() == [[1.0, 17.0]]
     decoder, tracks = walk_decoder.read(data, 1, 2)
     assert read_tail(decoder.coder, decoder.positions, tracks, 2.0)[0] == {0}
 
@@ -136,7 +136,7 @@ def test_ends_outside_of_the_knots_are_those_of_the_knots():
     walks, grid = GridWalks(np.array([[0], [7]]), (one,)), QuantisationGrid((0,), 0, 128, 128)
     ends = find_piece_ends([np.array([[-50.0, 90.0]])], walks, grid)
     with_ends = GridWalks(walks.nodes, walks.walks, True, ends)
-    (time_range,) = piece_time_ranges(
+    (time_range,) = stored_time_ranges(
         decode(encode_smallest(with_ends, grid=grid), 1, 1, grid=grid), grid
     )
     assert time_range.tolist() == [[0.0, 4.0]]
@@ -147,7 +147,7 @@ def test_no_tracks_have_no_ends():
     walks = GridWalks(np.zeros((0, 2), np.int64), ())
     with_ends = GridWalks(walks.nodes, (), True, find_piece_ends([], walks, grid))
     back = decode(encode_smallest(with_ends, grid=grid), 2, 0, grid=grid)
-    assert piece_time_ranges(back, grid) == []
+    assert stored_time_ranges(back, grid) == []
 
 
 def test_forged_ends_before_starts_are_refused():

@@ -3,11 +3,14 @@
 import numpy as np
 import pytest
 
+from calling import from_python
 from gpszip.archive.create import new_archive
 from gpszip.codec.kernels.walk_model import SHORTEST_PATHS, SORTED_STARTS, TIME_FIRST
 from gpszip.codec.modes import encode_smallest
+from gpszip.codec.numbering import number_by_visit
+from gpszip.codec.payload_head import MAX_SORTED_TRACKS
 from gpszip.codec.prior import Prior
-from gpszip.codec.walks import MAX_SORTED_TRACKS, decode, encode, encode_in_modes, number_by_visit
+from gpszip.codec.walks import decode, encode, encode_in_modes
 from gpszip.errors import CorruptArchiveError
 from gpszip.graph.kernels.shortest_paths import write_canonical_path
 from gpszip.graph.road_graph import build_road_graph
@@ -16,6 +19,9 @@ from gpszip.model import GridWalk, GridWalks
 from gpszip.model.grid import QuantisationGrid
 from oracle import walk_decoder
 from oracle.walks import assert_same, random_walks, walk
+
+# Inner kernels, as Python calls them.
+write_canonical_path = from_python(write_canonical_path)
 
 
 def count_knots(walks):

@@ -4,12 +4,18 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from calling import from_python
 from gpszip.codec.kernels.walk_model import add_end_weight, end_weight_below, extended
+from gpszip.codec.numbering import number_by_visit
 from gpszip.codec.prior import Prior
-from gpszip.codec.walks import decode, encode, encode_with_statistics, number_by_visit
+from gpszip.codec.walks import decode, encode, encode_with_statistics
 from gpszip.errors import CorruptArchiveError
 from gpszip.model import GridWalk, GridWalks
 from oracle.walks import assert_same, random_walks, walk
+
+# Inner kernels, as Python calls them.
+end_weight_below = from_python(end_weight_below)
+add_end_weight = from_python(add_end_weight)
 
 
 def split(walks, known):

@@ -6,9 +6,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from calling import from_python
 from gpszip.codec.kernels import rotation
 from gpszip.codec.kernels.rotation import DIRECTIONS, nearest_direction, rotate, rotate_back
 from oracle.walk_decoder import TURN_TABLES, plain_direction, plain_rotate_back
+
+# Inner kernels, as Python calls them.
+rotate_back = from_python(rotate_back)
+rotate = from_python(rotate)
+nearest_direction = from_python(nearest_direction)
 
 far = (
     st.integers(-100, 100)

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from gpszip.codec.walks import decode, encode, encode_with_statistics, number_by_visit
+from gpszip.codec.numbering import number_by_visit
+from gpszip.codec.walks import decode, encode, encode_with_statistics
 from gpszip.errors import BoundError, CorruptArchiveError
 from gpszip.model import GridWalk, GridWalks
 from oracle import walk_decoder

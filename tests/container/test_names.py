@@ -8,6 +8,8 @@ from gpszip.container.names import encode_names, read_names
 from gpszip.errors import CorruptArchiveError
 from oracle.archives import number
 
+RANDOM = random.Random(4)
+
 IDS = {
     "none": (),
     "empty": ("",),
@@ -35,9 +37,7 @@ IDS = {
     "astral": ("\U0001f6b6 walk", "\U0010ffff"),
     "slashes": ("../../etc/passwd", "a/b", "a/0"),
     "one megabyte": ("z" * 1_000_000,),
-    "one random megabyte": (
-        "".join(chr(random.Random(4).randrange(32, 0x2FFF)) for _ in range(350_000)),
-    ),
+    "one random megabyte": ("".join(map(chr, RANDOM.choices(range(32, 0x2FFF), k=350_000))),),
 }
 
 

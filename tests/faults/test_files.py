@@ -28,6 +28,7 @@ from gpszip.files.written import collect_outputs
 from gpszip.io.logs.write import write_tracks
 from gpszip.io.storage.display_name import printable_name
 from gpszip.io.storage.temporary import read_numbers, write_numbers
+from gpszip.model import Plane
 from gpszip.testing import patrol
 from oracle.archives import FLAT
 
@@ -38,7 +39,7 @@ ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 def archive(tmp_path):
     path = tmp_path / "in" / "two.gpsz"
     path.parent.mkdir()
-    two_walks().save(path)
+    two_walks(Plane(((480_000_000, 110_000_000),))).save(path)
     return path
 
 
@@ -89,14 +90,13 @@ def test_a_full_disk_keeps_the_old_log(small_disk, name):
 
 def patrol_on_earth(count):
     from gpszip import Track
-    from gpszip.model import Plane
 
     log = patrol(count, seed=1)
     return Track("a", log.times, log.positions, plane=Plane(((480_000_000, 110_000_000),)))
 
 
 @pytest.mark.parametrize(
-    "name", ["map.gpkg", "map.geojson", "map.graphml", "map.csv", "intact.gpsz"]
+    "name", ["map.gpkg", "map.geojson", "map.graphml", "map.osm", "map.csv", "intact.gpsz"]
 )
 def test_a_full_disk_keeps_the_old_map(small_disk, archive, run, name):
     path = small_disk / name

@@ -1,5 +1,6 @@
 """Closed and full standard streams, few file descriptors, and decoding without a compiler."""
 
+import contextlib
 import os
 import random
 import subprocess
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from cli.conftest import two_walks
+from gpszip.cli.main import main
 from gpszip.io.logs.read import read_logs
 
 ALL = os.environ.get("GPSZIP_FAULTS") == "all"
@@ -112,8 +114,11 @@ def compressed(tmp_path_factory):
     (folder / "log.csv").write_text(
         "t,x,y\n" + "".join(f"{t},{x:.3f},{y:.3f}\n" for t, (x, y) in enumerate(rows))
     )
-    _output(folder, [*COMPRESS, "log.gpsz"], {})
-    return folder, [_output(folder, words, {}) for words in DECODE]
+    with contextlib.chdir(folder):
+        assert main([*COMPRESS, "log.gpsz"]) == 0
+        for number, words in enumerate(DECODE):
+            assert main([*words[:-1], f"{number}.csv"]) == 0
+    return folder, [(folder / f"{number}.csv").read_bytes() for number in range(len(DECODE))]
 
 
 COMPRESS = [

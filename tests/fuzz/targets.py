@@ -216,6 +216,13 @@ ROADS_OSM = (
 <way id="8"><nd ref="3"/><nd ref="1"/><tag k="highway" v="service"/></way>
 </osm>
 """,
+    """<?xml version="1.0" encoding="UTF-8"?>
+<osm version="0.6" upload="false">
+<node id="-1" lat="48.1" lon="11.5"/><node id="-2" lat="48.11" lon="11.5"/>
+<way id="-1"><nd ref="-1"/><nd ref="-2"/><tag k="highway" v="road"/>
+<tag k="gpszip:speed" v="8.5"/></way>
+</osm>
+""",
 )
 
 TIMES = ("time,note\n0\n10.5,a\n2024-05-04T08:00:00Z\n1714809600\n", "10\n20\n")
@@ -326,6 +333,24 @@ def _pbfs() -> Sequence[bytes]:
 
 
 @cache
+def _plain_walks(data: bytes) -> object:
+    from gpszip.codec.plain.decode import decode_plain
+    from gpszip.codec.plain.work import TooMuchWorkError, WorkLimit
+    from gpszip.model import QuantisationGrid
+
+    grid = QuantisationGrid((0, 0), 0, 128, 150)
+    with contextlib.suppress(TooMuchWorkError):
+        return decode_plain(data, 2, 2, grid, WorkLimit(300_000))
+
+
+def _payloads() -> Sequence[bytes]:
+    from gpszip.archive import open_archive
+
+    archives = [open_archive(archive) for archive in _archives()]
+    groups = [group for archive in archives for group in archive.contents.groups]
+    return [group.payload for group in groups if group.tracks == 2]
+
+
 def _archives() -> Sequence[bytes]:
     from cli.conftest import two_walks
     from gpszip import Track, compress
@@ -481,6 +506,7 @@ TARGETS = {
     "coreset, table": Target(_coreset, _coresets, mutations.BINARY, _apply_to_table),
     "times": Target(_times, _texts(TIMES)),
     "times in text": Target(_times_in_text, _texts(("10,20.5,2024-05-04T08:00:00Z",))),
+    "walks, plain": Target(_plain_walks, _payloads, mutations.BINARY),
     "archive": Target(_archive, _archives, mutations.BINARY),
     "archive, sealed": Target(_archive, _archives, mutations.BINARY, _apply_to_archive),
 }

@@ -15,8 +15,22 @@ from fuzz.mutations import BINARY, TEXT, Mutation, apply, draw
 from fuzz.run import WorkerLostError, WorkerProcess, fuzz
 from fuzz.targets import TARGETS, Target, run
 from fuzz.worker import answer, make_input
+from gpszip.errors import GPSZipError
 
 _SHARE = st.floats(0, 1, exclude_max=True)
+
+#: Targets that read a file or a stream by its name; others get text or bytes alone.
+WITHOUT_FILES = ("archive", "times in text", "walks")
+TARGETS_WITH_FILES = [name for name in TARGETS if not name.startswith(WITHOUT_FILES)]
+
+
+def _refusal(name, data):
+    """Return the error of a target that refuses data; None if it takes it."""
+    try:
+        TARGETS[name].take(data)
+    except GPSZipError as error:
+        return error
+    return None
 
 
 def _changes(kinds):
@@ -39,6 +53,20 @@ def test_changed_files_are_read_or_refused(name):
         run(name, target.mutate(number, changes))
 
     attempt()
+
+
+@pytest.mark.parametrize("name", TARGETS_WITH_FILES)
+def test_errors_name_their_files_once(name):
+    # The file is a field, and the message begins with it.
+    refused = [error for seed in range(30) if (error := _refusal(name, make_input(name, seed)))]
+    assert len(refused) >= 5
+    for error in refused:
+        assert error.path, error
+        assert str(error) == f"{error.path}: {error.detail}"
+
+        # No other field repeats it.
+        for text in (error.location or "", error.reason, error.remedy or ""):
+            assert not text.startswith(error.path), error
 
 
 @pytest.mark.parametrize("name", ["archive, sealed", "roads prepared, sealed", "coreset, table"])

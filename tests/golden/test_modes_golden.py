@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from gpszip.codec.walks import decode, encode_in_modes, number_by_visit
+from gpszip.codec.numbering import number_by_visit
+from gpszip.codec.plain.decode import decode_plain
+from gpszip.codec.plain.work import WorkLimit
+from gpszip.codec.walks import decode, encode_in_modes
 from gpszip.model import GridWalks
 from oracle import walk_decoder
 from oracle.walks import assert_same, walk
@@ -75,6 +78,7 @@ def test_golden_payloads_are_written(modes):
 def test_golden_payloads_are_read(modes):
     walks, data = block_walks(), bytes.fromhex(WRITTEN[modes])
     assert_same(decode(data, 2, 3), walks)
+    assert_same(decode_plain(data, 2, 3, None, WorkLimit(10**9)), walks)
     positions, plain, _ = walk_decoder.decode(data, 2, 3)
     assert positions == walks.nodes.tolist()
     assert [[node for node, _, _ in track] for track in plain] == [

@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from gpszip.codec.walks import decode, encode, encode_in_modes, number_by_visit
+from gpszip.codec.numbering import number_by_visit
+from gpszip.codec.plain.decode import decode_plain
+from gpszip.codec.plain.work import WorkLimit
+from gpszip.codec.walks import decode, encode, encode_in_modes
 from gpszip.model import GridWalks, QuantisationGrid
 from gpszip.model.grid_walks import PieceEnds
 from oracle import walk_decoder
@@ -105,6 +108,7 @@ def test_golden_payloads_are_read(name):
     walks, data = CASES[name], bytes.fromhex(WRITTEN[name])
     dimension, tracks = walks.nodes.shape[1], len(walks.walks)
     assert_same(decode(data, dimension, tracks), walks)
+    assert_same(decode_plain(data, dimension, tracks, None, WorkLimit(10**9)), walks)
 
 
 # the plain decoder takes long for the 6,000 knots of the last one
@@ -140,7 +144,12 @@ WITH_ENDS_BYTES = "1b1a7a259e1d042eb81ee402c61ce9c4ce40"
 
 def test_the_tail_of_version_3_is_written_and_read():
     assert encode_in_modes(WITH_ENDS, None, 0, np.zeros(0), GRID)[0].hex() == WITH_ENDS_BYTES
-    back = decode(bytes.fromhex(WITH_ENDS_BYTES), 2, 2, grid=GRID)
+    data = bytes.fromhex(WITH_ENDS_BYTES)
+    assert_is_with_ends(decode(data, 2, 2, grid=GRID))
+    assert_is_with_ends(decode_plain(data, 2, 2, GRID, WorkLimit(10**9)))
+
+
+def assert_is_with_ends(back):
     assert (back.ends.tick, back.untimed) == (9, {1})
     assert back.ends.first.tolist()[:2] == [6, 310]
     assert back.ends.last.tolist()[:2] == [78, 600]

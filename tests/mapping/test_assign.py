@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from calling import from_python
 from gpszip.mapping.initial_map import allocate_working_map
 from gpszip.mapping.kernels.assign import Prices, assign_slice
 from gpszip.mapping.kernels.assign_max_error import build_directions
@@ -15,6 +16,10 @@ from gpszip.mapping.kernels.initial_map import (
 )
 from gpszip.mapping.kernels.time_grid import TimeGridArrays
 from oracle.assignment import NEW_NODE, Window
+
+# Inner kernels, as Python calls them.
+step_count = from_python(step_count)
+find_near_nodes = from_python(find_near_nodes)
 
 UNIT = 64.0
 

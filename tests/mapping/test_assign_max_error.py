@@ -3,8 +3,12 @@ from itertools import combinations, product
 import numpy as np
 import pytest
 
+from calling import from_python
 from gpszip.mapping.kernels.assign_max_error import build_directions, fill_table_within_max_error
 from gpszip.mapping.kernels.time_grid import DPTable, TimeGridArrays
+
+# Inner kernels, as Python calls them.
+fill_table_within_max_error = from_python(fill_table_within_max_error)
 
 TIME, STAY = 3.0, 4.5
 

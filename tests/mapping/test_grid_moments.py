@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from calling import from_python
 from gpszip.mapping.kernels.grid_moments import (
     best_line_cost,
     prefix_sums,
@@ -10,6 +11,9 @@ from gpszip.mapping.kernels.grid_moments import (
     segment_moments,
 )
 from oracle import moments as plain
+
+# Inner kernels, as Python calls them.
+best_line_cost = from_python(best_line_cost)
 
 UNIT = 64.0
 

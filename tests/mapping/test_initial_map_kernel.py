@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from calling import from_python
 from gpszip.mapping.initial_map import allocate_working_map
 from gpszip.mapping.kernels.initial_map import (
     HALF_EDGE_COUNT,
@@ -20,6 +21,15 @@ from gpszip.mapping.kernels.initial_map import (
     release_node,
     step_count,
 )
+
+# Inner kernels, as Python calls them.
+step_count = from_python(step_count)
+count_step = from_python(count_step)
+free_capacity = from_python(free_capacity)
+add_node = from_python(add_node)
+release_node = from_python(release_node)
+find_near_nodes = from_python(find_near_nodes)
+index_node = from_python(index_node)
 
 
 def assert_steps_are(working_map, counted, nodes):

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from calling import from_python
 from gpszip.codec.prior import Prior
 from gpszip.codec.walks import decode, encode
 from gpszip.mapping.budgets import ErrorBudgets
@@ -24,6 +25,11 @@ from gpszip.testing import patrol
 from gpszip.testing.city import drives
 from gpszip.walks.error import measure_errors
 from gpszip.walks.quantised import dequantise_walks, node_positions
+
+# Inner kernels, as Python calls them.
+list_moves = from_python(list_moves)
+replace_knots = from_python(replace_knots)
+_added_error = from_python(_added_error)
 
 RMSE = 0.5
 WORK = 60_000

@@ -1,9 +1,13 @@
 import numpy as np
 import pytest
 
+from calling import from_python
 from gpszip.mapping.kernels.grid_moments import prefix_sums
 from gpszip.mapping.kernels.private_chain import find_private_chain
 from oracle.private_chain import chain_cost, cheapest_chain
+
+# Inner kernels, as Python calls them.
+find_private_chain = from_python(find_private_chain)
 
 UNIT = 64.0
 

@@ -59,7 +59,7 @@ def drive_city(city, rng, seconds, speed=8.0):
 
 
 @cache
-def log(period, noise=18.0, seed=5, vehicles=8):
+def log(period, noise=18.0, seed=5, vehicles=5):
     """A city, noisy tracks with headings, and the true directed roads of their samples."""
     city, rng = one_way_city(), np.random.default_rng(seed)
     tracks, true_roads = [], []

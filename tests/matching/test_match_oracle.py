@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calling import from_python
 from gpszip.matching.index import create_workspace, index_network
 from gpszip.matching.kernels.backtrace import best_path, road_positions
 from gpszip.matching.kernels.candidates import empty_candidates, find_candidates
@@ -15,6 +16,10 @@ from gpszip.model.match import Scales
 from matching.streets import grid, network
 from oracle.matching import DirectedRoads, Trellis
 from oracle.matching import find_candidates as find_candidates_plainly
+
+# Inner kernels, as Python calls them.
+empty_candidates = from_python(empty_candidates)
+find_candidates = from_python(find_candidates)
 
 SCALES = Scales(error=8.0, sigma=14.0, beta=12.0, median_speed=8.0, max_speed=60.0)
 WITH_HEADING = replace(SCALES, heading=25.0)

@@ -86,5 +86,5 @@ def test_errors_say_which_sample():
     assert caught.value.location == "track 'bus': sample 2"
     assert caught.value.remedy == "sort or split the track"
     assert str(caught.value) == (
-        "track 'bus': sample 2: time 1 does not follow 2; sort or split the track"
+        "track 'bus': sample 2: time 1 is not later than 2; sort or split the track"
     )

@@ -55,7 +55,7 @@ def small_archives() -> dict[str, Contents]:
 
 
 def archives_with_bounds() -> dict[str, Contents]:
-    """Archives with an error bound or on a map kept elsewhere."""
+    """Archives with an error bound or on a known map."""
     reference, same_grid = MapReference(b"ABCD", 2), MapReference(b"\0\xff\0\xff")
     group = (Group(0, 1, b"walks"),)
     return {

@@ -1,8 +1,22 @@
 """Plain twins of the kernels of map simplification."""
 
 import heapq
+import itertools
 
 import numpy as np
+
+
+def cells_near(starts, ends, size, margin):
+    """Columns and rows of the cells near points on lines; their centers are multiples of size."""
+    cells = set()
+    around = range(-margin, margin + 1)
+    for start, end in zip(starts, ends, strict=True):
+        count = int(np.ceil(2 * np.linalg.norm(end - start) / size)) + 1
+        for number in range(count):
+            point = start + (number + 0.5) / count * (end - start)
+            column, row = np.floor(point / size + 0.5).astype(int).tolist()
+            cells |= {(column + i, row + j) for i, j in itertools.product(around, around)}
+    return cells
 
 
 def blurred(values, neighbours, passes):

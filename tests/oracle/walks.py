@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gpszip.codec.walks import number_by_visit
+from gpszip.codec.numbering import number_by_visit
 from gpszip.model import GridWalk, GridWalks
 
 
@@ -41,7 +41,10 @@ def random_walks(seed, longest=60):
 def assert_same(walks, other):
     np.testing.assert_array_equal(walks.nodes, other.nodes)
     assert (walks.timed, len(walks.walks)) == (other.timed, len(other.walks))
+    assert walks.nodes.dtype == other.nodes.dtype
     for walk_, twin in zip(walks.walks, other.walks, strict=True):
+        for array, twin_array in zip(vars(walk_).values(), vars(twin).values(), strict=True):
+            assert array.dtype == twin_array.dtype
         np.testing.assert_array_equal(walk_.nodes, twin.nodes)
         np.testing.assert_array_equal(walk_.time_steps, twin.time_steps)
         np.testing.assert_array_equal(walk_.gaps, twin.gaps)

@@ -57,10 +57,10 @@ def test_an_appended_track_continues_where_it_ended(day, morning):
 
 
 def test_appending_is_not_much_larger_than_compressing_at_once(day):
-    archive = compress([slice_track(day, 0, 1000)], Options(rmse=RMSE, effort=2))[0]
-    for first in (1000, 2000):
-        archive, _ = append(archive, slice_track(day, first, first + 1000), Options(effort=2))
-    at_once = compress([day], Options(rmse=RMSE, effort=2))[0]
+    archive = compress([slice_track(day, 0, 600)], Options(rmse=RMSE, effort=1))[0]
+    for first in (600, 1200):
+        archive, _ = append(archive, slice_track(day, first, first + 600), Options(effort=1))
+    at_once = compress([slice_track(day, 0, 1800)], Options(rmse=RMSE, effort=1))[0]
     assert len(archive.to_bytes()) < 1.2 * len(at_once.to_bytes())
 
 

@@ -3,6 +3,7 @@
 import math
 import subprocess
 import sys
+from functools import cache
 
 import numpy as np
 import pytest
@@ -183,7 +184,7 @@ def test_a_track_on_two_planes_keeps_its_positions():
 
 
 def test_the_same_log_gives_the_same_bytes():
-    tracks = LOGS["three tracks"]
+    tracks = LOGS["tracks of all lengths"]
     options = Options(rmse=0.5, effort=2)
     first, second = (compress(tracks, options)[0].to_bytes() for _ in range(2))
     assert first == second
@@ -191,11 +192,11 @@ def test_the_same_log_gives_the_same_bytes():
 
 @pytest.mark.parametrize(
     "options",
-    [Options(rmse=0.5), Options(max_error=1.0), Options(k=20, m=8)],
+    [Options(rmse=0.5, effort=3), Options(max_error=1.0, effort=3), Options(k=20, m=8)],
     ids=["rmse", "max", "thesis"],
 )
 def test_neither_workers_nor_the_origin_of_the_log_change_the_walks(options):
-    track = wander(300)
+    track = wander(150)
     track = Track("a", track.times, np.round(track.positions, 3))
     serial = compress(track, options, executor=Serial())[0]
     assert compress(track, options, executor=Threads(3))[0].to_bytes() == serial.to_bytes()
@@ -211,20 +212,20 @@ def test_neither_workers_nor_the_origin_of_the_log_change_the_walks(options):
 
 def test_without_a_bound_one_is_estimated_and_reported():
     track = wander(400, noise=0.2)
-    archive, report = compress_and_reopen([track])
+    archive, report = compress_and_reopen([track], effort=1)
     rmse, _, lost = measure([track], archive.decompress())
     bound = float(report.bound.split()[-2])
     assert lost == 0
     assert rmse <= bound
     assert 0.2 < bound < 3.0
     assert any(f"{bound:g} m" in note and "estimated" in note for note in report.notes)
-    assert compress_and_reopen([track], rmse=bound)[1].notes == ()
+    assert compress_and_reopen([track], rmse=bound, effort=1)[1].notes == ()
 
 
 def test_archives_without_times_keep_the_shape():
     track = wander()
-    timed, timed_report = compress_and_reopen([track], rmse=0.5)
-    untimed, untimed_report = compress_and_reopen([track], rmse=0.5, times=False)
+    timed, timed_report = compress_and_reopen([track], rmse=0.5, effort=1)
+    untimed, untimed_report = compress_and_reopen([track], rmse=0.5, effort=1, times=False)
     assert not untimed.timed
     assert untimed_report.bytes_out < timed_report.bytes_out
     assert untimed_report.rmse == timed_report.rmse
@@ -245,20 +246,22 @@ def test_the_layer_packs_the_archive_once_more():
     ]
 
 
-@pytest.mark.parametrize("times", [True, False])
-@pytest.mark.parametrize("size", [50, 120])
+@cache
+def fit_size(size, times):
+    return compress_and_reopen([wander(80)], size=size, effort=1, times=times)
+
+
+@pytest.mark.parametrize(("size", "times"), [(50, True), (120, True), (50, False)])
 def test_archives_fit_a_size_and_use_it(size, times):
-    track = wander(80)
-    archive, report = compress_and_reopen([track], size=size, effort=1, times=times)
+    archive, report = fit_size(size, times)
     assert 0.8 * size <= len(archive.to_bytes()) == report.bytes_out <= size
     assert report.bound == f"size <= {size} bytes"
     if times:
-        assert report.rmse == pytest.approx(measure([track], archive.decompress())[0])
+        assert report.rmse == pytest.approx(measure([wander(80)], archive.decompress())[0])
 
 
 def test_more_bytes_give_a_smaller_error():
-    errors = [compress_and_reopen([wander(60)], size=size, effort=1)[1].rmse for size in (40, 90)]
-    assert errors[0] > errors[1]
+    assert fit_size(50, True)[1].rmse > fit_size(120, True)[1].rmse
 
 
 @pytest.mark.parametrize("log", ["one sample", "standing still", "tracks of all lengths"])
@@ -272,12 +275,12 @@ def test_any_log_fits_a_size(log):
 
 
 def test_a_ratio_refers_to_the_bytes_of_the_log_or_else_of_its_arrays():
-    track = wander(60)
+    (track,) = LOGS["standing still"]
     assert (
         compress_and_reopen([track], ratio=20.0, effort=1)[1].bound
-        == f"size <= {60 * 3 * 8 // 20} bytes"
+        == f"size <= {50 * 3 * 8 // 20} bytes"
     )
-    log = MemoryLog((track,), ReadResult((track,), points=60, bytes=2000, geographic=False))
+    log = MemoryLog((track,), ReadResult((track,), points=50, bytes=2000, geographic=False))
     archive, report = compress(log, Options(ratio=20.0, effort=1))
     assert report.bound == "size <= 100 bytes"
     assert len(archive.to_bytes()) <= 100
@@ -442,13 +445,15 @@ def test_larger_archives_store_the_sampling_interval():
     assert open_archive(large.to_bytes()).sampling == pytest.approx(4.0, rel=0.1)
 
 
-def test_merged_archives_store_the_longest_sampling_interval():
-    frequent = wander(1200, seed=7, name="frequent", noise=0.0)
-    rare = wander(1200, seed=8, name="rare", start=9e4, step=16.0, noise=0.0)
-    options = Options(rmse=0.02, effort=1)
+def test_merged_archives_store_the_longest_sampling_interval(monkeypatch):
+    monkeypatch.setattr("gpszip.archive.create._MIN_BYTES_WITH_SAMPLING", 50)
+    frequent = wander(200, seed=7, name="frequent", noise=0.0)
+    rare = wander(200, seed=8, name="rare", start=9e4, step=16.0, noise=0.0)
+    options = Options(rmse=0.5, effort=1)
     archives = [compress(track, options)[0] for track in (frequent, rare)]
     assert [archive.sampling for archive in archives] == [1.0, 16.0]
     assert merge(archives)[0].sampling == 16.0
     assert append(archives[0], rare, options)[0].sampling == 16.0
-    unknown = compress(wander(40, seed=9, name="short", start=5e5), Options(rmse=2.0, effort=1))[0]
+    unknown = compress(wander(10, seed=9, name="short", start=5e5), options)[0]
+    assert unknown.sampling is None
     assert merge([archives[0], unknown])[0].sampling is None

@@ -1,10 +1,14 @@
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gpszip.codec.kernels.walk_model import SORTED_STARTS
 from gpszip.codec.modes import encode_smallest
-from gpszip.codec.walks import decode, encode, encode_in_modes, number_by_visit
+from gpszip.codec.numbering import number_by_visit
+from gpszip.codec.plain.decode import decode_plain
+from gpszip.codec.plain.work import WorkLimit
+from gpszip.codec.walks import decode, encode, encode_in_modes
 from gpszip.errors import CorruptArchiveError
 from gpszip.model import GridWalks
 from oracle import walk_decoder
@@ -83,7 +87,7 @@ def test_the_smallest_payload_is_no_larger_than_without_modes(walks):
 
 
 def assert_decoders_agree(data, dimension, tracks):
-    """Both decoders refuse the bytes, or find the same consistent walks."""
+    """All three decoders refuse the bytes, or find the same consistent walks."""
     try:
         found = decode(data, dimension, tracks)
     except CorruptArchiveError:
@@ -94,7 +98,10 @@ def assert_decoders_agree(data, dimension, tracks):
         plain = None
     assert (found is None) == (plain is None)
     if found is None:
+        with pytest.raises(CorruptArchiveError):
+            decode_plain(data, dimension, tracks, None, WorkLimit(10**9))
         return
+    assert_same(decode_plain(data, dimension, tracks, None, WorkLimit(10**9)), found)
     assert found.nodes.tolist() == positions
     assert len(found.walks) == tracks
     for one, twin in zip(found.walks, plain, strict=True):

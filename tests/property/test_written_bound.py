@@ -13,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from gpszip.archive import new_archive, with_error_bound
-from gpszip.codec.walks import number_by_visit
+from gpszip.codec.numbering import number_by_visit
 from gpszip.geo.planes import choose_plane, to_plane
 from gpszip.io.logs.track_rows import metre_decimals
 from gpszip.io.logs.write import write_tracks

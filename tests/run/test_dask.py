@@ -29,6 +29,7 @@ from oracle.chores import (
     scale,
 )
 
+dask = pytest.importorskip("dask")
 distributed = pytest.importorskip("distributed")
 
 pytestmark = pytest.mark.filterwarnings("default")
@@ -48,12 +49,14 @@ class Cluster(distributed.LocalCluster):
 
 @pytest.fixture(scope="module")
 def client():
+    # an item may kill one worker, not the usual three: each takes seconds to start again
     with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
         Cluster(
-            n_workers=3,
+            n_workers=2,
             threads_per_worker=1,
             processes=True,
-            dashboard_address=None,
+            dashboard_address=":0",  # any free port
             memory_limit=0,
         ) as cluster,
         distributed.Client(cluster) as client,
@@ -121,21 +124,21 @@ def test_a_killed_worker_does_not_change_the_result(client):
 
         assert list(shared.map(slow, range(60))) == [2 * x for x in range(60)]
         killer.join()
-    client.wait_for_workers(3, timeout=30)
+    client.wait_for_workers(2, timeout=30)
     assert victim not in client.run(os.getpid).values()
 
 
 def test_an_item_that_kills_every_worker_raises_a_worker_error(client):
     with pytest.raises(WorkerError, match="too little memory"):
         list(Dask(client).map(kill_process_at_three, [3]))
-    client.wait_for_workers(3, timeout=30)
+    client.wait_for_workers(2, timeout=30)
 
 
 def test_archives_and_segment_means_are_the_same_on_every_executor(client, two_processes):
-    track = patrol(900, seed=5)
+    track = patrol(600, seed=5)
     options = Options(rmse=0.3, effort=3)
     expected = compress(track, options, executor=Serial())[0].to_bytes()
-    for executor in (Threads(1), Threads(3), two_processes, client):
+    for executor in (Threads(3), two_processes, client):
         assert compress(track, options, executor=executor)[0].to_bytes() == expected
     means = [
         segment_mean(track, m=4, executor=executor)
@@ -147,7 +150,7 @@ def test_archives_and_segment_means_are_the_same_on_every_executor(client, two_p
 
 def test_archives_of_large_logs_are_the_same_on_a_cluster(client, tmp_path, monkeypatch):
     force_batches(monkeypatch, batch=2000, subsample=3000)
-    track = patrol(12_000, seed=5)
+    track = patrol(6000, seed=5)
     log = tmp_path / "log.csv"
     log.write_text(
         "t,x,y\n"
@@ -180,7 +183,7 @@ def test_coresets_are_the_same_on_a_cluster(client, tmp_path, monkeypatch):
 
 
 def test_merged_archives_are_the_same_on_every_executor(client, two_processes):
-    track = patrol(900, seed=5)
+    track = patrol(600, seed=5)
     thirds = [Track(str(i), track.times[i::3], track.positions[i::3]) for i in range(3)]
     archives = [compress(third, Options(rmse=0.3, effort=1))[0] for third in thirds]
     expected = merge(archives, executor=Serial())[0].to_bytes()

@@ -1,15 +1,18 @@
 import json
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from gpszip.io.maps.table import clean_map_table
-from gpszip.io.maps.write import map_suffixes, write_map
+from gpszip.io.maps.write import find_map_format, map_suffixes, write_map
 from gpszip.model import Plane, Walk
+from gpszip.simplification import bundling
 from gpszip.simplification.bundling import bundle_edges
 from gpszip.simplification.cell_grid import (
     build_cell_grid,
+    count_cells,
     find_cells,
     line_density,
     smooth_density,
@@ -27,7 +30,7 @@ from gpszip.simplification.skeleton import (
 )
 from gpszip.testing.city import drives
 from gpszip.walks.counting import build_road_map
-from oracle.clean_lines import blurred, distance_to_line, path_cost
+from oracle.clean_lines import blurred, cells_near, distance_to_line, path_cost
 
 
 def archive_like(paths, seconds=10.0, epoch=0.0, d=2):
@@ -200,6 +203,8 @@ def test_every_format_takes_a_clean_map(tmp_path, suffix, plane):
     road_map, walks = archive_like(street())
     streets = clean_map(build_road_map(road_map.nodes, walks, plane=plane), walks, 4.0)
     path = tmp_path / f"map{suffix}"
+    if plane is None and find_map_format(path).degrees_only:
+        return
     write_map(streets, path)
     assert path.stat().st_size > 0
     if suffix == ".geojson":
@@ -220,6 +225,42 @@ def test_cells_have_neighbours_and_a_line_has_density_1():
     assert height[find_cells(grid, np.array([[30.0, 12.5]]))] == pytest.approx(1.0, rel=0.1)
     values = np.random.default_rng(0).random(len(grid))
     assert np.allclose(blur(values, grid.neighbours, 3), blurred(values, grid.neighbours, 3))
+
+
+@pytest.mark.parametrize(("lines", "margin"), [(1, 3), (6, 0), (12, 1), (25, 5)])
+def test_a_grid_has_all_cells_near_its_lines_and_their_neighbours(lines, margin):
+    rng = np.random.default_rng(lines)
+    starts = rng.normal(0, 15, (lines, 2))
+    ends = starts + rng.normal(0, 10, (lines, 2))
+    ends[0] = starts[0]
+    grid = build_cell_grid(starts, ends, 0.7, margin)
+    cells = list(map(tuple, np.rint(grid.centers / 0.7).astype(int).tolist()))
+    assert cells == sorted(cells_near(starts, ends, 0.7, margin))
+    assert count_cells(starts, ends, 0.7, margin) == len(cells)
+
+    # counterclockwise from the east
+    number = {cell: index for index, cell in enumerate(cells)}
+    steps = [(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)]
+    assert grid.neighbours.tolist() == [
+        [number.get((column + i, row + j), -1) for i, j in steps] for column, row in cells
+    ]
+
+
+def test_a_map_finer_than_its_cells_is_cleaned_without_building_finer_grids(monkeypatch):
+    # Such maps once came out empty, after grids of eight times as many cells were built.
+    monkeypatch.setattr(bundling, "_MAX_CELLS", 20_000)
+    rng = np.random.default_rng(5)
+    path = np.cumsum(rng.normal([30, 0], [1, 30], (60, 2)), axis=0)
+    road_map, walks = archive_like([path])
+    clean_map(road_map, walks, 0.01)  # compiles
+    tracemalloc.start()
+    streets = clean_map(road_map, walks, 0.01)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    driven = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+    assert (streets.forward + streets.backward).tolist() == [1] * len(streets)
+    assert streets.length.sum() == pytest.approx(driven, rel=0.05)
+    assert peak < 400 * 20_000
 
 
 def test_paths_are_the_cheapest_within_their_corridor():

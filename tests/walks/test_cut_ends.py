@@ -7,32 +7,32 @@ from gpszip.walks.cut_ends import trim_walks
 NODES = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 400.0]])
 
 
-def walk_with_spans(spans, gaps=(False, False)):
+def walk_with_time_ranges(time_ranges, gaps=(False, False)):
     return Walk(
         "a",
         np.array([0, 1, 2], np.int32),
         np.array([0.0, 10.0, 20.0]),
         np.array(gaps),
-        np.array(spans),
+        np.array(time_ranges),
     )
 
 
 def test_a_segment_beyond_the_end_of_its_track_is_trimmed():
-    nodes, (trimmed,) = trim_walks(NODES, [walk_with_spans([[0.0, 15.0]])], 20.0)
+    nodes, (trimmed,) = trim_walks(NODES, [walk_with_time_ranges([[0.0, 15.0]])], 20.0)
     assert nodes[3:].tolist() == [[100.0, 200.0]]
     assert (trimmed.nodes.tolist(), trimmed.times.tolist()) == ([0, 1, 3], [0.0, 10.0, 15.0])
     assert build_road_map(nodes, [trimmed]).edges.tolist() == [[0, 1], [1, 3]]
 
 
 def test_a_track_that_ends_near_a_node_keeps_it():
-    walk = walk_with_spans([[0.1, 19.9]])
+    walk = walk_with_time_ranges([[0.1, 19.9]])
     nodes, (trimmed,) = trim_walks(NODES, [walk], 20.0)
     assert trimmed is walk
     assert len(nodes) == 3
 
 
 def test_a_segment_after_the_end_of_its_track_is_no_edge():
-    walk = walk_with_spans([[0.0, 10.0]])
+    walk = walk_with_time_ranges([[0.0, 10.0]])
     assert find_travelled_segments(walk).tolist() == [True, False]
     nodes, (trimmed,) = trim_walks(NODES, [walk], 20.0)
     assert build_road_map(nodes, [trimmed]).edges.tolist() == [[0, 1]]

@@ -68,6 +68,15 @@ def test_shapes_get_the_mean_speed_of_tracks_with_times():
     assert timed.times == pytest.approx([100.0, 106.0])  # 55 m in 11 s
 
 
+def test_shapes_start_with_the_earliest_track_even_if_it_is_parked():
+    parked = Track("a", [100.0, 200.0], [[0.0], [0.0]])
+    drive = Track("b", [150.0, 160.0], [[0.0], [50.0]])
+    shape = Track("c", [0.0, 30.0], [[0.0], [30.0]], timed=False)
+    for tracks in ([parked, drive, shape], [drive, parked, shape]):
+        timed = with_synthetic_times(tracks, [np.zeros(1, bool)] * 3)
+        assert timed[2].times == pytest.approx([100.0, 106.0])
+
+
 def test_walk_gets_times_by_fractions_of_its_length():
     nodes = np.array([[0.0, 0.0], [30.0, 40.0], [30.0, 90.0]])
     timed = assign_times_by_distance(

@@ -18,7 +18,7 @@ from gpszip.archive.pieces import (
     cut_at_gaps,
     pieces_by_track,
     plain_names,
-    span_of_piece,
+    time_range_of_piece,
 )
 from gpszip.archive.track_view import TrackView
 from gpszip.container.attributes import KeptColumns, read_attributes, read_column_names
@@ -102,7 +102,7 @@ class Archive:
         if self.error_bound is not None:
             facts.append(str(self.error_bound))
         if self.contents.grid is None and self.map is None:
-            facts.append("on a map kept elsewhere")
+            facts.append("on a known map")
         else:
             facts.append(axes_text(self.grid.dimension, self.grid.plane))
         return f"Archive({', '.join(facts)})"
@@ -282,7 +282,7 @@ class Archive:
 
     @property
     def off_map_lines(self) -> list[NDArray[np.float64]]:
-        """Lines off the map kept elsewhere, in metres: float64 arrays of shape (n, d)."""
+        """Lines off the known map, in metres: float64 arrays of shape (n, d)."""
         if self._prior is None:
             return []
 
@@ -595,18 +595,19 @@ class Archive:
 
     def _decode_group(self, number: int) -> GridWalks:
         if number not in self._decoded_groups:
-            from gpszip.codec.walks import decode, number_by_visit
+            from gpszip.codec.decode import decode_walks
+            from gpszip.codec.numbering import number_by_visit
 
             # Versions without piece ends don't need the grid to be decoded.
             group, prior = self.contents.groups[number], self._prior
-            walks = decode(
+            walks = decode_walks(
                 group.payload,
                 self.grid.dimension,
                 group.tracks,
                 prior,
-                self.grid if self.contents.ends else None,
+                self.grid if self.contents.has_piece_ends else None,
             )
-            # On a map kept elsewhere, the nodes that no walk visits are dropped.
+            # On a known map, the nodes that no walk visits are dropped.
             self._decoded_groups[number] = walks if prior is None else number_by_visit(walks)
         return self._decoded_groups[number]
 
@@ -709,7 +710,7 @@ class Archive:
         sampled: list[Track] = []
         for number, (name, knots) in enumerate(self._named_pieces(walk)):
             # The times within the piece.
-            begin, end = span_of_piece(walk, number, knots)
+            begin, end = time_range_of_piece(walk, number, knots)
             first, last = begin - TIME_SLACK, end + TIME_SLACK
             if every is not None:
                 multiples = np.arange(math.ceil(first / every), math.floor(last / every) + 1)
@@ -788,7 +789,7 @@ def _check_times(every: float | None, at: Times | None) -> NDArray[np.float64]:
     if (every is None) == (at is None):
         raise OptionError("give either every or at")
     if every is not None and not (every > 0 and math.isfinite(every)):
-        raise OptionError(f"every is {every:g}; it must be a positive number of seconds")
+        raise OptionError(f"every is {every:g}", remedy="it must be a positive number of seconds")
     times = np.unique(to_seconds([] if at is None else at, name="at").reshape(-1))
     if not np.isfinite(times).all():
         raise OptionError("at holds values that are no times")

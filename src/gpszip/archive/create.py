@@ -15,10 +15,10 @@ from gpszip.container.contents import Contents, Group, MapReference, Section
 from gpszip.model.error_bound import ErrorBound
 from gpszip.model.grid import QuantisationGrid, refined_grid, step_index
 from gpszip.model.grid_walks import GridWalks, ends_of_walks
-from gpszip.run.executor import Executor, share_value
 
 if TYPE_CHECKING:
     from gpszip.codec.prior import Prior
+    from gpszip.run.executor import Executor
 
 __all__ = ["new_archive", "with_error_bound", "with_sampling", "with_sections"]
 
@@ -40,7 +40,7 @@ def new_archive(
     known_map: Archive | None = None,
     refinements: int = 0,
     executor: Executor | None = None,
-    spans: Sequence[NDArray[np.float64]] | None = None,
+    time_ranges: Sequence[NDArray[np.float64]] | None = None,
     step: float = 0.0,
 ) -> Archive:
     """Code map and walks as an archive.
@@ -48,13 +48,11 @@ def new_archive(
     Parameters
     ----------
     grid : QuantisationGrid
-        The grid of the walks; on a map kept elsewhere, the grid of that map, refined
-        ``refinements`` times.
+        The grid of the walks; on a known map, the grid of that map, refined ``refinements`` times.
     ids : sequence of str
         Name of each walk.
     grid_walks : GridWalks
-        Nodes in the order in which the walks first visit them, after those of the map kept
-        elsewhere.
+        Nodes in the order in which the walks first visit them, after those of the known map.
     layer : {None, "bz2"}
         ``"bz2"`` packs the walks once more.
     extras : sequence of Section
@@ -65,12 +63,12 @@ def new_archive(
         How often the steps of that map's grid are halved.
     executor : Executor, optional
         Codes walks, and groups of walks.
-    spans : sequence of float64 array, shape (n, 2), optional
+    time_ranges : sequence of float64 array, shape (n, 2), optional
         For each walk the times of the first and last sample of each gap-free piece, in seconds.
         Travel is claimed between them alone; from the first knot to the last where left out.
     step : float, default 0
-        Seconds between two samples, of the track that has the most. Ends may be rounded by less
-        than that.
+        Seconds between two samples of the most densely sampled track. The ``time_ranges`` may be
+        rounded by less than that.
 
     Returns
     -------
@@ -83,8 +81,8 @@ def new_archive(
     # The grid and the prior are those of the known map, where there is one.
     prior = None if known_map is None else known_map.prior(refinements)
     walks_grid = grid if known_map is None else refined_grid(known_map.grid, refinements)
-    if spans is not None and grid_walks.timed:
-        ends = find_piece_ends(spans, grid_walks, walks_grid, step)
+    if time_ranges is not None and grid_walks.timed:
+        ends = find_piece_ends(time_ranges, grid_walks, walks_grid, step)
         grid_walks = replace(grid_walks, ends=ends)
 
     # One group, or several if it is large.
@@ -136,6 +134,8 @@ def _encode_groups(
     executor: Executor | None,
 ) -> list[Group]:
     """Cut the walks into at most ``count`` groups of about equally many knots, and code each."""
+    from gpszip.run.executor import share_value
+
     knots = np.cumsum([len(walk.nodes) for walk in grid_walks.walks])
     quotas = knots[-1] * np.arange(1, count) / count
     cuts = np.unique(np.searchsorted(knots, quotas, side="right"))
@@ -147,9 +147,9 @@ def _encode_groups(
 def _encode_group(
     shared: tuple[GridWalks, QuantisationGrid, Prior | None], bounds: tuple[int, int]
 ) -> Group:
-    """Code the walks from one number up to another by themselves."""
+    """Code the walks ``bounds[0]`` to ``bounds[1] - 1`` as a group of their own."""
     from gpszip.codec.modes import encode_smallest
-    from gpszip.codec.walks import number_by_visit
+    from gpszip.codec.numbering import number_by_visit
 
     # Note the time steps between which the group has travel: queries skip it at other times.
     (grid_walks, grid, prior), (first, after) = shared, bounds

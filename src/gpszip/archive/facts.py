@@ -46,7 +46,7 @@ def error_bound_facts(bound: ErrorBound | None) -> dict[str, Any]:
 def count_facts(archive: Archive) -> dict[str, Any]:
     """Counts of the map and the walks, and the span of time, for which all walks are decoded."""
     times = [
-        walk.times if walk.spans is None else walk.spans.ravel()
+        walk.times if walk.time_ranges is None else walk.time_ranges.ravel()
         for walk in archive.walks
         if walk.times is not None
     ]

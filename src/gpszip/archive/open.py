@@ -37,8 +37,8 @@ def open_archive(
     source : path, bytes or binary file
         A ``.gpsz`` file, or its bytes. A binary file needs ``seek`` and ``read``.
     map : Archive, path, bytes or binary file, optional
-        The map, for an archive whose walks lie on one that is kept elsewhere. If it isn't given, it
-        is looked for in the archive's folder.
+        The known map, for an archive whose walks lie on one. If it isn't given, it is looked for in
+        the archive's folder.
     beside : path, optional
         The file from which bytes came, in whose folder a map is looked for.
 
@@ -68,14 +68,18 @@ def _read_contents(source: ArchiveSource) -> Contents:
     if isinstance(source, bytes):
         return from_bytes(source)
     if isinstance(source, str | os.PathLike):
-        return open_contents(path_opener(source))
+        try:
+            return open_contents(path_opener(source))
+        except CorruptArchiveError as error:
+            raise error.with_path(source) from error
     return open_contents(stream_opener(source))
 
 
 def _check_map(map: Archive, wanted: MapReference) -> Archive:
     if map.contents.map is not None:
         raise MapError(
-            "the map given lies on another map itself", remedy="give one that holds its own walks"
+            "the map given lies on another map itself",
+            remedy="give an archive that holds its own map",
         )
     if map.hash != wanted.hash:
         raise MapError(

@@ -14,12 +14,12 @@ from gpszip.model.walk import Walk
 
 __all__ = [
     "build_pieces",
-    "clip_to_span",
+    "clip_to_time_range",
     "cut_at_gaps",
     "measure_shape",
     "pieces_by_track",
     "plain_names",
-    "span_of_piece",
+    "time_range_of_piece",
 ]
 
 
@@ -89,10 +89,10 @@ def cut_at_gaps(walk: Walk) -> list[slice]:
     return [slice(first, after) for first, after in pairwise(bounds)]
 
 
-def span_of_piece(walk: Walk, number: int, knots: slice) -> tuple[float, float]:
+def time_range_of_piece(walk: Walk, number: int, knots: slice) -> tuple[float, float]:
     """Seconds at which travel begins and ends in a piece of a walk with times."""
     assert walk.times is not None
-    ends = walk.times[knots][[0, -1]] if walk.spans is None else walk.spans[number]
+    ends = walk.times[knots][[0, -1]] if walk.time_ranges is None else walk.time_ranges[number]
     return float(ends[0]), float(ends[1])
 
 
@@ -124,13 +124,13 @@ def build_pieces(
             continue
 
         # The first and the last knot lie outside of the samples by up to a time step.
-        first, last = span_of_piece(walk, number, knots)
-        times, positions = clip_to_span(walk.times[knots], positions, first, last)
+        first, last = time_range_of_piece(walk, number, knots)
+        times, positions = clip_to_time_range(walk.times[knots], positions, first, last)
         tracks.append(Track(name, times, positions, plane=plane))
     return tracks
 
 
-def clip_to_span(
+def clip_to_time_range(
     times: NDArray[np.float64], positions: NDArray[np.float64], first: float, last: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Cut a piece to the time in which travel is claimed.
@@ -152,7 +152,7 @@ def clip_to_span(
     Examples
     --------
     >>> knots = np.array([0.0, 10.0]), np.array([[0.0], [20.0]])
-    >>> times, positions = clip_to_span(*knots, 1.0, 6.0)
+    >>> times, positions = clip_to_time_range(*knots, 1.0, 6.0)
     >>> times.tolist(), positions.tolist()
     ([1.0, 6.0], [[2.0], [12.0]])
     """

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.archive.pieces import clip_to_span, cut_at_gaps, span_of_piece
+from gpszip.archive.pieces import clip_to_time_range, cut_at_gaps, time_range_of_piece
 from gpszip.errors import OptionError
 from gpszip.model.text import count_text
 from gpszip.model.timestamps import Times, format_span
@@ -104,13 +104,15 @@ class TrackView:
     def start(self) -> float | None:
         """Time of the first sample in seconds; None for a track without times."""
         walk = self._knots[0]
-        return None if walk.times is None else span_of_piece(walk, 0, cut_at_gaps(walk)[0])[0]
+        return None if walk.times is None else time_range_of_piece(walk, 0, cut_at_gaps(walk)[0])[0]
 
     @property
     def end(self) -> float | None:
         """Time of the last sample in seconds; None for a track without times."""
         walk = self._knots[0]
-        return None if walk.times is None else span_of_piece(walk, -1, cut_at_gaps(walk)[-1])[1]
+        return (
+            None if walk.times is None else time_range_of_piece(walk, -1, cut_at_gaps(walk)[-1])[1]
+        )
 
     @property
     def pieces(self) -> list[Track]:
@@ -158,4 +160,4 @@ def _clip(
     piece: Track, begin: float, end: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     first, last = max(begin, float(piece.times[0])), min(end, float(piece.times[-1]))
-    return clip_to_span(piece.times, piece.positions, first, last)
+    return clip_to_time_range(piece.times, piece.positions, first, last)

@@ -39,7 +39,7 @@ def read_archive_bytes(name: str) -> bytes:
         return sys.stdin.buffer.read()
     except OSError as error:
         raise InputError(
-            f"standard input: can't be read: {error.strerror or error}; is it open?"
+            f"can't be read: {error.strerror or error}", path="standard input", remedy="is it open?"
         ) from None
 
 
@@ -108,4 +108,4 @@ def explain_corruption(name: str, data: bytes, *, recovering: bool = False) -> I
             # An archive in sections has a checksum for each group of walks.
             remedy += ", or save its intact parts with gpszip recover"
         where = "standard input" if name == "-" else name
-        raise CorruptArchiveError(f"{where}: {error}; {remedy}") from error
+        raise CorruptArchiveError(error.reason, path=where, remedy=remedy) from error

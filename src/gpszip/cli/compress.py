@@ -69,24 +69,24 @@ _BOUND_OPTIONS = {
     "--ratio",
     type=click.FloatRange(min=0, min_open=True),
     metavar="X",
-    help="The same as a ratio: 1 byte for X bytes of the logs.",
+    help="The same as a ratio: at most 1 byte for X bytes of the logs.",
 )
 @click.option(
     "--gap",
     type=_GAP,
     metavar="DURATION",
-    help="Intervals without points longer than this are gaps, or none. By default estimated.",
+    help="Intervals between points longer than this are gaps; none: no gaps. By default estimated.",
 )
 @click.option(
     "--map",
     "map_name",
     metavar="CITY.gpsz",
-    help="Store walks on the map of this archive, not a map; decompress needs it, too.",
+    help="Store walks on the map of this archive, and no map; decompress needs it, too.",
 )
 @click.option(
     "--update-map",
     metavar="FILE",
-    help="With --map: write the map, extended by these logs, for later ones.",
+    help="With --map: write that map, extended by these logs, to FILE, for later logs.",
 )
 @click.option(
     "--append",
@@ -115,12 +115,12 @@ _BOUND_OPTIONS = {
 @click.option(
     "--k",
     type=click.IntRange(1),
-    help="Number of segments of the thesis's (k,m)-segment mean, instead of the connected map.",
+    help="Number of parts in the thesis's (k,m)-segment mean, instead of the connected map.",
 )
 @click.option(
     "--m",
     type=click.IntRange(1),
-    help="Number of distinct segments that the k segments share; by default searched.",
+    help="Number of segments that the k parts share; by default searched.",
 )
 @click.option(
     "--times/--no-times",
@@ -175,7 +175,7 @@ def command(
     """Read every LOG, learn the map that they repeat, and write one archive.
 
     Formats of LOG: LOG_FORMATS; - is standard input. Without --rmse, --max-error,
-    --bytes or --ratio, an RMSE that suits the log and a maximum of four times that are estimated
+    --bytes or --ratio, an RMSE that suits the log is estimated, with a maximum of four times that,
     and printed. Exit code 3 says that points or logs were lost; the first lines name them.
     """
     from gpszip.cli.output import check_output
@@ -195,7 +195,7 @@ def command(
     with (
         progress_bar(quiet=quiet or settings.json) as listener,
         open_executor(*_executor_choices(choices)) as executor,
-        _open_log(logs, choices, extended or known_map, listener) as log,
+        _open_log(logs, choices, options, extended or known_map, listener) as log,
     ):
         work = _Work(_memory(choices), executor, listener)
         if extended is not None:
@@ -253,6 +253,7 @@ class _Work:
 def _open_log(
     logs: tuple[str, ...],
     choices: dict[str, Any],
+    options: Options,
     map: Archive | None,
     listener: Listener | None,
 ) -> AbstractContextManager[Log]:
@@ -265,6 +266,7 @@ def _open_log(
         memory=_memory(choices),
         plane=None if map is None else map.grid.plane,
         progress=listener,
+        thesis=options.thesis,
         format=choices["format"],
         columns=choices["columns"],
         time_unit=choices["time_unit"],
@@ -344,7 +346,7 @@ def _compress_options(choices: dict[str, Any]) -> Options:
 
     given = [option for name, option in _BOUND_OPTIONS.items() if choices[name] is not None]
     if len(given) > 1 and given != ["--rmse", "--max-error"]:
-        raise OptionError(f"{given[0]} and {given[-1]} were both given; give one")
+        raise OptionError(f"{given[0]} and {given[-1]} were both given", remedy="give one")
     names = (*_BOUND_OPTIONS, "gap", "effort", "coreset", "k", "m", "times", "layer", "keep_times")
     size = None if choices["size"] is None else int(choices["size"])
     return Options(

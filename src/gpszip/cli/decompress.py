@@ -137,7 +137,7 @@ def _find_times_option(every: float | None, at: str | None, samples: bool) -> st
     wanted = {"--every": every is not None, "--at": at is not None, "--samples": samples}
     given = [name for name, is_given in wanted.items() if is_given]
     if len(given) > 1:
-        raise OptionError(f"{given[0]} and {given[1]} were both given; give one")
+        raise OptionError(f"{given[0]} and {given[1]} were both given", remedy="give one")
     return given[0] if given else None
 
 
@@ -146,8 +146,8 @@ def _read_samples(archive: Archive, track: str | None) -> list[Track]:
 
     if archive.kept_columns is None:
         raise OptionError(
-            "--samples: the archive keeps no times of points; "
-            "compress the log with --keep-times or --keep"
+            "--samples: the archive keeps no times of points",
+            remedy="compress the log with --keep-times or --keep",
         )
     return archive.samples(track)
 

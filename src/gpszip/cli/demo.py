@@ -89,8 +89,9 @@ def _prepare_folder(folder: Path, *, force: bool) -> Path:
     existing = [name for name in _FILES if (folder / name).exists()]
     if existing and not force:
         raise OutputError(
-            f"{folder / existing[0]}: exists already; "
-            "add --force to replace it, or name another folder with --out"
+            "exists already",
+            path=folder / existing[0],
+            remedy="add --force to replace it, or name another folder with --out",
         )
 
     # Make the folder, then remove all earlier files: one that isn't written again, such as a
@@ -99,7 +100,9 @@ def _prepare_folder(folder: Path, *, force: bool) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise OutputError(
-            f"{folder}: can't be made ({error.strerror}); name another folder with --out"
+            f"can't be made ({error.strerror})",
+            path=folder,
+            remedy="name another folder with --out",
         ) from error
     for name in existing:
         (folder / name).unlink()

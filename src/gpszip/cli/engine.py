@@ -72,7 +72,8 @@ def open_executor(
     if scheduler is not None:
         if workers is not None or engine is not None:
             raise OptionError(
-                "--scheduler uses the cluster's own workers; leave out --workers and --engine"
+                "--scheduler uses the cluster's own workers",
+                remedy="leave out --workers and --engine",
             )
         from gpszip.run.dask import connect
 

@@ -174,7 +174,7 @@ def main(arguments: list[str]) -> int:
 
 def _report_error(error: BaseException, settings: Settings, written: Sequence[str] = ()) -> int:
     """Print an error in one line, and return the exit code."""
-    code, text = _explain(error)
+    code, text = _explain(error, settings.command)
     if code == _ExitCode.INTERRUPTED:
         text = f"interrupted; {'; '.join(written) or 'nothing was written'}"
     if settings.json and text:
@@ -185,12 +185,12 @@ def _report_error(error: BaseException, settings: Settings, written: Sequence[st
     return code
 
 
-def _explain(error: BaseException) -> tuple[int, str]:
+def _explain(error: BaseException, command: str) -> tuple[int, str]:
     """Return the exit code and the message of an error; no message if it was shown already."""
     silent_code = _find_silent_code(error)
     if silent_code is not None:
         return silent_code, ""
-    code, text = _explain_in_words(error)
+    code, text = _explain_in_words(error, command)
     notes = getattr(error, "__notes__", ())
     return code, " ".join("; ".join([text, *notes]).split())
 
@@ -207,7 +207,7 @@ def _find_silent_code(error: BaseException) -> int | None:
     return None
 
 
-def _explain_in_words(error: BaseException) -> tuple[int, str]:
+def _explain_in_words(error: BaseException, command: str) -> tuple[int, str]:
     # Errors of the user, of files and of the machine.
     if isinstance(error, click.ClickException):
         return _ExitCode.USAGE, _explain_usage(error)
@@ -219,13 +219,21 @@ def _explain_in_words(error: BaseException) -> tuple[int, str]:
     if isinstance(error, OSError):
         return _ExitCode.FAILED, _explain_os_error(error)
     if isinstance(error, MemoryError):
-        return _ExitCode.FAILED, "not enough memory; compress fewer tracks at once"
+        less = "give less at once"
+        advice = f"{less}, or --memory" if _has_option(command, "--memory") else less
+        return _ExitCode.FAILED, f"not enough memory; {advice}"
 
     # Errors of the program.
     return _ExitCode.FAILED, (
         f"a fault of GPSZip's own: {type(error).__name__}: {error}; "
         "please report it with what --debug shows"
     )
+
+
+def _has_option(command: str, option: str) -> bool:
+    """Whether a command, which may not exist, has an option."""
+    found = _LazyGroup().get_command(click.Context(cli), command)
+    return found is not None and any(option in parameter.opts for parameter in found.params)
 
 
 def _is_interrupt(error: BaseException | None) -> bool:

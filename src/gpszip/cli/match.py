@@ -53,19 +53,20 @@ _GAP = Quantity("duration", DURATION.units, DURATION.hints, {"none": math.inf})
     "--beta",
     type=LENGTH,
     metavar="LENGTH",
-    help="Scale of a path's excess over the straight line. By default estimated.",
+    help="Scale of how much longer paths are than straight lines. By default estimated.",
 )
 @click.option(
     "--gap",
     type=_GAP,
     metavar="DURATION",
-    help="Gaps longer than this break a route, or none. By default estimated.",
+    help="Intervals between points longer than this break a route; none: any length is matched. "
+    "By default estimated.",
 )
 @click.option(
     "--heading",
     type=_ANGLE,
     metavar="ANGLE",
-    help="Spread of headings about the roads, or none to ignore them. By default estimated.",
+    help="Spread of headings about the roads; none: headings are ignored. By default estimated.",
 )
 @ignore_oneway
 @click.option(

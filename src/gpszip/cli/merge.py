@@ -87,7 +87,7 @@ def command(
 
     # Refuse what can be refused before archives are read.
     if deviation is not None and max_deviation is not None:
-        raise OptionError("--deviation and --max-deviation were both given; give one")
+        raise OptionError("--deviation and --max-deviation were both given", remedy="give one")
     options = MergeOptions(deviation=deviation, max_deviation=max_deviation, same_id=same_id)
     check_output(target, force=force, binary=True)
     _check_duplicates(archives)
@@ -129,7 +129,7 @@ def _check_duplicates(archives: tuple[str, ...]) -> None:
 
     for name in archives:
         if archives.count(name) > 1:
-            raise OptionError(f"{name} is named twice; name each archive once")
+            raise OptionError(f"{name} is named twice", remedy="name each archive once")
 
 
 def _read_valid(archives: tuple[str, ...]) -> tuple[dict[str, Archive], dict[str, str]]:

@@ -43,16 +43,20 @@ class Settings:
         Write results and errors as JSON instead of text.
     debug : bool
         Show the traceback of an error.
+    command : str
+        Name of the command; empty if there is none.
     """
 
     json: bool = False
     debug: bool = False
+    command: str = ""
 
     @classmethod
     def from_arguments(cls, arguments: list[str]) -> Settings:
-        """Find the two flags without parsing: messages about parsing obey them, too."""
+        """Find flags and command without parsing: messages about parsing obey them, too."""
         flags = arguments[: arguments.index("--")] if "--" in arguments else arguments
-        return cls(json="--json" in flags, debug="--debug" in flags)
+        command = next((word for word in flags if not word.startswith("-")), "")
+        return cls(json="--json" in flags, debug="--debug" in flags, command=command)
 
 
 def common_options(command: F) -> F:

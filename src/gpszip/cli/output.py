@@ -53,8 +53,9 @@ def check_output(target: str, *, force: bool, binary: bool = False) -> None:
     if target == STDOUT:
         if binary and sys.stdout.isatty():
             raise OutputError(
-                "standard output: an archive is no text for a terminal; "
-                "name a file with -o or redirect with > FILE"
+                "an archive is no text for a terminal",
+                path="standard output",
+                remedy="name a file with -o or redirect with > FILE",
             )
         return
 
@@ -62,15 +63,20 @@ def check_output(target: str, *, force: bool, binary: bool = False) -> None:
     path = Path(target)
     if path.is_dir():
         example = path / ("out.gpsz" if binary else "out.csv")
-        raise OutputError(f"{target}: is a folder; name a file in it, such as -o {example}")
+        raise OutputError(
+            "is a folder", path=target, remedy=f"name a file in it, such as -o {example}"
+        )
     if path.exists() and not path.is_file():
         raise OutputError(
-            f"{target}: is no regular file and can't be replaced; "
-            "name a file, or - for standard output"
+            "is no regular file and can't be replaced",
+            path=target,
+            remedy="name a file, or - for standard output",
         )
     if path.exists() and not force:
         raise OutputError(
-            f"{target}: exists already; add --force to replace it, or name another file with -o"
+            "exists already",
+            path=target,
+            remedy="add --force to replace it, or name another file with -o",
         )
 
     # The folder; of a link, that of the file to which it leads.
@@ -90,7 +96,7 @@ def _check_folder(folder: Path) -> None:
             if folder.exists()
             else "no such folder; make it first or name another one"
         )
-        raise OutputError(f"{folder}: {reason}")
+        raise OutputError(reason, path=folder)
 
     # Try it.
     try:
@@ -98,7 +104,9 @@ def _check_folder(folder: Path) -> None:
             pass
     except OSError as error:
         raise OutputError(
-            f"{folder}: can't write to this folder ({error.strerror}); name another one with -o"
+            f"can't write to this folder ({error.strerror})",
+            path=folder,
+            remedy="name another one with -o",
         ) from error
 
 

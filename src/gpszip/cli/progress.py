@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import count
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -46,9 +47,12 @@ def progress_bar(*, quiet: bool) -> Iterator[Listener | None]:
         def show(event: Progress) -> None:
             bar.update(task, description=event.stage, completed=event.done, total=1.0)
 
-        # How long a kernel takes to compile is unknown, so the bar only moves.
+        # How many kernels are left is unknown, so the bar only moves; the count grows.
+        kernels = count(1)
+
         def show_compiling() -> None:
-            bar.update(task, description="compile, once for this installation", total=None)
+            description = f"compile, once for this installation: kernel {next(kernels)}"
+            bar.update(task, description=description, total=None)
 
         # While the caller works, say when a kernel compiles: it would look like a stalled stage.
         with on_compile(show_compiling):

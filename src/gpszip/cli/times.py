@@ -41,8 +41,8 @@ def parse_times(text: str) -> list[float]:
         return _read_times(Path(text))
     invalid = words[times.index(None)]
     raise OptionError(
-        f"--at: {invalid!r} is no time and {text!r} no file; "
-        "write seconds such as 10,20.5 or dates such as 2024-05-01T10:00:00Z"
+        f"--at: {invalid!r} is no time and {text!r} no file",
+        remedy="write seconds such as 10,20.5 or dates such as 2024-05-01T10:00:00Z",
     )
 
 
@@ -51,7 +51,7 @@ def _read_times(path: Path) -> list[float]:
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: can't be read as text: {error}") from None
+        raise InputError(f"can't be read as text: {error}", path=path) from None
     rows = [
         (number, _parse_time(line.split(",")[0].strip()))
         for number, line in enumerate(lines, 1)
@@ -64,12 +64,14 @@ def _read_times(path: Path) -> list[float]:
     for number, time in rows:
         if time is None:
             raise InputError(
-                f"{path}: line {number}: {lines[number - 1]!r} is no time; "
-                "write one number of seconds or date in each line"
+                f"{lines[number - 1]!r} is no time",
+                path=path,
+                location=f"line {number}",
+                remedy="write one number of seconds or date in each line",
             )
     if not rows:
         raise InputError(
-            f"{path}: no times in it; write one number of seconds or date in each line"
+            "no times in it", path=path, remedy="write one number of seconds or date in each line"
         )
     return [time for _, time in rows if time is not None]
 

@@ -18,7 +18,8 @@ __all__ = ["command"]
 def command(settings: Settings) -> Outcome:
     """Compile all kernels into the cache, once for each installation.
 
-    This takes a minute or two on up to five cores.
+    This takes a minute or two on up to three cores. Kernels that came with a wheel need no
+    compiling.
     """
     from gpszip.cli.output import print_json, print_status
     from gpszip.cli.progress import progress_bar

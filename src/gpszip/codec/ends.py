@@ -8,24 +8,17 @@ each track starts and ends; and when a piece beside a gap does, if the walk goes
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.codec.kernels.end_coder import ALWAYS, MAX_QUOTIENT, NEVER, SOMETIMES, code_end_offsets
-from gpszip.codec.kernels.range_coder import (
-    DECODES,
-    DIRECTION,
-    Coder,
-    code_interval,
-    decode_cumulative,
-)
+from gpszip.codec.end_kinds import ALWAYS, MAX_QUOTIENT, NEVER, SOMETIMES
 from gpszip.errors import CorruptArchiveError
 from gpszip.model.grid import QuantisationGrid, step_size
 from gpszip.model.grid_walks import GridWalk, GridWalks, PieceEnds
 
-__all__ = ["TICKS", "Tick", "code_tail", "find_piece_ends", "piece_time_ranges"]
+__all__ = ["TICKS", "TailCoder", "Tick", "code_tail", "find_piece_ends", "stored_time_ranges"]
 
 
 class Tick(NamedTuple):
@@ -69,15 +62,31 @@ _OFFSET_COUNTS = (36, 4)
 #: Ticks from the epoch within which arithmetic on int64 is safe.
 _MAX_TICKS = 2.0**60
 
-#: Any track is without times with a probability of one in so many.
-_SHAPES_TOTAL = 64
-
 #: Seconds by which a piece's first sample may seem to come before its first knot.
 _SEARCH_TOLERANCE = 1e-3
 
 
+class TailCoder(Protocol):
+    """What encodes or decodes the numbers of the tail; a decoder ignores those it is given."""
+
+    def code_uniform(self, value: int, total: int) -> int:
+        """Code a number below ``total``, all of which are equally likely."""
+
+    def code_rare(self, happens: bool) -> bool:
+        """Code whether something happens that has a probability of 1/64."""
+
+    def code_offsets(
+        self,
+        offsets: NDArray[np.int64],
+        kinds: NDArray[np.int8],
+        counts: NDArray[np.int32],
+        levels: int,
+    ) -> bool:
+        """Code offsets in place, see :func:`gpszip.codec.kernels.end_coder.code_end_offsets`."""
+
+
 def find_piece_ends(
-    runs: Sequence[NDArray[np.float64]],
+    time_ranges: Sequence[NDArray[np.float64]],
     walks: GridWalks,
     grid: QuantisationGrid,
     step: float = 0.0,
@@ -86,15 +95,16 @@ def find_piece_ends(
 
     Parameters
     ----------
-    runs : sequence of float64 array, shape (n, 2)
-        For each walk, the times of the first and the last sample, in seconds, of each run of
-        samples without a gap; in the order of time.
+    time_ranges : sequence of float64 array, shape (n, 2)
+        For each walk the times of the first and the last sample of each gap-free piece of its
+        track, in seconds and in the order of time.
     walks : GridWalks
-        With times. A piece may hold several runs; one without any lasts from knot to knot.
+        With times. A piece of a walk holds several time ranges where the gaps between them were
+        too short for the time steps. A piece without any lasts from its first knot to its last.
     grid : QuantisationGrid
         Epoch and time step.
     step : float, default 0
-        Seconds between two samples, of the track that has the most. Times may be rounded outwards
+        Seconds between two samples of the most densely sampled track. Times may be rounded outwards
         by less than a quarter of that, or by less than a second if that is no more than ``step``.
 
     Returns
@@ -112,7 +122,7 @@ def find_piece_ends(
     (30.0, [0], [3])
     """
     # times of the first and last sample of each piece, and the tick that suits them all
-    since_epoch = _sample_ranges(runs, walks, grid)
+    since_epoch = _sample_ranges(time_ranges, walks, grid)
     max_rounding = max(_MAX_ROUNDING_SHARE * step, min(_MAX_ROUNDING, step))
     tick, first, last = _round_to_ticks(since_epoch, max_rounding)
 
@@ -133,7 +143,9 @@ def find_piece_ends(
     return PieceEnds(tick, first, last)
 
 
-def piece_time_ranges(walks: GridWalks, grid: QuantisationGrid) -> list[NDArray[np.float64]] | None:
+def stored_time_ranges(
+    walks: GridWalks, grid: QuantisationGrid
+) -> list[NDArray[np.float64]] | None:
     """Seconds at which travel begins and ends in each piece, or None if that is not stored.
 
     Parameters
@@ -168,12 +180,12 @@ def piece_time_ranges(walks: GridWalks, grid: QuantisationGrid) -> list[NDArray[
     ]
 
 
-def code_tail(coder: Coder, walks: GridWalks, grid: QuantisationGrid) -> GridWalks:
+def code_tail(coder: TailCoder, walks: GridWalks, grid: QuantisationGrid) -> GridWalks:
     """Code what follows the knots of walks with times: tracks without times, and ends of pieces.
 
     Parameters
     ----------
-    coder : Coder
+    coder : TailCoder
         After the knots, in any direction.
     walks : GridWalks
         Those to encode, or the knots that were decoded.
@@ -192,7 +204,7 @@ def code_tail(coder: Coder, walks: GridWalks, grid: QuantisationGrid) -> GridWal
     """
     # tracks without times, and the tick
     shapes = _code_shapes(coder, walks)
-    tick = _code_uniform(coder, 0 if walks.ends is None else walks.ends.tick, len(TICKS))
+    tick = coder.code_uniform(0 if walks.ends is None else walks.ends.tick, len(TICKS))
     if tick == 0:
         return GridWalks(walks.nodes, walks.walks, walks.timed, _no_ends(), shapes)
 
@@ -205,7 +217,7 @@ def code_tail(coder: Coder, walks: GridWalks, grid: QuantisationGrid) -> GridWal
     coded = offsets[is_coded].reshape(-1)
     kinds = _end_kinds(_end_speeds(walks), walks)[is_coded].reshape(-1)
     counts = np.array([_OFFSET_COUNTS], np.int32)
-    is_valid = code_end_offsets(coder, coded, kinds, counts, _levels(grid, tick))
+    is_valid = coder.code_offsets(coded, kinds, counts, _levels(grid, tick))
     offsets[is_coded] = coded.reshape(-1, 2)
 
     # Move the ends inwards from the knots; those of valid walks do not cross.
@@ -220,38 +232,14 @@ def _no_ends() -> PieceEnds:
     return PieceEnds(0, *np.zeros((2, 0), np.int64))
 
 
-def _code_shapes(coder: Coder, walks: GridWalks) -> frozenset[int]:
+def _code_shapes(coder: TailCoder, walks: GridWalks) -> frozenset[int]:
     """Code the numbers of the tracks that have no times."""
-    # whether there is any
-    is_any = len(walks.untimed) > 0
-    if _is_decoding(coder):
-        is_any = int(decode_cumulative(coder, _SHAPES_TOTAL)) == _SHAPES_TOTAL - 1
-    if not is_any:
-        code_interval(coder, 0, _SHAPES_TOTAL - 1, _SHAPES_TOTAL)
+    if not coder.code_rare(len(walks.untimed) > 0):
         return frozenset()
-    code_interval(coder, _SHAPES_TOTAL - 1, 1, _SHAPES_TOTAL)
-
-    # which ones
     flags = [
-        _code_uniform(coder, int(number in walks.untimed), 2) for number in range(len(walks.walks))
+        coder.code_uniform(int(number in walks.untimed), 2) for number in range(len(walks.walks))
     ]
     return frozenset(number for number, flag in enumerate(flags) if flag)
-
-
-def _is_decoding(coder: Coder) -> bool:
-    """Whether the coder reads.
-
-    The kernel of this name is built into its callers; called from here, it would be compiled.
-    """
-    return bool(coder.cursor[DIRECTION] == DECODES)
-
-
-def _code_uniform(coder: Coder, value: int, total: int) -> int:
-    """Code a number below ``total``, all of which are equally likely."""
-    if _is_decoding(coder):
-        value = int(decode_cumulative(coder, total))
-    code_interval(coder, value, 1, total)
-    return value
 
 
 def _piece_counts(walks: GridWalks) -> NDArray[np.int64]:
@@ -328,7 +316,7 @@ def _knot_ranges(walk: GridWalk, grid: QuantisationGrid) -> NDArray[np.float64]:
 
 
 def _sample_ranges(
-    runs: Sequence[NDArray[np.float64]], walks: GridWalks, grid: QuantisationGrid
+    time_ranges: Sequence[NDArray[np.float64]], walks: GridWalks, grid: QuantisationGrid
 ) -> NDArray[np.float64]:
     """Seconds since the epoch of the first and last sample of each piece, shape (pieces, 2)."""
     knot_ranges = [_knot_ranges(walk, grid) for walk in walks.walks]
@@ -338,23 +326,25 @@ def _sample_ranges(
         # a walk without times lies at the epoch, which is on every tick
         np.full_like(knots, grid.epoch / 1000)
         if number in walks.untimed
-        else _merge_runs(track_runs, knots)
-        for number, (track_runs, knots) in enumerate(zip(runs, knot_ranges, strict=True))
+        else _join_within_pieces(of_track, knots)
+        for number, (of_track, knots) in enumerate(zip(time_ranges, knot_ranges, strict=True))
     ]
     return np.concatenate(ranges) - grid.epoch / 1000
 
 
-def _merge_runs(runs: NDArray[np.float64], knot_ranges: NDArray[np.float64]) -> NDArray[np.float64]:
+def _join_within_pieces(
+    time_ranges: NDArray[np.float64], knot_ranges: NDArray[np.float64]
+) -> NDArray[np.float64]:
     """Times of the first and last sample of each piece; those of its knots if it has no sample."""
-    # the piece of each run is the last one that begins before it
+    # the piece of each time range is the last one that begins before it
     starts = knot_ranges[:, 0]
-    piece = np.searchsorted(starts, runs[:, 0] + _SEARCH_TOLERANCE, side="right") - 1
+    piece = np.searchsorted(starts, time_ranges[:, 0] + _SEARCH_TOLERANCE, side="right") - 1
     piece = np.clip(piece, 0, None)
 
-    # Take the extreme times of each piece's runs; without runs, its knots' times.
+    # Take the first and last time of each piece; its knots' times if it has no time range.
     first, last = np.full(len(knot_ranges), np.inf), np.full(len(knot_ranges), -np.inf)
-    np.minimum.at(first, piece, runs[:, 0])
-    np.maximum.at(last, piece, runs[:, 1])
+    np.minimum.at(first, piece, time_ranges[:, 0])
+    np.maximum.at(last, piece, time_ranges[:, 1])
     is_empty = first > last
     return np.stack(
         [

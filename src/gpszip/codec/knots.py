@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.model import GridWalks
+from gpszip.errors import CorruptArchiveError
+from gpszip.model import GridWalk, GridWalks
 
-__all__ = ["Knots", "concatenate_knots"]
+__all__ = ["Knots", "check_times", "concatenate_knots", "split_knots"]
 
 
 class Knots(NamedTuple):
@@ -55,3 +57,28 @@ def concatenate_knots(walks: GridWalks) -> Knots:
     begins = np.zeros(len(nodes), np.int8)
     begins[np.cumsum([0] + [len(walk.nodes) for walk in walks.walks[:-1]])] = 1
     return Knots(nodes, time_steps, gaps, begins)
+
+
+def split_knots(knots: Knots) -> tuple[GridWalk, ...]:
+    """Undo :func:`concatenate_knots`."""
+    bounds = np.append(np.flatnonzero(knots.begins), len(knots.nodes))
+    return tuple(
+        GridWalk(
+            knots.nodes[first:end].astype(np.int32),
+            knots.time_steps[first:end].copy(),
+            knots.gaps[first + 1 : end] == 1,
+        )
+        for first, end in pairwise(bounds.tolist())
+    )
+
+
+def check_times(knots: Knots) -> None:
+    """Refuse knots of walks with times that don't increase along each walk.
+
+    Raises
+    ------
+    CorruptArchiveError
+        If a time goes back, or stays.
+    """
+    if (np.diff(knots.time_steps)[knots.begins[1:] == 0] <= 0).any():
+        raise CorruptArchiveError("times of the walks go back")

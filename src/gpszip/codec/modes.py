@@ -15,8 +15,10 @@ from gpszip.codec.kernels.walk_model import (
     TIME_FIRST,
     WalkModel,
 )
+from gpszip.codec.numbering import number_by_visit
+from gpszip.codec.payload_head import MAX_SORTED_TRACKS
 from gpszip.codec.prior import Prior
-from gpszip.codec.walks import MAX_SORTED_TRACKS, encode_in_modes, number_by_visit
+from gpszip.codec.walks import encode_in_modes
 from gpszip.model import GridWalk, GridWalks, QuantisationGrid
 from gpszip.run.executor import Executor, local_executor
 

@@ -108,12 +108,11 @@ class Catalog:
     Parameters
     ----------
     grid : QuantisationGrid or None
-        Grid of positions and times; None where it is that of a map kept elsewhere.
+        Grid of positions and times; None where it is that of a known map.
     ids : tuple of str or None
-        Ids of all tracks; None for one track with the id of the first track of a map that is kept
-        elsewhere.
+        Ids of all tracks; None for one track with the id of the first track of a known map.
     map : MapReference or None
-        The map, where it is kept elsewhere.
+        The known map, where the walks lie on one.
     entries : tuple of IndexEntry
         Where each group lies; empty if there are ``contents``.
     layered : bool

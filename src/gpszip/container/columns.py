@@ -126,7 +126,9 @@ def as_column(name: str, values: Values) -> Column:
             )
         return _ArrayColumn("i", values.astype(np.int64))
     if values.dtype.kind != "f":
-        raise OptionError(f"column {name!r} holds {values.dtype}; numbers and texts can be kept")
+        raise OptionError(
+            f"column {name!r} holds {values.dtype}", remedy="numbers and texts can be kept"
+        )
     return _ArrayColumn("f", values.astype(np.float64))
 
 
@@ -136,8 +138,8 @@ def _as_text(name: str, value: object) -> str:
         return ""
     if not isinstance(value, str):
         raise OptionError(
-            f"column {name!r} holds {value!r} among texts;"
-            " numbers or texts can be kept, but not both"
+            f"column {name!r} holds {value!r} among texts",
+            remedy="numbers or texts can be kept, but not both",
         )
     return value
 

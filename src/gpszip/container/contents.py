@@ -34,13 +34,14 @@ __all__ = [
 #: Name of the track of a log that names none.
 DEFAULT_ID = "0"
 
-#: Bytes of the hash that identifies a map kept elsewhere.
+#: Bytes of the hash that identifies a known map.
 MAP_HASH_BYTES = 4
 
 #: Bytes of a temporary file that are read at a time.
 _CHUNK = 1 << 20
 
-#: Origins (in millimetres), epochs (in milliseconds) and time steps are below this in size.
+#: Origins (in millimetres), epochs (in milliseconds) and time steps have absolute values below
+#: this.
 _MAX_SIZE = 1 << 62
 
 #: Most coordinates, and most planes, of a grid.
@@ -164,7 +165,7 @@ class Section:
 
 @dataclass(frozen=True)
 class MapReference:
-    """A map that is kept elsewhere, whose walks are the prior of those of an archive.
+    """A known map, whose walks are the prior of those of an archive.
 
     Parameters
     ----------
@@ -185,14 +186,14 @@ class Contents:
     Parameters
     ----------
     grid : QuantisationGrid or None
-        Grid of positions and times; None where it is that of a map kept elsewhere.
+        Grid of positions and times; None where it is that of a known map.
     ids : tuple of str or None
         Ids of the tracks in the order in which the walks are coded; None for one track with the id
-        of the first track of a map kept elsewhere.
+        of the first track of a known map.
     groups : sequence of Group
         At least one; together they hold each track once, in order.
     map : MapReference, optional
-        The map, where it is kept elsewhere.
+        The known map, where the walks lie on one.
     extras : tuple of Section, optional
         Further sections in their order.
     layer : {None, "bz2"}, default None
@@ -217,7 +218,7 @@ class Contents:
     version: int = VERSION
 
     @property
-    def ends(self) -> bool:
+    def has_piece_ends(self) -> bool:
         """Whether walks with times have the ends of their pieces."""
         return self.version > OLDEST_VERSION
 

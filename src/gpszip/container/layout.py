@@ -78,7 +78,7 @@ class Form(IntEnum):
 
     LONE = 0  # one track named '0', one group, one checksum
     NAMED = 1  # any tracks, one group, one checksum
-    ON_MAP = 2  # walks on a map kept elsewhere
+    ON_MAP = 2  # walks on a known map
     SECTIONS = 3  # sections, each with its kind and length
 
 
@@ -88,7 +88,7 @@ class SectionKind(IntEnum):
     GRID = 1  # the quantisation grid
     NAMES = 2  # ids of all tracks
     WALKS = 3  # one group of walks
-    MAP = 4  # which map the walks lie on, where it is kept elsewhere
+    MAP = 4  # which known map the walks lie on
     ATTRIBUTES = 5  # kept times and columns
     INDEX = 6  # where each group lies
     END = 7  # offset of the index, checksum of checksums

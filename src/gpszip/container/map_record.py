@@ -1,4 +1,4 @@
-"""Which map an archive's walks lie on, where the map is kept elsewhere."""
+"""Which known map an archive's walks lie on."""
 
 from __future__ import annotations
 

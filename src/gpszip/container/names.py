@@ -93,7 +93,8 @@ def _encode_text(name: str) -> bytes:
         return name.encode()
     except UnicodeEncodeError:
         raise InputError(
-            f"track id {name!r:.80} holds a lone surrogate, which is no text; rename the track"
+            f"track id {name!r:.80} holds a lone surrogate, which is no text",
+            remedy="rename the track",
         ) from None
 
 

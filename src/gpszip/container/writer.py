@@ -158,13 +158,13 @@ def _encode(contents: Contents) -> list[_Block]:
     size = _total(blocks)
     if contents.tracks > max_tracks(size):
         raise OptionError(
-            f"{contents.tracks} tracks in {size} bytes are more than readers accept;"
-            " split the archive"
+            f"{contents.tracks} tracks in {size} bytes are more than readers accept",
+            remedy="split the archive",
         )
     if len(contents.groups) + len(contents.extras) + _OTHER_SECTIONS > max_sections(size):
         raise OptionError(
-            f"{len(contents.groups)} groups in {size} bytes are more than readers accept;"
-            " make them larger"
+            f"{len(contents.groups)} groups in {size} bytes are more than readers accept",
+            remedy="make them larger",
         )
     return blocks
 
@@ -186,7 +186,9 @@ def _compress(contents: Contents) -> list[bytes]:
     payloads = [pack_bz2(group.payload) for group in contents.groups]
     total = sum(len(group.payload) for group in contents.groups)
     if total > layer_limit(sum(map(len, payloads))):
-        raise OptionError(f"{total} bytes of walks are too many for the bz2 layer; leave it out")
+        raise OptionError(
+            f"{total} bytes of walks are too many for the bz2 layer", remedy="leave it out"
+        )
     return payloads
 
 

@@ -101,7 +101,8 @@ def _report_written(written: list[str]) -> Iterator[None]:
     except OutputError as error:
         if not written:
             raise
-        raise copy_notes(OutputError(f"{error}; {', '.join(written)} is written"), error) from error
+        reason = f"{error.detail}; {', '.join(written)} is written"
+        raise copy_notes(OutputError(reason, path=error.path), error) from error
 
 
 def _resolve_target(path: str | os.PathLike[str], force: bool) -> Path:
@@ -110,7 +111,7 @@ def _resolve_target(path: str | os.PathLike[str], force: bool) -> Path:
 
     # unlike pathlib's, the functions of os.path never raise
     if os.path.isdir(named):  # noqa: PTH112
-        raise OutputError(f"{named}: is a folder; name a file in it")
+        raise OutputError("is a folder", path=named, remedy="name a file in it")
     if not force and os.path.lexists(named):
         raise _exists_error(named)
 
@@ -118,13 +119,13 @@ def _resolve_target(path: str | os.PathLike[str], force: bool) -> Path:
     target = Path(os.path.realpath(named))
     if os.path.lexists(target) and not os.path.isfile(target):  # noqa: PTH113
         raise OutputError(
-            f"{named}: is no regular file and can't be replaced; - is standard output"
+            "is no regular file and can't be replaced", path=named, remedy="- is standard output"
         )
     return target
 
 
 def _exists_error(target: Path) -> OutputError:
-    return OutputError(f"{target}: exists already; --force overwrites it")
+    return OutputError("exists already", path=target, remedy="--force overwrites it")
 
 
 @contextmanager

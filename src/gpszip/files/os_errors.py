@@ -63,7 +63,7 @@ def as_output_error(target: str | os.PathLike[str]) -> Iterator[None]:
         yield
     except OSError as error:
         raise copy_notes(
-            OutputError(f"{os.fspath(target)}: can't be written: {explain_os_error(error)}"), error
+            OutputError(f"can't be written: {explain_os_error(error)}", path=target), error
         ) from error
 
 

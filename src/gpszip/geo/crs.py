@@ -116,5 +116,7 @@ def _parse_crs(crs: str, where: str) -> CRS:
 def _unknown_crs_error(crs: str, where: str) -> InputError:
     shortened = " ".join(crs.split())[:_MAX_CRS_CHARACTERS]
     return InputError(
-        f"{where}: unknown coordinate system {shortened!r}; convert it to WGS84 (EPSG:4326) first"
+        f"unknown coordinate system {shortened!r}",
+        path=where,
+        remedy="convert it to WGS84 (EPSG:4326) first",
     )

@@ -166,8 +166,8 @@ def reproject_track(track: Track, plane: Plane) -> Track:
     directions = _unit_vectors(lat, lon)
     if not np.any([_in_radius(directions, center) for center in plane.centers], axis=0).all():
         raise OptionError(
-            f"track {track.id!r} lies more than {PLANE_RADIUS / 1000:.0f} km from the map; "
-            "give a map of the same place"
+            f"track {track.id!r} lies more than {PLANE_RADIUS / 1000:.0f} km from the map",
+            remedy="give a map of the same place",
         )
     return replace(track, positions=to_plane(lat, lon, plane), plane=plane)
 

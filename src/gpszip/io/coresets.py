@@ -90,7 +90,9 @@ def write_coreset(coreset: Coreset, sink: str | Path | BinaryIO, *, force: bool 
     # Never overwrite a file unless the user forces it.
     is_path = isinstance(sink, (str, Path)) and str(sink) != "-"
     if is_path and Path(str(sink)).exists() and not force:
-        raise OutputError(f"{sink}: exists already; replace it with force, or name another file")
+        raise OutputError(
+            "exists already", path=str(sink), remedy="replace it with force, or name another file"
+        )
 
     # Metadata.
     plane = None if coreset.plane is None else [list(center) for center in coreset.plane.centers]
@@ -138,11 +140,13 @@ def read_coreset(source: str | Path | BinaryIO) -> Coreset:
         return _build_coreset(table, metadata, where)
     except KeyError:
         raise InputError(
-            f"{where}: is no coreset; make one with: gpszip coreset LOG -o {Path(where).name}"
+            "is no coreset",
+            path=where,
+            remedy=f"make one with: gpszip coreset LOG -o {Path(where).name}",
         ) from None
     except (pa.ArrowException, OSError, ValueError, TypeError) as error:
         raise InputError(
-            f"{where}: can't be read as a coreset: {str(error).splitlines()[0]}"
+            f"can't be read as a coreset: {str(error).splitlines()[0]}", path=where
         ) from None
 
 
@@ -156,8 +160,9 @@ def _build_coreset(table: Any, metadata: dict[str, Any], where: str) -> Coreset:
     # Refuse other versions of the format: their columns may mean something else.
     if metadata.get("version") != _VERSION:
         raise InputError(
-            f"{where}: coreset of version {metadata.get('version')}; "
-            f"this GPSZip reads version {_VERSION}; install a newer one"
+            f"coreset of version {metadata.get('version')}; this GPSZip reads version {_VERSION}",
+            path=where,
+            remedy="install a newer one",
         )
 
     # Columns.
@@ -169,7 +174,7 @@ def _build_coreset(table: Any, metadata: dict[str, Any], where: str) -> Coreset:
         or table.column_names != ["track", *_column_names(dimension)]
         or table.num_rows == 0
     ):
-        raise InputError(f"{where}: its columns are not those of a coreset")
+        raise InputError("its columns are not those of a coreset", path=where)
     columns = [table.column(name).to_numpy() for name in _column_names(dimension)]
     rows = np.column_stack(columns).astype(np.float64)
 
@@ -178,7 +183,7 @@ def _build_coreset(table: Any, metadata: dict[str, Any], where: str) -> Coreset:
     index = {name: i for i, name in enumerate(tracks)}
     owners = np.array([index.get(name, -1) for name in table.column("track").to_pylist()], np.int64)
     if not (_are_grouped(owners, len(tracks)) and _is_valid(rows) and _is_in_order(rows, owners)):
-        raise InputError(f"{where}: its blocks are damaged; make the coreset anew")
+        raise InputError("its blocks are damaged", path=where, remedy="make the coreset anew")
 
     # Restore the plane; a log in x and y has none.
     centers = metadata["plane"]

@@ -10,12 +10,12 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted
 
 __all__ = ["pop", "push"]
 
 
-@jit
+@inner_uncounted
 def push(keys: NDArray[Any], items: NDArray[Any], size: int, key: float, item: int) -> int:
     """Add an item; return the new size. The arrays must have space for it."""
     # Move parents with larger keys down until the new entry fits.
@@ -31,7 +31,7 @@ def push(keys: NDArray[Any], items: NDArray[Any], size: int, key: float, item: i
     return size + 1
 
 
-@jit
+@inner_uncounted
 def pop(keys: NDArray[Any], items: NDArray[Any], size: int) -> tuple[int, int]:
     """Remove the item with the smallest key; return it and the new size."""
     # The root has the smallest key.

@@ -3,26 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
+from functools import partial
+from typing import Any, NoReturn, TypeVar, cast
 
 import numba
+from numba.core.types.misc import unliteral
 
-from gpszip.kernels.source_stamp import source_stamp
+from gpszip.kernels.linking import InnerCompiler, OuterCompiler
+from gpszip.kernels.precompiled import KernelCache
 
-__all__ = ["inlined", "jit"]
+__all__ = ["inlined", "inner", "inner_uncounted", "jit", "jit_uncounted"]
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def jit(function: F) -> F:
-    """Compile a kernel: cached on disk, without the interpreter's lock, with IEEE division.
+    """Compile a kernel that Python calls: cached, without the interpreter's lock, IEEE division.
 
     Threads, not the compiler, spread work over cores: numba's parallel loops and its disk cache
     exclude each other.
     """
-    compiled: F = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
-    _stamp_cache(compiled, function.__module__)
-    return compiled
+    return _compile_outer(function, nrt=True)
+
+
+def jit_uncounted(function: F) -> F:
+    """Compile a kernel that Python calls, without reference counts: see :func:`inner_uncounted`."""
+    return _compile_outer(function, nrt=False)
+
+
+def inner(function: F) -> F:
+    """Compile a kernel that only kernels call: it is a part of each kernel that Python calls."""
+    return _compile_inner(function, nrt=True)
+
+
+def inner_uncounted(function: F) -> F:
+    """Compile a kernel that only kernels call, without reference counts of arrays.
+
+    The kernel may take arrays, write to them and slice them. It neither makes nor returns any, nor
+    calls what returns one: the compiler refuses the first, and the others leak memory. Counts of a
+    tuple of twenty arrays, for each use of one of them, take longer to compile and to run than
+    most kernels.
+    """
+    return _compile_inner(function, nrt=False)
 
 
 def inlined(function: F) -> F:
@@ -35,10 +57,51 @@ def inlined(function: F) -> F:
     return compiled
 
 
-def _stamp_cache(compiled: Any, module: str) -> None:
-    """Make the cache drop a kernel also when a kernel that it calls has changed."""
-    # Numba has no public interface for this. Without the private one, only the kernel's own file
-    # counts.
-    file = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
-    if file is not None and hasattr(file, "_source_stamp"):
-        file._source_stamp = (file._source_stamp, source_stamp(module))
+def _compile_outer(function: F, *, nrt: bool) -> F:
+    """Compile a kernel that Python calls; ``nrt`` tells whether it counts references."""
+    compiled: Any = numba.njit(
+        nogil=True, error_model="numpy", _nrt=nrt, pipeline_class=OuterCompiler
+    )(function)
+
+    # Without the compiler, this is the Python function.
+    if not numba.config.DISABLE_JIT:
+        compiled._cache = KernelCache(function)
+        _take_constants_as_numbers(compiled)
+    return cast(F, compiled)
+
+
+def _compile_inner(function: F, *, nrt: bool) -> F:
+    """Compile a kernel that only kernels call; ``nrt`` tells whether it counts references."""
+    compiled: Any = numba.njit(
+        nogil=True,
+        error_model="numpy",
+        no_cpython_wrapper=True,
+        no_cfunc_wrapper=True,
+        _nrt=nrt,
+        pipeline_class=InnerCompiler,
+    )(function)
+
+    # Without the compiler, this is the Python function.
+    if not numba.config.DISABLE_JIT:
+        _take_constants_as_numbers(compiled)
+        # Python finds nothing to call, and is told so.
+        compiled._insert = lambda *_, **__: None
+        compiled._compile_for_args = partial(_refuse_call, function.__qualname__)
+    return cast(F, compiled)
+
+
+def _take_constants_as_numbers(compiled: Any) -> None:
+    """Compile a kernel once for all values of an argument, rather than again for each constant."""
+    compiled.get_call_template = partial(_find_template, compiled.get_call_template)
+
+
+def _find_template(find: Callable[..., Any], types: Any, names: Any) -> Any:
+    """Find the compiled kernel for arguments of these types, by place and by name."""
+    return find(
+        tuple(unliteral(kind) for kind in types),
+        {name: unliteral(kind) for name, kind in names.items()},
+    )
+
+
+def _refuse_call(name: str, *_: Any, **__: Any) -> NoReturn:
+    raise TypeError(f"{name} is an inner kernel: only kernels call it")

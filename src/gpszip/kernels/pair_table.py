@@ -8,12 +8,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted
 
 __all__ = ["find_pair_slot"]
 
 
-@jit
+@inner_uncounted
 def find_pair_slot(keys: NDArray[np.int64], key: int) -> int:
     """Index in ``keys`` that holds a key, or that a new key is to be written to.
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted, jit, jit_uncounted
 from gpszip.model import Track
 
 __all__ = [
@@ -209,7 +209,7 @@ def _blocks(
     return rows
 
 
-@jit
+@inner_uncounted
 def add_sample(
     row: NDArray[np.float64], x: float, w: float, p: NDArray[np.float64], i: int, origin: int
 ) -> None:
@@ -225,7 +225,7 @@ def add_sample(
         row[4 + d + c] += w * x * r
 
 
-@jit
+@inner_uncounted
 def add_moments(
     row: NDArray[np.float64],
     later: NDArray[np.float64],
@@ -257,7 +257,7 @@ def add_moments(
         row[4 + d + c] += later[4 + d + c] + x * later[4 + c] + r * (later[1] + x * later[0])
 
 
-@jit
+@inner_uncounted
 def _from_prefix(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> None:
     """Moments of samples a to b - 1 about sample a, from differences of the prefix sums.
 
@@ -289,7 +289,7 @@ def _from_prefix(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> 
     out[0], out[1], out[2], out[3] = w, x1, x2, q
 
 
-@jit
+@inner_uncounted
 def _from_blocks(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> None:
     """Moments of samples a to b - 1 about sample a, from full blocks and single samples."""
     out[:] = 0.0
@@ -303,7 +303,7 @@ def _from_blocks(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> 
             i += 1
 
 
-@jit
+@inner_uncounted
 def tick_moments(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> None:
     """Write the moments of samples a to b - 1 about sample a, with x in time ticks."""
     # All re-centred sums are at most (b - a) reach^2.
@@ -314,7 +314,7 @@ def tick_moments(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> 
         _from_blocks(sums, a, b, out)
 
 
-@jit
+@jit_uncounted
 def normalised_moments(sums: PrefixSums, a: int, b: int, out: NDArray[np.float64]) -> None:
     """Write the moments of samples a to b - 1 about sample a, in normalised time.
 
@@ -342,7 +342,7 @@ def segment_moments(sums: PrefixSums, boundaries: NDArray[np.int64]) -> NDArray[
     return rows
 
 
-@jit
+@jit_uncounted
 def best_line_cost(row: NDArray[np.float64]) -> float:
     """Cost of the samples against their own best line, by centred least squares.
 

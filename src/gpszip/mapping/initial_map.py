@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.linalg import splu
 
+from gpszip.codec.numbering import number_by_visit
 from gpszip.codec.prior import Prior
-from gpszip.codec.walks import number_by_visit
 from gpszip.mapping.kernels.grid_moments import segment_costs, segment_moments
 from gpszip.mapping.kernels.initial_map import (
     NODE_COUNT,

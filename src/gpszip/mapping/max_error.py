@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from gpszip.codec.walks import number_by_visit
+from gpszip.codec.numbering import number_by_visit
 from gpszip.model import GridWalk, GridWalks, QuantisationGrid, Track, Walk
 from gpszip.model.grid import step_size
 from gpszip.walks.error import positions_at, synchronised_errors

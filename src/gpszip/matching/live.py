@@ -251,7 +251,7 @@ class LiveMatcher:
             raise TrackError(f"sample at {time:g} s is not finite; drop it")
         if time <= self._newest_time:
             raise TrackError(
-                f"time {time:g} does not follow {self._newest_time:g}; drop the sample"
+                f"time {time:g} is not later than {self._newest_time:g}; drop the sample"
             )
 
         # match all samples whose means are known now

@@ -52,7 +52,7 @@ _ROUND_ABOUT = 2.0
 
 #: Speed on a path that goes round about above which it was not travelled, as a multiple of the
 #: track's highest speed on straighter paths and of the brisk speed of the log.
-_HURRY = 2.0
+_MIN_IMPLAUSIBLE_SPEED_RATIO = 2.0
 
 #: Rounds in which the rest of the samples is matched and searched for lone pieces.
 _ROUNDS = 3
@@ -268,7 +268,7 @@ def _hurries(length: Floats, straight: Floats, seconds: Floats, scales: Scales) 
     speed = np.divide(length, seconds, out=np.zeros(len(length)), where=seconds > 0)
     direct_speed = speed[~is_round_about & np.isfinite(speed)]
     fast = max(brisk_speed(scales), float(direct_speed.max(initial=0.0)))
-    hurries: Bools = is_round_about & (speed > _HURRY * fast)
+    hurries: Bools = is_round_about & (speed > _MIN_IMPLAUSIBLE_SPEED_RATIO * fast)
     return hurries
 
 

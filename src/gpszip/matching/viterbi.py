@@ -40,7 +40,11 @@ class Observations:
 
 @dataclass(frozen=True, eq=False)
 class ViterbiPath:
-    """The candidate chosen at each time step. Directed road 2e leads along road e, 2e + 1 back.
+    """The candidate chosen at each time step of the hidden Markov model.
+
+    A time step is a sample that the model takes; samples near it are placed afterwards. Directed
+    road 2e leads along road e, 2e + 1 against it. A leg is the part of a directed road that a route
+    takes.
 
     Parameters
     ----------
@@ -57,7 +61,7 @@ class ViterbiPath:
     confidence : float64 array, shape (k,)
         Probability of the route at each time step.
     legs : Legs
-        Legs of all pieces.
+        Legs of the routes of all pieces, one after the other.
     leg : int64 array, shape (k,)
         Leg of each time step, -1 for none.
     metres : float64 array, shape (k,)

@@ -10,7 +10,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.codec.walks import number_by_visit
+from gpszip.codec.numbering import number_by_visit
 from gpszip.mapping.time_grid import TimeGrid, build_time_grid
 from gpszip.merging.deviation import Curve, order_by_start, sample_weighted, share_at_knots
 from gpszip.model import GridWalk, GridWalks, QuantisationGrid

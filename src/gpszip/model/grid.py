@@ -30,7 +30,7 @@ _EIGHTHS = (
 #: Number of step sizes that an archive can name (one byte).
 STEP_SIZES = 256
 
-#: How often an archive on a map kept elsewhere may halve the steps of the map's grid.
+#: How often an archive on a known map may halve the steps of the map's grid.
 MAX_REFINEMENTS = 3
 
 #: Centres of planes that a repr shows; data over the whole globe has thousands.

@@ -201,7 +201,7 @@ def _check(track: Track) -> None:
     if late.any():
         sample = int(late.argmax()) + 1
         raise TrackError(
-            f"time {times[sample]:g} does not follow {times[sample - 1]:g}",
+            f"time {times[sample]:g} is not later than {times[sample - 1]:g}",
             location=f"{name}: sample {sample}",
             remedy="sort or split the track",
         )

@@ -28,7 +28,7 @@ class Walk:
         without times.
     gaps : bool array, shape (k,)
         Whether each segment is a gap, in which no travel is claimed.
-    spans : float64 array, shape (pieces, 2), optional
+    time_ranges : float64 array, shape (pieces, 2), optional
         Seconds at which travel begins and ends in each piece between gaps: not before the first
         knot of the piece and not after the last. None where pieces begin and end at their knots.
 
@@ -42,7 +42,7 @@ class Walk:
     nodes: NDArray[np.int32]
     times: NDArray[np.float64] | None
     gaps: NDArray[np.bool_]
-    spans: NDArray[np.float64] | None = None
+    time_ranges: NDArray[np.float64] | None = None
 
     def __repr__(self) -> str:
         facts = [repr(self.id), count_text(len(self.nodes), "knot")]

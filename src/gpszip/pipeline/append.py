@@ -17,7 +17,7 @@ from gpszip.archive import (
     with_sampling,
     with_sections,
 )
-from gpszip.codec.walks import number_by_visit
+from gpszip.codec.numbering import number_by_visit
 from gpszip.errors import BoundError, OptionError
 from gpszip.mapping.search import suggest_time_step
 from gpszip.model import GridWalk, GridWalks, Listener, Options, Plane, Report, Track
@@ -139,8 +139,8 @@ def append(
             seconds = time.perf_counter() - start
             return extended, _report(job, archive, on_map, extended, errors, seconds)
     raise BoundError(
-        "the archive's grid is too coarse for this bound; "
-        "allow a larger error, or compress all logs together"
+        "the archive's grid is too coarse for this bound",
+        remedy="allow a larger error, or compress all logs together",
     )
 
 
@@ -148,7 +148,9 @@ def _completed(options: Options, archive: Archive) -> Options:
     """Add the bound that the archive states and the columns that it keeps."""
     # Refuse a size: walks are appended for an error bound alone.
     if options.sized:
-        raise OptionError("a size can't be asked of what is appended; give rmse or max_error")
+        raise OptionError(
+            "a size can't be asked of what is appended", remedy="give rmse or max_error"
+        )
 
     # the bound
     bound = archive.error_bound
@@ -163,7 +165,7 @@ def _completed(options: Options, archive: Archive) -> Options:
         return replace(options, keep=archive.kept_columns, keep_times=True)
     if options.keep or options.keep_times:
         raise OptionError(
-            "the archive keeps no columns, so that none can be appended; leave out keep"
+            "the archive keeps no columns, so that none can be appended", remedy="leave out keep"
         )
     return options
 
@@ -173,8 +175,8 @@ def _check_times(archive: Archive, log: Log) -> None:
     for track in log.tracks:
         if track.id in archive.ids and (not track.timed or track.id in archive.untimed):
             raise OptionError(
-                f"track {track.id!r} is in the archive, and one of both has no times; "
-                "give it another name"
+                f"track {track.id!r} is in the archive, and one of both has no times",
+                remedy="give it another name",
             )
 
 
@@ -306,8 +308,8 @@ def _last_knot(archive: Archive, name: str) -> tuple[float, NDArray[np.float64]]
 
 def _overlap_error(name: str) -> OptionError:
     return OptionError(
-        f"track {name!r} overlaps in time with the one in the archive; "
-        "give it another name, or append in order of time"
+        f"track {name!r} overlaps in time with the one in the archive",
+        remedy="give it another name, or append in order of time",
     )
 
 
@@ -334,7 +336,7 @@ def _extend(archive: Archive, on_map: Archive, job: Job) -> Archive:
         tuple(walks),
         number_by_visit(GridWalks(merged.nodes, tuple(walks.values()), untimed=untimed)),
         layer=archive.contents.layer,
-        spans=_time_ranges(archive, on_map, tuple(walks)),
+        time_ranges=_time_ranges(archive, on_map, tuple(walks)),
     )
 
     # what is stated of both

@@ -17,7 +17,7 @@ from gpszip.archive import (
     with_sampling,
     with_sections,
 )
-from gpszip.codec.walks import number_by_visit
+from gpszip.codec.numbering import number_by_visit
 from gpszip.errors import BoundError
 from gpszip.model import GridWalk, GridWalks, Listener, Options, Report, Track
 from gpszip.model.grid import step_size
@@ -47,7 +47,8 @@ _MAX_NAMED = 5
 #: Share of the bound below which no target is tried.
 _MIN_TARGET = 0.1
 
-#: First target of a log encoded in batches: joints of slices and rounding need some slack.
+#: First target of a log encoded in batches, as a share of the bound: rounding, and the knots where
+#: slices of a track are joined, add to the error.
 _FIRST_TARGET_IN_BATCHES = 0.998
 
 #: Where a target was missed, the next one lies this much below what should do.
@@ -56,8 +57,9 @@ _TIGHTENING = 0.98
 #: Targets for which learning may find nothing before every sample is kept instead.
 _MAX_FAILURES = 3
 
-#: Shares of the bound to which every sample is rounded as a last resort. Rounding lengthens
-#: shapes, and so shifts the positions at equal shares of their lengths: those need finer ones.
+#: Where nothing else holds the bound, every sample becomes a knot, rounded by at most these shares
+#: of the bound, one after the other. Rounding lengthens tracks without times, and so shifts their
+#: positions at equal shares of the length: only they need shares below 1.
 _VERBATIM_SHARES = (1.0, 0.25, 0.05, 0.01)
 
 
@@ -88,7 +90,7 @@ def compress(
         Bytes that the process may take, at least 400 MiB; needed for a log on disk. Other
         processes that work for it take no more each.
     map : Archive, optional
-        Map kept elsewhere: tracks become walks on it, and only what it lacks is learned.
+        Known map: tracks become walks on it, and only what it lacks is learned.
     executor : Executor, optional
         Spreads the work, by default over a thread for each core. The archive is the same for
         any number of workers.
@@ -127,7 +129,7 @@ def compress(
     else:
         archive, errors = _within_size(job, job.options.size)
 
-    # Say in the report which tracks have no times, and what lies off the map kept elsewhere.
+    # Say in the report which tracks have no times, and what lies off the known map.
     notes = job.notes + off_map_notes(archive, map) + _notes_on_times(job)
     seconds = time.perf_counter() - start
     return archive, report_on(job, archive, errors, notes, seconds)
@@ -135,7 +137,8 @@ def compress(
 
 def within_bound(job: Job) -> tuple[Archive, ErrorSummary]:
     """Learn, write, read back and measure, until the bound holds."""
-    # Aim a little below the bound in batches: joints of slices and rounding need some slack.
+    # Aim a little below the bound in batches: rounding, and the knots where slices of a track are
+    # joined, add to the error.
     target: Options | None = job.aim
     if job.batch is not None:
         target = job.aim.tightened(_FIRST_TARGET_IN_BATCHES)
@@ -170,8 +173,8 @@ def _within_size(job: Job, size: int) -> tuple[Archive, ErrorSummary]:
     columns = sum(len(section.body) for section in job.extras)
     if size <= columns:
         raise BoundError(
-            f"{size:,} bytes are too few for this log: the columns kept alone take {columns:,}; "
-            "allow more, or keep less"
+            f"{size:,} bytes are too few for this log: the columns kept alone take {columns:,}",
+            remedy="allow more, or keep less",
         )
 
     # Hold one RMSE in metres, and compare the bytes of map and walks without the columns.
@@ -194,9 +197,10 @@ def _within_size(job: Job, size: int) -> tuple[Archive, ErrorSummary]:
     if best is None:
         raise BoundError(
             f"{size:,} bytes are too few for this log: the smallest archive takes "
-            f"{smallest + columns:,}; allow as many"
+            f"{smallest + columns:,}",
+            remedy="allow as many",
         )
-    return best.made
+    return best.result
 
 
 def _write_and_measure(job: Job, learned: Learned) -> tuple[Archive, ErrorSummary]:
@@ -213,7 +217,7 @@ def _write_and_measure(job: Job, learned: Learned) -> tuple[Archive, ErrorSummar
         known_map=job.map,
         refinements=learned.refinements,
         executor=local_executor(job.executor),
-        spans=job.time_ranges,
+        time_ranges=job.time_ranges,
         step=job.step,
     )
 
@@ -233,15 +237,15 @@ def _write_and_measure(job: Job, learned: Learned) -> tuple[Archive, ErrorSummar
 
 
 def _last_resort(job: Job) -> tuple[Archive, ErrorSummary]:
-    """Do without the map kept elsewhere, then keep every sample of a log in memory."""
-    # Learn a map of the log's own where the one kept elsewhere doesn't do. A log on disk can't
-    # keep every sample as a knot, which memory doesn't allow.
+    """Do without the known map, then keep every sample of a log in memory."""
+    # Learn a map of the log's own where the known map doesn't do. A log on disk can't keep every
+    # sample as a knot, which memory doesn't allow.
     if job.map is not None:
         return within_bound(replace(job, map=None))
     if job.batch is not None:
         raise BoundError(
-            f"{describe_bound(job.options)} can't be held batch by batch; "
-            "allow a larger error, or more memory"
+            f"{describe_bound(job.options)} can't be held batch by batch",
+            remedy="allow a larger error, or more memory",
         )
 
     # Make every sample a knot, on finer and finer grids for shapes: rounding lengthens them.
@@ -254,12 +258,12 @@ def _last_resort(job: Job) -> tuple[Archive, ErrorSummary]:
             if holds(errors, aim):
                 return archive, errors
     remedy = "allow a larger error" + (", or more segments (k)" if job.options.k else "")
-    raise BoundError(f"{describe_bound(job.options)} can't be held; {remedy}")
+    raise BoundError(f"{describe_bound(job.options)} can't be held", remedy=remedy)
 
 
-def _tightened(target: Options, over: float, asked: Options) -> Options | None:
-    """Aim lower by the excess; None where a lower target is of no use."""
-    tighter = target.tightened(max(_TIGHTENING / over, 0.5))
+def _tightened(target: Options, ratio: float, asked: Options) -> Options | None:
+    """Lower a target whose error was ``ratio`` times the bound; None where that is of no use."""
+    tighter = target.tightened(max(_TIGHTENING / ratio, 0.5))
     bound = asked.rmse or asked.max_error or 1.0
     share = (tighter.rmse or tighter.max_error or 0.0) / bound
     return None if share < _MIN_TARGET or asked.k is not None else tighter
@@ -291,7 +295,7 @@ def _without_times(archive: Archive) -> Archive:
 
 
 def off_map_notes(archive: Archive, map: Archive | None) -> tuple[str, ...]:
-    """Say how much of the log a map kept elsewhere lacks."""
+    """Say how much of the log a known map lacks."""
     if map is None:
         return ()
     if archive.map is None:

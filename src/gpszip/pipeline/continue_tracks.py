@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.archive import Archive, new_archive, with_error_bound
-from gpszip.codec.walks import number_by_visit
+from gpszip.codec.numbering import number_by_visit
 from gpszip.model import GridWalk, GridWalks, QuantisationGrid
 from gpszip.model.grid import MAX_REFINEMENTS, step_size
 from gpszip.walks.quantised import knot_times
@@ -85,7 +85,7 @@ def ready_to_continue(archive: Archive, starts: Mapping[str, float], time_step: 
         number_by_visit(cut),
         layer=archive.contents.layer,
         extras=archive.contents.extras,
-        spans=piece_time_ranges_of(archive),
+        time_ranges=piece_time_ranges_of(archive),
     )
     contents = replace(ready.contents, sampling=archive.contents.sampling)
     return with_error_bound(replace(ready, contents=contents), archive.error_bound)
@@ -97,8 +97,8 @@ def piece_time_ranges_of(archive: Archive) -> list[NDArray[np.float64]]:
     for walk in archive.walks:
         if walk.times is None:
             ranges.append(np.zeros((0, 2)))
-        elif walk.spans is not None:
-            ranges.append(walk.spans)
+        elif walk.time_ranges is not None:
+            ranges.append(walk.time_ranges)
         else:
             first, last = np.append(True, walk.gaps), np.append(walk.gaps, True)
             ranges.append(np.stack([walk.times[first], walk.times[last]], axis=1))
@@ -108,7 +108,11 @@ def piece_time_ranges_of(archive: Archive) -> list[NDArray[np.float64]]:
 def track_end(archive: Archive, name: str) -> float:
     """Time in seconds at which a track ends in an archive."""
     walk = archive.walk(name)
-    return _last_knot_time(archive, name) if walk.spans is None else float(walk.spans[-1, 1])
+    return (
+        _last_knot_time(archive, name)
+        if walk.time_ranges is None
+        else float(walk.time_ranges[-1, 1])
+    )
 
 
 def _last_knot_time(archive: Archive, name: str) -> float:

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.codec.numbering import number_by_visit
 from gpszip.codec.prior import Prior
-from gpszip.codec.walks import number_by_visit
 from gpszip.errors import BoundError
 from gpszip.geo.gaps import find_gaps
 from gpszip.mapping.max_error import enforce_max_error
@@ -64,7 +64,7 @@ class BaseMap:
     options : Options
         With the bound that each batch is to hold.
     refinements : int
-        How often the steps of a map kept elsewhere are halved.
+        How often the steps of a known map are halved.
     share : float
         Share of a batch in the work that the effort allows.
     """
@@ -322,8 +322,8 @@ def _insert_knots(
         if result is not None and holds(_measure(tracks, result[1], base.grid), options):
             return result[1]
     raise BoundError(
-        "the map's grid is too coarse for the bound on some of the log; "
-        "allow a larger error, or more memory"
+        "the map's grid is too coarse for the bound on some of the log",
+        remedy="allow a larger error, or more memory",
     )
 
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from gpszip.archive import Archive
 from gpszip.container.contents import Section
-from gpszip.errors import OptionError
 from gpszip.geo.gaps import estimate_gap, find_gaps, piece_time_ranges
 from gpszip.geo.sampling import sampling_interval
 from gpszip.model import Listener, Options, Progress, Track
@@ -20,6 +19,7 @@ from gpszip.pipeline.bounds import size_in_bytes, with_bound
 from gpszip.pipeline.kept_columns import kept_sections
 from gpszip.pipeline.memory import batch_samples, subsample_size, workers_within
 from gpszip.pipeline.slices import Slice, batch_slices, slice_tracks
+from gpszip.pipeline.validate import check_thesis_in_memory
 from gpszip.run import resolve_executor
 from gpszip.run.executor import Executor
 
@@ -60,7 +60,7 @@ class Job:
     listener : callable, optional
         Called with progress events.
     map : Archive, optional
-        Map kept elsewhere, on which the tracks become walks.
+        Known map, on which the tracks become walks.
     batch : int, optional
         Samples that are encoded at once; None where the log is in memory and encoded as a whole.
     extras : tuple of Section
@@ -93,7 +93,7 @@ class Job:
 
     @property
     def aim(self) -> Options:
-        """Options with a slightly smaller bound: files written from the archive hold the bound."""
+        """Options with a slightly smaller bound, so that files written from the archive hold it."""
         return self.options.aim(geographic=self.log.plane is not None)
 
     @property
@@ -138,12 +138,18 @@ def prepare(
     memory : int, optional
         Bytes that the process may take; needed for a log on disk.
     map : Archive, optional
-        Map kept elsewhere.
+        Known map.
     executor, progress : optional
         As for :func:`gpszip.pipeline.compress.compress`.
+
+    Raises
+    ------
+    OptionError
+        If the log is on disk and k or m is given.
     """
     # Tell a log in memory from one on disk, which needs a subsample and batches.
     in_memory = isinstance(log, MemoryLog)
+    check_thesis_in_memory(thesis=options.thesis, in_memory=in_memory)
 
     # what a map is learned from
     sample = log.tracks if in_memory else _subsample(log, subsample_size(memory))
@@ -158,7 +164,6 @@ def prepare(
     # the bound
     options = size_in_bytes(options, _bytes_of(log))
     options, notes = with_bound(options, sample, gaps, "the log" if in_memory else "a subsample")
-    _check_thesis(options, in_memory=in_memory)
 
     # batches and workers that fit the memory
     batch = None if in_memory else batch_samples(memory)
@@ -244,12 +249,3 @@ def _bytes_of(log: Log) -> int:
     if log.read_result is not None:
         return log.read_result.bytes
     return sum(8 * (1 + log.dimension) * len(track) for track in log.tracks)
-
-
-def _check_thesis(options: Options, *, in_memory: bool) -> None:
-    if options.thesis and not in_memory:
-        raise OptionError(
-            "k and m segment a track that is in memory as a whole, and the logs are larger than "
-            "the memory given; allow more with --memory, leave it out, or give --rmse "
-            "instead of k and m"
-        )

@@ -149,8 +149,8 @@ def _chained(
     before = as_column(name, np.concatenate(list(old.values())))
     if (before.kind == "U") != (column.kind == "U"):
         raise OptionError(
-            f"column {name!r} holds texts here and numbers there; "
-            "numbers or texts can be kept, but not both"
+            f"column {name!r} holds texts here and numbers there",
+            remedy="numbers or texts can be kept, but not both",
         )
 
     # texts are stored as numbers into one common list
@@ -220,13 +220,13 @@ def _check_tracks(tracks: Sequence[Track], names: Sequence[str]) -> None:
     untimed = next((track for track in tracks if not track.timed), None)
     if untimed is not None:
         raise OptionError(
-            f"track {untimed.id!r} has no times, by which columns are kept; "
-            "leave out --keep and --keep-times (keep)"
+            f"track {untimed.id!r} has no times, by which columns are kept",
+            remedy="leave out --keep and --keep-times (keep)",
         )
     for name in names:
         lacking = next((track for track in tracks if name not in track.attributes), None)
         if lacking is not None:
             present = ", ".join(lacking.attributes) or "none; name it when reading: keep"
             raise OptionError(
-                f"track {lacking.id!r} has no column {name!r} to keep; it has {present}"
+                f"track {lacking.id!r} has no column {name!r} to keep", remedy=f"it has {present}"
             )

@@ -92,7 +92,7 @@ def _learn_at_once(job: Job, target: Options) -> Learned | None:
             return _with_max_error(job, Learned(*learned), target.max_error)
         return Learned(*learned)
 
-    # on a map kept elsewhere, with finer steps where the bound needs them
+    # A known map has a grid already, whose steps may be too coarse for the bound.
     from gpszip.mapping.on_known_map import learn_on, needed_refinements
 
     # Halve the steps of the map's grid as often as the bound needs, and learn the walks on it.

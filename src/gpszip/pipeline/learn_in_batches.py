@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.archive import Archive
+from gpszip.codec.numbering import number_by_visit
 from gpszip.codec.prior import Prior
-from gpszip.codec.walks import number_by_visit
 from gpszip.errors import BoundError
 from gpszip.geo.gaps import find_gaps
 from gpszip.mapping.on_known_map import needed_refinements
@@ -71,7 +71,7 @@ def _base_maps(job: Job, target: Options) -> Iterator[BaseMap]:
 
 
 def _known_base(job: Job, map: Archive, target: Options) -> BaseMap:
-    """The walks of a map kept elsewhere."""
+    """The walks of a known map."""
     refinements = needed_refinements(map.grid, target.rmse, target.max_error)
     grid = refined_grid(map.grid, refinements)
     share = 1 / max(len(job.batches), 1)

@@ -16,7 +16,7 @@ class Learned:
     Parameters
     ----------
     grid : QuantisationGrid
-        The grid; of a map kept elsewhere, its own with both steps halved ``refinements`` times.
+        The grid; on a known map, that of the map with both steps halved ``refinements`` times.
     grid_walks : GridWalks
         A walk for each track.
     refinements : int

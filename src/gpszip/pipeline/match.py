@@ -119,6 +119,8 @@ def _clean_map_lines(source: Archive | Any) -> Any:
     try:
         return clean_map_lines(open_archive(source).clean_map(), str(source))
     except CorruptArchiveError as error:
-        raise CorruptArchiveError(f"{source}: {error}; fetch or make it again") from error
+        raise CorruptArchiveError(
+            error.reason, path=str(source), remedy="fetch or make it again"
+        ) from error
     except MapError as error:
-        raise MapError(f"{source}: {error}") from error
+        raise error.with_path(str(source)) from error

@@ -86,8 +86,10 @@ def _with_walk(log: Log, walk: Walk, which: Slice) -> tuple[Track, Walk]:
 
     # time ranges of the pieces that these knots belong to
     piece = int(walk.gaps[:first].sum())
-    spans = None if walk.spans is None else walk.spans[piece : piece + int(gaps.sum()) + 1]
-    return track, Walk(walk.id, walk.nodes[first:after], walk.times[first:after], gaps, spans)
+    time_ranges = (
+        None if walk.time_ranges is None else walk.time_ranges[piece : piece + int(gaps.sum()) + 1]
+    )
+    return track, Walk(walk.id, walk.nodes[first:after], walk.times[first:after], gaps, time_ranges)
 
 
 def _measure_batch(nodes: NDArray[np.float64], work: Sequence[tuple[Track, Walk]]) -> ErrorSummary:

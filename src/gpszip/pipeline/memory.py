@@ -60,8 +60,8 @@ def check_memory(memory: int) -> None:
     least = PROGRAM + _MIN_WORKING
     if memory < least:
         raise OptionError(
-            f"{memory / 2**20:.0f} MiB are too little memory to work in; "
-            f"give at least {least >> 20} MiB"
+            f"{memory / 2**20:.0f} MiB are too little memory to work in",
+            remedy=f"give at least {least >> 20} MiB",
         )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.archive import Archive, new_archive, open_archive, with_error_bound, with_sampling
-from gpszip.codec.walks import number_by_visit
+from gpszip.codec.numbering import number_by_visit
 from gpszip.errors import BoundError, OptionError
 from gpszip.merging.deviation import measure_deviation, natural_sort_key
 from gpszip.merging.search import DeviationLimit, MergedMap, merge_archives
@@ -122,7 +122,9 @@ def merge(
         if len(curves) == 1 or (excess <= 1 + _ROUNDING).all():
             break
     else:
-        raise BoundError(f"a deviation of {limit.metres:g} m can't be held; allow a larger one")
+        raise BoundError(
+            f"a deviation of {limit.metres:g} m can't be held", remedy="allow a larger one"
+        )
 
     # what the archive states, and the deviations in the order of the archives
     archive = with_error_bound(archive, _error_bound(sources, moved))
@@ -146,17 +148,19 @@ def _check(archives: Sequence[Archive], names: Sequence[str]) -> None:
     """Refuse archives that don't go together, by name."""
     # Refuse a single archive, which has nothing to be merged with.
     if len(archives) < 2:
-        raise OptionError("one archive alone can't be merged; name two or more")
+        raise OptionError("one archive alone can't be merged", remedy="name two or more")
 
     # Check each archive by itself, and its coordinates against those of the first.
     first = archives[0]
     for name, archive in zip(names, archives, strict=True):
         # tracks on a map of their own
         if not archive.ids:
-            raise OptionError(f"{name}: holds no tracks; leave it out")
+            raise OptionError("holds no tracks", path=name, remedy="leave it out")
         if archive.contents.map is not None:
             raise OptionError(
-                f"{name}: lies on a map kept elsewhere; merge archives that hold their own maps"
+                "lies on a map kept elsewhere",
+                path=name,
+                remedy="merge archives that hold their own maps",
             )
 
         # coordinates like those of the first
@@ -168,8 +172,9 @@ def _check(archives: Sequence[Archive], names: Sequence[str]) -> None:
             )
         if archive.grid.dimension != first.grid.dimension:
             raise OptionError(
-                f"{name} has {archive.grid.dimension} coordinates, "
-                f"{names[0]} {first.grid.dimension}; merge them apart"
+                f"{name} has {archive.grid.dimension} coordinates, {names[0]} "
+                f"{first.grid.dimension}",
+                remedy="merge them apart",
             )
 
 
@@ -242,7 +247,12 @@ def _build_archive(
 
     columns, notes = merge_columns(sources, ids)
     archive = new_archive(
-        merged.grid, ids, grid_walks, layer=layer, extras=columns, spans=_time_ranges(sources, ids)
+        merged.grid,
+        ids,
+        grid_walks,
+        layer=layer,
+        extras=columns,
+        time_ranges=_time_ranges(sources, ids),
     )
     return archive, notes
 
@@ -265,7 +275,7 @@ def _measure(sources: Sequence[MergeSource], archive: Archive) -> tuple[Deviatio
     """
     decoded = open_archive(archive.to_bytes())
     nodes = decoded.road_map.nodes
-    walks = {walk.id: replace(walk, spans=None) for walk in decoded.walks}
+    walks = {walk.id: replace(walk, time_ranges=None) for walk in decoded.walks}
     for source in sources:
         for id, curve in zip(source.ids, source.curves, strict=True):
             if id in source.untimed:

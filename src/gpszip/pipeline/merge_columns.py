@@ -114,8 +114,8 @@ def _values(
     if kinds & set("OSU"):
         if kinds & set("biuf"):
             raise OptionError(
-                f"column {name!r} holds texts in one archive and numbers in another; "
-                "compress them under different names"
+                f"column {name!r} holds texts in one archive and numbers in another",
+                remedy="compress them under different names",
             )
         if name in table.columns:
             return table.columns[name][rows]
@@ -131,6 +131,6 @@ def _values(
     if values.dtype.kind in "iu" and (numbers.astype(values.dtype) != values).any():
         raise OptionError(
             f"column {name!r} holds integers in one archive that can't be numbers with a "
-            "fraction, as another has it"
+            "fraction, as another has it; rename the column in one of them"
         )
     return numbers

@@ -32,8 +32,11 @@ _EARTH_RADIUS = 6.371e6
 #: Seconds between tracks that are joined where their ends were rounded over each other.
 _JOINT = 5e-4
 
-#: What to do about tracks of one id.
-_SAME_ID = "--same-id prefix keeps both apart, --same-id join makes them one (same_id in Python)"
+#: What to do about tracks of one id ...
+_SAME_ID = "--same-id prefix keeps both apart, --same-id join makes them one (in Python: same_id)"
+
+#: ... that can't be joined.
+_KEEP_APART = "--same-id prefix keeps both apart (in Python: same_id)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +101,7 @@ def read_sources(
         for id in ids:
             if id in owners and options.same_id != "join":
                 remedy = "name the archives differently" if prefixed else _SAME_ID
-                raise OptionError(f"track {id!r} is in {owners[id]} and in {name}; {remedy}")
+                raise OptionError(f"track {id!r} is in {owners[id]} and in {name}", remedy=remedy)
             owners.setdefault(id, name)
 
         # curves, with times for shapes
@@ -274,8 +277,8 @@ def _join_curves(name: str, pairs: list[tuple[Curve, MergeSource]]) -> Curve:
     """Join the curves of one agent in the order of time, with gaps between them."""
     if len(pairs) > 1 and any(name in source.untimed for _, source in pairs):
         raise OptionError(
-            f"track {name!r} has no times, so that nobody knows how it goes on; "
-            "--same-id prefix keeps both apart (same_id in Python)"
+            f"track {name!r} has no times, so that nobody knows how it goes on",
+            remedy=_KEEP_APART,
         )
     pairs = sorted(pairs, key=lambda pair: float(pair[0].track.times[0]))
     joined, source = pairs[0]
@@ -304,8 +307,8 @@ def _apart_in_time(
     if end - start > rounding:
         raise OptionError(
             f"track {name!r} is in {source.name} until {end:.3f} s and in {later_source.name} "
-            f"from {start:.3f} s: one agent can't be at two places; "
-            "--same-id prefix keeps both apart (in Python: same_id)"
+            f"from {start:.3f} s: one agent can't be at two places",
+            remedy=_KEEP_APART,
         )
     if end < start:
         return before, after

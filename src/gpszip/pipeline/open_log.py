@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, BinaryIO, TypedDict, Unpack
+from typing import Any, BinaryIO, Unpack
 
-from gpszip.io.logs.read import read_logs
+from gpszip.io.logs.read import ReadOptions, read_logs
 from gpszip.model import Listener, Plane, Progress
 from gpszip.model.log import Log, MemoryLog
 from gpszip.pipeline.memory import check_memory, fits, rows_while_sorting
+from gpszip.pipeline.validate import check_thesis_in_memory
 
-__all__ = ["ReadOptions", "open_log"]
-
-
-class ReadOptions(TypedDict, total=False):
-    """How logs are read; see :func:`gpszip.io.logs.read.read_logs`."""
-
-    format: str | None
-    columns: str | Sequence[str] | Mapping[str, str] | None
-    time_unit: str | None
-    dates: str | None
-    clean: bool
-    sort: bool
-    split: bool
-    skip_bad: bool
-    keep: Sequence[str]
-    times: bool
+__all__ = ["open_log"]
 
 
 @contextmanager
@@ -37,6 +23,7 @@ def open_log(
     memory: int | None = None,
     plane: Plane | None = None,
     progress: Listener | None = None,
+    thesis: bool = False,
     **options: Unpack[ReadOptions],
 ) -> Iterator[Log]:
     """Read logs, into memory where they fit.
@@ -52,6 +39,8 @@ def open_log(
         Plane of a log on disk, such as that of a map. Chosen for it by default.
     progress : callable, optional
         Called with :class:`~gpszip.model.report.Progress` events.
+    thesis : bool, default False
+        Whether the log is for the thesis's model (k or m), so that it must fit into memory.
     **options
         As for :func:`gpszip.io.logs.read.read_logs`.
 
@@ -65,8 +54,9 @@ def open_log(
     InputError
         If a log can't be read, or holds no track.
     OptionError
-        If the memory is too little to work in.
+        If the memory is too little to work in, or for the thesis's model.
     """
+    from gpszip.io.large.store import count_rows
     from gpszip.io.logs.formats import is_bundle
     from gpszip.io.storage.source import spooled
 
@@ -78,20 +68,15 @@ def open_log(
 
     # streams are read twice: to count, and to read
     with spooled(sources, unzip=is_bundle) as files:
-        rows = _count_rows(files, options)
+        rows = count_rows(files, **options)
         if fits(rows, memory):
             result = read_logs(files, **options)
             yield MemoryLog(result.tracks, result)
             return
         check_memory(memory)
+        check_thesis_in_memory(thesis=thesis, in_memory=False)
         with _stored(files, memory, plane, progress, options) as log:
             yield log
-
-
-def _count_rows(sources: Any, options: ReadOptions) -> int:
-    from gpszip.io.large.store import count_rows
-
-    return count_rows(sources, format=options.get("format"), columns=options.get("columns"))
 
 
 @contextmanager
@@ -113,15 +98,7 @@ def _stored(
         sources,
         rows=rows_while_sorting(memory, len(keep)),
         plane=plane,
-        format=options.get("format"),
-        columns=options.get("columns"),
-        time_unit=options.get("time_unit"),
-        dates=options.get("dates"),
-        sort=options.get("sort", False),
-        split=options.get("split", False),
-        skip_bad=options.get("skip_bad", False),
-        clean=options.get("clean", False),
-        keep=keep,
+        **options,
     ) as log:
         report(Progress("read", 1.0))
         yield log

@@ -13,7 +13,7 @@ _FEWEST_SEGMENTS = 10
 #: Most segments k that are searched: beyond, the search takes minutes and the elbow lies lower.
 _MOST_SEGMENTS = 300
 
-#: Most distinct segments m that are searched.
+#: Most segments m that are searched.
 _MOST_DISTINCT = 100
 
 

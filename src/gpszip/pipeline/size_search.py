@@ -70,13 +70,13 @@ class Try(Generic[T]):
         Bytes.
     error : float
         RMSE reached, in metres.
-    made : object
-        What was made.
+    result : object
+        What it led to, such as an archive.
     """
 
     size: int
     error: float
-    made: T
+    result: T
 
 
 def smallest_error(

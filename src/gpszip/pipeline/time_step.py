@@ -14,8 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from gpszip.codec.kernels.walk_model import POSITION_BITS
+from gpszip.codec.numbering import number_by_visit
 from gpszip.codec.prior import Prior
-from gpszip.codec.walks import encode_with_statistics, number_by_visit
+from gpszip.codec.walks import encode_with_statistics
 from gpszip.errors import BoundError
 from gpszip.model import GridWalk, GridWalks, Track
 from gpszip.model.grid import STEP_SIZES

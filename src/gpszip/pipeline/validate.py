@@ -11,7 +11,14 @@ from gpszip.errors import InputError, OptionError
 from gpszip.model import Options, Plane, Track
 from gpszip.model.log import Log, MemoryLog
 
-__all__ = ["as_log", "check_map", "check_names", "check_tracks", "on_plane_of"]
+__all__ = [
+    "as_log",
+    "check_map",
+    "check_names",
+    "check_thesis_in_memory",
+    "check_tracks",
+    "on_plane_of",
+]
 
 #: Metres and seconds from zero that positions and times may have; float64 still tells their tenths.
 _MAX_MAGNITUDE = 1e14
@@ -44,16 +51,18 @@ def check_tracks(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
     for track in checked:
         if track.dimension != first.dimension:
             raise OptionError(
-                f"track {track.id!r} has {track.dimension} coordinates, "
-                f"{first.id!r} {first.dimension}; compress them apart"
+                f"track {track.id!r} has {track.dimension} coordinates, {first.id!r} "
+                f"{first.dimension}",
+                remedy="compress them apart",
             )
         if track.plane != first.plane:
             raise OptionError(
-                f"tracks {first.id!r} and {track.id!r} lie on different planes; read them together"
+                f"tracks {first.id!r} and {track.id!r} lie on different planes",
+                remedy="read them together",
             )
         _check_range(track)
         if track.id in ids:
-            raise OptionError(f"two tracks are called {track.id!r}; give each its own id")
+            raise OptionError(f"two tracks are called {track.id!r}", remedy="give each its own id")
         ids.add(track.id)
     return checked
 
@@ -69,8 +78,9 @@ def _check_range(track: Track) -> None:
         if far.any():
             sample = int(far.argmax())
             raise InputError(
-                f"track {track.id!r}: sample {sample}: a {name} of {values[sample]:.3g} is too "
-                "far from zero; drop such samples, or name other columns"
+                f"a {name} of {values[sample]:.3g} is too far from zero",
+                location=f"track {track.id!r}: sample {sample}",
+                remedy="drop such samples, or name other columns",
             )
 
 
@@ -93,17 +103,22 @@ def check_map(map: Archive, dimension: int, plane: Plane | None, options: Option
     """Refuse a map that doesn't fit the coordinates of a log, or the options."""
     if options.thesis or options.layer or not options.times:
         raise OptionError(
-            "k, m, layer and leaving out times don't go with a map that is there already; "
-            "leave them out"
+            "a known map (--map, --append) doesn't go with --k, --m, --layer or --no-times",
+            remedy="leave these out",
         )
     if map.contents.map is not None:
-        raise OptionError("the map lies on another map itself; give one that holds its own walks")
+        raise OptionError(
+            "the map lies on another map itself",
+            remedy="give an archive that holds its own map",
+        )
     if not map.timed:
-        raise OptionError("the map was written without times; compress its log with them")
+        raise OptionError("the map was written without times", remedy="compress its log with them")
     grid = map.grid
     if grid.dimension != dimension or (grid.plane is None) != (plane is None):
         of_map, of_log = _axes(grid.dimension, grid.plane), _axes(dimension, plane)
-        raise OptionError(f"the map has {of_map}, the log {of_log}; give a map of the same place")
+        raise OptionError(
+            f"the map has {of_map}, the log {of_log}", remedy="give a map of the same place"
+        )
 
 
 def _axes(dimension: int, plane: Plane | None) -> str:
@@ -112,12 +127,22 @@ def _axes(dimension: int, plane: Plane | None) -> str:
     return "latitude and longitude"
 
 
+def check_thesis_in_memory(*, thesis: bool, in_memory: bool) -> None:
+    """Refuse the thesis's model, Algorithm 1, for a log on disk."""
+    if thesis and not in_memory:
+        raise OptionError(
+            "k and m segment a track that is in memory as a whole, and the logs are larger than "
+            "the memory given; allow more with --memory, leave it out, or give --rmse "
+            "instead of k and m"
+        )
+
+
 def check_names(names: Sequence[str], *, geographic: bool) -> None:
     """Refuse columns with the names that decompressed tracks have anyway."""
     taken = {"track_id", "t"} | ({"lat", "lon"} if geographic else {"x", "y", "z"})
     wrong = next((name for name in names if name in taken), None)
     if wrong is not None:
         raise OptionError(
-            f"column {wrong!r} can't be kept besides: each position has one of that name; "
-            "rename the column"
+            f"column {wrong!r} can't be kept: positions have a column of that name",
+            remedy="rename it",
         )

@@ -10,14 +10,14 @@ import numpy as np
 
 from gpszip.model import GridWalk, GridWalks, Listener, Network, Options, Progress, Track
 
-__all__ = ["warm"]
+__all__ = ["TASKS", "warm"]
 
 
 def warm(progress: Listener | None = None) -> None:
     """Compile all kernels now, so that the first log needn't wait.
 
-    The longest task takes about half of the time of all together, so that more than three
-    processes hardly help.
+    Kernels that came compiled with a wheel are only loaded. Tasks that share kernels run in one
+    process, one after the other, so that no kernel is compiled twice.
 
     Parameters
     ----------
@@ -26,15 +26,20 @@ def warm(progress: Listener | None = None) -> None:
     """
     from gpszip.run import Processes
 
-    tasks = (_code_walks, _compress, _follow_roads, _sketch, _segment_mean)
-    with Processes(min(os.cpu_count() or 1, len(tasks))) as processes:
-        for done, _ in enumerate(processes.map(_call, tasks), 1):
+    with Processes(min(os.cpu_count() or 1, len(TASKS))) as processes:
+        for done, _ in enumerate(processes.map(_call, TASKS), 1):
             if progress is not None:
-                progress(Progress("compile", done / len(tasks)))
+                progress(Progress("compile", done / len(TASKS)))
 
 
 def _call(task: Callable[[], None]) -> None:
     task()
+
+
+def _learn_maps() -> None:
+    _code_walks()
+    _compress()
+    _segment_mean()
 
 
 def _loops() -> list[Track]:
@@ -124,3 +129,7 @@ def _segment_mean() -> None:
     from gpszip.pipeline.compress import compress
 
     compress(_loops()[:1], Options(k=8, m=4))
+
+
+#: What calls all kernels, the longest first.
+TASKS = (_learn_maps, _follow_roads, _sketch)

@@ -104,11 +104,15 @@ def _read(path: Path, k: int, m: int) -> SegmentMean:
         mean = SegmentMean(boundaries, labels, starts, ends, float(cost), tuple(costs.tolist()))
     except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
         raise InputError(
-            f"{path}: damaged memo of a segment mean ({error}); delete it to solve it again"
+            f"damaged memo of a segment mean ({error})",
+            path=path,
+            remedy="delete it to solve it again",
         ) from error
 
     if (len(boundaries), len(labels), len(starts), starts.shape) != (k + 1, k, m, ends.shape):
         raise InputError(
-            f"{path}: holds another segment mean than its name says; delete it to solve it again"
+            "holds another segment mean than its name says",
+            path=path,
+            remedy="delete it to solve it again",
         )
     return mean

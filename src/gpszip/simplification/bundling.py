@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from gpszip.simplification.cell_grid import (
     CellGrid,
     build_cell_grid,
+    count_cells,
     find_cells,
     line_density,
     smooth_density,
@@ -99,7 +100,8 @@ def bundle_edges(
         Unobserved length of each edge in metres. Edges with a large one cut more corners, and so
         have less weight in the first round.
     scale : float
-        Standard deviation in metres of the Gaussian by which edges attract each other.
+        Standard deviation in metres of the Gaussian by which edges attract each other; a cell if
+        that is larger.
     """
     from gpszip.simplification.kernels.density import find_peaks
     from gpszip.simplification.kernels.routes import cheapest_paths
@@ -108,6 +110,7 @@ def bundle_edges(
     starts, ends = nodes[edges[:, 0]], nodes[edges[:, 1]]
     length = np.linalg.norm(ends - starts, axis=1)
     grid = _build_grid(starts, ends, length, scale)
+    scale = max(scale, grid.size)
     density = line_density(grid, starts, ends, counts * weigh_by_spacing(spacing, counts))
 
     # Alternate between moving nodes along the density and finding paths of edges over it.
@@ -180,9 +183,7 @@ def _build_grid(
     while (length.sum() / size + len(length)) * (2 * margin + 1) > 8 * _MAX_CELLS:
         size *= _CELL_GROWTH
 
-    # Then count them.
-    grid = build_cell_grid(starts, ends, size, margin)
-    while len(grid) > _MAX_CELLS:
+    # Then count them, and build the grid once.
+    while count_cells(starts, ends, size, margin) > _MAX_CELLS:
         size *= _CELL_GROWTH
-        grid = build_cell_grid(starts, ends, size, margin)
-    return grid
+    return build_cell_grid(starts, ends, size, margin)

@@ -8,7 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CellGrid", "build_cell_grid", "find_cells", "line_density", "smooth_density"]
+__all__ = [
+    "CellGrid",
+    "build_cell_grid",
+    "count_cells",
+    "find_cells",
+    "line_density",
+    "smooth_density",
+]
 
 #: Columns and rows to the eight neighbours, counterclockwise from the east.
 _NEIGHBOUR_OFFSETS = np.array(
@@ -66,23 +73,31 @@ def build_cell_grid(
     >>> len(build_cell_grid(np.array([[1.0, 1.0]]), np.array([[9.0, 1.0]]), 2.0, 1))
     18
     """
-    # Choose origin and height so that the margin has non-negative columns and rows.
-    corner = np.minimum(starts.min(axis=0), ends.min(axis=0))
-    origin = (np.floor(corner / size) - margin - 1.5) * size
-    top = max(starts[:, 1].max(), ends[:, 1].max())
-    rows = int((top - origin[1]) / size) + margin + 3
-
-    # Collect the cells on the lines, then their neighbours, once for each cell of the margin.
-    _, _, points = _sample_lines(starts, ends, size)
-    keys = _sort_unique(_cell_keys(points, origin, size, rows))
-    steps = _NEIGHBOUR_OFFSETS[:, 0] * rows + _NEIGHBOUR_OFFSETS[:, 1]
-    for _ in range(margin):
-        keys = _sort_unique(np.concatenate([keys, *(keys + step for step in steps)]))
+    # List the keys of all cells, block by block.
+    origin, rows = _place_grid(starts, ends, size, margin)
+    first, after = _find_blocks(starts, ends, size, margin)
+    counts = after - first
+    keys = np.repeat(first - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
 
     # Index the eight neighbours of each cell, and place its center in metres.
+    steps = _NEIGHBOUR_OFFSETS[:, 0] * rows + _NEIGHBOUR_OFFSETS[:, 1]
     neighbours = np.stack([_find_keys(keys, keys + step) for step in steps], axis=1)
     centers = origin + (np.stack(np.divmod(keys, rows), axis=1) + 0.5) * size
     return CellGrid(origin, size, rows, keys, neighbours, centers)
+
+
+def count_cells(
+    starts: NDArray[np.float64], ends: NDArray[np.float64], size: float, margin: int
+) -> int:
+    """Count the cells of :func:`build_cell_grid` for the same arguments, without building them.
+
+    Examples
+    --------
+    >>> count_cells(np.array([[1.0, 1.0]]), np.array([[9.0, 1.0]]), 2.0, 1)
+    18
+    """
+    first, after = _find_blocks(starts, ends, size, margin)
+    return int((after - first).sum())
 
 
 def find_cells(grid: CellGrid, points: NDArray[np.float64]) -> NDArray[np.int32]:
@@ -136,6 +151,51 @@ def smooth_density(
     # Each pass adds a variance of half a cell squared.
     passes = max(1, round(2 * (deviation / grid.size) ** 2))
     return blur(density, grid.neighbours, passes) * math.sqrt(math.pi * passes)
+
+
+def _place_grid(
+    starts: NDArray[np.float64], ends: NDArray[np.float64], size: float, margin: int
+) -> tuple[NDArray[np.float64], int]:
+    """Origin of the grid, and its rows: all columns and rows of the margin are non-negative."""
+    corner = np.minimum(starts.min(axis=0), ends.min(axis=0))
+    origin = (np.floor(corner / size) - margin - 1.5) * size
+    top = max(starts[:, 1].max(), ends[:, 1].max())
+    return origin, int((top - origin[1]) / size) + margin + 3
+
+
+def _find_blocks(
+    starts: NDArray[np.float64], ends: NDArray[np.float64], size: float, margin: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Blocks of consecutive cells of a column: the first key of each, and the one after its last.
+
+    A block takes the place of some ``2 * margin + 1`` cells, so the margin is added block by block.
+    The parameters are those of :func:`build_cell_grid`.
+    """
+    # The cells on the lines, and the margin above and below them.
+    origin, rows = _place_grid(starts, ends, size, margin)
+    _, _, points = _sample_lines(starts, ends, size)
+    keys = _sort_unique(_cell_keys(points, origin, size, rows))
+    first, after = _join_blocks(keys - margin, keys + margin + 1)
+
+    # The margin on the left and right, column by column.
+    for _ in range(margin):
+        first = np.concatenate([first - rows, first, first + rows])
+        after = np.concatenate([after - rows, after, after + rows])
+        first, after = _join_blocks(first, after)
+    return first, after
+
+
+def _join_blocks(
+    first: NDArray[np.int64], after: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Join blocks that touch or overlap.
+
+    With firsts and ends each sorted, a block starts at ``first[i]`` if all blocks before it,
+    which are i, have ended.
+    """
+    first, after = np.sort(first, kind="stable"), np.sort(after, kind="stable")
+    is_apart = first[1:] > after[:-1]
+    return first[np.append(True, is_apart)], after[np.append(is_apart, True)]
 
 
 def _sample_lines(

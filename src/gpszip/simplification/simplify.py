@@ -118,20 +118,20 @@ def clean_map(
     spacing = sample_spacings(length, edges, seconds, sampling)
 
     # Extract the skeleton, and match the edges to it.
-    skeleton = _extract_skeleton(road_map, counts, spacing, resolution)
-    paths = match_edges(road_map, skeleton, spacing, resolution)
+    skeleton, scale = _extract_skeleton(road_map, counts, spacing, resolution)
+    paths = match_edges(road_map, skeleton, spacing, scale)
 
     # Move its vertices to the middle of travel.
     if skeleton.positions.shape[1] == 2 and len(skeleton.links):
         centred = move_to_centrelines(
-            road_map, counts.astype(np.float64), spacing, skeleton, paths, resolution
+            road_map, counts.astype(np.float64), spacing, skeleton, paths, scale
         )
         skeleton = smooth_skeleton(centred, _SMOOTHING_PASSES)
 
     # Transfer what is known of the traversals; outliers keep their count, but not their speed.
     skeleton, paths = _drop_rare_chains(road_map, skeleton, paths, max(min_traversals, 1))
     plausible = replace(traversals, seconds=np.where(is_plausible, traversals.seconds, np.nan))
-    return _assemble_map(road_map, plausible, skeleton, paths, resolution)
+    return _assemble_map(road_map, plausible, skeleton, paths, scale)
 
 
 def _find_plausible(road_map: RoadMap, traversals: Traversals) -> NDArray[np.bool_]:
@@ -146,20 +146,24 @@ def _find_plausible(road_map: RoadMap, traversals: Traversals) -> NDArray[np.boo
 
 def _extract_skeleton(
     road_map: RoadMap, counts: NDArray[np.int64], spacing: NDArray[np.float64], scale: float
-) -> Skeleton:
-    """Bundle the travelled edges and thin their density; on a line, the edges themselves."""
+) -> tuple[Skeleton, float]:
+    """Bundle the travelled edges and thin their density; on a line, the edges themselves.
+
+    Also return the scale, which is no finer than the cells: nothing can be matched to less.
+    """
     positions, kept = road_map.nodes[:, :2], np.flatnonzero(counts)
     if positions.shape[1] < 2 or not len(kept):
-        return Skeleton(positions, road_map.edges[kept])
+        return Skeleton(positions, road_map.edges[kept]), scale
 
     bundles = bundle_edges(
         positions, road_map.edges[kept], counts[kept].astype(np.float64), spacing[kept], scale
     )
+    scale = max(scale, bundles.grid.size)
     skeleton = build_skeleton(bundles.grid, bundles.density, math.pi * (_HOLE * scale) ** 2)
 
     # Consolidation may turn chains into dead ends, so spurs are pruned twice.
     skeleton = consolidate_junctions(prune_spurs(skeleton, _SPUR * scale), _JUNCTION * scale)
-    return smooth_skeleton(prune_spurs(skeleton, _SPUR * scale), _SMOOTHING_PASSES)
+    return smooth_skeleton(prune_spurs(skeleton, _SPUR * scale), _SMOOTHING_PASSES), scale
 
 
 def _drop_rare_chains(

@@ -57,7 +57,7 @@ class CoresetStream:
 
     def __init__(self, size: int, *, id: str = "0", plane: Plane | None = None) -> None:
         if size < 1:
-            raise OptionError(f"size is {size}; a coreset has at least 1 block")
+            raise OptionError(f"size is {size}", remedy="a coreset has at least 1 block")
         self.size = size
         self.id = id
         self.plane = plane
@@ -161,16 +161,18 @@ class CoresetStream:
             or weights.shape != times.shape
         ):
             raise TrackError(
-                f"{name}: times have shape {times.shape} and positions {positions.shape}; "
-                f"expected (n,) and (n, {dimension})"
+                f"times have shape {times.shape} and positions {positions.shape}; "
+                f"expected (n,) and (n, {dimension})",
+                location=name,
             )
 
         # values
         is_finite = all(np.isfinite(values).all() for values in (times, positions, weights))
         if not is_finite or (weights <= 0).any():
             raise TrackError(
-                f"{name}: a sample is not finite, or its weight is not positive; "
-                "drop or repair such samples first"
+                "a sample is not finite, or its weight is not positive",
+                location=name,
+                remedy="drop or repair such samples first",
             )
 
         # order, from the last sample of the previous chunk on
@@ -178,8 +180,9 @@ class CoresetStream:
         if goes_back.any():
             row = int(goes_back.argmax())
             raise TrackError(
-                f"{name}: sample {self.samples + row}: time {times[row]:g} does not follow the "
-                "one before; sort or split the track"
+                f"time {times[row]:g} is not later than the one before",
+                location=f"{name}: sample {self.samples + row}",
+                remedy="sort or split the track",
             )
         return _Chunk(times, positions, weights)
 
@@ -218,7 +221,9 @@ def merge_coresets(coresets: Sequence[Coreset], *, size: int | None = None) -> C
     first = coresets[0]
     for coreset in coresets:
         if coreset.dimension != first.dimension or coreset.plane != first.plane:
-            raise OptionError("the coresets lie on different planes; read their logs together")
+            raise OptionError(
+                "the coresets lie on different planes", remedy="read their logs together"
+            )
 
     # common numbers for the tracks
     names = tuple(dict.fromkeys(name for coreset in coresets for name in coreset.tracks))
@@ -238,8 +243,9 @@ def merge_coresets(coresets: Sequence[Coreset], *, size: int | None = None) -> C
     if overlaps.any():
         row = int(overlaps.argmax())
         raise OptionError(
-            f"track {names[owners[row]]!r}: two slices overlap at time "
-            f"{rows[row + 1, kernel.FIRST]:g}; give each its own name"
+            f"two slices overlap at time {rows[row + 1, kernel.FIRST]:g}",
+            location=f"track {names[owners[row]]!r}",
+            remedy="give each its own name",
         )
 
     # Merge neighbouring blocks if there are more than allowed.

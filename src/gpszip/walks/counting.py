@@ -91,17 +91,17 @@ def find_travelled_segments(walk: Walk | GridWalk) -> NDArray[np.bool_]:
     Examples
     --------
     >>> nodes, times, gaps = np.array([0, 1, 2]), np.array([0.0, 5.0, 9.0]), np.zeros(2, bool)
-    >>> walk = Walk("0", nodes, times, gaps, spans=np.array([[0.0, 5.0]]))
+    >>> walk = Walk("0", nodes, times, gaps, time_ranges=np.array([[0.0, 5.0]]))
     >>> find_travelled_segments(walk).tolist()
     [True, False]
     """
     moved: NDArray[np.bool_] = ~walk.gaps & (walk.nodes[1:] != walk.nodes[:-1])
-    if isinstance(walk, GridWalk) or walk.spans is None or walk.times is None:
+    if isinstance(walk, GridWalk) or walk.time_ranges is None or walk.times is None:
         return moved
 
-    # Only the first and the last segment of a piece can lie outside of its time span.
+    # Only the first and the last segment of a piece can lie outside of its time range.
     piece = np.append(0, np.cumsum(walk.gaps))[:-1]
-    begins, ends = walk.spans[piece].T if len(piece) else (np.zeros(0), np.zeros(0))
+    begins, ends = walk.time_ranges[piece].T if len(piece) else (np.zeros(0), np.zeros(0))
     return np.asarray(moved & (walk.times[1:] > begins) & (walk.times[:-1] < ends))
 
 

@@ -68,8 +68,8 @@ def _find_ends_to_trim(
     walk: Walk, nodes: NDArray[np.float64], tolerance: float
 ) -> tuple[NDArray[np.intp], NDArray[np.float64], NDArray[np.float64]]:
     """Knots beyond the start or end of their piece, with the time and position of that end."""
-    # Without times, spans or segments, nothing can be trimmed.
-    if walk.times is None or walk.spans is None or len(walk.nodes) < 2:
+    # Without times, time ranges or segments, nothing can be trimmed.
+    if walk.times is None or walk.time_ranges is None or len(walk.nodes) < 2:
         return np.zeros(0, np.intp), np.zeros(0), np.zeros((0, nodes.shape[1]))
 
     # The first knot of a piece with the one after it, and the last with the one before it.
@@ -78,7 +78,7 @@ def _find_ends_to_trim(
     has_segments = first < last
     knots = np.concatenate([first[has_segments], last[has_segments]])
     inner = np.concatenate([first[has_segments] + 1, last[has_segments] - 1])
-    times = np.concatenate([walk.spans[has_segments, 0], walk.spans[has_segments, 1]])
+    times = np.concatenate([walk.time_ranges[has_segments, 0], walk.time_ranges[has_segments, 1]])
 
     # Where the segment is at the start or the end of the piece.
     fraction = ((times - walk.times[inner]) / (walk.times[knots] - walk.times[inner]))[:, None]

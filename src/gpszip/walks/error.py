@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from gpszip.errors import OptionError
 from gpszip.model.track import Track
 from gpszip.model.walk import Walk
-from gpszip.walks.kernels.along import interpolate_positions
+from gpszip.walks.along import interpolate_positions
 from gpszip.walks.shapes import shape_error
 
 __all__ = ["TIME_SLACK", "ErrorSummary", "measure_errors", "positions_at", "synchronised_errors"]
@@ -82,29 +82,24 @@ def positions_at(
             "so it has no positions at given times"
         )
 
-    # The kernel covers the time between the first and last knot of a piece, which may be more than
-    # the span of its samples.
-    positions = np.empty((len(times), nodes.shape[1]))
-    interpolate_positions(
-        walk.times,
-        nodes[walk.nodes],
-        walk.gaps,
-        np.array(times, np.float64),
-        TIME_SLACK,
-        positions,
+    # Between its first and last knot, a piece may cover more than the time range of its samples.
+    positions = interpolate_positions(
+        walk.times, nodes[walk.nodes], walk.gaps, np.asarray(times, np.float64), TIME_SLACK
     )
-    if walk.spans is not None:
-        positions[~_is_covered(walk.spans, times)] = np.nan
+    if walk.time_ranges is not None:
+        positions[~_is_covered(walk.time_ranges, times)] = np.nan
     return positions
 
 
-def _is_covered(spans: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether each time lies in the span of a piece, within the slack."""
-    if len(spans) == 1:
-        begin, end = spans[0]
+def _is_covered(time_ranges: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Whether each time lies in the time range of a piece, within the slack."""
+    if len(time_ranges) == 1:
+        begin, end = time_ranges[0]
     else:
-        piece = np.clip(np.searchsorted(spans[:, 0], times + TIME_SLACK, side="right") - 1, 0, None)
-        begin, end = spans[piece, 0], spans[piece, 1]
+        piece = np.clip(
+            np.searchsorted(time_ranges[:, 0], times + TIME_SLACK, side="right") - 1, 0, None
+        )
+        begin, end = time_ranges[piece, 0], time_ranges[piece, 1]
     return np.asarray((times >= begin - TIME_SLACK) & (times <= end + TIME_SLACK))
 
 

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.codec.ends import piece_time_ranges
-from gpszip.codec.walks import number_by_visit
+from gpszip.codec.ends import stored_time_ranges
+from gpszip.codec.numbering import number_by_visit
 from gpszip.model.grid import Plane, QuantisationGrid, step_size
 from gpszip.model.grid_walks import GridWalk, GridWalks, concatenated_ends
 from gpszip.model.road_map import RoadMap
@@ -84,17 +84,17 @@ def dequantise_walks(
     Returns
     -------
     tuple of Walk
-        Walks of untimed tracks have None for times and spans.
+        Walks of untimed tracks have None for times and time ranges.
     """
-    # Time spans of the pieces, where the archive keeps them.
-    spans = piece_time_ranges(grid_walks, grid) if grid_walks.timed else None
+    # Time ranges of the pieces, where the archive keeps them.
+    time_ranges = stored_time_ranges(grid_walks, grid) if grid_walks.timed else None
 
     walks = []
     for number, (name, walk) in enumerate(zip(ids, grid_walks.walks, strict=True)):
         timed = grid_walks.timed and number not in grid_walks.untimed
         times = knot_times(walk.time_steps, grid) if timed else None
-        span = spans[number] if timed and spans is not None else None
-        walks.append(Walk(name, walk.nodes, times, walk.gaps, span))
+        of_walk = time_ranges[number] if timed and time_ranges is not None else None
+        walks.append(Walk(name, walk.nodes, times, walk.gaps, of_walk))
     return tuple(walks)
 
 

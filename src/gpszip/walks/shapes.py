@@ -28,7 +28,8 @@ def with_synthetic_times(
     Returns
     -------
     tuple of Track
-        All with times. If there are only shapes, a metre takes a second.
+        All with times. Shapes start with the earliest track. If there are only shapes, they start
+        at 0, and a metre takes a second.
 
     Examples
     --------
@@ -43,17 +44,18 @@ def with_synthetic_times(
         return tuple(tracks)
 
     # Add up distance and duration of all moving steps.
-    start, distance, duration = 0.0, 0.0, 0.0
+    distance, duration = 0.0, 0.0
     for track, gap in zip(tracks, gaps, strict=True):
         if not track.timed:
             continue
-        start = min(start, float(track.times[0])) if duration else float(track.times[0])
         length = np.sqrt((np.diff(track.positions, axis=0) ** 2).sum(axis=1))
         moved = ~gap & (length > 0)
         distance += float(length[moved].sum())
         duration += float(np.diff(track.times)[moved].sum())
 
-    # The "times" of a shape are distances from its start.
+    # Shapes start with the earliest track, even if it is parked. The "times" of a shape are
+    # distances from its start.
+    start = min((float(track.times[0]) for track in tracks if track.timed), default=0.0)
     speed = distance / duration if distance > 0 and duration > 0 else 1.0
     return tuple(
         track if track.timed else replace(track, times=start + track.times / speed, timed=True)
@@ -113,7 +115,7 @@ def assign_times_by_distance(
     [2.0, 4.0]
     """
     fractions = _distance_fractions(nodes[walk.nodes])
-    return replace(walk, times=first + fractions * (last - first), spans=None)
+    return replace(walk, times=first + fractions * (last - first), time_ranges=None)
 
 
 def drop_time_steps(walks: GridWalks, untimed: frozenset[int], *, others: bool) -> GridWalks:

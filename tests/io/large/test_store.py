@@ -150,7 +150,7 @@ def test_sorting_merges_runs(tmp_path):
     rows = fleet(vehicles=2)
     shuffled = part(rows, np.random.default_rng(3).permutation(len(rows["t"])))
     path = csv(shuffled, tmp_path / "log.csv")
-    with pytest.raises(InputError, match=r"time goes back in track 'bus [01]'; --sort"):
+    with pytest.raises(InputError, match=r"log\.csv: row \d+: time goes back [\d.]+ s; --sort"):
         store_logs(path, rows=TINY)
     assert check_same_as_read_logs(path, sort=True) == 2 * 2300
 
@@ -200,10 +200,7 @@ BAD = {
     "coordinate system": pa.table(
         {"track_id": ["w"], "t": [1.0], "x": [48.0], "y": [11.0]}
     ).replace_schema_metadata({b"geo": b'{"columns": {"geometry": {"crs": "EPSG:25832"}}}'}),
-    "overlaps in time": pa.table(
-        {"track_id": ["v"] * 2, "t": [2.5, 9.0], "x": [48.0, 1.0], "y": [11.0, 1.0]}
-    ),
-    "no row has a time and position": pa.table(
+    "no row has a time that": pa.table(
         {"track_id": ["w"], "t": [np.nan], "x": [48.0], "y": [11.0]}
     ),
     "time goes back": pa.table(
@@ -222,6 +219,17 @@ def test_a_bad_file_is_named_and_refused_or_left_out(tmp_path, what):
         (left,) = log.read_result.left_out
         assert left.name.endswith("b.parquet")
         assert log.read_result.points == 5 + log.read_result.lost
+
+
+def test_tracks_of_one_name_that_overlap_are_renamed(tmp_path):
+    other = pa.table({"track_id": ["v"] * 2, "t": [2.5, 9.0], "x": [48.0, 1.0], "y": [11.0, 1.0]})
+    folder = two_files(tmp_path, other)
+    whole = read_logs(folder)
+    with store_logs(folder, rows=TINY) as log:
+        assert [(track.id, track.count) for track in log.tracks] == [("v", 5), ("v-2", 2)]
+        assert log.read(log.tracks[1]).times.tolist() == [2.5, 9.0]
+        assert log.read_result.repairs == whole.repairs
+        assert whole.repairs[0].what == "track renamed to 'v-2', as there is another 'v'"
 
 
 def test_a_file_damaged_in_the_middle_is_left_out_completely(tmp_path):

@@ -101,6 +101,7 @@ def test_unusual_json_is_read(text, value):
         ('{"features": [1, 2', "it ends where ',' is expected"),
         ('{"features": [1, 2]]', "',' is expected, not ']'"),
         ('{"features": [1], "features": [2]}', "there is another list of features"),
+        ('{"features": [1], "features": 0, "features": []}', "there is another list of features"),
         ("{5: 1}", "a name in quotes is expected"),
         ('{"a": tru', "it is cut short: Expecting value at character 7"),
         ('{"a": "b\n"}', "Invalid control character at character 9"),
@@ -157,3 +158,12 @@ def test_the_encoding_is_found_with_or_without_a_mark():
     for mark in (b"", codecs.BOM_UTF16_BE):
         assert parts(mark + '{"ä": 1}'.encode("utf-16-be")) == [Document({"ä": 1})]
     assert sys.get_int_max_str_digits() == 4300
+
+
+def test_the_last_member_of_a_name_counts_before_a_list_of_features():
+    text = '{"features": null, "features": [1, 2]}'
+    assert list(read_json(io.BytesIO(text.encode()), "log")) == [
+        Element(1),
+        Element(2),
+        Document({"features": []}),
+    ]

@@ -103,6 +103,7 @@ def test_a_map_without_edges_is_a_valid_file(tmp_path, suffix):
         np.zeros((0, 2), dtype=np.int32),
         np.zeros(0, dtype=np.int64),
         np.zeros(0, dtype=np.int64),
+        BERLIN,
     )
     write_map(still, tmp_path / f"map{suffix}")
     assert (tmp_path / f"map{suffix}").stat().st_size > 0
@@ -206,7 +207,7 @@ def numbers(line):
     return re.findall(r"-?[\d.]+ -?[\d.]+", line)
 
 
-@pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".graphml"])
+@pytest.mark.parametrize("suffix", [".geojson", ".gpkg", ".graphml", ".osm"])
 def test_lines_cut_at_the_antimeridian_are_joined_in_a_network(tmp_path, suffix):
     around = square(plane=DATE_LINE)
     write_map(replace(around, nodes=around.nodes - [150, 0]), tmp_path / f"map{suffix}")

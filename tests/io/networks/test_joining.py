@@ -152,7 +152,7 @@ def test_roads_without_a_length_and_without_numbers_are_dropped_and_counted():
 
 
 def test_metres_stated_as_degrees_are_refused():
-    with pytest.raises(InputError, match="no degrees"):
+    with pytest.raises(InputError, match="these are no degrees"):
         build_road_graph(lines_of([[(500000, 4000000), (500010, 4000000)]], geographic=True))
 
 

@@ -63,6 +63,34 @@ def test_ways_become_roads(extract):
     assert counts["ways that are no roads (areas, planned, gone) dropped"] == 1
 
 
+JOSM_FILE = """<?xml version='1.0' encoding='UTF-8'?>
+<osm version='0.6' upload='false' generator='JOSM'>
+  <node id='-101' action='modify' visible='true' lat='48.0' lon='11.0' />
+  <node id='-102' action='modify' visible='true' lat='48.0' lon='11.001' />
+  <node id='7' version='3' visible='true' lat='48.001' lon='11.001' />
+  <node id='-103' action='modify' visible='true' lat='48.0' lon='11.003' />
+  <way id='-104' action='modify' visible='true'>
+    <nd ref='-101' /><nd ref='-102' /><nd ref='7' />
+    <tag k='highway' v='residential' />
+  </way>
+  <way id='9' version='2' visible='true'>
+    <nd ref='-102' /><nd ref='-103' /><nd ref='-999' />
+    <tag k='highway' v='service' /><tag k='oneway' v='yes' />
+  </way>
+</osm>
+"""
+
+
+def test_objects_that_an_editor_has_not_uploaded(tmp_path):
+    (tmp_path / "drawn.osm").write_text(JOSM_FILE)
+    read = read_network_result(tmp_path / "drawn.osm")
+    assert list(read.network.ids) == ["-104", "-104", "9"]
+    assert read.network.backward.tolist() == [True, True, False]
+    assert len(read.network.nodes) == 4  # the ways share one
+    counts = {repair.what: repair.count for repair in read.repairs}
+    assert counts["roads cut where the extract ends"] == 1
+
+
 def test_a_file_without_roads(tmp_path):
     path = tmp_path / "none.osm"
     with osmium.SimpleWriter(str(path)) as writer:

@@ -15,7 +15,6 @@ from gpszip.io.storage.source import Source, expand, spooled
 
 ROWS = "".join(f"{i},{i},0\n" for i in range(200))
 LOG = f"t,x,y\n{ROWS}".encode()
-BOMB = gzip.compress(b"t,x,y\n" + b"0,0,0\n" + b"\n" * (70 << 20), 6)
 
 
 def lengths(result):
@@ -44,14 +43,15 @@ def test_damaged_gzip_file_is_named(damaged):
 
 def test_gzip_bomb_is_refused_early(tmp_path):
     path = tmp_path / "log.csv.gz"
-    path.write_bytes(BOMB)
+    bomb = gzip.compress(b"t,x,y\n" + b"0,0,0\n" + b"\n" * (70 << 20), 6)
+    path.write_bytes(bomb)
     message = "expands more than 300 times; if that is meant, unpack it yourself: zcat FILE"
     with pytest.raises(InputError, match=message):
         read_logs(path)
     with pytest.raises(InputError, match=message):
         store_logs(path, rows=1000)
     unpacked = 0
-    with pytest.raises(InputError, match=message), Source("log", data=BOMB).open() as stream:
+    with pytest.raises(InputError, match=message), Source("log", data=bomb).open() as stream:
         while chunk := stream.read(1 << 20):
             unpacked += len(chunk)
     assert unpacked < CHECKED_BYTES

@@ -18,7 +18,7 @@ EIGHT = 1714809600.0  # 2024-05-04T08:00:00Z
 
 def times_of(*cells, unit=None, **options):
     return times_to_seconds(
-        pa.chunked_array([list(cells)]), unit, "log.csv: column 't'", **options
+        pa.chunked_array([list(cells)]), unit, "log.csv", "column 't'", **options
     ).tolist()
 
 
@@ -328,7 +328,7 @@ def test_numbers_in_any_unit(cells, unit, expected):
 
 def test_durations_are_times():
     column = pa.chunked_array([pa.array([1500, None], pa.duration("ms"))])
-    np.testing.assert_equal(times_to_seconds(column, None, "a"), [1.5, np.nan])
+    np.testing.assert_equal(times_to_seconds(column, None, "a.csv", "t"), [1.5, np.nan])
 
 
 def test_most_cells_decide_between_numbers_and_dates():

@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.codec.integer_contexts import EXPONENT_CONTEXTS, MAX_EXPONENT, TREE_NODES
 from gpszip.codec.kernels.log2 import fixed_log2
 from gpszip.codec.kernels.range_coder import (
     Coder,
@@ -16,13 +17,12 @@ from gpszip.codec.kernels.range_coder import (
     decode_cumulative,
     is_decoding,
 )
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, inner_uncounted
 
 __all__ = [
     "BY_RATIO",
     "CENTERS",
     "HISTOGRAM",
-    "INTEGER_CONTEXTS",
     "KINDS",
     "MIXTURE_ROWS",
     "ONE_SIDED",
@@ -81,16 +81,6 @@ _MASS_BELOW_LOW = np.int64(3)  # probability below the lowest value, which is cu
 _WEIGHTED_MASS = np.int64(4)  # weight times the probability of the value that was coded
 MIXTURE_ROWS = 5
 
-#: Largest exponent of an integer, and bits after the leading one that have a context.
-_MAX_EXPONENT = 47
-_TREE_NODES = 8
-
-#: Contexts of the exponents: 47, and a spare one.
-_EXPONENT_CONTEXTS = 48
-
-#: Bit contexts that one integer of any size takes.
-INTEGER_CONTEXTS = _EXPONENT_CONTEXTS + _TREE_NODES * _EXPONENT_CONTEXTS
-
 #: The tables below reach from -16 to 16 (or from 0) in steps of 1/64.
 _REACH = 16
 _STEPS = 64
@@ -112,7 +102,7 @@ _REST_BITS = 10
 _REST_MASK = 1023
 
 
-@jit
+@inner_uncounted
 def code_bit(coder: Coder, counts: NDArray[np.int32], context: int, bit: int) -> int:
     """Code a bit with the counts of zeros and ones of its context, and learn it.
 
@@ -146,7 +136,7 @@ def code_bit(coder: Coder, counts: NDArray[np.int32], context: int, bit: int) ->
     return bit
 
 
-@jit
+@inner_uncounted
 def code_unsigned(coder: Coder, counts: NDArray[np.int32], context: int, value: int) -> int:
     """Code an integer v >= 0 by adaptive Exp-Golomb bins (J. Teuhola, 1978).
 
@@ -158,7 +148,7 @@ def code_unsigned(coder: Coder, counts: NDArray[np.int32], context: int, value: 
 
     # the exponent e in unary
     exponent = 0
-    while exponent < _MAX_EXPONENT:
+    while exponent < MAX_EXPONENT:
         more = 1 if encodes and (value + 1) >> (exponent + 1) > 0 else 0
         if code_bit(coder, counts, context + exponent, more) == 0:
             break
@@ -168,10 +158,10 @@ def code_unsigned(coder: Coder, counts: NDArray[np.int32], context: int, value: 
     digits = value + 1 - (np.int64(1) << exponent) if encodes else np.int64(0)
     node = 1
     coded = np.int64(0)
-    tree = context + _EXPONENT_CONTEXTS + _TREE_NODES * exponent
+    tree = context + EXPONENT_CONTEXTS + TREE_NODES * exponent
     for shift in range(exponent - 1, -1, -1):
         bit = (digits >> shift) & 1 if encodes else np.int64(0)
-        if node < _TREE_NODES:
+        if node < TREE_NODES:
             bit = code_bit(coder, counts, tree + node, bit)
             node = 2 * node + bit
         else:
@@ -180,7 +170,7 @@ def code_unsigned(coder: Coder, counts: NDArray[np.int32], context: int, value: 
     return (np.int64(1) << exponent) + coded - 1
 
 
-@jit
+@inner_uncounted
 def code_signed(coder: Coder, counts: NDArray[np.int32], context: int, value: int) -> int:
     """Code an integer of either sign, folded to 2 v for v >= 0 and -2 v - 1 for v < 0.
 
@@ -191,7 +181,7 @@ def code_signed(coder: Coder, counts: NDArray[np.int32], context: int, value: in
     return folded // 2 if folded % 2 == 0 else -(folded + 1) // 2
 
 
-@jit
+@inner_uncounted
 def code_choice(coder: Coder, weights: NDArray[np.int64], count: int, choice: int) -> int:
     """Code the index of one of ``count`` candidates, with probabilities in proportion to weights.
 
@@ -218,13 +208,13 @@ def code_choice(coder: Coder, weights: NDArray[np.int64], count: int, choice: in
     return choice
 
 
-@jit
+@inner_uncounted
 def _log_below(value: int) -> int:
     """Logarithm of ``value`` - 1/2, in units of 2**-16; meaningless below 1."""
     return fixed_log2(max(value * SUBSTEPS - SUBSTEPS // 2, np.int64(1))) - _LOG_SUBSTEPS
 
 
-@jit
+@inner_uncounted
 def _mass_below(value: int, log: int, low: int, mixture: NDArray[np.int64], i: int) -> int:
     """Mass of distribution i below ``value`` - 1/2, in units of 2**-24.
 
@@ -266,7 +256,7 @@ def _mass_below(value: int, log: int, low: int, mixture: NDArray[np.int64], i: i
     return _LOGISTIC[j] + (slope * (z & _REST_MASK) >> _REST_BITS)
 
 
-@jit
+@inner_uncounted
 def _cumulative(
     value: int,
     log: int,
@@ -292,7 +282,7 @@ def _cumulative(
     return ((mass - base) << _PROBABILITY_BITS) // (_CERTAIN - base)
 
 
-@jit
+@inner_uncounted
 def _find_value(
     number: int,
     low: int,
@@ -332,7 +322,7 @@ def _find_value(
     return first
 
 
-@jit
+@inner_uncounted
 def _set_mass_below_low(
     mixture: NDArray[np.int64], count: int, weights: NDArray[np.int64], low: int
 ) -> int:
@@ -350,7 +340,7 @@ def _set_mass_below_low(
     return sum_weights
 
 
-@jit
+@inner
 def _learn_weights(
     mixture: NDArray[np.int64],
     count: int,
@@ -381,7 +371,7 @@ def _learn_weights(
         )
 
 
-@jit
+@inner_uncounted
 def code_mixture(
     coder: Coder,
     value: int,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.codec.integer_contexts import INTEGER_CONTEXTS
 from gpszip.codec.kernels.adaptive import (
     CENTERS,
-    INTEGER_CONTEXTS,
     KINDS,
     SCALES,
     code_signed,
@@ -16,7 +16,7 @@ from gpszip.codec.kernels.adaptive import (
 from gpszip.codec.kernels.range_coder import Coder
 from gpszip.codec.kernels.walk_model import MAX_MAGNITUDE, WalkModel
 from gpszip.codec.kernels.walk_priors import BIT_CONTEXTS
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted
 
 __all__ = [
     "FIRST_POSITION",
@@ -50,21 +50,21 @@ MIXTURE_LIMIT = np.int64(1) << 25
 _MIN_SCALE = np.int64(6)
 
 
-@jit
+@inner_uncounted
 def code_large_signed(coder: Coder, model: WalkModel, contexts: int, value: int) -> int:
     """Code an integer of any size with one of the sets of contexts."""
     first = BIT_CONTEXTS + contexts * INTEGER_CONTEXTS
     return code_signed(coder, model.bit_counts, first, value)
 
 
-@jit
+@inner_uncounted
 def code_large_unsigned(coder: Coder, model: WalkModel, contexts: int, value: int) -> int:
     """Code an integer >= 0 of any size with one of the sets of contexts."""
     first = BIT_CONTEXTS + contexts * INTEGER_CONTEXTS
     return code_unsigned(coder, model.bit_counts, first, value)
 
 
-@jit
+@inner_uncounted
 def add_distribution(
     mixture: NDArray[np.int64], index: int, kind: int, center: int, scale: int
 ) -> int:

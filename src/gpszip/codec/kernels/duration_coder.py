@@ -47,7 +47,7 @@ from gpszip.codec.kernels.walk_model import (
     update_mean_log,
 )
 from gpszip.codec.kernels.walk_priors import MIX_DURATION_FIRST, MIX_MOVE
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, inner_uncounted
 
 __all__ = ["code_duration_first", "code_move_duration", "code_pause_duration"]
 
@@ -71,7 +71,7 @@ _EDGE_WEIGHT = 4
 _OPPOSITE_WEIGHT = 2
 
 
-@jit
+@inner_uncounted
 def _code_duration(
     coder: Coder,
     model: WalkModel,
@@ -133,7 +133,7 @@ def _code_duration(
     return coded
 
 
-@jit
+@inner
 def code_pause_duration(
     coder: Coder, model: WalkModel, mixture_id: int, row: int, duration: int
 ) -> int:
@@ -167,7 +167,7 @@ def code_pause_duration(
     return duration
 
 
-@jit
+@inner
 def code_duration_first(coder: Coder, model: WalkModel, duration: int) -> int:
     """Code the duration of a step to a new node before its position, and learn it."""
     # guesses are the mean of such durations, and the last one
@@ -189,7 +189,7 @@ def code_duration_first(coder: Coder, model: WalkModel, duration: int) -> int:
     return duration
 
 
-@jit
+@inner
 def code_move_duration(
     coder: Coder, model: WalkModel, half_edge: int, u: int, v: int, duration: int
 ) -> int:
@@ -201,7 +201,7 @@ def code_move_duration(
     )
 
 
-@jit
+@inner_uncounted
 def _guess(model: WalkModel, half_edge: int, length: int, guesses: NDArray[np.int64]) -> int:
     """Fill in logarithms of the durations to expect for a step of a length; return how many.
 
@@ -233,7 +233,7 @@ def _guess(model: WalkModel, half_edge: int, length: int, guesses: NDArray[np.in
     return 3
 
 
-@jit
+@inner_uncounted
 def _sum_near_classes(model: WalkModel, length: int) -> tuple[int, int]:
     """Weight and weighted sum of the mean logarithms of steps about as long.
 

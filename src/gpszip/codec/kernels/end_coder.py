@@ -11,25 +11,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.codec.end_kinds import MAX_QUOTIENT, NEVER, SOMETIMES
 from gpszip.codec.kernels.adaptive import code_bit
 from gpszip.codec.kernels.range_coder import Coder, code_interval, decode_cumulative, is_decoding
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted, jit_uncounted
 
-__all__ = ["ALWAYS", "MAX_QUOTIENT", "NEVER", "SOMETIMES", "code_end_offsets"]
-
-#: Which ends have an offset.
-ALWAYS = np.int8(0)  # starts and ends of tracks
-SOMETIMES = np.int8(1)  # ends beside a gap, where the walk goes far within a time step
-NEVER = np.int8(2)  # all others
-
-#: The largest quotient.
-MAX_QUOTIENT = 255
+__all__ = ["code_end_offsets"]
 
 #: A "no more" takes all but one of so many numbers.
 _QUOTIENT_TOTAL = 64
 
 
-@jit
+@inner_uncounted
 def _code_quotient(coder: Coder, quotient: int) -> int:
     """Code a quotient, one decision at a time; return more than MAX_QUOTIENT if it is too large."""
     coded = np.int64(0)
@@ -45,7 +38,7 @@ def _code_quotient(coder: Coder, quotient: int) -> int:
     return coded
 
 
-@jit
+@jit_uncounted
 def code_end_offsets(
     coder: Coder,
     offsets: NDArray[np.int64],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted
 
 __all__ = ["fixed_log2"]
 
@@ -26,7 +26,7 @@ _FRACTIONS = np.round(
 ).astype(np.int64)
 
 
-@jit
+@inner_uncounted
 def fixed_log2(value: int) -> int:
     """Logarithm of an integer from 1 to 2**62, in units of 2**-16; it never falls as that grows.
 

@@ -22,7 +22,7 @@ from gpszip.codec.kernels.walk_priors import (
     KINDS_PER_OCTAVE,
     OCTAVES,
 )
-from gpszip.kernels.jit import inlined, jit
+from gpszip.kernels.jit import inlined, inner, inner_uncounted
 
 __all__ = [
     "class_weights",
@@ -64,7 +64,7 @@ _MAX_REACH = np.int64(1) << 27
 _NO_BEARING = np.uint8(7)
 
 
-@jit
+@inner
 def _add_octaves(model: WalkModel, u: int, first: int, classes: NDArray[np.uint8]) -> None:
     """Add the octave of the distance from u to the class of each node from ``first`` on.
 
@@ -88,7 +88,7 @@ def _add_octaves(model: WalkModel, u: int, first: int, classes: NDArray[np.uint8
         bound *= 2.0
 
 
-@jit
+@inner
 def _add_bearings(
     positions: NDArray[np.int64], before: int, u: int, first: int, classes: NDArray[np.uint8]
 ) -> None:
@@ -119,7 +119,7 @@ def _add_bearings(
         classes[i] += bearing if step_square * squares[i] > 0.0 else _NO_BEARING
 
 
-@jit
+@inner_uncounted
 def _add_gap_ends(gap_ends: NDArray[np.int64], first: int, classes: NDArray[np.uint8]) -> None:
     """Add to the class of each node whether no gap, one, few or many gaps began or ended there."""
     for i in range(len(classes)):
@@ -127,7 +127,7 @@ def _add_gap_ends(gap_ends: NDArray[np.int64], first: int, classes: NDArray[np.u
             classes[i] += np.uint8(1) if gap_ends[first + i] > bound else np.uint8(0)
 
 
-@jit
+@inner_uncounted
 def _bar_nodes(
     model: WalkModel, u: int, table: int, first: int, classes: NDArray[np.uint8]
 ) -> None:
@@ -142,7 +142,7 @@ def _bar_nodes(
         half_edge = model.next_half_edge[half_edge]
 
 
-@jit
+@inner_uncounted
 def sum_weights(classes: NDArray[np.uint8], weights: NDArray[np.int64]) -> int:
     """Sum of the weights of candidates, given their classes."""
     total = np.int64(0)
@@ -163,7 +163,7 @@ def is_cheap(weight: int, total: int) -> bool:
     return 4 * weight > total
 
 
-@jit
+@inner
 def learn_candidate(
     model: WalkModel, table: int, classes: NDArray[np.uint8], choice: int, cheap: bool
 ) -> None:
@@ -184,7 +184,7 @@ def learn_candidate(
         model.scalars[CHEAP_CHOICES] = max(balance, np.int64(0))
 
 
-@jit
+@inner
 def class_weights(model: WalkModel, table: int) -> NDArray[np.int64]:
     """Weight of a candidate of each class; 0 for the class that is barred."""
     weights = np.zeros(_CLASSES + 1, np.int64)
@@ -195,7 +195,7 @@ def class_weights(model: WalkModel, table: int) -> NDArray[np.int64]:
     return weights
 
 
-@jit
+@inner_uncounted
 def code_candidate(
     coder: Coder, classes: NDArray[np.uint8], weights: NDArray[np.int64], total: int, choice: int
 ) -> int:
@@ -234,7 +234,7 @@ def code_candidate(
     return i
 
 
-@jit
+@inner
 def _classify(
     model: WalkModel, u: int, before: int, table: int, first: int, count: int
 ) -> NDArray[np.uint8]:
@@ -249,7 +249,7 @@ def _classify(
     return classes
 
 
-@jit
+@inner
 def code_known_node(
     coder: Coder, model: WalkModel, u: int, before: int, node: int, table: int
 ) -> int:

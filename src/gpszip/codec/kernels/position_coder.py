@@ -38,7 +38,7 @@ from gpszip.codec.kernels.walk_priors import (
     MIX_BESIDE,
     MIX_JUMP,
 )
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted
 
 __all__ = ["ON_GRID_AXES", "ON_HEADING", "code_position"]
 
@@ -61,7 +61,7 @@ _MAX_REACH = np.int64(1) << 30
 _JUMP_AXES = 4
 
 
-@jit
+@inner_uncounted
 def _code_axis(coder: Coder, model: WalkModel, mixture_id: int, value: int, count: int) -> int:
     """Code an offset on one axis with a mixture, given its first ``count`` distributions.
 
@@ -89,7 +89,7 @@ def _code_axis(coder: Coder, model: WalkModel, mixture_id: int, value: int, coun
     return coded
 
 
-@jit
+@inner_uncounted
 def _code_along(coder: Coder, model: WalkModel, value: int, reach: int) -> int:
     """Code an offset along the heading, given the mean length of steps."""
     mixture = model.mixture
@@ -103,7 +103,7 @@ def _code_along(coder: Coder, model: WalkModel, value: int, reach: int) -> int:
     return _code_axis(coder, model, MIX_ALONG, value, count)
 
 
-@jit
+@inner_uncounted
 def _code_along_timed(
     coder: Coder, model: WalkModel, value: int, reach: int, mean_reach: int
 ) -> int:
@@ -131,7 +131,7 @@ def _code_along_timed(
     return _code_axis(coder, model, MIX_ALONG_TIMED, value, count)
 
 
-@jit
+@inner_uncounted
 def _code_across(
     coder: Coder, model: WalkModel, mixture_id: int, value: int, reach: int, along: int
 ) -> int:
@@ -162,13 +162,13 @@ def _code_across(
     return _code_axis(coder, model, mixture_id, value, count)
 
 
-@jit
+@inner_uncounted
 def _reach_at_speed(length: int, duration: int, time_steps: int) -> int:
     """Length of a step of ``time_steps`` at the speed ``length`` / ``duration``."""
     return min(max(length * time_steps // duration, _MIN_REACH), MAX_MAGNITUDE)
 
 
-@jit
+@inner_uncounted
 def _code_on_heading(
     coder: Coder, model: WalkModel, u: int, node: int, reach: int, duration: int
 ) -> int:
@@ -201,7 +201,7 @@ def _code_on_heading(
     return reach
 
 
-@jit
+@inner_uncounted
 def code_position(
     coder: Coder, model: WalkModel, u: int, node: int, on_heading: bool, duration: int
 ) -> None:

@@ -22,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import inlined, jit
+from gpszip.kernels.jit import inlined, inner_uncounted, jit_uncounted
 
 __all__ = [
     "DECODES",
@@ -134,7 +134,7 @@ def is_exhausted(coder: Coder) -> bool:
     return coder.cursor[_NEXT_BYTE] > len(coder.data) + _WORD_BYTES
 
 
-@jit
+@inner_uncounted
 def _carry(data: NDArray[np.uint8], end: int) -> None:
     """Add 1 to the bytes before ``end``, read as one big-endian number."""
     # a buffer that is too short is thrown away, and the symbols are encoded again in a longer one
@@ -146,7 +146,7 @@ def _carry(data: NDArray[np.uint8], end: int) -> None:
         i -= 1
 
 
-@jit
+@inner_uncounted
 def _narrow(coder: Coder, start: np.uint64, width: np.uint64) -> None:
     """Narrow the range to ``width`` from ``start`` on, and move the bytes that are certain."""
     # A listener neither writes nor reads; it only trains a model.
@@ -178,7 +178,7 @@ def _narrow(coder: Coder, start: np.uint64, width: np.uint64) -> None:
         cursor[_NEXT_BYTE] = i + 1
 
 
-@jit
+@jit_uncounted
 def decode_cumulative(coder: Coder, total: int) -> int:
     """Return the number in [0, total) that the code word of a decoder points to.
 
@@ -189,14 +189,14 @@ def decode_cumulative(coder: Coder, total: int) -> int:
     return min(np.int64(words[_CODE] // share), np.int64(total) - 1)
 
 
-@jit
+@jit_uncounted
 def code_interval(coder: Coder, start: int, width: int, total: int) -> None:
     """Code the interval [start, start + width) of [0, total), 1 <= width, total <= 2**41."""
     share = coder.words[_RANGE] // np.uint64(total)
     _narrow(coder, share * np.uint64(start), share * np.uint64(width))
 
 
-@jit
+@inner_uncounted
 def code_bits(coder: Coder, value: int, count: int) -> int:
     """Code ``count`` <= 32 equally likely bits."""
     total = np.int64(1) << np.int64(count)
@@ -206,13 +206,13 @@ def code_bits(coder: Coder, value: int, count: int) -> int:
     return value
 
 
-@jit
+@inner_uncounted
 def count_bits(coder: Coder) -> float:
     """Return how many bits have been written, to a fraction of a bit."""
     return 8.0 * coder.cursor[_NEXT_BYTE] + 64.0 - np.log2(np.float64(coder.words[_RANGE]))
 
 
-@jit
+@jit_uncounted
 def _flush(coder: Coder) -> int:
     """Write the last bytes; return the number of bytes, which may be more than the buffer holds."""
     words, cursor, data = coder

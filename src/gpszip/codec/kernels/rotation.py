@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted
 
 __all__ = ["DIRECTIONS", "nearest_direction", "rotate", "rotate_back", "sideways_offset"]
 
@@ -41,7 +41,7 @@ _MAX_TURN = 49
 _TAN = np.round(np.tan(_ANGLES[: _MAX_TURN + 1]) * (1 << _SHIFT)).astype(np.int64)
 
 
-@jit
+@inner_uncounted
 def sideways_offset(along: int, turn: int) -> int:
     """Offset across the heading of a point ``along`` it, on a line turned by ``turn`` directions.
 
@@ -51,7 +51,7 @@ def sideways_offset(along: int, turn: int) -> int:
     return across if turn >= 0 else -across
 
 
-@jit
+@inner_uncounted
 def nearest_direction(x: int, y: int) -> int:
     """Direction nearest to a vector; 0 for the null vector."""
     longest = np.int64(0)
@@ -64,14 +64,14 @@ def nearest_direction(x: int, y: int) -> int:
     return nearest
 
 
-@jit
+@inner_uncounted
 def _split(turn: int) -> tuple[int, int]:
     """Right angles of a turn, and the index of the small angle that remains."""
     quarters = (turn + _QUARTER // 2) // _QUARTER
     return quarters & 3, turn - quarters * _QUARTER + _QUARTER // 2
 
 
-@jit
+@inner_uncounted
 def rotate(x: int, y: int, turn: int) -> tuple[int, int]:
     """Coordinates (along, across) of a vector on axes turned into direction ``turn``."""
     quarters, small = _split(turn)
@@ -84,7 +84,7 @@ def rotate(x: int, y: int, turn: int) -> tuple[int, int]:
     return x, y
 
 
-@jit
+@inner_uncounted
 def rotate_back(x: int, y: int, turn: int) -> tuple[int, int]:
     """Undo :func:`rotate`, exactly."""
     quarters, small = _split(turn)

@@ -15,7 +15,7 @@ from gpszip.codec.kernels.walk_priors import (
     BIT_STAY,
     BIT_TURN_BACK,
 )
-from gpszip.kernels.jit import inlined, jit
+from gpszip.kernels.jit import inlined, inner, inner_uncounted
 
 __all__ = [
     "KIND_BACK",
@@ -53,7 +53,7 @@ _TURN_INCREMENT = 1 << 16
 _MAX_PAIR_COUNT = np.int64(1) << 16
 
 
-@jit
+@inner_uncounted
 def _node_level(model: WalkModel, u: int) -> tuple[int, int]:
     """Edges at u, at most 5, and binary digits of how often they were taken from u, at most 4."""
     degree = 0
@@ -69,7 +69,7 @@ def _node_level(model: WalkModel, u: int) -> tuple[int, int]:
     return min(degree, _MAX_DEGREE), level
 
 
-@jit
+@inner
 def _list_edges(model: WalkModel, u: int, back: int) -> NDArray[np.int64]:
     """Half-edges from u, save the one back."""
     count = 0
@@ -89,7 +89,7 @@ def _list_edges(model: WalkModel, u: int, back: int) -> NDArray[np.int64]:
     return half_edges
 
 
-@jit
+@inner_uncounted
 def _weigh_edges(
     model: WalkModel,
     u: int,
@@ -136,7 +136,7 @@ def _weigh_edges(
     return total
 
 
-@jit
+@inner
 def code_known_edge(
     coder: Coder, model: WalkModel, u: int, before: int, incoming: int, back: int, node: int
 ) -> int:
@@ -177,7 +177,7 @@ def code_known_edge(
     return half_edges[choice]
 
 
-@jit
+@inner_uncounted
 def _bearing(positions: NDArray[np.int64], before: int, u: int, node: int) -> int:
     """Turn from the step that led to u towards a node, in eight classes; 7 if there was no step.
 
@@ -209,7 +209,7 @@ def _bearing(positions: NDArray[np.int64], before: int, u: int, node: int) -> in
     return 6
 
 
-@jit
+@inner_uncounted
 def step_kind(model: WalkModel, u: int, back: int, node: int) -> int:
     """Kind of the step from u to ``node``, where ``back`` is the half-edge back, or -1."""
     if node == model.scalars[NODE_COUNT]:
@@ -242,7 +242,7 @@ def _code_known_kind(
     return KIND_BACK if goes_back else KIND_KNOWN
 
 
-@jit
+@inner_uncounted
 def _code_unknown_kind(
     coder: Coder,
     counts: NDArray[np.int32],
@@ -266,7 +266,7 @@ def _code_unknown_kind(
     return KIND_NEW_NODE if is_new else KIND_NEW_EDGE
 
 
-@jit
+@inner_uncounted
 def code_step_kind(
     coder: Coder, model: WalkModel, u: int, incoming: int, back: int, kind: int, last_kind: int
 ) -> int:

@@ -38,7 +38,7 @@ from gpszip.codec.kernels.walk_model import (
 )
 from gpszip.codec.kernels.walk_priors import AMONG_TARGETS, BIT_TARGET, KINDS_PER_OCTAVE
 from gpszip.kernels.heap import pop, push
-from gpszip.kernels.jit import inlined, jit
+from gpszip.kernels.jit import inlined, inner, inner_uncounted
 
 __all__ = ["code_target", "has_target", "take_next_node"]
 
@@ -59,14 +59,14 @@ def has_target(model: WalkModel) -> bool:
     return model.scalars[PATH_NEXT] < model.scalars[PATH_END]
 
 
-@jit
+@inner_uncounted
 def take_next_node(model: WalkModel) -> int:
     """Take the next node of the path to the target."""
     model.scalars[PATH_NEXT] += 1
     return model.target_path[model.scalars[PATH_NEXT] - 1]
 
 
-@jit
+@inner
 def _find_nearest(
     model: WalkModel, u: int, nearest: NDArray[np.int64], parents: NDArray[np.int64]
 ) -> int:
@@ -120,7 +120,7 @@ def _find_nearest(
     return count
 
 
-@jit
+@inner_uncounted
 def _binary_digits(number: int) -> int:
     """Binary digits of a number >= 0; none of 0."""
     digits = 0
@@ -129,7 +129,7 @@ def _binary_digits(number: int) -> int:
     return digits
 
 
-@jit
+@inner
 def _classify(model: WalkModel, nearest: NDArray[np.int64], count: int) -> NDArray[np.uint8]:
     """Class of each of the nearest nodes but the first, by rank and how often walks ended there."""
     classes = np.zeros(count - 1, np.uint8)
@@ -141,7 +141,7 @@ def _classify(model: WalkModel, nearest: NDArray[np.int64], count: int) -> NDArr
     return classes
 
 
-@jit
+@inner
 def _best_rank(
     model: WalkModel,
     nodes: NDArray[np.int64],
@@ -180,7 +180,7 @@ def _best_rank(
     return best_rank
 
 
-@jit
+@inner_uncounted
 def _set_path(
     model: WalkModel, rank: int, nearest: NDArray[np.int64], parents: NDArray[np.int64]
 ) -> None:
@@ -194,7 +194,7 @@ def _set_path(
     model.scalars[PATH_NEXT] = start
 
 
-@jit
+@inner
 def code_target(
     coder: Coder,
     model: WalkModel,

@@ -87,7 +87,7 @@ from gpszip.codec.kernels.walk_priors import (
     MIX_GAP,
     MIX_STAY,
 )
-from gpszip.kernels.jit import inlined, jit
+from gpszip.kernels.jit import inlined, inner, inner_uncounted, jit
 
 __all__ = ["code_walks"]
 
@@ -115,14 +115,14 @@ class _WalkState(NamedTuple):
     target_context: int  # the same, or _AT_TARGET
 
 
-@jit
+@inner_uncounted
 def _arrive_without_heading(model: WalkModel, node: int) -> _WalkState:
     """State where a track begins or goes on after a gap."""
     forget_heading(model)
     return _WalkState(node, _NONE, _NONE, KIND_NEW_NODE, KIND_NEW_NODE)
 
 
-@jit
+@inner_uncounted
 def _code_sorted_starts(coder: Coder, model: WalkModel, time_step: int) -> bool:
     """Code the first time steps of all tracks in order, as differences, after ``time_step``.
 
@@ -142,7 +142,7 @@ def _code_sorted_starts(coder: Coder, model: WalkModel, time_step: int) -> bool:
     return True
 
 
-@jit
+@inner_uncounted
 def _take_sorted_start(coder: Coder, model: WalkModel, first: int) -> int:
     """Code which of the sorted starts is a track's first time step, by how many are passed over."""
     starts = model.track_starts
@@ -166,7 +166,7 @@ def _take_sorted_start(coder: Coder, model: WalkModel, first: int) -> int:
     return starts[i, START_TIME_STEP]
 
 
-@jit
+@inner_uncounted
 def _code_first_time_step(coder: Coder, model: WalkModel, last_start: int, first: int) -> int:
     """Code the first time step of a track after a track that began at ``last_start``."""
     if len(model.track_starts) > 0:
@@ -174,7 +174,7 @@ def _code_first_time_step(coder: Coder, model: WalkModel, last_start: int, first
     return last_start + code_large_signed(coder, model, TRACK_START, first - last_start)
 
 
-@jit
+@inner_uncounted
 def _code_first_node(coder: Coder, model: WalkModel, last_end: int, node: int) -> int:
     """Code the first node of a track after one that ended at ``last_end`` (-1: none)."""
     # whether it is known
@@ -204,7 +204,7 @@ def _code_first_node(coder: Coder, model: WalkModel, last_end: int, node: int) -
     return add_node(model)
 
 
-@jit
+@inner_uncounted
 def _code_start(coder: Coder, model: WalkModel, last_end: int, node: int) -> int:
     """Code the first node of a track after one that ended at ``last_end``, and learn it."""
     bits = count_bits(coder)
@@ -214,7 +214,7 @@ def _code_start(coder: Coder, model: WalkModel, last_end: int, node: int) -> int
     return node
 
 
-@jit
+@inner_uncounted
 def _code_gap(
     coder: Coder, model: WalkModel, u: int, node: int, duration: int, timed: bool
 ) -> tuple[int, int]:
@@ -233,14 +233,14 @@ def _code_gap(
     return add_node(model), duration
 
 
-@jit
+@inner_uncounted
 def _gap_context(gap_ends: int, last_kind: int) -> int:
     """Context of whether a gap follows: gaps that began or ended here, and a stop just before."""
     level = 2 if gap_ends > 2 else 1 if gap_ends > 0 else 0
     return BIT_GAP + 2 * level + (1 if last_kind == KIND_STAY else 0)
 
 
-@jit
+@inner
 def _find_steps(gaps: NDArray[np.int8], begins: NDArray[np.int8]) -> NDArray[np.bool_]:
     """Whether a step leads to each knot, and not a gap."""
     is_step = np.zeros(len(gaps), np.bool_)
@@ -249,7 +249,7 @@ def _find_steps(gaps: NDArray[np.int8], begins: NDArray[np.int8]) -> NDArray[np.
     return is_step
 
 
-@jit
+@inner_uncounted
 def _code_step(
     coder: Coder, model: WalkModel, state: _WalkState, node: int
 ) -> tuple[int, int, int]:
@@ -287,7 +287,7 @@ def _code_step(
     return kind, half_edge, node
 
 
-@jit
+@inner_uncounted
 def _code_measures(
     coder: Coder,
     model: WalkModel,
@@ -386,7 +386,7 @@ def _code_segment(
     return _WalkState(node, before, incoming, kind, target_context)
 
 
-@jit
+@inner_uncounted
 def _code_end(coder: Coder, model: WalkModel, u: int, ends: bool) -> bool:
     """Code whether the track ends at u, and learn it."""
     # a node weighs 1 as long as no track began or ended there
@@ -398,7 +398,7 @@ def _code_end(coder: Coder, model: WalkModel, u: int, ends: bool) -> bool:
     return ended
 
 
-@jit
+@inner_uncounted
 def _is_in_bounds(model: WalkModel, node: int, time_step: int) -> bool:
     """Whether a node and a time that were read lie where no arithmetic overflows."""
     for axis in range(model.places.shape[1]):

@@ -25,7 +25,7 @@ from gpszip.codec.kernels.walk_priors import (
     initial_mixture_weights,
     initial_offered,
 )
-from gpszip.kernels.jit import inlined, jit
+from gpszip.kernels.jit import inlined, inner_uncounted, jit, jit_uncounted
 from gpszip.kernels.pair_table import find_pair_slot
 
 __all__ = [
@@ -307,7 +307,7 @@ def extended(model: WalkModel, knots: int) -> WalkModel:
     return longer
 
 
-@jit
+@jit_uncounted
 def _enter_pairs(
     keys: NDArray[np.int64],
     counts: NDArray[np.int64],
@@ -365,14 +365,14 @@ def with_modes(
     )
 
 
-@jit
+@inner_uncounted
 def record_bits(model: WalkModel, row: int, bits: float) -> None:
     """Add written bits to a row of the statistics."""
     model.statistics[row, 0] += bits
     model.statistics[row, 1] += 1.0
 
 
-@jit
+@inner_uncounted
 def node_distance(positions: NDArray[np.int64], u: int, v: int) -> int:
     """Distance between two nodes in sixteenths of a space step, below 2**36."""
     square = np.int64(0)
@@ -382,7 +382,7 @@ def node_distance(positions: NDArray[np.int64], u: int, v: int) -> int:
     return np.int64(SUBSTEPS * np.sqrt(np.float64(square)))
 
 
-@jit
+@inner_uncounted
 def find_half_edge(model: WalkModel, u: int, v: int) -> int:
     """Half-edge from u to v, or -1."""
     half_edge = model.first_half_edge[u]
@@ -391,7 +391,7 @@ def find_half_edge(model: WalkModel, u: int, v: int) -> int:
     return half_edge
 
 
-@jit
+@inner_uncounted
 def _add_edge(model: WalkModel, u: int, v: int) -> int:
     """Add an edge; return its half-edge from u to v."""
     half_edge = model.scalars[_HALF_EDGE_COUNT]
@@ -409,13 +409,13 @@ def _pair_key(incoming: int, half_edge: int) -> int:
     return incoming * _PAIR_SHIFT + half_edge
 
 
-@jit
+@inner_uncounted
 def pair_count(model: WalkModel, incoming: int, half_edge: int) -> int:
     """Times that ``half_edge`` was taken right after the half-edge ``incoming``."""
     return model.pair_counts[find_pair_slot(model.pair_keys, _pair_key(incoming, half_edge))]
 
 
-@jit
+@inner_uncounted
 def length_class(length: int) -> int:
     """Class of a length by half octaves from a space step on: its row of ``duration_means``."""
     if length < SUBSTEPS:
@@ -424,13 +424,13 @@ def length_class(length: int) -> int:
     return min(np.int64(1 + half_octaves), np.int64(LENGTH_CLASSES - 1))
 
 
-@jit
+@inner_uncounted
 def log_duration(duration: int) -> int:
     """Logarithm of a duration, brought into 1 ... 2**36 time steps."""
     return fixed_log2(min(max(duration, np.int64(1)), MAX_MAGNITUDE))
 
 
-@jit
+@inner_uncounted
 def update_mean_log(model: WalkModel, row: int, max_samples: int, logarithm: int) -> None:
     """Add a logarithm of a duration to the mean m of a row, with n samples so far.
 
@@ -441,14 +441,14 @@ def update_mean_log(model: WalkModel, row: int, max_samples: int, logarithm: int
     means[row, MEAN_LOG] += (logarithm - means[row, MEAN_LOG]) // means[row, MEAN_SAMPLES]
 
 
-@jit
+@inner_uncounted
 def forget_heading(model: WalkModel) -> None:
     """Drop heading and turn, as a track begins or goes on after a gap."""
     model.scalars[HEADING] = -1
     model.scalars[TURN] = NO_TURN
 
 
-@jit
+@inner_uncounted
 def _learn_heading(model: WalkModel, u: int, v: int) -> None:
     """Set the heading to that of the step from u to v, and the turn that led to it."""
     positions, scalars = model.places, model.scalars
@@ -462,7 +462,7 @@ def _learn_heading(model: WalkModel, u: int, v: int) -> None:
     scalars[HEADING] = heading
 
 
-@jit
+@inner_uncounted
 def _learn_speed(scalars: NDArray[np.int64], length: int, duration: int) -> None:
     """Learn length and duration of the last step, and sums in which steps fade by 7/8 each."""
     scalars[LAST_LENGTH], scalars[LAST_DURATION] = length, duration
@@ -470,7 +470,7 @@ def _learn_speed(scalars: NDArray[np.int64], length: int, duration: int) -> None
     scalars[DURATION_SUM] += duration - (scalars[DURATION_SUM] >> 3)
 
 
-@jit
+@inner_uncounted
 def _learn_duration(model: WalkModel, half_edge: int, length: int, duration: int) -> None:
     """Learn the duration of a step, by its length, by its half-edge, and as a pace."""
     scalars = model.scalars
@@ -494,7 +494,7 @@ def _learn_duration(model: WalkModel, half_edge: int, length: int, duration: int
         _learn_speed(scalars, min(length, _MAX_SPEED_LENGTH), min(duration, _MAX_SPEED_DURATION))
 
 
-@jit
+@inner_uncounted
 def learn_step(model: WalkModel, incoming: int, u: int, v: int, duration: int) -> int:
     """Learn a step from u to v.
 
@@ -541,7 +541,7 @@ def learn_step(model: WalkModel, incoming: int, u: int, v: int, duration: int) -
     return half_edge
 
 
-@jit
+@inner_uncounted
 def add_node(model: WalkModel) -> int:
     """Add a node whose position is set already; return it."""
     node = model.scalars[NODE_COUNT]
@@ -550,7 +550,7 @@ def add_node(model: WalkModel) -> int:
     return node
 
 
-@jit
+@inner_uncounted
 def add_end_weight(model: WalkModel, node: int, weight: int) -> None:
     """Raise the weight of a node as the end of a track (Fenwick tree, P. Fenwick, 1994)."""
     tree = model.end_weight_tree
@@ -560,7 +560,7 @@ def add_end_weight(model: WalkModel, node: int, weight: int) -> None:
         i += i & -i
 
 
-@jit
+@inner_uncounted
 def end_weight_below(model: WalkModel, node: int) -> int:
     """Sum of the weights of the nodes before ``node``."""
     tree = model.end_weight_tree
@@ -571,7 +571,7 @@ def end_weight_below(model: WalkModel, node: int) -> int:
     return total
 
 
-@jit
+@inner_uncounted
 def find_by_end_weight(model: WalkModel, number: int) -> int:
     """Node in whose interval of the cumulative weights ``number`` lies."""
     tree = model.end_weight_tree

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.codec.kernels.adaptive import INTEGER_CONTEXTS
+from gpszip.codec.integer_contexts import INTEGER_CONTEXTS
 
 __all__ = [
     "AMONG_EDGES",

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.heap import pop, push
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted, jit, jit_uncounted
 
 __all__ = [
     "NO_PATH",
@@ -134,7 +134,7 @@ def new_search(nodes: int, arcs: int, breadth: int) -> DijkstraSearch:
     )
 
 
-@jit
+@inner_uncounted
 def _comes_first(arcs: Arcs, search: DijkstraSearch, new: int, old: int, node: int) -> bool:
     """Whether the path to ``node`` by parent ``new`` precedes the equally long one by ``old``."""
     # The paths diverge after their last common node. The nodes right after it decide.
@@ -147,7 +147,7 @@ def _comes_first(arcs: Arcs, search: DijkstraSearch, new: int, old: int, node: i
     return bool(arcs.ranks[after_new] < arcs.ranks[after_old])
 
 
-@jit
+@inner_uncounted
 def _relax_arcs(arcs: Arcs, search: DijkstraSearch, node: int) -> None:
     """Try the path through a settled node for each of its neighbours that are not settled."""
     # Leave out settled neighbours, whose stamp is one above that of the search.
@@ -178,7 +178,7 @@ def _relax_arcs(arcs: Arcs, search: DijkstraSearch, node: int) -> None:
         search.arc[target] = arc
 
 
-@jit
+@inner_uncounted
 def start_search(search: DijkstraSearch, source: int) -> None:
     """Begin a new search at ``source``; the entries of earlier ones become invalid."""
     search.state[STAMP] += 2  # each search uses two stamps: reached, and settled
@@ -191,7 +191,7 @@ def start_search(search: DijkstraSearch, source: int) -> None:
     search.arc[source] = -1
 
 
-@jit
+@inner_uncounted
 def _is_within_breadth(search: DijkstraSearch) -> bool:
     """Whether the search may settle the first node of the heap."""
     # Nodes as far as the last permitted node still count: their order in the heap is arbitrary.
@@ -199,7 +199,7 @@ def _is_within_breadth(search: DijkstraSearch) -> bool:
     return bool(settled < breadth or search.keys[0] == search.distance[search.order[breadth - 1]])
 
 
-@jit
+@inner_uncounted
 def settle_next(arcs: Arcs, search: DijkstraSearch, radius: int) -> int:
     """Settle the nearest open node within ``radius`` and return it, or -1 if there is none."""
     while search.state[HEAP_SIZE] > 0 and search.keys[0] <= radius and _is_within_breadth(search):
@@ -215,7 +215,7 @@ def settle_next(arcs: Arcs, search: DijkstraSearch, radius: int) -> int:
     return -1
 
 
-@jit
+@inner_uncounted
 def settle_node(arcs: Arcs, search: DijkstraSearch, node: int, radius: int) -> bool:
     """Continue the search until ``node`` is settled; False if it is not within ``radius``."""
     while search.stamp[node] != search.state[STAMP] + 1:
@@ -224,7 +224,7 @@ def settle_node(arcs: Arcs, search: DijkstraSearch, node: int, radius: int) -> b
     return True
 
 
-@jit
+@jit_uncounted
 def settle_within(arcs: Arcs, search: DijkstraSearch, source: int, radius: int) -> None:
     """Settle all nodes within ``radius`` of ``source``."""
     start_search(search, source)
@@ -245,7 +245,7 @@ def settle_targets(
     return distances
 
 
-@jit
+@inner_uncounted
 def follow_canonical_path(
     arcs: Arcs,
     search: DijkstraSearch,
@@ -346,7 +346,7 @@ def find_waypoints_by_bisection(
     return knots[: count + 1].copy(), is_path[:count].copy()
 
 
-@jit
+@inner_uncounted
 def write_canonical_path(
     arcs: Arcs,
     search: DijkstraSearch,
@@ -380,7 +380,7 @@ def write_canonical_path(
     return end
 
 
-@jit
+@jit_uncounted
 def expand_waypoints(
     arcs: Arcs,
     search: DijkstraSearch,

@@ -121,17 +121,15 @@ class ColumnEncoder:
         self._text_codes: list[dict[str, int]] = [{} for _ in names]
         self._text_bytes = 0
 
-    def encode(
-        self, attributes: Mapping[str, Values], good: NDArray[np.bool_], where: str
-    ) -> EncodedBatch:
+    def encode(self, attributes: Mapping[str, Values], rows: int, where: str) -> EncodedBatch:
         """Encode the columns of a batch.
 
         Parameters
         ----------
         attributes : mapping of str to array, shape (n,)
             All columns of the batch.
-        good : bool array, shape (n,)
-            Rows to encode.
+        rows : int
+            Number of rows n.
         where : str
             Name of the log in messages.
 
@@ -143,15 +141,17 @@ class ColumnEncoder:
         missing = next((name for name in self.names if name not in attributes), None)
         if missing is not None:
             available = ", ".join(attributes) or "none"
-            raise InputError(f"{where}: has no column {missing!r} to keep; it has {available}")
+            raise InputError(
+                f"has no column {missing!r} to keep", path=where, remedy=f"it has {available}"
+            )
 
-        columns = [attributes[name][good] for name in self.names]
+        columns = [attributes[name] for name in self.names]
         kinds = tuple(map(_kind_of, columns))
         encoded = [
             self._encode_column(number, values, kind)
             for number, (values, kind) in enumerate(zip(columns, kinds, strict=True))
         ]
-        return EncodedBatch(_stack_columns(encoded, int(good.sum())), kinds)
+        return EncodedBatch(_stack_columns(encoded, rows), kinds)
 
     def join(self, batches: Sequence[Kinds]) -> None:
         """Widen the kinds of the columns so that they can hold batches of these kinds."""
@@ -221,8 +221,8 @@ class ColumnEncoder:
         self._text_bytes += letters + _TEXT_OVERHEAD_BYTES
         if self._text_bytes > self.text_capacity:
             raise InputError(
-                f"column {name!r} holds more distinct texts than there is memory for; "
-                "allow more memory, or don't keep it"
+                f"column {name!r} holds more distinct texts than there is memory for",
+                remedy="allow more memory, or don't keep it",
             )
 
 

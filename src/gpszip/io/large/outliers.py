@@ -1,4 +1,4 @@
-"""Drop outliers from tracks that don't fit in memory.
+"""Find the outliers of tracks that don't fit in memory.
 
 The result is that of :func:`gpszip.geo.outliers.find_outliers`, found by passes over a file.
 """
@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +20,12 @@ from gpszip.geo.outliers import (
     min_adjacent_speeds,
 )
 from gpszip.geo.planes import to_plane
-from gpszip.io.large.plane_sample import PlaneSample
 from gpszip.io.large.runs import read_rows
-from gpszip.io.storage.temporary import disk_errors_as_output_errors, write_numbers
+from gpszip.io.logs.rows import Floats
+from gpszip.io.storage.temporary import write_numbers
 from gpszip.model import Plane
-from gpszip.model.read_result import Repair
 
-__all__ = ["FilteredTracks"]
+__all__ = ["OutlierSearch"]
 
 #: Samples on both sides of a block that take part in the decision about its samples. A run of
 #: outliers has at most four samples, and a decision looks one sample past its ends.
@@ -36,41 +34,16 @@ _MARGIN = 40
 #: Bits of a number that are found in one pass of the radix selection: 65,536 counters.
 _DIGIT_BITS = 16
 
-Floats = NDArray[np.float64]
-_Tracks = Iterator[tuple[str, Iterator[Floats]]]
 _Blocks = Callable[[], Iterator[Floats]]
 
 
-class _FileRange(NamedTuple):
-    """Rows of a track in the file, and which of them are outliers.
+class OutlierSearch:
+    """Finds outliers of tracks in a file.
 
     Parameters
     ----------
-    name : str
-        Name of the track.
-    first : int
-        Index of its first row.
-    row_count : int
-        Number of its rows.
-    outliers : int array
-        Indices of outliers among its rows, ascending.
-    """
-
-    name: str
-    first: int
-    row_count: int
-    outliers: NDArray[np.int64]
-
-
-class FilteredTracks:
-    """Tracks without their outliers, written to a file once and read from there.
-
-    Parameters
-    ----------
-    tracks : iterator
-        Each track with its rows in blocks: time, coordinates, kept columns.
     path : Path
-        The file to write.
+        A file of rows: time, coordinates, kept columns.
     width : int
         Numbers in a row.
     dimension : int
@@ -82,77 +55,28 @@ class FilteredTracks:
     """
 
     def __init__(
-        self,
-        tracks: _Tracks,
-        path: Path,
-        width: int,
-        dimension: int,
-        max_rows: int,
-        plane: Plane | None,
+        self, path: Path, width: int, dimension: int, max_rows: int, plane: Plane | None
     ) -> None:
         self.path = path
         self.width = width
         self.dimension = dimension
         self.max_rows = max_rows
         self.plane = plane
-        self.repairs: list[Repair] = []
-        self.plane_sample = PlaneSample()
-        self._tracks: list[_FileRange] = []
-        self._write(tracks)
 
-        # Outliers don't count for the plane that the log gets.
-        if plane is not None:
-            for _, blocks in self.tracks():
-                for block in blocks:
-                    self.plane_sample.add(block[:, 1:3])
-
-    def tracks(self) -> _Tracks:
-        """Yield each track with the rows that are no outliers."""
-        for track in self._tracks:
-            yield track.name, self._remaining_rows(track)
-
-    def _write(self, tracks: _Tracks) -> None:
-        """Write all rows, and find the outliers of each track once it is written."""
-        # Write the blocks of all tracks after each other, each track as a range of rows.
-        first = 0
-        with disk_errors_as_output_errors(), self.path.open("wb") as file:
-            for name, blocks in tracks:
-                count = 0
-                for block in blocks:
-                    write_numbers(block, file)
-                    count += len(block)
-
-                # Samples are read from the file, so it has to hold all of them.
-                file.flush()
-                outliers = self._find_outliers(first, count)
-                self._tracks.append(_FileRange(name, first, count, outliers))
-                if len(outliers):
-                    repair = Repair("outliers dropped", len(outliers), f"track {name!r}")
-                    self.repairs.append(repair)
-                first += count
-
-    def _remaining_rows(self, track: _FileRange) -> Iterator[Floats]:
-        for start in range(0, track.row_count, self.max_rows):
-            stop = min(start + self.max_rows, track.row_count)
-            outliers = _within(track.outliers, start, stop)
-            rows = read_rows(self.path, track.first + start, stop - start, self.width)
-            yield np.delete(rows, outliers - start, axis=0)
-
-    def _read_samples(self, first: int, start: int, stop: int) -> tuple[Floats, Floats]:
-        """Return times and positions in metres of rows ``start`` to ``stop - 1`` of a track."""
-        rows = read_rows(self.path, first + start, stop - start, self.width)
-        positions = rows[:, 1 : 1 + self.dimension]
-        if self.plane is not None:
-            positions = to_plane(positions[:, 0], positions[:, 1], self.plane)
-        return rows[:, 0], positions
-
-    def _find_outliers(self, first: int, count: int) -> NDArray[np.int64]:
-        """Return the indices of a track's outliers.
+    def find(self, first: int, count: int) -> NDArray[np.int64]:
+        """Return the indices of a track's outliers among its rows, ascending.
 
         1. The shortest interval that counts is half the median interval.
         2. Write the calm speeds: the least speed at each sample (``min_adjacent_speeds``).
         3. The speed limit is a multiple of a quantile of the calm speeds that are not 0.
         4. Mark the outliers block by block, each with a margin of its neighbours.
+
+        Parameters
+        ----------
+        first : int
+            Index of the track's first row in the file.
+        count : int
+            Number of its rows.
         """
         # A track that fits in memory needs no blocks.
         if count <= self.max_rows:
@@ -191,6 +115,33 @@ class FilteredTracks:
             marked = np.flatnonzero(mark_outliers(*samples, min_interval, limit)) + before
             outliers.append(_within(marked, start, stop))
         return np.concatenate(outliers)
+
+    def remaining_rows(
+        self, first: int, count: int, outliers: NDArray[np.int64]
+    ) -> Iterator[Floats]:
+        """Yield the rows of a track without its outliers, in blocks.
+
+        Parameters
+        ----------
+        first : int
+            Index of the track's first row in the file.
+        count : int
+            Number of its rows.
+        outliers : int array
+            Indices among these rows, ascending.
+        """
+        for start in range(0, count, self.max_rows):
+            stop = min(start + self.max_rows, count)
+            rows = read_rows(self.path, first + start, stop - start, self.width)
+            yield np.delete(rows, _within(outliers, start, stop) - start, axis=0)
+
+    def _read_samples(self, first: int, start: int, stop: int) -> tuple[Floats, Floats]:
+        """Return times and positions in metres of rows ``start`` to ``stop - 1`` of a track."""
+        rows = read_rows(self.path, first + start, stop - start, self.width)
+        positions = rows[:, 1 : 1 + self.dimension]
+        if self.plane is not None:
+            positions = to_plane(positions[:, 0], positions[:, 1], self.plane)
+        return rows[:, 0], positions
 
     def _overlapping_blocks(
         self, first: int, count: int, shared: int

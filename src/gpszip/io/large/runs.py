@@ -1,34 +1,42 @@
 """External merge sort of rows by track and time: sorted runs on disk, merged when they are read.
 
-A row is float64 numbers: time, coordinates, kept columns. Rows are buffered up to a capacity,
-sorted, and written as a run, which is one file.
+A row is float64 numbers: time, others, kept columns. Rows are buffered up to a capacity, sorted,
+and written as a run, which is one file.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gpszip.io.large.columns import ColumnEncoder, ColumnKind, EncodedBatch
+from gpszip.io.logs.rows import Codes, Floats
 from gpszip.io.storage.temporary import disk_errors_as_output_errors, read_numbers, write_numbers
 
 __all__ = ["SortedRuns", "read_rows"]
 
-Floats = NDArray[np.float64]
-Codes = NDArray[np.int32]
+
+class _Run(NamedTuple):
+    """A file of sorted rows: its path, numbers in a row, and kinds of the kept columns."""
+
+    path: Path
+    width: int
+    kinds: tuple[ColumnKind, ...]
 
 
 class _RunRange(NamedTuple):
-    """Rows of one track in a run."""
+    """Rows of one track in a run, from its earliest to its latest time."""
 
     run: int
     first: int
     row_count: int
+    first_time: float
+    last_time: float
 
 
 class SortedRuns:
@@ -48,33 +56,32 @@ class SortedRuns:
         self.folder = folder
         self.max_rows = max_rows
         self.column_encoder = column_encoder
-        self._width = 0  # numbers in a row
         self._buffer: list[tuple[Codes, Floats]] = []
         self._buffered_rows = 0
-        self._buffer_kinds: tuple[ColumnKind, ...] = ()
-        self._run_kinds: list[tuple[ColumnKind, ...]] = []
+        self._buffer_shape: tuple[int, tuple[ColumnKind, ...]] = (0, ())  # width and kinds
+        self._runs: list[_Run] = []
         self._ranges: defaultdict[int, list[_RunRange]] = defaultdict(list)
 
-    def add(self, codes: Codes, times: Floats, positions: Floats, columns: EncodedBatch) -> None:
+    def add(self, codes: Codes, numbers: Floats, columns: EncodedBatch) -> None:
         """Add rows.
 
         Parameters
         ----------
         codes : int32 array, shape (n,)
             Code of each row's track.
-        times : float64 array, shape (n,)
-            Seconds.
-        positions : float64 array, shape (n, d)
-            Coordinates.
+        numbers : float64 array, shape (n, w)
+            Time and other numbers of each row.
         columns : EncodedBatch
             The kept columns.
         """
         # All rows of a run have columns of the same kinds, which are converted when they are read.
-        if columns.kinds != self._buffer_kinds:
+        rows = np.concatenate([numbers, columns.values], axis=1)
+        shape = (rows.shape[1], columns.kinds)
+        if shape != self._buffer_shape:
             self.flush()
-        self._buffer_kinds = columns.kinds
-        self._buffer.append((codes, np.column_stack([times, positions, columns.values])))
-        self._buffered_rows += len(times)
+        self._buffer_shape = shape
+        self._buffer.append((codes, rows))
+        self._buffered_rows += len(rows)
         if self._buffered_rows >= self.max_rows:
             self.flush()
 
@@ -88,36 +95,29 @@ class SortedRuns:
         codes, rows = (np.concatenate(arrays) for arrays in zip(*self._buffer, strict=True))
         self._buffer, self._buffered_rows = [], 0
         order = np.lexsort((rows[:, 0], codes))
-        codes = codes[order]
-        self._width = rows.shape[1]
+        codes, rows = codes[order], rows[order]
 
         # Write the rows; keep the kinds of their columns, which may change in later rows.
-        run = len(self._run_kinds)
-        with disk_errors_as_output_errors(), self._run_path(run).open("wb") as file:
-            write_numbers(rows[order], file)
-        self._run_kinds.append(self._buffer_kinds)
+        run = _Run(self.folder / f"run-{len(self._runs)}", *self._buffer_shape)
+        with disk_errors_as_output_errors(), run.path.open("wb") as file:
+            write_numbers(rows, file)
+        self._runs.append(run)
 
         # Note where the rows of each track are.
         starts = np.flatnonzero(np.diff(codes, prepend=-1)).tolist()
-        for start, stop in zip(starts, [*starts[1:], len(codes)], strict=True):
-            self._ranges[int(codes[start])].append(_RunRange(run, start, stop - start))
+        for start, stop in pairwise([*starts, len(codes)]):
+            first_time, last_time = float(rows[start, 0]), float(rows[stop - 1, 0])
+            where = _RunRange(len(self._runs) - 1, start, stop - start, first_time, last_time)
+            self._ranges[int(codes[start])].append(where)
 
-    def row_count(self, code: int) -> int:
-        """Return the number of a track's rows in the runs."""
-        return sum(run_range.row_count for run_range in self._ranges[code])
-
-    def blocks(self, code: int, *, in_order: bool) -> Iterator[Floats]:
+    def blocks(self, code: int) -> Iterator[Floats]:
         """Yield the rows of a track in the order of time, in blocks that fit in memory.
 
-        Parameters
-        ----------
-        code : int
-            Code of the track.
-        in_order : bool
-            Whether its rows were added in the order of time, so that its runs follow each other.
+        Rows at one time come in the order in which they were added.
         """
+        # Runs that follow each other in time need no merging.
         ranges = self._ranges[code]
-        if not in_order and len(ranges) > 1:
+        if any(before.last_time > after.first_time for before, after in pairwise(ranges)):
             yield from self._merge(ranges)
             return
         for run_range in ranges:
@@ -126,8 +126,8 @@ class SortedRuns:
 
     def remove(self) -> None:
         """Remove the files."""
-        for run in range(len(self._run_kinds)):
-            self._run_path(run).unlink()
+        for run in self._runs:
+            run.path.unlink()
 
     def _merge(self, ranges: list[_RunRange]) -> Iterator[Floats]:
         """Merge runs by time.
@@ -138,7 +138,7 @@ class SortedRuns:
         """
         # Divide the rows in memory among the heads of all runs.
         head_rows = max(self.max_rows // len(ranges), 1)
-        heads = [np.empty((0, self._width)) for _ in ranges]
+        heads = [np.empty((0, self._runs[run_range.run].width)) for run_range in ranges]
         read_counts = [0] * len(ranges)
         while True:
             # Refill empty heads.
@@ -165,17 +165,14 @@ class SortedRuns:
 
     def _read(self, run_range: _RunRange, first: int, max_count: int) -> Floats:
         """Read up to ``max_count`` rows of a range, with columns converted to their final kinds."""
+        run = self._runs[run_range.run]
         count = min(max_count, run_range.row_count - first)
-        rows = read_rows(self._run_path(run_range.run), run_range.first + first, count, self._width)
+        rows = read_rows(run.path, run_range.first + first, count, run.width)
         if not self.column_encoder.names:
             return rows
-        sample_width = self._width - len(self.column_encoder.names)
-        stored = EncodedBatch(rows[:, sample_width:], self._run_kinds[run_range.run])
-        columns = self.column_encoder.convert(stored)
+        sample_width = run.width - len(self.column_encoder.names)
+        columns = self.column_encoder.convert(EncodedBatch(rows[:, sample_width:], run.kinds))
         return np.concatenate([rows[:, :sample_width], columns], axis=1)
-
-    def _run_path(self, run: int) -> Path:
-        return self.folder / f"run-{run}"
 
 
 def read_rows(path: Path, first: int, count: int, width: int) -> Floats:

@@ -1,35 +1,34 @@
-"""Read logs of any size in bounded memory: sort all samples into a temporary file.
+"""Store logs larger than memory on disk, sorted by track and time.
 
-Rows of different tracks may be interleaved, and a track may be spread over several files in any
-order. Batches of rows are buffered up to a number of rows, sorted and written as a run. Then the
-runs of each track are concatenated, or merged if the rows of a file were not in order. The files
-are in a temporary folder, which is removed when the log is closed.
+:func:`store_logs` reads and cleans all files as :mod:`gpszip.io.logs.collect` describes, in batches
+that fit in memory, and writes their samples to a temporary file. :class:`StoredLog` reads slices of
+its tracks.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, TypeAlias
+from typing import NamedTuple, Unpack
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.errors import InputError, OptionError
 from gpszip.geo.planes import to_plane
-from gpszip.io.large.batches import LogFile, inspect_log_file
 from gpszip.io.large.columns import ColumnEncoder, StoredColumn
-from gpszip.io.large.outliers import FilteredTracks
+from gpszip.io.large.disk_rows import DiskRows
+from gpszip.io.large.outliers import OutlierSearch
+from gpszip.io.large.plane_sample import PlaneSample
 from gpszip.io.large.runs import read_rows
-from gpszip.io.large.sort import ExternalSorter, coordinate_names
-from gpszip.io.logs.formats import is_bundle
-from gpszip.io.logs.losses import MAX_TINY_LOG_POINTS, nearly_lost_error
-from gpszip.io.logs.raw import RawLog, Request
-from gpszip.io.storage.source import Source, expand, is_stray_file
+from gpszip.io.logs.collect import CollectedLog, collect_log
+from gpszip.io.logs.log_file import Sources, open_log_files, refuse_mismatches
+from gpszip.io.logs.read import ReadOptions, parse_options
+from gpszip.io.logs.rows import Floats
 from gpszip.io.storage.temporary import disk_errors_as_output_errors, scratch_folder, write_numbers
-from gpszip.io.tables.roles import parse_columns
 from gpszip.model import Plane, Track
 from gpszip.model.read_result import ReadResult, Repair
 
@@ -49,10 +48,6 @@ _ROW_BYTES = 24
 
 #: The same in a gzip file.
 _PACKED_ROW_BYTES = 6
-
-Floats = NDArray[np.float64]
-Sources: TypeAlias = "str | Path | BinaryIO | Iterable[str | Path | BinaryIO | Source | InputError]"
-ColumnNames: TypeAlias = str | Sequence[str] | Mapping[str, str]
 
 
 @dataclass(frozen=True)
@@ -141,16 +136,12 @@ class StoredLog:
             yield read_rows(self._path, row, count, 1 + self.dimension)[:, 0]
 
 
-def count_rows(
-    sources: Sources, *, format: str | None = None, columns: ColumnNames | None = None
-) -> int:
+def count_rows(sources: Sources, **options: Unpack[ReadOptions]) -> int:
     """Estimate the number of rows of logs without reading them.
 
     Parameters
     ----------
-    sources : str, Path, binary stream, or iterable of these
-        As for :func:`gpszip.io.logs.read.read_logs`.
-    format, columns
+    sources, **options
         As for :func:`gpszip.io.logs.read.read_logs`.
 
     Returns
@@ -159,46 +150,26 @@ def count_rows(
         Exact for Parquet, estimated from the size for other formats. Files that can't be read
         count nothing.
     """
-    # Skip what can't be read: this is only an estimate, and reading reports the error.
+    request, _ = parse_options(options)
     total = 0
-    request = Request(parse_columns(columns))
-    for source in expand(sources, unzip=is_bundle):
-        if isinstance(source, InputError):
-            continue
-        log_file = inspect_log_file(source, format, request)
-        if isinstance(log_file, InputError):
+    for file in open_log_files(sources, options.get("format"), request, in_batches=True):
+        # Skip what can't be read: this is only an estimate, and reading reports the error.
+        if isinstance(file.source, InputError) or file.error is not None:
             continue
 
         # Estimate from the size if the file does not state the number.
-        rows = log_file.row_count()
+        rows = file.row_count()
         if rows is None:
-            row_bytes = _PACKED_ROW_BYTES if log_file.source.is_gzip else _ROW_BYTES
-            rows = log_file.source.size // row_bytes
+            row_bytes = _PACKED_ROW_BYTES if file.source.is_gzip else _ROW_BYTES
+            rows = file.source.size // row_bytes
         total += rows
     return total
 
 
 def store_logs(
-    sources: Sources,
-    *,
-    rows: int,
-    format: str | None = None,
-    columns: ColumnNames | None = None,
-    time_unit: str | None = None,
-    dates: str | None = None,
-    sort: bool = False,
-    split: bool = False,
-    skip_bad: bool = False,
-    keep: Sequence[str] = (),
-    clean: bool = False,
-    plane: Plane | None = None,
+    sources: Sources, *, rows: int, plane: Plane | None = None, **options: Unpack[ReadOptions]
 ) -> StoredLog:
     r"""Sort position logs of any size into a temporary file.
-
-    1. Inspect all files; refuse those that don't fit together.
-    2. Sort the rows of each file by track and time.
-    3. With ``clean``, drop outliers.
-    4. Choose a plane, and write the samples on it.
 
     Parameters
     ----------
@@ -206,10 +177,10 @@ def store_logs(
         As for :func:`gpszip.io.logs.read.read_logs`.
     rows : int
         Rows in memory at once, at least 1000; each takes about 100 bytes.
-    format, columns, time_unit, dates, sort, split, skip_bad, keep, clean
-        As for :func:`gpszip.io.logs.read.read_logs`.
     plane : Plane, optional
         Plane for positions on the earth; chosen for them if left out.
+    **options
+        As for :func:`gpszip.io.logs.read.read_logs`. Headings aren't kept.
 
     Returns
     -------
@@ -219,9 +190,10 @@ def store_logs(
     Raises
     ------
     InputError
-        If a file can't be read, holds other columns or another coordinate system than those before
-        it, or its times of a track overlap with those of an earlier file. With ``skip_bad``, such
-        files are left out instead; of overlapping ones, the later file.
+        As for :func:`gpszip.io.logs.read.read_logs`; also if a track has no times, or a file names
+        another coordinate system than those before it.
+    OptionError
+        If headings are asked for, or ``sort`` and ``split`` together.
 
     Examples
     --------
@@ -231,69 +203,45 @@ def store_logs(
     ...     [(track.id, log.read(track).times.tolist()) for track in log.tracks]
     [('b', [0.0, 1.0]), ('a', [5.0])]
     """
-    # Check the options and inspect all files before the first row is read.
-    if sort and split:
-        raise OptionError("--sort and --split exclude each other")
-    request = Request(
-        parse_columns(columns), time_unit, tuple(keep), dates=dates, skip_bad=skip_bad
+    # Check the start of all files before the first row is read.
+    request, cleaning = parse_options(options)
+    if request.heading:
+        raise OptionError("headings of logs larger than memory are not kept")
+    files = refuse_mismatches(
+        open_log_files(sources, options.get("format"), request, in_batches=True)
     )
-    inspected = _inspect_files(sources, format, request)
+
     with ExitStack() as stack:
+        # Read, clean and sort.
         folder = stack.enter_context(scratch_folder())
+        max_rows = max(rows, _MIN_ROWS)
+        encoder = ColumnEncoder(request.keep, _TEXT_BYTES_PER_ROW * rows)
+        store = DiskRows(folder, max_rows, encoder)
+        log = collect_log(files, store, cleaning)
+        blocks = _blocks_of_tracks(log)
 
-        # Sort.
-        sorter = ExternalSorter(
-            folder,
-            max(rows, _MIN_ROWS),
-            sort,
-            split,
-            ColumnEncoder(request.keep, _TEXT_BYTES_PER_ROW * rows),
-            skip_bad=skip_bad,
-            clean=clean,
-        )
-        sorter.errors += inspected.errors
-        is_one_log = len({log_file.source.log for log_file in inspected.log_files}) == 1
-        for log_file in inspected.log_files:
-            _sort_file(sorter, log_file, "0" if is_one_log else log_file.source.stem)
-        if sorter.is_empty:
-            raise _no_sample_error(sorter)
-        sorted_tracks = sorter.tracks()
-        plane_sample = sorter.plane_sample
-        repairs = sorter.repairs  # more are added while the tracks are read
+        # Drop outliers, which don't count for the plane.
+        plane_sample = store.plane_sample
+        repairs: list[Repair] = []
+        if cleaning.clean:
+            filtered = _drop_outliers(log, blocks, folder, max_rows, plane_sample)
+            blocks, plane_sample, repairs = filtered
 
-        # Drop outliers.
-        if clean:
-            speed_plane = plane_sample.plane() if sorter.geographic else None
-            filtered = FilteredTracks(
-                sorted_tracks,
-                folder / "with-outliers",
-                sorter.width,
-                sorter.dimension,
-                sorter.max_rows,
-                speed_plane,
+        # Write the samples on the plane.
+        plane = (plane or plane_sample.plane()) if log.geographic else None
+        counts, kept_columns = _write_samples(log, blocks, encoder, folder, plane)
+        offsets = np.cumsum(counts) - counts
+        tracks = tuple(
+            StoredTrack(track.name, offset, count)
+            for track, offset, count in zip(
+                log.tracks, offsets.tolist(), counts.tolist(), strict=True
             )
-            sorted_tracks = filtered.tracks()
-            plane_sample = filtered.plane_sample
-            repairs = [*repairs, *filtered.repairs]
-
-        # Write on the plane.
-        plane = (plane or plane_sample.plane()) if sorter.geographic else None
-        tracks, kept_columns = _write_sorted(sorted_tracks, sorter, folder, plane)
-        _check_points_left(tracks, sorter.points, repairs)
-        read_result = ReadResult(
-            tracks=(),
-            points=sorter.points,
-            bytes=inspected.bytes,
-            geographic=sorter.geographic,
-            repairs=tuple(repairs),
-            left_out=tuple(sorter.left_out()),
-            dropped_columns=tuple(sorter.dropped_columns),
-            losses=tuple(sorter.losses),
         )
+        read_result = log.read_result((), repairs)
         return StoredLog(
             tracks,
             read_result,
-            sorter.dimension,
+            log.dimension,
             plane,
             kept_columns,
             folder / "samples",
@@ -301,145 +249,121 @@ def store_logs(
         )
 
 
-class _InspectedFiles(NamedTuple):
-    """Files that fit together, their size in bytes, and why the others don't."""
+class _Block(NamedTuple):
+    """Rows of one or several tracks.
 
-    log_files: list[LogFile]
-    bytes: int
-    errors: list[InputError]
-
-
-def _inspect_files(sources: Sources, format_: str | None, request: Request) -> _InspectedFiles:
-    """Inspect all files, before any row is read.
-
-    Raises
-    ------
-    InputError
-        If a file can't be read or doesn't fit the others, or there is none. With
-        ``request.skip_bad``, only if no file can be read.
+    Parameters
+    ----------
+    tracks : int array, shape (n,)
+        Index of each row's track, not decreasing.
+    rows : float64 array, shape (n, 1 + d + c)
+        Time, coordinates, kept columns.
     """
-    # Collect the files that can be read, their size in bytes, and the errors of the others.
-    log_files: list[LogFile] = []
-    errors: list[InputError] = []
-    size = 0
-    for source in expand(sources, unzip=is_bundle):
-        # Inspect.
-        if isinstance(source, InputError):
-            log_file: LogFile | InputError = source
-        else:
-            log_file = inspect_log_file(source, format_, request)
-        if isinstance(log_file, InputError):
-            error: InputError | None = log_file
-        else:
-            error = _find_mismatch(log_file, log_files)
 
-        # Refuse, leave out or take.
-        if error is not None and not (request.skip_bad or is_stray_file(source, error)):
-            raise error
-        if error is not None:
-            name = source.name if isinstance(source, Source) else "log"
-            errors.append(error.located_at(name))
-        elif isinstance(log_file, LogFile):
-            log_files.append(log_file)
-            size += log_file.source.size
-    if not log_files:
-        if errors:
-            raise errors[0]
-        raise InputError("no log given; name a file, a folder of Parquet or a pattern")
-    return _InspectedFiles(log_files, size, errors)
+    tracks: NDArray[np.intp]
+    rows: Floats
+
+    def add_to(self, counts: NDArray[np.int64]) -> None:
+        """Add the number of rows of each track to these counts."""
+        starts = np.flatnonzero(np.diff(self.tracks, prepend=-1))
+        np.add.at(counts, self.tracks[starts], np.diff(starts, append=len(self.tracks)))
 
 
-def _find_mismatch(log_file: LogFile, before: Sequence[LogFile]) -> InputError | None:
-    """Return what is wrong if a file has other coordinates than the files before it."""
-    # Compare with the first file whose coordinates are known; unknown ones fit any.
-    kind = log_file.coordinate_kind
-    first = next((other for other in before if other.coordinate_kind is not None), None)
-    first_kind = None if first is None else first.coordinate_kind
-    if kind is None or first is None or first_kind is None or kind == first_kind:
-        return None
+class _Filtered(NamedTuple):
+    """Rows that are no outliers, a sample of their positions, and the number of outliers."""
 
-    # Say what differs: the names of the coordinate systems, or the columns.
-    if kind.geographic == first_kind.geographic and kind.dimension == first_kind.dimension:
-        return InputError(
-            f"{log_file.name}: names another coordinate system than {first.name}; "
-            "bring them to one, or read them apart"
-        )
-    return InputError(
-        f"{log_file.name}: holds {coordinate_names(kind)}, "
-        f"but {first.name} {coordinate_names(first_kind)}; read them apart"
-    )
+    blocks: Iterator[_Block]
+    plane_sample: PlaneSample
+    repairs: list[Repair]
 
 
-def _sort_file(sorter: ExternalSorter, log_file: LogFile, stem: str) -> None:
-    """Add all rows of a file to the sorter, or leave the file out if it is bad."""
-    sorter.begin_file(log_file, stem)
-    try:
-        for raw in log_file.batches():
-            _check_times(raw)
-            sorter.add(raw)
-        sorter.end_file()
-    except InputError as error:
-        if not sorter.skip_bad:
-            raise
-        sorter.errors.append(error.located_at(log_file.source.name))
-        sorter.drop_file()
+def _blocks_of_tracks(log: CollectedLog) -> Iterator[_Block]:
+    """Yield the sorted rows of a log, with the index of their tracks."""
+    track_of_code = np.zeros(log.code_count, np.intp)
+    for i, track in enumerate(log.tracks):
+        track_of_code[list(track.codes)] = i
+    for block in log.sorted_rows():
+        columns = block.attributes.values()
+        rows = np.column_stack([block.times, block.coordinates, *columns])
+        yield _Block(track_of_code[block.codes], rows)
 
 
-def _check_times(raw: RawLog) -> None:
-    """Refuse tracks that have no times by which they could be sorted."""
-    if raw.untimed:
-        name = raw.ids[min(raw.untimed)] if raw.ids else "0"
-        raise InputError(
-            f"{raw.name}: track {name!r} has no times, by which logs larger than memory are "
-            "sorted; leave out --memory, or allow more of it"
-        )
+def _drop_outliers(
+    log: CollectedLog,
+    blocks: Iterator[_Block],
+    folder: Path,
+    max_rows: int,
+    plane_sample: PlaneSample,
+) -> _Filtered:
+    """Drop the outliers of each track."""
+    # Speeds are measured on a plane, in metres.
+    speed_plane = plane_sample.plane() if log.geographic else None
+
+    # Write all rows, as outliers are found in several passes.
+    path = folder / "with-outliers"
+    counts = np.zeros(len(log.tracks), np.int64)
+    width = 0
+    with disk_errors_as_output_errors(), path.open("wb") as file:
+        for block in blocks:
+            write_numbers(block.rows, file)
+            block.add_to(counts)
+            width = block.rows.shape[1]
+
+    # Find the outliers of each track.
+    search = OutlierSearch(path, width, log.dimension, max_rows, speed_plane)
+    bounds = list(pairwise([0, *np.cumsum(counts).tolist()]))
+    outliers = [search.find(first, stop - first) for first, stop in bounds]
+    repairs = [
+        Repair("outliers dropped", len(found), f"{track.where}: track {track.name!r}")
+        for track, found in zip(log.tracks, outliers, strict=True)
+        if len(found)
+    ]
+
+    # Yield the other rows, as often as they are needed.
+    def remaining_blocks() -> Iterator[_Block]:
+        for i, (first, stop) in enumerate(bounds):
+            for rows in search.remaining_rows(first, stop - first, outliers[i]):
+                yield _Block(np.full(len(rows), i, np.intp), rows)
+
+    if log.geographic:
+        plane_sample = PlaneSample()
+        for block in remaining_blocks():
+            plane_sample.add(block.rows[:, 1:3])
+    return _Filtered(remaining_blocks(), plane_sample, repairs)
 
 
-def _write_sorted(
-    sorted_tracks: Iterator[tuple[str, Iterator[Floats]]],
-    sorter: ExternalSorter,
+def _write_samples(
+    log: CollectedLog,
+    blocks: Iterator[_Block],
+    encoder: ColumnEncoder,
     folder: Path,
     plane: Plane | None,
-) -> tuple[tuple[StoredTrack, ...], tuple[StoredColumn, ...]]:
-    """Write times and positions to the file ``samples``, and each kept column to its own file."""
-    # A row has time and coordinates, then a number for each column.
-    tracks: list[StoredTrack] = []
-    sample_width = 1 + sorter.dimension
-    offset = 0
-    encoder = sorter.column_encoder
+) -> tuple[NDArray[np.int64], tuple[StoredColumn, ...]]:
+    """Write times and positions to the file ``samples``, and each kept column to its own file.
+
+    Returns
+    -------
+    int array
+        Number of rows of each track.
+    tuple of StoredColumn
+        The kept columns.
+    """
+    counts = np.zeros(len(log.tracks), np.int64)
+    sample_width = 1 + log.dimension
     column_paths = [folder / f"column-{number}" for number in range(len(encoder.names))]
     with disk_errors_as_output_errors(), ExitStack() as stack:
         sample_file, *column_files = (
             stack.enter_context(path.open("wb")) for path in (folder / "samples", *column_paths)
         )
-
-        # Tracks follow each other in all files.
-        for name, blocks in sorted_tracks:
-            count = 0
-            for block in blocks:
-                if plane is not None:
-                    block[:, 1:sample_width] = to_plane(block[:, 1], block[:, 2], plane)
-                write_numbers(block[:, :sample_width], sample_file)
-                for file, values in zip(column_files, block[:, sample_width:].T, strict=True):
-                    write_numbers(values, file)
-                count += len(block)
-            tracks.append(StoredTrack(name, offset, count))
-            offset += count
+        for block in blocks:
+            block.add_to(counts)
+            rows = block.rows
+            if plane is not None:
+                rows[:, 1:sample_width] = to_plane(rows[:, 1], rows[:, 2], plane)
+            write_numbers(rows[:, :sample_width], sample_file)
+            for file, values in zip(column_files, rows[:, sample_width:].T, strict=True):
+                write_numbers(values, file)
 
     # Describe the kept columns from their files, which are complete and closed now.
-    if not tracks:
-        raise _no_sample_error(sorter)
     columns = [encoder.stored_column(number, path) for number, path in enumerate(column_paths)]
-    return tuple(tracks), tuple(columns)
-
-
-def _no_sample_error(sorter: ExternalSorter) -> InputError:
-    return sorter.errors[0] if sorter.errors else InputError("no log holds a sample")
-
-
-def _check_points_left(
-    tracks: Sequence[StoredTrack], points: int, repairs: Sequence[Repair]
-) -> None:
-    """Refuse a log if only one of many points can be used."""
-    if sum(track.count for track in tracks) < 2 and points > MAX_TINY_LOG_POINTS:
-        raise nearly_lost_error("the logs", points, "row", repairs)
+    return counts, tuple(columns)

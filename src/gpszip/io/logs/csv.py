@@ -199,7 +199,7 @@ def read_csv(source: Source, request: Request) -> RawLog:
     table, malformed = _read_table(source, dialect, roles)
     if table.num_rows == 0:
         problem = f"no row has {dialect.width} cells" if malformed else "a header, but no rows"
-        raise InputError(f"{source.name}: {problem}")
+        raise InputError(problem, path=source.name)
 
     # A quote that is never closed would have swallowed rows.
     records = dialect.header_lines + table.num_rows + malformed
@@ -288,7 +288,7 @@ def _parse_typed(
     try:
         return _parse(source, confirmed, roles, types, skipped), skipped.count
     except (pa.ArrowInvalid, UnicodeDecodeError) as error:
-        raise InputError(f"{source.name}: {explain_table_error(error)}") from None
+        raise InputError(explain_table_error(error), path=source.name) from None
 
 
 def _parse(
@@ -306,8 +306,9 @@ def _parse(
             return pc.read_csv(stream, *options)
         except OSError as error:
             raise InputError(
-                f"{source.name}: damaged gzip file ({error}); "
-                "fetch it again, or unpack what is left of it with zcat"
+                f"damaged gzip file ({error})",
+                path=source.name,
+                remedy="fetch it again, or unpack what is left of it with zcat",
             ) from None
 
 
@@ -407,7 +408,9 @@ def confirm_encoding(source: Source, dialect: Dialect) -> str:
         except UnicodeDecodeError:
             if dialect.encoding == "utf-16":
                 raise InputError(
-                    f"{source.name}: damaged text: not all of it is UTF-16; bring it to UTF-8"
+                    "damaged text: not all of it is UTF-16",
+                    path=source.name,
+                    remedy="bring it to UTF-8",
                 ) from None
             return "latin-1"
     return dialect.encoding
@@ -450,11 +453,14 @@ def detect_dialect(head: bytes, request: Request, where: str) -> Dialect:
     """
     # 1. The encoding
     if not head.strip():
-        raise InputError(f"{where}: empty file; a log needs a header and at least one row")
+        raise InputError(
+            "empty file", path=where, remedy="a log needs a header and at least one row"
+        )
     if not sniff_csv(head):
         raise UnknownFormatError(
-            f"{where}: neither text nor a format that is known; "
-            "'gpszip formats' lists what can be read"
+            "neither text nor a format that is known",
+            path=where,
+            remedy="'gpszip formats' lists what can be read",
         )
     encoding = _detect_encoding(head)
     text = head.decode(encoding, errors="ignore").lstrip("\ufeff")
@@ -467,8 +473,9 @@ def detect_dialect(head: bytes, request: Request, where: str) -> Dialect:
     is_last_line = start == len(lines) - 1
     if is_last_line and len(lines[start]) * 2 > len(text) and len(head) >= _MAX_LINE_BYTES:
         raise InputError(
-            f"{where}: its first line is longer than {_MAX_LINE_BYTES // 1024} KiB, "
-            "so it has no header of a log"
+            f"its first line is longer than {_MAX_LINE_BYTES // 1024} KiB, so it has no header of "
+            "a log",
+            path=where,
         )
     if names_by_user is None:
         start = _find_header(lines, start, delimiter, request, where)
@@ -578,8 +585,9 @@ def _read_header(
     # Without a header, the user has to name the columns.
     if is_required:
         raise InputError(
-            f"{where}: no header; its first row is {line[:_MAX_SHOWN_LETTERS]!r}; "
-            "name the columns in their order: --columns t,x,y"
+            f"no header; its first row is {line[:_MAX_SHOWN_LETTERS]!r}",
+            path=where,
+            remedy="name the columns in their order: --columns t,x,y",
         )
     return _Header(tuple(f"column {i + 1}" for i in range(len(cells))), delimiter, start)
 
@@ -644,8 +652,10 @@ def _fit_names(
     if width == len(names) + 1 and all(not row[-1].strip() for row in rows):
         return names, 1
     raise InputError(
-        f"{where}: its header has {len(names)} cells, but its rows have {width}; give them as "
-        "many, or leave out the header and name the columns in their order: --columns t,x,y"
+        f"its header has {len(names)} cells, but its rows have {width}",
+        path=where,
+        remedy="give them as many, or leave out the header and name the columns in their order: "
+        "--columns t,x,y",
     )
 
 
@@ -657,7 +667,7 @@ def _rename_columns(
         return tuple(names)
     if len(names_by_user) > len(names):
         raise InputError(
-            f"{where}: has {len(names)} columns, but --columns names {len(names_by_user)}"
+            f"has {len(names)} columns, but --columns names {len(names_by_user)}", path=where
         )
     unnamed = len(names) - len(names_by_user)
     return tuple(

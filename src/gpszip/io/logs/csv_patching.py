@@ -294,8 +294,9 @@ def _check_plain(dialect: Dialect, roles: Roles, header: str, where: str) -> Non
     has_empty_title = len(titles) == dialect.width + 1 and not titles[-1].strip()
     if dialect.trailing_cells or has_empty_title:
         raise InputError(
-            f"{where}: its header and its rows differ by an empty cell; "
-            "give them as many cells, and rows can be added"
+            "its header and its rows differ by an empty cell",
+            path=where,
+            remedy="give them as many cells, and rows can be added",
         )
 
     # Coordinates have to be plain numbers.
@@ -307,7 +308,9 @@ def _check_plain(dialect: Dialect, roles: Roles, header: str, where: str) -> Non
         problem = f"coordinates such as {odd!r}"
     else:
         return
-    raise InputError(f"{where}: has {problem}; rows can only be added to a table of plain numbers")
+    raise InputError(
+        f"has {problem}", path=where, remedy="rows can only be added to a table of plain numbers"
+    )
 
 
 def _coordinates(patch: Patch, track: Track) -> Floats:

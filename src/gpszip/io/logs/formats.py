@@ -9,15 +9,17 @@ be CSV.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from gpszip.errors import InputError, OptionError, OutputError, UnknownFormatError
+from gpszip.io.deferred import deferred
 from gpszip.io.logs.gpx.xml_text import root_element
-from gpszip.io.logs.log_format import LogFormat, deferred
-from gpszip.io.logs.plugin_guard import guard_plugin
-from gpszip.io.plugins import load_plugins
+from gpszip.io.logs.log_format import LogBatches, LogFormat
+from gpszip.io.plugins import Guard, load_plugins
 
 if TYPE_CHECKING:
+    from gpszip.io.logs.raw import RawLog, Request
     from gpszip.io.storage.source import Source
 
 __all__ = [
@@ -115,8 +117,56 @@ def log_formats() -> tuple[LogFormat, ...]:
     >>> [log_format.name for log_format in log_formats()][-4:]
     ['parquet', 'gpx', 'geojson', 'csv']
     """
-    plugins = load_plugins(_PLUGIN_GROUP, LogFormat)
-    return (*map(guard_plugin, plugins), *LOG_FORMATS)
+    return (*load_plugins(_PLUGIN_GROUP, LogFormat, _guarded), *LOG_FORMATS)
+
+
+def _guarded(plugin: LogFormat, guard: Guard) -> LogFormat:
+    """Return a format of another package with guarded functions."""
+    from gpszip.io.logs.raw import RawLog
+
+    # Functions that read.
+    guarded = replace(
+        plugin,
+        sniff=guard.wrap(plugin.sniff, InputError),
+        read=guard.wrap(plugin.read, InputError, RawLog),
+    )
+    if plugin.read_batches is not None:
+        guarded = replace(guarded, read_batches=_guarded_batches(plugin.read_batches, guard))
+
+    # Functions that write.
+    if plugin.write is not None:
+        guarded = replace(guarded, write=guard.wrap(plugin.write, OutputError))
+    if plugin.describe_losses is not None:
+        describe_losses = guard.wrap(plugin.describe_losses, OutputError)
+        guarded = replace(guarded, describe_losses=describe_losses)
+    return guarded
+
+
+def _guarded_batches(
+    read_batches: Callable[[Source, Request], LogBatches | None], guard: Guard
+) -> Callable[[Source, Request], LogBatches | None]:
+    """Guard the opening of batches, and the batches, which are read later."""
+    from gpszip.io.logs.raw import RawLog
+
+    def iterate(opened: LogBatches, where: str) -> Iterator[RawLog]:
+        with guard.named_faults(InputError, where):
+            for batch in opened.batches:
+                guard.expect(RawLog, batch)
+                yield batch
+
+    def read(source: Source, request: Request) -> LogBatches | None:
+        with guard.named_faults(InputError, source.name):
+            opened = read_batches(source, request)
+            if opened is None:
+                return None
+            guard.expect(LogBatches, opened)
+        return replace(
+            opened,
+            batches=iterate(opened, source.name),
+            count_rows=opened.count_rows and guard.wrap(opened.count_rows, InputError, int),
+        )
+
+    return read
 
 
 def format_named(name: str) -> LogFormat:
@@ -140,7 +190,7 @@ def format_named(name: str) -> LogFormat:
         if format_.name == name_or_suffix or suffix in format_.suffixes:
             return format_
     known = ", ".join(format_.name for format_ in log_formats())
-    raise OptionError(f"no format {name!r}; there are {known}")
+    raise OptionError(f"no format {name!r}", remedy=f"there are {known}")
 
 
 def _built_in_first() -> Iterator[LogFormat]:
@@ -166,7 +216,7 @@ def format_for_reading(source: Source) -> LogFormat:
     # Refuse an empty file before any format is asked.
     head = source.head()
     if not head.strip():
-        raise InputError(f"{source.name}: empty file; name one that holds a log")
+        raise InputError("empty file", path=source.name, remedy="name one that holds a log")
 
     # 1. Formats that know their files.
     formats = log_formats()
@@ -176,7 +226,7 @@ def format_for_reading(source: Source) -> LogFormat:
 
     # 2. Files of other kinds.
     if reason := _explain_other_kind(source.name, head):
-        raise UnknownFormatError(f"{source.name}: {reason}")
+        raise UnknownFormatError(reason, path=source.name)
 
     # 3. Text. A text in a zip archive is a log only if it is named as one: it may be a page or a
     #    licence that comes with the logs.
@@ -185,13 +235,15 @@ def format_for_reading(source: Source) -> LogFormat:
             name = source.name.lower().removesuffix(".gz")
             if source.archive and not name.endswith(format_.suffixes):
                 raise UnknownFormatError(
-                    f"{source.name}: is text, but not named as a table; "
-                    f"if it is a log, name it {format_.suffixes[0]}"
+                    "is text, but not named as a table",
+                    path=source.name,
+                    remedy=f"if it is a log, name it {format_.suffixes[0]}",
                 )
             return format_
     raise UnknownFormatError(
-        f"{source.name}: neither text nor a format that is known; "
-        "'gpszip formats' lists what can be read"
+        "neither text nor a format that is known",
+        path=source.name,
+        remedy="'gpszip formats' lists what can be read",
     )
 
 
@@ -254,7 +306,9 @@ def format_for_writing(name: str, format: str | None = None) -> LogFormat:
         chosen = format_named(format)
         if chosen.write is None:
             raise OutputError(
-                f"{name}: {chosen.name} is only read; write {_list_suffixes(_can_write)}"
+                f"{chosen.name} is only read",
+                path=name,
+                remedy=f"write {_list_suffixes(_can_write)}",
             )
         return chosen
     if name == "-":
@@ -263,8 +317,9 @@ def format_for_writing(name: str, format: str | None = None) -> LogFormat:
         if name.lower().endswith(format_.suffixes) and format_.write is not None:
             return format_
     raise OutputError(
-        f"{name}: can't tell the format from this name; "
-        f"end it with one of {_list_suffixes(_can_write)}"
+        "can't tell the format from this name",
+        path=name,
+        remedy=f"end it with one of {_list_suffixes(_can_write)}",
     )
 
 

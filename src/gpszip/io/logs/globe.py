@@ -37,18 +37,24 @@ class GlobeCheck:
     ----------
     on, off : int
         Number of positions on the globe and off it.
-    first : str
-        Location and value of the first position off the globe; empty if there is none.
+    path, location : str
+        File and row of the first position off the globe; empty if there is none.
+    first : tuple of float, optional
+        Its latitude and longitude.
     """
 
     on: int = 0
     off: int = 0
-    first: str = ""
+    path: str = ""
+    location: str = ""
+    first: tuple[float, float] | None = None
     _may_be_swapped: bool = True
     _highest_on: float = 0.0
     _lowest_off: float = np.inf
 
-    def find(self, degrees: Floats, rows: NDArray[np.intp], where: str) -> NDArray[np.bool_]:
+    def find(
+        self, degrees: Floats, rows: NDArray[np.intp], path: str, row_noun: str
+    ) -> NDArray[np.bool_]:
         """Return which positions are off the globe; longitudes from 180 to 360 are on it.
 
         Parameters
@@ -57,16 +63,19 @@ class GlobeCheck:
             Latitude and longitude.
         rows : int array, shape (n,)
             Row numbers for messages.
-        where : str
-            Name of the log, and its word for a row.
+        path : str
+            Name of the log.
+        row_noun : str
+            Its word for a row.
         """
         lat, lon = degrees[:, 0], degrees[:, 1]
         off: NDArray[np.bool_] = (np.abs(lat) > 90) | (lon < -180) | (lon > 360)
         self.on += int((~off).sum())
         self.off += int(off.sum())
-        if not self.first and off.any():
+        if self.first is None and off.any():
             i = int(off.argmax())
-            self.first = f"{where} {int(rows[i])}: latitude {lat[i]:g}, longitude {lon[i]:g}"
+            self.path, self.location = path, f"{row_noun} {int(rows[i])}"
+            self.first = (float(lat[i]), float(lon[i]))
 
         # Collect what distinguishes swapped coordinates from bad values.
         self._may_be_swapped &= bool((np.abs(lon) <= 90).all() and (np.abs(lat) <= 180).all())
@@ -92,19 +101,25 @@ class GlobeCheck:
         swapped = self._may_be_swapped and (not self.on or step < _MAX_SWAPPED_STEP)
         positions = self.on + self.off
         few = self.off <= max(_MAX_OFF_SHARE * positions, min(_MAX_OFF_COUNT, self.on))
-        if not self.off or (self.on and (skip_bad or (few and not swapped))):
+        if self.first is None or (self.on and (skip_bad or (few and not swapped))):
             return
 
         # Say what they are, and what to do.
+        lat, lon = self.first
         if swapped:
             raise InputError(
-                f"{self.first}: they look swapped; name them: --columns lat=COLUMN,lon=COLUMN"
+                f"latitude {lat:g}, longitude {lon:g}: they look swapped",
+                path=self.path,
+                location=self.location,
+                remedy="name them: --columns lat=COLUMN,lon=COLUMN",
             )
         share = f" ({self.off} of {positions} such)" if self.on else ""
-        remedy = "; --skip-bad leaves them out" if self.on else ""
+        or_skip = "; --skip-bad leaves them out" if self.on else ""
         raise InputError(
-            f"{self.first}: not degrees{share}; "
-            f"if they are metres, name them so: --columns x=COLUMN,y=COLUMN{remedy}"
+            f"latitude {lat:g}, longitude {lon:g}: not degrees{share}",
+            path=self.path,
+            location=self.location,
+            remedy=f"if they are metres, name them so: --columns x=COLUMN,y=COLUMN{or_skip}",
         )
 
 

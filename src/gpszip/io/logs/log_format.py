@@ -9,15 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from importlib import import_module
-from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 
 if TYPE_CHECKING:
     from gpszip.io.logs.raw import RawLog, Request
     from gpszip.io.logs.track_rows import TrackRows
     from gpszip.io.storage.source import Source
 
-__all__ = ["CoordinateKind", "LogBatches", "LogFormat", "deferred"]
+__all__ = ["CoordinateKind", "LogBatches", "LogFormat"]
 
 
 class CoordinateKind(NamedTuple):
@@ -129,25 +128,3 @@ class LogFormat:
     is_binary: bool = False
     is_fallback: bool = False
     extra: str = ""
-
-
-def deferred(module: str, name: str) -> Callable[..., Any]:
-    """Return a function of a module, which is imported at the first call.
-
-    Parameters
-    ----------
-    module : str
-        Name of the module.
-    name : str
-        Name of the function.
-
-    Examples
-    --------
-    >>> deferred("math", "hypot")(3, 4)
-    5.0
-    """
-
-    def call(*arguments: Any) -> Any:
-        return getattr(import_module(module), name)(*arguments)
-
-    return call

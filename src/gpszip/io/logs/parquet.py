@@ -64,9 +64,9 @@ def read_parquet(source: Source, request: Request) -> RawLog:
         table.validate(full=True)  # finds texts that aren't UTF-8, for instance
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         reason = str(error).splitlines()[0]
-        raise InputError(f"{source.name}: damaged Parquet file: {reason}") from None
+        raise InputError(f"damaged Parquet file: {reason}", path=source.name) from None
     if table.num_rows == 0:
-        raise InputError(f"{source.name}: columns, but no rows")
+        raise InputError("columns, but no rows", path=source.name)
     return build_raw_log(table.columns, names, roles, request, source.name)
 
 
@@ -149,7 +149,9 @@ def _open_dataset(source: Source) -> Any:
     path = source.path
     if path is not None and not _is_unicode(path):
         raise InputError(
-            f"{source.name}: the name is no UTF-8, as names of Parquet files have to be; rename it"
+            "the name is no UTF-8, as names of Parquet files have to be",
+            path=source.name,
+            remedy="rename it",
         )
 
     # A stream or a gzip file is read into memory.
@@ -183,8 +185,9 @@ def _check_names(schema: Any, where: str) -> None:
     name, times = Counter(schema.names).most_common(1)[0] if schema.names else ("", 0)
     if times > 1:
         raise InputError(
-            f"{where}: {times} columns are named {name!r}; "
-            "give them different names where the file is written"
+            f"{times} columns are named {name!r}",
+            path=where,
+            remedy="give them different names where the file is written",
         )
 
 
@@ -195,7 +198,7 @@ def _column_names(schema: Any, request: Request, where: str) -> tuple[str, ...]:
         return names
     if len(request.columns) > len(names):
         raise InputError(
-            f"{where}: has {len(names)} columns, but --columns names {len(request.columns)}"
+            f"has {len(names)} columns, but --columns names {len(request.columns)}", path=where
         )
     renamed = tuple(
         old if new in _UNNAMED else new for new, old in zip(request.columns, names, strict=False)

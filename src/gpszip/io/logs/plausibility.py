@@ -183,8 +183,10 @@ def note_spreadsheet_days(raw: RawLog) -> RawLog:
     if outside.any():
         row = raw.first + int(outside.argmax())
         raise InputError(
-            f"{raw.name}: {raw.row_noun} {row}: its time is no day of a spreadsheet "
-            "as those before it; say the unit: --time-unit s"
+            "its time is no day of a spreadsheet as those before it",
+            path=raw.name,
+            location=f"{raw.row_noun} {row}",
+            remedy="say the unit: --time-unit s",
         )
     what = "times read as days from 1899-12-30, as spreadsheets count them"
     count = int(np.isfinite(raw.times).sum())
@@ -253,8 +255,9 @@ def _check_unit(
         unit = others[0]
         remedy = f"if they are {_UNIT_DESCRIPTIONS.get(unit, unit)}, say so: --time-unit {unit}"
     raise InputError(
-        f"{raw.name}: read as {guess.unit}, {problem}; {remedy}; "
-        f"if that is right: --time-unit {guess.unit}"
+        f"read as {guess.unit}, {problem}",
+        path=raw.name,
+        remedy=f"{remedy}; if that is right: --time-unit {guess.unit}",
     )
 
 
@@ -331,9 +334,10 @@ def _degrees_as_metres(
     )
     if is_certain and is_straight and moving.mean() > 0.5:
         raise InputError(
-            f"{raw.name}: columns {first!r} and {second!r} are degrees: as metres, points move at "
-            f"{crawl:.2g} m/s, as degrees at {speed:.2g} m/s; name them: {remedy}; "
-            f"if they are metres: --columns x={first},y={second}"
+            f"columns {first!r} and {second!r} are degrees: as metres, points move at {crawl:.2g} "
+            f"m/s, as degrees at {speed:.2g} m/s",
+            path=raw.name,
+            remedy=f"name them: {remedy}; if they are metres: --columns x={first},y={second}",
         )
     what = f"positions read as metres, but they look like degrees; if they are, name them: {remedy}"
     return Repair(what, len(times), raw.name, drops=False)

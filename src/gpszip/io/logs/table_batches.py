@@ -93,7 +93,7 @@ def interpret_batches(reader: TableReader, request: Request) -> Iterator[RawLog]
     try:
         yield from _interpret(reader, request)
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{reader.name}: {reader.explain_error(error)}") from None
+        raise InputError(reader.explain_error(error), path=reader.name) from None
 
 
 def _interpret(reader: TableReader, stated: Request) -> Iterator[RawLog]:
@@ -152,7 +152,7 @@ def _find_date_order(reader: TableReader, table: Any, request: Request) -> str |
         return stated
     tables = reader.read_as_text()
     orders = reduce(or_, (_possible_date_orders(reader, table, request) for table in tables))
-    return orders.decide(f"{reader.name}: column {names[roles.time[-1]]!r}")
+    return orders.decide(reader.name, f"column {names[roles.time[-1]]!r}")
 
 
 def _possible_date_orders(reader: TableReader, table: Any, request: Request) -> DateOrders:

@@ -75,8 +75,9 @@ def _check_columns(track: TrackRows, expected: list[str] | None, timed: bool) ->
     names = ["track_id", *(["t"] if timed else []), *axes, *track.attributes]
     if expected is not None and names != expected:
         raise OutputError(
-            f"track {track.id!r} has columns {','.join(names)}, "
-            f"but those before it {','.join(expected)}; write them to separate files"
+            f"track {track.id!r} has columns {','.join(names)}, but those before it "
+            f"{','.join(expected)}",
+            remedy="write them to separate files",
         )
     return names
 

@@ -102,6 +102,7 @@ def _check_name(name: str) -> None:
         name.encode()
     except UnicodeEncodeError:
         raise OutputError(
-            f"track {name!r}: its name holds half a letter, which can't be written; "
-            "give the track another name"
+            "its name holds half a letter, which can't be written",
+            location=f"track {name!r}",
+            remedy="give the track another name",
         ) from None

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.errors import MissingExtraError
 from gpszip.io.maps.table import MapTable
 
 __all__ = ["write_map_gpkg"]
@@ -34,8 +35,17 @@ def write_map_gpkg(table: MapTable, path: Path) -> None:
         The map.
     path : Path
         The file.
+
+    Raises
+    ------
+    MissingExtraError
+        If pyogrio, which brings GDAL, is not installed.
     """
-    import pyogrio
+    # GDAL comes with an extra.
+    try:
+        import pyogrio
+    except ImportError as error:
+        raise MissingExtraError("gis", "writing a GeoPackage") from error
 
     # GDAL builds the file in memory: it ignores a full disk when it closes a file.
     package = io.BytesIO()

@@ -64,8 +64,9 @@ def route_format(sink: str | Path | BinaryIO, format: str | None = None) -> str:
         if format == name or (format is None and suffix in suffixes):
             return name
     raise OutputError(
-        f"{sink}: routes are written as {' or '.join(ROUTE_FORMATS)}, not as "
-        f"{format or suffix[1:]}; name such a file, or give --format"
+        f"routes are written as {' or '.join(ROUTE_FORMATS)}, not as {format or suffix[1:]}",
+        path=str(sink),
+        remedy="name such a file, or give --format",
     )
 
 

@@ -69,6 +69,13 @@ class MapTable:
         return np.unique(ends.astype(np.int64))
 
     @property
+    def traversals(self) -> NDArray[np.int64]:
+        """How often each line was travelled in both directions together."""
+        both = np.stack([self.properties["forward"], self.properties["backward"]])
+        traversals: NDArray[np.int64] = both.astype(np.int64).sum(axis=0)
+        return traversals
+
+    @property
     def fragments(self) -> list[list[slice]]:
         """Indices of the vertices of each line: one slice, or several if the line is cut."""
         offsets = self.offsets.tolist()

@@ -6,20 +6,20 @@ package adds a :class:`MapFormat` as an entry point of the group ``gpszip.map_fo
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gpszip.errors import OutputError
-from gpszip.io.maps.csv import write_map_csv
-from gpszip.io.maps.geojson import write_map_geojson
-from gpszip.io.maps.gpkg import write_map_gpkg
-from gpszip.io.maps.graphml import write_map_graphml
-from gpszip.io.maps.table import MapTable, clean_map_table, map_table
-from gpszip.io.plugins import load_plugins
+from gpszip.io.deferred import deferred
+from gpszip.io.plugins import Guard, load_plugins
 from gpszip.io.storage.sink import atomic_write, to_stdout
 from gpszip.model import CleanMap, RoadMap
+
+if TYPE_CHECKING:
+    from gpszip.io.maps.table import MapTable
 
 __all__ = [
     "MAP_FORMATS",
@@ -50,6 +50,8 @@ class MapFormat:
         Writes the nodes, too. Leave it out for a format that always or never holds nodes.
     is_binary : bool
         Whether its files are not for a terminal.
+    degrees_only : bool
+        Whether its files can't hold maps in x and y.
     """
 
     name: str
@@ -57,19 +59,25 @@ class MapFormat:
     write: Callable[[MapTable, Path], None]
     write_with_nodes: Callable[[MapTable, Path], None] | None = None
     is_binary: bool = False
+    degrees_only: bool = False
 
+
+_write_geojson = deferred("gpszip.io.maps.geojson", "write_map_geojson")
 
 #: Formats in the order in which help texts name them; the first is that of standard output.
 MAP_FORMATS: tuple[MapFormat, ...] = (
     MapFormat(
         "geojson",
         (".geojson", ".json"),
-        write_map_geojson,
-        write_with_nodes=partial(write_map_geojson, points=True),
+        _write_geojson,
+        write_with_nodes=partial(_write_geojson, points=True),
     ),
-    MapFormat("graphml", (".graphml",), write_map_graphml),
-    MapFormat("gpkg", (".gpkg",), write_map_gpkg, is_binary=True),
-    MapFormat("csv", (".csv",), write_map_csv),
+    MapFormat("graphml", (".graphml",), deferred("gpszip.io.maps.graphml", "write_map_graphml")),
+    MapFormat("osm", (".osm",), deferred("gpszip.io.maps.osm", "write_map_osm"), degrees_only=True),
+    MapFormat(
+        "gpkg", (".gpkg",), deferred("gpszip.io.maps.gpkg", "write_map_gpkg"), is_binary=True
+    ),
+    MapFormat("csv", (".csv",), deferred("gpszip.io.maps.csv", "write_map_csv")),
 )
 
 
@@ -81,7 +89,21 @@ def map_formats() -> tuple[MapFormat, ...]:
     InputError
         If a format of another package can't be loaded.
     """
-    return (*MAP_FORMATS, *load_plugins(_PLUGIN_GROUP, MapFormat))
+    return tuple(_built_in_first())
+
+
+def _built_in_first() -> Iterator[MapFormat]:
+    """Yield the formats of this package, then those of others, which are loaded only then."""
+    yield from MAP_FORMATS
+    yield from load_plugins(_PLUGIN_GROUP, MapFormat, _guarded)
+
+
+def _guarded(plugin: MapFormat, guard: Guard) -> MapFormat:
+    """Return a format of another package with guarded functions."""
+    guarded = replace(plugin, write=guard.wrap(plugin.write, OutputError))
+    if plugin.write_with_nodes is None:
+        return guarded
+    return replace(guarded, write_with_nodes=guard.wrap(plugin.write_with_nodes, OutputError))
 
 
 def map_suffixes() -> tuple[str, ...]:
@@ -98,6 +120,8 @@ def map_suffixes() -> tuple[str, ...]:
 def find_map_format(path: str | Path, name: str | None = None) -> MapFormat:
     """Find the format in which a map is written.
 
+    Built-in formats are found even if a format of another package can't be loaded.
+
     Parameters
     ----------
     path : str or Path
@@ -109,6 +133,8 @@ def find_map_format(path: str | Path, name: str | None = None) -> MapFormat:
     ------
     OutputError
         If there is no such format.
+    InputError
+        If it is none of this package, and a format of another one can't be loaded.
 
     Examples
     --------
@@ -116,23 +142,23 @@ def find_map_format(path: str | Path, name: str | None = None) -> MapFormat:
     ('gpkg', 'geojson')
     """
     # Standard output has no suffix to tell the format: it is the first format.
-    formats = map_formats()
     if name is None and str(path) == "-":
-        return formats[0]
+        return MAP_FORMATS[0]
 
     # Find it by its name or by a suffix.
     suffix = Path(path).suffix.lower() if name is None else f".{name.lower()}"
-    for map_format in formats:
+    for map_format in _built_in_first():
         if suffix in map_format.suffixes or (name is not None and name.lower() == map_format.name):
             return map_format
 
     # There is none: say which there are.
     if name is not None:
-        names = ", ".join(map_format.name for map_format in formats)
-        raise OutputError(f"{path}: no format {name!r} for maps; there are {names}")
+        names = ", ".join(map_format.name for map_format in map_formats())
+        raise OutputError(f"no format {name!r} for maps", path=path, remedy=f"there are {names}")
     raise OutputError(
-        f"{path}: can't tell the format from this name; end it with one of "
-        f"{', '.join(map_suffixes())}"
+        "can't tell the format from this name",
+        path=path,
+        remedy=f"end it with one of {', '.join(map_suffixes())}",
     )
 
 
@@ -165,9 +191,13 @@ def write_map(
     Raises
     ------
     OutputError
-        If the format is unknown or the file can't be written.
+        If the format is unknown, it can't hold x and y, or the file can't be written.
     """
+    from gpszip.io.maps.table import clean_map_table, map_table
+
+    # Find the writer.
     map_format = find_map_format(path, format)
+    _check_coordinates(map_format, road_map, path)
     write = map_format.write
     if nodes and map_format.write_with_nodes is not None:
         write = map_format.write_with_nodes
@@ -179,3 +209,17 @@ def write_map(
         table = map_table(road_map, min_traversals)
     with to_stdout(map_format.suffixes[0]) if str(path) == "-" else atomic_write(path) as file:
         write(table, file)
+
+
+def _check_coordinates(
+    map_format: MapFormat, road_map: RoadMap | CleanMap, path: str | Path
+) -> None:
+    """Refuse a map in x and y for a format that holds degrees only."""
+    if road_map.plane is None and map_format.degrees_only:
+        others = [other.name for other in map_formats() if not other.degrees_only]
+        raise OutputError(
+            f"this map is in x and y, but the format {map_format.name} holds latitudes and "
+            "longitudes",
+            path=path,
+            remedy=f"write another format: {', '.join(others)}",
+        )

@@ -7,16 +7,15 @@ package adds a :class:`NetworkFormat` as an entry point of the group ``gpszip.ne
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from gpszip.errors import InputError, UnknownFormatError
-from gpszip.io.networks.graphml import read_graphml_lines
-from gpszip.io.networks.lines import RoadLines
-from gpszip.io.networks.osm import read_osm_lines
-from gpszip.io.networks.prepared_file import PREPARED_MAGIC
-from gpszip.io.networks.vector import read_vector_lines
-from gpszip.io.plugins import load_plugins
-from gpszip.io.storage.source import Source
+from gpszip.io.plugins import Guard, load_plugins
+
+if TYPE_CHECKING:
+    from gpszip.io.networks.lines import RoadLines
+    from gpszip.io.storage.source import Source
 
 __all__ = [
     "NETWORK_FORMATS",
@@ -70,7 +69,18 @@ def network_formats() -> tuple[NetworkFormat, ...]:
     InputError
         If a format of another package can't be loaded.
     """
-    return (*load_plugins(_PLUGIN_GROUP, NetworkFormat), *NETWORK_FORMATS)
+    return (*load_plugins(_PLUGIN_GROUP, NetworkFormat, _guarded), *NETWORK_FORMATS)
+
+
+def _guarded(plugin: NetworkFormat, guard: Guard) -> NetworkFormat:
+    """Return a format of another package with guarded functions."""
+    from gpszip.io.networks.lines import RoadLines
+
+    return replace(
+        plugin,
+        sniff=guard.wrap(plugin.sniff, InputError),
+        read=guard.wrap(plugin.read, InputError, RoadLines),
+    )
 
 
 def find_network_format(source: Source) -> NetworkFormat:
@@ -79,13 +89,13 @@ def find_network_format(source: Source) -> NetworkFormat:
     Raises
     ------
     InputError
-        If it is empty.
+        If it is empty, or a format of another package can't be loaded or fails.
     UnknownFormatError
         If no format knows it.
     """
     head = source.head()
     if not head.strip(b" \t\r\n\0"):
-        raise InputError(f"{source.name}: empty file; name one that holds a network")
+        raise InputError("empty file", path=source.name, remedy="name one that holds a network")
     for network_format in network_formats():
         if network_format.sniff(head, source.name):
             return network_format
@@ -94,8 +104,12 @@ def find_network_format(source: Source) -> NetworkFormat:
     if _is_xml(head) and b"<!ENTITY" in head:
         raise _entity_error(source)
     if _is_xml(head):
-        raise UnknownFormatError(f"{source.name}: is XML, but neither OpenStreetMap's nor GraphML")
-    raise UnknownFormatError(f"{source.name}: no network; known are {describe_network_formats()}")
+        raise UnknownFormatError(
+            "is XML, but neither OpenStreetMap's nor GraphML", path=source.name
+        )
+    raise UnknownFormatError(
+        "no network", path=source.name, remedy=f"known are {describe_network_formats()}"
+    )
 
 
 def describe_network_formats() -> str:
@@ -115,7 +129,9 @@ def _is_xml(head: bytes) -> bool:
 
 def _entity_error(source: Source) -> InputError:
     return InputError(
-        f"{source.name}: declares XML entities, which are not expanded; write it without them"
+        "declares XML entities, which are not expanded",
+        path=source.name,
+        remedy="write it without them",
     )
 
 
@@ -129,10 +145,13 @@ def _is_osm(head: bytes, name: str) -> bool:
 
 
 def _read_osm(source: Source, _metric: bool | None) -> RoadLines:
+    from gpszip.io.networks.osm import read_osm_lines
+
     if source.path is None:
         raise InputError(
-            f"{source.name}: OpenStreetMap data is read only from files whose names are UTF-8; "
-            "save or rename it first"
+            "OpenStreetMap data is read only from files whose names are UTF-8",
+            path=source.name,
+            remedy="save or rename it first",
         )
     return read_osm_lines(str(source.path), source.name)
 
@@ -145,6 +164,8 @@ def _is_graphml(head: bytes, _name: str) -> bool:
 
 
 def _read_graphml(source: Source, metric: bool | None) -> RoadLines:
+    from gpszip.io.networks.graphml import read_graphml_lines
+
     if b"<!ENTITY" in source.head():
         raise _entity_error(source)
     with source.open() as stream:
@@ -159,12 +180,9 @@ def _is_geojson(head: bytes, _name: str) -> bool:
 
 
 def _read_geojson(source: Source, metric: bool | None) -> RoadLines:
-    # GPSZip's own maps say that their coordinates are metres.
-    start = source.head().lstrip(_BLANKS)[:_HEADER_BYTES]
-    in_metres = b'"gpszip"' in start and b'"metres"' in start
-    return read_vector_lines(
-        _gdal_source(source), source.name, metric=metric, in_metres=in_metres, is_geojson=True
-    )
+    from gpszip.io.networks.geojson import read_geojson_lines
+
+    return read_geojson_lines(source, metric=metric)
 
 
 def _starts_with(*magic: bytes) -> Callable[[bytes, str], bool]:
@@ -173,6 +191,8 @@ def _starts_with(*magic: bytes) -> Callable[[bytes, str], bool]:
 
 
 def _read_vector(source: Source, metric: bool | None) -> RoadLines:
+    from gpszip.io.networks.vector import read_vector_lines
+
     return read_vector_lines(_gdal_source(source), source.name, metric=metric)
 
 
@@ -187,10 +207,16 @@ def _gdal_source(source: Source) -> str | bytes:
 # Prepared networks.
 
 
+def _is_prepared(head: bytes, _name: str) -> bool:
+    from gpszip.io.networks.prepared_file import PREPARED_MAGIC
+
+    return head.startswith(PREPARED_MAGIC)
+
+
 def _refuse_prepared(source: Source, _metric: bool | None) -> RoadLines:
     """Refuse a prepared network among several sources; a single one is not read as lines."""
     raise InputError(
-        f"{source.name}: prepared networks can't be joined; prepare one of all sources"
+        "prepared networks can't be joined", path=source.name, remedy="prepare one of all sources"
     )
 
 
@@ -207,7 +233,7 @@ NETWORK_FORMATS: tuple[NetworkFormat, ...] = (
     NetworkFormat(
         "archives and networks that 'gpszip network' prepared",
         (".gpsz",),
-        _starts_with(PREPARED_MAGIC),
+        _is_prepared,
         _refuse_prepared,
     ),
 )

@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 from gpszip.errors import InputError
 from gpszip.geo.crs import is_geographic, to_degrees
 from gpszip.io.networks.lines import RoadLines, within_globe
-from gpszip.io.networks.rules import MAX_ROAD_SPEED, RoadRules, clean_street_name, find_rules
+from gpszip.io.networks.rules import (
+    MAX_ROAD_SPEED,
+    RoadRules,
+    clean_street_name,
+    find_rules,
+    parse_number,
+)
 from gpszip.io.networks.wkb import parse_wkt_line
 
 __all__ = ["read_graphml_lines"]
@@ -95,9 +101,9 @@ def read_graphml_lines(stream: BinaryIO, name: str, *, metric: bool | None = Non
             _add_element(graph, element, name)
     # LookupError and ValueError come from unknown encodings.
     except (ParseError, LookupError, ValueError) as error:
-        raise InputError(f"{name}: damaged XML: {error}") from error
+        raise InputError(f"damaged XML: {error}", path=name) from error
     if not graph.edges:
-        raise InputError(f"{name}: a graph without edges; a network needs some")
+        raise InputError("a graph without edges", path=name, remedy="a network needs some")
     return _to_road_lines(graph, name, metric)
 
 
@@ -156,8 +162,9 @@ def _read_position(graph: _Graph, element: Element, name: str) -> tuple[float, f
         return float(data["x"]), float(data["y"])
     except (KeyError, ValueError):
         raise InputError(
-            f"{name}: node {element.get('id')!r} has no position; "
-            "nodes need the numbers x and y, or lon and lat"
+            f"node {element.get('id')!r} has no position",
+            path=name,
+            remedy="nodes need the numbers x and y, or lon and lat",
         ) from None
 
 
@@ -168,7 +175,9 @@ def _to_road_lines(graph: _Graph, name: str, metric: bool | None) -> RoadLines:
     for number, (source, target, data) in enumerate(graph.edges):
         # Shape.
         if source not in graph.nodes or target not in graph.nodes:
-            raise InputError(f"{name}: edge {number} leads to a node that the graph doesn't hold")
+            raise InputError(
+                f"edge {number} leads to a node that the graph doesn't hold", path=name
+            )
         shape = _read_shape(data)
         shapes.append(shape or (graph.nodes[source], graph.nodes[target]))
 
@@ -214,16 +223,9 @@ def _find_edge_rules(words: _Words, directed: bool) -> RoadRules:
     if directed:
         rules = rules._replace(forward=True, backward=False)
     stated_speed = (
-        _parse_number(words.speed_kph) / 3.6 if words.speed_kph else _parse_number(words.speed)
+        parse_number(words.speed_kph) / 3.6 if words.speed_kph else parse_number(words.speed)
     )
     return rules._replace(speed=stated_speed) if 0 < stated_speed < MAX_ROAD_SPEED else rules
-
-
-def _parse_number(text: str | None) -> float:
-    try:
-        return float(text or "nan")
-    except ValueError:
-        return float("nan")
 
 
 def _to_log_coordinates(
@@ -235,8 +237,9 @@ def _to_log_coordinates(
     if metric:
         if in_degrees:
             raise InputError(
-                f"{name}: is in degrees, but the log in x and y; "
-                "convert one of them to the coordinates of the other"
+                "is in degrees, but the log in x and y",
+                path=name,
+                remedy="convert one of them to the coordinates of the other",
             )
         return points, False
 

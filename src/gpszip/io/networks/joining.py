@@ -178,10 +178,11 @@ def _drop_invalid(lines: RoadLines, repairs: list[Repair]) -> RoadLines:
         off = (np.abs(lat) > 90) | (np.abs(lon) > 360)
         if off.sum() > _MAX_OFF_GLOBE_SHARE * len(off):
             first = int(off.argmax())
-            where = f"{lines.name}: longitude {lon[first]:g}, latitude {lat[first]:g}"
             raise InputError(
-                f"{where}: no degrees; say in which coordinates it is (its CRS), "
-                "or convert it to WGS84"
+                "these are no degrees",
+                path=lines.name,
+                location=f"longitude {lon[first]:g}, latitude {lat[first]:g}",
+                remedy="say in which coordinates it is (its CRS), or convert it to WGS84",
             )
         bad |= off
     if not bad.any():
@@ -238,7 +239,7 @@ def _drop_repeated_vertices(indexed: _IndexedLines, repairs: list[Repair]) -> _I
     has_length = counts >= 2
     _note_dropped(repairs, lines, "roads without a length dropped", ~has_length)
     if not has_length.any():
-        raise InputError(f"{lines.name}: holds no road: no line with two different vertices")
+        raise InputError("holds no road: no line with two different vertices", path=lines.name)
     keep &= np.repeat(has_length, np.diff(lines.offsets))
     offsets = np.append(0, np.cumsum(counts[has_length]))
     lines = replace(take_attributes(lines, np.flatnonzero(has_length)), offsets=offsets)

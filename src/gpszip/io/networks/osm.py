@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import functools
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -11,21 +12,36 @@ import pyarrow as pa
 
 from gpszip.errors import InputError, MissingExtraError
 from gpszip.io.networks.lines import RoadLines
-from gpszip.io.networks.rules import NON_ROAD_CLASSES, RoadRules, clean_street_name, find_rules
+from gpszip.io.networks.rules import (
+    MAX_ROAD_SPEED,
+    NON_ROAD_CLASSES,
+    RoadRules,
+    clean_street_name,
+    find_rules,
+    parse_number,
+)
 from gpszip.io.networks.wkb import parse_wkb_lines
 from gpszip.model.read_result import Repair
 
 __all__ = ["read_osm_lines"]
 
+#: Longitude and latitude.
+_Position = tuple[float, float]
+
 
 class _Tags(NamedTuple):
-    """Tags of a way that say how it is travelled, by the names of OpenStreetMap."""
+    """Tags of a way that say how it is travelled: those of OpenStreetMap, and GPSZip's speed."""
 
     highway: str | None
     oneway: str | None
     junction: str | None
     maxspeed: str | None
     area: str | None
+    speed: str | None
+
+
+#: Keys of these tags. ``gpszip map`` writes the last one: the median speed on a way in m/s.
+_KEYS = ("highway", "oneway", "junction", "maxspeed", "area", "gpszip:speed")
 
 
 @dataclass
@@ -69,7 +85,8 @@ def read_osm_lines(path: str, name: str) -> RoadLines:
     Returns
     -------
     RoadLines
-        A way that leaves the extract ends with its last node in it.
+        A way that leaves the extract ends with its last node in it. Ids may be negative, as those
+        of objects that editors have not uploaded.
 
     Raises
     ------
@@ -87,13 +104,14 @@ def read_osm_lines(path: str, name: str) -> RoadLines:
     # Read way by way.
     ways_read = _WaysRead()
     factory = osmium.geom.WKBFactory()
+    new_nodes = functools.cache(lambda: _read_new_nodes(path, osmium))
     try:
         for way in _iterate_ways(path, osmium):
-            _add_way(ways_read, way, factory, osmium)
+            _add_way(ways_read, way, factory, new_nodes, osmium)
     except (RuntimeError, ValueError, OSError, osmium.InvalidLocationError) as error:
-        raise InputError(f"{name}: can't be read as OpenStreetMap data: {error}") from error
+        raise InputError(f"can't be read as OpenStreetMap data: {error}", path=name) from error
     if not ways_read.geometries:
-        raise InputError(f"{name}: holds no way with the tag 'highway', so no road")
+        raise InputError("holds no way with the tag 'highway', so no road", path=name)
     return _to_road_lines(ways_read, name)
 
 
@@ -104,19 +122,35 @@ def _iterate_ways(path: str, osmium: Any) -> Iterator[Any]:
     return iter(ways.with_filter(osmium.filter.KeyFilter("highway")))
 
 
-def _add_way(ways_read: _WaysRead, way: Any, factory: Any, osmium: Any) -> None:
+def _read_new_nodes(path: str, osmium: Any) -> dict[int, _Position]:
+    """Return the positions of nodes with negative ids, which osmium doesn't look up for ways."""
+    return {
+        node.id: (node.location.lon, node.location.lat)
+        for node in osmium.FileProcessor(path, osmium.osm.NODE)
+        if node.id < 0 and node.location.valid()
+    }
+
+
+def _add_way(
+    ways_read: _WaysRead,
+    way: Any,
+    factory: Any,
+    new_nodes: Callable[[], dict[int, _Position]],
+    osmium: Any,
+) -> None:
     # Count areas and classes that are no roads, without building their geometry.
-    tags = _Tags(*(way.tags.get(tag) for tag in _Tags._fields))
+    tags = _Tags(*(way.tags.get(key) for key in _KEYS))
     if tags.highway in NON_ROAD_CLASSES or tags.area == "yes":
         ways_read.skipped += 1
         return
 
-    # osmium makes a line only of ways whose nodes are all in the extract.
+    # osmium makes a line only of ways whose nodes have positive ids and are all in the extract.
     try:
         geometries = [bytes.fromhex(factory.create_linestring(way))]
     except (RuntimeError, osmium.InvalidLocationError):
-        geometries = list(_located_runs(way))
-        ways_read.incomplete += bool(geometries)
+        positions = [_find_position(node, new_nodes) for node in way.nodes]
+        geometries = list(_located_runs(positions))
+        ways_read.incomplete += bool(geometries) and None in positions
 
     # Where the extract cuts a road into several lines, each has its id, name and tags.
     name = clean_street_name(way.tags.get("name"), way.tags.get("ref"))
@@ -127,12 +161,19 @@ def _add_way(ways_read: _WaysRead, way: Any, factory: Any, osmium: Any) -> None:
         ways_read.tags.append(tags)
 
 
-def _located_runs(way: Any) -> Iterator[bytes]:
+def _find_position(node: Any, new_nodes: Callable[[], dict[int, _Position]]) -> _Position | None:
+    """Return the position of a node of a way; None if the extract doesn't hold it."""
+    if node.location.valid():
+        return node.location.lon, node.location.lat
+    return new_nodes().get(node.ref) if node.ref < 0 else None
+
+
+def _located_runs(positions: Sequence[_Position | None]) -> Iterator[bytes]:
     """Yield runs of nodes whose positions the extract holds, in well-known binary."""
-    run: list[tuple[float, float]] = []
-    for node in [*way.nodes, None]:
-        if node is not None and node.location.valid():
-            run.append((node.location.lon, node.location.lat))
+    run: list[_Position] = []
+    for position in [*positions, None]:
+        if position is not None:
+            run.append(position)
             continue
         if len(run) > 1:
             # Little-endian (1), LineString (2), number of points, points.
@@ -149,9 +190,7 @@ def _to_road_lines(ways_read: _WaysRead, name: str) -> RoadLines:
     rules_by_tags: dict[_Tags, RoadRules] = {}
     for tags in ways_read.tags:
         if tags not in rules_by_tags:
-            rules_by_tags[tags] = find_rules(
-                road=tags.highway, oneway=tags.oneway, junction=tags.junction, limit=tags.maxspeed
-            )
+            rules_by_tags[tags] = _find_way_rules(tags)
     forward, backward, speeds, users = zip(
         *(rules_by_tags[tags] for tags in ways_read.tags), strict=True
     )
@@ -178,3 +217,11 @@ def _to_road_lines(ways_read: _WaysRead, name: str) -> RoadLines:
         names=pa.array(ways_read.names, pa.string()).take(pa.array(rows)),
         repairs=tuple(repairs),
     )
+
+
+def _find_way_rules(tags: _Tags) -> RoadRules:
+    rules = find_rules(
+        road=tags.highway, oneway=tags.oneway, junction=tags.junction, limit=tags.maxspeed
+    )
+    speed = parse_number(tags.speed)
+    return rules._replace(speed=speed) if 0 < speed < MAX_ROAD_SPEED else rules

@@ -257,7 +257,7 @@ def read_prepared_file(
         ):
             return _read(data, name, box_filter)
     except OSError as error:
-        raise InputError(f"{name}: can't be read: {error.strerror or error}") from error
+        raise InputError(f"can't be read: {error.strerror or error}", path=name) from error
 
 
 def _read(data: mmap.mmap, name: str, box_filter: BoxFilter | None) -> RoadGraph:
@@ -271,14 +271,14 @@ def _read(data: mmap.mmap, name: str, box_filter: BoxFilter | None) -> RoadGraph
     roads = _concatenate(list(blocks))
     if not _is_valid(roads, geographic):
         raise CorruptArchiveError(
-            f"{name}: a road has no valid position or speed; prepare it again"
+            "a road has no valid position or speed", path=name, remedy="prepare it again"
         )
 
     # Number the nodes that these blocks use.
     offsets = np.append(0, np.cumsum(roads.counts, dtype=np.int64))
     nodes, ends = np.unique(np.concatenate((roads.starts, roads.ends)), return_inverse=True)
     if len(nodes) and (nodes[0] < 0 or nodes[-1] >= header["nodes"]):
-        raise CorruptArchiveError(f"{name}: a road leads to a node that doesn't exist")
+        raise CorruptArchiveError("a road leads to a node that doesn't exist", path=name)
     count = len(roads.starts)
     positions = np.empty((len(nodes), 2))
     positions[ends[:count]] = roads.points[offsets[:-1]]
@@ -313,13 +313,14 @@ def _read_header(data: mmap.mmap, name: str) -> tuple[Any, Any]:
     """Return the header and the index, once they are checked."""
     # Check the magic bytes and the version before any other field is interpreted.
     if len(data) < _HEADER.itemsize or data[:8] != PREPARED_MAGIC:
-        raise CorruptArchiveError(f"{name}: no prepared network: it does not begin like one", 0)
+        raise CorruptArchiveError("no prepared network: it does not begin like one", 0, path=name)
     header = np.frombuffer(data, _HEADER, 1)[0].copy()
     if header["version"] > _VERSION:
         raise CorruptArchiveError(
-            f"{name}: version {header['version']} of prepared networks; "
-            "update GPSZip, or prepare it again",
+            f"version {header['version']} of prepared networks",
             8,
+            path=name,
+            remedy="update GPSZip, or prepare it again",
         )
 
     # Check that the index is complete and intact: the sizes in the header may be damaged.
@@ -327,10 +328,13 @@ def _read_header(data: mmap.mmap, name: str) -> tuple[Any, Any]:
     end = start + int(header["blocks"]) * _INDEX_ENTRY.itemsize
     if end + 4 > len(data):
         raise CorruptArchiveError(
-            f"{name}: incomplete: it ends within its index; prepare it again", len(data)
+            "incomplete: it ends within its index",
+            len(data),
+            path=name,
+            remedy="prepare it again",
         )
     if zlib.crc32(data[:end]) != int.from_bytes(data[end : end + 4], "little"):
-        raise CorruptArchiveError(f"{name}: its index is damaged; prepare it again", 0)
+        raise CorruptArchiveError("its index is damaged", 0, path=name, remedy="prepare it again")
     return header, np.frombuffer(data[start:end], _INDEX_ENTRY)
 
 
@@ -347,14 +351,19 @@ def _read_blocks(
         # Check.
         body = data[offset : offset + size]
         if len(body) != size or zlib.crc32(body) != entry["crc"]:
-            raise CorruptArchiveError(f"{name}: damaged block of roads; prepare it again", offset)
+            raise CorruptArchiveError(
+                "damaged block of roads", offset, path=name, remedy="prepare it again"
+            )
 
         # Decode. A block with a valid checksum can still contradict itself.
         try:
             yield _decode_block(body, roads, points, streets if version > 1 else None, geographic)
         except (ValueError, IndexError) as error:
             raise CorruptArchiveError(
-                f"{name}: a block of roads contradicts itself; prepare it again", offset
+                "a block of roads contradicts itself",
+                offset,
+                path=name,
+                remedy="prepare it again",
             ) from error
 
 

@@ -227,7 +227,7 @@ def build_network(
     """
     # Refuse an empty network, and one whose coordinates are of another kind than the log's.
     if not near and not len(roads):
-        raise InputError(f"{roads.name}: holds no road")
+        raise InputError("holds no road", path=roads.name)
     if near and roads.geographic != (plane is not None):
         kind, log_kind = (
             ("degrees", "x and y")
@@ -235,8 +235,9 @@ def build_network(
             else ("metres of an unknown origin", "degrees")
         )
         raise InputError(
-            f"{roads.name}: is in {kind}, but the log in {log_kind}; "
-            "convert one of them to the coordinates of the other"
+            f"is in {kind}, but the log in {log_kind}",
+            path=roads.name,
+            remedy="convert one of them to the coordinates of the other",
         )
 
     # Project.
@@ -253,7 +254,7 @@ def build_network(
     if area is not None:
         plane_roads = [_keep_nearby(roads, candidates, area) for candidates in plane_roads]
         if not any(len(kept.chosen) for kept in plane_roads):
-            raise InputError(_describe_mismatch(roads, plane, near))
+            raise _mismatch_error(roads, plane, near)
         plane_roads = _drop_footways(roads, plane_roads, near, repairs)
     network = _assemble(roads, [kept for kept in plane_roads if len(kept.chosen)], plane)
     return NetworkReadResult(network, roads.name, len(roads), tuple(repairs))
@@ -400,8 +401,8 @@ def _take_street_names(roads: RoadGraph, chosen: NDArray[np.intp]) -> TextColumn
     return TextColumn(roads.names.take(pa.array(chosen)).fill_null(""))
 
 
-def _describe_mismatch(roads: RoadGraph, plane: Plane | None, near: Sequence[Track]) -> str:
-    """Return the message for a network that is far from the log."""
+def _mismatch_error(roads: RoadGraph, plane: Plane | None, near: Sequence[Track]) -> InputError:
+    """Return the error for a network that is far from the log."""
     # Bring the log to the coordinates of the network, to name both extents in the same ones.
     log = np.concatenate([track.positions[:, :2] for track in near])
     if plane is not None:
@@ -409,8 +410,8 @@ def _describe_mismatch(roads: RoadGraph, plane: Plane | None, near: Sequence[Tra
         log = np.stack((lon, lat), axis=1)
     hint = "give a network of that region"
     if not len(roads):
-        extent = _format_extent(log)
-        return f"{roads.name}: no road of it is near the log, which is at {extent}; {hint}"
+        reason = f"no road of it is near the log, which is at {_format_extent(log)}"
+        return InputError(reason, path=roads.name, remedy=hint)
 
     # Would the log be near if its axes were swapped?
     vertices = roads.coordinates
@@ -418,9 +419,11 @@ def _describe_mismatch(roads: RoadGraph, plane: Plane | None, near: Sequence[Tra
     swapped = log[:, ::-1]
     if plane is not None and ((swapped >= low) & (swapped <= high)).all(axis=1).any():
         hint = "latitude and longitude look swapped in one of them"
-    return (
-        f"{roads.name}: lies elsewhere than the log: {_format_extent(vertices)} of the network "
-        f"against {_format_extent(log)} of the log; {hint}"
+    return InputError(
+        f"lies elsewhere than the log: {_format_extent(vertices)} of the network "
+        f"against {_format_extent(log)} of the log",
+        path=roads.name,
+        remedy=hint,
     )
 
 
@@ -458,7 +461,7 @@ def read_road_graph(
         else:
             lines_read += [_read_lines(file, metric) for file in expand(item, unzip=False)]
     if not lines_read:
-        raise InputError("no network given; name a file")
+        raise InputError("no network given", remedy="name a file")
 
     # Join them.
     lines = lines_read[0] if len(lines_read) == 1 else _concatenate(lines_read)
@@ -479,8 +482,8 @@ def _concatenate(lines_read: Sequence[RoadLines]) -> RoadLines:
     first, last = lines_read[0], lines_read[-1]
     if len({lines.geographic for lines in lines_read}) > 1:
         raise InputError(
-            f"{first.name} and {last.name}: one is in degrees and the other in metres; "
-            "convert one of them"
+            f"{first.name} and {last.name}: one is in degrees and the other in metres",
+            remedy="convert one of them",
         )
 
     # The offsets of a source count from its own start.

@@ -26,6 +26,7 @@ __all__ = [
     "find_rules",
     "map_distinct",
     "parse_directions",
+    "parse_number",
     "parse_speed_limit",
     "road_class_speed",
     "road_class_users",
@@ -213,6 +214,20 @@ def parse_directions(
         return _DIRECTIONS.get(oneway.strip().lower(), _BOTH)
     is_implied = junction in ("roundabout", "circular") or road == "motorway"
     return _FORWARD if is_implied else _BOTH
+
+
+def parse_number(text: str | None) -> float:
+    """Return the number that a text is; NaN if it is none.
+
+    Examples
+    --------
+    >>> parse_number("8.5"), parse_number("fast"), parse_number(None)
+    (8.5, nan, nan)
+    """
+    try:
+        return float(text or "nan")
+    except ValueError:
+        return nan
 
 
 def parse_speed_limit(text: str | None) -> float:

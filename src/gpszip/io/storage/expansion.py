@@ -83,8 +83,9 @@ class ExpansionMeter:
         if self._unpacked > MAX_EXPANSION * (read - self._read_before):
             self.refused = True
             raise InputError(
-                f"{self._name}: expands more than {MAX_EXPANSION} times; "
-                f"if that is meant, {self._remedy}"
+                f"expands more than {MAX_EXPANSION} times",
+                path=self._name,
+                remedy=f"if that is meant, {self._remedy}",
             )
         self._unpacked, self._read_before = 0, read
 
@@ -135,8 +136,9 @@ class _GzipReader(io.RawIOBase):
             chunk = read_chunk(self._stream, min(len(buffer), _CHUNK_BYTES))
         except OSError as error:
             raise InputError(
-                f"{self._name}: damaged gzip file ({str(error)[:120]}); fetch it again, "
-                "or unpack what is left of it with zcat"
+                f"damaged gzip file ({str(error)[:120]})",
+                path=self._name,
+                remedy="fetch it again, or unpack what is left of it with zcat",
             ) from None
 
         self._meter.count(len(chunk), self._packed.tell())

@@ -74,7 +74,9 @@ def to_stdout(suffix: str) -> Iterator[Path]:
 def _standard_output() -> Iterator[BinaryIO]:
     """Standard output for bytes, flushed at the end, so that errors don't wait for the exit."""
     if sys.stdout is None:
-        raise OutputError("standard output: is closed; name a file with -o or leave it open")
+        raise OutputError(
+            "is closed", path="standard output", remedy="name a file with -o or leave it open"
+        )
     report_output("standard output may be incomplete")
     try:
         yield sys.stdout.buffer
@@ -85,5 +87,5 @@ def _standard_output() -> Iterator[BinaryIO]:
         if error.filename is not None:
             raise
         raise OutputError(
-            f"standard output: can't be written: {explain_os_error(error)}"
+            f"can't be written: {explain_os_error(error)}", path="standard output"
         ) from error

@@ -262,7 +262,7 @@ def _resolve(item: str | Path | BinaryIO) -> Iterator[Source | _Stream | InputEr
     # Standard input, which is None if the interpreter was started without it.
     elif str(item) == "-":
         if sys.stdin is None:
-            yield InputError("is closed; name a file", path="standard input")
+            yield InputError("is closed", path="standard input", remedy="name a file")
         else:
             yield _Stream("standard input", lambda: _read_stream(sys.stdin.buffer))
 
@@ -404,7 +404,7 @@ def _resolve_name(name: str) -> Iterator[Source | _Stream | InputError]:
     yield from (Source(printable_name(str(file)), path=file, folder=path) for file in files)
     if not files:
         yield InputError(
-            f"is a folder; name the files in it: '{shown.rstrip('/')}/*.csv'", path=shown
+            "is a folder", path=shown, remedy=f"name the files in it: '{shown.rstrip('/')}/*.csv'"
         )
 
 

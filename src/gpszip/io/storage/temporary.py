@@ -42,8 +42,9 @@ def scratch_folder() -> Iterator[Path]:
         except OSError as error:
             setting = f"TMPDIR names {given}" if given else "TMPDIR is not set"
             raise OutputError(
-                f"{setting}: no temporary files can be made ({error.strerror}); "
-                "let it name a folder with free space"
+                f"no temporary files can be made ({error.strerror})",
+                location=setting,
+                remedy="let it name a folder with free space",
             ) from None
         yield folder
 
@@ -63,8 +64,9 @@ def disk_errors_as_output_errors() -> Iterator[None]:
         folder = os.environ.get("TMPDIR") or tempfile.gettempdir()
         reason = error.strerror or "no space"
         raise OutputError(
-            f"{folder}: temporary files can't be written: {reason}{_describe_free_space(folder)}; "
-            "let TMPDIR name a folder with more space"
+            f"temporary files can't be written: {reason}{_describe_free_space(folder)}",
+            path=folder,
+            remedy="let TMPDIR name a folder with more space",
         ) from None
 
 
@@ -113,7 +115,8 @@ def read_numbers(path: Path, kind: type[Number], first: int, count: int) -> NDAr
         read = file.readinto(numbers.data.cast("B")) if count else 0
     if read != numbers.nbytes:
         raise OutputError(
-            f"{path}: this temporary file is {numbers.nbytes - read} bytes too short; "
-            "is the disk full, or failing?"
+            f"this temporary file is {numbers.nbytes - read} bytes too short",
+            path=path,
+            remedy="is the disk full, or failing?",
         )
     return numbers

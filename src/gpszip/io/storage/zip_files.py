@@ -110,7 +110,9 @@ def find_members(file: BinaryIO, name: str) -> Iterator[ZipMember | InputError]:
         with zipfile.ZipFile(counted) as archive:
             yield from _files_in(archive, counted, name)
     except _DAMAGE_ERRORS as error:
-        yield InputError(f"damaged zip archive ({str(error)[:120]}); fetch it again", path=name)
+        yield InputError(
+            f"damaged zip archive ({str(error)[:120]})", path=name, remedy="fetch it again"
+        )
 
 
 def _files_in(
@@ -124,7 +126,9 @@ def _files_in(
     # Refuse members that share bytes: they let a small file expand without limit.
     if sum(info.compress_size for info in infos) > counted.size:
         yield InputError(
-            f"{name}: damaged zip archive: its members overlap, or it is cut short; fetch it again"
+            "damaged zip archive: its members overlap, or it is cut short",
+            path=name,
+            remedy="fetch it again",
         )
         return
 
@@ -134,7 +138,9 @@ def _files_in(
             yield InputError(f"is {description}", path=name)
             return
     if not files:
-        yield InputError("no file in this zip archive; name one that holds a log", path=name)
+        yield InputError(
+            "no file in this zip archive", path=name, remedy="name one that holds a log"
+        )
 
     # All members count against one limit, whose error ends the archive.
     meter = ExpansionMeter(name, "unpack it yourself, and name the files")
@@ -154,11 +160,12 @@ def _read_member(
     """A member that can be read, or the reason why it can't."""
     # Refuse what can't be unpacked: encrypted members and rare methods.
     if info.flag_bits & _ENCRYPTED:
-        return InputError("is encrypted; unpack it first", path=where)
+        return InputError("is encrypted", path=where, remedy="unpack it first")
     if info.compress_type not in _READABLE_METHODS:
         return InputError(
-            f"{where}: is packed by method {info.compress_type} of zip, which isn't read; "
-            "unpack it first"
+            f"is packed by method {info.compress_type} of zip, which isn't read",
+            path=where,
+            remedy="unpack it first",
         )
 
     # Bytes are unpacked only when the member is read.
@@ -170,7 +177,9 @@ def _read_member(
                     yield chunk
         except _DAMAGE_ERRORS as error:
             raise InputError(
-                f"{where}: damaged in its zip archive ({str(error)[:120]}); fetch it again"
+                f"damaged in its zip archive ({str(error)[:120]})",
+                path=where,
+                remedy="fetch it again",
             ) from None
 
     return ZipMember(info.filename, info.compress_size, read_chunks)

@@ -86,8 +86,10 @@ def _check_cells(source: Source, encoding: str, delimiter: str) -> None:
     # The text that remains must be a whole cell, maybe with the CR of the last line break.
     if re.fullmatch(cell + rb"\r?", rest) is None:
         raise InputError(
-            f"{source.name}: row {line}: a quote is not closed, or text follows after it; "
-            "close it, or write it twice"
+            "a quote is not closed, or text follows after it",
+            path=source.name,
+            location=f"row {line}",
+            remedy="close it, or write it twice",
         )
 
 

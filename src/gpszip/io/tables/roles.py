@@ -245,8 +245,9 @@ def find_roles(
     if None in axes[:2] or (times and not time):
         shapes = "" if None in axes[:2] else "; or keep the shape alone: --no-times"
         raise InputError(
-            f"{where}: {_describe_missing(axes, time)}; columns found: {_list_names(names)}; "
-            f"{_NEEDED}; say which is which: --columns t=COLUMN{shapes}"
+            f"{_describe_missing(axes, time)}; columns found: {_list_names(names)}",
+            path=where,
+            remedy=f"{_NEEDED}; say which is which: --columns t=COLUMN{shapes}",
         )
 
     # Other roles.
@@ -386,9 +387,10 @@ def _find_hemispheres(
         ((axis, index),) = by_content.items()
         sides = "N or S" if axis == "lat" else "E or W"
         raise InputError(
-            f"{where}: column {names[index]!r} holds only {sides}, "
-            f"which may be the sign of {axis}; name all columns in their order, "
-            f"and this one {axis}_hemisphere, or - if it isn't: --columns t,lat,-,lon"
+            f"column {names[index]!r} holds only {sides}, which may be the sign of {axis}",
+            path=where,
+            remedy=f"name all columns in their order, and this one {axis}_hemisphere, or - if it "
+            "isn't: --columns t,lat,-,lon",
         )
     hemispheres = tuple((named | by_content)[axis] for axis in named)
     return hemispheres if any(column is not None for column in hemispheres) else ()
@@ -418,8 +420,9 @@ def _require_unique(names: Sequence[str], index: int, where: str) -> int:
     same = [i for i, name in enumerate(names) if name.strip().lower() == title]
     if len(same) > 1:
         raise InputError(
-            f"{where}: columns {same[0] + 1} and {same[1] + 1} are both named {names[index]!r}; "
-            "name all columns in their order: --columns t,lat,lon,-"
+            f"columns {same[0] + 1} and {same[1] + 1} are both named {names[index]!r}",
+            path=where,
+            remedy="name all columns in their order: --columns t,lat,lon,-",
         )
     return index
 
@@ -431,7 +434,7 @@ def _find_named(names: Sequence[str], column: str, where: str) -> int:
         return list(names).index(column)
     if column.strip().lower() in lower:
         return _require_unique(names, lower.index(column.strip().lower()), where)
-    raise InputError(f"{where}: no column {column!r}; columns found: {_list_names(names)}")
+    raise InputError(f"no column {column!r}; columns found: {_list_names(names)}", path=where)
 
 
 def _find_attribute(names: Sequence[str], plain: Sequence[str], name: str, where: str) -> int:

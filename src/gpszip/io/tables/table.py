@@ -284,8 +284,9 @@ def _numbers_or_text(column: Any, name: str, where: str) -> Any:
     if pa.types.is_null(kind):
         return pc.cast(column, pa.float64())
     raise InputError(
-        f"{where}: column {name!r} holds {_format_type(kind)}, not numbers; "
-        "name another with --columns"
+        f"column {name!r} holds {_format_type(kind)}, not numbers",
+        path=where,
+        remedy="name another with --columns",
     )
 
 
@@ -295,7 +296,9 @@ def _decode_bytes(column: Any, name: str, where: str) -> Any:
         return pc.cast(column, pa.string())
     except pa.ArrowInvalid:
         raise InputError(
-            f"{where}: column {name!r} holds bytes that are no text; name another with --columns"
+            f"column {name!r} holds bytes that are no text",
+            path=where,
+            remedy="name another with --columns",
         ) from None
 
 
@@ -312,8 +315,9 @@ def _factorize_ids(
         return factorize(column)
     except (pa.ArrowException, InputError):
         raise InputError(
-            f"{where}: column {name!r} holds {_format_type(column.type)}, "
-            "which is no name of a track; name another one: --columns id=COLUMN"
+            f"column {name!r} holds {_format_type(column.type)}, which is no name of a track",
+            path=where,
+            remedy="name another one: --columns id=COLUMN",
         ) from None
 
 
@@ -322,8 +326,9 @@ def _read_attribute(column: Any, name: str, where: str) -> NDArray[np.generic]:
         return to_attribute(column)
     except (pa.ArrowException, InputError):
         raise InputError(
-            f"{where}: column {name!r} holds {_format_type(column.type)}, "
-            "which can't be kept; name another one"
+            f"column {name!r} holds {_format_type(column.type)}, which can't be kept",
+            path=where,
+            remedy="name another one",
         ) from None
 
 
@@ -404,8 +409,9 @@ def _check_axes(
         understood = f"; degrees are written {_DEGREES_UNDERSTOOD}" if roles.geographic else ""
         role = ("lat=" if axis == roles.axes[0] else "lon=") if roles.geographic else "x="
         raise InputError(
-            f"{where}: column {names[axis]!r} holds no number{shown}{understood}; "
-            f"name the right one with --columns, such as --columns {role}COLUMN"
+            f"column {names[axis]!r} holds no number{shown}{understood}",
+            path=where,
+            remedy=f"name the right one with --columns, such as --columns {role}COLUMN",
         )
 
 
@@ -426,6 +432,7 @@ def _check_thousands(axes: Sequence[Any], names: Sequence[str], where: str) -> N
         first = first or f"column {name!r}: {commas[0].as_py()!r}"
     if first:
         raise InputError(
-            f"{where}: {first} may have decimals or thousands; "
-            "write numbers with a point before decimals"
+            f"{first} may have decimals or thousands",
+            path=where,
+            remedy="write numbers with a point before decimals",
         )

@@ -105,7 +105,7 @@ def read_times(
     """
     # Join date and time of day if they have their own columns.
     name = names[roles.time[-1]]
-    column = f"{where}: column {name!r}"
+    location = f"column {name!r}"
     cells = join_time_columns(columns, names, roles, request, where, decimal_comma=decimal_comma)
 
     # Times of day count from midnight.
@@ -114,7 +114,7 @@ def read_times(
         repair = Repair(
             "times of day without a date read as seconds from midnight",
             int(np.isfinite(times).sum()),
-            column,
+            f"{where}: {location}",
             drops=False,
         )
         return TimeColumn(
@@ -127,13 +127,14 @@ def read_times(
     # The unit of numbers is given by the user, or else by the column's name, or else by their size.
     guess = _guess_unit(cells, name) if request.time_unit is None else None
     if guess is not None and guess.unit == "s" and not guess.from_name:
-        _refuse_clock_numbers(cells, column)
+        _refuse_clock_numbers(cells, where, location)
     unit = request.time_unit if guess is None else guess.unit
     factor = None if unit is None else unit_seconds(unit)
     times = times_to_seconds(
         cells,
         factor,
-        column,
+        where,
+        location,
         origin=unit_origin(unit),
         dates=find_date_order(names, roles, request),
     )
@@ -153,14 +154,15 @@ def join_time_columns(
 
     Parameters are those of :func:`read_times`. Decimal commas become points.
     """
-    time_columns = [_unwrap_column(columns[i], f"{where}: column {names[i]!r}") for i in roles.time]
+    time_columns = [_unwrap_column(columns[i], names[i], where) for i in roles.time]
     cells = time_columns[-1]
     if len(time_columns) == 2:
         name = names[roles.time[-1]]
         cells = join_date_and_time(
             time_columns[0],
             cells,
-            f"{where}: column {name!r}",
+            where,
+            f"column {name!r}",
             numbers_are_seconds=request.time_unit is not None,
         )
     if decimal_comma and is_text(cells.type):
@@ -168,7 +170,7 @@ def join_time_columns(
     return cells
 
 
-def _unwrap_column(column: Any, where: str) -> Any:
+def _unwrap_column(column: Any, name: str, where: str) -> Any:
     """A column without dictionaries and extension types, and with bytes decoded as text."""
     kind = column.type
     if isinstance(kind, pa.BaseExtensionType):
@@ -183,7 +185,9 @@ def _unwrap_column(column: Any, where: str) -> Any:
         return pc.cast(column, pa.string())
     except pa.ArrowInvalid:
         raise InputError(
-            f"{where} holds bytes that are no text; name another with --columns t=COLUMN"
+            f"column {name!r} holds bytes that are no text",
+            path=where,
+            remedy="name another with --columns t=COLUMN",
         ) from None
 
 
@@ -209,7 +213,7 @@ def find_date_order(names: Sequence[str], roles: Roles, request: Request) -> str
     return order if order in DATE_ORDERS else None
 
 
-def _refuse_clock_numbers(cells: Any, where: str) -> None:
+def _refuse_clock_numbers(cells: Any, where: str, location: str) -> None:
     """Refuse numbers that are hours, minutes and seconds (hhmmss) rather than seconds.
 
     In such numbers 80059 is followed by 80100. So regular times have more distinct steps when they
@@ -240,9 +244,12 @@ def _refuse_clock_numbers(cells: Any, where: str) -> None:
     if steps_as_clock < steps_as_seconds or is_padded:
         first = f"{int(values[0]):06d}"
         raise InputError(
-            f"{where}: {first} and the numbers after it step like hours, minutes and seconds, "
-            f"not like seconds; write {first[:2]}:{first[2:4]}:{first[4:]}, "
-            "or say that they are seconds: --time-unit s"
+            f"{first} and the numbers after it step like hours, minutes and seconds, "
+            "not like seconds",
+            path=where,
+            location=location,
+            remedy=f"write {first[:2]}:{first[2:4]}:{first[4:]}, "
+            "or say that they are seconds: --time-unit s",
         )
 
 

@@ -172,7 +172,7 @@ def _check_flat(kind: Any) -> None:
     """Refuse columns with lists or structures as cells."""
     if pa.types.is_nested(kind):
         raise InputError(
-            f"a column that must be text holds {kind}; name another one, or leave it out"
+            f"a column that must be text holds {kind}", remedy="name another one, or leave it out"
         )
 
 

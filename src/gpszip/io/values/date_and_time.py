@@ -23,7 +23,7 @@ _PADDED_CLOCK = r"^0\d{5}(\D|$)"
 
 
 def join_date_and_time(
-    date: Any, time: Any, where: str, *, numbers_are_seconds: bool = False
+    date: Any, time: Any, path: str, location: str, *, numbers_are_seconds: bool = False
 ) -> Any:
     """Join a date and a time of day.
 
@@ -37,8 +37,8 @@ def join_date_and_time(
         Dates: text, numbers such as 20240504, or Arrow's dates and timestamps.
     time : pyarrow.ChunkedArray
         Times of day: text, numbers, or Arrow's times.
-    where : str
-        Name of the log and column for messages.
+    path, location : str
+        Name of the log, and its column of times, for messages.
     numbers_are_seconds : bool, default False
         Whether the user has said that numbers are seconds and no times of day.
 
@@ -55,13 +55,13 @@ def join_date_and_time(
     Examples
     --------
     >>> date, time = pa.chunked_array([[20240504]]), pa.chunked_array([[80000]])
-    >>> join_date_and_time(date, time, "a.csv").to_pylist()
+    >>> join_date_and_time(date, time, "a.csv", "time").to_pylist()
     ['20240504 08:00:00']
     """
     # Write times of day with colons.
     clocks = _text(time)
     if not pc.any(pc.match_substring_regex(clocks, _CLOCK)).as_py():
-        if numbers_are_seconds or not _are_times_of_day(clocks, where):
+        if numbers_are_seconds or not _are_times_of_day(clocks, path, location):
             return time
         clocks = _with_colons(clocks)
 
@@ -85,7 +85,7 @@ def _text(column: Any) -> Any:
     return trimmed_text(column)
 
 
-def _are_times_of_day(text: Any, where: str) -> bool:
+def _are_times_of_day(text: Any, path: str, location: str) -> bool:
     """Whether all numbers can be hours, minutes and seconds, and can't be seconds.
 
     Raises
@@ -110,8 +110,10 @@ def _are_times_of_day(text: Any, where: str) -> bool:
         return False
     cell = text[int((values >= 60).argmax())].as_py()
     raise InputError(
-        f"{where}: {cell!r} can be seconds or hhmmss; if seconds, say so: --time-unit s; "
-        "else write 00:01:00 or 000100"
+        f"{cell!r} can be seconds or hhmmss",
+        path=path,
+        location=location,
+        remedy="if seconds, say so: --time-unit s; else write 00:01:00 or 000100",
     )
 
 

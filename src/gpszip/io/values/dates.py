@@ -111,13 +111,13 @@ class DateOrders:
             {**other.counterexamples, **self.counterexamples},
         )
 
-    def decide(self, where: str) -> str:
+    def decide(self, path: str, location: str) -> str:
         """Return the only order in which all dates can be read.
 
         Parameters
         ----------
-        where : str
-            Name of the log and column for messages.
+        path, location : str
+            Name of the log, and its column, for messages.
 
         Raises
         ------
@@ -126,12 +126,12 @@ class DateOrders:
 
         Examples
         --------
-        >>> find_date_orders(pa.chunked_array([["03/04/2024", "31/01/2024"]])).decide("a.csv")
+        >>> find_date_orders(pa.chunked_array([["03/04/2024", "31/01/2024"]])).decide("a.csv", "d")
         'dmy'
-        >>> find_date_orders(pa.chunked_array([["03/04/2024"]])).decide("a.csv")
+        >>> find_date_orders(pa.chunked_array([["03/04/2024"]])).decide("a.csv", "d")
         Traceback (most recent call last):
         ...
-        gpszip.errors.InputError: a.csv: '03/04/2024' can be 3 Apr 2024 or 4 Mar 2024; ...
+        gpszip.errors.InputError: a.csv: d: '03/04/2024' can be 3 Apr 2024 or 4 Mar 2024; ...
         """
         # Choose the only order that remains; dates with dots have the day first.
         orders = [order for order in DATE_ORDERS if order not in self.counterexamples]
@@ -144,17 +144,24 @@ class DateOrders:
         if not orders:
             cells = " and ".join(map(repr, dict.fromkeys(self.counterexamples.values())))
             raise InputError(
-                f"{where}: {cells} are in different orders of day and month; "
-                "name the right order with --dates dmy|mdy|ymd"
+                f"{cells} are in different orders of day and month",
+                path=path,
+                location=location,
+                remedy="name the right order with --dates dmy|mdy|ymd",
             )
 
         # Several do.
         readings = " or ".join(_format_date(self.first, order) for order in orders)
-        remedy = " or ".join(f"--dates {order}" for order in orders)
-        raise InputError(f"{where}: {self.first!r} can be {readings}; say which: {remedy}")
+        options = " or ".join(f"--dates {order}" for order in orders)
+        raise InputError(
+            f"{self.first!r} can be {readings}",
+            path=path,
+            location=location,
+            remedy=f"say which: {options}",
+        )
 
 
-def dates_to_seconds(text: Any, order: str | None, where: str) -> Floats:
+def dates_to_seconds(text: Any, order: str | None, path: str, location: str) -> Floats:
     """Turn dates, with or without a time of day, into seconds from 1970 in UTC.
 
     Parameters
@@ -164,8 +171,8 @@ def dates_to_seconds(text: Any, order: str | None, where: str) -> Floats:
     order : str, optional
         Order of dates of three numbers: ``dmy``, ``mdy`` or ``ymd``; by default found from all
         cells of the column.
-    where : str
-        Name of the log and column for messages.
+    path, location : str
+        Name of the log, and its column, for messages.
 
     Returns
     -------
@@ -180,7 +187,7 @@ def dates_to_seconds(text: Any, order: str | None, where: str) -> Floats:
     Examples
     --------
     >>> cells = ["1970-01-01T00:00:01.5Z", "1 Jan 1970 01:00:02 +0100", "1/13/70"]
-    >>> dates_to_seconds(pa.chunked_array([cells]), None, "a.csv").tolist()
+    >>> dates_to_seconds(pa.chunked_array([cells]), None, "a.csv", "day").tolist()
     [1.5, 2.0, 1036800.0]
     """
     # Plain ISO 8601 is the most frequent form, and fast.
@@ -201,7 +208,7 @@ def dates_to_seconds(text: Any, order: str | None, where: str) -> Floats:
     # Dates of three numbers all have the same order.
     matches = _Matches.of(text, _THREE_NUMBERS, np.flatnonzero(np.isnan(seconds)))
     if len(matches.rows):
-        order = order or _possible_orders(matches).decide(where)
+        order = order or _possible_orders(matches).decide(path, location)
         seconds[matches.rows] = _days_of_three(matches, order) * _DAY + _clock(matches)
     return seconds
 

@@ -79,7 +79,13 @@ Floats = NDArray[np.float64]
 
 
 def times_to_seconds(
-    column: Any, unit: float | None, where: str, *, origin: float = 0.0, dates: str | None = None
+    column: Any,
+    unit: float | None,
+    path: str,
+    location: str,
+    *,
+    origin: float = 0.0,
+    dates: str | None = None,
 ) -> Floats:
     """Turn a column of times into seconds.
 
@@ -94,8 +100,8 @@ def times_to_seconds(
         Numbers, timestamps, durations, or text with numbers or dates.
     unit : float, optional
         Seconds in the unit of numbers.
-    where : str
-        Name of the log and column for messages.
+    path, location : str
+        Name of the log, and its column, for messages.
     origin : float, default 0
         Zero of numbers in seconds since 1970, see :func:`unit_origin`; used only with a unit.
     dates : str, optional
@@ -115,9 +121,9 @@ def times_to_seconds(
     Examples
     --------
     >>> cells = pa.chunked_array([["1970-01-01T00:00:01.5Z", "1970-01-01 01:00:02+01:00"]])
-    >>> times_to_seconds(cells, None, "a").tolist()
+    >>> times_to_seconds(cells, None, "a.csv", "time").tolist()
     [1.5, 2.0]
-    >>> times_to_seconds(pa.chunked_array([[1700000000077]]), None, "a").tolist()
+    >>> times_to_seconds(pa.chunked_array([[1700000000077]]), None, "a.csv", "t").tolist()
     [1700000000.077]
     """
     # Arrow's own types of times.
@@ -127,7 +133,9 @@ def times_to_seconds(
     if pa.types.is_timestamp(column.type) or pa.types.is_duration(kind):
         return _ticks_to_seconds(column)
     if not (is_text(kind) or _is_numeric(kind)):
-        raise InputError(f"{where} holds {kind}, which is no time; give {_EXAMPLES}")
+        raise InputError(
+            f"{location} holds {kind}, which is no time", path=path, remedy=f"give {_EXAMPLES}"
+        )
 
     # Numbers, also as text.
     if unit is None and (size := guess_unit_by_size(column)):
@@ -137,12 +145,15 @@ def times_to_seconds(
 
     # Dates.
     text = trimmed_text(column)
-    times = dates_to_seconds(text, dates, where)
+    times = dates_to_seconds(text, dates, path, location)
     cells = pc.fill_null(pc.not_equal(text, ""), False).to_numpy()
     if cells.any() and np.isnan(times).all():
         cell = text[int(cells.argmax())].as_py()
         raise InputError(
-            f"{where}: {cell[:_MAX_SHOWN_LETTERS]!r} is no date and time; give {_EXAMPLES}"
+            f"{cell[:_MAX_SHOWN_LETTERS]!r} is no date and time",
+            path=path,
+            location=location,
+            remedy=f"give {_EXAMPLES}",
         )
     return times
 

@@ -12,7 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import inlined, jit
+from gpszip.kernels.copying import copy_values
+from gpszip.kernels.jit import inlined, inner, inner_uncounted, jit_uncounted
 from gpszip.mapping.kernels.assign_max_error import fill_table_within_max_error
 from gpszip.mapping.kernels.grid_moments import best_line_cost, moments_between
 from gpszip.mapping.kernels.initial_map import (
@@ -87,7 +88,7 @@ def _price_step(working_map: WorkingMap, u: int, v: int, prices: Prices) -> floa
     )
 
 
-@jit
+@inner
 def _find_candidates(
     working_map: WorkingMap,
     positions: NDArray[np.float64],
@@ -120,7 +121,7 @@ def _find_candidates(
         counts[row] = count + 1
 
 
-@jit
+@inner_uncounted
 def _number_used_candidates(
     working_map: WorkingMap,
     candidates: NDArray[np.int64],
@@ -148,7 +149,7 @@ def _number_used_candidates(
     return count
 
 
-@jit
+@inner
 def _price_all_steps(
     working_map: WorkingMap,
     used_nodes: NDArray[np.int64],
@@ -182,7 +183,7 @@ def _price_all_steps(
     return step_bits, least_bits
 
 
-@jit
+@inner
 def _locate_candidates(
     working_map: WorkingMap,
     slot_positions: NDArray[np.float64],
@@ -197,8 +198,9 @@ def _locate_candidates(
     for row in range(len(counts)):
         for i in range(counts[row]):
             node = candidates[row, i]
-            positions[row, i] = (
-                slot_positions[first + row] if node == _NEW_NODE else working_map.positions[node]
+            copy_values(
+                slot_positions[first + row] if node == _NEW_NODE else working_map.positions[node],
+                positions[row, i],
             )
             numbers[row, i] = 0 if node == _NEW_NODE else marks[node]
     return positions, numbers
@@ -268,7 +270,7 @@ def _find_limit(
     return limit
 
 
-@jit
+@inner
 def _fill_table(
     grid_arrays: TimeGridArrays,
     dp_table: DPTable,
@@ -407,7 +409,7 @@ def _fill_table(
         cheapest_so_far[row] = min(cheapest_so_far[row - 1], cheapest[row])
 
 
-@jit
+@inner_uncounted
 def _subtract_window(
     working_map: WorkingMap,
     slot_nodes: NDArray[np.int64],
@@ -429,7 +431,7 @@ def _subtract_window(
             before = node
 
 
-@jit
+@inner
 def _add_window(
     working_map: WorkingMap,
     slot_nodes: NDArray[np.int64],
@@ -468,7 +470,7 @@ def _add_window(
             release_node(working_map, old[i])
 
 
-@jit
+@inner
 def _build_table(
     working_map: WorkingMap,
     grid_arrays: TimeGridArrays,
@@ -529,7 +531,7 @@ def _build_table(
     )
 
 
-@jit
+@inner_uncounted
 def _backtrace(
     dp_table: DPTable,
     slot_nodes: NDArray[np.int64],
@@ -564,7 +566,7 @@ def _backtrace(
     return count
 
 
-@jit
+@inner
 def _assign_window(
     working_map: WorkingMap,
     grid_arrays: TimeGridArrays,
@@ -626,7 +628,7 @@ def _assign_window(
     )
 
 
-@jit
+@inner_uncounted
 def _find_window_end(slot_nodes: NDArray[np.int64], first: int, end: int, size: int) -> int:
     """Slot of the knot that is ``size`` knots after slot ``first``, at most ``end``."""
     last = first
@@ -640,7 +642,7 @@ def _find_window_end(slot_nodes: NDArray[np.int64], first: int, end: int, size: 
     return last
 
 
-@jit
+@jit_uncounted
 def assign_slice(
     working_map: WorkingMap,
     grid_arrays: TimeGridArrays,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import inlined, jit
+from gpszip.kernels.jit import inlined, inner
 from gpszip.mapping.kernels.grid_moments import best_line_cost, line_cost, moments_between
 from gpszip.mapping.kernels.time_grid import DPTable, TimeGridArrays
 
@@ -122,7 +122,7 @@ def _open_cone(
             along[m] += directions[m, axis] * position[axis]
 
 
-@jit
+@inner
 def fill_table_within_max_error(
     grid_arrays: TimeGridArrays,
     dp_table: DPTable,
@@ -163,7 +163,8 @@ def fill_table_within_max_error(
             _open_cone(directions, positions[origin, o], along, low, high)
             start = time_steps[a]
             if error_price > 0.0:
-                center[:] = grid_arrays.centers[a] / grid_arrays.ticks_per_step
+                for axis in range(len(center)):
+                    center[axis] = grid_arrays.centers[a, axis] / grid_arrays.ticks_per_step
 
             # Follow the cone from slot to slot, as far as a segment may span.
             for row in range(origin + 1, min(origin + max_slots, rows - 1) + 1):

@@ -15,7 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import inlined, jit
+from gpszip.kernels.copying import copy_values
+from gpszip.kernels.jit import inner_uncounted, jit
 
 __all__ = [
     "best_line_cost",
@@ -70,11 +71,11 @@ def prefix_sums(
                 running[3 + dimension + axis] += w * t * x
                 running[3 + 2 * dimension] += w * x * x
             i += 1
-        sums[slot] = running
+        copy_values(running, sums[slot])
     return sums
 
 
-@inlined
+@inner_uncounted
 def moments_between(
     sums: NDArray[np.int64],
     a: int,
@@ -132,7 +133,7 @@ def moments_between(
     )
 
 
-@inlined
+@inner_uncounted
 def best_line_cost(
     w: float, u1: float, u2: float, q: float, first: NDArray[np.float64], cross: NDArray[np.float64]
 ) -> float:
@@ -154,7 +155,7 @@ def best_line_cost(
     return max(cost, 0.0)
 
 
-@jit
+@inner_uncounted
 def line_cost(
     w: float,
     u1: float,

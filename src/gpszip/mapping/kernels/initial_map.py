@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.copying import copy_values
+from gpszip.kernels.jit import inner_uncounted, jit, jit_uncounted
 from gpszip.kernels.pair_table import find_pair_slot
 
 __all__ = [
@@ -63,7 +64,7 @@ class WorkingMap(NamedTuple):
     counters: NDArray[np.int64]  # by the indices above
 
 
-@jit
+@inner_uncounted
 def step_count(working_map: WorkingMap, u: int, v: int) -> int:
     """Count the steps from u to v."""
     return working_map.pair_counts[
@@ -71,7 +72,7 @@ def step_count(working_map: WorkingMap, u: int, v: int) -> int:
     ]
 
 
-@jit
+@inner_uncounted
 def _find_or_add_pair(working_map: WorkingMap, u: int, v: int) -> int:
     """Index of a pair in the table; a new pair gets a half-edge from u to v."""
     key = u * (np.int64(1) << 31) + v
@@ -88,7 +89,7 @@ def _find_or_add_pair(working_map: WorkingMap, u: int, v: int) -> int:
     return index
 
 
-@jit
+@inner_uncounted
 def count_step(working_map: WorkingMap, u: int, v: int, change: int) -> None:
     """Change the count of steps from u to v.
 
@@ -101,7 +102,7 @@ def count_step(working_map: WorkingMap, u: int, v: int, change: int) -> None:
         working_map.outgoing_weight[v] += 0.5 * change
 
 
-@jit
+@inner_uncounted
 def free_capacity(working_map: WorkingMap) -> int:
     """Number of steps and nodes that still fit."""
     # A hash table is slow when it is more than three quarters full.
@@ -112,7 +113,7 @@ def free_capacity(working_map: WorkingMap) -> int:
     return min(half_edges // 2, len(working_map.positions) - working_map.counters[NODE_COUNT])
 
 
-@jit
+@inner_uncounted
 def _find_bucket(working_map: WorkingMap, position: NDArray[np.float64], neighbour: int) -> int:
     """Bucket of a cell next to a position: a digit to base 3 for each axis, 1 for its own cell."""
     key = np.int64(17)
@@ -123,7 +124,7 @@ def _find_bucket(working_map: WorkingMap, position: NDArray[np.float64], neighbo
     return ((key * 0x9E3779B97F4A7C1) >> 24) & (len(working_map.first_in_bucket) - 1)
 
 
-@jit
+@inner_uncounted
 def _find_own_bucket(working_map: WorkingMap, node: int) -> int:
     """Bucket of a node: neighbour 111, 11 or 1 to base 3."""
     dimension = working_map.positions.shape[1]
@@ -131,7 +132,7 @@ def _find_own_bucket(working_map: WorkingMap, node: int) -> int:
     return _find_bucket(working_map, working_map.positions[node], neighbour)
 
 
-@jit
+@inner_uncounted
 def index_node(working_map: WorkingMap, node: int) -> None:
     """Enter a node into the hash grid."""
     bucket = _find_own_bucket(working_map, node)
@@ -139,7 +140,7 @@ def index_node(working_map: WorkingMap, node: int) -> None:
     working_map.first_in_bucket[bucket] = node
 
 
-@jit
+@inner_uncounted
 def _unindex_node(working_map: WorkingMap, node: int) -> None:
     """Remove a node from the hash grid."""
     bucket = _find_own_bucket(working_map, node)
@@ -155,7 +156,7 @@ def _unindex_node(working_map: WorkingMap, node: int) -> None:
         w = working_map.next_in_bucket[w]
 
 
-@jit
+@inner_uncounted
 def add_node(working_map: WorkingMap, position: NDArray[np.float64]) -> int:
     """Make a new node and return its number."""
     counters = working_map.counters
@@ -166,13 +167,13 @@ def add_node(working_map: WorkingMap, position: NDArray[np.float64]) -> int:
         node = counters[NODE_COUNT]
         counters[NODE_COUNT] += 1
 
-    working_map.positions[node] = position
+    copy_values(position, working_map.positions[node])
     working_map.uses[node] = 0
     index_node(working_map, node)
     return node
 
 
-@jit
+@inner_uncounted
 def release_node(working_map: WorkingMap, node: int) -> None:
     """Remove a node that no knot uses."""
     _unindex_node(working_map, node)
@@ -181,7 +182,7 @@ def release_node(working_map: WorkingMap, node: int) -> None:
         working_map.counters[FREE_COUNT] += 1
 
 
-@jit
+@inner_uncounted
 def find_near_nodes(
     working_map: WorkingMap,
     position: NDArray[np.float64],
@@ -242,7 +243,7 @@ def find_near_nodes(
     return count
 
 
-@jit
+@jit_uncounted
 def count_walks(
     working_map: WorkingMap, slot_nodes: NDArray[np.int64], last_slots: NDArray[np.int64]
 ) -> None:
@@ -263,7 +264,7 @@ def count_walks(
             before = -1
 
 
-@jit
+@jit_uncounted
 def count_prior_steps(
     working_map: WorkingMap, pairs: NDArray[np.int64], counts: NDArray[np.int64]
 ) -> None:
@@ -295,7 +296,7 @@ def copy_working_map(working_map: WorkingMap, source: WorkingMap) -> None:
             half = source.next_half_edge[half]
 
 
-@jit
+@jit_uncounted
 def index_nodes(working_map: WorkingMap, count: int) -> None:
     """Enter the first ``count`` nodes into the hash grid."""
     for node in range(count):

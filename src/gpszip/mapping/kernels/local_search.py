@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, inner_uncounted, jit_uncounted
 from gpszip.mapping.kernels.local_search_bits import (
     FIXED,
     WORK,
@@ -75,13 +75,13 @@ class AcceptanceRule(NamedTuple):
     overshoot: float  # multiple of the group bounds that is allowed on the way
 
 
-@jit
+@inner_uncounted
 def _cost(knot_list: KnotList, rule: AcceptanceRule) -> float:
     """Rate-distortion cost J = bits + price * squared error."""
     return knot_list.totals[BITS] + rule.price * knot_list.totals[SQUARE]
 
 
-@jit
+@inner_uncounted
 def _keep_best(knot_list: KnotList, best: KnotList, rule: AcceptanceRule) -> None:
     """Copy the walks to ``best`` if they are the smallest within all bounds."""
     if knot_list.totals[SQUARE] <= rule.bound and knot_list.totals[BITS] < best.totals[BITS]:
@@ -91,7 +91,7 @@ def _keep_best(knot_list: KnotList, best: KnotList, rule: AcceptanceRule) -> Non
         copy_knot_list(knot_list, best)
 
 
-@jit
+@inner_uncounted
 def _exceeds_group_bound(knot_list: KnotList, backup: KnotList, rule: AcceptanceRule) -> bool:
     """Whether a change brings a group farther beyond its bound."""
     exceeds = False
@@ -103,7 +103,7 @@ def _exceeds_group_bound(knot_list: KnotList, backup: KnotList, rule: Acceptance
     return exceeds
 
 
-@jit
+@inner_uncounted
 def _is_allowed(
     samples: GridSamples, knot_list: KnotList, moves: CandidateMoves, rule: AcceptanceRule, row: int
 ) -> bool:
@@ -145,7 +145,7 @@ def _is_allowed(
     return True
 
 
-@jit
+@inner_uncounted
 def _count_later_uses(workspace: CoderWorkspace, knot_list: KnotList, end: int) -> None:
     """Count the uses of each node from knot ``end`` on."""
     for v in range(len(workspace.uses_after_window)):
@@ -154,7 +154,7 @@ def _count_later_uses(workspace: CoderWorkspace, knot_list: KnotList, end: int) 
         workspace.uses_after_window[knot_list.nodes[i]] += 1
 
 
-@jit
+@jit_uncounted
 def accept_or_undo(
     code: Any,
     workspace: CoderWorkspace,
@@ -183,7 +183,7 @@ def accept_or_undo(
     return False
 
 
-@jit
+@inner
 def _try_moves(
     pointers: KernelPointers,
     workspace: CoderWorkspace,
@@ -245,7 +245,7 @@ def _try_moves(
     return False
 
 
-@jit
+@jit_uncounted
 def sweep_knots(
     pointers: KernelPointers,
     workspace: CoderWorkspace,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gpszip.codec.kernels.range_coder import Coder, count_bits
 from gpszip.codec.kernels.walk_model import WalkModel
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted, jit_uncounted
 from gpszip.mapping.kernels.local_search_state import KNOTS, NODES, KnotList
 
 __all__ = [
@@ -64,13 +64,13 @@ class CoderWorkspace(NamedTuple):
     has_gaps: bool
 
 
-@jit
+@inner_uncounted
 def _copy(source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
     for i in range(len(source)):
         target[i] = source[i]
 
 
-@jit
+@inner_uncounted
 def _number_node(workspace: CoderWorkspace, knot_list: KnotList, node: int, visited: int) -> int:
     """Number a node at its first visit; return the number of nodes visited."""
     if workspace.visit_numbers[node] < 0:
@@ -81,7 +81,7 @@ def _number_node(workspace: CoderWorkspace, knot_list: KnotList, node: int, visi
     return visited
 
 
-@jit
+@inner_uncounted
 def _count_bits(code: Any, workspace: CoderWorkspace, knots: int, tracks: int) -> float:
     """Bits of the first ``knots`` knots of the workspace, by the model as it is."""
     # Reset the coder: its words, and the cursor of the bytes written.
@@ -107,7 +107,7 @@ def _count_bits(code: Any, workspace: CoderWorkspace, knots: int, tracks: int) -
     return count_bits(workspace.coder) - _OFFSET_BITS
 
 
-@jit
+@inner_uncounted
 def _write_knot(
     workspace: CoderWorkspace, i: int, number: int, time_step: int, joined: int, begins: int
 ) -> None:
@@ -116,14 +116,14 @@ def _write_knot(
     workspace.gaps[i] = 1 if joined == 0 and begins == 0 else 0
 
 
-@jit
+@inner_uncounted
 def _reset_numbers(workspace: CoderWorkspace) -> None:
     """Forget all visits but those of the prior nodes."""
     for v in range(workspace.counts[FIXED], len(workspace.visit_numbers)):
         workspace.visit_numbers[v] = -1
 
 
-@jit
+@inner_uncounted
 def encode_prefix(
     code: Any,
     workspace: CoderWorkspace,
@@ -157,7 +157,7 @@ def encode_prefix(
     workspace.counts[_VISITED], workspace.counts[_BEGUN] = visited, begun
 
 
-@jit
+@jit_uncounted
 def encode_all(
     code: Any, workspace: CoderWorkspace, knot_list: KnotList, time_steps: NDArray[np.int64]
 ) -> float:
@@ -190,7 +190,7 @@ def encode_all(
     return bits
 
 
-@jit
+@jit_uncounted
 def encode_window(
     code: Any,
     workspace: CoderWorkspace,

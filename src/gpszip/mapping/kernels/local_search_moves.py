@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.copying import copy_values
+from gpszip.kernels.jit import inner, inner_uncounted
 from gpszip.mapping.kernels.grid_moments import moments_between
 from gpszip.mapping.kernels.local_search_state import (
     KNOTS,
@@ -99,7 +100,7 @@ class _Quadratic(NamedTuple):
     constant: float  # r
 
 
-@jit
+@inner_uncounted
 def _add_move(
     moves: CandidateMoves, first: int, after: int, count: int, error: float, score: float
 ) -> int:
@@ -126,7 +127,7 @@ def _add_move(
     return row
 
 
-@jit
+@inner_uncounted
 def _mark_linked_nodes(
     knot_list: KnotList,
     prior_edges: PriorEdges,
@@ -166,7 +167,7 @@ def _mark_linked_nodes(
                 links[prior_edges.ends[h]] |= _LINKED_BEFORE if side == 0 else _LINKED_AFTER
 
 
-@jit
+@inner_uncounted
 def _link_bits(moves: CandidateMoves, node: int, left: int, right: int) -> float:
     """Bits of the new edges from a node to its neighbours; -1 stands for no neighbour."""
     bits = 0.0
@@ -177,7 +178,7 @@ def _link_bits(moves: CandidateMoves, node: int, left: int, right: int) -> float
     return bits
 
 
-@jit
+@inner
 def _quadratic_error(
     samples: GridSamples,
     knot_list: KnotList,
@@ -256,7 +257,7 @@ def _quadratic_error(
     return _Quadratic(stiffness, constant)
 
 
-@jit
+@inner_uncounted
 def _take_out_knots(
     knot_list: KnotList,
     prior_edges: PriorEdges,
@@ -291,14 +292,14 @@ def _take_out_knots(
     return _Replacement(first, after, before, behind, left, right, old_error, bits)
 
 
-@jit
+@inner_uncounted
 def _put_back_knots(knot_list: KnotList, first: int, after: int) -> None:
     """Count the uses of the knots from ``first`` to before ``after`` again."""
     for i in range(first, after):
         knot_list.uses[knot_list.nodes[i]] += 1
 
 
-@jit
+@inner_uncounted
 def _lowest_error(moves: CandidateMoves, quadratic: _Quadratic, old_error: float) -> float:
     """Least squared error that a knot adds anywhere: r - |b|^2 / K, less the old error."""
     lowest = quadratic.constant - old_error
@@ -307,7 +308,7 @@ def _lowest_error(moves: CandidateMoves, quadratic: _Quadratic, old_error: float
     return lowest
 
 
-@jit
+@inner_uncounted
 def _add_known_node_moves(
     samples: GridSamples,
     knot_list: KnotList,
@@ -346,7 +347,7 @@ def _add_known_node_moves(
                 moves.slots[row, 0], moves.nodes[row, 0] = slot, v
 
 
-@jit
+@inner
 def _add_new_node_move(
     samples: GridSamples,
     knot_list: KnotList,
@@ -384,11 +385,11 @@ def _add_new_node_move(
     row = _add_move(moves, replacement.first, replacement.after, 1, error, price * error + bits)
     if row >= 0:
         node = len(knot_list.positions) - TEMPORARY + row
-        knot_list.positions[node] = position
+        copy_values(position, knot_list.positions[node])
         moves.slots[row, 0], moves.nodes[row, 0] = slot, node
 
 
-@jit
+@inner
 def _add_replacement_moves(
     samples: GridSamples,
     knot_list: KnotList,
@@ -469,7 +470,7 @@ def _add_replacement_moves(
     _put_back_knots(knot_list, first, after)
 
 
-@jit
+@inner_uncounted
 def _is_inside_piece(knot_list: KnotList, j: int) -> bool:
     """Whether a knot lies inside a piece."""
     return (
@@ -479,7 +480,7 @@ def _is_inside_piece(knot_list: KnotList, j: int) -> bool:
     )
 
 
-@jit
+@inner_uncounted
 def _add_removal_moves(
     samples: GridSamples,
     knot_list: KnotList,
@@ -553,7 +554,7 @@ def _add_removal_moves(
                 moves.nodes[row, 0], moves.nodes[row, 1] = u, v
 
 
-@jit
+@inner_uncounted
 def list_moves(
     samples: GridSamples,
     knot_list: KnotList,

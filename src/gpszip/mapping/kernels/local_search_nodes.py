@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.copying import copy_values
+from gpszip.kernels.jit import inner, inner_uncounted, jit
 from gpszip.mapping.kernels.local_search import AcceptanceRule, KernelPointers
 from gpszip.mapping.kernels.local_search_bits import FIXED, WORK, CoderWorkspace
 from gpszip.mapping.kernels.local_search_state import (
@@ -26,7 +27,7 @@ __all__ = ["sweep_nodes"]
 _MAX_PARTNERS = 6
 
 
-@jit
+@inner_uncounted
 def _added_error(
     samples: GridSamples,
     knot_list: KnotList,
@@ -52,7 +53,7 @@ def _added_error(
     return added
 
 
-@jit
+@inner_uncounted
 def _keeps_maximum(
     samples: GridSamples,
     knot_list: KnotList,
@@ -77,7 +78,7 @@ def _keeps_maximum(
     return True
 
 
-@jit
+@inner_uncounted
 def _try_move(
     pointers: KernelPointers,
     workspace: CoderWorkspace,
@@ -106,7 +107,7 @@ def _try_move(
     # Make the move.
     copy_knot_list(knot_list, backup)
     if target == node:
-        knot_list.positions[node] = position
+        copy_values(position, knot_list.positions[node])
     else:
         for k in range(count):
             knot_list.nodes[knots[k]] = target
@@ -123,7 +124,7 @@ def _try_move(
     )
 
 
-@jit
+@inner
 def _find_merge_partners(
     samples: GridSamples,
     knot_list: KnotList,
@@ -160,7 +161,7 @@ def _find_merge_partners(
     return filled
 
 
-@jit
+@inner
 def _shift_node(
     pointers: KernelPointers,
     workspace: CoderWorkspace,

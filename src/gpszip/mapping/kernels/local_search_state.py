@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.copying import copy_values
+from gpszip.kernels.jit import inner, inner_uncounted, jit_uncounted
 from gpszip.mapping.kernels.grid_moments import line_cost, moments_between
 
 __all__ = [
@@ -69,7 +70,7 @@ class KnotList(NamedTuple):
     group_squares: NDArray[np.float64]  # squared error of each group
 
 
-@jit
+@inner_uncounted
 def _copy_knot(source: KnotList, i: int, target: KnotList, j: int) -> None:
     """Copy knot i of one list to knot j of another."""
     target.slots[j] = source.slots[i]
@@ -79,7 +80,7 @@ def _copy_knot(source: KnotList, i: int, target: KnotList, j: int) -> None:
     target.errors[j] = source.errors[i]
 
 
-@jit
+@jit_uncounted
 def copy_knot_list(source: KnotList, target: KnotList) -> None:
     """Copy all that is in use."""
     # Loops compile several times as fast as assignments of slices.
@@ -95,7 +96,7 @@ def copy_knot_list(source: KnotList, target: KnotList) -> None:
         target.group_squares[g] = source.group_squares[g]
 
 
-@jit
+@inner
 def segment_error(
     samples: GridSamples,
     first: int,
@@ -123,7 +124,7 @@ def segment_error(
     return line_cost(w, u1, u2, q, m, n, start, end, center)
 
 
-@jit
+@inner_uncounted
 def is_within(
     samples: GridSamples,
     first: int,
@@ -147,7 +148,7 @@ def is_within(
     return True
 
 
-@jit
+@jit_uncounted
 def remeasure(samples: GridSamples, knot_list: KnotList, first: int, last: int) -> None:
     """Measure the segments that lead to knots ``first`` to ``last``, and sum all errors up."""
     # Measure the segments that changed; none leads to a knot that begins a piece.
@@ -173,7 +174,7 @@ def remeasure(samples: GridSamples, knot_list: KnotList, first: int, last: int) 
     knot_list.totals[SQUARE] = square
 
 
-@jit
+@inner_uncounted
 def allocate_node(knot_list: KnotList, fixed: int, position: NDArray[np.float64]) -> int:
     """Make a node at a position, under a number that no knot uses; -1 if the capacity is used up.
 
@@ -181,7 +182,7 @@ def allocate_node(knot_list: KnotList, fixed: int, position: NDArray[np.float64]
     """
     for v in range(fixed, knot_list.counts[NODES]):
         if knot_list.uses[v] == 0:
-            knot_list.positions[v] = position
+            copy_values(position, knot_list.positions[v])
             return v
 
     v = knot_list.counts[NODES]
@@ -189,11 +190,11 @@ def allocate_node(knot_list: KnotList, fixed: int, position: NDArray[np.float64]
         return -1
     knot_list.counts[NODES] = v + 1
     knot_list.uses[v] = 0
-    knot_list.positions[v] = position
+    copy_values(position, knot_list.positions[v])
     return v
 
 
-@jit
+@inner_uncounted
 def replace_knots(
     samples: GridSamples,
     knot_list: KnotList,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, jit_uncounted
 from gpszip.mapping.kernels.grid_moments import best_line_cost, line_cost, moments_between
 
 __all__ = ["find_private_chain", "find_private_chains"]
@@ -14,7 +14,7 @@ __all__ = ["find_private_chain", "find_private_chains"]
 _MAX_LINE_BITS = 45.0
 
 
-@jit
+@inner
 def find_private_chain(
     sums: NDArray[np.int64],
     ticks: NDArray[np.int64],
@@ -95,7 +95,7 @@ def find_private_chain(
         g = parent[g]
 
 
-@jit
+@jit_uncounted
 def find_private_chains(
     sums: NDArray[np.int64],
     ticks: NDArray[np.int64],

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import jit_uncounted
 
 __all__ = ["round_node_positions"]
 
 
-@jit
+@jit_uncounted
 def round_node_positions(
     offsets: NDArray[np.int32],
     columns: NDArray[np.int32],

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.heap import pop, push
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted, jit
 
 __all__ = ["SearchTree", "shortest_path_tree"]
 
@@ -34,7 +34,7 @@ class SearchTree(NamedTuple):
     parents: NDArray[np.int32]
 
 
-@jit
+@inner_uncounted
 def _turn_cost(
     a: int,
     b: int,

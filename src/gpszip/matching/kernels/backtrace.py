@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, inner_uncounted, jit
 from gpszip.matching.kernels.candidates import (
     OFF_ROAD,
     OTHER_ROADS,
@@ -175,7 +175,7 @@ def build_legs(
     return slice_legs(legs, 0, count), leg_of, metres
 
 
-@jit
+@inner_uncounted
 def _is_spur(legs: Legs, count: int, graph: Graph, model: ModelParameters) -> bool:
     """Whether the last two legs step off a crossing and back, within ``max_spur`` metres."""
     # two legs on one road, there and back, after another leg of the same piece
@@ -194,7 +194,7 @@ def _is_spur(legs: Legs, count: int, graph: Graph, model: ModelParameters) -> bo
     )
 
 
-@jit
+@inner_uncounted
 def _add_leg(legs: Legs, count: int, road: int, begin: float, end: float, piece: int) -> int:
     """Add a leg; return the new number of legs."""
     legs.roads[count] = road
@@ -204,7 +204,7 @@ def _add_leg(legs: Legs, count: int, road: int, begin: float, end: float, piece:
     return count + 1
 
 
-@jit
+@inner
 def _resized_legs(legs: Legs, size: int) -> Legs:
     return Legs(
         resized(legs.roads, size),
@@ -261,7 +261,7 @@ def place_samples(
     return leg_of, metres, distances
 
 
-@jit
+@inner_uncounted
 def _nearest_on_legs(
     position: NDArray[np.float64],
     low: int,
@@ -386,7 +386,7 @@ def legs_to_line(legs: Legs, roads: Roads, graph: Graph) -> NDArray[np.float64]:
     return out[:count].copy()
 
 
-@jit
+@inner
 def _add_point(out: NDArray[np.float64], count: int, point: NDArray[np.float64]) -> int:
     """Add a point unless it is the last one; return the new number of points."""
     is_same = count > 0

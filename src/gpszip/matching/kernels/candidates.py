@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, inner_uncounted
 from gpszip.matching.kernels.road_grid import find_near_roads
 from gpszip.matching.kernels.roads import Graph, ModelParameters, RoadGrid, Roads, road_direction
 
@@ -74,7 +74,7 @@ class Candidates(NamedTuple):
     transitions: NDArray[np.uint8]
 
 
-@jit
+@inner
 def find_candidates(
     position: NDArray[np.float64],
     heading: NDArray[np.float64],
@@ -131,7 +131,7 @@ def find_candidates(
     return n + 1
 
 
-@jit
+@inner_uncounted
 def start_paths(candidates: Candidates, n: int, predecessor: int) -> None:
     """Begin a path at each candidate; ``predecessor`` is the end of the path before the break."""
     for j in range(n):
@@ -140,7 +140,7 @@ def start_paths(candidates: Candidates, n: int, predecessor: int) -> None:
         candidates.transitions[j] = BREAK
 
 
-@jit
+@inner
 def empty_candidates(size: int) -> Candidates:
     """Allocate a number of candidates."""
     return Candidates(
@@ -154,7 +154,7 @@ def empty_candidates(size: int) -> Candidates:
     )
 
 
-@jit
+@inner
 def candidates_from(candidates: Candidates, first: int) -> Candidates:
     """A view of the candidates from ``first`` on."""
     return Candidates(
@@ -168,7 +168,7 @@ def candidates_from(candidates: Candidates, first: int) -> Candidates:
     )
 
 
-@jit
+@inner
 def first_minimum(costs: NDArray[np.float64]) -> int:
     """Index of the first cost that is the least but for rounding."""
     least = costs.min()

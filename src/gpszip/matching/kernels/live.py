@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted, jit, jit_uncounted
 from gpszip.matching.kernels.candidates import (
     Candidates,
     candidates_from,
@@ -137,7 +137,7 @@ def add_time_step(
     )
 
 
-@jit
+@jit_uncounted
 def best_candidate(ring: TrellisRing, step: int) -> int:
     """The candidate of a time step to which the cheapest path leads."""
     slot = step % len(ring.counts)
@@ -145,7 +145,7 @@ def best_candidate(ring: TrellisRing, step: int) -> int:
     return first_minimum(ring.candidates.path_costs[low : low + ring.counts[slot]])
 
 
-@jit
+@inner_uncounted
 def _step_forward(
     before: NDArray[np.float64], transition_costs: NDArray[np.float64], after: NDArray[np.float64]
 ) -> None:

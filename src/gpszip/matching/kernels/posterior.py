@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, inner_uncounted, jit
 from gpszip.matching.kernels.trellis import Trellis
 
 __all__ = ["posterior", "road_probabilities"]
@@ -52,7 +52,7 @@ def posterior(trellis: Trellis) -> NDArray[np.float64]:
     return log_forward
 
 
-@jit
+@inner_uncounted
 def _step_forward(trellis: Trellis, step: int, log_forward: NDArray[np.float64]) -> None:
     """Log-sum-exp over the candidates of the time step before, for each candidate of this one."""
     last = trellis.candidate_starts[step - 1]
@@ -71,7 +71,7 @@ def _step_forward(trellis: Trellis, step: int, log_forward: NDArray[np.float64])
         log_forward[j] = greatest + math.log(total)
 
 
-@jit
+@inner
 def _step_backward(trellis: Trellis, step: int, log_backward: NDArray[np.float64]) -> None:
     """Log-sum-exp over the candidates of this time step, for each candidate of the one before."""
     # Backward recursion ``b_(t-1)(i) = log(sum_j exp(b_t(j) - e(j) - a(i, j)))``, with the greatest

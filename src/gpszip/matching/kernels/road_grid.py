@@ -10,7 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import inlined, jit
+from gpszip.kernels.jit import inlined, inner, inner_uncounted, jit
 from gpszip.matching.kernels.roads import RoadGrid, Roads, project
 
 __all__ = ["count_cells", "fill_cells", "find_near_roads", "hash_cells", "nearest_distances"]
@@ -39,7 +39,7 @@ _ROAD = 1
 _OFFSET = 2
 
 
-@jit
+@inner_uncounted
 def _list_cells(
     points: NDArray[np.float64],
     vertex: int,
@@ -117,7 +117,7 @@ def fill_cells(
     return cells, vertices, roads
 
 
-@jit
+@inner_uncounted
 def _find_slot(cell: int, keys: NDArray[np.int64]) -> int:
     """Find the slot of a hash table that holds a cell, or the empty slot where it belongs."""
     mask = len(keys) - 1
@@ -152,7 +152,7 @@ def hash_cells(
     return keys, starts, ends
 
 
-@jit
+@inner
 def find_near_roads(
     position: NDArray[np.float64],
     radius: float,
@@ -198,7 +198,7 @@ def find_near_roads(
     return _take_nearest(hits[:count], radius, near_roads, offsets, distances)
 
 
-@jit
+@inner_uncounted
 def _take_nearest(
     hits: NDArray[np.float64],
     min_spacing: float,

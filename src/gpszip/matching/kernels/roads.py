@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, inner_uncounted, jit_uncounted
 
 __all__ = [
     "CENTRE_NODE",
@@ -192,7 +192,7 @@ class ModelParameters(NamedTuple):
     heading_weight: float
 
 
-@jit
+@inner_uncounted
 def project(
     points: NDArray[np.float64], vertex: int, position: NDArray[np.float64]
 ) -> tuple[float, float]:
@@ -217,7 +217,7 @@ def project(
     return distance, fraction
 
 
-@jit
+@inner_uncounted
 def vertex_before(roads: Roads, road: int, offset: float) -> int:
     """Find the last vertex of a road, other than its end, that is not beyond an offset."""
     low, high = roads.offsets[road], roads.offsets[road + 1] - 1
@@ -230,7 +230,7 @@ def vertex_before(roads: Roads, road: int, offset: float) -> int:
     return low
 
 
-@jit
+@inner_uncounted
 def interpolate_position(roads: Roads, road: int, offset: float, out: NDArray[np.float64]) -> None:
     """Write the coordinates at an offset on a road to ``out``."""
     vertex = vertex_before(roads, road, offset)
@@ -242,7 +242,7 @@ def interpolate_position(roads: Roads, road: int, offset: float, out: NDArray[np
         )
 
 
-@jit
+@inner_uncounted
 def road_direction(roads: Roads, road: int, offset: float) -> tuple[float, float]:
     """Unit vector of a road from its start to its end, at an offset.
 
@@ -255,7 +255,7 @@ def road_direction(roads: Roads, road: int, offset: float) -> tuple[float, float
     return (east / length, north / length) if length > 0 else (0.0, 0.0)
 
 
-@jit
+@jit_uncounted
 def distance_between(positions: NDArray[np.float64], i: int, j: int) -> float:
     """Distance between two samples."""
     square = 0.0
@@ -264,7 +264,7 @@ def distance_between(positions: NDArray[np.float64], i: int, j: int) -> float:
     return np.sqrt(square)
 
 
-@jit
+@inner
 def resized(values: NDArray[np.generic], size: int) -> NDArray[np.generic]:
     """Copy an array to a larger one; the rest is not initialised."""
     out = np.empty(size, values.dtype)

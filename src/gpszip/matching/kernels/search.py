@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import inlined, jit
+from gpszip.kernels.jit import inlined, inner_uncounted, jit
 from gpszip.matching.kernels.roads import (
     CENTRE_NODE,
     CENTRE_RADIUS,
@@ -151,7 +151,7 @@ def _relax(
     _sift_up(work.heap, work.heap_slots, work.keys, work.heap_slots[road])
 
 
-@jit
+@inner_uncounted
 def start_search(work: Workspace) -> None:
     """Begin a search; the labels of the search before are void."""
     work.state[SEARCH_NUMBER] += 1
@@ -288,7 +288,7 @@ def _min_distance_to_sources(node: int, graph: Graph, backward: BackwardSearch) 
     return max(_distance_to_node(node, centre, graph) - backward.limits[CENTRE_RADIUS], 0.0)
 
 
-@jit
+@inner_uncounted
 def search_backward(
     sources: NDArray[np.int32],
     targets: NDArray[np.int32],

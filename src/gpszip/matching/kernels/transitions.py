@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import inlined, jit
+from gpszip.kernels.jit import inlined, inner, inner_uncounted
 from gpszip.matching.kernels.candidates import (
     JUMP,
     OTHER_ROADS,
@@ -30,7 +30,7 @@ __all__ = ["advance_paths", "is_too_fast", "max_path_length"]
 _NONE = -1
 
 
-@jit
+@inner_uncounted
 def max_path_length(straight: float, seconds: float, model: ModelParameters) -> float:
     """Upper bound in metres of the length of a path between two samples.
 
@@ -46,13 +46,13 @@ def max_path_length(straight: float, seconds: float, model: ModelParameters) -> 
     )
 
 
-@jit
+@inner_uncounted
 def is_too_fast(straight: float, seconds: float, model: ModelParameters) -> bool:
     """Whether two samples lie too far apart for the time between them: the path breaks there."""
     return straight > model.max_speed * seconds + model.length_tolerance
 
 
-@jit
+@inner
 def advance_paths(
     before: Candidates,
     n0: int,

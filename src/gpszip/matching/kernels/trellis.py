@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, jit
 from gpszip.matching.kernels.candidates import (
     Candidates,
     candidates_from,
@@ -157,7 +157,7 @@ def build_trellis(
     return Trellis(candidate_starts, candidates_from(candidates, 0), cost_starts, all_costs)
 
 
-@jit
+@inner
 def _resized_candidates(candidates: Candidates, size: int) -> Candidates:
     return Candidates(
         resized(candidates.roads, size),

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.heap import pop, push
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, inner_uncounted, jit
 from gpszip.kernels.sums import PrefixSums, add_moments, add_sample, best_line_cost
 
 __all__ = ["bottom_up"]
@@ -15,7 +15,7 @@ __all__ = ["bottom_up"]
 _NO_ENTRY = -1
 
 
-@jit
+@inner_uncounted
 def _block_moments(sums: PrefixSums, firsts: NDArray[np.int64], rows: NDArray[np.float64]) -> None:
     """Write the moments of each block about its first sample to ``rows``."""
     for j in range(len(rows)):
@@ -24,7 +24,7 @@ def _block_moments(sums: PrefixSums, firsts: NDArray[np.int64], rows: NDArray[np
             add_sample(rows[j], sums.t[i] - sums.t[firsts[j]], sums.w[i], sums.p, i, firsts[j])
 
 
-@jit
+@inner
 def _merge_cost(
     sums: PrefixSums,
     firsts: NDArray[np.int64],

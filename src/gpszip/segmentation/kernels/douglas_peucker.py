@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.heap import pop, push
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted, jit
 
 __all__ = ["douglas_peucker"]
 
 
-@jit
+@inner_uncounted
 def _farthest(t: NDArray[np.float64], p: NDArray[np.float64], i: int, j: int) -> tuple[float, int]:
     """Return squared distance and index of the sample farthest from the chord from i to j.
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, jit
 from gpszip.kernels.sums import PrefixSums, add_moments, add_sample, best_line_cost
 from gpszip.segmentation.kernels.shift import lowest_cost, segment_coefficients
 
@@ -26,7 +26,7 @@ _BACKWARD = 1.0
 _SQUARES = 3
 
 
-@jit
+@inner
 def _backward_moments(sums: PrefixSums, cuts: NDArray[np.int64]) -> NDArray[np.float64]:
     """Return the moments of the samples between cuts about the last of them, time reversed."""
     rows = np.zeros((len(cuts) - 1, 2 * sums.p.shape[1] + 4))
@@ -126,7 +126,7 @@ def optimal_penalised_partition(
     return origin, label
 
 
-@jit
+@inner
 def _interval_costs(
     sums: PrefixSums, starts: NDArray[np.float64], ends: NDArray[np.float64], min_samples: int
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, inner_uncounted, jit
 from gpszip.kernels.sums import PrefixSums, add_sample, best_line_cost
 
 __all__ = [
@@ -38,7 +38,7 @@ _SQUARES = 3
 NO_CUT = -1
 
 
-@jit
+@inner_uncounted
 def segment_coefficients(
     heads: NDArray[np.float64],
     tails: NDArray[np.float64],
@@ -74,7 +74,7 @@ def segment_coefficients(
             out[3 + d + c, s] = -2.0 * v
 
 
-@jit
+@inner_uncounted
 def lowest_cost(
     row: NDArray[np.float64],
     length: float,
@@ -143,7 +143,7 @@ def lowest_cost(
     return best
 
 
-@jit
+@inner_uncounted
 def _left_moments(sums: PrefixSums, a: int, c: int, row: NDArray[np.float64]) -> None:
     """Write the moments of [a, c) about sample a."""
     row[:] = 0.0
@@ -151,7 +151,7 @@ def _left_moments(sums: PrefixSums, a: int, c: int, row: NDArray[np.float64]) ->
         add_sample(row, sums.t[i] - sums.t[a], sums.w[i], sums.p, i, a)
 
 
-@jit
+@inner_uncounted
 def _right_moments(sums: PrefixSums, c: int, b: int, row: NDArray[np.float64]) -> None:
     """Write the moments of [c, b) about sample b - 1, with time running backward."""
     row[:] = 0.0
@@ -159,7 +159,7 @@ def _right_moments(sums: PrefixSums, c: int, b: int, row: NDArray[np.float64]) -
         add_sample(row, sums.t[b - 1] - sums.t[i], sums.w[i], sums.p, i, b - 1)
 
 
-@jit
+@inner
 def _right_moment_table(sums: PrefixSums, a: int, b: int, table: NDArray[np.float64]) -> None:
     """Write the moments of [c, b) for all c from a to b, each to row c - a of the table."""
     table[b - a] = 0.0
@@ -168,7 +168,7 @@ def _right_moment_table(sums: PrefixSums, a: int, b: int, table: NDArray[np.floa
         add_sample(table[i - a], sums.t[b - 1] - sums.t[i], sums.w[i], sums.p, i, b - 1)
 
 
-@jit
+@inner_uncounted
 def _left_cost(
     sums: PrefixSums,
     a: int,
@@ -184,7 +184,7 @@ def _left_cost(
     return lowest_cost(row, sums.t[c - 1] - sums.t[a], 0.0, s, costs)
 
 
-@jit
+@inner_uncounted
 def _right_cost(
     sums: PrefixSums,
     c: int,
@@ -200,7 +200,7 @@ def _right_cost(
     return lowest_cost(row, sums.t[b - 1] - sums.t[c], 1.0, s, costs)
 
 
-@jit
+@inner_uncounted
 def _both_costs(
     sums: PrefixSums,
     a: int,
@@ -331,7 +331,7 @@ def best_cut(
     return best, cut, left, right
 
 
-@jit
+@inner_uncounted
 def _widest_window(boundaries: NDArray[np.int64], first: int, last: int, step: int) -> np.int64:
     """Return the most samples between the neighbours of any boundary that is shifted."""
     widest = np.int64(0)

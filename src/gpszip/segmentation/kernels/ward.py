@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted, jit, jit_uncounted
 
 __all__ = ["merge_costs", "merge_pairs", "ward"]
 
@@ -22,7 +22,7 @@ __all__ = ["merge_costs", "merge_pairs", "ward"]
 _SINGULAR = 1e-14
 
 
-@jit
+@inner_uncounted
 def _merge_cost(
     h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64], i: int, j: int
 ) -> float:
@@ -47,7 +47,7 @@ def _merge_cost(
     return max(increase, 0.0)
 
 
-@jit
+@inner_uncounted
 def _merge_groups(
     h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64], i: int, j: int
 ) -> None:
@@ -66,7 +66,7 @@ def _merge_groups(
     h[i, 0], h[i, 1], h[i, 2] = w, u1, u2
 
 
-@jit
+@inner_uncounted
 def _nearest(
     h: NDArray[np.float64],
     a: NDArray[np.float64],
@@ -146,7 +146,7 @@ def ward(
     return pairs, costs
 
 
-@jit
+@jit_uncounted
 def merge_pairs(
     h: NDArray[np.float64], a: NDArray[np.float64], v: NDArray[np.float64], pairs: NDArray[np.int64]
 ) -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted, jit
 
 __all__ = ["chain_edges"]
 
 
-@jit
+@inner_uncounted
 def _follow_chain(
     offsets: NDArray[np.int64],
     targets: NDArray[np.int32],

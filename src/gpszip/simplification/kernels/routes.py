@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.heap import pop, push
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, inner_uncounted, jit
 
 __all__ = ["cheapest_paths"]
 
@@ -16,7 +16,7 @@ __all__ = ["cheapest_paths"]
 _INITIAL_CAPACITY = 1024
 
 
-@jit
+@inner
 def _ensure_capacity(values: NDArray[Any], size: int) -> NDArray[Any]:
     """The array, or a copy with twice its capacity if ``size`` entries fill it."""
     if size < len(values):
@@ -26,14 +26,14 @@ def _ensure_capacity(values: NDArray[Any], size: int) -> NDArray[Any]:
     return larger
 
 
-@jit
+@inner_uncounted
 def _distance(positions: NDArray[np.float64], a: int, b: int) -> float:
     return np.sqrt(
         (positions[a, 0] - positions[b, 0]) ** 2 + (positions[a, 1] - positions[b, 1]) ** 2
     )
 
 
-@jit
+@inner_uncounted
 def _is_in_corridor(
     positions: NDArray[np.float64],
     vertex: int,

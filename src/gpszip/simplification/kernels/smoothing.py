@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted, jit
 
 __all__ = ["simplify_lines"]
 
 
-@jit
+@inner_uncounted
 def _distance_to_segment(
     point: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64]
 ) -> float:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted, jit
 
 __all__ = ["thin"]
 
 
-@jit
+@inner_uncounted
 def _is_removable(ring: NDArray[np.bool_], second: bool) -> bool:
     """Whether a cell may go, by the conditions of Zhang and Suen on its eight neighbours.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner_uncounted, jit
 from gpszip.kernels.sums import PrefixSums, best_line_cost, tick_moments
 
 __all__ = ["balanced_cuts"]
@@ -17,7 +17,7 @@ _ROUNDING = 1e-14
 _SQUARES = 3
 
 
-@jit
+@inner_uncounted
 def _block_cost(sums: PrefixSums, a: int, b: int, row: NDArray[np.float64]) -> float:
     """Return the free cost of samples a to b - 1 in square ticks; ``row`` is scratch."""
     if b - a <= 2:

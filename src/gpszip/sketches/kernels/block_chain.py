@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, jit
 from gpszip.sketches.kernels.blocks import append_block, free_cost
 
 __all__ = ["penalised_block_partition"]
 
 
-@jit
+@inner
 def _prepend_block(
     row: NDArray[np.float64], earlier: NDArray[np.float64], scratch: NDArray[np.float64]
 ) -> None:

@@ -21,7 +21,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, inner_uncounted, jit
 from gpszip.sketches.kernels.blocks import (
     COUNT,
     DEPTH,
@@ -103,7 +103,7 @@ def block_costs(
     return out
 
 
-@jit
+@inner_uncounted
 def _relative_lines(
     row: NDArray[np.float64],
     start_times: NDArray[np.float64],
@@ -147,7 +147,7 @@ def _relative_lines(
     )
 
 
-@jit
+@inner_uncounted
 def _line_cost(row: NDArray[np.float64], line: NDArray[np.float64]) -> float:
     """Return the cost of a block against a line: its free cost, and |line - best line|^2."""
     d = line.shape[1]
@@ -163,7 +163,7 @@ def _line_cost(row: NDArray[np.float64], line: NDArray[np.float64]) -> float:
     return float(cost)
 
 
-@jit
+@inner_uncounted
 def _slope(row: NDArray[np.float64], c: int) -> float:
     """Return the slope of the best line along axis c: drift / SPREAD."""
     d = (len(row) - FIXED_COLUMNS) // 3
@@ -171,7 +171,7 @@ def _slope(row: NDArray[np.float64], c: int) -> float:
     return float(row[drift_column + c] / row[SPREAD] if has_slope(row) else 0.0)
 
 
-@jit
+@inner_uncounted
 def _first_step_at(row: NDArray[np.float64], step: float, time: float) -> int:
     """Return the number of the first even step at or after a time."""
     i = int(min(max(np.ceil((time - row[FIRST]) / step), 0.0), row[COUNT]))
@@ -183,7 +183,7 @@ def _first_step_at(row: NDArray[np.float64], step: float, time: float) -> int:
     return i
 
 
-@jit
+@inner
 def _broken_block_costs(
     row: NDArray[np.float64],
     breaks: NDArray[np.float64],
@@ -229,7 +229,7 @@ def _broken_block_costs(
     out[_ESTIMATE] = min(max(out[_ESTIMATE], out[_LOWER]), out[_UPPER])
 
 
-@jit
+@inner
 def _project_pieces(
     row: NDArray[np.float64],
     lines: NDArray[np.float64],
@@ -264,7 +264,7 @@ def _project_pieces(
     return out
 
 
-@jit
+@inner_uncounted
 def _product_at(
     piece: NDArray[np.float64], line: NDArray[np.float64], g: NDArray[np.float64], x: float
 ) -> tuple[float, float]:
@@ -278,7 +278,7 @@ def _product_at(
     return value, slope
 
 
-@jit
+@inner_uncounted
 def _sum_bounds(
     row: NDArray[np.float64],
     breaks: NDArray[np.float64],

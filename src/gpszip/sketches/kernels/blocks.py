@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gpszip.kernels.heap import pop, push
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, inner_uncounted, jit, jit_uncounted
 
 __all__ = [
     "COUNT",
@@ -95,7 +95,7 @@ _MAX_EXACT_TIME = float(1 << 32)
 _SINGULAR = 1e-24
 
 
-@jit
+@inner_uncounted
 def fill_block(
     times: NDArray[np.float64],
     positions: NDArray[np.float64],
@@ -147,7 +147,7 @@ def fill_block(
     row[JITTER] = jitter if is_even else np.inf
 
 
-@jit
+@jit_uncounted
 def append_block(row: NDArray[np.float64], later: NDArray[np.float64]) -> None:
     """Merge a later block into ``row``, in place, exact but for rounding.
 
@@ -190,7 +190,7 @@ def append_block(row: NDArray[np.float64], later: NDArray[np.float64]) -> None:
     row[LAST], row[WEIGHT], row[COUNT] = later[LAST], total, count
 
 
-@jit
+@inner_uncounted
 def _joint_jitter(a: NDArray[np.float64], b: NDArray[np.float64], count: float) -> float:
     """Return a bound on how far the times of two blocks are off even steps over both.
 
@@ -207,7 +207,7 @@ def _joint_jitter(a: NDArray[np.float64], b: NDArray[np.float64], count: float) 
     return float(jitter + _TIME_ROUNDING * (duration + abs(a[FIRST])))
 
 
-@jit
+@inner_uncounted
 def are_times_exact(first: float, step: float, duration: float) -> bool:
     """Whether floats add even steps from ``first`` on without rounding.
 
@@ -236,7 +236,7 @@ def block_rows(
     return rows
 
 
-@jit
+@inner_uncounted
 def _fill_long_block(
     times: NDArray[np.float64],
     positions: NDArray[np.float64],
@@ -275,14 +275,14 @@ def _fill_long_block(
         tower[0, JITTER] = jitter
 
 
-@jit
+@inner_uncounted
 def has_slope(row: NDArray[np.float64]) -> bool:
     """Whether the times of a block are spread, so that its best line has a slope."""
     duration = row[LAST] - row[FIRST]
     return bool(row[COUNT] > 1 and row[SPREAD] > _SINGULAR * row[WEIGHT] * duration**2)
 
 
-@jit
+@jit_uncounted
 def free_cost(row: NDArray[np.float64]) -> float:
     """Return the cost of a block against its own best line: SCATTER - |drift|^2 / SPREAD."""
     d = (len(row) - FIXED_COLUMNS) // 3
@@ -296,7 +296,7 @@ def free_cost(row: NDArray[np.float64]) -> float:
     return max(float(cost), 0.0)
 
 
-@jit
+@inner
 def _pair_cost(
     a: NDArray[np.float64], b: NDArray[np.float64], scratch: NDArray[np.float64]
 ) -> float:

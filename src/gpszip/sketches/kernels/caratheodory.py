@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.kernels.jit import jit
+from gpszip.kernels.jit import inner, inner_uncounted, jit
 
 __all__ = ["select_block_samples", "select_samples"]
 
@@ -16,7 +16,7 @@ _PIVOT = 1e-13
 _MIN_SCALE = 1e-300
 
 
-@jit
+@inner_uncounted
 def _features(t: float, p: NDArray[np.float64], out: NDArray[np.float64]) -> None:
     """Write the features 1, t, t^2, |p|^2, p and t p of a sample."""
     d = len(p)
@@ -27,7 +27,7 @@ def _features(t: float, p: NDArray[np.float64], out: NDArray[np.float64]) -> Non
         out[4 + d + c] = t * p[c]
 
 
-@jit
+@inner
 def _null_vector(matrix: NDArray[np.float64], out: NDArray[np.float64]) -> None:
     """Write a vector x != 0 with ``matrix @ x = 0``, by Gaussian elimination with full pivoting.
 
@@ -72,7 +72,7 @@ def _null_vector(matrix: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         out[order[r]] = -value / matrix[r, r]
 
 
-@jit
+@inner
 def select_samples(
     times: NDArray[np.float64],
     positions: NDArray[np.float64],
@@ -126,7 +126,7 @@ def select_samples(
     return kept[:count][order], kept_weights[:count][order]
 
 
-@jit
+@inner
 def _drop_one(
     kept: NDArray[np.int64],
     kept_weights: NDArray[np.float64],

@@ -125,6 +125,7 @@ def read_json(stream: Any, name: str) -> Iterator[Element | Document]:
 def _read_object(window: _Window) -> Iterator[Element | Document]:
     # Read member by member, so that the features are never all in memory.
     members: dict[str, Any] = {}
+    has_features = False
     window.take("{")
     window.begin()
     while window.has_item("}", first=not members):
@@ -137,8 +138,9 @@ def _read_object(window: _Window) -> Iterator[Element | Document]:
         # Read its value. As for all readers of JSON, the last member of a name counts; but
         # features are yielded before a second list of them can come.
         if name == "features" and window.peek() == "[":
-            if name in members:
+            if has_features:
                 raise window.damage("there is another list of features")
+            has_features = True
             yield from _read_elements(window)
             members[name] = []
             window.begin()
@@ -178,8 +180,8 @@ class _Window:
         """Return the error for what is wrong at the position."""
         character = self._passed + self._position + 1
         return InputError(
-            f"{self._name}: damaged JSON file: {what[:_MAX_REASON_LETTERS]} "
-            f"at character {character:,}"
+            f"damaged JSON file: {what[:_MAX_REASON_LETTERS]} at character {character:,}",
+            path=self._name,
         )
 
     def peek(self) -> str:
@@ -247,9 +249,11 @@ class _Window:
         if is_too_long or self._marks + marks > _MAX_VALUE_MARKS:
             positions = _MAX_VALUE_MARKS // _MARKS_PER_POSITION // 1_000_000
             raise InputError(
-                f"{self._name}: the value at character {self._passed + self._position + 1:,} is "
-                f"too large: more than {_MAX_VALUE_LETTERS >> 20} million letters, or {positions} "
-                "million positions; write it as several features, or as CSV"
+                f"the value at character {self._passed + self._position + 1:,} is too large: more "
+                f"than {_MAX_VALUE_LETTERS >> 20} million letters, or {positions} million "
+                "positions",
+                path=self._name,
+                remedy="write it as several features, or as CSV",
             )
         return marks
 
@@ -266,8 +270,9 @@ class _Window:
         except UnicodeDecodeError as error:
             character = self._passed + len(unread)
             raise InputError(
-                f"{self._name}: damaged JSON file: no {error.encoding.upper()} after character "
-                f"{character:,}; bring it to UTF-8: iconv -f latin1 -t utf-8"
+                f"damaged JSON file: no {error.encoding.upper()} after character {character:,}",
+                path=self._name,
+                remedy="bring it to UTF-8: iconv -f latin1 -t utf-8",
             ) from None
 
 

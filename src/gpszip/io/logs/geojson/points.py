@@ -92,7 +92,8 @@ class PointTable:
         if not self._rows:
             value = self._first_bad.value if self._first_bad is not None else ""
             raise InputError(
-                f"{self._name}: no Point is at a longitude and a latitude; the first is at {value}"
+                f"no Point is at a longitude and a latitude; the first is at {value}",
+                path=self._name,
             )
 
         # Find out which column holds what. Coordinates of GeoJSON have a sign, so there are no
@@ -165,8 +166,9 @@ class PointTable:
         self._empty_cells += len(names) * len(rows) - sum(map(len, rows))
         if self._empty_cells > _MAX_EMPTY_CELLS:
             raise InputError(
-                f"{self._name}: its points have {len(names):,} different properties, "
-                "most of them in few; write it as CSV"
+                f"its points have {len(names):,} different properties, most of them in few",
+                path=self._name,
+                remedy="write it as CSV",
             )
 
         # Add a chunk to each property, after nulls for earlier rows that don't have it.

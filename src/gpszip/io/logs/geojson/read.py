@@ -132,8 +132,8 @@ class _Contents:
         Number of features.
     others : Counter of str
         Kinds of geometries that are left out.
-    skipped : list of LeftOut
-        The first features that are left out.
+    skipped : list of InputError
+        Why the first features are left out.
     more_skipped : int
         Number of further ones.
     bad : int
@@ -153,7 +153,7 @@ class _Contents:
     has_times: bool = False
     features: int = 0
     others: Counter[str] = field(default_factory=Counter)
-    skipped: list[LeftOut] = field(default_factory=list)
+    skipped: list[InputError] = field(default_factory=list)
     more_skipped: int = 0
     bad: int = 0
     first_bad: BadPosition | None = None
@@ -162,11 +162,13 @@ class _Contents:
 
     def skip(self, feature: int, reason: str) -> None:
         """Leave out a feature, or raise."""
-        where = f"{self.name}: feature {feature}"
+        location = f"feature {feature}"
         if not self.skip_bad:
-            raise InputError(f"{where}: {reason}; --skip-bad leaves it out")
+            raise InputError(
+                reason, path=self.name, location=location, remedy="--skip-bad leaves it out"
+            )
         if len(self.skipped) < _MAX_NAMED_FEATURES:
-            self.skipped.append(LeftOut(where, reason))
+            self.skipped.append(InputError(reason, path=self.name, location=location))
         else:
             self.more_skipped += 1
 
@@ -189,8 +191,8 @@ def _collect_features(contents: _Contents, source: Source, names: PropertyNames)
     except InputError as error:
         if not (contents.skip_bad and contents.features):
             raise
-        where = f"{source.name}: all after feature {contents.features}"
-        contents.skipped.append(LeftOut(where, str(error).removeprefix(f"{source.name}: ")))
+        location = f"all after feature {contents.features}"
+        contents.skipped.append(InputError(error.detail, path=source.name, location=location))
 
 
 def _add_feature(contents: _Contents, element: Any, names: PropertyNames) -> None:
@@ -222,7 +224,7 @@ def _add_members(contents: _Contents, members: dict[str, Any]) -> None:
         problem = "it has no 'features'"
         if "features" in members:
             problem = f"its 'features' is {abbreviate(members['features'])}, not a list"
-        raise InputError(f"{contents.name}: no FeatureCollection as GeoJSON has it: {problem}")
+        raise InputError(f"no FeatureCollection as GeoJSON has it: {problem}", path=contents.name)
     metric = members.get("gpszip") == METRES_MEMBER["gpszip"]
     contents.metric.add(metric)
     if not metric:
@@ -231,20 +233,22 @@ def _add_members(contents: _Contents, members: dict[str, Any]) -> None:
 
 def _is_metric(contents: _Contents) -> bool:
     if contents.crs_problem:
-        raise InputError(f"{contents.name}: {contents.crs_problem}")
+        raise InputError(contents.crs_problem, path=contents.name)
     if len(contents.metric) > 1:
         raise InputError(
-            f"{contents.name}: holds features in metres and others in degrees; read them apart"
+            "holds features in metres and others in degrees",
+            path=contents.name,
+            remedy="read them apart",
         )
     return True in contents.metric
 
 
 def _no_tracks_error(contents: _Contents) -> InputError:
     if contents.skipped:
-        return InputError(f"{contents.skipped[0].name}: {contents.skipped[0].reason}")
+        return contents.skipped[0]
     kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(contents.others.items()))
     only = f", only {kinds}" if kinds else ""
-    return InputError(f"{contents.name}: no LineString and no Point in it{only}")
+    return InputError(f"no LineString and no Point in it{only}", path=contents.name)
 
 
 def _list_left_out(contents: _Contents, reason: str) -> tuple[LeftOut, ...]:
@@ -253,7 +257,9 @@ def _list_left_out(contents: _Contents, reason: str) -> tuple[LeftOut, ...]:
         for kind, count in sorted(contents.others.items())
         if count
     ]
-    left_out += contents.skipped
+    left_out += [
+        LeftOut(f"{error.path}: {error.location}", error.advice) for error in contents.skipped
+    ]
     if contents.more_skipped:
         where = f"{contents.name}: {contents.more_skipped} more features"
         left_out.append(LeftOut(where, "can't be used"))
@@ -278,8 +284,9 @@ def _log_from_lines(contents: _Contents, request: Request, *, metric: bool) -> R
     kept = {name: table[:, 2] for name in request.keep if name in HEIGHT_NAMES and has_heights}
     if missing := [name for name in request.keep if name not in kept]:
         raise InputError(
-            f"{contents.name}: its positions have no {missing[0]!r}; "
-            "only a third number, alt, can be kept"
+            f"its positions have no {missing[0]!r}",
+            path=contents.name,
+            remedy="only a third number, alt, can be kept",
         )
     dimension = 3 if has_heights else 2
     coordinates = (table[:, :dimension] if metric else table[:, 1::-1]).copy()
@@ -330,7 +337,7 @@ def _lines_with_times(
         if not contents.skip_bad:
             raise
         for feature in dict.fromkeys(line.feature for line in lines if has_text_times(line)):
-            contents.skip(feature, str(error).rsplit(": times: ", 1)[-1])
+            contents.skip(feature, error.advice)
         lines = [line for line in lines if not has_text_times(line)]
         times = read_times(lines, request, contents.name)
 

@@ -93,9 +93,13 @@ def read_times(lines: Sequence[Line], request: Request, name: str) -> LineTimes:
         column = concatenate_columns(chunks)
 
         # Read them, and split them again.
-        where = f"{name}: feature {lines[chosen[0]].feature}: times"
         column_seconds = times_to_seconds(
-            column, unit, where, origin=unit_origin(request.time_unit), dates=request.dates
+            column,
+            unit,
+            name,
+            f"feature {lines[chosen[0]].feature}: times",
+            origin=unit_origin(request.time_unit),
+            dates=request.dates,
         )
         ends = np.cumsum([len(chunk) for chunk in chunks])[:-1]
         line_seconds = np.split(column_seconds, ends)

@@ -99,16 +99,21 @@ def parse_points(source: Source, fields: Collection[str]) -> tuple[GpxPoints, Re
         _feed(parser, collector, utf8, chain([first], chunks))
     except expat.ExpatError as error:
         line = error.lineno + utf8.skipped_lines
+        damage, remedy = _explain_damage(error.code, collector)
         raise InputError(
-            f"{source.name}: line {line}: damaged GPX: {_explain_damage(error.code, collector)}"
+            f"damaged GPX: {damage}", path=source.name, location=f"line {line}", remedy=remedy
         ) from None
     except RefusedError as error:
         line = parser.CurrentLineNumber + utf8.skipped_lines
-        raise InputError(f"{source.name}: line {line}: {error}") from None
+        raise InputError(
+            error.reason, path=source.name, location=f"line {line}", remedy=error.remedy
+        ) from None
     except UnicodeDecodeError:
         encoding = utf8.encoding.upper()
         raise InputError(
-            f"{source.name}: damaged {encoding} text; fetch the file again, or save it as UTF-8"
+            f"damaged {encoding} text",
+            path=source.name,
+            remedy="fetch the file again, or save it as UTF-8",
         ) from None
     return collector.finish(), utf8.replaced
 
@@ -130,7 +135,9 @@ def _feed(
 
         # The parser keeps an unfinished tag, and all names.
         if fed - parser.CurrentByteIndex > _MAX_TAG_BYTES:
-            raise RefusedError(f"a tag or comment of more than {_MAX_TAG_BYTES} bytes; shorten it")
+            raise RefusedError(
+                f"a tag or comment of more than {_MAX_TAG_BYTES} bytes", remedy="shorten it"
+            )
         if len(parser.intern) > _MAX_NAMES:
             raise RefusedError(
                 f"more than {_MAX_NAMES} different names of elements and attributes, "
@@ -140,24 +147,26 @@ def _feed(
     collector.flush()
 
 
-def _explain_damage(code: int, collector: PointCollector) -> str:
+def _explain_damage(code: int, collector: PointCollector) -> tuple[str, str]:
     """Say what is wrong with the file, and what to do."""
     # XML that is damaged within the file: name the fault and how many points come before it.
     points = f"{collector.count} point{'' if collector.count == 1 else 's'}"
     if code not in _CUT_OFF:
         remedy = _REMEDIES.get(code, "correct it there")
         return (
-            f"{expat.ErrorString(code)}, after {points}; {remedy}; --skip-bad leaves the file out"
+            f"{expat.ErrorString(code)}, after {points}",
+            f"{remedy}; --skip-bad leaves the file out",
         )
 
     # The file is cut off: say which tags would close it.
     elements = collector.open_elements
     if not elements:
-        return "the file ends within its first element; fetch it again"
+        return "the file ends within its first element", "fetch it again"
     ends = "".join(f"</{name}>" for name in reversed(elements))
     return (
-        f"the file ends within <{elements[-1]}>, after {points}; fetch it again, "
-        f"or end it with {ends} after the last complete point; --skip-bad leaves the file out"
+        f"the file ends within <{elements[-1]}>, after {points}",
+        f"fetch it again, or end it with {ends} after the last complete point; "
+        "--skip-bad leaves the file out",
     )
 
 
@@ -168,6 +177,7 @@ def _chunks(source: Source) -> Iterator[bytes]:
                 yield chunk
         except OSError as error:
             raise InputError(
-                f"{source.name}: damaged gzip file ({error}); "
-                "unpack what is left of it with zcat, or fetch it again"
+                f"damaged gzip file ({error})",
+                path=source.name,
+                remedy="unpack what is left of it with zcat, or fetch it again",
             ) from None

@@ -17,6 +17,8 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
+from gpszip.errors import InputError
+
 __all__ = ["GpxPoints", "PointCollector", "RefusedError"]
 
 #: Depth of elements within each other, at most. Real files have about ten levels.
@@ -35,8 +37,8 @@ _POINTS = frozenset({"trkpt", "rtept"})
 _CONTAINERS = frozenset({"extensions", "link"})
 
 
-class RefusedError(Exception):
-    """The file has something that no GPX file needs; the message says what."""
+class RefusedError(InputError):
+    """The file has something that no GPX file needs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +146,7 @@ class PointCollector:
         for column in (self._lat, self._lon, *self._fields.values()):
             column.flush()
         if sum(map(len, self._text)) > _MAX_LETTERS:
-            raise RefusedError(f"a text of more than {_MAX_LETTERS} letters; shorten it")
+            raise RefusedError(f"a text of more than {_MAX_LETTERS} letters", remedy="shorten it")
 
     def finish(self) -> GpxPoints:
         """Return all points."""
@@ -320,7 +322,9 @@ class _TextColumn:
         chunk = pa.array(self.texts, pa.string())
         self.texts.clear()
         if (pc.max(pc.utf8_length(chunk)).as_py() or 0) > _MAX_LETTERS:
-            raise RefusedError(f"a text of more than {_MAX_LETTERS} letters in a point; shorten it")
+            raise RefusedError(
+                f"a text of more than {_MAX_LETTERS} letters in a point", remedy="shorten it"
+            )
         self._chunks.append(chunk)
 
     def to_column(self, count: int) -> Any:
@@ -350,8 +354,10 @@ def _refuse_depth() -> NoReturn:
 
 
 def _refuse_nested(name: str) -> NoReturn:
-    raise RefusedError(f"a <{name}> within a point; close each point before the next")
+    raise RefusedError(f"a <{name}> within a point", remedy="close each point before the next")
 
 
 def _refuse_document_type(*_declaration: Any) -> NoReturn:
-    raise RefusedError("has a document type (<!DOCTYPE), which no GPX file needs; remove it")
+    raise RefusedError(
+        "has a document type (<!DOCTYPE), which no GPX file needs", remedy="remove it"
+    )

@@ -115,7 +115,7 @@ def read_gpx(source: Source, request: Request) -> RawLog:
     if not len(points.lat):
         only = f", only {_describe_waypoints(points)}" if points.waypoints else ""
         raise InputError(
-            f"{source.name}: no track points{only}; GPSZip reads tracks (trk) and routes (rte)"
+            f"no track points{only}; GPSZip reads tracks (trk) and routes (rte)", path=source.name
         )
 
     # Tell tracks from shapes, and name both.
@@ -253,7 +253,7 @@ def _times(texts: Any, request: Request, where: str) -> Floats:
         return np.full(len(texts), np.nan)
     unit = unit_seconds(request.time_unit) if request.time_unit else None
     return times_to_seconds(
-        texts, unit, f"{where}: time", origin=unit_origin(request.time_unit), dates=request.dates
+        texts, unit, where, "time", origin=unit_origin(request.time_unit), dates=request.dates
     )
 
 
@@ -269,11 +269,13 @@ def _require_usable_points(
     if not has_position.any():
         first = unreadable[0]
         raise InputError(
-            f"{where}: no point has a position that can be read; the first has "
-            f"{first.column}={_quote(first.value)}; write degrees such as lat='48.1371'"
+            "no point has a position that can be read; the first has "
+            f"{first.column}={_quote(first.value)}",
+            path=where,
+            remedy="write degrees such as lat='48.1371'",
         )
     if not (has_position & (in_shape | np.isfinite(times))).any():
-        raise InputError(f"{where}: no point has both a position and a time that can be read")
+        raise InputError("no point has both a position and a time that can be read", path=where)
 
 
 # Attributes
@@ -293,8 +295,7 @@ def _attributes(
     """
     kept = _kept_fields(points, request, where)
     attributes = {
-        name: _values(points.fields[field], comma, f"{where}: {field}")
-        for name, field in kept.items()
+        name: _values(points.fields[field], comma, where, field) for name, field in kept.items()
     }
     used = list(kept.values())
 
@@ -323,7 +324,7 @@ def _kept_fields(points: GpxPoints, request: Request, where: str) -> dict[str, s
         if field is None:
             names = ", ".join(list(present.values())[:_MAX_SHOWN_NAMES])
             shown = names or "position and time only"
-            raise InputError(f"{where}: no {name!r} to keep; its points have: {shown}")
+            raise InputError(f"no {name!r} to keep", path=where, remedy=f"its points have: {shown}")
         kept[name] = field
     return kept
 
@@ -333,7 +334,7 @@ def _dropped(points: GpxPoints, used: Iterable[str]) -> tuple[str, ...]:
     return tuple(shown for field, shown in points.present.items() if field not in known)
 
 
-def _values(texts: Any, comma: bool, where: str) -> NDArray[np.generic]:
+def _values(texts: Any, comma: bool, where: str, field: str) -> NDArray[np.generic]:
     """Return floats if all texts are numbers, NaN for those that are missing; else texts."""
     is_unknown = pc.fill_null(pc.match_substring_regex(texts, _NAN), True)
     floats = to_floats(texts, comma)
@@ -345,8 +346,10 @@ def _values(texts: Any, comma: bool, where: str) -> NDArray[np.generic]:
     letters = int(pc.max(pc.utf8_length(texts)).as_py())
     if letters * np.dtype("U1").itemsize * len(texts) > _MAX_TEXT_BYTES:
         raise InputError(
-            f"{where}: texts of {letters} letters are too long to keep for {len(texts)} points; "
-            "leave them out"
+            f"texts of {letters} letters are too long to keep for {len(texts)} points",
+            path=where,
+            location=field,
+            remedy="leave them out",
         )
     return np.array(pc.fill_null(texts, "").to_pylist(), dtype=np.str_)
 

@@ -60,8 +60,8 @@ def write_gpx(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
         for line in lines:
             if not line.geographic:
                 raise OutputError(
-                    "GPX holds latitudes and longitudes, but this log is in x and y; "
-                    "write CSV, Parquet or GeoJSON"
+                    "GPX holds latitudes and longitudes, but this log is in x and y",
+                    remedy="write CSV, Parquet or GeoJSON",
                 )
             sink.write(b"<trkseg>\n")
             sink.write("\n".join(_trackpoints(line).to_pylist()).encode())
@@ -140,7 +140,9 @@ def _times(line: TrackRows) -> list[Any]:
         return []
     if line.times[0] < _YEAR_1 or line.times[-1] >= _YEAR_10000:
         raise OutputError(
-            f"track {line.track!r}: times outside the years 1 to 9999 can't be dates; write CSV"
+            "times outside the years 1 to 9999 can't be dates",
+            location=f"track {line.track!r}",
+            remedy="write CSV",
         )
     if np.array_equal(round_decimals(line.times, 3), line.times):
         unit, per_second = "ms", 1e3

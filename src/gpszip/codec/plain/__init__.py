@@ -1,0 +1,1 @@
+"""A decoder of walks payloads in plain Python, for small ones: it needs no compiler."""

@@ -1,0 +1,184 @@
+"""Read and clean all files of a log, wherever its rows are kept.
+
+:func:`collect_log` is the one way from files to rows: for logs in memory
+(:mod:`gpszip.io.logs.read`), where each file is one batch, and for logs on disk
+(:mod:`gpszip.io.large.store`).
+
+1. Read each file batch by batch; drop the rows that can't be used, and find the track of each other
+   row (:class:`gpszip.io.logs.file_collector.FileCollector`).
+2. Name and join the tracks of all files (:func:`gpszip.io.logs.join.join_tracks`).
+3. Sort the rows of each track, and drop those at a time that an earlier row has
+   (:func:`gpszip.io.logs.repeats.drop_repeated_rows`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+
+from gpszip.errors import InputError
+from gpszip.io.logs.file_collector import CleaningOptions, FileCollector
+from gpszip.io.logs.join import JoinedTrack, join_tracks, name_of_unnamed
+from gpszip.io.logs.log_file import LogFile, mismatch_error
+from gpszip.io.logs.repeats import RepeatedRows, drop_repeated_rows
+from gpszip.io.logs.rows import Floats, LogRows, RowStore
+from gpszip.model import Track
+from gpszip.model.read_result import LeftOut, Loss, ReadResult, Repair
+
+__all__ = ["CollectedLog", "collect_log"]
+
+
+@dataclass(eq=False)
+class CollectedLog:
+    """The tracks of all files, whose rows are in a store.
+
+    Parameters
+    ----------
+    files : list of FileCollector
+        Files that were read.
+    errors : list of InputError
+        Why other files were left out.
+    is_alone : bool
+        Whether only one log was named.
+    tracks : list of JoinedTrack
+        In the order in which the files first name them.
+    """
+
+    files: list[FileCollector]
+    errors: list[InputError]
+    is_alone: bool
+    tracks: list[JoinedTrack]
+    _store: RowStore
+    _ends_before: Floats
+    _repeated: RepeatedRows
+    _repairs: list[Repair] = field(default_factory=list)
+
+    @property
+    def geographic(self) -> bool:
+        """Whether coordinates are latitude and longitude in degrees."""
+        return self.files[0].coordinate_kind.geographic
+
+    @property
+    def dimension(self) -> int:
+        """Number of coordinates."""
+        return self.files[0].coordinate_kind.dimension
+
+    @property
+    def code_count(self) -> int:
+        """Number above the codes of all tracks."""
+        return len(self._ends_before)
+
+    def sorted_rows(self) -> Iterator[LogRows]:
+        """Yield the rows of all tracks in blocks, once; see :class:`RowStore`.
+
+        Each track's times strictly increase. The result of reading is complete after the last one.
+        """
+        codes = [code for track in self.tracks for code in track.codes]
+        blocks = self._store.sorted_rows(codes)
+        yield from drop_repeated_rows(blocks, self._ends_before, self._repeated)
+        for track in self.tracks:
+            if count := int(self._repeated.in_two_files[list(track.codes)].sum()):
+                what = "points at a time that another file has, too, dropped"
+                self._repairs.append(Repair(what, count, track.where))
+
+    def read_result(self, tracks: Sequence[Track], repairs: Iterable[Repair]) -> ReadResult:
+        """Return the result of reading.
+
+        Parameters
+        ----------
+        tracks : sequence of Track
+            The tracks, if they are in memory.
+        repairs : iterable of Repair
+            What was repaired after the rows had been sorted.
+        """
+        # Collect by file.
+        of_files: list[Repair] = []
+        losses: list[Loss] = []
+        left_out: list[LeftOut] = []
+        dropped_columns: dict[str, None] = {}
+        for file in self.files:
+            of_files += [*file.repairs, *file.repeat_repairs(self._repeated)]
+            losses += file.losses(self._repeated, name_of_unnamed(file, is_alone=self.is_alone))
+            left_out += file.left_out
+            dropped_columns |= file.dropped_columns
+
+        # Add what concerns several files, and files that were left out.
+        left_out += [LeftOut(str(error.path), error.detail) for error in self.errors]
+        return ReadResult(
+            tracks=tuple(tracks),
+            points=sum(file.points for file in self.files),
+            bytes=sum(file.bytes for file in self.files),
+            geographic=self.geographic,
+            repairs=(*of_files, *self._repairs, *repairs),
+            left_out=tuple(left_out),
+            dropped_columns=tuple(dropped_columns),
+            losses=tuple(losses),
+        )
+
+
+def collect_log(
+    log_files: Iterable[LogFile], store: RowStore, options: CleaningOptions
+) -> CollectedLog:
+    """Read and clean all files of a log.
+
+    Parameters
+    ----------
+    log_files : iterable of LogFile
+        The files.
+    store : RowStore
+        Keeps their rows.
+    options : CleaningOptions
+        What is done with rows that can't be used as they are.
+
+    Raises
+    ------
+    InputError
+        If a file can't be read or used and may not be left out, logs in degrees and in metres come
+        together, or there is no log.
+    """
+    # Read file by file.
+    files: list[FileCollector] = []
+    errors: list[InputError] = []
+    logs: set[str] = set()
+    next_code = 0
+    for log_file in log_files:
+        logs.add(log_file.log)
+        file = FileCollector(log_file, next_code, store, options)
+        try:
+            for raw in log_file.batches():
+                file.add(raw)
+            file.finish()
+            _check_coordinates(file, files)
+            store.end_file()
+            files.append(file)
+        except InputError as error:
+            if not log_file.may_be_left_out(error):
+                raise
+            store.drop_file()
+            errors.append(error.located_at(log_file.name))
+        next_code = file.tracks.next_code
+    if not files:
+        raise _nothing_read_error(errors)
+
+    # Join the tracks of all files.
+    repairs: list[Repair] = []
+    is_alone = len(logs) == 1
+    tracks, ends_before = join_tracks(files, is_alone=is_alone, repairs=repairs)
+    repeated = RepeatedRows.empty(len(ends_before))
+    return CollectedLog(files, errors, is_alone, tracks, store, ends_before, repeated, repairs)
+
+
+def _check_coordinates(file: FileCollector, before: Sequence[FileCollector]) -> None:
+    """Refuse a file whose coordinates are not those of the first one: all share one plane."""
+    kind = file.coordinate_kind
+    if before and kind != before[0].coordinate_kind:
+        raise mismatch_error(file.name, kind, before[0].name, before[0].coordinate_kind)
+
+
+def _nothing_read_error(errors: Sequence[InputError]) -> InputError:
+    """Return the error if no log can be read."""
+    if not errors:
+        return InputError("no log given", remedy="name a file, a pattern or - for standard input")
+    if len(errors) == 1:
+        return errors[0]
+    return InputError(f"none of {len(errors)} logs can be read; the first: {errors[0]}")
