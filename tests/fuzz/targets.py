@@ -332,7 +332,6 @@ def _pbfs() -> Sequence[bytes]:
         return [pbf.read_bytes()]
 
 
-@cache
 def _plain_walks(data: bytes) -> object:
     from gpszip.codec.plain.decode import decode_plain
     from gpszip.codec.plain.work import TooMuchWorkError, WorkLimit
@@ -343,6 +342,7 @@ def _plain_walks(data: bytes) -> object:
         return decode_plain(data, 2, 2, grid, WorkLimit(300_000))
 
 
+@cache
 def _payloads() -> Sequence[bytes]:
     from gpszip.archive import open_archive
 
@@ -351,6 +351,7 @@ def _payloads() -> Sequence[bytes]:
     return [group.payload for group in groups if group.tracks == 2]
 
 
+@cache
 def _archives() -> Sequence[bytes]:
     from cli.conftest import two_walks
     from gpszip import Track, compress

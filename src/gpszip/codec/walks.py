@@ -57,6 +57,7 @@ def encode(walks: GridWalks, prior: Prior | None = None) -> bytes:
     Examples
     --------
     >>> import numpy as np
+    >>> from gpszip.model import GridWalk
     >>> walk = GridWalk(np.array([0, 1, 0], np.int32), np.array([0, 9, 18]), np.zeros(2, bool))
     >>> data = encode(GridWalks(np.array([[0, 0], [30, 4]]), (walk,)))
     >>> decode(data, dimension=2, tracks=1).walks[0].time_steps.tolist()

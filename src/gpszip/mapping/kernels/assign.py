@@ -230,7 +230,7 @@ def _sum_end_terms(
             end_terms[c] += u2 * y * y - 2.0 * y * n[axis]
 
 
-@jit
+@inner
 def _bound_arrivals(
     candidates: NDArray[np.int64],
     counts: NDArray[np.int64],
