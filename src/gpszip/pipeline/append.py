@@ -44,6 +44,9 @@ __all__ = ["append"]
 #: as it is, with whatever error it has.
 _SHARES = (1.0, 0.97, 0.9, 0.75)
 
+#: How often the time step of an archive is halved at most, so that the bound can be held.
+_MAX_HALVINGS = 4
+
 #: Samples among which the first one after the end of a walk is looked for.
 _SAMPLES_NEAR_START = 10_000
 
@@ -116,32 +119,52 @@ def append(
         progress=progress,
     )
 
-    # an archive on whose map walks can continue
+    # Try the archive's own time step first. Where a track ends between two of its steps, the line
+    # up to the next one may be far from the new samples: then smaller steps help.
     sample = with_synthetic_times(job.sample, job.gaps)
     time_step = suggest_time_step(sample, job.gaps, archive.grid.space)
-    archive = ready_to_continue(archive, _starts(archive, log), time_step)
-    continued = _continued_job(archive, job)
+    starts = _starts(archive, log)
+    tried = None
+    for halvings in range(_MAX_HALVINGS + 1):
+        ready = ready_to_continue(archive, starts, time_step, halvings)
+        if tried is not None and ready.grid == tried.grid:
+            break
+        tried = ready
+        found = _append_within(ready, job)
+        if found is not None:
+            on_map, extended, errors = found
+            extended = with_sections(extended, extras)
+            seconds = time.perf_counter() - start
+            return extended, _report(job, ready, on_map, extended, errors, seconds)
+    raise BoundError(
+        "the archive's grid is too coarse for this bound",
+        remedy="allow a larger error, or compress all logs together",
+    )
 
-    # new walks on the map, tighter and tighter until the whole holds the bound
+
+def _append_within(archive: Archive, job: Job) -> tuple[Archive, Archive, ErrorSummary] | None:
+    """Return new walks on the map, the longer archive and its errors; None if none is good enough.
+
+    Targets become tighter and tighter until the whole holds the bound.
+    """
+    continued = _continued_job(archive, job)
     for share in _SHARES:
         target = replace(continued, options=job.options.tightened(share))
         try:
             on_map, _ = within_bound(target)
         except BoundError:
-            break
+            return None
         if on_map.map is None:
-            break
+            return None
         on_map = with_error_bound(on_map, requested_bound(job.options))
-        extended = _extend(archive, on_map, job)
-        errors = _measure(job, extended)
-        if holds(errors, job.aim):
-            extended = with_sections(extended, extras)
-            seconds = time.perf_counter() - start
-            return extended, _report(job, archive, on_map, extended, errors, seconds)
-    raise BoundError(
-        "the archive's grid is too coarse for this bound",
-        remedy="allow a larger error, or compress all logs together",
-    )
+
+        # A new walk begins where the old one ends, or moves there first from its own first knot.
+        for keep_starts in (False, True):
+            extended = _extend(archive, on_map, job, keep_starts=keep_starts)
+            errors = _measure(job, extended)
+            if holds(errors, job.aim):
+                return on_map, extended, errors
+    return None
 
 
 def _completed(options: Options, archive: Archive) -> Options:
@@ -313,8 +336,8 @@ def _overlap_error(name: str) -> OptionError:
     )
 
 
-def _extend(archive: Archive, on_map: Archive, job: Job) -> Archive:
-    """Join an archive with walks on its map."""
+def _extend(archive: Archive, on_map: Archive, job: Job, *, keep_starts: bool) -> Archive:
+    """Join an archive with walks on its map; see :func:`_continue_walk` for ``keep_starts``."""
     # all walks on the finer of the two grids
     reference = on_map.contents.map
     refinements = 0 if reference is None else reference.refinements
@@ -326,7 +349,10 @@ def _extend(archive: Archive, on_map: Archive, job: Job) -> Archive:
     walks = dict(zip(archive.ids, old, strict=True))
     for name, walk in zip(on_map.ids, new, strict=True):
         known = walks.get(name)
-        walks[name] = walk if known is None else _continue_walk(name, known, walk, max_steps)
+        if known is not None:
+            walks[name] = _continue_walk(name, known, walk, max_steps, keep_start=keep_starts)
+        else:
+            walks[name] = walk
 
     # Number the nodes by their first visit anew; tracks without times stay shapes.
     shapes = {*archive.untimed, *on_map.untimed}
@@ -347,15 +373,27 @@ def _extend(archive: Archive, on_map: Archive, job: Job) -> Archive:
     return with_sampling(with_error_bound(extended, bound), sampling)
 
 
-def _continue_walk(name: str, before: GridWalk, after: GridWalk, max_steps: float) -> GridWalk:
+def _continue_walk(
+    name: str, before: GridWalk, after: GridWalk, max_steps: float, *, keep_start: bool
+) -> GridWalk:
     """Continue a walk by another one that begins at its last time step or later.
 
-    Between them lies a gap where they are more than ``max_steps`` time steps apart.
+    Between them lies a gap where they are more than ``max_steps`` time steps apart. Where they meet
+    in time, but not in position, the walk goes on from its own last knot. With ``keep_start``, it
+    goes within one time step to the first knot of the other one, and from there.
     """
+    # Move the first knot of the other walk by a time step, if there is space for it.
     last = int(before.time_steps[-1])
     if after.time_steps[0] < last:
         raise _overlap_error(name)
-    shared = int(after.time_steps[0] == last)
+    meets = after.time_steps[0] == last
+    is_elsewhere = after.nodes[0] != before.nodes[-1]
+    if keep_start and meets and is_elsewhere and (after.time_steps[1:2] > last + 1).all():
+        after = replace(after, time_steps=np.append(last + 1, after.time_steps[1:]))
+        meets = False
+
+    # Join.
+    shared = int(meets)
     between = [] if shared else [bool(after.time_steps[0] - last > max_steps)]
     return GridWalk(
         np.concatenate([before.nodes, after.nodes[shared:]]),

@@ -32,7 +32,9 @@ _TOO_COARSE = 8.0
 _ROUNDING = 1e-6
 
 
-def ready_to_continue(archive: Archive, starts: Mapping[str, float], time_step: float) -> Archive:
+def ready_to_continue(
+    archive: Archive, starts: Mapping[str, float], time_step: float, halvings: int = 0
+) -> Archive:
     """Cut walks that end after the start of what continues them.
 
     A walk is cut at the first time step after its last sample. Up to there it stays the same
@@ -46,6 +48,8 @@ def ready_to_continue(archive: Archive, starts: Mapping[str, float], time_step: 
         Time of the first new sample of each track, in seconds.
     time_step : float
         Seconds that suit the new tracks.
+    halvings : int
+        How often the time step is halved beyond what suits them, as far as the archive allows.
 
     Returns
     -------
@@ -53,7 +57,7 @@ def ready_to_continue(archive: Archive, starts: Mapping[str, float], time_step: 
         The same archive where nothing has to change.
     """
     # Find the refinements that suit the new tracks, and walks that end after they begin.
-    refinements = _refinements(archive.grid, time_step)
+    refinements = _refinements(archive.grid, time_step, halvings)
     late = [
         name
         for name, start in starts.items()
@@ -120,16 +124,15 @@ def _last_knot_time(archive: Archive, name: str) -> float:
     return float(knot_times(time_steps[-1:], archive.grid)[0])
 
 
-def _refinements(grid: QuantisationGrid, time_step: float) -> int:
+def _refinements(grid: QuantisationGrid, time_step: float, halvings: int) -> int:
     """How often the time step is to be halved.
 
     An archive on this map may halve it a few times more, so some step sizes are left for that.
     """
     step = step_size(grid.time)
-    if step <= _TOO_COARSE * time_step:
-        return 0
-    limit = grid.time // _STEP_SIZES_PER_OCTAVE - MAX_REFINEMENTS
-    return max(min(math.ceil(math.log2(step / time_step)), limit), 0)
+    suits = step <= _TOO_COARSE * time_step
+    wanted = halvings if suits else math.ceil(math.log2(step / time_step)) + halvings
+    return max(min(wanted, grid.time // _STEP_SIZES_PER_OCTAVE - MAX_REFINEMENTS), 0)
 
 
 def _end_step(archive: Archive, name: str, grid: QuantisationGrid) -> int:
