@@ -2,8 +2,8 @@
 
     >>> import gpszip
     >>> track = gpszip.Track("walk", [0, 1, 2, 3], [[0, 0], [1, 0], [2, 0], [3, 0]])
-    >>> archive = gpszip.compress([track], rmse=0.5)
-    >>> archive.position("walk", [1.5]).round().tolist()
+    >>> archive = gpszip.compress([track], rmse=0.1)
+    >>> archive.position("walk", [2]).round().tolist()
     [[2.0, 0.0]]
 
 The way through the code starts at ``gpszip.api``.
