@@ -33,7 +33,7 @@ from gpszip.mapping.plan import Plan
 from gpszip.mapping.time_grid import TimeGrid
 from gpszip.run.executor import Executor
 
-__all__ = ["assign_knots", "cut_into_batches", "drop_unused_nodes"]
+__all__ = ["assign_knots", "cut_into_batches", "drop_unused_nodes", "enlarge_map"]
 
 #: Near nodes that are candidates at each slot: with three, a map of many streets took 5 % more.
 _NEAR_NODES = 5
@@ -227,7 +227,7 @@ class _AssignmentJob:
                 )
                 # The kernel stops where the map is full.
                 if start < time_slice[LAST_SLOT]:
-                    working_map = _enlarge_map(
+                    working_map = enlarge_map(
                         working_map, 2 * self.plan.max_slots * self.plan.window + len(slot_nodes)
                     )
                     marks = np.zeros(len(working_map.positions), np.int64)
@@ -247,7 +247,7 @@ def _copy_map(working_map: WorkingMap) -> WorkingMap:
     )
 
 
-def _enlarge_map(working_map: WorkingMap, spare: int) -> WorkingMap:
+def enlarge_map(working_map: WorkingMap, spare: int) -> WorkingMap:
     """Return the same map with capacity for ``spare`` more nodes and steps."""
     larger = allocate_working_map(
         working_map.positions.shape[1],
