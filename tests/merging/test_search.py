@@ -45,7 +45,7 @@ def logs():
 
 @pytest.fixture(scope="module")
 def fleets(logs):
-    return [compress(logs[i : i + 2], Options(rmse=5.0, effort=1))[0] for i in (0, 2, 4)]
+    return [compress(logs[i : i + 2], Options(rmse=5.0, effort=3))[0] for i in (0, 2, 4)]
 
 
 @pytest.fixture(scope="module")
