@@ -2,6 +2,11 @@ import pytest
 
 from gpszip.merging import search
 
+#: The work of a search without :func:`little_work`.
+FULL_WORK = {
+    name: getattr(search, name) for name in ("_WORK", "_MIN_WORK", "_ROUNDS", "_FEW_ROUNDS")
+}
+
 
 @pytest.fixture(scope="module", autouse=True)
 def little_work():
@@ -12,3 +17,10 @@ def little_work():
         patch.setattr(search, "_ROUNDS", 6)
         patch.setattr(search, "_FEW_ROUNDS", 4)
         yield
+
+
+@pytest.fixture
+def full_work(monkeypatch):
+    """Searches of as many rounds as users get, for properties that short ones lack."""
+    for name, value in FULL_WORK.items():
+        monkeypatch.setattr(search, name, value)

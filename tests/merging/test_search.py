@@ -161,11 +161,10 @@ def frequent_fleets():
     return [compress(tracks[i::3], Options(rmse=8.0, effort=1))[0] for i in range(3)]
 
 
-def test_the_order_of_merging_hardly_changes_the_size(fleets, two_and_one_merged, all_merged):
+def test_the_order_of_merging_hardly_changes_the_size(fleets, full_work):
     one, two, three = fleets
-    right, _ = merge([two, three])
-    right_first, _ = merge([one, right])
-    sizes = [len(made.to_bytes()) for made in (two_and_one_merged[0], right_first, all_merged[0])]
+    left, right = (merge(pair)[0] for pair in ((one, two), (two, three)))
+    sizes = [len(merge(group)[0].to_bytes()) for group in ((left, three), (one, right), fleets)]
     assert max(sizes) <= 1.05 * min(sizes)
 
 
