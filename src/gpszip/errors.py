@@ -102,7 +102,7 @@ class GPSZipError(Exception):
         >>> str(InputError("no samples", location="track 'bus'").with_path("log.csv"))
         "log.csv: track 'bus': no samples"
         """
-        # not copy.copy: libraries that pickle exceptions let the copy share its fields
+        # Not copy.copy: libraries that pickle exceptions let the copy share its fields.
         located = type(self).__new__(type(self))
         located.__dict__.update(self.__dict__)
         located.path = os.fspath(path)

@@ -126,7 +126,7 @@ def find_piece_ends(
     max_rounding = max(_MAX_ROUNDING_SHARE * step, min(_MAX_ROUNDING, step))
     tick, first, last = _round_to_ticks(since_epoch, max_rounding)
 
-    # the same of the first and last knot
+    # The same of the first and last knot.
     try:
         low, high = _knot_ticks(walks, grid, tick)
     except CorruptArchiveError:
@@ -169,7 +169,7 @@ def stored_time_ranges(
     ticks = np.stack([walks.ends.first, walks.ends.last], axis=1)
     times = grid.epoch / 1000 + ticks * numerator / denominator
 
-    # no earlier than the first knot, and no later than the last
+    # No earlier than the first knot, and no later than the last.
     knot_ranges = [_knot_ranges(walk, grid) for walk in walks.walks]
     bounds = np.cumsum([len(pieces) for pieces in knot_ranges])[:-1]
     return [
@@ -297,7 +297,7 @@ def _knot_ticks(
     first = np.concatenate([walk.time_steps[_is_first_knot(walk)] for walk in walks.walks] or none)
     last = np.concatenate([walk.time_steps[_is_last_knot(walk)] for walk in walks.walks] or none)
 
-    # the format fixes the order of these operations
+    # The format fixes the order of these operations.
     numerator, denominator = TICKS[tick]
     step = step_size(grid.time)
     low, high = (
@@ -336,7 +336,7 @@ def _join_within_pieces(
     time_ranges: NDArray[np.float64], knot_ranges: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Times of the first and last sample of each piece; those of its knots if it has no sample."""
-    # the piece of each time range is the last one that begins before it
+    # The piece of each time range is the last one that begins before it.
     starts = knot_ranges[:, 0]
     piece = np.searchsorted(starts, time_ranges[:, 0] + _SEARCH_TOLERANCE, side="right") - 1
     piece = np.clip(piece, 0, None)

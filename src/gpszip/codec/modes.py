@@ -66,16 +66,16 @@ def encode_smallest(
     >>> decode(data, dimension=2, tracks=1).walks[0].time_steps.tolist()
     [0, 9, 18]
     """
-    # without modes, which also measures the bits of each step
+    # Without modes, which also measures the bits of each step.
     step_bits = _zero_bits(walks)
     plain, model = encode_in_modes(walks, prior, 0, step_bits, grid)
 
-    # each mode by itself
+    # Each mode by itself.
     modes = _plausible_modes(walks, model)
     encode_mode = partial(_encode_mode, walks, prior, step_bits, plain, grid)
     encoded = dict(zip(modes, local_executor(executor).map(encode_mode, modes), strict=True))
 
-    # all modes that pay, together
+    # All modes that pay, together.
     paying = [mode for mode, data in encoded.items() if len(data) < len(plain)]
     candidates = [plain, *encoded.values()]
     if len(paying) > 1:

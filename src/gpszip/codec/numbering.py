@@ -36,7 +36,7 @@ def number_by_visit(walks: GridWalks, known: int = 0) -> GridWalks:
     visited, first = np.unique(visits[visits >= known], return_index=True)
     order = np.append(np.arange(known), visited[np.argsort(first)])
 
-    # renumber the walks
+    # Renumber the walks.
     numbers = np.full(len(walks.nodes), -1, np.int32)
     numbers[order] = np.arange(len(order), dtype=np.int32)
     renumbered = tuple(

@@ -110,7 +110,7 @@ def read_head(data: bytes, tracks: int) -> tuple[PayloadHead, bytes]:
     payload, knots = data[size:], number >> _FLAG_BITS
     head = PayloadHead(modes, knots, bool(number & _TIMED), bool(number & _GAPPED))
 
-    # the number of knots must be plausible
+    # The number of knots must be plausible.
     if (
         knots > FREE_KNOTS + KNOTS_PER_BYTE * len(payload)
         or knots < tracks
@@ -132,7 +132,7 @@ def has_times(payload: bytes) -> bool:
     >>> has_times(bytes.fromhex("05efbdc0")), has_times(bytes([4]))
     (True, False)
     """
-    # skip the modes
+    # Skip the modes.
     skipped = 0
     if payload and payload[0] < _FIRST_VARINT:
         skipped = 1 if payload[0] else 2
@@ -156,7 +156,7 @@ def _read_modes(data: bytes) -> tuple[int, bytes]:
     if not data or data[0] >= _FIRST_VARINT:
         return 0, data
 
-    # one byte, or a zero and one more; no writer makes the longer form of the shorter
+    # One byte, or a zero and one more; no writer makes the longer form of the shorter.
     if data[0]:
         modes, rest = data[0], data[1:]
     else:

@@ -79,5 +79,5 @@ class Prior:
         tracks, gapped = len(self.walks.walks), bool(knots.gaps.any())
         code_walks(new_listener(), model, *knots, tracks, self.walks.timed, gapped)
 
-        # drop the capacity that is left, so that copies take time by nodes and not by knots
+        # Drop the capacity that is left, so that copies take time by nodes and not by knots.
         return extended(model, 0)

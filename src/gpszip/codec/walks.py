@@ -120,14 +120,14 @@ def encode_in_modes(
             "positions or times lie too far apart for so fine a grid; allow a larger error"
         )
 
-    # encode, in a longer buffer where the bytes did not fit
+    # Encode, in a longer buffer where the bytes did not fit.
     capacity = 64 + 16 * len(knots.nodes) + 16 * walks.nodes.size
     payload, model = _encode_knots(walks, knots, prior, modes, step_bits, grid, capacity)
     while payload is None:
         capacity *= 4
         payload, model = _encode_knots(walks, knots, prior, modes, step_bits, grid, capacity)
 
-    # the head, and zeros up to the bytes that so many knots must have
+    # The head, and zeros up to the bytes that so many knots must have.
     head = PayloadHead(modes, len(knots.nodes), walks.timed, bool(knots.gaps.any()))
     min_bytes = -(-(len(knots.nodes) - FREE_KNOTS) // KNOTS_PER_BYTE)
     return encode_head(head) + payload + bytes(max(min_bytes - len(payload), 0)), model
@@ -180,7 +180,7 @@ def decode(
     CorruptArchiveError
         If the bytes are no walks of so many tracks.
     """
-    # the head, and arrays for the knots
+    # The head, and arrays for the knots.
     head, payload = read_head(data, tracks)
     model = _new_model(head.knots, dimension, prior)
     model = with_modes(model, head.modes, np.zeros(tracks, np.int64), np.zeros(0))
@@ -191,7 +191,7 @@ def decode(
         np.zeros(head.knots, np.int8),
     )
 
-    # the knots
+    # The knots.
     coder = new_decoder(payload)
     nodes = int(code_walks(coder, model, *knots, tracks, head.timed, head.gapped))
     if nodes < 0:
@@ -199,7 +199,7 @@ def decode(
     if head.timed:
         check_times(knots)
 
-    # the tail
+    # The tail.
     walks = GridWalks(model.places[:nodes].copy(), split_knots(knots), head.timed)
     if grid is None or not head.timed:
         return walks

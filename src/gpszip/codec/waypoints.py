@@ -169,7 +169,7 @@ def expand_waypoints(
     if not len(waypoints):
         return Route(np.zeros(0, np.int32), np.zeros(0, np.int32))
 
-    # fill in nodes and edges; the kernel returns the index of the last node, or what is wrong
+    # Fill in nodes and edges; the kernel returns the index of the last node, or what is wrong.
     nodes, edges = np.zeros(limit + 1, np.int32), np.zeros(limit, np.int32)
     search = new_search_on(graph, breadth)
     last, waypoint = expand_waypoints(
@@ -195,7 +195,7 @@ def _compress(
     search = new_search_on(graph, breadth)
     knots, is_path = find_knots(kernel_arcs(graph), search, route.nodes, route.edges)
 
-    # between waypoints that no shortest path connects, there is one step
+    # Between waypoints that no shortest path connects, there is one step.
     edges = route.edges[knots[:-1]]
     connections = np.select(
         [is_path, edges == STOP, edges == GAP],
@@ -203,7 +203,7 @@ def _compress(
         Connection.EDGE,
     ).astype(np.uint8)
 
-    # the arcs from one node to another follow each other, so that a difference tells them apart
+    # The arcs from one node to another follow each other, so that a difference tells them apart.
     parallel_indices = np.zeros(len(connections), np.int32)
     single = np.flatnonzero(connections == Connection.EDGE)
     first, _ = find_arcs(graph, route.nodes[knots[single]], route.nodes[knots[single] + 1])

@@ -109,7 +109,7 @@ def write_attributes(
     sink : binary file
         Only written to, from its start on.
     """
-    # the head: numbers of samples, names
+    # The head: numbers of samples, names.
     names = [name.encode() for name in columns]
     sink.write(
         b"".join(map(encode_varint, counts))
@@ -117,7 +117,7 @@ def write_attributes(
         + b"".join(encode_varint(len(name)) + name for name in names)
     )
 
-    # the columns, and zeros up to the bytes that so many values must have
+    # The columns, and zeros up to the bytes that so many values must have.
     for column in (times, *columns.values()):
         write_column(column, sink)
     values = sum(counts) * (1 + len(columns))
@@ -185,7 +185,7 @@ def _is_increasing(times: _Values, counts: Sequence[int]) -> bool:
         return False
     is_later = np.diff(times.astype(np.float64)) > 0
 
-    # from one track to the next, times may go back
+    # From one track to the next, times may go back.
     starts = np.cumsum([count for count in counts if count], dtype=np.int64)[:-1]
     is_later[starts - 1] = True
     return bool(is_later.all())
@@ -220,7 +220,7 @@ def _read_column(cursor: Cursor, count: int) -> _Values:
     texts = _read_texts(cursor) if kind == TEXT else []
     values = _read_numbers(cursor, count, order)
 
-    # from integers to values
+    # From integers to values.
     if kind == TEXT:
         if count and not (values.min() >= 0 and values.max() < len(texts)):
             raise cursor.error(f"a row holds none of the {len(texts)} texts")
@@ -266,7 +266,7 @@ def _decode_text(cursor: Cursor, data: bytes) -> str:
 
 def _read_numbers(cursor: Cursor, count: int, order: int) -> _Ints:
     """Read ``count`` integers that are stored as differences of an order."""
-    # the first value of each order, the byte planes of the differences
+    # The first value of each order, the byte planes of the differences.
     starts = [cursor.read_signed("a first value") for _ in range(order)]
     width = cursor.read_byte("the width of numbers")
     length = max(count - order, 0)

@@ -242,7 +242,7 @@ def open_contents(opener: Opener) -> Contents:
     if catalog.contents is not None:
         return catalog.contents
 
-    # of a large file, groups and further sections are read on demand
+    # Of a large file, groups and further sections are read on demand.
     extras = tuple(
         Section(location.kind, StoredBytes(_body_reader(opener, location), location.size))
         for location in catalog.extras
@@ -259,7 +259,7 @@ def open_contents(opener: Opener) -> Contents:
         catalog.version,
     )
 
-    # check all but the payloads
+    # Check all but the payloads.
     contradiction = find_contradiction(replace(contents, groups=_group_heads(catalog.entries)))
     if contradiction:
         raise CorruptArchiveError(contradiction, HEAD_BYTES)
@@ -273,7 +273,7 @@ def stored_size(contents: Contents) -> int | None:
         return None
     catalog = groups.catalog
 
-    # the groups are those of the file; everything else may have been replaced
+    # The groups are those of the file; everything else may have been replaced.
     stored = (catalog.ids, catalog.error_bound, catalog.sampling, len(catalog.extras))
     current = (contents.ids, contents.error_bound, contents.sampling, len(contents.extras))
     same_extras = all(isinstance(extra.body, StoredBytes) for extra in contents.extras)
@@ -306,21 +306,21 @@ def open_catalog(file: BinaryIO) -> Catalog:
     >>> open_catalog(io.BytesIO(bytes.fromhex("a75a820000807800000077616c6b73592744d4"))).ids
     ('0',)
     """
-    # the end mark, which has a fixed size, says where the index is
+    # The end mark, which has a fixed size, says where the index is.
     size = file.seek(0, os.SEEK_END)
     head = read_head(_read(file, 0, min(size, HEAD_BYTES)))
     index_offset = 0
     if head.form is Form.SECTIONS and not head.low:
         index_offset = _read_index_offset(file, size)
 
-    # an archive of a single group has no index
+    # An archive of a single group has no index.
     if not index_offset:
         contents = from_bytes(_read(file, 0, size))
         return Catalog(
             contents.grid, contents.ids, contents.map, (), bool(contents.layer), size, contents
         )
 
-    # the opening sections lie before the first group
+    # The opening sections lie before the first group.
     entries = _read_entries(file, index_offset, size - END_BYTES)
     extras = _find_extras(file, entries, index_offset, size)
     return _build_catalog(_read_sections(file, entries[0].offset), entries, head, size, extras)
@@ -351,7 +351,7 @@ def read_catalog_group(file: BinaryIO, catalog: Catalog, number: int) -> Group:
     section = _read_one_section(file, entry.offset, entry.offset + entry.size, SectionKind.WALKS)
     group = read_group(section.cursor())
 
-    # the checksum is right; the head must say what the index says
+    # The checksum is right; the head must say what the index says.
     if (group.first_track, group.tracks, group.time_range) != (
         entry.first_track,
         entry.tracks,
@@ -409,7 +409,7 @@ def _read(file: BinaryIO, start: int, stop: int) -> bytes:
     file.seek(start)
     data = file.read(stop - start)
 
-    # an unbuffered file may give fewer bytes than were asked for, and none at its end
+    # An unbuffered file may give fewer bytes than were asked for, and none at its end.
     while len(data) < stop - start:
         more = file.read(stop - start - len(data))
         if not more:
@@ -469,7 +469,7 @@ def _find_extras(
     file: BinaryIO, entries: tuple[IndexEntry, ...], index_offset: int, size: int
 ) -> tuple[SectionLocation, ...]:
     """Find the sections that are no groups, by their lengths alone: their bodies are not read."""
-    # what lies before the first group, between two groups, and after the last one
+    # What lies before the first group, between two groups, and after the last one.
     begins = [HEAD_BYTES, *(entry.offset + entry.size for entry in entries)]
     ends = [*(entry.offset for entry in entries), index_offset]
     extras: list[SectionLocation] = []

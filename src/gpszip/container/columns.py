@@ -213,12 +213,12 @@ def _scaled(column: Column, digits: int) -> Iterator[_Ints]:
         numbers = values.astype(np.float64)
         holes = np.isnan(numbers)
 
-        # element 0 is the last number of the chunk before
+        # Element 0 is the last number of the chunk before.
         integers = np.zeros(len(numbers) + 1, np.int64)
         integers[0] = before
         integers[1:][~holes] = np.rint(numbers[~holes] * 10.0**digits).astype(np.int64)
 
-        # the index of the last number that is there, for each element
+        # The index of the last number that is there, for each element.
         sources = np.append(0, np.where(holes, 0, np.arange(1, len(integers))))
         filled = integers[np.maximum.accumulate(sources)][1:]
         before = int(filled[-1])
@@ -259,14 +259,14 @@ def _write_numbers(
     holes : bool, default False
         Whether any number is missing.
     """
-    # the order of differences that packs a sample best
+    # The order of differences that packs a sample best.
     sample = _take_first(chunks, _SAMPLE_VALUES)
     order = min(range(_MAX_ORDER + 1), key=lambda order: _packed_size(sample, order))
     sink.write(bytes([kind | order << 4 | holes << 6]))
     if write_before is not None:
         write_before()
 
-    # the first values, the bytes of the largest difference, and the differences
+    # The first values, the bytes of the largest difference, and the differences.
     starts = _differences(sample, order)[0]
     largest = max((int(chunk.max()) for chunk in _zigzag_chunks(chunks, order)), default=0)
     width = math.ceil(largest.bit_length() / 8)
@@ -362,7 +362,7 @@ def _pack_stream(size: int, chunks: Callable[[], Iterator[bytes]], sink: BinaryI
         tempfile.SpooledTemporaryFile(_MAX_SPOOLED) as deflate_file,
         tempfile.SpooledTemporaryFile(_MAX_SPOOLED) as lzma_file,
     ):
-        # pack in both ways at once
+        # Pack in both ways at once.
         files = (deflate_file, lzma_file)
         for chunk in chunks():
             for file, packer in zip(files, packers, strict=True):
@@ -373,7 +373,7 @@ def _pack_stream(size: int, chunks: Callable[[], Iterator[bytes]], sink: BinaryI
             if _may_expand(file.tell(), size):
                 sizes[packing] = file.tell()
 
-        # write the shortest
+        # Write the shortest.
         packing = min(sizes, key=sizes.__getitem__)
         sink.write(encode_varint(4 * sizes[packing] + packing))
         for chunk in chunks() if packing == STORED else _read_chunks(files[packing - DEFLATED]):

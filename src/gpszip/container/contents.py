@@ -139,7 +139,7 @@ class StoredBytes:
         return self.read()
 
     def __reduce__(self) -> tuple[type[bytes], tuple[bytes]]:
-        # another process or machine may not have the file
+        # Another process or machine may not have the file.
         return bytes, (self.read(),)
 
     def chunks(self) -> Iterator[bytes]:
@@ -301,7 +301,7 @@ def _check_groups(groups: Sequence[Group], tracks: int) -> str | None:
         return "no walks"
     next_track = 0
     for number, group in enumerate(groups):
-        # the groups hold all tracks in order; a single one may be empty
+        # The groups hold all tracks in order; a single one may be empty.
         if group.first_track != next_track or group.tracks < (1 if len(groups) > 1 else 0):
             return (
                 f"group {number} holds {group.tracks} tracks from {group.first_track};"

@@ -82,7 +82,7 @@ def read_error_bound(cursor: Cursor, version: int) -> tuple[ErrorBound | None, i
         steps, rest = divmod(pair, len(GROWN_DIGITS))
         digits, growth = rest + GROWN_DIGITS.start, steps + GROWTH_STEPS.start
 
-    # the second bound, and the sampling
+    # The second bound, and the sampling.
     has_both = exponent == _BOTH and version > OLDEST_VERSION and has_bound
     second = int.from_bytes(cursor.read_bytes(2, "the maximum"), "little") if has_both else 0
     sampling = cursor.read_byte("the sampling") if packed & _SAMPLED else None

@@ -79,7 +79,7 @@ def pack_lzma(data: bytes) -> bytes:
         packer = lzma_packer()
         return packer.compress(data) + packer.flush()
 
-    # lc and pb are contexts by the byte before and by the position, which short data hardly fill
+    # Lc and pb are contexts by the byte before and by the position, which short data hardly fill.
     default = {"id": lzma.FILTER_LZMA2, "preset": 9, "dict_size": _LZMA_WINDOW}
     settings = [default, {**default, "lc": 0, "pb": 0}, {**default, "pb": 0}]
     packed = (
@@ -104,7 +104,7 @@ def _expand(unpacker: _Decompressor, data: bytes, limit: int, offset: int) -> by
     """Expand one complete stream to at most ``limit`` bytes; ``offset`` is for errors."""
     try:
         expanded = unpacker.decompress(data, limit + 1)
-        # the last bytes of a stream can wait inside until more is asked for
+        # The last bytes of a stream can wait inside until more is asked for.
         more = b"" if unpacker.eof else unpacker.decompress(_pending(unpacker), 1)
     except (OSError, EOFError, ValueError, MemoryError, lzma.LZMAError, zlib.error) as error:
         raise CorruptArchiveError(f"compressed bytes can't be expanded: {error}", offset) from None

@@ -133,7 +133,7 @@ def read_head(data: bytes) -> Head:
     >>> read_head(encode_head(Head(Form.NAMED))).form.name
     'NAMED'
     """
-    # is it an archive?
+    # Is it an archive?
     if not data:
         raise CorruptArchiveError("not a .gpsz archive: the file is empty", 0)
     if data[: len(MAGIC)] != MAGIC[: len(data)]:
@@ -147,7 +147,7 @@ def read_head(data: bytes) -> Head:
     if len(data) < HEAD_BYTES:
         raise CorruptArchiveError("the archive ends within its head", len(data))
 
-    # the version
+    # The version.
     byte = data[len(MAGIC)]
     version = byte & 7
     if version > VERSION:
@@ -163,7 +163,7 @@ def read_head(data: bytes) -> Head:
             2,
         )
 
-    # the form
+    # The form.
     head = Head(Form(byte >> 3 & 3), byte >> 5 & 3, byte >> 7, version)
     if head.form is Form.SECTIONS and head.low > 1:
         raise CorruptArchiveError("no archive has this form", 2)

@@ -123,7 +123,7 @@ def _encode_numbered(ids: tuple[str, ...]) -> bytes | None:
     ):
         return None
 
-    # with leading zeros or without
+    # With leading zeros or without.
     start, width = int(first), len(first)
     if all(name == str(start + i) for i, name in enumerate(ids)):
         return _head(len(ids), _COUNTED) + encode_varint(start)
@@ -177,7 +177,7 @@ def _read_packed(cursor: Cursor, count: int) -> tuple[str, ...]:
     if packing == _STEPS:
         return read_number_steps(body, count, offset)
 
-    # split the text
+    # Split the text.
     text = _unpack(packing, body, count, offset)
     if text.count(b"\n") != count - 1:
         raise cursor.error(f"names are not those of {count} tracks")

@@ -47,7 +47,7 @@ def encode_number_steps(ids: tuple[str, ...]) -> bytes | None:
     if width is None or min(steps, default=0) < 0:
         return None
 
-    # the divisor that takes the fewest bits
+    # The divisor that takes the fewest bits.
     divisor = min(range(_DIVISORS), key=lambda k: sum(step >> k for step in steps) + k * len(steps))
     if sum(step >> divisor for step in steps) > _MAX_MEAN_ONES * len(steps):
         return None
@@ -64,7 +64,7 @@ def read_number_steps(data: bytes, count: int, offset: int) -> tuple[str, ...]:
     if not count or width > MAX_WIDTH or divisor >= _DIVISORS:
         raise cursor.error("names are no growing numbers")
 
-    # one code for each name but the first
+    # One code for each name but the first.
     bits = "".join(f"{byte:08b}" for byte in cursor.read_rest())
     names, start = [str(number).zfill(width)], 0
     for _ in range(count - 1):
@@ -76,7 +76,7 @@ def read_number_steps(data: bytes, count: int, offset: int) -> tuple[str, ...]:
         names.append(str(number).zfill(width))
         start = end
 
-    # only zeros up to the end of the byte may follow
+    # Only zeros up to the end of the byte may follow.
     if len(bits) - start >= 8 or "1" in bits[start:]:
         raise CorruptArchiveError("bytes after the last number", offset + len(data))
     return tuple(names)

@@ -217,7 +217,7 @@ def read_section(cursor: Cursor) -> StoredSection:
         cursor.offset = offset
         raise cursor.error("no section begins here")
 
-    # the checksum is that of kind, length and body
+    # The checksum is that of kind, length and body.
     start = cursor.offset
     kind, body_offset, body = _read_kind_and_body(cursor)
     content = memoryview(cursor.data)[start : cursor.offset]
@@ -306,7 +306,7 @@ def _find_section(sections: list[StoredSection], kind: SectionKind) -> StoredSec
 
 def _read_compact(data: bytes, head: Head) -> Contents:
     """Read an archive of one group with one checksum."""
-    # the checksum is that of all bytes before it
+    # The checksum is that of all bytes before it.
     end = len(data) - CHECKSUM_BYTES
     if end < HEAD_BYTES:
         raise CorruptArchiveError("the archive ends within its head", len(data))
@@ -410,7 +410,7 @@ def _check_order(sections: list[StoredSection]) -> None:
                 f"a section of kind {section.kind} does not belong here", section.offset
             )
 
-    # the error bound comes before walks, the index last
+    # The error bound comes before walks, the index last.
     if SectionKind.ERROR_BOUND in kinds:
         before = kinds[: kinds.index(SectionKind.ERROR_BOUND)]
         if SectionKind.WALKS in before:

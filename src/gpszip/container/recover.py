@@ -92,7 +92,7 @@ def find_intact_sections(data: bytes) -> Iterator[StoredSection]:
         try:
             section = read_section(cursor)
         except CorruptArchiveError:
-            # the next marker may lie within what seemed to be a section
+            # The next marker may lie within what seemed to be a section.
             work -= cursor.offset - start
             start = data.find(SECTION_MARKER, start + 1)
         else:
@@ -105,7 +105,7 @@ def _assemble(sections: list[StoredSection], head: Head, file_size: int, reason:
     # Collect what is lost, for the report; the reason comes first.
     lost = [reason]
 
-    # without grid and walks there is nothing
+    # Without grid and walks there is nothing.
     grid, reference = _read_grid_or_map(sections)
     if grid is None and reference is None:
         raise CorruptArchiveError(f"nothing can be saved, as the grid is lost: {reason}")
@@ -114,7 +114,7 @@ def _assemble(sections: list[StoredSection], head: Head, file_size: int, reason:
     if not groups:
         raise CorruptArchiveError(f"nothing can be saved, as all walks are lost: {reason}")
 
-    # names of the tracks that are left
+    # Names of the tracks that are left.
     all_ids = _read_ids(sections, groups, file_size, lost)
     ids = tuple(
         all_ids[track]
@@ -125,7 +125,7 @@ def _assemble(sections: list[StoredSection], head: Head, file_size: int, reason:
     if not has_all_tracks:
         lost.append(f"{len(all_ids) - len(ids)} of {len(all_ids)} tracks")
 
-    # what holds for all tracks together is lost with any of them
+    # What holds for all tracks together is lost with any of them.
     extras = _read_extras(sections, has_all_tracks, lost)
     error_bound, sampling = _read_error_bound(sections, head.version, has_all_tracks, lost)
     contents = Contents(

@@ -54,7 +54,7 @@ _MAX_COLUMN = 255
 _Counts = dict[int, list[int]]
 
 
-# the same names are encoded once to be measured and once to be saved
+# The same names are encoded once to be measured and once to be saved.
 @lru_cache(maxsize=4)
 def encode_text(text: bytes) -> bytes:
     r"""Encode text that ends with a newline and is at most MODEL_LIMIT bytes long.
@@ -77,7 +77,7 @@ def encode_text(text: bytes) -> bytes:
             low, high = (low, middle) if bit else (middle + 1, high)
             model.learn(bit)
 
-            # move out the bytes in which both bounds agree
+            # Move out the bytes in which both bounds agree.
             while not (low ^ high) >> 24:
                 out.append(high >> 24)
                 low, high = low << 8 & _TOP, high << 8 & _TOP | 255
@@ -101,7 +101,7 @@ def read_text(data: bytes, lines: int, offset: int) -> bytes:
             model.learn(bit)
             byte = byte << 1 | bit
 
-            # move in a byte for each in which both bounds agree; zeros past the end
+            # Move in a byte for each in which both bounds agree; zeros past the end.
             while not (low ^ high) >> 24:
                 low, high = low << 8 & _TOP, high << 8 & _TOP | 255
                 code = code << 8 & _TOP | (data[position] if position < len(data) else 0)

@@ -88,14 +88,14 @@ def verify_bytes(data: bytes) -> Verdict:
     >>> verify_bytes(b"walk").problem
     'not a .gpsz archive: it does not begin like one (at byte 0)'
     """
-    # is it an archive?
+    # Is it an archive?
     try:
         head = read_head(data)
     except CorruptArchiveError as error:
         return Verdict(len(data), None, "unknown", (), 0, 0, str(error), error.offset)
     form = _form_name(head)
 
-    # is it intact? of a damaged one, the intact sections are listed
+    # Is it intact? of a damaged one, the intact sections are listed.
     sections: tuple[SectionReport, ...] = ()
     try:
         contents = from_bytes(data)

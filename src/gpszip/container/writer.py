@@ -154,7 +154,7 @@ def _encode(contents: Contents) -> list[_Block]:
         raise OptionError(f"this can't be written as an archive: {contradiction}")
     blocks = _encode_shortest(contents, _compress(contents))
 
-    # what no reader would accept
+    # What no reader would accept.
     size = _total(blocks)
     if contents.tracks > max_tracks(size):
         raise OptionError(
@@ -272,7 +272,7 @@ def _encode_large(contents: Contents, payloads: list[bytes]) -> list[_Block]:
     blocks: list[_Block] = [head, *opening]
     checksums = [section[-CHECKSUM_BYTES:] for section in opening]
 
-    # the groups; a single one has no time range
+    # The groups; a single one has no time range.
     entries: list[IndexEntry] = []
     offset = _total(blocks)
     is_single = len(contents.groups) == 1
@@ -284,13 +284,13 @@ def _encode_large(contents: Contents, payloads: list[bytes]) -> list[_Block]:
         checksums.append(section[-CHECKSUM_BYTES:])
         offset += len(section)
 
-    # further sections
+    # Further sections.
     for extra in contents.extras:
         section_blocks = _encode_extra(extra)
         blocks += section_blocks
         checksums.append(bytes(section_blocks[-1])[-CHECKSUM_BYTES:])
 
-    # the index of several groups, and the end mark
+    # The index of several groups, and the end mark.
     index_offset = 0
     if not is_single:
         index_offset = _total(blocks)

@@ -62,28 +62,28 @@ def atomic_write_all(
     targets = [_resolve_target(path, force) for path in paths]
     written: list[str] = []
     with _report_written(written), contextlib.ExitStack() as stack:
-        # each temporary file has the same file system and the same name as its target
+        # Each temporary file has the same file system and the same name as its target.
         folders = [stack.enter_context(_temporary_folder_beside(target)) for target in targets]
         temporaries = [
             folder / target.name for folder, target in zip(folders, targets, strict=True)
         ]
 
-        # let the caller fill them
+        # Let the caller fill them.
         try:
             yield temporaries
         except OSError as error:
-            # of several files, the error can't be attributed to one
+            # Of several files, the error can't be attributed to one.
             if len(targets) > 1 or _names_other_file(error, targets[0]):
                 raise
             with as_output_error(targets[0]):
                 raise
 
-        # first flush all of them to disk
+        # First flush all of them to disk.
         for temporary, target in zip(temporaries, targets, strict=True):
             with as_output_error(target):
                 _sync_file(temporary, target)
 
-        # then move them to their targets; Ctrl-C waits until all are moved
+        # Then move them to their targets; Ctrl-C waits until all are moved.
         with defer_signals():
             for temporary, target in zip(temporaries, targets, strict=True):
                 with as_output_error(target):
@@ -109,13 +109,13 @@ def _resolve_target(path: str | os.PathLike[str], force: bool) -> Path:
     """Follow symbolic links; raise OutputError if the target may not be replaced."""
     named = Path(path)
 
-    # unlike pathlib's, the functions of os.path never raise
+    # Unlike pathlib's, the functions of os.path never raise.
     if os.path.isdir(named):  # noqa: PTH112
         raise OutputError("is a folder", path=named, remedy="name a file in it")
     if not force and os.path.lexists(named):
         raise _exists_error(named)
 
-    # devices and pipes can't be replaced by a file
+    # Devices and pipes can't be replaced by a file.
     target = Path(os.path.realpath(named))
     if os.path.lexists(target) and not os.path.isfile(target):  # noqa: PTH113
         raise OutputError(
@@ -147,7 +147,7 @@ def _sync_file(temporary: Path, target: Path) -> None:
 
 def _sync_folder(folder: Path) -> None:
     """Flush a folder's list of names to disk, where the system can."""
-    # some systems don't open folders; the file itself is on disk by now
+    # Some systems don't open folders; the file itself is on disk by now.
     with contextlib.suppress(OSError):
         handle = os.open(folder, os.O_RDONLY)
         try:

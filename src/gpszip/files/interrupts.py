@@ -28,7 +28,7 @@ def defer_signals() -> Iterator[None]:
         current = {number: signal.getsignal(number) for number in _SIGNALS}
         handlers = {number: handler for number, handler in current.items() if callable(handler)}
 
-    # record signals during the block
+    # Record signals during the block.
     received: list[tuple[int, FrameType | None]] = []
     try:
         for number in handlers:
@@ -38,6 +38,6 @@ def defer_signals() -> Iterator[None]:
         for number, handler in handlers.items():
             signal.signal(number, handler)
 
-    # handle the first one now
+    # Handle the first one now.
     for number, stack in received[:1]:
         handlers[signal.Signals(number)](number, stack)

@@ -87,7 +87,7 @@ class _TemporaryFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lock = _lock_folder(path)
-        # if a signal interrupts the removal, the interpreter removes it at exit
+        # If a signal interrupts the removal, the interpreter removes it at exit.
         self._finalizer = weakref.finalize(self, shutil.rmtree, path, ignore_errors=True)
 
     def remove(self) -> str:

@@ -78,7 +78,7 @@ def align_antimeridian_signs(lon: Floats) -> Floats:
     if is_on.all():
         return np.full_like(lon, 180.0)
 
-    # index of the last point off the antimeridian; before the first one, of the first one
+    # Index of the last point off the antimeridian; before the first one, of the first one.
     last_off = np.maximum.accumulate(np.where(is_on, -1, np.arange(len(lon))))
     last_off[last_off < 0] = np.argmin(is_on)
     return np.where(is_on, np.copysign(180.0, lon[last_off]), lon)
@@ -121,7 +121,7 @@ def insert_crossings(
     difference = wrap_degrees(lon[steps + 1] - lon[steps])
     share = np.clip((side - lon[steps]) / np.where(difference == 0, 1.0, difference), 0.0, 1.0)
 
-    # its time, in whole ticks, with space for both points within the step
+    # Its time, in whole ticks, with space for both points within the step.
     start, end = times[steps], times[steps + 1]
     crossing_times = start + share * (end - start)
     if tick:
@@ -132,7 +132,7 @@ def insert_crossings(
     # a step that starts on the antimeridian needs the second point only
     is_needed = np.stack([share > 0, np.ones(len(share), np.bool_)], axis=1).ravel()
 
-    # columns of the new points, two for each step
+    # Columns of the new points, two for each step.
     rows = np.repeat(steps + 1, 2)[is_needed]
     new_times = np.stack([crossing_times, crossing_times + tick], axis=1).ravel()[is_needed]
     new_lat = np.repeat(lat[steps] + share * (lat[steps + 1] - lat[steps]), 2)[is_needed]

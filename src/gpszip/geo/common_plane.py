@@ -60,14 +60,14 @@ def to_common_plane(
     >>> common == planes[0], second.round().tolist()
     (True, [[0.0, 11128.0]])
     """
-    # largest log first; ties are broken by the centres, so that the order of logs doesn't matter
+    # Largest log first; ties are broken by the centres, so that the order of logs doesn't matter.
     order = sorted(range(len(planes)), key=lambda i: (-len(positions[i]), planes[i].centers))
     centers = list(planes[order[0]].centers)
     chosen: dict[int, NDArray[np.int64]] = {}
     for i in order:
         chosen[i] = _choose_centers(planes[i], positions[i], starts[i], centers)
 
-    # reproject the logs in the order in which they were given
+    # Reproject the logs in the order in which they were given.
     reprojected, moved = [], []
     for i, plane in enumerate(planes):
         piece_lengths = np.diff(np.append(starts[i], len(positions[i])))
@@ -114,7 +114,7 @@ def _choose_centers(
         )
         chosen[(chosen < 0) & is_covered] = index
 
-    # pieces that no centre covers bring the centre of their own plane
+    # Pieces that no centre covers bring the centre of their own plane.
     current = plane_indices(positions[starts], plane)
     for piece in np.flatnonzero(chosen < 0).tolist():
         center = plane.centers[current[piece]]
@@ -134,7 +134,7 @@ def _reproject(
     for old, new in sorted(set(zip(current.tolist(), chosen.tolist(), strict=True))):
         rows = (current == old) & (chosen == new)
         if plane.centers[old] == centers[new]:
-            # the same plane with another index: no projection, hence no rounding
+            # The same plane with another index: no projection, hence no rounding.
             reprojected[rows, 0] += (new - old) * Plane.SPREAD
         else:
             lat, lon = to_geographic(positions[rows], plane)

@@ -69,11 +69,11 @@ def lines_in_degrees(
     >>> lines.points.tolist(), lines.cuts.tolist()
     ([[179.999, 0.0], [180.0, 0.0], [-180.0, 0.0], [-179.999, 0.0]], [2])
     """
-    # the step from the end of a line to the start of the next one belongs to none
+    # The step from the end of a line to the start of the next one belongs to none.
     skipped = np.zeros(max(len(positions) - 1, 0), np.bool_)
     skipped[offsets[1:-1] - 1] = True
 
-    # the point numbers serve as times; points in between get fractions
+    # The point numbers serve as times; points in between get fractions.
     numbers = np.arange(len(positions), dtype=np.float64)
     numbers, lat, lon = densify_for_degrees(
         numbers,
@@ -117,7 +117,7 @@ def cut_at_antimeridian(points: Floats, offsets: Ints, *, decimals: int) -> Degr
     if not is_special.any():
         return DegreeLines(points, offsets, np.empty(0, np.int64))
 
-    # cut each line that has such points; copy the points in between unchanged
+    # Cut each line that has such points; copy the points in between unchanged.
     affected = np.unique(np.searchsorted(offsets, np.flatnonzero(is_special), side="right") - 1)
     blocks, cuts = [], [np.empty(0, np.int64)]
     lengths = np.diff(offsets)
@@ -141,6 +141,6 @@ def _cut_line(line: Floats, decimals: int) -> tuple[Floats, Ints]:
     numbers = np.arange(len(line), dtype=np.float64)
     _, lat, lon = insert_crossings(numbers, line[:, 1], lon, 0.0)
 
-    # adding 0 turns -0.0 into 0.0
+    # Adding 0 turns -0.0 into 0.0.
     points = np.stack([lon, np.round(lat, decimals) + 0.0], axis=1)
     return points, np.flatnonzero(find_crossings(lon)) + 1

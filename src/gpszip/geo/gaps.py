@@ -54,7 +54,7 @@ def estimate_gap(tracks: Sequence[Track]) -> float:
     if not intervals:
         return float("inf")
 
-    # statistics of all intervals, and of the slowest track
+    # Statistics of all intervals, and of the slowest track.
     pooled = np.concatenate(intervals)
     median, percentile = np.quantile(pooled, [0.5, 0.95])
     slowest_median = max(

@@ -103,7 +103,7 @@ def densify_for_degrees(
     >>> times.tolist()
     [0.0, 2500.0, 5000.0, 7500.0, 10000.0]
     """
-    # what the rounding of times leaves of the tolerance, but no less than a quarter of it
+    # What the rounding of times leaves of the tolerance, but no less than a quarter of it.
     lat, lon = to_geographic(positions, plane)
     tolerance = np.maximum(
         max_deviation - _time_rounding_errors(times, positions, time_decimals), max_deviation / 4
@@ -115,20 +115,20 @@ def densify_for_degrees(
     if skipped is not None:
         is_candidate &= ~skipped
 
-    # segment and share of each new point, in the order of the line
+    # Segment and share of each new point, in the order of the line.
     line = _LineOnPlane(times, positions, plane, tolerance, decimals, time_decimals)
     segments, shares = line.find_cuts(np.flatnonzero(is_candidate))
     order = np.lexsort((shares, segments))
     segments, shares = segments[order], shares[order]
 
-    # insert the new points behind the starts of their segments
+    # Insert the new points behind the starts of their segments.
     new_lat, new_lon = line.to_degrees(segments, shares)
     columns = (
         (np.round(times, time_decimals), np.round(line.times_at(segments, shares), time_decimals)),
         (np.round(lat, decimals), np.round(new_lat, decimals)),
         (np.round(lon, decimals), np.round(new_lon, decimals)),
     )
-    # adding 0 turns -0.0 into 0.0
+    # Adding 0 turns -0.0 into 0.0.
     all_times, all_lat, all_lon = (
         np.insert(given, segments + 1, new) + 0.0 for given, new in columns
     )
@@ -219,7 +219,7 @@ class _LineOnPlane:
 
         Returns segment and share of each cut, and the new subsegments, to be measured in turn.
         """
-        # those that deviate too much
+        # Those that deviate too much.
         deviation = self._measure_deviation(subsegments)
         is_wide = deviation > self.max_deviation[subsegments.segments]
         segments = subsegments.segments[is_wide]
@@ -231,7 +231,7 @@ class _LineOnPlane:
         allowed = np.maximum(max_deviation - _rounding_error(self.decimals), max_deviation / 3)
         counts = np.clip(np.ceil(np.sqrt(_DEVIATION_MARGIN * deviation / allowed)), 2, _MAX_SPLITS)
 
-        # each lasts two units of the rounded times or more; otherwise times would not increase
+        # Each lasts two units of the rounded times or more; otherwise times would not increase.
         durations = (end - start) * np.diff(self.times)[segments]
         longest = np.floor(durations * 10.0**self.time_decimals / 2)
         counts = np.minimum(counts, longest).astype(np.int64)
@@ -247,7 +247,7 @@ class _LineOnPlane:
         is_cut = number > 0
         starts[is_cut] = self._round_to_time(segments[is_cut], starts[is_cut])
 
-        # each ends where the next one starts
+        # Each ends where the next one starts.
         ends = np.append(starts[1:], 0.0)
         ends[first + counts - 1] = end
         return segments[is_cut], starts[is_cut], _Subsegments(segments, starts, ends)
@@ -261,7 +261,7 @@ class _LineOnPlane:
 
     def _measure_deviation(self, subsegments: _Subsegments) -> Floats:
         """Return the largest distance in metres between the line and its chord in degrees."""
-        # true latitude and longitude at the probes; shape (probes, subsegments)
+        # True latitude and longitude at the probes; shape (probes, subsegments).
         segments, start, end = subsegments
         shares = start + _PROBE_SHARES[:, None] * (end - start)
         lat, lon = (
@@ -269,7 +269,7 @@ class _LineOnPlane:
             for axis in self.to_degrees(np.tile(segments, len(_PROBE_SHARES)), shares.ravel())
         )
 
-        # the chord between the rounded ends, along the shorter arc round the earth
+        # The chord between the rounded ends, along the shorter arc round the earth.
         first_lat, last_lat = np.round(lat[0], self.decimals), np.round(lat[-1], self.decimals)
         first_lon, last_lon = np.round(lon[0], self.decimals), np.round(lon[-1], self.decimals)
         north = first_lat + _PROBE_SHARES[:, None] * (last_lat - first_lat) - lat

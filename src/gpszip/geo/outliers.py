@@ -60,7 +60,7 @@ def find_outliers(times: ArrayLike, positions: ArrayLike) -> NDArray[np.bool_]:
     if len(times) < 3:
         return np.zeros(len(times), dtype=np.bool_)
 
-    # the track's own speeds; without movement there is nothing to compare with
+    # The track's own speeds; without movement there is nothing to compare with.
     min_interval = _MIN_INTERVAL_SHARE * float(np.median(np.diff(times)))
     speeds = min_adjacent_speeds(times, positions, min_interval)
     moving = speeds[speeds > 0]
@@ -115,7 +115,7 @@ def mark_outliers(
     is_outlier = np.zeros(len(times), dtype=np.bool_)
     is_jump = _speeds(times, positions, 1, min_interval) > limit
 
-    # shorter runs first; a longer run may not start or end beside an outlier
+    # Shorter runs first; a longer run may not start or end beside an outlier.
     for run in range(1, min(_MAX_OUTLIER_RUN, len(times) - 2) + 1):
         is_plausible = _speeds(times, positions, run + 1, min_interval) <= limit
         starts = np.flatnonzero(is_jump[: len(is_plausible)] & is_jump[run:] & is_plausible) + 1

@@ -84,7 +84,7 @@ def choose_plane(lat: ArrayLike, lon: ArrayLike) -> Plane:
         if len(outside) < len(lat):
             centers, uncovered = [median], outside
 
-    # further planes
+    # Further planes.
     while len(uncovered):
         centers.append(_round_center(lat[uncovered[0]], lon[uncovered[0]]))
         uncovered = uncovered[1:][~_in_radius(directions[uncovered[1:]], centers[-1])]
@@ -121,7 +121,7 @@ def to_plane(lat: ArrayLike, lon: ArrayLike, plane: Plane) -> Floats:
         positions[:, 0], positions[:, 1] = projection(plane.centers[0]).transform(lon, lat)
         return positions
 
-    # several planes, side by side in x
+    # Several planes, side by side in x.
     assigned = _assign_planes(_unit_vectors(lat, lon), plane)
     for i in np.unique(assigned).tolist():
         is_on = assigned == i
@@ -161,7 +161,7 @@ def reproject_track(track: Track, plane: Plane) -> Track:
     if track.plane is None or track.plane == plane:
         return track
 
-    # all samples must be covered
+    # All samples must be covered.
     lat, lon = to_geographic(track.positions, track.plane)
     directions = _unit_vectors(lat, lon)
     if not np.any([_in_radius(directions, center) for center in plane.centers], axis=0).all():

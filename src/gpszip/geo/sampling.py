@@ -46,7 +46,7 @@ def sampling_interval(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]
         metres.append(np.linalg.norm(np.diff(track.positions, axis=0), axis=1)[~track_gaps])
     intervals, distances = np.concatenate(seconds), np.concatenate(metres)
 
-    # weighted quantile
+    # Weighted quantile.
     order = np.argsort(intervals, kind="stable")
     cumulative = np.cumsum(distances[order])
     if not len(cumulative) or not cumulative[-1] > 0:

@@ -271,7 +271,7 @@ def _box_centres(
     after = np.searchsorted(track.times, times + half_width)
     has_samples = after > first
     if has_samples.any():
-        # reduceat takes bounds in pairs; a row of padding lets the last one end at the end.
+        # Reduceat takes bounds in pairs; a row of padding lets the last one end at the end.
         bounds = np.stack((first[has_samples], after[has_samples]), axis=1).ravel()
         padded = np.concatenate((track.positions, track.positions[-1:]))
         low = np.minimum.reduceat(padded, bounds)[::2]

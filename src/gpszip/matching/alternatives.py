@@ -121,7 +121,7 @@ class PathFinder:
         heads = tails.reshape(-1, 2)[:, ::-1].ravel().copy()
         self._tails, self._heads = tails, heads
 
-        # open directed roads by node
+        # Open directed roads by node.
         is_open = np.stack((network.forward, network.backward), axis=1).ravel()
         open_roads = np.flatnonzero(is_open)
         self._out_roads = _list_roads_by_node(tails, open_roads, len(network.nodes))
@@ -188,7 +188,7 @@ class PathFinder:
         """Search forward from all starts, and backward from all ends."""
         from gpszip.matching.kernels.alternatives import shortest_path_tree
 
-        # the kernel takes the cost of a half turn
+        # The kernel takes the cost of a half turn.
         half_turn_cost = 2 * costs.turn_cost
         forward = shortest_path_tree(
             *_to_arrays(start_costs),
@@ -228,7 +228,7 @@ class PathFinder:
         for position in positions:
             length = max(float(self.lengths[position.road]), _MIN_LENGTH)
 
-            # the road itself, and turned round if it is open
+            # The road itself, and turned round if it is open.
             choices = [(position.road, 0.0)]
             opposite = self.network.backward if position.road % 2 == 0 else self.network.forward
             if opposite[position.road >> 1]:
@@ -264,7 +264,7 @@ class PathFinder:
             roads = trees.path_through(road)
             covered.update(roads)
 
-            # the cheapest path, then simple ones, or those that don't turn round
+            # The cheapest path, then simple ones, or those that don't turn round.
             never_turns = _never_turns_round(roads, start_costs, end_costs)
             is_wanted = (
                 not paths or self._is_simple(roads) or (cheapest_turns_round and never_turns)
@@ -289,13 +289,13 @@ class PathFinder:
         paths = []
         for start in starts:
             for end in ends:
-                # the direction must be open
+                # The direction must be open.
                 is_forward = end.offset >= start.offset
                 is_open = self.network.forward if is_forward else self.network.backward
                 if start.road >> 1 != end.road >> 1 or not is_open[start.road >> 1]:
                     continue
 
-                # turning round at the start or end to travel in it
+                # Turning round at the start or end to travel in it.
                 road = (start.road & ~1) | (not is_forward)
                 length = max(float(self.lengths[road]), _MIN_LENGTH)
                 share = abs(end.offset - start.offset) / length
@@ -336,7 +336,7 @@ class PathFinder:
         network = self.network
         lines, owners = [], []
         for number, road in enumerate(path.roads.tolist()):
-            # vertices of the road, by offset
+            # Vertices of the road, by offset.
             first, last = network.offsets[road >> 1], network.offsets[(road >> 1) + 1]
             along, points = network.along[first:last], network.points[first:last]
 

@@ -65,7 +65,7 @@ def build_match(
     scales : Scales
         The scales that the path was found with.
     """
-    # position of every sample on the legs
+    # Position of every sample on the legs.
     samples, steps = len(path.observations.times), len(path.sample_indices)
     leg, metres, distance = place_samples(
         path.observations.positions,
@@ -88,7 +88,7 @@ def build_match(
         leg >= 0, np.interp(np.arange(samples), path.sample_indices, path.confidence), 0.0
     )
 
-    # each piece, and where its samples lie along it
+    # Each piece, and where its samples lie along it.
     piece_of = np.full(samples, -1, np.int32)
     leg_of = np.full(samples, -1, np.int32)
     along = np.full(samples, np.nan)
@@ -166,7 +166,7 @@ def _is_standstill(path: ViterbiPath, scales: Scales, first: int, last: int) -> 
     low, high = int(path.leg[first]), int(path.leg[last])
     length = float((path.legs.end - path.legs.begin)[low : high + 1].sum())
 
-    # how far its samples move, with the next ones to which, or from which, no path leads
+    # How far its samples move, with the next ones to which, or from which, no path leads.
     jumped_before = first > 0 and path.transitions[first] == JUMP
     jumps_after = last + 1 < len(path.sample_indices) and path.transitions[last + 1] == JUMP
     first_sample = int(path.sample_indices[first - jumped_before])
@@ -175,7 +175,7 @@ def _is_standstill(path: ViterbiPath, scales: Scales, first: int, last: int) -> 
     steps = positions[first_sample : last_sample + 1] - positions[path.sample_indices[first]]
     moved = float(np.sqrt((steps**2).sum(axis=1)).max())
 
-    # more than errors can make
+    # More than errors can make.
     if length > _MIN_PROGRESS * moved:
         return False
     return moved > (
@@ -248,7 +248,7 @@ def _reason_of_steps(
     if (path.leg[a + 1 : b] < 0).any():
         return "off road"
 
-    # all of them are on roads, from which no path leads on
+    # All of them are on roads, from which no path leads on.
     jumps = [
         k
         for k in range(max(a, 0) + 1, min(b, len(path.sample_indices) - 1) + 1)

@@ -93,7 +93,7 @@ def find_stride(positions: Floats, is_gap: NDArray[np.bool_], noise: float) -> t
         if len(steps):
             length = _median_by_length(steps)
 
-        # long enough, or too few steps left
+        # Long enough, or too few steps left.
         if (
             length >= _CLEAR_STEP * noise
             or 2 * stride > _MAX_SAMPLES
@@ -170,7 +170,7 @@ def moving_average(positions: Floats, is_gap: NDArray[np.bool_], window: int) ->
     last = np.append(gaps, n - 1)[run]
     sides = np.minimum(half, np.minimum(samples - first, last - samples))
 
-    # sums in the order of time, as the live matcher adds them
+    # Sums in the order of time, as the live matcher adds them.
     total = np.zeros_like(positions)
     for step in range(-half, half + 1):
         has_step = np.flatnonzero(sides >= abs(step))
@@ -219,7 +219,7 @@ class RunningAverage:
                 break
             ready.append(self._mean(side))
 
-        # drop samples that no later mean needs
+        # Drop samples that no later mean needs.
         unneeded = max(self._averaged - self._half - self._dropped, 0)
         del self._recent[:unneeded]
         self._dropped += unneeded

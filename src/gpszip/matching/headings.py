@@ -85,7 +85,7 @@ def heading_vectors(
     is_known = np.isfinite(degrees)
     angle = np.radians(np.where(is_known, degrees, 0.0))
     if plane is not None and is_known.any():
-        # meridian convergence: meridians lean towards the central meridian of the plane
+        # Meridian convergence: meridians lean towards the central meridian of the plane.
         lat, lon = to_geographic(positions[:, :2], plane)
         central = np.array(plane.centers)[plane_indices(positions[:, :2], plane), 1] / 1e7
         angle -= np.arctan(np.tan(np.radians(lon - central)) * np.sin(np.radians(lat)))
@@ -115,12 +115,12 @@ def headings_follow_roads(
     paths : sequence of ViterbiPath
         Tracks matched without their headings.
     """
-    # the log
+    # The log.
     pairs = [_pair_directions(index, path) for path in paths]
     log_kappa, log_least = _agreement(*map(np.concatenate, zip(*pairs, strict=True)))
     log_follows = log_kappa >= log_least
 
-    # each track; one that tells nothing goes with the log
+    # Each track; one that tells nothing goes with the log.
     track_follow = []
     for pair in pairs:
         kappa, least = _agreement(*pair)
@@ -154,11 +154,11 @@ def estimate_heading_spread(index: RoadIndex, paths: Sequence[ViterbiPath]) -> f
     if not sum(map(len, errors)):
         return math.inf
 
-    # scale of one error
+    # Scale of one error.
     median = float(np.degrees(np.median(np.abs(np.concatenate(errors)))))
     spread = max(median / math.sqrt(2), _MIN_SPREAD)
 
-    # autocorrelation of their sines
+    # Autocorrelation of their sines.
     sines = [np.sin(error) for error in errors]
     products = sum(float((sine[:-1] * sine[1:]).sum()) for sine in sines)
     squares = sum(0.5 * float((sine[:-1] ** 2 + sine[1:] ** 2).sum()) for sine in sines)

@@ -62,7 +62,7 @@ def create_workspace(index: RoadIndex) -> Workspace:
         is_source=np.zeros(nodes, np.bool_),
     )
 
-    # forward from those of the time step before
+    # Forward from those of the time step before.
     return Workspace(
         state=np.zeros(2, np.int64),
         stamps=np.zeros(roads, np.int64),
@@ -200,7 +200,7 @@ def _build_grid(roads: Roads) -> RoadGrid:
     cell_size = _SEGMENTS_PER_CELL * float(lengths.mean()) if len(lengths) else 1.0
     columns, rows = (int(n) + 1 for n in np.floor((highest - lowest) / cell_size))
 
-    # entries sorted by cell, and a hash table at most half full
+    # Entries sorted by cell, and a hash table at most half full.
     total = count_cells(points, offsets, cell_size, lowest, columns)
     cells, vertices, owners = fill_cells(points, offsets, cell_size, lowest, columns, total)
     order = np.argsort(cells, kind="stable")

@@ -200,14 +200,14 @@ class LiveMatcher:
         if lag < 1 or not gap > 0:
             raise OptionError(f"lag is {lag} and gap {gap:g}; both must be positive")
 
-        # the model
+        # The model.
         self.scales = scales or _STREETS
         self._lag, self._gap = lag, gap
         self._model = model_parameters(self.scales)
         self._min_spacing = min_spacing(self.scales)
         self._work = create_workspace(self.index)
 
-        # the last time steps: step k is at k % (lag + 2)
+        # The last time steps: step k is at k % (lag + 2).
         self._ring = empty_ring(lag + 2, 2 * self._model.max_candidates + 1)
         self._step_times = [0.0] * (lag + 2)
         self._step_positions: list[list[float]] = [[]] * (lag + 2)
@@ -215,7 +215,7 @@ class LiveMatcher:
         self._steps_since_gap = 0
         self._finalised_steps = 0
 
-        # the last samples
+        # The last samples.
         self._average = RunningAverage(self.scales.averaging_window)
         self._newest_time = -math.inf
         self._last: _LastSample | None = None
@@ -243,7 +243,7 @@ class LiveMatcher:
             If time stands still or goes back, or a number is not finite. The sample is not taken
             in.
         """
-        # check the sample
+        # Check the sample.
         point = np.array(position, dtype=np.float64)[: self.index.dimension]
         if len(point) < self.index.dimension:
             point = np.append(point, np.zeros(self.index.dimension - len(point)))
@@ -254,14 +254,14 @@ class LiveMatcher:
                 f"time {time:g} is not later than {self._newest_time:g}; drop the sample"
             )
 
-        # match all samples whose means are known now
+        # Match all samples whose means are known now.
         is_after_gap = time - self._newest_time > self._gap
         ready = self._average.finish() if is_after_gap else []
         self._newest_time = time
         ready += self._average.push((time, point, self._heading_vector(heading, point)))
         finalised = self._match_samples(ready)
 
-        # where its own mean is not known yet, match the sample to the last road
+        # Where its own mean is not known yet, match the sample to the last road.
         here = self._position
         if here is None or here.time != time:
             here = self._match_to_last_road(time, point)
@@ -362,7 +362,7 @@ class LiveMatcher:
         self._steps_since_gap = 1 if is_after_gap else self._steps_since_gap + 1
         self._last = _LastSample(time, position, heading, has_step=True)
 
-        # an agent that seems to go a little back on its road stands still
+        # An agent that seems to go a little back on its road stands still.
         metres = best.metres
         before = self._position
         if (
@@ -376,7 +376,7 @@ class LiveMatcher:
 
     def _finalise_converged(self) -> tuple[FinalisedPosition, ...]:
         """Finalise the time steps at which all paths agree, and those whose lag has passed."""
-        # convergence; the newest step may yet be replaced by the end of its run (_add_end_of_run)
+        # Convergence; the newest step may yet be replaced by the end of its run (_add_end_of_run).
         newest = self._steps - 1
         fixed = newest if self._steps_since_gap == 1 else newest - 1
         step, candidate = find_convergence(self._ring, fixed, self._finalised_steps)

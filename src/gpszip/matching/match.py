@@ -113,7 +113,7 @@ def match(
         heading=heading,
     )
 
-    # roads as they may be travelled, and all of them open in both directions
+    # Roads as they may be travelled, and all of them open in both directions.
     index = (
         network
         if isinstance(network, RoadIndex)
@@ -187,7 +187,7 @@ def _check(
         if value is not None and not (value > 0 and (may_be_infinite or math.isfinite(value))):
             raise OptionError(f"{name} is {value:g}; it must be a positive number")
 
-    # planes
+    # Planes.
     for track in tracks:
         if track.plane != network.plane:
             raise OptionError(
@@ -207,7 +207,7 @@ def _prepare_tracks(
     Outliers are removed, gaps marked, and positions averaged. Also returns the averaging window of
     each track.
     """
-    # without outliers, with gaps
+    # Without outliers, with gaps.
     if gap is None:
         timed = [track for track in tracks if track.timed]
         gap = max(estimate_gap(timed) if timed else 0.0, MIN_GAP)

@@ -42,14 +42,14 @@ class NearbyRoads:
     def __init__(self, network: Network) -> None:
         from scipy.spatial import cKDTree
 
-        # line segments of roads, by their first vertices
+        # Line segments of roads, by their first vertices.
         self.network = network
         points = network.points[:, :2]
         road_of = np.repeat(np.arange(len(network)), np.diff(network.offsets))
         first = np.flatnonzero(np.diff(road_of) == 0)
         lengths = np.linalg.norm(points[first + 1] - points[first], axis=1)
 
-        # long ones cut into entries of equal length
+        # Long ones cut into entries of equal length.
         self._max_length = max(_MAX_LENGTH * float(np.median(lengths)), _MIN_ENTRY)
         entries = np.maximum(np.ceil(lengths / self._max_length), 1).astype(np.int64)
         self._vertex = np.repeat(first, entries)
@@ -66,7 +66,7 @@ class NearbyRoads:
 
         Returns number, offset, distance, and unit vector of each road there.
         """
-        # segments whose middles are near, and their nearest points
+        # Segments whose middles are near, and their nearest points.
         network = self.network
         near = self._tree.query_ball_point(position[:2], radius + self._max_length / 2)
         vertices = np.unique(self._vertex[near])
@@ -76,7 +76,7 @@ class NearbyRoads:
         fraction = np.clip(((position[:2] - a) * step).sum(axis=1) / length**2, 0, 1)
         distance = np.linalg.norm(a + fraction[:, None] * step - position[:2], axis=1)
 
-        # the nearest segment of each road
+        # The nearest segment of each road.
         order = np.argsort(distance, kind="stable")
         order = order[distance[order] <= radius]
         road = np.searchsorted(network.offsets, vertices[order], side="right") - 1

@@ -82,13 +82,13 @@ def fit_mixture(distances: Floats, start: DistanceMixture, prior: float = 0.0) -
     if not len(known):
         return mixture
     for _ in range(_ITERATIONS):
-        # expectation
+        # Expectation.
         probability = mixture.on_roads(known)
         steps = float(probability.sum()) + prior
         if not steps:
             return mixture
 
-        # maximisation
+        # Maximisation.
         square = (float(probability @ known**2) + prior * start.error**2) / steps
         share = (float(probability.sum()) + prior * start.share) / (len(known) + prior)
         mixture = DistanceMixture(

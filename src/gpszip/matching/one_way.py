@@ -237,7 +237,7 @@ def _describe_steps(path: ViterbiPath, match: Match) -> _Steps:
     piece = match.piece[samples]
     is_matched = piece >= 0
 
-    # between which time steps the path moves as the samples do: it neither stands nor hurries
+    # Between which time steps the path moves as the samples do: it neither stands nor hurries.
     straight = np.linalg.norm(np.diff(path.observations.positions[samples], axis=0), axis=1)
     seconds = np.diff(path.observations.times[samples])
     is_same_piece = is_matched[1:] & (piece[1:] == piece[:-1])
@@ -246,7 +246,7 @@ def _describe_steps(path: ViterbiPath, match: Match) -> _Steps:
         hurries = is_same_piece & _hurries(length, straight, seconds, match.scales)
         advances = is_same_piece & (length >= _MIN_ADVANCE * straight) & ~hurries
 
-    # time steps that hardly lie apart tell nothing
+    # Time steps that hardly lie apart tell nothing.
     is_near = straight < min_spacing(match.scales)
     moves_on = advances | (is_same_piece & is_near & ~hurries)
     is_stuck = is_matched & ~(np.append(False, moves_on) | np.append(moves_on, False))
@@ -377,7 +377,7 @@ def _build_run(
 
     None if they don't travel far enough against a road, or if something else explains them.
     """
-    # the time steps beside the run, as far as the path leads there
+    # The time steps beside the run, as far as the path leads there.
     samples = steps.sample_indices
     piece = rematch.piece[samples[i] - rematch.first]
 
@@ -393,7 +393,7 @@ def _build_run(
     if length < _MIN_LENGTH * scales.error:
         return None
 
-    # the open directions explain them unless a jump costs less than the emission costs of doing so
+    # The open directions explain them unless a jump costs less than the emission costs of doing so.
     run = np.arange(i, j + 1)
     if not (~steps.is_matched[run] | steps.is_stuck[run]).any():
         open_distance = steps.distance[run]
@@ -478,7 +478,7 @@ def _combine_breaks(match: Match, is_wrong_way: Bools, runs: list[Break]) -> lis
             breaks.append(break_)
             continue
 
-        # what is left of it on either side
+        # What is left of it on either side.
         rest = inside[~is_wrong_way[inside]]
         reason = "off road" if break_.reason == "gap" else break_.reason
         for group in np.split(rest, np.flatnonzero(np.diff(rest) > 1) + 1):

@@ -50,7 +50,7 @@ def reinsert_outliers(match: Match, is_outlier: NDArray[np.bool_]) -> Match:
         return match
     match = expand_match(match, ~is_outlier)
 
-    # runs of outliers, by the samples before and after; elsewhere there is a break already
+    # Runs of outliers, by the samples before and after; elsewhere there is a break already.
     starts = np.flatnonzero(is_outlier[1:] & ~is_outlier[:-1])
     ends = np.flatnonzero(is_outlier[:-1] & ~is_outlier[1:]) + 1
     is_within_piece = (match.piece[starts] >= 0) & (match.piece[starts] == match.piece[ends])
@@ -87,7 +87,7 @@ def expand_match(match: Match, is_kept: NDArray[np.bool_]) -> Match:
         for piece in match.pieces
     )
 
-    # columns of all samples
+    # Columns of all samples.
     return replace(
         match,
         pieces=pieces,

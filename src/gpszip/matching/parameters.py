@@ -92,19 +92,19 @@ def model_parameters(scales: Scales) -> ModelParameters:
     # Metres from a sample within which roads are candidates; emission costs grow with its square.
     radius = search_radius(scales)
     return ModelParameters(
-        # emission
+        # Emission.
         sigma=scales.sigma,
         search_radius=radius,
         max_candidates=_MAX_CANDIDATES,
         off_road_cost=0.5 * (radius / scales.sigma) ** 2,
         heading_weight=1.0 / math.radians(scales.heading) ** 2,
-        # transition
+        # Transition.
         beta=scales.beta,
         jump_cost=JUMP_COST,
         turn_cost=_TURN_COST,
         u_turn_cost=_U_TURN_COST,
         backward_tolerance=_BACKWARD_TOLERANCE * scales.error,
-        # limits of the search
+        # Limits of the search.
         max_speed=scales.max_speed,
         median_speed=scales.median_speed,
         max_detour=_MAX_DETOUR,

@@ -201,7 +201,7 @@ def patch(
     if not any(find_long_intervals(track.times, gap).any() for track in log):
         return Patching(tuple(log), (), gap)
 
-    # roads of the log, and how its agents move
+    # Roads of the log, and how its agents move.
     matches = match(log, network, gap=gap)
     error = _robust_error(np.concatenate([matched.distance for matched in matches]))
     log_motion = measure_motion(log, gap, error)
@@ -211,7 +211,7 @@ def patch(
     ]
     slowness = estimate_road_slowness(log, list(matches), motion, network, gap)
 
-    # each gap of each track
+    # Each gap of each track.
     finder, nearby_roads = PathFinder(network), NearbyRoads(network)
     patches: list[Patch] = []
     for number, (track, matched) in enumerate(zip(log, matches, strict=True)):
@@ -269,7 +269,7 @@ class _GapFiller:
         self.match = match
         self.motion = motion
 
-        # sampling interval of the log
+        # Sampling interval of the log.
         steps = np.diff(track.times)
         steps = steps[steps <= gap]
         self.interval = float(np.median(steps)) if len(steps) else gap
@@ -299,7 +299,7 @@ class _GapFiller:
         if isinstance(paths, str):
             return self._leave_open(number, after, seconds, paths)
 
-        # the most likely path
+        # The most likely path.
         log_likelihoods = np.array([self._log_likelihood(path, after, seconds) for path in paths])
         best = paths[int(log_likelihoods.argmax())]
         line, owner = self._cut(best, after)
@@ -308,7 +308,7 @@ class _GapFiller:
         if reason:
             return self._leave_open(number, after, seconds, reason)
 
-        # samples along it
+        # Samples along it.
         times, along = self._sample_times(best, line, owner, length, after, seconds)
         positions, road = _interpolate_line(line, owner, along)
         likelihoods = np.exp(log_likelihoods - log_likelihoods.max())
@@ -406,7 +406,7 @@ class _GapFiller:
         if self.headings[sample].any():
             return np.asarray(self.headings[sample])
 
-        # samples from the gap on
+        # Samples from the gap on.
         positions = self.track.positions[:, :2]
         if side == _BEFORE:
             first = max(sample - _DIRECTION_SAMPLES, 0)
@@ -414,7 +414,7 @@ class _GapFiller:
         else:
             positions = positions[sample : sample + _DIRECTION_SAMPLES + 1]
 
-        # the first that is far enough
+        # The first that is far enough.
         distances = np.linalg.norm(positions - positions[0], axis=1)
         far = np.flatnonzero(distances > _MIN_MOVE * self.error)
         if not len(far):
@@ -459,7 +459,7 @@ class _GapFiller:
             squares = (steps**2).sum(axis=1) / self.error**2
             distance_cost = float(np.log1p(0.5 * squares).sum())
 
-        # waiting, or hurry
+        # Waiting, or hurry.
         expected = max(self._travel_time(path), self.interval)
         time_cost = (
             (seconds - expected) / (_MEAN_WAIT * seconds)
@@ -585,14 +585,14 @@ def _nearest_along(line: Floats, point: Floats, low: float, high: float) -> floa
     if not len(steps) or high <= low:
         return max(low, 0.0)
 
-    # nearest fraction of each segment, within the bounds
+    # Nearest fraction of each segment, within the bounds.
     fraction = ((point - line[:-1]) * steps).sum(axis=1) / np.maximum(lengths**2, _MIN_SQUARE)
     divisor = np.maximum(lengths, _MIN_SEGMENT_LENGTH)
     least = np.clip((low - along[:-1]) / divisor, 0, 1)
     greatest = np.clip((high - along[:-1]) / divisor, 0, 1)
     fraction = np.clip(fraction, least, greatest)
 
-    # nearest segment
+    # Nearest segment.
     distance = np.linalg.norm(line[:-1] + fraction[:, None] * steps - point, axis=1)
     distance[(along[1:] < low) | (along[:-1] > high)] = np.inf
     best = int(distance.argmin())

@@ -60,7 +60,7 @@ def estimate_road_slowness(
         np.add.at(metres, road, step_metres)
         np.add.at(mean_metres, road, step_seconds * statistics.mean_speed)
 
-    # weighted mean of what was seen and what is expected
+    # Weighted mean of what was seen and what is expected.
     expected = _expected_slowness(network, metres, mean_metres)
     slowness: Floats = np.clip(
         (mean_metres + _PRIOR * expected) / (metres + _PRIOR), 1 / _MAX_RATIO, _MAX_RATIO
@@ -75,7 +75,7 @@ def _steps_on_passed_roads(
     if not match.pieces:
         return np.empty(0, np.int64), np.empty(0), np.empty(0)
 
-    # steps on one piece, without its first and last leg
+    # Steps on one piece, without its first and last leg.
     last_leg = np.array([len(piece.route) - 1 for piece in match.pieces])
     is_used = (
         (np.diff(track.times) <= gap)

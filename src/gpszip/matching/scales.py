@@ -179,7 +179,7 @@ def estimate_scales(
     Scales, list of Scales
         Those of the log, and those of each track.
     """
-    # rounds on a few samples, until the error converges
+    # Rounds on a few samples, until the error converges.
     sample = _take_sample(observations, _ROUND_SAMPLES)
     min_error = _min_error(index)
     scales = _with_known(_guess_scales(index, sample), sigma, beta)
@@ -195,7 +195,7 @@ def estimate_scales(
         if abs(math.log(scales.error / last_error)) < _CONVERGED:
             break
 
-    # one round on many samples
+    # One round on many samples.
     sample = _take_sample(observations, _LAST_SAMPLES)
     paths, residuals = _match_and_measure(index, work, sample, scales)
     mixture = _fit_log_mixture(residuals, scales)
@@ -253,7 +253,7 @@ def estimate_robust_scales(
     if opened is None:
         return log_scales, track_scales
 
-    # tracks with too large an error
+    # Tracks with too large an error.
     is_too_large = [
         scales.error > _MAX_TO_GUESS * guess_error(index, [observed])
         for scales, observed in zip(track_scales, observations, strict=True)
@@ -261,7 +261,7 @@ def estimate_robust_scales(
     if not any(is_too_large):
         return log_scales, track_scales
 
-    # the same with all roads open
+    # The same with all roads open.
     log_again, tracks_again = estimate_scales(
         opened, work, observations, sigma=sigma, beta=beta, heading=heading
     )
@@ -393,8 +393,8 @@ def _measure_speeds(observations: Sequence[Observations], error: float) -> tuple
         run = np.concatenate(([0], np.cumsum(observed.is_gap)))[samples]
         speed = (lengths / np.diff(observed.times[samples]))[np.diff(run) == 0]
         speeds.append(speed)
-        # of each two successive steps the slower, so that an outlier or two in a short log don't
-        # become its highest speed
+        # Of each two successive steps the slower, so that an outlier or two in a short log don't
+        # become its highest speed.
         calm_speeds.append(np.minimum(speed[:-1], speed[1:]) if len(speed) > 1 else speed)
     pooled = np.concatenate(speeds)
     if not len(pooled):
@@ -467,7 +467,7 @@ def _sum_on_roads(residuals: _Residuals, mixture: DistanceMixture) -> _Sums:
 
 def _measure_residuals(index: RoadIndex, path: ViterbiPath, scales: Scales) -> _Residuals:
     """Measure errors and detours of a matched track."""
-    # from the position on the road to the sample
+    # From the position on the road to the sample.
     observed, samples = path.observations, path.sample_indices
     is_on_road = path.leg >= 0
     on_road = road_positions(

@@ -134,7 +134,7 @@ def measure_motion(
     if not len(speeds) or speeds.max() <= 0:
         return MotionStatistics(_STANDING_MEAN_SPEED, _STANDING_TOP_SPEED, _ACCELERATION, ())
 
-    # quantile of speed, weighted by time
+    # Quantile of speed, weighted by time.
     order = np.argsort(speeds)
     rank = np.searchsorted(np.cumsum(seconds[order]), 0.99 * seconds.sum())
     top_speed = float(speeds[order[min(rank, len(order) - 1)]])
@@ -222,7 +222,7 @@ def bend_speed(line: Floats, along: Floats, acceleration: float, top_speed: floa
     float64 array, shape (n,)
         Speeds in m/s.
     """
-    # angle between the directions an arm's length before and behind
+    # Angle between the directions an arm's length before and behind.
     vertices = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1)))
     arm = float(np.clip(2.0 * top_speed, 1.0, 15.0))
     middle, before, behind = (
@@ -238,7 +238,7 @@ def bend_speed(line: Floats, along: Floats, acceleration: float, top_speed: floa
     radius = _CUT * half_cosine / np.maximum(1 - half_cosine, 1e-9)
     square = np.minimum(_LATERAL_ACCELERATION * radius, top_speed**2)
 
-    # accelerating from a bend: the running minimum, less a ramp; then braking, in reverse
+    # Accelerating from a bend: the running minimum, less a ramp; then braking, in reverse.
     step = along[1] - along[0] if len(along) > 1 else 0.0
     ramp = 2 * acceleration * step * np.arange(len(along))
     square = np.minimum.accumulate(square - ramp) + ramp
@@ -284,12 +284,12 @@ def interpolate_progress(
     weights = np.full(len(times), seconds / _STEPS)
     weights[[0, -1]] /= 2
 
-    # covariances of the speed with those at both ends, and with its integral
+    # Covariances of the speed with those at both ends, and with its integral.
     to_start = np.exp(-times / correlation_time)
     to_end = np.exp(-times[::-1] / correlation_time)
     to_integral = correlation_time * (2 - to_start - to_end)
 
-    # solve for the known values
+    # Solve for the known values.
     covariance = np.array(
         [
             [1.0, to_start[-1], to_integral[0]],
@@ -303,7 +303,7 @@ def interpolate_progress(
     )
     speed = mean + gains[0] * to_start + gains[1] * to_end + gains[2] * to_integral
 
-    # integrate, without going back, and scale to the distance
+    # Integrate, without going back, and scale to the distance.
     speed = np.maximum(speed, 0.0)
     progress = np.append(0.0, np.cumsum((speed[1:] + speed[:-1]) / 2 * (seconds / _STEPS)))
     if progress[-1] > 0:

@@ -128,7 +128,7 @@ def find_viterbi_path(
         work,
     )
 
-    # cheapest path, and its legs
+    # Cheapest path, and its legs.
     path = best_path(trellis)
     legs, leg, metres = build_legs(
         observations.positions,

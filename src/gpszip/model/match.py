@@ -238,7 +238,7 @@ class Match:
         vertex = np.searchsorted(along, road_starts[edge] + offset, side="right") - 1
         vertex = np.clip(vertex, network.offsets[edge], network.offsets[edge + 1] - 2)
 
-        # interpolate to the next vertex
+        # Interpolate to the next vertex.
         begin = network.along[vertex]
         length = network.along[vertex + 1] - begin
         fraction = np.divide(offset - begin, length, out=np.zeros(len(matched)), where=length > 0)

@@ -112,7 +112,7 @@ class Patching:
             )
             is_added = np.arange(len(times)) >= len(track)
 
-            # in order of time
+            # In order of time.
             order = np.argsort(times, kind="stable")
             attributes = {
                 "source": np.where(is_added, "patched", "log")[order],

@@ -106,7 +106,7 @@ def append(
     # Take the time of the whole call, for the report.
     start = time.perf_counter()
 
-    # what the archive states and keeps goes on
+    # What the archive states and keeps goes on.
     options = _completed(options or Options(), archive)
     log = on_plane_of(archive, as_log(tracks), options)
     _check_times(archive, log)
@@ -175,7 +175,7 @@ def _completed(options: Options, archive: Archive) -> Options:
             "a size can't be asked of what is appended", remedy="give rmse or max_error"
         )
 
-    # the bound
+    # The bound.
     bound = archive.error_bound
     if not options.bounded and bound is not None:
         if bound.maximum:
@@ -183,7 +183,7 @@ def _completed(options: Options, archive: Archive) -> Options:
         else:
             options = replace(options, rmse=bound.metres, max_error=bound.max_error)
 
-    # the columns
+    # The columns.
     if archive.kept_columns is not None:
         return replace(options, keep=archive.kept_columns, keep_times=True)
     if options.keep or options.keep_times:
@@ -287,7 +287,7 @@ class _ContinuedLog:
         if track.id not in self._leads:
             return self._log.read(source, first, last)
 
-        # the knot stands where the last sample before it was
+        # The knot stands where the last sample before it was.
         knot, skipped = self._leads[track.id]
         begin, end = max(first, 1) + skipped, last + skipped
         samples = self._log.read(source, begin, end) if last > 1 else None
@@ -338,7 +338,7 @@ def _overlap_error(name: str) -> OptionError:
 
 def _extend(archive: Archive, on_map: Archive, job: Job, *, keep_starts: bool) -> Archive:
     """Join an archive with walks on its map; see :func:`_continue_walk` for ``keep_starts``."""
-    # all walks on the finer of the two grids
+    # All walks on the finer of the two grids.
     reference = on_map.contents.map
     refinements = 0 if reference is None else reference.refinements
     merged = merge_grid_walks([refined(archive.grid_walks, refinements), on_map.grid_walks])
@@ -365,7 +365,7 @@ def _extend(archive: Archive, on_map: Archive, job: Job, *, keep_starts: bool) -
         time_ranges=_time_ranges(archive, on_map, tuple(walks)),
     )
 
-    # what is stated of both
+    # What is stated of both.
     bound = _weaker_bound(archive.error_bound, on_map.error_bound)
     sampling = None
     if archive.sampling is not None and job.sampling is not None:

@@ -117,7 +117,7 @@ def compress(
     start = time.perf_counter()
     options = options or Options()
 
-    # check the tracks, and prepare what is learned from
+    # Check the tracks, and prepare what is learned from.
     log = as_log(tracks)
     if map is not None:
         log = on_plane_of(map, log, options)
@@ -146,7 +146,7 @@ def within_bound(job: Job) -> tuple[Archive, ErrorSummary]:
     # Lower the target until what the bytes decode to holds the bound.
     failures = 0
     while target is not None:
-        # nothing learned: aim lower, a few times
+        # Nothing learned: aim lower, a few times.
         learned = learn(job, target)
         if learned is None:
             failures += 1

@@ -66,14 +66,14 @@ def ready_to_continue(
     if not late and refinements == 0:
         return archive
 
-    # the same walks on a finer time grid
+    # The same walks on a finer time grid.
     grid = replace(archive.grid, time=archive.grid.time - _STEP_SIZES_PER_OCTAVE * refinements)
     known = archive.grid_walks
     walks = [
         GridWalk(walk.nodes, walk.time_steps << refinements, walk.gaps) for walk in known.walks
     ]
 
-    # the walks that are continued, cut where their tracks end
+    # The walks that are continued, cut where their tracks end.
     nodes = [known.nodes]
     for name in late:
         number = archive.ids.index(name)
@@ -172,7 +172,7 @@ def _cut(
     if end >= steps[-1]:
         return walk, no_node
 
-    # the point of the segment at that time, on the grid
+    # The point of the segment at that time, on the grid.
     before, after = nodes[walk.nodes[-2]], nodes[walk.nodes[-1]]
     share = (end - steps[-2]) / (steps[-1] - steps[-2])
     point = np.rint(before + share * (after - before)).astype(np.int64)

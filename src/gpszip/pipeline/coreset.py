@@ -124,7 +124,7 @@ def _within_eps(
         tries += 1
         rows |= _cut_blocks(log, [s for s in slices if s.track in remaining], costs, executor)
 
-        # the cost that blocks may have next; the same where they hold eps
+        # The cost that blocks may have next; the same where they hold eps.
         before = {number: costs[number] for number in remaining}
         for number, cost in before.items():
             if cost is not None:
@@ -152,7 +152,7 @@ def _initial_costs(
     ):
         costs |= {s.track: cost for s, cost in zip(batch, found, strict=True)}
 
-    # longer ones from their blocks
+    # Longer ones from their blocks.
     finest = OVERSAMPLING * math.ceil(LOWER_BOUND_FACTORS[-1] * k)
     for number in sorted({s.track for s in slices} - set(costs)):
         blocks = _merge_blocks(log, [s for s in slices if s.track == number], finest, executor)

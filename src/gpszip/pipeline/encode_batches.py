@@ -198,7 +198,7 @@ class _EncodedSoFar:
         capacity = _MAX_PRIOR_KNOTS - sum(len(walk.nodes) for walk in prior.walks)
         nodes, walks, number = [prior.nodes], list(prior.walks), [self._number]
 
-        # as many batches as the prior has capacity for
+        # As many batches as the prior has capacity for.
         for grid_walks, added in self._unknown:
             visiting = [walk for walk in grid_walks.walks if (walk.nodes >= known).any()]
             capacity -= sum(len(walk.nodes) for walk in visiting)
@@ -212,7 +212,7 @@ class _EncodedSoFar:
             nodes.append(grid_walks.nodes)
             number.append(added)
 
-        # the coder's model is primed once, before several batches ask for it
+        # The coder's model is primed once, before several batches ask for it.
         self._unknown = []
         if len(nodes) > 1:
             extended = Prior(GridWalks(np.concatenate(nodes), tuple(walks)))
@@ -222,13 +222,13 @@ class _EncodedSoFar:
 
     def _joined(self, before: GridWalk, after: GridWalk, which: Slice) -> GridWalk:
         """Join the walks of two slices; under a maximum, the joint gets the knots that it needs."""
-        # samples that both slices have
+        # Samples that both slices have.
         track = self.log.tracks[which.track]
         last = min(2 * which.begin - which.first, len(track))
         overlap = self.log.read(track, which.first, last)
         cut_time = float(overlap.times[which.begin - which.first])
 
-        # the walks, joined where they fit best
+        # The walks, joined where they fit best.
         grid = self.base.grid
         nodes = np.concatenate(self._nodes)
         positions = np.asarray(grid.origin) / 1000 + nodes * step_size(grid.space)
@@ -242,14 +242,14 @@ class _EncodedSoFar:
         self, limit: float, walk: GridWalk, overlap: Track, nodes: NDArray[np.int64]
     ) -> GridWalk:
         """Insert the knots that the samples of the overlap need to keep a maximum error."""
-        # the knots about the overlap
+        # The knots about the overlap.
         grid, steps = self.base.grid, walk.time_steps
         low, high = (overlap.times[[0, -1]] - grid.epoch / 1000) / step_size(grid.time)
         a = max(int(np.searchsorted(steps, low, side="right")) - 1, 0)
         b = min(int(np.searchsorted(steps, high)) + 1, len(steps))
         around = GridWalk(walk.nodes[a:b], steps[a:b], walk.gaps[a : b - 1])
 
-        # with the knots inserted
+        # With the knots inserted.
         result = enforce_max_error(
             [overlap], grid, GridWalks(nodes, (around,)), limit, known=len(nodes)
         )
@@ -284,7 +284,7 @@ def _walks_within_bound(base: BaseMap, tracks: Sequence[Track]) -> GridWalks:
             share=base.share,
         )
 
-    # tighter and tighter targets
+    # Tighter and tighter targets.
     for share in _SHARES:
         walks = learn(share)
         if walks is not None and holds(_measure(tracks, walks, base.grid), options):
@@ -292,7 +292,7 @@ def _walks_within_bound(base: BaseMap, tracks: Sequence[Track]) -> GridWalks:
         if walks is None and options.rmse is not None:
             break  # a tighter RMSE can't be reached either
 
-    # an RMSE a little above; other batches take less
+    # An RMSE a little above; other batches take less.
     if options.rmse is not None and options.max_error is None:
         for share in _EXCEEDING_SHARES:
             walks = learn(share)
@@ -313,7 +313,7 @@ def _insert_knots(
     )
     start = GridWalks(np.concatenate([known, straight.nodes]), shifted)
 
-    # knots at the worst samples, until the bound holds
+    # Knots at the worst samples, until the bound holds.
     options = base.options
     limit = options.max_error or options.rmse or 0.0
     shares = _INSERTION_SHARES if options.max_error is not None else _INSERTION_SHARES_OF_RMSE

@@ -151,7 +151,7 @@ def prepare(
     in_memory = isinstance(log, MemoryLog)
     check_thesis_in_memory(thesis=options.thesis, in_memory=in_memory)
 
-    # what a map is learned from
+    # What a map is learned from.
     sample = log.tracks if in_memory else _subsample(log, subsample_size(memory))
     timed = [track for track in sample if track.timed]
 
@@ -161,11 +161,11 @@ def prepare(
     timed_gaps = [gap for track, gap in zip(sample, gaps, strict=True) if track.timed]
     sampling = sampling_interval(timed, timed_gaps) if timed else None
 
-    # the bound
+    # The bound.
     options = size_in_bytes(options, _bytes_of(log))
     options, notes = with_bound(options, sample, gaps, "the log" if in_memory else "a subsample")
 
-    # batches and workers that fit the memory
+    # Batches and workers that fit the memory.
     batch = None if in_memory else batch_samples(memory)
     workers = (
         resolve_executor(executor) if batch is None else workers_within(memory, batch, executor)
@@ -207,12 +207,12 @@ def _subsample(log: Log, samples: int) -> tuple[Track, ...]:
     slices = slice_tracks([len(track) for track in log.tracks], length)
     total = sum(each.end - each.begin for each in slices)
 
-    # the earliest slice sets the epoch of the grid
+    # The earliest slice sets the epoch of the grid.
     starts = [log.read(track, 0, 1).times[0] for track in log.tracks]
     earliest = min(range(len(starts)), key=starts.__getitem__)
     first = next(each for each in slices if each.track == earliest)
 
-    # take a slice wherever the samples taken fall behind their share of the samples passed
+    # Take a slice wherever the samples taken fall behind their share of the samples passed.
     chosen: list[Slice] = []
     passed, taken = 0, 0
     for each in slices:
@@ -233,7 +233,7 @@ def _time_ranges(log: Log, track: LogTrack, gap: float) -> NDArray[np.float64]:
         return np.zeros((0, 2))
     ranges: list[NDArray[np.float64]] = []
     for first in range(0, len(track), _BLOCK_SAMPLES):
-        # the last sample before the block tells whether a gap lies between the two blocks
+        # The last sample before the block tells whether a gap lies between the two blocks.
         block = log.read(track, max(first - 1, 0), min(first + _BLOCK_SAMPLES, len(track)))
         in_block = piece_time_ranges(block.times, find_gaps(block, gap))
         if ranges:

@@ -163,7 +163,7 @@ def _chained(
     old_values = np.concatenate([np.zeros(0, np.int64), *before.chunks()])
     old_values = old_values if old_codes is None else old_codes[old_values]
 
-    # the fragments of each track: what was there, then what is added
+    # The fragments of each track: what was there, then what is added.
     read_new = _reader(log, column, new_codes)
     starts = np.cumsum([0, *(len(track) for track in log.tracks)]).tolist()
     first = 0

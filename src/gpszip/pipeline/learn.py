@@ -75,7 +75,7 @@ def _learn_at_once(job: Job, target: Options) -> Learned | None:
     def report(done: int, steps: int) -> None:
         job.report("learn", done / steps)
 
-    # on a map of its own
+    # On a map of its own.
     if job.map is None:
         learned = learn_map(
             tracks,

@@ -85,7 +85,7 @@ def _learned_base(job: Job, target: Options) -> BaseMap:
     def report(done: int, steps: int) -> None:
         job.report("learn", done / steps)
 
-    # few weighted samples of the subsample, where they do
+    # Few weighted samples of the subsample, where they do.
     tracks, gaps = _thin_out(job, target)
     learned = None
     for share in _SUBSAMPLE_SHARES:
@@ -100,14 +100,14 @@ def _learned_base(job: Job, target: Options) -> BaseMap:
             progress=report,
         )
 
-    # else the first samples as they are
+    # Else the first samples as they are.
     if learned is None:
         track = job.log.tracks[0]
         first = job.log.read(track, 0, min(_VERBATIM_SAMPLES, len(track)))
         limit = target.max_error or target.rmse or 0.0
         learned = keep_samples([first], [_gaps_of(job, first)], limit)
 
-    # the coder's model is primed once, before several batches ask for it
+    # The coder's model is primed once, before several batches ask for it.
     grid, grid_walks = learned
     prior = Prior(grid_walks)
     prior.model(0)

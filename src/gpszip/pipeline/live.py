@@ -77,7 +77,7 @@ def _roads_and_scales(archive: Archive, scales: Scales | None) -> tuple[Network,
     if scales is not None:
         return network, scales
 
-    # the grid's step is about the error that the archive keeps
+    # The grid's step is about the error that the archive keeps.
     error = step_size(archive.grid.space)
     speeds = network.speeds[np.isfinite(network.speeds)]
     if len(speeds):

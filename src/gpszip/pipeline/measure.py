@@ -79,12 +79,12 @@ def _with_walk(log: Log, walk: Walk, which: Slice) -> tuple[Track, Walk]:
     track = log.read(log.tracks[which.track], which.begin, which.end)
     assert walk.times is not None
 
-    # two knots more on either side: samples may lie beyond the next one by rounding
+    # Two knots more on either side: samples may lie beyond the next one by rounding.
     first = max(int(np.searchsorted(walk.times, track.times[0])) - 2, 0)
     after = int(np.searchsorted(walk.times, track.times[-1])) + 2
     gaps = walk.gaps[first : after - 1]
 
-    # time ranges of the pieces that these knots belong to
+    # Time ranges of the pieces that these knots belong to.
     piece = int(walk.gaps[:first].sum())
     time_ranges = (
         None if walk.time_ranges is None else walk.time_ranges[piece : piece + int(gaps.sum()) + 1]

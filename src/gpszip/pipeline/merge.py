@@ -95,7 +95,7 @@ def merge(
     options = options or MergeOptions()
     names = [str(number) for number in range(1, len(archives) + 1)] if names is None else names
 
-    # what goes together, and how far tracks may be moved
+    # What goes together, and how far tracks may be moved.
     _check(archives, names)
     limit, notes = _limit(archives, names, options)
 
@@ -105,7 +105,7 @@ def merge(
     limit_shares = [_limit_share(source.archive, limit) for source in sources]
     curves = curves_of_archives(sources, limit_shares)
 
-    # one map; for shapes with less and less of the limit
+    # One map; for shapes with less and less of the limit.
     untimed = any(source.untimed for source in sources)
     for share in _SHAPE_SHARES if untimed else _SHAPE_SHARES[:1]:
         merged = merge_archives(
@@ -126,7 +126,7 @@ def merge(
             f"a deviation of {limit.metres:g} m can't be held", remedy="allow a larger one"
         )
 
-    # what the archive states, and the deviations in the order of the archives
+    # What the archive states, and the deviations in the order of the archives.
     archive = with_error_bound(archive, _error_bound(sources, moved))
     archive = with_sampling(archive, sampling_of(archives))
     deviations = tuple(moved[order.index(number)] for number in range(len(order)))
@@ -153,7 +153,7 @@ def _check(archives: Sequence[Archive], names: Sequence[str]) -> None:
     # Check each archive by itself, and its coordinates against those of the first.
     first = archives[0]
     for name, archive in zip(names, archives, strict=True):
-        # tracks on a map of their own
+        # Tracks on a map of their own.
         if not archive.ids:
             raise OptionError("holds no tracks", path=name, remedy="leave it out")
         if archive.contents.map is not None:
@@ -163,7 +163,7 @@ def _check(archives: Sequence[Archive], names: Sequence[str]) -> None:
                 remedy="merge archives that hold their own maps",
             )
 
-        # coordinates like those of the first
+        # Coordinates like those of the first.
         if (archive.grid.plane is None) != (first.grid.plane is None):
             both = (name, names[0]) if archive.grid.plane is None else (names[0], name)
             raise OptionError(
@@ -240,7 +240,7 @@ def _build_archive(
     walks = tuple(merged.grid_walks.walks[i] for i in order)
     grid_walks = number_by_visit(replace(merged.grid_walks, walks=walks))
 
-    # shapes lose the times that they were given
+    # Shapes lose the times that they were given.
     without_times = frozenset[str]().union(*(source.untimed for source in sources))
     untimed = frozenset(number for number, id in enumerate(ids) if id in without_times)
     grid_walks = drop_time_steps(grid_walks, untimed, others=len(untimed) < len(ids))
@@ -315,7 +315,7 @@ def _report(
     notes: tuple[str, ...],
 ) -> MergeReport:
     """Summarise what was merged, and how far tracks were moved."""
-    # sizes; a merge may save nothing
+    # Sizes; a merge may save nothing.
     bytes_in = sum(len(archive.to_bytes()) for archive in archives)
     bytes_out = len(merged.to_bytes())
     if bytes_out >= bytes_in:

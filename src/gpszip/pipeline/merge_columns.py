@@ -52,7 +52,7 @@ def merge_columns(
     if not any(bodies):
         return (), ()
 
-    # the table of each archive; empty where it keeps none
+    # The table of each archive; empty where it keeps none.
     tables = [
         read_attributes(bytes(body[0]), len(source.ids))
         if body
@@ -110,7 +110,7 @@ def _values(
     }
     count = rows.stop - rows.start
 
-    # texts; empty where there are none
+    # Texts; empty where there are none.
     if kinds & set("OSU"):
         if kinds & set("biuf"):
             raise OptionError(
@@ -121,7 +121,7 @@ def _values(
             return table.columns[name][rows]
         return np.full(count, "", dtype=object)
 
-    # integers in all
+    # Integers in all.
     if kinds <= set("biu"):
         return table.columns[name][rows]
 

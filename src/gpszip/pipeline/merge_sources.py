@@ -122,7 +122,7 @@ def on_common_plane(sources: list[MergeSource], limit: DeviationLimit) -> list[M
         return sources
     from gpszip.geo.common_plane import max_scale_factor, to_common_plane
 
-    # long segments are cut, so that none bends much on another plane
+    # Long segments are cut, so that none bends much on another plane.
     known = [plane for plane in planes if plane is not None]
     cut = [
         replace(source, curves=tuple(_cut_segments(curve, limit) for curve in source.curves))
@@ -134,7 +134,7 @@ def on_common_plane(sources: list[MergeSource], limit: DeviationLimit) -> list[M
     starts = [_piece_starts(source.curves) for source in cut]
     shared, moved_positions, moved = to_common_plane(known, positions, starts)
 
-    # what the move may have added to the error
+    # What the move may have added to the error.
     return [
         replace(
             source,
@@ -321,14 +321,14 @@ def _apart_in_time(
 
 def _time_range(curve: Curve, first: float, last: float) -> Curve:
     """The curve between two times, which it covers."""
-    # its knots inside, and the two ends
+    # Its knots inside, and the two ends.
     times = curve.track.times
     inside = times[(times > first) & (times < last)]
     ends = np.array([max(first, float(times[0])), min(last, float(times[-1]))])
     when = np.unique(np.concatenate([ends, inside]))
     positions = np.stack([np.interp(when, times, axis) for axis in curve.track.positions.T], axis=1)
 
-    # each segment has the gap of the one that it is a part of
+    # Each segment has the gap of the one that it is a part of.
     middles = (when[1:] + when[:-1]) / 2
     segment = np.clip(np.searchsorted(times, middles) - 1, 0, max(len(curve.gaps) - 1, 0))
     gaps = curve.gaps[segment] if len(curve.gaps) else np.zeros(len(segment), np.bool_)

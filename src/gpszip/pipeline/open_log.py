@@ -66,7 +66,7 @@ def open_log(
         yield MemoryLog(result.tracks, result)
         return
 
-    # streams are read twice: to count, and to read
+    # Streams are read twice: to count, and to read.
     with spooled(sources, unzip=is_bundle) as files:
         rows = count_rows(files, **options)
         if fits(rows, memory):

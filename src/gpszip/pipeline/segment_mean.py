@@ -33,7 +33,7 @@ def segment_mean(
     if k is not None and m is not None:
         return with_both(track, k, m, executor=executor)
 
-    # search what was left out between the smallest and the largest sensible number
+    # Search what was left out between the smallest and the largest sensible number.
     most = max(
         m or 1, min(len(track), max(_FEWEST_SEGMENTS, min(len(track) // 10, _MOST_SEGMENTS)))
     )

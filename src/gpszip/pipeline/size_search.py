@@ -158,13 +158,13 @@ class _Search(Generic[T]):
 
     def next_error(self, tries: list[_Point[T]], aim: float) -> float:
         """Return the error at which the size should be ``aim``."""
-        # the try nearest to the limit on either side
+        # The try nearest to the limit on either side.
         too_large = [point for point in tries if point.size > self.limit]
         fitting = [point for point in tries if point.size <= self.limit]
         over = max(too_large, key=lambda point: point.error, default=None)
         under = min(fitting, key=lambda point: point.error, default=None)
 
-        # between the two
+        # Between the two.
         if over is not None and under is not None and over.error < under.error:
             share = 0.5
             if math.isfinite(over.size):
@@ -172,7 +172,7 @@ class _Search(Generic[T]):
             share = min(max(share, _INSIDE[0]), _INSIDE[1])
             return over.error + share * (under.error - over.error)
 
-        # beyond the last try, by the power law
+        # Beyond the last try, by the power law.
         last = tries[-1]
         step = (aim - last.size) / _power(tries) if math.isfinite(last.size) else _MAX_STEP
         step = min(max(step, -_MAX_STEP), _MAX_STEP)
@@ -220,7 +220,7 @@ def _search_at(
         if (fitting and number + 1 >= count) or good <= tries[-1].size <= search.limit:
             break
 
-        # the last try is the coarsest, which fits if anything does
+        # The last try is the coarsest, which fits if anything does.
         next_error = search.next_error(tries, search.limit + math.log(_AIM))
         if number + 2 == count + _MORE_TRIES:
             next_error = search.coarsest

@@ -152,7 +152,7 @@ def join_at_cut(
         i, j = int(in_before[best]), int(in_after[best])
         return _join(before, i, after, j + 1, j), True
 
-    # else the pair of knots whose segment lies nearest to the samples
+    # Else the pair of knots whose segment lies nearest to the samples.
     starts = _nearest_knots(before.time_steps, cut, low - 1, high)
     ends = _nearest_knots(after.time_steps, cut, low, high + 1)
     pairs = [

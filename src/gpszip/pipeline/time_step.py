@@ -89,7 +89,7 @@ def _with_coarser_times(base: BaseMap, growth: int) -> BaseMap:
     names = [str(number) for number in range(len(known.walks))]
     walks = dequantise_walks(known, base.grid, names)
 
-    # the coder's model is primed once, before several batches ask for it
+    # The coder's model is primed once, before several batches ask for it.
     nodes = node_positions(known, base.grid)
     prior = Prior(number_by_visit(quantise_walks(nodes, walks, grid)))
     prior.model(0)
@@ -121,7 +121,7 @@ def _bytes_of_log(
                 GridWalk(number[walk.nodes], walk.time_steps, walk.gaps) for walk in encoded.walks
             ]
 
-    # bytes of all, of which those of known positions count once
+    # Bytes of all, of which those of known positions count once.
     together = number_by_visit(GridWalks(np.concatenate(nodes), tuple(walks)))
     data, statistics = encode_with_statistics(together)
     known_share = 1 - sum(map(len, nodes[1:])) / len(together.nodes)

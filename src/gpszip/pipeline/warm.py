@@ -104,7 +104,7 @@ def _follow_roads() -> None:
     )
     patch(_loops(), roads, gap=60.0)
 
-    # live, with samples at one position and at others
+    # Live, with samples at one position and at others.
     track = _loops()[0]
     matcher = LiveMatcher(roads, match(track, roads).scales, lag=1)
     for time, position in zip(track.times.tolist(), track.positions, strict=True):

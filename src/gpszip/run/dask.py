@@ -71,8 +71,8 @@ class Dask:
         """
         from distributed import wait
 
-        # complete subtrees from left to right: their sizes are falling powers of 2, as the ones
-        # of the binary number of the items so far
+        # Complete subtrees from left to right: their sizes are falling powers of 2, as the ones
+        # of the binary number of the items so far.
         subtrees: list[_Subtree] = []
         leaves: deque[Any] = deque()
         for item in items:
@@ -81,11 +81,11 @@ class Dask:
             while len(subtrees) > 1 and subtrees[-2].size == subtrees[-1].size:
                 self._combine_last_two(combine, subtrees)
 
-            # draw no more items than the workers keep up with
+            # Draw no more items than the workers keep up with.
             if len(leaves) >= self._max_pending():
                 wait(leaves.popleft())  # type: ignore[no-untyped-call]
 
-        # the unequal ones that remain, from right to left
+        # The unequal ones that remain, from right to left.
         while len(subtrees) > 1:
             self._combine_last_two(combine, subtrees)
         root: R = _fetch_result(subtrees[0].future)

@@ -188,7 +188,7 @@ def reduce_tree(
         root: R = executor.reduce(combine, items, leaf)
         return root
 
-    # each level of the tree is a lazy map over the pairs of the level below
+    # Each level of the tree is a lazy map over the pairs of the level below.
     level = executor.map(leaf, items)
     while True:
         first = next(level)

@@ -38,16 +38,16 @@ def results_in_order(
     """
     pending: deque[Future[R]] = deque()
     try:
-        # keep workers busy; wait for the oldest result when enough items are in flight
+        # Keep workers busy; wait for the oldest result when enough items are in flight.
         for item in items:
             pending.append(submit(item))
             if len(pending) >= max_pending:
                 yield pending.popleft().result()
 
-        # no more items: wait for the rest
+        # No more items: wait for the rest.
         while pending:
             yield pending.popleft().result()
     finally:
-        # an error, or the caller stopped early
+        # An error, or the caller stopped early.
         for future in pending:
             future.cancel()

@@ -85,7 +85,7 @@ class Processes:
         if self._pool is None:
             return
 
-        # the pool itself can't interrupt a running item
+        # The pool itself can't interrupt a running item.
         if at_once:
             for process in self._context.started:
                 process.terminate()
@@ -95,7 +95,7 @@ class Processes:
 
     def map(self, function: Callable[[T], R], items: Iterable[T], /) -> Iterator[R]:
         """Yield ``function(item)`` for each item, in order; raise an item's error in its turn."""
-        # start the processes at the first call
+        # Start the processes at the first call.
         if self._pool is None:
             self._pool = ProcessPoolExecutor(
                 self.workers, mp_context=self._context, initializer=_ignore_interrupts
@@ -133,13 +133,13 @@ class _PickledValue(Generic[V]):
     def __init__(self, executor: Processes, value: V) -> None:
         self._executor = executor
         with ExitStack() as stack, as_output_error(tempfile.gettempdir()):
-            # write the value
+            # Write the value.
             folder = temporary_folder(Path(tempfile.gettempdir()), SCRATCH_PREFIX)
             self._path = stack.enter_context(folder) / "shared"
             with self._path.open("wb") as file:
                 pickle.dump(value, file, protocol=pickle.HIGHEST_PROTOCOL)
 
-            # keep the folder until the with block ends
+            # Keep the folder until the with block ends.
             self._cleanup = stack.pop_all()
 
     def map(self, function: Callable[[V, T], R], items: Iterable[T], /) -> Iterator[R]:

@@ -64,7 +64,7 @@ class Threads:
                 PENDING_PER_WORKER * self.workers,
             )
         except KeyboardInterrupt:
-            # otherwise the shutdown would wait until the threads have finished their items
+            # Otherwise the shutdown would wait until the threads have finished their items.
             busy.interrupt()
             raise
         finally:

@@ -74,7 +74,7 @@ def segment_mean_within(
             growth = max(1, high // 8) if isinstance(m, int) else high
             low, high = high, high + growth
 
-    # bisection
+    # Bisection.
     while high - low > 1:
         middle = (low + high) // 2
         mean = problem.solve(middle) if middle >= _min_k(m) else None

@@ -36,7 +36,7 @@ def ward(sums: PrefixSums, boundaries: NDArray[np.int64], m: int) -> NDArray[np.
     int32 array, shape (k,)
         Labels in the order of their first intervals.
     """
-    # the k - m cheapest merges; groups are the connected components
+    # The k - m cheapest merges; groups are the connected components.
     merges, costs = _build_dendrogram(best_lines(sums, boundaries))
     k = len(boundaries) - 1
     cheapest = merges[np.argsort(costs, kind="stable")[: k - m]]
@@ -52,7 +52,7 @@ def _build_dendrogram(lines: FittedLines) -> tuple[NDArray[np.int64], NDArray[np
     """
     normal, starts, slopes = lines
 
-    # many groups: merge all mutual neighbours at once
+    # Many groups: merge all mutual neighbours at once.
     groups, merges, costs = np.arange(len(normal)), [], []
     while len(groups) > _MAX_ALL_PAIRS:
         lines_of_groups = FittedLines(normal[groups], starts[groups], slopes[groups])
@@ -63,7 +63,7 @@ def _build_dendrogram(lines: FittedLines) -> tuple[NDArray[np.int64], NDArray[np
         kernel.merge_pairs(normal, starts, slopes, pairs)
         groups = np.setdiff1d(groups, pairs[:, 1], assume_unique=True)
 
-    # the remaining ones, all pairs compared; rounding may have made a cost fall, which it can't
+    # The remaining ones, all pairs compared; rounding may have made a cost fall, which it can't.
     last_merges, last_costs = kernel.ward(normal[groups], starts[groups], slopes[groups])
     merges.append(groups[last_merges])
     costs.append(np.maximum.accumulate(last_costs))
@@ -84,7 +84,7 @@ def _mutual_neighbours(lines: FittedLines) -> tuple[NDArray[np.int64], NDArray[n
     best = costs.argmin(axis=1)
     nearest, nearest_cost = candidates[groups, best], costs[groups, best]
 
-    # make at least one pair mutual, even if rounding or the tree left none
+    # Make at least one pair mutual, even if rounding or the tree left none.
     cheapest = int(nearest_cost.argmin())
     partner = nearest[cheapest]
     nearest[partner], nearest_cost[partner] = cheapest, nearest_cost[cheapest]
@@ -129,7 +129,7 @@ def _draw_seeds(lines: FittedLines, m: int, rng: np.random.Generator) -> list[in
         costs = np.minimum(costs, excess_costs(lines, starts[last], slopes[last])[:, 0])
         costs[seeds] = 0.0
 
-        # if all lines are alike, each interval that is no seed has the same odds
+        # If all lines are alike, each interval that is no seed has the same odds.
         if costs.sum() > 0:
             odds = costs
         else:

@@ -89,7 +89,7 @@ def _shift_batch(
 
     Returns low, the boundaries from ``low`` on and the labels from ``low - 1`` on.
     """
-    # the boundaries to be shifted, and their neighbours on both sides
+    # The boundaries to be shifted, and their neighbours on both sides.
     low, high = batch
     last = low + (high - 1 - low) // 2 * 2
     boundaries = state.boundaries[low - 1 : last + 2].copy()
@@ -113,7 +113,7 @@ def exact(
         sums, state.starts, state.ends, k, min_samples=min_samples, penalty=penalty
     )
 
-    # on long tracks the partition is at some samples only: shift its boundaries, too
+    # On long tracks the partition is at some samples only: shift its boundaries, too.
     partitioned = replace(state, boundaries=boundaries, labels=labels)
     partitioned = odd_even(sums, partitioned, min_samples=min_samples, executor=executor)
     return min(shifted, partitioned, key=partial(total_cost, sums))

@@ -21,13 +21,13 @@ def positions_at(mean: SegmentMean, track: Track) -> NDArray[np.float64]:
     >>> positions_at(mean, Track("walk", [0, 1, 2], [[0], [0], [4]])).ravel().tolist()
     [0.0, 2.0, 4.0]
     """
-    # time within the interval, from 0 to 1
+    # Time within the interval, from 0 to 1.
     lengths = np.diff(mean.boundaries)
     first, last = track.times[mean.boundaries[:-1]], track.times[mean.boundaries[1:] - 1]
     duration = np.where(last > first, last - first, 1.0)
     u = (track.times - np.repeat(first, lengths)) / np.repeat(duration, lengths)
 
-    # position on the interval's segment
+    # Position on the interval's segment.
     labels = np.repeat(mean.labels, lengths)
     positions: NDArray[np.float64] = (
         mean.starts[labels] + u[:, None] * (mean.ends - mean.starts)[labels]

@@ -50,7 +50,7 @@ def pooled_lines(
     """
     rows, d = segment_moments(sums, boundaries), sums.p.shape[1]
 
-    # moments about the origin of each interval's group: M + W o and N + U1 o
+    # Moments about the origin of each interval's group: M + W o and N + U1 o.
     origins = _group_origins(sums, boundaries, labels, groups)
     offset = sums.p[boundaries[:-1]] - origins[labels]
     rows[:, 4 : 4 + d] += rows[:, :1] * offset
@@ -66,7 +66,7 @@ def _group_origins(
 ) -> NDArray[np.float64]:
     """Return the first sample of each group: it is near all others, so that little cancels."""
     origins = np.zeros((groups, sums.p.shape[1]))
-    # the last assignment to a label counts, hence the reversed order
+    # The last assignment to a label counts, hence the reversed order.
     origins[labels[::-1]] = sums.p[boundaries[:-1]][::-1]
     return origins
 
@@ -77,7 +77,7 @@ def _solve_lines(pooled: NDArray[np.float64], origins: NDArray[np.float64]) -> F
     weight = np.where(pooled[:, 0] > 0, pooled[:, 0], 1.0)[:, None]
     mean_time, mean_position = pooled[:, 1:2] / weight, pooled[:, 4 : 4 + d] / weight
 
-    # slope = cov(u, p) / var(u)
+    # Slope = cov(u, p) / var(u).
     spread = pooled[:, 2:3] - mean_time * pooled[:, 1:2]
     covariance = pooled[:, 4 + d :] - mean_time * pooled[:, 4 : 4 + d]
     has_slope = spread > _SINGULAR * pooled[:, 2:3]

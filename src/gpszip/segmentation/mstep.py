@@ -40,7 +40,7 @@ def _reseed_unused(sums: PrefixSums, state: EMState, unused: NDArray[np.intp]) -
 
     Labels stay; the next expectation step may assign intervals to the new segments.
     """
-    # gain of each interval if it had a segment to itself
+    # Gain of each interval if it had a segment to itself.
     _, starts, slopes = best_lines(sums, state.boundaries)
     labels = np.arange(len(starts), dtype=np.int32)
     free = EMState(state.boundaries, labels, starts, starts + slopes)

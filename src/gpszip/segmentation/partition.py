@@ -83,7 +83,7 @@ def penalised_partition(
         sums, cuts, starts, ends, float(penalty), min_samples
     )
 
-    # trace back from the end
+    # Trace back from the end.
     chosen = [len(cuts) - 1]
     while chosen[-1] > 0:
         chosen.append(int(origin[chosen[-1]]))
@@ -158,7 +158,7 @@ def _bisect_penalty(
         if k * (1 - _MAX_MISSING) <= intervals <= k:
             return partition
 
-        # keep the one with the most intervals below k
+        # Keep the one with the most intervals below k.
         if intervals < k:
             high = penalty
             if best is None or intervals > len(best.labels):
@@ -188,12 +188,12 @@ def _split_intervals(
     """Split intervals where that lowers the cost most, until there are k."""
     boundaries, labels = partition
     while len(labels) < k:
-        # the best intervals to split, at most as many as are missing
+        # The best intervals to split, at most as many as are missing.
         gains, cuts, left, right = best_cuts(sums, boundaries, labels, starts, ends, min_samples)
         best = np.argsort(-gains, kind="stable")[: k - len(labels)]
         best = np.sort(best[np.isfinite(gains[best])])
 
-        # split them all
+        # Split them all.
         labels = labels.copy()
         labels[best] = left[best]
         boundaries = np.insert(boundaries, best + 1, cuts[best])

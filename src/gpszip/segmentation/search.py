@@ -191,12 +191,12 @@ def find_elbow(low: int, high: int, costs_of: Callable[[list[int]], list[float]]
     >>> find_elbow(1, 20, lambda numbers: [1000 / x + x for x in numbers])
     5
     """
-    # the line through the extremes, and the depths below it by number
+    # The line through the extremes, and the depths below it by number.
     extremes = dict(zip((low, high), costs_of([low, high]), strict=True))
     depth = partial(_depth_below_chord, low, extremes[low], high, extremes[high])
     depths = {x: depth(x, cost) for x, cost in extremes.items()}
 
-    # drop a third of the range at a time
+    # Drop a third of the range at a time.
     lower, upper = low, high
     while upper - lower > 2:
         third = (upper - lower) // 3
@@ -207,7 +207,7 @@ def find_elbow(low: int, high: int, costs_of: Callable[[list[int]], list[float]]
         else:
             lower = a
 
-    # evaluate what is left; of equal numbers take the least
+    # Evaluate what is left; of equal numbers take the least.
     rest = [x for x in range(lower, upper + 1) if x not in depths]
     depths.update({x: depth(x, cost) for x, cost in zip(rest, costs_of(rest), strict=True)})
     return max(sorted(depths), key=depths.__getitem__)

@@ -58,7 +58,7 @@ def two_segment_mean(
     >>> two_segment_mean(track, [[0, 0], [2, 1]], [[2, 0], [2, 2]])
     TwoSegmentMean(cost=0.0, boundary=3, left=0, right=1)
     """
-    # the problem in ticks
+    # The problem in ticks.
     sums = track_sums(track)
     n, d = sums.p.shape
     tick_starts, tick_ends = (
@@ -66,7 +66,7 @@ def two_segment_mean(
         for points in (starts, ends)
     )
 
-    # one window: the entire track
+    # One window: the entire track.
     table = np.empty((n + 1, 2 * d + 4))
     cost, boundary, left, right = best_cut(
         sums, 0, n, min_samples, tick_starts, tick_ends, NO_CUT, 0, 0, table, False

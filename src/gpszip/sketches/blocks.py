@@ -51,7 +51,7 @@ def _absorb_track(max_blocks: int, track: Track) -> NDArray[np.float64]:
     """Return the rows of a track's blocks: up to ``2 * max_blocks``, and one more."""
     weights = np.ones(len(track)) if track.weights is None else track.weights
 
-    # full leaves
+    # Full leaves.
     leaves = len(track) // kernel.LEAF_SAMPLES
     end = leaves * kernel.LEAF_SAMPLES
     rows = np.empty((min(2 * max_blocks, leaves), kernel.FIXED_COLUMNS + 3 * track.dimension))
@@ -59,7 +59,7 @@ def _absorb_track(max_blocks: int, track: Track) -> NDArray[np.float64]:
         rows, 0, max_blocks, track.times[:end], track.positions[:end], weights[:end]
     )
 
-    # the samples that don't fill a leaf, each a block of its own
+    # The samples that don't fill a leaf, each a block of its own.
     rest = kernel.block_rows(track.times, track.positions, weights, np.arange(end, len(track) + 1))
     return np.concatenate([rows[:count], rest])
 

@@ -215,7 +215,7 @@ class Coreset:
                 f"the coreset {self.dimension}"
             )
 
-        # sums over the blocks, rounded outward
+        # Sums over the blocks, rounded outward.
         table = block_costs(
             blocks.rows, pieces.start_times, pieces.breaks, pieces.starts, pieces.velocities
         )
@@ -228,7 +228,7 @@ class Coreset:
         if times is not None:
             return from_segment_mean(mean, times)
 
-        # block at which each interval starts
+        # Block at which each interval starts.
         cuts = np.concatenate([[0], np.cumsum(self.counts)])
         blocks = np.searchsorted(cuts, mean.boundaries)
         nearest = cuts[np.minimum(blocks, len(cuts) - 1)]
@@ -308,7 +308,7 @@ class Coreset:
         # Blocks of different tracks are never merged.
         rows_of_tracks = list(self._by_track())
 
-        # bisect the logarithm of the limit; a higher limit gives fewer blocks
+        # Bisect the logarithm of the limit; a higher limit gives fewer blocks.
         low, high, best = 0.0, max(self.error, _TINY), None
         for _ in range(_BISECTION_STEPS):
             limit = math.sqrt(low * high) if low > 0 else high / 2**6
@@ -322,7 +322,7 @@ class Coreset:
             if blocks == size or is_close or high < 1e-18 * self.error:
                 break
 
-            # the first upper end may be too low: raise it if nothing was found below it
+            # The first upper end may be too low: raise it if nothing was found below it.
             if best is None and low >= 0.98 * high:
                 high = 2**6 * high
         if best is None:
@@ -397,14 +397,14 @@ def _sum_of_largest(values: NDArray[np.float64], count: int) -> float:
 
 def _least_cost(rows: NDArray[np.float64], k: int) -> float:
     """Return a lower bound on the cost of every k-segment of one track."""
-    # the blocks without a break
+    # The blocks without a break.
     costs = np.array([kernel.free_cost(row) for row in rows])
     rounding = math.fsum(_rounding_errors(rows))
     unbroken = math.fsum(costs) - _sum_of_largest(costs, k - 1) - rounding
     if 2 * k - 1 >= len(rows):
         return max(unbroken, 0.0)
 
-    # the entire track as one block bounds the penalty, and the rounding of merged blocks
+    # The entire track as one block bounds the penalty, and the rounding of merged blocks.
     merged = rows[0].copy()
     for row in rows[1:]:
         kernel.append_block(merged, row)

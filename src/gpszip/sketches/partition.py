@@ -184,7 +184,7 @@ def resolve_block_count(
     OptionError
         If not exactly one of k with eps, size and max_bytes is given, or one is out of range.
     """
-    # exactly one way of giving the size
+    # Exactly one way of giving the size.
     given = (k is not None) + (size is not None) + (max_bytes is not None)
     if (k is None) != (eps is None) or given != 1:
         raise OptionError(
@@ -287,7 +287,7 @@ def next_block_cost(
     if cost <= 0 or tries >= _MAX_TRIES:
         return None
 
-    # the cost that an error allows is nearly in proportion to _cost_share, as OPT_k stays the same
+    # The cost that an error allows is nearly in proportion to _cost_share, as OPT_k stays the same.
     ratio = _cost_share(eps) / _cost_share(reached) if math.isfinite(reached) else 0.0
     return cost * min(max(ratio, _MIN_COST_RATIO), _MAX_COST_RATIO)
 
@@ -372,12 +372,12 @@ def _bisect(partition_within: Callable[[float], _Cuts | None], high: float) -> _
     high : float
         A limit at which there is a partition.
     """
-    # perhaps all blocks are lines
+    # Perhaps all blocks are lines.
     exact = partition_within(0.0)
     if exact is not None or high <= 0:
         return exact if exact is not None else []
 
-    # bisect the logarithm of the limit
+    # Bisect the logarithm of the limit.
     best, low = partition_within(high), high * 1e-18
     for _ in range(_BISECTION_STEPS):
         middle = math.sqrt(low * high)

@@ -75,7 +75,7 @@ class PiecewiseLinear:
                 "pieces need as many start times, end times, starts and ends, at least one"
             )
 
-        # the same number of axes
+        # The same number of axes.
         if self.ends.shape != self.starts.shape:
             raise OptionError(
                 f"starts have shape {self.starts.shape}, ends {self.ends.shape}; they must be alike"

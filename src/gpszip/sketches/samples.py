@@ -53,7 +53,7 @@ def weighted_samples(coreset: Coreset, tracks: Sequence[Track] | Track) -> tuple
 
 def _select_track_samples(coreset: Coreset, track: Track) -> Track:
     """Select the samples of one track."""
-    # the blocks must have the track's samples: compare the times of their first and last ones
+    # The blocks must have the track's samples: compare the times of their first and last ones.
     blocks = coreset.track(track.id)
     cuts = np.concatenate([[0], np.cumsum(blocks.counts)])
     edge_times = np.empty(0)

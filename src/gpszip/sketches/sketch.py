@@ -63,7 +63,7 @@ def build_sketch(track: Track, first: int = 0, last: int | None = None) -> Sketc
         return empty_sketch(track.dimension)
     weights = np.ones(len(times)) if track.weights is None else track.weights[first:last]
 
-    # means relative to the first sample, then moments about the means
+    # Means relative to the first sample, then moments about the means.
     t, p = times - times[0], positions - positions[0]
     mean_time = np.average(t, weights=weights)
     mean_position = np.average(p, axis=0, weights=weights)
@@ -181,7 +181,7 @@ def merge_sketches(a: Sketch, b: Sketch) -> Sketch:
     if a.count == 0 or b.count == 0:
         return b if a.count == 0 else a
 
-    # differences of the means, weighted by h = W_a W_b / (W_a + W_b)
+    # Differences of the means, weighted by h = W_a W_b / (W_a + W_b).
     weight = a.weight + b.weight
     h, share = a.weight * b.weight / weight, b.weight / weight
     dt, dp = b.time - a.time, b.place - a.place

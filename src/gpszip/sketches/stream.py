@@ -96,19 +96,19 @@ class CoresetStream:
         if len(chunk.times) == 0:
             return
 
-        # the first chunk fixes the dimension
+        # The first chunk fixes the dimension.
         if self._rows is None:
             width = kernel.FIXED_COLUMNS + 3 * chunk.positions.shape[1]
             self._rows = np.empty((2 * OVERSAMPLING * self.size, width))
         self._last = float(chunk.times[-1])
         self.samples += len(chunk.times)
 
-        # samples that did not fill a leaf come first
+        # Samples that did not fill a leaf come first.
         if self._pending is not None:
             pairs = zip(self._pending, chunk, strict=True)
             chunk = _Chunk(*(np.concatenate(pair) for pair in pairs))
 
-        # add full leaves; keep the rest for the next chunk
+        # Add full leaves; keep the rest for the next chunk.
         end = len(chunk.times) // kernel.LEAF_SAMPLES * kernel.LEAF_SAMPLES
         if end:
             self._count = kernel.absorb_samples(
@@ -130,7 +130,7 @@ class CoresetStream:
         if self._rows is None or self._pending is None:
             raise InputError("no samples came in: there is nothing to make a coreset of")
 
-        # samples that don't fill a leaf become one more block
+        # Samples that don't fill a leaf become one more block.
         rows = self._rows[: self._count]
         if len(self._pending.times):
             cuts = np.array([0, len(self._pending.times)])
@@ -150,7 +150,7 @@ class CoresetStream:
             weights = np.ones(len(times))
         weights = np.ascontiguousarray(weights, dtype=np.float64)
 
-        # shapes
+        # Shapes.
         if self._rows is None:
             dimension = positions.shape[-1]
         else:
@@ -225,7 +225,7 @@ def merge_coresets(coresets: Sequence[Coreset], *, size: int | None = None) -> C
                 "the coresets lie on different planes", remedy="read their logs together"
             )
 
-    # common numbers for the tracks
+    # Common numbers for the tracks.
     names = tuple(dict.fromkeys(name for coreset in coresets for name in coreset.tracks))
     numbers = {name: i for i, name in enumerate(names)}
     owners = np.concatenate(
@@ -236,7 +236,7 @@ def merge_coresets(coresets: Sequence[Coreset], *, size: int | None = None) -> C
     )
     rows = np.concatenate([coreset.rows for coreset in coresets])
 
-    # blocks by track and time
+    # Blocks by track and time.
     order = np.lexsort((rows[:, kernel.FIRST], owners))
     owners, rows = owners[order], rows[order]
     overlaps = (owners[1:] == owners[:-1]) & (rows[1:, kernel.FIRST] <= rows[:-1, kernel.LAST])

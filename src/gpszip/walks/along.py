@@ -41,18 +41,18 @@ def interpolate_positions(
     >>> interpolate_positions(*knots, np.array([False]), np.array([4.0, 11.0]), 0.001).tolist()
     [[2.0], [nan]]
     """
-    # the knots around each time; before, after and in gaps there is no segment
+    # The knots around each time; before, after and in gaps there is no segment.
     after = np.searchsorted(knot_times, times, side="right")
     left, right = np.maximum(after - 1, 0), np.minimum(after, len(knot_times) - 1)
     off = np.flatnonzero((left == right) | np.append(gaps, True)[left])
 
-    # on a segment
+    # On a segment.
     since, duration = times - knot_times[left], knot_times[right] - knot_times[left]
     before, since[off] = np.abs(since[off]), 0.0
     fraction = (since / np.where(duration > 0, duration, 1.0))[:, None]
     positions = (1.0 - fraction) * knot_positions[left] + fraction * knot_positions[right]
 
-    # elsewhere the nearest knot, within the slack
+    # Elsewhere the nearest knot, within the slack.
     until = np.abs(times[off] - knot_times[right[off]])
     is_near = np.minimum(before, until) <= slack
     nearest = np.where(before <= until, left[off], right[off])

@@ -128,7 +128,7 @@ def code_bit(coder: Coder, counts: NDArray[np.int32], context: int, bit: int) ->
     else:
         code_interval(coder, 0, zeros, total)
 
-    # learn, and forget slowly
+    # Learn, and forget slowly.
     counts[context, bit] += _BIT_INCREMENT
     if total > _BIT_LIMIT:
         counts[context, 0] = max(counts[context, 0] // 2, 1)
@@ -146,7 +146,7 @@ def code_unsigned(coder: Coder, counts: NDArray[np.int32], context: int, value: 
     """
     encodes = not is_decoding(coder)
 
-    # the exponent e in unary
+    # The exponent e in unary.
     exponent = 0
     while exponent < MAX_EXPONENT:
         more = 1 if encodes and (value + 1) >> (exponent + 1) > 0 else 0
@@ -154,7 +154,7 @@ def code_unsigned(coder: Coder, counts: NDArray[np.int32], context: int, value: 
             break
         exponent += 1
 
-    # the digits below the leading one; a binary tree of contexts for the first three
+    # The digits below the leading one; a binary tree of contexts for the first three.
     digits = value + 1 - (np.int64(1) << exponent) if encodes else np.int64(0)
     node = 1
     coded = np.int64(0)
@@ -192,7 +192,7 @@ def code_choice(coder: Coder, weights: NDArray[np.int64], count: int, choice: in
     for i in range(count):
         total += weights[i]
 
-    # find the candidate whose interval holds the number
+    # Find the candidate whose interval holds the number.
     if is_decoding(coder):
         number = decode_cumulative(coder, total)
         choice = 0
@@ -232,7 +232,7 @@ def _mass_below(value: int, log: int, low: int, mixture: NDArray[np.int64], i: i
     """
     kind, center, scale = mixture[KINDS, i], mixture[CENTERS, i], mixture[SCALES, i]
 
-    # exponential
+    # Exponential.
     if kind == ONE_SIDED:
         z = ((value - low) * SUBSTEPS << _Z_BITS) // scale
         if z >= (_REACH << _Z_BITS):
@@ -241,7 +241,7 @@ def _mass_below(value: int, log: int, low: int, mixture: NDArray[np.int64], i: i
         slope = _EXPONENTIAL[j + 1] - _EXPONENTIAL[j]
         return _EXPONENTIAL[j] + (slope * (z & _REST_MASK) >> _REST_BITS)
 
-    # logistic, in the logarithm or in the value; z counts from -16
+    # Logistic, in the logarithm or in the value; z counts from -16.
     if kind == BY_RATIO:
         z = ((log - center) * scale >> 1) + (_REACH << _Z_BITS)
     else:
@@ -306,7 +306,7 @@ def _find_value(
         for i in range(count):
             start += weights[i] * _cumulative(middle, log, low, mixture, i, histogram)
 
-        # keep the half that holds the number; gallop on while only one bound has moved
+        # Keep the half that holds the number; gallop on while only one bound has moved.
         if start <= number:
             first = middle
             galloping = galloping and last == high
@@ -331,7 +331,7 @@ def _set_mass_below_low(
     for i in range(count):
         sum_weights += weights[i]
         symmetric = mixture[KINDS, i] == TWO_SIDED or mixture[KINDS, i] == BY_RATIO
-        # at least 64 units stay, by which masses are divided
+        # At least 64 units stay, by which masses are divided.
         mixture[_MASS_BELOW_LOW, i] = (
             min(_mass_below(low, log, low, mixture, i), np.int64(_CERTAIN - 64))
             if symmetric
@@ -439,7 +439,7 @@ def code_mixture(
         width += mixture[_WEIGHTED_MASS, i]
     code_interval(coder, start, width, total)
 
-    # learn
+    # Learn.
     _learn_weights(mixture, count, weights, sum_weights, width)
     if value - low < len(histogram):
         histogram[value - low] += _HISTOGRAM_INCREMENT

@@ -108,7 +108,7 @@ def _code_duration(
         octave = i if i < 5 else 2 * i - 4
         count = add_distribution(mixture, count, ONE_SIDED, ZERO, np.int64(SUBSTEPS) << octave)
 
-    # distributions about each guess
+    # Distributions about each guess.
     for i in range(guess_count):
         for width in range(widths):
             mixture[KINDS, count] = BY_RATIO
@@ -116,7 +116,7 @@ def _code_duration(
             mixture[SCALES, count] = steepness << width
             count += 1
 
-    # the largest value of the mixture stands for all that don't fit
+    # The largest value of the mixture stands for all that don't fit.
     coded = code_mixture(
         coder,
         min(duration, MIXTURE_LIMIT - 1),
@@ -150,7 +150,7 @@ def code_pause_duration(
     duration : int
         The duration to encode; ignored by a decoder.
     """
-    # the mean of those before is the only guess
+    # The mean of those before is the only guess.
     guesses = np.empty(1, np.int64)
     guesses[0] = model.duration_means[row, MEAN_LOG]
     duration = _code_duration(
@@ -219,7 +219,7 @@ def _guess(model: WalkModel, half_edge: int, length: int, guesses: NDArray[np.in
             weight += samples
             total += samples * model.mean_log_duration[edge]
 
-    # without a pace, only the mean is left
+    # Without a pace, only the mean is left.
     scalars = model.scalars
     if scalars[HAS_PACE] == 0:
         if weight == 0:

@@ -69,7 +69,7 @@ def code_end_offsets(
     """
     decodes = is_decoding(coder)
     for i in range(len(offsets)):
-        # whether there is an offset
+        # Whether there is an offset.
         if kinds[i] == NEVER:
             offsets[i] = 0
             continue

@@ -48,6 +48,6 @@ def fixed_log2(value: int) -> int:
     i = (mantissa >> _REST_BITS) - (1 << _INDEX_BITS)
     rest = mantissa & ((1 << _REST_BITS) - 1)
 
-    # interpolate between two entries
+    # Interpolate between two entries.
     slope = _FRACTIONS[i + 1] - _FRACTIONS[i]
     return (np.int64(exponent) << _FRACTION_BITS) + _FRACTIONS[i] + ((slope * rest) >> _REST_BITS)

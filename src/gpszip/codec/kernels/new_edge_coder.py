@@ -70,7 +70,7 @@ def _add_octaves(model: WalkModel, u: int, first: int, classes: NDArray[np.uint8
 
     Octaves count from 181/1024 of the mean step length on: each is twice the squared distance.
     """
-    # squared distances
+    # Squared distances.
     positions = model.places
     squares = np.zeros(len(classes))
     for axis in range(positions.shape[1]):
@@ -79,7 +79,7 @@ def _add_octaves(model: WalkModel, u: int, first: int, classes: NDArray[np.uint8
             step = min(abs(np.float64(positions[first + i, axis] - origin)), _MAX_DIFFERENCE)
             squares[i] += step * step
 
-    # one more octave for each bound that is reached
+    # One more octave for each bound that is reached.
     reach = min(max(model.scalars[STEP_LENGTH], _MIN_REACH), _MAX_REACH)
     bound = np.float64((reach * 181 >> 10) ** 2) / (SUBSTEPS * SUBSTEPS)
     for _ in range(OCTAVES - 1):
@@ -97,7 +97,7 @@ def _add_bearings(
     With a that step, b the one from u to the node and cos = a b / (|a| |b|), it is the number of
     bounds that cos * |cos| is not above; 7 where a or b is null, or there was no step.
     """
-    # scalar products a b, and squared lengths
+    # Scalar products a b, and squared lengths.
     step_square = 0.0
     dots, squares = np.zeros(len(classes)), np.zeros(len(classes))
     if before >= 0:
@@ -168,14 +168,14 @@ def learn_candidate(
     model: WalkModel, table: int, classes: NDArray[np.uint8], choice: int, cheap: bool
 ) -> None:
     """Learn which candidate was chosen (-1: none), and whether that took few bits."""
-    # every candidate could be chosen
+    # Every candidate could be chosen.
     counts = np.zeros(_CLASSES + 1, np.int64)
     for i in range(len(classes)):
         counts[classes[i]] += 1
     for i in range(_CLASSES):
         model.offered[table, i // KINDS_PER_OCTAVE, i % KINDS_PER_OCTAVE] += counts[i]
 
-    # one was
+    # One was.
     if choice >= 0:
         octave, kind = classes[choice] // KINDS_PER_OCTAVE, classes[choice] % KINDS_PER_OCTAVE
         model.chosen[table, octave, kind] += _CHOSEN_INCREMENT
@@ -218,14 +218,14 @@ def code_candidate(
     i = len(classes)
     start = np.int64(0)
     if is_decoding(coder):
-        # pass candidates until the next interval begins beyond the number
+        # Pass candidates until the next interval begins beyond the number.
         number = decode_cumulative(coder, total)
         while i > 0 and start <= number:
             i -= 1
             start += weights[classes[i]]
         start -= weights[classes[i]]
     else:
-        # sum up the weights of the candidates after the one that is chosen
+        # Sum up the weights of the candidates after the one that is chosen.
         while i - 1 > choice:
             i -= 1
             start += weights[classes[i]]
@@ -273,7 +273,7 @@ def code_known_node(
     int
         The node.
     """
-    # the newest nodes are candidates
+    # The newest nodes are candidates.
     nodes = model.scalars[NODE_COUNT]
     count = min(nodes, np.int64(_FEW_CANDIDATES if is_search_limited(model) else _MAX_CANDIDATES))
     first = nodes - count
@@ -281,7 +281,7 @@ def code_known_node(
     weights = class_weights(model, table)
     total = sum_weights(classes, weights)
 
-    # whether it is one of them, unless all nodes or none are
+    # Whether it is one of them, unless all nodes or none are.
     is_recent, choice, cheap = 1 if total > 0 else 0, _NONE, False
     if total > 0 and first > 0:
         is_recent = code_bit(coder, model.bit_counts, BIT_RECENT_NODE, 1 if node >= first else 0)

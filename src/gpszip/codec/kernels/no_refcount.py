@@ -43,5 +43,5 @@ def without_refcount(_typing: Any, arrays: Any) -> Any:
 
 
 if numba.config.DISABLE_JIT:
-    # the interpreter has no such arrays, and knows no intrinsics
+    # The interpreter has no such arrays, and knows no intrinsics.
     without_refcount = cast(Any, lambda arrays: arrays)

@@ -72,7 +72,7 @@ def _code_axis(coder: Coder, model: WalkModel, mixture_id: int, value: int, coun
     for octave in (0, 2, 3, 4, 5, 6, 7, 9, 11, 13, 15, 17):
         count = add_distribution(mixture, count, TWO_SIDED, ZERO, np.int64(SUBSTEPS) << octave)
 
-    # the largest value of the mixture stands for all that don't fit
+    # The largest value of the mixture stands for all that don't fit.
     is_large = value >= MIXTURE_LIMIT - 1 or value < -MIXTURE_LIMIT
     coded = code_mixture(
         coder,
@@ -142,7 +142,7 @@ def _code_across(
     for shift in range(1, 6):
         count = add_distribution(mixture, count, TWO_SIDED, ZERO, reach >> shift)
 
-    # left or right such that the step has the length to expect: sqrt(reach**2 - along**2)
+    # Left or right such that the step has the length to expect: sqrt(reach**2 - along**2).
     along_size = min(abs(along), _MAX_ALONG) * SUBSTEPS
     reach = min(reach, _MAX_REACH)
     side = np.int64(0)
@@ -152,7 +152,7 @@ def _code_across(
         count = add_distribution(mixture, count, TWO_SIDED, sign * side, reach >> 4)
         count = add_distribution(mixture, count, TWO_SIDED, sign * side, reach >> 2)
 
-    # such that the walk turns as it did last
+    # Such that the walk turns as it did last.
     turn = model.scalars[TURN]
     turned = np.int64(0)
     if turn != NO_TURN:
@@ -229,7 +229,7 @@ def code_position(
         reach = _code_on_heading(coder, model, u, node, reach, duration)
         first = 2
 
-    # the other axes: height, or all of them
+    # The other axes: height, or all of them.
     for axis in range(first, dimension):
         count = ZERO
         if on_heading:

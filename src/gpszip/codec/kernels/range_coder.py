@@ -130,7 +130,7 @@ def is_decoding(coder: Coder) -> bool:
 @inlined
 def is_exhausted(coder: Coder) -> bool:
     """Whether a decoder has read more bytes past its end than any encoder leaves out."""
-    # the buffer itself ends 8 bytes after the data
+    # The buffer itself ends 8 bytes after the data.
     return coder.cursor[_NEXT_BYTE] > len(coder.data) + _WORD_BYTES
 
 
@@ -154,7 +154,7 @@ def _narrow(coder: Coder, start: np.uint64, width: np.uint64) -> None:
     if cursor[DIRECTION] == _LISTENS:
         return
 
-    # narrow the interval; where low wraps round, the bytes already written take a carry
+    # Narrow the interval; where low wraps round, the bytes already written take a carry.
     if cursor[DIRECTION] == DECODES:
         words[_CODE] -= start
     else:
@@ -164,7 +164,7 @@ def _narrow(coder: Coder, start: np.uint64, width: np.uint64) -> None:
         words[_LOW] = low
     words[_RANGE] = width
 
-    # shift bytes out (or in) until the range is large enough for the largest total
+    # Shift bytes out (or in) until the range is large enough for the largest total.
     while words[_RANGE] < _MIN_RANGE:
         words[_RANGE] <<= _BYTE_BITS
         i = cursor[_NEXT_BYTE]
@@ -218,20 +218,20 @@ def _flush(coder: Coder) -> int:
     words, cursor, data = coder
     low, width = words[_LOW], words[_RANGE]
 
-    # find the number in [low, low + range) that ends in the most zero bytes
+    # Find the number in [low, low + range) that ends in the most zero bytes.
     count = 0
     value = low
     while count < _WORD_BYTES:
         mask = _ALL_ONES >> np.uint64(8 * count) if count > 0 else _ALL_ONES
         value = (low + mask) & ~mask
-        # the sum may wrap round, which is a carry; the difference is right all the same
+        # The sum may wrap round, which is a carry; the difference is right all the same.
         if value - low < width:
             break
         count += 1
     if value < low:
         _carry(data, cursor[_NEXT_BYTE])
 
-    # write its bytes other than these zeros
+    # Write its bytes other than these zeros.
     end = cursor[_NEXT_BYTE]
     for i in range(count):
         if end + i < len(data):

@@ -107,7 +107,7 @@ def _weigh_edges(
     """
     chosen, offered = model.chosen[AMONG_EDGES, _OCTAVE], model.offered[AMONG_EDGES, _OCTAVE]
 
-    # by traversals and turns; the ratio is between 1/16 and 16, in units of 2**-8
+    # By traversals and turns; the ratio is between 1/16 and 16, in units of 2**-8.
     sum_before = np.int64(0)
     for i in range(len(half_edges)):
         half_edge = half_edges[i]
@@ -118,7 +118,7 @@ def _weigh_edges(
         weights[i] = (3 * forth + opposite + 1) * ratio
         sum_before += weights[i]
 
-    # by pairs of edges, where any step followed on this one
+    # By pairs of edges, where any step followed on this one.
     total = sum_before
     if incoming >= 0 and model.continued[incoming] > 0:
         for i in range(len(half_edges)):
@@ -127,7 +127,7 @@ def _weigh_edges(
             weights[i] += more
             total += more
 
-    # halve what is too large for the range coder
+    # Halve what is too large for the range coder.
     while total > _MAX_WEIGHT_SUM:
         total = np.int64(0)
         for i in range(len(half_edges)):
@@ -161,7 +161,7 @@ def code_known_edge(
     if count == 1:
         return half_edges[0]
 
-    # choose by weight
+    # Choose by weight.
     turns, weights = np.empty(count, np.int64), np.empty(count, np.int64)
     total = _weigh_edges(model, u, before, incoming, half_edges, turns, weights)
     choice = 0
@@ -170,7 +170,7 @@ def code_known_edge(
             choice = i
     choice = code_choice(coder, weights, count, choice)
 
-    # learn the turn: what was expected of each, and which was taken
+    # Learn the turn: what was expected of each, and which was taken.
     for i in range(count):
         model.offered[AMONG_EDGES, _OCTAVE, turns[i]] += (weights[i] << 16) // total
     model.chosen[AMONG_EDGES, _OCTAVE, turns[choice]] += _TURN_INCREMENT
@@ -188,7 +188,7 @@ def _bearing(positions: NDArray[np.int64], before: int, u: int, node: int) -> in
     if before < 0:
         return _NO_BEARING
 
-    # scalar product, and squared lengths
+    # Scalar product, and squared lengths.
     dot = 0.0
     step_square = 0.0
     square = 0.0
@@ -227,7 +227,7 @@ def _code_known_kind(
     coder: Coder, model: WalkModel, degree: int, incoming: int, back: int, kind: int, last_kind: int
 ) -> int:
     """Code whether a step along a known edge goes back; return its kind."""
-    # only one of the two is possible
+    # Only one of the two is possible.
     if back < 0:
         return KIND_KNOWN
     if degree == 1:

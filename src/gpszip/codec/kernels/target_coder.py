@@ -96,7 +96,7 @@ def _find_nearest(
     # Rank the nodes by distance from u, by Dijkstra's algorithm.
     count = np.int64(0)
     while size > 0 and count < max_nodes:
-        # the nearest entry gives its node a rank
+        # The nearest entry gives its node a rank.
         key = keys[0]
         entry, size = pop(keys, heap, size)
         node = nodes[entry]
@@ -105,7 +105,7 @@ def _find_nearest(
         marks[node, MARK_RANK], marks[node, MARK_SEARCH] = count, search
         nearest[count], parents[count] = node, origins[entry]
 
-        # its neighbours enter the heap
+        # Its neighbours enter the heap.
         half_edge = model.first_half_edge[node]
         while half_edge >= 0 and entries < _MAX_ENTRIES:
             neighbour = end_node[half_edge]
@@ -161,7 +161,7 @@ def _best_rank(
     zeros, ones = counts[BIT_TARGET, 0], counts[BIT_TARGET, 1]
     most_saved = np.log2(np.float64(zeros + ones) / np.float64(ones))
 
-    # follow the walk as long as it keeps to the tree of shortest paths
+    # Follow the walk as long as it keeps to the tree of shortest paths.
     rank, best_rank, saved = np.int64(0), np.int64(0), 0.0
     while j < len(nodes) and is_step[j]:
         node = nodes[j]
@@ -224,7 +224,7 @@ def code_target(
     nearest, parents = np.empty(MAX_SEARCH_NODES, np.int64), np.empty(MAX_SEARCH_NODES, np.int64)
     encodes = not is_decoding(coder)
 
-    # an encoder looks for a target that saves bits
+    # An encoder looks for a target that saves bits.
     rank, count = np.int64(0), np.int64(0)
     if encodes and is_step[j] and find_half_edge(model, u, nodes[j]) >= 0:
         count = _find_nearest(model, u, nearest, parents)
@@ -232,7 +232,7 @@ def code_target(
     if not code_bit(coder, model.bit_counts, BIT_TARGET + context, 1 if rank > 0 else 0):
         return
 
-    # the choice among the nearest nodes
+    # The choice among the nearest nodes.
     if not encodes:
         count = _find_nearest(model, u, nearest, parents)
     classes = _classify(model, nearest, count)
@@ -242,7 +242,7 @@ def code_target(
     cheap = is_cheap(weights[classes[choice]], total)
     learn_candidate(model, AMONG_TARGETS, classes, choice, cheap)
 
-    # the node is likelier to be a target again
+    # The node is likelier to be a target again.
     rank = choice + 1
     add_end_weight(model, nearest[rank], _TARGET_WEIGHT)
     _set_path(model, rank, nearest, parents)

@@ -156,7 +156,7 @@ def _take_sorted_start(coder: Coder, model: WalkModel, first: int) -> int:
             i = (i + 1) % count
     skipped = code_large_unsigned(coder, model, TRACK_ORDER, skipped) % count
 
-    # pass over as many, and take the next one
+    # Pass over as many, and take the next one.
     i = model.scalars[NEXT_START]
     while starts[i, START_IS_TAKEN] == 1 or skipped > 0:
         skipped -= 1 - starts[i, START_IS_TAKEN]
@@ -177,7 +177,7 @@ def _code_first_time_step(coder: Coder, model: WalkModel, last_start: int, first
 @inner_uncounted
 def _code_first_node(coder: Coder, model: WalkModel, last_end: int, node: int) -> int:
     """Code the first node of a track after one that ended at ``last_end`` (-1: none)."""
-    # whether it is known
+    # Whether it is known.
     nodes = model.scalars[NODE_COUNT]
     is_known = 0
     if nodes > 0:
@@ -222,7 +222,7 @@ def _code_gap(
     if timed:
         duration = code_pause_duration(coder, model, MIX_GAP, ROW_GAP, duration)
 
-    # it ends where it began, at another known node, or at a new one
+    # It ends where it began, at another known node, or at a new one.
     if code_bit(coder, model.bit_counts, BIT_GAP_TO_SELF, 1 if node == u else 0):
         return u, duration
     nodes = model.scalars[NODE_COUNT]
@@ -262,7 +262,7 @@ def _code_step(
     u, incoming = state.node, state.incoming
     back = incoming ^ 1 if incoming >= 0 else _NONE
 
-    # on the path to a target, the step is implied
+    # On the path to a target, the step is implied.
     if has_target(model):
         node = take_next_node(model)
         half_edge = find_half_edge(model, u, node)
@@ -302,7 +302,7 @@ def _code_measures(
 
     Returns the duration.
     """
-    # the duration first, where that mode is on
+    # The duration first, where that mode is on.
     bits = count_bits(coder)
     is_first = timed and kind == KIND_NEW_NODE and model.scalars[MODES] & TIME_FIRST > 0
     if is_first:
@@ -310,14 +310,14 @@ def _code_measures(
         record_bits(model, DURATION_BITS + kind, count_bits(coder) - bits)
         bits = count_bits(coder)
 
-    # the position of a new node
+    # The position of a new node.
     if kind == KIND_NEW_NODE:
         code_position(coder, model, u, node, ON_HEADING, duration if is_first else ZERO)
         add_node(model)
         record_bits(model, POSITION_BITS, count_bits(coder) - bits)
         bits = count_bits(coder)
 
-    # the duration after it, which its length tells much of
+    # The duration after it, which its length tells much of.
     if timed and not is_first:
         if kind == KIND_STAY:
             duration = code_pause_duration(coder, model, MIX_STAY, ROW_STAY, duration)
@@ -349,7 +349,7 @@ def _code_segment(
     bits = count_bits(coder)
     on_path = has_target(model)
 
-    # is it a gap? a path to a target has none
+    # Is it a gap? a path to a target has none.
     gap = 0
     if gapped and not on_path:
         context = _gap_context(model.gap_ends[u], state.last_kind)
@@ -377,7 +377,7 @@ def _code_segment(
     duration = _code_measures(coder, model, kind, half_edge, u, node, duration, timed)
     nodes[j], time_steps[j] = node, time_steps[j - 1] + duration if timed else 0
 
-    # learn the step; a stop leaves the heading
+    # Learn the step; a stop leaves the heading.
     before, incoming = state.before, state.incoming
     if node != u:
         before = u
@@ -478,13 +478,13 @@ def code_walks(
         if is_decoding(coder) and not _is_in_bounds(model, state.node, time_steps[j]):
             return -1
 
-        # does the track end here? the last one does when the knots are used up
+        # Does the track end here? the last one does when the knots are used up.
         ended = (
             tracks_left > 0
             and not has_target(model)
             and _code_end(coder, model, state.node, j + 1 == knots or begins[j + 1] == 1)
         )
 
-    # the next walks, if the model goes on, follow the last track
+    # The next walks, if the model goes on, follow the last track.
     model.scalars[LAST_TRACK_END], model.scalars[LAST_TRACK_START] = state.node + 1, start
     return model.scalars[NODE_COUNT] if tracks_left == 0 and not has_target(model) else np.int64(-1)

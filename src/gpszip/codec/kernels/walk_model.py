@@ -239,7 +239,7 @@ def _empty(nodes: int, edges: int, pairs: int, dimension: int) -> WalkModel:
     scalars[HEADING] = -1
     scalars[TURN] = NO_TURN
 
-    # at most half of the hash table is in use
+    # At most half of the hash table is in use.
     slots = 1 << (2 * pairs).bit_length()
     return WalkModel(
         bit_counts=initial_bit_counts(),
@@ -295,7 +295,7 @@ def extended(model: WalkModel, knots: int) -> WalkModel:
     pairs, more = int((model.pair_keys >= 0).sum()), max(knots, 1)
     longer = _empty(nodes + more, edges + more, pairs + more, model.places.shape[1])
 
-    # arrays by node, half-edge and class keep their indices
+    # Arrays by node, half-edge and class keep their indices.
     for field in _COPIED_FIELDS:
         old, new = getattr(model, field), getattr(longer, field)
         filled = min(len(old), len(new))
@@ -481,7 +481,7 @@ def _learn_duration(model: WalkModel, half_edge: int, length: int, duration: int
     samples = min(model.traversals[half_edge], MAX_EDGE_SAMPLES)
     model.mean_log_duration[half_edge] += (log - model.mean_log_duration[half_edge]) // samples
 
-    # the last pace, and its mean, which moves by 5/32
+    # The last pace, and its mean, which moves by 5/32.
     if length > 0:
         pace = log - fixed_log2(length)
         scalars[LOG_PACE] = pace
@@ -517,7 +517,7 @@ def learn_step(model: WalkModel, incoming: int, u: int, v: int, duration: int) -
     if half_edge < 0:
         half_edge = _add_edge(model, u, v)
 
-    # count the half-edge, and the pair that it makes with the one before
+    # Count the half-edge, and the pair that it makes with the one before.
     model.traversals[half_edge] += 1
     if incoming >= 0:
         key = _pair_key(incoming, half_edge)
@@ -579,7 +579,7 @@ def find_by_end_weight(model: WalkModel, number: int) -> int:
     while 2 * step < len(tree):
         step *= 2
 
-    # descend the tree: go right where the left half sums up to no more than the number
+    # Descend the tree: go right where the left half sums up to no more than the number.
     node = 0
     while step > 0:
         if node + step < len(tree) and tree[node + step] <= number:

@@ -31,7 +31,7 @@ def read_bit(decoder: RangeDecoder, counts: list[list[int]], context: int) -> in
     bit = 1 if decoder.find(total) >= zeros else 0
     decoder.take(zeros if bit else 0, pair[bit], total)
 
-    # learn, and forget slowly
+    # Learn, and forget slowly.
     pair[bit] += _BIT_INCREMENT
     if total > _BIT_LIMIT:
         pair[0], pair[1] = max(pair[0] // 2, 1), max(pair[1] // 2, 1)
@@ -43,12 +43,12 @@ def read_unsigned(decoder: RangeDecoder, counts: list[list[int]], context: int) 
 
     It takes ``INTEGER_CONTEXTS`` contexts from ``context`` on.
     """
-    # the exponent e of v + 1 in unary
+    # The exponent e of v + 1 in unary.
     exponent = 0
     while exponent < MAX_EXPONENT and read_bit(decoder, counts, context + exponent):
         exponent += 1
 
-    # the e digits below the leading one; the first three have contexts
+    # The e digits below the leading one; the first three have contexts.
     value = 1
     tree = context + EXPONENT_CONTEXTS + TREE_NODES * exponent
     for _ in range(exponent):

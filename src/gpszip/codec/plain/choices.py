@@ -75,7 +75,7 @@ def read_known_node(model: PlainModel, u: int, before: int | None, table: int) -
     table : int
         ``AMONG_NEW_EDGES`` or ``BEYOND_GAPS``.
     """
-    # the newest nodes are candidates
+    # The newest nodes are candidates.
     nodes = len(model.map)
     count = min(nodes, _FEW_CANDIDATES if _is_limited(model) else _MAX_CANDIDATES)
     first = nodes - count
@@ -108,14 +108,14 @@ def read_target(model: PlainModel, u: int, context: int) -> None:
     if not model.read_bit(int(BIT_TARGET) + context):
         return
 
-    # the choice among the nearest nodes but u itself
+    # The choice among the nearest nodes but u itself.
     nodes, parents = _find_nearest(model, u)
     classes = _classify_targets(model.map, nodes)
     weights = _class_weights(model, int(AMONG_TARGETS))[classes]
     choice, cheap = _read_candidate(model, weights, int(weights.sum()))
     _learn_candidate(model, int(AMONG_TARGETS), classes, choice, cheap)
 
-    # the path to it, and its weight as a target later on
+    # The path to it, and its weight as a target later on.
     rank = choice + 1
     model.map.end_weights[nodes[rank]] += _TARGET_WEIGHT
     while rank > 0:
@@ -161,7 +161,7 @@ def _classify(
     model: PlainModel, u: int, before: int | None, table: int, first: int
 ) -> NDArray[np.int64]:
     """Class of each node from ``first`` on, as a candidate for u."""
-    # octave of the distance, and kind
+    # Octave of the distance, and kind.
     places = model.map.places
     differences = (places[first:] - places[u]).astype(np.float64)
     classes = _octaves(differences, model.reach) * KINDS_PER_OCTAVE
@@ -182,7 +182,7 @@ def _classify(
 
 def _octaves(differences: NDArray[np.float64], reach: int) -> NDArray[np.int64]:
     """Octave of each length: how many bounds its square reaches, each twice the one before."""
-    # squared lengths, summed up axis by axis
+    # Squared lengths, summed up axis by axis.
     squares = np.zeros(len(differences))
     for axis in differences.T:
         step = np.minimum(np.abs(axis), _MAX_DIFFERENCE)
@@ -195,7 +195,7 @@ def _octaves(differences: NDArray[np.float64], reach: int) -> NDArray[np.int64]:
 
 def _bearings(differences: NDArray[np.float64], step: NDArray[np.float64]) -> NDArray[np.int64]:
     """Class of the turn from a step towards each node; 7 where either is null."""
-    # scalar products, and squared lengths
+    # Scalar products, and squared lengths.
     dots, squares, step_square = np.zeros(len(differences)), np.zeros(len(differences)), 0.0
     for a, axis in zip(step.tolist(), differences.T, strict=True):
         dots += a * axis
@@ -237,13 +237,13 @@ def _find_nearest(model: PlainModel, u: int) -> tuple[list[int], list[int]]:
     parents: list[int] = []
     reached: set[int] = set()
     while heap and len(nodes) < max_nodes:
-        # the nearest entry gives its node a rank
+        # The nearest entry gives its node a rank.
         distance, _, node, parent = heapq.heappop(heap)
         if node in reached:
             continue
         reached.add(node)
 
-        # its neighbours enter the heap
+        # Its neighbours enter the heap.
         edges = model.map.half_edges(node) if entries < _MAX_ENTRIES else []
         model.work.spend(len(edges))
         for edge in edges:

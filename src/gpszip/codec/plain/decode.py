@@ -53,7 +53,7 @@ def decode_plain(
     >>> walks.nodes.tolist(), walks.walks[0].time_steps.tolist()
     ([[3, -4]], [7])
     """
-    # the head and the knots
+    # The head and the knots.
     head, payload = read_head(data, tracks)
     decoder = RangeDecoder(payload)
     model = PlainModel(decoder, dimension, head.timed, head.modes, work)
@@ -61,7 +61,7 @@ def decode_plain(
     if head.timed:
         check_times(knots)
 
-    # the tail
+    # The tail.
     walks = GridWalks(model.map.places.copy(), split_knots(knots), head.timed)
     if grid is None or not head.timed:
         return walks

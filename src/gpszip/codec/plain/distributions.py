@@ -110,7 +110,7 @@ class Offsets:
         """Cumulative probability of each distribution below a value."""
         middle, table, out = (16 * value - 8) << 16, _LOGISTIC, []
         for scale, shift, cut in self._entries:
-            # interpolate between two entries of the table
+            # Interpolate between two entries of the table.
             z = (middle - shift) // scale
             if z < 0:
                 mass = 0
@@ -164,11 +164,11 @@ class Durations:
 
     def below(self, value: int) -> list[int]:
         """Cumulative probability of each distribution below a value."""
-        # the histogram
+        # The histogram.
         offset = value - self._low
         out = [(sum(self._histogram[:offset]) << PROBABILITY_BITS) // self._total]
 
-        # exponential
+        # Exponential.
         table, scaled = _EXPONENTIAL, offset << 16
         for octave in _OCTAVES:
             z = scaled >> octave
@@ -184,7 +184,7 @@ class Durations:
         log = fixed_log2(max(16 * value - 8, 1)) - _LOG_SUBSTEPS
         table, out = _LOGISTIC, []
         for center, steepness, cut in self._entries:
-            # interpolate between two entries of the table; z counts from -16
+            # Interpolate between two entries of the table; z counts from -16.
             z = ((log - center) * steepness >> 1) + _EXPONENTIAL_END
             if z < 0:
                 mass = 0

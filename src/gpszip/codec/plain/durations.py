@@ -84,14 +84,14 @@ def read_move_duration(model: PlainModel, u: int, v: int, edge: HalfEdge | None)
 
 def learn_duration(model: PlainModel, edge: HalfEdge, duration: int) -> None:
     """Learn the duration of a step on a half-edge, and the pace."""
-    # means of its length and of the half-edge, which has the step counted already
+    # Means of its length and of the half-edge, which has the step counted already.
     log = _log_duration(duration)
     _update_mean(model, _length_class(edge.length), _MAX_CLASS_SAMPLES, log)
     edge.mean_log += (log - edge.mean_log) // min(edge.traversals, _MAX_EDGE_SAMPLES)
     if edge.length == 0:
         return
 
-    # the pace, and its mean
+    # The pace, and its mean.
     pace = log - fixed_log2(edge.length)
     if model.log_pace is None:
         model.mean_log_pace = pace
@@ -99,7 +99,7 @@ def learn_duration(model: PlainModel, edge: HalfEdge, duration: int) -> None:
         model.mean_log_pace += 5 * (pace - model.mean_log_pace) // 32
     model.log_pace = pace
 
-    # the speed, and fading sums
+    # The speed, and fading sums.
     model.speed = min(edge.length, _MAX_SPEED_LENGTH), min(duration, _MAX_SPEED_DURATION)
     lengths, durations = model.speed_sums
     model.speed_sums = (
@@ -123,7 +123,7 @@ def _read_duration(
     durations = Durations(mixture.histogram, pairs, _MIN_DURATION)
     duration = model.read_mixture(mixture, _MIN_DURATION, MIXTURE_LIMIT, durations)
 
-    # the largest value stands for all that don't fit
+    # The largest value stands for all that don't fit.
     if duration == MIXTURE_LIMIT - 1:
         duration += model.read_signed(LARGE_DURATION)
         if duration < _MIN_DURATION:
@@ -146,7 +146,7 @@ def _guess(model: PlainModel, length: int, edge: HalfEdge | None) -> list[int]:
             weight += samples
             total += samples * half.mean_log
 
-    # without a pace, only the mean is left
+    # Without a pace, only the mean is left.
     mean = total // weight if weight else None
     if model.log_pace is None:
         return [] if mean is None else [mean]

@@ -76,14 +76,14 @@ def read_mixture(
     work : WorkLimit
         Spends a unit for each distribution that is evaluated.
     """
-    # the value, and the cumulative probabilities below it and up to it
+    # The value, and the cumulative probabilities below it and up to it.
     weights = mixture.weights
     sum_weights = sum(weights[: len(distributions)])
     total = (sum_weights << PROBABILITY_BITS) + high - low
     number = decoder.find(total)
     value, below, above = _find_value(number, weights, low, high, distributions, total, work)
 
-    # its interval
+    # Its interval.
     masses = [
         weight * (after - before)
         for weight, before, after in zip(weights, below, above, strict=False)
@@ -91,7 +91,7 @@ def read_mixture(
     width = 1 + sum(masses)
     decoder.take(value - low + sum(map(mul, weights, below)), width, total)
 
-    # learn
+    # Learn.
     _learn_weights(mixture, masses, sum_weights, width)
     if value - low < len(mixture.histogram):
         mixture.histogram[value - low] += _HISTOGRAM_INCREMENT
@@ -118,13 +118,13 @@ def _find_value(
     list of int, list of int
         Cumulative probabilities of the distributions below the value, and up to it.
     """
-    # keep C(first) <= number < C(last)
+    # Keep C(first) <= number < C(last).
     first, last, count_first, count_last = low, high, 0, total
     below, above = None, [CERTAIN] * len(distributions)
     middle, step = min(max(low + _FIRST_STEP, 0), (low + high) >> 1), _FIRST_STEP
     galloping, halves = True, False
     while last - first > 1:
-        # the half that holds the number
+        # The half that holds the number.
         found = distributions.below(middle)
         work.spend(len(found))
         count = middle - low + sum(map(mul, weights, found))
@@ -138,7 +138,7 @@ def _find_value(
             middle -= step
         step *= _GALLOP
 
-        # the next value to try
+        # The next value to try.
         if galloping and first < middle < last:
             continue
         galloping, halves = False, not halves

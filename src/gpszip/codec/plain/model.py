@@ -90,7 +90,7 @@ class PlainModel:
         self.work = work
         self.map = WalkMap(dimension)
 
-        # what the last steps were like
+        # What the last steps were like.
         self.log_pace: int | None = None  # logarithm of duration by length
         self.mean_log_pace = 0  # its fading mean
         self.step_length = 0  # fading mean of the lengths of steps
@@ -101,7 +101,7 @@ class PlainModel:
         self.last_log_duration = 0  # of the last new node where durations come first
         self.means: dict[int, tuple[int, int]] = {}  # mean logarithm and samples, by what lasts
 
-        # choices
+        # Choices.
         self.path: list[int] = []  # nodes on the way to the target, the next one last
         self.cheap_choices = 0  # how many more choices were cheap than not
         tables = len(initial_chosen())
@@ -110,7 +110,7 @@ class PlainModel:
         self.turns_chosen: list[int] = initial_chosen()[AMONG_EDGES, 0].tolist()
         self.turns_offered: list[int] = initial_offered()[AMONG_EDGES, 0].tolist()
 
-        # numbers
+        # Numbers.
         self._bit_counts: list[list[int]] = initial_bit_counts().tolist()
         self._mixture_weights: list[list[int]] = initial_mixture_weights().tolist()
         self._mixtures: dict[int, Mixture] = {}

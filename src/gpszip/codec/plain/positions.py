@@ -54,13 +54,13 @@ def read_position(model: PlainModel, u: int, duration: int) -> list[int]:
     duration : int
         Time steps of the step, where they are known; otherwise 0.
     """
-    # the first two coordinates along and across the heading
+    # The first two coordinates along and across the heading.
     offsets, reach = [], model.reach
     if model.dimension > 1:
         along, across, reach = _read_on_heading(model, reach, duration)
         offsets = list(rotate_back(along, across, model.heading or 0))
 
-    # further axes
+    # Further axes.
     while len(offsets) < model.dimension:
         offsets.append(_read_offset(model, MIX_BESIDE, [(0, reach >> i) for i in range(6)]))
     return [a + b for a, b in zip(model.map.positions[u], offsets, strict=True)]
@@ -76,12 +76,12 @@ def read_jump(model: PlainModel, u: int) -> list[int]:
 
 def _read_on_heading(model: PlainModel, reach: int, duration: int) -> tuple[int, int, int]:
     """Read offsets along and across the heading; return them with the length to expect."""
-    # without a speed, by the mean length of steps
+    # Without a speed, by the mean length of steps.
     if not duration or model.speed is None:
         along = _read_offset(model, MIX_ALONG, _along(reach))
         return along, _read_offset(model, MIX_ACROSS, _across(model, reach, along)), reach
 
-    # by how far the duration leads at the last speed, and at the mean of the last few
+    # By how far the duration leads at the last speed, and at the mean of the last few.
     duration = min(duration, _MAX_DURATION)
     reach, mean_reach = (
         min(max(length * duration // time_steps, _MIN_REACH), MAX_MAGNITUDE)
@@ -116,13 +116,13 @@ def _across(model: PlainModel, reach: int, along: int) -> list[_Pair]:
     """Distributions of an offset across the heading, given the one along it."""
     pairs = [(0, reach >> shift) for shift in range(1, 6)]
 
-    # such that the step has the length to expect: sqrt(reach**2 - along**2)
+    # Such that the step has the length to expect: sqrt(reach**2 - along**2).
     size = 16 * min(abs(along), _MAX_ALONG)
     reach = min(reach, _MAX_REACH)
     side = int(math.sqrt(float(reach * reach - size * size))) if size < reach else 0
     pairs += [(sign * side, reach >> shift) for sign in (-1, 1) for shift in (4, 2)]
 
-    # such that the walk turns as it did last
+    # Such that the walk turns as it did last.
     turned = 0
     if model.turn is not None:
         turned = sideways_offset(size if along >= 0 else -size, model.turn)
@@ -139,5 +139,5 @@ def _read_offset(model: PlainModel, mixture_id: np.int64, first: Sequence[_Pair]
         Offsets(pairs, -MIXTURE_LIMIT),
     )
 
-    # the largest value stands for all that don't fit
+    # The largest value stands for all that don't fit.
     return model.read_signed(LARGE_OFFSET) if value == MIXTURE_LIMIT - 1 else value

@@ -57,7 +57,7 @@ class RangeDecoder:
     def take(self, start: int, width: int, total: int) -> None:
         """Take out the symbol that owns the interval [start, start + width) of [0, total)."""
         share = self._range // total
-        # forged bytes may point below the interval, where a word wraps round
+        # Forged bytes may point below the interval, where a word wraps round.
         self._code = (self._code - share * start) & _ALL_ONES
         self._range = share * width
         while self._range < _MIN_RANGE:

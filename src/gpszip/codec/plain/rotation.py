@@ -52,7 +52,7 @@ def rotate_back(along: int, across: int, direction: int) -> tuple[int, int]:
     >>> rotate_back(5, 0, 64)
     (0, 5)
     """
-    # the small angle that remains beside right angles
+    # The small angle that remains beside right angles.
     quarters = (direction + _QUARTER // 2) // _QUARTER
     small = direction - quarters * _QUARTER + _QUARTER // 2
     t, s = -_TAN_HALF[small], -_SIN_SMALL[small]
@@ -61,7 +61,7 @@ def rotate_back(along: int, across: int, direction: int) -> tuple[int, int]:
     y -= (s * x + _HALF) >> _SHIFT
     x += (t * y + _HALF) >> _SHIFT
 
-    # the right angles
+    # The right angles.
     for _ in range(quarters % 4):
         x, y = -y, x
     return x, y

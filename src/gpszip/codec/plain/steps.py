@@ -40,7 +40,7 @@ _MAX_PAIR_COUNT = 1 << 16
 
 def read_step_kind(model: PlainModel, u: int, incoming: HalfEdge | None, last_kind: int) -> int:
     """Read the kind of a step from u."""
-    # whether it leaves the known edges
+    # Whether it leaves the known edges.
     edges = model.map.degree(u)
     degree, level = min(edges, _MAX_DEGREE), min(model.map.departures[u].bit_length(), _MAX_LEVEL)
     is_fresh = 1 if last_kind >= KIND_NEW_NODE else 0
@@ -60,7 +60,7 @@ def _read_known_kind(
     model: PlainModel, degree: int, incoming: HalfEdge | None, last_kind: int
 ) -> int:
     """Read whether a step along a known edge goes back; return its kind."""
-    # only one of the two is possible
+    # Only one of the two is possible.
     if incoming is None:
         return KIND_KNOWN
     if degree == 1:
@@ -99,7 +99,7 @@ def read_known_edge(
     while sum(weights) > _MAX_WEIGHT_SUM:
         weights = [(weight >> 1) + 1 for weight in weights]
 
-    # the choice; every edge could be chosen
+    # The choice; every edge could be chosen.
     choice, total = model.decoder.read_choice(weights), sum(weights)
     for turn, weight in zip(turns, weights, strict=True):
         model.turns_offered[turn] += (weight << 16) // total

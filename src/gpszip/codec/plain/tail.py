@@ -56,7 +56,7 @@ class PlainTailCoder:
         """Read offsets in place, see :func:`gpszip.codec.kernels.end_coder.code_end_offsets`."""
         adapted = counts.tolist()
         for i, kind in enumerate(kinds.tolist()):
-            # whether there is an offset
+            # Whether there is an offset.
             self.work.spend(1)
             offsets[i] = 0
             if kind == NEVER or (kind == SOMETIMES and not read_bit(self.decoder, adapted, 0)):

@@ -101,7 +101,7 @@ class _Starts:
             self._last += model.read_signed(TRACK_START)
             return self._last
 
-        # as many of those left are passed over, in a circle
+        # As many of those left are passed over, in a circle.
         model.work.spend(len(self._left) // 16)
         skipped = model.read_unsigned(TRACK_ORDER) % self._tracks
         after = sum(number < self._next for number in self._left)
@@ -144,7 +144,7 @@ def read_knots(model: PlainModel, knots: int, tracks: int, gapped: bool) -> Knot
     starts = _Starts(model, tracks)
     state, ended, begun = None, True, 0
     for j in range(knots):
-        # bytes that end too early, or tracks that do, are no walks
+        # Bytes that end too early, or tracks that do, are no walks.
         model.work.spend(_KNOT_WORK)
         if model.decoder.is_exhausted or (ended and begun == tracks):
             raise _no_walks()
@@ -159,7 +159,7 @@ def read_knots(model: PlainModel, knots: int, tracks: int, gapped: bool) -> Knot
             state = _read_step(model, state)
         nodes[j], time_steps[j] = state.node, _check_bounds(model, state)
 
-        # does the track end here? the last one does when the knots are used up
+        # Does the track end here? the last one does when the knots are used up.
         ended = begun < tracks and not model.path and _read_end(model, state.node)
     if begun < tracks or model.path:
         raise _no_walks()
@@ -220,7 +220,7 @@ def _read_gap(model: PlainModel, state: _WalkState) -> _WalkState:
     else:
         node = model.map.add_node(read_jump(model, u))
 
-    # learn it
+    # Learn it.
     model.map.gap_ends[u] += 1
     model.map.gap_ends[node] += 1
     model.forget_heading()
@@ -237,7 +237,7 @@ def _read_step(model: PlainModel, state: _WalkState) -> _WalkState:
     kind, edge, end = _read_edge(model, state)
     node, duration = _read_measures(model, u, kind, edge, end)
 
-    # learn the step; a stop leaves the heading
+    # Learn the step; a stop leaves the heading.
     before, incoming = state.before, state.incoming
     if node != u:
         before, incoming = u, model.learn_step(u, node, incoming)
@@ -252,7 +252,7 @@ def _read_edge(model: PlainModel, state: _WalkState) -> tuple[int, HalfEdge | No
 
     A new node is None: its position follows.
     """
-    # on the path to a target, the step is implied
+    # On the path to a target, the step is implied.
     u, incoming = state.node, state.incoming
     if model.path:
         edge = model.map.half_edge(u, model.path.pop())
@@ -260,7 +260,7 @@ def _read_edge(model: PlainModel, state: _WalkState) -> tuple[int, HalfEdge | No
         is_back = incoming is not None and edge is incoming.opposite
         return KIND_BACK if is_back else KIND_KNOWN, edge, edge.end
 
-    # otherwise it is read, and which edge or node it leads to where the kind leaves that open
+    # Otherwise it is read, and which edge or node it leads to where the kind leaves that open.
     kind = read_step_kind(model, u, incoming, state.last_kind)
     if kind == KIND_STAY:
         return kind, None, u
@@ -281,12 +281,12 @@ def _read_measures(
 
     They come in the order of the modes.
     """
-    # the duration first, where that mode is on
+    # The duration first, where that mode is on.
     if node is None and model.timed and model.modes & TIME_FIRST:
         duration = read_duration_first(model)
         return model.map.add_node(read_position(model, u, duration)), duration
 
-    # the position of a new node; then the duration, which its length tells much of
+    # The position of a new node; then the duration, which its length tells much of.
     if node is None:
         node = model.map.add_node(read_position(model, u, 0))
     if not model.timed:

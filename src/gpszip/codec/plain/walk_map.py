@@ -94,7 +94,7 @@ class WalkMap:
 
     def add_node(self, position: Sequence[int]) -> int:
         """Add a node; return its number."""
-        # twice the capacity, where it is used up
+        # Twice the capacity, where it is used up.
         node = len(self)
         if node == len(self._places):
             self._places = np.concatenate([self._places, np.zeros_like(self._places)])
@@ -127,7 +127,7 @@ class WalkMap:
 
     def take_edge(self, u: int, v: int, incoming: HalfEdge | None) -> HalfEdge:
         """Count a step from u to v, on a new edge if need be, after the half-edge ``incoming``."""
-        # the two halves of a new edge
+        # The two halves of a new edge.
         edge = self.half_edge(u, v)
         if edge is None:
             length = self.length(u, v)
@@ -159,7 +159,7 @@ class WalkMap:
         if before is None:
             return _NO_BEARING
 
-        # scalar product, and squared lengths
+        # Scalar product, and squared lengths.
         dot = step_square = square = 0.0
         positions = self.positions
         for x, y, z in zip(positions[before], positions[u], positions[v], strict=True):

@@ -93,7 +93,7 @@ def shortest_path_tree(
     backward
         Whether the search goes against the direction of travel.
     """
-    # begin
+    # Begin.
     keys, items = np.empty(_FIRST_CAPACITY), np.empty(_FIRST_CAPACITY, np.int64)
     queued = 0
     best: dict[int, float] = {}
@@ -105,7 +105,7 @@ def shortest_path_tree(
             parent[road] = _NO_PARENT
             queued = push(keys, items, queued, cost, road)
 
-    # the queued road with the least label is final
+    # The queued road with the least label is final.
     finished: dict[int, int] = {}
     roads = np.empty(_FIRST_CAPACITY, np.int32)
     costs = np.empty(_FIRST_CAPACITY)
@@ -126,7 +126,7 @@ def shortest_path_tree(
         parents[count] = parent[road]
         count += 1
 
-        # relax its neighbours
+        # Relax its neighbours.
         node = nodes[road]
         for k in range(link_starts[node], link_starts[node + 1]):
             other = links[k]

@@ -152,7 +152,7 @@ def build_legs(
                 leg_of[other] = count - 1
                 metres[other] = legs.end[count - 1]
 
-        # extend the last leg, and add new ones
+        # Extend the last leg, and add new ones.
         if transition == SAME_ROAD:
             offset = max(legs.end[count - 1], offset)
             legs.end[count - 1] = offset
@@ -178,7 +178,7 @@ def build_legs(
 @inner_uncounted
 def _is_spur(legs: Legs, count: int, graph: Graph, model: ModelParameters) -> bool:
     """Whether the last two legs step off a crossing and back, within ``max_spur`` metres."""
-    # two legs on one road, there and back, after another leg of the same piece
+    # Two legs on one road, there and back, after another leg of the same piece.
     if (
         count < 3
         or legs.piece[count - 3] != legs.piece[count - 1]
@@ -186,7 +186,7 @@ def _is_spur(legs: Legs, count: int, graph: Graph, model: ModelParameters) -> bo
     ):
         return False
 
-    # from a crossing, and not far
+    # From a crossing, and not far.
     return (
         legs.begin[count - 2] == 0
         and legs.end[count - 2] <= model.max_spur
@@ -235,7 +235,7 @@ def place_samples(
     metres = np.full(n, np.nan)
     distances = np.full(n, np.nan)
     for step in range(steps):
-        # the sample of the time step
+        # The sample of the time step.
         low, begin = step_legs[step], step_metres[step]
         if low < 0:
             continue
@@ -278,11 +278,11 @@ def _nearest_on_legs(
     """
     least, nearest_leg, nearest_metres = np.inf, low, begin
     for leg in range(low, high + 1):
-        # the interval of the leg
+        # The interval of the leg.
         leg_begin = begin if leg == low else legs.begin[leg]
         leg_end = end if leg == high else legs.end[leg]
 
-        # the first of the nearest points
+        # The first of the nearest points.
         metres, distance = nearest_on_road(
             position, legs.roads[leg], leg_begin, max(leg_begin, leg_end), roads, graph
         )
@@ -304,7 +304,7 @@ def nearest_on_road(
 
     Returns the metres along the directed road, and the distance.
     """
-    # offsets from the start of the road
+    # Offsets from the start of the road.
     road, length = directed >> 1, graph.lengths[directed]
     if directed & 1:
         low, high = length - high, length - low
@@ -356,7 +356,7 @@ def travel_directions(
 @jit
 def legs_to_line(legs: Legs, roads: Roads, graph: Graph) -> NDArray[np.float64]:
     """Vertices of legs as one line, without repeating a vertex."""
-    # at most the vertices of all roads, and the two ends of each leg
+    # At most the vertices of all roads, and the two ends of each leg.
     capacity = 0
     for i in range(len(legs.roads)):
         road = legs.roads[i] >> 1
@@ -366,14 +366,14 @@ def legs_to_line(legs: Legs, roads: Roads, graph: Graph) -> NDArray[np.float64]:
     # Append the points of each leg; the end of one is mostly the beginning of the next.
     point = np.empty(roads.points.shape[1])
     for i in range(len(legs.roads)):
-        # offsets from the start of the road
+        # Offsets from the start of the road.
         road, is_backward = legs.roads[i] >> 1, legs.roads[i] & 1
         length = graph.lengths[legs.roads[i]]
         low, high = legs.begin[i], legs.end[i]
         if is_backward:
             low, high = length - legs.end[i], length - legs.begin[i]
 
-        # both ends of the leg, and the vertices between them in the order of travel
+        # Both ends of the leg, and the vertices between them in the order of travel.
         interpolate_position(roads, road, high if is_backward else low, point)
         count = _add_point(out, count, point)
         first, last = roads.offsets[road], roads.offsets[road + 1]

@@ -91,7 +91,7 @@ def find_candidates(
     equation 1, and a term for the heading). ``heading`` is a unit vector, or zero where it is not
     known; off the roads it costs as much as at a right angle to a road.
     """
-    # nearest positions on roads
+    # Nearest positions on roads.
     near_roads = np.empty(model.max_candidates, np.int32)
     offsets = np.empty(model.max_candidates)
     distances = np.empty(model.max_candidates)
@@ -121,7 +121,7 @@ def find_candidates(
                 )
             n += 1
 
-    # off the roads
+    # Off the roads.
     out.roads[n] = OFF_ROAD
     out.metres[n] = 0.0
     out.distances[n] = 0.0

@@ -95,7 +95,7 @@ def add_time_step(
     ring.counts[step % size] = n1
     log_forward = ring.log_forward[low : low + n1]
 
-    # transitions from the time step before, unless the path breaks
+    # Transitions from the time step before, unless the path breaks.
     if step == 0 or seconds == np.inf or is_too_fast(straight, seconds, model):
         start_paths(after, n1, 0 if step == 0 else best_candidate(ring, step - 1))
         log_forward[:] = -after.emission_costs[:n1]
@@ -121,7 +121,7 @@ def add_time_step(
         log_forward -= after.emission_costs[:n1]
     log_forward -= log_forward.max()
 
-    # the best candidate, and the probability of its road
+    # The best candidate, and the probability of its road.
     best = best_candidate(ring, step)
     total = on_road = 0.0
     for j in range(n1):

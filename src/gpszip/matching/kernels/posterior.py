@@ -26,7 +26,7 @@ def posterior(trellis: Trellis) -> NDArray[np.float64]:
 
     The greatest logarithm of a time step is subtracted from all of them, so that none overflows.
     """
-    # forward
+    # Forward.
     starts = trellis.candidate_starts
     steps = len(starts) - 1
     log_forward = np.zeros(starts[steps])
@@ -37,7 +37,7 @@ def posterior(trellis: Trellis) -> NDArray[np.float64]:
         log_forward[low:high] -= trellis.candidates.emission_costs[low:high]
         log_forward[low:high] -= log_forward[low:high].max()
 
-    # backward
+    # Backward.
     log_backward = np.zeros(starts[steps])
     for step in range(steps - 1, 0, -1):
         if trellis.cost_starts[step + 1] > trellis.cost_starts[step]:
@@ -90,7 +90,7 @@ def _step_backward(trellis: Trellis, step: int, log_backward: NDArray[np.float64
             total += math.exp(after[j] - trellis.transition_costs[row + j] - greatest)
         log_backward[i] = greatest + math.log(total)
 
-    # only differences matter
+    # Only differences matter.
     log_backward[last:low] -= log_backward[last:low].max()
 
 
@@ -113,14 +113,14 @@ def road_probabilities(
         if leg_of[step] < 0:
             continue
 
-        # legs beside the time step
+        # Legs beside the time step.
         first = last = leg_of[step]
         if step > 0 and leg_of[step - 1] >= 0:
             first = leg_of[step - 1]
         if step + 1 < steps and leg_of[step + 1] >= 0:
             last = leg_of[step + 1]
 
-        # candidates on them
+        # Candidates on them.
         for j in range(trellis.candidate_starts[step], trellis.candidate_starts[step + 1]):
             for leg in range(first, last + 1):
                 if leg_roads[leg] == trellis.candidates.roads[j]:

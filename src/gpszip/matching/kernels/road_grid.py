@@ -60,7 +60,7 @@ def _list_cells(
     if ax > bx:
         ax, ay, bx, by = bx, by, ax, ay
 
-    # in each column, all rows between where the segment enters and leaves it
+    # In each column, all rows between where the segment enters and leaves it.
     count = 0
     first_column, last_column = math.floor(ax), math.floor(bx)
     for column in range(first_column, last_column + 1):
@@ -175,7 +175,7 @@ def find_near_roads(
     first_row = max(math.floor((y - radius) / grid.cell_size), 0)
     last_row = min(math.floor((y + radius) / grid.cell_size), grid.rows - 1)
 
-    # all segments in them that are near; a segment in several cells is hit several times
+    # All segments in them that are near; a segment in several cells is hit several times.
     hits, count = np.empty((_FIRST_CAPACITY, 3)), 0
     for row in range(first_row, last_row + 1):
         for column in range(first_column, last_column + 1):
@@ -216,7 +216,7 @@ def _take_nearest(
         if count == capacity:
             break
 
-        # move the next hit to its place in the order
+        # Move the next hit to its place in the order.
         best = hit
         for i in range(hit + 1, len(hits)):
             if _is_before(hits, i, best):
@@ -224,7 +224,7 @@ def _take_nearest(
         for column in range(3):
             hits[hit, column], hits[best, column] = hits[best, column], hits[hit, column]
 
-        # take it unless a nearer hit stands for it
+        # Take it unless a nearer hit stands for it.
         is_known = False
         for i in range(count):
             is_known = is_known or (

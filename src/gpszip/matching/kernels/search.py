@@ -87,14 +87,14 @@ def _sift_down(
     key = keys[item]
     i = 0
     while 2 * i + 1 < size:
-        # the lesser of the two children
+        # The lesser of the two children.
         child = 2 * i + 1
         if child + 1 < size:
             left, right = heap[child], heap[child + 1]
             if keys[right] < keys[left] or (keys[right] == keys[left] and right < left):
                 child += 1
 
-        # trade places with it
+        # Trade places with it.
         other = heap[child]
         if key < keys[other] or (key == keys[other] and item <= other):
             break
@@ -143,7 +143,7 @@ def _relax(
     work.parents[road] = parent
     work.keys[road] = cost + cost_to_go
 
-    # insert it in the heap, or move it up there
+    # Insert it in the heap, or move it up there.
     if is_new:
         work.heap_slots[road] = work.state[HEAP_SIZE]
         work.state[HEAP_SIZE] += 1
@@ -189,13 +189,13 @@ def expand_to_goal(
     straight line to within ``goal_radius`` metres of the goal. Paths longer than ``max_length``
     metres, or beyond the cost bound, are not followed.
     """
-    # lower bound of the cost to go
+    # Lower bound of the cost to go.
     node = graph.heads[road]
     cost_to_go = max(_distance_to_node(node, goal, graph) - goal_radius, 0.0)
     if metres > max_length or cost + cost_to_go > cost_bound:
         return
 
-    # every road that leaves the node
+    # Every road that leaves the node.
     for i in range(graph.out_starts[node], graph.out_starts[node + 1]):
         next_road = graph.out_roads[i]
         next_cost = cost + _turn_cost(road, next_road, graph, model)
@@ -254,7 +254,7 @@ def expand_to_targets(
     The cost to go is what the last backward search found, or at least its limit where it did not
     reach.
     """
-    # lower bound of the cost to go where the backward search did not reach
+    # Lower bound of the cost to go where the backward search did not reach.
     if metres > max_length:
         return
     node = graph.heads[road]
@@ -262,7 +262,7 @@ def expand_to_targets(
         node, graph, work.backward
     )
 
-    # every road that leaves the node
+    # Every road that leaves the node.
     for i in range(graph.out_starts[node], graph.out_starts[node + 1]):
         next_road = graph.out_roads[i]
         is_final = (
@@ -305,7 +305,7 @@ def search_backward(
     directed roads; each target has a cost of its own. The search ends when it has reached the ends
     of all sources, or when the rest is out of the bound.
     """
-    # circle round the ends of all sources
+    # Circle round the ends of all sources.
     backward.state[SEARCH_NUMBER] += 1
     backward.state[HEAP_SIZE] = 0
     backward.state[CENTRE_NODE] = graph.heads[sources[0]]
@@ -320,12 +320,12 @@ def search_backward(
         missing += not backward.is_source[node]
         backward.is_source[node] = True
 
-    # begin at all targets
+    # Begin at all targets.
     for j in range(len(targets)):
         distance = _min_distance_to_sources(graph.heads[targets[j] ^ 1], graph, backward)
         _relax_backward(targets[j], target_costs[j], distance, cost_bound, max_length, backward)
 
-    # expand until all sources are reached; whatever is left costs at least the last key
+    # Expand until all sources are reached; whatever is left costs at least the last key.
     backward.limits[COST_LIMIT] = cost_bound
     while backward.state[HEAP_SIZE] > 0:
         road = backward.heap[0]
@@ -346,7 +346,7 @@ def search_backward(
             distance = _min_distance_to_sources(graph.heads[before ^ 1], graph, backward)
             _relax_backward(before, cost, distance, cost_bound, max_length, backward)
 
-    # leave no marks
+    # Leave no marks.
     for road in sources:
         backward.is_source[graph.heads[road]] = False
 
@@ -370,7 +370,7 @@ def _relax_backward(
     backward.costs[road] = cost
     backward.keys[road] = cost + distance
 
-    # insert it in the heap, or move it up there
+    # Insert it in the heap, or move it up there.
     if is_new:
         backward.heap_slots[road] = backward.state[HEAP_SIZE]
         backward.state[HEAP_SIZE] += 1
@@ -396,7 +396,7 @@ def find_path(
     The path begins ``metres_left`` metres before the end of ``road``. Returns the directed roads
     after ``road``, up to and with ``target``; none if the target is out of the bound.
     """
-    # as in the trellis, whose searches begin at the ends of roads
+    # As in the trellis, whose searches begin at the ends of roads.
     start_search(work)
     max_length += metres_left
     expand_to_goal(
@@ -412,14 +412,14 @@ def find_path(
         work,
     )
 
-    # search until the target's label is final
+    # Search until the target's label is final.
     reached = -1
     while reached != target:
         reached = next_towards_goal(cost_bound, max_length, goal, goal_radius, graph, model, work)
         if reached < 0:
             return np.empty(0, np.int32)
 
-    # follow the parents back
+    # Follow the parents back.
     count, here = 1, target
     while work.parents[here] != road:
         here = work.parents[here]

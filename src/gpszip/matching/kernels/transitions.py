@@ -96,7 +96,7 @@ def advance_paths(
     # Chain the candidates on each directed road, since a search reaches them together.
     linked, distinct = _link_candidates_by_road(after, n1, work)
 
-    # jumps: the upper bound of all other transitions
+    # Jumps: the upper bound of all other transitions.
     transitions = np.full((n0, n1), JUMP, np.uint8)
     for j in range(n1):
         after.path_costs[j] = np.inf
@@ -108,7 +108,7 @@ def advance_paths(
                 after.path_costs[j], before.path_costs[i] + transition_costs[i, j]
             )
 
-    # on the same road, or turning round on it
+    # On the same road, or turning round on it.
     on_roads = np.flatnonzero(before.roads[:n0] >= 0)
     for i in on_roads:
         _relax_on_same_road(
@@ -125,7 +125,7 @@ def advance_paths(
             transitions,
         )
 
-    # over other roads: first bound the costs, then search within the bounds
+    # Over other roads: first bound the costs, then search within the bounds.
     if distinct > 0 and len(on_roads) > 0:
         upper_bounds = _bound_path_costs(
             on_roads,
@@ -156,7 +156,7 @@ def advance_paths(
             transitions,
         )
 
-    # the first predecessor that is as cheap as the cheapest
+    # The first predecessor that is as cheap as the cheapest.
     for j in range(n1):
         if after.roads[j] >= 0:
             work.first_candidate[after.roads[j]] = _NONE
@@ -167,7 +167,7 @@ def advance_paths(
         after.transitions[j] = transitions[i, j]
         after.path_costs[j] += after.emission_costs[j]
 
-    # only differences matter; subtracting the least keeps their precision on a long track
+    # Only differences matter; subtracting the least keeps their precision on a long track.
     after.path_costs[:n1] -= after.path_costs[:n1].min()
 
 
@@ -209,7 +209,7 @@ def _bound_path_costs(
     The first path to reach a candidate is a path, so that its cost is an upper bound. It is not
     always the best one, since a path that is shorter than the straight line costs more.
     """
-    # begin at all candidates before, each with the cost of its path
+    # Begin at all candidates before, each with the cost of its path.
     cost_bound = straight + model.beta * _max_cost_on_roads(upper_bounds, after)
     start_search(work)
     for i in on_roads:
@@ -239,7 +239,7 @@ def _bound_path_costs(
         if reached < 0:
             return upper_bounds
 
-        # all candidates on the road that was reached
+        # All candidates on the road that was reached.
         j = work.first_candidate[reached]
         if j < 0:
             continue
@@ -253,7 +253,7 @@ def _bound_path_costs(
             is_reached[j] = True
             j = linked[j]
 
-        # the search need only go as far as the candidates that are left
+        # The search need only go as far as the candidates that are left.
         max_cost = -np.inf
         for k in range(len(upper_bounds)):
             if not is_reached[k]:
@@ -283,7 +283,7 @@ def _relax_over_other_roads(
     does not go on there, but takes over the paths found. Candidates whose paths are cheaper at the
     ends of their roads go first, so that their searches found all that the others need.
     """
-    # backward from all candidates after: what is left to go from any road
+    # Backward from all candidates after: what is left to go from any road.
     targets = np.empty(len(upper_bounds), np.int32)
     target_costs = np.empty(len(upper_bounds))
     count = 0
@@ -307,7 +307,7 @@ def _relax_over_other_roads(
         work.backward,
     )
 
-    # forward from each candidate before; table of paths from the ends of roads: costs and metres
+    # Forward from each candidate before; table of paths from the ends of roads: costs and metres.
     costs = np.full((len(on_roads), len(upper_bounds)), np.inf)
     metres = np.empty((len(on_roads), len(upper_bounds)))
     for row in np.argsort(end_costs, kind="mergesort"):
@@ -346,7 +346,7 @@ def _relax_over_other_roads(
                     transitions,
                 )
 
-    # leave no marks
+    # Leave no marks.
     for i in on_roads:
         work.path_rows[before.roads[i]] = _NONE
 
@@ -384,7 +384,7 @@ def _search_from_road(
                 metres[row, j] = work.metres[reached]
             j = linked[j]
 
-        # go on from its end, or take over the paths that another search found from there
+        # Go on from its end, or take over the paths that another search found from there.
         end_cost = work.costs[reached] + graph.lengths[reached]
         end_metres = work.metres[reached] + graph.lengths[reached]
         path_row = work.path_rows[reached]
@@ -424,7 +424,7 @@ def _relax_on_same_road(
     transitions: NDArray[np.uint8],
 ) -> None:
     """Relax the transitions of candidate i that stay on its road, or turn round on it."""
-    # onward, or a little back by errors of a standing receiver
+    # Onward, or a little back by errors of a standing receiver.
     road, offset = before.roads[i], before.metres[i]
     j = work.first_candidate[road]
     while j >= 0:
@@ -442,7 +442,7 @@ def _relax_on_same_road(
             )
         j = linked[j]
 
-    # back, on the directed road of the other direction
+    # Back, on the directed road of the other direction.
     j = work.first_candidate[road ^ 1]
     while j >= 0:
         metres = abs(graph.lengths[road] - after.metres[j] - offset)

@@ -68,7 +68,7 @@ def select_samples(
             run_start = count
         is_selected = is_first or distance_between(positions, i, selected[count - 1]) >= min_spacing
 
-        # the end before a gap replaces a sample that is near
+        # The end before a gap replaces a sample that is near.
         if is_last and not is_selected:
             if count - run_start > 1:
                 count -= 1
@@ -96,7 +96,7 @@ def build_trellis(
 
     ``samples`` are those that make a time step. The recursion is that of ``advance_paths``.
     """
-    # arrays that grow with the candidates
+    # Arrays that grow with the candidates.
     steps = len(samples)
     max_candidates = 2 * model.max_candidates + 1  # both directions, and off the roads
     candidate_starts = np.zeros(steps + 1, np.int64)
@@ -131,7 +131,7 @@ def build_trellis(
             start_paths(after, n1, first_minimum(candidates.path_costs[last_low:low]))
             continue
 
-        # transitions from the time step before
+        # Transitions from the time step before.
         n0 = low - last_low
         advance_paths(
             candidates_from(candidates, last_low),
@@ -147,7 +147,7 @@ def build_trellis(
             step_costs,
         )
 
-        # keep their costs for the posterior probabilities
+        # Keep their costs for the posterior probabilities.
         if filled + n0 * n1 > len(all_costs):
             all_costs = resized(all_costs, 2 * len(all_costs) + n0 * n1)
         for i in range(n0):

@@ -65,17 +65,17 @@ def bottom_up(sums: PrefixSums, firsts: NDArray[np.int64], k: int) -> NDArray[np
     n, d = sums.p.shape
     blocks = len(firsts)
 
-    # moments and cost of each block; a merged interval is kept at its first block
+    # Moments and cost of each block; a merged interval is kept at its first block.
     rows = np.zeros((blocks, 2 * d + 4))
     scratch = np.empty(2 * d + 4)
     _block_moments(sums, firsts, rows)
     costs = np.array([best_line_cost(rows[j]) for j in range(blocks)])
 
-    # linked list of the intervals
+    # Linked list of the intervals.
     after = np.arange(1, blocks + 1)
     before = np.arange(-1, blocks - 1)
 
-    # heap of pairs; owner is the left interval of an entry, current the valid entry of an interval
+    # Heap of pairs; owner is the left interval of an entry, current the valid entry of an interval.
     keys, items = np.empty(3 * blocks), np.empty(3 * blocks, np.int64)
     owner = np.empty(3 * blocks, np.int64)
     current = np.full(blocks, _NO_ENTRY)
@@ -89,13 +89,13 @@ def bottom_up(sums: PrefixSums, firsts: NDArray[np.int64], k: int) -> NDArray[np
     # Merge the cheapest pair until k intervals are left.
     intervals = blocks
     while intervals > k:
-        # cheapest pair that is still up to date
+        # Cheapest pair that is still up to date.
         entry, size = pop(keys, items, size)
         i = owner[entry]
         if current[i] != entry:
             continue
 
-        # merge its right interval j into its left one i
+        # Merge its right interval j into its left one i.
         j = after[i]
         x = sums.t[firsts[j]] - sums.t[firsts[i]]
         add_moments(rows[i], rows[j], x, sums.p, firsts[j], firsts[i])
@@ -103,7 +103,7 @@ def bottom_up(sums: PrefixSums, firsts: NDArray[np.int64], k: int) -> NDArray[np
         current[i], current[j], after[i] = _NO_ENTRY, _NO_ENTRY, after[j]
         intervals -= 1
 
-        # new entries for the pairs on both sides of it
+        # New entries for the pairs on both sides of it.
         if after[i] < blocks:
             before[after[i]] = i
             owner[entries], current[i] = i, entries
@@ -117,7 +117,7 @@ def bottom_up(sums: PrefixSums, firsts: NDArray[np.int64], k: int) -> NDArray[np
             size = push(keys, items, size, increase, entries)
             entries += 1
 
-    # follow the list
+    # Follow the list.
     boundaries = np.empty(k + 1, np.int64)
     i = 0
     for j in range(k):

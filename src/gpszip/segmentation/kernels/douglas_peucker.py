@@ -55,7 +55,7 @@ def douglas_peucker(t: NDArray[np.float64], p: NDArray[np.float64], k: int) -> N
     boundaries[0], boundaries[k] = 0, n
     intervals = 1
 
-    # heap of chords by falling distance: end points, and the sample at which to split
+    # Heap of chords by falling distance: end points, and the sample at which to split.
     capacity = 2 * k + 2
     keys, items = np.empty(capacity), np.empty(capacity, np.int64)
     left, right = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
@@ -68,7 +68,7 @@ def douglas_peucker(t: NDArray[np.float64], p: NDArray[np.float64], k: int) -> N
 
     # Split at the farthest sample until there are k intervals.
     while intervals < k:
-        # with k = n, no chord is left, and the last sample gets an interval of its own
+        # With k = n, no chord is left, and the last sample gets an interval of its own.
         if size == 0:
             boundaries[intervals] = n - 1
             intervals += 1

@@ -101,23 +101,23 @@ def optimal_penalised_partition(
 
         # Grow the interval backward from b, cut by cut.
         for g in range(h - 1, -1, -1):
-            # moments of [a, b) with a = cuts[g]
+            # Moments of [a, b) with a = cuts[g].
             last = cuts[g + 1] - 1
             add_moments(row, blocks[g], sums.t[b - 1] - sums.t[last], sums.p, last, b - 1)
 
-            # lower bound on the cost of any segment
+            # Lower bound on the cost of any segment.
             free = best_line_cost(row)
             best_free = min(best_free, best_costs[g] + free)
             bound = free + penalty - _SLACK * row[_SQUARES]
 
-            # the exact cost, where the bound leaves a chance
+            # The exact cost, where the bound leaves a chance.
             if b - cuts[g] >= min_samples and best_costs[g] + bound < best:
                 length = sums.t[b - 1] - sums.t[cuts[g]]
                 cost = best_costs[g] + penalty + lowest_cost(row, length, _BACKWARD, s, costs)
                 if cost < best:
                     best, origin[h], label[h] = cost, g, int(np.argmin(costs))
 
-            # no earlier start can be better
+            # No earlier start can be better.
             if free_costs[g] + bound >= best:
                 break
 
@@ -140,7 +140,7 @@ def _interval_costs(
         segment_coefficients(ends, starts, sums.p, b - 1, s)
         row[:] = 0.0
 
-        # grow [a, b) backward
+        # Grow [a, b) backward.
         for a in range(b - 1, -1, -1):
             x = sums.t[b - 1] - sums.t[a]
             add_sample(row, x, sums.w[a], sums.p, a, b - 1)
@@ -199,7 +199,7 @@ def optimal_k_partition(
             current[b], origin[j, b] = best, best_start
         previous[:] = current
 
-    # trace back from the end
+    # Trace back from the end.
     boundaries, labels = np.empty(k + 1, np.int64), np.empty(k, np.int32)
     boundaries[k] = n
     for j in range(k, 0, -1):

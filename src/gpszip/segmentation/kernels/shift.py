@@ -104,7 +104,7 @@ def lowest_cost(
     """
     m, d = len(costs), (len(row) - 4) // 2
 
-    # moments in normalised time
+    # Moments in normalised time.
     inverse = 1.0 / length if length > 0 else 0.0
     still = 0.0 if length > 0 else still
     w, q = row[0], row[3]
@@ -112,7 +112,7 @@ def lowest_cost(
 
     # Equation 6.14: the moments times the coefficients of each segment.
     if d == 2:
-        # two axes in one loop over segments, which vectorises
+        # Two axes in one loop over segments, which vectorises.
         m1, m2 = row[4], row[5]
         n1, n2 = row[6] * inverse + m1 * still, row[7] * inverse + m2 * still
         for j in range(m):
@@ -127,7 +127,7 @@ def lowest_cost(
                 + n2 * s[6, j]
             )
     else:
-        # any number of axes
+        # Any number of axes.
         for j in range(m):
             costs[j] = q + w * s[0, j] + u1 * s[1, j] + u2 * s[2, j]
         for c in range(d):
@@ -266,7 +266,7 @@ def best_cut(
     left, right : int
         Labels of both sides.
     """
-    # coefficients of the segments about either end of the window
+    # Coefficients of the segments about either end of the window.
     m, d = starts.shape
     s_left, s_right = np.empty((2 * d + 3, m)), np.empty((2 * d + 3, m))
     segment_coefficients(starts, ends, sums.p, a, s_left)
@@ -274,7 +274,7 @@ def best_cut(
     left_costs, right_costs = np.empty(m), np.empty(m)
     left_row, right_row = np.zeros(2 * d + 4), np.empty(2 * d + 4)
 
-    # the current state is the first candidate: without it, descent would be lost
+    # The current state is the first candidate: without it, descent would be lost.
     best, cut, left, right = np.inf, current_cut, current_left, current_right
     if current_cut != NO_CUT:
         _both_costs(
@@ -296,7 +296,7 @@ def best_cut(
     if not naive:
         _right_moment_table(sums, a, b, table)
     for c in range(a, b + 1 - min_samples):
-        # moments of both sides
+        # Moments of both sides.
         if naive:
             _left_moments(sums, a, c, left_row)
             _right_moments(sums, c, b, right_row)
@@ -308,7 +308,7 @@ def best_cut(
         if c - a < min_samples:
             continue
 
-        # lower bounds, less what rounding may add to them
+        # Lower bounds, less what rounding may add to them.
         if naive:
             right_bound = 0.0
         else:
@@ -370,7 +370,7 @@ def shift_boundaries(
     min_samples, naive
         As for :func:`best_cut`.
     """
-    # windows grow where every boundary is shifted, as the left neighbour moves first
+    # Windows grow where every boundary is shifted, as the left neighbour moves first.
     widest = _widest_window(boundaries, first, last, step)
     table = np.empty((widest * (2 if step == 1 else 1) + 1, 2 * sums.p.shape[1] + 4))
 
@@ -434,7 +434,7 @@ def shift_free_boundaries(
         current = best_line_cost(row) + best_line_cost(table[cut - a])
         best = current
 
-        # all others; the cost of the left side never falls as c grows
+        # All others; the cost of the left side never falls as c grows.
         row[:] = 0.0
         for c in range(a + 1, b + 1 - min_samples):
             add_sample(row, sums.t[c - 1] - sums.t[a], sums.w[c - 1], sums.p, c - 1, a)

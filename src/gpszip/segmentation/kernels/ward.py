@@ -116,7 +116,7 @@ def ward(
 
     # Merge the cheapest pair until one group is left.
     for step in range(k - 1):
-        # cheapest merge
+        # Cheapest merge.
         i = live[0]
         for g in range(1, count):
             if nearest_cost[live[g]] < nearest_cost[i]:
@@ -126,7 +126,7 @@ def ward(
         pairs[step, 0], pairs[step, 1] = i, j
         _merge_groups(h, a, v, i, j)
 
-        # take j off the list
+        # Take j off the list.
         kept = 0
         for g in range(count):
             if live[g] != j:

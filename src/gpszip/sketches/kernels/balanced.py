@@ -55,7 +55,7 @@ def balanced_cuts(sums: PrefixSums, limit: float, max_blocks: int) -> NDArray[np
     cuts[0] = 0
     blocks, a, length = 0, 0, 2
     while a < n and blocks <= max_blocks:
-        # gallop: from half the length of the last block on, in steps that double
+        # Gallop: from half the length of the last block on, in steps that double.
         low, step = min(a + 2, n), max(length // 2, 1)
         high = n + 1
         while low < n:
@@ -65,7 +65,7 @@ def balanced_cuts(sums: PrefixSums, limit: float, max_blocks: int) -> NDArray[np
                 break
             low, step = b, 2 * step
 
-        # bisect between the last end that is cheap enough and the first that isn't
+        # Bisect between the last end that is cheap enough and the first that isn't.
         while high - low > 1 and high <= n:
             middle = (low + high) // 2
             if _block_cost(sums, a, middle, row) > limit:

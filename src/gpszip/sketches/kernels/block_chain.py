@@ -69,7 +69,7 @@ def penalised_block_partition(
                 break
         best_costs[b], free_costs[b] = best, best_free
 
-    # trace back from the end
+    # Trace back from the end.
     cuts, edge = [count], count
     while edge > 0:
         edge = origin[edge]

@@ -84,7 +84,7 @@ def block_costs(
     for i in range(len(rows)):
         row = rows[i]
 
-        # pieces that the samples of the block fall in
+        # Pieces that the samples of the block fall in.
         while first < k - 1 and breaks[first] <= row[FIRST]:
             first += 1
         last = first
@@ -92,7 +92,7 @@ def block_costs(
             last += 1
         rounding = _relative_lines(row, start_times, starts, velocities, first, last, lines)
 
-        # exact on one piece; bounds where f breaks
+        # Exact on one piece; bounds where f breaks.
         if last == first:
             cost = _line_cost(row, lines[first])
             out[i, _ESTIMATE] = out[i, _LOWER] = out[i, _UPPER] = cost
@@ -131,7 +131,7 @@ def _relative_lines(
             distance_square += lines[j, 0, c] ** 2
             terms += abs(starts[j, c] - row[FIXED_COLUMNS + c]) + abs(velocities[j, c] * dt)
 
-        # largest distance of a sample from the line, and size of the terms that may cancel
+        # Largest distance of a sample from the line, and size of the terms that may cancel.
         distance = row[REACH] + np.sqrt(distance_square) + np.sqrt(speed_square) * duration
         max_distance = max(max_distance, distance)
         max_terms = max(max_terms, terms)
@@ -175,7 +175,7 @@ def _slope(row: NDArray[np.float64], c: int) -> float:
 def _first_step_at(row: NDArray[np.float64], step: float, time: float) -> int:
     """Return the number of the first even step at or after a time."""
     i = int(min(max(np.ceil((time - row[FIRST]) / step), 0.0), row[COUNT]))
-    # the division may have rounded to a neighbour
+    # The division may have rounded to a neighbour.
     while i > 0 and row[FIRST] + step * (i - 1) >= time:
         i -= 1
     while i < row[COUNT] and row[FIRST] + step * i < time:
@@ -204,7 +204,7 @@ def _broken_block_costs(
     for j in range(first, last):
         cuts[j - first + 1] = _first_step_at(row, step, breaks[j])
 
-    # the best line g
+    # The best line g.
     g = np.empty((2, d))
     for c in range(d):
         g[1, c] = _slope(row, c)
@@ -311,12 +311,12 @@ def _sum_bounds(
 
     # Sum over even steps, bound on its change as times move, and extremes of h.
     total, error, minimum, maximum = 0.0, 0.0, np.inf, -np.inf
-    # at most this many samples pass any point when all times move by the jitter
+    # At most this many samples pass any point when all times move by the jitter.
     passing = np.floor(2 * jitter / step) + 1.0
     for j in range(len(cuts) - 1):
         piece = lines[first + j]
 
-        # sum over the piece's m even steps about their mean x; curve is half the second derivative
+        # Sum over the piece's m even steps about their mean x; curve is half the second derivative.
         m = float(cuts[j + 1] - cuts[j])
         x = step * (cuts[j] + cuts[j + 1] - 1) / 2
         curve = 0.0
@@ -335,12 +335,12 @@ def _sum_bounds(
         piece_minimum, piece_maximum = min(at_a, at_b, vertex), max(at_a, at_b, vertex)
         minimum, maximum = min(minimum, piece_minimum), max(maximum, piece_maximum)
 
-        # change of the sum as times move: by the total variation of h, or by its steepest slope
+        # Change of the sum as times move: by the total variation of h, or by its steepest slope.
         steepest = max(abs(slope_a), abs(slope_b))
         variation = abs(at_a - vertex) + abs(at_b - vertex)
         error += min(passing * variation, steepest * 2 * jitter * ((b - a + 2 * jitter) / step + 2))
 
-        # change by samples that may cross the jump at the start of the piece
+        # Change by samples that may cross the jump at the start of the piece.
         if j > 0:
             crossing = _first_step_at(row, step, breaks[first + j - 1] + jitter) - _first_step_at(
                 row, step, breaks[first + j - 1] - jitter
@@ -348,7 +348,7 @@ def _sum_bounds(
             jump = abs(at_a - _product_at(lines[first + j - 1], line, g, a)[0])
             error += jump * crossing if jitter > 0 and crossing > 0 else 0.0
 
-    # whatever the times, each sample has a value between the extremes
+    # Whatever the times, each sample has a value between the extremes.
     weight = row[WEIGHT]
     even = weight_each * total
     if not np.isfinite(jitter):

@@ -109,7 +109,7 @@ def fill_block(
     first_column = FIXED_COLUMNS
     mean_column, drift_column = FIXED_COLUMNS + d, FIXED_COLUMNS + 2 * d
 
-    # weight and means, relative to the first sample
+    # Weight and means, relative to the first sample.
     total, mean, is_even = 0.0, 0.0, True
     row[:] = 0.0
     for i in range(a, b):
@@ -124,7 +124,7 @@ def fill_block(
         row[first_column + c] = positions[a, c]
         row[mean_column + c] /= total
 
-    # moments about the means, and the bounds
+    # Moments about the means, and the bounds.
     step = (times[b - 1] - times[a]) / max(b - a - 1, 1)
     max_square, jitter = 0.0, 0.0
     for i in range(a, b):
@@ -165,13 +165,13 @@ def append_block(row: NDArray[np.float64], later: NDArray[np.float64]) -> None:
     is_even = row[WEIGHT] * later[COUNT] == later[WEIGHT] * row[COUNT]
     row[JITTER] = _joint_jitter(row, later, count) if is_even else np.inf
 
-    # difference of the mean times
+    # Difference of the mean times.
     total = row[WEIGHT] + later[WEIGHT]
     share = later[WEIGHT] / total
     h = row[WEIGHT] * share
     dt = (later[FIRST] - row[FIRST]) + (later[MEAN_TIME] - row[MEAN_TIME])
 
-    # difference of the mean positions: drift and means by axis
+    # Difference of the mean positions: drift and means by axis.
     first_square, mean_square = 0.0, 0.0
     for c in range(d):
         first_difference = later[first_column + c] - row[first_column + c]
@@ -250,7 +250,7 @@ def _fill_long_block(
     Pairwise merges form a balanced tree, so that rounding grows with the logarithm of the number
     of samples.
     """
-    # the tower holds complete subtrees of falling size, as the ones of a binary number of runs
+    # The tower holds complete subtrees of falling size, as the ones of a binary number of runs.
     size, runs, is_even = 0, 0, True
     for i in range(a, b, _RUN_SAMPLES):
         fill_block(times, positions, weights, i, min(i + _RUN_SAMPLES, b), tower[size])
@@ -261,12 +261,12 @@ def _fill_long_block(
             append_block(tower[size - 2], tower[size - 1])
             size, carry = size - 1, carry // 2
 
-    # merge what is left
+    # Merge what is left.
     while size > 1:
         append_block(tower[size - 2], tower[size - 1])
         size -= 1
 
-    # the jitter from the times themselves: the bound after merges is wider
+    # The jitter from the times themselves: the bound after merges is wider.
     if is_even and runs > 1:
         step = (times[b - 1] - times[a]) / (b - a - 1)
         jitter = 0.0
@@ -331,12 +331,12 @@ def balanced_blocks(rows: NDArray[np.float64], limit: float) -> NDArray[np.int64
     candidate, merged = np.empty(rows.shape[1]), np.empty(rows.shape[1])
     cuts, count = np.empty(len(rows) + 1, np.int64), 0
     for i in range(len(rows)):
-        # the block so far with the next one
+        # The block so far with the next one.
         if i > 0:
             candidate[:] = merged
             append_block(candidate, rows[i])
 
-        # start another one if it costs too much
+        # Start another one if it costs too much.
         if i == 0 or free_cost(candidate) > limit:
             cuts[count] = i
             count += 1
@@ -386,12 +386,12 @@ def reduce_blocks(
     if count <= size:
         return count
 
-    # linked list of the blocks; a merged block is kept at its first one
+    # Linked list of the blocks; a merged block is kept at its first one.
     scratch = np.empty(rows.shape[1])
     after, before = np.arange(1, count + 1), np.arange(-1, count - 1)
     is_alive = np.ones(count, np.bool_)
 
-    # heap of pairs by the cost of the two merged; pair_costs has the valid entry of each block
+    # Heap of pairs by the cost of the two merged; pair_costs has the valid entry of each block.
     pair_costs = np.full(count, np.inf)
     keys, items = np.empty(3 * count), np.empty(3 * count, np.int64)
     queued, blocks = 0, count
@@ -402,13 +402,13 @@ def reduce_blocks(
 
     # Merge the cheapest pair until few enough blocks are left.
     while blocks > size and queued > 0:
-        # cheapest pair that is still up to date
+        # Cheapest pair that is still up to date.
         key = keys[0]
         i, queued = pop(keys, items, queued)
         if not is_alive[i] or key != pair_costs[i]:
             continue
 
-        # merge its second block j into its first one i
+        # Merge its second block j into its first one i.
         j = after[i]
         append_block(rows[i], rows[j])
         is_alive[j], pair_costs[j] = False, np.inf
@@ -417,7 +417,7 @@ def reduce_blocks(
             before[after[i]] = i
         blocks -= 1
 
-        # new entries for the pairs on both sides of it
+        # New entries for the pairs on both sides of it.
         for k in (i, before[i]):
             if k < 0:
                 continue
@@ -426,7 +426,7 @@ def reduce_blocks(
                 pair_costs[k] = _pair_cost(rows[k], rows[after[k]], scratch)
                 queued = push(keys, items, queued, pair_costs[k], k)
 
-    # close the gaps
+    # Close the gaps.
     kept = 0
     for i in range(count):
         if is_alive[i]:

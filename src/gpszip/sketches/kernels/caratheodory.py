@@ -48,21 +48,21 @@ def _null_vector(matrix: NDArray[np.float64], out: NDArray[np.float64]) -> None:
         if pivot <= _PIVOT * largest:
             break
 
-        # move it to the diagonal
+        # Move it to the diagonal.
         for j in range(columns):
             matrix[r, j], matrix[pivot_row, j] = matrix[pivot_row, j], matrix[r, j]
         for i in range(rows):
             matrix[i, r], matrix[i, pivot_column] = matrix[i, pivot_column], matrix[i, r]
         order[r], order[pivot_column] = order[pivot_column], order[r]
 
-        # eliminate the entries below it
+        # Eliminate the entries below it.
         for i in range(r + 1, rows):
             factor = matrix[i, r] / matrix[r, r]
             for j in range(r, columns):
                 matrix[i, j] -= factor * matrix[r, j]
         rank += 1
 
-    # set the first free variable to 1, the others to 0, and substitute back
+    # Set the first free variable to 1, the others to 0, and substitute back.
     out[:] = 0.0
     out[order[rank]] = 1.0
     for r in range(rank - 1, -1, -1):
@@ -97,7 +97,7 @@ def select_samples(
     d = positions.shape[1]
     moments = 2 * d + 4
 
-    # centre and half extent of the block, in space and time
+    # Centre and half extent of the block, in space and time.
     center, scale = np.empty(d), _MIN_SCALE
     for c in range(d):
         low, high = positions[a:b, c].min(), positions[a:b, c].max()
@@ -106,7 +106,7 @@ def select_samples(
     half_duration = (times[b - 1] - times[a]) / 2
     center_time, time_scale = times[a] + half_duration, max(half_duration, _MIN_SCALE)
 
-    # add samples; drop one whenever there are too many
+    # Add samples; drop one whenever there are too many.
     kept, kept_weights = np.empty(moments + 1, np.int64), np.empty(moments + 1)
     columns, matrix = np.empty((moments, moments + 1)), np.empty((moments, moments + 1))
     shift = np.empty(moments + 1)
@@ -138,7 +138,7 @@ def _drop_one(
 
     Returns the number of samples that are left.
     """
-    # the first sample whose weight reaches zero
+    # The first sample whose weight reaches zero.
     ratio, emptied = np.inf, 0
     for q in range(count):
         if shift[q] > 0 and kept_weights[q] / shift[q] < ratio:
@@ -149,7 +149,7 @@ def _drop_one(
         kept_weights[q] -= ratio * shift[q]
     kept_weights[emptied] = 0.0
 
-    # close the gaps
+    # Close the gaps.
     remaining = 0
     for q in range(count):
         if kept_weights[q] > 0:
