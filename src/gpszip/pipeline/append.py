@@ -45,7 +45,7 @@ __all__ = ["append"]
 _SHARES = (1.0, 0.97, 0.9, 0.75)
 
 #: How often the time step of an archive is halved at most, so that the bound can be held.
-_MAX_HALVINGS = 4
+_MAX_REFINEMENTS = 4
 
 #: Samples among which the first one after the end of a walk is looked for.
 _SAMPLES_NEAR_START = 10_000
@@ -125,8 +125,8 @@ def append(
     time_step = suggest_time_step(sample, job.gaps, archive.grid.space)
     starts = _starts(archive, log)
     tried = None
-    for halvings in range(_MAX_HALVINGS + 1):
-        ready = ready_to_continue(archive, starts, time_step, halvings)
+    for refinements in range(_MAX_REFINEMENTS + 1):
+        ready = ready_to_continue(archive, starts, time_step, refinements)
         if tried is not None and ready.grid == tried.grid:
             break
         tried = ready

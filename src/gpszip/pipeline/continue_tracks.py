@@ -33,7 +33,7 @@ _ROUNDING = 1e-6
 
 
 def ready_to_continue(
-    archive: Archive, starts: Mapping[str, float], time_step: float, halvings: int = 0
+    archive: Archive, starts: Mapping[str, float], time_step: float, further: int = 0
 ) -> Archive:
     """Cut walks that end after the start of what continues them.
 
@@ -48,8 +48,8 @@ def ready_to_continue(
         Time of the first new sample of each track, in seconds.
     time_step : float
         Seconds that suit the new tracks.
-    halvings : int
-        How often the time step is halved beyond what suits them, as far as the archive allows.
+    further : int
+        Refinements of the time step beyond those that suit them, as far as the archive allows.
 
     Returns
     -------
@@ -57,7 +57,7 @@ def ready_to_continue(
         The same archive where nothing has to change.
     """
     # Find the refinements that suit the new tracks, and walks that end after they begin.
-    refinements = _refinements(archive.grid, time_step, halvings)
+    refinements = _refinements(archive.grid, time_step, further)
     late = [
         name
         for name, start in starts.items()
@@ -124,14 +124,14 @@ def _last_knot_time(archive: Archive, name: str) -> float:
     return float(knot_times(time_steps[-1:], archive.grid)[0])
 
 
-def _refinements(grid: QuantisationGrid, time_step: float, halvings: int) -> int:
+def _refinements(grid: QuantisationGrid, time_step: float, further: int) -> int:
     """How often the time step is to be halved.
 
     An archive on this map may halve it a few times more, so some step sizes are left for that.
     """
     step = step_size(grid.time)
     suits = step <= _TOO_COARSE * time_step
-    wanted = halvings if suits else math.ceil(math.log2(step / time_step)) + halvings
+    wanted = further if suits else math.ceil(math.log2(step / time_step)) + further
     return max(min(wanted, grid.time // _STEP_SIZES_PER_OCTAVE - MAX_REFINEMENTS), 0)
 
 
