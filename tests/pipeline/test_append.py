@@ -5,8 +5,8 @@ import pytest
 
 import gpszip
 from gpszip.errors import BoundError, InputError, OptionError
-from gpszip.model import Options, Track
-from gpszip.pipeline.append import append
+from gpszip.model import GridWalk, Options, Track
+from gpszip.pipeline.append import _continue_walk, append
 from gpszip.pipeline.compress import compress
 from gpszip.testing import patrol
 
@@ -54,6 +54,34 @@ def test_an_appended_track_continues_where_it_ended(day, morning):
     np.testing.assert_allclose(
         longer.road_map.nodes[new.nodes[: len(old.nodes)]], morning.road_map.nodes[old.nodes]
     )
+
+
+def test_tracks_that_end_far_from_their_samples_are_continued_within_the_bound():
+    """The last knot of a short track is 1.5 m off, on time steps of several seconds."""
+    tracks = [patrol(4000, seed=5, id="one"), patrol(2000, seed=5, id="two")]
+    middle = float(np.median(np.concatenate([track.times for track in tracks])))
+    early = [slice_track(track, 0, int((track.times < middle).sum())) for track in tracks]
+    late = [slice_track(track, int((track.times < middle).sum()), len(track)) for track in tracks]
+    archive, _ = compress(early, Options(rmse=0.4, effort=3))
+    longer, report = append(archive, late, Options(effort=3))
+    assert longer.grid.time < archive.grid.time
+    assert report.rmse <= 0.4
+    squares = sum(rmse(longer, track) ** 2 * len(track) for track in late)
+    assert np.sqrt(squares / sum(map(len, late))) <= 0.4
+
+
+def test_the_start_of_a_continued_walk_can_be_kept():
+    before = GridWalk(np.array([0, 1], np.int32), np.array([0, 10]), np.zeros(1, bool))
+    after = GridWalk(np.array([2, 3], np.int32), np.array([10, 30]), np.zeros(1, bool))
+    joined = _continue_walk("a", before, after, 100.0, keep_start=False)
+    assert (joined.nodes.tolist(), joined.time_steps.tolist()) == ([0, 1, 3], [0, 10, 30])
+    joined = _continue_walk("a", before, after, 100.0, keep_start=True)
+    assert (joined.nodes.tolist(), joined.time_steps.tolist()) == ([0, 1, 2, 3], [0, 10, 11, 30])
+
+    # Without a free time step between, the start can't be kept.
+    short = GridWalk(after.nodes, np.array([10, 11]), after.gaps)
+    joined = _continue_walk("a", before, short, 100.0, keep_start=True)
+    assert (joined.nodes.tolist(), joined.time_steps.tolist()) == ([0, 1, 3], [0, 10, 11])
 
 
 def test_appending_is_not_much_larger_than_compressing_at_once(day):
