@@ -43,10 +43,12 @@ def as_log(tracks: Sequence[Track] | Track | Log) -> Log:
 
 def check_tracks(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
     """Return tracks that go together: at least one, on one plane, each with an id of its own."""
-    # Require coordinates and plane of the first track of all others: they share one map.
+    # At least one track.
     checked = (tracks,) if isinstance(tracks, Track) else tuple(tracks)
     if not checked:
         raise InputError("no tracks: there is nothing to compress")
+
+    # Coordinates and plane must be those of the first track, as all share one map.
     first, ids = checked[0], set[str]()
     for track in checked:
         if track.dimension != first.dimension:
@@ -61,6 +63,8 @@ def check_tracks(tracks: Sequence[Track] | Track) -> tuple[Track, ...]:
                 remedy="read them together",
             )
         _check_range(track)
+
+        # Names tell tracks apart.
         if track.id in ids:
             raise OptionError(f"two tracks are called {track.id!r}", remedy="give each its own id")
         ids.add(track.id)

@@ -148,12 +148,14 @@ def _guarded_batches(
     """Guard the opening of batches, and the batches, which are read later."""
     from gpszip.io.logs.raw import RawLog
 
+    # Batches are read after the file was opened, so they need a guard of their own.
     def iterate(opened: LogBatches, where: str) -> Iterator[RawLog]:
         with guard.named_faults(InputError, where):
             for batch in opened.batches:
                 guard.expect(RawLog, batch)
                 yield batch
 
+    # Open a file.
     def read(source: Source, request: Request) -> LogBatches | None:
         with guard.named_faults(InputError, source.name):
             opened = read_batches(source, request)
