@@ -6,7 +6,7 @@ are GeoJSON.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import chain
 from typing import Any
 
@@ -122,17 +122,10 @@ def _geometry(element: Any) -> Any:
 
 def _lines_of(geometries: Sequence[Any]) -> WkbLines:
     """Return the lines of geometries; what is no line is counted."""
-    # Collect the positions of all lines.
-    rows: list[int] = []
-    lines: list[list[Any]] = []
-    others = 0
-    for row, geometry in enumerate(geometries):
-        found = list(_coordinates(geometry))
-        if found and all(map(_is_line, found)):
-            lines += found
-            rows += [row] * len(found)
-        else:
-            others += 1
+    # Collect the coordinates of all lines. Most batches hold sound lines only.
+    rows, lines, others = _collect_lines(geometries, check=False)
+    if not _are_lines(lines):
+        rows, lines, others = _collect_lines(geometries, check=True)
 
     # Convert them at once.
     counts = np.fromiter(map(len, lines), np.int64, len(lines))
@@ -141,26 +134,62 @@ def _lines_of(geometries: Sequence[Any]) -> WkbLines:
     return WkbLines(points, offsets, np.array(rows, np.int64), others)
 
 
-def _coordinates(geometry: Any) -> Iterator[Any]:
-    """Yield the coordinates of the lines of a geometry; nothing for other geometries."""
+def _collect_lines(
+    geometries: Sequence[Any], *, check: bool
+) -> tuple[list[int], list[list[Any]], int]:
+    """Collect the lines of geometries.
+
+    Parameters
+    ----------
+    geometries : sequence
+        Anything.
+    check : bool
+        Look at each line; a geometry with coordinates that are no line is none.
+
+    Returns
+    -------
+    list of int
+        Index of the geometry to which each line belongs.
+    list of lists
+        Coordinates of each line.
+    int
+        Number of geometries that are no lines.
+    """
+    rows: list[int] = []
+    lines: list[list[Any]] = []
+    others = 0
+    for row, geometry in enumerate(geometries):
+        found = _coordinates(geometry)
+        if not found or (check and not all(_are_lines([line]) for line in found)):
+            others += 1
+        else:
+            lines += found
+            rows += [row] * len(found)
+    return rows, lines, others
+
+
+def _coordinates(geometry: Any) -> list[Any]:
+    """Return the coordinates of the lines of a geometry; none for other geometries."""
     kind = geometry.get("type") if isinstance(geometry, dict) else None
     if kind == "LineString":
-        yield geometry.get("coordinates")
-    elif kind == "MultiLineString":
+        return [geometry.get("coordinates")]
+    if kind == "MultiLineString":
         lines = geometry.get("coordinates")
-        yield from lines if isinstance(lines, list) else [None]
+        return lines if isinstance(lines, list) else [None]
+    return []
 
 
-def _is_line(coordinates: Any) -> bool:
-    """Whether coordinates are a list of positions: lists of at least two numbers each."""
-    # Most are, which is found without a look at each number.
-    if not isinstance(coordinates, list) or not set(map(type, coordinates)) <= {list}:
+def _are_lines(lines: Sequence[Any]) -> bool:
+    """Whether all are lists of positions: lists of at least two numbers each."""
+    # Most are, which is found without a loop in Python.
+    if not set(map(type, lines)) <= {list}:
         return False
-    if min(map(len, coordinates), default=2) < 2:
+    positions = list(chain.from_iterable(lines))
+    if not set(map(type, positions)) <= {list} or min(map(len, positions), default=2) < 2:
         return False
-    if set(map(type, chain.from_iterable(coordinates))) <= {int, float}:
+    if set(map(type, chain.from_iterable(positions))) <= {int, float}:
         return True
-    return all(_is_number(value) for position in coordinates for value in position[:2])
+    return all(_is_number(value) for position in positions for value in position[:2])
 
 
 def _is_number(value: Any) -> bool:
