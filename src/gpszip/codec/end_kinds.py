@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-__all__ = ["ALWAYS", "MAX_QUOTIENT", "NEVER", "SOMETIMES"]
+__all__ = ["ALWAYS", "MAX_QUOTIENT", "NEVER", "RARE_TOTAL", "SOMETIMES"]
 
 #: Which ends have an offset.
 ALWAYS = np.int8(0)  # starts and ends of tracks
@@ -13,3 +13,6 @@ NEVER = np.int8(2)  # all others
 
 #: The largest quotient of an offset.
 MAX_QUOTIENT = 255
+
+#: Rare things, such as a track without times, happen with a probability of one in so many.
+RARE_TOTAL = 64

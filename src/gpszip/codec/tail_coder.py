@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gpszip.codec.end_kinds import RARE_TOTAL
 from gpszip.codec.kernels.end_coder import code_end_offsets
 from gpszip.codec.kernels.range_coder import (
     DECODES,
@@ -17,9 +18,6 @@ from gpszip.codec.kernels.range_coder import (
 )
 
 __all__ = ["CompiledTailCoder"]
-
-#: Rare things happen with a probability of one in so many.
-_RARE_TOTAL = 64
 
 
 @dataclass(frozen=True)
@@ -44,11 +42,11 @@ class CompiledTailCoder:
     def code_rare(self, happens: bool) -> bool:
         """Code whether something happens that has a probability of 1/64."""
         if self._is_decoding():
-            happens = int(decode_cumulative(self.coder, _RARE_TOTAL)) == _RARE_TOTAL - 1
+            happens = int(decode_cumulative(self.coder, RARE_TOTAL)) == RARE_TOTAL - 1
         if happens:
-            code_interval(self.coder, _RARE_TOTAL - 1, 1, _RARE_TOTAL)
+            code_interval(self.coder, RARE_TOTAL - 1, 1, RARE_TOTAL)
         else:
-            code_interval(self.coder, 0, _RARE_TOTAL - 1, _RARE_TOTAL)
+            code_interval(self.coder, 0, RARE_TOTAL - 1, RARE_TOTAL)
         return happens
 
     def code_offsets(

@@ -20,7 +20,7 @@ from gpszip.codec.kernels.walk_priors import (
     OCTAVES,
 )
 from gpszip.codec.plain.model import PlainModel
-from gpszip.codec.plain.walk_map import WalkMap
+from gpszip.codec.plain.walk_map import BEARING_COSINES, NO_BEARING, WalkMap
 
 __all__ = ["read_known_node", "read_target"]
 
@@ -41,10 +41,6 @@ _MAX_DIFFERENCE = 2.0**25
 
 #: The mean step length counts as at most this, in sixteenths of a space step.
 _MAX_REACH = 1 << 27
-
-#: Bounds of cos * abs(cos) between the classes of bearings, and the class without a bearing.
-_COSINES = (0.97, 0.75, 0.25, -0.25, -0.75, -0.97)
-_NO_BEARING = 7
 
 #: Bounds of the classes of how many gaps began or ended at a node.
 _GAP_ENDS = (0, 1, 3)
@@ -169,7 +165,7 @@ def _classify(
         gap_ends = model.map.gap_ends[first:]
         classes += sum((gap_ends > bound).astype(np.int64) for bound in _GAP_ENDS)
     elif before is None:
-        classes += _NO_BEARING
+        classes += NO_BEARING
     else:
         classes += _bearings(differences, (places[u] - places[before]).astype(np.float64))
 
@@ -205,8 +201,8 @@ def _bearings(differences: NDArray[np.float64], step: NDArray[np.float64]) -> ND
     # Count the bounds that cos * |cos| is not above; that takes no square root.
     products = step_square * squares
     cosines = dots * np.abs(dots) / np.where(products > 0, products, 1.0)
-    bearings = sum((~(cosines > bound)).astype(np.int64) for bound in _COSINES)
-    return np.where(products > 0, bearings, _NO_BEARING)
+    bearings = sum((~(cosines > bound)).astype(np.int64) for bound in BEARING_COSINES)
+    return np.where(products > 0, bearings, NO_BEARING)
 
 
 def _classify_targets(walk_map: WalkMap, nodes: list[int]) -> NDArray[np.int64]:

@@ -4,33 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
+from gpszip.codec.rotation_tables import (
+    COS,
+    DIRECTIONS,
+    HALF,
+    MAX_TURN,
+    QUARTER,
+    SHIFT,
+    SIN,
+    SIN_SMALL,
+    TAN,
+    TAN_HALF,
+)
+
 __all__ = ["DIRECTIONS", "nearest_direction", "rotate_back", "sideways_offset"]
 
-#: Directions of a full turn.
-DIRECTIONS = 256
-
-#: Directions of a right angle.
-_QUARTER = DIRECTIONS // 4
-
-#: Binary digits of the tables below after the point, and half a unit for rounding.
-_SHIFT = 14
-_HALF = 1 << (_SHIFT - 1)
-
-#: Cosine and sine of each direction.
-_ANGLES = np.arange(DIRECTIONS) * (2 * np.pi / DIRECTIONS)
-_COS = np.round(np.cos(_ANGLES) * (1 << _SHIFT)).astype(np.int64)
-_SIN = np.round(np.sin(_ANGLES) * (1 << _SHIFT)).astype(np.int64)
-
-#: tan(a / 2) and sin(a) of the angles from -45 to 45 degrees that remain beside right angles.
-_SMALL = (np.arange(_QUARTER + 1) - _QUARTER // 2) * (2 * np.pi / DIRECTIONS)
-_TAN_HALF: list[int] = np.round(np.tan(_SMALL / 2) * (1 << _SHIFT)).astype(np.int64).tolist()
-_SIN_SMALL: list[int] = np.round(np.sin(_SMALL) * (1 << _SHIFT)).astype(np.int64).tolist()
-
-#: Largest turn whose tangent is used: 69 degrees.
-_MAX_TURN = 49
-_TAN: list[int] = (
-    np.round(np.tan(_ANGLES[: _MAX_TURN + 1]) * (1 << _SHIFT)).astype(np.int64).tolist()
-)
+#: The tables as Python's integers, which are faster one by one.
+_TAN_HALF: list[int] = TAN_HALF.tolist()
+_SIN_SMALL: list[int] = SIN_SMALL.tolist()
+_TAN: list[int] = TAN.tolist()
 
 
 def nearest_direction(x: int, y: int) -> int:
@@ -41,7 +33,7 @@ def nearest_direction(x: int, y: int) -> int:
     >>> nearest_direction(0, 5), nearest_direction(-5, 0), nearest_direction(0, 0)
     (64, 128, 0)
     """
-    return int(np.argmax(x * _COS + y * _SIN)) if x or y else 0
+    return int(np.argmax(x * COS + y * SIN)) if x or y else 0
 
 
 def rotate_back(along: int, across: int, direction: int) -> tuple[int, int]:
@@ -53,13 +45,13 @@ def rotate_back(along: int, across: int, direction: int) -> tuple[int, int]:
     (0, 5)
     """
     # The small angle that remains beside right angles.
-    quarters = (direction + _QUARTER // 2) // _QUARTER
-    small = direction - quarters * _QUARTER + _QUARTER // 2
+    quarters = (direction + QUARTER // 2) // QUARTER
+    small = direction - quarters * QUARTER + QUARTER // 2
     t, s = -_TAN_HALF[small], -_SIN_SMALL[small]
     x, y = along, across
-    x += (t * y + _HALF) >> _SHIFT
-    y -= (s * x + _HALF) >> _SHIFT
-    x += (t * y + _HALF) >> _SHIFT
+    x += (t * y + HALF) >> SHIFT
+    y -= (s * x + HALF) >> SHIFT
+    x += (t * y + HALF) >> SHIFT
 
     # The right angles.
     for _ in range(quarters % 4):
@@ -72,5 +64,5 @@ def sideways_offset(along: int, turn: int) -> int:
 
     A turn of more than 69 degrees counts as 69 degrees.
     """
-    across = along * _TAN[min(abs(turn), _MAX_TURN)] >> _SHIFT
+    across = along * _TAN[min(abs(turn), MAX_TURN)] >> SHIFT
     return across if turn >= 0 else -across

@@ -7,15 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gpszip.codec.end_kinds import MAX_QUOTIENT, NEVER, SOMETIMES
+from gpszip.codec.end_kinds import MAX_QUOTIENT, NEVER, RARE_TOTAL, SOMETIMES
 from gpszip.codec.plain.adaptive import read_bit
 from gpszip.codec.plain.range_decoder import RangeDecoder
 from gpszip.codec.plain.work import WorkLimit
 
 __all__ = ["PlainTailCoder"]
-
-#: Rare things happen with a probability of one in so many.
-_RARE_TOTAL = 64
 
 
 @dataclass(frozen=True)
@@ -40,9 +37,9 @@ class PlainTailCoder:
 
     def code_rare(self, happens: bool) -> bool:
         """Read whether something with a probability of 1/64 happens; ``happens`` is ignored."""
-        happens = self.decoder.find(_RARE_TOTAL) == _RARE_TOTAL - 1
+        happens = self.decoder.find(RARE_TOTAL) == RARE_TOTAL - 1
         self.decoder.take(
-            _RARE_TOTAL - 1 if happens else 0, 1 if happens else _RARE_TOTAL - 1, _RARE_TOTAL
+            RARE_TOTAL - 1 if happens else 0, 1 if happens else RARE_TOTAL - 1, RARE_TOTAL
         )
         return happens
 
@@ -62,7 +59,7 @@ class PlainTailCoder:
             if kind == NEVER or (kind == SOMETIMES and not read_bit(self.decoder, adapted, 0)):
                 continue
 
-            # quotient and remainder
+            # Quotient and remainder.
             quotient = 0
             while self.code_rare(False):
                 quotient += 1

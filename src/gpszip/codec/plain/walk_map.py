@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["HalfEdge", "WalkMap"]
+__all__ = ["BEARING_COSINES", "NO_BEARING", "HalfEdge", "WalkMap"]
 
 #: Differences of coordinates count as at most this in a length.
 _MAX_DIFFERENCE = 1 << 29
@@ -20,8 +20,8 @@ _SUBSTEPS = 16
 _FIRST_CAPACITY = 64
 
 #: Bounds of cos * abs(cos) between the classes of bearings, and the class without a bearing.
-_COSINES = (0.97, 0.75, 0.25, -0.25, -0.75, -0.97)
-_NO_BEARING = 7
+BEARING_COSINES = (0.97, 0.75, 0.25, -0.25, -0.75, -0.97)
+NO_BEARING = 7
 
 
 class HalfEdge:
@@ -157,7 +157,7 @@ class WalkMap:
         """
         # Without a step that led to u, there is no turn.
         if before is None:
-            return _NO_BEARING
+            return NO_BEARING
 
         # Scalar product, and squared lengths.
         dot = step_square = square = 0.0
@@ -168,8 +168,9 @@ class WalkMap:
             step_square += a * a
             square += b * b
         if step_square == 0 or square == 0:
-            return _NO_BEARING
+            return NO_BEARING
 
         # Count the bounds that cos * |cos| is not above; that takes no square root.
         cosine = dot * abs(dot) / (step_square * square)
-        return next((i for i, bound in enumerate(_COSINES) if cosine > bound), len(_COSINES))
+        bounds = enumerate(BEARING_COSINES)
+        return next((i for i, bound in bounds if cosine > bound), len(BEARING_COSINES))
