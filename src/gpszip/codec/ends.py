@@ -121,7 +121,7 @@ def find_piece_ends(
     >>> TICKS[ends.tick].seconds, ends.first.tolist(), ends.last.tolist()
     (30.0, [0], [3])
     """
-    # times of the first and last sample of each piece, and the tick that suits them all
+    # Times of the first and last sample of each piece, and the tick that suits them all.
     since_epoch = _sample_ranges(time_ranges, walks, grid)
     max_rounding = max(_MAX_ROUNDING_SHARE * step, min(_MAX_ROUNDING, step))
     tick, first, last = _round_to_ticks(since_epoch, max_rounding)
@@ -132,7 +132,7 @@ def find_piece_ends(
     except CorruptArchiveError:
         return _no_ends()
 
-    # ends that can't be coded, or make no difference, are those of the knots
+    # Ends that can't be coded, or make no difference, are those of the knots.
     limit = (MAX_QUOTIENT + 1) * _levels(grid, tick)
     time_steps = np.stack([first - low, high - last], axis=1)
     time_steps = time_steps * (TICKS[tick].seconds / step_size(grid.time))
@@ -202,13 +202,13 @@ def code_tail(coder: TailCoder, walks: GridWalks, grid: QuantisationGrid) -> Gri
     CorruptArchiveError
         If what is read is no end.
     """
-    # tracks without times, and the tick
+    # Tracks without times, and the tick.
     shapes = _code_shapes(coder, walks)
     tick = coder.code_uniform(0 if walks.ends is None else walks.ends.tick, len(TICKS))
     if tick == 0:
         return GridWalks(walks.nodes, walks.walks, walks.timed, _no_ends(), shapes)
 
-    # offsets of starts and ends from the knots, in turn; tracks without times have none
+    # Offsets of starts and ends from the knots, in turn; tracks without times have none.
     low, high = _knot_ticks(walks, grid, tick)
     ends = walks.ends if walks.ends is not None else PieceEnds(tick, low, high)
     tracks = np.repeat(np.arange(len(walks.walks)), _piece_counts(walks))

@@ -29,7 +29,7 @@ def number_by_visit(walks: GridWalks, known: int = 0) -> GridWalks:
     >>> numbered.nodes.tolist(), numbered.walks[0].nodes.tolist()
     ([[7, 7], [5, 5]], [0, 1])
     """
-    # order the nodes by first visit
+    # Order the nodes by first visit.
     visits = np.zeros(0, np.int32)
     if walks.walks:
         visits = np.concatenate([walk.nodes for walk in walks.walks])

@@ -215,7 +215,7 @@ def _read_column(cursor: Cursor, count: int) -> _Values:
     if kind > TEXT or order > _MAX_ORDER or holes > 1 or (holes and not is_decimal):
         raise cursor.error(f"no column is of kind {byte}")
 
-    # holes or texts, then integers
+    # Holes or texts, then integers.
     is_missing = _read_bits(cursor, count) if holes else None
     texts = _read_texts(cursor) if kind == TEXT else []
     values = _read_numbers(cursor, count, order)
@@ -274,14 +274,14 @@ def _read_numbers(cursor: Cursor, count: int, order: int) -> _Ints:
         raise cursor.error(f"numbers of {width} bytes")
     planes = np.frombuffer(_read_packed(cursor, width * length), np.uint8).reshape(width, length)
 
-    # bytes to numbers, whose lowest bit is the sign
+    # Bytes to numbers, whose lowest bit is the sign.
     rows = np.zeros((length, _MAX_WIDTH), np.uint8)
     rows[:, :width] = planes.T
     folded = rows.view("<u8").reshape(-1).astype(np.uint64)
     sizes, signs = (folded >> np.uint64(1)).view(np.int64), (folded & np.uint64(1)).view(np.int64)
     values: _Ints = sizes ^ -signs
 
-    # sum up the differences, order by order
+    # Sum up the differences, order by order.
     for start in reversed(starts[:count]):
         values = np.cumsum(np.append(np.int64(start), values))
     return values[:count]

@@ -41,14 +41,14 @@ def encode_error_bound(error_bound: ErrorBound | None, sampling: int | None) -> 
     if error_bound is None:
         return flags.to_bytes(2, "little") + sampling_byte
 
-    # digits, or the number of a pair of digits and growth steps
+    # Digits, or the number of a pair of digits and growth steps.
     digits, more = error_bound.digits, b""
     if error_bound.growth:
         steps = error_bound.growth - GROWTH_STEPS.start
         pair = steps * len(GROWN_DIGITS) + digits - GROWN_DIGITS.start
         digits, more = DIGITS.stop + pair // 256, bytes([pair % 256])
 
-    # exponent, which moves to the second bound if there are two
+    # Exponent, which moves to the second bound if there are two.
     exponent = error_bound.exponent - EXPONENTS.start
     if error_bound.max_digits:
         over = error_bound.max_exponent - error_bound.exponent
@@ -75,7 +75,7 @@ def read_error_bound(cursor: Cursor, version: int) -> tuple[ErrorBound | None, i
     maximum = bool(packed & _MAXIMUM)
     has_bound = packed & ~_SAMPLED > 0
 
-    # digits, or the number of a pair of digits and growth steps
+    # Digits, or the number of a pair of digits and growth steps.
     digits, growth = packed & (1 << _DIGIT_BITS) - 1, 0
     if digits >= DIGITS.stop:
         pair = 256 * (digits - DIGITS.stop) + cursor.read_byte("the growth of the error bound")

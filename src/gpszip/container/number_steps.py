@@ -40,7 +40,7 @@ def encode_number_steps(ids: tuple[str, ...]) -> bytes | None:
     ):
         return None
 
-    # width and steps
+    # Width and steps.
     numbers = [int(name) for name in ids]
     width = _find_width(numbers, ids)
     steps = [after - before - 1 for before, after in pairwise(numbers)]

@@ -263,7 +263,7 @@ def assemble_contents(sections: list[StoredSection], head: Head, file_size: int)
     _check_order(sections)
     ids = read_fully(sections[1], lambda cursor: read_names(cursor, file_size))
 
-    # walks, decompressed
+    # Walks, decompressed.
     walks = [section for section in sections if section.kind == SectionKind.WALKS]
     groups = tuple(read_group(section.cursor()) for section in walks)
     _check_index(sections, walks, groups)
@@ -271,7 +271,7 @@ def assemble_contents(sections: list[StoredSection], head: Head, file_size: int)
     if is_layered:
         groups = _decompress(groups, walks, file_size)
 
-    # sections that the container does not look into
+    # Sections that the container does not look into.
     extras = tuple(
         Section(section.kind, section.body)
         for section in sections
@@ -312,7 +312,7 @@ def _read_compact(data: bytes, head: Head) -> Contents:
         raise CorruptArchiveError("the archive ends within its head", len(data))
     _check_checksum(data, end)
 
-    # error bound; grid or map; names; the payload up to the checksum
+    # Error bound; grid or map; names; the payload up to the checksum.
     cursor = Cursor(data, HEAD_BYTES, end)
     error_bound, sampling = read_error_bound(cursor, head.version)
     grid, reference = None, None

@@ -22,7 +22,7 @@ def defer_signals() -> Iterator[None]:
 
     Python handles signals in the main thread only; in other threads this does nothing.
     """
-    # handlers that Python would call; others are the system's and stay
+    # Handlers that Python would call; others are the system's and stay.
     handlers = {}
     if threading.current_thread() is threading.main_thread():
         current = {number: signal.getsignal(number) for number in _SIGNALS}

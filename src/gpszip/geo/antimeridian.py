@@ -110,13 +110,13 @@ def insert_crossings(
     >>> times.tolist(), lat.tolist(), lon.tolist()
     ([0.0, 2.0, 2.5, 4.0], [1.0, 1.5, 1.5, 2.0], [179.0, 180.0, -180.0, -179.0])
     """
-    # steps that cross, and are long enough
+    # Steps that cross, and are long enough.
     lon = align_antimeridian_signs(lon)
     steps = np.flatnonzero(find_crossings(lon) & (np.diff(times) >= _MIN_STEP_TICKS * tick))
     if not len(steps):
         return times, lat, lon
 
-    # share of each step at which the line meets the antimeridian
+    # Share of each step at which the line meets the antimeridian.
     side = np.copysign(180.0, lon[steps])
     difference = wrap_degrees(lon[steps + 1] - lon[steps])
     share = np.clip((side - lon[steps]) / np.where(difference == 0, 1.0, difference), 0.0, 1.0)

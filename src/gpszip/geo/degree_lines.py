@@ -111,7 +111,7 @@ def cut_at_antimeridian(points: Floats, offsets: Ints, *, decimals: int) -> Degr
     >>> cut_at_antimeridian(points, np.array([0, 2]), decimals=8).points.tolist()
     [[179.0, 1.0], [180.0, 1.5], [-180.0, 1.5], [-179.0, 2.0]]
     """
-    # points on the antimeridian or behind a crossing; mostly there are none
+    # Points on the antimeridian or behind a crossing; mostly there are none.
     is_special = np.abs(points[:, 0]) == 180.0
     is_special[1:] |= find_crossings(points[:, 0])
     if not is_special.any():

@@ -109,7 +109,7 @@ def densify_for_degrees(
         max_deviation - _time_rounding_errors(times, positions, time_decimals), max_deviation / 4
     )
 
-    # segments that need to be measured
+    # Segments that need to be measured.
     is_candidate = _may_deviate(positions, lat, tolerance - _rounding_error(decimals))
     is_candidate &= ~plane_changes(positions, plane)
     if skipped is not None:
@@ -158,12 +158,12 @@ def _may_deviate(positions: Floats, lat: Floats, max_deviation: Floats) -> NDArr
     steps = np.diff(positions, axis=0)
     squares = np.einsum("ij,ij->i", steps, steps)
 
-    # highest latitude on the segment
+    # Highest latitude on the segment.
     highest = np.maximum(np.abs(lat[:-1]), np.abs(lat[1:])) + np.degrees(
         np.sqrt(squares) / _MIN_EARTH_RADIUS
     )
 
-    # deviation in the middle
+    # Deviation in the middle.
     bend = 1.2 * np.tan(np.radians(np.minimum(highest, _POLAR_LATITUDE))) + 0.3
     sagitta = squares * bend / (8 * _MIN_EARTH_RADIUS)
     may_deviate: NDArray[np.bool_] = (squares > 0) & (
@@ -226,7 +226,7 @@ class _LineOnPlane:
         start, end = subsegments.start[is_wide], subsegments.end[is_wide]
         deviation = deviation[is_wide]
 
-        # number of new subsegments: the error shrinks with the square of it
+        # Number of new subsegments: the error shrinks with the square of it.
         max_deviation = self.max_deviation[segments]
         allowed = np.maximum(max_deviation - _rounding_error(self.decimals), max_deviation / 3)
         counts = np.clip(np.ceil(np.sqrt(_DEVIATION_MARGIN * deviation / allowed)), 2, _MAX_SPLITS)
@@ -239,7 +239,7 @@ class _LineOnPlane:
         segments, counts = segments[is_split], counts[is_split]
         start, end = start[is_split], end[is_split]
 
-        # shares at which they start, equally spaced, moved to rounded times
+        # Shares at which they start, equally spaced, moved to rounded times.
         first = np.cumsum(counts) - counts
         number = np.arange(counts.sum()) - np.repeat(first, counts)
         segments = np.repeat(segments, counts)

@@ -77,7 +77,7 @@ def choose_plane(lat: ArrayLike, lon: ArrayLike) -> Plane:
     uncovered = np.arange(len(lat))
     centers = []
 
-    # plane 0; the median of distant clusters may be near none of them and is dropped then
+    # Plane 0; the median of distant clusters may be near none of them and is dropped then.
     median = _median_center(directions)
     if median is not None:
         outside = np.flatnonzero(~_in_radius(directions, median))

@@ -39,7 +39,7 @@ def sampling_interval(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]
     >>> sampling_interval([track], [np.zeros(4, bool)])
     1.0
     """
-    # seconds and metres of all steps that are no gaps
+    # Seconds and metres of all steps that are no gaps.
     seconds, metres = [np.zeros(0)], [np.zeros(0)]
     for track, track_gaps in zip(tracks, gaps, strict=True):
         seconds.append(np.diff(track.times)[~track_gaps])

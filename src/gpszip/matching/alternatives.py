@@ -115,7 +115,7 @@ class PathFinder:
     """
 
     def __init__(self, network: Network) -> None:
-        # nodes at both ends of directed roads
+        # Nodes at both ends of directed roads.
         self.network = network
         tails = np.stack((network.starts, network.ends), axis=1).ravel().astype(np.int32)
         heads = tails.reshape(-1, 2)[:, ::-1].ravel().copy()
@@ -157,7 +157,7 @@ class PathFinder:
         max_paths : int
             Most paths to find.
         """
-        # trees from the starts and to the ends, with a bound that grows until it is enough
+        # Trees from the starts and to the ends, with a bound that grows until it is enough.
         start_costs = self._search_starts(starts, costs, leaving=True)
         end_costs = self._search_starts(ends, costs, leaving=False)
         first_bound = bound = (
@@ -170,7 +170,7 @@ class PathFinder:
                 break
             bound = 2 * cheapest + slack if np.isfinite(cheapest) else 4 * bound
 
-        # paths that leave the first road, and those that don't
+        # Paths that leave the first road, and those that don't.
         limit = min(2 * cheapest + slack, bound)
         paths = [
             *self._paths_on_one_road(starts, ends, costs),
@@ -320,7 +320,7 @@ class PathFinder:
 
     def travel_time(self, path: RoadPath, costs: TravelCosts) -> float:
         """Seconds of travel on a path, without turns."""
-        # share of each road that is travelled
+        # Share of each road that is travelled.
         length = np.maximum(self.lengths[path.roads], _MIN_LENGTH)
         share = np.ones(len(path.roads))
         share[0] = (path.begin if path.roads[0] % 2 else length[0] - path.begin) / length[0]
@@ -340,7 +340,7 @@ class PathFinder:
             first, last = network.offsets[road >> 1], network.offsets[(road >> 1) + 1]
             along, points = network.along[first:last], network.points[first:last]
 
-            # offsets at which it is entered and left, and of the vertices between them
+            # Offsets at which it is entered and left, and of the vertices between them.
             is_backward = road % 2
             enter = path.begin if number == 0 else (along[-1] if is_backward else 0.0)
             leave = (
@@ -362,7 +362,7 @@ class _Trees:
         self._before = dict(zip(forward.roads.tolist(), forward.parents.tolist(), strict=True))
         self._behind = dict(zip(backward.roads.tolist(), backward.parents.tolist(), strict=True))
 
-        # cost through each road that both trees reach; both include the road itself
+        # Cost through each road that both trees reach; both include the road itself.
         self._roads, i, j = np.intersect1d(
             forward.roads, backward.roads, assume_unique=True, return_indices=True
         )

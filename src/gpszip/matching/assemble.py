@@ -77,7 +77,7 @@ def build_match(
         index.graph,
     )
 
-    # pieces, without those that are no route, and the reasons of the breaks between them
+    # Pieces, without those that are no route, and the reasons of the breaks between them.
     spans = [span for span in _piece_spans(path) if not _is_standstill(path, scales, *span)]
     leg = _drop_other_legs(path, leg, spans)
     distance = np.where(leg >= 0, distance, np.nan)

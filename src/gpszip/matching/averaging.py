@@ -87,7 +87,7 @@ def find_stride(positions: Floats, is_gap: NDArray[np.bool_], noise: float) -> t
     run = np.append(0, np.cumsum(is_gap))
     stride, length = 1, 0.0
     while True:
-        # steps of this many samples, without gaps
+        # Steps of this many samples, without gaps.
         same_run = run[stride:] == run[:-stride]
         steps = np.linalg.norm(positions[stride:] - positions[:-stride], axis=1)[same_run]
         if len(steps):
@@ -162,7 +162,7 @@ def moving_average(positions: Floats, is_gap: NDArray[np.bool_], window: int) ->
     if half == 0:
         return positions
 
-    # samples on each side of a sample, within its run between gaps
+    # Samples on each side of a sample, within its run between gaps.
     samples = np.arange(n)
     gaps = np.flatnonzero(is_gap)
     run = np.searchsorted(gaps, samples, side="left")
@@ -201,7 +201,7 @@ class RunningAverage:
     def __init__(self, window: int) -> None:
         self._half = window // 2
         self._recent: list[Sample] = []
-        # samples since the last gap that were dropped from ``_recent``, and that were averaged
+        # Samples since the last gap that were dropped from ``_recent``, and that were averaged.
         self._dropped = self._averaged = 0
 
     def push(self, sample: Sample) -> list[Sample]:
@@ -211,7 +211,7 @@ class RunningAverage:
             return [sample]
         self._recent.append(sample)
 
-        # means of all samples that have enough samples after them
+        # Means of all samples that have enough samples after them.
         received, ready = self._dropped + len(self._recent), []
         while self._averaged < received:
             side = min(self._half, self._averaged)

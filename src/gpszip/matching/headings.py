@@ -183,7 +183,7 @@ def _agreement(heading: Vectors, road: Vectors) -> tuple[float, float]:
     if len(heading) < _MIN_STEPS:
         return math.nan, _MIN_KAPPA
 
-    # share that agrees, and share of all pairs of headings and roads that would agree
+    # Share that agrees, and share of all pairs of headings and roads that would agree.
     share = float(((heading * road.conj()).real > _AGREEMENT).mean())
     step = math.ceil(len(heading) / _CHANCE_SAMPLE)
     pairs = heading[::step, None] * road[None, ::step].conj()

@@ -50,7 +50,7 @@ def create_workspace(index: RoadIndex) -> Workspace:
     # Searches label directed roads; only the sources of the backward one are nodes.
     roads, nodes = len(index.graph.is_open), len(index.graph.node_positions)
 
-    # backward from the candidates of a time step
+    # Backward from the candidates of a time step.
     backward = BackwardSearch(
         state=np.zeros(3, np.int64),
         limits=np.zeros(2),
@@ -191,7 +191,7 @@ def _start_directions(network: Network, points: NDArray[np.float64]) -> NDArray[
 
 def _build_grid(roads: Roads) -> RoadGrid:
     """Enter all line segments in the cells that they cross."""
-    # cells of about two segments
+    # Cells of about two segments.
     points, offsets = roads.points, roads.offsets
     lowest, highest = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
     steps = np.sqrt((np.diff(points[:, :2], axis=0) ** 2).sum(axis=1))

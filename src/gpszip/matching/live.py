@@ -221,7 +221,7 @@ class LiveMatcher:
         self._last: _LastSample | None = None
         self._position: LivePosition | None = None
 
-        # roads that leave the end of each directed road
+        # Roads that leave the end of each directed road.
         self._next_roads: dict[int, tuple[NextRoad, ...]] = {}
 
     def push(self, time: float, position: ArrayLike, heading: float | None = None) -> LivePosition:
@@ -382,7 +382,7 @@ class LiveMatcher:
         step, candidate = find_convergence(self._ring, fixed, self._finalised_steps)
         finalised = self._finalise(step, candidate, converged=True) if step >= 0 else ()
 
-        # lag
+        # Lag.
         late = self._steps - self._lag
         if late <= self._finalised_steps:
             return finalised

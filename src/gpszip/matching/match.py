@@ -155,7 +155,7 @@ def match(
         if progress is not None:
             progress(done / samples)
 
-    # tracks with headings that were not used
+    # Tracks with headings that were not used.
     ignored = tuple(
         track.id
         for track, observed, scales in zip(tracks, observations, track_scales, strict=True)
@@ -180,7 +180,7 @@ def _check(
     if not len(network):
         raise InputError("the network has no roads: there is nothing to match with")
 
-    # numbers
+    # Numbers.
     numbers = {"sigma": sigma, "beta": beta, "gap": gap, "heading": heading}
     for name, value in numbers.items():
         may_be_infinite = name in {"gap", "heading"}
@@ -224,7 +224,7 @@ def _prepare_tracks(
         for track, is_outlier in zip(tracks, outliers, strict=True)
     ]
 
-    # averaged where an agent is slow for its noise
+    # Averaged where an agent is slow for its noise.
     max_noise = guess_error(index, raw)
     windows = [
         choose_window(observed.positions[:, : track.dimension], observed.is_gap, max_noise)

@@ -171,13 +171,13 @@ def remove_wrong_way_travel(
     """
     runs, bridges = _find_wrong_way_travel(index, opened, work, path, match)
     for _ in range(_ROUNDS if runs else 0):
-        # match the other samples
+        # Match the other samples.
         is_wrong_way = np.zeros(len(observations.times), np.bool_)
         for run in runs:
             is_wrong_way[run.after + 1 : run.before] = True
         match = _match_others(index, work, observations, match, is_wrong_way, runs)
 
-        # pieces beside them that stand still belong to them
+        # Pieces beside them that stand still belong to them.
         lone = _find_lone_pieces(observations, match, is_wrong_way)
         if not lone:
             break
@@ -217,7 +217,7 @@ def _find_wrong_way_travel(
         rematch = _rematch_window(index, opened, work, path.observations, first, last, scales)
         window = np.arange(low, high + 1)
 
-        # runs of time steps that fit closed directions only
+        # Runs of time steps that fit closed directions only.
         is_refuted = _is_refuted(steps, rematch, window, scales)
         piece = rematch.piece[steps.sample_indices[window] - rematch.first]
         for i, j in _runs_on_one_piece(is_refuted, piece):
@@ -321,7 +321,7 @@ def _rematch_window(
         opened.graph,
     )
 
-    # metres in closed directions up to each sample
+    # Metres in closed directions up to each sample.
     is_closed = ~index.graph.is_open[legs.roads]
     closed_lengths = np.where(is_closed, legs.end - legs.begin, 0.0)
     closed_before = np.append(0.0, np.cumsum(closed_lengths))

@@ -72,7 +72,7 @@ def expand_match(match: Match, is_kept: NDArray[np.bool_]) -> Match:
     is_kept : bool array, shape (n,)
         Samples of the track that the match has.
     """
-    # numbers of samples in the track; one past the last stays one past the last
+    # Numbers of samples in the track; one past the last stays one past the last.
     numbers = np.append(np.flatnonzero(is_kept), len(is_kept))
     breaks = tuple(
         replace(

@@ -274,7 +274,7 @@ class _GapFiller:
         steps = steps[steps <= gap]
         self.interval = float(np.median(steps)) if len(steps) else gap
 
-        # seconds on each directed road, and speeds
+        # Seconds on each directed road, and speeds.
         road_lengths = np.maximum(finder.lengths, _MIN_ROAD_LENGTH)
         self.travel_time = slowness * road_lengths / motion.mean_speed
         self.road_speed = finder.lengths / self.travel_time
@@ -286,7 +286,7 @@ class _GapFiller:
 
     def fill(self, number: int, after: int, *, changes_plane: bool) -> Patch:
         """Fill a gap of the track with this number, or say why not."""
-        # gaps that no path fills
+        # Gaps that no path fills.
         seconds = float(self.track.times[after + 1] - self.track.times[after])
         reason = (
             "it leads to another part of the world"
@@ -425,14 +425,14 @@ class _GapFiller:
 
     def _matched_position(self, sample: int, side: int) -> RoadPosition:
         """The position on the matched route two errors farther from the gap than the sample."""
-        # distance along the route
+        # Distance along the route.
         route = self.match.pieces[self.match.piece[sample]].route
         ends = np.cumsum(route.lengths)
         along = float(
             np.clip(self.match.along[sample] + side * _BACK_OFF * self.error, 0.0, ends[-1])
         )
 
-        # leg, and offset on its road
+        # Leg, and offset on its road.
         number = np.searchsorted(ends, along, side="left" if side == _BEFORE else "right")
         leg = min(int(number), len(ends) - 1)
         is_forward = bool(route.forward[leg])
@@ -450,8 +450,8 @@ class _GapFiller:
         Agents who know the roads take a quick path. The rest of the time they wait, for a time of
         exponential distribution; few are much faster than their mean, by a log-normal distribution.
         """
-        # distance of the samples from the ends of the path; the tails are those of Cauchy's
-        # distribution, since receivers err much at the end of a tunnel
+        # Distance of the samples from the ends of the path; the tails are those of Cauchy's
+        # distribution, since receivers err much at the end of a tunnel.
         distance_cost = 0.0
         if path.penalty == 0:
             line, _ = self._cut(path, after)

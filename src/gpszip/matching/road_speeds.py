@@ -53,7 +53,7 @@ def estimate_road_slowness(
     float64 array, shape (2 E,)
         Directed road 2e leads along road e, 2e + 1 back; about 1 in the mean.
     """
-    # metres driven on each road, and the metres that the agent drives elsewhere in the same time
+    # Metres driven on each road, and the metres that the agent drives elsewhere in the same time.
     metres, mean_metres = np.zeros(2 * len(network)), np.zeros(2 * len(network))
     for track, match, statistics in zip(tracks, matches, motion, strict=True):
         road, step_metres, step_seconds = _steps_on_passed_roads(track, match, gap)
@@ -90,12 +90,12 @@ def _steps_on_passed_roads(
 
 def _expected_slowness(network: Network, metres: Floats, mean_metres: Floats) -> Floats:
     """Slowness by the network's speeds, scaled to be right in the mean for the roads driven."""
-    # seconds for a metre
+    # Seconds for a metre.
     speeds = np.repeat(network.speeds, 2)
     is_known = np.isfinite(speeds) & (speeds > 0)
     pace = np.divide(1.0, speeds, out=np.ones_like(speeds), where=is_known)
 
-    # scale: by the roads driven, or by the lengths of all roads
+    # Scale: by the roads driven, or by the lengths of all roads.
     is_driven = is_known & (metres > 0)
     if is_driven.any():
         seconds = float((metres[is_driven] * pace[is_driven]).sum())

@@ -205,11 +205,11 @@ def estimate_scales(
     else:
         log_heading, track_headings = heading, [heading] * len(sample)
 
-    # scales of the log
+    # Scales of the log.
     speeds = _measure_speeds(sample, scales.error)
     log_scales = _with_known(_scales_from(total, speeds, min_error), sigma, beta)
 
-    # scales of each track, with those of the log as prior
+    # Scales of each track, with those of the log as prior.
     prior, log_speeds = total.shrunk(_PRIOR), (log_scales.median_speed, log_scales.max_speed)
     track_scales = []
     for observed, residual, track_heading in zip(sample, residuals, track_headings, strict=True):
@@ -330,12 +330,12 @@ def _take_sample(observations: Sequence[Observations], samples: int) -> list[Obs
 
 def _take_slices(observations: Observations, share: float) -> Observations:
     """Take a share of a track, in slices from all over it; a gap separates them."""
-    # number of slices, and of samples in all of them
+    # Number of slices, and of samples in all of them.
     n = len(observations.times)
     size = min(max(math.ceil(n * share), _MIN_TRACK_SAMPLES), n)
     count = min(max(size // _MIN_TRACK_SAMPLES, 1), _MAX_SLICES) if size < n else 1
 
-    # samples left out before each slice
+    # Samples left out before each slice.
     left_out = np.round(np.linspace(0, n - size, 2 * count + 1)[1::2]).astype(np.int64)
     number = np.arange(size)
     kept = number + left_out[number * count // size]
@@ -442,17 +442,17 @@ def _sum_all(residuals: Sequence[_Residuals], mixture: DistanceMixture) -> _Sums
 
 def _sum_on_roads(residuals: _Residuals, mixture: DistanceMixture) -> _Sums:
     """Sum over the time steps on roads; a track across a field tells nothing of errors or paths."""
-    # errors, weighted by the probability of being on the road
+    # Errors, weighted by the probability of being on the road.
     weight = mixture.on_roads(residuals.strays)
     errors = np.nan_to_num(residuals.errors)
     squares = (errors**2).sum(axis=1)
 
-    # pairs of successive time steps
+    # Pairs of successive time steps.
     pair_weight = weight[:-1] * weight[1:]
     products = pair_weight @ (errors[:-1] * errors[1:]).sum(axis=1)
     mean_squares = 0.5 * pair_weight @ (squares[:-1] + squares[1:])
 
-    # paths
+    # Paths.
     path_weight = np.where(np.isfinite(residuals.detours), pair_weight, 0.0)
     detours = path_weight @ np.nan_to_num(residuals.detours) ** 2
     return _Sums(
@@ -475,7 +475,7 @@ def _measure_residuals(index: RoadIndex, path: ViterbiPath, scales: Scales) -> _
     )
     errors = np.where(is_on_road[:, None], observed.positions[samples] - on_road, np.nan)
 
-    # path less straight line
+    # Path less straight line.
     lengths = _step_lengths(observed, samples)
     detours = np.where(path.transitions[1:] < JUMP, np.diff(path.along) - lengths, np.nan)
 

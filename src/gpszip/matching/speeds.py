@@ -139,7 +139,7 @@ def measure_motion(
     rank = np.searchsorted(np.cumsum(seconds[order]), 0.99 * seconds.sum())
     top_speed = float(speeds[order[min(rank, len(order) - 1)]])
 
-    # mean while moving
+    # Mean while moving.
     is_moving = speeds > _MOVING * top_speed
     mean_speed = float((speeds * seconds)[is_moving].sum() / seconds[is_moving].sum())
     autocorrelation = tuple((lag, _correlation_at(samples, lag)) for lag in _LAGS)
@@ -184,11 +184,11 @@ def _correlation_at(samples: Sequence[_SpeedSamples], lag: float) -> float:
     """Correlation of speeds a lag apart, over all tracks about their own means; NaN if unknown."""
     products, squares, pairs = 0.0, 0.0, 0
     for times, speeds, durations in samples:
-        # tracks that are long and dense enough
+        # Tracks that are long and dense enough.
         if len(times) < 10 or times[-1] - times[0] < 3 * lag or np.median(durations) > 2 * lag:
             continue
 
-        # pairs of steps about a lag apart
+        # Pairs of steps about a lag apart.
         deviation = speeds - speeds.mean()
         later = np.searchsorted(times, times + lag)
         first = np.flatnonzero(later < len(times))
@@ -233,7 +233,7 @@ def bend_speed(line: Floats, along: Floats, acceleration: float, top_speed: floa
     lengths = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
     cosine = np.divide((a * b).sum(axis=1), lengths, out=np.ones(len(along)), where=lengths > 1e-6)
 
-    # square of the speed on the circle in the bend
+    # Square of the speed on the circle in the bend.
     half_cosine = np.sqrt(np.clip((1 + cosine) / 2, 1e-6, 1.0))
     radius = _CUT * half_cosine / np.maximum(1 - half_cosine, 1e-9)
     square = np.minimum(_LATERAL_ACCELERATION * radius, top_speed**2)
@@ -279,7 +279,7 @@ def interpolate_progress(
     >>> bool(np.allclose(progress, 10 * times))
     True
     """
-    # weights of the trapezoidal rule
+    # Weights of the trapezoidal rule.
     times = np.linspace(0.0, seconds, _STEPS + 1)
     weights = np.full(len(times), seconds / _STEPS)
     weights[[0, -1]] /= 2

@@ -110,7 +110,7 @@ def find_viterbi_path(
         Whether to compute the confidence. Without it the search ignores all paths that cost more
         than the best, which is faster.
     """
-    # trellis
+    # Trellis.
     model = model_parameters(scales)
     if not with_confidence:
         model = model._replace(cost_margin=0.0)

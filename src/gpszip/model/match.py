@@ -232,7 +232,7 @@ class Match:
         matched = np.flatnonzero(self.edge >= 0)
         edge, offset = self.edge[matched], self.offset[matched]
 
-        # last vertex before each sample: one search in distances along all roads, end to end
+        # Last vertex before each sample: one search in distances along all roads, end to end.
         road_starts = np.concatenate(([0.0], np.cumsum(network.lengths)))
         along = road_starts[:-1].repeat(np.diff(network.offsets)) + network.along
         vertex = np.searchsorted(along, road_starts[edge] + offset, side="right") - 1

@@ -101,7 +101,7 @@ class Patching:
         # Combine each track with its patches.
         patched = []
         for number, track in enumerate(self.tracks):
-            # samples of the log, and those added
+            # Samples of the log, and those added.
             patches = [
                 patch for patch in self.patches if patch.track == number and len(patch.times)
             ]

@@ -344,7 +344,7 @@ def _extend(archive: Archive, on_map: Archive, job: Job, *, keep_starts: bool) -
     merged = merge_grid_walks([refined(archive.grid_walks, refinements), on_map.grid_walks])
     old, new = merged.walks[: len(archive.ids)], merged.walks[len(archive.ids) :]
 
-    # walks of one id become one
+    # Walks of one id become one.
     max_steps = job.gap / step_size(on_map.grid.time)
     walks = dict(zip(archive.ids, old, strict=True))
     for name, walk in zip(on_map.ids, new, strict=True):

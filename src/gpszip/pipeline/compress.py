@@ -123,7 +123,7 @@ def compress(
         log = on_plane_of(map, log, options)
     job = prepare(log, options, memory=memory, map=map, executor=executor, progress=progress)
 
-    # learn and measure until the bound, or the size, is reached
+    # Learn and measure until the bound, or the size, is reached.
     if job.options.size is None:
         archive, errors = _finish(job, *within_bound(job))
     else:
@@ -155,7 +155,7 @@ def within_bound(job: Job) -> tuple[Archive, ErrorSummary]:
             target = _tightened(target, 1.0 + 0.1 * failures, job.options)
             continue
 
-        # learned and measured: aim lower by what was missed
+        # Learned and measured: aim lower by what was missed.
         archive, errors = _write_and_measure(job, learned)
         if holds(errors, job.aim):
             return archive, errors
@@ -169,7 +169,7 @@ def _within_size(job: Job, size: int) -> tuple[Archive, ErrorSummary]:
     """Search the smallest RMSE whose archive takes at most ``size`` bytes."""
     from gpszip.mapping.noise import extent_rmse, suggest_rmse
 
-    # columns that are kept take the same bytes at any error
+    # Columns that are kept take the same bytes at any error.
     columns = sum(len(section.body) for section in job.extras)
     if size <= columns:
         raise BoundError(
@@ -205,7 +205,7 @@ def _within_size(job: Job, size: int) -> tuple[Archive, ErrorSummary]:
 
 def _write_and_measure(job: Job, learned: Learned) -> tuple[Archive, ErrorSummary]:
     """Write an archive, and measure the error of what its bytes decode to."""
-    # shapes have no times
+    # Shapes have no times.
     others_timed = job.map is not None or len(job.untimed) < len(job.log.tracks)
     grid_walks = drop_time_steps(learned.grid_walks, job.untimed, others=others_timed)
     archive = new_archive(
@@ -221,7 +221,7 @@ def _write_and_measure(job: Job, learned: Learned) -> tuple[Archive, ErrorSummar
         step=job.step,
     )
 
-    # columns are kept exactly, and may be large: they are not read back
+    # Columns are kept exactly, and may be large: they are not read back.
     bare = replace(archive, contents=replace(archive.contents, extras=()))
     decoded = open_archive(bare.to_bytes(), job.map)
 
@@ -278,7 +278,7 @@ def _finish(job: Job, archive: Archive, errors: ErrorSummary) -> tuple[Archive, 
 
 def _without_times(archive: Archive) -> Archive:
     """Return an archive of the shapes alone."""
-    # shapes end where their tracks do, not at a knot well behind
+    # Shapes end where their tracks do, not at a knot well behind.
     grid, step = archive.grid, step_size(archive.grid.space)
     known = archive.grid_walks.nodes
     nodes, trimmed = trim_walks(

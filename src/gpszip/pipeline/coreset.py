@@ -142,7 +142,7 @@ def _initial_costs(
     log: Log, slices: Sequence[Slice], k: int, eps: float, executor: Executor | None
 ) -> dict[int, float]:
     """What a block of each track may cost, from a lower bound on the least cost of k segments."""
-    # tracks that fit a batch, several at once
+    # Tracks that fit a batch, several at once.
     whole_tracks = [s for s in slices if s.end - s.begin == len(log.tracks[s.track])]
     batches = batch_slices(whole_tracks, _BATCH)
     work = _read_batches(log, batches)

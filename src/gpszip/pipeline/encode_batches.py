@@ -122,7 +122,7 @@ def encode_batches(
                 report(done / len(batches))
         state.extend_base()
 
-    # nodes that several batches added at one position become one
+    # Nodes that several batches added at one position become one.
     nodes = state.grid_walks.nodes
     _, first, number = np.unique(nodes, axis=0, return_index=True, return_inverse=True)
     merged = first[number.reshape(-1)].astype(np.int32)
@@ -163,9 +163,9 @@ class _EncodedSoFar:
         self.base = base
         self._nodes = [base.prior.walks.nodes]
         self._walks: list[GridWalk | None] = [None] * len(log.tracks)
-        # number of each node of the base map among all nodes
+        # Number of each node of the base map among all nodes.
         self._number = np.arange(base.prior.nodes)
-        # walks of batches that later ones don't know yet, with the numbers of their nodes
+        # Walks of batches that later ones don't know yet, with the numbers of their nodes.
         self._unknown: list[tuple[GridWalks, NDArray[np.int64]]] = []
 
     @property
@@ -176,7 +176,7 @@ class _EncodedSoFar:
 
     def add(self, batch: Sequence[Slice], grid_walks: GridWalks) -> None:
         """Add the walks of a batch, of which ``grid_walks`` holds the added nodes alone."""
-        # number the nodes of the batch among all
+        # Number the nodes of the batch among all.
         added = sum(map(len, self._nodes)) + np.arange(len(grid_walks.nodes))
         number = np.concatenate([self._number, added]).astype(np.int32)
         self._nodes.append(grid_walks.nodes)
@@ -305,7 +305,7 @@ def _insert_knots(
     base: BaseMap, tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]
 ) -> GridWalks:
     """Walks with as many knots as the bound takes, from a straight segment for each piece."""
-    # straight segments, on nodes behind the known ones
+    # Straight segments, on nodes behind the known ones.
     known = base.prior.walks.nodes
     straight = _straight_walks(tracks, gaps, base.grid)
     shifted = tuple(

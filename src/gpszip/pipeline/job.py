@@ -155,7 +155,7 @@ def prepare(
     sample = log.tracks if in_memory else _subsample(log, subsample_size(memory))
     timed = [track for track in sample if track.timed]
 
-    # gaps: intervals in which nothing is known of the path
+    # Gaps: intervals in which nothing is known of the path.
     gap = estimate_gap(timed) if options.gap is None else options.gap
     gaps = tuple(find_gaps(track, gap if track.timed else math.inf) for track in sample)
     timed_gaps = [gap for track, gap in zip(sample, gaps, strict=True) if track.timed]

@@ -101,7 +101,7 @@ def extended_sections(archive: Archive, log: Log, options: Options) -> tuple[Sec
     if isinstance(log, MemoryLog):
         _check_tracks(log.tracks, options.keep)
 
-    # tracks of the archive keep their order; new ones follow
+    # Tracks of the archive keep their order; new ones follow.
     ids = tuple(dict.fromkeys([*archive.ids, *(track.id for track in log.tracks)]))
     number = {track.id: i for i, track in enumerate(log.tracks)}
     old: dict[str, dict[str, Values]] = {
@@ -110,7 +110,7 @@ def extended_sections(archive: Archive, log: Log, options: Options) -> tuple[Sec
     for column in options.keep:
         old[column] = {name: archive.attributes(name)[column] for name in archive.ids}
 
-    # each column is that of the archive and that of the log, track by track
+    # Each column is that of the archive and that of the log, track by track.
     columns = {
         name: _chained(name, ids, old[name], number, values, log)
         for name, values in _columns(log, options.keep).items()
@@ -153,7 +153,7 @@ def _chained(
             remedy="numbers or texts can be kept, but not both",
         )
 
-    # texts are stored as numbers into one common list
+    # Texts are stored as numbers into one common list.
     texts = tuple(sorted({*before.texts, *column.texts}))
     code = {text: i for i, text in enumerate(texts)}
     old_codes, new_codes = (

@@ -49,7 +49,7 @@ def measure(
         report(1.0)
         return errors
 
-    # batch by batch, each with the knots about its samples
+    # Batch by batch, each with the knots about its samples.
     summaries = []
     with share_value(executor, nodes) as shared:
         work = ([_with_walk(log, walks[each.track], each) for each in batch] for batch in batches)

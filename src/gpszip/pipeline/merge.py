@@ -99,7 +99,7 @@ def merge(
     _check(archives, names)
     limit, notes = _limit(archives, names, options)
 
-    # curves on one plane, the largest archive first
+    # Curves on one plane, the largest archive first.
     order = _largest_first(archives)
     sources = on_common_plane(read_sources(archives, names, options, order), limit)
     limit_shares = [_limit_share(source.archive, limit) for source in sources]
@@ -322,7 +322,7 @@ def _report(
         apart = "the archives apart take no more bytes; allow a larger deviation for fewer"
         notes = (*notes, apart)
 
-    # nodes and edges before and after
+    # Nodes and edges before and after.
     return MergeReport(
         archives=len(archives),
         tracks=len(merged.ids),

@@ -61,7 +61,7 @@ def merge_columns(
     ]
     names = list(dict.fromkeys(name for table in tables for name in table.columns))
 
-    # rows of each track in the order of time, track by track
+    # Rows of each track in the order of time, track by track.
     rows = _rows_by_track(sources, tables, ids)
     chosen = [row for id in ids for row in rows[id]]
     counts = tuple(sum(where.stop - where.start for _, where in rows[id]) for id in ids)
@@ -125,7 +125,7 @@ def _values(
     if kinds <= set("biu"):
         return table.columns[name][rows]
 
-    # numbers with a fraction, or holes
+    # Numbers with a fraction, or holes.
     values = table.columns[name][rows] if name in table.columns else np.full(count, np.nan)
     numbers = values.astype(np.float64)
     if values.dtype.kind in "iu" and (numbers.astype(values.dtype) != values).any():

@@ -95,7 +95,7 @@ def read_sources(
     # Read archive after archive; an id belongs to the first one that has it.
     sources, owners = [], dict[str, str]()
     for name, archive in zip(names, archives, strict=True):
-        # ids, which tell whose track it is where the user wants that
+        # Ids, which tell whose track it is where the user wants that.
         prefixed = options.same_id == "prefix"
         ids = tuple(f"{name}:{id}" for id in archive.ids) if prefixed else archive.ids
         for id in ids:
@@ -104,7 +104,7 @@ def read_sources(
                 raise OptionError(f"track {id!r} is in {owners[id]} and in {name}", remedy=remedy)
             owners.setdefault(id, name)
 
-        # curves, with times for shapes
+        # Curves, with times for shapes.
         nodes = archive.road_map.nodes
         walks = (_with_times(walk, nodes, archive.grid) for walk in archive.walks)
         curves = tuple(
@@ -200,7 +200,7 @@ def _cut_segments(curve: Curve, limit: DeviationLimit) -> Curve:
     if (counts <= 1).all():
         return curve
 
-    # knots at equal fractions of each segment
+    # Knots at equal fractions of each segment.
     knots = np.arange(len(curve.track))
     fractions = [
         first + np.arange(count) / count
@@ -210,7 +210,7 @@ def _cut_segments(curve: Curve, limit: DeviationLimit) -> Curve:
     positions = np.stack([np.interp(at, knots, axis) for axis in curve.track.positions.T], axis=1)
     times = np.interp(at, knots, curve.track.times)
 
-    # rounding may make two times one
+    # Rounding may make two times one.
     kept = np.append(True, np.diff(times) > 0)
     gaps = curve.gaps[at[:-1].astype(np.int64)]
     return Curve(Track(curve.track.id, times[kept], positions[kept]), gaps[kept[1:]])

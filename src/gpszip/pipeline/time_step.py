@@ -65,12 +65,12 @@ def with_best_time_step(
     if len(batches) < _MIN_BATCHES:
         return base
 
-    # some batches, evenly spread
+    # Some batches, evenly spread.
     count = min(max(len(batches) // _ONE_OF, 1), _MAX_TRIED)
     some = [batches[(2 * number + 1) * len(batches) // (2 * count)] for number in range(count)]
     repeats = len(batches) / count
 
-    # coarser time grids, while they pay
+    # Coarser time grids, while they pay.
     best, least = base, _bytes_of_log(log, base, some, repeats, executor)
     limit = min(_MAX_GROWTH, STEP_SIZES - 1 - base.grid.time)
     for growth in range(_STRIDE, limit + 1, _STRIDE):
@@ -107,7 +107,7 @@ def _bytes_of_log(
 
     The positions of known nodes count once, however many batches there are.
     """
-    # walks of the batches behind the known ones
+    # Walks of the batches behind the known ones.
     nodes, walks = [base.prior.walks.nodes], list[GridWalk]()
     with share_value(executor, base) as shared:
         work = ([read_slice(log, each) for each in batch] for batch in batches)

@@ -75,7 +75,7 @@ def _mutual_neighbours(lines: FittedLines) -> tuple[NDArray[np.int64], NDArray[n
 
     Neighbours are searched among the groups with the nearest end points.
     """
-    # nearest neighbour of each group under the cost of merging
+    # Nearest neighbour of each group under the cost of merging.
     end_points = np.hstack([lines.starts, lines.starts + lines.slopes])
     _, candidates = KDTree(end_points).query(end_points, min(_NEIGHBOURS, len(end_points)))
     candidates = np.asarray(candidates, dtype=np.int64)

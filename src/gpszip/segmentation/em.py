@@ -120,14 +120,14 @@ def segment_mean(
     _check_choices(initial, clustering, expectation, rng)
     sums = track_sums(track)
 
-    # initial partition, labels and segments
+    # Initial partition, labels and segments.
     if initial == "bottom-up":
         boundaries = bottom_up(sums, k, min_samples=min_samples)
     else:
         boundaries = douglas_peucker(sums, k)
     state = _initial_state(sums, boundaries, m, rng if clustering == "k-means++" else None)
 
-    # expectation and maximisation until tau stops falling
+    # Expectation and maximisation until tau stops falling.
     if m == k:
         step: _Iteration = partial(_free_line_iteration, sums, min_samples)
     else:

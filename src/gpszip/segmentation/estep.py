@@ -106,7 +106,7 @@ def exact(
     """Partition the entire track again into k intervals; at least as good as :func:`odd_even`."""
     shifted = odd_even(sums, state, min_samples=min_samples, executor=executor)
 
-    # first guess of the penalty: one more interval gains a share of the cost of an interval
+    # First guess of the penalty: one more interval gains a share of the cost of an interval.
     k = len(state.labels)
     penalty = total_cost(sums, state) / (4 * k)
     boundaries, labels = exact_partition(

@@ -76,7 +76,7 @@ def penalised_partition(
     -------
     Partition
     """
-    # best start and segment of the interval that ends at each cut
+    # Best start and segment of the interval that ends at each cut.
     n = len(sums.t)
     cuts = np.append(np.arange(0, n, stride, dtype=np.int64), n)
     origin, label = kernels.optimal_penalised_partition(

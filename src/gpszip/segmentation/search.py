@@ -148,13 +148,13 @@ def _solve_pairs(
     memo: Memo,
 ) -> None:
     """Add the solutions of pairs to ``tried``; solve those that are not in the memo in parallel."""
-    # known solutions
+    # Known solutions.
     for pair in pairs:
         known = tried.get(pair) or memo.get(key, *pair)
         if known is not None:
             tried[pair] = known
 
-    # missing ones
+    # Missing ones.
     missing = [pair for pair in dict.fromkeys(pairs) if pair not in tried]
     for pair, mean in zip(missing, shared.map(_mean_of_pair, missing), strict=True):
         tried[pair] = mean

@@ -115,7 +115,7 @@ def build_coreset(
     _check_tracks(tracks)
     max_blocks = resolve_block_count(len(tracks), tracks[0].dimension, k, eps, size, max_bytes)
 
-    # blocks of each track: fine enough for eps, or as many as allowed
+    # Blocks of each track: fine enough for eps, or as many as allowed.
     if max_blocks is None:
         assert k is not None
         assert eps is not None
@@ -199,7 +199,7 @@ def resolve_block_count(
             raise OptionError(f"eps is {eps:g}; it lies between 0 and 1")
         return None
 
-    # size, or max_bytes
+    # Size, or max_bytes.
     max_blocks = size if size is not None else max_blocks_in(max_bytes or 0, tracks, dimension)
     if max_blocks < tracks:
         raise OptionError(f"size is {max_blocks}; {tracks} tracks need as many blocks at least")

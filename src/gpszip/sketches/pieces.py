@@ -83,7 +83,7 @@ class PiecewiseLinear:
 
     def _check_times_and_speeds(self) -> None:
         """Raise OptionError if times decrease or a piece is too fast."""
-        # pieces in order of time
+        # Pieces in order of time.
         if (self.end_times < self.start_times).any() or (
             self.start_times[1:] < self.end_times[:-1]
         ).any():

@@ -166,7 +166,7 @@ class CoresetStream:
                 location=name,
             )
 
-        # values
+        # Values.
         is_finite = all(np.isfinite(values).all() for values in (times, positions, weights))
         if not is_finite or (weights <= 0).any():
             raise TrackError(
@@ -175,7 +175,7 @@ class CoresetStream:
                 remedy="drop or repair such samples first",
             )
 
-        # order, from the last sample of the previous chunk on
+        # Order, from the last sample of the previous chunk on.
         goes_back = np.diff(times, prepend=self._last) <= 0
         if goes_back.any():
             row = int(goes_back.argmax())

@@ -120,7 +120,7 @@ def code_bit(coder: Coder, counts: NDArray[np.int32], context: int, bit: int) ->
     zeros, ones = np.int64(counts[context, 0]), np.int64(counts[context, 1])
     total = zeros + ones
 
-    # zeros own the lower end of the interval, ones the upper
+    # Zeros own the lower end of the interval, ones the upper.
     if is_decoding(coder):
         bit = 1 if decode_cumulative(coder, total) >= zeros else 0
     if bit:
@@ -361,7 +361,7 @@ def _learn_weights(
     )
     weights[coded] += 1
 
-    # weights that are raised to their minimum would otherwise make the sum grow for ever
+    # Weights that are raised to their minimum would otherwise make the sum grow for ever.
     target_sum = min(sum_weights, np.int64(WEIGHT_SUM))
     for i in range(count):
         share = (mixture[_WEIGHTED_MASS, i] >> 8) * target_sum

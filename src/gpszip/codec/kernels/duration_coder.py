@@ -170,7 +170,7 @@ def code_pause_duration(
 @inner
 def code_duration_first(coder: Coder, model: WalkModel, duration: int) -> int:
     """Code the duration of a step to a new node before its position, and learn it."""
-    # guesses are the mean of such durations, and the last one
+    # Guesses are the mean of such durations, and the last one.
     guesses = np.empty(2, np.int64)
     guesses[0] = model.duration_means[ROW_NEW_NODE, MEAN_LOG]
     guesses[1] = model.scalars[LAST_LOG_DURATION]

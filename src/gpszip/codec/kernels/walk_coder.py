@@ -148,7 +148,7 @@ def _take_sorted_start(coder: Coder, model: WalkModel, first: int) -> int:
     starts = model.track_starts
     count = len(starts)
 
-    # count the starts that are not taken, up to the next one at this time step
+    # Count the starts that are not taken, up to the next one at this time step.
     i, skipped = model.scalars[NEXT_START], np.int64(0)
     if not is_decoding(coder):
         while starts[i, START_IS_TAKEN] == 1 or starts[i, START_TIME_STEP] != first:
@@ -373,7 +373,7 @@ def _code_segment(
     if len(model.step_bits) > 0 and not seeks_targets:
         model.step_bits[j] = count_bits(coder) - bits
 
-    # duration and position
+    # Duration and position.
     duration = _code_measures(coder, model, kind, half_edge, u, node, duration, timed)
     nodes[j], time_steps[j] = node, time_steps[j - 1] + duration if timed else 0
 

@@ -476,7 +476,7 @@ def _learn_duration(model: WalkModel, half_edge: int, length: int, duration: int
     scalars = model.scalars
     log = log_duration(duration)
 
-    # means by class of length and by half-edge
+    # Means by class of length and by half-edge.
     update_mean_log(model, length_class(length), MAX_MEAN_SAMPLES, log)
     samples = min(model.traversals[half_edge], MAX_EDGE_SAMPLES)
     model.mean_log_duration[half_edge] += (log - model.mean_log_duration[half_edge]) // samples
@@ -526,7 +526,7 @@ def learn_step(model: WalkModel, incoming: int, u: int, v: int, duration: int) -
         model.pair_counts[slot] += 1
         model.continued[incoming] += 1
 
-    # duration, heading, and the mean length of steps, which moves by 1/8
+    # Duration, heading, and the mean length of steps, which moves by 1/8.
     scalars = model.scalars
     length = node_distance(model.places, u, v)
     if duration != 0:

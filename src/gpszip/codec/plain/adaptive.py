@@ -24,7 +24,7 @@ def read_bit(decoder: RangeDecoder, counts: list[list[int]], context: int) -> in
     context : int
         Index into ``counts``.
     """
-    # zeros own the lower end of the interval, ones the upper
+    # Zeros own the lower end of the interval, ones the upper.
     pair = counts[context]
     zeros, ones = pair
     total = zeros + ones

@@ -158,7 +158,7 @@ def _learn_weights(mixture: Mixture, masses: Sequence[int], sum_weights: int, wi
     rate = max(_LAST_RATE, _FIRST_RATE * _RATE_HALF_LIFE // (_RATE_HALF_LIFE + mixture.coded))
     mixture.coded += 1
 
-    # weights that are raised to their minimum would otherwise make the sum grow for ever
+    # Weights that are raised to their minimum would otherwise make the sum grow for ever.
     target_sum, divisor = min(sum_weights, _WEIGHT_SUM), max(width >> 8, 1)
     weights = mixture.weights
     for i, mass in enumerate(masses):

@@ -87,7 +87,7 @@ def read_known_edge(
     if len(edges) == 1:
         return edges[0]
 
-    # turns, and weights by these and by what followed the last half-edge
+    # Turns, and weights by these and by what followed the last half-edge.
     turns = [model.map.bearing(before, u, edge.end) for edge in edges]
     weights = [_weigh(model, edge, turn) for edge, turn in zip(edges, turns, strict=True)]
     if incoming and incoming.continued:

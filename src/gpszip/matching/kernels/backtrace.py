@@ -121,7 +121,7 @@ def build_legs(
         if road == OFF_ROAD:
             continue
 
-        # roads between the time step before and this one
+        # Roads between the time step before and this one.
         between = np.empty(0, np.int32)
         if transition == OTHER_ROADS:
             last = path[step - 1]
@@ -245,7 +245,7 @@ def place_samples(
             positions[sample], legs.roads[low], begin, begin, roads, graph
         )
 
-        # samples between it and the next time step of the same piece
+        # Samples between it and the next time step of the same piece.
         if step + 1 == steps or step_legs[step + 1] < 0:
             continue
         high = step_legs[step + 1]
@@ -309,7 +309,7 @@ def nearest_on_road(
     if directed & 1:
         low, high = length - high, length - low
 
-    # nearest point on each line segment between them
+    # Nearest point on each line segment between them.
     first_vertex, last_vertex = vertex_before(roads, road, low), roads.offsets[road + 1] - 1
     least, nearest = np.inf, low
     vertex, point = first_vertex, np.empty(len(position))

@@ -87,7 +87,7 @@ def add_time_step(
     are a gap. The probability of a directed road is that of all candidates on it, given the samples
     so far: the forward algorithm, as in :mod:`gpszip.matching.kernels.posterior`.
     """
-    # candidates
+    # Candidates.
     size, width = len(ring.counts), len(ring.transition_costs)
     low = (step % size) * width
     after = candidates_from(ring.candidates, low)
@@ -167,7 +167,7 @@ def find_convergence(ring: TrellisRing, step: int, first: int) -> tuple[int, int
     Looks at the paths to all candidates of time step ``step``, back to time step ``first``. The
     cheapest path of any later time step passes this candidate. Returns (-1, -1) if there is none.
     """
-    # candidates on any path, from the newest time step back
+    # Candidates on any path, from the newest time step back.
     size, width = len(ring.counts), len(ring.transition_costs)
     is_alive, is_alive_before = np.zeros(width, np.bool_), np.zeros(width, np.bool_)
     is_alive[: ring.counts[step % size]] = True

@@ -43,7 +43,7 @@ def posterior(trellis: Trellis) -> NDArray[np.float64]:
         if trellis.cost_starts[step + 1] > trellis.cost_starts[step]:
             _step_backward(trellis, step, log_backward)
 
-    # probabilities, in place of log_forward
+    # Probabilities, in place of log_forward.
     for step in range(steps):
         low, high = starts[step], starts[step + 1]
         logs = log_forward[low:high] + log_backward[low:high]

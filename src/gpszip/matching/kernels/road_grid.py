@@ -52,7 +52,7 @@ def _list_cells(
 
     Returns their number, which may exceed the length of ``out``; the rest is not written.
     """
-    # ends of the segment in units of cells, from left to right
+    # Ends of the segment in units of cells, from left to right.
     ax = (points[vertex, 0] - origin[0]) / cell_size
     ay = (points[vertex, 1] - origin[1]) / cell_size
     bx = (points[vertex + 1, 0] - origin[0]) / cell_size
@@ -168,7 +168,7 @@ def find_near_roads(
     that comes near twice, such as a hairpin, counts twice if its two positions lie more than the
     radius apart along it.
     """
-    # cells that the circle touches
+    # Cells that the circle touches.
     x, y = position[0] - grid.x_min, position[1] - grid.y_min
     first_column = max(math.floor((x - radius) / grid.cell_size), 0)
     last_column = min(math.floor((x + radius) / grid.cell_size), grid.columns - 1)

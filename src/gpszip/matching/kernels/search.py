@@ -220,7 +220,7 @@ def next_towards_goal(
     # The road with the least key comes next, if it is within the bound.
     road = _pop_next(cost_bound, work)
 
-    # metres and cost to its end
+    # Metres and cost to its end.
     if road >= 0:
         length = graph.lengths[road]
         expand_to_goal(

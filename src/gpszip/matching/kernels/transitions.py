@@ -329,7 +329,7 @@ def _relax_over_other_roads(
             )
             work.path_rows[road] = row
 
-        # transitions by these paths
+        # Transitions by these paths.
         path_row = work.path_rows[road]
         for j in range(len(upper_bounds)):
             length = metres_left[row] + metres[path_row, j]
@@ -375,7 +375,7 @@ def _search_from_road(
         if reached < 0:
             break
 
-        # candidates on the road that was reached
+        # Candidates on the road that was reached.
         j = work.first_candidate[reached]
         reached_count += j >= 0
         while j >= 0:

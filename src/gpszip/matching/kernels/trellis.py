@@ -108,7 +108,7 @@ def build_trellis(
 
     # Add a time step at a time, with the cheapest path to each of its candidates.
     for step in range(steps):
-        # candidates of the time step
+        # Candidates of the time step.
         low = candidate_starts[step]
         if low + max_candidates > capacity:
             capacity = 2 * capacity

@@ -74,13 +74,13 @@ def douglas_peucker(t: NDArray[np.float64], p: NDArray[np.float64], k: int) -> N
             intervals += 1
             continue
 
-        # split the chord with the farthest sample
+        # Split the chord with the farthest sample.
         entry, size = pop(keys, items, size)
         middle = split[entry]
         boundaries[intervals] = middle
         intervals += 1
 
-        # push both halves that have samples inside
+        # Push both halves that have samples inside.
         for side in range(2):
             i, j = (left[entry], middle) if side == 0 else (middle, right[entry])
             if j - i < 2:

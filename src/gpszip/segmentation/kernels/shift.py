@@ -320,7 +320,7 @@ def best_cut(
             if free + right_bound >= best:
                 continue
 
-        # costs against the segments; the right side only if the left one leaves a chance
+        # Costs against the segments; the right side only if the left one leaves a chance.
         cost = _left_cost(sums, a, c, left_row, s_left, left_costs)
         if cost + right_bound >= best and not naive:
             continue
@@ -428,7 +428,7 @@ def shift_free_boundaries(
     for j in range(first, len(boundaries) - 1, 2):
         a, b, cut = boundaries[j - 1], boundaries[j + 1], boundaries[j]
 
-        # cost of the current cut
+        # Cost of the current cut.
         _right_moment_table(sums, a, b, table)
         _left_moments(sums, a, cut, row)
         current = best_line_cost(row) + best_line_cost(table[cut - a])
@@ -488,13 +488,13 @@ def best_cuts(
         if b - a < 2 * min_samples:
             continue
 
-        # cost of two intervals
+        # Cost of two intervals.
         table = np.empty((b - a + 1, 2 * d + 4))
         best, cuts[j], left[j], right[j] = best_cut(
             sums, a, b, min_samples, starts, ends, NO_CUT, 0, 0, table, False
         )
 
-        # cost of one
+        # Cost of one.
         segment_coefficients(starts, ends, sums.p, a, s)
         _left_moments(sums, a, b, row)
         lowest_cost(row, sums.t[b - 1] - sums.t[a], 0.0, s, costs)

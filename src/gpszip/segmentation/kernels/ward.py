@@ -109,7 +109,7 @@ def ward(
     live, count = np.arange(k), k
     pairs, costs = np.empty((k - 1, 2), np.int64), np.empty(k - 1)
 
-    # nearest neighbour of each group, and the cost of merging with it
+    # Nearest neighbour of each group, and the cost of merging with it.
     nearest, nearest_cost = np.empty(k, np.int64), np.empty(k)
     for i in range(k):
         nearest[i], nearest_cost[i] = _nearest(h, a, v, live, count, i)
@@ -134,7 +134,7 @@ def ward(
                 kept += 1
         count = kept
 
-        # neighbours that changed; the merged group may be nearer than others' neighbours
+        # Neighbours that changed; the merged group may be nearer than others' neighbours.
         for g in range(count):
             other = live[g]
             if other == i or nearest[other] in (i, j):

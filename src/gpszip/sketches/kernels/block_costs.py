@@ -136,7 +136,7 @@ def _relative_lines(
         max_distance = max(max_distance, distance)
         max_terms = max(max_terms, terms)
 
-    # rounding of the moments, and of the lines
+    # Rounding of the moments, and of the lines.
     shift = max_terms * _ROUNDING
     return float(
         row[WEIGHT]
@@ -198,7 +198,7 @@ def _broken_block_costs(
     mean_column = FIXED_COLUMNS + d
     free, step = free_cost(row), (row[LAST] - row[FIRST]) / (row[COUNT] - 1)
 
-    # even steps at which the pieces start
+    # Even steps at which the pieces start.
     cuts = np.empty(last - first + 2, np.int64)
     cuts[0], cuts[-1] = 0, int(row[COUNT])
     for j in range(first, last):
@@ -210,7 +210,7 @@ def _broken_block_costs(
         g[1, c] = _slope(row, c)
         g[0, c] = row[mean_column + c] - g[1, c] * row[MEAN_TIME]
 
-    # lines l: the one nearest to f, the first piece and the last one
+    # Lines l: the one nearest to f, the first piece and the last one.
     nearest = _project_pieces(row, lines, cuts, first, step)
     out[_ESTIMATE], out[_LOWER], out[_UPPER] = 0.0, 0.0, np.inf
     for attempt in range(3):
@@ -245,7 +245,7 @@ def _project_pieces(
     mean_time = step * (count - 1) / 2
     spread = step * step * count * (count * count - 1) / 12
 
-    # mean and drift of f, piece by piece
+    # Mean and drift of f, piece by piece.
     mean, drift = np.zeros(d), np.zeros(d)
     for j in range(len(cuts) - 1):
         m = float(cuts[j + 1] - cuts[j])
@@ -304,7 +304,7 @@ def _sum_bounds(
     d = lines.shape[2]
     duration, weight_each = row[LAST] - row[FIRST], row[WEIGHT] / row[COUNT]
 
-    # rounding of the times adds to the jitter
+    # Rounding of the times adds to the jitter.
     jitter = row[JITTER]
     if not are_times_exact(row[FIRST], step, duration):
         jitter += _TIME_ROUNDING * (duration + abs(row[FIRST]))

@@ -160,7 +160,7 @@ def append_block(row: NDArray[np.float64], later: NDArray[np.float64]) -> None:
     first_column = FIXED_COLUMNS
     mean_column, drift_column = FIXED_COLUMNS + d, FIXED_COLUMNS + 2 * d
 
-    # jitter first: it needs the old first and last times
+    # Jitter first: it needs the old first and last times.
     count = row[COUNT] + later[COUNT]
     is_even = row[WEIGHT] * later[COUNT] == later[WEIGHT] * row[COUNT]
     row[JITTER] = _joint_jitter(row, later, count) if is_even else np.inf

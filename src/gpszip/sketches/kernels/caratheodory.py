@@ -38,7 +38,7 @@ def _null_vector(matrix: NDArray[np.float64], out: NDArray[np.float64]) -> None:
     order = np.arange(columns)
     largest, rank = 0.0, 0
     for r in range(rows):
-        # largest entry of the remaining rows and columns
+        # Largest entry of the remaining rows and columns.
         pivot, pivot_row, pivot_column = -1.0, r, r
         for i in range(r, rows):
             for j in range(r, columns):
