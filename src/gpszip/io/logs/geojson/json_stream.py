@@ -182,6 +182,7 @@ class _Window:
         return InputError(
             f"damaged JSON file: {what[:_MAX_REASON_LETTERS]} at character {character:,}",
             path=self._name,
+            remedy="fetch or write it again",
         )
 
     def peek(self) -> str:
