@@ -301,3 +301,39 @@ def test_an_archive_is_not_written_to_a_terminal(log):
     os.close(master)
     assert done.returncode == 1
     assert b"redirect with > FILE" in done.stderr
+
+
+@pytest.mark.parametrize("moment", ["before the command", "while the outcome is reported"])
+def test_an_interrupt_outside_of_the_command_is_reported(log, tmp_path, moment):
+    script = f"""
+import signal
+from gpszip.cli import main as program
+
+main = program.main
+
+
+def interrupted(arguments):
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    if {moment!r} != "before the command":
+        assert main(arguments) == 0
+    signal.raise_signal(signal.SIGINT)
+
+
+program.main = interrupted
+program.run()
+"""
+    out = tmp_path / "out.gpsz"
+    done = subprocess.run(
+        [sys.executable, "-c", script, "compress", str(log), "-o", str(out)],
+        capture_output=True,
+        check=False,
+        timeout=60,
+    )
+    assert done.returncode == 130
+    told = done.stderr.decode().splitlines()[-1]
+    if out.exists():
+        assert told.startswith("gpszip: interrupted; ")
+        assert told.endswith("out.gpsz is written")
+    else:
+        assert told == "gpszip: interrupted; nothing was written"
+    assert out.exists() == (moment != "before the command")

@@ -132,16 +132,19 @@ def run() -> None:
     if not sys.warnoptions and "--debug" not in sys.argv:
         warnings.simplefilter("ignore")
 
-    # An output that can't be flushed is an error of a command that was done otherwise.
+    # An output that can't be flushed is an error of a command that was done otherwise. An interrupt
+    # before the command starts, or while its outcome is reported, is reported here.
     settings = Settings.from_arguments(sys.argv[1:])
-    try:
-        code = main(sys.argv[1:])
-        flush_error = flush_stdout()
-        if flush_error is not None and code in (_ExitCode.DONE, _ExitCode.LEFT_OUT):
-            code = _report_error(flush_error, settings)
-        ignore_signals()
-    except KeyboardInterrupt:
-        code = _ExitCode.INTERRUPTED  # while the outcome was reported
+    with collect_outputs() as written:
+        try:
+            code = main(sys.argv[1:])
+            flush_error = flush_stdout()
+            if flush_error is not None and code in (_ExitCode.DONE, _ExitCode.LEFT_OUT):
+                code = _report_error(flush_error, settings)
+            ignore_signals()
+        except KeyboardInterrupt as interrupt:
+            ignore_signals()
+            code = _report_error(interrupt, settings, written)
     sys.exit(code)
 
 

@@ -13,8 +13,12 @@ _written: ContextVar[list[str] | None] = ContextVar("written", default=None)
 
 @contextmanager
 def collect_outputs() -> Iterator[list[str]]:
-    """Yield a list to which :func:`report_output` appends while the block runs."""
-    written: list[str] = []
+    """Yield a list to which :func:`report_output` appends while the block runs.
+
+    A block inside another one shares its list.
+    """
+    enclosing = _written.get()
+    written: list[str] = [] if enclosing is None else enclosing
     token = _written.set(written)
     try:
         yield written
