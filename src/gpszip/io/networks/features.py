@@ -136,6 +136,7 @@ class RoadFeatures:
             Their columns by role; a batch may lack some that others have.
         """
         # Batches may differ in their columns.
+        # Nulls stand for a new column in the batches before.
         for role in columns.keys() - self.columns.keys():
             self.columns[role] = [_missing(role, self.features)] if self.features else []
         for role, batches in self.columns.items():
@@ -274,6 +275,7 @@ def _drop_closed_roads(lines: RoadLines, is_closed: Bools) -> RoadLines:
 
 def find_columns(fields: Sequence[str]) -> dict[str, str]:
     """Return the column of each role that the file has."""
+    # Of two columns with the same plain name, the first counts, so it is entered last.
     by_plain_name = {
         re.sub(r"\s+", "_", field.strip().lower()): field for field in reversed(fields)
     }
@@ -289,6 +291,7 @@ def _to_texts(values: Any) -> Any:
     try:
         return values.cast(pa.string())
     except pa.ArrowException:
+        # Some types, such as lists of texts, have no cast to text in Arrow.
         texts = [None if value is None else str(value) for value in values.to_pylist()]
         return pa.array(texts, pa.string())
 

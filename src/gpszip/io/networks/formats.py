@@ -139,6 +139,7 @@ def _entity_error(source: Source) -> InputError:
 
 
 def _is_osm(head: bytes, name: str) -> bool:
+    # A bzip2 file does not show its content, so that its name decides.
     is_bzip2 = head.startswith(b"BZh") and name.lower().endswith(".osm.bz2")
     is_pbf = b"OSMHeader" in head[:64]
     return is_bzip2 or is_pbf or (_is_xml(head) and b"<osm" in head.lstrip(_BLANKS)[:_HEADER_BYTES])

@@ -67,6 +67,7 @@ def read_geojson_lines(source: Source, *, metric: bool | None = None) -> RoadLin
             else:
                 in_metres |= part.members.get("gpszip") == METRES_MEMBER["gpszip"]
                 crs = _find_crs(part.members, source.name) or crs
+                # A document without features is itself a feature or a geometry.
                 if "features" not in part.members:
                     batch.append(part.members)
             if len(batch) >= _BATCH_FEATURES:
@@ -111,6 +112,7 @@ def _properties(element: Any) -> Mapping[str, Any]:
     properties = element.get("properties") if isinstance(element, dict) else None
     properties = properties if isinstance(properties, dict) else {}
     has_id = isinstance(element, dict) and isinstance(element.get("id"), (int, str))
+    # A property of the name "id" takes precedence over the id of the feature.
     return {"id": element["id"], **properties} if has_id else properties
 
 
@@ -190,6 +192,7 @@ def _are_lines(lines: Sequence[Any]) -> bool:
         return False
     if set(map(type, chain.from_iterable(positions))) <= {int, float}:
         return True
+    # Only the first two values of a position have to be numbers: heights may be anything.
     return all(_is_number(value) for position in positions for value in position[:2])
 
 

@@ -149,11 +149,13 @@ def _add_element(graph: _Graph, element: Element, name: str) -> None:
 
 def _read_data(graph: _Graph, element: Element) -> dict[str, str]:
     """Return the attributes of a node or an edge by name."""
+    # Data refer to a key by its id, such as "d3"; the key gives the name of the attribute.
     return {graph.names.get(data.get("key", ""), ""): data.text or "" for data in element}
 
 
 def _read_position(graph: _Graph, element: Element, name: str) -> tuple[float, float]:
     data = _read_data(graph, element)
+    # The first node decides for all nodes.
     if graph.has_lon_lat is None:
         graph.has_lon_lat = "lon" in data and "x" not in data
     try:
@@ -222,6 +224,7 @@ def _find_edge_rules(words: _Words, directed: bool) -> RoadRules:
     # In a directed graph, the other direction is another edge.
     if directed:
         rules = rules._replace(forward=True, backward=False)
+    # Speeds that osmnx estimates are in km/h, those that GPSZip measures in m/s.
     stated_speed = (
         parse_number(words.speed_kph) / 3.6 if words.speed_kph else parse_number(words.speed)
     )
@@ -246,4 +249,5 @@ def _to_log_coordinates(
     # The log is in degrees, or there is none.
     if crs and crs.upper() != "EPSG:4326":
         return to_degrees(points, crs, name), True
+    # Without a coordinate system, positions on the globe are taken for degrees.
     return points, in_degrees or (not crs and within_globe(points))

@@ -254,16 +254,19 @@ def _hash_shapes(vertices: Longs, offsets: Longs) -> tuple[NDArray[np.uint64], N
     generators, 2014).
     """
     counts = np.diff(offsets)
+    # powers[i] is base**(i + 1): all hashes have the same factor, so that equal shapes stay equal.
     with np.errstate(over="ignore"):
         powers = np.cumprod(np.full(int(counts.max()), _HASH_BASE, np.uint64))
 
         # Mix the bits of each vertex.
+        # One is added, as 0 is mixed to 0, so that position 0 would not count.
         mixed = (vertices.astype(np.uint64) + np.uint64(1)) * _HASH_MULTIPLIERS[0]
         mixed = (mixed ^ (mixed >> np.uint64(30))) * _HASH_MULTIPLIERS[1]
         mixed = (mixed ^ (mixed >> np.uint64(27))) * _HASH_MULTIPLIERS[2]
         mixed ^= mixed >> np.uint64(31)
 
         # Sum up each line in both directions.
+        # The exponent is the rank of a vertex in its line, from its start and then from its end.
         exponent = np.arange(len(vertices)) - np.repeat(offsets[:-1], counts)
         forwards = np.add.reduceat(mixed * powers[exponent], offsets[:-1])
         exponent = np.repeat(counts, counts) - 1 - exponent

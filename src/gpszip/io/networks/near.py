@@ -44,6 +44,7 @@ class NearbyArea:
         """Whether points are in the area, shape (n,)."""
         near = np.zeros(len(points), np.bool_)
         for width, keys in self.cells.items():
+            # Look up the cell of each point; past the last key, compare with the last one.
             wanted = _cell_keys(points, width)
             position = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
             near |= keys[position] == wanted
@@ -51,6 +52,7 @@ class NearbyArea:
 
     def boxes(self) -> tuple[Floats, Floats]:
         """Return centres of all cells, shape (n, 2), and half widths, shape (n,), in metres."""
+        # Cell (i, j) reaches from i to i + 1 and from j to j + 1 widths.
         centres = [
             (np.stack(_cell_coordinates(keys), axis=1) + 0.5) * width
             for width, keys in self.cells.items()
@@ -87,11 +89,13 @@ def build_nearby_area(tracks: Sequence[Track]) -> NearbyArea:
     steps = np.where(steps > _MAX_STEP, 0.0, steps)
 
     # Mark cells, level by level.
+    # The reach is 2000 + 0.5 * step metres; level k is enough if 2000 * 2**k is not less.
     levels = np.ceil(np.log2(1 + _REACH_SHARE * steps / _MIN_REACH)).astype(np.int64)
     next_points = np.append(points[1:], points[-1:], axis=0)
     cells = {}
     for level in np.unique(levels).tolist():
         on_level = levels == level
+        # A step of length 0 stays in its cell: the next point is of another track, or a jump away.
         start = points[on_level]
         end = np.where(steps[on_level, None] > 0, next_points[on_level], start)
         width = _MIN_REACH * 2.0**level
@@ -118,5 +122,6 @@ def _cell_coordinates(keys: Keys) -> tuple[Keys, Keys]:
 
 def _with_neighbours(keys: Keys) -> Keys:
     """Return cells and their eight neighbours, sorted."""
+    # One cell further in x adds 2**31 to a key, and one further in y adds 1.
     shifts = (np.arange(-1, 2)[:, None] * (2 * _KEY_OFFSET) + np.arange(-1, 2)).ravel()
     return np.unique(keys[:, None] + shifts)

@@ -104,6 +104,7 @@ def read_osm_lines(path: str, name: str) -> RoadLines:
     # Read way by way.
     ways_read = _WaysRead()
     factory = osmium.geom.WKBFactory()
+    # Nodes with negative ids take a second pass, which starts at the first way that needs them.
     new_nodes = functools.cache(lambda: _read_new_nodes(path, osmium))
     try:
         for way in _iterate_ways(path, osmium):
@@ -117,6 +118,7 @@ def read_osm_lines(path: str, name: str) -> RoadLines:
 
 def _iterate_ways(path: str, osmium: Any) -> Iterator[Any]:
     """Iterate over the ways with the tag ``highway``; their nodes have positions."""
+    # Nodes are read for their positions only. The filters run in C++ and pass on the tagged ways.
     objects = osmium.FileProcessor(path, osmium.osm.NODE | osmium.osm.WAY).with_locations()
     ways = objects.with_filter(osmium.filter.EntityFilter(osmium.osm.WAY))
     return iter(ways.with_filter(osmium.filter.KeyFilter("highway")))
@@ -170,6 +172,7 @@ def _find_position(node: Any, new_nodes: Callable[[], dict[int, _Position]]) -> 
 
 def _located_runs(positions: Sequence[_Position | None]) -> Iterator[bytes]:
     """Yield runs of nodes whose positions the extract holds, in well-known binary."""
+    # The None at the end closes the last run. A run of a single node is no line.
     run: list[_Position] = []
     for position in [*positions, None]:
         if position is not None:
@@ -223,5 +226,6 @@ def _find_way_rules(tags: _Tags) -> RoadRules:
     rules = find_rules(
         road=tags.highway, oneway=tags.oneway, junction=tags.junction, limit=tags.maxspeed
     )
+    # A speed that GPSZip measured on this way counts more than its limit and class.
     speed = parse_number(tags.speed)
     return rules._replace(speed=speed) if 0 < speed < MAX_ROAD_SPEED else rules

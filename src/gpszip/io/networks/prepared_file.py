@@ -150,7 +150,8 @@ def write_prepared_file(roads: RoadGraph, stream: BinaryIO) -> int:
     header["blocks"] = len(blocks)
     header["name"] = len(metadata)
 
-    # Blocks, and the index of them.
+    # Blocks, and the index of them. The first block starts behind the index and its checksum, which
+    # has 4 bytes.
     index = np.zeros(len(blocks), _INDEX_ENTRY)
     offset = _HEADER.itemsize + len(metadata) + index.nbytes + 4
     bodies = []
@@ -180,9 +181,14 @@ def _morton_order(roads: RoadGraph) -> NDArray[np.intp]:
     The key of a road is the interleaved bits of the cell of its first vertex (Morton 1966). Bits
     are spread by masks, 16 to 32 in four steps.
     """
+    # Place the first vertices on a square grid of 65,536 cells a side. The least size avoids a
+    # division by zero where all roads start at one position.
     first = roads.coordinates[roads.offsets[:-1]]
     low, size = first.min(axis=0), np.maximum(np.ptp(first, axis=0).max(), 1e-9)
     cells = np.minimum((first - low) / size * _MORTON_CELLS, _MORTON_CELLS - 1).astype(np.uint64)
+
+    # Spread the 16 bits of each cell number to every second bit; then y takes the bits between
+    # those of x.
     for shift, mask in ((8, 0x00FF00FF), (4, 0x0F0F0F0F), (2, 0x33333333), (1, 0x55555555)):
         cells = (cells | (cells << np.uint64(shift))) & np.uint64(mask)
     return np.argsort(cells[:, 0] | (cells[:, 1] << np.uint64(1)), kind="stable")
@@ -197,8 +203,11 @@ def _encode_block(roads: RoadGraph, chosen: NDArray[np.intp]) -> _EncodedBlock:
     else:
         stored = points.astype("<f8")
     ids = [text.encode() for text in roads.ids.take(pa.array(chosen)).fill_null("").to_pylist()]
+    # Street names repeat: a block stores each name once, and the number of its name for each road.
     names = roads.names.take(pa.array(chosen)).dictionary_encode()
     streets = [text.encode() for text in names.dictionary.to_pylist()]
+
+    # Bit 0 is forward, bit 1 backward; the users follow above.
     flags = (
         roads.forward[chosen]
         | roads.backward[chosen].astype(np.uint8) << 1
@@ -279,6 +288,7 @@ def _read(data: mmap.mmap, name: str, box_filter: BoxFilter | None) -> RoadGraph
     nodes, ends = np.unique(np.concatenate((roads.starts, roads.ends)), return_inverse=True)
     if len(nodes) and (nodes[0] < 0 or nodes[-1] >= header["nodes"]):
         raise CorruptArchiveError("a road leads to a node that doesn't exist", path=name)
+    # The file stores no positions of nodes: a node lies where its roads begin or end.
     count = len(roads.starts)
     positions = np.empty((len(nodes), 2))
     positions[ends[:count]] = roads.points[offsets[:-1]]
@@ -389,6 +399,7 @@ def _decode_block(
         columns.append(np.frombuffer(body, dtype, count, position))
         position += columns[-1].nbytes
     flat, starts, ends, counts, speeds, id_lengths = columns[:6]
+    # Counts that don't add up would give a road the vertices of others.
     if (counts < 2).any() or counts.sum(dtype=np.int64) != points:
         raise ValueError("numbers of vertices")
 
@@ -416,6 +427,7 @@ def _decode_texts(body: bytes, position: int, lengths: NDArray[np.int32]) -> Any
     """
     offsets = np.append(0, np.cumsum(lengths, dtype=np.int64))
     last = position + offsets[-1]
+    # Negative lengths would make texts overlap, and long ones exceed the 32-bit offsets of Arrow.
     if (lengths < 0).any() or last > len(body) or offsets[-1] > np.iinfo(np.int32).max:
         raise ValueError("lengths of texts")
     array = pa.StringArray.from_buffers(

@@ -181,6 +181,7 @@ def _make_box_filter(area: NearbyArea, plane: Plane | None) -> BoxFilter:
             return np.ones(len(boxes), np.bool_)
         low, high = _area_boxes(area, plane)
         touched = np.zeros(len(boxes), np.bool_)
+        # Compare some cells with all blocks at a time, to bound the memory for the pairs.
         for first in range(0, len(low), _CELLS_AT_A_TIME):
             cell_low = low[first : first + _CELLS_AT_A_TIME, None]
             cell_high = high[first : first + _CELLS_AT_A_TIME, None]
@@ -261,6 +262,7 @@ def build_network(
 
 
 def _choose_plane(roads: RoadGraph) -> Plane:
+    # Every k-th node is enough to find the median, and regions far from it.
     lon, lat = roads.nodes[:: max(len(roads.nodes) // _PLANE_SAMPLE, 1)].T
     return choose_plane(lat, lon)
 

@@ -210,6 +210,7 @@ def parse_directions(
     >>> parse_directions("no", road="motorway")
     Directions(forward=True, backward=True)
     """
+    # What the source says counts, even an unknown word. Without it, junction and class decide.
     if oneway is not None:
         return _DIRECTIONS.get(oneway.strip().lower(), _BOTH)
     is_implied = junction in ("roundabout", "circular") or road == "motorway"
@@ -251,6 +252,7 @@ def parse_speed_limit(text: str | None) -> float:
     >>> round(parse_speed_limit("30 mph"), 2), round(parse_speed_limit("RO:urban"), 2)
     (13.41, 13.89)
     """
+    # osmnx writes several limits as the text of a Python list: "['50', '30']".
     plain = (text or "").strip(" []").replace("'", "").replace('"', "")
     limits = [_parse_one_limit(item) for item in re.split(r"[;|,]", plain)]
     return min((limit for limit in limits if not isnan(limit)), default=nan)
@@ -287,6 +289,7 @@ def clean_street_name(name: str | None, ref: str | None = None) -> str | None:
     >>> clean_street_name("['Oak St', 'Elm St']"), clean_street_name("", "nan")
     ('Oak St; Elm St', None)
     """
+    # A dict drops repeated names and keeps their order. pandas writes "nan" for a missing name.
     for text in (name, ref):
         names = dict.fromkeys(" ".join(item.split()) for item in _parse_list(text or ""))
         known = [item for item in names if item and item.lower() not in {"nan", "none", "null"}]
@@ -302,6 +305,7 @@ def _parse_list(text: str) -> list[str]:
         return []  # a JSON object is no name
     if not (plain.startswith("[") and plain.endswith("]") and len(plain) <= _MAX_LIST_LETTERS):
         return [plain]
+    # literal_eval runs no code of the file. A name in brackets that is no list stays as it is.
     try:
         members = ast.literal_eval(plain)
     except (ValueError, SyntaxError, MemoryError, RecursionError):

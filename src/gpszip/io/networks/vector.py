@@ -87,6 +87,7 @@ def _read_features(pyogrio: Any, path: str | bytes, name: str) -> tuple[RoadFeat
 def _choose_layer(layers: Sequence[Sequence[str | None]]) -> str | None:
     """Return the first layer of lines, else the first that may hold lines, else the first."""
     named = [(str(name), str(kind)) for name, kind in layers]
+    # Kinds are such as "MultiLineString Z", or "Unknown" for a layer of mixed geometries.
     for word in ("Line", "Unknown", ""):
         for name, kind in named:
             if word in kind:

@@ -79,6 +79,7 @@ def parse_wkb_lines(geometries: Any) -> WkbLines:
     starts, data = _buffers(geometries)
     sizes = np.diff(starts)
     if len(sizes) and (sizes >= _HEADER_BYTES).all():
+        # Shape (n, 9): the header of each geometry.
         headers = data[starts[:-1, None] + np.arange(_HEADER_BYTES)]
         types = headers[:, 1:5].copy().view("<u4")
         if (headers[:, 0] == 1).all() and (types == _LINE_STRING).all():
@@ -88,6 +89,7 @@ def parse_wkb_lines(geometries: Any) -> WkbLines:
 
 def _buffers(geometries: Any) -> tuple[NDArray[np.int64], NDArray[np.uint8]]:
     """Return the start of each geometry, and the bytes of all."""
+    # Large binary arrays have offsets of 64 bits. An array may be a slice of a longer one.
     wide = geometries.cast(pa.large_binary())
     _, offsets, values = wide.buffers()
     starts = np.frombuffer(offsets, np.int64)[wide.offset : wide.offset + len(wide) + 1]
@@ -99,6 +101,8 @@ def _parse_plain_lines(
 ) -> WkbLines:
     """Parse LineStrings with two coordinates: all bytes outside of headers are coordinates."""
     counts = headers[:, 5:9].copy().view("<u4")[:, 0].astype(np.int64)
+
+    # Drop the header of each line; the doubles of all vertices then follow each other.
     first, last = int(starts[0]), int(starts[-1])
     is_coordinate = np.ones(last - first, np.bool_)
     is_coordinate[(starts[:-1, None] - first + np.arange(_HEADER_BYTES)).ravel()] = False
@@ -127,6 +131,7 @@ def _parse_geometry(data: bytes, position: int) -> tuple[list[NDArray[np.float64
     # Header: byte order, type with the number of coordinates, number of points or lines.
     order = "<" if data[position] == 1 else ">"
     kind, count = struct.unpack_from(order + "II", data, position + 1)
+    # The flags of PostGIS, or else the thousands of ISO, tell which of z and m follow x and y.
     extra_axes = bool(kind & _EWKB_Z) + bool(kind & _EWKB_M)
     width = 2 + (extra_axes or _ISO_EXTRA_AXES[kind % _TYPE_LIMIT // 1000 % 4])
     plain_type = kind % _TYPE_LIMIT % 1000
@@ -183,4 +188,5 @@ def parse_wkt_line(text: str) -> Sequence[tuple[float, float]]:
 
 
 def _is_same_position(first: tuple[float, float], second: tuple[float, float]) -> bool:
+    # Longitudes that differ by whole turns are the same.
     return first[1] == second[1] and (first[0] - second[0]) % 360 == 0
