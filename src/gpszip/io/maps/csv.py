@@ -26,6 +26,7 @@ def write_map_csv(table: MapTable, path: Path) -> None:
     """
     # Properties, ends, shapes.
     columns = {name: _nan_to_null(values) for name, values in table.properties.items()}
+    # Both ends give columns such as u_lon, u_lat, v_lon and v_lat.
     for end in ("u", "v"):
         nodes = table.properties[end]
         columns |= {

@@ -49,6 +49,7 @@ def write_map_geojson(table: MapTable, path: Path, *, points: bool = False) -> N
         ]
 
     # Write one feature a line; mark metres, as GeoJSON itself knows degrees only.
+    # The slice strips the braces, so that the member stands beside "features".
     member = "" if table.geographic else f"{json.dumps(METRES_MEMBER)[1:-1]}, "
     lines = ",\n".join(json.dumps(feature) for feature in features)
     path.write_text(
@@ -57,6 +58,7 @@ def write_map_geojson(table: MapTable, path: Path, *, points: bool = False) -> N
 
 
 def _line_feature(fragments: list[Any], properties: dict[str, Any]) -> dict[str, Any]:
+    # Only a line that crosses the antimeridian has several fragments.
     if len(fragments) == 1:
         return _feature("LineString", fragments[0], properties)
     return _feature("MultiLineString", fragments, properties)
@@ -72,4 +74,5 @@ def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[st
 
 def _nan_to_null(column: NDArray[np.generic]) -> list[Any]:
     """Return a column as a list in which NaN, which JSON can't hold, is None."""
+    # Only NaN differs from itself.
     return [None if value != value else value for value in column.tolist()]  # noqa: PLR0124

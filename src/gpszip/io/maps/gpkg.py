@@ -52,6 +52,7 @@ def write_map_gpkg(table: MapTable, path: Path) -> None:
     geometry_type = "MultiLineString" if len(table.cuts) else "LineString"
     if table.points.shape[1] == 3:
         geometry_type += " Z"
+    # Without a local coordinate system, programs may take metres for positions on the earth.
     pyogrio.raw.write(
         package,
         geometry=_to_wkb(table),

@@ -84,6 +84,7 @@ def _iterate_xml(table: MapTable) -> Iterator[str]:
     properties = {name: table.properties[name].astype(np.int64) for name in _COLUMNS_BY_DIRECTION}
     pairs = np.stack([properties["u"], properties["v"]], axis=1).astype(np.int32)
     directed = split_directions(pairs, properties["forward"], properties["backward"])
+    # Reversing all points reverses the order of the lines, too, which the last slice restores.
     lines = {True: table.wkt, False: _reversed(table).wkt[::-1]} if table.has_shapes else None
     for (source, target, traversals), edge, forward in zip(
         directed, directed.edges.tolist(), directed.forward.tolist(), strict=True

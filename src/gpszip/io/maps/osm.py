@@ -133,6 +133,7 @@ def _iterate_ways(table: MapTable, vertex_ids: NDArray[np.int64]) -> Iterator[st
         parts = [vertex_ids[part] for fragment in fragments for part in _split(fragment)]
         if not forward[edge]:
             parts = [part[::-1] for part in reversed(parts)]
+        # Each way of the edge gets the same tags.
         directions = _direction_tags(forward[edge], backward[edge])
         for part in parts:
             way -= 1
@@ -142,6 +143,7 @@ def _iterate_ways(table: MapTable, vertex_ids: NDArray[np.int64]) -> Iterator[st
 
 def _split(fragment: slice) -> Iterator[slice]:
     """Split a slice of vertices into slices that a way can hold; neighbours share a vertex."""
+    # The last node of a way is the first one of the next, so that a step is one node shorter.
     for start in range(fragment.start, fragment.stop - 1, _MAX_WAY_NODES - 1):
         yield slice(start, min(start + _MAX_WAY_NODES, fragment.stop))
 
@@ -149,6 +151,7 @@ def _split(fragment: slice) -> Iterator[slice]:
 def _direction_tags(forward: int, backward: int) -> str:
     """Return the class of a way, which the format asks for, and how often it was travelled."""
     road = '<tag k="highway" v="road"/>'
+    # The way leads where it was travelled, so that its only count is that of "forward".
     if not (forward and backward):
         return f'{road}<tag k="oneway" v="yes"/>{_traversals("forward", forward or backward)}'
     return road + _traversals("forward", forward) + _traversals("backward", backward)

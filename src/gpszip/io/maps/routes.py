@@ -57,6 +57,7 @@ def route_format(sink: str | Path | BinaryIO, format: str | None = None) -> str:
     >>> route_format("routes.csv"), route_format("-")
     ('csv', 'geojson')
     """
+    # A stream, and standard output, have no suffix: they get the first format.
     suffix = Path(str(sink)).suffix.lower() if isinstance(sink, (str, Path)) else ""
     if format is None and not suffix:
         return next(iter(ROUTE_FORMATS))
@@ -192,6 +193,7 @@ def _geometry(line: Floats, plane: Plane | None) -> dict[str, Any]:
     """Return a line as a geometry, cut where it crosses the antimeridian (RFC 7946, 3.1.9)."""
     if plane is None:
         return {"type": "LineString", "coordinates": line.tolist()}
+    # The offsets of a single line are its start and its end.
     cut = cut_at_antimeridian(line, np.array([0, len(line)]), decimals=_DECIMALS + DEGREE_DIGITS)
     fragments = [fragment.tolist() for fragment in np.split(cut.points, cut.cuts)]
     if len(fragments) == 1:
@@ -222,6 +224,7 @@ def _times(track: Track, first: int, last: int) -> dict[str, float]:
 
 def _road_labels(break_: Break, network: Network) -> list[str]:
     """Return the labels of the roads that a break travels against their direction."""
+    # A dict drops repeated labels and keeps the order of travel.
     return list(dict.fromkeys(map(network.label, break_.edges)))
 
 
@@ -258,6 +261,7 @@ def _to_output_coordinates(positions: Floats, plane: Plane | None) -> Floats:
 def _write_csv(
     matching: Matching, tracks: Sequence[Track], network: Network, stream: BinaryIO
 ) -> None:
+    # The header takes the columns of the first table; without tracks there is no header.
     needs_header = True
     for match, track in zip(matching.matches, tracks, strict=True):
         table = _point_table(match, track, network)
@@ -317,6 +321,7 @@ def _reasons(match: Match, network: Network) -> tuple[pa.Array, pa.Array]:
 
     reasons = pa.array([break_.reason for break_ in match.breaks], pa.string())
     labels = ["; ".join(_road_labels(break_, network)) or None for break_ in match.breaks]
+    # A null index gives a null.
     return reasons.take(index), pa.array(labels, pa.string()).take(index)
 
 

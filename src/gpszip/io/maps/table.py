@@ -144,6 +144,7 @@ def map_table(road_map: RoadMap, min_traversals: int = 0) -> MapTable:
     }
 
     # Coordinates.
+    # Each edge is a line of two vertices: edge i has the points 2i and 2i + 1.
     points = road_map.nodes[np.stack((u, v), axis=1).ravel()]
     lines = _to_output_lines(points, np.arange(0, 2 * len(u) + 1, 2), road_map.plane)
     return MapTable(
@@ -182,6 +183,7 @@ def clean_map_table(clean_map: CleanMap) -> MapTable:
     }
     interval_count = clean_map.hourly.shape[1]
     for i in range(interval_count):
+        # A column is named by the hour at which its interval of the day begins.
         hour = 24 * i // interval_count
         columns[f"speed_{hour:02d}h"] = _round_metres(clean_map.hourly[:, i])
 
@@ -200,6 +202,7 @@ def clean_map_table(clean_map: CleanMap) -> MapTable:
 
 def _round_metres(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Round metres or m/s; NaN stays."""
+    # NaN is replaced for the rounding only.
     return np.where(np.isnan(values), np.nan, round_decimals(np.nan_to_num(values), _DECIMALS))
 
 

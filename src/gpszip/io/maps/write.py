@@ -207,6 +207,7 @@ def write_map(
         table = clean_map_table(road_map)
     else:
         table = map_table(road_map, min_traversals)
+    # Writers take a path, so that standard output gets a copy of a temporary file.
     with to_stdout(map_format.suffixes[0]) if str(path) == "-" else atomic_write(path) as file:
         write(table, file)
 
