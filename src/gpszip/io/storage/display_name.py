@@ -22,5 +22,6 @@ def printable_name(name: str) -> str:
         # Python represents bytes that are no UTF-8 as lone surrogates in names of files.
         text = name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
     except UnicodeEncodeError:
+        # Other lone surrogates stand for no byte: they are escaped as such.
         text = name.encode("utf-8", "backslashreplace").decode()
     return _CONTROL_LETTERS.sub(lambda match: match[0].encode("unicode_escape").decode(), text)

@@ -132,6 +132,7 @@ class _GzipReader(io.RawIOBase):
         return True
 
     def readinto(self, buffer: Any) -> int:
+        # Small chunks let the meter stop a bomb before much of it is in memory.
         try:
             chunk = read_chunk(self._stream, min(len(buffer), _CHUNK_BYTES))
         except OSError as error:
@@ -141,6 +142,7 @@ class _GzipReader(io.RawIOBase):
                 remedy="fetch it again, or unpack what is left of it with zcat",
             ) from None
 
+        # The position in the packed file is the number of compressed bytes that were read.
         self._meter.count(len(chunk), self._packed.tell())
         buffer[: len(chunk)] = chunk
         return len(chunk)

@@ -67,6 +67,7 @@ def fetch_objects(name: str) -> Iterator[tuple[str, bytes] | InputError]:
     for path in paths:
         shown = name if path == root else base + path[len(root.rstrip("/")) :]
         try:
+            # Gzip files are unpacked later, within the limit of expansion.
             with system.open_input_stream(path, compression=None) as stream:
                 yield shown, stream.read()
         except (OSError, pa.ArrowException) as error:
@@ -89,6 +90,7 @@ def _list_paths(system: Any, root: str, pattern: str | None) -> Iterator[str]:
         yield root
         return
 
+    # Subfolders are listed only if the pattern reaches into them, as that may take long.
     is_deep = pattern is None or "**" in pattern or "/" in pattern[len(root) :].lstrip("/")
     selector = fs.FileSelector(root, recursive=is_deep, allow_not_found=True)
     for info in system.get_file_info(selector):
@@ -103,6 +105,7 @@ def _matches(path: str, pattern: str) -> bool:
     """Whether all folders and the file name match; ``**`` matches any number of folders."""
     if "**" in pattern:
         return fnmatchcase(path, pattern.replace("**/", "*"))
+    # In fnmatch, * matches slashes, too, so that folders are compared one by one.
     names, patterns = path.split("/"), pattern.split("/")
     return len(names) == len(patterns) and all(
         fnmatchcase(*pair) for pair in zip(names, patterns, strict=True)

@@ -38,6 +38,7 @@ def open_sink(sink: str | Path | BinaryIO) -> Iterator[BinaryIO]:
         buffered = io.BufferedWriter(sink)
         yield buffered
         buffered.flush()
+        # Detach the buffer: closing it would close the caller's stream.
         buffered.detach()
     elif not isinstance(sink, (str, Path)):
         yield sink
@@ -77,6 +78,7 @@ def _standard_output() -> Iterator[BinaryIO]:
         raise OutputError(
             "is closed", path="standard output", remedy="name a file with -o or leave it open"
         )
+    # If the run fails, its message says that part of the output is out already.
     report_output("standard output may be incomplete")
     try:
         yield sys.stdout.buffer
@@ -84,6 +86,7 @@ def _standard_output() -> Iterator[BinaryIO]:
     except BrokenPipeError:
         raise  # the reader has closed the pipe, which is no error
     except OSError as error:
+        # An error with the name of a file is about that file, not about standard output.
         if error.filename is not None:
             raise
         raise OutputError(

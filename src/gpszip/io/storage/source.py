@@ -109,6 +109,7 @@ class Source:
             If it can't be opened. Reading raises it if a gzip file is damaged or expands beyond
             the limit of :mod:`gpszip.io.storage.expansion`.
         """
+        # The content decides, not the suffix: an object or a stream may have any name.
         stored = self._open_stored()
         is_gzip = stored.read(len(_GZIP)) == _GZIP
         stored.seek(0)
@@ -239,8 +240,10 @@ def _expand(
     sources: Any, keep: _Keep, *, unzip: bool | Callable[[Source], bool]
 ) -> Iterator[Source | InputError]:
     """Turn names, patterns and streams into sources; ``keep`` stores streams."""
+    # Streams can be iterated, too, but they are one source.
     is_single = isinstance(sources, (str, Path)) or hasattr(sources, "read")
     for item in [sources] if is_single else sources:
+        # Results of :func:`spooled` pass unchanged.
         if isinstance(item, (Source, InputError)):
             yield item
             continue
@@ -297,6 +300,7 @@ def _in_memory(stream: _Stream) -> Source:
 
 def _on_disk(stream: _Stream, path: Path) -> Source:
     """Store a stream in a file."""
+    # Errors of reading are InputErrors by then, so that only errors of writing are caught here.
     with disk_errors_as_output_errors(), path.open("wb") as file:
         for chunk in _checked_chunks(stream):
             file.write(chunk)
@@ -369,6 +373,7 @@ def _member_stream(member: ZipMember, archive: str) -> _Stream:
 
 def _stream_name(stream: Any) -> str:
     """Name of an open stream, if it has one."""
+    # Streams on a file descriptor have a number as their name.
     name = getattr(stream, "name", None)
     return printable_name(name) if isinstance(name, str) else "stream"
 
@@ -379,6 +384,7 @@ def _is_pattern(name: str) -> bool:
 
 def _match_pattern(name: str) -> list[str]:
     """Names of the files that a pattern matches; the name itself if it is none or matches none."""
+    # A file may have brackets in its name.
     if _is_pattern(name) and not Path(name).exists():
         # Path.glob accepts no absolute pattern.
         return sorted(glob.glob(name, recursive=True)) or [name]  # noqa: PTH207
@@ -414,8 +420,11 @@ def _resolve_file(name: str, path: Path) -> Source | _Stream | InputError:
     try:
         # A file whose name isn't printable is read as a stream.
         if path.is_file() and printable_name(str(path)) == str(path):
+            # Opening the file finds out whether it may be read.
             with path.open("rb"):
                 return Source(shown, path=path)
+        # A name without a file raises an error here; what passes is a pipe or a device, or a file
+        # whose name isn't printable.
         path.stat()
     except FileNotFoundError as error:
         reason = "no file matches this pattern" if _is_pattern(name) else _explain_error(error)
@@ -433,5 +442,6 @@ def _explain_error(error: Exception) -> str:
         return "no such file"
     if isinstance(error, PermissionError):
         return "no permission to read it"
+    # ValueErrors have no number.
     number = getattr(error, "errno", None)
     return f"can't be read: {os.strerror(number) if number else str(error)[:120]}"

@@ -89,6 +89,7 @@ def write_numbers(numbers: NDArray[Any], file: BinaryIO) -> None:
     file : binary file
         Open for writing.
     """
+    # The file takes the numbers as bytes, which only a contiguous array has in one piece.
     file.write(np.ascontiguousarray(numbers).data.cast("B"))
 
 
@@ -112,6 +113,7 @@ def read_numbers(path: Path, kind: type[Number], first: int, count: int) -> NDAr
     numbers = np.empty(count, kind)
     with disk_errors_as_output_errors(), path.open("rb") as file:
         file.seek(first * numbers.itemsize)
+        # The memory of an empty array can't always be viewed as bytes.
         read = file.readinto(numbers.data.cast("B")) if count else 0
     if read != numbers.nbytes:
         raise OutputError(

@@ -187,6 +187,7 @@ def _read_member(
 
 def _is_hidden(name: str) -> bool:
     """Whether a file or one of its folders is hidden, or was added by macOS."""
+    # Some programs write backslashes between folders.
     names = name.replace("\\", "/").split("/")
     has_dot = any(n.startswith(".") and n not in (".", "..") for n in names)
     return names[0] == "__MACOSX" or has_dot
@@ -198,6 +199,7 @@ class _CountingFile(io.RawIOBase):
     def __init__(self, file: Any) -> None:
         self._file = file
         self.bytes_read = 0
+        # The position after the seek is the size; zipfile seeks to where it reads.
         self.size = file.seek(0, io.SEEK_END)
 
     def readable(self) -> bool:
