@@ -96,6 +96,7 @@ class StoredColumn:
         count : int, optional
             Number of rows; all up to the end if left out.
         """
+        # Each row takes 8 bytes; codes of texts are integers.
         last = self.path.stat().st_size // 8 if count is None else first + count
         dtype = np.float64 if self.kind == "f" else np.int64
         for row in range(first, last, _CHUNK_VALUES):
@@ -138,6 +139,7 @@ class ColumnEncoder:
         InputError
             If a column is missing, or there are more distinct texts than fit in memory.
         """
+        # Files may differ in their columns, but each needs those to keep.
         missing = next((name for name in self.names if name not in attributes), None)
         if missing is not None:
             available = ", ".join(attributes) or "none"
@@ -191,14 +193,17 @@ class ColumnEncoder:
         if kind == ColumnKind.TEXTS:
             return self._encode_texts(number, values)
         dtype = np.int64 if kind == ColumnKind.INTEGERS else np.float64
+        # The bits of an int64 pass for a float64, so that all columns of a row share one array.
         return values.astype(dtype).view(np.float64)
 
     def _convert_column(
         self, number: int, encoded: Floats, old: ColumnKind, new: ColumnKind
     ) -> Floats:
+        # A column of a table is not contiguous, as the view of its bits requires.
         encoded = np.ascontiguousarray(encoded)
         if old == new:
             return encoded
+        # Texts are the widest kind, so that a column to convert holds numbers.
         values = encoded.view(np.int64 if old == ColumnKind.INTEGERS else np.float64)
         if new == ColumnKind.FLOATS:
             return values.astype(np.float64)
@@ -206,6 +211,7 @@ class ColumnEncoder:
 
     def _encode_texts(self, number: int, values: Values) -> Floats:
         """Return the codes of texts as bits; a new text gets the next free code."""
+        # Arrow finds the distinct texts, so that the loop is over these alone.
         batch = pa.array(values.tolist(), pa.string()).dictionary_encode()
         known_codes = self._text_codes[number]
         codes = np.zeros(len(batch.dictionary), np.int64)

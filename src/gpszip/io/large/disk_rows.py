@@ -62,6 +62,7 @@ class DiskRows:
 
         # Store.
         columns = self.column_encoder.encode(rows.attributes, len(rows), raw.name)
+        # Kinds count only once the file is accepted, since a dropped file must not widen them.
         self._file_kinds.add(columns.kinds)
         numbers = np.column_stack([rows.times, rows.numbers, rows.coordinates])
         self._runs.add(rows.codes, numbers, columns)

@@ -147,6 +147,7 @@ class OutlierSearch:
         self, first: int, count: int, shared: int
     ) -> Iterator[tuple[Floats, Floats]]:
         """Yield a track in blocks that share this number of samples with the next one."""
+        # A block reads on into the next one: intervals need one more sample, speeds at samples two.
         for start in range(0, count - shared, self.max_rows):
             yield self._read_samples(first, start, min(start + self.max_rows + shared, count))
 

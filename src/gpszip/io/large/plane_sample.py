@@ -39,6 +39,7 @@ class PlaneSample:
     def add(self, degrees: Floats) -> None:
         """Add latitudes and longitudes in degrees, shape (n, 2)."""
         # Take every k-th position, counted over all batches.
+        # The start is the first row of the batch whose number among all rows is a multiple of k.
         regular = degrees[-self._seen % self._stride :: self._stride]
         self._seen += len(degrees)
         self._sample.append(regular.copy())

@@ -238,6 +238,7 @@ def store_logs(
             )
         )
         read_result = log.read_result((), repairs)
+        # An error before this line removes the temporary folder; from here on, the log does.
         return StoredLog(
             tracks,
             read_result,
@@ -265,6 +266,7 @@ class _Block(NamedTuple):
 
     def add_to(self, counts: NDArray[np.int64]) -> None:
         """Add the number of rows of each track to these counts."""
+        # A track begins where the index differs from that of the row before.
         starts = np.flatnonzero(np.diff(self.tracks, prepend=-1))
         np.add.at(counts, self.tracks[starts], np.diff(starts, append=len(self.tracks)))
 
@@ -280,6 +282,7 @@ class _Filtered(NamedTuple):
 def _blocks_of_tracks(log: CollectedLog) -> Iterator[_Block]:
     """Yield the sorted rows of a log, with the index of their tracks."""
     track_of_code = np.zeros(log.code_count, np.intp)
+    # The rows of a track have a code of their own in each file.
     for i, track in enumerate(log.tracks):
         track_of_code[list(track.codes)] = i
     for block in log.sorted_rows():
@@ -359,6 +362,7 @@ def _write_samples(
             block.add_to(counts)
             rows = block.rows
             if plane is not None:
+                # Latitude and longitude give way to x and y, in metres.
                 rows[:, 1:sample_width] = to_plane(rows[:, 1], rows[:, 2], plane)
             write_numbers(rows[:, :sample_width], sample_file)
             for file, values in zip(column_files, rows[:, sample_width:].T, strict=True):
