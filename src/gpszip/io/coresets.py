@@ -101,6 +101,7 @@ def write_coreset(coreset: Coreset, sink: str | Path | BinaryIO, *, force: bool 
     )
 
     # Columns.
+    # Codes and names make a column of texts without a loop over blocks.
     names = pa.DictionaryArray.from_arrays(
         pa.array(coreset.owners.astype(np.int32)), pa.array(coreset.tracks, pa.string())
     )
@@ -152,6 +153,7 @@ def read_coreset(source: str | Path | BinaryIO) -> Coreset:
 
 def _column_names(dimension: int) -> list[str]:
     """Return the names of all columns of numbers."""
+    # All columns of one name stand together: start_0, start_1, mean_0, mean_1 and so on.
     axis_names = [f"{name}_{axis}" for name in _AXIS_COLUMN_NAMES for axis in range(dimension)]
     return [*_COLUMN_NAMES, *axis_names]
 
@@ -193,6 +195,7 @@ def _build_coreset(table: Any, metadata: dict[str, Any], where: str) -> Coreset:
 
 def _are_grouped(owners: Longs, track_count: int) -> bool:
     """Whether every block has a track, every track has blocks, and they are in its order."""
+    # An owner of -1 is a name that the metadata don't list.
     is_sorted = (owners >= 0).all() and (np.diff(owners) >= 0).all()
     return bool(is_sorted and len(np.unique(owners)) == track_count)
 
@@ -227,6 +230,7 @@ def _is_valid(rows: Floats) -> bool:
 
 def _costs_are_finite(rows: Floats) -> bool:
     """Whether costs can be computed without an overflow."""
+    # Huge values in a damaged file would make costs infinite or NaN without an error.
     with np.errstate(over="ignore", invalid="ignore"):
         weight = rows[:, _COLUMN["weight"]]
         squares = (rows[:, len(_COLUMN_NAMES) :] ** 2).sum(axis=1)

@@ -29,6 +29,7 @@ def deferred(module: str, name: str) -> Callable[..., Any]:
     """
 
     def call(*arguments: Any, **keywords: Any) -> Any:
+        # Python keeps imported modules, so that later calls only look the module up.
         return getattr(import_module(module), name)(*arguments, **keywords)
 
     return call

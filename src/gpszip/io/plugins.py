@@ -92,6 +92,7 @@ report it to the authors of that package
         except (GPSZipError, OSError, MemoryError):
             raise
         except (Exception, SystemExit) as fault:
+            # SystemExit is among them, since a plugin must not end the process.
             raise error(
                 f"{self.plugin} failed: {_explain(fault)}",
                 path=path,
