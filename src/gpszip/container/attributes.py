@@ -121,6 +121,7 @@ def write_attributes(
     for column in (times, *columns.values()):
         write_column(column, sink)
     values = sum(counts) * (1 + len(columns))
+    # The double minus rounds up.
     min_bytes = -(-(values - _FREE_VALUES) // _VALUES_PER_BYTE)
     sink.write(bytes(max(0, min_bytes - sink.tell())))
 
@@ -148,6 +149,7 @@ def read_attributes(body: bytes, tracks: int) -> KeptColumns:
     cursor = Cursor(body)
     counts, names = _read_head(cursor, tracks)
     total = sum(counts)
+    # Forged counts are refused before any column is expanded.
     if total * (1 + len(names)) > _FREE_VALUES + _VALUES_PER_BYTE * len(body):
         raise cursor.error(
             f"{1 + len(names)} columns of {total} samples can't lie in {len(body)} bytes"
@@ -164,6 +166,7 @@ def read_attributes(body: bytes, tracks: int) -> KeptColumns:
 
 def _read_head(cursor: Cursor, tracks: int) -> tuple[tuple[int, ...], tuple[str, ...]]:
     """Number of samples of each track, and names of the columns."""
+    # Each number of samples takes a byte at least, and so does each name.
     if tracks > cursor.remaining:
         raise cursor.error(f"numbers of samples of {tracks} tracks in {cursor.remaining} bytes")
     counts = tuple(cursor.read_varint("a number of samples") for _ in range(tracks))
@@ -186,6 +189,7 @@ def _is_increasing(times: _Values, counts: Sequence[int]) -> bool:
     is_later = np.diff(times.astype(np.float64)) > 0
 
     # From one track to the next, times may go back.
+    # Tracks without samples have no step.
     starts = np.cumsum([count for count in counts if count], dtype=np.int64)[:-1]
     is_later[starts - 1] = True
     return bool(is_later.all())
@@ -193,9 +197,11 @@ def _is_increasing(times: _Values, counts: Sequence[int]) -> bool:
 
 def _read_packed(cursor: Cursor, size: int) -> bytes:
     """Read a packed block that expands to ``size`` bytes."""
+    # The two lowest bits are the packing, the rest is the length.
     tag = cursor.read_varint("the length of a block")
     data, packing = cursor.read_bytes(tag >> 2, "a block"), tag & 3
     limit = FREE_BYTES + BYTES_PER_BYTE * len(data)
+    # A stored block can't expand, so that it needs no limit.
     if packing > LZMA or (packing != STORED and size > limit):
         raise cursor.error(f"a block of packing {packing} and {len(data)} bytes can't hold {size}")
     if packing != STORED:
@@ -210,6 +216,7 @@ def _read_column(cursor: Cursor, count: int) -> _Values:
     """Undo :func:`gpszip.container.columns.write_column` for ``count`` values."""
     # a byte of kind, order of differences, and whether numbers are missing
     byte = cursor.read_byte("a column's kind")
+    # The kind has 4 bits, the order 2, and holes the rest.
     kind, order, holes = byte & 15, byte >> 4 & 3, byte >> 6
     is_decimal = INTEGERS < kind < BITS
     if kind > TEXT or order > _MAX_ORDER or holes > 1 or (holes and not is_decimal):
@@ -229,6 +236,7 @@ def _read_column(cursor: Cursor, count: int) -> _Values:
         return values
     if kind == BITS:
         return values.view(np.float64)
+    # The writer has checked that this division gives back the same numbers.
     numbers: NDArray[np.float64] = values / 10.0 ** (kind - 1)
     if is_missing is not None:
         numbers[is_missing] = np.nan
@@ -245,6 +253,7 @@ def _read_texts(cursor: Cursor) -> list[str]:
     """Read the distinct texts of a column."""
     count = cursor.read_varint("the number of texts")
     size = cursor.read_varint("the size of the texts")
+    # Each text takes a byte at least, for its length.
     if count > size:
         raise cursor.error(f"{count} texts in {size} bytes")
     block = Cursor(_read_packed(cursor, size))
@@ -275,6 +284,7 @@ def _read_numbers(cursor: Cursor, count: int, order: int) -> _Ints:
     planes = np.frombuffer(_read_packed(cursor, width * length), np.uint8).reshape(width, length)
 
     # Bytes to numbers, whose lowest bit is the sign.
+    # Plane i holds byte i of each number; the bytes above the width are 0.
     rows = np.zeros((length, _MAX_WIDTH), np.uint8)
     rows[:, :width] = planes.T
     folded = rows.view("<u8").reshape(-1).astype(np.uint64)
@@ -282,6 +292,7 @@ def _read_numbers(cursor: Cursor, count: int, order: int) -> _Ints:
     values: _Ints = sizes ^ -signs
 
     # Sum up the differences, order by order.
+    # A column shorter than the order has fewer first values.
     for start in reversed(starts[:count]):
         values = np.cumsum(np.append(np.int64(start), values))
     return values[:count]

@@ -190,6 +190,7 @@ def path_opener(path: str | os.PathLike[str]) -> Opener:
     No file stays open in between, so that an archive can be replaced while it is in use, and
     nobody has to close it.
     """
+    # Note which file this is; it is closed until it is needed again.
     with open_file(path) as file:
         known = _identity(file)
 
@@ -210,6 +211,7 @@ def stream_opener(file: BinaryIO) -> Opener:
 
     The file has ``seek`` and ``read``.
     """
+    # One thread's seek must not come between the seek and the read of another one.
     lock = Lock()
 
     @contextmanager
@@ -369,6 +371,7 @@ def find_group(catalog: Catalog, track: int) -> int:
     count = 1 if catalog.ids is None else len(catalog.ids)
     if not 0 <= track < count:
         raise IndexError(f"track {track} of {count}")
+    # The last group that begins at this track or before it.
     return max(bisect_right([entry.first_track for entry in catalog.entries], track) - 1, 0)
 
 
@@ -389,6 +392,7 @@ def find_groups(catalog: Catalog, first: int, last: int) -> tuple[int, ...]:
 
 def _identity(file: BinaryIO) -> tuple[int, int, int, int]:
     """Numbers that differ between files, and change when a file changes."""
+    # A new file may get the inode of a deleted one: size and time tell them apart.
     status = os.fstat(file.fileno())
     return status.st_dev, status.st_ino, status.st_size, status.st_mtime_ns
 
@@ -438,6 +442,7 @@ def _read_index_offset(file: BinaryIO, size: int) -> int:
     if start < HEAD_BYTES:
         raise CorruptArchiveError("the archive ends within its head", size)
     offset, _ = read_end_mark(_read_one_section(file, start, size, SectionKind.END).cursor())
+    # An offset of 0 says that there is no index.
     if offset and not HEAD_BYTES < offset < start:
         raise CorruptArchiveError(f"the end mark puts the index at byte {offset}", start)
     return offset
@@ -447,6 +452,7 @@ def _read_entries(file: BinaryIO, start: int, stop: int) -> tuple[IndexEntry, ..
     """Read the index, whose groups must lie before it, one after the other."""
     entries = read_fully(_read_one_section(file, start, stop, SectionKind.INDEX), read_index)
     end = HEAD_BYTES
+    # Groups that overlap would let a few bytes stand for many groups.
     for entry in entries:
         if entry.offset < end or entry.offset + entry.size > start:
             raise CorruptArchiveError(f"the index puts a group at byte {entry.offset}", start)
@@ -487,11 +493,13 @@ def _find_extras(
 
 def _section_at(file: BinaryIO, offset: int, end: int) -> SectionLocation:
     """Locate a section from its first bytes; it must end at ``end`` or before."""
+    # Close to the end, there may be fewer bytes than the longest head takes.
     cursor = Cursor(_read(file, offset, min(offset + _MAX_SECTION_HEAD, end)), base=offset)
     if cursor.read_bytes(len(SECTION_MARKER), "a section's marker") != SECTION_MARKER:
         raise CorruptArchiveError("no section begins here", offset)
     kind = cursor.read_byte("a section's kind")
     length = cursor.read_varint("a section's length")
+    # The cursor has passed marker, kind and length.
     size = cursor.offset + length + CHECKSUM_BYTES
     if offset + size > end:
         raise CorruptArchiveError(f"a section of kind {kind} takes {size} bytes", offset)

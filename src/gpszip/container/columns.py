@@ -114,12 +114,14 @@ def as_column(name: str, values: Values) -> Column:
         If it holds values that can't be kept.
     """
     if values.dtype.kind in "SUO":
+        # unique sorts the texts, so that codes have their alphabetical order.
         texts, codes = np.unique(
             np.array([_as_text(name, value) for value in values.tolist()], dtype=object),
             return_inverse=True,
         )
         return _ArrayColumn("U", codes.reshape(-1).astype(np.int64), tuple(texts.tolist()))
     if values.dtype.kind in "biu":
+        # Unsigned numbers from 2**63 on would become negative.
         if len(values) and int(values.max()) >= 1 << 63:
             raise OptionError(
                 f"column {name!r} holds {values.max()}, which is too large to be kept"
@@ -179,6 +181,7 @@ def _float_bits(column: Column) -> Iterator[_Ints]:
 def _write_floats(column: Column, sink: BinaryIO) -> None:
     """Write a column of numbers, as decimals if that is exact."""
     digits, holes = _count_digits(column)
+    # No number of digits is exact: keep the bits of each number.
     if digits is None:
         _write_numbers(BITS, lambda: _float_bits(column), sink)
         return
@@ -192,8 +195,10 @@ def _count_digits(column: Column) -> tuple[int | None, bool]:
     for values in column.chunks():
         numbers = values[~np.isnan(values)].astype(np.float64)
         holes |= len(numbers) < len(values)
+        # Infinite numbers are no decimals, either.
         if not (np.abs(numbers) < _MAX_EXACT).all():
             return None, holes
+        # Only numbers of digits that were exact in all chunks before are tried.
         possible = [digits for digits in possible if _is_exact(numbers, digits)]
         if not possible:
             return None, holes
@@ -229,6 +234,7 @@ def _pack_holes(column: Column, sink: BinaryIO) -> None:
     """Write a packed block with a bit for each number, set where it is missing."""
     data, rest = bytearray(), np.zeros(0, np.bool_)
     for values in column.chunks():
+        # Bits are packed by eights; those left over go before the next chunk.
         holes = np.concatenate([rest, np.isnan(values)])
         full = len(holes) // 8 * 8
         data += np.packbits(holes[:full]).tobytes()
@@ -284,6 +290,7 @@ def _zigzag_chunks(chunks: _IntChunks, order: int) -> Iterator[NDArray[np.uint64
     """Differences of an order, chunk by chunk."""
     last = np.zeros(0, np.int64)
     for chunk in chunks():
+        # The first differences of a chunk need the last values of the chunk before.
         values = np.concatenate([last, chunk])
         last = values[max(len(values) - order, 0) :]
         if len(values) > order:
@@ -292,6 +299,7 @@ def _zigzag_chunks(chunks: _IntChunks, order: int) -> Iterator[NDArray[np.uint64
 
 def _byte_planes(chunks: _IntChunks, order: int, width: int) -> Iterator[bytes]:
     """All lowest bytes of the differences, then all second lowest, and so on."""
+    # Read the column once for each byte, so that only one chunk is in memory.
     for place in range(width):
         for chunk in _zigzag_chunks(chunks, order):
             yield _byte_plane(chunk, place)
@@ -319,12 +327,14 @@ def _differences(values: _Ints, order: int) -> tuple[list[int], _Ints]:
 
 def _zigzag(values: _Ints) -> NDArray[np.uint64]:
     """Numbers with their sign in the lowest bit: 0, -1, 1, -2, ... as 0, 1, 2, 3, ..."""
+    # values >> 63 is -1 for negative numbers, which inverts all bits, and 0 for others.
     folded: NDArray[np.uint64] = ((values << 1) ^ (values >> 63)).view(np.uint64)
     return folded
 
 
 def _byte_plane(values: NDArray[np.uint64], place: int) -> bytes:
     """One byte of each number; place 0 is the lowest."""
+    # Bytes are in the same order on any machine.
     return values.astype("<u8").view(np.uint8).reshape(-1, 8)[:, place].tobytes()
 
 
@@ -336,6 +346,7 @@ def _shuffled(values: NDArray[np.uint64]) -> bytes:
 
 def _pack(data: bytes, sink: BinaryIO) -> None:
     """Write a block in the shortest packing: a varint of its length and packing, the bytes."""
+    # Data that expand more than a reader allows are stored.
     packings = [(STORED, data), (DEFLATED, deflate(data)), (LZMA, pack_lzma(data))]
     allowed = [
         (packing, body)
@@ -376,6 +387,7 @@ def _pack_stream(size: int, chunks: Callable[[], Iterator[bytes]], sink: BinaryI
         # Write the shortest.
         packing = min(sizes, key=sizes.__getitem__)
         sink.write(encode_varint(4 * sizes[packing] + packing))
+        # Stored bytes are in no file: they are computed again.
         for chunk in chunks() if packing == STORED else _read_chunks(files[packing - DEFLATED]):
             sink.write(chunk)
 

@@ -270,6 +270,7 @@ def _check_grid_or_map(contents: Contents) -> str | None:
         return f"the map's hash has {len(reference.hash)} bytes, not {MAP_HASH_BYTES}"
     if not 0 <= reference.refinements <= MAX_REFINEMENTS:
         return f"a grid refined {reference.refinements} times; at most {MAX_REFINEMENTS} are"
+    # Only the compact form can leave out the name of a track.
     return "no names" if contents.ids is None and not contents.is_single_group else None
 
 
@@ -321,6 +322,7 @@ def _is_encodable(error_bound: ErrorBound, version: int) -> bool:
         digits = error_bound.digits in DIGITS
     else:
         digits = error_bound.digits in GROWN_DIGITS and error_bound.growth in GROWTH_STEPS
+    # Version 2 has one exponent more; since version 3, its four bits mark two bounds.
     exponent = error_bound.exponent in EXPONENTS or (
         version == OLDEST_VERSION and error_bound.exponent == LAST_OF_VERSION_2
     )
@@ -332,6 +334,7 @@ def _is_maximum_encodable(error_bound: ErrorBound) -> bool:
     if error_bound.max_digits == 0:
         return True
     over = error_bound.max_exponent - error_bound.exponent
+    # A second bound stands beside a root mean square that no merge has extended.
     return (
         error_bound.max_digits in DIGITS
         and over in MAXIMUM_EXPONENTS_ABOVE
@@ -342,6 +345,7 @@ def _is_maximum_encodable(error_bound: ErrorBound) -> bool:
 
 def _check_others(contents: Contents) -> str | None:
     """Say what is wrong with further sections, error bound, sampling and compression."""
+    # A kind takes one byte.
     for section in contents.extras:
         if section.kind in _RESERVED_KINDS or not 0 <= section.kind < 256:
             return f"further sections can't be of kind {section.kind}"

@@ -83,6 +83,7 @@ def read_error_bound(cursor: Cursor, version: int) -> tuple[ErrorBound | None, i
         digits, growth = rest + GROWN_DIGITS.start, steps + GROWTH_STEPS.start
 
     # The second bound, and the sampling.
+    # In version 2, 15 is an exponent like any other.
     has_both = exponent == _BOTH and version > OLDEST_VERSION and has_bound
     second = int.from_bytes(cursor.read_bytes(2, "the maximum"), "little") if has_both else 0
     sampling = cursor.read_byte("the sampling") if packed & _SAMPLED else None

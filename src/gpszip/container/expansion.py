@@ -103,6 +103,7 @@ def unpack_lzma(data: bytes, limit: int, offset: int) -> bytes:
 def _expand(unpacker: _Decompressor, data: bytes, limit: int, offset: int) -> bytes:
     """Expand one complete stream to at most ``limit`` bytes; ``offset`` is for errors."""
     try:
+        # One byte past the limit is enough to see that there are more.
         expanded = unpacker.decompress(data, limit + 1)
         # The last bytes of a stream can wait inside until more is asked for.
         more = b"" if unpacker.eof else unpacker.decompress(_pending(unpacker), 1)
@@ -112,6 +113,7 @@ def _expand(unpacker: _Decompressor, data: bytes, limit: int, offset: int) -> by
         raise CorruptArchiveError(
             f"compressed bytes expand past the limit of {limit} bytes", offset
         )
+    # A forged length may cut the stream short, or take in what follows it.
     if not unpacker.eof or unpacker.unused_data:
         raise CorruptArchiveError("compressed bytes are not one complete stream", offset)
     return expanded + more

@@ -55,6 +55,7 @@ def fits_head(grid: QuantisationGrid) -> bool:
 def short_grid_shape(grid: QuantisationGrid) -> int:
     """Two bits: 0 is x, y; 1 is x, y, z; 2 is a plane with a fine centre; 3 one with a coarse."""
     if grid.plane is None:
+        # The shape 0 is x, y and 1 is x, y, z.
         return grid.dimension - 2
     return _SHAPE_COARSE_PLANE if _center_unit(grid.plane) == _COARSE else _SHAPE_FINE_PLANE
 
@@ -78,6 +79,7 @@ def encode_grid(grid: QuantisationGrid) -> bytes:
     kind = _NO_CENTERS
     if grid.plane is not None:
         kind = _COARSE_CENTERS if _center_unit(grid.plane) == _COARSE else _FINE_CENTERS
+    # Bit 0 tells whole units, bits 1 and 2 the kind of centres, and the rest is the dimension.
     shape = encode_varint(int(has_whole_units(grid)) | kind << 1 | grid.dimension << 3)
     if grid.plane is None:
         return shape + _encode_numbers(grid)
@@ -108,6 +110,7 @@ def _encode_centers(plane: Plane) -> bytes:
     """Latitude and longitude of each centre."""
     unit = _center_unit(plane)
     values = [value // unit for center in plane.centers for value in center]
+    # 180 degrees are 18,000 hundredths or 1.8e9 fine units, which fit 16 and 32 signed bits.
     return b"".join(value.to_bytes(_CENTER_BYTES[unit], "little", signed=True) for value in values)
 
 
@@ -124,6 +127,7 @@ def _read_centers(cursor: Cursor, count: int, unit: int) -> Plane:
 
 def _encode_numbers(grid: QuantisationGrid) -> bytes:
     """Indices of the steps of space and time, epoch, origin."""
+    # Whole metres and seconds are smaller numbers, which take fewer bytes.
     unit = _THOUSAND if has_whole_units(grid) else 1
     steps = bytes([grid.space, grid.time])
     return steps + b"".join(encode_signed(value // unit) for value in (grid.epoch, *grid.origin))

@@ -74,6 +74,7 @@ def encode_index(entries: tuple[IndexEntry, ...]) -> bytes:
     """Body of the index: each offset as the distance from the one before."""
     out = [encode_varint(len(entries))]
     before = 0
+    # First tracks are not stored, as they are the sums of the numbers of tracks.
     for entry in entries:
         out.append(
             encode_varint(entry.offset - before)
@@ -88,6 +89,7 @@ def encode_index(entries: tuple[IndexEntry, ...]) -> bytes:
 def read_index(cursor: Cursor) -> tuple[IndexEntry, ...]:
     """Undo :func:`encode_index`."""
     count = cursor.read_varint("the number of groups")
+    # Each entry takes a byte at least: a forged number must not ask for memory.
     if count > cursor.remaining:
         raise cursor.error(f"an index of {count} groups in {cursor.remaining} bytes")
 
@@ -121,6 +123,7 @@ def _encode_time_range(time_range: tuple[int, int] | None) -> bytes:
     if time_range is None:
         return encode_varint(0)
     first, last = time_range
+    # A range has one time step at least, so that 0 can stand for no range.
     return encode_varint(last - first + 1) + encode_signed(first)
 
 

@@ -117,6 +117,7 @@ class Head:
 
 def encode_head(head: Head) -> bytes:
     """Encode magic, version and form in three bytes."""
+    # Three bits of version, two of form, two low ones and a high one.
     return MAGIC + bytes([head.version | head.form << 3 | head.low << 5 | head.high << 7])
 
 
@@ -136,6 +137,7 @@ def read_head(data: bytes) -> Head:
     # Is it an archive?
     if not data:
         raise CorruptArchiveError("not a .gpsz archive: the file is empty", 0)
+    # A file that ends within the magic may be the start of an archive.
     if data[: len(MAGIC)] != MAGIC[: len(data)]:
         if data.startswith(_NETWORK_MAGIC):
             raise CorruptArchiveError(
@@ -238,6 +240,7 @@ class Cursor:
     base: int = 0
 
     def __post_init__(self) -> None:
+        # A negative end is the default: that of the data.
         if self.end < 0:
             self.end = len(self.data)
 
@@ -271,6 +274,7 @@ class Cursor:
             byte = self.read_byte(what)
             value |= (byte & 127) << 7 * place
             if byte < 128:
+                # A last byte of 0 adds nothing, so that there is a shorter form.
                 if (byte == 0 and place) or value >= _VARINT_LIMIT:
                     raise self.error(f"{what} is no number of 64 bits in its shortest form")
                 return value

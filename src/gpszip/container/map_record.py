@@ -18,6 +18,7 @@ def map_hash(contents: Contents) -> bytes:
     """
     digest = hashlib.sha256(b"" if contents.grid is None else encode_grid(contents.grid))
     for group in contents.groups:
+        # The lengths separate the payloads: the same bytes cut elsewhere are other walks.
         digest.update(
             encode_varint(len(group.payload)) + encode_varint(group.tracks) + group.payload
         )

@@ -59,6 +59,7 @@ def encode_names(ids: tuple[str, ...]) -> bytes:
     >>> encode_names(("000", "001", "002")).hex()
     '0d0003'
     """
+    # Encode all ids first, so that any that is no text is refused in every form.
     encoded = [_encode_text(name) for name in ids]
     numbered = _encode_numbered(ids)
     if numbered is not None:
@@ -80,6 +81,7 @@ def read_names(cursor: Cursor, file_size: int) -> tuple[str, ...]:
     """
     head = cursor.read_varint("the number of tracks")
     count, form = head >> _METHOD_BITS, head & _METHOD_MASK
+    # Forged numbers of tracks must not ask for memory.
     if count > max_tracks(file_size):
         raise cursor.error(f"{count} tracks in {file_size} bytes")
     if form in {_COUNTED, _PADDED}:
@@ -147,6 +149,7 @@ def _pack(ids: tuple[str, ...], encoded: list[bytes]) -> list[bytes]:
     if len(text) > TEXT_LIMIT:
         return []
     packings = [(_DEFLATED, deflate(text)), (_LZMA, pack_lzma(text))]
+    # The model needs a newline after the last name, too, which makes the text a byte longer.
     if len(text) < MODEL_LIMIT:
         packings.append((_MODEL, encode_text(text + b"\n")))
     steps = encode_number_steps(ids)
@@ -157,6 +160,7 @@ def _pack(ids: tuple[str, ...], encoded: list[bytes]) -> list[bytes]:
 
 def _read_listed(cursor: Cursor, count: int) -> tuple[str, ...]:
     """Read ids that have their lengths."""
+    # Each name takes a byte at least, for its length.
     if count > cursor.remaining:
         raise cursor.error(f"{count} names in {cursor.remaining} bytes")
     return tuple(
@@ -179,6 +183,7 @@ def _read_packed(cursor: Cursor, count: int) -> tuple[str, ...]:
 
     # Split the text.
     text = _unpack(packing, body, count, offset)
+    # Newlines only separate names; those within names have another byte.
     if text.count(b"\n") != count - 1:
         raise cursor.error(f"names are not those of {count} tracks")
     return tuple(
@@ -189,5 +194,6 @@ def _read_packed(cursor: Cursor, count: int) -> tuple[str, ...]:
 def _unpack(packing: int, body: bytes, count: int, offset: int) -> bytes:
     """Text of a compressed list."""
     if packing == _MODEL:
+        # Leave out the newline that ends the last name.
         return read_text(body, count, offset)[:-1]
     return (inflate if packing == _DEFLATED else unpack_lzma)(body, TEXT_LIMIT, offset)

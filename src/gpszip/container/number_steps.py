@@ -43,12 +43,15 @@ def encode_number_steps(ids: tuple[str, ...]) -> bytes | None:
     # Width and steps.
     numbers = [int(name) for name in ids]
     width = _find_width(numbers, ids)
+    # Each number is larger than the one before, so that 1 is taken off every step.
     steps = [after - before - 1 for before, after in pairwise(numbers)]
     if width is None or min(steps, default=0) < 0:
         return None
 
     # The divisor that takes the fewest bits.
+    # A code has s >> k ones, a zero and k digits; the zeros are as many for any k.
     divisor = min(range(_DIVISORS), key=lambda k: sum(step >> k for step in steps) + k * len(steps))
+    # A single huge step would take very many ones.
     if sum(step >> divisor for step in steps) > _MAX_MEAN_ONES * len(steps):
         return None
     return encode_varint(numbers[0]) + bytes([width, divisor]) + _rice_codes(steps, divisor)
@@ -72,6 +75,7 @@ def read_number_steps(data: bytes, count: int, offset: int) -> tuple[str, ...]:
         end = zero + 1 + divisor
         if zero < 0 or end > len(bits):
             raise CorruptArchiveError("numbers end too early", offset + len(data))
+        # The ones before the zero are s >> k, and k digits follow.
         number += 1 + (zero - start << divisor | int(bits[zero + 1 : end] or "0", 2))
         names.append(str(number).zfill(width))
         start = end
@@ -84,6 +88,7 @@ def read_number_steps(data: bytes, count: int, offset: int) -> tuple[str, ...]:
 
 def _find_width(numbers: list[int], ids: tuple[str, ...]) -> int | None:
     """Digits to which all names are padded, 0 if they are not; None if they differ."""
+    # Without padding, or padded to the width of the first name.
     for width in (0, len(ids[0])):
         if all(str(n).zfill(width) == name for n, name in zip(numbers, ids, strict=True)):
             return width

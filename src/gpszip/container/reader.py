@@ -178,6 +178,7 @@ def open_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
     try:
         if source.is_dir():
             raise InputError("is a folder, not an archive", path=source)
+        # A pipe is refused before it is opened, since opening it would wait for a writer.
         if source.exists() and not source.is_file():
             raise InputError("is no regular file", path=source)
         with source.open("rb", buffering=0) as file:
@@ -193,6 +194,7 @@ def read_sections(data: bytes, head: Head) -> list[StoredSection]:
 
     The end mark of a large archive is checked and left out.
     """
+    # The low bits of the head are 1 for one checksum of all sections.
     if head.low:
         return _read_small_sections(data)
     cursor = Cursor(data, HEAD_BYTES)
@@ -202,6 +204,7 @@ def read_sections(data: bytes, head: Head) -> list[StoredSection]:
         if section.kind == SectionKind.END:
             break
         sections.append(section)
+        # Forged sections of a few bytes each must not ask for memory.
         if len(sections) > max_sections(len(data)):
             raise cursor.error("too many sections")
     _check_end(data, section, sections)
@@ -220,6 +223,7 @@ def read_section(cursor: Cursor) -> StoredSection:
     # The checksum is that of kind, length and body.
     start = cursor.offset
     kind, body_offset, body = _read_kind_and_body(cursor)
+    # A view saves a copy of the body.
     content = memoryview(cursor.data)[start : cursor.offset]
     stored = cursor.read_bytes(CHECKSUM_BYTES, "a section's checksum")
     if checksum(content) != stored:
@@ -317,6 +321,8 @@ def _read_compact(data: bytes, head: Head) -> Contents:
     error_bound, sampling = read_error_bound(cursor, head.version)
     grid, reference = None, None
     ids: tuple[str, ...] | None
+    # On a map, the head tells the refinements and whether there are names; otherwise it tells the
+    # shape of the grid and whether its units are whole.
     if head.form is Form.ON_MAP:
         reference = MapReference(cursor.read_bytes(MAP_HASH_BYTES, "the map's hash"), head.low)
         ids = read_names(cursor, len(data)) if head.high else None
@@ -388,6 +394,7 @@ def _check_end(data: bytes, end: StoredSection, sections: list[StoredSection]) -
     """Check the end mark of a large archive: the checksum of checksums, the index's offset."""
     index_offset, digest = read_end_mark(end.cursor())
     checksums = b"".join(section.checksum for section in sections)
+    # Sections of another archive have right checksums, too; only that of all checksums tells.
     if checksum(data[:HEAD_BYTES] + checksums) != digest:
         raise CorruptArchiveError("sections are missing, added or out of order", end.offset)
     index = _find_section(sections, SectionKind.INDEX)
@@ -427,6 +434,7 @@ def _check_index(
     """Check that the index, which several groups of a large archive must have, is theirs."""
     index = _find_section(sections, SectionKind.INDEX)
     if index is None:
+        # Sections of a small archive have no checksums, and it needs no index.
         if len(groups) > 1 and walks[0].checksum:
             raise CorruptArchiveError("several groups and no index", walks[0].offset)
         return
@@ -434,6 +442,7 @@ def _check_index(
         index_entry(group, section.offset, section.size)
         for group, section in zip(groups, walks, strict=True)
     )
+    # An index with the same entries has the same bytes, as every number has one form.
     if index.body != encode_index(entries):
         raise CorruptArchiveError("the index and the groups differ", index.offset)
 
@@ -442,6 +451,7 @@ def _decompress(
     groups: tuple[Group, ...], walks: list[StoredSection], file_size: int
 ) -> tuple[Group, ...]:
     """Decompress the payloads of all groups within one limit."""
+    # One limit holds for all groups, as many groups might reach one each.
     remaining = layer_limit(file_size)
     decompressed: list[Group] = []
     for group, section in zip(groups, walks, strict=True):

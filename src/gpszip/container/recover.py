@@ -77,6 +77,7 @@ def recover_bytes(data: bytes) -> Recovered:
         return Recovered(from_bytes(data), ())
     except CorruptArchiveError as error:
         reason = error
+    # Without a checksum for each section, nothing tells which bytes are intact.
     head = read_head(data)
     if head.form is not Form.SECTIONS or head.low:
         raise reason
@@ -96,6 +97,7 @@ def find_intact_sections(data: bytes) -> Iterator[StoredSection]:
             work -= cursor.offset - start
             start = data.find(SECTION_MARKER, start + 1)
         else:
+            # Go on behind the section: a marker within an intact body begins no section.
             yield section
             start = data.find(SECTION_MARKER, cursor.offset)
 
@@ -165,6 +167,7 @@ def _read_groups(sections: list[StoredSection], is_layered: bool, file_size: int
         if section.kind != SectionKind.WALKS:
             continue
         group = read_group(section.cursor())
+        # A group that overlaps those before it would give a track two walks.
         if group.first_track < next_track or not group.tracks:
             continue
         if is_layered:
@@ -180,6 +183,7 @@ def _read_ids(
     sections: list[StoredSection], groups: list[Group], file_size: int, lost: list[str]
 ) -> tuple[str, ...]:
     """Ids of all tracks; numbers if they are lost."""
+    # Tracks are numbered through, so that the last group tells how many ids there must have been.
     needed = groups[-1].first_track + groups[-1].tracks
     for section in sections:
         if section.kind == SectionKind.NAMES:
@@ -189,6 +193,7 @@ def _read_ids(
                     f"walks of {needed} tracks, names of {len(ids)}", section.offset
                 )
             return ids
+    # Forged numbers of tracks must not ask for memory.
     if needed > max_tracks(file_size):
         raise CorruptArchiveError(f"walks of {needed} tracks in {file_size} bytes")
     lost.append("the names of all tracks; they are numbered instead")
@@ -199,6 +204,7 @@ def _read_extras(
     sections: list[StoredSection], has_all_tracks: bool, lost: list[str]
 ) -> tuple[Section, ...]:
     """Further sections; kept attributes are those of all tracks, and lost with any of them."""
+    # Kinds above those known here are of later versions.
     extras = tuple(
         Section(section.kind, section.body)
         for section in sections
@@ -219,6 +225,7 @@ def _read_error_bound(
         if section.kind == SectionKind.ERROR_BOUND:
             error_bound, sampling = read_error_bound(section.cursor(), version)
             break
+    # A maximum holds for each track that is left, a mean only for all of them together.
     if error_bound is not None and not error_bound.maximum and not has_all_tracks:
         error_bound = None
         lost.append("the error bound, which is one of all tracks together")

@@ -108,6 +108,7 @@ def read_text(data: bytes, lines: int, offset: int) -> bytes:
                 position += 1
         text.append(byte)
         lines -= byte == _NEWLINE
+        # Forged bytes may decode to a text in which no newline ever comes.
         if len(text) > MODEL_LIMIT:
             raise CorruptArchiveError(f"names go on past {MODEL_LIMIT} bytes", offset)
     return bytes(text)
@@ -117,6 +118,7 @@ def _last_bytes(low: int, high: int) -> bytes:
     """Fewest bytes of a number between low and high; a reader goes on with zeros."""
     for count in range(5):
         unit = 1 << 8 * (4 - count)
+        # Round up to a number whose last bytes are zero, since these are left out.
         number = -(-low // unit) * unit
         if number <= high:
             return (number // unit).to_bytes(count, "big") if count else b""
@@ -155,6 +157,7 @@ class _Model:
     def copy(self) -> _Model:
         """Return a model that learns on by itself; call it between two lines."""
         model = _Model()
+        # Between two lines, all but tables and recent bytes is as in a new model.
         model._tables = tuple(
             {context: counts.copy() for context, counts in table.items()} for table in self._tables
         )
@@ -163,9 +166,11 @@ class _Model:
 
     def begin_byte(self) -> None:
         """Set the contexts of the next byte."""
+        # Beyond the end of the line above, a newline counts as the byte above.
         column = len(self._line)
         above = self._above[column] if column < len(self._above) else _NEWLINE
         one, two, three = self._recent & 0xFF, self._recent & 0xFFFF, self._recent & 0xFFFFFF
+        # Each context is one number, in which each part has bits of its own.
         in_line = min(column, _MAX_COLUMN) << 9 | self._same << 8
         self._contexts = (0, one, two, three, in_line | above, (two << 8 | above) << 1 | self._same)
         self._node = 1
@@ -173,12 +178,14 @@ class _Model:
     def probability(self) -> int:
         """Probability of a 1 in units of 2**-16, between 32 and 65504."""
         self._find_counts()
+        # Two of each make both values equally likely where nothing was seen.
         ones = zeros = 2
         for weight, (zero, one) in zip(_WEIGHTS, self._counts, strict=True):
             factor = weight * (_CERTAIN_FACTOR if not zero or not one else 1)
             ones += factor * one
             zeros += factor * zero
         probability = (ones << _PROBABILITY_BITS) // (ones + zeros)
+        # A probability of 0 or 1 would leave no interval for the other value.
         return min(max(probability, _MIN_PROBABILITY), _MAX_PROBABILITY)
 
     def learn(self, bit: int) -> None:
@@ -188,11 +195,13 @@ class _Model:
             if counts[1 - bit] > 2:
                 counts[1 - bit] = counts[1 - bit] // 2 + 1
         self._node = self._node << 1 | bit
+        # After the leading 1 and eight bits, the byte is complete.
         if self._node > 255:
             self._end_byte(self._node & 255)
 
     def _find_counts(self) -> None:
         """Look up the counts of the next bit in each context."""
+        # Below each context lies a tree of bits: a node of it has counts of its own.
         node = self._node
         self._counts = [
             table.setdefault(context << 8 | node, [0, 0])

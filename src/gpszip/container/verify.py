@@ -103,6 +103,7 @@ def verify_bytes(data: bytes) -> Verdict:
         if form == "large":
             sections = _reports(find_intact_sections(data))
         return Verdict(len(data), head.version, form, sections, 0, 0, str(error), error.offset)
+    # A compact archive has no sections, so that it is reported as one.
     if form == "compact":
         sections = (SectionReport("archive", 0, len(data)),)
     else:

@@ -185,6 +185,7 @@ def _compress(contents: Contents) -> list[bytes]:
         return [group.payload for group in contents.groups]
     payloads = [pack_bz2(group.payload) for group in contents.groups]
     total = sum(len(group.payload) for group in contents.groups)
+    # A reader refuses payloads that expand past its limit.
     if total > layer_limit(sum(map(len, payloads))):
         raise OptionError(
             f"{total} bytes of walks are too many for the bz2 layer", remedy="leave it out"
@@ -194,8 +195,10 @@ def _compress(contents: Contents) -> list[bytes]:
 
 def _encode_shortest(contents: Contents, payloads: list[bytes]) -> list[_Block]:
     """Encode an archive in the shortest form that holds it."""
+    # Several groups need an index, which only the large form has.
     if len(contents.groups) > 1 or any(len(extra.body) >= SMALL_LIMIT for extra in contents.extras):
         return _encode_large(contents, payloads)
+    # A single group needs sections only where the head can't tell the shape of the grid.
     if contents.is_single_group and (contents.grid is None or fits_head(contents.grid)):
         return [_encode_compact(contents, payloads[0])]
     small = _encode_small(contents, payloads)
@@ -306,6 +309,7 @@ def _encode_extra(extra: Section) -> list[_Block]:
     """Encode a further section, whose body may lie in a temporary file."""
     if isinstance(extra.body, bytes):
         return [encode_section(extra.kind, extra.body)]
+    # Compute the checksum chunk by chunk, as the body may not fit in memory.
     start = bytes([extra.kind]) + encode_varint(len(extra.body))
     digest = zlib.crc32(start)
     for chunk in extra.body.chunks():
