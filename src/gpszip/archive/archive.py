@@ -132,6 +132,7 @@ class Archive:
     @property
     def ids(self) -> tuple[str, ...]:
         """Names of the tracks."""
+        # A single track may leave its name to the map: it is that of the map's first track.
         return self._known_map.ids[:1] if self.contents.ids is None else self.contents.ids
 
     @property
@@ -152,6 +153,7 @@ class Archive:
         """Whether any track has times."""
         from gpszip.codec.payload_head import has_times
 
+        # All groups are coded with times or all without, so that the first one tells.
         return has_times(self.contents.groups[0].payload)
 
     @cached_property
@@ -495,6 +497,7 @@ class Archive:
     @property
     def size(self) -> int:
         """Number of bytes of the file."""
+        # Only the size of new contents is not known before they are encoded.
         stored = stored_size(self.contents)
         return archive_size(self.contents) if stored is None else stored
 
@@ -585,6 +588,7 @@ class Archive:
 
     def _track_number(self, track: str) -> int:
         try:
+            # Some values, such as lists, are no keys of a dict.
             return self._number_by_id[track]
         except (KeyError, TypeError):
             listed = ", ".join(map(repr, self.ids[:_MAX_LISTED_IDS]))
@@ -615,6 +619,7 @@ class Archive:
         """Walks of one group, and the positions in metres of the nodes that they name."""
         from gpszip.walks.quantised import dequantise_walks, node_positions
 
+        # The heads tell which tracks the group holds.
         group, head = self._decode_group(number), group_heads(self.contents)[number]
         ids = self.ids[head.first_track : head.first_track + head.tracks]
         return dequantise_walks(group, self.grid, ids), node_positions(group, self.grid)
@@ -745,6 +750,7 @@ class Archive:
         ]
         if len(bodies) > 1:
             raise CorruptArchiveError("there are two sections of kept columns")
+        # The body may still be in the file; bytes reads it.
         return bytes(bodies[0]) if bodies else None
 
     @cached_property
@@ -771,7 +777,9 @@ def _off_map_lines(
     walk: Walk, is_new: NDArray[np.bool_], nodes: NDArray[np.float64]
 ) -> list[NDArray[np.float64]]:
     """Lines along which a walk leaves the known nodes, each from the last known to the next."""
+    # A segment leaves the map if it has a new node at either end.
     off = (is_new[walk.nodes[:-1]] | is_new[walk.nodes[1:]]) & ~walk.gaps
+    # Runs of such segments begin where the difference is 1 and end where it is -1.
     changes = np.diff(np.concatenate([[0], off.astype(np.int8), [0]]))
     starts, ends = np.flatnonzero(changes > 0), np.flatnonzero(changes < 0)
     return [nodes[walk.nodes[start : end + 1]] for start, end in zip(starts, ends, strict=True)]

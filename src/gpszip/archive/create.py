@@ -136,10 +136,13 @@ def _encode_groups(
     """Cut the walks into at most ``count`` groups of about equally many knots, and code each."""
     from gpszip.run.executor import share_value
 
+    # Cut before each walk that goes beyond an equal share of the knots. A long walk may take up
+    # several shares, so that there are fewer groups.
     knots = np.cumsum([len(walk.nodes) for walk in grid_walks.walks])
     quotas = knots[-1] * np.arange(1, count) / count
     cuts = np.unique(np.searchsorted(knots, quotas, side="right"))
     bounds = [0, *(int(cut) for cut in cuts if 0 < cut < len(knots)), len(knots)]
+    # Workers get the walks once, rather than with each group.
     with share_value(executor, (grid_walks, grid, prior)) as shared:
         return list(shared.map(_encode_group, pairwise(bounds)))
 

@@ -45,6 +45,7 @@ def error_bound_facts(bound: ErrorBound | None) -> dict[str, Any]:
 
 def count_facts(archive: Archive) -> dict[str, Any]:
     """Counts of the map and the walks, and the span of time, for which all walks are decoded."""
+    # Where the ends of pieces are kept, they are those of the samples; knots may lie beyond.
     times = [
         walk.times if walk.time_ranges is None else walk.time_ranges.ravel()
         for walk in archive.walks

@@ -65,6 +65,7 @@ def open_archive(
 
 
 def _read_contents(source: ArchiveSource) -> Contents:
+    # Bytes are in memory already, so that all of them are checked at once.
     if isinstance(source, bytes):
         return from_bytes(source)
     if isinstance(source, str | os.PathLike):

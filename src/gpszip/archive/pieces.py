@@ -85,6 +85,7 @@ def cut_at_gaps(walk: Walk) -> list[slice]:
     >>> cut_at_gaps(walk)
     [slice(0, 2, None), slice(2, 3, None)]
     """
+    # Segment i leads from knot i to knot i + 1: a piece begins after each gap.
     bounds = [0, *(np.flatnonzero(walk.gaps) + 1).tolist(), len(walk.nodes)]
     return [slice(first, after) for first, after in pairwise(bounds)]
 
@@ -92,6 +93,7 @@ def cut_at_gaps(walk: Walk) -> list[slice]:
 def time_range_of_piece(walk: Walk, number: int, knots: slice) -> tuple[float, float]:
     """Seconds at which travel begins and ends in a piece of a walk with times."""
     assert walk.times is not None
+    # Without the ends of pieces, as in version 2, travel is claimed from knot to knot.
     ends = walk.times[knots][[0, -1]] if walk.time_ranges is None else walk.time_ranges[number]
     return float(ends[0]), float(ends[1])
 
@@ -160,6 +162,7 @@ def clip_to_time_range(
     if first <= times[0] and last >= times[-1]:
         return times, positions
     inside = times[(times > first) & (times < last)]
+    # unique drops the second of two equal ends, as times must increase.
     clipped = np.unique(np.concatenate([[first], inside, [last]]))
     return clipped, np.stack([np.interp(clipped, times, axis) for axis in positions.T], axis=1)
 
@@ -177,5 +180,6 @@ def measure_shape(
     ([0.0, 5.0, 6.0], 3)
     """
     along = np.append(0.0, np.cumsum(np.sqrt((np.diff(positions, axis=0) ** 2).sum(axis=1))))
+    # Distances stand in for times, which must increase.
     moved = np.append(True, np.diff(along) > 0)
     return along[moved], positions[moved]
