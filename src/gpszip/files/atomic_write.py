@@ -142,6 +142,7 @@ def _sync_file(temporary: Path, target: Path) -> None:
     with temporary.open("rb+") as stream:
         os.fsync(stream.fileno())
     if target.exists():
+        # Take over the permissions alone, not the bits that let others run it as its owner.
         temporary.chmod(target.stat().st_mode & 0o777)
 
 
@@ -160,6 +161,7 @@ def _publish(temporary: Path, target: Path, *, force: bool) -> None:
     """Give a finished file the name of its target."""
     if force or not _try_hardlink(temporary, target):
         temporary.replace(target)
+    # Without this, a power failure may still lose the new name.
     _sync_folder(target.parent)
 
 
@@ -179,6 +181,7 @@ def _try_hardlink(temporary: Path, target: Path) -> bool:
 
 def _names_other_file(error: OSError, target: Path) -> bool:
     """Whether an error names a file outside the target's folder."""
+    # Errors of an open file have no name, or the number of its descriptor.
     if not isinstance(error.filename, (str, bytes)):
         return False
     named = Path(os.fsdecode(error.filename))

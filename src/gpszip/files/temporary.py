@@ -114,6 +114,7 @@ def _lock_folder(folder: Path) -> int | None:
         return None
     handle = None
     try:
+        # Don't follow a link that somebody has put there, nor wait for a lock.
         handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
@@ -138,6 +139,7 @@ def _remove_stale(parent: Path, prefix: str) -> None:
             if entry.name.startswith(prefix) and entry.name.endswith(_SUFFIX)
         ]
         for folder in folders:
+            # A folder in use is locked, by its own process or another one that removes it.
             if (lock := _lock_folder(folder)) is None:
                 continue
             try:
@@ -150,6 +152,7 @@ def _remove_stale(parent: Path, prefix: str) -> None:
 def _is_stale(folder: Path) -> bool:
     """Whether a folder belongs to this user and neither it nor its content is recent."""
     with contextlib.suppress(OSError):
+        # Writes to a file change the time of the file, but not that of its folder.
         stats = [folder.lstat(), *(path.lstat() for path in folder.iterdir())]
         return (
             stats[0].st_uid == os.geteuid()

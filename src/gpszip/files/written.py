@@ -8,6 +8,7 @@ from contextvars import ContextVar
 
 __all__ = ["collect_outputs", "report_output"]
 
+# Each thread has a context of its own, so that runs in several threads keep apart.
 _written: ContextVar[list[str] | None] = ContextVar("written", default=None)
 
 
