@@ -26,6 +26,7 @@ def wrap_degrees(degrees: Floats) -> Floats:
     >>> wrap_degrees(np.array([359.0, -190.0, 12.0])).tolist()
     [-1.0, 170.0, 12.0]
     """
+    # NumPy's remainder has the sign of the divisor: negative differences wrap, too.
     wrapped: Floats = (degrees + 180.0) % 360.0 - 180.0
     return wrapped
 
@@ -47,6 +48,7 @@ def find_crossings(lon: Floats) -> NDArray[np.bool_]:
     >>> find_crossings(np.array([179.0, -179.0, -178.0])).tolist()
     [True, False]
     """
+    # The shorter arc between two longitudes has 180 degrees at most, so this step takes it across.
     crosses: NDArray[np.bool_] = np.abs(np.diff(lon)) > 180.0
     return crosses
 
@@ -119,6 +121,7 @@ def insert_crossings(
     # Share of each step at which the line meets the antimeridian.
     side = np.copysign(180.0, lon[steps])
     difference = wrap_degrees(lon[steps + 1] - lon[steps])
+    # From 180 to -180 degrees there is no difference to divide by.
     share = np.clip((side - lon[steps]) / np.where(difference == 0, 1.0, difference), 0.0, 1.0)
 
     # Its time, in whole ticks, with space for both points within the step.

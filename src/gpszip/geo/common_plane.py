@@ -94,6 +94,7 @@ def max_scale_factor(positions: Floats, plane: Plane) -> float:
     """
     if not len(positions):
         return 1.0
+    # Planes lie side by side in x: subtract the shift of each.
     x = positions[:, 0] - plane_indices(positions, plane) * Plane.SPREAD
     return float(np.cosh(np.abs(x).max() / (_MIN_RADIUS_SHARE * _EARTH_RADIUS)))
 
@@ -153,5 +154,6 @@ def _great_circle_distances(degrees: Floats, center: tuple[int, int]) -> Floats:
         np.sin((lat - center_lat) / 2) ** 2
         + np.cos(lat) * np.cos(center_lat) * np.sin((lon - center_lon) / 2) ** 2
     )
+    # Rounding may lift the haversine of opposite points above 1.
     distances: Floats = 2 * _EARTH_RADIUS * np.arcsin(np.sqrt(np.minimum(haversine, 1.0)))
     return distances

@@ -95,6 +95,7 @@ def to_degrees(points: NDArray[np.float64], crs: str, where: str) -> NDArray[np.
     from pyproj.exceptions import ProjError
 
     try:
+        # Many systems name north first; always_xy puts east first for all.
         transformer = Transformer.from_crs(parsed, "EPSG:4326", always_xy=True)
         lon, lat = transformer.transform(points[:, 0], points[:, 1])
     except ProjError as error:

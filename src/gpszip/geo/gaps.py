@@ -120,6 +120,7 @@ def find_gaps(track: Track, gap: float) -> NDArray[np.bool_]:
     >>> find_gaps(Track("a", [0, 1, 90], [[0.0], [5.0], [7.0]]), 30.0).tolist()
     [False, True]
     """
+    # The distance between two planes is that of their shifts, not one that was travelled.
     gaps: NDArray[np.bool_] = find_long_intervals(track.times, gap) | plane_changes(
         track.positions, track.plane
     )
@@ -145,6 +146,7 @@ def piece_time_ranges(times: NDArray[np.float64], gaps: NDArray[np.bool_]) -> ND
     >>> piece_time_ranges(np.array([0.0, 1.0, 90.0]), np.array([False, True])).tolist()
     [[0.0, 1.0], [90.0, 90.0]]
     """
+    # A piece begins at the start and after each gap, and ends before each gap and at the end.
     return np.stack([times[np.append(True, gaps)], times[np.append(gaps, True)]], axis=1)
 
 

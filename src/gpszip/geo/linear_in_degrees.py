@@ -137,6 +137,7 @@ def densify_for_degrees(
 
 def _rounding_error(decimals: int) -> float:
     """Return the most metres by which rounding of latitude and longitude moves a position."""
+    # Half a unit of the last decimal to the north and to the east, at right angles.
     return float(_MAX_EARTH_RADIUS * np.radians(0.5 * 10.0**-decimals) * np.sqrt(2))
 
 
@@ -144,6 +145,7 @@ def _time_rounding_errors(times: Floats, positions: Floats, time_decimals: int) 
     """Return the most metres by which rounding of times moves the points of each segment."""
     time_shifts = np.abs(np.round(times, time_decimals) - times)
     lengths = np.sqrt((np.diff(positions, axis=0) ** 2).sum(axis=1))
+    # Speed times the larger shift of both ends.
     errors: Floats = lengths / np.diff(times) * np.maximum(time_shifts[:-1], time_shifts[1:])
     return errors
 
@@ -195,6 +197,7 @@ class _LineOnPlane:
         """Return segment and share of each point to add."""
         subsegments = _Subsegments(segments, np.zeros(len(segments)), np.ones(len(segments)))
         cut_segments, cut_shares = [np.empty(0, np.int64)], [np.empty(0)]
+        # Split again until none deviates too much.
         while len(subsegments.segments):
             new_segments, new_shares, subsegments = self._split(subsegments)
             cut_segments.append(new_segments)

@@ -118,6 +118,7 @@ def mark_outliers(
     # Shorter runs first; a longer run may not start or end beside an outlier.
     for run in range(1, min(_MAX_OUTLIER_RUN, len(times) - 2) + 1):
         is_plausible = _speeds(times, positions, run + 1, min_interval) <= limit
+        # Sample i + 1 begins a run if steps i and i + run are jumps, and the step over it is none.
         starts = np.flatnonzero(is_jump[: len(is_plausible)] & is_jump[run:] & is_plausible) + 1
         starts = starts[~is_outlier[starts - 1] & ~is_outlier[(starts + run)]]
         for offset in range(run):

@@ -216,6 +216,7 @@ def _round_center(lat: float, lon: float) -> tuple[int, int]:
 
 def _median_center(directions: Floats) -> tuple[int, int] | None:
     """Return the centre at the componentwise median of directions; None if it is near zero."""
+    # Each component has its own median, so that the result may be far shorter than a unit vector.
     x, y, z = np.median(directions, axis=0)
     equatorial = np.hypot(x, y)
     if np.hypot(equatorial, z) < _MIN_MEDIAN_LENGTH:
@@ -228,12 +229,14 @@ def _cosines(directions: Floats, center: tuple[int, int]) -> Floats:
     axis = _unit_vectors(
         np.array([center[0] / UNITS_PER_DEGREE]), np.array([center[1] / UNITS_PER_DEGREE])
     )[0]
+    # The cosine of the angle between unit vectors is their product.
     cosines: Floats = directions @ axis
     return cosines
 
 
 def _in_radius(directions: Floats, center: tuple[int, int]) -> NDArray[np.bool_]:
     """Whether each direction lies within the radius of a centre."""
+    # An arc has the angle length / radius, and the cosine falls with the angle.
     min_cosine = np.cos(PLANE_RADIUS / _EARTH_RADIUS)
     is_inside: NDArray[np.bool_] = _cosines(directions, center) >= min_cosine
     return is_inside

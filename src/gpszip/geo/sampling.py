@@ -51,5 +51,6 @@ def sampling_interval(tracks: Sequence[Track], gaps: Sequence[NDArray[np.bool_]]
     cumulative = np.cumsum(distances[order])
     if not len(cumulative) or not cumulative[-1] > 0:
         return None
+    # The first step, from the shortest interval on, at which the share is reached.
     quantile_step = np.searchsorted(cumulative, _DISTANCE_SHARE * cumulative[-1])
     return float(intervals[order][quantile_step])
