@@ -93,6 +93,7 @@ def build_road_graph(
     weights = _edge_weights(positions, ends, lengths)
     sources, targets, edge = _list_arcs(ends, oneway)
     order = np.lexsort((edge, targets, sources))
+    # The arcs of node v begin at the first source that is not below v.
     offsets = np.searchsorted(sources[order], np.arange(len(positions) + 1))
     edge = edge[order]
     return RoadGraph(
@@ -129,5 +130,6 @@ def _list_arcs(
 def _rank_nodes(positions: NDArray[np.float64]) -> NDArray[np.int32]:
     """Rank of each node in the lexicographic order of coordinates; equal nodes by index."""
     ranks = np.empty(len(positions), dtype=np.int32)
+    # The last key of lexsort counts most, so that the first coordinate comes last.
     ranks[np.lexsort(positions.T[::-1])] = np.arange(len(positions), dtype=np.int32)
     return ranks

@@ -69,6 +69,7 @@ def find_arcs(
     """
     keys = _arc_keys(graph)
     wanted = _pair_keys(graph, sources, targets)
+    # Parallel arcs have the same key: they reach from the left end to the right one.
     first = np.searchsorted(keys, wanted, side="left")
     count = np.searchsorted(keys, wanted, side="right") - first
     return first.astype(np.int64), count.astype(np.int64)
@@ -87,11 +88,13 @@ def find_route_arcs(graph: RoadGraph, route: Route) -> NDArray[np.int64]:
     travelled = np.flatnonzero(route.edges >= 0)
     edges, sources = route.edges[travelled], route.nodes[travelled]
     forward, backward = _arcs_by_direction(graph)
+    # An edge that the walk leaves at its first node is travelled along its line.
     arcs[travelled] = np.where(sources == graph.ends[edges, 0], forward[edges], backward[edges])
 
     # Check that the arcs join the nodes of the route.
     wrong = (route.edges == STOP) & (route.nodes[1:] != route.nodes[:-1])
     travelled_arcs = arcs[travelled]
+    # The index -1 of a missing arc reads the last arc, but the first condition marks it.
     wrong[travelled] = (
         (travelled_arcs < 0)
         | ~(graph.ends[edges] == sources[:, None]).any(axis=1)
@@ -109,6 +112,7 @@ def find_route_arcs(graph: RoadGraph, route: Route) -> NDArray[np.int64]:
 def _arcs_by_direction(graph: RoadGraph) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Arc along each edge and arc against it, shape (E,); -1 where there is none."""
     arcs = np.arange(len(graph.edges), dtype=np.int64)
+    # A self-loop has one arc, which counts as forward.
     is_forward = _arc_sources(graph) == graph.ends[graph.edges, 0]
     forward, backward = np.full((2, len(graph.ends)), -1, dtype=np.int64)
     forward[graph.edges[is_forward]] = arcs[is_forward]
@@ -143,6 +147,7 @@ def build_route(graph: RoadGraph, nodes: ArrayLike, gaps: ArrayLike | None = Non
     [0, -1, 1, -2]
     """
     visited = np.asarray(nodes, dtype=np.int32)
+    # Segments are stops unless they are gaps or move to another node.
     edges = np.full(max(len(visited) - 1, 0), STOP, dtype=np.int32)
     if gaps is not None:
         edges[np.asarray(gaps, dtype=np.bool_)] = GAP
@@ -182,5 +187,6 @@ def _arc_sources(graph: RoadGraph) -> NDArray[np.int64]:
 def _pair_keys(graph: RoadGraph, sources: ArrayLike, targets: ArrayLike) -> NDArray[np.int64]:
     """One number for each pair of nodes, sorted like the pairs."""
     first, second = np.asarray(sources, dtype=np.int64), np.asarray(targets, dtype=np.int64)
+    # Node numbers are 32 bits wide, so that 64 bits hold a pair.
     keys: NDArray[np.int64] = first * len(graph) + second
     return keys

@@ -71,6 +71,7 @@ class ShortestPathTree:
 
     def _index(self, node: int) -> int:
         """Index of a node in the arrays; -1 if it was not reached."""
+        # The nodes reached are sorted, so that no array over all nodes is needed.
         i = int(np.searchsorted(self.nodes, node))
         return i if i < len(self.nodes) and self.nodes[i] == node else -1
 
@@ -132,10 +133,12 @@ def build_tree(
     settle_within(kernel_arcs(graph), search, source, _to_units(radius))
 
     # Copy the entries of the settled nodes.
+    # The search lists settled nodes by distance; the tree has them by index.
     reached = np.sort(search.order[: search.state[SETTLED]])
     distances = search.distance[reached] / UNITS_PER_METRE
     parents = search.parent[reached]
     edges = parents
+    # Without arcs, only the source is reached, and no edge can be looked up.
     if len(graph.edges):
         edges = np.where(parents < 0, -1, graph.edges[search.arc[reached]])
     return ShortestPathTree(reached, distances, parents, edges.astype(np.int32))
@@ -183,6 +186,7 @@ def find_distances(
     units = settle_targets(
         kernel_arcs(graph), search, source, np.asarray(targets, dtype=np.int32), _to_units(radius)
     )
+    # The kernel marks targets that it did not reach by -1.
     return np.where(units < 0, np.inf, units / UNITS_PER_METRE)
 
 
@@ -213,12 +217,14 @@ class TreeCache:
         self._graph = graph
         self._radius = radius
         self._free_bytes = size
+        # All trees share the work arrays, since one is built at a time.
         self._search = new_search_on(graph)
         self._trees: OrderedDict[int, ShortestPathTree] = OrderedDict()
 
     def tree(self, source: int) -> ShortestPathTree:
         """The tree of ``source``, from the cache if it is there."""
         if source in self._trees:
+            # The order of the dict is that of the last use.
             self._trees.move_to_end(source)
             return self._trees[source]
 
@@ -235,6 +241,7 @@ def _to_units(radius: float | None) -> int:
     """A radius in metres as integer weight."""
     if radius is None:
         return _UNBOUNDED
+    # An infinite radius has no integer, so that it is cut to the largest one first.
     return int(min(radius * UNITS_PER_METRE, float(_UNBOUNDED)))
 
 
