@@ -154,6 +154,7 @@ def add_repair(repairs: list[Repair], new: Repair) -> None:
     """Add a repair to those of a file; the same repair of an earlier batch grows."""
     for i, old in enumerate(repairs):
         if old.what == new.what:
+            # The first place is shown, unless only a later one has a value to show.
             shown = old if old.value or not new.value else new
             repairs[i] = replace(shown, count=old.count + new.count)
             return
@@ -189,6 +190,7 @@ def nothing_usable_error(
 
 def _format_cell(cell: UnreadableCell) -> str:
     """Return a cell as messages show it: ``lat 'undefined'``, or ``no lat``."""
+    # The reader of GPX writes `no lat` for an attribute that is missing; it is no value to quote.
     if cell.value == f"no {cell.column}":
         return cell.value
     value = cell.value

@@ -117,6 +117,7 @@ class PatchableCsv:
         title = delimiter + delimiter.join(self._new_column_names())
         out = io.TextIOWrapper(sink, encoding=self.dialect.encoding, newline="", write_through=True)
         for index, record in enumerate(self.records):
+            # Rows and the header get two more cells; lines before the header and blank ones don't.
             suffix = ""
             if index >= self.first_row and record.strip():
                 suffix = f"{delimiter}log{delimiter}1"
@@ -125,6 +126,7 @@ class PatchableCsv:
             body = record.rstrip("\r\n")
             out.write(body + suffix + (record[len(body) :] or self._line_end))
             out.writelines(text + self._line_end for text in inserted.get(index, ()))
+        # The wrapper would close the sink when it is deleted.
         out.detach()
 
     @cached_property
@@ -133,6 +135,7 @@ class PatchableCsv:
         return first[0] if first else "\n"
 
     def _new_column_names(self) -> list[str]:
+        # Readers of tables ignore case, so a column `Source` takes the name as well.
         taken = {name.strip().lower() for name in self.dialect.names}
         return [
             name if name not in taken else unused_name(f"patch_{name}", taken)
@@ -187,6 +190,8 @@ class PatchableCsv:
         Rows of other tracks may lie between those around the gap. All rows there stay in the order
         of time, as far as they are in that order.
         """
+        # The search needs sorted times. The running maximum is sorted even where time goes back,
+        # and -inf for records without a sample leaves it unchanged.
         first, last = records
         between = self._record_times[first + 1 : last] if last > first else np.empty(0)
         latest = np.maximum.accumulate(np.where(np.isnan(between), -np.inf, between))
@@ -340,6 +345,8 @@ def _split_records(text: str, header_lines: int) -> tuple[list[str], int]:
     lines = list(io.StringIO(text, newline=""))
     if '"' not in text:
         return lines, header_lines
+
+    # A quote within quotes is written twice, so an odd number of quotes opens or closes a cell.
     records, is_quoted = lines[:header_lines], False
     for line in lines[header_lines:]:
         if is_quoted:
@@ -352,6 +359,8 @@ def _split_records(text: str, header_lines: int) -> tuple[list[str], int]:
 
 def _number_records(records: Sequence[str], first_row: int, delimiter: str) -> list[str]:
     """Return the records, each with its number as a further cell."""
+    # The number is the last cell, so that no other column moves. A blank line with a number would
+    # become a row.
     numbered = []
     for number, record in enumerate(records):
         body = record.rstrip("\r\n")
@@ -426,6 +435,8 @@ class _TimeWriter:
             return cls(start, decimals, stamp=_ISO.fullmatch(text), is_time_of_day=is_time_of_day)
 
         # Numbers: days, or seconds and their thousandths
+        # How many units a second has: 1000 if they are milliseconds, 1/86400 if days. Times of
+        # the log are rounded, so the nearest power of 1000 counts.
         scale = float(second - first) / (around[1] - start)
         if scale < _MAX_DAYS_PER_SECOND:
             unit, min_decimals = 1 / _DAY, _MIN_DAY_DECIMALS
@@ -439,12 +450,14 @@ class _TimeWriter:
     def format(self, time: float) -> str:
         """Return the text of a time in seconds."""
         if self.number is not None:
+            # A float can't hold nanoseconds since 1970, a Decimal holds all digits of the log.
             step = Decimal(repr(round((time - self.start) * self.unit, 9)))
             text = f"{(self.number + step).quantize(Decimal(1).scaleb(-self.decimals)):f}"
             return text.replace(".", ",") if self.comma else text
         if self.stamp is not None:
             return self._format_stamp(self.stamp, time)
 
+        # Times of day are seconds from midnight, and so fall on the first day of 1970.
         moment = datetime.fromtimestamp(round(time, 6), UTC).replace(tzinfo=None)
         timespec = "milliseconds" if self.decimals else "seconds"
         if self.is_time_of_day:
@@ -459,6 +472,7 @@ class _TimeWriter:
         seconds = float(f"0.{fraction}") if fraction else 0.0
         moment += timedelta(seconds=round(time - self.start + seconds, min(digits, 6)))
 
+        # Datetimes hold microseconds. Where the log has more digits, zeros follow.
         text = moment.strftime(f"%Y-%m-%d{separator}%H:%M:%S")
         if digits:
             text += f".{moment.microsecond:06d}".ljust(digits + 1, "0")[: digits + 1]
@@ -467,6 +481,7 @@ class _TimeWriter:
 
 def _needed_decimals(step: float, least: int) -> int:
     """Return the decimals that multiples of a step need, from the least up to three."""
+    # Steps of 0.5 s need one decimal, steps of 1/30 s all three.
     for decimals in range(least, _MAX_SECOND_DECIMALS):
         if abs(step - round(step, decimals)) < 1e-4 * max(step, 1e-9):
             return decimals

@@ -145,6 +145,7 @@ class FileCollector:
 
         # Group them by the names of their tracks.
         names = names[rows]
+        # The sort is stable: only the order of the file shows where time goes back.
         if (np.diff(names) < 0).any():
             order = np.argsort(names, kind="stable")
             rows, names = rows[order], names[order]
@@ -175,6 +176,7 @@ class FileCollector:
     def _note_readable(self, raw: RawLog, usable: Rows) -> None:
         """Note what rows have, for the error if none can be used."""
         self._unreadable = self._unreadable or raw.unreadable
+        # A usable row has all of these. Without one, what some row has is not what the file lacks.
         if len(usable):
             self._readable.update(_NEEDED)
         elif len(self._readable) < len(_NEEDED):
@@ -233,6 +235,7 @@ class FileCollector:
         self._leave_out_stopped_tracks()
 
         # A long log of which at most one row is left was likely misread; a tiny one may be short.
+        # Rows at one time count as one, since only the first of them would be kept.
         rows, elsewhere = self.tracks.rows_at_only_time()
         if rows and self.rows > MAX_TINY_LOG_POINTS:
             repeats = self._describe_repeats((rows - 1 - elsewhere, 0), (elsewhere, 0))
@@ -255,6 +258,7 @@ class FileCollector:
             self.repairs.append(Repair(f"points of track {name!r} left out", count, self.name))
 
         # Raise, unless other tracks remain and bad ones may be left out.
+        # They are marked first, so that named_tracks() returns the tracks that remain.
         self.tracks.left_out.update(tracks["name"].tolist())
         if errors and not (self._options.skip_bad and self.tracks.named_tracks()):
             raise errors[0][1]
@@ -265,6 +269,7 @@ class FileCollector:
 
     def repeat_repairs(self, repeated: RepeatedRows) -> list[Repair]:
         """Return the repairs for rows of this file at times that other rows have, too."""
+        # The codes of a file are consecutive, so its tracks are a slice of all counts.
         own = slice(self.tracks.first_code, self.tracks.next_code)
         at_same = int(repeated.at_same[own].sum()), repeated.first_same[own].min()
         at_other = int(repeated.at_other[own].sum()), repeated.first_other[own].min()
@@ -298,6 +303,7 @@ class FileCollector:
         # Add up the rows of each name.
         tracks, name_count = self.tracks.tracks, len(self.tracks.names)
         own = slice(self.tracks.first_code, self.tracks.next_code)
+        # A dropped row that repeats the position as well is no loss; one at another position is.
         at_other = repeated.at_other[own]
         usable = np.bincount(tracks["name"], tracks["rows"] - at_other, minlength=name_count)
         lost = (self.tracks.points - usable).astype(np.int64).tolist()

@@ -119,6 +119,7 @@ class FileTracks:
             # Two tracks of one batch may share a title.
             index_by_id = np.zeros(len(raw.ids), np.int32)
             keys = list(_number_repeats(raw.ids))
+            # A dictionary may hold ids that no row has. Only ids of rows become names.
             for i in np.unique(raw.codes).tolist():
                 index_by_id[i] = self._index_of(keys[i])
             indices = index_by_id[raw.codes]
@@ -126,6 +127,7 @@ class FileTracks:
         self.untimed.update(untimed)
 
         # Count.
+        # Names that are new in this batch begin without rows, and stand for no track yet (-1).
         if missing := len(self.names) - len(self.points):
             self.points = np.append(self.points, np.zeros(missing, np.int64))
             self._present = np.append(self._present, np.full(missing, -1, np.int32))
@@ -133,6 +135,7 @@ class FileTracks:
         return indices
 
     def _index_of(self, key: tuple[str | None, int]) -> int:
+        # A key is a name and how often the batch has the same name before it.
         if key not in self._index_by_key:
             self._index_by_key[key] = len(self.names)
             self.names.append(key[0])
@@ -159,6 +162,7 @@ class FileTracks:
         self._present[new] = self._add_tracks(new)
 
         # Compare each row with the one before, the first one of a batch with that of the last.
+        # The last time of a new track is -inf, so its first step is inf and never goes back.
         steps = np.diff(times, prepend=0.0)
         steps[starts] = times[starts] - self._tracks["row_time"][self._present[own]]
         goes_back = steps < 0
@@ -200,10 +204,12 @@ class FileTracks:
         for i in np.flatnonzero(tracks["first_time"] == tracks["last_time"]).tolist():
             moved = coordinates[starts[i] : stops[i]] != self._first_positions[own[i]]
             tracks["elsewhere"][i] += int(moved.any(axis=1).sum())
+        # Indexing by an array made a copy of these tracks.
         self._tracks[own] = tracks
 
     def _add_tracks(self, names: NDArray[np.int32]) -> Codes:
         """Add a track for each of some names, and return their numbers."""
+        # Full arrays double, so that adding one track after the other takes linear time.
         first, self.count = self.count, self.count + len(names)
         if self.count > len(self._tracks):
             more = max(self.count, 2 * len(self._tracks)) - len(self._tracks)
@@ -230,7 +236,9 @@ class FileTracks:
         """
         tracks = self.tracks
         stopped = tracks["first_time"] == tracks["last_time"]
+        # The rows at the first position count once, each row elsewhere for itself.
         stopped &= tracks["elsewhere"] + 1 >= min_positions
+        # Where time goes back and splits a name into tracks, the clock runs.
         is_whole = np.bincount(tracks["name"], minlength=len(self.names)) == 1
         found = tracks[stopped & is_whole[tracks["name"]]]
         in_order: NDArray[np.void] = found[np.argsort(found["name"])]

@@ -122,6 +122,7 @@ def log_formats() -> tuple[LogFormat, ...]:
 
 def _guarded(plugin: LogFormat, guard: Guard) -> LogFormat:
     """Return a format of another package with guarded functions."""
+    # This module must import nothing heavy, as --help reads its table.
     from gpszip.io.logs.raw import RawLog
 
     # Functions that read.
@@ -186,6 +187,7 @@ def format_named(name: str) -> LogFormat:
     >>> format_named("csv").suffixes[0]
     '.csv'
     """
+    # A suffix is a name, too, with or without its point: `tsv` means CSV.
     name_or_suffix = name.lower()
     suffix = f".{name_or_suffix.lstrip('.')}"
     for format_ in _built_in_first():
@@ -257,6 +259,8 @@ def is_bundle(archive: Source) -> bool:
     archive : Source
         The archive, for :func:`gpszip.io.storage.source.expand` to decide whether to unpack it.
     """
+    # Fallbacks accept nearly any text, so their answer shows nothing; other formats may have files
+    # that are zip archives themselves.
     head = archive.head()
     return not any(format_.sniff(head) for format_ in log_formats() if not format_.is_fallback)
 

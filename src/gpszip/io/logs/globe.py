@@ -68,6 +68,7 @@ class GlobeCheck:
         row_noun : str
             Its word for a row.
         """
+        # Longitudes run from -180 to 180 in most logs, and from 0 to 360 in some.
         lat, lon = degrees[:, 0], degrees[:, 1]
         off: NDArray[np.bool_] = (np.abs(lat) > 90) | (lon < -180) | (lon > 360)
         self.on += int((~off).sum())
@@ -99,6 +100,7 @@ class GlobeCheck:
         # Decide whether they may be left out.
         step = self._lowest_off - self._highest_on
         swapped = self._may_be_swapped and (not self.on or step < _MAX_SWAPPED_STEP)
+        # Few is a twentieth of all, or up to three as long as they don't outnumber the good ones.
         positions = self.on + self.off
         few = self.off <= max(_MAX_OFF_SHARE * positions, min(_MAX_OFF_COUNT, self.on))
         if self.first is None or (self.on and (skip_bad or (few and not swapped))):
@@ -138,6 +140,8 @@ def find_zero_positions(degrees: Floats) -> NDArray[np.bool_]:
     >>> find_zero_positions(np.array([[0.01, 0.01], [0, 0]])).tolist()
     [False, False]
     """
+    # Many receivers write 0,0 until they have a fix. A log near that point may have measured it,
+    # so one other position near there keeps all of them.
     zero: NDArray[np.bool_] = (degrees == 0).all(axis=1)
     others = np.abs(degrees[~zero])
     return zero & bool(len(others) and (others > _FAR_FROM_ZERO).any(axis=1).all())

@@ -127,6 +127,7 @@ def _name_parts(file: FileCollector, is_alone: bool) -> Iterable[_Part]:
     Such a name is a title, which other files may use for another track, unless the files are those
     of one folder.
     """
+    # A file without names has several tracks if it is split where time goes back.
     taken: set[str] = set()
     for track in file.tracks.named_tracks():
         name, is_title = track.name, file.ids_are_titles
@@ -140,8 +141,12 @@ def _name_parts(file: FileCollector, is_alone: bool) -> Iterable[_Part]:
 
 def _split_overlapping(group: list[_Part]) -> tuple[list[_Part], list[_Part]]:
     """Split tracks of one name into those that follow each other in time, and the others."""
+    # Nothing shows that titles or shapes of one name belong together, so they are not joined.
     if any(part.is_title or not part.timed for part in group):
         return group[:1], group[1:]
+
+    # A part may start at the very time at which the one before it ends. That row is dropped when
+    # the rows are sorted, see drop_repeated_rows.
     successive: list[_Part] = []
     overlapping: list[_Part] = []
     for part in sorted(group, key=lambda part: part.first_time):

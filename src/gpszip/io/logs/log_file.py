@@ -87,6 +87,8 @@ class LogFile:
         InputError
             If the file is damaged or can't be read.
         """
+        # An error that showed at the start of the file is raised when its rows are asked for, where
+        # the caller decides for all errors whether the file may be left out.
         if self.error is not None:
             raise self.error
         if self.opened is not None:
@@ -136,6 +138,8 @@ def open_log_files(
 def _open_log_file(
     source: Source, format_: str | None, request: Request, in_batches: bool
 ) -> LogFile:
+    # An error is kept with its file. Raised here, it would end the generator, and with it the files
+    # after this one.
     try:
         chosen = format_for_reading(source) if format_ is None else format_named(format_)
         opened = None

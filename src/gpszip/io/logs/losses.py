@@ -47,6 +47,7 @@ def loss_if_large(track: str, where: str, lost: int, points: int, shared: int = 
     track, where, lost, points, shared
         As for :class:`gpszip.model.read_result.Loss`.
     """
+    # A clock that stood still for a while is a small share of a long track, but still a fault.
     is_large = lost > _LARGE_LOSS_SHARE * points or shared >= _MIN_SIMULTANEOUS_POINTS
     return [Loss(track, where, lost, points, shared)] if lost and is_large else []
 

@@ -37,6 +37,7 @@ class MemoryRows:
         """Yield the rows of each file, sorted by track and time; forget each file with that."""
         is_wanted = np.zeros(max(codes) + 1, np.bool_)
         is_wanted[list(codes)] = True
+        # Files are popped, the first one first, so that rows that were yielded aren't kept here.
         self._files.reverse()
         while self._files:
             rows = self._files.pop()
@@ -54,4 +55,5 @@ def _sorted_order(rows: LogRows) -> NDArray[np.intp] | None:
     same_track = np.diff(rows.codes) == 0
     if (np.diff(rows.codes) >= 0).all() and not (np.diff(rows.times)[same_track] < 0).any():
         return None
+    # The last key comes first: by track, then by time, and else in the order of the file.
     return np.lexsort((rows.times, rows.codes))

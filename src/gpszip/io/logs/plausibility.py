@@ -112,6 +112,7 @@ class _Motion:
 
     def median_speed(self, min_displacement: float = 0.0) -> float:
         """Median speed in m/s of windows that move by more metres than the minimum; 0 if none."""
+        # Windows at rest would pull the median to 0, whatever the unit of time.
         moving = (self.duration > 0) & (self.displacement > min_displacement)
         if not moving.any():
             return 0.0
@@ -177,6 +178,8 @@ def note_spreadsheet_days(raw: RawLog) -> RawLog:
     InputError
         If some are outside the years in which there is no doubt.
     """
+    # The unit was found from the first rows. A time outside of these years shows that it doesn't
+    # hold for all rows.
     first, last = numbers_to_seconds(np.array(_SPREADSHEET_DAYS), "excel")
     outside = (raw.times < first) | (raw.times >= last)
     outside &= np.isfinite(raw.coordinates).all(axis=1)
@@ -263,6 +266,7 @@ def _check_unit(
 
 def _is_likely(times: Floats, coordinates: Floats, track: NDArray[np.int64]) -> bool:
     """Whether times are of the age of receivers or of the log, and speeds those of vehicles."""
+    # Times count from 1970 and lie in the years of receivers, or count from the start of the log.
     middle = float(np.median(times))
     first, last = _RECEIVER_TIMES
     if not (first <= middle <= last or abs(middle) < _MAX_ELAPSED):
@@ -345,6 +349,7 @@ def _degrees_as_metres(
 
 def _has_many_decimals(axis: Floats) -> bool:
     """Whether most numbers have more decimals than positions in metres."""
+    # Float64 holds degrees to 1e-13, so a larger excess comes from decimals.
     excess = np.abs(axis - np.round(axis, _MAX_METRE_DECIMALS))
     return bool(np.mean(excess > 1e-9) > 0.5)
 
@@ -386,6 +391,8 @@ def _distances(starts: Floats, ends: Floats, geographic: bool) -> Floats:
     """Metres between positions that are near each other."""
     difference = ends[:, :2] - starts[:, :2]
     if geographic:
+        # A degree of longitude is cos(latitude) times a degree of latitude. The difference is
+        # wrapped to [-180, 180), so that a step over the antimeridian is short.
         east = (difference[:, 1] + 180) % 360 - 180
         difference = _METRES_PER_DEGREE * np.stack(
             [difference[:, 0], east * np.cos(np.radians(starts[:, 0]))], axis=1

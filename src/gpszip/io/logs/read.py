@@ -295,6 +295,7 @@ def _drop_outliers(
     cleaned = []
     any_dropped = False
     for track, track_positions in zip(tracks, positions, strict=True):
+        # Outliers show by their speeds, and shapes have none.
         outliers = find_outliers(track.times, track_positions) if track.timed else np.zeros(0, bool)
         if outliers.any():
             where = f"{track.where}: track {track.name!r}"

@@ -64,6 +64,7 @@ def find_repeated_times(codes: Codes, times: Floats, coordinates: Floats) -> Rep
         return RepeatedTimes(~first, ~first)
 
     # Compare with the first row with the same timestamp.
+    # The running maximum carries the index of each first row to the rows that repeat its time.
     first_row = np.maximum.accumulate(np.where(first, np.arange(len(times)), 0))
     same = np.asarray((coordinates == coordinates[first_row]).all(axis=1))
     return RepeatedTimes(~first & same, ~first & ~same)
@@ -124,6 +125,7 @@ def drop_repeated_rows(
         goes_on = last is not None and last.codes[0] == block.codes[0]
         rows = block
         if last is not None and goes_on:
+            # The row kept last goes in front of the block, without attributes: none are compared.
             rows = concatenate_rows([last, replace(block, attributes={})])
         context = len(rows) - len(block)
         times = find_repeated_times(rows.codes, rows.times, rows.coordinates)
@@ -134,6 +136,8 @@ def drop_repeated_rows(
         # Count the rows at each time.
         sharing = sharing if goes_on else 0
         if times.other_position.any() or sharing:
+            # Each first row begins a group of rows at one time. The first group may have begun in
+            # an earlier block.
             shared = np.bincount(np.cumsum(first) - 1, weights=times.other_position)
             shared[0] += sharing
             positions = np.where(shared > 0, shared + 1, 0).astype(np.int64)
@@ -142,10 +146,12 @@ def drop_repeated_rows(
 
         # The rows of the next file may start at the time at which those of this one end.
         starts = np.diff(rows.codes, prepend=-1) != 0
+        # The row in front of the block was counted with its own block.
         starts[:context] = False
         starts &= rows.times == ends_before[rows.codes]
         np.add.at(repeated.in_two_files, rows.codes[starts], 1)
 
+        # Remember the last row that is the first at its time, and yield those of this block.
         last = replace(rows, attributes={}).take(np.flatnonzero(first)[-1:])
         kept = (first & ~starts)[context:]
         if kept.any():
@@ -155,5 +161,6 @@ def drop_repeated_rows(
 def _count(counts: NDArray[np.int64], numbers: Floats, rows: LogRows, dropped: Flags) -> None:
     """Count dropped rows by track, and note the first one."""
     if dropped.any():
+        # Plain `counts[codes] += 1` would count a track once, however many of its rows are dropped.
         np.add.at(counts, rows.codes[dropped], 1)
         np.minimum.at(numbers, rows.codes[dropped], rows.numbers[dropped])

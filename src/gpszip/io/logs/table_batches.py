@@ -147,6 +147,7 @@ def _find_date_order(reader: TableReader, table: Any, request: Request) -> str |
     It is found from all rows of the file, so that every batch is read in the same order.
     """
     names, roles = reader.column_names, reader.roles
+    # Most files need no second reading: the order is stated, or no date has three numbers.
     stated = find_date_order(names, roles, request)
     if stated is not None or not _possible_date_orders(reader, table, request).first:
         return stated

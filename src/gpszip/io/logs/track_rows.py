@@ -109,6 +109,7 @@ def round_decimals(values: Floats, decimals: int) -> Floats:
     >>> round_decimals(np.array([1.23456, -0.0001]), 3).tolist()
     [1.235, 0.0]
     """
+    # Adding 0.0 turns -0.0 into 0.0; it would be written as -0.0.
     rounded: Floats = np.round(values, decimals) + 0.0
     return rounded
 
@@ -128,6 +129,8 @@ def metre_decimals(max_deviation: float | None) -> int:
     """
     if max_deviation is None:
         return _MIN_METRE_DECIMALS
+    # Rounding to k decimals moves a position by up to _ROUNDING_ERROR * 10**-k metres. The least k
+    # for which this is at most _ROUNDING_SHARE * max_deviation follows from the logarithm.
     decimals = math.ceil(math.log10(_ROUNDING_ERROR / (_ROUNDING_SHARE * max_deviation)))
     return min(max(decimals, _MIN_METRE_DECIMALS), _MAX_METRE_DECIMALS)
 
@@ -154,6 +157,7 @@ def track_rows(track: Track, decimals: int, track_name: str | None = None) -> Tr
     [[0.0, 0.0], [1.0, 2.0]]
     """
     coordinates = round_decimals(track.positions, decimals)
+    # Positions on a plane go back to the degrees that they were projected from.
     if track.plane is not None:
         degrees = np.stack(to_geographic(track.positions[:, :2], track.plane), axis=1)
         coordinates = round_decimals(degrees, decimals + DEGREE_DIGITS)
@@ -244,6 +248,8 @@ def group_into_lines(pieces: Iterable[TrackRows]) -> Iterator[tuple[str, list[Tr
     str, list of TrackRows
         Name of a track, and its lines in the order of travel. No line crosses the antimeridian.
     """
+    # A piece goes on with the track of the piece before it, unless it is a whole track, whose id
+    # and track are the same, or a piece of another one.
     name, lines = None, list[TrackRows]()
     for rows in pieces:
         is_new_track = rows.id == rows.track or rows.track != name
@@ -258,6 +264,7 @@ def group_into_lines(pieces: Iterable[TrackRows]) -> Iterator[tuple[str, list[Tr
 def _cut_at_antimeridian(rows: TrackRows) -> list[TrackRows]:
     if not rows.geographic:
         return [rows]
+    # Step i leads from row i to row i + 1, so the line is cut before row i + 1.
     cuts = (np.flatnonzero(find_crossings(rows.coordinates[:, 1])) + 1).tolist()
     if not cuts:
         return [rows]

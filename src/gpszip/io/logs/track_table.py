@@ -37,7 +37,10 @@ def track_tables(tracks: Iterable[TrackRows]) -> Iterator[pa.Table]:
     OutputError
         If the tracks have different columns.
     """
+    # All tables have the same columns, so find out first whether any track has times.
     timed, tracks = _any_timed(tracks)
+
+    # Collect tracks until their rows fill a table.
     batch: list[TrackRows] = []
     names: list[str] | None = None
     row_count = 0
@@ -56,6 +59,7 @@ def track_tables(tracks: Iterable[TrackRows]) -> Iterator[pa.Table]:
 
 def _any_timed(tracks: Iterable[TrackRows]) -> tuple[bool, Iterable[TrackRows]]:
     """Whether any track has times, or there is no track; and an iterable of all tracks."""
+    # The tracks can be read only once: those before the first timed one are kept to come again.
     remaining = iter(tracks)
     untimed: list[TrackRows] = []
     for track in remaining:
@@ -67,6 +71,7 @@ def _any_timed(tracks: Iterable[TrackRows]) -> tuple[bool, Iterable[TrackRows]]:
 
 def _check_columns(track: TrackRows, expected: list[str] | None, timed: bool) -> list[str]:
     """Return the columns of a track; raise if they are not the expected ones."""
+    # The axes of metres are x, y, z, and further ones x4, x5 and so on.
     width = track.coordinates.shape[1]
     if track.geographic:
         axes = ["lat", "lon"]
@@ -84,6 +89,7 @@ def _check_columns(track: TrackRows, expected: list[str] | None, timed: bool) ->
 
 def _build_table(batch: Sequence[TrackRows], names: Sequence[str], timed: bool) -> pa.Table:
     # Names
+    # A dictionary holds one text for each track; Arrow repeats it for the rows.
     lengths = [len(track) for track in batch]
     ids = pa.DictionaryArray.from_arrays(
         pa.array(np.repeat(np.arange(len(batch), dtype=np.int32), lengths)),

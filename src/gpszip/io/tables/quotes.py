@@ -43,6 +43,7 @@ def check_quotes(source: Source, encoding: str, delimiter: str, rows: int) -> No
     InputError
         If a quote is not closed, or text follows after it.
     """
+    # Count the lines of the text. An empty one has none, as if a line had just ended.
     lines, has_quotes, last = 0, False, b"\n"
     for block in _blocks(source, encoding):
         has_quotes = has_quotes or b'"' in block
@@ -52,6 +53,7 @@ def check_quotes(source: Source, encoding: str, delimiter: str, rows: int) -> No
         ends = block.count(b"\n") + block.count(b"\r") - block.count(b"\r\n")
         lines += ends - is_split
         last = block[-1:]
+    # The last line may lack its end.
     lines += last not in (b"\n", b"\r")
 
     # Most files have as many lines as records. Only others need a closer look.
@@ -69,6 +71,9 @@ def _check_cells(source: Source, encoding: str, delimiter: str) -> None:
     """
     # A cell is quoted text, or text that doesn't start with a quote.
     mark = re.escape(delimiter.encode())
+    # Possessive repetitions (`*+`, `++`) never give back what they matched, so hostile text can't
+    # make the match try many ways. A CR at the end of a block may be half of a CRLF, so it waits
+    # for the next block.
     cell = rb'(?:"(?:[^"]++|"")*+"|[^"' + mark + rb"\r\n][^" + mark + rb"\r\n]*+)?+"
     cells = re.compile(rb"(?:" + cell + rb"(?:" + mark + rb"|\r\n|\r(?!\Z)|\n))*+")
 
@@ -95,6 +100,7 @@ def _check_cells(source: Source, encoding: str, delimiter: str) -> None:
 
 def _blocks(source: Source, encoding: str) -> Iterator[bytes]:
     """Yield the text in an encoding in which quotes, delimiters and line ends are single bytes."""
+    # Of the encodings of tables, only UTF-16 takes two bytes for these letters.
     decoder = codecs.getincrementaldecoder(encoding)("replace") if encoding == "utf-16" else None
     with source.open() as stream:
         while block := read_chunk(stream, _BLOCK_BYTES):

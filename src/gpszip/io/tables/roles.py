@@ -19,6 +19,7 @@ __all__ = ["Roles", "find_roles", "parse_columns", "time_unit_in_name"]
 
 
 def _words(text: str) -> tuple[str, ...]:
+    # The lists are easier to read with underscores, but names are compared without them.
     return tuple(text.replace("_", "").split())
 
 
@@ -318,6 +319,7 @@ def time_unit_in_name(name: str) -> float | None:
     (0.001, 1e-09, None)
     """
     words = re.split(r"[^a-z]+", _separate_words(name).lower().strip(" )]"))
+    # A single word such as `s` or `ms` may stand for anything; only these two are clear.
     has_unit = len(words) > 1 or words[0] in ("seconds", "milliseconds")
     return _UNITS.get(words[-1]) if has_unit else None
 
@@ -337,6 +339,8 @@ def _normalise_name(name: str) -> str:
 
 def _separate_words(name: str) -> str:
     """Insert underscores between the words of ``gpsTime`` and ``GPSLatitude``."""
+    # A word begins at a capital after a small letter or a digit (gps|Time), and at the last of
+    # several capitals (GPS|Latitude).
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])", "_", name)
 
 
@@ -347,6 +351,7 @@ def _find_time(
     time = find("t", _TIME)
     if time is None:
         return ()
+    # Times that may hold dates themselves, such as `timestamp`, are not joined with a date.
     date = next((plain.index(word) for word in _DATES if word in plain), None)
     if date is not None and date != time and plain[time] in _CLOCKS:
         return (date, time)
@@ -368,6 +373,7 @@ def _find_hemispheres(
         If only one axis has such a column by content: it may be something else.
     """
     # By name.
+    # A role `lat side` is none that a user can name, so find() looks up synonyms only.
     named: dict[Axis, int | None] = {
         axis: find(f"{axis} side", words) for axis, words in _HEMISPHERE_NAMES.items()
     }
@@ -405,6 +411,7 @@ def _columns_near(column: int, taken: set[int | None], width: int) -> list[int]:
 
 def _holds_hemispheres(cells: Sequence[str], axis: Axis) -> bool:
     """Whether all cells are hemispheres of an axis."""
+    # An empty column would pass all(), but it shows nothing.
     return len(cells) > 0 and all(cell.strip().lower() in HEMISPHERES[axis] for cell in cells)
 
 

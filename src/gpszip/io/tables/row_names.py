@@ -61,6 +61,7 @@ def names_each_row(ids: int, times: Floats, coordinates: Floats, *, geographic: 
     if not len(steps) or (steps < 0).any() or np.median(steps) <= 0:
         return False
 
+    # Rows of different vehicles are far apart, which would be too fast for a single one.
     speeds = _step_lengths(coordinates[known], geographic) / np.maximum(steps, _MIN_STEP)
     return float(np.median(speeds)) <= _MAX_SPEED
 
@@ -69,6 +70,8 @@ def _step_lengths(coordinates: Floats, geographic: bool) -> Floats:
     """Approximate distance in metres from each position to the next."""
     moves = np.diff(coordinates, axis=0)
     if geographic:
+        # A degree of longitude is cos(latitude) times a degree of latitude. Differences are wrapped
+        # to [-180, 180), so that a step over the antimeridian is short.
         moves[:, 1] = ((moves[:, 1] + 180) % 360 - 180) * np.cos(np.radians(coordinates[1:, 0]))
         moves *= _METRES_PER_DEGREE
     lengths: Floats = np.linalg.norm(moves, axis=1)

@@ -119,6 +119,7 @@ def find_conventions(
         return conventions
 
     # Names of rows, if all rows together are plausible as a single track.
+    # A table of shapes has no times: rows count as a second apart.
     times = np.arange(len(index) * 1.0)
     if roles.time:
         times = read_times(column, names, roles, request, where, decimal_comma=comma).times
@@ -223,6 +224,7 @@ def build_raw_log(
     if roles.heading is not None:
         kept.add(roles.heading)
         attributes["heading"] = to_floats(column[roles.heading], conventions.decimal_comma)
+    # Without a column of times, all tracks are shapes; the only track without an id has code 0.
     return RawLog(
         name=where,
         ids=ids,
@@ -255,6 +257,7 @@ def _is_chosen_id(name: str, request: Request) -> bool:
     """Whether a column certainly names tracks: the user gave it, or it is named as GPSZip does."""
     if name.strip().lower() == _WRITTEN_ID:
         return True
+    # Names by position replace those of the table, so a column of such a name was meant.
     columns = request.columns
     if columns is None:
         return False
@@ -345,6 +348,7 @@ def _read_axis(
     if not roles.geographic:
         return parse_numbers(cells, conventions.decimal_comma)
 
+    # Axis 0 is the latitude. Its sign, or that of the longitude, may be in a column beside it.
     side = roles.hemispheres[number] if roles.hemispheres else None
     return parse_degrees(
         cells,

@@ -154,6 +154,7 @@ def join_time_columns(
 
     Parameters are those of :func:`read_times`. Decimal commas become points.
     """
+    # Of two columns, the date comes first and the time of day last.
     time_columns = [_unwrap_column(columns[i], names[i], where) for i in roles.time]
     cells = time_columns[-1]
     if len(time_columns) == 2:
@@ -165,6 +166,7 @@ def join_time_columns(
             f"column {name!r}",
             numbers_are_seconds=request.time_unit is not None,
         )
+    # Where coordinates have decimal commas, so have times.
     if decimal_comma and is_text(cells.type):
         cells = pc.replace_substring(trimmed_text(cells), ",", ".")
     return cells
@@ -208,6 +210,8 @@ def find_date_order(names: Sequence[str], roles: Roles, request: Request) -> str
             )
         return request.dates
 
+    # The first letters of DD, MM and YYYY make `dmy`. Of two columns,
+    # the first one is that of dates.
     match = re.search(_ORDER_IN_NAME, names[roles.time[0]])
     order = "".join(group[0].lower() for group in match.groups()) if match else ""
     return order if order in DATE_ORDERS else None
@@ -255,6 +259,7 @@ def _refuse_clock_numbers(cells: Any, where: str, location: str) -> None:
 
 def _guess_unit(cells: Any, name: str) -> GuessedUnit | None:
     """Guess the unit of numbers by the name of their column, or else by their size."""
+    # A unit in the name is one of numbers: a column `time_s` may as well hold dates.
     named = unit_name(time_unit_in_name(name))
     unit = (named if holds_numbers(cells) else None) or guess_unit_by_size(cells)
     return None if unit is None else GuessedUnit(unit, from_name=named is not None)

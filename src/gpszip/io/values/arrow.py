@@ -90,10 +90,13 @@ def to_floats(column: Any, decimal_comma: bool = False) -> Floats:
     if is_text(column.type):
         text = trimmed_text(column)
         text = pc.replace_substring(text, ",", ".") if decimal_comma else text
+        # Arrow's cast reads `nan` and `inf` as numbers, and raises if a single cell is none, so
+        # cells have to match a pattern first.
         is_match = pc.match_substring_regex(text, NUMBER_PATTERN)
         column = _cast(pc.if_else(is_match, text, None), pa.float64())
     elif not is_number(column.type):
         return np.full(len(column), np.nan)
+    # Arrow's memory is read-only, so it is copied.
     return np.array(pc.cast(column, pa.float64(), safe=False).to_numpy(), dtype=np.float64)
 
 
@@ -158,6 +161,7 @@ def to_attribute(column: Any) -> NDArray[np.generic]:
     InputError
         If cells are lists or structures.
     """
+    # Integers have no NaN for nulls, and int64 doesn't hold all of uint64.
     if pa.types.is_integer(column.type) and not column.null_count and column.type != pa.uint64():
         return np.array(pc.cast(column, pa.int64()).to_numpy())
     if is_number(column.type):
@@ -217,6 +221,7 @@ def _cast(column: Any, kind: Any) -> Any:
     except pa.ArrowInvalid:
         if len(column) == 1:
             return pa.chunked_array([pa.nulls(1, kind)])
+        # Each bad cell costs about log2(n) casts, of ever shorter slices.
         half = len(column) // 2
         first, second = _cast(column.slice(0, half), kind), _cast(column.slice(half), kind)
         return pa.chunked_array([*first.chunks, *second.chunks], kind)

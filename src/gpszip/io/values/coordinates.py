@@ -140,6 +140,8 @@ def parse_degrees(
     # Apply the separate hemispheres.
     if hemisphere is not None:
         sign = _hemisphere_signs(hemisphere, axis)
+        # A letter in the cell has to agree with the column. Without one, only a minus beside north
+        # or east contradicts: a plain number takes the sign of its hemisphere.
         contradicts = np.where(
             has_letter, np.copysign(1.0, values) != sign, (values < 0) & (sign > 0)
         )
@@ -167,6 +169,7 @@ def has_decimal_comma(columns: Iterable[pa.ChunkedArray]) -> bool:
     >>> has_decimal_comma([pa.chunked_array([["1,234,567"]])])
     False
     """
+    # All coordinates decide together, as one axis may have whole degrees only.
     cells = [trimmed_text(column) for column in columns if is_text(column.type)]
     return any(_any_match(column, r"\d,\d") for column in cells) and not has_decimal_point(cells)
 
@@ -338,6 +341,7 @@ def _any_match(text: Any, pattern: str) -> bool:
 
 def _unpack_minutes(values: Floats) -> Floats:
     """Degrees of numbers such as 4808.225; NaN if the minutes are 60 or more."""
+    # With v = 100 d + m, the degrees are d + m / 60 = floor(v / 100) + (v mod 100) / 60.
     degrees, minutes = np.divmod(np.abs(values), 100)
     signed = np.copysign(degrees + minutes / _SIXTIETHS, values)
     return np.where(minutes < _SIXTIETHS, signed, np.nan)
@@ -386,6 +390,7 @@ def _combine_groups(groups: Any, axis: Axis) -> tuple[Floats, NDArray[np.bool_]]
         for name, unit in (("degrees", 1), ("minutes", 60), ("seconds", 3600))
         if name in numbers
     )
+    # A cell 48°75' is a mistake, and is not read as 49°15'.
     for name in ("minutes", "seconds"):
         values = np.where(numbers.get(name, np.zeros(1)) < _SIXTIETHS, values, np.nan)
 
@@ -410,5 +415,6 @@ def _hemisphere_signs(column: Any, axis: Axis) -> Floats:
     names = HEMISPHERES[axis]
     index = pc.index_in(pc.utf8_lower(trimmed_text(column)), pa.array(list(names)))
     signs: Floats = np.append(list(names.values()), np.nan)
+    # Index -1, for cells without a match, finds the NaN at the end.
     column_signs: Floats = signs[pc.fill_null(index, -1).to_numpy(zero_copy_only=False)]
     return column_signs

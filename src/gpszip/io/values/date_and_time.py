@@ -80,6 +80,7 @@ def join_date_and_time(
 
 def _text(column: Any) -> Any:
     """Text of a column, with integral numbers written without decimals."""
+    # Integers beside missing cells are often stored as floats, but 20240504.0 is no date.
     if pa.types.is_floating(column.type) and pc.all(pc.equal(column, pc.floor(column))).as_py():
         column = pc.cast(column, pa.int64(), safe=False)
     return trimmed_text(column)
@@ -119,9 +120,11 @@ def _are_times_of_day(text: Any, path: str, location: str) -> bool:
 
 def _with_colons(text: Any) -> Any:
     """Write 80000.5 as 08:00:00.5."""
+    # Pad the digits before the point to hhmmss, and cut them into pairs.
     digits = pc.utf8_lpad(pc.replace_substring_regex(text, r"\..*$", ""), 6, "0")
     fraction = pc.replace_substring_regex(text, r"^\d*\.?", ".")
     clock = pc.replace_substring_regex(digits, r"^(\d{2})(\d{2})(\d{2})$", r"\1:\2:\3")
+    # Without a fraction, what is left is the point alone.
     with_fraction = pc.binary_join_element_wise(clock, fraction, "")
     clock = pc.if_else(pc.equal(fraction, "."), clock, with_fraction)
     return pc.if_else(pc.match_substring_regex(text, NUMBER_PATTERN), clock, text)

@@ -105,6 +105,7 @@ class DateOrders:
 
     def __or__(self, other: DateOrders) -> DateOrders:
         """Combine the results of two consecutive slices of a column."""
+        # The slices are consecutive, so what this one found comes first.
         return DateOrders(
             self.first or other.first,
             self.all_dotted and other.all_dotted,
@@ -330,6 +331,7 @@ def _parse_plain_iso(text: Any) -> Floats:
     """
     text = pc.if_else(pc.equal(text, ""), pa.scalar(None, pa.string()), text)
     try:
+        # Arrow parses a column without any zone or one with zones throughout, but no mixture.
         timestamps = pc.cast(text, pa.timestamp("us"))
     except pa.ArrowInvalid:
         timestamps = pc.cast(text, pa.timestamp("us", "UTC"))
@@ -368,6 +370,7 @@ def _possible_orders(matches: _Matches) -> DateOrders:
 
 def _days_of_three(matches: _Matches, order: str) -> Floats:
     """Days since 1970 of dates of three numbers in an order; NaN for cells that are no dates."""
+    # In the order `dmy`, the groups a, b and c are day, month and year.
     group = dict(zip(order, "abc", strict=True))
     days = _days(_year(matches, group["y"]), matches.number(group["m"]), matches.number(group["d"]))
 
@@ -386,6 +389,8 @@ def _year(matches: _Matches, group: str) -> Integers:
 
 def _month(matches: _Matches) -> Integers:
     """Months by number or by name."""
+    # The first three letters tell the month. Both branches are computed for all cells, so names
+    # give way to 0 before the cast to integers.
     text = pc.utf8_lower(matches.text("month"))
     index = pc.index_in(pc.utf8_slice_codeunits(text, 0, 3), pa.array(_MONTHS))
     named = pc.add(pc.cast(index, pa.int64()), 1)
@@ -428,9 +433,11 @@ def _clock(matches: _Matches) -> Floats:
         fraction = np.where(second == 60, -0.5, 0.0)
 
     # Convert 12-hour clocks.
+    # Hour 12 is 0 AM or 0 PM, so it counts as 0 before the half of the day is added.
     hour = np.where(has_half, hour % 12 + 12 * pc.equal(half, "p").to_numpy(), hour)
 
     # Convert to UTC.
+    # The offset is seconds by which the local time is ahead of UTC, so it is subtracted.
     zone_hour, zone_minute = matches.number("zone_hour"), matches.number("zone_minute")
     good &= (zone_hour <= 23) & (zone_minute <= 59)
     is_west = pc.equal(matches.text("sign"), "-").to_numpy()

@@ -168,6 +168,7 @@ def numbers_to_seconds(values: Floats, unit: str) -> Floats:
     """
     factor, origin = _UNITS[unit]
     if origin:
+        # The origin in days moves the zero to 1970; then days become seconds.
         since_1970 = np.round((values + origin / factor) * factor, _EXCEL_DECIMALS)
         return np.asarray(since_1970, dtype=np.float64)
 
@@ -260,6 +261,7 @@ def unit_name(factor: float | None) -> str | None:
     >>> unit_name(0.001), unit_name(None)
     ('ms', None)
     """
+    # Days of spreadsheets and of MATLAB are as long as plain days, but count from another zero.
     names = (name for name, unit in _UNITS.items() if unit.seconds == factor and not unit.origin)
     return next(names, None)
 
@@ -276,6 +278,7 @@ def guess_unit_by_size(column: Any) -> str | None:
     """
     if not holds_numbers(column) or _is_compact(column):
         return None
+    # The median holds against single bad numbers. Times before 1970 are negative.
     values = to_floats(column)
     values = np.abs(values[np.isfinite(values)])
     size = float(np.median(values)) if len(values) else 0.0
@@ -310,6 +313,7 @@ def _is_compact(column: Any) -> bool:
 def _ticks_to_seconds(column: Any) -> Floats:
     """Seconds of Arrow's timestamps or durations, exact beyond 2**53 ticks."""
     ticks_per_second = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}[column.type.unit]
+    # Nulls count as 0 for the division, and become NaN after it.
     ticks = pc.fill_null(pc.cast(column, pa.int64()), 0).to_numpy()
     seconds, rest = np.divmod(ticks, ticks_per_second)
     result: Floats = seconds + rest / ticks_per_second

@@ -55,6 +55,7 @@ def crs_problem(crs: Any) -> str:
         )
 
     # Is it WGS 84?
+    # Names end with the system: urn:ogc:def:crs:OGC:1.3:CRS84, EPSG:4326, .../EPSG/0/4326.
     if re.split("[:/]", str(name).strip().lower())[-1] in _WGS84:
         return ""
     shown = json.dumps(str(name)[:_MAX_SHOWN_LETTERS], ensure_ascii=False)[1:-1]

@@ -261,18 +261,21 @@ def position_table(positions: Sequence[Any]) -> Floats:
     if numbers is None:
         table[:] = [_position_row(position) for position in positions]
     else:
+        # Number k of position i is at starts[i] + k, if the position has as many.
         lengths = np.fromiter(map(len, positions), np.intp, len(positions))
         starts = np.cumsum(lengths) - lengths
         for column in range(_WIDTH):
             has_number = lengths > column
             table[has_number, column] = numbers[starts[has_number] + column]
 
+    # Python reads 1e999, which JSON allows, as infinite.
     table[~np.isfinite(table)] = np.nan
     return table
 
 
 def _flatten(positions: Sequence[Any]) -> Floats | None:
     """Return all numbers of the positions; None if they are not all lists of numbers."""
+    # Types are compared, as isinstance() takes True for an int.
     if not set(map(type, positions)) <= {list}:
         return None
     if not set(map(type, chain.from_iterable(positions))) <= {int, float}:
@@ -355,12 +358,15 @@ def _find_times(
         Whether a property of such a name has to be a list, unless the name may mean something
         else.
     """
+    # The tool togeojson writes `coordinateProperties`, an object with a list for each property.
     beside = properties.get("coordinateProperties")
     for members in (properties, beside if isinstance(beside, dict) else {}):
         for name in names:
             value = members.get(name)
             if isinstance(value, list):
+                # Nulls alone mean that no time is known. Fourth numbers may still be times.
                 return None if value and _is_all_null(value) else value
+            # Any other value would turn the track into a shape without a word.
             if strict and value is not None and name not in _MAY_BE_OTHER:
                 raise FeatureError(
                     f"its {name!r} is {abbreviate(value)}, not a list with a time for each position"
@@ -376,6 +382,7 @@ def _is_all_null(times: list[Any]) -> bool:
 def _find_name(
     element: Mapping[str, Any], properties: Mapping[str, Any], names: Sequence[str]
 ) -> str | None:
+    # The id of the feature itself (RFC 7946, 3.2) comes after its properties.
     values = (*(properties.get(name) for name in names), element.get("id"))
     return next((str(value) for value in values if type(value) in (str, int, float)), None)
 
@@ -448,6 +455,7 @@ def _times_column(
     """Return the times of a line: those of the feature, else the fourth numbers of positions."""
     if times is not None:
         return build_column(times)
+    # RFC 7946 gives a fourth number no meaning; writers of logs put the time there.
     if np.isfinite(table[good, _TIME_COLUMN]).any():
         return pa.array(table[:, _TIME_COLUMN])
     if any(isinstance(position, list) and len(position) > _TIME_COLUMN for position in positions):

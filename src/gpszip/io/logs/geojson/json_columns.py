@@ -60,6 +60,7 @@ def build_column(values: list[Any]) -> Any:
     >>> build_column([1, None, 2.5]).to_pylist(), build_column([1, "b", True]).to_pylist()
     ([1.0, None, 2.5], ['1', 'b', 'true'])
     """
+    # Types are compared, so that booleans are no numbers.
     kinds = set(map(type, values)) - {type(None)}
     if kinds <= {int, float} or (len(kinds) == 1 and kinds <= {str, bool}):
         try:
@@ -90,8 +91,10 @@ def concatenate_columns(chunks: list[Any]) -> Any:
     >>> concatenate_columns(chunks).to_pylist()
     ['1', None, 'b']
     """
+    # A chunk of nulls fits any type.
     kinds = {chunk.type for chunk in chunks if not pa.types.is_null(chunk.type)}
     if len(kinds) > 1:
         kinds = {pa.float64() if kinds == {pa.int64(), pa.float64()} else pa.string()}
     kind = kinds.pop() if kinds else pa.null()
+    # A safe cast would raise for integers beyond 2**53 that become floats.
     return pa.chunked_array([pc.cast(chunk, kind, safe=False) for chunk in chunks], kind)

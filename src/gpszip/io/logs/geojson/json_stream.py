@@ -156,6 +156,7 @@ def _read_elements(window: _Window) -> Iterator[Element]:
     first = True
     while window.has_item("]", first=first):
         first = False
+        # Elements are not kept here, so each may take as much memory as one value.
         window.begin()
         yield Element(window.value())
 
@@ -266,6 +267,8 @@ class _Window:
         self._passed += self._position
         unread, self._position = self._text[self._position :], 0
         data = read_chunk(self._stream, max(_CHUNK_BYTES, len(unread)))
+        # The first bytes show the encoding. The decoder keeps the bytes of a letter that is cut at
+        # the end of a chunk.
         if self._decoder is None:
             self._decoder = codecs.getincrementaldecoder(detect_encoding(data))()
         self._is_at_end = not data
@@ -281,6 +284,8 @@ class _Window:
 
 
 def _may_be_cut(error: json.JSONDecodeError) -> bool:
+    # An unclosed text fails at its opening quote, however far the end is. All else fails where the
+    # text ends.
     is_near_end = error.pos >= len(error.doc) - _MAX_WORD
     return is_near_end or error.msg.startswith("Unterminated string")
 
@@ -295,22 +300,26 @@ def _decode_value(text: str, position: int) -> tuple[Any, int]:
     int
         Position of its end.
     """
+    # Few texts have such integers. Calling Python for each integer would be slow.
     try:
         value, end = _FAST_DECODER.raw_decode(text, position)
     except json.JSONDecodeError:
         raise
     except ValueError:  # an integer of more digits than Python reads
         value, end = _LONG_INTEGER_DECODER.raw_decode(text, position)
+    # Only escapes \ud800 to \udfff make surrogates, so most values need no search inside.
     if text.find("\\ud", position, end) >= 0 or text.find("\\uD", position, end) >= 0:
         value = _escape_surrogates(value)
     return value, end
 
 
 def _parse_integer(digits: str) -> int | str:
+    # Python limits digits, as their conversion takes quadratic time. 0 means no limit.
     longest = sys.get_int_max_str_digits()
     return digits if longest and len(digits) > longest else int(digits)
 
 
+#: Decoders that return NaN and Infinity as texts.
 _FAST_DECODER = json.JSONDecoder(parse_constant=str)
 _LONG_INTEGER_DECODER = json.JSONDecoder(parse_constant=str, parse_int=_parse_integer)
 

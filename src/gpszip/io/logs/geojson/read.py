@@ -57,6 +57,7 @@ def sniff_geojson(head: bytes) -> bool:
     >>> sniff_geojson(b"[t],x,y")
     False
     """
+    # A list holds objects or nothing; `[t],x,y` is the header of a table.
     text = head[:_SNIFFED_BYTES].decode(detect_encoding(head), "ignore").lstrip(_SPACE)
     return text[:1] == "{" or (text[:1] == "[" and text[1:].lstrip()[:1] in ("{", "]"))
 
@@ -180,6 +181,8 @@ def _collect_features(contents: _Contents, source: Source, names: PropertyNames)
     """Read all features; of a damaged file, those before the damage may be kept."""
     try:
         with source.open() as stream:
+            # A document is the rest of a collection whose features came before it, or else
+            # a single feature.
             for part in read_json(stream, source.name):
                 if not isinstance(part, Document):
                     _add_feature(contents, part.value, names)
@@ -225,6 +228,7 @@ def _add_members(contents: _Contents, members: dict[str, Any]) -> None:
         if "features" in members:
             problem = f"its 'features' is {abbreviate(members['features'])}, not a list"
         raise InputError(f"no FeatureCollection as GeoJSON has it: {problem}", path=contents.name)
+    # Collections in metres are GPSZip's own, so a `crs` in them means nothing.
     metric = members.get("gpszip") == METRES_MEMBER["gpszip"]
     contents.metric.add(metric)
     if not metric:
@@ -240,10 +244,12 @@ def _is_metric(contents: _Contents) -> bool:
             path=contents.name,
             remedy="read them apart",
         )
+    # A list of features outside of any collection states nothing, and is in degrees.
     return True in contents.metric
 
 
 def _no_tracks_error(contents: _Contents) -> InputError:
+    # Why the first feature was left out says more than that nothing is left.
     if contents.skipped:
         return contents.skipped[0]
     kinds = ", ".join(f"{count} {kind}" for kind, count in sorted(contents.others.items()))
@@ -288,6 +294,8 @@ def _log_from_lines(contents: _Contents, request: Request, *, metric: bool) -> R
             path=contents.name,
             remedy="only a third number, alt, can be kept",
         )
+    # Positions are x, y[, z] in metres, but longitude and latitude in degrees, which a log has
+    # the other way round.
     dimension = 3 if has_heights else 2
     coordinates = (table[:, :dimension] if metric else table[:, 1::-1]).copy()
     drops_heights = has_heights and not metric and not kept
@@ -392,6 +400,7 @@ def _name_lines(lines: Sequence[Line]) -> _NamedLines:
     name that no other track has.
     """
     # A feature without a name is named by its number.
+    # Numbers count from 0 here, as the only track of a log without names is 0.
     given = {line.name for line in lines if line.name is not None}
     names = [
         line.name if line.name is not None else unused_name(str(line.feature - 1), given)

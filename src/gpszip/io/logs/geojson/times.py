@@ -48,6 +48,7 @@ class LineTimes:
 
 def has_text_times(line: Line) -> bool:
     """Whether a line has times that are texts, and no numbers."""
+    # Booleans are read as texts, and so are reported like a text that is no time.
     return line.times is not None and (
         pa.types.is_string(line.times.type) or pa.types.is_boolean(line.times.type)
     )
@@ -114,6 +115,7 @@ def read_times(lines: Sequence[Line], request: Request, name: str) -> LineTimes:
 def _first_unreadable(
     lines: Sequence[Line], seconds: list[Floats], has_text: list[Flags]
 ) -> tuple[int, str] | None:
+    # Only texts may be unreadable: nulls are missing times, and numbers are always times.
     rows_before = 0
     for line, line_seconds, line_has_text in zip(lines, seconds, has_text, strict=True):
         unreadable = line_has_text & np.isnan(line_seconds)
@@ -125,6 +127,7 @@ def _first_unreadable(
 
 
 def _faults(lines: Sequence[Line], seconds: list[Floats], has_text: list[Flags]) -> dict[int, str]:
+    # One time that can be read on any line saves the feature.
     faults = {}
     for feature, group in groupby(range(len(lines)), key=lambda i: lines[i].feature):
         with_text = [i for i in group if has_text[i].any()]

@@ -63,6 +63,7 @@ def write_geojson(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
     OutputError
         If some tracks are in metres and some in degrees.
     """
+    # Write feature by feature. The first track decides whether the collection is in metres.
     separator, geographic = b"", None
     for name, lines in group_into_lines(tracks):
         if geographic is None:
@@ -75,11 +76,14 @@ def write_geojson(tracks: Iterable[TrackRows], sink: BinaryIO) -> None:
         for feature in _track_features(name, lines):
             sink.write(separator + json.dumps(feature, ensure_ascii=False).encode())
             separator = b",\n"
+
+    # Without a track, no collection was begun.
     sink.write(_EMPTY_COLLECTION if geographic is None else b"\n]}\n")
 
 
 def _track_features(name: str, lines: Sequence[TrackRows]) -> Iterator[dict[str, Any]]:
     """Yield one feature for successive lines of a track, and one for each single position."""
+    # Successive lines share a feature, so a single position between lines parts them in two.
     for is_line, group in groupby(lines, key=lambda line: len(line) > 1):
         columns = [_line_columns(line) for line in group]
         if is_line:
@@ -113,6 +117,7 @@ def _track_feature(name: str, lines: Sequence[_LineColumns], kind: str) -> dict[
 
 
 def _line_columns(line: TrackRows) -> _LineColumns:
+    # Rows have the latitude first, GeoJSON the longitude (RFC 7946, 3.1.1).
     positions = line.coordinates[:, ::-1] if line.geographic else line.coordinates
     attributes = dict(line.attributes)
 
@@ -130,6 +135,7 @@ def _line_columns(line: TrackRows) -> _LineColumns:
 
 def _to_json_list(values: NDArray[np.generic]) -> list[Any]:
     """Return values for JSON: null for numbers that are not finite, which JSON can't hold."""
+    # Python's json.dumps would write NaN and Infinity, which other readers refuse.
     plain: list[Any] = values.tolist()
     return [
         None if isinstance(value, float) and not math.isfinite(value) else value for value in plain
@@ -137,4 +143,5 @@ def _to_json_list(values: NDArray[np.generic]) -> list[Any]:
 
 
 def _is_known(heights: NDArray[np.generic]) -> bool:
+    # A position can't hold null, so one unknown height keeps all of them among the properties.
     return heights.dtype.kind in "if" and bool(np.isfinite(heights.astype(np.float64)).all())

@@ -172,6 +172,7 @@ def _explain_damage(code: int, collector: PointCollector) -> tuple[str, str]:
 
 def _chunks(source: Source) -> Iterator[bytes]:
     with source.open() as stream:
+        # A damaged gzip file fails while it is read, not when it is opened.
         try:
             while chunk := read_chunk(stream, _CHUNK_BYTES):
                 yield chunk

@@ -145,6 +145,7 @@ class PointCollector:
         """
         for column in (self._lat, self._lon, *self._fields.values()):
             column.flush()
+        # A text without an end would grow with each chunk.
         if sum(map(len, self._text)) > _MAX_LETTERS:
             raise RefusedError(f"a text of more than {_MAX_LETTERS} letters", remedy="shorten it")
 
@@ -167,6 +168,7 @@ class PointCollector:
 
     def _start(self, name: str, attributes: list[str]) -> None:
         # A point gets handlers of its own.
+        # Files have few different names, so each is normalised once.
         kind = self._local_names.get(name) or self._local_names.setdefault(
             name, _local(name).lower()
         )
@@ -191,6 +193,7 @@ class PointCollector:
             _refuse_depth()
 
     def _end(self, name: str) -> None:
+        # Expat refuses tags that don't match, so the innermost element is the one that ends.
         self._open.pop()
         kind = self._local_names[name]
         if kind in _PARENTS:
@@ -241,6 +244,7 @@ class PointCollector:
         if self._parent_index < 0:
             self._parent_index = len(self._names)
             self._names.append(self._parent_name)
+            # A point outside of any track or route tells by its own name which it belongs to.
             self._routes.append(
                 self._parent_kind == "rte" or (not self._parent_kind and kind == "rtept")
             )
@@ -255,6 +259,7 @@ class PointCollector:
         path.append(name)
         if len(path) > _MAX_DEPTH:
             _refuse_depth()
+        # The end of a child clears the flag, so an element with children is no leaf.
         self._is_leaf = True
         self._text.clear()
 
@@ -332,6 +337,8 @@ class _TextColumn:
         column = pa.chunked_array(self._chunks, pa.string())
         if len(column) == count:
             return column
+
+        # Place the texts at the rows of their points. The mask makes the other rows null.
         index = np.full(count, -1, dtype=np.int64)
         index[np.frombuffer(self.rows, dtype=np.int64)] = np.arange(len(column))
         return column.take(pa.array(index, mask=index < 0))

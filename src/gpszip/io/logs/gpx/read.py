@@ -215,6 +215,7 @@ def _tracks(
 
 def _distinct_names(names: Sequence[str]) -> tuple[str, ...]:
     """Number names that occur twice: the second ``a`` becomes ``a-2``, or the next free one."""
+    # Going on from the last number keeps the search short if many tracks share a name.
     distinct: dict[str, None] = {}
     last_number: dict[str, int] = {}
     for name in names:
@@ -336,6 +337,7 @@ def _dropped(points: GpxPoints, used: Iterable[str]) -> tuple[str, ...]:
 
 def _values(texts: Any, comma: bool, where: str, field: str) -> NDArray[np.generic]:
     """Return floats if all texts are numbers, NaN for those that are missing; else texts."""
+    # In XML, NaN is a number that is not known; for to_floats it is a text.
     is_unknown = pc.fill_null(pc.match_substring_regex(texts, _NAN), True)
     floats = to_floats(texts, comma)
     unknown = is_unknown.to_numpy(zero_copy_only=False).astype(np.bool_)

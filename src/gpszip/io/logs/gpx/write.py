@@ -120,6 +120,7 @@ def has_unwritable_letters(name: str) -> bool:
 
 
 def _xml(text: str) -> str:
+    # Parsers turn a plain carriage return into a line feed.
     return escape(_NOT_XML.sub("\ufffd", text), {"\r": "&#13;"})
 
 
@@ -144,6 +145,8 @@ def _times(line: TrackRows) -> list[Any]:
             location=f"track {line.track!r}",
             remedy="write CSV",
         )
+
+    # Seconds (%S) are written with as many decimals as the unit of the timestamps has.
     if np.array_equal(round_decimals(line.times, 3), line.times):
         unit, per_second = "ms", 1e3
     else:

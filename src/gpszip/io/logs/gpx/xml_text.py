@@ -103,6 +103,8 @@ class Utf8Transcoder:
 
     def __init__(self, head: bytes) -> None:
         self.encoding = detect_encoding(head)
+        # A byte b that doesn't fit becomes the surrogate U+DC00 + b. UTF-16 and UTF-32 have lone
+        # surrogates of their own, which are let through here and replaced later.
         wide = self.encoding.startswith(("utf-16", "utf-32"))
         self._decoder = codecs.getincrementaldecoder(self.encoding)(
             "surrogatepass" if wide else "surrogateescape"
@@ -131,6 +133,7 @@ class Utf8Transcoder:
         text = self._decoder.decode(chunk, final)
         if self._at_start and text:
             text = self._without_margin(text)
+        # Surrogates have no UTF-8, so this fails for the chunks that hold some.
         try:
             return text.encode()
         except UnicodeEncodeError:
@@ -139,6 +142,7 @@ class Utf8Transcoder:
     def _without_margin(self, text: str) -> str:
         """Leave out what must not stand before an XML declaration, but does in some files."""
         bare = text.lstrip("\ufeff \t\r\n")
+        # White space may go on in the next chunk.
         self._at_start = not bare
         self.skipped_lines += text[: len(text) - len(bare)].count("\n")
         return bare
@@ -177,6 +181,7 @@ def detect_encoding(head: bytes) -> str:
     >>> detect_encoding(b'<?xml version="1.0" encoding="UTF-16"?>')
     'utf-8'
     """
+    # A declaration shows only if letters are single bytes, so the others are ruled out first.
     for mark, name in _MARKS:
         if head.startswith(mark):
             return name
@@ -246,6 +251,7 @@ def _stop_at(name: str, names: list[str]) -> None:
 
 def _usable_codec(declared: str) -> str:
     """Return the codec for a declared encoding, or UTF-8 if the file can't have that one."""
+    # The declaration was read as ASCII, so an encoding that writes ASCII otherwise is not used.
     try:
         name = codecs.lookup(declared).name
         fits = _KNOWN.fullmatch(name) and _ASCII.decode(name) == _ASCII.decode()
